@@ -1,0 +1,1 @@
+"""Help for testing a robot: missions as pytest tests, a check for behaviours, fakes."""
