@@ -1,0 +1,118 @@
+"""Every exception navfw raises on purpose.
+
+NavfwError
+├── InputError            what a person gave (file, name, option) is wrong; `navfw` exits with 2
+│   ├── ConfigError       a data file breaks its schema; names file, line, key, expectation
+│   ├── UnknownNameError  a world, mission, map, stack, plugin or place of that name does not exist
+│   ├── PluginError       a plugin cannot be used: wrong base, signature, name or parameters
+│   ├── RuleBaseError     a fuzzy rule base is malformed or leaves inputs uncovered
+│   ├── WorldError        a world or mission that cannot be: start in a wall, goal out of reach
+│   └── MapError          a topological map that contradicts itself
+└── SimulationError       the simulator failed; not the user's fault
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from pathlib import Path
+
+__all__ = [
+    "ConfigError",
+    "InputError",
+    "MapError",
+    "NavfwError",
+    "PluginError",
+    "RuleBaseError",
+    "SimulationError",
+    "UnknownNameError",
+    "WorldError",
+    "did_you_mean",
+]
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """The end of an error message: the nearest known name, or all known names when none is near."""
+    names = sorted(set(known))
+    near = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
+    if near:
+        return f"did you mean {near[0]!r}?"
+    if names:
+        return "known: " + ", ".join(names)
+    return "none is known"
+
+
+class NavfwError(Exception):
+    """The root of navfw's exceptions."""
+
+
+class InputError(NavfwError):
+    """Something a person gave is wrong; the message says where and what to do.
+
+    ``file``, ``line`` (1-based) and ``key`` say where, as far as known; they open the message.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        file: str | Path | None = None,
+        line: int | None = None,
+        key: str | None = None,
+    ) -> None:
+        self.file = None if file is None else str(file)
+        self.line = line
+        self.key = key
+        where = self.file or ""
+        if line is not None:
+            where += f":{line}" if where else f"line {line}"
+        parts = [part for part in (where, key) if part]
+        super().__init__(": ".join([*parts, message]))
+
+
+class ConfigError(InputError):
+    """A data file breaks its schema."""
+
+
+class UnknownNameError(InputError):
+    """No world, mission, map, stack, plugin or place has that name."""
+
+    def __init__(
+        self,
+        what: str,
+        name: str,
+        known: Iterable[str],
+        *,
+        file: str | Path | None = None,
+        line: int | None = None,
+        key: str | None = None,
+    ) -> None:
+        self.what = what
+        self.name = name
+        self.known = sorted(set(known))
+        super().__init__(
+            f"unknown {what} {name!r}: {did_you_mean(name, self.known)}",
+            file=file,
+            line=line,
+            key=key,
+        )
+
+
+class PluginError(InputError):
+    """A plugin cannot be used: wrong base class, missing method, signature, name or parameters."""
+
+
+class RuleBaseError(InputError):
+    """A fuzzy rule base is malformed or leaves a region of its inputs uncovered."""
+
+
+class WorldError(InputError):
+    """A world or mission that cannot be: start inside a wall, goal out of reach, bad geometry."""
+
+
+class MapError(InputError):
+    """A topological map that contradicts itself."""
+
+
+class SimulationError(NavfwError):
+    """The simulator failed; not the user's fault."""

@@ -1,0 +1,80 @@
+"""The robot as its builder knows it: dimensions, limits and camera; shared by stack and simulator."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from navfw.signals import Array, Twist
+
+__all__ = ["CameraModel", "RobotModel"]
+
+Positive = Annotated[float, Field(gt=0.0)]
+
+
+class CameraModel(BaseModel):
+    """A pinhole camera fixed to base_link, looking forward (camera_optical: x right, y down)."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    width: Annotated[int, Field(ge=32, le=1920, description="image width [px]")] = 160
+    height: Annotated[int, Field(ge=24, le=1080, description="image height [px]")] = 120
+    hfov: Annotated[float, Field(gt=0.2, lt=2.8, description="horizontal field of view [rad]")] = (
+        math.radians(90.0)
+    )
+    mount_height: Annotated[Positive, Field(description="above the floor [m]")] = 0.35
+    mount_forward: Annotated[float, Field(description="ahead of the wheel axle [m]")] = 0.10
+    pitch: Annotated[float, Field(gt=-1.0, lt=1.0, description="nose-down positive [rad]")] = 0.0
+    rate: Annotated[Positive, Field(description="frames per second [Hz]")] = 10.0
+
+    @property
+    def focal(self) -> float:
+        """Focal length [px], the same for both axes."""
+        return 0.5 * self.width / math.tan(0.5 * self.hfov)
+
+    @property
+    def base_from_camera(self) -> Array:
+        """(3, 3) rotation that turns camera_optical axes into base_link axes."""
+        c, s = math.cos(self.pitch), math.sin(self.pitch)
+        # columns: the camera's x (right), y (down) and z (forward) axes, in base_link
+        return np.array([[0.0, -s, c], [-1.0, 0.0, 0.0], [0.0, -c, -s]])
+
+
+class RobotModel(BaseModel):
+    """A round differential-drive robot with one camera, a gyro and wheel encoders."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    radius: Annotated[Positive, Field(description="of the round body [m]")] = 0.18
+    height: Annotated[Positive, Field(description="of the body with camera [m]")] = 0.40
+    wheel_radius: Annotated[Positive, Field(description="[m]")] = 0.05
+    track: Annotated[Positive, Field(description="distance between the wheels [m]")] = 0.28
+    ticks_per_turn: Annotated[int, Field(ge=16, description="encoder ticks a wheel turn")] = 2048
+    max_v: Annotated[Positive, Field(description="top forward speed [m/s]")] = 0.5
+    max_reverse: Annotated[Positive, Field(description="top backward speed [m/s]")] = 0.15
+    max_w: Annotated[Positive, Field(description="top turning rate [rad/s]")] = 1.6
+    max_accel: Annotated[Positive, Field(description="usual acceleration [m/s^2]")] = 0.6
+    max_brake: Annotated[Positive, Field(description="hardest braking [m/s^2]")] = 1.2
+    max_turn_accel: Annotated[Positive, Field(description="[rad/s^2]")] = 4.0
+    max_lateral: Annotated[Positive, Field(description="lateral acceleration [m/s^2]")] = 0.6
+    control_rate: Annotated[Positive, Field(description="LOCOM ticks [Hz]")] = 60.0
+    camera: CameraModel = CameraModel()
+
+    @model_validator(mode="after")
+    def _wheels_under_body(self) -> RobotModel:
+        if self.track > 2.0 * self.radius:
+            raise ValueError(f"track {self.track} m is wider than the body ({2 * self.radius} m)")
+        return self
+
+    def wheel_speeds(self, twist: Twist) -> tuple[float, float]:
+        """Angular speeds (left, right) [rad/s] of the wheels for a body twist."""
+        half = 0.5 * self.track * twist.w
+        return (twist.v - half) / self.wheel_radius, (twist.v + half) / self.wheel_radius
+
+    def twist(self, left: float, right: float) -> Twist:
+        """The body twist for wheel angular speeds [rad/s]: the inverse of ``wheel_speeds``."""
+        r = self.wheel_radius
+        return Twist(0.5 * r * (left + right), r * (right - left) / self.track)
