@@ -1,0 +1,74 @@
+"""From derotated flow to nearness 1/Z with its uncertainty (METHOD 2.5, 2.9, 2.10).
+
+With the camera displaced by ``s`` (CURRENT camera axes) since the past frame, a static point now
+imaged at ``p`` with depth Z has the derotated vector ``d = e / (Z + s_z)``, where
+``e = p s_z - f (s_x, s_y)`` points away from the focus of expansion (FOE). So
+``k = d.e / e.e = 1 / (Z + s_z)`` and ``q = 1/Z = k / (1 - s_z k)``.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from navfw.offis.kernels import triangulate_cells
+from navfw.signals import Array, FlowField
+
+__all__ = ["Nearness", "triangulate"]
+
+
+class Nearness(NamedTuple):
+    """Nearness of every cell: three arrays (rows, cols).
+
+    ``nearness`` [1/m] is never negative; ``sigma`` [1/m] is one standard deviation (at most
+    ``kernels.SIGMA_LIMIT``, which says "nothing known"); ``confidence`` in [0, 1] is 0 where the
+    vector contradicts the motion or says nothing.
+    """
+
+    nearness: Array
+    sigma: Array
+    confidence: Array
+
+
+def triangulate(
+    flow: FlowField, focal: float, *, minimum_baseline: float = 0.005, rejection: float = 3.0
+) -> Nearness:
+    """Nearness 1/Z [1/m] at the current pixels of ``flow`` (derotated), METHOD 2.5.
+
+    The sigma adds the flow's own sigma and the yaw error (``motion.yaw_sigma`` adds
+    ``yaw_sigma * (f + x^2/f, x y/f)`` to a vector), both divided by ``|e|``, and the relative error
+    of the translation. Near the FOE ``|e|`` vanishes: such cells keep their best value with a large
+    sigma and a low confidence (METHOD 2.10); they are never dropped silently.
+
+    A vector whose part across ``e`` exceeds ``rejection`` standard deviations, or whose nearness is
+    negative by as many, comes from a moving object or a mismatch: confidence 0. Below
+    ``minimum_baseline`` [m] nothing is known: all confidences are 0.
+
+    Raises ValueError when ``flow`` still contains rotation.
+    """
+    if not flow.derotated:
+        raise ValueError("nearness needs derotated flow (navfw.flow.derotation.derotate)")
+    motion = flow.motion
+    shape = flow.shape
+    baseline = motion.baseline
+    confidence = _flat(flow.confidence)
+    if baseline < minimum_baseline:
+        confidence = np.zeros_like(confidence)
+    cells = triangulate_cells(
+        _flat(flow.points).reshape(-1, 2),
+        _flat(flow.vectors).reshape(-1, 2),
+        confidence,
+        _flat(flow.sigma),
+        float(focal),
+        _flat(motion.translation),
+        float(motion.yaw_sigma),
+        float(motion.translation_sigma / baseline) if baseline > 0.0 else 0.0,
+        float(rejection),
+    )
+    return Nearness(*(cell.reshape(shape) for cell in cells))
+
+
+def _flat(values: Array) -> Array:
+    """``values`` as contiguous float64 of one dimension, as the kernels want them."""
+    return np.ascontiguousarray(values, dtype=np.float64).reshape(-1)

@@ -1,0 +1,126 @@
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from offis_scenes import Scene, box, ideal_flow, motion, wall_ahead
+
+from navfw.offis.kernels import SIGMA_LIMIT
+from navfw.offis.nearness import triangulate
+from navfw.robot import CameraModel
+
+CAMERA = CameraModel()
+FOCAL = CAMERA.focal
+
+
+@given(
+    distance=st.floats(0.5, 6.0),
+    angle=st.floats(-0.8, 0.8),
+    forward=st.floats(0.02, 0.10),
+    left=st.floats(-0.03, 0.03),
+    pitch=st.floats(-0.3, 0.3),
+)
+@settings(max_examples=40, deadline=None)
+def test_nearness_is_exact_on_ideal_flow(distance, angle, forward, left, pitch):
+    camera = CameraModel(pitch=pitch)
+    scene = Scene((wall_ahead(distance, angle),), ceiling=2.4)
+    moved = motion(forward, left, camera)
+    flow, depth = ideal_flow(scene, camera, moved)
+    seen = triangulate(flow, camera.focal)
+    known = seen.confidence > 0.0
+    e = flow.points * moved.translation[2] - camera.focal * moved.translation[:2]
+    # only cells that sit on the focus of expansion may be silent
+    assert known[np.hypot(e[..., 0], e[..., 1]) > 0.05].all()
+    np.testing.assert_allclose(seen.nearness[known], 1.0 / depth[known], rtol=1e-9)
+
+
+def test_reverse_motion_gives_nearness_too():
+    flow, depth = ideal_flow(Scene((wall_ahead(1.0),)), moved=motion(-0.05))
+    seen = triangulate(flow, FOCAL)
+    assert (seen.confidence > 0.0).all()
+    np.testing.assert_allclose(seen.nearness, 1.0 / depth, rtol=1e-9)
+
+
+def test_sigma_says_how_far_noise_throws_the_nearness():
+    rng = np.random.default_rng(7)
+    scene = Scene((wall_ahead(1.5, 0.3),), ceiling=2.4)
+    errors = []
+    for _ in range(60):
+        flow, depth = ideal_flow(scene, sigma=0.1, noise=rng)
+        seen = triangulate(flow, FOCAL)
+        far_from_foe = np.hypot(*np.moveaxis(flow.points, -1, 0)) > 15.0
+        good = far_from_foe & (seen.confidence > 0.0)
+        errors.append(((seen.nearness - 1.0 / depth) / seen.sigma)[good])
+    z = np.concatenate(errors)
+    assert abs(z.mean()) < 0.1
+    assert 0.85 < z.std() < 1.1
+
+
+def test_yaw_and_translation_errors_are_covered_by_sigma():
+    rng = np.random.default_rng(3)
+    yaw_sigma, translation_sigma = 0.004, 0.004
+    true = motion()
+    scores = []
+    for _ in range(80):
+        flow, depth = ideal_flow(Scene((wall_ahead(1.2),), ceiling=2.4), moved=true, sigma=0.01)
+        x, y = flow.points[..., 0], flow.points[..., 1]
+        yaw = rng.normal(0.0, yaw_sigma)
+        drift = yaw * np.stack([FOCAL + x * x / FOCAL, x * y / FOCAL], -1)
+        factor = 1.0 + rng.normal(0.0, translation_sigma) / true.baseline
+        told = replace(
+            true,
+            translation=true.translation * factor,
+            yaw_sigma=yaw_sigma,
+            translation_sigma=translation_sigma,
+        )
+        seen = triangulate(replace(flow, vectors=flow.vectors + drift, motion=told), FOCAL)
+        good = (np.abs(x) > 25.0) & (seen.confidence > 0.0)
+        scores.append(((seen.nearness - 1.0 / depth) / seen.sigma)[good])
+    assert 0.8 < np.concatenate(scores).std() < 1.2
+
+
+def test_cells_at_the_focus_of_expansion_are_kept_but_doubted():
+    flow, _ = ideal_flow(Scene((wall_ahead(1.0),)), sigma=0.2)
+    seen = triangulate(flow, FOCAL)
+    middle = np.s_[5:7, 7:9]
+    assert (seen.confidence[middle] > 0.0).all()
+    assert (seen.confidence[middle] < 0.5).all()
+    assert (seen.sigma[middle] > 0.4).all()
+    assert seen.sigma[middle].min() > 4.0 * seen.sigma[0, 0]
+    assert seen.confidence[0, 0] > 0.8
+
+
+def test_contradicting_vectors_are_rejected():
+    flow, _ = ideal_flow(Scene((wall_ahead(1.0),)))
+    vectors = flow.vectors.copy()
+    vectors[2, 3] *= -1.0  # towards the focus of expansion
+    vectors[2, 12] = vectors[2, 12][::-1] * [1.0, -1.0]  # across
+    vectors[9, 3] = np.nan
+    seen = triangulate(replace(flow, vectors=vectors), FOCAL)
+    for cell in ((2, 3), (2, 12), (9, 3)):
+        assert seen.confidence[cell] == 0.0
+        assert seen.sigma[cell] == SIGMA_LIMIT
+    assert np.isfinite(seen.nearness).all()
+    assert (seen.confidence > 0.0).sum() == flow.confidence.size - 3
+
+
+def test_without_translation_nothing_is_known():
+    flow, _ = ideal_flow(Scene((wall_ahead(1.0),)), moved=motion(0.0))
+    seen = triangulate(flow, FOCAL)
+    assert (seen.confidence == 0.0).all()
+
+
+def test_flow_with_rotation_is_refused():
+    flow, _ = ideal_flow(Scene((wall_ahead(1.0),)))
+    with pytest.raises(ValueError, match="derotated"):
+        triangulate(replace(flow, derotated=False), FOCAL)
+
+
+def test_a_near_box_stands_out():
+    flow, depth = ideal_flow(Scene((*box(0.8, 0.3, 0.3, 0.5), wall_ahead(4.0))))
+    seen = triangulate(flow, FOCAL)
+    assert math.isclose(seen.nearness.max(), 1.0 / depth.min(), rel_tol=1e-6)
