@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from enum import IntEnum
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,7 @@ __all__ = [
     "FramePair",
     "Image",
     "Inertial",
+    "Label",
     "Odometry",
     "Percept",
     "Pose",
@@ -152,9 +154,9 @@ class Odometry:
 class CameraMotion:
     """How the camera moved from a past frame to the current one.
 
-    ``rotation`` (3, 3) turns vectors given in the past camera's axes into the current camera's axes;
-    ``translation`` (3,) [m] is the camera's displacement, current minus past position, in the
-    CURRENT camera's axes. A static point obeys ``X_now = rotation @ X_past - translation``.
+    ``rotation`` (3, 3) turns vectors given in the past camera's axes into the current camera's
+    axes; ``translation`` (3,) [m] is the camera's displacement, current minus past position, in
+    the CURRENT camera's axes. A static point obeys ``X_now = rotation @ X_past - translation``.
     ``yaw_sigma`` [rad] and ``translation_sigma`` [m] are one standard deviation.
     """
 
@@ -184,11 +186,11 @@ class FlowField:
     """Optical flow on a regular sparse grid over the CURRENT image (paper sec 3).
 
     ``points`` (rows, cols, 2) [px, relative to the principal point] are the grid points in the
-    current image; ``vectors`` (rows, cols, 2) [px] say how far each imaged point came since the past
-    frame (``now - past``: forward motion makes vectors point away from the focus of expansion).
-    ``confidence`` (rows, cols) in [0, 1]; 0 means the vector says nothing. ``sigma`` (rows, cols)
-    [px] is one standard deviation of a vector's components. ``derotated`` tells whether the part due
-    to camera rotation has been removed.
+    current image; ``vectors`` (rows, cols, 2) [px] say how far each imaged point came since the
+    past frame (``now - past``: forward motion makes vectors point away from the focus of
+    expansion). ``confidence`` (rows, cols) in [0, 1]; 0 means the vector says nothing. ``sigma``
+    (rows, cols) [px] is one standard deviation of a vector's components. ``derotated`` tells
+    whether the part due to camera rotation has been removed.
     """
 
     time: float
@@ -208,14 +210,28 @@ class FlowField:
 # --- OFFIS -------------------------------------------------------------------------------------
 
 
+class Label(IntEnum):
+    """What a grid cell shows, as far as its height above the floor tells (METHOD 2.8)."""
+
+    UNKNOWN = 0
+    """Too uncertain to say: never to be taken for free space."""
+    FLOOR = 1
+    """The floor the robot drives on."""
+    OBSTACLE = 2
+    """Stands higher than the floor and lower than the robot's top."""
+    DROP = 3
+    """Clearly below the floor: stairs down, a pit."""
+    ABOVE = 4
+    """Passes over the robot: ceiling, lintel, upper wall."""
+
+
 @dataclass(frozen=True, slots=True)
 class Percept:
     """What OFFIS makes of one flow field (paper sec 4 and 5).
 
     Metric part, arrays (rows, cols) on the flow's grid: ``nearness`` [1/m], ``sigma`` [1/m],
     ``confidence`` in [0, 1] and ``height`` [m above floor] of the seen point; ``points`` as in
-    FlowField. ``label`` (rows, cols) int8: one of the ``navfw.offis.labels`` (UNKNOWN, FLOOR,
-    OBSTACLE, DROP, ABOVE).
+    FlowField. ``label`` (rows, cols) int8: the values of ``Label``.
 
     Fuzzy part: ``obstacles`` names per layer the region(s) of the nearest object with their
     distance term; ``quadrants`` holds for each of P1..P4 the degrees of near / middle / far;

@@ -1,0 +1,69 @@
+"""The command grid: the finite set of (v, w) that behaviours judge and fusion chooses from."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from navfw.robot import RobotModel
+from navfw.signals import Array, Twist
+
+__all__ = ["CommandGrid", "CommandGridParams"]
+
+
+class CommandGridParams(BaseModel):
+    """How finely the commands are divided (METHOD 3.6)."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    forward: Annotated[
+        int, Field(ge=4, le=40, description="forward speeds, standstill included")
+    ] = 9
+    reverse: Annotated[int, Field(ge=0, le=10, description="backward speeds")] = 2
+    turns: Annotated[
+        int, Field(ge=5, le=81, description="turning rates; odd, zero in the middle")
+    ] = 21
+    cruise: Annotated[
+        float,
+        Field(gt=0.0, le=2.0, description="top speed used, below the robot's own limit [m/s]"),
+    ] = 0.4
+    turn_rate: Annotated[
+        float, Field(gt=0.0, le=4.0, description="top turning rate used [rad/s]")
+    ] = 1.2
+
+
+class CommandGrid:
+    """Speeds ``v`` (n_v,) [m/s] ascending and turning rates ``w`` (n_w,) [rad/s] ascending.
+
+    ``relative_v`` and ``relative_w`` are the same in units of the top speed and top turning rate:
+    the units in which behaviours' rule bases speak of ``speed`` and ``turn``.
+    """
+
+    def __init__(self, robot: RobotModel, params: CommandGridParams | None = None) -> None:
+        params = params or CommandGridParams()
+        self.max_v = min(params.cruise, robot.max_v)
+        self.max_w = min(params.turn_rate, robot.max_w)
+        turns = params.turns | 1  # an even count would have no straight ahead
+        backward = np.linspace(-robot.max_reverse, 0.0, params.reverse + 1)[:-1]
+        self.v: Array = np.concatenate([backward, np.linspace(0.0, self.max_v, params.forward)])
+        self.w: Array = np.linspace(-self.max_w, self.max_w, turns)
+        self.relative_v: Array = self.v / self.max_v
+        self.relative_w: Array = self.w / self.max_w
+        self.shape = (self.v.size, self.w.size)
+
+    def zeros(self) -> Array:
+        """An empty (n_v, n_w) layer: nothing desired, nothing forbidden."""
+        return np.zeros(self.shape)
+
+    def product(self, speed: Array, turn: Array) -> Array:
+        """Desirability (n_v, n_w) from a set over speeds (n_v,) and one over turns (n_w,)."""
+        return np.outer(speed, turn)
+
+    def nearest(self, twist: Twist) -> tuple[int, int]:
+        """Indices of the grid command nearest to ``twist``."""
+        return (
+            int(np.abs(self.v - twist.v).argmin()),
+            int(np.abs(self.w - twist.w).argmin()),
+        )

@@ -1,0 +1,208 @@
+"""The ego map: short-term memory of what stands where around the robot (METHOD 2.11, 2.14).
+
+A square evidence grid in the odom frame that moves along with the robot. Each seen point speaks for
+something standing within its uncertainty, and for nothing standing on the way there; evidence fades
+with time. It knows only flow and odometry.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+import cv2
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from navfw.mofis.kernels import cast_evidence
+from navfw.robot import RobotModel
+from navfw.signals import Array, Label, Percept, Pose
+
+__all__ = ["EgoMap", "EgoMapParams"]
+
+Positive = Annotated[float, Field(gt=0.0)]
+Share = Annotated[float, Field(ge=0.0, le=1.0)]
+
+
+class EgoMapParams(BaseModel):
+    """How much is remembered, and how evidence is weighed (log-odds)."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    extent: Annotated[Positive, Field(le=30.0, description="side of the square [m]")] = 8.0
+    cell: Annotated[float, Field(ge=0.02, le=0.2, description="cell size [m]")] = 0.05
+    hit: Annotated[Positive, Field(description="log-odds of one confident sighting")] = 0.6
+    free: Annotated[Positive, Field(description="log-odds of one look through")] = 0.35
+    least: Annotated[float, Field(lt=0.0, description="lower bound of evidence")] = -1.5
+    most: Annotated[Positive, Field(description="upper bound of evidence")] = 3.0
+    occupied: Annotated[Positive, Field(description="evidence from which a cell blocks")] = 0.9
+    seen_free: Annotated[
+        float, Field(lt=0.0, description="evidence below which it is free")
+    ] = -0.25
+    range: Annotated[Positive, Field(description="farthest sighting entered [m]")] = 3.5
+    fade: Annotated[Positive, Field(description="time constant of forgetting [s]")] = 30.0
+    certainty: Annotated[Share, Field(description="least confidence entered")] = 0.15
+    over_share: Annotated[
+        Share, Field(description="weight of a free look that passes at camera height")
+    ] = 0.4
+    top: Annotated[Positive, Field(description="things higher than this are ignored [m]")] = 1.5
+
+
+class EgoMap:
+    """Evidence around the robot; clearances derived from it on demand.
+
+    ``origin`` is the odom position [m] of the centre of cell [0, 0]; arrays are (n, n), [y, x].
+    """
+
+    def __init__(self, robot: RobotModel, params: EgoMapParams | None = None) -> None:
+        self.robot = robot
+        self.params = params or EgoMapParams()
+        self.size = 2 * round(0.5 * self.params.extent / self.params.cell) + 1
+        self._base_from_camera = robot.camera.base_from_camera
+        self._hit = np.zeros((self.size, self.size))
+        self._free = np.zeros((self.size, self.size))
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything."""
+        self.evidence: Array = np.zeros((self.size, self.size))
+        self.origin: tuple[float, float] | None = None
+        self._time: float | None = None
+        self._clearance: Array | None = None
+
+    # --- writing ---------------------------------------------------------------------------------
+
+    def move(self, pose: Pose, time: float) -> None:
+        """Follow the robot (odom ``pose``), let old evidence fade, mark the robot's own place."""
+        cell = self.params.cell
+        half = self.size // 2
+        corner = (
+            (round(pose.x / cell) - half) * cell,
+            (round(pose.y / cell) - half) * cell,
+        )
+        if self.origin is None:
+            self.origin = corner
+        else:
+            shift = [
+                round((new - old) / cell) for new, old in zip(corner, self.origin, strict=True)
+            ]
+            if max(abs(s) for s in shift) > round(0.4 / cell):
+                self.evidence = _shifted(self.evidence, *shift)
+                self.origin = corner
+        if self._time is not None and time > self._time:
+            self.evidence *= math.exp((self._time - time) / self.params.fade)
+        self._time = time
+        self._mark_body(pose)
+        self._clearance = None
+
+    def _mark_body(self, pose: Pose) -> None:
+        """Where the robot stands, nothing else does."""
+        row, column = self.index(pose.x, pose.y)
+        reach = round(self.robot.radius / self.params.cell)
+        window = np.s_[row - reach : row + reach + 1, column - reach : column + reach + 1]
+        offsets = np.arange(-reach, reach + 1)
+        disc = offsets[:, None] ** 2 + offsets[None, :] ** 2 <= reach**2
+        self.evidence[window][disc] = self.params.least
+
+    def enter(self, percept: Percept, pose: Pose) -> None:
+        """Enter what ``percept`` saw from odom ``pose`` (call ``move`` first)."""
+        p, camera = self.params, self.robot.camera
+        if self.origin is None:
+            raise RuntimeError("EgoMap.enter needs move first")
+        confidence = percept.confidence.ravel()
+        nearness = percept.nearness.ravel()
+        label = percept.label.ravel()
+        kept = (confidence >= p.certainty) & (nearness > 1e-3) & (label != Label.UNKNOWN)
+        kept &= percept.height.ravel() < p.top
+        if not kept.any():
+            return
+        nearness, confidence = nearness[kept], confidence[kept]
+        sigma, label = percept.sigma.ravel()[kept], label[kept]
+        direction = self._directions(percept.points.reshape(-1, 2)[kept], pose)
+        near = 1.0 / (nearness + sigma)
+        far = 1.0 / np.maximum(nearness - sigma, 0.2 * nearness)
+        solid = label >= Label.OBSTACLE
+        hit = np.where(solid & (near < p.range), confidence, 0.0)
+        # what is seen through: up to just before the thing, or the floor, that was seen
+        free = np.where(label == Label.ABOVE, 0.5, 1.0) * confidence
+        near = np.minimum(near, p.range)
+        far = np.minimum(far, p.range + 1.0)
+
+        c, s = math.cos(pose.yaw), math.sin(pose.yaw)
+        self._hit[:] = 0.0
+        self._free[:] = 0.0
+        cast_evidence(
+            self._hit,
+            self._free,
+            self.origin[0],
+            self.origin[1],
+            p.cell,
+            pose.x + c * camera.mount_forward,
+            pose.y + s * camera.mount_forward,
+            camera.mount_height,
+            direction,
+            near,
+            far,
+            hit,
+            free,
+            0.15,
+            camera.mount_height,
+            p.over_share,
+        )
+        self.evidence += p.hit * self._hit - p.free * np.where(self._hit > 0.0, 0.0, self._free)
+        np.clip(self.evidence, p.least, p.most, out=self.evidence)
+        self._clearance = None
+
+    def _directions(self, points: Array, pose: Pose) -> Array:
+        """(N, 3): advance in odom x, y and height per metre of depth along each point's ray."""
+        camera = self.robot.camera
+        rays = np.column_stack([points / camera.focal, np.ones(len(points))])
+        base = rays @ self._base_from_camera.T
+        c, s = math.cos(pose.yaw), math.sin(pose.yaw)
+        return np.column_stack(
+            [c * base[:, 0] - s * base[:, 1], s * base[:, 0] + c * base[:, 1], base[:, 2]]
+        )
+
+    # --- reading ---------------------------------------------------------------------------------
+
+    def index(self, x: float, y: float) -> tuple[int, int]:
+        """(row, column) of the odom point (x, y); may lie outside the grid."""
+        if self.origin is None:
+            raise RuntimeError("the ego map has no place yet; call move first")
+        cell = self.params.cell
+        return round((y - self.origin[1]) / cell), round((x - self.origin[0]) / cell)
+
+    @property
+    def occupied(self) -> np.ndarray[tuple[int, int], np.dtype[np.bool_]]:
+        """(n, n) True where evidence says that something stands."""
+        return self.evidence >= self.params.occupied
+
+    @property
+    def known(self) -> Array:
+        """(n, n) 1.0 where the cell has been seen free, else 0.0."""
+        return (self.evidence <= self.params.seen_free).astype(np.float64)
+
+    @property
+    def clearance(self) -> Array:
+        """(n, n) distance [m] from each cell to the nearest occupied cell."""
+        if self._clearance is None:
+            free = (~self.occupied).astype(np.uint8)
+            if free.all():
+                distance = np.full((self.size, self.size), self.params.extent)
+            else:
+                distance = cv2.distanceTransform(free, cv2.DIST_L2, 5).astype(np.float64)
+                distance *= self.params.cell
+            self._clearance = distance
+        return self._clearance
+
+
+def _shifted(grid: Array, columns: int, rows: int) -> Array:
+    """``grid`` seen from an origin moved by (columns, rows); what comes into view is unknown."""
+    n = grid.shape[0]
+    moved = np.zeros_like(grid)
+    if abs(columns) >= n or abs(rows) >= n:
+        return moved
+    target = np.s_[max(0, -rows) : n - max(0, rows), max(0, -columns) : n - max(0, columns)]
+    source = np.s_[max(0, rows) : n + min(0, rows), max(0, columns) : n + min(0, columns)]
+    moved[target] = grid[source]
+    return moved

@@ -1,0 +1,247 @@
+"""Compiled inner loops of the ego map: evidence along rays, arcs through it, cost to go.
+
+All work on square grids indexed [row, column] = [y, x] in the odom frame's directions; ``origin`` is
+the odom coordinate [m] of the centre of cell [0, 0], ``cell`` the cell size [m].
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+
+from navfw.signals import Array
+
+__all__ = ["cast_evidence", "cost_to_go", "descend", "sweep_arcs"]
+
+
+@numba.njit(cache=True)
+def cast_evidence(
+    hit: Array,
+    free: Array,
+    origin_x: float,
+    origin_y: float,
+    cell: float,
+    camera_x: float,
+    camera_y: float,
+    camera_height: float,
+    direction: Array,
+    near: Array,
+    far: Array,
+    hit_weight: Array,
+    free_weight: Array,
+    low: float,
+    high: float,
+    high_share: float,
+) -> None:
+    """Enter each ray's evidence into the frame's layers ``hit`` and ``free`` (max, not sum).
+
+    ``direction`` (N, 3): what the ray advances in odom x, y and height per metre of depth; ``near``
+    and ``far`` (N,) bound the depth [m] of what it met. Up to ``near`` the ray says free, between
+    the two it says hit (shared out when the interval is long). A ray passes OVER what is lower than
+    itself: its word for free counts fully below height ``low`` and only ``high_share`` from ``high``
+    upwards.
+    """
+    size = hit.shape[0]
+    for i in range(direction.shape[0]):
+        dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
+        horizontal = math.hypot(dx, dy)
+        step = 0.7 * cell / horizontal
+        if free_weight[i] > 0.0:
+            depth = step
+            while depth < near[i]:
+                column = int(math.floor((camera_x + depth * dx - origin_x) / cell + 0.5))
+                row = int(math.floor((camera_y + depth * dy - origin_y) / cell + 0.5))
+                if row < 0 or column < 0 or row >= size or column >= size:
+                    break
+                height = camera_height + depth * dz
+                if height <= low:
+                    share = 1.0
+                elif height >= high:
+                    share = high_share
+                else:
+                    share = 1.0 - (1.0 - high_share) * (height - low) / (high - low)
+                free[row, column] = max(free[row, column], free_weight[i] * share)
+                depth += step
+        if hit_weight[i] > 0.0:
+            cells = max(1.0, (far[i] - near[i]) * horizontal / cell)
+            weight = hit_weight[i] * min(1.0, 3.0 / cells)
+            depth = near[i]
+            while depth <= far[i]:
+                column = int(math.floor((camera_x + depth * dx - origin_x) / cell + 0.5))
+                row = int(math.floor((camera_y + depth * dy - origin_y) / cell + 0.5))
+                if row < 0 or column < 0 or row >= size or column >= size:
+                    break
+                hit[row, column] = max(hit[row, column], weight)
+                depth += step
+
+
+@numba.njit(cache=True)
+def sweep_arcs(
+    clearance: Array,
+    known: Array,
+    origin_x: float,
+    origin_y: float,
+    cell: float,
+    x: float,
+    y: float,
+    yaw: float,
+    speeds: Array,
+    turns: Array,
+    radius: float,
+    reach: float,
+    horizon: float,
+    free_length: Array,
+    known_length: Array,
+    arc_clearance: Array,
+) -> None:
+    """Drive a disc of ``radius`` along every command's arc through the map.
+
+    ``clearance`` [m] is the distance of each cell to the nearest occupied one, ``known`` > 0 where
+    the cell has been seen free. Out come, for each (speed, turn): the length [m] up to ``reach``
+    until the disc would touch (``free_length``), until its centre would enter the unknown
+    (``known_length``), and the least clearance [m] from the disc's rim met within ``horizon`` [m]
+    (``arc_clearance``). An arc that starts too close is free as long as it leads away. For a
+    standing robot the lengths are ``reach``.
+    """
+    size = clearance.shape[0]
+    column = int(math.floor((x - origin_x) / cell + 0.5))
+    row = int(math.floor((y - origin_y) / cell + 0.5))
+    here = clearance[row, column]
+    step = 0.5 * cell
+    for i in range(speeds.shape[0]):
+        v = speeds[i]
+        for j in range(turns.shape[0]):
+            if v == 0.0:
+                free_length[i, j] = reach
+                known_length[i, j] = reach
+                arc_clearance[i, j] = here - radius
+                continue
+            curvature = turns[j] / v
+            sign = 1.0 if v > 0.0 else -1.0
+            px, py, heading = x, y, yaw
+            length = 0.0
+            least = here
+            floor = min(radius, here - 0.02)
+            blocked = False
+            known_until = -1.0
+            # an arc that closes half a turn is as good as its first half
+            longest = min(reach, math.pi / max(abs(curvature), 1e-6))
+            while length < longest:
+                heading_mid = heading + 0.5 * sign * step * curvature
+                px += sign * step * math.cos(heading_mid)
+                py += sign * step * math.sin(heading_mid)
+                heading += sign * step * curvature
+                column = int(math.floor((px - origin_x) / cell + 0.5))
+                row = int(math.floor((py - origin_y) / cell + 0.5))
+                if row < 0 or column < 0 or row >= size or column >= size:
+                    break
+                c = clearance[row, column]
+                if c < floor:
+                    blocked = True
+                    break
+                if c > floor and floor < radius:
+                    floor = min(radius, c - 0.02)  # moving away: from now on no nearer than this
+                if length < horizon and c < least:
+                    least = c
+                if known_until < 0.0 and known[row, column] <= 0.0:
+                    known_until = length
+                length += step
+            if not blocked and length >= longest - step:
+                length = reach
+            free_length[i, j] = length
+            known_length[i, j] = length if known_until < 0.0 else known_until
+            arc_clearance[i, j] = least - radius
+
+
+@numba.njit(cache=True)
+def cost_to_go(cost: Array, value: Array, sweeps: int) -> int:
+    """Solve the eikonal equation |grad value| = cost by fast sweeping, in place.
+
+    ``cost`` (n, n) is the price of a cell's width, infinite where impassable; ``value`` (n, n) holds
+    the boundary values at the sources and infinity elsewhere. Returns the sweeps used. (Zhao 2005.)
+    """
+    n = value.shape[0]
+    used = 0
+    for sweep in range(sweeps):
+        used += 1
+        change = 0.0
+        down, right = sweep & 1, (sweep >> 1) & 1
+        for a in range(n):
+            row = n - 1 - a if down else a
+            for b in range(n):
+                column = n - 1 - b if right else b
+                f = cost[row, column]
+                if f == np.inf:
+                    continue
+                vertical = np.inf
+                if row > 0:
+                    vertical = value[row - 1, column]
+                if row < n - 1:
+                    vertical = min(vertical, value[row + 1, column])
+                horizontal = np.inf
+                if column > 0:
+                    horizontal = value[row, column - 1]
+                if column < n - 1:
+                    horizontal = min(horizontal, value[row, column + 1])
+                least = min(vertical, horizontal)
+                if least == np.inf:
+                    continue
+                difference = abs(vertical - horizontal)
+                if difference >= f:
+                    candidate = least + f
+                else:
+                    candidate = 0.5 * (
+                        vertical + horizontal + math.sqrt(2.0 * f * f - difference * difference)
+                    )
+                if candidate < value[row, column] - 1e-9:
+                    change = max(change, min(value[row, column], 1e6) - candidate)
+                    value[row, column] = candidate
+        if change < 1e-3 and sweep >= 3:
+            break
+    return used
+
+
+@numba.njit(cache=True)
+def descend(value: Array, row: float, column: float, steps: int, path: Array) -> int:
+    """Walk down ``value`` from (row, column) in half-cell steps; fills ``path`` (steps, 2).
+
+    Goes toward the lowest of the cells around, looked at over a ring of two cells so that the walk
+    is not bound to eight directions. Returns the number of points written.
+    """
+    n = value.shape[0]
+    count = 0
+    for _ in range(steps):
+        r0, c0 = int(round(row)), int(round(column))
+        best = np.inf
+        best_r, best_c = r0, c0
+        if r0 < 0 or c0 < 0 or r0 >= n or c0 >= n:
+            break
+        here = value[r0, c0]
+        for dr in range(-2, 3):
+            for dc in range(-2, 3):
+                r, c = r0 + dr, c0 + dc
+                if r < 0 or c < 0 or r >= n or c >= n or (dr == 0 and dc == 0):
+                    continue
+                distance = math.hypot(dr, dc)
+                if value[r, c] == np.inf:
+                    continue
+                if here == np.inf:  # standing in a forbidden cell: get out by the nearest exit
+                    slope = value[r, c] * 1e-3 + distance
+                else:
+                    slope = (value[r, c] - here) / distance
+                if slope < best:
+                    best = slope
+                    best_r, best_c = r, c
+        if best == np.inf or (here != np.inf and best >= 0.0):
+            break
+        distance = math.hypot(best_r - row, best_c - column)
+        if distance < 1e-9:
+            break
+        row += 0.5 * (best_r - row) / distance
+        column += 0.5 * (best_c - column) / distance
+        path[count, 0] = row
+        path[count, 1] = column
+        count += 1
+    return count
