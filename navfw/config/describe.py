@@ -1,0 +1,208 @@
+"""Pydantic fields in words: what type they want, within which bounds."""
+
+from __future__ import annotations
+
+import enum
+import types
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin
+
+import annotated_types
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+from pydantic_core import PydanticSerializationError, PydanticUndefined, to_jsonable_python
+
+__all__ = [
+    "Parameter",
+    "bounds_of",
+    "choices_of",
+    "describe",
+    "is_model",
+    "members_of",
+    "parameters_of",
+    "peel",
+]
+
+_PLAIN: Mapping[Any, str] = {
+    bool: "true or false",
+    int: "a whole number",
+    float: "a number",
+    str: "text",
+    Path: "a path",
+    type(None): "null",
+    Any: "anything",
+}
+
+
+class Parameter(NamedTuple):
+    """One field of a parameter model, as listings show it. ``default`` is plain JSON data."""
+
+    name: str
+    type: str
+    default: Any
+    required: bool
+    bounds: str
+    description: str
+
+
+def peel(annotation: Any) -> tuple[Any, tuple[Any, ...]]:
+    """``annotation`` without its ``Annotated`` layers and type aliases, and their metadata."""
+    metadata: tuple[Any, ...] = ()
+    while True:
+        if get_origin(annotation) is Annotated:
+            annotation, *extra = get_args(annotation)
+            for item in extra:
+                metadata += tuple(item.metadata) if isinstance(item, FieldInfo) else ()
+            metadata += tuple(extra)
+        elif hasattr(annotation, "__value__"):  # a ``type`` alias
+            annotation = annotation.__value__
+        else:
+            return annotation, metadata
+
+
+def members_of(annotation: Any) -> tuple[Any, ...]:
+    """The members of a union, nested ones flattened; anything else is its own only member."""
+    bare, _ = peel(annotation)
+    if get_origin(bare) in {Union, types.UnionType}:
+        return tuple(part for arg in get_args(bare) for part in members_of(arg))
+    return (annotation,)
+
+
+def is_model(annotation: Any) -> bool:
+    """Whether it is a pydantic model."""
+    return isinstance(annotation, type) and issubclass(annotation, BaseModel)
+
+
+def choices_of(annotation: Any) -> list[str]:
+    """The values that a Literal or an Enum allows, as text; empty for other types."""
+    bare, _ = peel(annotation)
+    if get_origin(bare) is Literal:
+        return [str(a.value if isinstance(a, enum.Enum) else a) for a in get_args(bare)]
+    if isinstance(bare, type) and issubclass(bare, enum.Enum):
+        return [str(member.value) for member in bare]
+    return []
+
+
+def describe(annotation: Any, metadata: Iterable[Any] = ()) -> str:
+    """A type in words with its bounds: ``a number > 0``, ``a list of 2 numbers``."""
+    parts = [_describe_one(member, ()) for member in members_of(annotation)]
+    if len(parts) == 1:
+        parts = [_describe_one(annotation, tuple(metadata))]
+    unique = list(dict.fromkeys(parts))
+    return " or ".join(unique)
+
+
+def _describe_one(annotation: Any, metadata: tuple[Any, ...]) -> str:
+    bare, own = peel(annotation)
+    bounds = bounds_of((*own, *metadata))
+    choices = choices_of(bare)
+    if choices:
+        return choices[0] if len(choices) == 1 else "one of " + ", ".join(choices)
+    text = _PLAIN.get(bare) or _container(bare)
+    return f"{text} {bounds}" if bounds else text
+
+
+def _container(bare: Any) -> str:
+    origin, args = get_origin(bare) or bare, get_args(bare)
+    if not isinstance(origin, type):
+        return str(getattr(bare, "__name__", bare))
+    if issubclass(origin, BaseModel | Mapping):
+        return f"a mapping to {_plural(args[1])}" if len(args) == 2 else "a mapping"
+    if issubclass(origin, tuple):
+        return _tuple(origin, args)
+    if issubclass(origin, Sequence | set | frozenset):
+        return f"a list of {_plural(args[0])}" if args else "a list"
+    return origin.__name__
+
+
+def _tuple(origin: type[tuple[Any, ...]], args: tuple[Any, ...]) -> str:
+    names = getattr(origin, "_fields", None)
+    if names is not None:
+        return f"a list of {len(names)} values"
+    if not args:
+        return "a list"
+    if args[-1] is Ellipsis:
+        return f"a list of {_plural(args[0])}"
+    kinds = dict.fromkeys(_plural(arg) for arg in args)
+    return f"a list of {len(args)} {' and '.join(kinds)}"
+
+
+def _plural(annotation: Any) -> str:
+    bare, _ = peel(annotation)
+    plurals = {int: "whole numbers", float: "numbers", str: "texts", bool: "truth values"}
+    if bare in plurals:
+        return plurals[bare]
+    if is_model(bare):
+        return "mappings"
+    return f"values, each {describe(annotation)}"
+
+
+def bounds_of(metadata: Iterable[Any]) -> str:
+    """Bounds in words: ``>= 1 and < 5``, ``with at least 2 items``; empty when there are none."""
+    words: list[str] = []
+    for item in _constraints(metadata):
+        match item:
+            case annotated_types.Gt(gt=bound):
+                words.append(f"> {bound:g}" if isinstance(bound, float) else f"> {bound}")
+            case annotated_types.Ge(ge=bound):
+                words.append(f">= {bound:g}" if isinstance(bound, float) else f">= {bound}")
+            case annotated_types.Lt(lt=bound):
+                words.append(f"< {bound:g}" if isinstance(bound, float) else f"< {bound}")
+            case annotated_types.Le(le=bound):
+                words.append(f"<= {bound:g}" if isinstance(bound, float) else f"<= {bound}")
+            case annotated_types.MultipleOf(multiple_of=step):
+                words.append(f"a multiple of {step}")
+            case annotated_types.MinLen(min_length=n):
+                words.append(f"with length >= {n}")
+            case annotated_types.MaxLen(max_length=n):
+                words.append(f"with length <= {n}")
+            case _:
+                pattern = getattr(item, "pattern", None)
+                if pattern:
+                    words.append(f"that matches {getattr(pattern, 'pattern', pattern)}")
+    return " and ".join(dict.fromkeys(words))
+
+
+def _constraints(metadata: Iterable[Any]) -> Iterator[Any]:
+    for item in metadata:
+        if isinstance(item, annotated_types.GroupedMetadata):
+            yield from _constraints(item)
+        else:
+            yield item
+
+
+def parameters_of(model: type[BaseModel]) -> list[Parameter]:
+    """Every field of ``model``: name, type, default, bounds and description."""
+    return [_parameter(name, info) for name, info in model.model_fields.items()]
+
+
+def _parameter(name: str, info: FieldInfo) -> Parameter:
+    bare, own = peel(info.annotation)
+    default: Any = None
+    if not info.is_required():
+        # a factory that asks for the other fields' values has no default to show
+        asks = info.default_factory_takes_validated_data
+        default = _plain(info.default if asks else info.get_default(call_default_factory=True))
+    metadata = (*own, *info.metadata)
+    members = members_of(bare)
+    if not metadata and len(members) > 1:
+        metadata = tuple(m for member in members for m in peel(member)[1])
+    return Parameter(
+        name=name,
+        type=" or ".join(dict.fromkeys(_describe_one(peel(m)[0], ()) for m in members)),
+        default=default,
+        required=info.is_required(),
+        bounds=bounds_of(metadata),
+        description=info.description or "",
+    )
+
+
+def _plain(value: Any) -> Any:
+    """``value`` as JSON data; what JSON does not know, as text."""
+    if value is PydanticUndefined:
+        return None
+    try:
+        return to_jsonable_python(value, inf_nan_mode="strings")
+    except PydanticSerializationError:
+        return str(value)

@@ -1,0 +1,297 @@
+"""One YAML file read safely: plain data, and for every part of it the line it came from."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, TypeAlias
+
+from ruamel.yaml import YAML
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
+from ruamel.yaml.reader import ReaderError
+
+from navfw.errors import ConfigError, did_you_mean
+
+__all__ = ["Data", "KeyPath", "Origin", "YamlDocument", "key_text", "load_yaml", "parse_yaml"]
+
+KeyPath: TypeAlias = tuple[str | int, ...]
+"""Where something is in a document: mapping keys and list indices, outermost first."""
+
+Data: TypeAlias = Any
+"""What YAML can say: None, bool, int, float, str, lists of these and dicts with str keys."""
+
+# A file of a megabyte can describe billions of nodes with nested aliases ("billion laughs"); the
+# budget counts a node again each time an alias repeats it.
+MAX_NODES = 300_000
+MAX_DEPTH = 60
+_TAG = "tag:yaml.org,2002:"
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Who said it: a line of a file, or an option of the command line."""
+
+    file: str | None = None
+    line: int | None = None
+    option: str | None = None
+
+
+@dataclass(frozen=True)
+class YamlDocument:
+    """The content of a YAML file and the origin of each of its parts.
+
+    ``data`` is plain: dicts with str keys, lists, and scalars. Mapping keys are text as written,
+    so a room called ``101`` stays ``"101"``.
+    """
+
+    file: str | None
+    data: Data
+    origins: Mapping[KeyPath, Origin] = field(default_factory=lambda: MappingProxyType({}))
+
+    def origin_of(self, path: KeyPath) -> Origin:
+        """The origin of ``path``, or of its nearest enclosing part that is known."""
+        for end in range(len(path), -1, -1):
+            origin = self.origins.get(path[:end])
+            if origin is not None:
+                return origin
+        return Origin(self.file)
+
+    def line_of(self, path: KeyPath) -> int | None:
+        """The 1-based line of ``path`` or its nearest enclosing key; None where no line is known.
+
+        >>> parse_yaml("rooms: {lobby: 1}", "w.yaml").line_of(("rooms", "lobby", "name"))
+        1
+        """
+        return self.origin_of(tuple(path)).line
+
+    def at(self, path: KeyPath) -> Data:
+        """The data at ``path``; None where there is nothing."""
+        node = self.data
+        for step in path:
+            try:
+                node = node[step]
+            except (KeyError, IndexError, TypeError):
+                return None
+        return node
+
+
+def key_text(path: KeyPath) -> str:
+    """A path as people write it: ``rooms[3].name``."""
+    text = ""
+    for step in path:
+        text += f"[{step}]" if isinstance(step, int) else f".{step}" if text else step
+    return text
+
+
+def load_yaml(path: str | Path, max_bytes: int = 1_000_000) -> YamlDocument:
+    """Read the YAML mapping in ``path``; nothing in the file is ever executed.
+
+    Raises:
+        ConfigError: there is no such readable file, it is larger than ``max_bytes``, not UTF-8,
+            not YAML, empty, not a mapping, or it repeats a key.
+
+    """
+    path = Path(path)
+    name = shown_path(path)
+    try:
+        if not path.is_file():
+            raise _not_a_file(path, name)
+        with path.open("rb") as stream:
+            raw = stream.read(max_bytes + 1)
+    except (OSError, ValueError) as error:  # ValueError: a null byte in the path
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise ConfigError(f"cannot read the file: {reason}", file=name) from None
+    if len(raw) > max_bytes:
+        raise ConfigError(f"the file is too large: at most {max_bytes} bytes are read", file=name)
+    try:
+        text = raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = raw.count(b"\n", 0, error.start) + 1
+        raise ConfigError(
+            f"expected UTF-8 text, got byte 0x{raw[error.start]:02x}", file=name, line=line
+        ) from None
+    document = parse_yaml(text, name)
+    if document.data is None:
+        raise ConfigError("the file is empty; expected a mapping ('key: value' lines)", file=name)
+    if not isinstance(document.data, dict):
+        raise ConfigError(
+            f"expected a mapping ('key: value' lines), got {_kind(document.data)}",
+            file=name,
+            line=document.line_of(()),
+        )
+    return document
+
+
+def parse_yaml(text: str, file: str | None = None) -> YamlDocument:
+    """``text`` as a document; unlike ``load_yaml`` it accepts any root.
+
+    Raises:
+        ConfigError: it is not YAML, repeats a key, has tags or endless aliases.
+
+    """
+    yaml = YAML(typ="safe", pure=True)  # pure: the C scanner words its errors differently
+    yaml.composer.warn_double_anchors = False
+    try:
+        root = yaml.compose(text)
+    except MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        line = None if mark is None else mark.line + 1
+        raise ConfigError(_syntax_message(error), file=file, line=line) from None
+    except ReaderError as error:
+        line = text.count("\n", 0, error.position) + 1
+        raise ConfigError(
+            f"the character U+{_ordinal(error.character):04X} is not allowed", file=file, line=line
+        ) from None
+    except RecursionError:
+        raise ConfigError("nested too deeply", file=file) from None
+    except (YAMLError, ValueError, AssertionError, LookupError, AttributeError, TypeError) as error:
+        # ruamel answers some malformed input with errors of its own insides
+        detail = str(error).splitlines() or [type(error).__name__]
+        raise ConfigError(f"not valid YAML: {detail[0]}", file=file) from None
+    if root is None:
+        return YamlDocument(file, None)
+    builder = _Builder(yaml, file)
+    data = builder.build(root, (), root.start_mark.line + 1)
+    return YamlDocument(file, data, MappingProxyType(builder.origins))
+
+
+def shown_path(path: Path) -> str:
+    """``path`` as error messages show it: relative to the working folder when it is inside."""
+    try:
+        return str(path.absolute().relative_to(Path.cwd()))
+    except (ValueError, OSError):
+        return str(path)
+
+
+class _Builder:
+    """Turns composed nodes into plain data, noting lines, refusing what is unsafe or ambiguous."""
+
+    def __init__(self, yaml: YAML, file: str | None) -> None:
+        self._constructor = yaml.constructor
+        self._file = file
+        self._nodes = 0
+        self._open: set[int] = set()
+        self.origins: dict[KeyPath, Origin] = {}
+
+    def build(self, node: Node, path: KeyPath, line: int) -> Data:
+        self._nodes += 1
+        if self._nodes > MAX_NODES:
+            raise self._error(f"too much content: more than {MAX_NODES} values", node, path)
+        if len(path) > MAX_DEPTH:
+            raise self._error(f"nested too deeply: more than {MAX_DEPTH} levels", node, ())
+        self.origins[path] = Origin(self._file, line)
+        if isinstance(node, ScalarNode):
+            return self._scalar(node, path)
+        if id(node) in self._open:
+            raise self._error("an alias (*) inside its own anchor (&)", node, path)
+        self._open.add(id(node))
+        try:
+            if isinstance(node, MappingNode):
+                return self._mapping(node, path)
+            if isinstance(node, SequenceNode) and node.tag == _TAG + "seq":
+                return [
+                    self.build(item, (*path, index), item.start_mark.line + 1)
+                    for index, item in enumerate(node.value)
+                ]
+        finally:
+            self._open.discard(id(node))
+        raise self._error(f"the tag {_tag_text(node.tag)} is not supported", node, path)
+
+    def _mapping(self, node: MappingNode, path: KeyPath) -> dict[str, Data]:
+        if node.tag != _TAG + "map":
+            raise self._error(f"the tag {_tag_text(node.tag)} is not supported", node, path)
+        result: dict[str, Data] = {}
+        for key_node, value_node in node.value:
+            if not isinstance(key_node, ScalarNode):
+                raise self._error("expected text as a key, got a list or mapping", key_node, path)
+            if key_node.tag == _TAG + "merge":
+                raise self._error("merge keys (<<) are not supported", key_node, path)
+            key = str(key_node.value)
+            self._check_text(key, key_node, path)
+            here = (*path, key)
+            line = key_node.start_mark.line + 1
+            if key in result:
+                first = self.origins[here].line
+                raise self._error(f"duplicate key; first given in line {first}", key_node, here)
+            result[key] = self.build(value_node, here, line)
+        return result
+
+    def _scalar(self, node: ScalarNode, path: KeyPath) -> Data:
+        tag = str(node.tag).removeprefix(_TAG)
+        text = str(node.value)
+        try:
+            match tag:
+                case "null":
+                    return None
+                case "bool":
+                    return bool(self._constructor.construct_yaml_bool(node))
+                case "int":
+                    return int(self._constructor.construct_yaml_int(node))
+                case "float":
+                    number = float(self._constructor.construct_yaml_float(node))
+                    if math.isinf(number) and "inf" not in text.lower():
+                        raise ValueError
+                    return number
+                # "timestamp": no file of ours has dates; a name that looks like one stays a name
+                case "str" | "timestamp":
+                    self._check_text(text, node, path)
+                    return text
+        except (ValueError, KeyError, LookupError, AssertionError):
+            shown = text if len(text) <= 40 else text[:37] + "..."
+            raise self._error(f"expected a readable {tag}, got {shown!r}", node, path) from None
+        raise self._error(f"the tag {_tag_text(node.tag)} is not supported", node, path)
+
+    def _check_text(self, text: str, node: Node, path: KeyPath) -> None:
+        try:
+            text.encode()
+        except UnicodeEncodeError:
+            raise self._error("half of a surrogate pair is not text", node, path) from None
+
+    def _error(self, message: str, node: Node, path: KeyPath) -> ConfigError:
+        line = node.start_mark.line + 1
+        return ConfigError(message, file=self._file, line=line, key=key_text(path) or None)
+
+
+def _syntax_message(error: MarkedYAMLError) -> str:
+    problem = str(error.problem or error.context or "not valid YAML")
+    if "'\\t'" in problem:
+        return "a tab; indent and separate with spaces in YAML"
+    if problem.startswith("but found another document"):
+        return "expected one document, got a second one ('---')"
+    if problem.startswith("mapping values are not allowed"):
+        return "not valid YAML: a second ':' in this place; quote texts that contain ': '"
+    if error.context and str(error.context) != problem:
+        problem = f"{problem} ({error.context})"
+    return f"not valid YAML: {problem}"
+
+
+def _not_a_file(path: Path, name: str) -> ConfigError:
+    if path.is_dir():
+        return ConfigError("expected a file, got a folder", file=name)
+    if path.exists():
+        return ConfigError("expected a regular file", file=name)
+    siblings: list[str] = []
+    if path.parent.is_dir():
+        siblings = [p.name for p in path.parent.iterdir() if p.suffix in {".yaml", ".yml"}]
+    hint = f"; {did_you_mean(path.name, siblings)}" if siblings else ""
+    return ConfigError(f"there is no such file{hint}", file=name)
+
+
+def _kind(data: Data) -> str:
+    return "a list" if isinstance(data, list) else f"{data!r:.40}"
+
+
+def _tag_text(tag: object) -> str:
+    text = str(tag)
+    return text.replace(_TAG, "!!") if text.startswith(_TAG) else text
+
+
+def _ordinal(character: object) -> int:
+    if isinstance(character, int):
+        return character
+    text = str(character)
+    return ord(text[0]) if text else 0

@@ -1,0 +1,133 @@
+"""Single values given on the command line: ``--set offis.layers=1``."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+from navfw.config.document import Data, KeyPath, Origin, YamlDocument, key_text, parse_yaml
+from navfw.errors import ConfigError, did_you_mean
+
+__all__ = ["Override", "apply_overrides", "parse_override"]
+
+
+@dataclass(frozen=True)
+class Override:
+    """``value`` shall stand at ``path``; ``text`` is what the person typed."""
+
+    path: KeyPath
+    value: Data
+    text: str
+
+    @property
+    def option(self) -> str:
+        """How messages call it."""
+        return f"--set {self.text}"
+
+    def under(self, prefix: KeyPath) -> Override:
+        """The same override for a part that lies deeper: its path begins with ``prefix``."""
+        return replace(self, path=(*prefix, *self.path))
+
+    def error(self, message: str) -> ConfigError:
+        """An error that names this override as the culprit."""
+        return ConfigError(message, key=self.option)
+
+
+def parse_override(text: str) -> Override:
+    """``a.b=c``: keys with dots between them, ``=``, a YAML value.
+
+    An item of a list is addressed by its index, counted from 0, or by its ``name``.
+
+    >>> parse_override("rooms.0.size=[3, 4]").path
+    ('rooms', 0, 'size')
+
+    Raises:
+        ConfigError: there is no ``=``, a key is empty, or the value is not YAML.
+
+    """
+    keys, equals, value = text.partition("=")
+    steps = [step.strip() for step in keys.split(".")]
+    if not equals:
+        raise ConfigError("expected key=value", key=f"--set {text}")
+    if not all(steps):
+        raise ConfigError("expected key=value with keys like a.b", key=f"--set {text}")
+    try:
+        data = parse_yaml(value).data
+    except ConfigError as error:
+        raise ConfigError(
+            f"expected a YAML value after '=': {error}", key=f"--set {text}"
+        ) from None
+    return Override(tuple(_step(step) for step in steps), data, text)
+
+
+def apply_overrides(document: YamlDocument, overrides: Sequence[str | Override]) -> YamlDocument:
+    """A copy of ``document`` with the overrides in it, later ones over earlier ones.
+
+    Raises:
+        ConfigError: an override is malformed, or leads through something that is no mapping and
+            no list, or to an item that a list does not have. Keys that the file does not have are
+            added: whether they are allowed is the model's question.
+
+    """
+    if not overrides:
+        return document
+    data = copy.deepcopy(document.data)
+    origins = dict(document.origins)
+    for given in overrides:
+        override = parse_override(given) if isinstance(given, str) else given
+        path, created = _put(data, override)
+        for known in [p for p in origins if p[: len(path)] == path]:
+            del origins[known]
+        for part in (path, *created):
+            origins[part] = Origin(option=override.option)
+    return YamlDocument(document.file, data, MappingProxyType(origins))
+
+
+def _step(text: str) -> str | int:
+    if text.isascii() and text.isdigit() and len(text) < 9 and str(int(text)) == text:
+        return int(text)
+    return text
+
+
+def _put(data: Data, override: Override) -> tuple[KeyPath, list[KeyPath]]:
+    """Write into ``data``; the path as the data has it, and the mappings made on the way."""
+    node = data
+    done: KeyPath = ()
+    created: list[KeyPath] = []
+    for number, raw in enumerate(override.path):
+        last = number == len(override.path) - 1
+        step: str | int = str(raw)
+        if isinstance(node, list):
+            step = _index(node, raw, done, override)
+        elif not isinstance(node, dict):
+            raise override.error(
+                f"{key_text(done) or 'the file'} is {_shown(node)} and has no {step!r} in it"
+            )
+        done = (*done, step)
+        if last:
+            node[step] = copy.deepcopy(override.value)
+            break
+        if isinstance(node, dict) and node.get(step) is None:
+            node[step] = {}
+            created.append(done)
+        node = node[step]
+    return done, created
+
+
+def _index(node: list[Data], step: str | int, done: KeyPath, override: Override) -> int:
+    if isinstance(step, int):
+        if step >= len(node):
+            raise override.error(f"{key_text(done)} has {len(node)} items, counted from 0")
+        return step
+    names = [str(item.get("name")) if isinstance(item, dict) else "" for item in node]
+    if step in names:
+        return names.index(step)
+    known = [name for name in names if name]
+    hint = f" or a name; {did_you_mean(step, known)}" if known else ""
+    raise override.error(f"{key_text(done)} is a list: expected an index, got {step!r}{hint}")
+
+
+def _shown(node: Data) -> str:
+    return "empty" if node is None else f"{node!r:.40}"
