@@ -1,0 +1,9 @@
+"""How the robot and its camera moved, from wheel encoders and gyro alone (paper sec 2, AUX)."""
+
+from __future__ import annotations
+
+from navfw.egomotion.camera_motion import camera_motion
+from navfw.egomotion.odometer import Odometer
+from navfw.egomotion.pairing import FrameBuffer, PairingParams
+
+__all__ = ["FrameBuffer", "Odometer", "PairingParams", "camera_motion"]

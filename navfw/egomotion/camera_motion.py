@@ -1,0 +1,57 @@
+"""The camera's motion between two poses of the robot: exact, with lever arm and pitch."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from navfw.robot import RobotModel
+from navfw.signals import Array, CameraMotion, Pose, wrap_angle
+
+__all__ = ["SLIP", "YAW_RATE_SIGMA", "camera_motion", "yaw_rotation"]
+
+#: What is left of the gyro's error once its bias is removed, as a constant rate [rad/s].
+YAW_RATE_SIGMA = 0.003
+#: One standard deviation of the wheels' slip, relative to the way driven.
+SLIP = 0.03
+#: One standard deviation of a baseline however short: encoder steps and play in the wheels [m].
+TRANSLATION_FLOOR = 5e-4
+
+
+def yaw_rotation(angle: float) -> Array:
+    """(3, 3) rotation by ``angle`` [rad] about base_link's z axis, counter-clockwise from above."""
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def camera_motion(
+    robot: RobotModel,
+    past: Pose,
+    now: Pose,
+    dt: float,
+    *,
+    yaw_rate_sigma: float = YAW_RATE_SIGMA,
+    slip: float = SLIP,
+) -> CameraMotion:
+    """How ``robot``'s camera moved while its base went from ``past`` to ``now``.
+
+    Both poses are in one frame (``odom``). The camera sits ``mount_forward`` ahead of the axle, so
+    a turn also carries it sideways, and its pitch tilts yaw into its own axes (METHOD 2.1, 2.2,
+    here without the small-angle approximation). ``dt`` [s] is the time between the poses;
+    ``yaw_rate_sigma`` [rad/s] and ``slip`` (relative) say how far gyro and wheels may be wrong.
+    """
+    turn = wrap_angle(now.yaw - past.yaw)
+    # the camera's displacement in the axes of base_link now; the lever arm turned with the robot
+    lever = np.array([robot.camera.mount_forward, 0.0, 0.0])
+    x, y = now.to_local(past.x, past.y)
+    displacement = np.array([-x, -y, 0.0]) + lever - yaw_rotation(-turn) @ lever
+    base_from_camera = robot.camera.base_from_camera
+    translation = base_from_camera.T @ displacement
+    return CameraMotion(
+        rotation=base_from_camera.T @ yaw_rotation(-turn) @ base_from_camera,
+        translation=translation,
+        dt=dt,
+        yaw_sigma=yaw_rate_sigma * abs(dt),
+        translation_sigma=math.hypot(TRANSLATION_FLOOR, slip * float(np.linalg.norm(translation))),
+    )
