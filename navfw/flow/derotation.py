@@ -1,0 +1,126 @@
+"""Removing what the camera's rotation adds to the flow, exactly (paper sec 3, METHOD 2.4)."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import cv2
+import numpy as np
+
+from navfw.robot import CameraModel
+from navfw.signals import Array, FlowField, Image
+
+__all__ = [
+    "align_past",
+    "derotate",
+    "rotate_points",
+    "rotation_matters",
+    "rotational_flow",
+    "visible_in_past",
+]
+
+#: Rotational flow below this everywhere in the image need not be taken out before matching [px].
+NEGLIGIBLE = 0.05
+
+
+def rotate_points(points: Array, rotation: Array, focal: float) -> Array:
+    """Where the image ``points`` (..., 2) [px] come to lie when their rays turn by ``rotation``.
+
+    A ray that turns out of the camera's front half space has no image: NaN.
+    """
+    x, y = points[..., 0], points[..., 1]
+    r = rotation
+    depth = (r[2, 0] * x + r[2, 1] * y) / focal + r[2, 2]
+    depth = np.where(depth > 1e-9, depth, np.nan)
+    return np.stack(
+        [
+            (r[0, 0] * x + r[0, 1] * y + r[0, 2] * focal) / depth,
+            (r[1, 0] * x + r[1, 1] * y + r[1, 2] * focal) / depth,
+        ],
+        axis=-1,
+    )
+
+
+def rotational_flow(points: Array, rotation: Array, focal: float) -> Array:
+    """Flow (..., 2) [px] at current ``points`` of a camera that only turned by ``rotation``.
+
+    It does not depend on what is seen. The exact form of METHOD 2.3; ``rotation`` turns past into
+    current axes, as in CameraMotion.
+    """
+    return points - rotate_points(points, rotation.T, focal)
+
+
+def derotate(flow: FlowField, camera: CameraModel) -> FlowField:
+    """``flow`` as a camera would have seen it that made the same translation without turning.
+
+    Each vector's past end is turned into the current camera's axes; what remains obeys the
+    equations of pure translation exactly, however large the rotation. A field that is already
+    derotated comes back as it is.
+    """
+    if flow.derotated:
+        return flow
+    past = rotate_points(flow.points - flow.vectors, flow.motion.rotation, camera.focal)
+    return dataclasses.replace(flow, vectors=flow.points - past, derotated=True)
+
+
+def rotation_matters(rotation: Array, camera: CameraModel) -> bool:
+    """Whether ``rotation`` moves any point of the image noticeably."""
+    corners = _corners(camera)
+    return bool(np.abs(rotational_flow(corners, rotation, camera.focal)).max() > NEGLIGIBLE)
+
+
+def align_past(past: Image, rotation: Array, camera: CameraModel) -> Image:
+    """The image ``past`` (height, width) as seen after turning by ``rotation`` without moving.
+
+    The rotational prediction applied to all pixels at once: a search in the result is centred on
+    the prediction and meets windows that are shifted but not distorted by the turn. Pixels that
+    the past camera did not see repeat its border; ``visible_in_past`` tells which they are.
+    """
+    if not rotation_matters(rotation, camera):
+        return past
+    f = camera.focal
+    intrinsics = np.array(
+        [
+            [f, 0.0, 0.5 * (camera.width - 1)],
+            [0.0, f, 0.5 * (camera.height - 1)],
+            [0.0, 0.0, 1.0],
+        ]
+    )
+    past_from_now = intrinsics @ rotation.T @ np.linalg.inv(intrinsics)
+    warped = cv2.warpPerspective(
+        past,
+        past_from_now,
+        (camera.width, camera.height),
+        flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+        borderMode=cv2.BORDER_REPLICATE,
+    )
+    return np.asarray(warped, dtype=np.uint8)
+
+
+def visible_in_past(rotation: Array, camera: CameraModel) -> tuple[int, int, int, int]:
+    """Columns [left, right) and rows [top, bottom) of ``align_past`` that the past camera saw.
+
+    The largest centred statement of that kind: the image's middle row and column decide. Turning
+    about the camera's own y axis, the column limits are exact and rows lose a few pixels in the
+    corners only.
+    """
+    w, h = camera.width, camera.height
+    if not rotation_matters(rotation, camera):
+        return 0, w, 0, h
+    middle = np.array([[-0.5 * w, 0.0], [0.5 * w, 0.0], [0.0, -0.5 * h], [0.0, 0.5 * h]])
+    seen = rotate_points(middle, rotation, camera.focal)
+    left, right = _within(float(seen[0, 0]) + 0.5 * w, float(seen[1, 0]) + 0.5 * w, w)
+    top, bottom = _within(float(seen[2, 1]) + 0.5 * h, float(seen[3, 1]) + 0.5 * h, h)
+    return left, right, top, bottom
+
+
+def _within(low: float, high: float, size: int) -> tuple[int, int]:
+    """Whole pixels of [low, high) inside [0, size); nothing when the interval is undefined."""
+    if not (np.isfinite(low) and np.isfinite(high)):
+        return 0, 0
+    return max(0, int(np.ceil(low - 1e-6))), min(size, int(np.floor(high + 1e-6)))
+
+
+def _corners(camera: CameraModel) -> Array:
+    x, y = 0.5 * camera.width, 0.5 * camera.height
+    return np.array([[-x, -y], [x, -y], [-x, y], [x, y], [0.0, 0.0]])

@@ -1,0 +1,58 @@
+"""The regular sparse grid of image points at which flow is measured (paper sec 3)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from navfw.errors import ConfigError
+from navfw.robot import CameraModel
+from navfw.signals import Array, Frame
+
+__all__ = ["check_frame", "check_grid", "grid_points"]
+
+
+def check_grid(camera: CameraModel, rows: int, cols: int, owner: str) -> None:
+    """Make sure that ``rows`` x ``cols`` equal cells fill the camera's image.
+
+    Raises:
+        ConfigError: when the image's height or width is not a multiple; ``owner`` (the plugin's
+            name) opens the key it names.
+
+    """
+    for key, count, side, size in (
+        ("rows", rows, "height", camera.height),
+        ("cols", cols, "width", camera.width),
+    ):
+        if size % count:
+            divisors = [n for n in range(4, size // 4 + 1) if size % n == 0]
+            nearest = sorted(sorted(divisors, key=lambda n: abs(n - count))[:4])
+            possible = ", ".join(map(str, nearest)) or "none"
+            raise ConfigError(
+                f"{count} cells cannot divide the image {side} of {size} px equally; "
+                f"possible nearby: {possible}",
+                key=f"{owner}.{key}",
+            )
+
+
+def grid_points(camera: CameraModel, rows: int, cols: int) -> Array:
+    """(rows, cols, 2) centres of the grid's cells [px, relative to the principal point]."""
+    x = (np.arange(cols) + 0.5) * (camera.width / cols) - 0.5 * camera.width
+    y = (np.arange(rows) + 0.5) * (camera.height / rows) - 0.5 * camera.height
+    return np.stack(np.meshgrid(x, y), axis=-1)
+
+
+def check_frame(frame: Frame, camera: CameraModel) -> None:
+    """Make sure that ``frame`` is the camera's: size and uint8 luminance.
+
+    Raises:
+        ConfigError: when it is not.
+
+    """
+    image = frame.image
+    if image.shape != (camera.height, camera.width) or image.dtype != np.uint8:
+        found = " x ".join(map(str, image.shape[::-1]))
+        raise ConfigError(
+            f"the frame at {frame.time:.3f} s is {found} {image.dtype}, but the camera model says "
+            f"{camera.width} x {camera.height} uint8 luminance",
+            key="camera",
+        )
