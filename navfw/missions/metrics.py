@@ -1,0 +1,130 @@
+"""What a run was worth, in numbers: success weighted by path length, clearance, errors (METHOD 5).
+
+Everything here is computed from the truth after the run; the stack never sees any of it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from navfw.recording.track import Contact, Track
+from navfw.signals import Array
+
+__all__ = ["Geometry", "Metrics", "count_collisions", "measure", "path_length", "shortest_path"]
+
+Point = tuple[float, float]
+
+SAMPLING = 0.1
+"""Period [s] at which the path is measured: finer than that, one measures the wheels' tremor."""
+
+DEBOUNCE = 1.0
+"""Contacts less than this [s] apart are one collision."""
+
+
+class Geometry(Protocol):
+    """What metrics ask of a world's floor plan (``navfw.sim.floorplan.FloorPlan``)."""
+
+    def clearance(self, x: float, y: float) -> float:
+        """Distance [m] from a point to the nearest wall or thing; negative inside one."""
+        ...
+
+    def shortest_path(self, start: Point, goal: Point, radius: float) -> Array | None:
+        """Geodesic shortest path (k, 2) for a disc, or None when there is none."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Metrics:
+    """The numbers of one run; lengths in metres, times in seconds.
+
+    ``spl`` is success times shortest over driven length (Anderson et al. 2018). Clearances are from
+    the robot's body to the nearest thing. ``distance_to_goal_m`` is of the true position,
+    ``estimate_error_m`` is how far off the stack's own belief was at the end. ``stage_ms`` is
+    computing time per camera frame; it alone varies from run to run of the same seed.
+    """
+
+    path_length_m: float
+    shortest_path_m: float
+    spl: float
+    collisions: int
+    min_clearance_m: float
+    clearance_p05_m: float
+    distance_to_goal_m: float
+    estimate_error_m: float
+    estimate_error_max_m: float
+    mean_speed: float
+    emergencies: int
+    stage_ms: Mapping[str, float] = field(default_factory=dict)
+
+
+def path_length(points: Array) -> float:
+    """Length [m] of the polyline ``points`` (n, 2 or more; x and y first)."""
+    steps = np.diff(points[:, :2], axis=0)
+    return float(np.hypot(steps[:, 0], steps[:, 1]).sum())
+
+
+def count_collisions(contacts: Sequence[Contact], debounce: float = DEBOUNCE) -> int:
+    """How often the robot hit something: contacts closer in time than ``debounce`` [s] are one.
+
+    >>> touches = [Contact(t, 0.0, 0.0, "wall") for t in (1.0, 1.5, 2.4, 9.0)]
+    >>> count_collisions(touches)
+    2
+    """
+    count, last = 0, -math.inf
+    for contact in sorted(contacts, key=lambda contact: contact.time):
+        count += contact.time - last >= debounce
+        last = contact.time
+    return count
+
+
+def shortest_path(plan: Geometry, start: Point, goals: Sequence[Point], radius: float) -> float:
+    """Length [m] of the shortest way of a disc past all ``goals`` in order; inf where none is."""
+    total, here = 0.0, start
+    for goal in goals:
+        leg = plan.shortest_path(here, goal, radius)
+        if leg is None:
+            return math.inf
+        total += path_length(leg)
+        here = goal
+    return total
+
+
+def measure(
+    track: Track,
+    plan: Geometry,
+    start: Point,
+    goals: Sequence[Point],
+    radius: float,
+    succeeded: bool,
+    stage_ms: Mapping[str, float] | None = None,
+) -> Metrics:
+    """The metrics of a run from ``start`` past ``goals`` by a robot of this ``radius`` [m]."""
+    sampled = track.every(SAMPLING)
+    true = track.true[sampled] if track.ticks else np.array([[*start, 0.0]])
+    estimate = track.estimate[sampled] if track.ticks else true
+    driven = path_length(true)
+    shortest = shortest_path(plan, start, goals, radius)
+    clearance = np.array([plan.clearance(x, y) for x, y in true[:, :2].tolist()]) - radius
+    error = np.hypot(*(estimate - true)[:, :2].T)
+    duration = float(track.time[-1] - track.time[0]) if track.ticks else 0.0
+    started = np.flatnonzero(np.diff(track.emergency.astype(np.int8), prepend=0) == 1)
+    longest = max(driven, shortest)
+    return Metrics(
+        path_length_m=driven,
+        shortest_path_m=shortest,
+        spl=shortest / longest if succeeded and longest > 0.0 else float(succeeded),
+        collisions=count_collisions(track.contacts),
+        min_clearance_m=float(clearance.min()),
+        clearance_p05_m=float(np.percentile(clearance, 5.0)),
+        distance_to_goal_m=math.dist(true[-1, :2], goals[-1]),
+        estimate_error_m=float(error[-1]),
+        estimate_error_max_m=float(error.max()),
+        mean_speed=driven / duration if duration > 0.0 else 0.0,
+        emergencies=len(started),
+        stage_ms=dict(stage_ms or {}),
+    )

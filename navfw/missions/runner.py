@@ -1,0 +1,376 @@
+"""The loop that closes the circle: sensors to stack, twist to wheels, until the mission ends."""
+
+from __future__ import annotations
+
+import math
+import time
+import traceback
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from navfw.errors import InputError
+from navfw.missions.outcome import Outcome, Verdict
+from navfw.recording.readings import ReadingsRecorder
+from navfw.recording.track import Contact, Track, TrackRecorder
+from navfw.robot import RobotModel
+from navfw.signals import Belief, Command, Percept, Pose, SensorReading, Twist, Waypoint
+
+__all__ = ["Pilot", "PilotState", "Progress", "Run", "Simulator", "Task", "run_task"]
+
+PROGRESS_PERIOD = 0.1
+"""Simulated time [s] between two calls of the progress callback."""
+
+SETTLE_TIME = 2.0
+"""How long [s] the robot may take to stand still once the stack says that it has finished."""
+
+_STILL = 0.02  # m/s and rad/s
+_MAX_FAULTS = 100
+
+
+class PilotState(Protocol):
+    """What the runner reads of a stack's state (``navfw.stack.StackState``)."""
+
+    @property
+    def belief(self) -> Belief | None: ...  # noqa: D102
+    @property
+    def path(self) -> tuple[Waypoint, ...]: ...  # noqa: D102
+    @property
+    def percept(self) -> Percept | None: ...  # noqa: D102
+    @property
+    def command(self) -> Command | None: ...  # noqa: D102
+    @property
+    def finished(self) -> bool: ...  # noqa: D102
+    @property
+    def stuck(self) -> str | None: ...  # noqa: D102
+    @property
+    def faults(self) -> tuple[str, ...]: ...  # noqa: D102
+
+
+class Pilot(Protocol):
+    """What drives: ``navfw.stack.Stack``, or a fake (``navfw.testing.fakes.FakePilot``)."""
+
+    def start(self, pose: Pose, goals: Sequence[Waypoint]) -> None:
+        """Begin at ``pose`` in ``map``, to visit ``goals`` in order."""
+        ...
+
+    def step(self, reading: SensorReading) -> Twist:
+        """What to drive until the next control tick."""
+        ...
+
+    @property
+    def state(self) -> PilotState:
+        """What it knows and wants now."""
+        ...
+
+    @property
+    def timings(self) -> Mapping[str, float]:
+        """Computing time [s] spent so far, by stage."""
+        ...
+
+
+class Simulator(Protocol):
+    """What is driven: ``navfw.sim.simulation.Simulation``, or a fake."""
+
+    def read(self) -> SensorReading:
+        """What the sensors give now."""
+        ...
+
+    def drive(self, left: float, right: float) -> None:
+        """Wheel speeds [rad/s] to keep from now on."""
+        ...
+
+    def advance(self, dt: float) -> None:
+        """Let ``dt`` [s] pass."""
+        ...
+
+    def true_pose(self) -> Pose:
+        """Where the robot is, in truth."""
+        ...
+
+    @property
+    def contacts(self) -> Sequence[str]:
+        """Names of bodies, other than the floor, touched since the last ``advance``."""
+        ...
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """What the runner has to know of a mission.
+
+    ``success_radius`` [m]: each goal counts as visited when the robot truly was that near, and the
+    last one must be that near when the stack says it has finished. ``timeout`` [s] is simulated;
+    a robot that stays within ``stall_radius`` [m] for ``stuck_after`` [s] is stuck.
+    """
+
+    robot: RobotModel
+    start: Pose
+    goals: tuple[Waypoint, ...]
+    timeout: float
+    success_radius: float = 0.5
+    stuck_after: float = 45.0
+    stall_radius: float = 0.3
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """How a run stands: times [s], true straight distance to the last goal [m], who leads."""
+
+    time: float
+    wall_time: float
+    distance: float
+    behavior: str
+    sentence: str
+    waypoint: str
+
+    @property
+    def real_time_factor(self) -> float:
+        """Simulated seconds per second of the clock on the wall."""
+        return self.time / self.wall_time if self.wall_time > 0.0 else 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """What a run gave. ``faults`` are those of plugins, which the stack survived."""
+
+    verdict: Verdict
+    track: Track
+    sim_time: float
+    wall_time: float
+    faults: tuple[str, ...]
+
+    @property
+    def real_time_factor(self) -> float:
+        """Simulated seconds per second of the clock on the wall."""
+        return self.sim_time / self.wall_time if self.wall_time > 0.0 else 0.0
+
+
+def run_task(
+    task: Task,
+    pilot: Pilot,
+    simulator: Simulator,
+    progress: Callable[[Progress], None] | None = None,
+    readings: ReadingsRecorder | None = None,
+) -> Run:
+    """Drive until the mission ends, whichever way; a KeyboardInterrupt ends it as cancelled.
+
+    ``readings`` collects what the sensors gave, for a replay. The clock on the wall is looked at
+    for reports only: it has no influence on the run.
+
+    Raises:
+        InputError: the stack refuses the mission (a goal the map has no way to, say) before the
+            robot has moved. Whatever it raises later ends the run as a fault.
+    """
+    return _Loop(task, pilot, simulator, progress, readings).run()
+
+
+class _Loop:
+    """One run in the making."""
+
+    def __init__(
+        self,
+        task: Task,
+        pilot: Pilot,
+        simulator: Simulator,
+        progress: Callable[[Progress], None] | None,
+        readings: ReadingsRecorder | None,
+    ) -> None:
+        self.task = task
+        self.pilot = pilot
+        self.simulator = simulator
+        self.progress = progress
+        self.readings = readings
+        self.recorder = TrackRecorder()
+        self.dt = 1.0 / task.robot.control_rate
+        self.visits = _Visits(task.goals, task.success_radius)
+        self.stall = _Stall(task.stuck_after, task.stall_radius)
+        self.finished_at: float | None = None
+        self.faults: dict[str, None] = {}
+        self.path: tuple[Waypoint, ...] = ()
+        self.leader = ""
+        self.began = 0.0
+        self.next_progress = 0.0
+
+    def run(self) -> Run:
+        self.began = time.perf_counter()
+        first = self.simulator.time
+        verdict = self._drive()
+        return Run(
+            verdict=verdict,
+            track=self.recorder.track(),
+            sim_time=self.simulator.time - first,
+            wall_time=time.perf_counter() - self.began,
+            faults=tuple(self.faults),
+        )
+
+    def _drive(self) -> Verdict:
+        verdict: Verdict | None = None
+        try:
+            self.pilot.start(self.task.start, self.task.goals)
+            while verdict is None:
+                verdict = self._tick()
+        except KeyboardInterrupt:
+            verdict = self._verdict(Outcome.CANCELLED, "stopped by hand")
+        except Exception as error:  # whatever a plugin does, the run must end in order
+            if isinstance(error, InputError) and self.recorder.ticks == 0:
+                raise
+            what = f"{type(error).__name__}: {error}".splitlines()[0]
+            trace = traceback.format_exc()
+            verdict = self._verdict(Outcome.FAULT, f"an exception stopped it: {what}", trace)
+        return verdict
+
+    def _tick(self) -> Verdict | None:
+        pose = self.simulator.true_pose()
+        reading = self.simulator.read()
+        twist = self.pilot.step(reading)
+        if not (math.isfinite(twist.v) and math.isfinite(twist.w)):
+            return self._verdict(Outcome.FAULT, f"the stack commanded v = {twist.v}, w = {twist.w}")
+        self._record(reading, pose, twist)
+        self.simulator.drive(*self.task.robot.wheel_speeds(twist))
+        self.simulator.advance(self.dt)
+        return self._judge(reading.time, self.simulator.true_pose(), twist)
+
+    def _record(self, reading: SensorReading, pose: Pose, twist: Twist) -> None:
+        state = self.pilot.state
+        command = state.command
+        self.leader = "" if command is None else command.leader
+        self.recorder.add(
+            time=reading.time,
+            true=pose,
+            estimate=self.task.start if state.belief is None else state.belief.pose,
+            twist=twist,
+            leader=self.leader,
+            emergency=command is not None and command.emergency,
+        )
+        if self.readings is not None:
+            self.readings.add(reading, twist.v, twist.w)
+        if state.path is not self.path:
+            self.path = state.path
+            self.recorder.add_waypoints(state.path)
+        if len(self.faults) < _MAX_FAULTS:
+            self.faults.update(dict.fromkeys(state.faults))
+        if self.progress is not None and reading.time >= self.next_progress:
+            self.next_progress = reading.time + PROGRESS_PERIOD
+            self.progress(self._progress(reading.time, pose))
+
+    def _progress(self, now: float, pose: Pose) -> Progress:
+        state = self.pilot.state
+        goal = self.task.goals[-1]
+        return Progress(
+            time=now,
+            wall_time=time.perf_counter() - self.began,
+            distance=math.hypot(goal.x - pose.x, goal.y - pose.y),
+            behavior=self.leader,
+            sentence="" if state.percept is None else state.percept.sentence,
+            waypoint=state.path[0].place if state.path else "",
+        )
+
+    def _judge(self, now: float, pose: Pose, twist: Twist) -> Verdict | None:
+        """The verdict, if the mission has just ended. A touch outweighs everything else."""
+        self.visits.see(pose)
+        touched = list(dict.fromkeys(self.simulator.contacts))
+        if touched:
+            self.recorder.contacts.extend(Contact(now, pose.x, pose.y, body) for body in touched)
+            where = f"at ({pose.x:.2f}, {pose.y:.2f})"
+            return self._verdict(Outcome.COLLIDED, f"touched {', '.join(touched)} {where}")
+        state = self.pilot.state
+        if state.finished:
+            return self._finish(now, pose, twist)
+        if state.stuck:
+            return self._verdict(Outcome.STUCK, state.stuck)
+        if self.stall.see(now, pose):
+            limit = f"{self.task.stall_radius:g} m of one place for {self.task.stuck_after:g} s"
+            return self._verdict(Outcome.STUCK, f"stayed within {limit}")
+        if now >= self.task.timeout:
+            left = f"{self.visits.distance(pose):.1f} m from {self.visits.goal_name}"
+            return self._verdict(Outcome.TIMEOUT, f"{self.task.timeout:g} s are up, {left}")
+        return None
+
+    def _finish(self, now: float, pose: Pose, twist: Twist) -> Verdict | None:
+        """The stack says it is there: let it come to rest, then look where it is."""
+        if self.finished_at is None:
+            self.finished_at = now
+        moving = abs(twist.v) > _STILL or abs(twist.w) > _STILL
+        if moving and now - self.finished_at < SETTLE_TIME:
+            return None
+        missed = self.visits.missed(pose)
+        if missed is None:
+            goal = self.task.goals[-1]
+            off = math.hypot(goal.x - pose.x, goal.y - pose.y)
+            return self._verdict(Outcome.REACHED, f"stands {off:.2f} m from {_name(goal)}")
+        return self._verdict(Outcome.LOST, missed)
+
+    def _verdict(self, outcome: Outcome, reason: str, trace: str = "") -> Verdict:
+        return Verdict(
+            outcome=outcome,
+            reason=reason,
+            behavior=self.leader,
+            tick=self.recorder.ticks,
+            time=self.simulator.time,
+            trace=trace,
+        )
+
+
+class _Visits:
+    """Which goals the robot has truly visited, in order."""
+
+    def __init__(self, goals: Sequence[Waypoint], radius: float) -> None:
+        self.goals = goals
+        self.radius = radius
+        self.next = 0
+        self.nearest = math.inf
+
+    @property
+    def goal(self) -> Waypoint:
+        """The first goal that has not been visited, or the last one."""
+        return self.goals[min(self.next, len(self.goals) - 1)]
+
+    @property
+    def goal_name(self) -> str:
+        return _name(self.goal)
+
+    def distance(self, pose: Pose) -> float:
+        return math.hypot(self.goal.x - pose.x, self.goal.y - pose.y)
+
+    def see(self, pose: Pose) -> None:
+        distance = self.distance(pose)
+        self.nearest = min(self.nearest, distance)
+        if self.next < len(self.goals) and distance <= self.radius:
+            self.next += 1
+            self.nearest = math.inf
+
+    def missed(self, pose: Pose) -> str | None:
+        """What is missing for success when the stack has finished at the true ``pose``."""
+        last = self.goals[-1]
+        if self.next < len(self.goals) - 1:
+            came = f"came no nearer to {self.goal_name} than {self.nearest:.2f} m"
+            return f"the stack believes it has visited all goals, but {came}"
+        off = math.hypot(last.x - pose.x, last.y - pose.y)
+        if off <= self.radius:
+            return None
+        return f"the stack believes it is at {_name(last)}, but is {off:.2f} m away from it"
+
+
+class _Stall:
+    """Notices when a robot stays in one place, turning or twitching perhaps."""
+
+    def __init__(self, limit: float, radius: float) -> None:
+        self.limit = limit
+        self.radius = radius
+        self.since = 0.0
+        self.anchor: Pose | None = None
+
+    def see(self, now: float, pose: Pose) -> bool:
+        anchor = self.anchor
+        if anchor is None or math.hypot(pose.x - anchor.x, pose.y - anchor.y) > self.radius:
+            self.anchor, self.since = pose, now
+        return now - self.since >= self.limit
+
+
+def _name(goal: Waypoint) -> str:
+    return repr(goal.place) if goal.place else f"({goal.x:g}, {goal.y:g})"

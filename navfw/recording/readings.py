@@ -1,0 +1,220 @@
+"""Sensor readings on disk, so that the stack can be run again from them alone.
+
+One ``.npz`` of plain arrays (never pickles). Both ways are bounded: a recorder stops at its limit
+and says so, and a file is measured by its headers before any of it is unpacked.
+"""
+
+from __future__ import annotations
+
+import zipfile
+from array import array
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from navfw.errors import ConfigError
+from navfw.signals import Array, Encoders, Frame, Image, Inertial, SensorReading
+
+__all__ = ["MAX_BYTES", "ReadingsRecorder", "Recording", "load_recording"]
+
+MAX_BYTES = 1 << 30
+"""Most bytes a recording may hold, unpacked: an hour of 160x120 images at 10 Hz is 0.7 GB."""
+
+_NONE = -1
+_SENSOR_COLUMNS = 6  # time, roll, pitch, yaw rate; inertial time; encoder time
+
+
+@dataclass(frozen=True, slots=True)
+class _Frames:
+    """A stream of images: ``time`` (m,), ``image`` (m, height, width); ``at`` (n,) index or -1."""
+
+    at: npt.NDArray[np.int64]
+    time: Array
+    image: Image
+
+    def get(self, tick: int) -> Frame | None:
+        index = int(self.at[tick])
+        return None if index == _NONE else Frame(float(self.time[index]), self.image[index])
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """What a run's sensors gave and what its stack answered, tick by tick (n ticks).
+
+    ``commands`` (n, 2): v [m/s] and w [rad/s] as driven. ``complete`` is false when the recorder
+    reached its limit before the run ended.
+    """
+
+    sensors: Array
+    ticks: npt.NDArray[np.int64]
+    commands: Array
+    frames: _Frames
+    landmark_frames: _Frames
+    complete: bool
+
+    def __len__(self) -> int:
+        return len(self.sensors)
+
+    def readings(self) -> Iterator[SensorReading]:
+        """The sensor readings, one per control tick, as the stack got them."""
+        for tick, row in enumerate(self.sensors.tolist()):
+            time, roll, pitch, yaw, inertial_time, encoder_time = row
+            left, right = self.ticks[tick].tolist()
+            yield SensorReading(
+                time=time,
+                inertial=Inertial(inertial_time, roll, pitch, yaw),
+                encoders=Encoders(encoder_time, left, right),
+                frame=self.frames.get(tick),
+                landmark_frame=self.landmark_frames.get(tick),
+            )
+
+
+@dataclass(slots=True)
+class _FrameList:
+    """Images as they come; a stream keeps one size from the first image on."""
+
+    at: list[int] = field(default_factory=list)
+    time: list[float] = field(default_factory=list)
+    image: list[Image] = field(default_factory=list)
+
+    def add(self, frame: Frame | None) -> int:
+        """Keep ``frame``; returns the bytes it costs."""
+        self.at.append(_NONE if frame is None else len(self.image))
+        if frame is None:
+            return 0
+        self.time.append(frame.time)
+        self.image.append(frame.image.copy())
+        return int(frame.image.nbytes)
+
+    def arrays(self, name: str) -> dict[str, npt.NDArray[Any]]:
+        stack = np.stack(self.image) if self.image else np.zeros((0, 1, 1), dtype=np.uint8)
+        return {
+            f"{name}_at": np.array(self.at, dtype=np.int64),
+            f"{name}_time": np.array(self.time, dtype=np.float64),
+            f"{name}_image": stack,
+        }
+
+
+@dataclass(slots=True)
+class ReadingsRecorder:
+    """Keeps readings and commands in memory (at most ``max_bytes``) until ``save``."""
+
+    max_bytes: int = MAX_BYTES
+    complete: bool = True
+    _bytes: int = 0
+    _sensors: array[float] = field(default_factory=lambda: array("d"))
+    _ticks: array[int] = field(default_factory=lambda: array("q"))
+    _commands: array[float] = field(default_factory=lambda: array("d"))
+    _frames: _FrameList = field(default_factory=_FrameList)
+    _landmark_frames: _FrameList = field(default_factory=_FrameList)
+
+    def add(self, reading: SensorReading, v: float, w: float) -> None:
+        """One control tick: what the sensors gave, and the twist that the stack answered with."""
+        cost = 96 + sum(
+            frame.image.nbytes for frame in (reading.frame, reading.landmark_frame) if frame
+        )
+        if not self.complete or self._bytes + cost > self.max_bytes:
+            self.complete = False
+            return
+        self._bytes += cost
+        inertial, encoders = reading.inertial, reading.encoders
+        self._sensors.extend(
+            (
+                reading.time,
+                inertial.roll_rate,
+                inertial.pitch_rate,
+                inertial.yaw_rate,
+                inertial.time,
+                encoders.time,
+            )
+        )
+        self._ticks.extend((encoders.left, encoders.right))
+        self._commands.extend((v, w))
+        self._frames.add(reading.frame)
+        self._landmark_frames.add(reading.landmark_frame)
+
+    def save(self, path: Path) -> None:
+        """Write everything to ``path`` (.npz)."""
+        arrays: dict[str, Any] = {
+            "sensors": np.array(self._sensors, dtype=np.float64).reshape(-1, _SENSOR_COLUMNS),
+            "ticks": np.array(self._ticks, dtype=np.int64).reshape(-1, 2),
+            "commands": np.array(self._commands, dtype=np.float64).reshape(-1, 2),
+            "complete": np.array(self.complete),
+            **self._frames.arrays("frames"),
+            **self._landmark_frames.arrays("landmarks"),
+        }
+        np.savez_compressed(path, **arrays)
+
+
+# name of each array -> (dtype, number of dimensions)
+_LAYOUT: dict[str, tuple[str, int]] = {
+    "sensors": ("<f8", 2),
+    "ticks": ("<i8", 2),
+    "commands": ("<f8", 2),
+    "complete": ("|b1", 0),
+} | {
+    f"{stream}_{part}": kind
+    for stream in ("frames", "landmarks")
+    for part, kind in {"at": ("<i8", 1), "time": ("<f8", 1), "image": ("|u1", 3)}.items()
+}
+
+
+def load_recording(path: str | Path, max_bytes: int = MAX_BYTES) -> Recording:
+    """Read what ``ReadingsRecorder.save`` wrote.
+
+    Raises:
+        ConfigError: the file is missing, too large, or not such a recording.
+    """
+    path = Path(path)
+    try:
+        arrays = _read_arrays(path, max_bytes)
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
+        raise ConfigError(f"not a recording of sensor readings: {error}", file=path) from error
+    recording = Recording(
+        sensors=arrays["sensors"],
+        ticks=arrays["ticks"],
+        commands=arrays["commands"],
+        frames=_frames(arrays, "frames"),
+        landmark_frames=_frames(arrays, "landmarks"),
+        complete=bool(arrays["complete"]),
+    )
+    _check(recording, path)
+    return recording
+
+
+def _read_arrays(path: Path, max_bytes: int) -> dict[str, npt.NDArray[Any]]:
+    with zipfile.ZipFile(path) as archive:
+        sizes = {info.filename: info.file_size for info in archive.infolist()}
+    expected = {f"{name}.npy" for name in _LAYOUT}
+    if set(sizes) != expected:
+        odd = ", ".join(sorted(set(sizes) ^ expected)[:3])
+        raise ValueError(f"its arrays are not the expected ones ({odd})")
+    if sum(sizes.values()) > max_bytes:
+        raise ValueError(f"it unpacks to {sum(sizes.values())} bytes; at most {max_bytes}")
+    with np.load(path, allow_pickle=False) as data:
+        arrays = {name: data[name] for name in _LAYOUT}
+    for name, (dtype, dimensions) in _LAYOUT.items():
+        if arrays[name].dtype.str != dtype or arrays[name].ndim != dimensions:
+            raise ValueError(f"array {name!r} should be {dtype} with {dimensions} dimensions")
+    return arrays
+
+
+def _frames(arrays: dict[str, npt.NDArray[Any]], name: str) -> _Frames:
+    return _Frames(arrays[f"{name}_at"], arrays[f"{name}_time"], arrays[f"{name}_image"])
+
+
+def _check(recording: Recording, path: Path) -> None:
+    ticks = len(recording)
+    wide = recording.sensors.shape == (ticks, _SENSOR_COLUMNS)
+    pairs = recording.ticks.shape == recording.commands.shape == (ticks, 2)
+    if not (wide and pairs):
+        raise ConfigError("not a recording of sensor readings: its lengths differ", file=path)
+    for frames in (recording.frames, recording.landmark_frames):
+        images = len(frames.image)
+        counted = len(frames.at) == ticks and len(frames.time) == images
+        if not counted or np.any((frames.at < _NONE) | (frames.at >= images)):
+            raise ConfigError("not a recording of sensor readings: images are missing", file=path)

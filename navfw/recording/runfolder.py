@@ -1,0 +1,153 @@
+"""The folder a run leaves behind, written whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from navfw.errors import ConfigError, InputError
+
+__all__ = ["FILES", "RESULT", "RunFolder", "plain_json", "read_result"]
+
+RESULT = "result.json"
+FILES = frozenset({RESULT, "trajectory.png", "recording.npz", "map.yaml", "stack.yaml"})
+"""Every file that a run writes; a folder with anything else in it is never replaced."""
+
+_MAX_RESULT = 16_000_000
+
+
+def plain_json(value: Any) -> Any:
+    """``value`` with numpy scalars, tuples and paths as JSON has them; inf and nan become null."""
+    if isinstance(value, Mapping):
+        return {str(key): plain_json(item) for key, item in value.items()}
+    if isinstance(value, list | tuple | set | frozenset):
+        return [plain_json(item) for item in value]
+    if hasattr(value, "tolist"):  # a numpy scalar or array
+        return plain_json(value.tolist())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if value is None or isinstance(value, bool | int | str):
+        return value
+    return str(value)
+
+
+class RunFolder:
+    """A context manager: files are written to ``path`` beside the target, then renamed into place.
+
+    ``with RunFolder(target) as folder:`` gives a folder whose ``path`` is temporary; leaving the
+    block without an exception moves it to ``target`` (see ``final``), leaving it with one removes
+    it. An earlier run at ``target`` is replaced; anything else there is refused. With
+    ``numbered=True`` the target's name gets ``-2``, ``-3``, ... until it is free.
+
+    Raises:
+        InputError: the target exists and is not a run folder, or cannot be written.
+    """
+
+    def __init__(self, target: str | Path, *, numbered: bool = False) -> None:
+        self.target = Path(target)
+        self.numbered = numbered
+        self.final: Path | None = None
+        self.path: Path = self.target
+        if not numbered:
+            _refuse_foreign(self.target)
+
+    def __enter__(self) -> Self:
+        parent = self.target.absolute().parent
+        try:
+            parent.mkdir(parents=True, exist_ok=True)
+            self.path = Path(tempfile.mkdtemp(prefix=f".{self.target.name}.", dir=parent))
+            self.path.chmod(0o755)
+        except OSError as error:
+            raise _unwritable(self.target, error) from error
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        try:
+            if kind is None:
+                self._move_into_place()
+        except OSError as failure:
+            raise _unwritable(self.target, failure) from failure
+        finally:
+            shutil.rmtree(self.path, ignore_errors=True)
+
+    def write_json(self, name: str, value: Any) -> None:
+        """Write ``value`` as indented JSON (see ``plain_json``)."""
+        text = json.dumps(plain_json(value), indent=2, allow_nan=False)
+        (self.path / name).write_text(text + "\n", encoding="utf-8")
+
+    def write_yaml(self, name: str, value: Any) -> None:
+        """Write plain data as YAML; JSON is YAML, so no number loses a digit on the way back."""
+        self.write_json(name, value)
+
+    def _move_into_place(self) -> None:
+        number = 1
+        while True:
+            place = self.target
+            if self.numbered and number > 1:
+                place = self.target.with_name(f"{self.target.name}-{number}")
+            if self.numbered and place.exists():
+                number += 1
+                continue
+            if place.exists():
+                _refuse_foreign(place)
+                shutil.rmtree(place)
+            try:
+                self.path.rename(place)
+            except OSError:
+                if not (self.numbered and place.exists()):  # another run took the name just now
+                    raise
+                continue
+            self.final = place
+            return
+
+
+def _refuse_foreign(target: Path) -> None:
+    if not target.exists():
+        return
+    if not target.is_dir():
+        raise InputError("is a file; the run needs a folder of its own", file=target)
+    names = {entry.name for entry in target.iterdir()}
+    if not names:
+        return
+    foreign = sorted(names - FILES)
+    if RESULT not in names or foreign:
+        found = f"it holds {foreign[0]!r}" if foreign else f"it holds no {RESULT}"
+        raise InputError(
+            f"is not a run folder ({found}), so it is not overwritten; choose another --out",
+            file=target,
+        )
+
+
+def _unwritable(target: Path, error: OSError) -> InputError:
+    return InputError(f"cannot be written: {error.strerror or error}", file=target)
+
+
+def read_result(folder: str | Path) -> dict[str, Any]:
+    """The ``result.json`` of a run folder.
+
+    Raises:
+        ConfigError: the folder is not a run folder, or its result cannot be read.
+    """
+    path = Path(folder) / RESULT
+    try:
+        if path.stat().st_size > _MAX_RESULT:
+            raise ConfigError(f"is larger than {_MAX_RESULT} bytes", file=path)
+        result = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise ConfigError(f"is not a run folder: it has no {RESULT}", file=folder) from None
+    except (OSError, ValueError, RecursionError) as error:
+        raise ConfigError(f"cannot be read: {error}", file=path) from error
+    if not isinstance(result, dict):
+        raise ConfigError("does not hold one object", file=path)
+    return result

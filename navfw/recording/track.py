@@ -1,0 +1,129 @@
+"""The track of a run: where the robot was, where it thought it was, what it commanded, and why."""
+
+from __future__ import annotations
+
+import hashlib
+from array import array
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from navfw.signals import Array, Pose, Twist, Waypoint
+
+__all__ = ["Contact", "Track", "TrackRecorder", "hash_commands"]
+
+
+def hash_commands(commands: Array) -> str:
+    """The sha256 (hex) of a command stream.
+
+    ``commands`` (n, 3) holds time [s], v [m/s] and w [rad/s] of every control tick; hashed as
+    little-endian float64, row after row, so that equal hashes mean equal bytes of commands.
+
+    >>> hash_commands(np.zeros((0, 3)))[:8]
+    'e3b0c442'
+    """
+    rows = np.ascontiguousarray(commands, dtype="<f8").reshape(-1, 3)
+    return hashlib.sha256(rows.tobytes()).hexdigest()
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """The robot touched ``body`` at ``time`` [s], its centre being at x, y [m, map frame]."""
+
+    time: float
+    x: float
+    y: float
+    body: str
+
+
+@dataclass(frozen=True, slots=True)
+class Track:
+    """A whole run, one row per control tick (n rows); poses are x, y [m], yaw [rad] in ``map``.
+
+    ``true`` (n, 3) comes from the simulator and ``estimate`` (n, 3) from the stack's localiser.
+    ``commands`` (n, 2) holds v [m/s] and w [rad/s]; ``leader`` (n,) indexes ``leaders``, the names
+    of the behaviours that led; ``emergency`` (n,) tells where one braked as hard as it could.
+    ``waypoints`` are those the planner gave, in order.
+    """
+
+    time: Array
+    true: Array
+    estimate: Array
+    commands: Array
+    leader: npt.NDArray[np.int16]
+    emergency: npt.NDArray[np.bool_]
+    leaders: tuple[str, ...]
+    contacts: tuple[Contact, ...] = ()
+    waypoints: tuple[Waypoint, ...] = ()
+
+    @property
+    def ticks(self) -> int:
+        """How many control ticks the run had."""
+        return len(self.time)
+
+    @property
+    def command_stream(self) -> Array:
+        """(n, 3): time [s], v [m/s], w [rad/s]."""
+        return np.column_stack([self.time, self.commands])
+
+    @property
+    def command_hash(self) -> str:
+        """The fingerprint of the command stream (see ``hash_commands``)."""
+        return hash_commands(self.command_stream)
+
+    def every(self, period: float) -> npt.NDArray[np.intp]:
+        """Indices of ticks about ``period`` [s] apart; the first and the last are among them."""
+        if self.ticks < 2:
+            return np.arange(self.ticks)
+        tick = (self.time[-1] - self.time[0]) / (self.ticks - 1)
+        step = max(1, round(period / tick)) if tick > 0.0 else 1
+        picked = np.arange(0, self.ticks, step)
+        return picked if picked[-1] == self.ticks - 1 else np.append(picked, self.ticks - 1)
+
+
+@dataclass(slots=True)
+class TrackRecorder:
+    """Collects a ``Track`` tick by tick."""
+
+    contacts: list[Contact] = field(default_factory=list)
+    _rows: array[float] = field(default_factory=lambda: array("d"))
+    _leader: list[int] = field(default_factory=list)
+    _leaders: dict[str, int] = field(default_factory=dict)
+    _emergency: list[bool] = field(default_factory=list)
+    _waypoints: dict[tuple[float, float, str], Waypoint] = field(default_factory=dict)
+
+    @property
+    def ticks(self) -> int:
+        """How many ticks have been added."""
+        return len(self._leader)
+
+    def add(
+        self, time: float, true: Pose, estimate: Pose, twist: Twist, leader: str, emergency: bool
+    ) -> None:
+        """One control tick."""
+        self._rows.extend(
+            (time, true.x, true.y, true.yaw, estimate.x, estimate.y, estimate.yaw, twist.v, twist.w)
+        )
+        self._leader.append(self._leaders.setdefault(leader, len(self._leaders)))
+        self._emergency.append(emergency)
+
+    def add_waypoints(self, waypoints: tuple[Waypoint, ...]) -> None:
+        """The planner's waypoints ahead; those already known are kept once, in order."""
+        for waypoint in waypoints:
+            self._waypoints.setdefault((waypoint.x, waypoint.y, waypoint.place), waypoint)
+
+    def track(self) -> Track:
+        """All that has been added so far."""
+        rows = np.array(self._rows, dtype=np.float64).reshape(-1, 9)
+        return Track(
+            time=rows[:, 0],
+            true=rows[:, 1:4],
+            estimate=rows[:, 4:7],
+            commands=rows[:, 7:9],
+            leader=np.array(self._leader, dtype=np.int16),
+            emergency=np.array(self._emergency, dtype=np.bool_),
+            leaders=tuple(self._leaders),
+            contacts=tuple(self.contacts),
+            waypoints=tuple(self._waypoints.values()),
+        )

@@ -1,0 +1,226 @@
+"""The picture of a run: where the robot truly went, where it thought it was, and who led."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from navfw.recording.track import Track
+from navfw.signals import Array, Pose
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["Disc", "Outline", "Picture", "draw_trajectory"]
+
+Point = tuple[float, float]
+
+# Okabe and Ito's colours: told apart by colour-blind readers too. Known behaviours keep theirs.
+_PALETTE = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#B8A800", "#6A51A3")
+_FIXED = {
+    "go_to_xy": "#0072B2",
+    "avoid": "#E69F00",
+    "follow_wall": "#009E73",
+    "emergency": "#D55E00",
+    "": "#9A9A9A",
+}
+_WALL, _FURNITURE, _EDGE, _FLOOR = "#4A4A4A", "#D9D2C5", "#8C8577", "#FBFAF7"
+_ESTIMATE, _PLACE, _START, _GOAL, _CONTACT = "#303030", "#7A7A7A", "#2E7D32", "#B0004E", "#D00000"
+
+_BAD_OUTCOME, _GOOD_OUTCOME = "#B00020", "#2E7D32"
+
+
+@dataclass(frozen=True, slots=True)
+class Disc:
+    """A round thing seen from above: centre x, y and radius [m]."""
+
+    x: float
+    y: float
+    radius: float
+
+
+@dataclass(frozen=True, slots=True)
+class Outline:
+    """A world seen from above; polygons are (k, 2) [m] in ``map``."""
+
+    walls: Sequence[Array] = ()
+    furniture: Sequence[Array] = ()
+    discs: Sequence[Disc] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """What the picture of one run shows besides its track.
+
+    ``title`` and ``subtitle`` open it; ``good`` colours the title. ``places`` are those of the
+    topological map; ``zone`` [m] is the success zone's radius about each goal.
+    """
+
+    title: str
+    subtitle: str
+    good: bool
+    outline: Outline
+    start: Pose
+    goals: Sequence[Point]
+    zone: float
+    robot_radius: float
+    places: Mapping[str, Point]
+
+
+def draw_trajectory(path: Path, track: Track, picture: Picture) -> None:
+    """Write the picture of ``track`` as PNG to ``path``."""
+    # The object interface with the Agg canvas: no window system, and pyplot's global state stays
+    # untouched, whatever the caller's program does with it.
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    low, high = _bounds(track, picture)
+    width, height = high - low
+    scale = min(11.0 / width, 8.0 / height)
+    figure = Figure(figsize=(max(6.5, width * scale) + 0.6, max(3.0, height * scale) + 1.5))
+    FigureCanvasAgg(figure)
+    axes = figure.add_axes((0.05, 0.13, 0.92, 0.76))
+    _draw_world(axes, picture)
+    _draw_paths(axes, track)
+    _draw_marks(axes, track, picture)
+    axes.set_xlim(low[0], high[0])
+    axes.set_ylim(low[1], high[1])
+    axes.set_aspect("equal")
+    axes.set_facecolor(_FLOOR)
+    axes.tick_params(labelsize=8, colors="#666666", length=2)
+    axes.set_xlabel("x [m]", fontsize=8, color="#666666", labelpad=1)
+    axes.set_ylabel("y [m]", fontsize=8, color="#666666", labelpad=1)
+    for spine in axes.spines.values():
+        spine.set_visible(False)
+    color = _GOOD_OUTCOME if picture.good else _BAD_OUTCOME
+    figure.text(0.03, 0.955, picture.title, fontsize=13, weight="bold", color=color)
+    figure.text(0.03, 0.92, picture.subtitle, fontsize=9, color="#444444")
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(
+        handles,
+        labels,
+        loc="lower center",
+        ncols=math.ceil(len(labels) / math.ceil(len(labels) / 10)),
+        columnspacing=1.4,
+        fontsize=8,
+        frameon=False,
+    )
+    figure.savefig(path, dpi=130, format="png", metadata={"Software": "navfw"})
+
+
+def _bounds(track: Track, picture: Picture) -> tuple[Array, Array]:
+    points = [track.true[:, :2], track.estimate[:, :2], np.array(picture.goals).reshape(-1, 2)]
+    points += [np.array([[picture.start.x, picture.start.y]])]
+    points += [*picture.outline.walls, *picture.outline.furniture]
+    points += [
+        np.array([[d.x - d.radius, d.y - d.radius], [d.x + d.radius, d.y + d.radius]])
+        for d in picture.outline.discs
+    ]
+    together = np.vstack(points)
+    margin = 0.4
+    return together.min(axis=0) - margin, together.max(axis=0) + margin
+
+
+def _draw_world(axes: Axes, picture: Picture) -> None:
+    from matplotlib.patches import Circle, Polygon
+    from matplotlib.patheffects import withStroke
+
+    for polygon in picture.outline.furniture:
+        axes.add_patch(Polygon(polygon, closed=True, fc=_FURNITURE, ec=_EDGE, lw=0.8, zorder=1))
+    for disc in picture.outline.discs:
+        circle = Circle((disc.x, disc.y), disc.radius, fc=_FURNITURE, ec=_EDGE, lw=0.8, zorder=1)
+        axes.add_patch(circle)
+    for polygon in picture.outline.walls:
+        axes.add_patch(Polygon(polygon, closed=True, fc=_WALL, ec=_WALL, lw=0.6, zorder=2))
+    for name, (x, y) in picture.places.items():
+        axes.plot(x, y, marker="o", ms=3.0, color=_PLACE, zorder=3)
+        axes.annotate(
+            name,
+            (x, y),
+            xytext=(4, 4),
+            textcoords="offset points",
+            fontsize=7,
+            color=_PLACE,
+            path_effects=[withStroke(linewidth=2.0, foreground=_FLOOR)],
+            zorder=7,
+        )
+
+
+def _draw_paths(axes: Axes, track: Track) -> None:
+    from matplotlib.collections import LineCollection
+
+    shown = track.every(0.1)
+    if len(shown) < 2:
+        return
+    true, estimate = track.true[shown, :2], track.estimate[shown, :2]
+    segments = np.stack([true[:-1], true[1:]], axis=1)
+    leader = track.leader[shown][1:]
+    for index, (name, color) in enumerate(_colors(track.leaders).items()):
+        mine = segments[leader == index]
+        if not len(mine):
+            continue
+        label = f"{name or 'standing'} ({100.0 * len(mine) / len(segments):.0f} %)"
+        lines = LineCollection(list(mine), colors=color, linewidths=3.2, label=label, zorder=5)
+        lines.set_capstyle("round")
+        axes.add_collection(lines)
+    axes.plot(*estimate.T, color=_ESTIMATE, lw=0.9, ls=(0, (4, 2)), label="estimate", zorder=6)
+
+
+def _colors(leaders: Sequence[str]) -> dict[str, str]:
+    free = [color for color in _PALETTE if color not in {_FIXED.get(name) for name in leaders}]
+    colors: dict[str, str] = {}
+    for name in leaders:
+        spare = free[len(colors) % len(free)] if free else _PALETTE[len(colors) % len(_PALETTE)]
+        colors[name] = _FIXED.get(name, spare)
+    return colors
+
+
+def _draw_marks(axes: Axes, track: Track, picture: Picture) -> None:
+    from matplotlib.patches import Circle
+
+    start = picture.start
+    body = Circle((start.x, start.y), picture.robot_radius, fc="white", ec=_START, lw=1.6, zorder=7)
+    axes.add_patch(body)
+    nose = 1.9 * picture.robot_radius
+    axes.plot(
+        [start.x, start.x + nose * math.cos(start.yaw)],
+        [start.y, start.y + nose * math.sin(start.yaw)],
+        color=_START,
+        lw=1.6,
+        label="start",
+        zorder=7,
+    )
+    inner = [waypoint for waypoint in track.waypoints if waypoint.kind != "goal"]
+    if inner:
+        xs, ys = [w.x for w in inner], [w.y for w in inner]
+        style = {"marker": "D", "ms": 5.5, "mfc": "none", "mec": _GOAL, "mew": 1.1, "ls": ""}
+        axes.plot(xs, ys, label="waypoint", zorder=7, **style)  # type: ignore[arg-type]
+    for x, y in picture.goals:
+        zone = Circle((x, y), picture.zone, fc=_GOAL, ec=_GOAL, alpha=0.13, lw=0.0, zorder=3)
+        axes.add_patch(zone)
+    xs, ys = [x for x, _ in picture.goals], [y for _, y in picture.goals]
+    axes.plot(xs, ys, marker="*", ms=11, mfc=_GOAL, mec="white", ls="", label="goal", zorder=8)
+    if track.contacts:
+        xs, ys = [c.x for c in track.contacts], [c.y for c in track.contacts]
+        axes.plot(
+            xs, ys, marker="X", ms=11, mfc=_CONTACT, mec="white", ls="", zorder=9, label="hit"
+        )
+        axes.annotate(
+            track.contacts[0].body,
+            (track.contacts[0].x, track.contacts[0].y),
+            xytext=(8, -11),
+            textcoords="offset points",
+            fontsize=8,
+            color=_CONTACT,
+            zorder=9,
+        )
+    if track.ticks:
+        x, y, _ = track.true[-1]
+        radius = picture.robot_radius
+        end = Circle((x, y), radius, fc="none", ec="#111111", lw=1.4, zorder=8)
+        axes.add_patch(end)
