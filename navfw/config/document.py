@@ -16,7 +16,17 @@ from ruamel.yaml.reader import ReaderError
 
 from navfw.errors import ConfigError, did_you_mean
 
-__all__ = ["Data", "KeyPath", "Origin", "YamlDocument", "key_text", "load_yaml", "parse_yaml"]
+__all__ = [
+    "Data",
+    "KeyPath",
+    "Origin",
+    "YamlDocument",
+    "key_text",
+    "load_yaml",
+    "no_such_file",
+    "parse_yaml",
+    "shown_path",
+]
 
 KeyPath: TypeAlias = tuple[str | int, ...]
 """Where something is in a document: mapping keys and list indices, outermost first."""
@@ -99,7 +109,7 @@ def load_yaml(path: str | Path, max_bytes: int = 1_000_000) -> YamlDocument:
     name = shown_path(path)
     try:
         if not path.is_file():
-            raise _not_a_file(path, name)
+            raise no_such_file(path)
         with path.open("rb") as stream:
             raw = stream.read(max_bytes + 1)
     except (OSError, ValueError) as error:  # ValueError: a null byte in the path
@@ -165,6 +175,21 @@ def shown_path(path: Path) -> str:
         return str(path.absolute().relative_to(Path.cwd()))
     except (ValueError, OSError):
         return str(path)
+
+
+def no_such_file(path: Path) -> ConfigError:
+    """The error for a ``path`` that is no regular file; it names the nearest YAML file beside."""
+    name = shown_path(path)
+    if path.is_dir():
+        return ConfigError("expected a file, got a folder", file=name)
+    if path.exists():
+        return ConfigError("expected a regular file", file=name)
+    siblings: list[str] = []
+    if path.parent.is_dir():
+        siblings = [p.name for p in path.parent.iterdir() if p.suffix in {".yaml", ".yml"}]
+    near = did_you_mean(path.name, siblings)
+    hint = f"; {near}" if near.startswith("did") else ""
+    return ConfigError(f"there is no such file{hint}", file=name)
 
 
 class _Builder:
@@ -267,18 +292,6 @@ def _syntax_message(error: MarkedYAMLError) -> str:
     if error.context and str(error.context) != problem:
         problem = f"{problem} ({error.context})"
     return f"not valid YAML: {problem}"
-
-
-def _not_a_file(path: Path, name: str) -> ConfigError:
-    if path.is_dir():
-        return ConfigError("expected a file, got a folder", file=name)
-    if path.exists():
-        return ConfigError("expected a regular file", file=name)
-    siblings: list[str] = []
-    if path.parent.is_dir():
-        siblings = [p.name for p in path.parent.iterdir() if p.suffix in {".yaml", ".yml"}]
-    hint = f"; {did_you_mean(path.name, siblings)}" if siblings else ""
-    return ConfigError(f"there is no such file{hint}", file=name)
 
 
 def _kind(data: Data) -> str:
