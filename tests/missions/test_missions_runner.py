@@ -1,0 +1,158 @@
+"""The loop, driven by fakes: every way a mission can end, and the command stream's fingerprint."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from navfw.errors import MapError
+from navfw.missions.outcome import Outcome
+from navfw.missions.runner import Progress, Task, run_task
+from navfw.robot import RobotModel
+from navfw.signals import Pose, SensorReading, Twist, Waypoint
+from navfw.testing.fakes import FakePilot, FakeSimulator, Post, ScriptedPilot
+
+ROBOT = RobotModel()
+START = Pose(0.0, 0.0, 0.0)
+
+
+def goal(x: float, y: float, name: str = "there") -> Waypoint:
+    return Waypoint(x, y, tolerance=0.3, place=name, kind="goal", final=True)
+
+
+def task(*goals: Waypoint, timeout: float = 60.0, stuck_after: float = 45.0) -> Task:
+    return Task(ROBOT, START, goals or (goal(2.0, 0.5),), timeout, stuck_after=stuck_after)
+
+
+def test_a_good_run_is_reached_in_the_success_zone() -> None:
+    run = run_task(task(), FakePilot(), FakeSimulator(START))
+    assert run.verdict.outcome is Outcome.REACHED
+    x, y, _ = run.track.true[-1]
+    assert math.hypot(x - 2.0, y - 0.5) <= 0.5
+    assert run.verdict.behavior == "fake"
+    assert run.track.ticks == run.verdict.tick
+    assert run.sim_time == pytest.approx(run.track.ticks / ROBOT.control_rate)
+
+
+def test_a_touch_ends_the_run_at_once() -> None:
+    simulator = FakeSimulator(START, posts=[Post("column", 1.0, 0.2)])
+    run = run_task(task(), FakePilot(), simulator)
+    assert run.verdict.outcome is Outcome.COLLIDED
+    assert "column" in run.verdict.reason
+    (contact,) = run.track.contacts
+    assert math.hypot(contact.x - 1.0, contact.y - 0.2) == pytest.approx(0.28, abs=0.01)
+
+
+def test_a_stack_that_is_mistaken_is_lost_and_told_how_far() -> None:
+    run = run_task(task(), FakePilot(yaw_error=0.5), FakeSimulator(START))
+    assert run.verdict.outcome is Outcome.LOST
+    x, y, _ = run.track.true[-1]
+    assert f"{math.hypot(x - 2.0, y - 0.5):.2f} m" in run.verdict.reason
+
+
+def test_goals_count_only_in_order_and_when_truly_visited() -> None:
+    there, back = goal(2.0, 0.0, "there"), goal(0.0, 0.0, "back")
+    run = run_task(task(there, back), FakePilot(), FakeSimulator(START))
+    assert run.verdict.outcome is Outcome.REACHED
+    skipped = run_task(task(there, back), ScriptedPilot([]), FakeSimulator(START))
+    assert skipped.verdict.outcome is Outcome.LOST
+    assert "'there'" in skipped.verdict.reason
+    assert "2.00 m" in skipped.verdict.reason
+
+
+def test_time_runs_out_at_the_stated_moment() -> None:
+    pilot = ScriptedPilot([Twist(0.1, 0.0)] * 10_000)
+    run = run_task(task(timeout=2.0), pilot, FakeSimulator(START))
+    assert run.verdict.outcome is Outcome.TIMEOUT
+    assert run.sim_time == pytest.approx(2.0, abs=0.05)
+
+
+def test_turning_on_the_spot_for_long_is_stuck() -> None:
+    pilot = ScriptedPilot([Twist(0.0, 1.0)] * 10_000)
+    run = run_task(task(stuck_after=3.0), pilot, FakeSimulator(START))
+    assert run.verdict.outcome is Outcome.STUCK
+    assert run.sim_time == pytest.approx(3.0, abs=0.05)
+
+
+def test_the_stack_may_say_itself_that_it_is_stuck() -> None:
+    run = run_task(task(), ScriptedPilot([], stuck="walls all round"), FakeSimulator(START))
+    assert (run.verdict.outcome, run.verdict.reason) == (Outcome.STUCK, "walls all round")
+
+
+class BrokenPilot(ScriptedPilot):
+    """Works until tick 5, then does what it was given."""
+
+    def __init__(self, breakage: BaseException | Twist) -> None:
+        super().__init__([Twist(0.2, 0.0)] * 5)
+        self.breakage = breakage
+
+    def step(self, reading: SensorReading) -> Twist:
+        if self._tick < 5:
+            return super().step(reading)
+        if isinstance(self.breakage, BaseException):
+            raise self.breakage
+        return self.breakage
+
+
+@pytest.mark.parametrize(
+    ("breakage", "outcome", "reason"),
+    [
+        (ValueError("bad cell"), Outcome.FAULT, "ValueError: bad cell"),
+        (MapError("no way left"), Outcome.FAULT, "no way left"),
+        (Twist(math.nan, 0.0), Outcome.FAULT, "v = nan"),
+        (KeyboardInterrupt(), Outcome.CANCELLED, "by hand"),
+    ],
+)
+def test_breakage_ends_the_run_in_order(
+    breakage: BaseException | Twist, outcome: Outcome, reason: str
+) -> None:
+    run = run_task(task(), BrokenPilot(breakage), FakeSimulator(START))
+    assert run.verdict.outcome is outcome
+    assert reason in run.verdict.reason
+    assert run.track.ticks == 5
+    assert ("Traceback" in run.verdict.trace) == (isinstance(breakage, Exception))
+
+
+def test_a_mission_that_the_stack_refuses_is_the_users_error() -> None:
+    class Refuser(ScriptedPilot):
+        def start(self, pose: Pose, goals: Sequence[Waypoint]) -> None:
+            raise MapError("no way to the goal")
+
+    with pytest.raises(MapError, match="no way to the goal"):
+        run_task(task(), Refuser([]), FakeSimulator(START))
+
+
+def test_progress_tells_distance_and_who_leads() -> None:
+    seen: list[Progress] = []
+    run_task(task(goal(2.0, 0.0)), FakePilot(), FakeSimulator(START), progress=seen.append)
+    assert seen[0].distance == pytest.approx(2.0)
+    assert seen[-1].distance < 0.5
+    assert {progress.behavior for progress in seen} == {"fake"}
+    gaps = [b.time - a.time for a, b in itertools.pairwise(seen)]
+    assert min(gaps) > 0.09
+    assert all(progress.real_time_factor > 0.0 for progress in seen[1:])
+
+
+@settings(deadline=None, max_examples=20)
+@given(
+    twists=st.lists(
+        st.builds(Twist, st.floats(-0.1, 0.5), st.floats(-1.0, 1.0)), min_size=1, max_size=40
+    ),
+    changed=st.integers(0, 39),
+)
+def test_the_hash_tells_equal_command_streams_from_different_ones(
+    twists: list[Twist], changed: int
+) -> None:
+    def hash_of(script: list[Twist]) -> str:
+        return run_task(task(), ScriptedPilot(script), FakeSimulator(START)).track.command_hash
+
+    assert hash_of(twists) == hash_of(list(twists))
+    other = list(twists)
+    spot = changed % len(other)
+    other[spot] = Twist(math.nextafter(other[spot].v, 9.0), other[spot].w)
+    assert hash_of(other) != hash_of(twists)
