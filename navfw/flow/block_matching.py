@@ -9,27 +9,21 @@ import numpy.typing as npt
 from pydantic import Field
 
 from navfw import kinds
+from navfw.flow.confidence import SIGMA_UNKNOWN, match_sigma, ramp
 from navfw.flow.derotation import align_past, rotate_points, visible_in_past
 from navfw.flow.grid import check_frame, check_grid
 from navfw.flow.kernels import correlate, find_peaks
 from navfw.robot import RobotModel
 from navfw.signals import Array, FlowField, FramePair
 
-__all__ = ["BlockMatching", "ramp"]
+__all__ = ["BlockMatching"]
 
 Integers = npt.NDArray[np.int64]
 
 #: Sub-pixel refinement is never better than this [px].
 SIGMA_FLOOR = 0.05
-#: Scales the noise model to the errors measured on rendered frames (docs/design.md).
+#: Scales the noise model to the errors measured on rendered frames.
 SIGMA_SCALE = 2.0
-#: Written where nothing is known [px].
-SIGMA_UNKNOWN = 10.0
-
-
-def ramp(value: Array, low: float, high: float) -> Array:
-    """0 below ``low``, 1 above ``high``, straight between."""
-    return np.clip((value - low) / (high - low), 0.0, 1.0)
 
 
 class BlockMatching(kinds.FlowProcessor):
@@ -78,10 +72,8 @@ class BlockMatching(kinds.FlowProcessor):
         super().__init__(robot, params)
         p, camera = self.params, robot.camera
         check_grid(camera, p.rows, p.cols, self.name)
-        self._x_edges, self._x_windows = _segments(camera.width, p.cols, p.window, p.margin)
-        self._y_edges, self._y_windows = _segments(camera.height, p.rows, p.window, p.margin)
-        x = self._x_edges[self._x_windows]
-        y = self._y_edges[self._y_windows]
+        self._x_windows = x = _windows(camera.width, p.cols, p.window, p.margin)
+        self._y_windows = y = _windows(camera.height, p.rows, p.window, p.margin)
         self._points = np.stack(
             np.meshgrid(
                 x.mean(axis=1) - 0.5 * camera.width,
@@ -100,8 +92,6 @@ class BlockMatching(kinds.FlowProcessor):
         scores, deviation = correlate(
             np.ascontiguousarray(pair.now.image),
             np.ascontiguousarray(align_past(pair.past.image, rotation, camera)),
-            self._x_edges,
-            self._y_edges,
             self._x_windows,
             self._y_windows,
             p.search,
@@ -112,7 +102,8 @@ class BlockMatching(kinds.FlowProcessor):
         confidence *= ramp(deviation.astype(np.float64), p.texture_low, p.texture_high)
         confidence *= ramp(height, p.peak_low, p.peak_high)
         confidence *= _unambiguous(height, second)
-        sigma = _sigma(height, curvature, self._pixels)
+        noise = SIGMA_SCALE * match_sigma(height, curvature, self._pixels)
+        sigma = np.minimum(np.hypot(noise, SIGMA_FLOOR), SIGMA_UNKNOWN)
         sigma[confidence <= 0.0] = SIGMA_UNKNOWN
         past = rotate_points(self._points - fine, rotation.T, camera.focal)
         return FlowField(
@@ -125,13 +116,11 @@ class BlockMatching(kinds.FlowProcessor):
         )
 
 
-def _segments(size: int, count: int, window: int, margin: int) -> tuple[Integers, Integers]:
-    """Borders that cut one image axis into segments, and each window as a run of segments."""
+def _windows(size: int, count: int, window: int, margin: int) -> Integers:
+    """(count, 2) first pixel and one past the last of the windows along one axis of the image."""
     centres = (np.arange(count) + 0.5) * (size / count)
     first = np.floor(centres - 0.5 * window).astype(np.int64)
-    spans = np.stack([first, first + window], axis=1).clip(margin, size - margin)
-    edges = np.unique(spans)
-    return edges, np.searchsorted(edges, spans).astype(np.int64)
+    return np.stack([first, first + window], axis=1).clip(margin, size - margin)
 
 
 def _unambiguous(height: Array, second: Array) -> Array:
@@ -139,14 +128,3 @@ def _unambiguous(height: Array, second: Array) -> Array:
     # 1 - score measures the mismatch: a rival has to mismatch clearly more than the peak does
     mismatch = np.maximum(1.0 - height, 1e-3)
     return ramp((1.0 - second) / mismatch, 1.0, 1.5)
-
-
-def _sigma(height: Array, curvature: Array, pixels: Array) -> Array:
-    """Standard deviation [px] in the least certain direction, from noise and peak curvature.
-
-    With images of independent noise the correlation's maximum has variance
-    2 (1 - height) / (pixels * curvature); neighbouring pixels are not independent, hence a scale.
-    """
-    noise = 2.0 * np.clip(1.0 - height, 0.0, 1.0) / pixels
-    spread = SIGMA_SCALE**2 * noise / np.maximum(curvature, 1e-6)
-    return np.minimum(np.sqrt(spread + SIGMA_FLOOR**2), SIGMA_UNKNOWN)

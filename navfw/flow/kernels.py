@@ -11,6 +11,7 @@ import numpy.typing as npt
 __all__ = ["correlate", "find_peaks"]
 
 Ints = npt.NDArray[np.int64]
+Ints32 = npt.NDArray[np.int32]
 Floats = npt.NDArray[np.float32]
 Bytes = npt.NDArray[np.uint8]
 
@@ -19,67 +20,83 @@ OUTSIDE = np.float32(-2.0)
 
 
 @numba.njit(cache=True)
-def _integrals(image: Bytes) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Integral images (height + 1, width + 1) of the grey values and of their squares."""
+def _integrals(image: Bytes, pad: int) -> tuple[Ints, Ints]:
+    """Integral images of the grey values and of their squares; ``pad`` black pixels all round."""
     h, w = image.shape
-    total = np.zeros((h + 1, w + 1), np.int64)
-    square = np.zeros((h + 1, w + 1), np.int64)
-    for y in range(h):
+    total = np.zeros((h + 2 * pad + 1, w + 2 * pad + 1), np.int64)
+    square = np.zeros((h + 2 * pad + 1, w + 2 * pad + 1), np.int64)
+    for y in range(h + 2 * pad):
         row = np.int64(0)
         row2 = np.int64(0)
-        for x in range(w):
-            value = np.int64(image[y, x])
-            row += value
-            row2 += value * value
+        for x in range(w + 2 * pad):
+            if pad <= y < h + pad and pad <= x < w + pad:
+                value = np.int64(image[y - pad, x - pad])
+                row += value
+                row2 += value * value
             total[y + 1, x + 1] = total[y, x + 1] + row
             square[y + 1, x + 1] = square[y, x + 1] + row2
     return total, square
 
 
 @numba.njit(cache=True)
-def _box(integral: npt.NDArray[np.int64], x0: int, x1: int, y0: int, y1: int) -> int:
+def _box(integral: Ints, x0: int, x1: int, y0: int, y1: int) -> int:
     """Sum over columns [x0, x1) and rows [y0, y1)."""
     return int(integral[y1, x1] - integral[y0, x1] - integral[y1, x0] + integral[y0, x0])
 
 
 @numba.njit(cache=True)
-def _products(
+def _column_sums(
     now: Floats,
     past: Floats,
-    dx: int,
-    dy: int,
-    x_edges: Ints,
+    right: int,
+    down: int,
     y_edges: Ints,
-    out: npt.NDArray[np.float64],
+    column: Floats,
+    sums: Ints32,
 ) -> None:
-    """Integral over the segments of now(x, y) * past(x - dx, y - dy).
+    """Products of ``now`` and ``past``, summed down the columns: sums[k] over rows up to edge k.
 
-    ``past`` is padded by the search on all sides, so that every index exists. The float32 sums of
-    at most 257 products of two bytes stay below 2^24 and are exact.
+    ``past`` is read ``right`` columns and ``down`` rows further on than ``now``. The products of
+    two bytes over a segment of at most 257 rows stay below 2^24, so their float32 sum is exact.
     """
-    pad = (past.shape[0] - now.shape[0]) // 2
-    left, right = x_edges[0], x_edges[-1]
-    column = np.empty(right - left, np.float32)
     for k in range(y_edges.size - 1):
         column[:] = np.float32(0.0)
         for y in range(y_edges[k], y_edges[k + 1]):
-            a = now[y, left:right]
-            b = past[y - dy + pad, left - dx + pad : right - dx + pad]
+            a = now[y]
+            b = past[y + down, right : right + column.size]
             for i in range(column.size):
                 column[i] += a[i] * b[i]
-        run = 0.0
-        for j in range(x_edges.size - 1):
-            for i in range(x_edges[j] - left, x_edges[j + 1] - left):
-                run += column[i]
-            out[k + 1, j + 1] = out[k, j + 1] + run
+        above = sums[k]
+        below = sums[k + 1]
+        for i in range(column.size):
+            below[i] = above[i] + np.int32(column[i])
+
+
+@numba.njit(cache=True)
+def _window_sums(
+    sums: Ints32,
+    x_windows: Ints,
+    y_windows: Ints,
+    run: Ints,
+    out: npt.NDArray[np.float64],
+    index: int,
+) -> None:
+    """Sum column sums over every window: out[row, col, index]."""
+    for r in range(y_windows.shape[0]):
+        above = sums[y_windows[r, 0]]
+        below = sums[y_windows[r, 1]]
+        total = np.int64(0)
+        for i in range(above.size):
+            total += below[i] - above[i]
+            run[i + 1] = total
+        for c in range(x_windows.shape[0]):
+            out[r, c, index] = run[x_windows[c, 1]] - run[x_windows[c, 0]]
 
 
 @numba.njit(cache=True)
 def correlate(
     now: Bytes,
     past: Bytes,
-    x_edges: Ints,
-    y_edges: Ints,
     x_windows: Ints,
     y_windows: Ints,
     search: int,
@@ -87,16 +104,15 @@ def correlate(
 ) -> tuple[Floats, Floats]:
     """Zero-mean normalised correlation of every window of ``now`` at every displacement.
 
-    The windows overlap, so the products of the two images are formed once per displacement and
-    summed over segments; every window is a run of whole segments. All sums are exact integers.
+    The windows overlap, so the products of the two images are formed once per displacement, summed
+    down the columns between the windows' borders, and every window is a difference of such sums.
+    All sums are exact integers.
 
     Args:
         now: current image (height, width).
         past: past image (height, width), of which columns [visible[0], visible[1]) and rows
             [visible[2], visible[3]) are valid.
-        x_edges: increasing borders of the column segments.
-        y_edges: increasing borders of the row segments.
-        x_windows: (cols, 2) first and last border (indices into ``x_edges``) of each window.
+        x_windows: (cols, 2) first column and one past the last of each window.
         y_windows: (rows, 2) the same for rows.
         search: largest displacement per axis [px].
         visible: see ``past``.
@@ -111,52 +127,75 @@ def correlate(
     rows, cols = y_windows.shape[0], x_windows.shape[0]
     span = 2 * search + 1
     scores = np.full((rows, cols, span, span), OUTSIDE, np.float32)
-    deviations = np.zeros((rows, cols), np.float32)
-    total, square = _integrals(past)
-    now_total, now_square = _integrals(now)
+    left, right, top, bottom = visible
+    totals, inverses, deviations = _templates(now, x_windows, y_windows)
+
+    y_edges = np.unique(y_windows)
+    y_runs = np.searchsorted(y_edges, y_windows.ravel()).reshape(rows, 2)
     now32 = now.astype(np.float32)
     past32 = np.zeros((h + 2 * search, w + 2 * search), np.float32)
     past32[search : search + h, search : search + w] = past
-    sums = np.zeros((y_edges.size, x_edges.size), np.float64)
-    left, right, top, bottom = visible
-    inverse = np.zeros((rows, cols), np.float64)
-    mean_sum = np.zeros((rows, cols), np.float64)
+    total, square = _integrals(past, search)
+    column = np.empty(w, np.float32)
+    sums = np.zeros((y_edges.size, w), np.int32)
+    run = np.zeros(w + 1, np.int64)
+    products = np.empty((rows, cols, span), np.float64)
+    line = np.empty(w + 2 * search + 1, np.int64)
+    line2 = np.empty(w + 2 * search + 1, np.int64)
+
+    for iy in range(span):
+        for ix in range(span):
+            # displacement d: what is now at p was at p - d, in the padded image at p - d + search
+            right_by, down_by = 2 * search - ix, 2 * search - iy
+            _column_sums(now32, past32, right_by, down_by, y_edges, column, sums)
+            _window_sums(sums, x_windows, y_runs, run, products, ix)
+        for r in range(rows):
+            y0, y1 = y_windows[r, 0] + search - iy, y_windows[r, 1] + search - iy
+            if y0 < top or y1 > bottom:
+                continue
+            for i in range(line.size):
+                line[i] = total[y1 + search, i] - total[y0 + search, i]
+                line2[i] = square[y1 + search, i] - square[y0 + search, i]
+            for c in range(cols):
+                x0, x1 = x_windows[c, 0], x_windows[c, 1]
+                n = float((x1 - x0) * (y1 - y0))
+                # window columns stay visible for x0 - dx >= left and x1 - dx <= right
+                first = max(0, x1 - right + search)
+                last = min(span, x0 - left + search + 1)
+                product = products[r, c]
+                score = scores[r, c, iy]
+                low, high = x0 + 2 * search, x1 + 2 * search
+                for ix in range(first, last):
+                    s = float(line[high - ix] - line[low - ix])
+                    # an integer: zero exactly when the window is of one grey
+                    energy = n * float(line2[high - ix] - line2[low - ix]) - s * s
+                    covariance = n * product[ix] - totals[r, c] * s
+                    score[ix] = covariance * inverses[r, c] / math.sqrt(max(energy, 1.0))
+    return scores, deviations
+
+
+@numba.njit(cache=True)
+def _templates(
+    now: Bytes, x_windows: Ints, y_windows: Ints
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], Floats]:
+    """Per window of ``now``: grey sum, 1 / sqrt(n sum(g^2) - sum(g)^2) or 0, and deviation."""
+    rows, cols = y_windows.shape[0], x_windows.shape[0]
+    totals = np.zeros((rows, cols), np.float64)
+    inverses = np.zeros((rows, cols), np.float64)
+    deviations = np.zeros((rows, cols), np.float32)
+    total, square = _integrals(now, 0)
     for r in range(rows):
-        y0, y1 = y_edges[y_windows[r, 0]], y_edges[y_windows[r, 1]]
+        y0, y1 = y_windows[r, 0], y_windows[r, 1]
         for c in range(cols):
-            x0, x1 = x_edges[x_windows[c, 0]], x_edges[x_windows[c, 1]]
+            x0, x1 = x_windows[c, 0], x_windows[c, 1]
             n = (x1 - x0) * (y1 - y0)
-            s = _box(now_total, x0, x1, y0, y1)
-            energy = n * _box(now_square, x0, x1, y0, y1) - s * s
-            mean_sum[r, c] = s
+            s = _box(total, x0, x1, y0, y1)
+            energy = n * _box(square, x0, x1, y0, y1) - s * s
+            totals[r, c] = s
             deviations[r, c] = math.sqrt(energy) / n
             if energy > 0:
-                inverse[r, c] = 1.0 / math.sqrt(energy)
-    for iy in range(span):
-        dy = iy - search
-        for ix in range(span):
-            dx = ix - search
-            _products(now32, past32, dx, dy, x_edges, y_edges, sums)
-            for r in range(rows):
-                ka, kb = y_windows[r, 0], y_windows[r, 1]
-                y0, y1 = y_edges[ka] - dy, y_edges[kb] - dy
-                if y0 < top or y1 > bottom:
-                    continue
-                for c in range(cols):
-                    ja, jb = x_windows[c, 0], x_windows[c, 1]
-                    x0, x1 = x_edges[ja] - dx, x_edges[jb] - dx
-                    if x0 < left or x1 > right:
-                        continue
-                    n = (x1 - x0) * (y1 - y0)
-                    s = _box(total, x0, x1, y0, y1)
-                    energy = n * _box(square, x0, x1, y0, y1) - s * s
-                    product = sums[kb, jb] - sums[ka, jb] - sums[kb, ja] + sums[ka, ja]
-                    score = 0.0
-                    if energy > 0:
-                        covariance = n * product - mean_sum[r, c] * s
-                        score = covariance * inverse[r, c] / math.sqrt(energy)
-                    scores[r, c, iy, ix] = score
-    return scores, deviations
+                inverses[r, c] = 1.0 / math.sqrt(energy)
+    return totals, inverses, deviations
 
 
 @numba.njit(cache=True)
