@@ -1,0 +1,312 @@
+"""The language of rules: ``IF nearest IS very near AND NOT side IS left THEN turn IS left WITH 0.8``.
+
+    rule        = "IF" or "THEN" conclusion { ("," | "AND") conclusion } [ "WITH" number ["WEIGHT"] ]
+    or          = and { "OR" and }
+    and         = not { "AND" not }
+    not         = "NOT" not | "(" or ")" | input "IS" ["NOT"] { hedge } term
+    conclusion  = output "IS" term
+
+Keywords may be written in any case; names are as declared. NOT binds before AND, AND before OR.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from navfw.errors import did_you_mean
+from navfw.fuzzy.membership import HEDGES
+
+__all__ = [
+    "KEYWORDS",
+    "NAME_PATTERN",
+    "And",
+    "Clause",
+    "Is",
+    "Not",
+    "Or",
+    "ParsedRule",
+    "SentenceError",
+    "atoms",
+    "parse_rule",
+]
+
+KEYWORDS = frozenset({"IF", "IS", "AND", "OR", "NOT", "THEN", "WITH", "WEIGHT"})
+NAME_PATTERN = r"[A-Za-z_][A-Za-z0-9_]*"
+MAX_NESTING = 50
+_TOKEN = re.compile(
+    rf"\s*(?:(?P<name>{NAME_PATTERN})|(?P<number>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)"
+    r"|(?P<mark>[(),])|(?P<other>\S))"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Is:
+    """The literal ``variable IS hedges term``."""
+
+    variable: str
+    term: str
+    hedges: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        return f"{self.variable} IS {' '.join((*self.hedges, self.term))}"
+
+
+@dataclass(frozen=True, slots=True)
+class Not:
+    """One minus the degree of ``clause``."""
+
+    clause: Clause
+
+    def __str__(self) -> str:
+        return f"NOT {_grouped(self.clause)}"
+
+
+@dataclass(frozen=True, slots=True)
+class And:
+    """Both: the smaller degree, or the product (``and: prod``)."""
+
+    left: Clause
+    right: Clause
+
+    def __str__(self) -> str:
+        return f"{_grouped(self.left, And)} AND {_grouped(self.right)}"
+
+
+@dataclass(frozen=True, slots=True)
+class Or:
+    """Either: the larger degree."""
+
+    left: Clause
+    right: Clause
+
+    def __str__(self) -> str:
+        return f"{_grouped(self.left, Or)} OR {_grouped(self.right)}"
+
+
+Clause = Is | Not | And | Or
+
+
+def _grouped(clause: Clause, same: type[And | Or] | None = None) -> str:
+    bare = isinstance(clause, Is | Not) or (same is not None and isinstance(clause, same))
+    return str(clause) if bare else f"({clause})"
+
+
+def atoms(clause: Clause) -> Iterator[Is]:
+    """The literals of ``clause``, left to right."""
+    match clause:
+        case Is():
+            yield clause
+        case Not(inner):
+            yield from atoms(inner)
+        case And(left, right) | Or(left, right):
+            yield from atoms(left)
+            yield from atoms(right)
+
+
+class ParsedRule(NamedTuple):
+    """What a sentence says: condition, conclusions as (output, term), weight in (0, 1]."""
+
+    antecedent: Clause
+    conclusions: tuple[tuple[str, str], ...]
+    weight: float
+
+
+class SentenceError(ValueError):
+    """A rule sentence cannot be read; ``column`` is 1-based, ``problem`` says what was expected."""
+
+    def __init__(self, problem: str, sentence: str, column: int) -> None:
+        self.problem = problem
+        self.sentence = sentence
+        self.column = column
+        super().__init__(f"{problem} (column {column})\n    {sentence}\n    {' ' * (column - 1)}^")
+
+
+class _Token(NamedTuple):
+    kind: str  # name | number | mark | other | keyword | end
+    text: str
+    column: int
+
+    def is_word(self, *words: str) -> bool:
+        return self.kind == "keyword" and self.text.upper() in words
+
+    def __str__(self) -> str:
+        return "the end of the sentence" if self.kind == "end" else repr(self.text)
+
+
+Vocabulary = Mapping[str, Collection[str]]
+
+
+def parse_rule(sentence: str, inputs: Vocabulary, outputs: Vocabulary) -> ParsedRule:
+    """Read one rule; ``inputs`` and ``outputs`` give the terms of each variable by its name.
+
+    Raises:
+        SentenceError: what was expected, what was found and where, and the nearest known name.
+    """
+    return _Parser(sentence, inputs, outputs).rule()
+
+
+def _tokens(sentence: str) -> list[_Token]:
+    found = []
+    for match in _TOKEN.finditer(sentence):
+        kind = str(match.lastgroup)
+        text, column = match.group(kind), match.start(kind) + 1
+        if kind == "name" and text.upper() in KEYWORDS:
+            kind = "keyword"
+        found.append(_Token(kind, text, column))
+    found.append(_Token("end", "", len(sentence.rstrip()) + 1))
+    return found
+
+
+class _Parser:
+    """Recursive descent over the tokens of one sentence."""
+
+    def __init__(self, sentence: str, inputs: Vocabulary, outputs: Vocabulary) -> None:
+        self._sentence = sentence
+        self._inputs = inputs
+        self._outputs = outputs
+        self._tokens = _tokens(sentence)
+        self._next = 0
+        self._depth = 0
+
+    @property
+    def _token(self) -> _Token:
+        return self._tokens[self._next]
+
+    def _take(self) -> _Token:
+        token = self._token
+        self._next += token.kind != "end"
+        return token
+
+    def _error(self, problem: str, token: _Token | None = None) -> SentenceError:
+        return SentenceError(problem, self._sentence, (token or self._token).column)
+
+    def _expected(self, what: str) -> SentenceError:
+        return self._error(f"expected {what}, got {self._token}")
+
+    def _keyword(self, word: str, after: str = "") -> None:
+        if not self._token.is_word(word):
+            hint = ""
+            if self._token.kind == "name":
+                near = did_you_mean(self._token.text.upper(), [word])
+                hint = f"; {near}" if near.startswith("did") else ""
+            raise self._error(f"expected {word}{after}, got {self._token}{hint}")
+        self._take()
+
+    def rule(self) -> ParsedRule:
+        self._keyword("IF")
+        antecedent = self._or()
+        if self._token.kind == "mark" and self._token.text == ")":
+            raise self._error("expected AND, OR or THEN, got ')' without its '('")
+        if not self._token.is_word("THEN"):
+            raise self._expected("AND, OR or THEN")
+        self._take()
+        conclusions = self._conclusions()
+        weight = self._weight()
+        if self._token.kind != "end":
+            raise self._expected("',', WITH or the end of the sentence")
+        return ParsedRule(antecedent, conclusions, weight)
+
+    def _or(self) -> Clause:
+        clause = self._and()
+        while self._token.is_word("OR"):
+            self._take()
+            clause = Or(clause, self._and())
+        return clause
+
+    def _and(self) -> Clause:
+        clause = self._not()
+        while self._token.is_word("AND"):
+            self._take()
+            clause = And(clause, self._not())
+        return clause
+
+    def _not(self) -> Clause:
+        self._depth += 1
+        if self._depth > MAX_NESTING:
+            raise self._error(f"expected at most {MAX_NESTING} levels of NOT and parentheses")
+        clause = self._primary()
+        self._depth -= 1
+        return clause
+
+    def _primary(self) -> Clause:
+        if self._token.is_word("NOT"):
+            self._take()
+            return Not(self._not())
+        if self._token.text == "(":
+            opening = self._take()
+            clause = self._or()
+            if self._token.text != ")":
+                raise self._expected(f"AND, OR or the ')' of the '(' in column {opening.column}")
+            self._take()
+            return clause
+        return self._literal()
+
+    def _literal(self) -> Clause:
+        variable = self._variable("input", self._inputs, self._outputs)
+        self._keyword("IS", f" after {variable!r}")
+        negated = self._token.is_word("NOT")
+        if negated:
+            self._take()
+        terms = self._inputs[variable]
+        hedges = []
+        while self._token.text in HEDGES and self._token.text not in terms:
+            hedges.append(self._take().text)
+        literal = Is(variable, self._term(variable, terms, HEDGES), tuple(hedges))
+        return Not(literal) if negated else literal
+
+    def _variable(self, role: str, known: Vocabulary, others: Vocabulary) -> str:
+        token = self._token
+        if token.kind != "name":
+            raise self._expected(f"an {role}" + (", NOT or '('" if role == "input" else ""))
+        if token.text not in known:
+            if token.text in others:
+                place = "THEN" if role == "input" else "IF"
+                hint = f"it is used after {place}; {_known(known)}"
+            else:
+                hint = did_you_mean(token.text, known)
+            raise self._error(f"expected an {role}, got {token}: {hint}")
+        return self._take().text
+
+    def _term(self, variable: str, terms: Collection[str], words: Iterable[str] = ()) -> str:
+        token = self._token
+        if token.kind != "name":
+            raise self._expected(f"a term of {variable!r} ({', '.join(terms)})")
+        if token.text not in terms:
+            if token.text in HEDGES:
+                raise self._error(f"expected a term of {variable!r}: conclusions take no hedge")
+            hint = did_you_mean(token.text, [*terms, *words])
+            raise self._error(f"expected a term of {variable!r}, got {token}: {hint}")
+        return self._take().text
+
+    def _conclusions(self) -> tuple[tuple[str, str], ...]:
+        found: dict[str, str] = {}
+        while True:
+            start = self._token
+            output = self._variable("output", self._outputs, self._inputs)
+            if output in found:
+                raise self._error(f"expected each output once, got {output!r} again", start)
+            self._keyword("IS", f" after {output!r}")
+            found[output] = self._term(output, self._outputs[output])
+            if not (self._token.text == "," or self._token.is_word("AND")):
+                return tuple(found.items())
+            self._take()
+
+    def _weight(self) -> float:
+        if not self._token.is_word("WITH"):
+            return 1.0
+        self._take()
+        token = self._token
+        value = float(token.text) if token.kind == "number" else -1.0
+        if not 0.0 < value <= 1.0:
+            raise self._expected("a weight above 0 and at most 1")
+        self._take()
+        if self._token.is_word("WEIGHT"):
+            self._take()
+        return value
+
+
+def _known(names: Iterable[str]) -> str:
+    return "known: " + ", ".join(sorted(names))

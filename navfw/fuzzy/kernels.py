@@ -1,0 +1,334 @@
+"""Mamdani inference over many samples, as scikit-fuzzy 0.5.0 does it, operation by operation.
+
+scikit-fuzzy adds to an output's universe the points where a term crosses its activation, samples
+every clipped term there by linear interpolation, joins them by maximum, and defuzzifies. The mean
+of maximum counts samples that equal the maximum exactly, so even the last bit of an interpolated
+degree matters: the expressions below keep numpy's order of operations (no fastmath).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+
+from navfw.signals import Array
+
+__all__ = [
+    "AND_MIN",
+    "AND_PROD",
+    "BISECTOR",
+    "CENTROID",
+    "FIRING_FLOOR",
+    "LOM",
+    "MOM",
+    "NOT",
+    "OR_MAX",
+    "SOM",
+    "fuzzify",
+    "infer",
+]
+
+# Opcodes of antecedents in postfix form; an opcode >= 0 pushes the degree of that literal.
+AND_MIN, AND_PROD, OR_MAX, NOT = -1, -2, -3, -4
+CENTROID, BISECTOR, MOM, SOM, LOM = 0, 1, 2, 3, 4
+
+# An output none of whose terms is activated more than this counts as not concluded at all:
+# below, scikit-fuzzy's centroid loses its area to a guard against division by zero.
+FIRING_FLOOR = 1e-9
+
+
+@numba.njit(cache=True)
+def interval_of(xs: Array, x: float) -> int:
+    """The index i with xs[i] <= x < xs[i + 1] (xs increasing, x within them)."""
+    low, high = 0, xs.size - 1
+    while high - low > 1:
+        middle = (low + high) >> 1
+        if xs[middle] <= x:
+            low = middle
+        else:
+            high = middle
+    return high if x >= xs[high] else low
+
+
+@numba.njit(cache=True)
+def interpolate(xs: Array, ys: Array, i: int, x: float) -> float:
+    """``np.interp`` of x with xs[i] <= x < xs[i + 1], to the last bit."""
+    if xs[i] == x or i == xs.size - 1:
+        return float(ys[i])
+    return float((ys[i + 1] - ys[i]) / (xs[i + 1] - xs[i]) * (x - xs[i]) + ys[i])
+
+
+@numba.njit(cache=True)
+def fuzzify(x, xs, sampled, out):  # type: ignore[no-untyped-def]
+    """Degrees of one input: x (N,), universe xs (M,), terms (T, M) sampled -> out (N, T)."""
+    for n in range(x.size):
+        value = min(max(x[n], xs[0]), xs[-1])
+        if math.isnan(x[n]):
+            out[n, :] = np.nan
+            continue
+        i = interval_of(xs, value)
+        for t in range(sampled.shape[0]):
+            out[n, t] = interpolate(xs, sampled[t], i, value)
+
+
+@numba.njit(cache=True)
+def fire(program, starts, weights, literals, stack, firing):  # type: ignore[no-untyped-def]
+    """Run every rule's postfix program on the degrees of the literals; weighted strengths out."""
+    for rule in range(weights.size):
+        top = -1
+        for k in range(starts[rule], starts[rule + 1]):
+            op = program[k]
+            if op >= 0:
+                top += 1
+                stack[top] = literals[op]
+            elif op == NOT:
+                stack[top] = 1.0 - stack[top]
+            else:
+                right = stack[top]
+                top -= 1
+                if op == AND_MIN:
+                    stack[top] = min(stack[top], right)
+                elif op == AND_PROD:
+                    stack[top] = stack[top] * right
+                else:
+                    stack[top] = max(stack[top], right)
+        firing[rule] = stack[0] * weights[rule]
+
+
+@numba.njit(cache=True)
+def join(xs, terms, support, cuts, scale, px, py, extra):  # type: ignore[no-untyped-def]
+    """The joined conclusion of one output as a polyline (px, py); returns its number of points.
+
+    ``terms`` (T, M) over ``xs`` (M,), zero outside their ``support`` (T, 2); ``cuts`` (T,), all
+    clipped (``scale`` False) or scaled; ``extra`` is workspace for the crossings.
+    """
+    size = xs.size
+    py[:size] = 0.0
+    count = 0
+    for t in range(cuts.size):
+        cut = cuts[t]
+        term = terms[t]
+        first, last = support[t, 0], support[t, 1]
+        if cut > 0.0:
+            if scale:
+                for i in range(first, last + 1):
+                    py[i] = max(py[i], cut * term[i])
+            else:
+                for i in range(first, last + 1):
+                    py[i] = max(py[i], min(cut, term[i]))
+        if not scale:
+            count = _add_crossings(xs, term, max(first - 1, 0), last, cut, extra, count)
+    if count == 0:
+        px[:size] = xs
+        return size
+    return _merge(xs, terms, cuts, px, py, extra, count)
+
+
+@numba.njit(cache=True)
+def _add_crossings(xs, term, first, last, cut, extra, count):  # type: ignore[no-untyped-def]
+    """Insert where ``term`` crosses ``cut`` into the increasing ``extra``; returns their number."""
+    for i in range(first, min(last, xs.size - 2) + 1):
+        y, after = term[i], term[i + 1]
+        if cut == 0.0:
+            crosses = (y > 0.0) != (after > 0.0)
+        else:
+            crosses = (y >= cut) != (after >= cut)
+        if crosses:
+            x = xs[i] + (cut - y) * (xs[i + 1] - xs[i]) / (after - y)
+            k = count
+            while k > 0 and extra[k - 1] > x:
+                k -= 1
+            if k > 0 and extra[k - 1] == x:
+                continue
+            for j in range(count, k, -1):
+                extra[j] = extra[j - 1]
+            extra[k] = x
+            count += 1
+    return count
+
+
+@numba.njit(cache=True)
+def _merge(xs, terms, cuts, px, py, extra, count):  # type: ignore[no-untyped-def]
+    """Merge the crossings into the universe, from the right so that ``py`` is widened in place."""
+    size = xs.size
+    fresh = 0
+    for k in range(count):
+        i = interval_of(xs, min(max(extra[k], xs[0]), xs[-1]))
+        if xs[i] != extra[k]:
+            extra[fresh] = extra[k]
+            fresh += 1
+    i, k = size - 1, fresh - 1
+    at = size + fresh - 1
+    while at >= 0:
+        if k >= 0 and (i < 0 or extra[k] > xs[i]):
+            px[at] = extra[k]
+            # The samples right of i are moved already, so interpolate from the terms themselves.
+            y = 0.0
+            if 0 <= i < size - 1:
+                for t in range(cuts.size):
+                    if cuts[t] > 0.0:
+                        y = max(y, min(cuts[t], interpolate(xs, terms[t], i, extra[k])))
+            py[at] = y
+            k -= 1
+        else:
+            px[at] = xs[i]
+            py[at] = py[i]
+            i -= 1
+        at -= 1
+    return size + fresh
+
+
+@numba.njit(cache=True)
+def centroid(px, py, size):  # type: ignore[no-untyped-def]
+    """Centre of the area under the polyline."""
+    area = 0.0
+    moment = 0.0
+    for i in range(size - 1):
+        width = px[i + 1] - px[i]
+        left, right = py[i], py[i + 1]
+        part = 0.5 * width * (left + right)
+        area += part
+        moment += part * px[i] + width * width * (left + 2.0 * right) / 6.0
+    return moment / area
+
+
+@numba.njit(cache=True)
+def bisector(px, py, size):  # type: ignore[no-untyped-def]
+    """Where the area under the polyline is halved, by scikit-fuzzy's formulae."""
+    total = 0.0
+    for i in range(size - 1):
+        total += _area(px, py, i)
+    half = total / 2.0
+    before = 0.0
+    i = 0
+    while i < size - 2:
+        part = before + _area(px, py, i)
+        if part >= half:
+            break
+        before = part
+        i += 1
+    x1, x2, y1, y2 = px[i], px[i + 1], py[i], py[i + 1]
+    rest = half - before
+    width = x2 - x1
+    if y1 == y2:
+        return rest / y1 + x1
+    if y1 == 0.0:
+        return x1 + math.sqrt(2.0 * rest * width / y2)
+    if y2 == 0.0:
+        return x2 - math.sqrt(max(0.0, width * width - (2.0 * rest * width / y1)))
+    slope = (y2 - y1) / width
+    return x1 - (y1 - math.sqrt(max(0.0, y1 * y1 + 2.0 * slope * rest))) / slope
+
+
+@numba.njit(cache=True)
+def _area(px, py, i):  # type: ignore[no-untyped-def]
+    if py[i] == py[i + 1]:
+        return (px[i + 1] - px[i]) * py[i]
+    return 0.5 * (px[i + 1] - px[i]) * (py[i] + py[i + 1])
+
+
+@numba.njit(cache=True)
+def of_maximum(px, py, size, method):  # type: ignore[no-untyped-def]
+    """Mean, smallest or largest of the samples at the maximum."""
+    top = py[0]
+    for i in range(1, size):
+        top = max(top, py[i])
+    total = 0.0
+    count = 0
+    smallest = math.nan
+    largest = math.nan
+    for i in range(size):
+        if py[i] == top:
+            if count == 0:
+                smallest = px[i]
+            largest = px[i]
+            total += px[i]
+            count += 1
+    if method == MOM:
+        return total / count
+    return smallest if method == SOM else largest
+
+
+@numba.njit(cache=True)
+def infer(
+    x,
+    input_xs,
+    input_starts,
+    literal_ys,
+    literal_starts,
+    program,
+    program_starts,
+    weights,
+    conclusions,
+    output_xs,
+    output_starts,
+    term_ys,
+    term_starts,
+    support,
+    defaults,
+    modes,
+):  # type: ignore[no-untyped-def]
+    """Evaluate a flattened rule base (``navfw.fuzzy.compiled.Tables``) on x (inputs, N).
+
+    Returns a table (N, rules + terms + outputs): firing strengths, activations of the concluding
+    terms, crisp outputs.
+    """
+    samples = x.shape[1]
+    rules = weights.size
+    outputs = defaults.size
+    terms = support.shape[0]
+    table = np.zeros((samples, rules + terms + outputs))
+    literals = np.empty(literal_starts[-1])
+    stack = np.empty(modes[2])
+    px = np.empty(modes[3])
+    py = np.empty(modes[3])
+    extra = np.empty(modes[3])
+    for n in range(samples):
+        row = table[n]
+        known = True
+        for i in range(x.shape[0]):
+            value = x[i, n]
+            if math.isnan(value):
+                known = False
+                break
+            xs = input_xs[input_starts[i] : input_starts[i + 1]]
+            value = min(max(value, xs[0]), xs[-1])
+            at = interval_of(xs, value)
+            for k in range(literal_starts[i], literal_starts[i + 1]):
+                literals[k] = interpolate(xs, literal_ys[k, : xs.size], at, value)
+        firing = row[:rules]
+        cuts = row[rules : rules + terms]
+        crisp = row[rules + terms :]
+        if not known:
+            crisp[:] = defaults
+            continue
+        fire(program, program_starts, weights, literals, stack, firing)
+        for k in range(conclusions.shape[0]):
+            term = conclusions[k, 1]
+            cuts[term] = max(cuts[term], firing[conclusions[k, 0]])
+        for o in range(outputs):
+            first, last = term_starts[o], term_starts[o + 1]
+            if cuts[first:last].max() <= FIRING_FLOOR:
+                crisp[o] = defaults[o]
+                continue
+            xs = output_xs[output_starts[o] : output_starts[o + 1]]
+            size = join(
+                xs,
+                term_ys[first:last, : xs.size],
+                support[first:last],
+                cuts[first:last],
+                modes[1] == 1,
+                px,
+                py,
+                extra,
+            )
+            if modes[0] == CENTROID:
+                value = centroid(px, py, size)
+            elif modes[0] == BISECTOR:
+                value = bisector(px, py, size)
+            else:
+                value = of_maximum(px, py, size, modes[0])
+            crisp[o] = min(max(value, xs[0]), xs[-1])
+    return table

@@ -1,0 +1,256 @@
+"""Membership functions, hedges, and the sampled universes on which they are evaluated.
+
+scikit-fuzzy knows a membership function only by its samples on the variable's universe, and
+interpolates linearly between them. navfw does the same, and places the samples so that nothing is
+lost: the corners of triangles and trapezoids are samples, so their sampled form is their exact form.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import astuple, dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from navfw.signals import Array
+
+__all__ = [
+    "HEDGES",
+    "SHAPES",
+    "Gauss",
+    "Shape",
+    "Sigmoid",
+    "Trapezoid",
+    "Triangle",
+    "hedged",
+    "make_shape",
+    "sample_universe",
+]
+
+# A vertical edge is sampled as a ramp this narrow, relative to the range of the variable.
+EDGE_WIDTH = 1e-9
+# Samples nearer to each other than this (relative to the range) are one sample.
+_SAME = 1e-13
+
+
+class Shape(ABC):
+    """A membership function: crisp values in, degrees in [0, 1] out (arrays of the same shape)."""
+
+    kind: ClassVar[str]
+
+    @abstractmethod
+    def __call__(self, x: Array) -> Array:
+        """The exact degree of membership of each ``x``."""
+
+    @property
+    @abstractmethod
+    def corners(self) -> tuple[float, ...]:
+        """Where the function bends: these must be samples for the sampled form to be exact."""
+
+    @property
+    def jumps(self) -> tuple[tuple[float, int], ...]:
+        """Vertical edges as (x, side): side -1 rises at x, side +1 falls right after x."""
+        return ()
+
+    @property
+    def knots(self) -> tuple[float, ...]:
+        """Further samples that a curved function needs to be drawn well by straight pieces."""
+        return ()
+
+
+@dataclass(frozen=True, slots=True)
+class Trapezoid(Shape):
+    """Zero up to a, one from b to c, zero from d; a <= b <= c <= d. Equal corners give an edge."""
+
+    a: float
+    b: float
+    c: float
+    d: float
+
+    kind: ClassVar[str] = "trapezoid"
+
+    def __post_init__(self) -> None:
+        if not self.a <= self.b <= self.c <= self.d:
+            raise ValueError("expected four corners a <= b <= c <= d")
+
+    def __call__(self, x: Array) -> Array:
+        return _trapezoid(np.asarray(x, dtype=np.float64), self.a, self.b, self.c, self.d)
+
+    @property
+    def corners(self) -> tuple[float, ...]:
+        return (self.a, self.b, self.c, self.d)
+
+    @property
+    def jumps(self) -> tuple[tuple[float, int], ...]:
+        return _jumps(self.a, self.b, self.c, self.d)
+
+
+@dataclass(frozen=True, slots=True)
+class Triangle(Shape):
+    """Zero up to a, one at b, zero from c; a <= b <= c. Equal corners give an edge."""
+
+    a: float
+    b: float
+    c: float
+
+    kind: ClassVar[str] = "triangle"
+
+    def __post_init__(self) -> None:
+        if not self.a <= self.b <= self.c:
+            raise ValueError("expected three corners a <= b <= c")
+
+    def __call__(self, x: Array) -> Array:
+        return _trapezoid(np.asarray(x, dtype=np.float64), self.a, self.b, self.b, self.c)
+
+    @property
+    def corners(self) -> tuple[float, ...]:
+        return (self.a, self.b, self.c)
+
+    @property
+    def jumps(self) -> tuple[tuple[float, int], ...]:
+        return _jumps(self.a, self.b, self.b, self.c)
+
+
+@dataclass(frozen=True, slots=True)
+class Gauss(Shape):
+    """exp(-(x - mean)^2 / (2 sigma^2)), sigma > 0."""
+
+    mean: float
+    sigma: float
+
+    kind: ClassVar[str] = "gauss"
+
+    def __post_init__(self) -> None:
+        if not self.sigma > 0:
+            raise ValueError("expected mean and sigma with sigma > 0")
+
+    def __call__(self, x: Array) -> Array:
+        z = (np.asarray(x, dtype=np.float64) - self.mean) / self.sigma
+        return np.asarray(np.exp(-0.5 * np.square(np.clip(z, -1e3, 1e3))))
+
+    @property
+    def corners(self) -> tuple[float, ...]:
+        return (self.mean,)
+
+    @property
+    def knots(self) -> tuple[float, ...]:
+        return tuple(self.mean + self.sigma * z for z in np.linspace(-4.0, 4.0, 33).tolist())
+
+
+@dataclass(frozen=True, slots=True)
+class Sigmoid(Shape):
+    """1 / (1 + exp(-slope (x - centre))): rising for slope > 0, falling for slope < 0."""
+
+    centre: float
+    slope: float
+
+    kind: ClassVar[str] = "sigmoid"
+
+    def __post_init__(self) -> None:
+        if self.slope == 0:
+            raise ValueError("expected centre and slope with slope not 0")
+
+    def __call__(self, x: Array) -> Array:
+        z = self.slope * (np.asarray(x, dtype=np.float64) - self.centre)
+        return np.asarray(1.0 / (1.0 + np.exp(np.clip(-z, -700.0, 700.0))))
+
+    @property
+    def corners(self) -> tuple[float, ...]:
+        return (self.centre,)
+
+    @property
+    def knots(self) -> tuple[float, ...]:
+        return tuple(self.centre + z / self.slope for z in np.linspace(-8.0, 8.0, 33).tolist())
+
+
+def _trapezoid(x: Array, a: float, b: float, c: float, d: float) -> Array:
+    y = np.ones_like(x)
+    rising = (x < b) & (x > a)
+    falling = (x > c) & (x < d)
+    y[rising] = (x[rising] - a) / (b - a)
+    y[falling] = (d - x[falling]) / (d - c)
+    # Outside, but a corner shared with the top belongs to the top: an edge includes its corner.
+    y[((x <= a) & (x < b)) | ((x >= d) & (x > c))] = 0.0
+    return y
+
+
+def _jumps(a: float, b: float, c: float, d: float) -> tuple[tuple[float, int], ...]:
+    return (((b, -1),) if a == b else ()) + (((c, 1),) if c == d else ())
+
+
+SHAPES: dict[str, tuple[type[Shape], tuple[str, ...]]] = {
+    "triangle": (Triangle, ("a", "b", "c")),
+    "trapezoid": (Trapezoid, ("a", "b", "c", "d")),
+    "gauss": (Gauss, ("mean", "sigma")),
+    "sigmoid": (Sigmoid, ("centre", "slope")),
+}
+"""Shape kinds as rule files name them, with the names of their parameters in order."""
+
+
+def make_shape(kind: str, parameters: Sequence[float]) -> Shape:
+    """The shape ``kind`` (a key of ``SHAPES``) with these parameters.
+
+    Raises:
+        ValueError: wrong number of parameters, not finite, or out of order; says what is expected.
+    """
+    shape, names = SHAPES[kind]
+    if len(parameters) != len(names):
+        raise ValueError(
+            f"expected {len(names)} numbers [{', '.join(names)}], got {len(parameters)}"
+        )
+    if not all(math.isfinite(value) for value in parameters):
+        raise ValueError("expected finite numbers")
+    try:
+        return shape(*(float(value) for value in parameters))
+    except ValueError as error:
+        raise ValueError(f"{error}, got {list(parameters)}") from None
+
+
+HEDGES: dict[str, Callable[[Array], Array]] = {"very": np.square, "somewhat": np.sqrt}
+"""Zadeh's hedges: words before a term, as functions of its degree."""
+
+
+def hedged(degree: Array, hedges: Iterable[str]) -> Array:
+    """``degree`` with ``hedges`` applied; the hedge next to the term acts first."""
+    for hedge in reversed(tuple(hedges)):
+        degree = HEDGES[hedge](degree)
+    return degree
+
+
+def sample_universe(low: float, high: float, points: int, shapes: Iterable[Shape]) -> Array:
+    """Increasing samples over [low, high]: ``points`` even ones, and all that ``shapes`` need.
+
+    A vertical edge at x gets a second sample ``EDGE_WIDTH`` of the range beside it, so that linear
+    interpolation keeps it (all but) vertical.
+    """
+    shapes = tuple(shapes)
+    width = high - low
+    exact = {low, high}
+    for shape in shapes:
+        exact.update(x for x in shape.corners if low <= x <= high)
+        beside = (x + side * EDGE_WIDTH * width for x, side in shape.jumps)
+        exact.update(x for x in beside if low < x < high)
+    kept = [low]
+    for x in sorted(exact)[1:]:
+        if x - kept[-1] > _SAME * width:
+            kept.append(x)
+    kept[-1] = high
+    even = np.linspace(low, high, points)
+    knots = [x for shape in shapes for x in shape.knots if low < x < high]
+    return _merge(np.array(kept), np.union1d(even, knots), 1e-6 * width)
+
+
+def _merge(kept: Array, extra: Array, gap: float) -> Array:
+    """``kept`` and those of ``extra`` that are no nearer than ``gap`` to any of ``kept``."""
+    after = np.searchsorted(kept, extra)
+    left = np.abs(extra - kept[np.maximum(after - 1, 0)])
+    right = np.abs(kept[np.minimum(after, kept.size - 1)] - extra)
+    return np.union1d(kept, extra[np.minimum(left, right) > gap])
+
+
+def describe(shape: Shape) -> str:
+    """The shape as a rule file writes it: ``triangle: [-0.2, 0.0, 0.2]``."""
+    return f"{shape.kind}: {[float(value) for value in astuple(shape)]}"  # type: ignore[call-overload]

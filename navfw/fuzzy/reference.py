@@ -1,0 +1,182 @@
+"""The reference evaluator: the same rule base built and computed by scikit-fuzzy, slow.
+
+``navfw.fuzzy.compiled`` must agree with this one. What scikit-fuzzy 0.5.0 does in its own way, and
+how both evaluators treat it alike:
+
+- The universe of an output is widened by the points where a term crosses its activation, and the
+  mean of maximum is the mean of the *samples* at the maximum, not the middle of the plateau. It
+  depends on where samples lie, down to rounding; smallest and largest of maximum are sharper.
+- Where nothing fires, centroid and bisector raise inside (and the output is left out), while
+  mom / som / lom answer the middle / ends of the universe. Here: the output's default, or NaN,
+  whenever no term is activated above ``FIRING_FLOOR``.
+- The area is guarded by ``max(area, 2.2e-16)``, so almost empty conclusions have their centroid
+  drawn to zero, out of the range even. The floor keeps away from that.
+- The bisector's formula can cancel on an almost flat piece and leave the range, or come out as
+  NaN from a negative root; results are clipped to the range.
+- Only terms that some rule concludes take part. ``NOT`` is 1 - degree; ``AND`` / ``OR`` are fmin /
+  fmax, which would overlook a NaN: a sample with a NaN input is not computed at all.
+- Only clipping (min implication) exists; for ``implication: prod`` the activations come from the
+  simulation, and the scaled terms are joined here and given to ``skfuzzy.defuzz``.
+- Simulations keep every past result, and terms are never freed (class-level dictionaries keyed by
+  instance): this class is for tests and benchmarks, not for missions.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from navfw.fuzzy.grammar import And, Clause, Is, Not, Or, atoms
+from navfw.fuzzy.kernels import FIRING_FLOOR
+from navfw.fuzzy.rulebase import RuleBase, Variable
+from navfw.signals import Array
+
+__all__ = ["ReferenceFis", "ReferenceInference"]
+
+_RESET_EVERY = 500
+
+
+class ReferenceInference:
+    """Like ``Inference`` of the compiled evaluator, for one sample: arrays of length 1."""
+
+    def __init__(
+        self, outputs: dict[str, Array], firing: Array, degrees: dict[str, dict[str, Array]]
+    ) -> None:
+        self.outputs = outputs
+        self.firing = firing
+        self.degrees = degrees
+
+
+class ReferenceFis:
+    """A rule base as a ``skfuzzy.control.ControlSystemSimulation``."""
+
+    def __init__(self, rule_base: RuleBase) -> None:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            from skfuzzy import control, defuzz
+
+            self._control = control
+            self._defuzz = defuzz
+            self.rule_base = rule_base
+            self._inputs = {v.name: self._antecedent(v) for v in rule_base.inputs.values()}
+            self._outputs = {v.name: self._consequent(v) for v in rule_base.outputs.values()}
+            self._rules = [self._rule(number) for number in range(len(rule_base.rules))]
+            self.simulation = control.ControlSystemSimulation(
+                control.ControlSystem(self._rules), flush_after_run=10**9
+            )
+        self._runs = 0
+
+    def evaluate(self, inputs: Mapping[str, float]) -> ReferenceInference:
+        """Infer from one sample: a number for every input.
+
+        Raises:
+            ValueError: an input is missing or unknown (from scikit-fuzzy).
+        """
+        if any(np.isnan(value) for value in inputs.values()):
+            return self._nothing()
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")
+            self.compute(inputs)
+            return self._read()
+
+    def compute(self, inputs: Mapping[str, float]) -> Mapping[str, float]:
+        """What a user of scikit-fuzzy would call: set the inputs, compute, crisp outputs."""
+        self._runs += 1
+        if self._runs % _RESET_EVERY == 0:
+            self.simulation.reset()
+        self.simulation.inputs({name: float(value) for name, value in inputs.items()})
+        self.simulation.compute()
+        crisp: Mapping[str, float] = self.simulation.output
+        return crisp
+
+    def _antecedent(self, variable: Variable) -> Any:
+        antecedent = self._control.Antecedent(variable.universe, variable.name)
+        for term in variable.terms:
+            antecedent[term] = variable.sampled(term)
+        for rule in self.rule_base.rules:
+            for atom in atoms(rule.antecedent):
+                if atom.variable == variable.name and atom.hedges:
+                    antecedent[_label(atom)] = variable.sampled(atom.term, atom.hedges)
+        return antecedent
+
+    def _consequent(self, variable: Variable) -> Any:
+        consequent = self._control.Consequent(
+            variable.universe, variable.name, defuzzify_method=self.rule_base.defuzzify
+        )
+        for term in variable.terms:
+            consequent[term] = variable.sampled(term)
+        return consequent
+
+    def _rule(self, number: int) -> Any:
+        rule = self.rule_base.rules[number]
+        conclusions = [
+            self._outputs[output][term] % float(rule.weight) for output, term in rule.conclusions
+        ]
+        return self._control.Rule(
+            self._clause(rule.antecedent),
+            conclusions,
+            label=f"rule {number}",
+            and_func=np.fmin if self.rule_base.conjunction == "min" else np.multiply,
+        )
+
+    def _clause(self, clause: Clause) -> Any:
+        match clause:
+            case Is():
+                return self._inputs[clause.variable][_label(clause)]
+            case Not(inner):
+                return ~self._clause(inner)
+            case And(left, right):
+                return self._clause(left) & self._clause(right)
+            case Or(left, right):
+                return self._clause(left) | self._clause(right)
+
+    def _read(self) -> ReferenceInference:
+        sim = self.simulation
+        firing = np.array(
+            [
+                [
+                    float(built.aggregate_firing[sim]) * rule.weight
+                    for built, rule in zip(self._rules, self.rule_base.rules, strict=True)
+                ]
+            ]
+        )
+        degrees: dict[str, dict[str, Array]] = {}
+        outputs: dict[str, Array] = {}
+        for name, consequent in self._outputs.items():
+            cuts = {term: consequent[term].membership_value[sim] for term in consequent.terms}
+            degrees[name] = {
+                term: np.array([0.0 if cut is None else float(cut)]) for term, cut in cuts.items()
+            }
+            outputs[name] = np.array([self._crisp(name, degrees[name])])
+        return ReferenceInference(outputs, firing, degrees)
+
+    def _crisp(self, name: str, degrees: Mapping[str, Array]) -> float:
+        variable = self.rule_base.outputs[name]
+        if max(float(cut[0]) for cut in degrees.values()) <= FIRING_FLOOR:
+            return np.nan if variable.default is None else variable.default
+        if self.rule_base.implication == "prod":
+            scaled = [float(cut[0]) * variable.sampled(term) for term, cut in degrees.items()]
+            crisp = self._defuzz(
+                variable.universe, np.max(scaled, axis=0), self.rule_base.defuzzify
+            )
+        else:
+            crisp = self.simulation.output[name]
+        return float(np.clip(crisp, variable.low, variable.high))
+
+    def _nothing(self) -> ReferenceInference:
+        outputs = {
+            name: np.array([np.nan if variable.default is None else variable.default])
+            for name, variable in self.rule_base.outputs.items()
+        }
+        degrees = {
+            name: {term: np.zeros(1) for term in variable.terms}
+            for name, variable in self.rule_base.outputs.items()
+        }
+        return ReferenceInference(outputs, np.zeros((1, len(self._rules))), degrees)
+
+
+def _label(atom: Is) -> str:
+    return " ".join((*atom.hedges, atom.term))
