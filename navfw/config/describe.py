@@ -36,7 +36,10 @@ _PLAIN: Mapping[Any, str] = {
 
 
 class Parameter(NamedTuple):
-    """One field of a parameter model, as listings show it. ``default`` is plain JSON data."""
+    """One field of a parameter model, as listings show it.
+
+    ``type`` is as Python spells it, ``default`` plain JSON data, ``bounds`` in words.
+    """
 
     name: str
     type: str
@@ -190,12 +193,31 @@ def _parameter(name: str, info: FieldInfo) -> Parameter:
         metadata = tuple(m for member in members for m in peel(member)[1])
     return Parameter(
         name=name,
-        type=" or ".join(dict.fromkeys(_describe_one(peel(m)[0], ()) for m in members)),
+        type=" | ".join(dict.fromkeys(_type_name(member) for member in members)),
         default=default,
         required=info.is_required(),
         bounds=bounds_of(metadata),
         description=info.description or "",
     )
+
+
+def _type_name(annotation: Any) -> str:
+    """A type as Python spells it: ``float``, ``tuple[float, float]``; choices as ``a | b``."""
+    bare, _ = peel(annotation)
+    choices = choices_of(bare)
+    if choices:
+        return " | ".join(choices)
+    if bare is type(None):
+        return "None"
+    if bare is Ellipsis:
+        return "..."
+    origin, args = get_origin(bare), get_args(bare)
+    if origin is None or not args:
+        return str(getattr(bare, "__name__", bare))
+    if len(members_of(bare)) > 1:
+        return " | ".join(_type_name(member) for member in members_of(bare))
+    inner = ", ".join(_type_name(arg) for arg in args)
+    return f"{getattr(origin, '__name__', origin)}[{inner}]"
 
 
 def _plain(value: Any) -> Any:

@@ -1,0 +1,203 @@
+"""Importing a plugin file or ``module:Class`` such that nothing it does can hurt anyone else."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import importlib
+import importlib.util
+import inspect
+import sys
+import traceback
+from collections.abc import Iterator
+from contextvars import ContextVar
+from pathlib import Path
+from types import ModuleType
+from typing import Any, TypeVar
+
+from navfw.config.document import shown_path
+from navfw.errors import PluginError, did_you_mean
+from navfw.kinds import Plugin
+from navfw.plugins.verification import find_problems, kind_of, verify
+
+__all__ = ["candidates_of", "decorated_plugins", "import_file", "import_object", "plugin"]
+
+ClassT = TypeVar("ClassT", bound=type[Any])
+
+_decorated: dict[tuple[str, str], type[Any]] = {}
+# While a file of a folder is imported, its decorated classes go here instead, unverified: one bad
+# class shall not keep the others of the file from being defined.
+_collecting: ContextVar[list[type[Any]] | None] = ContextVar("collecting", default=None)
+
+
+def plugin(cls: ClassT) -> ClassT:
+    """Register the decorated class with every registry that ``default_registry`` makes hereafter.
+
+    Raises:
+        PluginError: the class does not fulfil the contract of its kind.
+
+    """
+    collecting = _collecting.get()
+    if collecting is not None:
+        collecting.append(cls)
+        return cls
+    verify(cls)
+    # by name, so that a class defined again (a notebook's cell) replaces its former self
+    _decorated[(cls.__module__, cls.__qualname__)] = cls
+    return cls
+
+
+def decorated_plugins() -> list[type[Any]]:
+    """The classes that have been decorated with ``plugin``, outside of plugin folders."""
+    return list(_decorated.values())
+
+
+def import_file(file: Path) -> tuple[ModuleType, list[type[Any]]]:
+    """Run ``file`` as a module of a package of its own; also the classes it decorated.
+
+    The folder becomes a package with a unique name, so that equally named files of two folders do
+    not meet, ``from .other import x`` works, and ``sys.path`` stays as it is.
+
+    Raises:
+        PluginError: the file cannot be imported, whatever the reason; names file and line.
+
+    """
+    package = _package_of(file.parent)
+    name = f"{package}.{file.stem}"
+    collected: list[type[Any]] = []
+    token = _collecting.set(collected)
+    try:
+        spec = importlib.util.spec_from_file_location(name, file)
+        if spec is None or spec.loader is None:
+            raise PluginError("expected a Python file", file=shown_path(file))
+        module = importlib.util.module_from_spec(spec)
+        sys.modules[name] = module
+        with _quiet_stdout():
+            spec.loader.exec_module(module)
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # even SystemExit: a plugin must not end the program
+        sys.modules.pop(name, None)
+        raise _import_error(error, file) from error
+    finally:
+        _collecting.reset(token)
+    return module, collected
+
+
+def import_object(target: str) -> Any:
+    """The object that ``module:Class`` names.
+
+    Raises:
+        PluginError: the module cannot be imported or has no such object.
+
+    """
+    module_name, _, attribute = target.partition(":")
+    try:
+        with _quiet_stdout():
+            module = importlib.import_module(module_name)
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
+        raise _import_error(error, None, target) from error
+    value: Any = module
+    for part in attribute.split(".") if attribute else []:
+        if not hasattr(value, part):
+            names = [n for n in vars(module) if not n.startswith("_")]
+            near = did_you_mean(part, names)
+            hint = f"; {near}" if near.startswith("did") else ""
+            raise PluginError(f"{module_name} has no {attribute!r}{hint}", key=target)
+        value = getattr(value, part)
+    return value
+
+
+def candidates_of(module: ModuleType, decorated: list[type[Any]]) -> list[type[Any]]:
+    """The classes of ``module`` that are, or want to be, plugins.
+
+    Private classes are helpers, and so are classes that others of the module derive from while
+    they are no complete plugins themselves.
+    """
+    defined = [
+        value
+        for name, value in vars(module).items()
+        if inspect.isclass(value)
+        and value.__module__ == module.__name__
+        and issubclass(value, Plugin)
+        and not name.startswith("_")
+    ]
+    unique = list(dict.fromkeys([*decorated, *defined]))
+    return [
+        cls
+        for cls in unique
+        if cls in decorated
+        or not any(other is not cls and issubclass(other, cls) for other in unique)
+        or not find_problems(cls)
+    ]
+
+
+def nothing_found(module: ModuleType, file: Path, kind: str) -> PluginError:
+    """The error for a file of a plugin folder that has no plugin in it."""
+    classes = [
+        name
+        for name, value in vars(module).items()
+        if inspect.isclass(value) and value.__module__ == module.__name__ and kind_of(value) is None
+    ]
+    found = f" (it has {', '.join(classes)})" if classes else ""
+    return PluginError(
+        f"no plugin in this file{found}; derive a class from navfw.kinds.{kind.capitalize()}, "
+        "or begin the file's name with _ if it is a helper",
+        file=shown_path(file),
+    )
+
+
+def _package_of(folder: Path) -> str:
+    """Make ``folder`` importable as a package of its own; its name."""
+    folder = folder.resolve()
+    digest = hashlib.sha256(str(folder).encode()).hexdigest()[:12]
+    name = f"navfw_folder_{digest}"
+    if name not in sys.modules:
+        package = ModuleType(name, f"The plugin folder {folder}.")
+        package.__path__ = [str(folder)]
+        sys.modules[name] = package
+    return name
+
+
+@contextlib.contextmanager
+def _quiet_stdout() -> Iterator[None]:
+    """What a plugin prints while it is imported goes to stderr: stdout belongs to results."""
+    with contextlib.redirect_stdout(sys.stderr):
+        yield
+
+
+def _import_error(
+    error: BaseException, file: Path | None, target: str | None = None
+) -> PluginError:
+    if isinstance(error, PluginError):
+        return error
+    where, line = _position(error, file)
+    kind = type(error).__name__
+    text = error.msg if isinstance(error, SyntaxError) else str(error)
+    message = f"cannot be imported: {kind}: {text}" if text else f"cannot be imported: {kind}"
+    if isinstance(error, ModuleNotFoundError) and file is not None and error.name:
+        if (file.parent / f"{error.name}.py").is_file():
+            message += f"; write: from .{error.name} import ..."
+        else:
+            message += "; install it in the environment that runs navfw"
+    return PluginError(
+        message, file=None if where is None else shown_path(where), line=line, key=target
+    )
+
+
+def _position(error: BaseException, file: Path | None) -> tuple[Path | None, int | None]:
+    """The innermost line of ``file`` that took part in ``error``."""
+    if isinstance(error, SyntaxError) and error.filename:
+        bad = Path(error.filename)
+        if file is None or bad == file:
+            return bad, error.lineno
+    if file is None:
+        return None, None
+    lines = [
+        frame.lineno
+        for frame in traceback.extract_tb(error.__traceback__)
+        if Path(frame.filename) == file
+    ]
+    return file, lines[-1] if lines else None

@@ -1,0 +1,295 @@
+"""The registry: plugins by kind and name, the broken ones with what is wrong with them."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from functools import partial
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+from typing import Any, cast
+
+from navfw.config.describe import parameters_of
+from navfw.config.document import shown_path
+from navfw.config.lookup import behavior_folders
+from navfw.errors import InputError, PluginError, UnknownNameError
+from navfw.kinds import KINDS, Plugin
+from navfw.plugins import importing
+from navfw.plugins.verification import kind_of, source_file, verify
+
+__all__ = ["BUILT_IN", "GROUPS", "Registry", "default_registry"]
+
+BUILT_IN: dict[str, dict[str, str]] = {
+    "flow": {
+        "block_matching": "navfw.flow.block_matching:BlockMatching",
+        "dis": "navfw.flow.dis:Dis",
+    },
+    "perception": {"offis": "navfw.offis.offis:Offis"},
+    "features": {"none": "navfw.features.none:NoFeatures"},
+    "localizer": {"dead_reckoning": "navfw.topomap.dead_reckoning:DeadReckoning"},
+    "planner": {"papfis": "navfw.papfis.papfis:Papfis"},
+    "fusion": {"fuzzy": "navfw.mofis.fuzzy_fusion:FuzzyFusion"},
+    "controller": {"unicycle": "navfw.locom.unicycle:Unicycle"},
+}
+"""What ships, by kind and name; imported when first asked for. Behaviours are in ``behaviors/``."""
+
+GROUPS: dict[str, str] = {
+    f"navfw.{kind if kind.endswith('s') else kind + 's'}": kind for kind in KINDS
+}
+"""Entry point groups of other packages: ``navfw.behaviors``, ``navfw.flows``, ..."""
+
+
+@dataclass
+class _Entry:
+    """One plugin that is known; its class as soon as it is loaded, or why it cannot be used."""
+
+    kind: str
+    name: str
+    source: str
+    load: Callable[[], object] | None = None
+    cls: type[Plugin] | None = None
+    error: InputError | None = None
+
+
+class Registry:
+    """Plugins by kind and name.
+
+    A plugin is verified when it is registered; entry points and built-in ones when they are first
+    asked for or listed, as they are not imported before. A broken plugin stays known, with its
+    error, and stops nothing else.
+    """
+
+    def __init__(self) -> None:
+        self._entries: dict[tuple[str, str], _Entry] = {}
+        self._duplicates: list[_Entry] = []
+        self._files: set[Path] = set()
+
+    def register(self, cls: type[Plugin], source: str | None = None) -> None:
+        """Add a plugin class; ``source`` says in listings where it comes from.
+
+        Raises:
+            PluginError: the class is no plugin or its name is taken. Nothing is registered then.
+
+        """
+        verify(cls)
+        self._add(_Entry(str(kind_of(cls)), cls.name, source or _source(cls), cls=cls))
+
+    def register_lazily(
+        self, kind: str, name: str, load: str | Callable[[], object], source: str
+    ) -> None:
+        """Add the plugin that ``load`` (``module:Class``, or a function) will give when needed.
+
+        Raises:
+            UnknownNameError: there is no such kind.
+            PluginError: the name is taken.
+
+        """
+        _check_kind(kind)
+        if isinstance(load, str):
+            load = partial(importing.import_object, load)
+        self._add(_Entry(kind, name, source, load=load))
+
+    def discover_folder(self, folder: str | Path, kind: str = "behavior") -> None:
+        """Import every ``*.py`` in ``folder`` that does not begin with ``_``, register its plugins.
+
+        What is broken is recorded as broken: of ``kind`` when the file does not get so far as to
+        say what it is.
+
+        Raises:
+            PluginError: ``folder`` is no readable folder.
+
+        """
+        folder = Path(folder)
+        try:
+            files = sorted(p for p in folder.iterdir() if p.suffix == ".py")
+        except OSError as error:
+            raise PluginError(
+                f"expected a folder of plugins: {error.strerror}", file=shown_path(folder)
+            ) from None
+        for file in files:
+            if not file.name.startswith(("_", ".")) and file.resolve() not in self._files:
+                self._files.add(file.resolve())
+                self._discover_file(file, kind)
+
+    def discover_entry_points(self, points: Iterable[EntryPoint] | None = None) -> None:
+        """Add the plugins that installed packages offer; none is imported yet."""
+        if points is None:
+            points = [point for group in GROUPS for point in entry_points(group=group)]
+        for point in points:
+            package = "" if point.dist is None else f" of {point.dist.name} {point.dist.version}"
+            entry = _Entry(
+                GROUPS[point.group],
+                point.name,
+                f"entry point {point.group}{package}",
+                load=partial(importing.import_object, point.value.replace(" ", "")),
+            )
+            self._attempt(entry, partial(self._add, entry))
+
+    def get(self, kind: str, name: str) -> type[Plugin]:
+        """The class of a plugin.
+
+        Raises:
+            UnknownNameError: there is no such kind, or no such plugin of it.
+            PluginError: the plugin is broken; the message says how.
+
+        """
+        _check_kind(kind)
+        entry = self._entries.get((kind, name))
+        if entry is None:
+            raise UnknownNameError(f"{kind} plugin", name, self.names(kind))
+        self._load(entry)
+        if entry.cls is None:
+            raise entry.error or PluginError("broken", key=name)
+        return entry.cls
+
+    def names(self, kind: str) -> list[str]:
+        """The names of all plugins of a kind, broken ones too."""
+        _check_kind(kind)
+        return sorted(name for of, name in self._entries if of == kind)
+
+    def listing(self, kind: str | None = None) -> list[dict[str, Any]]:
+        """Every plugin (of ``kind``) as plain data: what it is, its parameters, or its error.
+
+        Keys: name, kind, status (``ok`` or ``broken``), source, summary, parameters (each with
+        name, type, default, required, bounds, description), error (None when ok). Loads them all.
+        """
+        if kind is not None:
+            _check_kind(kind)
+        entries = [
+            e for e in (*self._entries.values(), *self._duplicates) if kind in {None, e.kind}
+        ]
+        order = list(KINDS)
+        entries.sort(key=lambda e: (order.index(e.kind), e.name))
+        return [self._listed(entry) for entry in entries]
+
+    def broken(self) -> list[dict[str, Any]]:
+        """The entries of ``listing`` that are known to be broken by now; loads nothing."""
+        known = (*self._entries.values(), *self._duplicates)
+        return [self._listed(entry) for entry in known if entry.error is not None]
+
+    def _discover_file(self, file: Path, kind: str) -> None:
+        source = shown_path(file)
+        try:
+            module, decorated = importing.import_file(file)
+        except PluginError as error:
+            self._record(_Entry(kind, file.stem, source, error=error))
+            return
+        classes = importing.candidates_of(module, decorated)
+        if not classes:
+            nothing = importing.nothing_found(module, file, kind)
+            self._record(_Entry(kind, file.stem, source, error=nothing))
+        for cls in classes:
+            self._register_found(cls, source, kind, file.stem)
+
+    def _register_found(self, cls: type[Any], source: str, kind: str, name: str) -> None:
+        """Register a class, or record it as broken, by the ``kind`` and ``name`` it says it has."""
+        own = cls.__dict__.get("name")
+        entry = _Entry(kind_of(cls) or kind, own if isinstance(own, str) else name, source)
+        self._attempt(entry, partial(self.register, cls, source))
+
+    def _attempt(self, entry: _Entry, register: Callable[[], None]) -> None:
+        try:
+            register()
+        except InputError as error:
+            self._record(replace(entry, error=error))
+
+    def _record(self, entry: _Entry) -> None:
+        """Keep a broken entry, without pushing aside another one of its name."""
+        if (entry.kind, entry.name) in self._entries:
+            self._duplicates.append(entry)
+        else:
+            self._entries[entry.kind, entry.name] = entry
+
+    def _add(self, entry: _Entry) -> None:
+        """Make an entry known unless its name is taken by one that is not broken."""
+        other = self._entries.get((entry.kind, entry.name))
+        if other is not None and entry.cls is not None and other.cls is entry.cls:
+            return
+        if other is not None and other.error is None:
+            raise PluginError(
+                f"the {entry.kind} name {entry.name!r} is taken already, by {other.source}; "
+                "give one of them another name",
+                file=entry.source,
+                key=None if entry.cls is None else f"class {entry.cls.__qualname__}",
+            )
+        if other is not None:
+            self._duplicates.append(other)
+        self._entries[entry.kind, entry.name] = entry
+
+    def _load(self, entry: _Entry) -> None:
+        if entry.load is None or entry.cls is not None or entry.error is not None:
+            return
+        try:
+            cls = entry.load()
+            verify(cls)
+            _check_promise(cls, entry)
+        except InputError as error:
+            entry.error = error
+        else:
+            entry.cls = cast(type[Plugin], cls)
+
+    def _listed(self, entry: _Entry) -> dict[str, Any]:
+        self._load(entry)
+        cls = entry.cls
+        return {
+            "name": entry.name,
+            "kind": entry.kind,
+            "status": "ok" if entry.error is None else "broken",
+            "source": entry.source,
+            "summary": _summary(cls),
+            "parameters": []
+            if cls is None
+            else [parameter._asdict() for parameter in parameters_of(cls.Params)],
+            "error": None if entry.error is None else str(entry.error),
+        }
+
+
+def default_registry(folders: Iterable[str | Path] = ()) -> Registry:
+    """A registry of all there is.
+
+    What ships, the project's ``behaviors/``, ``folders``, the entry points of installed packages,
+    and classes decorated with ``plugin`` in code; an earlier one keeps a name that comes twice.
+
+    Raises:
+        PluginError: one of ``folders`` is no folder.
+
+    """
+    registry = Registry()
+    for kind, plugins in BUILT_IN.items():
+        for name, target in plugins.items():
+            registry.register_lazily(kind, name, target, "navfw")
+    for folder in (*behavior_folders(), *folders):
+        registry.discover_folder(folder)
+    registry.discover_entry_points()
+    for cls in importing.decorated_plugins():
+        registry._register_found(cls, _source(cls), "behavior", cls.__name__)
+    return registry
+
+
+def _check_kind(kind: str) -> None:
+    if kind not in KINDS:
+        raise UnknownNameError("kind of plugin", kind, KINDS)
+
+
+def _check_promise(cls: object, entry: _Entry) -> None:
+    """A lazily loaded class must be what its entry said before it was loaded."""
+    kind, name = kind_of(cls), getattr(cls, "name", None)
+    if (kind, name) != (entry.kind, entry.name):
+        raise PluginError(
+            f"announced as {entry.kind} {entry.name!r}, but the class is {kind} {name!r}; "
+            "make both agree",
+            file=entry.source,
+            key=getattr(cls, "__qualname__", None),
+        )
+
+
+def _source(cls: object) -> str:
+    file = source_file(cls)
+    return getattr(cls, "__module__", "code") if file is None else shown_path(file)
+
+
+def _summary(cls: type[Plugin] | None) -> str:
+    if cls is None:
+        return ""
+    return (inspect.getdoc(cls) or "").strip().split("\n\n")[0].replace("\n", " ")

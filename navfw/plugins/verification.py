@@ -1,0 +1,229 @@
+"""Whether a class is a plugin that will work, found out before it is ever called."""
+
+from __future__ import annotations
+
+import inspect
+import keyword
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+
+from navfw import kinds
+from navfw.config.document import shown_path
+from navfw.config.problems import shown
+from navfw.errors import PluginError, did_you_mean
+
+__all__ = ["find_problems", "kind_of", "source_file", "verify"]
+
+_COROUTINES = (inspect.iscoroutinefunction, inspect.isasyncgenfunction)
+
+
+def verify(cls: object) -> None:
+    """Do nothing if ``cls`` is a plugin class that fulfils the contract of its kind.
+
+    Raises:
+        PluginError: it does not; the message has file, line, class, every problem, and remedies.
+
+    """
+    problems = find_problems(cls)
+    if not problems:
+        return
+    name = getattr(cls, "__qualname__", repr(cls))
+    raise PluginError(
+        "; ".join(problems), file=_shown_file(cls), line=_line(cls), key=f"class {name}"
+    )
+
+
+def find_problems(cls: object) -> list[str]:
+    """Everything that keeps ``cls`` from being a plugin, each with its remedy; empty when good."""
+    if not inspect.isclass(cls):
+        return [f"expected a class, got {shown(cls)}"]
+    try:
+        return list(_problems(cls))
+    except Exception as error:  # a metaclass or descriptor of the plugin's own may do anything
+        return [f"looking at the class raised {type(error).__name__}: {error}"]
+
+
+def kind_of(cls: object) -> str | None:
+    """The kind of plugin that ``cls`` derives from, or None."""
+    if not inspect.isclass(cls):
+        return None
+    found = [kind for kind, base in kinds.KINDS.items() if issubclass(cls, base)]
+    return found[0] if len(found) == 1 else None
+
+
+def source_file(cls: object) -> Path | None:
+    """The file that defines ``cls``, if it has one."""
+    try:
+        return Path(inspect.getfile(cls))  # type: ignore[arg-type]
+    except (TypeError, OSError):
+        return None
+
+
+def _problems(cls: type[Any]) -> Iterator[str]:
+    base_names = ", ".join(sorted(base.__name__ for base in kinds.KINDS.values()))
+    found = [base for base in kinds.KINDS.values() if issubclass(cls, base)]
+    if not found:
+        yield f"not derived from a kind of plugin; derive it from one of navfw.kinds: {base_names}"
+        return
+    if len(found) > 1:
+        names = " and ".join(base.__name__ for base in found)
+        yield f"derived from {names} at once; make one plugin of each"
+        return
+    base = found[0]
+    if cls is base:
+        yield "this is the base class itself; derive a class from it"
+        return
+    yield from _name_problems(cls, base)
+    if not (inspect.cleandoc(cls.__dict__.get("__doc__") or "")).strip():
+        yield "no docstring; say in a sentence what it does (listings show it)"
+    yield from _method_problems(cls, base)
+    yield from _params_problems(cls)
+
+
+def _name_problems(cls: type[Any], base: type[Any]) -> Iterator[str]:
+    if cls.__dict__.get("kind", base.kind) != base.kind:
+        yield f"kind is set to {cls.kind!r}; leave it to the base class ({base.kind!r})"
+    remedy = f'write: name: ClassVar[str] = "{_suggested_name(cls)}"'
+    if "name" not in cls.__dict__:
+        inherited = getattr(cls, "name", None)
+        because = "" if inherited is None else f" of its own (it inherits {inherited!r})"
+        yield f"no name{because}; {remedy}"
+        return
+    name = cls.__dict__["name"]
+    if not isinstance(name, str):
+        yield f"name must be text, got {type(name).__name__}; {remedy}"
+    elif not (name.isascii() and name.isidentifier()) or keyword.iskeyword(name):
+        yield f"name {name!r} must be an identifier (letters, digits, _); {remedy}"
+
+
+def _suggested_name(cls: type[Any]) -> str:
+    text = "".join(f"_{c.lower()}" if c.isupper() else c for c in cls.__name__).strip("_")
+    return text.replace("__", "_")
+
+
+def _method_problems(cls: type[Any], base: type[Any]) -> Iterator[str]:
+    own = [n for n, v in vars(cls).items() if callable(v) and not n.startswith("_")]
+    names = [n for n in dir(base) if not n.startswith("_") or n == "__init__"]
+    for name in names:
+        wanted = inspect.getattr_static(base, name)
+        given = inspect.getattr_static(cls, name)
+        if given is wanted:
+            if name in cls.__abstractmethods__:
+                near = did_you_mean(name, [n for n in own if not hasattr(base, n)])
+                hint = f" instead of {near.split(chr(39))[1]}" if near.startswith("did") else ""
+                yield f"missing {_headline(name, wanted)}; define it{hint}"
+        elif isinstance(wanted, property):
+            if callable(given):
+                yield f"{name} must be a property; put @property above it"
+        elif inspect.isfunction(wanted):
+            yield from _signature_problems(name, wanted, given)
+
+
+def _signature_problems(name: str, wanted: Callable[..., Any], given: object) -> Iterator[str]:
+    if isinstance(given, staticmethod | classmethod):
+        yield f"{name} must be a plain method; remove @{type(given).__name__}"
+        return
+    if not callable(given):
+        got = type(given).__name__
+        yield f"{name} must be a method, got {got}; define {_headline(name, wanted)}"
+        return
+    inner = inspect.unwrap(given)
+    if any(test(inner) for test in _COROUTINES):
+        yield f"{name} must not be async; remove the word"
+        return
+    if inspect.isgeneratorfunction(inner):
+        yield f"{name} must return its result; replace yield by return"
+        return
+    try:
+        signature = inspect.signature(given)
+    except (TypeError, ValueError):
+        return
+    complaint = _mismatch(inspect.signature(wanted), signature)
+    if complaint:
+        yield (
+            f"{name}{_bare(signature)} has the wrong parameters: {complaint}; "
+            f"define {_headline(name, wanted)}"
+        )
+
+
+def _mismatch(wanted: inspect.Signature, given: inspect.Signature) -> str:
+    """What keeps ``given`` from being called as ``wanted`` promises, by position or by name."""
+    mine = list(given.parameters.values())
+    takes_rest = any(p.kind is p.VAR_POSITIONAL for p in mine)
+    takes_names = any(p.kind is p.VAR_KEYWORD for p in mine)
+    positional = [p for p in mine if p.kind in {p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD}]
+    for index, parameter in enumerate(wanted.parameters.values()):
+        if index >= len(positional):
+            if takes_rest and takes_names:
+                continue
+            return f"no {parameter.name!r}"
+        other = positional[index]
+        if index and other.name != parameter.name:
+            return f"expected {parameter.name!r}, got {other.name!r}"
+        if index and other.kind is other.POSITIONAL_ONLY:
+            return f"{other.name!r} must also be accepted by name"
+        if parameter.default is not parameter.empty and other.default is other.empty:
+            return f"{other.name!r} needs a default"
+    extra = positional[len(wanted.parameters) :] + [p for p in mine if p.kind is p.KEYWORD_ONLY]
+    needed = [p.name for p in extra if p.default is p.empty]
+    return f"nothing is passed for {needed[0]!r}" if needed else ""
+
+
+def _bare(signature: inspect.Signature) -> str:
+    """A signature without types: ``(self, context)``."""
+    empty = inspect.Parameter.empty
+    parameters = [p.replace(annotation=empty) for p in signature.parameters.values()]
+    return str(signature.replace(parameters=parameters, return_annotation=inspect.Signature.empty))
+
+
+def _headline(name: str, wanted: object) -> str:
+    if isinstance(wanted, property):
+        return f"property {name}"
+    return f"{name}{_bare(inspect.signature(wanted))}" if callable(wanted) else name
+
+
+def _params_problems(cls: type[Any]) -> Iterator[str]:
+    model = cls.Params
+    if not (inspect.isclass(model) and issubclass(model, kinds.Params)):
+        parent = cls.__mro__[1].__name__
+        yield f"Params is not derived from the base's; write: class Params({parent}.Params)"
+        return
+    if "Params" not in cls.__dict__:
+        stray = [n for n, v in vars(cls).items() if inspect.isclass(v) and issubclass(v, BaseModel)]
+        if stray:
+            yield f"the nested model {stray[0]!r} is not used; call it Params"
+    if model.model_config.get("extra") != "forbid":
+        yield "Params lets unknown keys pass; leave extra='forbid' as the base has it"
+    for name, info in model.model_fields.items():
+        if info.is_required() or info.default_factory is not None:
+            continue
+        problem = _default_problem(model, name, info.default)
+        if problem:
+            yield f"the default of Params.{name} is invalid: {problem}; mend it or the bounds"
+
+
+def _default_problem(model: type[BaseModel], name: str, default: object) -> str:
+    key = model.model_fields[name].alias or name
+    try:
+        model.model_validate({key: default})
+    except ValidationError as error:
+        for detail in error.errors(include_url=False):
+            # other fields may be required; only this one was given
+            if detail["loc"][:1] == (key,) and detail["type"] != "missing":
+                return f"{detail['msg'][:1].lower()}{detail['msg'][1:]}, got {shown(default)}"
+    return ""
+
+
+def _shown_file(cls: object) -> str | None:
+    file = source_file(cls)
+    return None if file is None else shown_path(file)
+
+
+def _line(cls: object) -> int | None:
+    try:
+        return inspect.getsourcelines(cls)[1]  # type: ignore[arg-type]
+    except (TypeError, OSError, SyntaxError, IndexError):
+        return None
