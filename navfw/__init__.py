@@ -1,1 +1,83 @@
-"""navfw."""
+"""navfw: a mobile robot with one camera finds its way by fuzzy behaviours.
+
+The public names: what a behaviour plugin, another plugin, or a mission test needs. Everything is
+loaded when first used, so that ``import navfw`` is quick.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from navfw.kinds import (
+        Behavior,
+        Controller,
+        FeatureRecognizer,
+        FlowProcessor,
+        Fusion,
+        Localizer,
+        Perception,
+        Planner,
+    )
+    from navfw.mofis.context import Context
+    from navfw.mofis.rules import BehaviorRules
+    from navfw.robot import CameraModel, RobotModel
+    from navfw.signals import Array, Command, Explain, Percept, Pose, Proposal, Twist, Waypoint
+
+__version__ = "0.1.0"
+
+_HOMES = {
+    "Array": "navfw.signals",
+    "Behavior": "navfw.kinds",
+    "BehaviorRules": "navfw.mofis.rules",
+    "CameraModel": "navfw.robot",
+    "Command": "navfw.signals",
+    "Context": "navfw.mofis.context",
+    "Controller": "navfw.kinds",
+    "Explain": "navfw.signals",
+    "FeatureRecognizer": "navfw.kinds",
+    "FlowProcessor": "navfw.kinds",
+    "Fusion": "navfw.kinds",
+    "Localizer": "navfw.kinds",
+    "Percept": "navfw.signals",
+    "Perception": "navfw.kinds",
+    "Planner": "navfw.kinds",
+    "Pose": "navfw.signals",
+    "Proposal": "navfw.signals",
+    "RobotModel": "navfw.robot",
+    "Twist": "navfw.signals",
+    "Waypoint": "navfw.signals",
+}
+
+__all__ = [
+    "Array",
+    "Behavior",
+    "BehaviorRules",
+    "CameraModel",
+    "Command",
+    "Context",
+    "Controller",
+    "Explain",
+    "FeatureRecognizer",
+    "FlowProcessor",
+    "Fusion",
+    "Localizer",
+    "Percept",
+    "Perception",
+    "Planner",
+    "Pose",
+    "Proposal",
+    "RobotModel",
+    "Twist",
+    "Waypoint",
+    "__version__",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOMES:
+        value = getattr(importlib.import_module(_HOMES[name]), name)
+        globals()[name] = value
+        return value
+    raise AttributeError(f"module 'navfw' has no attribute {name!r}")

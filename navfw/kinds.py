@@ -1,8 +1,8 @@
 """The eight kinds of plugin: each a small base class with the one method that its room asks for.
 
 A plugin is constructed with the robot's model and its validated parameters, is told ``reset()`` at
-the start of every run, and keeps no state outside itself. Which plugin of each kind runs, with which
-parameters, is said in a stack file (``navfw/stacks``).
+the start of every run, and keeps no state outside itself. Which plugin of each kind runs, with
+which parameters, is said in a stack file (``navfw/stacks``).
 """
 
 from __future__ import annotations
@@ -59,7 +59,10 @@ class Params(BaseModel):
 
 
 class Plugin(ABC):
-    """What all kinds share. ``name`` is what stack files call it; ``Params`` declares parameters."""
+    """What all kinds share.
+
+    ``name`` is what stack files call it; ``Params`` declares its parameters.
+    """
 
     kind: ClassVar[str]
     name: ClassVar[str]

@@ -1,4 +1,4 @@
-"""The robot as its builder knows it: dimensions, limits and camera; shared by stack and simulator."""
+"""The robot as its builder knows it: dimensions, limits, camera; for stack and simulator alike."""
 
 from __future__ import annotations
 

@@ -1,16 +1,16 @@
 """What passes between the rooms: small frozen dataclasses, one per arrow of the data flow.
 
 Conventions (all of navfw): SI units and radians. Frames after REP-103/105: ``map``, ``odom`` and
-``base_link`` have x forward, y left, z up, yaw counter-clockwise; ``camera_optical`` has z forward,
-x right, y down. Image points are in pixels relative to the principal point (x right, y down). Arrays
-over the grid have shape (rows, cols) with row 0 at the top of the image and column 0 at its left.
-Nearness is 1/Z [1/m], Z the depth along the optical axis.
+``base_link`` have x forward, y left, z up, yaw counter-clockwise; ``camera_optical`` has z
+forward, x right, y down. Image points are in pixels relative to the principal point (x right,
+y down). Arrays over the grid have shape (rows, cols) with row 0 at the top of the image and column
+0 at its left. Nearness is 1/Z [1/m], Z the depth along the optical axis.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any
@@ -24,6 +24,7 @@ __all__ = [
     "CameraMotion",
     "Command",
     "Encoders",
+    "Explain",
     "FlowField",
     "Frame",
     "FramePair",
@@ -308,19 +309,27 @@ class Waypoint:
 # --- MOFIS and LOCOM ---------------------------------------------------------------------------
 
 
+Explain = Callable[[int, int], Sequence[Mapping[str, Any]]]
+"""Gives the rules that fired for the command at (row, column) of the grid, strongest first."""
+
+
+def _no_rules(row: int, column: int) -> Sequence[Mapping[str, Any]]:
+    return ()
+
+
 @dataclass(frozen=True, slots=True)
 class Proposal:
     """What one behaviour asks for, over the command grid (METHOD 3.6).
 
     ``applicability`` in [0, 1]; ``desirability`` and ``prohibition`` are (n_v, n_w) in [0, 1];
-    ``reason`` is one line for a person. ``explanation`` is plain data: the rules that fired.
+    ``reason`` is one line for a person. ``explain`` tells, when somebody asks, which rules fired.
     """
 
     applicability: float
     desirability: Array
     prohibition: Array
     reason: str
-    explanation: Mapping[str, Any] = field(default_factory=dict)
+    explain: Explain = _no_rules
 
 
 @dataclass(frozen=True, slots=True)

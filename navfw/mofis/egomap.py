@@ -66,7 +66,7 @@ class EgoMap:
     def reset(self) -> None:
         """Forget everything."""
         self.evidence: Array = np.zeros((self.size, self.size))
-        self.origin: tuple[float, float] | None = None
+        self._origin: tuple[float, float] | None = None
         self._time: float | None = None
         self._clearance: Array | None = None
 
@@ -80,15 +80,15 @@ class EgoMap:
             (round(pose.x / cell) - half) * cell,
             (round(pose.y / cell) - half) * cell,
         )
-        if self.origin is None:
-            self.origin = corner
+        if self._origin is None:
+            self._origin = corner
         else:
             shift = [
                 round((new - old) / cell) for new, old in zip(corner, self.origin, strict=True)
             ]
             if max(abs(s) for s in shift) > round(0.4 / cell):
                 self.evidence = _shifted(self.evidence, *shift)
-                self.origin = corner
+                self._origin = corner
         if self._time is not None and time > self._time:
             self.evidence *= math.exp((self._time - time) / self.params.fade)
         self._time = time
@@ -107,8 +107,6 @@ class EgoMap:
     def enter(self, percept: Percept, pose: Pose) -> None:
         """Enter what ``percept`` saw from odom ``pose`` (call ``move`` first)."""
         p, camera = self.params, self.robot.camera
-        if self.origin is None:
-            raise RuntimeError("EgoMap.enter needs move first")
         confidence = percept.confidence.ravel()
         nearness = percept.nearness.ravel()
         label = percept.label.ravel()
@@ -165,10 +163,15 @@ class EgoMap:
 
     # --- reading ---------------------------------------------------------------------------------
 
+    @property
+    def origin(self) -> tuple[float, float]:
+        """Odom position [m] of the centre of cell [0, 0]; there is none before ``move``."""
+        if self._origin is None:
+            raise RuntimeError("the ego map has no place yet; call move first")
+        return self._origin
+
     def index(self, x: float, y: float) -> tuple[int, int]:
         """(row, column) of the odom point (x, y); may lie outside the grid."""
-        if self.origin is None:
-            raise RuntimeError("the ego map has no place yet; call move first")
         cell = self.params.cell
         return round((y - self.origin[1]) / cell), round((x - self.origin[0]) / cell)
 

@@ -1,7 +1,7 @@
 """Compiled inner loops of the ego map: evidence along rays, arcs through it, cost to go.
 
-All work on square grids indexed [row, column] = [y, x] in the odom frame's directions; ``origin`` is
-the odom coordinate [m] of the centre of cell [0, 0], ``cell`` the cell size [m].
+All work on square grids indexed [row, column] = [y, x] in the odom frame's directions; ``origin``
+is the odom coordinate [m] of the centre of cell [0, 0], ``cell`` the cell size [m].
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 
 from navfw.signals import Array
 
-__all__ = ["cast_evidence", "cost_to_go", "descend", "sweep_arcs"]
+__all__ = ["cast_evidence", "cast_ranges", "cost_to_go", "descend", "sweep_arcs"]
 
 
 @numba.njit(cache=True)
@@ -39,9 +39,9 @@ def cast_evidence(
 
     ``direction`` (N, 3): what the ray advances in odom x, y and height per metre of depth; ``near``
     and ``far`` (N,) bound the depth [m] of what it met. Up to ``near`` the ray says free, between
-    the two it says hit (shared out when the interval is long). A ray passes OVER what is lower than
-    itself: its word for free counts fully below height ``low`` and only ``high_share`` from ``high``
-    upwards.
+    the two it says hit (shared out when the interval is long). A ray passes OVER what is lower
+    than itself: its word for free counts fully below height ``low`` and only ``high_share`` from
+    ``high`` upwards.
     """
     size = hit.shape[0]
     for i in range(direction.shape[0]):
@@ -156,11 +156,56 @@ def sweep_arcs(
 
 
 @numba.njit(cache=True)
+def cast_ranges(
+    clearance: Array,
+    known: Array,
+    origin_x: float,
+    origin_y: float,
+    cell: float,
+    x: float,
+    y: float,
+    angles: Array,
+    limit: float,
+    free: Array,
+    seen: Array,
+) -> None:
+    """March from (x, y) along each of ``angles`` (n,) [rad, odom] up to ``limit`` [m].
+
+    ``free`` (n,) [m] is the distance to the first occupied cell, ``seen`` (n,) [m] that to the
+    first cell never seen free. Steps as long as the clearance allows.
+    """
+    size = clearance.shape[0]
+    for i in range(angles.shape[0]):
+        c, s = math.cos(angles[i]), math.sin(angles[i])
+        free[i] = limit
+        seen[i] = limit
+        distance = 0.0
+        while distance < limit:
+            column = int(math.floor((x + distance * c - origin_x) / cell + 0.5))
+            row = int(math.floor((y + distance * s - origin_y) / cell + 0.5))
+            if row < 0 or column < 0 or row >= size or column >= size:
+                break
+            if known[row, column] <= 0.0 and seen[i] == limit:
+                seen[i] = distance
+            if clearance[row, column] < cell:
+                free[i] = distance
+                break
+            # unknown cells do not show in the clearance, so do not leap over them
+            distance += (
+                0.7 * cell
+                if seen[i] == limit
+                else max(0.7 * cell, 0.9 * (clearance[row, column] - cell))
+            )
+        seen[i] = min(seen[i], free[i])
+
+
+@numba.njit(cache=True)
 def cost_to_go(cost: Array, value: Array, sweeps: int) -> int:
     """Solve the eikonal equation |grad value| = cost by fast sweeping, in place.
 
-    ``cost`` (n, n) is the price of a cell's width, infinite where impassable; ``value`` (n, n) holds
-    the boundary values at the sources and infinity elsewhere. Returns the sweeps used. (Zhao 2005.)
+    ``cost`` (n, n) is the price of a cell's width, infinite where impassable; ``value`` (n, n)
+    holds the boundary values at the sources and infinity elsewhere. Returns the sweeps used
+    (Zhao 2005).
     """
     n = value.shape[0]
     used = 0

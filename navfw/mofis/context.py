@@ -1,0 +1,60 @@
+"""What a behaviour may know when it makes its proposal."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from navfw.mofis.commands import CommandGrid
+from navfw.mofis.lookahead import Aim
+from navfw.mofis.reach import Arcs, Ranges
+from navfw.robot import RobotModel
+from navfw.signals import Belief, Command, Percept, Pose, Twist, Waypoint
+
+__all__ = ["Context"]
+
+
+@dataclass(frozen=True, slots=True)
+class Context:
+    """The present moment, seen from the robot (base_link: x ahead, y left), read only.
+
+    ``percept`` is OFFIS' newest (None before the robot has moved); it may be older than ``time``,
+    as a robot that only turns sees no depth. ``arcs`` and ``ranges`` come from the ego map, the
+    memory of the last seconds. ``aim`` is the next point on the cheapest remembered way to
+    ``waypoint`` (None when there is nowhere to go). ``pose`` is in odom, ``belief`` in the map.
+    ``stalled`` [s] is how long the wheels have not followed commands, ``idle`` [s] how long no
+    progress toward the waypoint has been made.
+    """
+
+    time: float
+    robot: RobotModel
+    commands: CommandGrid
+    twist: Twist
+    pose: Pose
+    belief: Belief
+    percept: Percept | None
+    arcs: Arcs
+    ranges: Ranges
+    waypoint: Waypoint | None
+    aim: Aim | None
+    previous: Command | None
+    stalled: float
+    idle: float
+
+    @property
+    def waypoint_local(self) -> tuple[float, float]:
+        """The waypoint in base_link [m]; (0, 0) when there is none."""
+        if self.waypoint is None:
+            return 0.0, 0.0
+        return self.belief.pose.to_local(self.waypoint.x, self.waypoint.y)
+
+    @property
+    def waypoint_distance(self) -> float:
+        """Distance [m] to the waypoint; infinite when there is none."""
+        return math.inf if self.waypoint is None else math.hypot(*self.waypoint_local)
+
+    @property
+    def waypoint_bearing(self) -> float:
+        """Bearing [rad, left positive] of the waypoint; 0 when there is none."""
+        x, y = self.waypoint_local
+        return math.atan2(y, x)

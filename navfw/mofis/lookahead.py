@@ -1,0 +1,123 @@
+"""The local aim: a point a little ahead on the cheapest way through the ego map to the waypoint.
+
+Arcs alone stick in local minima, with true depth as often as with flow (METHOD 0); the cost to go
+over the remembered surroundings does not. Unknown space is passable at a price, near misses cost.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from navfw.mofis.egomap import EgoMap
+from navfw.mofis.kernels import cost_to_go, descend
+from navfw.signals import Array, Pose
+
+__all__ = ["Aim", "Lookahead", "LookaheadParams"]
+
+
+class LookaheadParams(BaseModel):
+    """How the way through the ego map is priced."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    distance: Annotated[float, Field(gt=0.1, le=3.0, description="how far ahead to aim [m]")] = 0.8
+    clear: Annotated[
+        float, Field(ge=0.0, le=1.0, description="clearance of the rim that costs nothing [m]")
+    ] = 0.25
+    squeeze: Annotated[
+        float, Field(ge=0.0, le=50.0, description="extra price of a way that just fits")
+    ] = 4.0
+    unknown: Annotated[float, Field(ge=0.0, le=20.0, description="extra price of the unseen")] = 0.6
+    margin: Annotated[
+        float, Field(ge=0.0, le=0.3, description="clearance of the rim below which none passes [m]")
+    ] = 0.03
+
+
+@dataclass(frozen=True, slots=True)
+class Aim:
+    """Where to head now, in base_link: x, y [m]; ``cost`` of the way to the waypoint [m, priced].
+
+    ``reachable`` is false when everything remembered bars the way: then the aim is the waypoint's
+    own direction. ``detour`` is the way's cost over the straight distance, at least 1.
+    """
+
+    x: float
+    y: float
+    cost: float
+    reachable: bool
+    detour: float
+
+    @property
+    def distance(self) -> float:
+        """Distance [m] of the aim."""
+        return math.hypot(self.x, self.y)
+
+    @property
+    def bearing(self) -> float:
+        """Bearing [rad, left positive] of the aim."""
+        return math.atan2(self.y, self.x)
+
+
+class Lookahead:
+    """Finds the aim for a waypoint in the odom frame."""
+
+    def __init__(self, params: LookaheadParams | None = None) -> None:
+        self.params = params or LookaheadParams()
+
+    def aim(self, egomap: EgoMap, pose: Pose, x: float, y: float) -> Aim:
+        """The aim for the odom point (x, y) from odom ``pose``."""
+        cell = 2.0 * egomap.params.cell
+        cost = self._prices(egomap)
+        value = _sources(cost.shape[0], egomap.origin, cell, x, y)
+        # what stands on the very waypoint must not hide it: its direction still counts
+        cost_to_go(cost, value, 24)
+
+        column = (pose.x - egomap.origin[0]) / cell
+        row = (pose.y - egomap.origin[1]) / cell
+        straight = math.hypot(x - pose.x, y - pose.y)
+        steps = round(2.0 * min(self.params.distance, max(straight, 2 * cell)) / cell)
+        path = np.empty((steps, 2))
+        count = descend(value, row, column, steps, path)
+        here = float(value[round(row), round(column)]) * cell
+        if count == 0 or not math.isfinite(
+            value[round(path[count - 1, 0]), round(path[count - 1, 1])]
+        ):
+            local = pose.to_local(x, y)
+            scale = min(1.0, self.params.distance / max(straight, 1e-6))
+            return Aim(local[0] * scale, local[1] * scale, math.inf, False, math.inf)
+        end = path[count - 1]
+        ahead = pose.to_local(egomap.origin[0] + end[1] * cell, egomap.origin[1] + end[0] * cell)
+        if not math.isfinite(here):
+            here = float(value[round(end[0]), round(end[1])]) * cell + math.hypot(*ahead)
+        return Aim(ahead[0], ahead[1], here, True, max(1.0, here / max(straight, cell)))
+
+    def _prices(self, egomap: EgoMap) -> Array:
+        """(m, m) price of crossing each cell of twice the map's size; infinite where barred."""
+        p = self.params
+        radius = egomap.robot.radius
+        rim = egomap.clearance[::2, ::2] - radius
+        unseen = egomap.known[::2, ::2] == 0.0
+        tight = np.clip((p.clear - rim) / max(p.clear - p.margin, 1e-6), 0.0, 1.0)
+        cost: Array = 1.0 + p.squeeze * tight**2 + p.unknown * unseen
+        cost[rim < p.margin] = np.inf
+        return cost
+
+
+def _sources(n: int, origin: tuple[float, float], cell: float, x: float, y: float) -> Array:
+    """(n, n) boundary values [cells]: 0 at the waypoint, or its distance along the map's border."""
+    value = np.full((n, n), np.inf)
+    column, row = (x - origin[0]) / cell, (y - origin[1]) / cell
+    if 0 <= round(row) < n and 0 <= round(column) < n:
+        value[round(row), round(column)] = 0.0
+        return value
+    edge = np.arange(n)
+    value[0, :] = np.hypot(row, edge - column)
+    value[-1, :] = np.hypot(row - (n - 1), edge - column)
+    value[:, 0] = np.minimum(value[:, 0], np.hypot(edge - row, column))
+    value[:, -1] = np.minimum(value[:, -1], np.hypot(edge - row, column - (n - 1)))
+    return value

@@ -1,0 +1,188 @@
+"""MOFIS: keeps the ego map, asks every behaviour for its proposal, fuses them into one command."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from navfw.kinds import Behavior, Fusion
+from navfw.mofis.commands import CommandGrid, CommandGridParams
+from navfw.mofis.context import Context
+from navfw.mofis.egomap import EgoMap, EgoMapParams
+from navfw.mofis.lookahead import Aim, Lookahead, LookaheadParams
+from navfw.mofis.reach import look_around, sweep
+from navfw.robot import RobotModel
+from navfw.signals import Belief, Command, Odometry, Percept, Pose, Proposal, Waypoint
+
+__all__ = ["Fault", "Mofis", "MofisParams"]
+
+
+class MofisParams(BaseModel):
+    """The motion room's own settings, beside those of its plugins."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    ego_map: EgoMapParams = EgoMapParams()
+    commands: CommandGridParams = CommandGridParams()
+    lookahead: LookaheadParams = LookaheadParams()
+    margin: Annotated[
+        float, Field(ge=0.0, le=0.3, description="clearance kept from the body's rim [m]")
+    ] = 0.04
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """A behaviour that failed to make a usable proposal at ``time``; it lost that tick."""
+
+    time: float
+    behavior: str
+    error: str
+
+
+class Mofis:
+    """Decides once per camera frame; holds the run's short-term memory.
+
+    ``behaviors`` by name; a behaviour that raises or proposes nonsense loses the tick and is
+    recorded in ``faults``, the others decide without it.
+    """
+
+    def __init__(
+        self,
+        robot: RobotModel,
+        behaviors: Mapping[str, Behavior],
+        fusion: Fusion,
+        params: MofisParams | None = None,
+    ) -> None:
+        self.robot = robot
+        self.behaviors = dict(behaviors)
+        self.fusion = fusion
+        self.params = params or MofisParams()
+        self.commands = CommandGrid(robot, self.params.commands)
+        self.egomap = EgoMap(robot, self.params.ego_map)
+        self.lookahead = Lookahead(self.params.lookahead)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the last run."""
+        self.egomap.reset()
+        self.fusion.reset()
+        for behavior in self.behaviors.values():
+            behavior.reset()
+        self.faults: list[Fault] = []
+        self.proposals: dict[str, Proposal] = {}
+        self.context: Context | None = None
+        self._percept: Percept | None = None
+        self._previous: Command | None = None
+        self._watch = _ProgressWatch()
+
+    def decide(
+        self,
+        odometry: Odometry,
+        belief: Belief,
+        percepts: Sequence[Percept],
+        waypoint: Waypoint | None,
+    ) -> Command:
+        """The command for now, from the newest ``percepts`` (may be none) and ``waypoint``."""
+        self.egomap.move(odometry.pose, odometry.time)
+        for percept in percepts:
+            self.egomap.enter(percept, odometry.pose)
+            self._percept = percept
+        self.context = self._context(odometry, belief, waypoint)
+        self.proposals = {}
+        for name, behavior in self.behaviors.items():
+            proposal = self._ask(name, behavior, self.context)
+            if proposal is not None:
+                self.proposals[name] = proposal
+        self._previous = self.fusion.fuse(self.context, self.proposals)
+        return self._previous
+
+    def _context(self, odometry: Odometry, belief: Belief, waypoint: Waypoint | None) -> Context:
+        pose = odometry.pose
+        aim = None
+        if waypoint is not None:
+            local = belief.pose.to_local(waypoint.x, waypoint.y)
+            aim = self.lookahead.aim(self.egomap, pose, *pose.to_parent(*local))
+        stalled, idle = self._watch.update(odometry, self._previous, waypoint, aim)
+        return Context(
+            time=odometry.time,
+            robot=self.robot,
+            commands=self.commands,
+            twist=odometry.twist,
+            pose=pose,
+            belief=belief,
+            percept=self._percept,
+            arcs=sweep(self.egomap, pose, self.commands, self.params.margin),
+            ranges=look_around(self.egomap, pose),
+            waypoint=waypoint,
+            aim=aim,
+            previous=self._previous,
+            stalled=stalled,
+            idle=idle,
+        )
+
+    def _ask(self, name: str, behavior: Behavior, context: Context) -> Proposal | None:
+        """The behaviour's proposal, or None (and a recorded fault) when it is not usable."""
+        try:
+            proposal = behavior.propose(context)
+            error = _fault_of(proposal, self.commands.shape)
+        except Exception as exception:  # a plugin may raise anything; the robot drives on
+            proposal, error = None, f"{type(exception).__name__}: {exception}"
+        if error is None:
+            return proposal
+        self.faults.append(Fault(context.time, name, error))
+        return None
+
+
+def _fault_of(proposal: object, shape: tuple[int, int]) -> str | None:
+    """What is wrong with a behaviour's answer, or None."""
+    if not isinstance(proposal, Proposal):
+        return f"propose returned {type(proposal).__name__}, not a Proposal"
+    if not 0.0 <= proposal.applicability <= 1.0:
+        return f"applicability {proposal.applicability} is not in [0, 1]"
+    for what in ("desirability", "prohibition"):
+        layer = np.asarray(getattr(proposal, what))
+        if layer.shape != shape:
+            return f"{what} has shape {layer.shape}, expected {shape}"
+        if not (np.isfinite(layer).all() and layer.min() >= 0.0 and layer.max() <= 1.0 + 1e-9):
+            return f"{what} has values outside [0, 1]"
+    return None
+
+
+class _ProgressWatch:
+    """Notices wheels that do not follow, and time without progress toward the waypoint."""
+
+    def __init__(self) -> None:
+        self._stalled_since: float | None = None
+        self._goal: tuple[float, float] | None = None
+        self._best = math.inf
+        self._anchor: Pose | None = None
+        self._progress_time = 0.0
+
+    def update(
+        self,
+        odometry: Odometry,
+        previous: Command | None,
+        waypoint: Waypoint | None,
+        aim: Aim | None,
+    ) -> tuple[float, float]:
+        """(stalled, idle) in seconds."""
+        time = odometry.time
+        wanted = 0.0 if previous is None else previous.twist.v
+        if abs(wanted) > 0.08 and abs(odometry.twist.v) < 0.15 * abs(wanted):
+            self._stalled_since = time if self._stalled_since is None else self._stalled_since
+        else:
+            self._stalled_since = None
+        stalled = 0.0 if self._stalled_since is None else time - self._stalled_since
+
+        goal = None if waypoint is None else (waypoint.x, waypoint.y)
+        cost = math.inf if aim is None else aim.cost
+        if goal != self._goal or goal is None:
+            self._goal, self._best, self._progress_time = goal, cost, time
+        elif cost < self._best - 0.1:
+            self._best, self._progress_time = cost, time
+        return stalled, time - self._progress_time

@@ -1,0 +1,118 @@
+"""Where each command would lead: free arcs through the ego map, and ranges around the robot."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from navfw.mofis.commands import CommandGrid
+from navfw.mofis.egomap import EgoMap
+from navfw.mofis.kernels import cast_ranges, sweep_arcs
+from navfw.signals import Array, Pose
+
+__all__ = ["Arcs", "Ranges", "look_around", "sweep"]
+
+SECTORS = 48
+
+
+@dataclass(frozen=True, slots=True)
+class Arcs:
+    """What lies along every command's arc; arrays (n_v, n_w) [m].
+
+    ``free`` is the length until the body would touch something, ``known`` the length until its
+    centre would enter what has never been seen free, both at most ``reach``; ``clearance`` is the
+    least distance from the body's rim to anything, over the next stretch.
+    """
+
+    free: Array
+    known: Array
+    clearance: Array
+    reach: float
+
+
+def sweep(
+    egomap: EgoMap,
+    pose: Pose,
+    commands: CommandGrid,
+    margin: float,
+    reach: float = 1.6,
+    horizon: float = 0.6,
+) -> Arcs:
+    """Sweep the robot's disc, widened by ``margin`` [m], along every command's arc."""
+    free, known, clearance = commands.zeros(), commands.zeros(), commands.zeros()
+    sweep_arcs(
+        egomap.clearance,
+        egomap.known,
+        egomap.origin[0],
+        egomap.origin[1],
+        egomap.params.cell,
+        pose.x,
+        pose.y,
+        pose.yaw,
+        commands.v,
+        commands.w,
+        egomap.robot.radius + margin,
+        reach,
+        horizon,
+        free,
+        known,
+        clearance,
+    )
+    return Arcs(free, known, clearance + margin, reach)
+
+
+@dataclass(frozen=True, slots=True)
+class Ranges:
+    """Distance [m] from the robot's rim to the nearest remembered thing, all around.
+
+    ``bearings`` (n,) [rad, left positive] in (-pi, pi]; ``free`` (n,) [m] to what blocks, ``seen``
+    (n,) [m] to what has never been seen free; both at most ``limit``.
+    """
+
+    bearings: Array
+    free: Array
+    seen: Array
+    limit: float
+
+    def nearest(self, low: float, high: float) -> float:
+        """Least free distance [m] for bearings in [low, high] [rad]."""
+        inside = (self.bearings >= low) & (self.bearings <= high)
+        return float(self.free[inside].min()) if inside.any() else self.limit
+
+    @property
+    def front(self) -> float:
+        """Least free distance [m] within 30 degrees of straight ahead."""
+        return self.nearest(-math.radians(30), math.radians(30))
+
+    @property
+    def left(self) -> float:
+        """Least free distance [m] on the left side (30 to 120 degrees)."""
+        return self.nearest(math.radians(30), math.radians(120))
+
+    @property
+    def right(self) -> float:
+        """Least free distance [m] on the right side (30 to 120 degrees)."""
+        return self.nearest(-math.radians(120), -math.radians(30))
+
+
+def look_around(egomap: EgoMap, pose: Pose, limit: float = 3.0) -> Ranges:
+    """Ranges in ``SECTORS`` directions around ``pose``, from the ego map."""
+    bearings = -math.pi + (np.arange(SECTORS) + 1) * (2.0 * math.pi / SECTORS)
+    free, seen = np.empty(SECTORS), np.empty(SECTORS)
+    cast_ranges(
+        egomap.clearance,
+        egomap.known,
+        egomap.origin[0],
+        egomap.origin[1],
+        egomap.params.cell,
+        pose.x,
+        pose.y,
+        bearings + pose.yaw,
+        limit,
+        free,
+        seen,
+    )
+    radius = egomap.robot.radius
+    return Ranges(bearings, np.maximum(free - radius, 0.0), np.maximum(seen - radius, 0.0), limit)

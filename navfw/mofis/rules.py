@@ -1,0 +1,91 @@
+"""A behaviour's rule base, and its outputs as fuzzy sets over the command grid."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from navfw.fuzzy import CompiledFis, Inference, RuleBase
+from navfw.mofis.commands import CommandGrid
+from navfw.signals import Array
+
+__all__ = ["BehaviorRules", "Verdict"]
+
+
+class Verdict:
+    """What a rule base says to one set of inputs, or (``evaluate_all``) to many at once."""
+
+    def __init__(self, rules: BehaviorRules, result: Inference, shape: tuple[int, ...]) -> None:
+        self._rules = rules
+        self._result = result
+        self._shape = shape
+
+    def value(self, output: str) -> float:
+        """The crisp value of ``output``."""
+        return float(self._result.outputs[output][0])
+
+    def values(self, output: str) -> Array:
+        """The crisp values of ``output``, in the shape of the inputs."""
+        result: Array = self._result.outputs[output].reshape(self._shape)
+        return result
+
+    def over(self, output: str, values: Array) -> Array:
+        """The fuzzy set of ``output`` at ``values`` (n,): each term cut at its rules' strength."""
+        degrees = self._result.degrees[output]
+        terms = self._rules.terms(output, values)
+        cut = np.array([degrees[name][0] for name in terms])
+        result: Array = np.minimum(np.stack(list(terms.values())), cut[:, None]).max(axis=0)
+        return result
+
+    def command(self, commands: CommandGrid) -> Array:
+        """Desirability (n_v, n_w): the sets of the outputs ``speed`` and ``turn``, multiplied."""
+        speed = self.over("speed", commands.relative_v)
+        turn = self.over("turn", commands.relative_w)
+        return commands.product(speed, turn)
+
+    def explain(self, row: int = 0, column: int = 0) -> list[dict[str, Any]]:
+        """The rules that fired, strongest first; for one of the inputs of ``evaluate_all``."""
+        index = 0 if self._shape == (1,) else int(np.ravel_multi_index((row, column), self._shape))
+        return [dict(rule) for rule in self._rules.fis.explain(self._result, index)]
+
+
+class BehaviorRules:
+    """A rule base for a behaviour, from a YAML file.
+
+    Outputs called ``speed`` and ``turn`` are relative: 1 is the command grid's top speed (negative:
+    backwards) and top turning rate (positive: left).
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.base = RuleBase.load(Path(path))
+        self.fis = CompiledFis(self.base)
+        self._terms: dict[tuple[str, bytes], dict[str, Array]] = {}
+
+    @classmethod
+    def beside(cls, module_file: str) -> BehaviorRules:
+        """The rule base in the YAML file beside a module: ``BehaviorRules.beside(__file__)``."""
+        return cls(Path(module_file).with_suffix(".yaml"))
+
+    def evaluate(self, **inputs: float) -> Verdict:
+        """Apply the rules; inputs outside a variable's range count as its end."""
+        result = self.fis.evaluate({name: np.array([value]) for name, value in inputs.items()})
+        return Verdict(self, result, (1,))
+
+    def evaluate_all(self, **inputs: Array) -> Verdict:
+        """Apply the rules to arrays of inputs, all of the same shape."""
+        shape = next(iter(inputs.values())).shape
+        return Verdict(self, self.fis.evaluate({k: v.ravel() for k, v in inputs.items()}), shape)
+
+    def terms(self, output: str, values: Array) -> Mapping[str, Array]:
+        """Each term of ``output`` at ``values`` (n,), kept for the next call."""
+        key = (output, values.tobytes())
+        if key not in self._terms:
+            variable = self.base.outputs[output]
+            self._terms[key] = {
+                name: np.asarray(term(values), dtype=np.float64)
+                for name, term in variable.terms.items()
+            }
+        return self._terms[key]

@@ -1,0 +1,217 @@
+"""The stack: one plugin of each kind, stepped once per control tick from sensor readings alone."""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, cast
+
+from navfw.egomotion.odometer import Odometer
+from navfw.egomotion.pairing import FrameBuffer
+from navfw.flow.derotation import derotate
+from navfw.kinds import (
+    Behavior,
+    Controller,
+    FeatureRecognizer,
+    FlowProcessor,
+    Fusion,
+    Localizer,
+    Perception,
+    Planner,
+)
+from navfw.mofis.mofis import Mofis
+from navfw.robot import RobotModel
+from navfw.signals import (
+    Belief,
+    Command,
+    FlowField,
+    Frame,
+    Odometry,
+    Percept,
+    Pose,
+    Proposal,
+    SensorReading,
+    Twist,
+    Waypoint,
+)
+from navfw.stackfile import PluginSource, StackConfig, load_stack
+from navfw.topomap.model import TopoMap
+
+__all__ = ["Stack", "StackState"]
+
+STUCK_AFTER = 60.0
+"""Seconds without any progress toward a waypoint after which the stack gives up."""
+
+
+@dataclass(frozen=True, slots=True)
+class StackState:
+    """What the stack knows and decided at its last step; read only, for displays and records.
+
+    ``flows`` are the newest derotated flow fields; ``stuck`` says why the stack gave up, or None.
+    """
+
+    time: float
+    odometry: Odometry | None = None
+    belief: Belief | None = None
+    flows: tuple[FlowField, ...] = ()
+    percept: Percept | None = None
+    waypoint: Waypoint | None = None
+    path: tuple[Waypoint, ...] = ()
+    proposals: Mapping[str, Proposal] | None = None
+    command: Command | None = None
+    finished: bool = False
+    stuck: str | None = None
+    faults: tuple[str, ...] = ()
+
+
+class Stack:
+    """Composes the stages. It sees sensor readings and the map file, nothing else."""
+
+    def __init__(self, config: StackConfig, robot: RobotModel, topo_map: TopoMap) -> None:
+        def build(stage: str) -> Any:
+            choice = config.stages[stage]
+            return choice.plugin(robot, choice.params)
+
+        self.resolved = config
+        self.robot = robot
+        self.topo_map = topo_map
+        self.odometer = Odometer(robot)
+        self.frames = FrameBuffer(robot, config.pairing)
+        self.flow = cast(FlowProcessor, build("flow"))
+        self.perception = cast(Perception, build("perception"))
+        self.features = cast(FeatureRecognizer, build("features"))
+        self.localizer = cast(Localizer, build("localizer"))
+        self.planner = cast(Planner, build("planner"))
+        self.controller = cast(Controller, build("controller"))
+        behaviors = {
+            name: cast(Behavior, choice.plugin(robot, choice.params))
+            for name, choice in config.behaviors.items()
+        }
+        self.mofis = Mofis(robot, behaviors, cast(Fusion, build("fusion")), config.motion)
+        self.timings: dict[str, float] = {}
+        self.state = StackState(time=0.0)
+        self._start_pose: Pose | None = None
+        self._began: float | None = None
+        self._localized = False
+
+    @classmethod
+    def load(
+        cls,
+        path: str | Path,
+        robot: RobotModel,
+        topo_map: TopoMap,
+        plugins: PluginSource,
+        overrides: Sequence[str] = (),
+    ) -> Stack:
+        """A stack from a stack file; raises as ``navfw.stackfile.load_stack``."""
+        return cls(load_stack(path, plugins, overrides), robot, topo_map)
+
+    @property
+    def config(self) -> dict[str, Any]:
+        """The resolved configuration as plain data."""
+        return self.resolved.as_data()
+
+    def start(self, pose: Pose | None, goals: Sequence[Waypoint]) -> None:
+        """Begin a mission at ``pose`` (map frame; None: unknown): visit ``goals`` in order."""
+        self.odometer.reset()
+        self.frames.reset()
+        for plugin in (
+            self.flow,
+            self.perception,
+            self.features,
+            self.localizer,
+            self.planner,
+            self.controller,
+        ):
+            plugin.reset()
+        self.mofis.reset()
+        self.planner.start(self.topo_map, goals)
+        self.timings = dict.fromkeys(
+            ("flow", "perception", "features", "localizer", "planner", "motion", "control"), 0.0
+        )
+        self.state = StackState(time=0.0)
+        self._start_pose = pose
+        self._began = None
+        self._localized = False
+
+    def step(self, reading: SensorReading) -> Twist:
+        """One control tick: the twist to drive until the next reading."""
+        odometry = self.odometer.update(reading.inertial, reading.encoders)
+        if self._began is None:
+            self._began = reading.time
+        if reading.frame is not None:
+            self._decide(reading, reading.frame, odometry)
+        with _Timer(self.timings, "control"):
+            return self.controller.control(
+                self.state.command, odometry, 1.0 / self.robot.control_rate
+            )
+
+    # --- once per camera frame -------------------------------------------------------------------
+
+    def _decide(self, reading: SensorReading, frame: Frame, odometry: Odometry) -> None:
+        """Look, locate, plan and decide; the result is the new state."""
+        flows, percepts = self._perceive(frame, odometry)
+        with _Timer(self.timings, "features"):
+            sightings = self.features.recognize(reading.landmark_frame or frame)
+        if not self._localized:
+            self.localizer.start(self.topo_map, self._start_pose, odometry)
+            self._localized = True
+        percept = percepts[-1] if percepts else None
+        with _Timer(self.timings, "localizer"):
+            belief = self.localizer.update(odometry, percept, sightings)
+        with _Timer(self.timings, "planner"):
+            waypoint = self.planner.update(belief)
+            path = tuple(self.planner.path)
+        warming = self._began is None or reading.time - self._began < self.resolved.warmup
+        with _Timer(self.timings, "motion"):
+            command = self.mofis.decide(odometry, belief, percepts, waypoint)
+        context = self.mofis.context
+        idle = 0.0 if context is None else context.idle
+        stuck = None
+        if idle > STUCK_AFTER and waypoint is not None:
+            stuck = f"no progress toward {waypoint.place} for {idle:.0f} s"
+        self.state = StackState(
+            time=reading.time,
+            odometry=odometry,
+            belief=belief,
+            flows=flows,
+            percept=percept or self.state.percept,
+            waypoint=waypoint,
+            path=path,
+            proposals=self.mofis.proposals,
+            command=None if warming or waypoint is None else command,
+            finished=waypoint is None,
+            stuck=stuck,
+            faults=tuple(f"{f.behavior}: {f.error}" for f in self.mofis.faults),
+        )
+
+    def _perceive(
+        self, frame: Frame, odometry: Odometry
+    ) -> tuple[tuple[FlowField, ...], tuple[Percept, ...]]:
+        """Flow and percept of every useful frame pair; none while the robot has not moved."""
+        flows: list[FlowField] = []
+        percepts: list[Percept] = []
+        self.frames.add(frame, odometry)
+        for pair in self.frames.pairs():
+            with _Timer(self.timings, "flow"):
+                flow = derotate(self.flow.compute(pair), self.robot.camera)
+            with _Timer(self.timings, "perception"):
+                percepts.append(self.perception.perceive(flow, odometry.twist))
+            flows.append(flow)
+        return tuple(flows), tuple(percepts)
+
+
+class _Timer:
+    """Adds wall time to a stage's account. It measures only: no decision depends on it."""
+
+    def __init__(self, account: dict[str, float], stage: str) -> None:
+        self._account = account
+        self._stage = stage
+
+    def __enter__(self) -> None:
+        self._start = clock.perf_counter()
+
+    def __exit__(self, *_: object) -> None:
+        self._account[self._stage] += clock.perf_counter() - self._start

@@ -1,0 +1,161 @@
+"""Stack files: which plugin of each kind, with which parameters; and their ``--set`` overrides."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Protocol
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from navfw.config.document import KeyPath, YamlDocument, load_yaml
+from navfw.config.overrides import Override, apply_overrides, parse_override
+from navfw.config.yamlfile import validate
+from navfw.egomotion.pairing import PairingParams
+from navfw.errors import ConfigError, UnknownNameError, did_you_mean
+from navfw.kinds import Params, Plugin
+from navfw.mofis.mofis import MofisParams
+
+__all__ = ["Choice", "PluginSource", "StackConfig", "StackSpec", "load_stack"]
+
+Chosen = Annotated[dict[str, dict[str, Any] | None], Field(min_length=1, max_length=1)]
+
+
+class StackSpec(BaseModel):
+    """The shape of a stack file: each stage is ``plugin name: {parameters}``."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    description: str = ""
+    flow: Chosen
+    perception: Chosen
+    features: Chosen
+    localizer: Chosen
+    planner: Chosen
+    behaviors: Annotated[dict[str, dict[str, Any] | None], Field(min_length=1)]
+    fusion: Chosen
+    controller: Chosen
+    pairing: PairingParams = PairingParams()
+    motion: MofisParams = MofisParams()
+    warmup: Annotated[
+        float, Field(ge=0.0, le=30.0, description="standing still first, for the gyro's bias [s]")
+    ] = 1.0
+
+
+STAGES = ("flow", "perception", "features", "localizer", "planner", "fusion", "controller")
+
+
+class PluginSource(Protocol):
+    """Where plugin classes come from: the registry."""
+
+    def get(self, kind: str, name: str) -> type[Plugin]:
+        """The plugin class; raises UnknownNameError or PluginError."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """One plugin with its validated parameters."""
+
+    name: str
+    plugin: type[Plugin]
+    params: Params
+
+    def as_data(self) -> dict[str, Any]:
+        """Name and every parameter, as plain data."""
+        return {self.name: self.params.model_dump(mode="json")}
+
+
+@dataclass(frozen=True, slots=True)
+class StackConfig:
+    """A stack file, resolved: all plugins found, all parameters validated."""
+
+    stages: Mapping[str, Choice]
+    behaviors: Mapping[str, Choice]
+    pairing: PairingParams
+    motion: MofisParams
+    warmup: float
+
+    def as_data(self) -> dict[str, Any]:
+        """The resolved configuration as plain data; written as YAML it is a stack file again."""
+        return {
+            **{stage: choice.as_data() for stage, choice in self.stages.items()},
+            "behaviors": {
+                name: choice.params.model_dump(mode="json")
+                for name, choice in self.behaviors.items()
+            },
+            "pairing": self.pairing.model_dump(mode="json"),
+            "motion": self.motion.model_dump(mode="json"),
+            "warmup": self.warmup,
+        }
+
+
+def load_stack(
+    path: str | Path, plugins: PluginSource, overrides: Sequence[str] = ()
+) -> StackConfig:
+    """The stack file at ``path`` with ``overrides`` (``offis.layers=1``) applied.
+
+    The first name of an override is a plugin of the stack or a section of the file.
+
+    Raises:
+        ConfigError: the file or an override breaks the schema or a plugin's parameters.
+        UnknownNameError: a plugin does not exist.
+        PluginError: a plugin is broken.
+
+    """
+    return resolve(load_yaml(path), plugins, overrides)
+
+
+def resolve(
+    document: YamlDocument, plugins: PluginSource, overrides: Sequence[str] = ()
+) -> StackConfig:
+    """Like ``load_stack``, from a document already read."""
+    placed = [_placed(parse_override(text), document) for text in overrides]
+    document = apply_overrides(document, placed)
+    spec = validate(document, StackSpec)
+    stages = {
+        stage: _choose(document, plugins, stage, stage, *getattr(spec, stage)) for stage in STAGES
+    }
+    behaviors = {
+        name: _choose(document, plugins, "behavior", "behaviors", name) for name in spec.behaviors
+    }
+    return StackConfig(stages, behaviors, spec.pairing, spec.motion, spec.warmup)
+
+
+def _choose(
+    document: YamlDocument, plugins: PluginSource, kind: str, section: str, name: str
+) -> Choice:
+    """The plugin chosen in ``section``, with its parameters checked against its own model."""
+    at: KeyPath = (section, name)
+    try:
+        plugin = plugins.get(kind, name)
+    except UnknownNameError as error:
+        origin = document.origin_of(at)
+        raise UnknownNameError(
+            error.what, error.name, error.known, file=origin.file, line=origin.line, key=section
+        ) from None
+    return Choice(name, plugin, validate(document, plugin.Params, at))
+
+
+def _placed(override: Override, document: YamlDocument) -> Override:
+    """``override`` with its path completed: plugins and motion settings may be named directly."""
+    head = override.path[0]
+    data = document.data if isinstance(document.data, dict) else {}
+    if head in StackSpec.model_fields:
+        return override
+    homes = {
+        name: stage
+        for stage in (*STAGES, "behaviors")
+        if isinstance(data.get(stage), dict)
+        for name in data[stage]
+    }
+    if head in homes:
+        return override.under((homes[str(head)],))
+    if head in MofisParams.model_fields:
+        return override.under(("motion",))
+    known = [*StackSpec.model_fields, *homes, *MofisParams.model_fields]
+    raise ConfigError(
+        f"nothing in this stack is called {str(head)!r}: {did_you_mean(str(head), known)}",
+        key=override.option,
+    )
