@@ -15,11 +15,12 @@ __all__ = ["Unicycle"]
 
 
 class Unicycle(Controller):
-    """Follows the fused command as fast as the drive's limits allow, and brakes hardest when told.
+    """Follows the fused command as fast as the drive's limits allow.
 
     Speed and turning rate move toward the command with bounded acceleration; forward speed is
-    limited in curves so that lateral acceleration stays within bounds; slowing down is allowed to
-    be as hard as braking, speeding up is gentler. A command older than ``stale`` counts as none.
+    limited in curves so that lateral acceleration stays within bounds; slowing down is as hard as
+    braking, speeding up is gentler. A command older than ``stale`` counts as none, and one that
+    says emergency never drives forward.
     """
 
     name: ClassVar[str] = "unicycle"
@@ -44,10 +45,12 @@ class Unicycle(Controller):
 
     def control(self, command: Command | None, odometry: Odometry, dt: float) -> Twist:
         """The next twist toward ``command``; without a fresh one, brake to a standstill."""
-        target, emergency = Twist(0.0, 0.0), False
+        target = Twist(0.0, 0.0)
         if command is not None and odometry.time - command.time <= self.params.stale:
-            target, emergency = self._within_limits(command.twist), command.emergency
-        self._v = self._ramp_speed(target.v, emergency, dt)
+            target = self._within_limits(command.twist)
+            if command.emergency:
+                target = Twist(min(target.v, 0.0), target.w)
+        self._v = self._ramp_speed(target.v, dt)
         turn_step = self.robot.max_turn_accel * dt
         self._w += min(max(target.w - self._w, -turn_step), turn_step)
         return Twist(self._v, self._w)
@@ -61,10 +64,11 @@ class Unicycle(Controller):
         top = robot.max_v if abs(w) < 1e-6 else min(robot.max_v, robot.max_lateral / abs(w))
         return Twist(min(max(twist.v, -robot.max_reverse), top), w)
 
-    def _ramp_speed(self, target: float, emergency: bool, dt: float) -> float:
-        """Forward speed one step nearer to ``target``."""
-        robot, v = self.robot, self._v
+    def _ramp_speed(self, target: float, dt: float) -> float:
+        """Forward speed one step nearer to ``target``; slowing down may be as hard as braking."""
+        v = self._v
         slowing = abs(target) < abs(v) or target * v < 0.0
-        rate = robot.max_brake if (slowing or emergency) else robot.max_accel
-        step = rate * dt
+        step = (self.robot.max_brake if slowing else self.robot.max_accel) * dt
+        if slowing and target * v < 0.0:
+            target = 0.0  # first to a standstill: the other direction is speeding up
         return v + min(max(target - v, -step), step)

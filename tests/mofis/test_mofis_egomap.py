@@ -1,0 +1,147 @@
+"""The ego map: evidence for and against, memory, fading, and what is derived from it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from navfw.mofis.egomap import EgoMap, EgoMapParams
+from navfw.robot import RobotModel
+from navfw.signals import Label, Percept, Pose
+
+ROBOT = RobotModel()
+CAMERA_AHEAD = ROBOT.camera.mount_forward
+
+
+def see(
+    bearing_px: float, depth: float, label: Label, row_px: float = 0.0, sigma: float = 0.02
+) -> Percept:
+    """A percept of one cell: a thing of ``label`` at ``depth`` [m] in image column ``bearing_px``."""
+    camera = ROBOT.camera
+    height = camera.mount_height - row_px / camera.focal * depth
+    one = np.ones((1, 1))
+    return Percept(
+        time=0.0,
+        points=np.array([[[bearing_px, row_px]]]),
+        nearness=one / depth,
+        sigma=one * sigma,
+        confidence=one,
+        height=one * height,
+        label=np.full((1, 1), label, np.int8),
+        obstacles={},
+        quadrants={},
+        planes={},
+        slopes={},
+        situations={},
+        floor_in_front=0.0,
+        sentence="",
+    )
+
+
+def looked(percepts: list[Percept], pose: Pose, egomap: EgoMap | None = None) -> EgoMap:
+    egomap = egomap or EgoMap(ROBOT)
+    for k, percept in enumerate(percepts):
+        egomap.move(pose, 0.1 * k)
+        egomap.enter(percept, pose)
+    return egomap
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    st.floats(-3, 3),
+    st.floats(-3, 3),
+    st.floats(-3.1, 3.1),
+    st.floats(-60, 60),
+    st.floats(0.6, 2.5),
+)
+def test_a_thing_appears_where_it_stands(
+    x: float, y: float, yaw: float, column: float, depth: float
+) -> None:
+    pose = Pose(x, y, yaw)
+    egomap = looked([see(column, depth, Label.OBSTACLE)] * 6, pose)
+    ahead = CAMERA_AHEAD + depth
+    left = -column / ROBOT.camera.focal * depth
+    row, col = egomap.index(*pose.to_parent(ahead, left))
+    assert egomap.occupied[row - 2 : row + 3, col - 2 : col + 3].any()
+    r, c = egomap.index(*pose.to_parent(CAMERA_AHEAD + 0.5 * depth, 0.5 * left))
+    halfway = np.s_[r - 1 : r + 2, c - 1 : c + 2]  # the ray may pass on either side of a border
+    assert not egomap.occupied[halfway].any()
+    assert egomap.evidence[halfway].min() < 0.0
+
+
+def test_one_look_is_not_enough() -> None:
+    once = looked([see(0.0, 1.0, Label.OBSTACLE)], Pose(0, 0, 0))
+    assert not once.occupied.any()
+    often = looked([see(0.0, 1.0, Label.OBSTACLE)] * 4, Pose(0, 0, 0))
+    assert often.occupied.any()
+
+
+def test_looking_through_clears_a_ghost() -> None:
+    pose = Pose(0, 0, 0)
+    egomap = looked([see(0.0, 1.0, Label.OBSTACLE)] * 4, pose)
+    ghost = egomap.index(CAMERA_AHEAD + 1.0, 0.0)
+    assert egomap.occupied[ghost]
+    row_px = 20.0  # this ray meets the floor at 1.4 m
+    floor = see(0.0, ROBOT.camera.mount_height * ROBOT.camera.focal / row_px, Label.FLOOR, row_px)
+    egomap = looked([floor] * 12, pose, egomap)
+    assert not egomap.occupied[ghost]
+
+
+def test_a_look_over_a_low_thing_says_little_about_it() -> None:
+    pose = Pose(0, 0, 0)
+    low, over = (looked([see(0.0, 1.0, Label.OBSTACLE)] * 4, pose) for _ in range(2))
+    low.enter(see(0.0, 1.6, Label.OBSTACLE, 12.0), pose)
+    over.enter(see(0.0, 1.6, Label.OBSTACLE, -1.0), pose)
+    cell = low.index(CAMERA_AHEAD + 1.0, 0.0)
+    assert low.evidence[cell] < over.evidence[cell]
+
+
+def test_unknown_points_and_doubtful_ones_leave_no_trace() -> None:
+    pose = Pose(0, 0, 0)
+    egomap = looked([see(0.0, 1.0, Label.UNKNOWN)] * 5, pose)
+    body = egomap.evidence == egomap.params.least
+    assert np.all(egomap.evidence[~body] == 0.0)
+
+
+def test_uncertain_sightings_are_spread_and_weigh_less() -> None:
+    pose = Pose(0, 0, 0)
+    sharp = looked([see(0.0, 1.5, Label.OBSTACLE, sigma=0.01)], pose)
+    vague = looked([see(0.0, 1.5, Label.OBSTACLE, sigma=0.25)], pose)
+    assert vague.evidence.max() < 0.5 * sharp.evidence.max()
+    assert (vague.evidence > 0).sum() > (sharp.evidence > 0).sum()
+
+
+def test_memory_moves_with_the_robot_and_fades() -> None:
+    egomap = looked([see(0.0, 1.2, Label.OBSTACLE)] * 6, Pose(0, 0, 0))
+    thing = (CAMERA_AHEAD + 1.2, 0.0)
+    before = egomap.evidence[egomap.index(*thing)]
+    egomap.move(Pose(0.7, 0.9, 1.0), 0.6)
+    assert egomap.evidence[egomap.index(*thing)] == pytest.approx(before, rel=0.01)
+    egomap.move(Pose(0.7, 0.9, 1.0), 0.6 + egomap.params.fade)
+    assert egomap.evidence[egomap.index(*thing)] == pytest.approx(before / math.e, rel=0.02)
+
+
+def test_what_leaves_the_square_is_forgotten() -> None:
+    egomap = EgoMap(ROBOT, EgoMapParams(extent=4.0))
+    egomap = looked([see(0.0, 1.2, Label.OBSTACLE)] * 6, Pose(0, 0, 0), egomap)
+    egomap.move(Pose(-10.0, 0, 0), 1.0)
+    egomap.move(Pose(0.0, 0, 0), 1.1)
+    assert not egomap.occupied.any()
+
+
+def test_clearance_is_the_distance_to_the_nearest_thing() -> None:
+    egomap = looked([see(0.0, 1.2, Label.OBSTACLE, sigma=0.005)] * 6, Pose(0, 0, 0))
+    spots = np.argwhere(egomap.occupied)
+    rows, columns = np.indices(egomap.evidence.shape)
+    brute = np.min([np.hypot(rows - r, columns - c) for r, c in spots], axis=0) * egomap.params.cell
+    # OpenCV's 5x5 mask approximates the Euclidean distance to within 2 %
+    assert np.allclose(egomap.clearance, brute, rtol=0.025, atol=0.005)
+
+
+def test_the_map_has_no_place_before_the_first_move() -> None:
+    with pytest.raises(RuntimeError, match="move first"):
+        EgoMap(ROBOT).index(0.0, 0.0)
