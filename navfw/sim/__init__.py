@@ -1,0 +1,26 @@
+"""The simulated world: the only room that imports PyBullet.
+
+``load_world`` reads a world file, ``Simulation`` runs a robot in it, ``FloorPlan`` is its geometry
+in the plane. ``Simulation`` is imported when first asked for: a floor plan needs no physics engine.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from navfw.sim.floorplan import FloorPlan
+from navfw.sim.sensors import SensorParams
+from navfw.sim.worldfile import WorldSpec, load_world
+
+if TYPE_CHECKING:
+    from navfw.sim.simulation import Simulation
+
+__all__ = ["FloorPlan", "SensorParams", "Simulation", "WorldSpec", "load_world"]
+
+
+def __getattr__(name: str) -> object:
+    if name == "Simulation":
+        from navfw.sim.simulation import Simulation
+
+        return Simulation
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

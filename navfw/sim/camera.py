@@ -1,0 +1,145 @@
+"""The robot's camera: PyBullet's software renderer, an exact pinhole projection, image noise."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from navfw.robot import CameraModel
+from navfw.signals import Array, Image
+from navfw.sim.engine import bullet
+from navfw.sim.worldfile import LightSpec
+
+__all__ = ["Camera", "DepthImage", "projection_matrix"]
+
+NEAR, FAR = 0.03, 40.0
+"""Clipping planes [m]."""
+
+DepthImage = npt.NDArray[np.float32]
+
+# noise is drawn once and cut from a random place for every frame: 2**20 bytes, cheap and varied
+_NOISE_BANK = 1 << 20
+
+
+def projection_matrix(camera: CameraModel, supersample: int = 1) -> list[float]:
+    """OpenGL projection, by columns, with ``focal`` px and the principal point in the image centre.
+
+    The image centre is ((width - 1) / 2, (height - 1) / 2) with the middle of a pixel at whole
+    numbers. TinyRenderer looks through the pixel's corner instead of its middle: column i samples
+    x = i - width / 2 and row j samples y = j - (height / 2 - 1) (measured); the two small entries
+    below move both by half a pixel.
+    """
+    width, height = camera.width * supersample, camera.height * supersample
+    focal = camera.focal * supersample
+    deep = FAR - NEAR
+    return [
+        *(2.0 * focal / width, 0.0, 0.0, 0.0),
+        *(0.0, 2.0 * focal / height, 0.0, 0.0),
+        *(1.0 / width, 1.0 / height, -(FAR + NEAR) / deep, -1.0),
+        *(0.0, 0.0, -2.0 * FAR * NEAR / deep, 0.0),
+    ]
+
+
+class Camera:
+    """Renders what the camera sees from a pose of ``base_link``.
+
+    ``supersample`` 2 renders at twice the size and averages, against aliasing; it costs four times
+    as much. ``noise`` is the standard deviation [grey levels] of the image noise.
+    """
+
+    def __init__(
+        self,
+        camera: CameraModel,
+        light: LightSpec,
+        client: int,
+        rng: np.random.Generator,
+        noise: float = 0.0,
+        supersample: int = 1,
+    ) -> None:
+        self.model = camera
+        self._client = client
+        self._supersample = supersample
+        self._projection = projection_matrix(camera, supersample)
+        self._rng = rng
+        self._bank: npt.NDArray[np.int8] | None = None
+        if noise > 0.0:
+            drawn = np.rint(rng.standard_normal(_NOISE_BANK, dtype=np.float32) * noise)
+            self._bank = np.clip(drawn, -127, 127).astype(np.int8)
+        length = math.sqrt(sum(d * d for d in light.direction))
+        self._light: dict[str, Any] = {
+            "lightDirection": [d / length for d in light.direction],
+            "lightAmbientCoeff": light.ambient,
+            "lightDiffuseCoeff": light.diffuse,
+            "lightSpecularCoeff": 0.0,
+            "shadow": 0,
+            "renderer": bullet.ER_TINY_RENDERER,
+            "flags": bullet.ER_NO_SEGMENTATION_MASK,
+        }
+
+    def render(
+        self, position: tuple[float, float, float], turn: tuple[float, float, float, float]
+    ) -> tuple[Image, npt.NDArray[np.float32]]:
+        """Luminance (height, width) without noise, and the renderer's raw depth buffer."""
+        scale = self._supersample
+        width, height = self.model.width * scale, self.model.height * scale
+        _, _, rgba, raw, _ = bullet.getCameraImage(
+            width,
+            height,
+            self._view(position, turn),
+            self._projection,
+            physicsClientId=self._client,
+            **self._light,
+        )
+        colour = np.asarray(rgba, np.uint8).reshape(height, width, 4)
+        grey = cv2.cvtColor(colour, cv2.COLOR_RGBA2GRAY)
+        if scale > 1:
+            grey = cv2.resize(
+                grey, (self.model.width, self.model.height), interpolation=cv2.INTER_AREA
+            )
+        return grey.astype(np.uint8, copy=False), np.asarray(raw, np.float32).reshape(height, width)
+
+    def expose(self, clean: Image) -> Image:
+        """The image as the sensor delivers it: with noise."""
+        if self._bank is None:
+            return clean
+        begin = int(self._rng.integers(_NOISE_BANK - clean.size))
+        noise = self._bank[begin : begin + clean.size].reshape(clean.shape)
+        noisy = cv2.add(clean, noise, dtype=cv2.CV_8U)  # saturates at 0 and 255
+        return noisy.astype(np.uint8, copy=False)
+
+    def depth(self, raw: npt.NDArray[np.float32]) -> DepthImage:
+        """Depth along the optical axis (height, width) [m]; inf where there is nothing.
+
+        Of a supersampled pixel, the nearest of its parts.
+        """
+        metres = FAR * NEAR / (FAR - (FAR - NEAR) * raw.astype(np.float64))
+        metres[raw >= 1.0 - 1e-6] = np.inf
+        scale = self._supersample
+        if scale > 1:
+            shape = (self.model.height, scale, self.model.width, scale)
+            metres = metres.reshape(shape).min(axis=(1, 3))
+        return metres.astype(np.float32)
+
+    def _view(
+        self, position: tuple[float, float, float], turn: tuple[float, float, float, float]
+    ) -> list[float]:
+        """OpenGL view matrix, by columns."""
+        x, y, z, w = turn
+        rotation: Array = np.array(
+            [
+                [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+                [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+                [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+            ]
+        )
+        eye = position + rotation @ (self.model.mount_forward, 0.0, self.model.mount_height)
+        axes = rotation @ self.model.base_from_camera  # columns: right, down, ahead in the map
+        view = np.eye(4)
+        view[0, :3], view[1, :3], view[2, :3] = axes[:, 0], -axes[:, 1], -axes[:, 2]
+        view[:3, 3] = -view[:3, :3] @ eye
+        columns: list[float] = view.T.ravel().tolist()
+        return columns

@@ -1,0 +1,144 @@
+"""A world file worked out: every solid with its shape, height and looks.
+
+Walls become straight pieces between openings, and lintels above the openings. Scene, floor plan and
+the geometry check all start from here, so that they cannot disagree.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Literal
+
+from navfw.sim.shapes import Disc, Rectangle, Shape
+from navfw.sim.worldfile import OpeningSpec, WallSpec, WorldSpec
+
+__all__ = ["Segment", "Solid", "opening_segment", "solids_of", "wall_segments"]
+
+Kind = Literal["wall", "lintel", "door", "box", "cylinder"]
+
+# an opening's centre may lie this far [m] off the wall's line: people round coordinates
+ON_LINE = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class Solid:
+    """A solid body: ``shape`` in the plane, from ``bottom`` to ``top`` [m] above the floor."""
+
+    name: str
+    kind: Kind
+    shape: Shape
+    bottom: float
+    top: float
+    texture: str
+
+
+@dataclass(frozen=True, slots=True)
+class Segment:
+    """One straight part of a wall's line, with how far [m] its ends reach on to fill corners."""
+
+    start: tuple[float, float]
+    end: tuple[float, float]
+    extend_start: float
+    extend_end: float
+
+    @property
+    def length(self) -> float:
+        """Length of the line [m], without the corner filling."""
+        return math.dist(self.start, self.end)
+
+    @property
+    def yaw(self) -> float:
+        """Direction of the line [rad]."""
+        return math.atan2(self.end[1] - self.start[1], self.end[0] - self.start[0])
+
+    def locate(self, point: tuple[float, float]) -> tuple[float, float]:
+        """(distance along the line, distance off it) [m] of a point."""
+        c, s = math.cos(self.yaw), math.sin(self.yaw)
+        dx, dy = point[0] - self.start[0], point[1] - self.start[1]
+        return c * dx + s * dy, -s * dx + c * dy
+
+    def piece(self, begin: float, end: float, thickness: float) -> Rectangle:
+        """The wall's rectangle between two distances along the line."""
+        middle = 0.5 * (begin + end)
+        c, s = math.cos(self.yaw), math.sin(self.yaw)
+        x, y = self.start[0] + c * middle, self.start[1] + s * middle
+        return Rectangle(x, y, 0.5 * (end - begin), 0.5 * thickness, self.yaw)
+
+
+def wall_segments(wall: WallSpec) -> list[Segment]:
+    """The straight parts of a wall; inner corners of its line are filled, free ends are not."""
+    points = wall.points
+    closed = points[0] == points[-1] and len(points) > 2
+    last = len(points) - 2
+    fill = 0.5 * wall.thickness
+    return [
+        Segment(
+            start,
+            end,
+            fill if i > 0 or closed else 0.0,
+            fill if i < last or closed else 0.0,
+        )
+        for i, (start, end) in enumerate(pairwise(points))
+    ]
+
+
+def opening_segment(wall: WallSpec, opening: OpeningSpec) -> int | None:
+    """Which of the wall's segments holds the whole opening; None when none does."""
+    half = 0.5 * opening.width
+    for i, segment in enumerate(wall_segments(wall)):
+        along, off = segment.locate(opening.at)
+        if abs(off) <= ON_LINE and half <= along + 1e-9 and along <= segment.length - half + 1e-9:
+            return i
+    return None
+
+
+def solids_of(world: WorldSpec) -> list[Solid]:
+    """Every solid of a (checked) world except the floor, in the order of the file."""
+    solids: list[Solid] = []
+    gaps: dict[str, tuple[Rectangle, float]] = {}
+    for wall in world.walls:
+        solids += _wall_solids(wall, gaps)
+    for door in world.doors:
+        if door.state == "closed":
+            shape, height = gaps[door.opening]
+            solids.append(Solid(door.name, "door", shape, 0.0, height, door.texture))
+    for box in world.boxes:
+        rectangle = Rectangle(*box.at, 0.5 * box.size[0], 0.5 * box.size[1], box.yaw)
+        top = box.base + box.size[2]
+        solids.append(Solid(box.name, "box", rectangle, box.base, top, box.texture))
+    for cylinder in world.cylinders:
+        disc = Disc(*cylinder.at, cylinder.radius)
+        top = cylinder.base + cylinder.height
+        solids.append(Solid(cylinder.name, "cylinder", disc, cylinder.base, top, cylinder.texture))
+    return solids
+
+
+def _wall_solids(wall: WallSpec, gaps: dict[str, tuple[Rectangle, float]]) -> list[Solid]:
+    """Pieces and lintels of one wall; notes the gap of each opening for the doors."""
+    solids: list[Solid] = []
+    for i, segment in enumerate(wall_segments(wall)):
+        here = [o for o in wall.openings if opening_segment(wall, o) == i]
+        begin = -segment.extend_start
+        for opening in sorted(here, key=lambda o: segment.locate(o.at)[0]):
+            along = segment.locate(opening.at)[0]
+            left, right = along - 0.5 * opening.width, along + 0.5 * opening.width
+            solids += _piece(wall, segment.piece(begin, left, wall.thickness))
+            gap = segment.piece(left, right, wall.thickness)
+            height = min(opening.height, wall.height)
+            # the leaf is a little thinner than the wall, so that no two faces share a plane
+            leaf = segment.piece(left, right, 0.6 * wall.thickness)
+            gaps[opening.name] = (leaf, height)
+            if wall.height - height > 0.01:
+                solids.append(Solid(wall.name, "lintel", gap, height, wall.height, wall.texture))
+            begin = right
+        end = segment.length + segment.extend_end
+        solids += _piece(wall, segment.piece(begin, end, wall.thickness))
+    return solids
+
+
+def _piece(wall: WallSpec, shape: Rectangle) -> list[Solid]:
+    if shape.half_x < 0.005:  # an opening that begins at the corner leaves nothing beside it
+        return []
+    return [Solid(wall.name, "wall", shape, 0.0, wall.height, wall.texture)]

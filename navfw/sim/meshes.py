@@ -1,0 +1,124 @@
+"""Meshes with texture coordinates in metres: PyBullet's own boxes stretch one texture a face.
+
+Faces are split into patches of at most ``FACE`` metres. Texture coordinates follow the position
+along the face (world or body coordinates), so that neighbouring patches join without a seam.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+
+from navfw.signals import Array
+from navfw.sim.textures import TILE
+
+__all__ = ["FACE", "Mesh", "box_mesh", "cylinder_mesh", "splits"]
+
+FACE = 1.0
+"""Largest edge [m] of a patch."""
+
+
+@dataclass(slots=True)
+class Mesh:
+    """Triangles with normals and texture coordinates, as PyBullet's GEOM_MESH wants them."""
+
+    vertices: list[list[float]] = field(default_factory=list)
+    normals: list[list[float]] = field(default_factory=list)
+    uvs: list[list[float]] = field(default_factory=list)
+    indices: list[int] = field(default_factory=list)
+
+    def add_quad(self, corners: Array, normals: Array, uvs: Array) -> None:
+        """Add a quad: (4, 3) corners counter-clockwise seen from outside, normals, (4, 2) uvs [m].
+
+        Texture coordinates are moved by whole tiles so that none is negative: TinyRenderer wraps
+        positive ones only.
+        """
+        first = len(self.vertices)
+        tiles = uvs / TILE
+        tiles = tiles - np.floor(tiles.min(axis=0) + 1e-9)
+        self.vertices += corners.tolist()
+        self.normals += normals.tolist()
+        self.uvs += np.maximum(tiles, 0.0).tolist()
+        self.indices += [first, first + 1, first + 2, first, first + 2, first + 3]
+
+    def add_face(
+        self, corner: Array, right: Array, up: Array, columns: Array, rows: Array, shift: Array
+    ) -> None:
+        """Add a flat face, split at ``columns`` along ``right`` and ``rows`` along ``up`` [m].
+
+        ``corner`` is where both are 0; right x up points outwards. ``shift`` (2,) [m] moves the
+        texture.
+        """
+        for i in range(len(columns) - 1):
+            for j in range(len(rows) - 1):
+                self.add_patch(corner, right, up, columns[i : i + 2], rows[j : j + 2], shift)
+
+    def add_patch(
+        self, corner: Array, right: Array, up: Array, columns: Array, rows: Array, shift: Array
+    ) -> None:
+        """Add one patch of a flat face: between two columns and two rows (see ``add_face``)."""
+        (a, b), (c, d) = columns, rows
+        across = np.array([[a], [b], [b], [a]]) * right
+        points = corner + across + np.array([[c], [c], [d], [d]]) * up
+        normal = np.cross(right, up)
+        self.add_quad(points, np.tile(normal, (4, 1)), face_coordinates(points, normal) + shift)
+
+
+def face_coordinates(points: Array, normal: Array) -> Array:
+    """Texture coordinates (N, 2) [m] of points on a plane that is level or upright."""
+    if abs(normal[2]) > 0.5:
+        return points[:, :2].copy()
+    along = points[:, 0] * -normal[1] + points[:, 1] * normal[0]
+    return np.stack([along, points[:, 2]], axis=1)
+
+
+def splits(length: float, at: list[float] | None = None) -> Array:
+    """Distances [0 ... length] that cut it into pieces of at most FACE, and cut it at ``at``."""
+    cuts = [0.0, *sorted(c for c in at or [] if 1e-3 < c < length - 1e-3), length]
+    parts = [
+        np.linspace(low, high, math.ceil((high - low) / FACE - 1e-9) + 1)[:-1]
+        for low, high in pairwise(cuts)
+        if high - low > 1e-9
+    ]
+    result: Array = np.append(np.concatenate(parts), length)
+    return result
+
+
+def box_mesh(size: tuple[float, float, float], shift: Array) -> Mesh:
+    """A box around its origin, sizes x, y, z [m], without its underside."""
+    x, y, z = (0.5 * s for s in size)
+    mesh = Mesh()
+    ex, ey, ez = np.eye(3)
+    up = splits(size[2])
+    for corner, right, length in (
+        ((-x, -y, -z), ex, size[0]),
+        ((x, -y, -z), ey, size[1]),
+        ((x, y, -z), -ex, size[0]),
+        ((-x, y, -z), -ey, size[1]),
+    ):
+        mesh.add_face(np.array(corner), right, ez, splits(length), up, shift)
+    mesh.add_face(np.array([-x, -y, z]), ex, ey, splits(size[0]), splits(size[1]), shift)
+    return mesh
+
+
+def cylinder_mesh(radius: float, height: float, shift: Array, sides: int = 24) -> Mesh:
+    """An upright cylinder around its origin [m], without its underside."""
+    mesh = Mesh()
+    angles = np.linspace(0.0, 2.0 * math.pi, sides + 1)
+    ring = np.stack([np.cos(angles), np.sin(angles), np.zeros(sides + 1)], axis=1)
+    heights = splits(height) - 0.5 * height
+    for i in range(sides):
+        out = ring[[i, i + 1, i + 1, i]]
+        around = radius * angles[[i, i + 1, i + 1, i]]
+        for low, high in pairwise(heights):
+            level = np.array([low, low, high, high])
+            corners = radius * out
+            corners[:, 2] = level
+            mesh.add_quad(corners, out, np.stack([around, level], axis=1) + shift)
+        top = np.array([[0.0, 0.0, 0.0], *(radius * ring[[i, i + 1]]), [0.0, 0.0, 0.0]])
+        top[:, 2] = 0.5 * height
+        mesh.add_quad(top, np.tile([0.0, 0.0, 1.0], (4, 1)), top[:, :2] + shift)
+    return mesh

@@ -1,0 +1,196 @@
+"""The robot's body in PyBullet, from a URDF generated from the RobotModel.
+
+A disc-shaped base on two driven wheels and two frictionless casters. Wheels and casters collide
+with floors only and the base with everything else only, so a contact of the base IS a collision.
+The wheels are balls for the physics: one clean contact point each; a cylinder's edge would rattle.
+"""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from navfw.robot import RobotModel
+from navfw.signals import Pose, wrap_angle
+from navfw.sim.engine import bullet
+from navfw.sim.scene import FLOOR_GROUP, SOLID_GROUP
+
+__all__ = ["RobotBody", "robot_urdf"]
+
+MASS = 6.0
+"""Of the whole robot, wheels excepted [kg]."""
+WHEEL_MASS = 0.3
+"""Of one wheel [kg]."""
+WHEEL_TORQUE = 1.2
+"""Limit of one wheel's motor [N m]: four times what the hardest usual braking asks for."""
+CENTRE_OF_MASS = 0.06
+"""Above the floor [m]: low, batteries are heavy."""
+_BODY_GROUP, _WHEEL_GROUP = 4, 8
+_CASTER_RADIUS = 0.02
+
+
+def _cylinder_inertia(mass: float, radius: float, height: float) -> tuple[float, float]:
+    """(across, along) moments of inertia of a solid cylinder about its axis."""
+    return mass * (3 * radius**2 + height**2) / 12.0, 0.5 * mass * radius**2
+
+
+def _inertial(mass: float, ix: float, iy: float, iz: float, z: float = 0.0) -> str:
+    return (
+        f'<inertial><origin xyz="0 0 {z}"/><mass value="{mass}"/>'
+        f'<inertia ixx="{ix}" iyy="{iy}" izz="{iz}" ixy="0" ixz="0" iyz="0"/></inertial>'
+    )
+
+
+def _shown_height(robot: RobotModel) -> float:
+    """How high the body may be drawn [m] without the camera seeing its own robot."""
+    camera = robot.camera
+    steepest = camera.pitch + math.atan(0.5 * camera.height / camera.focal)
+    if steepest > 1.4:
+        return 0.05
+    reach = max(robot.radius - camera.mount_forward, 0.0) + 0.02
+    return min(max(camera.mount_height - reach * math.tan(steepest), 0.05), robot.height)
+
+
+def robot_urdf(robot: RobotModel) -> str:
+    """The URDF text: origin of ``base_link`` on the floor below the middle of the axle."""
+    r, clearance = robot.radius, 0.02
+    height = robot.height - clearance
+    shown = max(_shown_height(robot) - clearance, 0.02)
+    across, along = _cylinder_inertia(MASS, r, 0.5 * robot.height)
+    wheel_across, wheel_along = _cylinder_inertia(WHEEL_MASS, robot.wheel_radius, 0.03)
+    caster_x = 0.75 * r
+    casters = "".join(
+        f'<link name="{side}_caster">{_inertial(0.02, 1e-5, 1e-5, 1e-5)}<collision><geometry>'
+        f'<sphere radius="{_CASTER_RADIUS}"/></geometry></collision></link>'
+        f'<joint name="{side}_caster_mount" type="fixed"><parent link="base_link"/>'
+        f'<child link="{side}_caster"/><origin xyz="{x} 0 {_CASTER_RADIUS}"/></joint>'
+        for side, x in (("front", caster_x), ("rear", -caster_x))
+    )
+    wheels = "".join(
+        f'<link name="{side}_wheel">'
+        f"{_inertial(WHEEL_MASS, wheel_across, wheel_along, wheel_across)}"
+        f'<visual><origin rpy="{math.pi / 2} 0 0"/><geometry><cylinder '
+        f'radius="{robot.wheel_radius}" length="0.03"/></geometry></visual>'
+        f'<collision><geometry><sphere radius="{robot.wheel_radius}"/></geometry></collision>'
+        f'</link><joint name="{side}_axle" type="continuous"><parent link="base_link"/>'
+        f'<child link="{side}_wheel"/><origin xyz="0 {y} {robot.wheel_radius}"/>'
+        f'<axis xyz="0 1 0"/></joint>'
+        for side, y in (("left", 0.5 * robot.track), ("right", -0.5 * robot.track))
+    )
+    base = (
+        f'<link name="base_link">{_inertial(MASS, across, across, along, CENTRE_OF_MASS)}'
+        f'<visual><origin xyz="0 0 {clearance + 0.5 * shown}"/><geometry><cylinder radius="{r}" '
+        f'length="{shown}"/></geometry><material name="body"><color rgba="0.2 0.35 0.6 1"/>'
+        f"</material></visual>"
+        f'<collision><origin xyz="0 0 {clearance + 0.5 * height}"/><geometry><cylinder '
+        f'radius="{r}" length="{height}"/></geometry></collision></link>'
+    )
+    return f'<?xml version="1.0"?><robot name="navfw_robot">{base}{wheels}{casters}</robot>'
+
+
+class RobotBody:
+    """The robot in one PyBullet client: drives its wheels, tells its true state."""
+
+    def __init__(self, robot: RobotModel, client: int, start: Pose) -> None:
+        self._client = client
+        with tempfile.TemporaryDirectory(prefix="navfw-robot-") as folder:
+            path = Path(folder) / "robot.urdf"
+            path.write_text(robot_urdf(robot), encoding="utf-8")
+            turn = [0.0, 0.0, math.sin(0.5 * start.yaw), math.cos(0.5 * start.yaw)]
+            # without self collision (the default) and with our own inertias
+            self.body = int(
+                self._call(
+                    "loadURDF",
+                    str(path),
+                    [start.x, start.y, 0.0],
+                    turn,
+                    flags=bullet.URDF_USE_INERTIA_FROM_FILE,
+                )
+            )
+        joints = {
+            self._call("getJointInfo", self.body, j)[1].decode(): j
+            for j in range(self._call("getNumJoints", self.body))
+        }
+        self._wheels = [joints["left_axle"], joints["right_axle"]]
+        self._set_contacts(joints)
+        self.drive(0.0, 0.0)
+
+    def _set_contacts(self, joints: dict[str, int]) -> None:
+        for link in (-1, *joints.values()):
+            self._call("changeDynamics", self.body, link, linearDamping=0.0, angularDamping=0.0)
+        self._call(
+            "setCollisionFilterGroupMask", self.body, -1, _BODY_GROUP, SOLID_GROUP | _BODY_GROUP
+        )
+        self._call("changeDynamics", self.body, -1, lateralFriction=0.4, restitution=0.0)
+        for name, link in joints.items():
+            self._call("setCollisionFilterGroupMask", self.body, link, _WHEEL_GROUP, FLOOR_GROUP)
+            friction = 0.0 if "caster" in name else 1.2
+            self._call(
+                "changeDynamics",
+                self.body,
+                link,
+                lateralFriction=friction,
+                rollingFriction=0.0,
+                spinningFriction=0.0,
+                restitution=0.0,
+                jointDamping=0.0,
+            )
+
+    def drive(self, left: float, right: float) -> None:
+        """Ask for wheel angular speeds [rad/s], forward positive."""
+        self._call(
+            "setJointMotorControlArray",
+            self.body,
+            self._wheels,
+            bullet.VELOCITY_CONTROL,
+            targetVelocities=[left, right],
+            forces=[WHEEL_TORQUE, WHEEL_TORQUE],
+        )
+
+    def wheel_angles(self) -> tuple[float, float]:
+        """How far the wheels (left, right) have turned [rad]."""
+        left, right = self._call("getJointStates", self.body, self._wheels)
+        return float(left[0]), float(right[0])
+
+    def state(self) -> tuple[tuple[float, float, float], tuple[float, float, float, float]]:
+        """Position [m] of ``base_link``'s origin and its orientation (x, y, z, w), in the map."""
+        centre, turn = self._call("getBasePositionAndOrientation", self.body)
+        x, y, z, w = turn
+        # the engine reports the centre of mass: go down the body's own z axis to the floor
+        offset = -CENTRE_OF_MASS
+        origin = (
+            centre[0] + offset * 2.0 * (x * z + w * y),
+            centre[1] + offset * 2.0 * (y * z - w * x),
+            centre[2] + offset * (1.0 - 2.0 * (x * x + y * y)),
+        )
+        return origin, turn
+
+    def pose(self) -> Pose:
+        """The true planar pose in the map."""
+        (x, y, _), turn = self.state()
+        return Pose(x, y, yaw_of(turn))
+
+    def roll_pitch_rates(self) -> tuple[float, float]:
+        """Angular velocity [rad/s] about the body's x and y axes."""
+        _, (wx, wy, wz) = self._call("getBaseVelocity", self.body)
+        _, (x, y, z, w) = self._call("getBasePositionAndOrientation", self.body)
+        roll = (1 - 2 * (y * y + z * z)) * wx + 2 * (x * y + w * z) * wy + 2 * (x * z - w * y) * wz
+        pitch = 2 * (x * y - w * z) * wx + (1 - 2 * (x * x + z * z)) * wy + 2 * (y * z + w * x) * wz
+        return roll, pitch
+
+    def contacts(self) -> set[int]:
+        """Bodies that the base touches now."""
+        points = self._call("getContactPoints", self.body, linkIndexA=-1)
+        # points of near misses are listed too: index 8 is the distance, 9 the normal force
+        return {point[2] for point in points if point[8] <= 1e-4 or point[9] > 0.0}
+
+    def _call(self, function: str, *args: Any, **kwargs: Any) -> Any:
+        return getattr(bullet, function)(*args, physicsClientId=self._client, **kwargs)
+
+
+def yaw_of(turn: tuple[float, float, float, float]) -> float:
+    """Yaw [rad] of a quaternion (x, y, z, w)."""
+    x, y, z, w = turn
+    return wrap_angle(math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))

@@ -1,0 +1,156 @@
+"""Gyro and wheel encoders as they are: bias that walks, noise, slip, steps of quantisation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from navfw.errors import UnknownNameError
+from navfw.robot import RobotModel
+from navfw.signals import Encoders, Inertial
+
+__all__ = ["PRESETS", "Gyro", "SensorParams", "WheelEncoders"]
+
+Fraction = Annotated[float, Field(ge=0.0, le=0.5)]
+Sigma = Annotated[float, Field(ge=0.0)]
+
+
+class SensorParams(BaseModel):
+    """How good the sensors are; the defaults are those of an inexpensive robot."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    image_noise: Annotated[
+        float, Field(ge=0.0, le=40.0, description="standard deviation [grey levels]")
+    ] = 2.0
+    supersample: Annotated[
+        int, Field(ge=1, le=4, description="render at that multiple of the size and average")
+    ] = 1
+    gyro_bias: Annotated[
+        Sigma, Field(description="standard deviation of the bias at power-on [rad/s]")
+    ] = math.radians(0.05)
+    gyro_bias_walk: Annotated[
+        Sigma, Field(description="random walk of the bias [rad/s per square root of s]")
+    ] = math.radians(0.005)
+    gyro_noise: Annotated[Sigma, Field(description="standard deviation of one reading [rad/s]")] = (
+        math.radians(0.1)
+    )
+    slip: Annotated[
+        Fraction, Field(description="standard deviation of a wheel's slip, part of its way")
+    ] = 0.02
+    slip_mean: Annotated[
+        Fraction, Field(description="mean slip: the wheel turns further than the robot goes")
+    ] = 0.005
+    slip_time: Annotated[
+        float, Field(ge=0.0, le=60.0, description="slip keeps its value for about so long [s]")
+    ] = 0.5
+    radius_mismatch: Annotated[
+        Fraction, Field(description="difference of the wheels' radii, part of the radius")
+    ] = 0.01
+
+    @classmethod
+    def preset(cls, name: str, **changes: Any) -> SensorParams:
+        """One of PRESETS, with single values changed.
+
+        Raises:
+            UnknownNameError: no preset has that name.
+
+        """
+        if name not in PRESETS:
+            raise UnknownNameError("sensor preset", name, PRESETS)
+        return cls(**{**PRESETS[name], **changes})
+
+
+PRESETS: Mapping[str, Mapping[str, float]] = MappingProxyType(
+    {
+        "perfect": {
+            "image_noise": 0.0,
+            "gyro_bias": 0.0,
+            "gyro_bias_walk": 0.0,
+            "gyro_noise": 0.0,
+            "slip": 0.0,
+            "slip_mean": 0.0,
+            "radius_mismatch": 0.0,
+        },
+        "good": {
+            "image_noise": 1.0,
+            "gyro_bias": math.radians(0.01),
+            "gyro_bias_walk": math.radians(0.001),
+            "gyro_noise": math.radians(0.03),
+            "slip": 0.005,
+            "slip_mean": 0.001,
+            "radius_mismatch": 0.002,
+        },
+        "default": {},
+        "poor": {
+            "image_noise": 5.0,
+            "gyro_bias": math.radians(0.3),
+            "gyro_bias_walk": math.radians(0.02),
+            "gyro_noise": math.radians(0.3),
+            "slip": 0.05,
+            "slip_mean": 0.015,
+            "radius_mismatch": 0.02,
+        },
+    }
+)
+"""What each preset changes against the defaults."""
+
+
+class Gyro:
+    """A three-axis rate gyro: every axis has its own bias and noise.
+
+    The yaw rate is the mean over the time since the last reading, as integrating gyros give it.
+    """
+
+    def __init__(self, params: SensorParams, rng: np.random.Generator) -> None:
+        self._params = params
+        self._rng = rng
+        self._bias = params.gyro_bias * rng.standard_normal(3)
+
+    def read(self, time: float, dt: float, rates: tuple[float, float, float]) -> Inertial:
+        """Measure true ``rates`` (roll, pitch, yaw) [rad/s], ``dt`` [s] after the last reading."""
+        drawn = self._rng.standard_normal(6)
+        self._bias += self._params.gyro_bias_walk * math.sqrt(dt) * drawn[:3]
+        roll, pitch, yaw = (rates + self._bias + self._params.gyro_noise * drawn[3:]).tolist()
+        return Inertial(time, roll, pitch, yaw)
+
+
+class WheelEncoders:
+    """Encoders on both wheels. A wheel that slips turns further than the robot goes.
+
+    Slip is a share of the wheel's way, different for each wheel, that wanders around its mean with
+    the time constant ``slip_time`` (a first-order Gauss-Markov process). Wheels of unequal radius
+    count unequally; which one is larger is drawn once.
+    """
+
+    def __init__(self, params: SensorParams, robot: RobotModel, rng: np.random.Generator) -> None:
+        self._params = params
+        self._rng = rng
+        self._ticks_per_radian = robot.ticks_per_turn / (2.0 * math.pi)
+        half = 0.5 * params.radius_mismatch * float(rng.choice((-1.0, 1.0)))
+        self._scale = np.array([1.0 - half, 1.0 + half])
+        self._slip = params.slip * rng.standard_normal(2)
+        self._turned = np.zeros(2)
+        self._last = np.zeros(2)
+
+    def zero(self, angles: tuple[float, float]) -> None:
+        """Power on with the wheels at ``angles`` [rad]."""
+        self._last = np.array(angles)
+
+    def read(self, time: float, dt: float, angles: tuple[float, float]) -> Encoders:
+        """Count wheels now at ``angles`` (left, right) [rad], ``dt`` [s] after the last reading."""
+        now = np.array(angles)
+        keep = math.exp(-dt / self._params.slip_time) if self._params.slip_time > 0.0 else 0.0
+        spread = self._params.slip * math.sqrt(1.0 - keep * keep)
+        self._slip = keep * self._slip + spread * self._rng.standard_normal(2)
+        slip = 1.0 + self._params.slip_mean + self._slip
+        self._turned += (now - self._last) * self._scale * slip
+        self._last = now
+        # an encoder reports the last mark that has passed
+        left, right = np.floor(self._turned * self._ticks_per_radian + 1e-9).astype(int).tolist()
+        return Encoders(time, left, right)

@@ -1,0 +1,88 @@
+"""Plane geometry of solids: rectangles and discs, distances to them, and whether they overlap."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from navfw.signals import Array
+
+__all__ = ["Disc", "Rectangle", "Shape", "overlap_depth"]
+
+
+@dataclass(frozen=True, slots=True)
+class Rectangle:
+    """A rectangle around (x, y) [m] with half sizes (half_x, half_y) [m], turned by yaw [rad]."""
+
+    x: float
+    y: float
+    half_x: float
+    half_y: float
+    yaw: float = 0.0
+
+    @property
+    def corners(self) -> Array:
+        """(4, 2) corners [m], counter-clockwise."""
+        signs = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+        c, s = math.cos(self.yaw), math.sin(self.yaw)
+        turned = (signs * (self.half_x, self.half_y)) @ np.array([[c, s], [-s, c]])
+        corners: Array = turned + (self.x, self.y)  # noqa: RUF005 - adds, does not append
+        return corners
+
+    @property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """(min x, min y, max x, max y) [m]."""
+        low, high = self.corners.min(axis=0), self.corners.max(axis=0)
+        return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+
+    def distance(self, points: Array) -> Array:
+        """Signed distance [m] of points (N, 2) to the outline; negative inside."""
+        c, s = math.cos(self.yaw), math.sin(self.yaw)
+        dx, dy = points[:, 0] - self.x, points[:, 1] - self.y
+        qx = np.abs(c * dx + s * dy) - self.half_x
+        qy = np.abs(-s * dx + c * dy) - self.half_y
+        outside = np.hypot(np.maximum(qx, 0.0), np.maximum(qy, 0.0))
+        inside = np.minimum(np.maximum(qx, qy), 0.0)
+        result: Array = outside + inside
+        return result
+
+
+@dataclass(frozen=True, slots=True)
+class Disc:
+    """A disc around (x, y) [m]."""
+
+    x: float
+    y: float
+    radius: float
+
+    @property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """(min x, min y, max x, max y) [m]."""
+        r = self.radius
+        return self.x - r, self.y - r, self.x + r, self.y + r
+
+    def distance(self, points: Array) -> Array:
+        """Signed distance [m] of points (N, 2) to the outline; negative inside."""
+        result: Array = np.hypot(points[:, 0] - self.x, points[:, 1] - self.y) - self.radius
+        return result
+
+
+Shape = Rectangle | Disc
+
+
+def overlap_depth(a: Shape, b: Shape) -> float:
+    """How far [m] two shapes reach into each other; not positive when they do not overlap."""
+    if isinstance(a, Disc):
+        return a.radius - float(b.distance(np.array([[a.x, a.y]]))[0])
+    if isinstance(b, Disc):
+        return overlap_depth(b, a)
+    # separating axes of two convex polygons: the edge normals of both
+    depth = math.inf
+    corners_a, corners_b = a.corners, b.corners
+    for yaw in (a.yaw, a.yaw + math.pi / 2.0, b.yaw, b.yaw + math.pi / 2.0):
+        axis = np.array([math.cos(yaw), math.sin(yaw)])
+        along_a, along_b = corners_a @ axis, corners_b @ axis
+        depth = min(depth, float(min(along_a.max() - along_b.min(), along_b.max() - along_a.min())))
+    return depth

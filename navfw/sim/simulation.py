@@ -1,0 +1,225 @@
+"""A world, a robot in it, and a clock: what the mission runner drives.
+
+Physics 240 Hz, control at the robot's control rate, camera at its own rate. Simulated time only:
+the wall clock is read to account for costs, never to decide anything.
+"""
+
+from __future__ import annotations
+
+import math
+import time as wall
+from dataclasses import dataclass
+from types import TracebackType
+
+import numpy as np
+
+from navfw.errors import SimulationError
+from navfw.robot import RobotModel
+from navfw.signals import Frame, Image, Pose, SensorReading, wrap_angle
+from navfw.sim.camera import Camera, DepthImage
+from navfw.sim.engine import bullet
+from navfw.sim.floorplan import FloorPlan
+from navfw.sim.robot_body import RobotBody
+from navfw.sim.scene import Scene
+from navfw.sim.sensors import Gyro, SensorParams, WheelEncoders
+from navfw.sim.worldcheck import check_world
+from navfw.sim.worldfile import WorldSpec
+
+__all__ = ["PHYSICS_RATE", "Simulation", "Timings"]
+
+PHYSICS_RATE = 240
+"""Physics steps per second."""
+_SETTLING_STEPS = 60
+_GRAVITY = 9.81
+
+
+@dataclass(slots=True)
+class Timings:
+    """Wall time [s] spent so far, and how often: what the loop cannot do without, and the rest."""
+
+    render: float = 0.0
+    physics: float = 0.0
+    sensors: float = 0.0
+    frames: int = 0
+    steps: int = 0
+
+
+class Simulation:
+    """One run in one world. Use as a context manager, or ``close()`` it.
+
+    ``read()`` gives what the robot's sensors say; ``true_pose``, ``true_depth``, ``contacts`` and
+    ``plan`` are the truth, for metrics and tests alone. A fresh Simulation with the same arguments
+    and the same commands gives the same bytes.
+
+    Raises:
+        WorldError: the world cannot be, or the start is not free.
+
+    """
+
+    def __init__(
+        self,
+        world: WorldSpec,
+        robot: RobotModel,
+        start: Pose,
+        seed: int,
+        sensors: SensorParams | None = None,
+        gui: bool = False,
+    ) -> None:
+        sensors = SensorParams() if sensors is None else sensors
+        check_world(world)
+        self.world, self.robot = world, robot
+        self.plan = FloorPlan.from_world(world, robot.height)
+        self.plan.check_free(start.x, start.y, robot.radius, "the start")
+        self.timings = Timings()
+        self.time = 0.0
+        self._client = _connect(gui)
+        self._steps = 0
+        self._frames = 0
+        self._contacts: set[int] = set()
+        self._reading: SensorReading | None = None
+        self._raw_depth: np.ndarray[tuple[int, ...], np.dtype[np.float32]] | None = None
+        # one generator for each component: more of one component's draws never shift another's
+        for_camera, for_gyro, for_encoders = (
+            np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(3)
+        )
+        try:
+            bullet.setGravity(0.0, 0.0, -_GRAVITY, physicsClientId=self._client)
+            bullet.setTimeStep(1.0 / PHYSICS_RATE, physicsClientId=self._client)
+            bullet.setPhysicsEngineParameter(
+                deterministicOverlappingPairs=1, physicsClientId=self._client
+            )
+            self._scene = Scene(world, self._client)
+            self._body = RobotBody(robot, self._client, start)
+            self._camera = Camera(
+                robot.camera,
+                world.light,
+                self._client,
+                for_camera,
+                sensors.image_noise,
+                sensors.supersample,
+            )
+            self._gyro = Gyro(sensors, for_gyro)
+            self._encoders = WheelEncoders(sensors, robot, for_encoders)
+            self._settle()
+        except BaseException:
+            self.close()
+            raise
+
+    def _settle(self) -> None:
+        """Let the robot come to rest on its wheels before time begins."""
+        for _ in range(_SETTLING_STEPS):
+            bullet.stepSimulation(physicsClientId=self._client)
+        self._encoders.zero(self._body.wheel_angles())
+        self._yaw_read = self._body.pose().yaw
+
+    # --- what the robot may know --------------------------------------------------------------
+
+    def read(self) -> SensorReading:
+        """What the sensors say now; with a frame when the camera's period has passed.
+
+        Reading again without ``advance`` gives the same reading: looking costs no noise.
+        """
+        if self._reading is not None and self._reading.time == self.time:
+            return self._reading
+        begun = wall.perf_counter()
+        dt = self.time - self._reading.time if self._reading is not None else 0.0
+        yaw = self._body.pose().yaw
+        yaw_rate = wrap_angle(yaw - self._yaw_read) / dt if dt > 0.0 else 0.0
+        self._yaw_read = yaw
+        rates = (*self._body.roll_pitch_rates(), yaw_rate)
+        inertial = self._gyro.read(self.time, dt, rates)
+        encoders = self._encoders.read(self.time, dt, self._body.wheel_angles())
+        self.timings.sensors += wall.perf_counter() - begun
+        self._reading = SensorReading(self.time, inertial, encoders, self._take_frame())
+        return self._reading
+
+    def drive(self, left: float, right: float) -> None:
+        """Set the wheels' target speeds [rad/s], forward positive; torque is limited."""
+        if not (math.isfinite(left) and math.isfinite(right)):
+            raise SimulationError(f"wheel speeds must be finite, got {left}, {right}")
+        self._body.drive(left, right)
+
+    def advance(self, dt: float) -> None:
+        """Let ``dt`` [s] pass, in whole physics steps (what is left over is caught up later)."""
+        begun = wall.perf_counter()
+        self.time += dt
+        self._contacts = set()
+        target = round(self.time * PHYSICS_RATE)
+        if abs(self.time - target / PHYSICS_RATE) < 1e-9:
+            self.time = target / PHYSICS_RATE  # keep rounding errors from adding up
+        while self._steps < target:
+            bullet.stepSimulation(physicsClientId=self._client)
+            self._contacts |= self._body.contacts()
+            self._steps += 1
+            self.timings.steps += 1
+        self.timings.physics += wall.perf_counter() - begun
+
+    # --- the truth, for metrics and tests -----------------------------------------------------
+
+    @property
+    def contacts(self) -> tuple[str, ...]:
+        """Names of the bodies touched since the last ``advance`` began (the floor is none)."""
+        names = self._scene.names
+        return tuple(sorted({names.get(body, f"body {body}") for body in self._contacts}))
+
+    def true_pose(self) -> Pose:
+        """Where the robot is, in the map."""
+        return self._body.pose()
+
+    def true_depth(self) -> DepthImage:
+        """Depth (height, width) [m] of the last frame's view, inf where there is nothing."""
+        if self._raw_depth is None:
+            raise SimulationError("no frame has been taken yet")
+        return self._camera.depth(self._raw_depth)
+
+    def look_from(self, pose: Pose) -> tuple[Image, DepthImage]:
+        """Image without noise and depth [m] as the camera would see them from another pose."""
+        turn = (0.0, 0.0, math.sin(0.5 * pose.yaw), math.cos(0.5 * pose.yaw))
+        image, raw = self._camera.render((pose.x, pose.y, 0.0), turn)
+        return image, self._camera.depth(raw)
+
+    # ------------------------------------------------------------------------------------------
+
+    def _take_frame(self) -> Frame | None:
+        """A frame, if the camera's next one is due (the first is due at time 0)."""
+        if self.time * self.robot.camera.rate < self._frames - 1e-6:
+            return None
+        begun = wall.perf_counter()
+        clean, self._raw_depth = self._camera.render(*self._body.state())
+        rendered = wall.perf_counter()
+        image = self._camera.expose(clean)
+        self._frames = math.floor(self.time * self.robot.camera.rate + 1e-6) + 1
+        self.timings.frames += 1
+        self.timings.render += rendered - begun
+        self.timings.sensors += wall.perf_counter() - rendered
+        return Frame(self.time, image)
+
+    def close(self) -> None:
+        """Leave the physics server; doing it twice is no harm."""
+        if self._client >= 0:
+            bullet.disconnect(physicsClientId=self._client)
+            self._client = -1
+
+    def __enter__(self) -> Simulation:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+def _connect(gui: bool) -> int:
+    try:
+        client = int(bullet.connect(bullet.GUI if gui else bullet.DIRECT))
+    except bullet.error as error:
+        client = -1
+        reason = str(error)
+    else:
+        reason = "no display?" if gui else "too many simulations open?"
+    if client < 0:
+        raise SimulationError(f"PyBullet could not be started ({reason})")
+    return client

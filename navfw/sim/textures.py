@@ -1,0 +1,164 @@
+"""Procedural textures: seeded, periodic, band-limited, with contrast for the optical flow.
+
+PyBullet's TinyRenderer samples textures by nearest neighbour without mipmaps, so detail finer than
+about two pixels at the working distance aliases and spoils the flow (METHOD sec 0). Every pattern
+here is therefore cut off in the frequency domain at half a cycle per ``finest`` metres.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import lru_cache
+from itertools import pairwise
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from navfw.signals import Array, Image
+
+if TYPE_CHECKING:
+    from navfw.sim.worldfile import TextureSpec
+
+__all__ = ["RESOLUTION", "STOCK", "TILE", "luminance_pattern", "stock_texture", "synthesize"]
+
+TILE = 2.0
+"""Edge [m] of the square that one texture covers before it repeats."""
+RESOLUTION = 512
+"""Texels along that edge: 4 mm each, half a pixel at 0.6 m with f = 80 px."""
+# the coarsest wavelength [m]: slower changes of brightness do not help a 24 px window
+_COARSEST = 1.0
+_LUMA = np.array([0.299, 0.587, 0.114])
+
+STOCK: Mapping[str, Mapping[str, object]] = MappingProxyType(
+    {
+        "plaster": {"style": "plaster", "seed": 1, "colour": (1.0, 0.96, 0.88)},
+        "carpet": {"style": "carpet", "seed": 2, "colour": (0.75, 0.8, 0.9), "finest": 0.045},
+        "wood": {"style": "wood", "seed": 3, "colour": (1.0, 0.78, 0.52)},
+        "stone": {"style": "stone", "seed": 4, "colour": (0.85, 0.88, 0.92)},
+        "panels": {"style": "panels", "seed": 5, "colour": (0.95, 0.85, 0.75)},
+        "ceiling": {"style": "plaster", "seed": 6, "brightness": 170.0, "contrast": 35.0},
+    }
+)
+"""The textures every world may name without listing them: keyword arguments of TextureSpec."""
+
+
+def stock_texture(name: str) -> TextureSpec:
+    """The stock texture of that name; KeyError when there is none."""
+    from navfw.sim.worldfile import TextureSpec
+
+    return TextureSpec.model_validate(dict(STOCK[name]))
+
+
+@lru_cache(maxsize=64)
+def synthesize(spec: TextureSpec, resolution: int = RESOLUTION) -> Image:
+    """The texture as a read-only image (resolution, resolution, 3) uint8, RGB, periodic.
+
+    Its luminance has about the mean and standard deviation asked for; nothing is clipped hard,
+    since hard edges would put back the detail that the band limit took out.
+    """
+    grey = luminance_pattern(spec, resolution)
+    tint = np.asarray(spec.colour) / max(float(_LUMA @ spec.colour), 1e-3)
+    image: Image = np.clip(np.rint(grey[:, :, None] * tint), 0, 255).astype(np.uint8)
+    image.setflags(write=False)
+    return image
+
+
+def luminance_pattern(spec: TextureSpec, resolution: int = RESOLUTION) -> Array:
+    """The texture's luminance (resolution, resolution) [grey levels] before rounding and tint."""
+    rng = np.random.default_rng([spec.seed, sum(map(ord, spec.style))])
+    raw = _STYLES[spec.style](rng, resolution)
+    smooth = _band_limit(raw, spec.finest)
+    smooth -= smooth.mean()
+    smooth /= max(float(smooth.std()), 1e-12)
+    # bend the tails softly into the range of a byte (a gentle curve hardly widens the spectrum)
+    bent = np.tanh(0.6 * smooth)
+    bent -= bent.mean()
+    pattern: Array = spec.brightness + spec.contrast * bent / max(float(bent.std()), 1e-12)
+    return pattern
+
+
+def _frequencies(resolution: int) -> tuple[Array, Array]:
+    """Cycles per metre along rows and columns of the real Fourier transform of a tile."""
+    rows = np.fft.fftfreq(resolution, d=TILE / resolution).astype(np.float64)
+    columns = np.fft.rfftfreq(resolution, d=TILE / resolution).astype(np.float64)
+    return rows[:, None], columns[None, :]
+
+
+def _band_limit(pattern: Array, finest: float) -> Array:
+    """Without detail finer than ``finest`` [m] (half a wavelength) or coarser than a metre."""
+    rows, columns = _frequencies(pattern.shape[0])
+    frequency = np.hypot(rows, columns)
+    cutoff = 0.5 / finest
+    # a raised-cosine edge from 70 % to 100 % of the cutoff rings less than a sharp one
+    fall = np.clip((frequency / cutoff - 0.7) / 0.3, 0.0, 1.0)
+    keep = 0.5 * (1.0 + np.cos(np.pi * fall)) * (frequency >= 0.99 / _COARSEST)
+    limited: Array = np.fft.irfft2(np.fft.rfft2(pattern) * keep, s=pattern.shape)
+    return limited
+
+
+def _noise(
+    rng: np.random.Generator, resolution: int, exponent: float, stretch: float = 1.0
+) -> Array:
+    """Gaussian noise whose amplitude falls with frequency**exponent (1: equal power an octave).
+
+    ``stretch`` > 1 draws the grain out along the rows of the texture (upright on walls).
+    """
+    rows, columns = _frequencies(resolution)
+    frequency = np.hypot(rows * np.sqrt(stretch), columns / np.sqrt(stretch))
+    frequency[0, 0] = np.inf
+    white = np.fft.rfft2(rng.standard_normal((resolution, resolution)))
+    pattern = np.fft.irfft2(white * frequency**-exponent, s=(resolution, resolution))
+    return pattern / float(pattern.std())
+
+
+def _plaster(rng: np.random.Generator, resolution: int) -> Array:
+    return _noise(rng, resolution, 0.8)
+
+
+def _carpet(rng: np.random.Generator, resolution: int) -> Array:
+    return _noise(rng, resolution, 0.6)
+
+
+def _wood(rng: np.random.Generator, resolution: int) -> Array:
+    return _noise(rng, resolution, 0.7, stretch=2.0)
+
+
+def _stone(rng: np.random.Generator, resolution: int) -> Array:
+    """Irregular slabs of different brightness (a periodic Voronoi pattern), and grain."""
+    seeds, levels = rng.random((70, 2)), rng.standard_normal(70)
+    # half the resolution will do: the band limit comes after
+    axis = (np.arange(resolution // 2) + 0.5) / (resolution // 2)
+    nearest = np.full((axis.size, axis.size), np.inf)
+    slabs = np.zeros_like(nearest)
+    for (row, column), level in zip(seeds, levels, strict=True):
+        down, across = (np.abs((axis - at + 0.5) % 1.0 - 0.5) for at in (row, column))
+        away = down[:, None] ** 2 + across[None, :] ** 2
+        slabs[away < nearest] = level
+        np.minimum(nearest, away, out=nearest)
+    return slabs.repeat(2, axis=0).repeat(2, axis=1) + 0.8 * _noise(rng, resolution, 0.7)
+
+
+def _panels(rng: np.random.Generator, resolution: int) -> Array:
+    """Courses of bricks of random length and brightness, and grain."""
+    pattern = np.empty((resolution, resolution))
+    courses = 8
+    edges = np.linspace(0, resolution, courses + 1).astype(int)
+    for top, bottom in pairwise(edges):
+        cuts = np.cumsum(rng.uniform(0.12, 0.3, size=12))
+        cuts = np.r_[0.0, cuts[cuts < 0.92]]
+        levels = rng.standard_normal(cuts.size)
+        column = (np.arange(resolution) / resolution + rng.random()) % 1.0
+        pattern[top:bottom] = levels[np.searchsorted(cuts, column, side="right") - 1]
+    return pattern + 0.8 * _noise(rng, resolution, 0.7)
+
+
+_STYLES: Mapping[str, Callable[[np.random.Generator, int], Array]] = MappingProxyType(
+    {
+        "plaster": _plaster,
+        "carpet": _carpet,
+        "wood": _wood,
+        "stone": _stone,
+        "panels": _panels,
+    }
+)

@@ -1,0 +1,157 @@
+"""Whether a world can be: names, openings on their walls, nothing inside anything else."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from navfw.errors import WorldError, did_you_mean
+from navfw.sim.layout import opening_segment, solids_of, wall_segments
+from navfw.sim.shapes import overlap_depth
+from navfw.sim.textures import STOCK
+from navfw.sim.worldfile import WorldSpec
+
+__all__ = ["check_world"]
+
+KeyPath = tuple[str | int, ...]
+Problem = tuple[KeyPath, str]
+
+# solids may reach into each other this far [m]: furniture pushed against a wall, rounded figures
+TOUCH = 0.002
+
+
+def check_world(
+    world: WorldSpec,
+    *,
+    file: Path | None = None,
+    line_of: Callable[[KeyPath], int | None] | None = None,
+) -> None:
+    """Check what the schema cannot: names, references and geometry.
+
+    Raises:
+        WorldError: at the first problem's file, line and key; further problems follow in its text.
+
+    """
+    problems = [*_names(world), *_textures(world), *_bounds(world), *_walls(world), *_doors(world)]
+    if not problems:  # the solids can be worked out only when walls, openings and doors are right
+        problems = list(_overlaps(world))
+    if not problems:
+        return
+
+    def line(path: KeyPath) -> int | None:
+        return line_of(path) if line_of is not None else None
+
+    (path, message), *others = problems
+    for other_path, other in others:
+        where = f"{file}:{line(other_path)}: " if file is not None else ""
+        message += f"\n{where}{_dotted(other_path)}: {other}"
+    raise WorldError(message, file=file, line=line(path), key=_dotted(path))
+
+
+def _dotted(path: KeyPath) -> str:
+    text = ""
+    for part in path:
+        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else part
+    return text
+
+
+def _bodies(world: WorldSpec) -> Iterator[tuple[KeyPath, str]]:
+    for section in ("walls", "doors", "boxes", "cylinders"):
+        for i, item in enumerate(getattr(world, section)):
+            yield (section, i), item.name
+
+
+def _names(world: WorldSpec) -> Iterator[Problem]:
+    bodies = [((*path, "name"), name) for path, name in _bodies(world)]
+    openings: list[tuple[KeyPath, str]] = [
+        (("walls", i, "openings", j, "name"), opening.name)
+        for i, wall in enumerate(world.walls)
+        for j, opening in enumerate(wall.openings)
+    ]
+    rooms: list[tuple[KeyPath, str]] = [
+        (("rooms", i, "name"), room.name) for i, room in enumerate(world.rooms)
+    ]
+    for what, items in (("body", bodies), ("opening", openings), ("room", rooms)):
+        seen: dict[str, KeyPath] = {"floor": ("floor",)} if what == "body" else {}
+        for path, name in items:
+            if name in seen:
+                yield path, f"the {what} name {name!r} is taken by {_dotted(seen[name])}"
+            seen.setdefault(name, path)
+
+
+def _textures(world: WorldSpec) -> Iterator[Problem]:
+    known = {*STOCK, *world.textures}
+    used: list[tuple[KeyPath, str | None]] = [
+        (("floor",), world.floor),
+        (("ceiling",), world.ceiling),
+    ]
+    for i, room in enumerate(world.rooms):
+        used += [(("rooms", i, key), getattr(room, key)) for key in ("floor", "walls", "ceiling")]
+    for path, _ in _bodies(world):
+        item = getattr(world, str(path[0]))[path[1]]
+        used.append(((*path, "texture"), item.texture))
+    for path, name in used:
+        if name is not None and name not in known:
+            yield path, f"unknown texture {name!r}: {did_you_mean(name, known)}"
+
+
+def _bounds(world: WorldSpec) -> Iterator[Problem]:
+    def inside(x: float, y: float) -> bool:
+        return world.x[0] <= x <= world.x[1] and world.y[0] <= y <= world.y[1]
+
+    floor = f"the floor, x {list(world.x)} y {list(world.y)} [m]"
+    for i, wall in enumerate(world.walls):
+        for j, point in enumerate(wall.points):
+            if not inside(*point):
+                yield ("walls", i, "points", j), f"point {list(point)} lies off {floor}"
+    for section in ("boxes", "cylinders"):
+        for i, item in enumerate(getattr(world, section)):
+            if not inside(*item.at):
+                yield (section, i, "at"), f"{item.name!r} at {list(item.at)} lies off {floor}"
+
+
+def _walls(world: WorldSpec) -> Iterator[Problem]:
+    for i, wall in enumerate(world.walls):
+        for j, segment in enumerate(wall_segments(wall)):
+            if segment.length < 0.01:
+                yield ("walls", i, "points", j + 1), "two points of a wall are in the same place"
+                return
+        placed: list[tuple[int, float, float, str]] = []
+        for j, opening in enumerate(wall.openings):
+            index = opening_segment(wall, opening)
+            path = ("walls", i, "openings", j)
+            if index is None:
+                yield (
+                    (*path, "at"),
+                    f"the opening {opening.name!r}, {opening.width:g} m wide around"
+                    f" {list(opening.at)}, does not lie on the line of wall {wall.name!r}",
+                )
+                continue
+            along = wall_segments(wall)[index].locate(opening.at)[0]
+            low, high = along - 0.5 * opening.width, along + 0.5 * opening.width
+            for other, other_low, other_high, name in placed:
+                if other == index and low < other_high and other_low < high:
+                    yield (*path, "at"), f"the opening {opening.name!r} overlaps {name!r}"
+            placed.append((index, low, high, opening.name))
+
+
+def _doors(world: WorldSpec) -> Iterator[Problem]:
+    openings = {opening.name for wall in world.walls for opening in wall.openings}
+    for i, door in enumerate(world.doors):
+        if door.opening not in openings:
+            hint = did_you_mean(door.opening, openings)
+            yield ("doors", i, "opening"), f"no wall has an opening {door.opening!r}: {hint}"
+
+
+def _overlaps(world: WorldSpec) -> Iterator[Problem]:
+    solids = solids_of(world)
+    paths = {name: path for path, name in _bodies(world)}
+    for i, solid in enumerate(solids):
+        if solid.kind in ("wall", "lintel", "door"):
+            continue  # walls may cross and doors stand between their pieces
+        for other in solids[:i]:
+            apart = solid.bottom >= other.top - TOUCH or other.bottom >= solid.top - TOUCH
+            if apart or overlap_depth(solid.shape, other.shape) <= TOUCH:
+                continue
+            yield (*paths[solid.name], "at"), f"{solid.name!r} reaches into {other.name!r}"
+            break

@@ -1,0 +1,181 @@
+"""The world file: what a world consists of, as a person writes it in ``world.yaml``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+
+__all__ = [
+    "BoxSpec",
+    "CylinderSpec",
+    "DoorSpec",
+    "LightSpec",
+    "OpeningSpec",
+    "RoomSpec",
+    "TextureSpec",
+    "WallSpec",
+    "WorldSpec",
+    "load_world",
+]
+
+
+def _ascending(interval: tuple[float, float]) -> tuple[float, float]:
+    if interval[0] >= interval[1]:
+        raise ValueError(f"must ascend: {interval[0]:g} is not below {interval[1]:g}")
+    return interval
+
+
+Coordinate = Annotated[float, Field(ge=-500.0, le=500.0)]
+Point = tuple[Coordinate, Coordinate]
+Interval = Annotated[tuple[Coordinate, Coordinate], AfterValidator(_ascending)]
+Extent = Annotated[float, Field(ge=0.02, le=100.0)]
+Name = Annotated[str, Field(min_length=1, max_length=60)]
+Channel = Annotated[float, Field(ge=0.0, le=1.0)]
+
+
+class _Spec(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class TextureSpec(_Spec):
+    """A procedural texture: seeded smooth noise without detail finer than the camera resolves."""
+
+    style: Annotated[
+        Literal["plaster", "carpet", "wood", "stone", "panels"], Field(description="its pattern")
+    ] = "plaster"
+    seed: Annotated[int, Field(ge=0, description="seed of the pattern")] = 0
+    contrast: Annotated[
+        float, Field(ge=0.0, le=60.0, description="standard deviation [grey levels]")
+    ] = 45.0
+    brightness: Annotated[float, Field(ge=10.0, le=245.0, description="mean [grey levels]")] = 135.0
+    colour: Annotated[
+        tuple[Channel, Channel, Channel], Field(description="tint: red, green, blue in [0, 1]")
+    ] = (1.0, 1.0, 1.0)
+    finest: Annotated[
+        float, Field(ge=0.005, le=0.5, description="size of the finest detail [m]")
+    ] = 0.035
+
+
+class RoomSpec(_Spec):
+    """An axis-parallel part of the floor with textures of its own; it adds no solid."""
+
+    name: Name
+    x: Annotated[Interval, Field(description="from, to [m]")]
+    y: Annotated[Interval, Field(description="from, to [m]")]
+    floor: Annotated[str | None, Field(description="texture")] = None
+    walls: Annotated[str | None, Field(description="texture of the walls seen from inside")] = None
+    ceiling: Annotated[str | None, Field(description="texture")] = None
+
+
+class OpeningSpec(_Spec):
+    """A door gap in a wall."""
+
+    name: Name
+    at: Annotated[Point, Field(description="centre of the gap, on the wall's line [m]")]
+    width: Annotated[float, Field(ge=0.1, le=50.0, description="[m]")]
+    height: Annotated[float, Field(ge=0.1, le=20.0, description="under the lintel [m]")] = 2.05
+
+
+class WallSpec(_Spec):
+    """A wall along a polyline (closed when the last point is the first), with openings."""
+
+    name: Name
+    points: Annotated[tuple[Point, ...], Field(min_length=2, description="the wall's line [m]")]
+    thickness: Annotated[float, Field(ge=0.02, le=5.0, description="[m]")] = 0.1
+    height: Annotated[float, Field(ge=0.05, le=20.0, description="[m]")] = 2.4
+    texture: Annotated[str, Field(description="where no room says otherwise")] = "plaster"
+    openings: tuple[OpeningSpec, ...] = ()
+
+
+class DoorSpec(_Spec):
+    """A door leaf in an opening. Closed, it fills the gap; open, it has slid into the wall."""
+
+    name: Name
+    opening: Annotated[str, Field(description="name of the opening it belongs to")]
+    state: Literal["open", "closed"] = "closed"
+    texture: str = "wood"
+
+
+class BoxSpec(_Spec):
+    """A box standing on the floor, or ``base`` above it."""
+
+    name: Name
+    at: Annotated[Point, Field(description="centre [m]")]
+    size: Annotated[tuple[Extent, Extent, Extent], Field(description="x, y, z [m] before yaw")]
+    yaw: Annotated[float, Field(ge=-6.3, le=6.3, description="[rad]")] = 0.0
+    base: Annotated[float, Field(ge=0.0, le=20.0, description="underside above the floor [m]")] = (
+        0.0
+    )
+    texture: str = "wood"
+
+
+class CylinderSpec(_Spec):
+    """An upright cylinder standing on the floor, or ``base`` above it."""
+
+    name: Name
+    at: Annotated[Point, Field(description="centre [m]")]
+    radius: Annotated[float, Field(ge=0.01, le=50.0, description="[m]")]
+    height: Annotated[float, Field(ge=0.02, le=20.0, description="[m]")] = 1.0
+    base: Annotated[float, Field(ge=0.0, le=20.0, description="underside above the floor [m]")] = (
+        0.0
+    )
+    texture: str = "stone"
+
+
+class LightSpec(_Spec):
+    """One directional light and an even one; their sum is about 1 for a well exposed image."""
+
+    direction: Annotated[
+        tuple[float, float, float], Field(description="where the light comes from")
+    ] = (0.4, -0.55, 1.0)
+    ambient: Annotated[float, Field(ge=0.0, le=2.0, description="share of the even light")] = 0.68
+    diffuse: Annotated[float, Field(ge=0.0, le=2.0, description="share of the directed one")] = 0.35
+
+    @model_validator(mode="after")
+    def _has_direction(self) -> Self:
+        if not any(self.direction):
+            raise ValueError("direction must not be [0, 0, 0]")
+        return self
+
+
+class WorldSpec(_Spec):
+    """A world: its bounds, floor, walls, doors and furniture, and how they look.
+
+    Every wall, door, box and cylinder has a name of its own; contacts are reported by it.
+    Textures not listed under ``textures`` are the stock ones of ``navfw.sim.textures.STOCK``.
+    """
+
+    name: Name
+    description: str = ""
+    x: Annotated[Interval, Field(description="the floor from, to [m]")]
+    y: Annotated[Interval, Field(description="the floor from, to [m]")]
+    floor: Annotated[str, Field(description="texture")] = "carpet"
+    ceiling: Annotated[str | None, Field(description="texture; none: open to the sky")] = None
+    rooms: tuple[RoomSpec, ...] = ()
+    walls: tuple[WallSpec, ...] = ()
+    doors: tuple[DoorSpec, ...] = ()
+    boxes: tuple[BoxSpec, ...] = ()
+    cylinders: tuple[CylinderSpec, ...] = ()
+    textures: Mapping[str, TextureSpec] = Field(default_factory=dict)
+    light: LightSpec = LightSpec()
+
+
+def load_world(path: str | Path) -> WorldSpec:
+    """Read and check a world file.
+
+    Raises:
+        ConfigError: the file breaks the schema (every problem with its line).
+        WorldError: its geometry cannot be: an opening off its wall, solids in each other, a name
+            given twice, an unknown texture or opening.
+
+    """
+    from navfw.config.yamlfile import load_yaml, validate
+    from navfw.sim.worldcheck import check_world
+
+    document = load_yaml(Path(path))
+    spec = validate(document, WorldSpec)
+    check_world(spec, file=Path(path), line_of=document.line_of)
+    return spec
