@@ -15,7 +15,7 @@ import numpy as np
 from navfw.recording.track import Contact, Track
 from navfw.signals import Array
 
-__all__ = ["Geometry", "Metrics", "count_collisions", "measure", "path_length", "shortest_path"]
+__all__ = ["Geometry", "Metrics", "count_collisions", "measure", "path_length"]
 
 Point = tuple[float, float]
 
@@ -29,12 +29,8 @@ DEBOUNCE = 1.0
 class Geometry(Protocol):
     """What metrics ask of a world's floor plan (``navfw.sim.floorplan.FloorPlan``)."""
 
-    def clearance(self, x: float, y: float) -> float:
-        """Distance [m] from a point to the nearest wall or thing; negative inside one."""
-        ...
-
-    def shortest_path(self, start: Point, goal: Point, radius: float) -> Array | None:
-        """Geodesic shortest path (k, 2) for a disc, or None when there is none."""
+    def clearances(self, points: Array) -> Array:
+        """(n,) distances [m] of points (n, 2) to the nearest wall or thing; negative inside."""
         ...
 
 
@@ -82,34 +78,26 @@ def count_collisions(contacts: Sequence[Contact], debounce: float = DEBOUNCE) ->
     return count
 
 
-def shortest_path(plan: Geometry, start: Point, goals: Sequence[Point], radius: float) -> float:
-    """Length [m] of the shortest way of a disc past all ``goals`` in order; inf where none is."""
-    total, here = 0.0, start
-    for goal in goals:
-        leg = plan.shortest_path(here, goal, radius)
-        if leg is None:
-            return math.inf
-        total += path_length(leg)
-        here = goal
-    return total
-
-
 def measure(
     track: Track,
     plan: Geometry,
+    *,
     start: Point,
-    goals: Sequence[Point],
+    goal: Point,
+    shortest: float,
     radius: float,
     succeeded: bool,
     stage_ms: Mapping[str, float] | None = None,
 ) -> Metrics:
-    """The metrics of a run from ``start`` past ``goals`` by a robot of this ``radius`` [m]."""
+    """The metrics of a run from ``start`` to ``goal`` by a robot of this ``radius`` [m].
+
+    ``shortest`` [m] is the length of the shortest way past all goals of the mission.
+    """
     sampled = track.every(SAMPLING)
     true = track.true[sampled] if track.ticks else np.array([[*start, 0.0]])
     estimate = track.estimate[sampled] if track.ticks else true
     driven = path_length(true)
-    shortest = shortest_path(plan, start, goals, radius)
-    clearance = np.array([plan.clearance(x, y) for x, y in true[:, :2].tolist()]) - radius
+    clearance = plan.clearances(true[:, :2]) - radius
     error = np.hypot(*(estimate - true)[:, :2].T)
     duration = float(track.time[-1] - track.time[0]) if track.ticks else 0.0
     started = np.flatnonzero(np.diff(track.emergency.astype(np.int8), prepend=0) == 1)
@@ -121,7 +109,7 @@ def measure(
         collisions=count_collisions(track.contacts),
         min_clearance_m=float(clearance.min()),
         clearance_p05_m=float(np.percentile(clearance, 5.0)),
-        distance_to_goal_m=math.dist(true[-1, :2], goals[-1]),
+        distance_to_goal_m=math.dist(true[-1, :2], goal),
         estimate_error_m=float(error[-1]),
         estimate_error_max_m=float(error.max()),
         mean_speed=driven / duration if duration > 0.0 else 0.0,

@@ -165,6 +165,7 @@ def run_task(
     Raises:
         InputError: the stack refuses the mission (a goal the map has no way to, say) before the
             robot has moved. Whatever it raises later ends the run as a fault.
+
     """
     return _Loop(task, pilot, simulator, progress, readings).run()
 

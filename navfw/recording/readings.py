@@ -168,6 +168,7 @@ def load_recording(path: str | Path, max_bytes: int = MAX_BYTES) -> Recording:
 
     Raises:
         ConfigError: the file is missing, too large, or not such a recording.
+
     """
     path = Path(path)
     try:

@@ -47,6 +47,7 @@ class RunFolder:
 
     Raises:
         InputError: the target exists and is not a run folder, or cannot be written.
+
     """
 
     def __init__(self, target: str | Path, *, numbered: bool = False) -> None:
@@ -138,6 +139,7 @@ def read_result(folder: str | Path) -> dict[str, Any]:
 
     Raises:
         ConfigError: the folder is not a run folder, or its result cannot be read.
+
     """
     path = Path(folder) / RESULT
     try:

@@ -1,0 +1,62 @@
+"""``navfw bench loop``: what the loop costs, against rendering and physics alone."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import typer
+
+from navfw.cli.output import print_json, quiet_stdout
+
+__all__ = ["add_to"]
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add ``bench`` with its commands."""
+    group = typer.Typer(help="Measure what things cost.", no_args_is_help=True)
+    group.command()(loop)
+    group.callback()(lambda: None)  # keeps `loop` a command of its own while it is the only one
+    app.add_typer(group, name="bench")
+
+
+def loop(
+    world: Annotated[str, typer.Option(help="A world's name or file.")] = "office",
+    mission: Annotated[str, typer.Option(help="A mission of that world.")] = "lobby-to-lab",
+    seed: Annotated[int, typer.Option(min=0, help="Of all noise.")] = 0,
+    stack: Annotated[str, typer.Option(help="A stack's name or file.")] = "default",
+    seconds: Annotated[
+        float, typer.Option(min=1.0, max=600.0, help="Simulated time of a lap.")
+    ] = 20.0,
+    repeats: Annotated[int, typer.Option(min=1, max=100, help="How many laps.")] = 3,
+    json: Annotated[
+        bool, typer.Option("--json", help="One object on stdout, nothing else.")
+    ] = False,
+) -> None:
+    """Time the whole loop, and rendering with physics alone, on one core."""
+    with quiet_stdout():
+        from navfw.missions.bench import bench_loop
+        from navfw.missions.session import prepare
+
+        session = prepare(world, mission, seed=seed, stack=stack)
+        result = bench_loop(session, seconds, repeats, lambda text: typer.echo(text, err=True))
+    if json:
+        print_json(result)
+    else:
+        _print(result)
+
+
+def _print(result: dict[str, Any]) -> None:
+    low, high = result["spread"]["loop_over_render"]
+    typer.echo(
+        f"loop {result['loop_wall_s']:.2f} s for {result['sim_time_s']:.1f} simulated:"
+        f" {result['real_time_factor']:.1f} x real time"
+    )
+    typer.echo(
+        f"render and physics alone {result['render_physics_wall_s']:.2f} s:"
+        f" the loop takes {result['loop_over_render']:.2f} times that ({low:.2f} to {high:.2f})"
+    )
+    typer.echo("per camera frame:")
+    for stage, milliseconds in result["stage_ms"].items():
+        typer.echo(f"  {stage:<12} {milliseconds:7.2f} ms")
+    if result["peak_memory_mb"] is not None:
+        typer.echo(f"peak memory {result['peak_memory_mb']:.0f} MB")

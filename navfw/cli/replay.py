@@ -1,0 +1,51 @@
+"""``navfw replay RUN_FOLDER``: the stack alone, from recorded sensor readings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from navfw.cli.output import print_json, quiet_stdout
+
+__all__ = ["add_to"]
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command()(replay)
+
+
+def replay(
+    folder: Annotated[Path, typer.Argument(help="A folder that navfw run --record has left.")],
+    json: Annotated[
+        bool, typer.Option("--json", help="One object on stdout, nothing else.")
+    ] = False,
+) -> None:
+    """Run the stack on recorded sensor readings; exit with 0 if it gives the same commands."""
+    with quiet_stdout():
+        from navfw.recording.replay import replay as run_again
+
+        result = run_again(folder)
+    if json:
+        print_json(
+            {
+                "command_hash": result.command_hash,
+                "recorded_hash": result.recorded_hash,
+                "same": result.same,
+                "ticks": result.ticks,
+                "first_difference": result.first_difference,
+                "complete": result.complete,
+            }
+        )
+    else:
+        whole = "" if result.complete else " (the recording ends before its run did)"
+        if result.same:
+            typer.echo(f"same commands in all {result.ticks} ticks{whole}")
+        else:
+            first = result.first_difference
+            typer.echo(f"other commands from tick {first} of {result.ticks} on{whole}")
+            typer.echo(f"  recorded  {result.recorded_hash}")
+        typer.echo(f"  commands  {result.command_hash}")
+    raise typer.Exit(0 if result.same else 1)

@@ -1,0 +1,176 @@
+"""``navfw run WORLD MISSION``: drive a mission, show how it goes, leave a run folder."""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Annotated, Any, Self
+
+import typer
+
+from navfw.cli.output import console, print_json, quiet_stdout
+
+if TYPE_CHECKING:
+    from navfw.missions.runner import Progress
+    from navfw.missions.session import MissionResult
+
+__all__ = ["add_to"]
+
+LINE_PERIOD = 5.0
+"""Seconds between progress lines where there is no terminal to keep one line alive."""
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command()(run)
+
+
+def run(
+    world: Annotated[str, typer.Argument(help="A world's name or file.")],
+    mission: Annotated[str, typer.Argument(help="A mission of that world, or a file.")],
+    seed: Annotated[
+        int, typer.Option(min=0, help="Of all noise: the same seed gives the same commands.")
+    ] = 0,
+    stack: Annotated[str, typer.Option(help="A stack's name or file.")] = "default",
+    set_: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="K=V",
+            help="Change one value, e.g. avoid.margin=0.3, mission.timeout=60, robot.radius=0.2,"
+            " sensors.preset=poor. May be repeated.",
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="The run folder [default: runs/WORLD-MISSION-SEED].")
+    ] = None,
+    record: Annotated[
+        bool, typer.Option("--record", help="Keep the sensor readings, for navfw replay.")
+    ] = False,
+    gui: Annotated[bool, typer.Option("--gui", help="Show PyBullet's window.")] = False,
+    json: Annotated[
+        bool, typer.Option("--json", help="One object on stdout, nothing else.")
+    ] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="No progress line.")] = False,
+) -> None:
+    """Drive a mission; exit with 0 if it succeeded, 1 if not, 2 for bad input."""
+    with quiet_stdout():
+        result, folder = _drive(
+            world, mission, seed, stack, set_ or [], out, record=record, gui=gui, quiet=quiet
+        )
+    summary = {**result.summary(), "run_folder": str(folder)}
+    if json:
+        from navfw.recording.runfolder import plain_json
+
+        print_json(plain_json(summary))
+    else:
+        _print_result(summary)
+    raise typer.Exit(result.outcome.exit_code)
+
+
+def _drive(
+    world: str,
+    mission: str,
+    seed: int,
+    stack: str,
+    overrides: list[str],
+    out: Path | None,
+    *,
+    record: bool,
+    gui: bool,
+    quiet: bool,
+) -> tuple[MissionResult, Path]:
+    """Run the mission and write its folder; nothing is written before all input is checked."""
+    from navfw.missions.report import default_folder, write_run
+    from navfw.missions.session import prepare
+    from navfw.recording.runfolder import RunFolder
+
+    session = prepare(world, mission, seed=seed, stack=stack, overrides=overrides)
+    target = RunFolder(out or default_folder(session), numbered=out is None)
+    with target:
+        with _ProgressLine(quiet=quiet) as line:
+            result = session.run(line.show, gui=gui, record=record)
+        write_run(result, target)
+    return result, target.final or target.target
+
+
+def _print_result(summary: dict[str, Any]) -> None:
+    good = summary["outcome"] == "reached"
+    led = f" ({summary['behavior']} led)" if summary["behavior"] else ""
+    screen = console()
+    screen.print(
+        f"[bold {'green' if good else 'red'}]{summary['outcome']}[/] after"
+        f" {summary['sim_time_s']:.1f} s",
+        end=": ",
+    )
+    screen.print(f"{summary['reason']}{led}", markup=False)
+    hits = summary["collisions"]
+    rows = {
+        "path": f"{summary['path_length_m']:.2f} m, shortest {summary['shortest_path_m']:.2f} m"
+        f" (SPL {summary['spl']:.2f})",
+        "clearance": f"at least {summary['min_clearance_m']:.2f} m,"
+        f" {hits or 'no'} collision{'' if hits == 1 else 's'}",
+        "goal": f"{summary['distance_to_goal_m']:.2f} m away, own estimate off by"
+        f" {summary['estimate_error_m']:.2f} m",
+        "speed": f"{summary['real_time_factor']:.1f} x real time ({summary['wall_time_s']:.1f} s)",
+        "commands": summary["command_hash"][:16],
+        "run folder": summary["run_folder"],
+    }
+    for name, text in rows.items():
+        screen.print(f"  {name:<11} {text}", markup=False, soft_wrap=True)
+    for fault in summary["faults"]:
+        screen.print(f"  fault       {fault}", markup=False, soft_wrap=True)
+
+
+class _ProgressLine:
+    """One live line on a terminal, a plain line every few seconds otherwise; on stderr."""
+
+    def __init__(self, *, quiet: bool) -> None:
+        self._quiet = quiet
+        self._live: Any = None
+        self._next_line = 0.0
+
+    def __enter__(self) -> Self:
+        if not self._quiet and sys.stderr.isatty():
+            from rich.console import Console
+            from rich.live import Live
+
+            screen = Console(stderr=True)
+            self._live = Live(console=screen, transient=True, refresh_per_second=10)
+            self._live.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._live is not None:
+            self._live.stop()
+
+    def show(self, progress: Progress) -> None:
+        """Show how the run stands."""
+        if self._quiet:
+            return
+        if self._live is not None:
+            from rich.text import Text
+
+            self._live.update(Text(_line(progress), no_wrap=True, overflow="ellipsis"))
+            return
+        now = time.monotonic()
+        if now >= self._next_line:
+            self._next_line = now + LINE_PERIOD
+            typer.echo(_line(progress), err=True)
+
+
+def _line(progress: Progress) -> str:
+    towards = f" > {progress.waypoint}" if progress.waypoint else ""
+    leader = f"{progress.behavior or 'standing'}{towards}"
+    sentence = " ".join(progress.sentence.split())
+    return (
+        f"{progress.time:6.1f} s  {progress.distance:5.1f} m to go"
+        f"  {progress.real_time_factor:4.1f}x  {leader:<24}  {sentence}"
+    ).rstrip()

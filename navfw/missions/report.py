@@ -1,0 +1,155 @@
+"""What a run leaves behind, put together: ``result.json``, the picture, and what a replay needs."""
+
+from __future__ import annotations
+
+import math
+import platform
+import shutil
+import subprocess
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from navfw.config.lookup import project_folder
+from navfw.missions.session import MissionResult, Session
+from navfw.recording.runfolder import RESULT, RunFolder
+from navfw.recording.trajectory import Disc, Outline, Picture, draw_trajectory
+from navfw.sim.floorplan import FloorPlan
+from navfw.topomap.model import TopoMap
+
+__all__ = ["default_folder", "draw", "outline_of", "resolved_config", "versions", "write_run"]
+
+_LIBRARIES = ("pybullet", "numpy", "numba", "opencv-python-headless", "scikit-fuzzy", "networkx")
+
+
+def default_folder(session: Session) -> Path:
+    """Where a run goes when nobody says: ``runs/<world>-<mission>-<seed>``."""
+    return Path("runs") / f"{session.world_name}-{session.mission_name}-{session.seed}"
+
+
+def write_run(result: MissionResult, target: RunFolder) -> None:
+    """Fill the (temporary) folder of ``target`` with everything the run leaves behind."""
+    session = result.session
+    summary = result.summary()
+    target.write_json(
+        RESULT,
+        {
+            **summary,
+            "trace": result.run.verdict.trace,
+            "config": resolved_config(session),
+            "overrides": session.overrides,
+            "versions": versions(),
+            "git_revision": git_revision(project_folder() or Path.cwd()),
+        },
+    )
+    draw(result, target.path / "trajectory.png")
+    if result.readings is not None:
+        result.readings.save(target.path / "recording.npz")
+        target.write_yaml("map.yaml", map_data(session.mission.topo_map))
+        target.write_yaml("stack.yaml", session.stack.config)
+
+
+def draw(result: MissionResult, path: Path) -> None:
+    """Write the run's picture as PNG."""
+    session, metrics, verdict = result.session, result.metrics, result.run.verdict
+    title = f"{session.world_name} / {session.mission_name}, seed {session.seed}: {verdict.outcome}"
+    numbers = [
+        f"{metrics.path_length_m:.1f} m in {result.run.sim_time:.1f} s",
+        f"shortest {metrics.shortest_path_m:.1f} m, SPL {metrics.spl:.2f}",
+        f"clearance at least {metrics.min_clearance_m:.2f} m",
+        f"estimate off by {metrics.estimate_error_m:.2f} m at the end",
+    ]
+    picture = Picture(
+        title=title,
+        subtitle="  ·  ".join([verdict.reason, *numbers]),
+        good=verdict.outcome.succeeded,
+        outline=outline_of(session.plan),
+        start=session.mission.start,
+        goals=[(goal.x, goal.y) for goal in session.mission.goals],
+        zone=session.mission.spec.success.within,
+        robot_radius=session.mission.spec.robot.radius,
+        places={p.name: (p.x, p.y) for p in session.mission.topo_map.places.values()},
+    )
+    draw_trajectory(path, result.run.track, picture)
+
+
+def outline_of(plan: FloorPlan) -> Outline:
+    """The world seen from above: what the robot may run into."""
+    rectangles = list(plan.rectangles())
+    return Outline(
+        walls=[corners for solid, corners in rectangles if solid.kind in {"wall", "door"}],
+        furniture=[corners for solid, corners in rectangles if solid.kind == "box"],
+        discs=[Disc(disc.x, disc.y, disc.radius) for _, disc in plan.discs()],
+    )
+
+
+def resolved_config(session: Session) -> dict[str, Any]:
+    """Everything that determined the run, defaults included, as plain data."""
+    mission = session.mission
+    spec = mission.spec.model_dump(mode="json")
+    start = mission.start
+    return {
+        "mission": {
+            **spec,
+            "sensors": mission.spec.sensors.resolved().model_dump(mode="json"),
+            "start": [start.x, start.y, start.yaw],
+            "goals": [{"place": goal.place, "x": goal.x, "y": goal.y} for goal in mission.goals],
+            "map": mission.topo_map.name,
+        },
+        "stack": session.stack.config,
+    }
+
+
+def map_data(topo_map: TopoMap) -> dict[str, Any]:
+    """``topo_map`` as a map file has it."""
+    return {
+        "name": topo_map.name,
+        "places": {p.name: {"x": p.x, "y": p.y, "kind": p.kind} for p in topo_map.places.values()},
+        "edges": [
+            {
+                "from": passage.a,
+                "to": passage.b,
+                "length": passage.length,
+                "width": passage.width if math.isfinite(passage.width) else None,
+                "danger": passage.danger,
+                "doorness": passage.doorness,
+                "uncertainty": passage.uncertainty,
+            }
+            for passage in topo_map.passages
+        ],
+    }
+
+
+def versions() -> dict[str, str]:
+    """The versions that a result depends on."""
+    found = {"python": platform.python_version(), "machine": platform.machine()}
+    for library in ("navfw", *_LIBRARIES):
+        try:
+            found[library] = metadata.version(library)
+        except metadata.PackageNotFoundError:
+            found[library] = "not installed"
+    return found
+
+
+def git_revision(folder: Path) -> str | None:
+    """The commit checked out around ``folder``, ``+`` after it when files differ; None without."""
+    git = shutil.which("git")
+    if git is None:
+        return None
+
+    def ask(*words: str) -> str:
+        done = subprocess.run(  # noqa: S603 - fixed words, no shell
+            [git, "-C", str(folder), *words],
+            capture_output=True,
+            text=True,
+            timeout=5.0,
+            check=True,
+        )
+        return done.stdout.strip()
+
+    try:
+        revision = ask("rev-parse", "HEAD")
+        changed = ask("status", "--porcelain", "--untracked-files=no")
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return revision + ("+" if changed else "")

@@ -1,0 +1,235 @@
+"""One run from names to results: find, check, build, drive, write.
+
+>>> session = prepare("office", "lobby-to-lab", seed=1)      # doctest: +SKIP
+>>> result = session.run()                                   # doctest: +SKIP
+>>> result.outcome, result.reason                            # doctest: +SKIP
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from navfw.config.lookup import find, find_mission
+from navfw.config.overrides import Override, parse_override
+from navfw.missions.metrics import Metrics, measure
+from navfw.missions.missionfile import MissionFile, load_mission
+from navfw.missions.outcome import Outcome
+from navfw.missions.runner import Progress, Run, Task, run_task
+from navfw.recording.readings import ReadingsRecorder
+from navfw.sim.floorplan import FloorPlan
+from navfw.sim.simulation import Simulation
+from navfw.sim.worldfile import WorldSpec, load_world
+from navfw.stack import Stack
+
+if TYPE_CHECKING:
+    from navfw.plugins import Registry
+
+__all__ = ["MissionResult", "Session", "prepare", "split_overrides"]
+
+DEFAULT_STACK = "default"
+
+_MISSION_PARTS = ("robot", "sensors")
+
+
+@dataclass(frozen=True)
+class Session:
+    """Everything that a run needs, found and checked; ``run`` may be called again and again.
+
+    ``shortest`` [m] is the length of the shortest way past all goals.
+    """
+
+    world_name: str
+    mission_name: str
+    seed: int
+    world: WorldSpec
+    plan: FloorPlan
+    mission: MissionFile
+    shortest: float
+    stack_file: Path
+    stack: Stack
+    overrides: tuple[str, ...] = ()
+
+    @property
+    def task(self) -> Task:
+        """What the runner has to know."""
+        spec = self.mission.spec
+        return Task(
+            robot=spec.robot,
+            start=self.mission.start,
+            goals=self.mission.goals,
+            timeout=spec.timeout,
+            success_radius=spec.success.within,
+            stuck_after=spec.stuck_after,
+        )
+
+    def simulation(self, gui: bool = False) -> Simulation:
+        """The simulator, with the robot at the start."""
+        spec = self.mission.spec
+        sensors = spec.sensors.resolved()
+        return Simulation(self.world, spec.robot, self.mission.start, self.seed, sensors, gui=gui)
+
+    def run(
+        self,
+        progress: Callable[[Progress], None] | None = None,
+        *,
+        gui: bool = False,
+        record: bool = False,
+    ) -> MissionResult:
+        """Drive the mission once; ``record`` keeps the sensor readings for a replay.
+
+        Raises:
+            InputError: the stack refuses the mission before the robot has moved.
+
+        """
+        readings = ReadingsRecorder() if record else None
+        with self.simulation(gui) as simulator:
+            run = run_task(self.task, self.stack, simulator, progress, readings)
+            spent = simulator.timings
+        timings = {"render": spent.render, "physics": spent.physics, "sensors": spent.sensors}
+        timings |= self.stack.timings
+        return MissionResult(self, run, timings, readings)
+
+
+@dataclass(frozen=True)
+class MissionResult:
+    """How a run ended, with all its numbers."""
+
+    session: Session
+    run: Run
+    timings: dict[str, float] = field(default_factory=dict)
+    readings: ReadingsRecorder | None = None
+
+    @property
+    def outcome(self) -> Outcome:
+        """The outcome in one word."""
+        return self.run.verdict.outcome
+
+    @property
+    def reason(self) -> str:
+        """The outcome in a sentence."""
+        return self.run.verdict.reason
+
+    @cached_property
+    def metrics(self) -> Metrics:
+        """The run's numbers."""
+        session, run = self.session, self.run
+        frames = max(1.0, run.sim_time * session.mission.spec.robot.camera.rate)
+        start, goal = session.mission.start, session.mission.goals[-1]
+        return measure(
+            run.track,
+            session.plan,
+            start=(start.x, start.y),
+            goal=(goal.x, goal.y),
+            shortest=session.shortest,
+            radius=session.mission.spec.robot.radius,
+            succeeded=self.outcome.succeeded,
+            stage_ms={name: 1e3 * t / frames for name, t in self.timings.items()},
+        )
+
+    def summary(self) -> dict[str, Any]:
+        """What ``navfw run --json`` prints: one flat object."""
+        run, verdict, metrics = self.run, self.run.verdict, self.metrics
+        return {
+            "outcome": str(verdict.outcome),
+            "reason": verdict.reason,
+            "world": self.session.world_name,
+            "mission": self.session.mission_name,
+            "seed": self.session.seed,
+            "behavior": verdict.behavior,
+            "tick": verdict.tick,
+            "sim_time_s": run.sim_time,
+            "wall_time_s": run.wall_time,
+            "real_time_factor": run.real_time_factor,
+            "path_length_m": metrics.path_length_m,
+            "shortest_path_m": metrics.shortest_path_m,
+            "spl": metrics.spl,
+            "collisions": metrics.collisions,
+            "min_clearance_m": metrics.min_clearance_m,
+            "clearance_p05_m": metrics.clearance_p05_m,
+            "distance_to_goal_m": metrics.distance_to_goal_m,
+            "estimate_error_m": metrics.estimate_error_m,
+            "estimate_error_max_m": metrics.estimate_error_max_m,
+            "mean_speed_m_s": metrics.mean_speed,
+            "emergencies": metrics.emergencies,
+            "command_hash": run.track.command_hash,
+            "faults": run.faults,
+            "stage_ms": metrics.stage_ms,
+        }
+
+
+def prepare(
+    world: str | Path,
+    mission: str | Path,
+    *,
+    seed: int = 0,
+    stack: str | Path = DEFAULT_STACK,
+    overrides: Sequence[str] = (),
+    registry: Registry | None = None,
+) -> Session:
+    """Find and check world, mission, map and stack.
+
+    ``overrides`` such as ``offis.layers=1`` go to the stack; those that begin with ``mission.``
+    (``mission.timeout=60``), ``robot.`` or ``sensors.`` go to the mission file.
+
+    Raises:
+        InputError: any of them does not exist, breaks its schema, or cannot be: the message names
+            file, line and key.
+
+    """
+    for_mission, for_stack = split_overrides(overrides)
+    world_file = find("world", world)
+    mission_file = find_mission(world, mission)
+    world_spec = load_world(world_file)
+    loaded = load_mission(mission_file, for_mission)
+    plan = FloorPlan.from_world(world_spec, loaded.spec.robot.height)
+    shortest = loaded.check(plan)
+    stack_file = find("stack", stack)
+    built = Stack.load(
+        stack_file, loaded.spec.robot, loaded.topo_map, registry or _registry(), for_stack
+    )
+    return Session(
+        world_name=world_file.parent.name,
+        mission_name=mission_file.stem,
+        seed=seed,
+        world=world_spec,
+        plan=plan,
+        mission=loaded,
+        shortest=shortest,
+        stack_file=stack_file,
+        stack=built,
+        overrides=tuple(overrides),
+    )
+
+
+def split_overrides(overrides: Sequence[str]) -> tuple[list[Override], list[str]]:
+    """Overrides for the mission file, and the others, which are the stack's.
+
+    >>> mission, stack = split_overrides(["mission.timeout=9", "robot.radius=1", "dis.x=1"])
+    >>> [override.path for override in mission], stack
+    ([('timeout',), ('robot', 'radius')], ['dis.x=1'])
+
+    Raises:
+        ConfigError: one is malformed.
+
+    """
+    for_mission: list[Override] = []
+    for_stack: list[str] = []
+    for text in overrides:
+        override = parse_override(text)
+        if override.path[0] == "mission" and len(override.path) > 1:
+            for_mission.append(Override(override.path[1:], override.value, override.text))
+        elif override.path[0] in _MISSION_PARTS:
+            for_mission.append(override)
+        else:
+            for_stack.append(text)
+    return for_mission, for_stack
+
+
+def _registry() -> Registry:
+    from navfw.plugins import default_registry
+
+    return default_registry()

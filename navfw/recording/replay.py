@@ -1,0 +1,134 @@
+"""The stack alone, fed with recorded sensor readings: the same commands must come out.
+
+Nothing here knows a simulator. That the commands agree shows that the stack has seen nothing but
+what the recording holds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from navfw.errors import ConfigError
+from navfw.recording.readings import Recording, load_recording
+from navfw.recording.runfolder import RESULT, read_result
+from navfw.recording.track import hash_commands
+from navfw.robot import RobotModel
+from navfw.signals import Array, Pose, SensorReading, Twist, Waypoint
+
+__all__ = ["Replay", "drive_again", "replay"]
+
+
+class Driver(Protocol):
+    """What can be replayed: a stack."""
+
+    def start(self, pose: Pose, goals: Sequence[Waypoint]) -> None:
+        """Begin at ``pose``, to visit ``goals`` in order."""
+        ...
+
+    def step(self, reading: SensorReading) -> Twist:
+        """What to drive until the next control tick."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Replay:
+    """What a replay gave: both command streams' hashes, and where they part.
+
+    ``first_difference`` is the first tick with another command, or None; ``complete`` is false when
+    the recording ends before its run did.
+    """
+
+    command_hash: str
+    recorded_hash: str
+    ticks: int
+    first_difference: int | None
+    complete: bool
+
+    @property
+    def same(self) -> bool:
+        """Whether the stack gave the very same commands again."""
+        return self.command_hash == self.recorded_hash
+
+
+class _Goal(BaseModel):
+    model_config = ConfigDict(extra="ignore", allow_inf_nan=False)
+    place: str
+    x: float
+    y: float
+
+
+class _Mission(BaseModel):
+    """What a replay needs of a mission; the rest of the record is for people."""
+
+    model_config = ConfigDict(extra="ignore", allow_inf_nan=False)
+    start: tuple[float, float, float]
+    goals: tuple[_Goal, ...]
+    tolerance: float
+    robot: RobotModel
+
+
+def replay(folder: str | Path) -> Replay:
+    """Run the stack again on what was recorded in a run folder.
+
+    Raises:
+        InputError: the folder is not that of a run with ``--record``, or is damaged.
+
+    """
+    from navfw.plugins import default_registry
+    from navfw.stack import Stack
+    from navfw.topomap.files import load_map
+
+    folder = Path(folder)
+    result = read_result(folder)
+    mission = _mission(result, folder)
+    if not (folder / "recording.npz").is_file():
+        raise ConfigError("holds no sensor readings; run again with --record", file=folder)
+    recording = load_recording(folder / "recording.npz")
+    stack = Stack.load(
+        folder / "stack.yaml", mission.robot, load_map(folder / "map.yaml"), default_registry()
+    )
+    goals = [
+        Waypoint(goal.x, goal.y, mission.tolerance, goal.place, "goal", final=True)
+        for goal in mission.goals
+    ]
+    commands = drive_again(stack, recording, Pose(*mission.start), goals)
+    return compare(recording, commands)
+
+
+def drive_again(
+    driver: Driver, recording: Recording, start: Pose, goals: Sequence[Waypoint]
+) -> Array:
+    """(n, 2) the commands v [m/s], w [rad/s] that ``driver`` gives to the recorded readings."""
+    driver.start(start, goals)
+    twists = [driver.step(reading) for reading in recording.readings()]
+    return np.array([(twist.v, twist.w) for twist in twists], dtype=np.float64).reshape(-1, 2)
+
+
+def compare(recording: Recording, commands: Array) -> Replay:
+    """How ``commands`` (n, 2) agree with the recorded ones, to the last bit."""
+    times = recording.sensors[:, :1]
+    differ = np.flatnonzero((commands != recording.commands).any(axis=1))
+    return Replay(
+        command_hash=hash_commands(np.hstack([times, commands])),
+        recorded_hash=hash_commands(np.hstack([times, recording.commands])),
+        ticks=len(recording),
+        first_difference=int(differ[0]) if len(differ) else None,
+        complete=recording.complete,
+    )
+
+
+def _mission(result: dict[str, Any], folder: Path) -> _Mission:
+    config = result.get("config")
+    data = config.get("mission") if isinstance(config, dict) else None
+    try:
+        return _Mission.model_validate(data)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(["config", "mission", *map(str, first["loc"])])
+        raise ConfigError(first["msg"], file=folder / RESULT, key=where) from None
