@@ -1,0 +1,180 @@
+"""``navfw worlds``, ``missions``, ``maps``, ``stacks``, ``plugins``: what there is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from navfw.cli.output import console, print_json, print_table, quiet_stdout
+
+if TYPE_CHECKING:
+    from navfw.config.lookup import Found
+
+__all__ = ["add_to"]
+
+Json = Annotated[bool, typer.Option("--json", help="A list of objects on stdout, nothing else.")]
+Row = dict[str, Any]
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the listing commands."""
+    app.command()(worlds)
+    app.command()(missions)
+    app.command()(maps)
+    app.command()(stacks)
+    app.command()(plugins)
+
+
+def worlds(json: Json = False) -> None:
+    """List the worlds that can be driven in, with their missions."""
+    from navfw.config.lookup import list_missions, list_worlds
+
+    def read(found: Found) -> Row:
+        return {"missions": [mission.name for mission in list_missions(found.name)]}
+
+    rows = _rows(list_worlds(), _describe, read)
+    _show(rows, ["missions", "source"], "There are no worlds.", as_json=json)
+
+
+def missions(
+    world: Annotated[str, typer.Argument(help="A world's name or file.")], json: Json = False
+) -> None:
+    """List the missions of a world."""
+    from navfw.config.lookup import list_missions
+
+    def read(found: Found) -> Row:
+        from navfw.cli.summaries import mission_summary
+
+        return mission_summary(found.path)
+
+    rows = _rows(list_missions(world), read)
+    nothing = f"The world {world} has no missions."
+    _show(rows, ["start", "goals", "timeout", "source"], nothing, as_json=json)
+
+
+def maps(json: Json = False) -> None:
+    """List the topological maps."""
+    from navfw.config.lookup import list_maps
+
+    def read(found: Found) -> Row:
+        from navfw.cli.summaries import map_summary
+
+        return map_summary(found.path)
+
+    _show(
+        _rows(list_maps(), read), ["places", "edges", "source"], "There are no maps.", as_json=json
+    )
+
+
+def stacks(json: Json = False) -> None:
+    """List the stacks: which plugins make up the robot's mind."""
+    from navfw.config.lookup import list_stacks
+
+    def read(found: Found) -> Row:
+        from navfw.cli.summaries import stack_summary
+
+        return stack_summary(found.path)
+
+    rows = _rows(list_stacks(), read)
+    _show(rows, ["plugins", "source"], "There are no stacks.", as_json=json)
+
+
+def plugins(
+    kind: Annotated[
+        str | None, typer.Option("--kind", help="Only these: behavior, flow, planner, ...")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """List the plugins of all kinds with their parameters; broken ones with what is wrong."""
+    with quiet_stdout():
+        from navfw.plugins import default_registry
+
+        rows = default_registry().listing(kind)
+    if json:
+        print_json(rows)
+    else:
+        _print_plugins(rows)
+
+
+def _describe(found: Found) -> Row:
+    from navfw.cli.summaries import world_summary
+
+    return world_summary(found.path)
+
+
+def _rows(things: Iterable[Found], *readers: Callable[[Found], Row]) -> list[Row]:
+    """A row for each thing; one whose file is broken has the error and stops no other."""
+    from navfw.config.document import shown_path
+    from navfw.errors import InputError
+
+    rows = []
+    for found in things:
+        row: Row = {"name": found.name, "description": ""}
+        error = None
+        for read in readers:
+            try:
+                row |= read(found)
+            except InputError as reason:
+                error = str(reason)
+        rows.append(
+            row
+            | {
+                "status": "ok" if error is None else "broken",
+                "source": found.source,
+                "path": shown_path(found.path),
+                "error": error,
+            }
+        )
+    return rows
+
+
+def _show(rows: list[Row], columns: list[str], nothing: str, *, as_json: bool) -> None:
+    if as_json:
+        print_json(rows)
+        return
+    from rich.text import Text
+
+    def cells(row: Row) -> list[object]:
+        about = row["description"] if row["error"] is None else f"broken: {row['error']}"
+        text = Text(about, style="" if row["error"] is None else "red")
+        return [Text(row["name"], style="bold"), text, *(_cell(row.get(c)) for c in columns)]
+
+    print_table(["name", "description", *columns], [cells(row) for row in rows], nothing)
+
+
+def _cell(value: object) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, dict):
+        return ", ".join(f"{key} {_cell(item)}".strip() for key, item in value.items())
+    if isinstance(value, list):
+        return ", ".join(_cell(item) for item in value)
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _print_plugins(rows: list[Row]) -> None:
+    from rich.table import Table
+    from rich.text import Text
+
+    out = console()
+    kind = None
+    for row in rows:
+        if row["kind"] != kind:
+            kind = row["kind"]
+            out.print(Text(f"\n{kind}", style="bold underline"))
+        headline = Text.assemble("  ", (row["name"], "bold"), "  ", (row["source"], "dim"))
+        out.print(headline)
+        if row["error"] is not None:
+            out.print(Text(f"    broken: {row['error']}", style="red"))
+            continue
+        out.print(Text(f"    {row['summary']}"))
+        table = Table(box=None, show_header=False, pad_edge=False, padding=(0, 2, 0, 0))
+        for parameter in row["parameters"]:
+            default = "required" if parameter["required"] else f"= {_cell(parameter['default'])}"
+            texts = (parameter["name"], parameter["type"], default)
+            about = (parameter["bounds"], parameter["description"])
+            table.add_row("     ", *(Text(text) for text in (*texts, *about)))
+        if row["parameters"]:
+            out.print(table)

@@ -1,0 +1,79 @@
+"""What commands print: JSON and nothing else, or tables for people."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import json
+import os
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import typer
+
+__all__ = ["console", "print_json", "print_table", "quiet_stdout"]
+
+
+def print_json(data: Mapping[str, Any] | Sequence[Mapping[str, Any]]) -> None:
+    """One object or a list of objects on stdout."""
+    typer.echo(json.dumps(data, indent=2, allow_nan=False))
+
+
+@contextlib.contextmanager
+def quiet_stdout() -> Iterator[None]:
+    """Inside, whatever is written to stdout goes to stderr, by native libraries too.
+
+    With ``--json`` stdout belongs to the result alone, but libraries greet when imported and
+    plugins print.
+    """
+    with contextlib.redirect_stdout(sys.stderr):
+        if not _is_fd_1(sys.__stdout__):
+            yield
+            return
+        _flush()
+        saved = os.dup(1)
+        os.dup2(2, 1)
+        try:
+            yield
+        finally:
+            _flush()  # what C has buffered meanwhile
+            os.dup2(saved, 1)
+            os.close(saved)
+
+
+def console() -> Any:
+    """A rich console on stdout; as wide as a file needs it where there is no terminal."""
+    from rich.console import Console
+
+    return Console(highlight=False, width=None if sys.stdout.isatty() else 160)
+
+
+def print_table(columns: Sequence[str], rows: Sequence[Sequence[object]], nothing: str) -> None:
+    """A table for people; ``nothing`` is said instead when there are no rows."""
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+    from rich.text import Text
+
+    if not rows:
+        typer.echo(nothing)
+        return
+    table = Table(*columns, box=SIMPLE_HEAD, pad_edge=False)
+    for row in rows:
+        # as Text, since rich takes a unit such as [m] for markup
+        table.add_row(*(cell if isinstance(cell, Text) else Text(str(cell)) for cell in row))
+    console().print(table)
+
+
+def _is_fd_1(stream: Any) -> bool:
+    try:
+        return stream is not None and stream.fileno() == 1
+    except (OSError, ValueError):
+        return False
+
+
+def _flush() -> None:
+    if sys.__stdout__ is not None:
+        sys.__stdout__.flush()
+    with contextlib.suppress(OSError, AttributeError, TypeError):
+        ctypes.CDLL(None).fflush(None)

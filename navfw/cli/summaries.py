@@ -1,0 +1,81 @@
+"""What a listing says of a file, read from the file alone: no world is built, no map is checked."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ConfigDict
+
+from navfw.config.yamlfile import load_yaml, validate
+
+__all__ = ["map_summary", "mission_summary", "stack_summary", "world_summary"]
+
+
+class _Summary(BaseModel):
+    # the other keys are checked by those who use the file
+    model_config = ConfigDict(extra="ignore")
+
+    description: str = ""
+
+
+class _Mission(_Summary):
+    map: str | None = None
+    start: list[float] | dict[str, Any]
+    goals: list[str | dict[str, Any]]
+    timeout: float | None = None
+
+
+class _Map(_Summary):
+    places: dict[str, Any]
+    edges: list[Any] = []
+
+
+class _Stack(_Summary):
+    flow: dict[str, Any]
+    perception: dict[str, Any]
+    features: dict[str, Any]
+    localizer: dict[str, Any]
+    planner: dict[str, Any]
+    behaviors: dict[str, Any]
+    fusion: dict[str, Any]
+    controller: dict[str, Any]
+
+
+SummaryT = TypeVar("SummaryT", bound=_Summary)
+
+MAP_BYTES = 8_000_000
+
+
+def world_summary(path: Path) -> dict[str, Any]:
+    """Its description."""
+    return {"description": _read(path, _Summary).description}
+
+
+def mission_summary(path: Path) -> dict[str, Any]:
+    """Description, map, start, goals and timeout [s], as the file has them."""
+    return _read(path, _Mission).model_dump()
+
+
+def map_summary(path: Path) -> dict[str, Any]:
+    """Its description, and how many places and edges it has."""
+    spec = _read(path, _Map, MAP_BYTES)
+    return {
+        "description": spec.description,
+        "places": len(spec.places),
+        "edges": len(spec.edges),
+    }
+
+
+def stack_summary(path: Path) -> dict[str, Any]:
+    """Its description, and for each stage the names of its plugins."""
+    spec = _read(path, _Stack)
+    stages = spec.model_dump(exclude={"description"})
+    return {
+        "description": spec.description,
+        "plugins": {stage: list(chosen) for stage, chosen in stages.items()},
+    }
+
+
+def _read(path: Path, model: type[SummaryT], max_bytes: int = 1_000_000) -> SummaryT:
+    return validate(load_yaml(path, max_bytes), model)
