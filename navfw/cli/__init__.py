@@ -21,8 +21,11 @@ from navfw.errors import InputError, NavfwError
 __all__ = ["COMMANDS", "app", "main"]
 
 COMMANDS = (
+    "navfw.cli.run",
+    "navfw.cli.replay",
     "navfw.cli.listings",
-)  # fmt: skip
+    "navfw.cli.bench",
+)
 """The modules with commands, in the order of ``navfw --help``."""
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 from pathlib import Path
@@ -110,8 +111,7 @@ def _print_result(summary: dict[str, Any]) -> None:
     rows = {
         "path": f"{summary['path_length_m']:.2f} m, shortest {summary['shortest_path_m']:.2f} m"
         f" (SPL {summary['spl']:.2f})",
-        "clearance": f"at least {summary['min_clearance_m']:.2f} m,"
-        f" {hits or 'no'} collision{'' if hits == 1 else 's'}",
+        "clearance": f"{_clearance(summary['min_clearance_m'])}, {hits or 'no'} collision{'' if hits == 1 else 's'}",
         "goal": f"{summary['distance_to_goal_m']:.2f} m away, own estimate off by"
         f" {summary['estimate_error_m']:.2f} m",
         "speed": f"{summary['real_time_factor']:.1f} x real time ({summary['wall_time_s']:.1f} s)",
@@ -122,6 +122,10 @@ def _print_result(summary: dict[str, Any]) -> None:
         screen.print(f"  {name:<11} {text}", markup=False, soft_wrap=True)
     for fault in summary["faults"]:
         screen.print(f"  fault       {fault}", markup=False, soft_wrap=True)
+
+
+def _clearance(nearest: float) -> str:
+    return f"at least {nearest:.2f} m" if math.isfinite(nearest) else "nothing was near"
 
 
 class _ProgressLine:

@@ -108,7 +108,7 @@ def measure(
         spl=shortest / longest if succeeded and longest > 0.0 else float(succeeded),
         collisions=count_collisions(track.contacts),
         min_clearance_m=float(clearance.min()),
-        clearance_p05_m=float(np.percentile(clearance, 5.0)),
+        clearance_p05_m=float(np.percentile(clearance, 5.0, method="lower")),
         distance_to_goal_m=math.dist(true[-1, :2], goal),
         estimate_error_m=float(error[-1]),
         estimate_error_max_m=float(error.max()),
