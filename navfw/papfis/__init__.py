@@ -1,0 +1,9 @@
+"""PAPFIS, the path planning FIS: fuzzy edge costs, A*, waypoints."""
+
+from __future__ import annotations
+
+from navfw.papfis.costs import CostParams, EdgeCosts
+from navfw.papfis.papfis import Papfis
+from navfw.papfis.routes import Route, Router, Spot
+
+__all__ = ["CostParams", "EdgeCosts", "Papfis", "Route", "Router", "Spot"]

@@ -1,0 +1,114 @@
+"""PAPFIS, the path planning FIS (paper sec 2): waypoints through the topological map."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, Any, ClassVar
+
+from pydantic import Field
+
+from navfw.kinds import Planner
+from navfw.papfis.costs import CostParams
+from navfw.papfis.routes import Router
+from navfw.papfis.tour import Tour
+from navfw.papfis.waypoints import Passing
+from navfw.signals import Belief, Waypoint
+from navfw.topomap.model import TopoMap
+
+__all__ = ["Papfis"]
+
+Metres = Annotated[float, Field(gt=0.0, le=10.0)]
+
+
+class Papfis(Planner):
+    """Plans by fuzzy edge costs, hands out one waypoint after the other, plans anew when astray.
+
+    From the belief's position the route enters the map where that is cheapest, at the ends of the
+    passages beside the robot, so places already passed do not appear in it.
+    """
+
+    name: ClassVar[str] = "papfis"
+
+    class Params(Planner.Params):
+        """What the costs weigh, and when waypoints are passed."""
+
+        aversion: Annotated[
+            float,
+            Field(ge=0.0, le=100.0, description="the worst passage counts 1 + this times longer"),
+        ] = 4.0
+        avoidance: Annotated[
+            float,
+            Field(ge=0.0, le=1e6, description="high danger counts so many times the length more"),
+        ] = 1000.0
+        passing: Annotated[Metres, Field(description="tolerance at places in the open [m]")] = 0.6
+        door_passing: Annotated[Metres, Field(description="tolerance in doors [m]")] = 0.25
+        beside_door_passing: Annotated[
+            Metres, Field(description="tolerance just before and after doors [m]")
+        ] = 0.35
+        passing_reach: Annotated[
+            Metres, Field(description="a waypoint left behind counts as passed so near [m]")
+        ] = 1.0
+        stray: Annotated[
+            Metres, Field(description="plans anew when farther than this off its leg [m]")
+        ] = 1.5
+        max_off_map: Annotated[
+            float,
+            Field(gt=0.0, le=1000.0, description="start and goals may be so far off the map [m]"),
+        ] = 8.0
+
+    params: Params
+
+    _router: Router | None = None
+    _tour: Tour | None = None
+
+    def reset(self) -> None:
+        """Forget map, goals and plan."""
+        self._router = None
+        self._tour = None
+
+    def start(self, topo_map: TopoMap, goals: Sequence[Waypoint]) -> None:
+        """Begin a mission; a goal's ``place`` names a place of the map, or is only a label.
+
+        Raises:
+            MapError: two goals are not connected, or a goal is far from everything in the map.
+        """
+        p = self.params
+        self._router = Router(topo_map, self.robot, CostParams(p.aversion, p.avoidance))
+        passing = Passing(p.passing, p.door_passing, p.beside_door_passing, p.passing_reach)
+        self._tour = Tour(self._router, goals, passing, p.stray, p.max_off_map)
+
+    def update(self, belief: Belief) -> Waypoint | None:
+        """The waypoint to head for; None when the last goal is reached.
+
+        Raises:
+            MapError: at the first call: the map does not connect this position with the goal.
+        """
+        if self._tour is None:
+            raise RuntimeError("start() comes before update()")
+        return self._tour.head((belief.pose.x, belief.pose.y))
+
+    @property
+    def path(self) -> Sequence[Waypoint]:
+        """All waypoints still ahead, nearest first, through to the last goal."""
+        return () if self._tour is None else self._tour.path
+
+    @property
+    def replans(self) -> int:
+        """How often the robot strayed so far that a new plan was made."""
+        return 0 if self._tour is None else self._tour.replans
+
+    def explain(self) -> dict[str, Any]:
+        """The plan to the present goal as plain data: each passage with its cost, rule by rule."""
+        if self._router is None or self._tour is None or self._tour.route is None:
+            return {}
+        route = self._tour.route
+        return {
+            "start": [route.start.x, route.start.y],
+            "goal": [route.goal.x, route.goal.y],
+            "places": list(route.places),
+            "cost": route.cost,
+            "length": route.length,
+            "entry_cost": route.entry_cost,
+            "exit_cost": route.exit_cost,
+            "passages": self._router.explain(route),
+        }

@@ -1,0 +1,169 @@
+"""Global planning: the cheapest way from a point of the map to a goal, with its costs explained."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+from navfw.errors import MapError
+from navfw.papfis.access import OFF_PASSAGE, Access, Doorways, find_access
+from navfw.papfis.costs import CostParams, EdgeCosts
+from navfw.papfis.search import Found, RoadNetwork
+from navfw.robot import RobotModel
+from navfw.topomap.model import Footing, Passage, TopoMap
+
+__all__ = ["Route", "Router", "Spot"]
+
+
+@dataclass(frozen=True, slots=True)
+class Spot:
+    """Where a route begins or ends: x, y [m] in ``map``; ``place`` if it is known to be at one."""
+
+    x: float
+    y: float
+    place: str | None = None
+
+    @property
+    def point(self) -> tuple[float, float]:
+        """(x, y)."""
+        return self.x, self.y
+
+    def __str__(self) -> str:
+        where = f"({self.x:.2f}, {self.y:.2f})"
+        return where if self.place is None else f"{self.place!r} {where}"
+
+
+@dataclass(frozen=True, slots=True)
+class Route:
+    """The places to pass, in order, and the passages between them.
+
+    No places means: straight to the goal. ``widths`` [m] are of the passages that lead to each
+    place and, last, to the goal. ``cost`` is the whole, with the ways onto and off the map, and
+    ``length`` [m] the way's length by the map. ``entry_cost`` is that of the way from the start to
+    the first place, ``exit_cost`` that from the last place to the goal.
+    """
+
+    start: Spot
+    goal: Spot
+    places: tuple[str, ...]
+    passages: tuple[Passage, ...]
+    widths: tuple[float, ...]
+    cost: float
+    length: float
+    entry_cost: float
+    exit_cost: float
+
+
+class Router:
+    """Plans routes in one map for one robot; all edge costs are worked out once, here.
+
+    Raises:
+        RuleBaseError: the rule base of the costs is not usable.
+    """
+
+    def __init__(
+        self, topo_map: TopoMap, robot: RobotModel, params: CostParams | None = None
+    ) -> None:
+        self.topo_map = topo_map
+        self.costs = EdgeCosts(topo_map, robot, params)
+        self._roads = RoadNetwork(topo_map, self.costs.values)
+        self._doorways = Doorways(topo_map)
+
+    def access(self, spot: Spot, part: frozenset[str] | None = None) -> Access:
+        """How ``spot`` is joined to the map, or to one ``part`` of it.
+
+        Raises:
+            UnknownNameError: the map has no place of the spot's name.
+        """
+        return find_access(self.topo_map, self.costs, self._doorways, spot.point, spot.place, part)
+
+    def part_at(self, spot: Spot) -> frozenset[str]:
+        """The connected part of the map that ``spot`` belongs to."""
+        return self.topo_map.part_of(min(self.access(spot).costs.items(), key=_by_cost)[0])
+
+    def route(self, start: Spot, goal: Spot) -> Route:
+        """The cheapest way; passages of high danger only where there is no other.
+
+        Raises:
+            MapError: none leads there; the message says which parts of the map are apart, or which
+                passages are too narrow.
+        """
+        return self._route(start, goal, self.access(start), self.access(goal))
+
+    def route_within(self, start: Spot, goal: Spot) -> Route:
+        """Like ``route``, for a start known to be connected to the goal: the belief has strayed."""
+        access = self.access(start, self.part_at(goal))
+        return self._route(start, goal, access, self.access(goal))
+
+    def explain(self, route: Route) -> list[dict[str, Any]]:
+        """For each passage of the route its cost, rule by rule, as plain data."""
+        return [self.costs.explain(passage) for passage in route.passages]
+
+    def _route(self, start: Spot, goal: Spot, entry: Access, leave: Access) -> Route:
+        found = self._roads.cheapest(entry.costs, leave.costs, goal.point)
+        direct = self._direct_cost(entry, leave)
+        if direct is not None and (found is None or direct[0] <= found.cost):
+            cost, width = direct
+            straight = math.hypot(goal.x - start.x, goal.y - start.y)
+            return Route(start, goal, (), (), (width,), cost, straight, cost, 0.0)
+        if found is None:
+            raise self._no_way(start, goal)
+        return self._found(start, goal, entry, leave, found)
+
+    def _found(self, start: Spot, goal: Spot, entry: Access, leave: Access, found: Found) -> Route:
+        first, last = (self.topo_map.places[found.places[i]] for i in (0, -1))
+        passages = tuple(self.topo_map.passage(a, b) for a, b in pairwise(found.places))
+        widths = (
+            entry.width_to(first.name),
+            *(passage.width for passage in passages),
+            leave.width_to(last.name),
+        )
+        length = first.distance(*start.point) + last.distance(*goal.point)
+        length += sum(passage.length for passage in passages)
+        ways = entry.costs[first.name], leave.costs[last.name]
+        return Route(start, goal, found.places, passages, widths, found.cost, length, *ways)
+
+    def _direct_cost(self, entry: Access, leave: Access) -> tuple[float, float] | None:
+        """Cost and width of the way along one passage, where start and goal are both beside it."""
+        options = [
+            (self._cost_between(a, b), a.passage.width)
+            for a in entry.footings
+            for b in leave.footings
+            if a.passage is b.passage
+        ]
+        return min(options, default=None)
+
+    def _cost_between(self, a: Footing, b: Footing) -> float:
+        factor = self.costs.factor(a.passage)
+        along = abs(a.to_end(a.passage.a) - b.to_end(a.passage.a))
+        # within a shut passage nobody knows on which side of the obstacle either of them is
+        return OFF_PASSAGE * (a.aside + b.aside) + (factor * along if along > 0.0 else 0.0)
+
+    def _no_way(self, start: Spot, goal: Spot) -> MapError:
+        begin, end = self.part_at(start), self.part_at(goal)
+        if begin != end:
+            message = (
+                f"the map does not connect the start {start}, in {_part_text(begin)}, with the "
+                f"goal {goal}, in {_part_text(end)}; add an edge between the two parts"
+            )
+        else:
+            narrow = [p for p in self.topo_map.passages if not math.isfinite(self.costs.of(p))]
+            listed = ", ".join(f"{p} ({p.width:g} m)" for p in narrow[:5])
+            message = (
+                f"no way from {start} to {goal} is wide enough for the robot "
+                f"({self.costs.robot_width:g} m); too narrow: {listed}"
+            )
+        return MapError(message, file=self.topo_map.file)
+
+
+def _part_text(part: frozenset[str]) -> str:
+    names: Sequence[str] = sorted(part)
+    listed = ", ".join(names[:5]) + (", ..." if len(names) > 5 else "")
+    return f"the part with {listed} ({len(names)} place{'s' if len(names) != 1 else ''})"
+
+
+def _by_cost(item: tuple[str, float]) -> tuple[float, str]:
+    return item[1], item[0]

@@ -1,0 +1,117 @@
+"""From a route to waypoints, and when a waypoint counts as passed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from navfw.papfis.access import AT_PLACE
+from navfw.papfis.routes import Route
+from navfw.signals import Waypoint
+from navfw.topomap.model import TopoMap
+
+__all__ = ["Passing", "Point", "distance_to_leg", "has_passed", "waypoints_of"]
+
+Point = tuple[float, float]
+
+SHARPEST_TURN = math.radians(120.0)
+"""Beyond this turn there is no telling where 'past the waypoint' begins."""
+
+
+@dataclass(frozen=True, slots=True)
+class Passing:
+    """How near a waypoint must be passed [m]: in the open, in a door, just before or after a door.
+
+    Within ``reach`` [m] a waypoint left behind counts as passed too, except for a door missed.
+    """
+
+    open: float = 0.6
+    door: float = 0.25
+    beside_door: float = 0.35
+    reach: float = 1.0
+
+    def tolerance(self, kinds: Sequence[str], index: int) -> float:
+        """For the place at ``index`` of a route with places of these kinds."""
+        if kinds[index] == "door":
+            return self.door
+        neighbors = kinds[max(index - 1, 0) : index + 2]
+        return self.beside_door if "door" in neighbors else self.open
+
+
+def waypoints_of(
+    route: Route, goal: Waypoint, topo_map: TopoMap, passing: Passing
+) -> list[Waypoint]:
+    """The waypoints of ``route``, the goal last.
+
+    A door's width is that of the narrower passage at it. A first place where the route starts is
+    left out, and so is a last place that the goal's tolerance covers: the goal stands for it.
+    """
+    places = [topo_map.places[name] for name in route.places]
+    kinds = [place.kind for place in places]
+    waypoints = []
+    for i, place in enumerate(places):
+        width = route.widths[i]
+        if place.kind == "door":
+            width = min(width, *(p.width for p in topo_map.passages_at(place.name)))
+        tolerance = passing.tolerance(kinds, i)
+        waypoints.append(
+            Waypoint(place.x, place.y, tolerance, place.name, place.kind, final=False, width=width)
+        )
+    if places and kinds[-1] != "door" and places[-1].distance(goal.x, goal.y) <= goal.tolerance:
+        del waypoints[-1]
+    if waypoints and places[0].distance(*route.start.point) <= AT_PLACE:
+        del waypoints[0]
+    final = Waypoint(
+        goal.x, goal.y, goal.tolerance, goal.place, "goal", final=True, width=route.widths[-1]
+    )
+    return [*waypoints, final]
+
+
+def has_passed(
+    at: Point, came_from: Point, waypoint: Waypoint, after: Waypoint | None, passing: Passing
+) -> bool:
+    """Whether the robot, ``at`` (x, y) on its leg from ``came_from``, is done with ``waypoint``.
+
+    It is when nearer than the tolerance, or when it has crossed the line through the waypoint that
+    halves the turn from this leg to the next, not farther from it than ``passing.reach`` (for a
+    door: within the gap). A final waypoint must be reached.
+    """
+    dx, dy = at[0] - waypoint.x, at[1] - waypoint.y
+    if math.hypot(dx, dy) <= waypoint.tolerance:
+        return True
+    if waypoint.final or after is None or math.hypot(dx, dy) > passing.reach:
+        return False
+    forward = _halfway(came_from, (waypoint.x, waypoint.y), (after.x, after.y))
+    if forward is None or dx * forward[0] + dy * forward[1] < 0.0:
+        return False
+    aside = abs(dx * forward[1] - dy * forward[0])
+    return waypoint.kind != "door" or aside <= 0.5 * waypoint.width
+
+
+def distance_to_leg(at: Point, start: Point, end: Point) -> float:
+    """Distance [m] from ``at`` to the straight leg from ``start`` to ``end``."""
+    dx, dy = end[0] - start[0], end[1] - start[1]
+    squared = dx * dx + dy * dy
+    share = 0.0
+    if squared > 0.0:
+        share = ((at[0] - start[0]) * dx + (at[1] - start[1]) * dy) / squared
+        share = min(max(share, 0.0), 1.0)
+    return math.hypot(at[0] - start[0] - share * dx, at[1] - start[1] - share * dy)
+
+
+def _halfway(before: Point, here: Point, after: Point) -> Point | None:
+    """The unit direction halfway between the leg to ``here`` and the leg from it."""
+    leg_in = _unit(here[0] - before[0], here[1] - before[1])
+    leg_out = _unit(after[0] - here[0], after[1] - here[1])
+    if leg_in is None or leg_out is None:
+        return leg_in or leg_out
+    x, y = leg_in[0] + leg_out[0], leg_in[1] + leg_out[1]
+    if math.hypot(x, y) < 2.0 * math.cos(0.5 * SHARPEST_TURN):
+        return None
+    return _unit(x, y)
+
+
+def _unit(x: float, y: float) -> Point | None:
+    length = math.hypot(x, y)
+    return None if length < 1e-9 else (x / length, y / length)

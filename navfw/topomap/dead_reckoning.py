@@ -1,0 +1,144 @@
+"""The localiser without landmarks: odometry from a known start, ever less certain."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Annotated, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from navfw.errors import InputError
+from navfw.kinds import Localizer
+from navfw.signals import Array, Belief, Odometry, Percept, Pose, Sighting, wrap_angle
+from navfw.topomap.model import TopoMap
+
+__all__ = ["DeadReckoning"]
+
+NonNegative = Annotated[float, Field(ge=0.0)]
+
+
+class DeadReckoning(Localizer):
+    """Map pose = start pose composed with the odometry since the start.
+
+    The covariance of (x, y, yaw) is propagated as in an EKF without measurements: it grows with
+    the distance driven, the angle turned and, through the yaw, with the distance from where an
+    error of heading arose. Places get probabilities by their distance from the pose (METHOD 4.4
+    asks for more; that is for localisers that see landmarks).
+    """
+
+    name: ClassVar[str] = "dead_reckoning"
+
+    class Params(Localizer.Params):
+        """One standard deviation each; those per root of something add up as a random walk."""
+
+        start_xy: Annotated[NonNegative, Field(description="of the start x and y [m]")] = 0.02
+        start_yaw: Annotated[NonNegative, Field(description="of the start yaw [rad]")] = 0.01
+        along: Annotated[
+            NonNegative, Field(description="of the distance driven [m per root of m]")
+        ] = 0.03
+        aside: Annotated[NonNegative, Field(description="of sideways slip [m per root of m]")] = (
+            0.01
+        )
+        yaw_by_distance: Annotated[
+            NonNegative, Field(description="of yaw by driving [rad per root of m]")
+        ] = 0.005
+        yaw_by_turning: Annotated[
+            NonNegative, Field(description="of yaw by turning [rad per root of rad]")
+        ] = 0.01
+        reach: Annotated[
+            float,
+            Field(gt=0.0, le=20.0, description="how far around a place is still 'at' it [m]"),
+        ] = 1.0
+        places: Annotated[
+            int, Field(ge=1, le=1000, description="how many likeliest places the belief names")
+        ] = 8
+        refresh: Annotated[
+            NonNegative, Field(description="places are weighed again after so much motion [m]")
+        ] = 0.05
+
+    params: Params
+
+    _map: TopoMap | None = None
+
+    def reset(self) -> None:
+        """Forget map, start and everything driven since."""
+        self._map = None
+
+    def start(self, topo_map: TopoMap, pose: Pose | None, odometry: Odometry) -> None:
+        """Begin at ``pose`` [map frame].
+
+        Raises:
+            InputError: ``pose`` is None: without landmarks there is no finding out.
+        """
+        if pose is None:
+            raise InputError(
+                "the localizer 'dead_reckoning' cannot find an unknown start; give the mission a "
+                "start pose, or the stack a localizer that recognises landmarks"
+            )
+        p = self.params
+        self._map = topo_map
+        self._names = list(topo_map.places)
+        self._map_from_odom = _frame(pose, odometry.pose)
+        self._last = odometry.pose
+        self._covariance = np.diag([p.start_xy**2, p.start_xy**2, p.start_yaw**2])
+        self._weighed_at: Pose | None = None
+        self._places: Mapping[str, float] = {}
+
+    def update(
+        self, odometry: Odometry, percept: Percept | None, sightings: Sequence[Sighting]
+    ) -> Belief:
+        """The belief after the newest odometry; percept and sightings are not used."""
+        if self._map is None:
+            raise RuntimeError("start() comes before update()")
+        moved = self._last.relative(odometry.pose)
+        pose = self._map_from_odom.compose(odometry.pose)
+        self._covariance = self._grown(moved, pose.yaw)
+        self._last = odometry.pose
+        if self._is_stale(pose):
+            self._places = self._weigh(self._map, pose)
+            self._weighed_at = pose
+        return Belief(odometry.time, pose, self._covariance, self._places)
+
+    def _grown(self, moved: Pose, yaw: float) -> Array:
+        """The covariance after moving by ``moved`` (seen from before) to the heading ``yaw``."""
+        p = self.params
+        distance, turned = math.hypot(moved.x, moved.y), abs(moved.yaw)
+        before = wrap_angle(yaw - moved.yaw)
+        c, s = math.cos(before), math.sin(before)
+        dx, dy = c * moved.x - s * moved.y, s * moved.x + c * moved.y
+        jacobian = np.array([[1.0, 0.0, -dy], [0.0, 1.0, dx], [0.0, 0.0, 1.0]])
+        along, aside = p.along**2 * distance, p.aside**2 * distance
+        noise = np.array(
+            [
+                [c * c * along + s * s * aside, c * s * (along - aside), 0.0],
+                [c * s * (along - aside), s * s * along + c * c * aside, 0.0],
+                [0.0, 0.0, p.yaw_by_distance**2 * distance + p.yaw_by_turning**2 * turned],
+            ]
+        )
+        grown: Array = jacobian @ self._covariance @ jacobian.T + noise
+        return grown
+
+    def _is_stale(self, pose: Pose) -> bool:
+        at = self._weighed_at
+        return at is None or math.hypot(pose.x - at.x, pose.y - at.y) > self.params.refresh
+
+    def _weigh(self, topo_map: TopoMap, pose: Pose) -> Mapping[str, float]:
+        """The likeliest places, likeliest first; their probabilities add up to 1."""
+        spread = self.params.reach**2 + 0.5 * float(np.trace(self._covariance[:2, :2]))
+        squared = topo_map.place_distances(pose.x, pose.y) ** 2
+        count = min(self.params.places, len(squared))
+        likeliest = np.argpartition(squared, count - 1)[:count]
+        likeliest = likeliest[np.argsort(squared[likeliest], kind="stable")]
+        # relative to the nearest, so that far from every place something is still above zero
+        weights = np.exp(-0.5 * (squared[likeliest] - squared[likeliest[0]]) / spread)
+        weights /= weights.sum()
+        return {self._names[i]: float(weight) for i, weight in zip(likeliest, weights, strict=True)}
+
+
+def _frame(in_map: Pose, in_odom: Pose) -> Pose:
+    """The odom frame's pose in the map, from one pose known in both."""
+    yaw = wrap_angle(in_map.yaw - in_odom.yaw)
+    turned = Pose(0.0, 0.0, yaw).compose(in_odom)
+    return Pose(in_map.x - turned.x, in_map.y - turned.y, yaw)
