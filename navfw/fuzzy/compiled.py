@@ -48,8 +48,6 @@ class Inference:
     where an input is NaN, the crisp output is the output's ``default``, or NaN.
     """
 
-    __slots__ = ("__dict__", "_layout", "_table")
-
     def __init__(self, table: Array, layout: Layout) -> None:
         self._table = table
         self._layout = layout
@@ -142,7 +140,18 @@ class CompiledFis:
         return self.evaluate_rows(rows)
 
     def evaluate_rows(self, rows: Array) -> Inference:
-        """The same without the look-up of names: ``rows`` (inputs, N) float64, C-contiguous."""
+        """The same without names: ``rows`` (inputs, N), one input a row as in ``input_names``.
+
+        Raises:
+            ValueError: the number of rows is not the number of inputs.
+        """
+        # Another type or layout would have numba compile the kernel again, for seconds.
+        rows = np.ascontiguousarray(rows, dtype=np.float64)
+        if rows.ndim != 2 or rows.shape[0] != len(self._row_of):
+            raise ValueError(
+                f"rule base {self.rule_base.name!r}: expected an array of shape "
+                f"({len(self._row_of)}, N), got {rows.shape}"
+            )
         return Inference(kernels.infer(rows, *self._tables), self._layout)
 
     def fuzzify(self, name: str, values: npt.ArrayLike) -> dict[str, Array]:

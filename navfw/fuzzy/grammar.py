@@ -1,12 +1,14 @@
-"""The language of rules: ``IF nearest IS very near AND NOT side IS left THEN turn IS left WITH 0.8``.
+"""The language of rules: ``IF nearest IS very near AND NOT side IS left THEN turn IS left``.
 
-    rule        = "IF" or "THEN" conclusion { ("," | "AND") conclusion } [ "WITH" number ["WEIGHT"] ]
+    rule        = "IF" or "THEN" conclusions [ "WITH" number [ "WEIGHT" ] ]
     or          = and { "OR" and }
     and         = not { "AND" not }
-    not         = "NOT" not | "(" or ")" | input "IS" ["NOT"] { hedge } term
-    conclusion  = output "IS" term
+    not         = "NOT" not | "(" or ")" | input "IS" [ "NOT" ] { hedge } term
+    hedge       = "very" | "somewhat"
+    conclusions = output "IS" term { ( "," | "AND" ) output "IS" term }
 
-Keywords may be written in any case; names are as declared. NOT binds before AND, AND before OR.
+Keywords may be written in any case; names are as declared. NOT binds before AND, AND before OR. The
+weight, above 0 and at most 1, scales the strength of the rule.
 """
 
 from __future__ import annotations

@@ -37,6 +37,7 @@ CENTROID, BISECTOR, MOM, SOM, LOM = 0, 1, 2, 3, 4
 # An output none of whose terms is activated more than this counts as not concluded at all:
 # below, scikit-fuzzy's centroid loses its area to a guard against division by zero.
 FIRING_FLOOR = 1e-9
+_LEAST = 5e-324  # the least number above zero
 
 
 @numba.njit(cache=True)
@@ -98,11 +99,12 @@ def fire(program, starts, weights, literals, stack, firing):  # type: ignore[no-
 
 
 @numba.njit(cache=True)
-def join(xs, terms, support, cuts, scale, px, py, extra):  # type: ignore[no-untyped-def]
+def join(xs, terms, support, cuts, scale, lean, px, py, extra):  # type: ignore[no-untyped-def]
     """The joined conclusion of one output as a polyline (px, py); returns its number of points.
 
     ``terms`` (T, M) over ``xs`` (M,), zero outside their ``support`` (T, 2); ``cuts`` (T,), all
-    clipped (``scale`` False) or scaled; ``extra`` is workspace for the crossings.
+    clipped (``scale`` False) or scaled; ``extra`` is workspace for the crossings. ``lean`` leaves
+    out the crossings of idle terms: they repeat samples, which only counting ones would notice.
     """
     size = xs.size
     py[:size] = 0.0
@@ -118,7 +120,7 @@ def join(xs, terms, support, cuts, scale, px, py, extra):  # type: ignore[no-unt
             else:
                 for i in range(first, last + 1):
                     py[i] = max(py[i], min(cut, term[i]))
-        if not scale:
+        if not scale and (cut > 0.0 or not lean):
             count = _add_crossings(xs, term, max(first - 1, 0), last, cut, extra, count)
     if count == 0:
         px[:size] = xs
@@ -129,24 +131,30 @@ def join(xs, terms, support, cuts, scale, px, py, extra):  # type: ignore[no-unt
 @numba.njit(cache=True)
 def _add_crossings(xs, term, first, last, cut, extra, count):  # type: ignore[no-untyped-def]
     """Insert where ``term`` crosses ``cut`` into the increasing ``extra``; returns their number."""
-    for i in range(first, min(last, xs.size - 2) + 1):
-        y, after = term[i], term[i + 1]
-        if cut == 0.0:
-            crosses = (y > 0.0) != (after > 0.0)
-        else:
-            crosses = (y >= cut) != (after >= cut)
-        if crosses:
-            x = xs[i] + (cut - y) * (xs[i + 1] - xs[i]) / (after - y)
-            k = count
-            while k > 0 and extra[k - 1] > x:
-                k -= 1
-            if k > 0 and extra[k - 1] == x:
-                continue
-            for j in range(count, k, -1):
-                extra[j] = extra[j - 1]
-            extra[k] = x
-            count += 1
+    level = cut if cut > 0.0 else _LEAST  # an idle term crosses where it leaves zero
+    was_above = term[first] >= level
+    for i in range(first, min(last + 1, xs.size - 1)):
+        is_above = term[i + 1] >= level
+        if is_above == was_above:
+            continue
+        was_above = is_above
+        x = xs[i] + (cut - term[i]) * (xs[i + 1] - xs[i]) / (term[i + 1] - term[i])
+        count = _insert(extra, count, x)
     return count
+
+
+@numba.njit(cache=True)
+def _insert(extra, count, x):  # type: ignore[no-untyped-def]
+    """Insert x into the ``count`` increasing values of ``extra``, unless it is among them."""
+    place = count
+    while place > 0 and extra[place - 1] > x:
+        place -= 1
+    if place > 0 and extra[place - 1] == x:
+        return count
+    for k in range(count, place, -1):
+        extra[k] = extra[k - 1]
+    extra[place] = x
+    return count + 1
 
 
 @numba.njit(cache=True)
@@ -320,6 +328,7 @@ def infer(
                 support[first:last],
                 cuts[first:last],
                 modes[1] == 1,
+                modes[0] == CENTROID,
                 px,
                 py,
                 extra,

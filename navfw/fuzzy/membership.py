@@ -2,7 +2,7 @@
 
 scikit-fuzzy knows a membership function only by its samples on the variable's universe, and
 interpolates linearly between them. navfw does the same, and places the samples so that nothing is
-lost: the corners of triangles and trapezoids are samples, so their sampled form is their exact form.
+lost: corners of triangles and trapezoids are samples, so their sampled form is their exact form.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -77,14 +77,17 @@ class Trapezoid(Shape):
             raise ValueError("expected four corners a <= b <= c <= d")
 
     def __call__(self, x: Array) -> Array:
-        return _trapezoid(np.asarray(x, dtype=np.float64), self.a, self.b, self.c, self.d)
+        """Straight between the corners."""
+        return _trapezoid(x, self.a, self.b, self.c, self.d)
 
     @property
     def corners(self) -> tuple[float, ...]:
+        """All four."""
         return (self.a, self.b, self.c, self.d)
 
     @property
     def jumps(self) -> tuple[tuple[float, int], ...]:
+        """Where a = b or c = d."""
         return _jumps(self.a, self.b, self.c, self.d)
 
 
@@ -103,14 +106,17 @@ class Triangle(Shape):
             raise ValueError("expected three corners a <= b <= c")
 
     def __call__(self, x: Array) -> Array:
-        return _trapezoid(np.asarray(x, dtype=np.float64), self.a, self.b, self.b, self.c)
+        """Straight between the corners."""
+        return _trapezoid(x, self.a, self.b, self.b, self.c)
 
     @property
     def corners(self) -> tuple[float, ...]:
+        """All three."""
         return (self.a, self.b, self.c)
 
     @property
     def jumps(self) -> tuple[tuple[float, int], ...]:
+        """Where a = b or b = c."""
         return _jumps(self.a, self.b, self.b, self.c)
 
 
@@ -128,15 +134,18 @@ class Gauss(Shape):
             raise ValueError("expected mean and sigma with sigma > 0")
 
     def __call__(self, x: Array) -> Array:
-        z = (np.asarray(x, dtype=np.float64) - self.mean) / self.sigma
+        """One at the mean; zero (by underflow) beyond some 38 sigma."""
+        z = (x - self.mean) / self.sigma
         return np.asarray(np.exp(-0.5 * np.square(np.clip(z, -1e3, 1e3))))
 
     @property
     def corners(self) -> tuple[float, ...]:
+        """The mean, so that the sampled form reaches one."""
         return (self.mean,)
 
     @property
     def knots(self) -> tuple[float, ...]:
+        """A quarter of sigma apart, out to four sigma."""
         return tuple(self.mean + self.sigma * z for z in np.linspace(-4.0, 4.0, 33).tolist())
 
 
@@ -154,15 +163,18 @@ class Sigmoid(Shape):
             raise ValueError("expected centre and slope with slope not 0")
 
     def __call__(self, x: Array) -> Array:
-        z = self.slope * (np.asarray(x, dtype=np.float64) - self.centre)
+        """One half at the centre."""
+        z = self.slope * (x - self.centre)
         return np.asarray(1.0 / (1.0 + np.exp(np.clip(-z, -700.0, 700.0))))
 
     @property
     def corners(self) -> tuple[float, ...]:
+        """The centre, so that the sampled form passes through one half."""
         return (self.centre,)
 
     @property
     def knots(self) -> tuple[float, ...]:
+        """Half a time constant apart, out to eight of them."""
         return tuple(self.centre + z / self.slope for z in np.linspace(-8.0, 8.0, 33).tolist())
 
 
@@ -249,8 +261,3 @@ def _merge(kept: Array, extra: Array, gap: float) -> Array:
     left = np.abs(extra - kept[np.maximum(after - 1, 0)])
     right = np.abs(kept[np.minimum(after, kept.size - 1)] - extra)
     return np.union1d(kept, extra[np.minimum(left, right) > gap])
-
-
-def describe(shape: Shape) -> str:
-    """The shape as a rule file writes it: ``triangle: [-0.2, 0.0, 0.2]``."""
-    return f"{shape.kind}: {[float(value) for value in astuple(shape)]}"  # type: ignore[call-overload]

@@ -24,7 +24,8 @@ how both evaluators treat it alike:
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -54,8 +55,7 @@ class ReferenceFis:
     """A rule base as a ``skfuzzy.control.ControlSystemSimulation``."""
 
     def __init__(self, rule_base: RuleBase) -> None:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
+        with _silence():
             from skfuzzy import control, defuzz
 
             self._control = control
@@ -77,18 +77,17 @@ class ReferenceFis:
         """
         if any(np.isnan(value) for value in inputs.values()):
             return self._nothing()
-        with warnings.catch_warnings(), np.errstate(all="ignore"):
-            warnings.simplefilter("ignore")
-            self.compute(inputs)
-            return self._read()
+        self.compute(inputs)
+        return self.read()
 
     def compute(self, inputs: Mapping[str, float]) -> Mapping[str, float]:
         """What a user of scikit-fuzzy would call: set the inputs, compute, crisp outputs."""
         self._runs += 1
         if self._runs % _RESET_EVERY == 0:
             self.simulation.reset()
-        self.simulation.inputs({name: float(value) for name, value in inputs.items()})
-        self.simulation.compute()
+        with _silence():
+            self.simulation.inputs({name: float(value) for name, value in inputs.items()})
+            self.simulation.compute()
         crisp: Mapping[str, float] = self.simulation.output
         return crisp
 
@@ -133,7 +132,8 @@ class ReferenceFis:
             case Or(left, right):
                 return self._clause(left) | self._clause(right)
 
-    def _read(self) -> ReferenceInference:
+    def read(self) -> ReferenceInference:
+        """The result of the last ``compute``, in our form."""
         sim = self.simulation
         firing = np.array(
             [
@@ -159,9 +159,9 @@ class ReferenceFis:
             return np.nan if variable.default is None else variable.default
         if self.rule_base.implication == "prod":
             scaled = [float(cut[0]) * variable.sampled(term) for term, cut in degrees.items()]
-            crisp = self._defuzz(
-                variable.universe, np.max(scaled, axis=0), self.rule_base.defuzzify
-            )
+            joined = np.max(scaled, axis=0)
+            with _silence():
+                crisp = self._defuzz(variable.universe, joined, self.rule_base.defuzzify)
         else:
             crisp = self.simulation.output[name]
         return float(np.clip(crisp, variable.low, variable.high))
@@ -176,6 +176,14 @@ class ReferenceFis:
             for name, variable in self.rule_base.outputs.items()
         }
         return ReferenceInference(outputs, np.zeros((1, len(self._rules))), degrees)
+
+
+@contextmanager
+def _silence() -> Iterator[None]:
+    """Keep scikit-fuzzy's warnings (deprecated calls, divisions by zero) to itself."""
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore")
+        yield
 
 
 def _label(atom: Is) -> str:
