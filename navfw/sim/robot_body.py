@@ -15,7 +15,7 @@ from typing import Any
 from navfw.robot import RobotModel
 from navfw.signals import Pose, wrap_angle
 from navfw.sim.engine import bullet
-from navfw.sim.scene import FLOOR_GROUP, SOLID_GROUP
+from navfw.sim.scene import BODY_GROUP, FLOOR_GROUP, SOLID_GROUP, WHEEL_GROUP
 
 __all__ = ["RobotBody", "robot_urdf"]
 
@@ -27,7 +27,6 @@ WHEEL_TORQUE = 1.2
 """Limit of one wheel's motor [N m]: four times what the hardest usual braking asks for."""
 CENTRE_OF_MASS = 0.06
 """Above the floor [m]: low, batteries are heavy."""
-_BODY_GROUP, _WHEEL_GROUP = 4, 8
 _CASTER_RADIUS = 0.02
 
 
@@ -120,12 +119,10 @@ class RobotBody:
     def _set_contacts(self, joints: dict[str, int]) -> None:
         for link in (-1, *joints.values()):
             self._call("changeDynamics", self.body, link, linearDamping=0.0, angularDamping=0.0)
-        self._call(
-            "setCollisionFilterGroupMask", self.body, -1, _BODY_GROUP, SOLID_GROUP | _BODY_GROUP
-        )
+        self._call("setCollisionFilterGroupMask", self.body, -1, BODY_GROUP, SOLID_GROUP)
         self._call("changeDynamics", self.body, -1, lateralFriction=0.4, restitution=0.0)
         for name, link in joints.items():
-            self._call("setCollisionFilterGroupMask", self.body, link, _WHEEL_GROUP, FLOOR_GROUP)
+            self._call("setCollisionFilterGroupMask", self.body, link, WHEEL_GROUP, FLOOR_GROUP)
             friction = 0.0 if "caster" in name else 1.2
             self._call(
                 "changeDynamics",

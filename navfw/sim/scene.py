@@ -20,12 +20,16 @@ from navfw.sim.shapes import Rectangle
 from navfw.sim.textures import STOCK, stock_texture, synthesize
 from navfw.sim.worldfile import RoomSpec, WorldSpec
 
-__all__ = ["FLOOR_GROUP", "SOLID_GROUP", "Scene"]
+__all__ = ["BODY_GROUP", "FLOOR_GROUP", "SOLID_GROUP", "WHEEL_GROUP", "Scene"]
 
 FLOOR_GROUP = 1
 """Collision group of what one drives on."""
 SOLID_GROUP = 2
 """Collision group of everything that one must not touch."""
+BODY_GROUP = 4
+"""Collision group of the robot's base."""
+WHEEL_GROUP = 8
+"""Collision group of what the robot stands on."""
 
 _FLOOR_THICKNESS = 0.2
 _NO_SHIFT = np.zeros(2)
@@ -43,9 +47,13 @@ class Scene:
         with tempfile.TemporaryDirectory(prefix="navfw-textures-") as folder:
             self._folder = Path(folder)
             self._build_floor()
+            walls = [s for s in solids if s.kind in ("wall", "lintel")]
+            for wall in world.walls:
+                self._build_wall([s for s in walls if s.name == wall.name])
             for solid in solids:
-                self._build_solid(solid)
-            self._show_architecture([s for s in solids if s.kind in ("wall", "lintel")])
+                if solid.kind not in ("wall", "lintel"):
+                    self._build_solid(solid)
+            self._show_architecture(walls)
 
     def _build_floor(self) -> None:
         (x0, x1), (y0, y1) = self.world.x, self.world.y
@@ -54,37 +62,52 @@ class Scene:
         centre = [0.5 * (x0 + x1), 0.5 * (y0 + y1), -0.5 * _FLOOR_THICKNESS]
         self._add_body("floor", centre, 0.0, collision=shape, group=FLOOR_GROUP)
 
+    def _build_wall(self, pieces: list[Solid]) -> None:
+        """Collision of all pieces of one wall: one body (every body costs 0.2 us a step)."""
+        shapes = [piece.shape for piece in pieces if isinstance(piece.shape, Rectangle)]
+        heights = [(piece.bottom, piece.top) for piece in pieces]
+        collision = self._call(
+            "createCollisionShapeArray",
+            shapeTypes=[bullet.GEOM_BOX] * len(shapes),
+            halfExtents=[
+                [shape.half_x, shape.half_y, 0.5 * (top - bottom)]
+                for shape, (bottom, top) in zip(shapes, heights, strict=True)
+            ],
+            collisionFramePositions=[
+                [shape.x, shape.y, 0.5 * (top + bottom)]
+                for shape, (bottom, top) in zip(shapes, heights, strict=True)
+            ],
+            collisionFrameOrientations=[_quaternion(shape.yaw) for shape in shapes],
+        )
+        self._add_body(pieces[0].name, [0.0, 0.0, 0.0], 0.0, collision)
+
     def _build_solid(self, solid: Solid) -> None:
-        """Collision of a solid; furniture and doors, which may move one day, show themselves."""
+        """Furniture and doors: each a body that shows itself, for it may move one day."""
         height = solid.top - solid.bottom
         shape = solid.shape
+        # each body shows another part of its texture: two equal cupboards would look alike
+        shift = np.array(divmod(zlib.crc32(solid.name.encode()) % 10_000, 100)) * 0.02
         if isinstance(shape, Rectangle):
             yaw = shape.yaw
             half = [shape.half_x, shape.half_y, 0.5 * height]
             collision = self._call("createCollisionShape", bullet.GEOM_BOX, halfExtents=half)
+            mesh = box_mesh((2 * shape.half_x, 2 * shape.half_y, height), shift)
         else:
             yaw = 0.0
             collision = self._call(
                 "createCollisionShape", bullet.GEOM_CYLINDER, radius=shape.radius, height=height
             )
-        visual, texture = -1, None
-        if solid.kind not in ("wall", "lintel"):
-            # each body shows another part of its texture: two equal cupboards would look alike
-            shift = np.array(divmod(zlib.crc32(solid.name.encode()) % 10_000, 100)) * 0.02
-            if isinstance(shape, Rectangle):
-                mesh = box_mesh((2 * shape.half_x, 2 * shape.half_y, height), shift)
-            else:
-                mesh = cylinder_mesh(shape.radius, height, shift)
-            visual, texture = self._visual(mesh), solid.texture
+            mesh = cylinder_mesh(shape.radius, height, shift)
         centre = [shape.x, shape.y, 0.5 * (solid.bottom + solid.top)]
-        self._add_body(solid.name, centre, yaw, collision, visual, texture)
+        self._add_body(solid.name, centre, yaw, collision, self._visual(mesh), solid.texture)
 
     def _show_architecture(self, walls: list[Solid]) -> None:
         """Floor, walls and ceiling: one body without collision for each texture."""
         meshes: dict[str, Mesh] = {}
-        self._floor_meshes(meshes)
+        # walls first: what they hide of floors and ceilings is then never shaded
         for wall in walls:
             self._wall_meshes(wall, meshes)
+        self._floor_meshes(meshes)
         for texture, mesh in meshes.items():
             self._add_body("", [0.0, 0.0, 0.0], 0.0, -1, self._visual(mesh), texture)
 
@@ -104,7 +127,7 @@ class Scene:
                 mesh.add_patch(corner + height * ez, ey, ex, rows, columns, _NO_SHIFT)
 
     def _floor_patches(self) -> Iterator[tuple[Array, Array]]:
-        """Columns and rows [m] of each patch from the world's corner; none crosses a room's edge."""
+        """Columns and rows [m from the corner] of each patch; none crosses a room's edge."""
         x0, y0 = self.world.x[0], self.world.y[0]
         columns = splits(self.world.x[1] - x0, [x - x0 for r in self.world.rooms for x in r.x])
         rows = splits(self.world.y[1] - y0, [y - y0 for r in self.world.rooms for y in r.y])
@@ -186,12 +209,15 @@ class Scene:
         texture: str | None = None,
         group: int = SOLID_GROUP,
     ) -> int:
-        turn = [0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw)]
         if visual < 0:
             visual = self._unseen()  # or PyBullet would draw the collision shape itself
-        body = int(self._call("createMultiBody", 0.0, collision, visual, position, turn))
+        body = int(
+            self._call("createMultiBody", 0.0, collision, visual, position, _quaternion(yaw))
+        )
         if collision >= 0:
-            self._call("setCollisionFilterGroupMask", body, -1, group, 0xFF)
+            # without this mask walls would be tested against each other: 100 us a step more
+            meets = WHEEL_GROUP if group == FLOOR_GROUP else BODY_GROUP
+            self._call("setCollisionFilterGroupMask", body, -1, group, meets)
             self._call("changeDynamics", body, -1, lateralFriction=1.0, restitution=0.0)
             self.names[body] = name
         if texture is not None:
@@ -213,3 +239,7 @@ class Scene:
 
     def _call(self, function: str, *args: Any, **kwargs: Any) -> Any:
         return getattr(bullet, function)(*args, physicsClientId=self._client, **kwargs)
+
+
+def _quaternion(yaw: float) -> list[float]:
+    return [0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw)]
