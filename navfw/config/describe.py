@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin
 
 import annotated_types
-from pydantic import BaseModel
+from pydantic import BaseModel, RootModel
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticSerializationError, PydanticUndefined, to_jsonable_python
 
@@ -50,7 +50,7 @@ class Parameter(NamedTuple):
 
 
 def peel(annotation: Any) -> tuple[Any, tuple[Any, ...]]:
-    """``annotation`` without its ``Annotated`` layers and type aliases, and their metadata."""
+    """``annotation`` without its ``Annotated`` layers, aliases and root models; their metadata."""
     metadata: tuple[Any, ...] = ()
     while True:
         if get_origin(annotation) is Annotated:
@@ -60,6 +60,9 @@ def peel(annotation: Any) -> tuple[Any, tuple[Any, ...]]:
             metadata += tuple(extra)
         elif hasattr(annotation, "__value__"):  # a ``type`` alias
             annotation = annotation.__value__
+        elif is_model(annotation) and issubclass(annotation, RootModel):
+            root = annotation.model_fields["root"]
+            annotation, metadata = root.annotation, (*metadata, *root.metadata)
         else:
             return annotation, metadata
 

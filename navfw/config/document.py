@@ -39,6 +39,8 @@ Data: TypeAlias = Any
 MAX_NODES = 300_000
 MAX_DEPTH = 60
 _TAG = "tag:yaml.org,2002:"
+# What ruamel answers some malformed input with, besides errors of its own
+_INSIDES = (ValueError, ArithmeticError, AssertionError, LookupError, AttributeError, TypeError)
 
 
 @dataclass(frozen=True)
@@ -148,7 +150,9 @@ def parse_yaml(text: str, file: str | None = None) -> YamlDocument:
     try:
         root = yaml.compose(text)
     except MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
+        # what is never closed is named where it was opened
+        unclosed = "end" in str(error.problem) and error.context_mark is not None
+        mark = error.context_mark if unclosed else error.problem_mark or error.context_mark
         line = None if mark is None else mark.line + 1
         raise ConfigError(_syntax_message(error), file=file, line=line) from None
     except ReaderError as error:
@@ -158,8 +162,7 @@ def parse_yaml(text: str, file: str | None = None) -> YamlDocument:
         ) from None
     except RecursionError:
         raise ConfigError("nested too deeply", file=file) from None
-    except (YAMLError, ValueError, AssertionError, LookupError, AttributeError, TypeError) as error:
-        # ruamel answers some malformed input with errors of its own insides
+    except (YAMLError, *_INSIDES) as error:
         detail = str(error).splitlines() or [type(error).__name__]
         raise ConfigError(f"not valid YAML: {detail[0]}", file=file) from None
     if root is None:

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, get_args, get_origin, get_type_hints
 
-from pydantic import BaseModel, Discriminator, RootModel, Tag
+from pydantic import BaseModel, Discriminator, Tag
 from pydantic.fields import FieldInfo
 
 from navfw.config.describe import choices_of, describe, is_model, members_of, peel
@@ -100,20 +100,17 @@ class _Walk:
             self._descend(wanted, step)
 
     def _unwrap(self) -> None:
-        """Optional and root models add no step to a location."""
+        """What is optional adds no step to a location."""
         while self._wanted is not None:
             members = _members(self._wanted)
             if len(members) != 1:
                 return
             bare, metadata = peel(members[0])
-            if is_model(bare) and issubclass(bare, RootModel):
-                self._wanted = Wanted.of_field(bare.model_fields["root"])
-            elif members[0] is self._wanted.annotation or bare is self._wanted.annotation:
+            if members[0] is self._wanted.annotation or bare is self._wanted.annotation:
                 return
-            else:
-                self._wanted = dataclasses.replace(
-                    self._wanted, annotation=bare, metadata=(*metadata, *self._wanted.metadata)
-                )
+            self._wanted = dataclasses.replace(
+                self._wanted, annotation=bare, metadata=(*metadata, *self._wanted.metadata)
+            )
 
     def _choose(self, union: Wanted, label: str) -> None:
         key, _ = _tags(union)

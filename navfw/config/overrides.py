@@ -125,8 +125,9 @@ def _index(node: list[Data], step: str | int, done: KeyPath, override: Override)
     if step in names:
         return names.index(step)
     known = [name for name in names if name]
-    hint = f" or a name; {did_you_mean(step, known)}" if known else ""
-    raise override.error(f"{key_text(done)} is a list: expected an index, got {step!r}{hint}")
+    wanted = "an index or a name" if known else "an index"
+    near = f"; {did_you_mean(step, known)}" if known else ""
+    raise override.error(f"{key_text(done)} is a list: expected {wanted}, got {step!r}{near}")
 
 
 def _shown(node: Data) -> str:

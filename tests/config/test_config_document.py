@@ -1,0 +1,214 @@
+from __future__ import annotations
+
+import contextlib
+import math
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, example, given, settings
+from hypothesis import strategies as st
+from ruamel.yaml import YAML
+
+from navfw.config.document import MAX_DEPTH, KeyPath, key_text, load_yaml, parse_yaml
+from navfw.errors import ConfigError
+
+
+def load(folder: Path, text: str | bytes, name: str = "world.yaml") -> ConfigError:
+    """The error that this text raises when loaded from a file."""
+    path = folder / name
+    path.write_bytes(text.encode() if isinstance(text, str) else text)
+    with pytest.raises(ConfigError) as caught:
+        load_yaml(path)
+    return caught.value
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "message"),
+    [
+        ("a: 1\nb: 2\na: 3\n", 3, "a: duplicate key; first given in line 1"),
+        ("a:\n  b: 1\n  c: 2\n  b: 3\n", 4, "a.b: duplicate key; first given in line 2"),
+        ("a: {b: 1, b: 2}\n", 1, "a.b: duplicate key"),
+        ("a: 1\n\tb: 2\n", 2, "a tab; indent and separate with spaces"),
+        ("a: [1\nb: 2\n", 2, "not valid YAML: expected ',' or ']'"),
+        ("a: 'x\n", 1, "found unexpected end of stream"),
+        ("a: b: c\n", 1, "a second ':'"),
+        ("- 1\n- 2\n", 1, "expected a mapping ('key: value' lines), got a list"),
+        ("# only this\n\njust words\n", 3, "expected a mapping"),
+        ("a: 1\n---\nb: 2\n", 2, "expected one document"),
+        ("a: *nothing\n", 1, "undefined alias"),
+        ("a: &x [*x]\n", 1, "an alias (*) inside its own anchor (&)"),
+        ("a: 1\nb: !!python/object/apply:os.system ['true']\n", 2, "!!python/object/apply"),
+        ("a: !mine 3\n", 1, "the tag !mine is not supported"),
+        ("a: !!python/name:os.system x\n", 1, "is not supported"),
+        ("x: &x {a: 1}\nb:\n  <<: *x\n", 3, "merge keys (<<) are not supported"),
+        ("? [1, 2]\n: 3\n", 1, "expected text as a key"),
+        ("a: 1\nb: \x01\n", 2, "U+0001 is not allowed"),
+        (b"a: 1\nb: \xff\n", 2, "expected UTF-8 text, got byte 0xff"),
+        ("a: " + "9" * 5000 + "\n", 1, "expected a readable int"),
+        ("a: 1e999\n", 1, "expected a readable float, got '1e999'"),
+    ],
+)
+def test_names_file_line_and_what_is_wrong(
+    tmp_path: Path, text: str | bytes, line: int, message: str
+) -> None:
+    error = load(tmp_path, text)
+    assert error.line == line
+    assert error.file == str(tmp_path / "world.yaml")
+    assert message in str(error)
+    assert str(error).startswith(f"{tmp_path / 'world.yaml'}:{line}: ")
+
+
+@pytest.mark.parametrize("text", ["", "\n\n", "# nothing but words\n", "---\n", "null\n"])
+def test_empty_file(tmp_path: Path, text: str) -> None:
+    assert "the file is empty; expected a mapping" in str(load(tmp_path, text))
+
+
+def test_oversize_file(tmp_path: Path) -> None:
+    error = load(tmp_path, "a: " + "x" * 1_000_001)
+    assert "too large: at most 1000000 bytes" in str(error)
+
+
+def test_missing_file_names_the_nearest(tmp_path: Path) -> None:
+    (tmp_path / "office.yaml").write_text("a: 1")
+    with pytest.raises(ConfigError, match=r"offise.yaml: there is no such file; .*'office.yaml'"):
+        load_yaml(tmp_path / "offise.yaml")
+    with pytest.raises(ConfigError, match=r"there is no such file$"):
+        load_yaml(tmp_path / "nowhere" / "x.yaml")
+
+
+def test_a_folder_or_device_is_no_file(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="expected a file, got a folder"):
+        load_yaml(tmp_path)
+    with pytest.raises(ConfigError, match="expected a regular file"):
+        load_yaml("/dev/null")
+    with pytest.raises(ConfigError, match=r"cannot read|no such file"):
+        load_yaml("a\0b.yaml")
+
+
+def test_files_below_the_working_folder_are_shown_relative(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "maps").mkdir()
+    assert str(load(tmp_path, "a: 1\na: 2", "maps/m.yaml")).startswith("maps/m.yaml:2: a: ")
+
+
+def test_alias_bombs_are_refused_quickly() -> None:
+    rows = ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
+    rows += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]" for i in range(1, 12)]
+    with pytest.raises(ConfigError, match="too much content"):
+        parse_yaml("\n".join(rows))
+
+
+@pytest.mark.parametrize("text", ["[\n" * 5_000, "- " * 20_000, "{a: " * 20_000])
+def test_deep_nesting_is_refused(text: str) -> None:
+    with pytest.raises(ConfigError, match="nested too deeply"):
+        parse_yaml(text)
+
+
+def test_nesting_up_to_the_limit_is_read() -> None:
+    data = parse_yaml("[" * MAX_DEPTH + "]" * MAX_DEPTH).data
+    for _ in range(MAX_DEPTH - 1):
+        (data,) = data
+    assert data == []
+
+
+def test_an_alias_may_repeat_a_part() -> None:
+    document = parse_yaml("a: &x {b: 1}\nc: *x\n")
+    assert document.data == {"a": {"b": 1}, "c": {"b": 1}}
+    assert document.line_of(("c",)) == 2
+    assert document.line_of(("c", "b")) == 1  # where it is written
+
+
+def test_scalars_are_those_of_yaml_1_2() -> None:
+    text = "[yes, on, 017, 0o17, 0x1F, 1_000, 1e-3, .inf, -.inf, ~, true, 2024-01-01, '5', 12:30]"
+    inf = math.inf
+    want = ["yes", "on", 17, 15, 31, 1000, 1e-3, inf, -inf, None, True, "2024-01-01", "5", "12:30"]
+    assert parse_yaml(text).data == want
+
+
+def test_keys_are_text_as_written() -> None:
+    assert list(parse_yaml("{101: a, 0x1F: b, true: c, ~: d}").data) == ["101", "0x1F", "true", "~"]
+
+
+def test_a_byte_order_mark_is_no_matter(tmp_path: Path) -> None:
+    path = tmp_path / "a.yaml"
+    path.write_bytes("\ufeffa: ü\n".encode())
+    assert load_yaml(path).data == {"a": "ü"}
+
+
+def test_lines_of_keys_and_items() -> None:
+    document = parse_yaml(
+        "name: office\nrooms:\n- name: lobby\n  size: [3,\n    4]\n- {name: lab, size: [1, 2]}\n",
+        "office.yaml",
+    )
+    lines: dict[KeyPath, int] = {
+        (): 1,
+        ("rooms",): 2,
+        ("rooms", 0): 3,
+        ("rooms", 0, "size"): 4,
+        ("rooms", 0, "size", 1): 5,
+        ("rooms", 1): 6,
+        ("rooms", 1, "size", 0): 6,
+        ("rooms", 1, "colour"): 6,  # unknown: the nearest enclosing key
+        ("light", "sun"): 1,
+    }
+    assert {path: document.line_of(path) for path in lines} == lines
+
+
+def test_at_gives_the_part_or_none() -> None:
+    document = parse_yaml("a: [{b: 3}]")
+    assert document.at(("a", 0, "b")) == 3
+    assert document.at(("a", 1)) is None
+    assert document.at(("a", "b", "c")) is None
+
+
+def test_key_text() -> None:
+    assert key_text(("rooms", 3, "name")) == "rooms[3].name"
+    assert key_text((0, "a")) == "[0].a"
+
+
+plain = st.recursive(
+    st.none()
+    | st.booleans()
+    | st.integers(-(10**12), 10**12)
+    | st.floats(allow_nan=False)
+    | st.text(
+        st.characters(codec="utf-8", exclude_categories=["Cc", "Cs", "Cn", "Co", "Zl", "Zp"])
+    ),
+    lambda part: (
+        st.lists(part, max_size=4)
+        | st.dictionaries(st.text("abcdef", min_size=1), part, max_size=4)
+    ),
+    max_leaves=20,
+)
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(plain)
+def test_reads_what_the_library_writes(
+    tmp_path_factory: pytest.TempPathFactory, data: object
+) -> None:
+    path = tmp_path_factory.mktemp("plain") / "a.yaml"
+    with path.open("w", encoding="utf-8") as stream:
+        YAML(typ="safe", pure=True).dump({"data": data}, stream)
+    document = load_yaml(path)
+    assert document.data == {"data": data}
+    assert (document.line_of(("data",)) or 0) >= 1
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.text("ab:-[]{}#&*!|>'\"%@`,?\n \t0.<~\\\0é", max_size=25))
+@example("%YAML 9.9\n---\na: 1")
+@example("%TAG ! x\n---\na: !b")
+@example("a: !<x> 1")
+@example('a: "\\ud800"')
+@example('a: "\\UFFFFFFFF"')
+@example("a: !!int x")
+@example("a: !!float ''")
+@example("a: !!bool maybe")
+@example("a: !!int ''")
+@example("!!set {a, b}")
+def test_any_text_is_read_or_refused_with_our_error(text: str) -> None:
+    with contextlib.suppress(ConfigError):
+        parse_yaml(text, "a.yaml")

@@ -1,0 +1,185 @@
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from navfw.config import lookup
+from navfw.errors import ConfigError, UnknownNameError
+
+HOME = Path(lookup.__file__).parents[2]
+
+
+@pytest.fixture
+def shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A shipped folder of the test's own, and a working folder outside of any project."""
+    folder = tmp_path / "shipped"
+    for world, missions in {"office": ["to-lab", "patrol"], "empty": ["ahead"]}.items():
+        write(folder / "worlds" / world / "world.yaml")
+        for mission in missions:
+            write(folder / "worlds" / world / "missions" / f"{mission}.yaml")
+    write(folder / "worlds" / "suites" / "all.yaml")
+    write(folder / "maps" / "office.yaml")
+    (folder / "behaviors").mkdir()
+    work = tmp_path / "work"
+    work.mkdir()
+    monkeypatch.chdir(work)
+    monkeypatch.setattr(lookup, "shipped_folder", lambda: folder)
+    return folder
+
+
+@pytest.fixture
+def project(shipped: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A user's project around the working folder."""
+    folder = tmp_path / "project"
+    write(folder / "navfw.toml", "")
+    (folder / "deep" / "inside").mkdir(parents=True)
+    monkeypatch.chdir(folder / "deep" / "inside")
+    return folder
+
+
+def write(path: Path, text: str = "description: a thing\n") -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text)
+    return path
+
+
+def names(found: list[lookup.Found]) -> list[str]:
+    return [f"{item.name} ({item.source})" for item in found]
+
+
+def test_what_ships_is_found_by_name(shipped: Path) -> None:
+    assert names(lookup.list_worlds()) == ["empty (shipped)", "office (shipped)"]
+    assert names(lookup.list_missions("office")) == ["patrol (shipped)", "to-lab (shipped)"]
+    assert lookup.find("world", "office") == shipped / "worlds/office/world.yaml"
+    assert lookup.find("map", "office") == shipped / "maps/office.yaml"
+    assert lookup.find("mission", "office/to-lab") == lookup.find_mission("office", "to-lab")
+    assert lookup.behavior_folders() == [shipped / "behaviors"]
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "near"),
+    [
+        ("world", "ofice", "office"),
+        ("map", "offic", "office"),
+        ("stack", "defalt", "default"),
+        ("mission", "office/to-lap", "to-lab"),
+        ("mission", "offise/to-lab", "office"),
+        ("mission", "office-to-lab", "office/to-lab"),
+    ],
+)
+def test_unknown_names_get_the_nearest(
+    shipped: Path, kind: lookup.Kind, name: str, near: str
+) -> None:
+    with pytest.raises(UnknownNameError, match=f"did you mean '{near}'"):
+        lookup.find(kind, name)
+
+
+def test_names_are_no_way_out_of_the_folders(shipped: Path) -> None:
+    write(shipped / "secret.yaml")
+    for name in ("..", ".", "", "*", "suites"):
+        with pytest.raises(UnknownNameError):
+            lookup.find("world", name)
+    with pytest.raises(UnknownNameError):
+        lookup.find_mission("office", "..")
+
+
+def test_a_project_adds_and_goes_before_what_ships(shipped: Path, project: Path) -> None:
+    own = write(project / "worlds/office/world.yaml")
+    write(project / "worlds/barn/world.yaml")
+    write(project / "worlds/_draft/world.yaml")
+    write(project / "stacks/mine.yaml")
+    assert names(lookup.list_worlds()) == ["barn (project)", "empty (shipped)", "office (project)"]
+    assert lookup.find("world", "office") == own
+    assert "mine (project)" in names(lookup.list_stacks())
+    assert "default (shipped)" in names(lookup.list_stacks())
+
+
+def test_a_project_adds_missions_to_a_shipped_world(shipped: Path, project: Path) -> None:
+    mine = write(project / "worlds/office/missions/mine.yaml")
+    own = write(project / "worlds/office/missions/patrol.yaml")
+    expected = ["mine (project)", "patrol (project)", "to-lab (shipped)"]
+    assert names(lookup.list_missions("office")) == expected
+    assert lookup.find_mission("office", "mine") == mine
+    assert lookup.find_mission("office", "patrol") == own
+
+
+def test_behaviors_of_the_project_come_after_the_shipped_ones(shipped: Path, project: Path) -> None:
+    assert lookup.behavior_folders() == [shipped / "behaviors"]
+    (project / "behaviors").mkdir()
+    assert lookup.behavior_folders() == [shipped / "behaviors", project / "behaviors"]
+
+
+def test_the_checkout_is_not_its_own_second_project(
+    shipped: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write(shipped / "navfw.toml", "")
+    monkeypatch.chdir(shipped)
+    assert lookup.behavior_folders() == [shipped / "behaviors"]
+    assert names(lookup.list_worlds()) == ["empty (shipped)", "office (shipped)"]
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("[tool.navfw]\n", True),
+        ("[tool.navfw.runs]\nout = 'x'\n", True),
+        ("[tool.other]\n", False),
+        ("[project]\ndependencies = ['navfw']\n", False),
+        ("tool = 3\n# navfw\n", False),
+        ("not toml, navfw", False),
+    ],
+)
+def test_a_pyproject_table_marks_a_project(shipped: Path, text: str, expected: bool) -> None:
+    folder = Path.cwd()
+    write(folder / "pyproject.toml", text)
+    assert lookup.project_folder(folder) == (folder if expected else None)
+
+
+def test_a_broken_pyproject_that_means_us_is_an_error(shipped: Path) -> None:
+    write(Path("pyproject.toml"), "[tool.navfw]\nx = \n")
+    with pytest.raises(ConfigError, match=r"pyproject\.toml: not valid TOML: .*line 2"):
+        lookup.project_folder()
+
+
+def test_a_removed_working_folder_has_no_project(shipped: Path) -> None:
+    gone = Path.cwd() / "gone"
+    gone.mkdir()
+    os.chdir(gone)
+    gone.rmdir()
+    assert lookup.project_folder() is None
+
+
+def test_paths_are_taken_as_they_are(shipped: Path, tmp_path: Path) -> None:
+    file = write(tmp_path / "elsewhere/hall/world.yaml")
+    write(tmp_path / "elsewhere/hall/missions/cross.yaml")
+    assert lookup.find("world", str(file)) == file
+    assert lookup.find("world", file.parent) == file
+    assert names(lookup.list_missions(file)) == ["cross (project)"]
+    assert lookup.find_mission(file.parent, "cross") == file.parent / "missions/cross.yaml"
+    mission = write(tmp_path / "m.yaml")
+    assert lookup.find_mission("office", mission) == mission
+    assert lookup.find("map", "m.yaml", base=tmp_path) == mission
+
+
+def test_a_path_to_nothing_names_the_nearest_file(shipped: Path, tmp_path: Path) -> None:
+    write(tmp_path / "hall.yaml")
+    with pytest.raises(ConfigError, match=r"hal\.yaml: there is no such file; .*'hall\.yaml'"):
+        lookup.find("map", str(tmp_path / "hal.yaml"))
+    with pytest.raises(ConfigError, match="expected a file, got a folder"):
+        lookup.find("map", f"{tmp_path}/")
+    with pytest.raises(UnknownNameError, match="unknown world 'nowhere'"):
+        lookup.find_mission("nowhere", tmp_path / "hall.yaml")
+
+
+def test_the_real_shipped_folder_has_its_behaviors() -> None:
+    assert lookup.shipped_folder() == HOME
+    assert HOME / "behaviors" in lookup.behavior_folders()
+    assert "default" in [found.name for found in lookup.list_stacks()]
+
+
+def test_an_installed_package_ships_inside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "navfw" / "shipped").mkdir(parents=True)
+    monkeypatch.setattr(lookup.navfw, "__file__", str(tmp_path / "navfw" / "__init__.py"))
+    assert lookup.shipped_folder() == tmp_path / "navfw" / "shipped"
