@@ -22,6 +22,8 @@ __all__ = ["add_to"]
 LINE_PERIOD = 5.0
 """Seconds between progress lines where there is no terminal to keep one line alive."""
 
+LINE_WIDTH = 200
+
 
 def add_to(app: typer.Typer) -> None:
     """Add the command."""
@@ -108,10 +110,11 @@ def _print_result(summary: dict[str, Any]) -> None:
     )
     screen.print(f"{summary['reason']}{led}", markup=False)
     hits = summary["collisions"]
+    touches = f"{hits or 'no'} collision{'' if hits == 1 else 's'}"
     rows = {
         "path": f"{summary['path_length_m']:.2f} m, shortest {summary['shortest_path_m']:.2f} m"
         f" (SPL {summary['spl']:.2f})",
-        "clearance": f"{_clearance(summary['min_clearance_m'])}, {hits or 'no'} collision{'' if hits == 1 else 's'}",
+        "clearance": f"{_clearance(summary['min_clearance_m'])}, {touches}",
         "goal": f"{summary['distance_to_goal_m']:.2f} m away, own estimate off by"
         f" {summary['estimate_error_m']:.2f} m",
         "speed": f"{summary['real_time_factor']:.1f} x real time ({summary['wall_time_s']:.1f} s)",
@@ -167,7 +170,7 @@ class _ProgressLine:
         now = time.monotonic()
         if now >= self._next_line:
             self._next_line = now + LINE_PERIOD
-            typer.echo(_line(progress), err=True)
+            typer.echo(_line(progress)[:LINE_WIDTH], err=True)
 
 
 def _line(progress: Progress) -> str:

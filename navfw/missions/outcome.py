@@ -39,7 +39,7 @@ class Outcome(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """The outcome with its ``reason``, the behaviour that led, the control tick and time [s].
+    """The outcome with its ``reason``, the behaviour that led last, the control tick and time [s].
 
     ``trace`` is the Python traceback of a fault, for whoever has to mend it.
     """

@@ -61,7 +61,8 @@ def draw(result: MissionResult, path: Path) -> None:
     ]
     picture = Picture(
         title=title,
-        subtitle="  ·  ".join([verdict.reason, *numbers]),
+        reason=verdict.reason,
+        numbers="  ·  ".join(numbers),
         good=verdict.outcome.succeeded,
         outline=outline_of(session.plan),
         start=session.mission.start,

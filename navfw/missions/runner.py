@@ -24,6 +24,9 @@ PROGRESS_PERIOD = 0.1
 SETTLE_TIME = 2.0
 """How long [s] the robot may take to stand still once the stack says that it has finished."""
 
+EMERGENCY = "emergency"
+"""The behaviour whose lead counts as an emergency, as a braking command does."""
+
 _STILL = 0.02  # m/s and rad/s
 _MAX_FAULTS = 100
 
@@ -194,6 +197,7 @@ class _Loop:
         self.faults: dict[str, None] = {}
         self.path: tuple[Waypoint, ...] = ()
         self.leader = ""
+        self.last_leader = ""
         self.began = 0.0
         self.next_progress = 0.0
 
@@ -240,13 +244,14 @@ class _Loop:
         state = self.pilot.state
         command = state.command
         self.leader = "" if command is None else command.leader
+        self.last_leader = self.leader or self.last_leader
         self.recorder.add(
             time=reading.time,
             true=pose,
             estimate=self.task.start if state.belief is None else state.belief.pose,
             twist=twist,
             leader=self.leader,
-            emergency=command is not None and command.emergency,
+            emergency=command is not None and (command.emergency or self.leader == EMERGENCY),
         )
         if self.readings is not None:
             self.readings.add(reading, twist.v, twist.w)
@@ -310,7 +315,7 @@ class _Loop:
         return Verdict(
             outcome=outcome,
             reason=reason,
-            behavior=self.leader,
+            behavior=self.last_leader,
             tick=self.recorder.ticks,
             time=self.simulator.time,
             trace=trace,

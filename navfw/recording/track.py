@@ -43,7 +43,7 @@ class Track:
 
     ``true`` (n, 3) comes from the simulator and ``estimate`` (n, 3) from the stack's localiser.
     ``commands`` (n, 2) holds v [m/s] and w [rad/s]; ``leader`` (n,) indexes ``leaders``, the names
-    of the behaviours that led; ``emergency`` (n,) tells where one braked as hard as it could.
+    of the behaviours that led; ``emergency`` (n,) tells where the robot was getting out of danger.
     ``waypoints`` are those the planner gave, in order.
     """
 

@@ -15,6 +15,8 @@ from navfw.signals import Array, Pose
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.transforms import Bbox
 
 __all__ = ["Disc", "Outline", "Picture", "draw_trajectory"]
 
@@ -57,12 +59,14 @@ class Outline:
 class Picture:
     """What the picture of one run shows besides its track.
 
-    ``title`` and ``subtitle`` open it; ``good`` colours the title. ``places`` are those of the
-    topological map; ``zone`` [m] is the success zone's radius about each goal.
+    ``title``, ``reason`` and ``numbers`` open it, a line each; ``good`` colours the title.
+    ``places`` are those of the topological map; ``zone`` [m] is the radius of the success zone
+    about each goal.
     """
 
     title: str
-    subtitle: str
+    reason: str
+    numbers: str
     good: bool
     outline: Outline
     start: Pose
@@ -82,24 +86,38 @@ def draw_trajectory(path: Path, track: Track, picture: Picture) -> None:
     low, high = _bounds(track, picture)
     width, height = high - low
     scale = min(11.0 / width, 8.0 / height)
-    figure = Figure(figsize=(max(6.5, width * scale) + 0.6, max(3.0, height * scale) + 1.5))
+    inches = max(3.0, height * scale) + 1.8
+    figure = Figure(figsize=(max(8.5, width * scale) + 0.6, inches))
     FigureCanvasAgg(figure)
-    axes = figure.add_axes((0.05, 0.13, 0.92, 0.76))
+    axes = figure.add_axes((0.05, 0.95 / inches, 0.92, 1.0 - 1.8 / inches))
     _draw_world(axes, picture)
     _draw_paths(axes, track)
     _draw_marks(axes, track, picture)
     axes.set_xlim(low[0], high[0])
     axes.set_ylim(low[1], high[1])
     axes.set_aspect("equal")
+    _draw_names(axes, track, picture)
     axes.set_facecolor(_FLOOR)
     axes.tick_params(labelsize=8, colors="#666666", length=2)
     axes.set_xlabel("x [m]", fontsize=8, color="#666666", labelpad=1)
     axes.set_ylabel("y [m]", fontsize=8, color="#666666", labelpad=1)
     for spine in axes.spines.values():
         spine.set_visible(False)
+    _write_header(figure, picture, inches)
+    _write_legend(figure, axes)
+    figure.savefig(path, dpi=130, format="png", metadata={"Software": "navfw"})
+
+
+def _write_header(figure: Figure, picture: Picture, inches: float) -> None:
     color = _GOOD_OUTCOME if picture.good else _BAD_OUTCOME
-    figure.text(0.03, 0.955, picture.title, fontsize=13, weight="bold", color=color)
-    figure.text(0.03, 0.92, picture.subtitle, fontsize=9, color="#444444")
+    lines = ((picture.title, 13, color), (picture.reason, 9.5, "#222222"))
+    for number, (text, size, ink) in enumerate((*lines, (picture.numbers, 9, "#666666"))):
+        weight = "bold" if number == 0 else "normal"
+        y = 1.0 - (0.34 + 0.23 * number) / inches
+        figure.text(0.03, y, text, fontsize=size, color=ink, weight=weight)
+
+
+def _write_legend(figure: Figure, axes: Axes) -> None:
     handles, labels = axes.get_legend_handles_labels()
     figure.legend(
         handles,
@@ -110,7 +128,6 @@ def draw_trajectory(path: Path, track: Track, picture: Picture) -> None:
         fontsize=8,
         frameon=False,
     )
-    figure.savefig(path, dpi=130, format="png", metadata={"Software": "navfw"})
 
 
 def _bounds(track: Track, picture: Picture) -> tuple[Array, Array]:
@@ -128,7 +145,6 @@ def _bounds(track: Track, picture: Picture) -> tuple[Array, Array]:
 
 def _draw_world(axes: Axes, picture: Picture) -> None:
     from matplotlib.patches import Circle, Polygon
-    from matplotlib.patheffects import withStroke
 
     for polygon in picture.outline.furniture:
         axes.add_patch(Polygon(polygon, closed=True, fc=_FURNITURE, ec=_EDGE, lw=0.8, zorder=1))
@@ -137,11 +153,25 @@ def _draw_world(axes: Axes, picture: Picture) -> None:
         axes.add_patch(circle)
     for polygon in picture.outline.walls:
         axes.add_patch(Polygon(polygon, closed=True, fc=_WALL, ec=_WALL, lw=0.6, zorder=2))
-    for name, (x, y) in picture.places.items():
-        axes.plot(x, y, marker="o", ms=3.0, color=_PLACE, zorder=3)
-        axes.annotate(
+    for x, y in picture.places.values():
+        axes.plot(x, y, marker="o", ms=2.5, color=_PLACE, zorder=3)
+
+
+def _draw_names(axes: Axes, track: Track, picture: Picture) -> None:
+    """Names of places, those that matter to this run first, as long as they find room."""
+    from matplotlib.patheffects import withStroke
+
+    renderer = axes.figure.canvas.get_renderer()  # type: ignore[attr-defined]
+    passed = {waypoint.place for waypoint in track.waypoints}
+
+    def rank(name: str) -> tuple[bool, int]:
+        return picture.places[name] not in picture.goals and name not in passed, len(name)
+
+    taken: list[Bbox] = []
+    for name in sorted(picture.places, key=rank):
+        text = axes.annotate(
             name,
-            (x, y),
+            picture.places[name],
             xytext=(4, 4),
             textcoords="offset points",
             fontsize=7,
@@ -149,6 +179,11 @@ def _draw_world(axes: Axes, picture: Picture) -> None:
             path_effects=[withStroke(linewidth=2.0, foreground=_FLOOR)],
             zorder=7,
         )
+        box = text.get_window_extent(renderer)
+        if any(box.overlaps(other) for other in taken):
+            text.remove()
+        else:
+            taken.append(box)
 
 
 def _draw_paths(axes: Axes, track: Track) -> None:
