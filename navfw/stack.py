@@ -21,6 +21,7 @@ from navfw.kinds import (
     Perception,
     Planner,
 )
+from navfw.mofis.explanation import explain_command
 from navfw.mofis.mofis import Mofis
 from navfw.robot import RobotModel
 from navfw.signals import (
@@ -113,6 +114,22 @@ class Stack:
         """The resolved configuration as plain data."""
         return self.resolved.as_data()
 
+    def explain(self) -> dict[str, Any]:
+        """Why the last command was given: what OFFIS saw, what each behaviour said, which rules.
+
+        Plain data, made on request; empty before the first command.
+        """
+        state = self.state
+        if state.command is None or state.proposals is None:
+            return {}
+        explanation = explain_command(state.command, state.proposals, self.mofis.commands)
+        if state.percept is not None:
+            explanation["perception"] = {
+                "sentence": state.percept.sentence,
+                "inference": dict(state.percept.explanation),
+            }
+        return explanation
+
     def start(self, pose: Pose | None, goals: Sequence[Waypoint]) -> None:
         """Begin a mission at ``pose`` (map frame; None: unknown): visit ``goals`` in order."""
         self.odometer.reset()
@@ -165,10 +182,11 @@ class Stack:
             waypoint = self.planner.update(belief)
             path = tuple(self.planner.path)
         warming = self._began is None or reading.time - self._began < self.resolved.warmup
-        with _Timer(self.timings, "motion"):
-            command = self.mofis.decide(odometry, belief, percepts, waypoint)
-        context = self.mofis.context
-        idle = 0.0 if context is None else context.idle
+        command, idle = None, 0.0
+        if waypoint is not None and not warming:
+            with _Timer(self.timings, "motion"):
+                command = self.mofis.decide(odometry, belief, percepts, waypoint)
+            idle = 0.0 if self.mofis.context is None else self.mofis.context.idle
         stuck = None
         if idle > STUCK_AFTER and waypoint is not None:
             stuck = f"no progress toward {waypoint.place} for {idle:.0f} s"
@@ -181,7 +199,7 @@ class Stack:
             waypoint=waypoint,
             path=path,
             proposals=self.mofis.proposals,
-            command=None if warming or waypoint is None else command,
+            command=command,
             finished=waypoint is None,
             stuck=stuck,
             faults=tuple(f"{f.behavior}: {f.error}" for f in self.mofis.faults),

@@ -14,7 +14,7 @@ from navfw.config.overrides import Override, apply_overrides, parse_override
 from navfw.config.yamlfile import validate
 from navfw.egomotion.pairing import PairingParams
 from navfw.errors import ConfigError, UnknownNameError, did_you_mean
-from navfw.kinds import Params, Plugin
+from navfw.kinds import Plugin
 from navfw.mofis.mofis import MofisParams
 
 __all__ = ["Choice", "PluginSource", "StackConfig", "StackSpec", "load_stack"]
@@ -60,7 +60,7 @@ class Choice:
 
     name: str
     plugin: type[Plugin]
-    params: Params
+    params: Plugin.Params
 
     def as_data(self) -> dict[str, Any]:
         """Name and every parameter, as plain data."""

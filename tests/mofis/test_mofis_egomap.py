@@ -20,7 +20,7 @@ CAMERA_AHEAD = ROBOT.camera.mount_forward
 def see(
     bearing_px: float, depth: float, label: Label, row_px: float = 0.0, sigma: float = 0.02
 ) -> Percept:
-    """A percept of one cell: a thing of ``label`` at ``depth`` [m] in image column ``bearing_px``."""
+    """A percept of one cell: a thing of ``label`` at ``depth`` [m] in one image column."""
     camera = ROBOT.camera
     height = camera.mount_height - row_px / camera.focal * depth
     one = np.ones((1, 1))
