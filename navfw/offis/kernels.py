@@ -10,7 +10,14 @@ import numpy.typing as npt
 
 from navfw.signals import Array
 
-__all__ = ["SIGMA_LIMIT", "label_cells", "triangulate_cells"]
+__all__ = [
+    "SIGMA_LIMIT",
+    "fit_upright_plane",
+    "fit_upright_planes",
+    "label_cells",
+    "region_moments",
+    "triangulate_cells",
+]
 
 SIGMA_LIMIT = 20.0
 """Sigma [1/m] at which a cell says nothing at all: nothing is nearer than a few centimetres."""
@@ -119,3 +126,124 @@ def label_cells(
             ):
                 label[i] = _FLOOR
     return height, label
+
+
+@numba.njit(cache=True)
+def region_moments(
+    regions: npt.NDArray[np.int64],
+    values: Array,
+    weights: Array,
+    known: Array,
+    nearest_share: float,
+    nearest_least: float,
+) -> Array:
+    """Statistics (n_regions, 9) over rectangles of the grid; see ``pyramid.RegionStatistics``.
+
+    ``regions`` (n_regions, 4) are (row, end row, column, end column); ``values`` and ``weights``
+    (3, rows, cols) hold nearness, muU's and muV's quantity; ``known`` (rows, cols) is 1 or 0.
+    """
+    result = np.zeros((regions.shape[0], 9))
+    for r in range(regions.shape[0]):
+        row, end_row, col, end_col = regions[r]
+        cells = (end_row - row) * (end_col - col)
+        near = np.empty(cells)
+        share = np.empty(cells)
+        filled = 0
+        count = 0.0
+        for i in range(row, end_row):
+            for j in range(col, end_col):
+                count += known[i, j]
+                if weights[0, i, j] > 0.0:
+                    near[filled] = -values[0, i, j]
+                    share[filled] = weights[0, i, j]
+                    filled += 1
+        result[r, 0] = count / cells
+        result[r, 1] = filled / cells
+        for channel in range(3):
+            total, mean = 0.0, 0.0
+            for i in range(row, end_row):
+                for j in range(col, end_col):
+                    total += weights[channel, i, j]
+                    mean += weights[channel, i, j] * values[channel, i, j]
+            if total <= 0.0:
+                continue
+            mean /= total
+            variance = 0.0
+            for i in range(row, end_row):
+                for j in range(col, end_col):
+                    off = values[channel, i, j] - mean
+                    variance += weights[channel, i, j] * off * off
+            result[r, 2 + 2 * channel] = mean
+            result[r, 3 + 2 * channel] = variance / total
+        if filled > 0:
+            order = np.argsort(near[:filled])
+            wanted = max(nearest_share * share[:filled].sum(), nearest_least)
+            total, mean = 0.0, 0.0
+            for n in range(filled):
+                weight = min(share[order[n]], wanted - total)
+                total += weight
+                mean -= weight * near[order[n]]
+                if total >= wanted:
+                    break
+            # a few lone cells weigh less than a patch of them: the rest counts as empty space
+            result[r, 8] = mean / wanted
+    return result
+
+
+@numba.njit(cache=True)
+def fit_upright_plane(
+    across: Array,
+    ahead: Array,
+    nearness: Array,
+    weight: Array,
+    sigma: Array,
+    rounds: int,
+) -> tuple[float, float, float]:
+    """Robust fit of ``nearness = a * across + b * ahead``: (a, b, sum of the weights).
+
+    Iteratively reweighted least squares after Huber, with a generous threshold: it takes the edge
+    off gross outliers and still lets a door in a wall pull the plane (see ``slopes``).
+    """
+    n = nearness.shape[0]
+    a, b = 0.0, 0.0
+    total, mean = 0.0, 0.0
+    for i in range(n):
+        total += weight[i]
+        mean += weight[i] * nearness[i]
+    if total <= 0.0:
+        return 0.0, 0.0, 0.0
+    mean /= total
+    for step in range(rounds):
+        xx, xy, yy, xq, yq = 0.0, 0.0, 0.0, 0.0, 0.0
+        for i in range(n):
+            w = weight[i]
+            if w <= 0.0:
+                continue
+            if step > 0:
+                residual = abs(nearness[i] - a * across[i] - b * ahead[i])
+                threshold = 2.5 * sigma[i] + 0.5 * mean
+                if residual > threshold:
+                    w *= threshold / residual
+            xx += w * across[i] * across[i]
+            xy += w * across[i] * ahead[i]
+            yy += w * ahead[i] * ahead[i]
+            xq += w * across[i] * nearness[i]
+            yq += w * ahead[i] * nearness[i]
+        determinant = xx * yy - xy * xy
+        if determinant <= 1e-9 * xx * yy + 1e-12:
+            return 0.0, 0.0, 0.0
+        a = (xq * yy - yq * xy) / determinant
+        b = (yq * xx - xq * xy) / determinant
+    return a, b, total
+
+
+@numba.njit(cache=True)
+def fit_upright_planes(
+    masks: Array, across: Array, ahead: Array, nearness: Array, weight: Array, sigma: Array
+) -> Array:
+    """``fit_upright_plane`` for several (n_planes, n) masks: (n_planes, 3)."""
+    result = np.zeros((masks.shape[0], 3))
+    for p in range(masks.shape[0]):
+        a, b, total = fit_upright_plane(across, ahead, nearness, masks[p] * weight, sigma, 3)
+        result[p, 0], result[p, 1], result[p, 2] = a, b, total
+    return result

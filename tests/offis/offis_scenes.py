@@ -119,3 +119,29 @@ def wall_ahead(distance: float, angle: float = 0.0, half: float = 20.0) -> Wall:
     """A long wall across the x axis at ``distance``; its left is nearer when ``angle`` > 0."""
     dx, dy = -math.sin(angle) * half, math.cos(angle) * half
     return Wall((distance + dx, dy), (distance - dx, -dy))
+
+
+def corridor(half: float = 0.8, end: float = 6.0, shift: float = 0.0) -> tuple[Wall, ...]:
+    """A corridor along x with an end wall; ``shift`` [m] moves the robot to its left."""
+    left, right = half - shift, -half - shift
+    return (
+        Wall((-5.0, left), (end, left)),
+        Wall((-5.0, right), (end, right)),
+        Wall((end, left), (end, right)),
+    )
+
+
+def corner(distance: float, angle: float = math.pi / 4) -> tuple[Wall, ...]:
+    """Two walls meeting ``distance`` ahead; the left one is turned by 90 degrees - ``angle``."""
+    c, s = 20.0 * math.cos(angle), 20.0 * math.sin(angle)
+    return (Wall((distance, 0.0), (distance - c, s)), Wall((distance, 0.0), (distance - s, -c)))
+
+
+def door(distance: float, behind: float = 3.0, angle: float = 0.0) -> tuple[Wall, ...]:
+    """A wall with a door gap of 0.95 m straight ahead, and the next wall ``behind`` it."""
+
+    def at(along: float) -> tuple[float, float]:
+        return distance - math.sin(angle) * along, math.cos(angle) * along
+
+    gap = 0.475
+    return (Wall(at(20.0), at(gap)), Wall(at(-gap), at(-20.0)), wall_ahead(distance + behind))

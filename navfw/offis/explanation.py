@@ -1,0 +1,107 @@
+"""Why OFFIS said what it said: made only when someone asks (the robot runs without it)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields
+from typing import Any
+
+from navfw.offis.distances import Distances
+from navfw.offis.planes import Planes
+from navfw.offis.pyramid import Pyramid, RegionStatistics
+from navfw.offis.situations import Situations
+from navfw.offis.slopes import SIDES, PlaneFits, Slopes
+
+__all__ = ["Explanation"]
+
+
+@dataclass(frozen=True, slots=True)
+class _Findings:
+    """Everything that one frame went through."""
+
+    mode: str
+    pyramid: Pyramid
+    regions: RegionStatistics
+    planes: Planes
+    distances: Distances
+    fits: PlaneFits
+    slopes: Slopes
+    situations: Situations
+
+
+class Explanation(Mapping[str, Any]):
+    """A read-only mapping to plain data (dicts, lists, strings, floats), computed on access.
+
+    ``mode``; ``regions``: the numbers of every region (METHOD R6); ``plane``: per pair of
+    neighbouring regions, ``slope``: per side, ``distance``: per region, ``situation`` and
+    ``front``: the inputs and the fired rules, strongest first; ``fits``: the fitted planes.
+    ``dict(explanation)`` gives all of it.
+    """
+
+    _KEYS = ("mode", "regions", "plane", "distance", "fits", "slope", "situation", "front")
+
+    def __init__(self, *findings: Any) -> None:
+        self._findings = _Findings(*findings)
+
+    def __getitem__(self, key: str) -> Any:
+        if key not in self._KEYS:
+            raise KeyError(key)
+        return getattr(self, f"_{key}")()
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._KEYS)
+
+    def __len__(self) -> int:
+        return len(self._KEYS)
+
+    def __repr__(self) -> str:
+        return f"Explanation({', '.join(self._KEYS)})"
+
+    def _mode(self) -> str:
+        return self._findings.mode
+
+    def _regions(self) -> dict[str, dict[str, float]]:
+        regions = self._findings.regions
+        return {
+            name: {f.name: round(float(getattr(regions, f.name)[i]), 4) for f in fields(regions)}
+            for i, name in enumerate(self._findings.pyramid.names)
+        }
+
+    def _plane(self) -> dict[str, Any]:
+        planes, names = self._findings.planes, self._findings.pyramid.names
+        return {
+            f"{names[i]}-{names[j]}": planes.evaluation.explain(k)
+            for k, (i, j) in enumerate(planes.pairs)
+        }
+
+    def _distance(self) -> dict[str, Any]:
+        distances, names = self._findings.distances, self._findings.pyramid.names
+        return {
+            name: distances.evaluation.explain(i)
+            for i, name in enumerate(names[: distances.term.size])
+        }
+
+    def _fits(self) -> dict[str, dict[str, float]]:
+        fits = self._findings.fits
+        names = (*SIDES, *(f"{side} outer" for side in SIDES))
+        return {
+            name: {
+                "incline": round(float(fits.incline[i]), 4),
+                "centre": round(float(fits.centre[i]), 4),
+                "support": round(float(fits.support[i]), 4),
+            }
+            for i, name in enumerate(names)
+        }
+
+    def _slope(self) -> dict[str, Any]:
+        slopes = self._findings.slopes
+        return {
+            side: {"code": slopes.codes[i], **slopes.evaluation.explain(i)}
+            for i, side in enumerate(SIDES)
+        }
+
+    def _situation(self) -> dict[str, Any]:
+        return self._findings.situations.table_evaluation.explain(0)
+
+    def _front(self) -> dict[str, Any]:
+        return self._findings.situations.front_evaluation.explain(0)

@@ -1,0 +1,49 @@
+"""The fuzzy inference systems of OFFIS, loaded from ``navfw/offis/rules``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from navfw.fuzzy import CompiledFis, RuleBase
+from navfw.fuzzy import Inference as Result
+from navfw.signals import Array
+
+__all__ = ["RULES", "Evaluation", "infer", "load_system"]
+
+RULES = Path(__file__).parent / "rules"
+"""The folder of the rule bases, one YAML file per inference system."""
+
+
+@cache
+def load_system(name: str) -> CompiledFis:
+    """The compiled inference system ``rules/<name>.yaml``; raises RuleBaseError when malformed."""
+    return CompiledFis(RuleBase.load(RULES / f"{name}.yaml"))
+
+
+@dataclass(frozen=True, slots=True)
+class Evaluation:
+    """One evaluation of an inference system: what went in for which subjects, and what came out."""
+
+    system: CompiledFis
+    inputs: Mapping[str, Array]
+    result: Result
+
+    def degree(self, output: str, term: str) -> Array:
+        """(N,) how strongly the rules conclude ``output IS term``."""
+        return self.result.degrees[output][term]
+
+    def explain(self, index: int) -> dict[str, Any]:
+        """Inputs and fired rules, strongest first, of one sample: plain data."""
+        return {
+            "inputs": {name: round(float(x[index]), 4) for name, x in self.inputs.items()},
+            "rules": self.system.explain(self.result, index=index),
+        }
+
+
+def infer(system: CompiledFis, inputs: Mapping[str, Array]) -> Evaluation:
+    """Evaluate ``system`` on (N,) samples of every input."""
+    return Evaluation(system, inputs, system.evaluate(inputs))

@@ -1,0 +1,145 @@
+"""The pyramid of image regions and their statistics (paper sec 4.2, 4.3; METHOD R4-R6, R14, R15).
+
+Layer 1 splits the grid into the quadrants P1..P4, numbered as in mathematics: P1 upper right, P2
+upper left, P3 lower left, P4 lower right. Each deeper layer splits every region likewise: sP41 is
+the upper right part of P4, sP413 the lower left part of that. A side of odd length is split into
+two halves that share the middle row or column, as the paper's 10 x 15 -> 5 x 8 -> 3 x 4 does.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from navfw.offis.kernels import region_moments
+from navfw.signals import Array
+
+__all__ = ["NEIGHBOURS", "QUADRANTS", "Channels", "Pyramid", "RegionStatistics", "position"]
+
+QUADRANTS = ("P1", "P2", "P3", "P4")
+"""P1 upper right, P2 upper left, P3 lower left, P4 lower right (METHOD R4)."""
+
+NEIGHBOURS = ((0, 1), (1, 2), (2, 3), (3, 0))
+"""Which of four sibling regions share a side, by index."""
+
+NEAREST_SHARE = 0.125
+"""Share of a region's object cells that make up its nearest part."""
+
+NEAREST_LEAST = 2.5
+"""Least weight [confident cells] of that part; what is missing counts as empty space."""
+
+_POSITIONS = ("upper right", "upper left", "lower left", "lower right")
+
+
+def position(region: str) -> str:
+    """Where the quadrant of ``region`` (``P2`` or ``sP2...``) lies, in the paper's words."""
+    return _POSITIONS[int(region.removeprefix("s")[1]) - 1]
+
+
+@dataclass(frozen=True, slots=True)
+class Channels:
+    """The quantities that are averaged, with their weights.
+
+    ``values`` and ``weights`` (3, rows, cols): nearness [1/m], then what muU and muV are the means
+    of; a weight of 0 leaves a cell out. ``known`` (rows, cols) is 1 where the flow says anything.
+    """
+
+    values: Array
+    weights: Array
+    known: Array
+
+
+@dataclass(frozen=True, slots=True)
+class RegionStatistics:
+    """Statistics of all regions, arrays (n_regions,), in the order of ``Pyramid.names``.
+
+    ``known`` is the share of cells that say anything, ``objects`` the share of cells that show an
+    object. ``mean`` and ``variance`` are those of nearness; ``mu_u``, ``var_u``, ``mu_v`` and
+    ``var_v`` those of METHOD R6. ``nearest`` [1/m] is the mean nearness of the nearest eighth of
+    the object cells.
+    """
+
+    known: Array
+    objects: Array
+    mean: Array
+    variance: Array
+    mu_u: Array
+    var_u: Array
+    mu_v: Array
+    var_v: Array
+    nearest: Array
+
+
+class Pyramid:
+    """Regions of a (rows, cols) grid in ``layers`` layers, and the halves of the two planes.
+
+    ``names`` lists the regions layer by layer, siblings in order P1..P4; the last four are
+    ``left outer``, ``left inner``, ``right inner``, ``right outer``: the columns of the left plane
+    (P2 + P3) and of the right plane (P1 + P4) at the border and at the middle of the image.
+    """
+
+    def __init__(self, shape: tuple[int, int], layers: int) -> None:
+        rows, cols = shape
+        if min(rows, cols) < 2**layers:
+            raise ValueError(f"a {rows} x {cols} grid cannot be split into {layers} layers")
+        self.shape = shape
+        self.layers = layers
+        self.names: list[str] = []
+        rectangles: list[tuple[int, int, int, int]] = []
+        parents = [("", (0, rows, 0, cols))]
+        for layer in range(layers):
+            children = []
+            for parent, rectangle in parents:
+                prefix = "P" if layer == 0 else parent if layer > 1 else f"s{parent}"
+                for i, part in enumerate(_split(rectangle)):
+                    children.append((f"{prefix}{i + 1}", part))
+            self.names += [name for name, _ in children]
+            rectangles += [rectangle for _, rectangle in children]
+            parents = children
+        left, right = (0, rows, 0, (cols + 1) // 2), (0, rows, cols // 2, cols)
+        self.names += ["left outer", "left inner", "right inner", "right outer"]
+        rectangles += [*_columns(left), *_columns(right)]
+        self.rectangles: npt.NDArray[np.int64] = np.array(rectangles, dtype=np.int64)
+        self.families = self._families()
+
+    def _families(self) -> list[int]:
+        """Index of the first of every four siblings, layer by layer."""
+        return list(range(0, len(self.names) - 4, 4))
+
+    def first_child(self, region: int) -> int | None:
+        """Index of the first of the four parts of ``region``, or None in the deepest layer."""
+        first = 4 + 4 * region
+        return first if first < len(self.names) - 4 else None
+
+    def statistics(self, channels: Channels) -> RegionStatistics:
+        """Statistics of every region, METHOD R6."""
+        moments = region_moments(
+            self.rectangles,
+            channels.values,
+            channels.weights,
+            channels.known,
+            NEAREST_SHARE,
+            NEAREST_LEAST,
+        )
+        return RegionStatistics(*moments.T)
+
+
+Rectangle = tuple[int, int, int, int]
+
+
+def _split(rectangle: Rectangle) -> list[Rectangle]:
+    """The four parts (upper right, upper left, lower left, lower right), each of ceil-half size."""
+    row, end_row, col, end_col = rectangle
+    height, width = (end_row - row + 1) // 2, (end_col - col + 1) // 2
+    upper, lower = (row, row + height), (end_row - height, end_row)
+    left, right = (col, col + width), (end_col - width, end_col)
+    return [(*upper, *right), (*upper, *left), (*lower, *left), (*lower, *right)]
+
+
+def _columns(rectangle: Rectangle) -> list[Rectangle]:
+    """The left and the right half of a rectangle, sharing the middle column of an odd width."""
+    row, end_row, col, end_col = rectangle
+    width = (end_col - col + 1) // 2
+    return [(row, end_row, col, col + width), (row, end_row, end_col - width, end_col)]

@@ -1,0 +1,149 @@
+"""Elementary situations in front: Table 1 and what tells its alternatives apart.
+
+Paper sec 5.2 c; METHOD R10-R13. Table 1 gives degrees of alternatives such as "door or corridor"
+from the slopes of the two planes; the middle of the image then decides between door, corridor and
+corner where it can.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from navfw.offis.geometry import GridGeometry
+from navfw.offis.inference import Evaluation, infer, load_system
+from navfw.offis.slopes import PlaneFits, Slopes
+from navfw.signals import Array
+
+__all__ = ["ELEMENTARY", "TABLE", "Front", "Situations", "find_situations", "look_ahead"]
+
+TABLE = (
+    "door or corridor",
+    "door or corner",
+    "door or unknown",
+    "corner",
+    "left slope wall or unknown",
+    "wall",
+    "left wall or unknown",
+    "right slope wall or unknown",
+    "right wall or unknown",
+    "unknown",
+)
+"""The different entries of the paper's Table 1."""
+
+ELEMENTARY = (
+    "door",
+    "corridor",
+    "corner",
+    "wall",
+    "left wall",
+    "right wall",
+    "left slope wall",
+    "right slope wall",
+    "unknown",
+)
+"""The elementary situations themselves."""
+
+
+@dataclass(frozen=True, slots=True)
+class Front:
+    """What the middle of the image shows: arrays of one sample.
+
+    ``opening`` in [-1, 1]: how much farther the middle is than both outer planes predict, relative
+    to the nearness at the sides. ``passage``: nearness in the middle over that at the sides.
+    ``floor``: share of the cells ahead that show floor. ``support`` in [0, 1].
+    """
+
+    opening: Array
+    passage: Array
+    floor: Array
+    support: float
+
+
+@dataclass(frozen=True, slots=True)
+class Situations:
+    """Degrees in [0, 1] of all situations.
+
+    ``table`` holds those of Table 1's entries, ``degrees`` these and all elementary situations;
+    ``front`` is the entry that the report names.
+    """
+
+    table: dict[str, float]
+    degrees: dict[str, float]
+    floor_in_front: float
+    front: str
+    table_evaluation: Evaluation
+    front_evaluation: Evaluation
+
+
+def look_ahead(
+    geometry: GridGeometry,
+    fits: PlaneFits,
+    nearness: Array,
+    weight: Array,
+    sigma: Array,
+    floor: Array,
+) -> Front:
+    """Measure the middle of the image; all arrays are flat (n,), ``floor`` is 1 for floor cells."""
+    precise = geometry.middle * weight / (sigma * sigma + 0.05)
+    middle_weight = float(precise.sum())
+    sides = weight * (geometry.planes[2] + geometry.planes[3])
+    sides_weight = float(sides.sum())
+    path = float(geometry.path.sum())
+    floor_share = float(geometry.path @ floor) / path if path > 0.0 else 0.0
+    if middle_weight <= 0.0 or sides_weight <= 0.0:
+        return Front(np.zeros(1), np.ones(1), np.array([floor_share]), 0.0)
+    middle = float(precise @ nearness) / middle_weight
+    beside = max(float(sides @ nearness) / sides_weight, 1e-6)
+    predicted = max(float(fits.centre[2:].min()), 0.0)
+    support = min(float((geometry.middle * weight).sum()) / 2.0, 1.0)
+    return Front(
+        np.array([(predicted - middle) / beside]),
+        np.array([middle / beside]),
+        np.array([floor_share]),
+        support,
+    )
+
+
+def find_situations(slopes: Slopes, ahead: Front) -> Situations:
+    """Degrees of all situations from the slopes and the look ahead."""
+    support = float(slopes.support.min())
+    in_table = infer(
+        load_system("situation"), {"left": slopes.value[:1], "right": slopes.value[1:]}
+    )
+    found = in_table.result.degrees["situation"]
+    table = {name: support * float(found[name.replace(" ", "_")][0]) for name in TABLE}
+    table["unknown"] = max(table["unknown"], 1.0 - support)
+
+    in_front = infer(
+        load_system("front"),
+        {
+            "corridor_like": np.array([max(table["door or corridor"], table["door or unknown"])]),
+            "corner_like": np.array([max(table["door or corner"], table["corner"])]),
+            "opening": ahead.opening,
+            "passage": ahead.passage,
+            "floor": ahead.floor,
+        },
+    )
+    front = in_front.result.degrees["front"]
+    sure = min(support, ahead.support)
+    degrees = dict(table)
+    degrees["door"] = sure * float(front["door"][0])
+    degrees["corridor"] = min(sure * float(front["corridor"][0]), table["door or corridor"])
+    degrees["corner"] = max(
+        min(sure * float(front["corner"][0]), table["door or corner"]),
+        table["corner"] * (1.0 - degrees["door"]),
+    )
+    for name in ("left wall", "right wall", "left slope wall", "right slope wall"):
+        degrees[name] = table[f"{name} or unknown"]
+    floor_in_front = float(in_front.degree("floor_in_front", "present")[0])
+    return Situations(table, degrees, floor_in_front, _entry(table, degrees), in_table, in_front)
+
+
+def _entry(table: dict[str, float], degrees: dict[str, float]) -> str:
+    """What "Front is a ..." says: Table 1's strongest entry, or plain "door" when that is clear."""
+    entry = max(table, key=table.__getitem__)
+    if ("door" in entry or entry == "corner") and degrees["door"] >= 0.5:
+        return "door"
+    return entry
