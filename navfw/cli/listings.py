@@ -89,8 +89,10 @@ def plugins(
 ) -> None:
     """List the plugins of all kinds with their parameters; broken ones with what is wrong."""
     with quiet_stdout():
-        from navfw.plugins import default_registry
+        from navfw.plugins.registry import check_kind, default_registry
 
+        if kind is not None:
+            check_kind(kind)  # before any plugin is imported
         rows = default_registry().listing(kind)
     if json:
         print_json(rows)
@@ -136,12 +138,21 @@ def _show(rows: list[Row], columns: list[str], nothing: str, *, as_json: bool) -
         return
     from rich.text import Text
 
-    def cells(row: Row) -> list[object]:
-        about = row["description"] if row["error"] is None else f"broken: {row['error']}"
-        text = Text(about, style="" if row["error"] is None else "red")
-        return [Text(row["name"], style="bold"), text, *(_cell(row.get(c)) for c in columns)]
+    def about(row: Row) -> Text:
+        if row["error"] is None:
+            return Text(row["description"])
+        return Text(f"broken: {row['error']}", style="red")
 
-    print_table(["name", "description", *columns], [cells(row) for row in rows], nothing)
+    described = any(about(row) for row in rows)
+    cells = [
+        [
+            Text(row["name"], style="bold"),
+            *([about(row)] if described else []),
+            *(_cell(row.get(column)) for column in columns),
+        ]
+        for row in rows
+    ]
+    print_table(["name", *(["description"] if described else []), *columns], cells, nothing)
 
 
 def _cell(value: object) -> str:

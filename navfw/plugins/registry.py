@@ -18,7 +18,7 @@ from navfw.kinds import KINDS, Plugin
 from navfw.plugins import importing
 from navfw.plugins.verification import kind_of, source_file, verify
 
-__all__ = ["BUILT_IN", "GROUPS", "Registry", "default_registry"]
+__all__ = ["BUILT_IN", "GROUPS", "Registry", "check_kind", "default_registry"]
 
 BUILT_IN: dict[str, dict[str, str]] = {
     "flow": {
@@ -85,7 +85,7 @@ class Registry:
             PluginError: the name is taken.
 
         """
-        _check_kind(kind)
+        check_kind(kind)
         if isinstance(load, str):
             load = partial(importing.import_object, load)
         self._add(_Entry(kind, name, source, load=load))
@@ -134,7 +134,7 @@ class Registry:
             PluginError: the plugin is broken; the message says how.
 
         """
-        _check_kind(kind)
+        check_kind(kind)
         entry = self._entries.get((kind, name))
         if entry is None:
             raise UnknownNameError(f"{kind} plugin", name, self.names(kind))
@@ -145,7 +145,7 @@ class Registry:
 
     def names(self, kind: str) -> list[str]:
         """The names of all plugins of a kind, broken ones too."""
-        _check_kind(kind)
+        check_kind(kind)
         return sorted(name for of, name in self._entries if of == kind)
 
     def listing(self, kind: str | None = None) -> list[dict[str, Any]]:
@@ -155,7 +155,7 @@ class Registry:
         name, type, default, required, bounds, description), error (None when ok). Loads them all.
         """
         if kind is not None:
-            _check_kind(kind)
+            check_kind(kind)
         entries = [
             e for e in (*self._entries.values(), *self._duplicates) if kind in {None, e.kind}
         ]
@@ -267,7 +267,8 @@ def default_registry(folders: Iterable[str | Path] = ()) -> Registry:
     return registry
 
 
-def _check_kind(kind: str) -> None:
+def check_kind(kind: str) -> None:
+    """Raise UnknownNameError, with the nearest kind, if there is no such kind of plugin."""
     if kind not in KINDS:
         raise UnknownNameError("kind of plugin", kind, KINDS)
 

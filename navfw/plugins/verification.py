@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import inspect
 import keyword
 from collections.abc import Callable, Iterator
@@ -13,7 +14,7 @@ from pydantic import BaseModel, ValidationError
 from navfw import kinds
 from navfw.config.document import shown_path
 from navfw.config.problems import shown
-from navfw.errors import PluginError, did_you_mean
+from navfw.errors import PluginError
 
 __all__ = ["find_problems", "kind_of", "source_file", "verify"]
 
@@ -43,7 +44,8 @@ def find_problems(cls: object) -> list[str]:
     try:
         return list(_problems(cls))
     except Exception as error:  # a metaclass or descriptor of the plugin's own may do anything
-        return [f"looking at the class raised {type(error).__name__}: {error}"]
+        first = (str(error).splitlines() or [""])[0]
+        return [f"looking at the class raised {type(error).__name__}: {first}"]
 
 
 def kind_of(cls: object) -> str | None:
@@ -112,8 +114,9 @@ def _method_problems(cls: type[Any], base: type[Any]) -> Iterator[str]:
         given = inspect.getattr_static(cls, name)
         if given is wanted:
             if name in cls.__abstractmethods__:
-                near = did_you_mean(name, [n for n in own if not hasattr(base, n)])
-                hint = f" instead of {near.split(chr(39))[1]}" if near.startswith("did") else ""
+                strangers = [n for n in own if not hasattr(base, n)]
+                near = difflib.get_close_matches(name, strangers, n=1, cutoff=0.5)
+                hint = f" instead of {near[0]!r}" if near else ""
                 yield f"missing {_headline(name, wanted)}; define it{hint}"
         elif isinstance(wanted, property):
             if callable(given):

@@ -1,0 +1,262 @@
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from navfw.cli import COMMANDS, app
+from navfw.kinds import KINDS
+
+BEHAVIOR = '''
+print("hello from a plugin")
+import os
+os.write(1, b"hello from below\\n")
+from navfw.kinds import Behavior
+from typing import Annotated
+from pydantic import Field
+
+class Hover(Behavior):
+    """Stays where it is."""
+    name = "hover"
+
+    class Params(Behavior.Params):
+        height: Annotated[float, Field(gt=0, description="above the floor [m]")] = 0.5
+
+    def propose(self, context): pass
+'''
+
+
+@pytest.fixture
+def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A user's project with good and broken things of every sort."""
+    files = {
+        "navfw.toml": "",
+        "behaviors/hover.py": BEHAVIOR,
+        "behaviors/bad.py": "def f(:\n",
+        "worlds/barn/world.yaml": "description: A barn [with hay].\nname: barn\n",
+        "worlds/barn/missions/cross.yaml": (
+            "description: Across.\nmap: barn\nstart: [1, 2.5, 0]\ngoals: [gate, {x: 3, y: 4}]\n"
+            "timeout: 60\n"
+        ),
+        "worlds/barn/missions/bad.yaml": "goals: []\n",
+        "worlds/ruin/world.yaml": "a: 1\na: 2\n",
+        "maps/barn.yaml": "places: {gate: {x: 1, y: 2}, door: {x: 2, y: 2}}\nedges: [{}]\n",
+        "maps/torn.yaml": "- 1\n",
+        "stacks/torn.yaml": "description: [x]\n",
+    }
+    for name, text in files.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def listed(*arguments: str) -> dict[str, dict[str, Any]]:
+    """The listing that the command gives with --json, by name."""
+    done = CliRunner().invoke(app, [*arguments, "--json"])
+    assert done.exit_code == 0, done.output
+    rows = json.loads(done.stdout)
+    assert isinstance(rows, list)
+    assert all(next(iter(row)) == "name" for row in rows)
+    return {row["name"]: row for row in rows}
+
+
+def navfw(*arguments: str) -> subprocess.CompletedProcess[str]:
+    """The command in a process of its own."""
+    return subprocess.run(  # noqa: S603 - our own interpreter
+        [sys.executable, "-c", "from navfw.cli import main; main()", *arguments],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+    )
+
+
+def test_worlds(project: Path) -> None:
+    rows = listed("worlds")
+    assert rows["barn"] == {
+        "name": "barn",
+        "description": "A barn [with hay].",
+        "missions": ["bad", "cross"],
+        "status": "ok",
+        "source": "project",
+        "path": "worlds/barn/world.yaml",
+        "error": None,
+    }
+    assert rows["ruin"]["status"] == "broken"
+    assert (
+        rows["ruin"]["error"] == "worlds/ruin/world.yaml:2: a: duplicate key; first given in line 1"
+    )
+    assert rows["office"]["source"] == "shipped"
+    assert rows["office"]["status"] == "ok"
+
+
+def test_missions(project: Path) -> None:
+    rows = listed("missions", "barn")
+    assert rows["cross"] == {
+        "name": "cross",
+        "description": "Across.",
+        "map": "barn",
+        "start": [1.0, 2.5, 0.0],
+        "goals": ["gate", {"x": 3, "y": 4}],
+        "timeout": 60.0,
+        "status": "ok",
+        "source": "project",
+        "path": "worlds/barn/missions/cross.yaml",
+        "error": None,
+    }
+    assert "bad.yaml:1: start: missing" in rows["bad"]["error"]
+
+
+def test_maps(project: Path) -> None:
+    rows = listed("maps")
+    assert (rows["barn"]["places"], rows["barn"]["edges"]) == (2, 1)
+    assert "maps/torn.yaml:1: expected a mapping" in rows["torn"]["error"]
+
+
+def test_stacks(project: Path) -> None:
+    rows = listed("stacks")
+    assert rows["default"]["plugins"]["flow"] == ["block_matching"]
+    assert "stacks/torn.yaml:1: description: expected text" in rows["torn"]["error"]
+
+
+def test_plugins(project: Path) -> None:
+    rows = listed("plugins", "--kind", "behavior")
+    assert rows["hover"]["status"] == "ok"
+    assert rows["hover"]["summary"] == "Stays where it is."
+    assert rows["hover"]["parameters"] == [
+        {
+            "name": "height",
+            "type": "float",
+            "default": 0.5,
+            "required": False,
+            "bounds": "> 0",
+            "description": "above the floor [m]",
+        }
+    ]
+    assert rows["bad"]["status"] == "broken"
+    assert rows["bad"]["error"].startswith("behaviors/bad.py:1: cannot be imported: SyntaxError")
+    assert {"avoid", "go_to_xy"} <= set(rows)
+    assert {row["kind"] for row in rows.values()} == {"behavior"}
+
+
+def test_plugins_of_all_kinds_are_listed_in_the_order_of_the_kinds() -> None:
+    kinds = [row["kind"] for row in listed("plugins").values()]
+    assert list(dict.fromkeys(kinds)) == list(KINDS)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["worlds"], ["barn", "A barn [with hay].", "broken: worlds/ruin/world.yaml:2", "office"]),
+        (["missions", "barn"], ["cross", "1, 2.5, 0", "gate, x 3, y 4", "60", "start: missing"]),
+        (["maps"], ["barn", "broken: maps/torn.yaml:1"]),
+        (["stacks"], ["default", "flow block_matching", "broken: stacks/torn.yaml:1"]),
+        (
+            ["plugins"],
+            ["hover", "> 0", "above the floor [m]", "= 0.5", "broken: behaviors/bad.py:1", "flow"],
+        ),
+    ],
+)
+def test_tables_for_people(project: Path, arguments: list[str], words: list[str]) -> None:
+    done = CliRunner().invoke(app, arguments)
+    assert done.exit_code == 0
+    flat = " ".join(done.stdout.split())
+    assert [word for word in words if word not in flat] == []
+
+
+def test_nothing_to_list(project: Path) -> None:
+    (project / "worlds/empty-handed").mkdir()
+    (project / "worlds/empty-handed/world.yaml").write_text("description: x")
+    done = CliRunner().invoke(app, ["missions", "empty-handed"])
+    assert (done.exit_code, done.stdout) == (0, "The world empty-handed has no missions.\n")
+    assert listed("missions", "empty-handed") == {}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["missions", "bran"], "navfw: unknown world 'bran': did you mean 'barn'?\n"),
+        (["missions", "./nowhere.yaml"], "navfw: nowhere.yaml: there is no such file\n"),
+        (
+            ["plugins", "--kind", "flw"],
+            "navfw: unknown kind of plugin 'flw': did you mean 'flow'?\n",
+        ),
+    ],
+)
+def test_bad_input_is_one_message_and_code_2(
+    project: Path, arguments: list[str], message: str
+) -> None:
+    for extra in ([], ["--json"]):
+        done = CliRunner().invoke(app, [*arguments, *extra])
+        assert (done.exit_code, done.stdout, done.stderr) == (2, "", message)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["wrlds"], "Did you mean 'worlds'?"),
+        (["worlds", "--jsn"], "--json"),
+        (["missions"], "Missing argument"),
+        (["worlds", "extra"], "unexpected extra argument"),
+    ],
+)
+def test_wrong_usage_is_code_2(arguments: list[str], message: str) -> None:
+    done = CliRunner().invoke(app, arguments)
+    assert (done.exit_code, done.stdout) == (2, "")
+    assert message in done.stderr
+
+
+def test_stdout_is_json_alone_in_a_real_process(project: Path) -> None:
+    done = navfw("plugins", "--json")
+    assert done.returncode == 0, done.stderr
+    names = [row["name"] for row in json.loads(done.stdout)]
+    assert {"hover", "bad", "avoid"} <= set(names)
+    assert "hello from a plugin" in done.stderr
+    assert "hello from below" in done.stderr
+
+
+def test_no_traceback_in_a_real_process(project: Path) -> None:
+    done = navfw("missions", "bran", "--json")
+    expected = (2, "", "navfw: unknown world 'bran': did you mean 'barn'?\n")
+    assert (done.returncode, done.stdout, done.stderr) == expected
+
+
+def test_a_terminal_without_umlauts_is_no_error(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (project / "worlds/barn/world.yaml").write_text("description: Müller's — barn ☃\n", "utf-8")
+    monkeypatch.setenv("PYTHONIOENCODING", "ascii")
+    for arguments in (["worlds"], ["worlds", "--json"]):
+        done = navfw(*arguments)
+        assert (done.returncode, done.stderr) == (0, "")
+    assert json.loads(done.stdout)[0]["description"] == "Müller's — barn ☃"
+
+
+def test_version() -> None:
+    done = CliRunner().invoke(app, ["--version"])
+    assert done.exit_code == 0
+    name, number = done.stdout.split()
+    assert name == "navfw"
+    assert number.count(".") == 2
+
+
+def test_help_names_every_command_and_imports_nothing_heavy() -> None:
+    code = (
+        "import sys\nfrom navfw.cli import app\nfrom typer.testing import CliRunner\n"
+        "done = CliRunner().invoke(app, ['--help'])\nprint(done.stdout)\n"
+        "heavy = {'numpy', 'pydantic', 'ruamel', 'pybullet', 'cv2', 'numba', 'matplotlib'}\n"
+        "print('HEAVY', sorted(heavy & set(sys.modules)))"
+    )
+    done = subprocess.run(  # noqa: S603 - our own interpreter
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert "HEAVY []" in done.stdout
+    for command in ("worlds", "missions", "maps", "stacks", "plugins"):
+        assert f" {command} " in done.stdout
+    assert "navfw.cli.listings" in COMMANDS

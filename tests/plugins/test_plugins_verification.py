@@ -1,0 +1,262 @@
+"""Every way in which a class can fail to be a plugin, and the message that says so."""
+
+from __future__ import annotations
+
+import re
+import textwrap
+from pathlib import Path
+from typing import Annotated, Any, ClassVar
+
+import pytest
+from pydantic import Field
+
+from navfw.errors import PluginError
+from navfw.kinds import KINDS, Behavior, FeatureRecognizer, Params
+from navfw.plugins import find_problems, kind_of, verify
+
+PRELUDE = """
+from typing import Annotated, Any, ClassVar
+from pydantic import BaseModel, ConfigDict, Field
+from navfw.kinds import Behavior, FeatureRecognizer, Planner
+"""
+
+
+def build(text: str, name: str = "Thing") -> Any:
+    """The class ``name`` that this code defines."""
+    space: dict[str, Any] = {"__name__": "built"}
+    # dont_inherit: else the class would have this file's postponed annotations
+    code = compile(PRELUDE + textwrap.dedent(text), "built", "exec", dont_inherit=True)
+    exec(code, space)  # noqa: S102 - the tests' own text
+    return space[name]
+
+
+class Good(Behavior):
+    """Proposes nothing."""
+
+    name: ClassVar[str] = "good"
+
+    class Params(Behavior.Params):
+        gain: Annotated[float, Field(gt=0, description="[1/s]")] = 1.0
+
+    params: Params
+
+    def propose(self, context: Any) -> Any:
+        del context
+
+
+def test_a_good_plugin_has_no_problems() -> None:
+    verify(Good)
+    assert find_problems(Good) == []
+    assert kind_of(Good) == "behavior"
+
+
+def test_more_parameters_are_fine_when_they_have_defaults() -> None:
+    thing = build(
+        """
+        class Thing(Behavior):
+            "Text."
+            name = "thing"
+            def __init__(self, robot, params=None, extra=3, *, more=4): pass
+            def propose(self, context, fast=False, *rest, deep=True, **others): pass
+            def reset(self, *args, **kwargs): pass
+        """
+    )
+    assert find_problems(thing) == []
+
+
+def test_a_property_may_be_set_as_an_attribute() -> None:
+    thing = build(
+        """
+        class Thing(Planner):
+            "Text."
+            name = "thing"
+            path = ()
+            def start(self, topo_map, goals): pass
+            def update(self, belief): pass
+        """
+    )
+    assert find_problems(thing) == []
+
+
+def body(*lines: str, name: str = 'name = "thing"', base: str = "Behavior") -> Any:
+    """A class with a docstring and these lines in it."""
+    text = [f"class Thing({base}):", '    "Text."', f"    {name}"]
+    return build("\n".join([*text, *(f"    {line}" for line in lines)]))
+
+
+OK = "def propose(self, context): pass"
+
+
+@pytest.mark.parametrize(
+    ("cls", "message"),
+    [
+        (3, "expected a class, got 3"),
+        (build("class Thing: pass"), "not derived from a kind of plugin; derive it from one of"),
+        (
+            build("class Thing(Behavior, Planner): pass"),
+            "derived from Behavior and Planner at once",
+        ),
+        (Behavior, "this is the base class itself"),
+        (body(OK, name="pass"), 'no name; write: name: ClassVar[str] = "thing"'),
+        (body(OK, name="name = 3"), "name must be text, got int"),
+        (body(OK, name='name = "my thing"'), "name 'my thing' must be an identifier"),
+        (body(OK, name='name = "a.b"'), "name 'a.b' must be an identifier"),
+        (body(OK, name='name = "class"'), "name 'class' must be an identifier"),
+        (body(OK, name='name = ""'), "name '' must be an identifier"),
+        (body(OK, "kind = 'flow'"), "kind is set to 'flow'; leave it to the base class"),
+        (
+            build(
+                "class Thing(Behavior):\n    name = 'thing'\n    def propose(self, context): pass"
+            ),
+            "no docstring; say in a sentence what it does",
+        ),
+        (body(), "missing propose(self, context); define it"),
+        (
+            body("def proposal(self, context): pass"),
+            "missing propose(self, context); define it instead of 'proposal'",
+        ),
+        (
+            body("def propose(self, ctx): pass"),
+            "propose(self, ctx) has the wrong parameters: expected 'context', got 'ctx'; "
+            "define propose(self, context)",
+        ),
+        (body("def propose(self): pass"), "propose(self) has the wrong parameters: no 'context'"),
+        (body("def propose(context): pass"), "has the wrong parameters: no 'context'"),
+        (body("def propose(self, *args): pass"), "no 'context'"),
+        (body("def propose(self, context, /): pass"), "must also be accepted by name"),
+        (body("def propose(self, context, speed): pass"), "nothing is passed for 'speed'"),
+        (body("def propose(self, context, *, speed): pass"), "nothing is passed for 'speed'"),
+        (body("async def propose(self, context): pass"), "propose must not be async"),
+        (body("def propose(self, context): yield 1"), "propose must return its result"),
+        (body("propose = 3"), "propose must be a method, got int; define propose(self, context)"),
+        (body("@staticmethod", "def propose(context): pass"), "plain method; remove @staticmethod"),
+        (body("@classmethod", OK.replace("self", "cls")), "plain method; remove @classmethod"),
+        (body(OK, "def reset(self, hard): pass"), "reset(self, hard) has the wrong parameters"),
+        (
+            body(OK, "def __init__(self, robot): pass"),
+            "__init__(self, robot) has the wrong parameters: no 'params'; "
+            "define __init__(self, robot, params=None)",
+        ),
+        (body(OK, "def __init__(self, robot, params): pass"), "'params' needs a default"),
+        (
+            body(
+                "def start(self, topo_map, goals): 0", "def update(self, belief): 0", base="Planner"
+            ),
+            "missing property path; define it",
+        ),
+        (
+            body(
+                "def start(self, topo_map, goals): 0",
+                "def update(self, belief): 0",
+                "def path(self): 0",
+                base="Planner",
+            ),
+            "path must be a property; put @property above it",
+        ),
+        (
+            body(OK, "class Params(BaseModel): pass"),
+            "Params is not derived from the base's; write: class Params(Behavior.Params)",
+        ),
+        (body(OK, "Params = 3"), "Params is not derived from the base's"),
+        (
+            body(OK, "class Parameters(BaseModel): pass"),
+            "the nested model 'Parameters' is not used; call it Params",
+        ),
+        (
+            body(
+                OK,
+                "class Params(Behavior.Params):",
+                "    model_config = ConfigDict(extra='ignore')",
+            ),
+            "Params lets unknown keys pass",
+        ),
+        (
+            body(
+                OK,
+                "class Params(Behavior.Params):",
+                "    gain: Annotated[float, Field(gt=0)] = -1.0",
+            ),
+            "the default of Params.gain is invalid: input should be greater than 0, got -1.0; mend",
+        ),
+        (
+            body(OK, "class Params(Behavior.Params):", "    a: int", "    gain: int = 'x'"),
+            "the default of Params.gain is invalid",
+        ),
+    ],
+)
+def test_what_is_wrong_is_said_with_its_remedy(cls: object, message: str) -> None:
+    with pytest.raises(PluginError, match=re.escape(message)):
+        verify(cls)
+
+
+def test_an_inherited_name_is_not_enough() -> None:
+    class Child(Good):
+        """Text."""
+
+    assert find_problems(Child) == [
+        "no name of its own (it inherits 'good'); write: name: ClassVar[str] = \"child\""
+    ]
+
+
+def test_all_problems_are_told_at_once_with_file_line_and_class() -> None:
+    class Bad(FeatureRecognizer):
+        name = "bad one"
+
+    with pytest.raises(PluginError) as caught:
+        verify(Bad)
+    error = caught.value
+    assert Path(str(error.file)).name == Path(__file__).name
+    text = Path(__file__).read_text().splitlines()
+    assert error.line is not None
+    assert text[error.line - 1].strip() == "class Bad(FeatureRecognizer):"
+    for part in ("class ", "Bad: ", "identifier", "no docstring", "missing recognize(self, frame)"):
+        assert part in str(error)
+
+
+def test_a_class_that_cannot_even_be_looked_at() -> None:
+    class Meta(type(Behavior)):  # type: ignore[misc]
+        def __getattribute__(cls, name: str) -> Any:
+            if name == "Params":
+                raise RuntimeError("boo")
+            return super().__getattribute__(name)
+
+    class Odd(Behavior, metaclass=Meta):
+        """Text."""
+
+        name = "odd"
+
+        def propose(self, context: Any) -> Any:
+            del context
+
+    assert "looking at the class raised RuntimeError: boo" in find_problems(Odd)
+
+
+@pytest.mark.parametrize("base", KINDS.values(), ids=str)
+def test_the_base_of_every_kind_can_be_fulfilled_as_its_signatures_say(base: type[Any]) -> None:
+    """A class that repeats the base's own signatures passes; one without a method does not."""
+    methods = {name: vars(base)[name] for name in base.__abstractmethods__}
+
+    def concrete(value: Any) -> Any:
+        if isinstance(value, property):
+            return property(lambda self: None)
+        space: dict[str, Any] = {}
+        code = value.__code__
+        names = ", ".join(code.co_varnames[: code.co_argcount])
+        exec(f"def method({names}): pass", space)  # noqa: S102
+        return space["method"]
+
+    space = {"__doc__": "Text.", "name": "thing"}
+    whole = type("Thing", (base,), space | {n: concrete(v) for n, v in methods.items()})
+    assert find_problems(whole) == []
+    for missing in methods:
+        part = {n: concrete(v) for n, v in methods.items() if n != missing}
+        (problem,) = find_problems(type("Thing", (base,), space | part))
+        assert "missing" in problem and missing in problem
+
+
+def test_required_parameters_are_allowed() -> None:
+    class Params_(Params):  # noqa: N801
+        gain: float
+
+    thing = type("Thing", (Good,), {"__doc__": "T.", "name": "thing", "Params": Params_})
+    assert find_problems(thing) == []
