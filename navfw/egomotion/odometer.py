@@ -26,8 +26,9 @@ class Odometer:
 
     The pose starts at the origin of ``odom``. The gyro's bias is the running mean of its readings
     while the wheels rest; a robot that has not turned a wheel since it was switched on rests from
-    the first reading. While it rests its heading is held. A reading that is not finite is replaced
-    by what the wheels say of the turn.
+    the first reading. While it rests its heading is held. A gyro reading is taken as the mean rate
+    since the last one (rate gyros filter and sum over their sampling time); one that is not finite
+    is replaced by what the wheels say of the turn.
     """
 
     def __init__(self, robot: RobotModel) -> None:
@@ -70,7 +71,7 @@ class Odometer:
             self._learn_bias(rate, dt)
             turn = 0.0
         else:
-            turn = (0.5 * (previous_rate + rate) - self._bias) * dt
+            turn = (rate - self._bias) * dt
         self._advance(way, turn)
         return self._odometry(encoders.time, rate - self._bias)
 

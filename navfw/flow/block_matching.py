@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Self
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from navfw import kinds
-from navfw.flow.confidence import SIGMA_UNKNOWN, match_sigma, ramp
+from navfw.flow.confidence import SIGMA_UNKNOWN, check_ramps, local_spread, match_sigma, ramp
 from navfw.flow.derotation import align_past, rotate_points, visible_in_past
 from navfw.flow.grid import check_frame, check_grid
 from navfw.flow.kernels import correlate, find_peaks
@@ -24,6 +24,8 @@ Integers = npt.NDArray[np.int64]
 SIGMA_FLOOR = 0.05
 #: Scales the noise model to the errors measured on rendered frames.
 SIGMA_SCALE = 2.0
+#: Share of the flow's variation within a window that becomes an error of its one vector.
+SPREAD_SHARE = 0.3
 
 
 class BlockMatching(kinds.FlowProcessor):
@@ -66,6 +68,11 @@ class BlockMatching(kinds.FlowProcessor):
             float, Field(gt=0.0, le=1.0, description="correlation that is a sure match")
         ] = 0.9
 
+        @model_validator(mode="after")
+        def _ramps_rise(self) -> Self:
+            check_ramps(self)
+            return self
+
     params: Params
 
     def __init__(self, robot: RobotModel, params: Params | None = None) -> None:
@@ -103,7 +110,8 @@ class BlockMatching(kinds.FlowProcessor):
         confidence *= ramp(height, p.peak_low, p.peak_high)
         confidence *= _unambiguous(height, second)
         noise = SIGMA_SCALE * match_sigma(height, curvature, self._pixels)
-        sigma = np.minimum(np.hypot(noise, SIGMA_FLOOR), SIGMA_UNKNOWN)
+        spread = SPREAD_SHARE * local_spread(fine, confidence)
+        sigma = np.minimum(np.sqrt(noise**2 + spread**2 + SIGMA_FLOOR**2), SIGMA_UNKNOWN)
         sigma[confidence <= 0.0] = SIGMA_UNKNOWN
         past = rotate_points(self._points - fine, rotation.T, camera.focal)
         return FlowField(

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 
+from navfw.kinds import Params
 from navfw.signals import Array
 
-__all__ = ["SIGMA_UNKNOWN", "match_sigma", "ramp"]
+__all__ = ["SIGMA_UNKNOWN", "check_ramps", "local_spread", "match_sigma", "ramp"]
 
 #: Written where nothing is known [px].
 SIGMA_UNKNOWN = 10.0
@@ -15,6 +17,22 @@ SIGMA_UNKNOWN = 10.0
 def ramp(value: Array, low: float, high: float) -> Array:
     """0 below ``low``, 1 above ``high``, straight between."""
     return np.clip((value - low) / (high - low), 0.0, 1.0)
+
+
+def check_ramps(params: Params) -> None:
+    """Make sure that every pair of fields ``..._low`` and ``..._high`` is in that order.
+
+    Raises:
+        ValueError: when one is not (pydantic makes it a validation error).
+
+    """
+    for low in type(params).model_fields:
+        if low.endswith("_low"):
+            high = low.removesuffix("_low") + "_high"
+            if getattr(params, low) >= getattr(params, high):
+                raise ValueError(
+                    f"{low} {getattr(params, low)} is not below {high} {getattr(params, high)}"
+                )
 
 
 def match_sigma(score: Array, curvature: Array, pixels: Array | float) -> Array:
@@ -27,3 +45,24 @@ def match_sigma(score: Array, curvature: Array, pixels: Array | float) -> Array:
     """
     noise = 2.0 * np.clip(1.0 - score, 0.0, 1.0) / pixels
     return np.sqrt(noise / np.maximum(curvature, 1e-6))
+
+
+def local_spread(vectors: Array, confidence: Array) -> Array:
+    """Standard deviation (rows, cols) [px] of the trusted ``vectors`` among each one's neighbours.
+
+    Over the 3 x 3 neighbourhood, both components together. Where windows overlap their neighbours,
+    this is how much the flow varies within one: expansion, slanted surfaces, edges in depth.
+    """
+    weight = np.where(confidence > 0.0, 1.0, 1e-9)
+    total = _sum_around(weight)
+    variance = np.zeros_like(weight)
+    for k in range(2):
+        component = vectors[..., k]
+        mean = _sum_around(weight * component) / total
+        variance += _sum_around(weight * component**2) / total - mean**2
+    return np.sqrt(np.maximum(variance, 0.0))
+
+
+def _sum_around(values: Array) -> Array:
+    border = cv2.BORDER_ISOLATED | cv2.BORDER_CONSTANT
+    return np.asarray(cv2.boxFilter(values, -1, (3, 3), normalize=False, borderType=border))

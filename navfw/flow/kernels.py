@@ -1,4 +1,4 @@
-"""Compiled inner loops of block matching."""
+"""Compiled inner loops of block matching and of gyro refinement."""
 
 from __future__ import annotations
 
@@ -8,15 +8,18 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["correlate", "find_peaks"]
+__all__ = ["correlate", "find_peaks", "fit_rotation"]
 
 Ints = npt.NDArray[np.int64]
+Doubles = npt.NDArray[np.float64]
 Ints32 = npt.NDArray[np.int32]
 Floats = npt.NDArray[np.float32]
 Bytes = npt.NDArray[np.uint8]
 
 #: Marks displacements whose window would leave the past image.
 OUTSIDE = np.float32(-2.0)
+#: Squared width of the Cauchy weights [sigma^2]; 2.385 sigma is 95 % efficient on normal errors.
+CAUCHY = 2.385**2
 
 
 @numba.njit(cache=True)
@@ -78,7 +81,7 @@ def _window_sums(
     x_windows: Ints,
     y_windows: Ints,
     run: Ints,
-    out: npt.NDArray[np.float64],
+    out: Doubles,
     index: int,
 ) -> None:
     """Sum column sums over every window: out[row, col, index]."""
@@ -175,9 +178,7 @@ def correlate(
 
 
 @numba.njit(cache=True)
-def _templates(
-    now: Bytes, x_windows: Ints, y_windows: Ints
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], Floats]:
+def _templates(now: Bytes, x_windows: Ints, y_windows: Ints) -> tuple[Doubles, Doubles, Floats]:
     """Per window of ``now``: grey sum, 1 / sqrt(n sum(g^2) - sum(g)^2) or 0, and deviation."""
     rows, cols = y_windows.shape[0], x_windows.shape[0]
     totals = np.zeros((rows, cols), np.float64)
@@ -203,10 +204,10 @@ def find_peaks(
     scores: Floats,
 ) -> tuple[
     npt.NDArray[np.int64],
-    npt.NDArray[np.float64],
-    npt.NDArray[np.float64],
-    npt.NDArray[np.float64],
-    npt.NDArray[np.float64],
+    Doubles,
+    Doubles,
+    Doubles,
+    Doubles,
     npt.NDArray[np.bool_],
 ]:
     """Highest score of every window, refined below a pixel by a quadratic surface.
@@ -282,3 +283,76 @@ def _quadratic_peak(s: Floats) -> tuple[float, float, float]:
     ox = (hxy * gy - hyy * gx) / det
     oy = (hxy * gx - hxx * gy) / det
     return min(max(ox, -0.5), 0.5), min(max(oy, -0.5), 0.5), flattest
+
+
+@numba.njit(cache=True)
+def fit_rotation(
+    points: Doubles,
+    derotated: Doubles,
+    epipolar: Doubles,
+    sigma: Doubles,
+    weight: Doubles,
+    focal: float,
+    axes: Doubles,
+    prior: Doubles,
+    iterations: int,
+) -> tuple[Doubles, Doubles, Doubles]:
+    """Small rotation that best explains what of the flow is off its epipolar lines (METHOD 2.6).
+
+    Args:
+        points: (n, 2) image points [px].
+        derotated: (n, 2) their flow after the measured rotation has been taken out [px].
+        epipolar: (n, 2) direction translation moves each point in, any length; zero: unknown.
+        sigma: (n,) standard deviation of the flow [px].
+        weight: (n,) how much each vector counts; 0 leaves it out.
+        focal: focal length [px].
+        axes: (2, 3) unit rotation vectors of the two unknowns, in current camera axes.
+        prior: (2,) standard deviation of the two angles before looking [rad], above 0.
+        iterations: of the reweighting.
+
+    Returns:
+        angles (2,) [rad]; their covariance (2, 2); and residuals (n,) [px] off the epipolar lines
+        after correction, NaN where the direction is unknown.
+
+    """
+    n = points.shape[0]
+    slopes = np.zeros((n, 2), np.float64)
+    offsets = np.full(n, np.nan)
+    for i in range(n):
+        ex, ey = epipolar[i, 0], epipolar[i, 1]
+        length = math.sqrt(ex * ex + ey * ey)
+        if length == 0.0:
+            continue
+        nx, ny = -ey / length, ex / length
+        x, y = points[i, 0] - derotated[i, 0], points[i, 1] - derotated[i, 1]
+        offsets[i] = nx * derotated[i, 0] + ny * derotated[i, 1]
+        for k in range(2):
+            wx, wy, wz = axes[k, 0], axes[k, 1], axes[k, 2]
+            # how the point's past end moves when its ray turns about this axis
+            u = -wx * x * y / focal + wy * (focal + x * x / focal) - wz * y
+            v = -wx * (focal + y * y / focal) + wy * x * y / focal + wz * x
+            slopes[i, k] = nx * u + ny * v
+    a, b = 0.0, 0.0
+    covariance = np.zeros((2, 2), np.float64)
+    for _ in range(iterations):
+        m00, m11, m01 = 1.0 / prior[0] ** 2, 1.0 / prior[1] ** 2, 0.0
+        r0, r1 = 0.0, 0.0
+        for i in range(n):
+            if weight[i] <= 0.0 or math.isnan(offsets[i]):
+                continue
+            s0, s1 = slopes[i, 0], slopes[i, 1]
+            off = (offsets[i] - s0 * a - s1 * b) / sigma[i]
+            # Cauchy weights: an outlier of many sigma counts next to nothing
+            w = weight[i] / (sigma[i] * sigma[i] * (1.0 + off * off / CAUCHY))
+            m00 += w * s0 * s0
+            m01 += w * s0 * s1
+            m11 += w * s1 * s1
+            r0 += w * s0 * offsets[i]
+            r1 += w * s1 * offsets[i]
+        det = m00 * m11 - m01 * m01
+        a = (m11 * r0 - m01 * r1) / det
+        b = (m00 * r1 - m01 * r0) / det
+        covariance[0, 0], covariance[1, 1] = m11 / det, m00 / det
+        covariance[0, 1] = covariance[1, 0] = -m01 / det
+    residuals = offsets - slopes[:, 0] * a - slopes[:, 1] * b
+    return np.array([a, b]), covariance, residuals

@@ -1,0 +1,124 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from navfw.egomotion import FrameBuffer, PairingParams
+from navfw.robot import RobotModel
+from navfw.signals import Frame, FramePair, Odometry, Pose, Twist
+
+ROBOT = RobotModel()
+IMAGE = np.zeros((120, 160), np.uint8)
+
+
+def drive(
+    v: float, w: float, frames: int = 20, params: PairingParams | None = None, dt: float = 0.1
+) -> list[tuple[FramePair, ...]]:
+    """Pairs after each frame of a drive at constant twist."""
+    buffer = FrameBuffer(ROBOT, params)
+    pose, given = Pose(0.0, 0.0, 0.0), []
+    for i in range(frames):
+        odometry = Odometry(i * dt, pose, Twist(v, w), 0.0, still=False)
+        buffer.add(Frame(i * dt, IMAGE), odometry)
+        given.append(buffer.pairs())
+        half = 0.5 * w * dt
+        pose = pose.compose(Pose(v * dt * math.cos(half), v * dt * math.sin(half), w * dt))
+    return given
+
+
+@given(v=st.floats(-0.15, 0.5), w=st.floats(-1.0, 1.0))
+def test_every_pair_keeps_the_limits(v: float, w: float) -> None:
+    params = PairingParams(short=True)
+    for pairs in drive(v, w, params=params):
+        assert len(pairs) <= 2
+        for pair in pairs:
+            turn = math.acos(min(1.0, (np.trace(pair.motion.rotation) - 1.0) / 2.0))
+            assert params.min_baseline <= pair.motion.baseline <= params.max_baseline
+            assert turn <= params.max_rotation + 1e-6
+            assert 0.0 < pair.now.time - pair.past.time <= params.max_age + 1e-9
+            assert pair.motion.dt == pytest.approx(pair.now.time - pair.past.time)
+        if len(pairs) == 2:
+            assert pairs[1].motion.baseline < 0.7 * pairs[0].motion.baseline
+
+
+@pytest.mark.parametrize("v", [0.06, 0.2, 0.4, -0.1])
+def test_the_baseline_comes_as_near_to_the_target_as_frames_allow(v: float) -> None:
+    pairs = drive(v, 0.0, frames=40)[-1]
+    assert len(pairs) == 1
+    assert abs(pairs[0].motion.baseline - 0.08) <= 0.5 * abs(v) * 0.1 + 1e-9
+    assert pairs[0].motion.translation[2] * v > 0.0
+    assert pairs[0].now.time == pytest.approx(3.9)
+
+
+def test_a_short_pair_comes_too_when_asked_for() -> None:
+    pairs = drive(0.2, 0.0, params=PairingParams(short=True))[-1]
+    assert [round(pair.motion.baseline, 3) for pair in pairs] == [0.08, 0.04]
+    assert len(drive(0.2, 0.0)[-1]) == 1
+
+
+def test_turning_alone_gives_no_pair() -> None:
+    assert not any(drive(0.0, 1.0))
+    assert not any(drive(0.0, 0.0))
+
+
+def test_a_fast_turn_gives_no_pair() -> None:
+    assert not any(drive(0.2, 1.2))
+
+
+def test_standing_still_after_a_drive_repeats_nothing() -> None:
+    buffer = FrameBuffer(ROBOT)
+    for i in range(5):
+        buffer.add(
+            Frame(0.1 * i, IMAGE), Odometry(0.1 * i, Pose(0.04 * i, 0, 0), Twist(0.4, 0), 0, False)
+        )
+    assert buffer.pairs()
+    buffer.add(Frame(0.5, IMAGE), Odometry(0.5, Pose(0.16, 0, 0), Twist(0, 0), 0, True))
+    assert buffer.pairs() == ()
+    buffer.add(Frame(0.6, IMAGE), Odometry(0.6, Pose(0.2, 0, 0), Twist(0.4, 0), 0, False))
+    assert buffer.pairs()
+
+
+def test_old_frames_are_forgotten() -> None:
+    buffer = FrameBuffer(ROBOT)
+    buffer.add(Frame(0.0, IMAGE), Odometry(0.0, Pose(0, 0, 0), Twist(0, 0), 0, True))
+    buffer.add(Frame(2.5, IMAGE), Odometry(2.5, Pose(0.08, 0, 0), Twist(0, 0), 0, False))
+    assert buffer.pairs() == ()
+
+
+def test_a_frame_older_than_its_odometry_is_placed_by_the_twist() -> None:
+    buffer = FrameBuffer(ROBOT)
+    buffer.add(Frame(0.0, IMAGE), Odometry(0.0, Pose(0, 0, 0), Twist(0.5, 0), 0, False))
+    buffer.add(Frame(0.2, IMAGE), Odometry(0.22, Pose(0.11, 0, 0), Twist(0.5, 0), 0, False))
+    assert buffer.pairs()[0].motion.baseline == pytest.approx(0.1)
+
+
+def test_reset_forgets_everything() -> None:
+    buffer = FrameBuffer(ROBOT)
+    for i in range(3):
+        buffer.add(
+            Frame(0.1 * i, IMAGE), Odometry(0.1 * i, Pose(0.04 * i, 0, 0), Twist(0.4, 0), 0, False)
+        )
+    buffer.reset()
+    assert buffer.pairs() == ()
+    buffer.add(Frame(0.4, IMAGE), Odometry(0.4, Pose(0.2, 0, 0), Twist(0.4, 0), 0, False))
+    assert buffer.pairs() == ()
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"baseline": 0.01},
+        {"baseline": 0.3},
+        {"short": True, "short_baseline": 0.09},
+        {"base_line": 0.08},
+        {"max_age": -1.0},
+    ],
+)
+def test_contradicting_parameters_are_refused(wrong: dict[str, float]) -> None:
+    with pytest.raises(ValidationError):
+        PairingParams.model_validate(wrong)

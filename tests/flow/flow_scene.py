@@ -1,0 +1,149 @@
+"""A small ray caster: textured planes seen by a pinhole camera, with exact depth and flow."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cache
+
+import cv2
+import numpy as np
+
+from navfw.robot import CameraModel
+from navfw.signals import Array, CameraMotion, Frame, FramePair, Image
+
+TILE = 2.0  # metres a texture covers before it repeats
+TEXELS = 256
+
+
+def smooth_texture(rng: np.random.Generator) -> Array:
+    """A periodic (TEXELS, TEXELS) texture: octaves of smooth noise, nothing finer than 3 cm."""
+    total = np.zeros((TEXELS, TEXELS))
+    frequency = np.fft.fftfreq(TEXELS)
+    squared = frequency[:, None] ** 2 + frequency**2
+    for sigma in (2.0, 4.0, 8.0):
+        # a Gaussian blur, by its spectrum: periodic
+        spectrum = np.fft.fft2(rng.normal(size=(TEXELS, TEXELS)))
+        blurred = np.fft.ifft2(spectrum * np.exp(-2.0 * (np.pi * sigma) ** 2 * squared)).real
+        total += blurred / blurred.std()
+    return total / total.std()
+
+
+@dataclass(frozen=True)
+class Plane:
+    """All points with normal . X = offset, in the first camera's axes."""
+
+    normal: Array
+    offset: float
+    texture: Array
+
+    def axes(self) -> tuple[Array, Array]:
+        n = self.normal / np.linalg.norm(self.normal)
+        u = np.cross(n, [0.0, 1.0, 0.0] if abs(n[1]) < 0.9 else [1.0, 0.0, 0.0])
+        u /= np.linalg.norm(u)
+        return u, np.cross(n, u)
+
+
+@dataclass
+class Scene:
+    """Planes, seen from camera poses given in the axes of the first camera."""
+
+    camera: CameraModel
+    planes: list[Plane] = field(default_factory=list)
+
+    def rays(self, scale: int = 1) -> Array:
+        w, h = self.camera.width * scale, self.camera.height * scale
+        x = (np.arange(w) + 0.5) / scale - 0.5 * self.camera.width
+        y = (np.arange(h) + 0.5) / scale - 0.5 * self.camera.height
+        xs, ys = np.meshgrid(x, y)
+        return np.stack([xs, ys, np.full_like(xs, self.camera.focal)], -1) / self.camera.focal
+
+    def look(self, attitude: Array, position: Array, scale: int = 2) -> tuple[Image, Array]:
+        """Image and depth from ``position``; ``attitude`` turns camera axes into scene axes."""
+        rays = self.rays(scale) @ attitude.T
+        depth = np.full(rays.shape[:2], np.inf)
+        grey = np.zeros(rays.shape[:2])
+        for plane in self.planes:
+            with np.errstate(divide="ignore"):
+                t = (plane.offset - position @ plane.normal) / (rays @ plane.normal)
+            seen = (t > 0.05) & (t < depth)
+            depth[seen] = t[seen]
+            where = position + rays[seen] * t[seen][:, None]
+            u, v = plane.axes()
+            grey[seen] = _sample(plane.texture, where @ u, where @ v)
+        image = cv2.resize(
+            128.0 + 40.0 * grey,
+            (self.camera.width, self.camera.height),
+            interpolation=cv2.INTER_AREA,
+        )
+        return np.clip(np.round(image), 0, 255).astype(np.uint8), depth
+
+    def pair(self, motion: CameraMotion, noise: float = 0.0) -> tuple[FramePair, Array]:
+        """Frames before and after ``motion``, and the true flow (height, width, 2) [px].
+
+        The current camera is the scene's first one; the past camera stands where ``motion`` says.
+        """
+        _, depth = self.look(np.eye(3), np.zeros(3), 1)
+        now, _ = self.look(np.eye(3), np.zeros(3))
+        past, _ = self.look(motion.rotation, -motion.translation)
+        if noise:
+            rng = np.random.default_rng(5)
+            past, now = (
+                np.clip(np.round(i + rng.normal(0, noise, i.shape)), 0, 255).astype(np.uint8)
+                for i in (past, now)
+            )
+        flow = true_flow(self.rays() * self.camera.focal, depth, motion, self.camera.focal)
+        return FramePair(Frame(0.0, past), Frame(motion.dt, now), motion), flow
+
+
+def true_flow(rays: Array, depth: Array, motion: CameraMotion, focal: float) -> Array:
+    """Flow at current points (..., 3: x, y, focal) seen at ``depth``: now - past [px]."""
+    now = rays / focal * depth[..., None]
+    past = (now + motion.translation) @ motion.rotation
+    return rays[..., :2] - focal * past[..., :2] / past[..., 2:]
+
+
+def _sample(texture: Array, u: Array, v: Array) -> Array:
+    x, y = u / TILE * TEXELS, v / TILE * TEXELS
+    x0, y0 = np.floor(x).astype(int), np.floor(y).astype(int)
+    fx, fy = x - x0, y - y0
+    x0, y0, x1, y1 = x0 % TEXELS, y0 % TEXELS, (x0 + 1) % TEXELS, (y0 + 1) % TEXELS
+    top = texture[y0, x0] * (1 - fx) + texture[y0, x1] * fx
+    bottom = texture[y1, x0] * (1 - fx) + texture[y1, x1] * fx
+    return top * (1 - fy) + bottom * fy
+
+
+def cell_truth(flow: Array, points: Array, camera: CameraModel) -> Array:
+    """The true flow (rows, cols, 2) at grid points: mean of the four pixels around each."""
+    x = points[..., 0] + 0.5 * camera.width
+    y = points[..., 1] + 0.5 * camera.height
+    x0, y0 = np.floor(x - 0.5).astype(int), np.floor(y - 0.5).astype(int)
+    x1, y1 = np.floor(x).astype(int), np.floor(y).astype(int)
+    return (flow[y0, x0] + flow[y0, x1] + flow[y1, x0] + flow[y1, x1]) / 4.0
+
+
+@cache
+def wall(camera: CameraModel, distance: float = 1.5, seed: int = 1) -> Scene:
+    """A textured wall straight ahead."""
+    texture = smooth_texture(np.random.default_rng(seed))
+    return Scene(camera, [Plane(np.array([0.0, 0.0, 1.0]), distance, texture)])
+
+
+@cache
+def room(camera: CameraModel, seed: int = 2) -> Scene:
+    """A corridor 1.8 m wide with floor, ceiling and an end wall 4 m ahead."""
+    rng = np.random.default_rng(seed)
+    walls = [
+        ((1.0, 0.0, 0.0), 0.9),
+        ((-1.0, 0.0, 0.0), 0.9),
+        ((0.0, 1.0, 0.0), camera.mount_height),
+        ((0.0, -1.0, 0.0), 2.0),
+        ((0.0, 0.0, 1.0), 4.0),
+    ]
+    return Scene(camera, [Plane(np.array(n), d, smooth_texture(rng)) for n, d in walls])
+
+
+def turn_about(axis: int, angle: float) -> Array:
+    """Rotation by ``angle`` [rad] about one of the axes."""
+    vector = np.zeros(3)
+    vector[axis] = angle
+    return np.asarray(cv2.Rodrigues(vector)[0])

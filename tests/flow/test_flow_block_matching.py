@@ -1,0 +1,182 @@
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+from flow_scene import cell_truth, room, turn_about, wall
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from navfw.errors import ConfigError
+from navfw.flow.block_matching import BlockMatching
+from navfw.flow.confidence import SIGMA_UNKNOWN
+from navfw.flow.kernels import correlate, find_peaks
+from navfw.robot import CameraModel, RobotModel
+from navfw.signals import Array, CameraMotion, Frame, FramePair, Image
+
+ROBOT = RobotModel()
+CAMERA = ROBOT.camera
+STILL = CameraMotion(np.eye(3), np.zeros(3), 0.1)
+
+
+def pair_of(past: Image, now: Image, motion: CameraMotion = STILL) -> FramePair:
+    return FramePair(Frame(0.0, past), Frame(0.1, now), motion)
+
+
+def blurred_noise(seed: int, sigma: float, contrast: float, shape: tuple[int, int]) -> Image:
+    noise = np.random.default_rng(seed).normal(size=shape)
+    smooth = cv2.GaussianBlur(noise, (0, 0), sigma)
+    return np.clip(128 + contrast * smooth / smooth.std(), 0, 255).astype(np.uint8)
+
+
+def exhaustive_scores(
+    past: Image, now: Image, x: Array, y: Array, search: int
+) -> tuple[Array, tuple[int, int]]:
+    """matchTemplate of one window, and the displacement (dx, dy) of its first score."""
+    x0, x1 = max(0, x[0] - search), min(past.shape[1], x[1] + search)
+    y0, y1 = max(0, y[0] - search), min(past.shape[0], y[1] + search)
+    scores = cv2.matchTemplate(
+        past[y0:y1, x0:x1], now[y[0] : y[1], x[0] : x[1]], cv2.TM_CCOEFF_NORMED
+    )
+    return scores, (int(x[0] - x0), int(y[0] - y0))
+
+
+@settings(max_examples=15, suppress_health_check=[HealthCheck.too_slow], deadline=None)
+@given(
+    seed=st.integers(0, 1000),
+    window=st.integers(8, 30),
+    search=st.integers(2, 9),
+    grid=st.sampled_from([(12, 16), (10, 20), (6, 8)]),
+)
+def test_scores_and_peaks_equal_exhaustive_match_template(
+    seed: int, window: int, search: int, grid: tuple[int, int]
+) -> None:
+    rng = np.random.default_rng(seed)
+    texture = blurred_noise(seed, 1.2, 45.0, (150, 190))
+    dx, dy = rng.integers(-search - 1, search + 2, 2)
+    past = texture[15:135, 15:175].copy()
+    now = texture[15 - dy : 135 - dy, 15 - dx : 175 - dx].copy()
+    now = np.clip(now + rng.normal(0, 3, now.shape), 0, 255).astype(np.uint8)
+    params = BlockMatching.Params(rows=grid[0], cols=grid[1], window=window, search=search)
+    matcher = BlockMatching(ROBOT, params)
+    scores, _ = correlate(
+        now, past, matcher._x_windows, matcher._y_windows, search, (0, 160, 0, 120)
+    )
+    peaks = find_peaks(scores)[0]
+    for r, y in enumerate(matcher._y_windows):
+        for c, x in enumerate(matcher._x_windows):
+            expected, (first_dx, first_dy) = exhaustive_scores(past, now, x, y, search)
+            # matchTemplate goes forward in the past image, displacement is now - past
+            ours = scores[r, c][::-1, ::-1]
+            oy, ox = search - first_dy, search - first_dx
+            part = ours[oy : oy + expected.shape[0], ox : ox + expected.shape[1]]
+            np.testing.assert_allclose(part, expected, atol=2e-5)
+            assert np.count_nonzero(scores[r, c] > -2.0) == expected.size
+            _, _, _, (px, py) = cv2.minMaxLoc(expected)
+            assert tuple(peaks[r, c]) == (first_dx - px, first_dy - py)
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("angle", [0.05, -0.05])
+def test_rotation_is_found_whole(axis: int, angle: float) -> None:
+    motion = CameraMotion(turn_about(axis, angle), np.zeros(3), 0.1)
+    pair, truth = room(CAMERA).pair(motion, noise=2.0)
+    flow = BlockMatching(ROBOT).compute(pair)
+    error = np.linalg.norm(flow.vectors - cell_truth(truth, flow.points, CAMERA), axis=-1)
+    trusted = flow.confidence > 0.5
+    assert trusted.mean() > 0.8
+    assert np.median(error[trusted]) < 0.05
+    assert np.percentile(error[trusted], 95) < 0.15
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("way", [0.04, -0.04])
+def test_translation_below_a_pixel(axis: int, way: float) -> None:
+    motion = CameraMotion(np.eye(3), way * np.eye(3)[axis], 0.1)
+    pair, truth = wall(CAMERA).pair(motion, noise=2.0)
+    flow = BlockMatching(ROBOT).compute(pair)
+    error = np.linalg.norm(flow.vectors - cell_truth(truth, flow.points, CAMERA), axis=-1)
+    trusted = flow.confidence > 0.5
+    assert trusted.mean() > 0.8
+    assert np.median(error[trusted]) < 0.06
+    assert np.percentile(error[trusted], 95) < 0.12
+
+
+def test_sigma_tells_the_size_of_the_error() -> None:
+    motion = CameraMotion(turn_about(1, 0.03), np.array([0.003, 0.0, 0.06]), 0.2)
+    pair, truth = room(CAMERA).pair(motion, noise=3.0)
+    flow = BlockMatching(ROBOT).compute(pair)
+    error = flow.vectors - cell_truth(truth, flow.points, CAMERA)
+    trusted = flow.confidence > 0.5
+    ratio = np.abs(error[trusted]) / flow.sigma[trusted][:, None]
+    assert (ratio < 2.0).mean() > 0.9
+    assert (ratio < 0.1).mean() < 0.5  # an all too careful sigma would be useless
+
+
+@pytest.mark.parametrize("grey", [0, 128, 255])
+def test_images_without_texture_say_nothing(grey: int) -> None:
+    image = np.full((120, 160), grey, np.uint8)
+    flow = BlockMatching(ROBOT).compute(pair_of(image, image))
+    assert not flow.confidence.any()
+    assert (flow.sigma == SIGMA_UNKNOWN).all()
+    assert np.isfinite(flow.vectors).all()
+
+
+def test_pure_noise_is_not_trusted() -> None:
+    rng = np.random.default_rng(0)
+    past, now = (rng.integers(0, 256, (120, 160)).astype(np.uint8) for _ in range(2))
+    assert BlockMatching(ROBOT).compute(pair_of(past, now)).confidence.max() == 0.0
+    dark = [np.abs(rng.normal(0, 1.5, (120, 160))).astype(np.uint8) for _ in range(2)]
+    assert BlockMatching(ROBOT).compute(pair_of(*dark)).confidence.max() == 0.0
+
+
+def test_a_pattern_that_repeats_within_the_search_is_not_trusted() -> None:
+    x = np.arange(160)
+    wave = 50 * np.sin(2 * np.pi * x / 6.0)
+    image = np.clip(128 + wave[None, :] + wave[:120, None], 0, 255).astype(np.uint8)
+    assert BlockMatching(ROBOT).compute(pair_of(image, image)).confidence.max() == 0.0
+
+
+def test_motion_beyond_the_search_is_not_trusted() -> None:
+    texture = blurred_noise(3, 2.0, 45.0, (120, 200))
+    flow = BlockMatching(ROBOT).compute(pair_of(texture[:, :160], texture[:, 14:174]))
+    assert (flow.confidence > 0.0).mean() < 0.02
+
+
+def test_points_are_grid_points_except_at_the_border() -> None:
+    matcher = BlockMatching(ROBOT)
+    image = blurred_noise(0, 2.0, 40.0, (120, 160))
+    points = matcher.compute(pair_of(image, image)).points
+    np.testing.assert_allclose(points[5, 5], [-25.0, -5.0])
+    assert np.abs(points[..., 0]).max() < 75.0
+    assert (np.diff(points[0, :, 0]) > 0).all()
+    assert (np.diff(points[:, 0, 1]) > 0).all()
+
+
+@pytest.mark.parametrize(
+    ("params", "key"),
+    [({"rows": 13}, "block_matching.rows"), ({"cols": 15}, "block_matching.cols")],
+)
+def test_a_grid_that_does_not_divide_the_image_is_refused(params: dict[str, int], key: str) -> None:
+    with pytest.raises(ConfigError, match="cannot divide the image") as caught:
+        BlockMatching(ROBOT, BlockMatching.Params(**params))
+    assert caught.value.key == key
+
+
+def test_a_frame_of_another_size_is_refused() -> None:
+    good = np.zeros((120, 160), np.uint8)
+    with pytest.raises(ConfigError, match="80 x 60"):
+        BlockMatching(ROBOT).compute(pair_of(good, np.zeros((60, 80), np.uint8)))
+    with pytest.raises(ConfigError, match="float64"):
+        BlockMatching(ROBOT).compute(pair_of(good.astype(np.float64), good))  # type: ignore[arg-type]
+
+
+def test_other_sizes_grids_and_focal_lengths_work() -> None:
+    robot = RobotModel(camera=CameraModel(width=96, height=72, hfov=1.2))
+    motion = CameraMotion(turn_about(1, 0.02), np.array([0.0, 0.0, 0.04]), 0.1)
+    pair, truth = wall(robot.camera).pair(motion)
+    params = BlockMatching.Params(rows=8, cols=12, window=17, search=5, margin=1)
+    flow = BlockMatching(robot, params).compute(pair)
+    error = np.linalg.norm(flow.vectors - cell_truth(truth, flow.points, robot.camera), axis=-1)
+    assert flow.shape == (8, 12)
+    assert np.median(error[flow.confidence > 0.5]) < 0.1
