@@ -1,0 +1,156 @@
+"""The rendered images obey the camera model: projection, depth, textures, noise."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import cv2
+import numpy as np
+import pytest
+
+from navfw.robot import CameraModel, RobotModel
+from navfw.signals import Pose
+from navfw.sim.sensors import SensorParams
+from navfw.sim.simulation import Simulation
+from navfw.sim.worldfile import BoxSpec, WallSpec, WorldSpec
+
+WORLD = WorldSpec(
+    name="hall",
+    x=(-6, 6),
+    y=(-6, 6),
+    walls=(WallSpec(name="north", points=((4, -6), (4, 6)), thickness=0.2),),
+    boxes=(BoxSpec(name="box", at=(2.5, -1.5), size=(1, 1, 1)),),
+)
+PERFECT = SensorParams.preset("perfect")
+HERE = Pose(-3.0, 0.5, 0.0)
+
+
+def simulate(camera: CameraModel, sensors: SensorParams = PERFECT) -> Simulation:
+    return Simulation(WORLD, RobotModel(camera=camera), HERE, 0, sensors)
+
+
+@pytest.fixture(scope="module")
+def sim() -> Iterator[Simulation]:
+    with simulate(CameraModel()) as simulation:
+        yield simulation
+
+
+def seen_points(camera: CameraModel, depth: np.ndarray, pose: Pose) -> np.ndarray:
+    """Every pixel's point in the map, by the camera model alone; nan for the sky."""
+    depth = np.where(np.isfinite(depth), depth, np.nan)
+    x = np.arange(camera.width) - 0.5 * (camera.width - 1)
+    y = np.arange(camera.height) - 0.5 * (camera.height - 1)
+    gx, gy = np.meshgrid(x, y)
+    rays = np.stack([gx / camera.focal, gy / camera.focal, np.ones_like(gx)], axis=-1)
+    base = (rays * depth[..., None]) @ camera.base_from_camera.T
+    base += (camera.mount_forward, 0.0, camera.mount_height)
+    c, s = math.cos(pose.yaw), math.sin(pose.yaw)
+    return base @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]) + (pose.x, pose.y, 0.0)
+
+
+@pytest.mark.parametrize(
+    "camera",
+    [
+        CameraModel(),
+        CameraModel(pitch=0.3, hfov=1.2),
+        CameraModel(width=128, height=80, mount_height=0.25),
+    ],
+)
+def test_points_fall_where_the_model_says(camera: CameraModel) -> None:
+    """Floor points have height 0 and wall points lie on the wall: half a pixel would show."""
+    pose = Pose(-1.0, 0.5, 0.6)
+    with simulate(camera) as simulation:
+        _, depth = simulation.look_from(pose)
+    points = seen_points(camera, depth, pose)
+    floor = (points[..., 2] < 0.05) & (points[..., 0] < 3.6)
+    assert floor.mean() > 0.2
+    assert np.abs(points[floor][:, 2]).max() < 0.003
+    wall = (points[..., 2] > 0.1) & (points[..., 0] > 3.6)
+    assert wall.mean() > 0.1
+    assert np.abs(points[wall][:, 0] - 3.9).max() < 0.005
+
+
+def test_edges_fall_where_the_model_says(sim: Simulation) -> None:
+    """The box's left and upper edges, to the pixel."""
+    camera = sim.robot.camera
+    pose = Pose(0.0, -1.5, 0.0)
+    _, depth = sim.look_from(pose)
+    z = 2.0 - camera.mount_forward
+    box = np.abs(depth - z) < 0.01
+    columns, rows = np.nonzero(box.any(axis=0))[0], np.nonzero(box.any(axis=1))[0]
+    half = camera.focal * 0.5 / z
+    middle = 0.5 * (camera.width - 1)
+    assert columns[0] == math.ceil(middle - half)
+    assert columns[-1] == math.floor(middle + half)
+    middle = 0.5 * (camera.height - 1)
+    assert rows[0] == math.ceil(middle - camera.focal * (1.0 - camera.mount_height) / z)
+    assert rows[-1] == math.floor(middle + camera.focal * camera.mount_height / z)
+
+
+def test_texture_repeats_every_two_metres(sim: Simulation) -> None:
+    """Two metres before a wall, with f = 80 px, a tile of 2 m is 80 px wide."""
+    image, depth = sim.look_from(Pose(3.9 - 2.0 - 0.1, 2.5, 0.0))
+    assert np.allclose(depth[:60], 2.0, atol=1e-3)
+    upper = image[:60].astype(float)
+    assert upper.std() > 25
+    assert np.abs(upper[:, :80] - upper[:, 80:]).mean() < 1.0
+    assert np.abs(upper[:, :70] - upper[:, 70:140]).mean() > 15
+
+
+def test_walls_and_floors_have_contrast(sim: Simulation) -> None:
+    image, depth = sim.look_from(Pose(1.0, 2.0, 0.2))
+    assert 60 < image[np.isfinite(depth)].mean() < 190
+    for row in range(0, 120, 24):
+        for column in range(0, 144, 24):
+            window = (slice(row, row + 24), slice(column, column + 24))
+            if np.isfinite(depth[window]).all():
+                assert image[window].std() > 8
+
+
+@pytest.mark.parametrize("pitch", [0.0, 0.5])
+def test_robot_does_not_see_itself(pitch: float) -> None:
+    with simulate(CameraModel(pitch=pitch)) as simulation:
+        simulation.read()
+        depth = simulation.true_depth()
+        points = seen_points(simulation.robot.camera, depth, simulation.true_pose())
+        ahead = points[..., 0] - simulation.true_pose().x
+        assert ahead[np.isfinite(depth)].min() > simulation.robot.radius
+        assert points[-1, :, 2] == pytest.approx(0.0, abs=0.003)
+
+
+def test_supersampling_keeps_the_geometry(sim: Simulation) -> None:
+    pose = Pose(0.5, 1.0, 0.4)
+    plain, depth = sim.look_from(pose)
+    with simulate(CameraModel(), PERFECT.model_copy(update={"supersample": 2})) as fine:
+        smooth, fine_depth = fine.look_from(pose)
+    assert smooth.shape == plain.shape
+    shift, _ = cv2.phaseCorrelate(plain.astype(float), smooth.astype(float))
+    assert np.abs(shift).max() < 0.1
+    both = np.isfinite(depth) & np.isfinite(fine_depth)
+    assert np.median(np.abs(depth[both] - fine_depth[both]) / depth[both]) < 0.02
+
+
+def test_image_noise_has_its_spread() -> None:
+    with simulate(CameraModel(), PERFECT.model_copy(update={"image_noise": 3.0})) as noisy:
+        frame = noisy.read().frame
+        assert frame is not None
+        clean, _ = noisy.look_from(noisy.true_pose())
+    used = (clean > 20) & (clean < 235)
+    difference = (frame.image.astype(float) - clean)[used]
+    assert difference.std() == pytest.approx(3.0, rel=0.05)
+    assert abs(difference.mean()) < 0.1
+
+
+def test_noise_differs_from_frame_to_frame() -> None:
+    with simulate(CameraModel(), PERFECT.model_copy(update={"image_noise": 3.0})) as noisy:
+        first = noisy.read().frame
+        noisy.advance(0.1)
+        second = noisy.read().frame
+        clean, _ = noisy.look_from(noisy.true_pose())
+    assert first is not None
+    assert second is not None
+    used = (clean > 20) & (clean < 235)
+    a = (first.image.astype(float) - clean)[used]
+    b = (second.image.astype(float) - clean)[used]
+    assert abs(np.corrcoef(a, b)[0, 1]) < 0.05
