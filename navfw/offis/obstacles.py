@@ -8,7 +8,7 @@ import numpy as np
 
 from navfw.offis.distances import TERMS, Distances
 from navfw.offis.planes import Planes
-from navfw.offis.pyramid import Pyramid
+from navfw.offis.pyramid import NEIGHBOURS, Pyramid
 from navfw.signals import Array
 
 __all__ = ["nearest_objects"]
@@ -29,31 +29,33 @@ def nearest_objects(
     big join it, and theirs; the next layer zooms into all of these. Regions that are not
     ``present`` (no object seen) are left out, so a layer may be empty.
     """
+    sizes, shown, same = size.tolist(), present.tolist(), planes.same.tolist()
+    terms = distances.term.tolist()
     found: dict[str, dict[str, str]] = {}
     families = [0]
     for layer in range(1, pyramid.layers + 1):
-        chosen = [r for f in families for r in _biggest(f, size, present, planes)]
-        found[f"layer{layer}"] = {
-            pyramid.names[r]: TERMS[int(distances.term[r])] for r in sorted(chosen)
-        }
+        chosen = [r for first in families for r in _biggest(first, sizes, shown, same)]
+        found[f"layer{layer}"] = {pyramid.names[r]: TERMS[terms[r]] for r in sorted(chosen)}
         families = [child for r in chosen if (child := pyramid.first_child(r)) is not None]
     return found
 
 
-def _biggest(first: int, size: Array, present: np.ndarray, planes: Planes) -> list[int]:
-    """The biggest of the four siblings from ``first`` on, and those that belong to it."""
-    members = [r for r in range(first, first + 4) if present[r]]
+def _biggest(first: int, size: list[float], shown: list[bool], same: list[float]) -> list[int]:
+    """The biggest of the four siblings from ``first`` on, and those that belong to it.
+
+    ``same`` stands in the order of ``planes.pairs_of``: four to a family, as ``NEIGHBOURS``.
+    """
+    members = [r for r in range(first, first + 4) if shown[r]]
     if not members:
         return []
     biggest = max(members, key=size.__getitem__)
+    least = ALIKE * size[biggest]
     chosen = {biggest}
-    # pairs stand in the order of families, four to a family (see planes.pairs_of), in a ring:
-    # twice around reaches every neighbour of a neighbour
-    for k in (*range(first, first + 4), *range(first, first + 4)):
-        i, j = int(planes.pairs[k, 0]), int(planes.pairs[k, 1])
-        if (i in chosen) == (j in chosen) or planes.same[k] < 0.5:
-            continue
-        other = j if i in chosen else i
-        if present[other] and size[other] >= ALIKE * size[biggest]:
-            chosen.add(other)
+    # siblings stand in a ring: three times around reaches the last of a chain
+    for k, (i, j) in enumerate(NEIGHBOURS * 3):
+        one, other = first + i, first + j
+        if same[first + k % 4] >= 0.5 and (one in chosen) != (other in chosen):
+            new = other if one in chosen else one
+            if shown[new] and size[new] >= least:
+                chosen.add(new)
     return list(chosen)
