@@ -104,13 +104,13 @@ class ReadingsRecorder:
     """Keeps readings and commands in memory (at most ``max_bytes``) until ``save``."""
 
     max_bytes: int = MAX_BYTES
-    complete: bool = True
-    _bytes: int = 0
-    _sensors: array[float] = field(default_factory=lambda: array("d"))
-    _ticks: array[int] = field(default_factory=lambda: array("q"))
-    _commands: array[float] = field(default_factory=lambda: array("d"))
-    _frames: _FrameList = field(default_factory=_FrameList)
-    _landmark_frames: _FrameList = field(default_factory=_FrameList)
+    complete: bool = field(init=False, default=True)
+    _bytes: int = field(init=False, default=0)
+    _sensors: array[float] = field(init=False, default_factory=lambda: array("d"))
+    _ticks: array[int] = field(init=False, default_factory=lambda: array("q"))
+    _commands: array[float] = field(init=False, default_factory=lambda: array("d"))
+    _frames: _FrameList = field(init=False, default_factory=_FrameList)
+    _landmark_frames: _FrameList = field(init=False, default_factory=_FrameList)
 
     def add(self, reading: SensorReading, v: float, w: float) -> None:
         """One control tick: what the sensors gave, and the twist that the stack answered with."""

@@ -87,11 +87,11 @@ class TrackRecorder:
     """Collects a ``Track`` tick by tick."""
 
     contacts: list[Contact] = field(default_factory=list)
-    _rows: array[float] = field(default_factory=lambda: array("d"))
-    _leader: list[int] = field(default_factory=list)
-    _leaders: dict[str, int] = field(default_factory=dict)
-    _emergency: list[bool] = field(default_factory=list)
-    _waypoints: dict[tuple[float, float, str], Waypoint] = field(default_factory=dict)
+    _rows: array[float] = field(init=False, default_factory=lambda: array("d"))
+    _leader: list[int] = field(init=False, default_factory=list)
+    _leaders: dict[str, int] = field(init=False, default_factory=dict)
+    _emergency: list[bool] = field(init=False, default_factory=list)
+    _waypoints: dict[tuple[float, float, str], Waypoint] = field(init=False, default_factory=dict)
 
     @property
     def ticks(self) -> int:

@@ -1,3 +1,251 @@
-"""Missions as tests: the ``mission`` marker and fixture (pytest loads this by entry point)."""
+"""Missions as tests: the ``mission`` marker and the ``mission`` fixture.
+
+::
+
+    import pytest
+
+    @pytest.mark.mission(world="office", mission="lobby-to-lab", seeds=[1, 2, 3])
+    def test_reaches_the_lab(mission):
+        assert mission.outcome == "reached"
+        assert mission.metrics.min_clearance_m > 0.05
+
+The marked test runs once for each seed. A test that fails shows the outcome, the reason and where
+the picture of the run is. Pytest loads this module in every session of everybody who has navfw
+installed: it imports nothing heavy until a mission is driven.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Generator, Iterable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+if TYPE_CHECKING:
+    from navfw.missions.metrics import Metrics
+    from navfw.missions.outcome import Outcome
+    from navfw.missions.session import MissionResult
+    from navfw.recording.track import Track
+    from navfw.signals import Array
+
+__all__ = ["MissionRun"]
+
+_MARKER = (
+    "mission(world, mission, seeds=(0,), stack='default', set=()): drive a mission (or each of a"
+    " list of missions) once for each seed and hand the result to the `mission` fixture; `set` are"
+    " overrides such as 'offis.layers=1'"
+)
+_KEYS = ("world", "mission", "seeds", "stack", "set")
+_MISSION = "mission"
+
+
+class MissionRun:
+    """What the ``mission`` fixture gives: one mission, driven."""
+
+    def __init__(self, result: MissionResult, folder: Path) -> None:
+        self.result = result
+        self._folder = folder
+
+    def __repr__(self) -> str:
+        session = self.result.session
+        name = f"{session.world_name}/{session.mission_name}, seed {session.seed}"
+        return f"<{name}: {self.outcome}: {self.reason}>"
+
+    @property
+    def outcome(self) -> Outcome:
+        """How it ended; compares equal to its word: ``mission.outcome == "reached"``."""
+        return self.result.outcome
+
+    @property
+    def reason(self) -> str:
+        """How it ended, in a sentence."""
+        return self.result.reason
+
+    @property
+    def metrics(self) -> Metrics:
+        """The numbers of the run."""
+        return self.result.metrics
+
+    @property
+    def track(self) -> Track:
+        """The whole run, tick by tick."""
+        return self.result.run.track
+
+    @property
+    def path(self) -> Array:
+        """(n, 3) true poses x, y [m], yaw [rad] in the map, one for each control tick."""
+        return self.track.true
+
+    @property
+    def commands(self) -> Array:
+        """(n, 3) time [s], v [m/s], w [rad/s], one for each control tick."""
+        return self.track.command_stream
+
+    @property
+    def command_hash(self) -> str:
+        """The fingerprint of the commands: equal for equal bytes."""
+        return self.track.command_hash
+
+    @property
+    def seed(self) -> int:
+        """The seed of all noise."""
+        return self.result.session.seed
+
+    def save(self) -> Path:
+        """Write the run folder, if that has not been done; returns it."""
+        from navfw.missions.report import write_run
+        from navfw.recording.runfolder import RunFolder
+
+        if not self._folder.exists():
+            with RunFolder(self._folder) as target:
+                write_run(self.result, target)
+        return self._folder
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add ``--mission-runs``."""
+    parser.getgroup("navfw").addoption(
+        "--mission-runs",
+        metavar="DIR",
+        default=None,
+        help="keep the run folders of all missions in DIR [default: only of failed tests, in"
+        " pytest's temporary folder]",
+    )
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Register the marker."""
+    config.addinivalue_line("markers", _MARKER)
+
+
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    """Make one test for each mission and seed of the marker."""
+    if _MISSION not in metafunc.fixturenames:
+        return
+    marker = metafunc.definition.get_closest_marker(_MISSION)
+    if marker is None:
+        return  # the fixture says so, where the test is known by name
+    metafunc.parametrize(_MISSION, list(_cases(marker, metafunc.definition.nodeid)), indirect=True)
+
+
+def _cases(marker: pytest.Mark, where: str) -> Iterator[Any]:
+    """A ``pytest.param`` for each run that the marker asks for."""
+    wrong = [name for name in marker.kwargs if name not in _KEYS]
+    if wrong:
+        from navfw.errors import did_you_mean
+
+        raise _misuse(where, f"it has no {wrong[0]!r}: {did_you_mean(wrong[0], _KEYS)}")
+    given = {**dict(zip(_KEYS, marker.args, strict=False)), **marker.kwargs}
+    missing = [name for name in ("world", "mission") if name not in given]
+    if missing or len(marker.args) > len(_KEYS):
+        raise _misuse(where, f"it needs {' and '.join(missing) or 'fewer arguments'}")
+    missions = _several(given["mission"])
+    seeds = list(given.get("seeds", (0,)))
+    if not missions or not seeds:
+        raise _misuse(where, "it needs at least one mission and one seed")
+    for mission in missions:
+        for entry in seeds:
+            # a seed may come with marks of its own: pytest.param(7, marks=pytest.mark.slow)
+            param = entry if hasattr(entry, "marks") else pytest.param(entry)
+            (seed,) = param.values
+            if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
+                raise _misuse(where, f"a seed is a whole number, not {seed!r}")
+            case = {
+                "world": str(given["world"]),
+                "mission": mission,
+                "seed": seed,
+                "stack": str(given.get("stack", "default")),
+                "overrides": tuple(_several(given.get("set", ()))),
+            }
+            yield pytest.param(case, marks=param.marks, id=f"{Path(mission).stem}-seed{seed}")
+
+
+def _several(value: str | Path | Iterable[str | Path]) -> list[str]:
+    return [str(value)] if isinstance(value, str | Path) else [str(item) for item in value]
+
+
+def _misuse(where: str, what: str) -> pytest.UsageError:
+    return pytest.UsageError(f"{where}: @pytest.mark.mission: {what}")
+
+
+_RESULTS: pytest.StashKey[dict[tuple[Any, ...], MissionResult]] = pytest.StashKey()
+_RUN: pytest.StashKey[MissionRun] = pytest.StashKey()
+
+
+@pytest.fixture
+def mission(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> MissionRun:
+    """The mission of the test's ``mission`` marker, driven; see ``MissionRun``.
+
+    Equal runs are driven once in a session: the same seed gives the same commands.
+    """
+    case = getattr(request, "param", None)
+    if case is None:
+        pytest.fail("the mission fixture needs @pytest.mark.mission(world=..., mission=...)", False)
+    results = request.config.stash.setdefault(_RESULTS, {})
+    key = tuple(case.values())
+    if key not in results:
+        results[key] = _drive(case)
+    keep = request.config.getoption("mission_runs")
+    parent = Path(keep) if keep else tmp_path_factory.mktemp("mission", numbered=True)
+    run = MissionRun(results[key], parent / _folder_name(case))
+    request.node.stash[_RUN] = run
+    if keep:
+        run.save()
+    return run
+
+
+def _drive(case: dict[str, Any]) -> MissionResult:
+    from navfw.errors import InputError
+    from navfw.missions.session import prepare
+
+    try:
+        session = prepare(
+            case["world"],
+            case["mission"],
+            seed=case["seed"],
+            stack=case["stack"],
+            overrides=case["overrides"],
+        )
+        result = session.run()
+    except InputError as error:
+        pytest.fail(f"the mission cannot be driven: {error}", pytrace=False)
+    if result.outcome == "cancelled":  # the runner has caught it; pytest wants it too
+        raise KeyboardInterrupt
+    return result
+
+
+def _folder_name(case: dict[str, Any]) -> str:
+    import hashlib
+
+    name = f"{Path(case['world']).stem}-{Path(case['mission']).stem}-{case['seed']}"
+    variant = (case["stack"], case["overrides"])
+    if variant == ("default", ()):
+        return name
+    return f"{name}-{hashlib.sha256(repr(variant).encode()).hexdigest()[:6]}"
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(
+    item: pytest.Item, call: pytest.CallInfo[None]
+) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """Tell, with a failed test, how its mission ended and where the picture is."""
+    report = yield
+    run = item.stash.get(_RUN, None)
+    if run is not None and call.when == "call" and report.failed:
+        report.sections.append(("mission", "\n".join(_describe(run))))
+    return report
+
+
+def _describe(run: MissionRun) -> Iterator[str]:
+    session, verdict = run.result.session, run.result.run.verdict
+    yield f"{session.world_name}/{session.mission_name}, seed {session.seed}"
+    led = verdict.behavior or "nobody"
+    yield f"outcome: {verdict.outcome} after {verdict.time:.1f} s, {led} led last"
+    yield f"reason:  {verdict.reason}"
+    try:
+        yield f"picture: {run.save() / 'trajectory.png'}"
+    except Exception as error:  # the test's own failure matters more than a picture
+        yield f"picture: none, {error}"
+    if verdict.trace:
+        yield verdict.trace

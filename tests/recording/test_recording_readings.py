@@ -1,0 +1,146 @@
+"""Recorded readings come back bit by bit; a file that is not one of ours is refused."""
+
+from __future__ import annotations
+
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from navfw.errors import ConfigError
+from navfw.recording.readings import MAX_BYTES, ReadingsRecorder, load_recording
+from navfw.recording.replay import compare, drive_again
+from navfw.robot import RobotModel
+from navfw.signals import Encoders, Frame, Inertial, Pose, SensorReading, Waypoint
+from navfw.testing.fakes import FakePilot, FakeSimulator
+
+TICKS = 40
+
+
+def random_readings(seed: int) -> list[SensorReading]:
+    random = np.random.default_rng(seed)
+
+    def frame(time: float, height: int) -> Frame:
+        size = (height, 2 * height)
+        return Frame(time, random.integers(0, 256, size, dtype=np.uint8))
+
+    def reading(tick: int) -> SensorReading:
+        time = tick / 60.0
+        left, right = random.integers(-(2**40), 2**40, 2).tolist()
+        return SensorReading(
+            time=time,
+            inertial=Inertial(time - 1e-3, *random.normal(size=3).tolist()),
+            encoders=Encoders(time - 2e-3, left, right),
+            frame=frame(time, 12) if tick % 6 == 0 else None,
+            landmark_frame=frame(time, 24) if tick % 15 == 3 else None,
+        )
+
+    return [reading(tick) for tick in range(TICKS)]
+
+
+def recorded(readings: list[SensorReading], path: Path, max_bytes: int = MAX_BYTES) -> None:
+    recorder = ReadingsRecorder(max_bytes)
+    for number, reading in enumerate(readings):
+        recorder.add(reading, 0.1 * number, -0.1 * number)
+    recorder.save(path)
+
+
+def same_frame(a: Frame | None, b: Frame | None) -> bool:
+    if a is None or b is None:
+        return a is b
+    return a.time == b.time and np.array_equal(a.image, b.image)
+
+
+def test_readings_come_back_as_they_were(tmp_path: Path) -> None:
+    path = tmp_path / "recording.npz"
+    readings = random_readings(1)
+    recorded(readings, path)
+    recording = load_recording(path)
+    back = list(recording.readings())
+    assert recording.complete
+    assert len(back) == TICKS
+    for before, after in zip(readings, back, strict=True):
+        assert (after.time, after.inertial, after.encoders) == (
+            before.time,
+            before.inertial,
+            before.encoders,
+        )
+        assert same_frame(before.frame, after.frame)
+        assert same_frame(before.landmark_frame, after.landmark_frame)
+    assert np.array_equal(recording.commands[:, 0], 0.1 * np.arange(TICKS))
+
+
+def test_an_empty_recording_is_one(tmp_path: Path) -> None:
+    recorded([], tmp_path / "empty.npz")
+    assert list(load_recording(tmp_path / "empty.npz").readings()) == []
+
+
+def test_a_recorder_keeps_to_its_limit(tmp_path: Path) -> None:
+    path = tmp_path / "recording.npz"
+    recorded(random_readings(2), path, max_bytes=3000)
+    recording = load_recording(path)
+    assert not recording.complete
+    assert 0 < len(recording) < TICKS
+
+
+def test_a_file_is_measured_before_it_is_unpacked(tmp_path: Path) -> None:
+    path = tmp_path / "recording.npz"
+    recorded(random_readings(3), path)
+    with pytest.raises(ConfigError, match="at most 1000"):
+        load_recording(path, max_bytes=1000)
+
+
+def broken_files(folder: Path) -> list[Path]:
+    good = folder / "good.npz"
+    recorded(random_readings(4), good)
+    with np.load(good) as data:
+        arrays = {name: data[name] for name in data.files}
+    text = folder / "text.npz"
+    text.write_text("no archive")
+    cut = folder / "cut.npz"
+    cut.write_bytes(good.read_bytes()[:-200])
+    variants = {
+        "fewer": {name: array for name, array in arrays.items() if name != "ticks"},
+        "typed": arrays | {"sensors": arrays["sensors"].astype(np.float32)},
+        "pickled": arrays | {"sensors": np.array([{"a": 1}], dtype=object)},
+        "short": arrays | {"ticks": arrays["ticks"][:-1]},
+        "astray": arrays | {"frames_at": arrays["frames_at"] + 1},
+        "narrow": arrays | {"sensors": arrays["sensors"][:, :5]},
+    }
+    files = [text, cut, folder / "missing.npz"]
+    for name, content in variants.items():
+        np.savez(folder / f"{name}.npz", **content)
+        files.append(folder / f"{name}.npz")
+    other = folder / "other.npz"
+    with zipfile.ZipFile(other, "w") as archive:
+        archive.writestr("../evil.npy", b"x")
+    return [*files, other]
+
+
+def test_whatever_is_no_recording_is_refused_with_its_name(tmp_path: Path) -> None:
+    for path in broken_files(tmp_path):
+        with pytest.raises(ConfigError, match=path.name):
+            load_recording(path)
+
+
+def test_a_pilot_gives_the_same_commands_to_recorded_readings(tmp_path: Path) -> None:
+    robot, start = RobotModel(), Pose(0.0, 0.0, 0.3)
+    goals = [Waypoint(1.0, 0.5, 0.2, "there", "goal", True)]
+    simulator, pilot, recorder = FakeSimulator(start), FakePilot(), ReadingsRecorder()
+    pilot.start(start, goals)
+    while not pilot.state.finished:
+        reading = simulator.read()
+        twist = pilot.step(reading)
+        recorder.add(reading, twist.v, twist.w)
+        simulator.drive(*robot.wheel_speeds(twist))
+        simulator.advance(1.0 / robot.control_rate)
+    recorder.save(tmp_path / "recording.npz")
+    recording = load_recording(tmp_path / "recording.npz")
+
+    again = compare(recording, drive_again(FakePilot(), recording, start, goals))
+    assert again.same
+    assert again.first_difference is None
+    misled = compare(recording, drive_again(FakePilot(yaw_error=0.2), recording, start, goals))
+    assert not misled.same
+    assert misled.first_difference == 0

@@ -1,0 +1,102 @@
+"""Honest sensing: the stack in a process of its own, with recorded readings and no simulator."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from navfw.errors import ConfigError
+from navfw.missions.report import write_run
+from navfw.missions.session import MissionResult, prepare
+from navfw.recording.replay import replay
+from navfw.recording.runfolder import RESULT, RunFolder, read_result
+
+# The stack runs where PyBullet cannot even be imported: None in sys.modules makes import fail.
+ALONE = """
+import json, sys
+sys.modules["pybullet"] = None
+sys.argv = ["navfw", "replay", sys.argv[1], "--json"]
+import navfw.cli
+try:
+    navfw.cli.main()
+finally:
+    del sys.modules["pybullet"]
+    loaded = [m for m in sys.modules if m.split(".")[0] == "pybullet"]
+    loaded += [m for m in sys.modules if m.startswith(("navfw.sim", "navfw.missions"))]
+    print(json.dumps(loaded), file=sys.stderr)
+"""
+
+
+@pytest.fixture(scope="module")
+def driven(tmp_path_factory: pytest.TempPathFactory) -> tuple[MissionResult, Path]:
+    session = prepare("paper-room", "through-the-door", seed=3, overrides=["mission.timeout=6"])
+    result = session.run(record=True)
+    with RunFolder(tmp_path_factory.mktemp("replay") / "run") as folder:
+        write_run(result, folder)
+    assert folder.final is not None
+    return result, folder.final
+
+
+def test_the_stack_alone_gives_the_same_commands(driven: tuple[MissionResult, Path]) -> None:
+    result, folder = driven
+    done = subprocess.run(  # noqa: S603 - this Python, words of our own
+        [sys.executable, "-c", ALONE, str(folder)],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    answer = json.loads(done.stdout)
+    assert answer["command_hash"] == result.run.track.command_hash
+    assert answer["same"]
+    assert answer["complete"]
+    assert answer["ticks"] == result.run.track.ticks > 300
+    assert json.loads(done.stderr.splitlines()[-1]) == []
+    assert abs(result.run.track.commands[:, 0]).max() > 0.1, "the robot should have driven"
+
+
+def test_another_image_gives_other_commands(
+    driven: tuple[MissionResult, Path], tmp_path: Path
+) -> None:
+    """The replay really computes: it does not hand back what was recorded."""
+    import numpy as np
+
+    _, folder = driven
+    for name in (RESULT, "map.yaml", "stack.yaml"):
+        (tmp_path / name).write_bytes((folder / name).read_bytes())
+    with np.load(folder / "recording.npz") as data:
+        arrays = {name: data[name] for name in data.files}
+    arrays["frames_image"][30:] = arrays["frames_image"][30:, :, ::-1]
+    np.savez(tmp_path / "recording.npz", **arrays)
+    again = replay(tmp_path)
+    assert not again.same
+    assert again.first_difference is not None
+    # the camera has 10 Hz, the control loop 60 Hz
+    assert again.first_difference >= 30 * 6
+
+
+def test_a_run_without_recording_says_how_to_get_one(
+    driven: tuple[MissionResult, Path], tmp_path: Path
+) -> None:
+    _, folder = driven
+    (tmp_path / RESULT).write_bytes((folder / RESULT).read_bytes())
+    with pytest.raises(ConfigError, match="--record"):
+        replay(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"), [("start", [0, 1]), ("goals", None), ("robot", {"radius": -1})]
+)
+def test_a_damaged_result_is_named_by_file_and_key(
+    driven: tuple[MissionResult, Path], tmp_path: Path, key: str, value: object
+) -> None:
+    result = read_result(driven[1])
+    result["config"]["mission"][key] = value
+    (tmp_path / RESULT).write_text(json.dumps(result))
+    with pytest.raises(ConfigError, match=rf"result\.json: config\.mission\.{key}"):
+        replay(tmp_path)

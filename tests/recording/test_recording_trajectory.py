@@ -1,0 +1,111 @@
+"""The track's arithmetic, and a picture that is really drawn."""
+
+from __future__ import annotations
+
+import hashlib
+import struct
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from navfw.recording.track import Contact, Track, TrackRecorder, hash_commands
+from navfw.recording.trajectory import Disc, Outline, Picture, draw_trajectory
+from navfw.signals import Array, Pose, Twist, Waypoint
+
+finite = st.floats(allow_nan=False, allow_infinity=False)
+
+
+@given(st.lists(st.tuples(finite, finite, finite), max_size=20))
+def test_the_hash_is_of_little_endian_doubles(rows: list[tuple[float, float, float]]) -> None:
+    expected = hashlib.sha256(b"".join(struct.pack("<3d", *row) for row in rows)).hexdigest()
+    assert hash_commands(np.array(rows, dtype=np.float64).reshape(-1, 3)) == expected
+
+
+def curved_track(ticks: int = 300) -> Track:
+    recorder = TrackRecorder()
+    for tick in range(ticks):
+        x, y = 0.01 * tick, 0.5 * np.sin(0.02 * tick)
+        leader = "avoid" if 100 <= tick < 200 else "go_to_xy"
+        estimate = Pose(x, y + 0.001 * tick, 0.0)
+        recorder.add(tick / 60, Pose(x, y, 0.0), estimate, Twist(0.3, 0.0), leader, tick == 7)
+    recorder.add_waypoints((Waypoint(1.0, 0.0, 0.3, "door", "door", False),))
+    recorder.add_waypoints((Waypoint(1.0, 0.0, 0.3, "door", "door", False),))
+    recorder.contacts.append(Contact(5.0, 3.0, 0.0, "column"))
+    return recorder.track()
+
+
+def test_a_track_keeps_what_was_added() -> None:
+    track = curved_track()
+    assert track.ticks == 300
+    assert track.leaders == ("go_to_xy", "avoid")
+    assert track.leader.tolist() == [0] * 100 + [1] * 100 + [0] * 100
+    assert np.flatnonzero(track.emergency).tolist() == [7]
+    assert len(track.waypoints) == 1
+    assert track.command_stream.shape == (300, 3)
+
+
+@pytest.mark.parametrize("ticks", [0, 1, 2, 5, 61, 300])
+def test_thinned_out_indices_keep_both_ends(ticks: int) -> None:
+    track = curved_track(ticks)
+    picked = track.every(0.1)
+    assert len(picked) <= ticks
+    if ticks:
+        assert (picked[0], picked[-1]) == (0, ticks - 1)
+    if ticks > 7:
+        assert np.diff(picked[:-1]).tolist() == [6] * (len(picked) - 2)
+
+
+def picture(**changes: object) -> Picture:
+    square = np.array([[0.0, 0.0], [0.4, 0.0], [0.4, 0.4], [0.0, 0.4]])
+    wall, table = square + np.array([1.5, 1.0]), square + np.array([0.5, -1.2])
+    values: dict[str, object] = {
+        "title": "here / there, seed 1: reached",
+        "reason": "stands 0.1 m from 'there'",
+        "numbers": "3.1 m in 5.0 s",
+        "good": True,
+        "outline": Outline([wall], [table], [Disc(2.5, 1.0, 0.2)]),
+        "start": Pose(0.0, 0.0, 0.0),
+        "goals": [(3.0, 0.2)],
+        "zone": 0.5,
+        "robot_radius": 0.18,
+        "places": {"there": (3.0, 0.2), "door": (1.0, 0.0), "doorway": (1.01, 0.0)},
+    }
+    return Picture(**(values | changes))  # type: ignore[arg-type]
+
+
+def drawn(path: Path, track: Track, shown: Picture) -> Array:
+    draw_trajectory(path, track, shown)
+    image = cv2.imread(str(path))
+    assert image is not None
+    return image[:, :, ::-1].astype(np.float64)
+
+
+def share_of(image: Array, color: str) -> float:
+    wanted = np.array([int(color[i : i + 2], 16) for i in (1, 3, 5)], dtype=np.float64)
+    return float((np.abs(image - wanted).max(axis=2) < 12.0).mean())
+
+
+def test_the_picture_shows_who_led_where(tmp_path: Path) -> None:
+    image = drawn(tmp_path / "a.png", curved_track(), picture())
+    assert min(image.shape[:2]) > 400
+    for color in ("#0072B2", "#E69F00", "#4A4A4A", "#D9D2C5", "#D00000"):
+        assert share_of(image, color) > 1e-4, color
+    # the same picture without the track has none of the leaders' colours
+    bare = drawn(tmp_path / "b.png", TrackRecorder().track(), picture())
+    assert share_of(bare, "#E69F00") < 1e-5
+
+
+def test_the_same_run_gives_the_same_picture(tmp_path: Path) -> None:
+    for name in ("a.png", "b.png"):
+        draw_trajectory(tmp_path / name, curved_track(), picture())
+    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+
+
+def test_a_world_without_anything_can_be_drawn(tmp_path: Path) -> None:
+    empty = picture(outline=Outline(), places={}, good=False)
+    image = drawn(tmp_path / "a.png", curved_track(1), empty)
+    assert share_of(image, "#B0004E") > 0.0
