@@ -1,14 +1,14 @@
 """Getting on and off the map: which places a point in free space leads to, and at what cost.
 
 A map says nothing about walls, and the place nearest to a robot is often behind one. What it does
-say: passages are free, so a point near a passage belongs to it; and a door stands in a wall, so
-a straight way that crosses a door's line beside the door is none.
+say: passages are free in all their width, so a point within it can head for both ends; and a door
+stands in a wall, so what lies beyond that wall is not to be headed for from anywhere else.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +18,7 @@ from navfw.topomap.model import Footing, Passage, Place, TopoMap
 
 __all__ = ["AT_PLACE", "OFF_PASSAGE", "Access", "Doorways", "find_access"]
 
-SLACK = 0.3
+SLACK = 0.1
 """Passages so much farther than the nearest one are still considered [m]."""
 
 SEARCH_RANGE = 3.0
@@ -54,35 +54,31 @@ class Access:
 
 
 class Doorways:
-    """The doors of a map as pieces of wall with a gap in them."""
+    """The doors of a map as pieces of the walls that they stand in."""
 
     def __init__(self, topo_map: TopoMap) -> None:
-        centers, normals, gaps = [], [], []
+        centers, normals = [], []
         for place in topo_map.places.values():
             normal = _door_normal(topo_map, place) if place.kind == "door" else None
             if normal is not None:
-                widths = [passage.width for passage in topo_map.passages_at(place.name)]
                 centers.append((place.x, place.y))
                 normals.append(normal)
-                gaps.append(0.5 * min(widths))
         self._centers = np.array(centers, dtype=np.float64).reshape(-1, 2)
         self._normals = np.array(normals, dtype=np.float64).reshape(-1, 2)
-        self._gaps = np.array(gaps, dtype=np.float64)
 
     def separate(self, start: tuple[float, float], end: tuple[float, float]) -> bool:
-        """Whether the straight way from ``start`` to ``end`` would lead through a door's wall."""
-        if len(self._gaps) == 0:
-            return False
+        """Whether ``start`` and ``end`` are on different sides of a door's wall, near that door."""
         from_start = np.array(start) - self._centers
         leg = np.array(end) - np.array(start)
         before = np.sum(from_start * self._normals, axis=1)
         after = before + self._normals @ leg
-        crossing = before * after < 0.0
+        # who stands in the wall's plane itself is on either side
+        crossing = (before * after < 0.0) & (np.minimum(np.abs(before), np.abs(after)) > 1e-6)
         share = before[crossing] / (before[crossing] - after[crossing])
         point = from_start[crossing] + share[:, None] * leg
         normal = self._normals[crossing]
         beside = np.abs(point[:, 0] * normal[:, 1] - point[:, 1] * normal[:, 0])
-        return bool(np.any((beside > self._gaps[crossing]) & (beside < WALL_REACH)))
+        return bool(np.any(beside < WALL_REACH))
 
 
 def find_access(
@@ -105,35 +101,55 @@ def find_access(
     elif part is not None:
         among = [passage for passage in topo_map.passages if passage.a in part]
     near = topo_map.footings(*point, slack=SEARCH_RANGE, among=among)
-    seen = [f for f in near if not doorways.separate(point, _foot(topo_map, f))] or near
+    options = [(f, _ends(topo_map, costs, doorways, point, f)) for f in near]
+    # where walls hide everything, the map is odd: better a way that may be blocked than none
+    options = [option for option in options if option[1]] or [
+        (f, [f.passage.a, f.passage.b]) for f in near
+    ]
     isolated = _nearest_isolated(topo_map, point, place, part)
     distance = min(
-        seen[0].aside if seen else math.inf, math.inf if isolated is None else isolated[1]
+        options[0][0].aside if options else math.inf,
+        math.inf if isolated is None else isolated[1],
     )
-    footings = [f for f in seen if f.aside <= distance + SLACK]
+    options = [option for option in options if option[0].aside <= distance + SLACK]
+    footings = [footing for footing, _ in options]
     if place is not None and (apart := topo_map.places[place].distance(*point)) <= AT_PLACE:
         return Access({place: OFF_PASSAGE * apart}, footings, apart)
     found: dict[str, float] = {}
-    for footing in footings:
-        for end, cost in _ends(topo_map, costs, footing):
-            found[end] = min(cost, found.get(end, math.inf))
+    for footing, ends in options:
+        for end in ends:
+            found[end] = min(_cost_to(costs, footing, end), found.get(end, math.inf))
     if isolated is not None and isolated[1] <= distance + SLACK:
         found[isolated[0]] = OFF_PASSAGE * isolated[1]
     return Access(found, footings, distance)
 
 
-def _ends(topo_map: TopoMap, costs: EdgeCosts, footing: Footing) -> Iterator[tuple[str, float]]:
-    """The ends of the passage that the footing leads to, with the cost of getting there."""
+def _ends(
+    topo_map: TopoMap,
+    costs: EdgeCosts,
+    doorways: Doorways,
+    point: tuple[float, float],
+    footing: Footing,
+) -> list[str]:
+    """The ends of the passage that a point beside it can head for; none if a wall hides it."""
     passage = footing.passage
-    factor = costs.factor(passage)
     ends = [passage.a, passage.b]
-    if not math.isfinite(factor):  # shut: of its two ends only the nearer one is on our side
-        factor = 1.0
+    if not math.isfinite(costs.of(passage)):  # shut: only the nearer end is on our side
         ends = [min(ends, key=footing.to_end)]
-    if footing.aside > 0.5 * passage.width:  # a door is entered along its passage, not along a wall
-        ends = [end for end in ends if topo_map.places[end].kind != "door"] or ends
-    for end in ends:
-        yield end, OFF_PASSAGE * footing.aside + factor * footing.to_end(end)
+    if footing.aside <= 0.5 * passage.width:
+        return ends
+    if doorways.separate(point, _foot(topo_map, footing)):
+        return []
+    # from beside the passage a door cannot be entered: it is approached along its passage
+    places = [topo_map.places[end] for end in ends]
+    places = [place for place in places if place.kind != "door"]
+    return [at.name for at in places if not doorways.separate(point, (at.x, at.y))]
+
+
+def _cost_to(costs: EdgeCosts, footing: Footing, end: str) -> float:
+    factor = costs.factor(footing.passage)
+    along = footing.to_end(end) * (factor if math.isfinite(factor) else 1.0)
+    return OFF_PASSAGE * footing.aside + along
 
 
 def _nearest_isolated(

@@ -1,0 +1,90 @@
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from navfw.errors import ConfigError, InputError, MapError
+from navfw.topomap import load_map
+
+GOOD = """\
+name: flat
+places:
+  hall: {x: 0, y: 0}
+  door: {x: 3, y: 0, kind: door}
+  stairs: {x: 3, y: 4, kind: danger}
+edges:
+  - {from: hall, to: door, width: 0.9}
+  - {from: door, to: stairs, length: 5, uncertainty: 0.5, doorness: 0.2}
+"""
+
+
+def write(folder: Path, text: str) -> Path:
+    path = folder / "flat.yaml"
+    path.write_text(text)
+    return path
+
+
+def test_a_file_becomes_a_map_with_what_it_leaves_out_filled_in(tmp_path: Path) -> None:
+    topo_map = load_map(write(tmp_path, GOOD))
+    assert topo_map.name == "flat"
+    assert topo_map.place("hall").kind == "room"
+    first, second = topo_map.passages
+    assert (first.length, first.width, first.doorness, first.danger) == (3.0, 0.9, 1.0, 0.0)
+    assert (second.length, second.width, second.doorness, second.danger) == (5, math.inf, 0.2, 1.0)
+    assert second.uncertainty == 0.5
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "error", "line", "words"),
+    [
+        ("to: door,", "to: dor,", MapError, 7, ["edges[0].to", "'dor'", "did you mean 'door'"]),
+        ("length: 5", "length: 0", MapError, 8, ["edges[1].length", "more than 0 m", "leave it"]),
+        ("length: 5", "length: -1", MapError, 8, ["edges[1].length", "got -1"]),
+        ("length: 5", "length: 3.5", MapError, 8, ["shorter than the straight line", "4.00 m"]),
+        ("width: 0.9", "width: 0", MapError, 7, ["edges[0].width", "more than 0 m"]),
+        ("to: stairs", "to: hall", MapError, 8, ["same passage as"]),
+        ("to: stairs", "to: door", MapError, 8, ["itself"]),
+        ("kind: danger", "kind: dnger", ConfigError, 5, ["places.stairs.kind", "'danger'"]),
+        ("length: 5", "lenght: 5", ConfigError, 8, ["lenght", "did you mean 'length'"]),
+        ("from: hall", "form: hall", ConfigError, 7, ["form", "did you mean 'from'"]),
+        ("x: 0, ", "", ConfigError, 3, ["places.hall.x", "missing"]),
+        ("x: 0, ", "x: wide, ", ConfigError, 3, ["places.hall.x", "number", "wide"]),
+        ("x: 0, ", "x: .nan, ", ConfigError, 3, ["places.hall.x"]),
+        ("  stairs:", "  hall:", ConfigError, 5, ["duplicate key"]),
+        ("uncertainty: 0.5", "danger: 2", ConfigError, 8, ["edges[1].danger", "2"]),
+    ],
+)
+def test_mistakes_are_named_with_file_line_and_key(
+    tmp_path: Path, old: str, new: str, error: type[InputError], line: int, words: list[str]
+) -> None:
+    assert old in GOOD
+    path = write(tmp_path, GOOD.replace(old, new, 1))
+    with pytest.raises(error) as caught:
+        load_map(path)
+    assert f"flat.yaml:{line}: " in str(caught.value)
+    for word in words:
+        assert word in str(caught.value)
+
+
+def test_all_contradictions_are_told_at_once(tmp_path: Path) -> None:
+    path = write(tmp_path, GOOD.replace("to: door", "to: dor").replace("length: 5", "length: 0"))
+    with pytest.raises(MapError) as caught:
+        load_map(path)
+    lines = str(caught.value).splitlines()
+    assert "2 contradictions" in lines[0]
+    assert "flat.yaml:7: edges[0].to" in lines[1]
+    assert "flat.yaml:8: edges[1].length" in lines[2]
+
+
+def test_a_map_without_places_says_so(tmp_path: Path) -> None:
+    with pytest.raises(MapError, match="places: expected at least one place"):
+        load_map(write(tmp_path, "name: none\nplaces: {}\n"))
+
+
+def test_apart_is_no_error_by_itself(tmp_path: Path) -> None:
+    topo_map = load_map(
+        write(tmp_path, GOOD.replace("  - {from: hall, to: door, width: 0.9}\n", ""))
+    )
+    assert len(topo_map.parts) == 2
