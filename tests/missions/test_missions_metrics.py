@@ -1,0 +1,119 @@
+"""Metrics of tracks whose numbers are known beforehand."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from navfw.missions.metrics import Metrics, count_collisions, measure, path_length
+from navfw.recording.track import Contact, Track, TrackRecorder
+from navfw.signals import Array, Pose, Twist
+
+RADIUS = 0.18
+
+
+class WallAt:
+    """A plan with one wall along y = ``y``."""
+
+    def __init__(self, y: float) -> None:
+        self.y = y
+
+    def clearances(self, points: Array) -> Array:
+        return np.abs(points[:, 1] - self.y)
+
+
+def straight(length: float, seconds: float, drift: float = 0.0) -> Track:
+    """Along x, with an estimate that ends ``drift`` [m] aside."""
+    recorder = TrackRecorder()
+    ticks = round(60 * seconds)
+    for tick in range(ticks + 1):
+        share = tick / ticks
+        x = length * share
+        recorder.add(
+            tick / 60, Pose(x, 0.0, 0.0), Pose(x, drift * share, 0.0), Twist(0.1, 0.0), "go", False
+        )
+    return recorder.track()
+
+
+def metrics(track: Track, shortest: float = 2.0, succeeded: bool = True) -> Metrics:
+    return measure(
+        track,
+        WallAt(0.5),
+        start=(0.0, 0.0),
+        goal=(3.0, 0.4),
+        shortest=shortest,
+        radius=RADIUS,
+        succeeded=succeeded,
+        stage_ms={"flow": 1.0},
+    )
+
+
+def test_a_straight_run_has_the_numbers_of_a_ruler() -> None:
+    found = metrics(straight(3.0, 10.0, drift=0.2))
+    assert found.path_length_m == pytest.approx(3.0)
+    assert found.spl == pytest.approx(2.0 / 3.0)
+    assert found.mean_speed == pytest.approx(0.3)
+    assert found.min_clearance_m == pytest.approx(0.5 - RADIUS)
+    assert found.clearance_p05_m == pytest.approx(0.5 - RADIUS)
+    assert found.distance_to_goal_m == pytest.approx(0.4)
+    assert found.estimate_error_m == pytest.approx(0.2)
+    assert found.estimate_error_max_m == pytest.approx(0.2)
+    assert (found.collisions, found.emergencies) == (0, 0)
+
+
+def test_failure_earns_nothing_and_shortcuts_no_more_than_one() -> None:
+    assert metrics(straight(3.0, 10.0), succeeded=False).spl == 0.0
+    # the goal's zone begins before the goal: driving less than the shortest way is no merit
+    assert metrics(straight(1.6, 10.0), shortest=2.0).spl == 1.0
+
+
+def test_a_run_that_never_began_has_numbers_too() -> None:
+    found = metrics(TrackRecorder().track(), succeeded=False)
+    assert (found.path_length_m, found.mean_speed, found.spl) == (0.0, 0.0, 0.0)
+    assert found.distance_to_goal_m == pytest.approx(math.hypot(3.0, 0.4))
+
+
+def test_in_the_open_the_clearance_is_infinite_and_no_nan() -> None:
+    class Open:
+        def clearances(self, points: Array) -> Array:
+            return np.full(len(points), math.inf)
+
+    found = measure(
+        straight(1.0, 2.0), Open(), start=(0, 0), goal=(1, 0), shortest=1.0, radius=0.2,
+        succeeded=True,
+    )  # fmt: skip
+    assert (found.min_clearance_m, found.clearance_p05_m) == (math.inf, math.inf)
+
+
+def test_each_emergency_counts_once() -> None:
+    recorder = TrackRecorder()
+    pose = Pose(0.0, 0.0, 0.0)
+    for tick, urgent in enumerate("..!!!..!...!!"):
+        recorder.add(tick / 60, pose, pose, Twist(0.0, 0.0), "", urgent == "!")
+    assert metrics(recorder.track()).emergencies == 3
+
+
+@given(st.lists(st.floats(0.0, 100.0), max_size=30), st.randoms())
+def test_collisions_are_debounced_whatever_the_order(times: list[float], random: object) -> None:
+    contacts = [Contact(time, 0.0, 0.0, "wall") for time in times]
+    count = count_collisions(contacts)
+    assert count_collisions(contacts[::-1]) == count
+    assert (count > 0) == bool(times)
+    assert count <= 101
+    # contacts far apart all count
+    apart = [Contact(2.0 * i, 0.0, 0.0, "wall") for i in range(len(times))]
+    assert count_collisions(apart) == len(times)
+
+
+@given(st.lists(st.tuples(st.floats(-50, 50), st.floats(-50, 50)), min_size=2, max_size=20))
+def test_no_path_is_shorter_than_the_straight_line(points: list[tuple[float, float]]) -> None:
+    way = np.array(points)
+    assume(len(way) >= 2)
+    assert path_length(way) >= math.dist(points[0], points[-1]) - 1e-9
+    assert path_length(way[::-1]) == pytest.approx(path_length(way))
+    turned = way @ np.array([[0.6, 0.8], [-0.8, 0.6]])
+    assert path_length(turned) == pytest.approx(path_length(way))

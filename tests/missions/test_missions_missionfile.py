@@ -1,0 +1,150 @@
+"""Mission files: what is in them, and what is said about a wrong one."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from navfw.config.lookup import find, list_missions, list_worlds
+from navfw.errors import ConfigError, InputError, UnknownNameError, WorldError
+from navfw.missions.missionfile import MissionFile, load_mission
+from navfw.sim.floorplan import FloorPlan
+from navfw.sim.worldfile import load_world
+
+GOOD = """\
+description: a test
+map: office
+start: [1.2, 1.2, 0.6]
+goals: [lab]
+timeout: 60
+"""
+
+
+@pytest.fixture(scope="module")
+def office() -> FloorPlan:
+    return FloorPlan.from_world(load_world(find("world", "office")))
+
+
+def mission(folder: Path, text: str) -> MissionFile:
+    file = folder / "mission.yaml"
+    file.write_text(text)
+    return load_mission(file)
+
+
+def test_places_and_points_become_waypoints(tmp_path: Path) -> None:
+    text = GOOD.replace("[lab]", "[lab, {x: 1.5, y: 1.25}]")
+    loaded = mission(tmp_path, text)
+    place = loaded.topo_map.places["lab"]
+    assert (loaded.start.x, loaded.start.y, loaded.start.yaw) == (1.2, 1.2, 0.6)
+    assert [(w.x, w.y, w.place) for w in loaded.goals] == [
+        (place.x, place.y, "lab"),
+        (1.5, 1.25, ""),
+    ]
+    assert {(w.kind, w.final, w.tolerance) for w in loaded.goals} == {("goal", True, 0.4)}
+
+
+def test_a_start_may_be_a_place(tmp_path: Path) -> None:
+    loaded = mission(tmp_path, GOOD.replace("[1.2, 1.2, 0.6]", "{place: kitchen, yaw: 1.5}"))
+    place = loaded.topo_map.places["kitchen"]
+    assert (loaded.start.x, loaded.start.y, loaded.start.yaw) == (place.x, place.y, 1.5)
+
+
+def test_without_a_map_the_goals_are_the_map(tmp_path: Path) -> None:
+    text = "start: [0, 0, 0]\ngoals: [{x: 3, y: 4}, {x: 3, y: 0}, {x: 3, y: 4}]\n"
+    loaded = mission(tmp_path, text)
+    assert [(p.x, p.y) for p in loaded.topo_map.places.values()] == [(0, 0), (3, 4), (3, 0)]
+    lengths = sorted(passage.length for passage in loaded.topo_map.passages)
+    assert lengths == pytest.approx([4.0, 5.0])
+
+
+def test_sensors_begin_with_a_preset(tmp_path: Path) -> None:
+    text = GOOD + "sensors: {preset: perfect, slip: 0.1}\n"
+    sensors = mission(tmp_path, text).spec.sensors.resolved()
+    assert (sensors.slip, sensors.gyro_noise, sensors.image_noise) == (0.1, 0.0, 0.0)
+    usual = mission(tmp_path, GOOD).spec.sensors.resolved()
+    assert usual.gyro_noise > 0.0
+
+
+def test_the_robot_may_differ(tmp_path: Path) -> None:
+    loaded = mission(tmp_path, GOOD + "robot: {radius: 0.25, camera: {hfov: 1.2}}\n")
+    assert (loaded.spec.robot.radius, loaded.spec.robot.camera.hfov) == (0.25, 1.2)
+    assert loaded.spec.robot.camera.width == 160
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "error", "line", "says"),
+    [
+        ("[lab]", "[labb]", UnknownNameError, 4, "did you mean 'lab'?"),
+        ("[lab]", "[]", ConfigError, 4, "goals"),
+        ("[lab]", "[{x: 1}]", ConfigError, 4, "y"),
+        ("map: office", "map: ofice", UnknownNameError, 2, "did you mean 'office'?"),
+        ("map: office\n", "", UnknownNameError, 3, "lab"),
+        ("[1.2, 1.2, 0.6]", "{place: loby}", UnknownNameError, 3, "did you mean 'lobby'?"),
+        ("[1.2, 1.2, 0.6]", "[1.2, 1.2]", ConfigError, 3, "start"),
+        ("timeout: 60", "timeout: -1", ConfigError, 5, "timeout"),
+        ("timeout: 60", "timeout: soon", ConfigError, 5, "timeout"),
+        ("timeout: 60", "time_out: 60", ConfigError, 5, "did you mean 'timeout'?"),
+        ("timeout: 60", "sensors: {preset: bad}", ConfigError, 5, "good"),
+        ("timeout: 60", "sensors: {gyro_nois: 1}", ConfigError, 5, "did you mean 'gyro_noise'?"),
+        ("timeout: 60", "robot: {radius: 0}", ConfigError, 5, "radius"),
+        ("timeout: 60", "tolerance: .nan", ConfigError, 5, "tolerance"),
+    ],
+)
+def test_a_wrong_file_is_named_with_line_and_remedy(
+    tmp_path: Path, old: str, new: str, error: type[InputError], line: int, says: str
+) -> None:
+    with pytest.raises(error) as caught:
+        mission(tmp_path, GOOD.replace(old, new))
+    assert f"mission.yaml:{line}" in str(caught.value)
+    assert says in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "key", "says"),
+    [
+        ("[1.2, 1.2, 0.6]", "[5.0, 3.0, 0]", 3, "start", "lobby-meeting-wall"),
+        ("[1.2, 1.2, 0.6]", "[1.2, 0.2, 0]", 3, "start", "0.18"),
+        ("[1.2, 1.2, 0.6]", "[-3, 1, 0]", 3, "start", "floor"),
+        ("[lab]", "[lab, {x: 5, y: 3}]", 4, "goals[1]", "lobby-meeting-wall"),
+        ("[lab]", "[{x: 40, y: 3}]", 4, "goals[0]", "floor"),
+        ("timeout: 60", "robot: {radius: 0.49, track: 0.5}", 4, "goals[0]", "reached"),
+    ],
+)
+def test_what_cannot_be_in_the_world_is_named_too(
+    tmp_path: Path, office: FloorPlan, old: str, new: str, line: int, key: str, says: str
+) -> None:
+    loaded = mission(tmp_path, GOOD.replace(old, new))
+    with pytest.raises(WorldError) as caught:
+        loaded.check(office)
+    assert f"mission.yaml:{line}: {key}: " in str(caught.value)
+    assert says in str(caught.value)
+
+
+def test_the_shortest_way_goes_past_all_goals_in_order(tmp_path: Path, office: FloorPlan) -> None:
+    there = mission(tmp_path, GOOD).check(office)
+    and_back = GOOD.replace("[lab]", "[lab, {x: 1.2, y: 1.2}]")
+    assert mission(tmp_path, and_back).check(office) == pytest.approx(2.0 * there, rel=0.01)
+    lab = mission(tmp_path, GOOD).goals[0]
+    assert there > math.hypot(lab.x - 1.2, lab.y - 1.2)
+
+
+SHIPPED = [(world.name, found) for world in list_worlds() for found in list_missions(world.name)]
+
+
+@pytest.mark.parametrize(("world", "found"), SHIPPED, ids=[f"{w}/{f.name}" for w, f in SHIPPED])
+def test_every_shipped_mission_can_be(world: str, found: object) -> None:
+    spec = load_world(find("world", world))
+    loaded = load_mission(found.path)  # type: ignore[attr-defined]
+    shortest = loaded.check(FloorPlan.from_world(spec))
+    assert loaded.spec.description
+    assert shortest > 2.0 * loaded.spec.success.within
+    # twice the time that a robot at a quarter of its top speed would need
+    assert loaded.spec.timeout > 2.0 * shortest / loaded.spec.robot.max_v
+
+
+def test_the_main_mission_is_a_long_one() -> None:
+    file = find("mission", "office/lobby-to-lab")
+    plan = FloorPlan.from_world(load_world(find("world", "office")))
+    assert load_mission(file).check(plan) >= 15.0
