@@ -105,7 +105,8 @@ class Router:
     def _route(self, start: Spot, goal: Spot, entry: Access, leave: Access) -> Route:
         found = self._roads.cheapest(entry.costs, leave.costs, goal.point)
         direct = self._direct_cost(entry, leave)
-        if direct is not None and (found is None or direct[0] <= found.cost):
+        # at equal cost the way by the places: it tells more
+        if direct is not None and (found is None or direct[0] < found.cost - 1e-9):
             cost, width = direct
             straight = math.hypot(goal.x - start.x, goal.y - start.y)
             return Route(start, goal, (), (), (width,), cost, straight, cost, 0.0)
@@ -134,7 +135,7 @@ class Router:
             for b in leave.footings
             if a.passage is b.passage
         ]
-        return min(options, default=None)
+        return min((way for way in options if math.isfinite(way[0])), default=None)
 
     def _cost_between(self, a: Footing, b: Footing) -> float:
         factor = self.costs.factor(a.passage)

@@ -67,8 +67,7 @@ class Tour:
             self._check_distance(Spot(*at), "start")
             self._follow(self._router.route(Spot(*at), self._spot(self._goals[0])), at)
         elif self._is_astray(at):
-            self.replans += 1
-            self._plan_on(at)
+            self._plan_anew(at)
         while self._ahead and (passed := self._passed(at)):
             self._advance(passed, at)
         return self._ahead[0] if self._ahead else None
@@ -99,6 +98,14 @@ class Tour:
             if self._goals:
                 self._later.pop(0)
                 self._plan_on(at)
+
+    def _plan_anew(self, at: Point) -> None:
+        self.replans += 1
+        try:
+            self._plan_on(at)
+        except MapError:
+            # the belief lies where the map has no way out: head on for what was planned before
+            self._came_from = at
 
     def _plan_on(self, at: Point) -> None:
         self._follow(self._router.route_within(Spot(*at), self._spot(self._goals[0])), at)

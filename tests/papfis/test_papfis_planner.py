@@ -1,0 +1,215 @@
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from papfis_maps import belief, goal, joined, line, office
+
+from navfw.errors import MapError
+from navfw.papfis import Papfis
+from navfw.papfis.waypoints import Passing, distance_to_leg, has_passed
+from navfw.robot import RobotModel
+from navfw.signals import Waypoint
+from navfw.sim.floorplan import FloorPlan
+from navfw.sim.worldfile import load_world
+from navfw.topomap import Place, TopoMap
+
+ROOT = Path(__file__).parents[2]
+ROBOT = RobotModel()
+LAB = goal(14.2, 7.8, "lab")
+Point = tuple[float, float]
+
+
+def planner(topo_map: TopoMap, *goals: Waypoint, **params: float) -> Papfis:
+    papfis = Papfis(ROBOT, Papfis.Params(**params))
+    papfis.reset()
+    papfis.start(topo_map, goals)
+    return papfis
+
+
+def walk(papfis: Papfis, start: Point, step: float = 0.05) -> tuple[list[Point], list[Waypoint]]:
+    """Head straight for every waypoint with a perfect belief: the track and the waypoints."""
+    at, track, heads = start, [start], []
+    for _ in range(2000):
+        head = papfis.update(belief(*at))
+        if head is None:
+            return track, heads
+        if not heads or heads[-1] != head:
+            heads.append(head)
+        distance = math.dist(at, (head.x, head.y))
+        at = (
+            at[0] + step * (head.x - at[0]) / distance,
+            at[1] + step * (head.y - at[1]) / distance,
+        )
+        track.append(at)
+    raise AssertionError(f"not there after {len(track)} steps: {at}")
+
+
+def test_the_walk_from_lobby_to_lab_is_free_and_crosses_two_doors() -> None:
+    papfis = planner(office(), LAB)
+    track, heads = walk(papfis, (1.2, 1.2))
+    doors = [w for w in heads if w.kind == "door"]
+    assert [door.place for door in doors] == ["lobby-door", "lab-door"]
+    assert all((door.tolerance, door.width) == (0.25, 0.95) for door in doors)
+    assert (heads[-1].kind, heads[-1].place, heads[-1].final) == ("goal", "lab", True)
+    assert math.dist(track[-1], (LAB.x, LAB.y)) <= LAB.tolerance
+    plan = FloorPlan.from_world(load_world(ROOT / "worlds" / "office" / "world.yaml"))
+    assert float(plan.clearances(np.array(track)).min()) > ROBOT.radius
+    assert papfis.replans == 0
+    assert papfis.path == []
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_no_walk_leads_through_a_wall(seed: int) -> None:
+    plan = FloorPlan.from_world(load_world(ROOT / "worlds" / "office" / "world.yaml"))
+    walls = FloorPlan(plan.bounds, tuple(s for s in plan.solids if s.kind == "wall"))
+    rng = np.random.default_rng(seed)
+    spots = rng.uniform((0.3, 0.3), (15.7, 9.7), (200, 2))
+    spots = spots[plan.clearances(spots) > 0.3][:20]
+    topo_map = office()
+    for start, end in zip(spots[::2], spots[1::2], strict=True):
+        track, _ = walk(planner(topo_map, goal(*end)), (float(start[0]), float(start[1])))
+        assert float(walls.clearances(np.array(track)).min()) > 0.0, (start, end)
+
+
+def test_the_path_is_what_lies_ahead_through_to_the_last_goal() -> None:
+    papfis = planner(office(), goal(9.9, 8.1, "kitchen"), LAB)
+    head = papfis.update(belief(1.2, 1.2))
+    ahead = papfis.path
+    assert ahead[0] == head
+    assert [w.place for w in ahead if w.final] == ["kitchen", "lab"]
+    assert ahead[-1].final
+    before = len(ahead)
+    papfis.update(belief(ahead[0].x, ahead[0].y))
+    assert len(papfis.path) < before
+
+
+def test_goals_are_visited_in_order_and_then_there_is_nothing_left() -> None:
+    lobby = goal(3.0, 2.0, "lobby")
+    _, heads = walk(planner(office(), LAB, lobby, LAB), (9.0, 5.0))
+    assert [w.place for w in heads if w.final] == ["lab", "lobby", "lab"]
+
+
+def test_a_goal_without_a_place_is_reached_through_its_room() -> None:
+    _, heads = walk(planner(office(), goal(7.4, 6.6)), (4.5, 5.0))
+    assert [w.place for w in heads][-3:] == ["office-b-door", "office-b-entrance", "goal"]
+
+
+def test_straying_far_from_the_leg_makes_a_new_plan() -> None:
+    papfis = planner(office(), LAB)
+    papfis.update(belief(1.2, 1.2))
+    assert papfis.update(belief(1.2, 2.6)).place == "lobby"  # 1.4 m off: not yet
+    assert papfis.replans == 0
+    head = papfis.update(belief(9.0, 5.0))  # carried into the corridor
+    assert papfis.replans == 1
+    assert head.place == "corridor-kitchen"
+    papfis.update(belief(9.1, 5.0))
+    assert papfis.replans == 1
+
+
+def test_astray_where_no_way_leads_out_the_old_plan_holds() -> None:
+    a, b, c = Place("a", 0, 0), Place("b", 4, 0), Place("c", 4, 9)
+    topo_map = TopoMap("m", [a, b, c], [joined(a, b), joined(b, c, width=0.3)])
+    papfis = planner(topo_map, goal(0, 0, "a"))
+    assert papfis.update(belief(4.0, 0.0)).place == "a"
+    assert papfis.update(belief(4.0, 8.0)).place == "a"
+    assert papfis.update(belief(4.0, 8.0)).place == "a"
+    assert papfis.replans == 1
+
+
+def test_a_later_waypoint_reached_first_passes_those_before_it_but_no_door() -> None:
+    a, b, c, e = Place("a", 0, 0), Place("b", 2, 1), Place("c", 4, 0), Place("e", 6.7, 0)
+    d = Place("d", 6, 0, "door")
+    topo_map = TopoMap("m", [a, b, c, d, e], line(a, b, c, d, e, width=0.9))
+    papfis = planner(topo_map, goal(12, 0), passing=0.9, beside_door_passing=0.8, stray=5.0)
+    assert papfis.update(belief(0.0, 0.0)).place == "b"
+    assert papfis.update(belief(3.5, -0.6)).place == "d"
+    assert papfis.update(belief(5.95, 0.5)).place == "d"  # beside the door, within reach of e
+    assert papfis.update(belief(5.95, 0.1)).kind == "goal"
+
+
+def test_no_goals_no_waypoints() -> None:
+    papfis = planner(office())
+    assert papfis.update(belief(1.2, 1.2)) is None
+    assert papfis.path == []
+
+
+def test_a_goal_at_the_start_is_reached_at_once() -> None:
+    assert planner(office(), goal(1.2, 1.4)).update(belief(1.2, 1.2)) is None
+
+
+def test_the_plan_explains_itself_as_plain_data() -> None:
+    papfis = planner(office(), LAB)
+    assert papfis.explain() == {}
+    papfis.update(belief(1.2, 1.2))
+    told = json.loads(json.dumps(papfis.explain()))
+    assert told["places"][-1] == "lab"
+    through_door = next(p for p in told["passages"] if p["to"] == "lobby-door")
+    assert "clearance IS fair" in through_door["rules"][0]["rule"]
+    total = told["entry_cost"] + sum(p["cost"] for p in told["passages"]) + told["exit_cost"]
+    assert told["cost"] == pytest.approx(total)
+
+
+def test_start_and_goal_in_different_parts_is_an_error_that_says_so() -> None:
+    a, b, c, d = (Place(n, x, 0) for n, x in zip("abcd", (0, 2, 4, 6), strict=True))
+    topo_map = TopoMap("m", [a, b, c, d], [joined(a, b), joined(c, d)])
+    with pytest.raises(MapError, match="does not connect the start"):
+        planner(topo_map, goal(6, 0, "d")).update(belief(0.0, 0.1))
+    with pytest.raises(MapError, match=r"does not connect the start 'a'.*goal 'd'"):
+        planner(topo_map, goal(0, 0, "a"), goal(6, 0, "d"))
+
+
+def test_goals_far_off_the_map_are_an_error_that_says_so() -> None:
+    with pytest.raises(MapError, match=r"goal \(16\.00, 30\.00\) is 2\d\.\d m away.*add a place"):
+        planner(office(), goal(16, 30))
+
+
+HERE, NEXT = (0.0, 0.0), (2.0, 0.0)
+
+
+def waypoint(kind: str = "corridor", tolerance: float = 0.3, **values: float) -> Waypoint:
+    return Waypoint(*NEXT, tolerance, "p", kind, final=False, **values)
+
+
+@pytest.mark.parametrize(
+    ("at", "kind", "after", "passed"),
+    [
+        ((1.8, 0.1), "corridor", (4, 0), True),  # near
+        ((1.6, 0.0), "corridor", (4, 0), False),  # not yet
+        ((2.1, 0.8), "corridor", (4, 0), True),  # beyond, within reach
+        ((2.1, 1.2), "corridor", (4, 0), False),  # beyond, too far aside
+        ((1.9, 0.8), "corridor", (4, 0), False),  # aside, but not beyond
+        ((1.7, 0.5), "corridor", (2, 4), True),  # the corner is cut
+        ((1.3, 0.5), "corridor", (2, 4), False),
+        ((2.1, 0.4), "door", (4, 0), True),  # through the gap
+        ((2.1, 0.5), "door", (4, 0), False),  # beside the gap
+        ((1.2, 0.4), "corridor", (0, 0.1), False),  # the way leads back: only nearness counts
+    ],
+)
+def test_when_a_waypoint_is_passed(at: Point, kind: str, after: Point, passed: bool) -> None:
+    following = Waypoint(*after, 0.3, "q", "room", final=False)
+    assert has_passed(at, HERE, waypoint(kind, width=0.9), following, Passing()) is passed
+
+
+def test_a_final_waypoint_must_be_reached() -> None:
+    final = goal(*NEXT)
+    assert not has_passed((2.4, 0.0), HERE, final, None, Passing())
+    assert has_passed((2.2, 0.0), HERE, final, None, Passing())
+
+
+def test_distance_to_a_leg() -> None:
+    assert distance_to_leg((1.0, 0.5), HERE, NEXT) == pytest.approx(0.5)
+    assert distance_to_leg((5.0, 4.0), HERE, NEXT) == pytest.approx(5.0)
+    assert distance_to_leg((3.0, 4.0), HERE, HERE) == pytest.approx(5.0)
+
+
+def test_just_before_and_after_doors_the_tolerance_is_smaller() -> None:
+    papfis = planner(office(), LAB)
+    papfis.update(belief(1.2, 1.2))
+    tolerances = {w.place: w.tolerance for w in papfis.path}
+    assert tolerances["lobby-entrance"] == tolerances["corridor-lobby"] == 0.35
+    assert tolerances["corridor-meeting"] == 0.6
+    assert tolerances["lab-door"] == 0.25

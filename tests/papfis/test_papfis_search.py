@@ -1,0 +1,98 @@
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import networkx as nx
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from papfis_maps import joined, random_maps
+
+from navfw.papfis.costs import EdgeCosts
+from navfw.papfis.search import RoadNetwork
+from navfw.robot import RobotModel
+from navfw.signals import Array
+from navfw.topomap import Place, TopoMap
+
+
+def reference(topo_map: TopoMap, costs: Array, start: str, end: str) -> float:
+    """By networkx; inf where there is no way."""
+    graph = nx.Graph()
+    graph.add_nodes_from(topo_map.places)
+    for passage, cost in zip(topo_map.passages, costs, strict=True):
+        if math.isfinite(cost):
+            graph.add_edge(passage.a, passage.b, weight=cost)
+    try:
+        return float(nx.dijkstra_path_length(graph, start, end))
+    except nx.NetworkXNoPath:
+        return math.inf
+
+
+def found_cost(topo_map: TopoMap, costs: Array, start: str, end: str) -> float:
+    at = topo_map.place(end)
+    found = RoadNetwork(topo_map, costs).cheapest({start: 0.0}, {end: 0.0}, (at.x, at.y))
+    if found is None:
+        return math.inf
+    index = {passage.ends: i for i, passage in enumerate(topo_map.passages)}
+    assert (found.places[0], found.places[-1]) == (start, end)
+    total = sum(costs[index[frozenset(pair)]] for pair in pairwise(found.places))
+    assert found.cost == pytest.approx(total)
+    return found.cost
+
+
+@given(random_maps())
+def test_the_cost_is_that_of_dijkstra(topo_map: TopoMap) -> None:
+    costs = EdgeCosts(topo_map, RobotModel()).values
+    first, *_, last = topo_map.places
+    assert found_cost(topo_map, costs, first, last) == pytest.approx(
+        reference(topo_map, costs, first, last)
+    )
+
+
+@given(random_maps(), st.data())
+def test_another_passage_never_makes_the_way_worse(topo_map: TopoMap, data: st.DataObject) -> None:
+    costs = EdgeCosts(topo_map, RobotModel()).values
+    first, *_, last = topo_map.places
+    taken = {passage.ends for passage in topo_map.passages}
+    places = list(topo_map.places.values())
+    free = [(a, b) for a in places for b in places if a.name < b.name]
+    free = [(a, b) for a, b in free if frozenset((a.name, b.name)) not in taken]
+    if not free:
+        return
+    extra = joined(*data.draw(st.sampled_from(free)), danger=data.draw(st.floats(0.0, 1.0)))
+    richer = TopoMap("richer", places, [*topo_map.passages, extra])
+    richer_costs = EdgeCosts(richer, RobotModel()).values
+    before = found_cost(topo_map, costs, first, last)
+    assert found_cost(richer, richer_costs, first, last) <= before + 1e-9
+
+
+@given(random_maps(), st.data())
+def test_several_entries_and_exits_are_weighed_together(
+    topo_map: TopoMap, data: st.DataObject
+) -> None:
+    costs = EdgeCosts(topo_map, RobotModel()).values
+    names = st.lists(st.sampled_from(list(topo_map.places)), min_size=1, max_size=3, unique=True)
+    aim = (0.0, 0.0)
+    entries = {name: data.draw(st.floats(0.0, 9.0)) for name in data.draw(names)}
+    exits = {
+        name: topo_map.place(name).distance(*aim) * data.draw(st.floats(1.0, 3.0))
+        for name in data.draw(names)
+    }
+    expected = min(
+        entries[a] + reference(topo_map, costs, a, b) + exits[b] for a in entries for b in exits
+    )
+    found = RoadNetwork(topo_map, costs).cheapest(entries, exits, aim)
+    assert (math.inf if found is None else found.cost) == pytest.approx(expected)
+
+
+def test_impassable_passages_are_not_used() -> None:
+    a, b, c = Place("a", 0.0, 0.0), Place("b", 2.0, 1.0), Place("c", 4.0, 0.0)
+    triangle = TopoMap("triangle", [a, b, c], [joined(a, b), joined(b, c), joined(a, c)])
+    open_below = RoadNetwork(triangle, np.array([5.0, 5.0, math.inf]))
+    found = open_below.cheapest({"a": 0.0}, {"c": 0.0}, (4.0, 0.0))
+    assert found is not None
+    assert found.places == ("a", "b", "c")
+    shut = RoadNetwork(triangle, np.array([math.inf, 5.0, math.inf]))
+    assert shut.cheapest({"a": 0.0}, {"c": 0.0}, (4.0, 0.0)) is None
