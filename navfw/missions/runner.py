@@ -195,6 +195,7 @@ class _Loop:
         self.stall = _Stall(task.stuck_after, task.stall_radius)
         self.finished_at: float | None = None
         self.faults: dict[str, None] = {}
+        self.newest_faults: tuple[str, ...] = ()
         self.path: tuple[Waypoint, ...] = ()
         self.leader = ""
         self.last_leader = ""
@@ -258,7 +259,8 @@ class _Loop:
         if state.path is not self.path:
             self.path = state.path
             self.recorder.add_waypoints(state.path)
-        if len(self.faults) < _MAX_FAULTS:
+        if state.faults is not self.newest_faults and len(self.faults) < _MAX_FAULTS:
+            self.newest_faults = state.faults
             self.faults.update(dict.fromkeys(state.faults))
         if self.progress is not None and reading.time >= self.next_progress:
             self.next_progress = reading.time + PROGRESS_PERIOD

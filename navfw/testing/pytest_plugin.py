@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Generator, Iterable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import pytest
 
@@ -135,22 +135,22 @@ def _cases(marker: pytest.Mark, where: str) -> Iterator[Any]:
     if wrong:
         from navfw.errors import did_you_mean
 
-        raise _misuse(where, f"it has no {wrong[0]!r}: {did_you_mean(wrong[0], _KEYS)}")
+        _misuse(where, f"it has no {wrong[0]!r}: {did_you_mean(wrong[0], _KEYS)}")
     given = {**dict(zip(_KEYS, marker.args, strict=False)), **marker.kwargs}
     missing = [name for name in ("world", "mission") if name not in given]
     if missing or len(marker.args) > len(_KEYS):
-        raise _misuse(where, f"it needs {' and '.join(missing) or 'fewer arguments'}")
+        _misuse(where, f"it needs {' and '.join(missing) or 'fewer arguments'}")
     missions = _several(given["mission"])
     seeds = list(given.get("seeds", (0,)))
     if not missions or not seeds:
-        raise _misuse(where, "it needs at least one mission and one seed")
+        _misuse(where, "it needs at least one mission and one seed")
     for mission in missions:
         for entry in seeds:
             # a seed may come with marks of its own: pytest.param(7, marks=pytest.mark.slow)
             param = entry if hasattr(entry, "marks") else pytest.param(entry)
             (seed,) = param.values
             if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
-                raise _misuse(where, f"a seed is a whole number, not {seed!r}")
+                _misuse(where, f"a seed is a whole number, not {seed!r}")
             case = {
                 "world": str(given["world"]),
                 "mission": mission,
@@ -165,8 +165,8 @@ def _several(value: str | Path | Iterable[str | Path]) -> list[str]:
     return [str(value)] if isinstance(value, str | Path) else [str(item) for item in value]
 
 
-def _misuse(where: str, what: str) -> pytest.UsageError:
-    return pytest.UsageError(f"{where}: @pytest.mark.mission: {what}")
+def _misuse(where: str, what: str) -> NoReturn:
+    pytest.fail(f"{where}: @pytest.mark.mission: {what}", pytrace=False)
 
 
 _RESULTS: pytest.StashKey[dict[tuple[Any, ...], MissionResult]] = pytest.StashKey()

@@ -1,0 +1,175 @@
+"""The pytest plugin, tried the way its users would: tests that hold, fail, and are miswritten."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest_plugins = "pytester"
+
+IMPORT = "import pytest\n"
+SHORT = 'set=["mission.timeout=1.5"]'  # every run ends after 1.5 s, as a timeout
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _everything_imported(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Pytester forgets modules imported inside it, and numpy does not stand a second import."""
+    from navfw.missions.report import draw
+    from navfw.missions.session import prepare
+
+    result = prepare("empty", "straight", overrides=["mission.timeout=1.5"]).run()
+    draw(result, tmp_path_factory.mktemp("warm") / "trajectory.png")
+
+
+def outcomes(pytester: pytest.Pytester, text: str, *options: str) -> pytest.RunResult:
+    pytester.makepyfile(IMPORT + text)
+    return pytester.runpytest_inprocess("-p", "no:cacheprovider", *options)
+
+
+def test_one_test_for_each_mission_and_seed(pytester: pytest.Pytester) -> None:
+    marker = """
+    @pytest.mark.mission(world="empty", mission=["straight", "turn-back"],
+                         seeds=[1, pytest.param(2, marks=pytest.mark.skip)])
+    def test_it(mission):
+        pass
+    """
+    done = outcomes(pytester, _dedent(marker), "--collect-only", "-q")
+    lines = [line for line in done.outlines if "::" in line]
+    assert [line.split("::")[1] for line in lines] == [
+        "test_it[straight-seed1]",
+        "test_it[straight-seed2]",
+        "test_it[turn-back-seed1]",
+        "test_it[turn-back-seed2]",
+    ]
+
+
+def test_the_fixture_gives_outcome_metrics_path_and_commands(pytester: pytest.Pytester) -> None:
+    text = f"""
+    @pytest.mark.mission(world="empty", mission="straight", seeds=[3], {SHORT})
+    class TestRun:
+        def test_numbers(self, mission):
+            assert mission.outcome == "timeout"
+            assert "1.5 s" in mission.reason
+            assert mission.seed == 3
+            assert mission.path.shape == mission.commands.shape == (mission.track.ticks, 3)
+            assert mission.commands[-1, 0] == pytest.approx(1.5, abs=0.05)
+            assert mission.metrics.collisions == 0
+
+        def test_the_same_run_is_driven_once(self, mission, request):
+            import navfw.testing.pytest_plugin as plugin
+            assert len(request.config.stash[plugin._RESULTS]) == 1
+    """
+    outcomes(pytester, _dedent(text)).assert_outcomes(passed=2)
+
+
+def test_a_failure_shows_outcome_reason_and_picture(pytester: pytest.Pytester) -> None:
+    text = f"""
+    @pytest.mark.mission(world="empty", mission="straight", seeds=[4], {SHORT})
+    def test_it(mission):
+        assert mission.outcome == "reached"
+    """
+    done = outcomes(pytester, _dedent(text))
+    done.assert_outcomes(failed=1)
+    done.stdout.fnmatch_lines(
+        [
+            "*- mission -*",
+            "empty/straight, seed 4",
+            "outcome: timeout after 1.5 s*",
+            "reason: *1.5*",
+        ]
+    )
+    (line,) = [line for line in done.outlines if line.startswith("picture: ")]
+    picture = Path(line.removeprefix("picture: "))
+    assert picture.read_bytes()[:4] == b"\x89PNG"
+    result = json.loads((picture.parent / "result.json").read_text())
+    assert (result["outcome"], result["seed"]) == ("timeout", 4)
+
+
+def test_a_test_that_holds_leaves_no_folder_unless_asked(pytester: pytest.Pytester) -> None:
+    text = f"""
+    @pytest.mark.mission(world="empty", mission="straight", {SHORT})
+    def test_it(mission, tmp_path_factory):
+        assert not list(tmp_path_factory.getbasetemp().rglob("result.json"))
+    """
+    outcomes(pytester, _dedent(text)).assert_outcomes(passed=1)
+    text = text.replace("assert not", "pass #")
+    outcomes(pytester, _dedent(text), "--mission-runs", "kept").assert_outcomes(passed=1)
+    (folder,) = (pytester.path / "kept").iterdir()
+    assert folder.name.startswith("empty-straight-0-")
+    assert (folder / "trajectory.png").exists()
+
+
+CANNOT_BE_DRIVEN = {
+    'world="empty", mission="straigth"': "did you mean 'straight'?",
+    'world="emty", mission="straight"': "did you mean 'empty'?",
+    'world="empty", mission="straight", set="ofis.layers=1"': "did you mean 'offis'?",
+    'world="empty", mission="straight", set="sensors.preset=best"': "perfect",
+}
+
+
+def test_a_mission_that_cannot_be_driven_says_why(pytester: pytest.Pytester) -> None:
+    text = "".join(
+        f"@pytest.mark.mission({marker})\ndef test_{number}(mission):\n    pass\n"
+        for number, marker in enumerate(CANNOT_BE_DRIVEN)
+    )
+    done = outcomes(pytester, text)
+    done.assert_outcomes(errors=len(CANNOT_BE_DRIVEN))
+    sections = done.stdout.str().split("ERROR at setup of test_")[1:]
+    for section, says in zip(sections, CANNOT_BE_DRIVEN.values(), strict=True):
+        assert says in section
+        assert "Traceback" not in section
+
+
+MISWRITTEN = {
+    'world="empty"': "needs mission",
+    'mission="straight"': "needs world",
+    'world="empty", mission="straight", seed=1': "did you mean 'seeds'?",
+    'world="empty", mission="straight", seeds=[]': "at least one",
+    'world="empty", mission="straight", seeds=["a"]': "whole number",
+    'world="empty", mission="straight", seeds=[True]': "whole number",
+}
+
+
+def test_a_miswritten_marker_is_told_when_collecting(pytester: pytest.Pytester) -> None:
+    for number, marker in enumerate(MISWRITTEN):
+        text = f"{IMPORT}@pytest.mark.mission({marker})\ndef test_it(mission):\n    pass\n"
+        pytester.path.joinpath(f"test_{number}.py").write_text(text)
+    done = pytester.runpytest_inprocess("-p", "no:cacheprovider")
+    done.assert_outcomes(errors=len(MISWRITTEN))
+    sections = done.stdout.str().split("ERROR collecting test_")[1:]
+    for section, says in zip(sections, MISWRITTEN.values(), strict=True):
+        assert says in section
+
+
+def test_the_fixture_alone_says_what_it_needs(pytester: pytest.Pytester) -> None:
+    done = outcomes(pytester, "def test_it(mission):\n    pass\n")
+    done.assert_outcomes(errors=1)
+    assert "@pytest.mark.mission" in done.stdout.str()
+
+
+def test_the_marker_is_registered(pytester: pytest.Pytester) -> None:
+    done = outcomes(pytester, "", "--markers")
+    assert "@pytest.mark.mission(world, mission" in done.stdout.str()
+
+
+def test_loading_the_plugin_imports_nothing_heavy() -> None:
+    code = """
+import sys
+import navfw.testing.pytest_plugin
+heavy = ("numpy", "pybullet", "cv2", "numba", "matplotlib", "pydantic", "networkx", "navfw.sim")
+print([name for name in heavy if name in sys.modules])
+"""
+    done = subprocess.run(  # noqa: S603 - this Python, words of our own
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True
+    )
+    assert done.stdout.strip() == "[]"
+
+
+def _dedent(text: str) -> str:
+    import textwrap
+
+    return textwrap.dedent(text)
