@@ -11,6 +11,7 @@ from typing import Any, cast
 from navfw.egomotion.odometer import Odometer
 from navfw.egomotion.pairing import FrameBuffer
 from navfw.flow.derotation import derotate
+from navfw.flow.refinement import refine
 from navfw.kinds import (
     Behavior,
     Controller,
@@ -214,11 +215,19 @@ class Stack:
         self.frames.add(frame, odometry)
         for pair in self.frames.pairs():
             with _Timer(self.timings, "flow"):
-                flow = derotate(self.flow.compute(pair), self.robot.camera)
+                flow = self._derotated(self.flow.compute(pair))
             with _Timer(self.timings, "perception"):
                 percepts.append(self.perception.perceive(flow, odometry.twist))
             flows.append(flow)
         return tuple(flows), tuple(percepts)
+
+
+    def _derotated(self, flow: FlowField) -> FlowField:
+        """``flow`` without its rotational part, the gyro's word refined by the flow itself."""
+        camera = self.robot.camera
+        if not self.resolved.refine:
+            return derotate(flow, camera)
+        return refine(flow, camera).apply(flow, camera)
 
 
 class _Timer:

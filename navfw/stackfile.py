@@ -38,6 +38,9 @@ class StackSpec(BaseModel):
     controller: Chosen
     pairing: PairingParams = PairingParams()
     motion: MofisParams = MofisParams()
+    refine: Annotated[
+        bool, Field(description="correct the gyro's rotation by the flow itself (METHOD 2.6)")
+    ] = True
     warmup: Annotated[
         float, Field(ge=0.0, le=30.0, description="standing still first, for the gyro's bias [s]")
     ] = 1.0
@@ -75,6 +78,7 @@ class StackConfig:
     behaviors: Mapping[str, Choice]
     pairing: PairingParams
     motion: MofisParams
+    refine: bool
     warmup: float
 
     def as_data(self) -> dict[str, Any]:
@@ -87,6 +91,7 @@ class StackConfig:
             },
             "pairing": self.pairing.model_dump(mode="json"),
             "motion": self.motion.model_dump(mode="json"),
+            "refine": self.refine,
             "warmup": self.warmup,
         }
 
@@ -120,7 +125,7 @@ def resolve(
     behaviors = {
         name: _choose(document, plugins, "behavior", "behaviors", name) for name in spec.behaviors
     }
-    return StackConfig(stages, behaviors, spec.pairing, spec.motion, spec.warmup)
+    return StackConfig(stages, behaviors, spec.pairing, spec.motion, spec.refine, spec.warmup)
 
 
 def _choose(

@@ -12,6 +12,7 @@ from typing import Annotated
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field
 
 from navfw.mofis.kernels import cast_evidence
@@ -45,6 +46,9 @@ class EgoMapParams(BaseModel):
     over_share: Annotated[
         Share, Field(description="weight of a free look that passes at camera height")
     ] = 0.4
+    drop: Annotated[
+        Share, Field(description="weight of a point that seems to lie below the floor")
+    ] = 0.2
     top: Annotated[Positive, Field(description="things higher than this are ignored [m]")] = 1.5
 
 
@@ -110,18 +114,18 @@ class EgoMap:
         confidence = percept.confidence.ravel()
         nearness = percept.nearness.ravel()
         label = percept.label.ravel()
-        kept = (confidence >= p.certainty) & (nearness > 1e-3) & (label != Label.UNKNOWN)
-        kept &= percept.height.ravel() < p.top
+        kept = (confidence >= p.certainty) & (nearness > 1e-3) & (percept.height.ravel() < p.top)
         if not kept.any():
             return
         nearness, confidence = nearness[kept], confidence[kept]
         sigma, label = percept.sigma.ravel()[kept], label[kept]
-        direction = self._directions(percept.points.reshape(-1, 2)[kept], pose)
+        direction = self._directions(percept.points, kept, pose)
         near = 1.0 / (nearness + sigma)
         far = 1.0 / np.maximum(nearness - sigma, 0.2 * nearness)
-        solid = label >= Label.OBSTACLE
-        hit = np.where(solid & (near < p.range), confidence, 0.0)
-        # what is seen through: up to just before the thing, or the floor, that was seen
+        weight = np.array([0.0, 0.0, 1.0, p.drop, 1.0])[label]  # in the order of Label
+        hit = np.where(near < p.range, confidence * weight, 0.0)
+        # What is seen through: up to just before the thing, or the floor, that was seen. That
+        # holds for a point of unknown height, too.
         free = np.where(label == Label.ABOVE, 0.5, 1.0) * confidence
         near = np.minimum(near, p.range)
         far = np.minimum(far, p.range + 1.0)
@@ -139,10 +143,10 @@ class EgoMap:
             pose.y + s * camera.mount_forward,
             camera.mount_height,
             direction,
-            near,
-            far,
-            hit,
-            free,
+            np.tile(near, 3),
+            np.tile(far, 3),
+            np.tile(hit, 3),
+            np.tile(free, 3),
             0.15,
             camera.mount_height,
             p.over_share,
@@ -151,10 +155,17 @@ class EgoMap:
         np.clip(self.evidence, p.least, p.most, out=self.evidence)
         self._clearance = None
 
-    def _directions(self, points: Array, pose: Pose) -> Array:
-        """(N, 3): advance in odom x, y and height per metre of depth along each point's ray."""
+    def _directions(self, points: Array, kept: npt.NDArray[np.bool_], pose: Pose) -> Array:
+        """(3 N, 3): advance in odom x, y and height per metre of depth, for three rays a cell.
+
+        A cell stands for all that its column shows: rays at its middle and toward both its sides
+        keep far walls from falling apart into dots.
+        """
         camera = self.robot.camera
-        rays = np.column_stack([points / camera.focal, np.ones(len(points))])
+        aside = (points[0, -1, 0] - points[0, 0, 0]) / max(points.shape[1] - 1, 1) / 3.0
+        middle = points.reshape(-1, 2)[kept]
+        pixels = np.concatenate([middle, middle - (aside, 0.0), middle + (aside, 0.0)])
+        rays = np.column_stack([pixels / camera.focal, np.ones(len(pixels))])
         base = rays @ self._base_from_camera.T
         c, s = math.cos(pose.yaw), math.sin(pose.yaw)
         return np.column_stack(

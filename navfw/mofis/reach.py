@@ -99,7 +99,7 @@ class Ranges:
 
 def look_around(egomap: EgoMap, pose: Pose, limit: float = 3.0) -> Ranges:
     """Ranges in ``SECTORS`` directions around ``pose``, from the ego map."""
-    bearings: Array = -math.pi + (np.arange(SECTORS) + 1) * (2.0 * math.pi / SECTORS)
+    bearings = np.linspace(-math.pi, math.pi, SECTORS + 1)[1:]
     free, seen = np.empty(SECTORS), np.empty(SECTORS)
     cast_ranges(
         egomap.clearance,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -100,9 +101,16 @@ def test_a_look_over_a_low_thing_says_little_about_it() -> None:
     assert low.evidence[cell] < over.evidence[cell]
 
 
-def test_unknown_points_and_doubtful_ones_leave_no_trace() -> None:
-    pose = Pose(0, 0, 0)
-    egomap = looked([see(0.0, 1.0, Label.UNKNOWN)] * 5, pose)
+def test_a_point_of_unknown_height_bars_nothing_but_is_seen_through_to() -> None:
+    egomap = looked([see(0.0, 1.0, Label.UNKNOWN)] * 5, Pose(0, 0, 0))
+    assert not egomap.occupied.any()
+    assert egomap.evidence[egomap.index(CAMERA_AHEAD + 0.6, 0.0)] < 0.0
+    assert egomap.evidence[egomap.index(CAMERA_AHEAD + 1.3, 0.0)] == 0.0
+
+
+def test_doubtful_points_leave_no_trace() -> None:
+    doubtful = dataclasses.replace(see(0.0, 1.0, Label.OBSTACLE), confidence=np.full((1, 1), 0.05))
+    egomap = looked([doubtful] * 5, Pose(0, 0, 0))
     body = egomap.evidence == egomap.params.least
     assert np.all(egomap.evidence[~body] == 0.0)
 
