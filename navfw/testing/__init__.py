@@ -1,1 +1,29 @@
-"""Help for testing a robot: missions as pytest tests, a check for behaviours, fakes."""
+"""Help for testing a robot: missions as pytest tests, a check for behaviours, fakes.
+
+- ``@pytest.mark.mission(...)`` with the ``mission`` fixture (a ``MissionRun``);
+- ``check_behavior(MyBehavior)``, a conformance test for a behaviour of one's own;
+- ``fakes``: a simulator and pilots that are exact and quick.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from navfw.testing.behavior_check import check_behavior
+    from navfw.testing.pytest_plugin import MissionRun
+
+__all__ = ["MissionRun", "check_behavior"]
+
+
+def __getattr__(name: str) -> Any:
+    # pytest loads this package in every session: nothing is imported before it is wanted
+    if name == "MissionRun":
+        from navfw.testing.pytest_plugin import MissionRun
+
+        return MissionRun
+    if name == "check_behavior":
+        from navfw.testing.behavior_check import check_behavior
+
+        return check_behavior
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,0 +1,172 @@
+"""A conformance test for a behaviour of one's own: ``check_behavior(MyBehavior)``."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import time
+from collections.abc import Iterator, Sequence
+from statistics import median
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from navfw.errors import PluginError
+from navfw.kinds import Behavior
+from navfw.plugins.verification import source_file, verify
+from navfw.recording.runfolder import plain_json
+from navfw.robot import RobotModel
+from navfw.signals import Proposal
+from navfw.testing.scenes import SCENES, Scene, contexts_of
+
+if TYPE_CHECKING:
+    from navfw.mofis.context import Context
+
+__all__ = ["BUDGET", "check_behavior"]
+
+BUDGET = 0.05
+"""Most computing time [s] that a proposal may usually take: half of a camera period."""
+
+_LIMIT = 12  # problems told at once
+
+
+def check_behavior(
+    cls: type[Behavior],
+    params: Behavior.Params | None = None,
+    *,
+    robot: RobotModel | None = None,
+    budget: float = BUDGET,
+) -> None:
+    """Try a behaviour in many situations; return if it keeps the contract.
+
+    Beyond what registering verifies: that every parameter has a description; that the behaviour can
+    be built (with ``params``, or its defaults); that in each scene of ``navfw.testing.scenes`` it
+    proposes something usable, leaves the context alone, gives a reason of one line and an
+    explanation that is plain data; that it proposes the same again in a fresh instance and after
+    ``reset()``; and that it usually takes less than ``budget`` [s].
+
+    >>> def test_my_behavior():
+    ...     check_behavior(MyBehavior)
+
+    Raises:
+        PluginError: it breaks the contract; the message lists everything that was found.
+
+    """
+    verify(cls)
+    robot = robot or RobotModel()
+    problems = list(_problems(cls, params, robot, budget))
+    if not problems:
+        return
+    told = "".join(f"\n- {problem}" for problem in problems[:_LIMIT])
+    more = len(problems) - _LIMIT
+    rest = f"\n- and {more} more" if more > 0 else ""
+    raise PluginError(
+        f"does not keep the contract of a behaviour:{told}{rest}",
+        file=source_file(cls),
+        key=f"class {cls.__qualname__}",
+    )
+
+
+def _problems(
+    cls: type[Behavior], params: Behavior.Params | None, robot: RobotModel, budget: float
+) -> Iterator[str]:
+    for name, info in cls.Params.model_fields.items():
+        if not info.description:
+            yield f"Params.{name} has no description: Field(description=...), with its unit"
+    try:
+        behavior, other = cls(robot, params), cls(robot, params)
+    except Exception as error:  # the class may do anything
+        yield f"{cls.__name__}(robot, params) raised {_told(error)}"
+        return
+    durations: list[float] = []
+    drives = [(scene, contexts_of(scene, robot)) for scene in SCENES]
+    for scene, contexts in drives:
+        found, digest = _drive(behavior, scene, contexts, durations)
+        yield from found
+        if found:
+            continue
+        for again, what in ((other, "a fresh instance"), (behavior, "reset()")):
+            if _drive(again, scene, contexts, [])[1] != digest:
+                yield (
+                    f"in the scene {scene.name!r} it proposes something else after {what}: draw no"
+                    " random numbers, keep no state outside the instance, and forget it in reset()"
+                )
+    if durations and median(durations) > budget:
+        usual = 1e3 * median(durations)
+        yield f"a proposal usually takes {usual:.0f} ms; {1e3 * budget:.0f} ms is the limit"
+
+
+def _drive(
+    behavior: Behavior, scene: Scene, contexts: Sequence[Context], durations: list[float]
+) -> tuple[list[str], str]:
+    """What went wrong in one scene, and a digest of all that was proposed."""
+    problems: dict[str, None] = {}
+    digest = hashlib.sha256()
+    try:
+        behavior.reset()
+    except Exception as error:  # a plugin may raise anything
+        return [f"reset() raised {_told(error)}"], ""
+    for context in contexts:
+        before = _digest(context)
+        began = time.perf_counter()
+        try:
+            proposal: object = behavior.propose(context)
+        except Exception as error:
+            problems[f"propose raised {_told(error)}"] = None
+            continue
+        durations.append(time.perf_counter() - began)
+        if _digest(context) != before:
+            problems["it changes the context, which others read too: work on copies"] = None
+        problems.update(dict.fromkeys(_faults(proposal, context)))
+        if isinstance(proposal, Proposal):
+            digest.update(_bytes(proposal))
+    return [f"in the scene {scene.name!r} {problem}" for problem in problems], digest.hexdigest()
+
+
+def _faults(proposal: object, context: Context) -> Iterator[str]:
+    """What is wrong with a proposal, the way MOFIS looks at it and a little closer."""
+    if not isinstance(proposal, Proposal):
+        yield f"propose returned {type(proposal).__name__}, not a Proposal"
+        return
+    if not 0.0 <= proposal.applicability <= 1.0:
+        yield f"applicability {proposal.applicability} is not in [0, 1]"
+    for name in ("desirability", "prohibition"):
+        layer = np.asarray(getattr(proposal, name))
+        if layer.shape != context.commands.shape:
+            yield f"{name} has shape {layer.shape}, expected {context.commands.shape}"
+        elif not np.isfinite(layer).all():
+            yield f"{name} has values that are not finite"
+        elif layer.min() < 0.0 or layer.max() > 1.0 + 1e-9:
+            yield f"{name} has values outside [0, 1]: {layer.min():g} to {layer.max():g}"
+    if not isinstance(proposal.reason, str) or not proposal.reason.strip():
+        yield "the proposal has no reason: say in a line why"
+    elif "\n" in proposal.reason:
+        yield "the reason has several lines: one is shown"
+    try:
+        explanation = [dict(rule) for rule in proposal.explain(0, 0)]
+        json.dumps(plain_json(explanation), allow_nan=False)
+    except Exception as error:  # whatever the plugin gives in its place
+        yield f"explain(0, 0) does not give plain data: {_told(error)}"
+
+
+def _bytes(proposal: Proposal) -> bytes:
+    layers = (proposal.desirability, proposal.prohibition, proposal.applicability)
+    return b"".join(np.asarray(layer, dtype=np.float64).tobytes() for layer in layers)
+
+
+def _digest(context: Context) -> str:
+    """A fingerprint of all arrays in a context."""
+    digest = hashlib.sha256()
+    parts: list[Any] = [context.arcs, context.ranges, context.percept, context.commands]
+    for part in parts:
+        slots = getattr(part, "__slots__", None) or vars(part) if part is not None else ()
+        for name in slots:
+            value = getattr(part, name)
+            if isinstance(value, np.ndarray):
+                digest.update(value.tobytes())
+    return digest.hexdigest()
+
+
+def _told(error: Exception) -> str:
+    first = (str(error).splitlines() or [""])[0]
+    return f"{type(error).__name__}: {first}"

@@ -1,0 +1,165 @@
+"""Exact little scenes: what a behaviour may meet, without a simulator.
+
+A robot in a box of walls sees flow computed from geometry alone; OFFIS and the ego map make of it
+what they make of real flow. Each scene gives the contexts of one short drive.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from navfw.kinds import Fusion
+from navfw.mofis.context import Context
+from navfw.mofis.mofis import Mofis
+from navfw.offis.offis import Offis
+from navfw.robot import RobotModel
+from navfw.signals import (
+    Array,
+    Belief,
+    CameraMotion,
+    Command,
+    FlowField,
+    Odometry,
+    Percept,
+    Pose,
+    Proposal,
+    Twist,
+    Waypoint,
+)
+
+__all__ = ["SCENES", "Scene", "contexts_of", "wall_flow"]
+
+PERIOD = 0.1
+"""Time [s] from frame to frame."""
+
+_BASELINE = 0.06  # m between the two frames of a pair
+_GRID = (12, 16)
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """A drive of ``ticks`` frames at constant ``twist``, from the middle of nowhere along x.
+
+    ``ahead``, ``left``, ``right`` are distances [m] of walls from the start, ``waypoint`` is where
+    to go (x, y) [m], or None. ``wheels_turn`` is false for a robot that is held: it commands the
+    twist and does not move. ``sees`` is false where there is no percept yet.
+    """
+
+    name: str
+    twist: Twist
+    waypoint: tuple[float, float] | None = (3.0, 0.0)
+    ahead: float = 20.0
+    left: float = 20.0
+    right: float = 20.0
+    ticks: int = 8
+    wheels_turn: bool = True
+    sees: bool = True
+
+
+SCENES: tuple[Scene, ...] = (
+    Scene("before the first look", Twist(0.0, 0.0), sees=False, ticks=2),
+    Scene("nowhere to go", Twist(0.0, 0.0), waypoint=None),
+    Scene("open floor", Twist(0.3, 0.0)),
+    Scene("goal on the left", Twist(0.2, 0.3), waypoint=(1.0, 2.0)),
+    Scene("goal behind", Twist(0.2, 0.0), waypoint=(-2.0, 0.1)),
+    Scene("goal at hand", Twist(0.1, 0.0), waypoint=(0.2, 0.0)),
+    Scene("wall ahead", Twist(0.3, 0.0), ahead=1.0),
+    Scene("wall very near", Twist(0.2, 0.0), ahead=0.45),
+    Scene("wall on the left", Twist(0.3, 0.0), left=0.5),
+    Scene("wall on the right", Twist(0.3, 0.0), right=0.5),
+    Scene("corridor", Twist(0.3, 0.0), left=0.7, right=0.7),
+    Scene("dead end", Twist(0.1, 0.0), ahead=0.6, left=0.4, right=0.4),
+    Scene("held fast", Twist(0.3, 0.0), wheels_turn=False, ticks=30),
+    Scene("backing out", Twist(-0.1, 0.0), ahead=0.5, left=0.6),
+    Scene("turning on the spot", Twist(0.0, 1.0), left=1.0),
+)
+"""Situations that every behaviour should live through."""
+
+
+def contexts_of(scene: Scene, robot: RobotModel | None = None) -> list[Context]:
+    """The context of every frame of ``scene``, as MOFIS gives it to its behaviours."""
+    robot = robot or RobotModel()
+    mofis = Mofis(robot, {}, _Scripted(robot, scene.twist))
+    offis = Offis(robot)
+    pose = Pose(0.0, 0.0, 0.0)
+    moves = scene.wheels_turn
+    twist = scene.twist if moves else Twist(0.0, 0.0)
+    contexts = []
+    for tick in range(1, scene.ticks + 1):
+        time = tick * PERIOD
+        if moves:
+            pose = pose.compose(Pose(twist.v * PERIOD, 0.0, twist.w * PERIOD))
+        odometry = Odometry(time, pose, twist, 0.0, still=twist == Twist(0.0, 0.0))
+        percepts: Sequence[Percept] = ()
+        if scene.sees and moves and twist.v:
+            walls = (scene.ahead - pose.x, scene.left - pose.y, scene.right + pose.y)
+            percepts = [offis.perceive(wall_flow(robot, time, *walls), twist)]
+        mofis.decide(
+            odometry, Belief(time, pose, np.zeros((3, 3))), percepts, _waypoint(scene.waypoint)
+        )
+        if mofis.context is not None:
+            contexts.append(mofis.context)
+    return contexts
+
+
+def wall_flow(robot: RobotModel, time: float, ahead: float, left: float, right: float) -> FlowField:
+    """The exact derotated flow of a robot that has come straight on, between walls and on a floor.
+
+    ``ahead``, ``left`` and ``right`` [m] are distances of endless walls from the robot's centre.
+    """
+    camera = robot.camera
+    rows, cols = _GRID
+    x = (np.arange(cols) + 0.5) / cols * camera.width - 0.5 * camera.width
+    y = (np.arange(rows) + 0.5) / rows * camera.height - 0.5 * camera.height
+    points = np.stack(np.meshgrid(x, y), axis=-1)
+    rays = np.concatenate([points / camera.focal, np.ones((rows, cols, 1))], axis=-1)
+    base = rays @ camera.base_from_camera.T
+    depth = np.full((rows, cols), 50.0)
+    walls = (
+        (base[..., 0], ahead - camera.mount_forward),
+        (base[..., 1], left),
+        (-base[..., 1], right),
+        (-base[..., 2], camera.mount_height),
+    )
+    for advance, distance in walls:
+        hit = advance > 1e-6
+        depth[hit] = np.minimum(depth[hit], max(distance, 0.02) / advance[hit])
+    step: Array = camera.base_from_camera.T @ np.array([_BASELINE, 0.0, 0.0])
+    # a point p at depth Z flows by e / (Z + s_z), with e = p s_z - f s_xy
+    e = points * step[2] - camera.focal * step[:2]
+    vectors = e / (depth + step[2])[..., None]
+    return FlowField(
+        time=time,
+        points=points,
+        vectors=vectors,
+        confidence=np.full((rows, cols), 0.9),
+        sigma=np.full((rows, cols), 0.1),
+        motion=CameraMotion(np.eye(3), step, 0.2, 1e-3, 1e-3),
+        derotated=True,
+    )
+
+
+def _waypoint(point: tuple[float, float] | None) -> Waypoint | None:
+    if point is None:
+        return None
+    x, y = point
+    tolerance = min(0.3, 0.5 * math.hypot(x, y))
+    return Waypoint(x, y, tolerance, "there", "goal", final=True)
+
+
+class _Scripted(Fusion):
+    """Commands what the scene says, whatever is proposed."""
+
+    name = "scripted"
+
+    def __init__(self, robot: RobotModel, twist: Twist) -> None:
+        super().__init__(robot)
+        self._twist = twist
+
+    def fuse(self, context: Context, proposals: Mapping[str, Proposal]) -> Command:
+        """The command of the script."""
+        return Command(context.time, self._twist, "script", "as the scene says")

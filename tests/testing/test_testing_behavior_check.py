@@ -1,0 +1,191 @@
+"""check_behavior lets good behaviours pass and tells what is wrong with bad ones."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import time
+from pathlib import Path
+from typing import Annotated, Any, ClassVar
+
+import numpy as np
+import pytest
+from pydantic import Field
+
+from navfw.config.lookup import behavior_folders
+from navfw.errors import PluginError
+from navfw.kinds import Behavior
+from navfw.mofis.context import Context
+from navfw.plugins import default_registry
+from navfw.robot import RobotModel
+from navfw.signals import Label, Proposal, Twist
+from navfw.testing import check_behavior
+from navfw.testing.scenes import SCENES, Scene, contexts_of, wall_flow
+
+SHIPPED = sorted(path.stem for path in behavior_folders()[0].glob("*.py"))
+
+
+class Stop(Behavior):
+    """Wants to stand still."""
+
+    name: ClassVar[str] = "stop"
+
+    def propose(self, context: Context) -> Proposal:
+        return Proposal(0.5, context.commands.zeros() + 0.2, context.commands.zeros(), "rest")
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_shipped_behaviors_keep_the_contract(name: str) -> None:
+    check_behavior(default_registry().get("behavior", name))  # type: ignore[arg-type]
+
+
+def test_a_simple_behavior_passes() -> None:
+    check_behavior(Stop)
+
+
+def variant(**members: Any) -> type[Behavior]:
+    return type("Odd", (Stop,), {"__doc__": "Odd.", "name": "odd", **members})
+
+
+def proposing(change: Any) -> type[Behavior]:
+    """``Stop``, with its proposal's fields replaced by what ``change`` gives for a context."""
+    import dataclasses
+
+    def propose(self: Stop, context: Context) -> Proposal:
+        return dataclasses.replace(Stop.propose(self, context), **change(context))
+
+    return variant(propose=propose)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda c: {"applicability": 1.5}, "applicability 1.5"),
+        (lambda c: {"applicability": math.nan}, "applicability nan"),
+        (lambda c: {"desirability": np.zeros((2, 2))}, "desirability has shape (2, 2)"),
+        (lambda c: {"desirability": c.commands.zeros() - 0.1}, "outside [0, 1]"),
+        (lambda c: {"prohibition": c.commands.zeros() + np.nan}, "not finite"),
+        (lambda c: {"reason": " "}, "no reason"),
+        (lambda c: {"reason": "a\nb"}, "several lines"),
+        (lambda c: {"explain": lambda row, column: [object()]}, "plain data"),
+        (lambda c: {"explain": None}, "plain data"),
+        # only in one of the scenes: there is no waypoint
+        (lambda c: {"reason": f"to {c.waypoint.place}"}, "'nowhere to go'"),
+        (lambda c: {"reason": c.percept.sentence or "-"}, "'before the first look'"),
+    ],
+)
+def test_an_unusable_proposal_is_named(change: Any, says: str) -> None:
+    with pytest.raises(PluginError) as caught:
+        check_behavior(proposing(change))
+    assert says in str(caught.value)
+
+
+def test_the_message_names_file_and_class() -> None:
+    with pytest.raises(PluginError) as caught:
+        check_behavior(proposing(lambda c: {"applicability": 2.0}))
+    assert "class Odd" in str(caught.value)
+    assert "more" in str(caught.value), "one problem a scene, cut off after a dozen"
+
+
+def propose_wrong_type(self: Stop, context: Context) -> Any:
+    return 0.5
+
+
+def propose_with_shared_state(self: Stop, context: Context, _count: Any = itertools.count()) -> Any:  # noqa: B008
+    desired = context.commands.zeros() + 0.001 * (next(_count) % 900)
+    return Proposal(0.5, desired, context.commands.zeros(), "counting")
+
+
+def propose_without_reset(self: Any, context: Context) -> Any:
+    self.count = getattr(self, "count", 0) + 1
+    desired = context.commands.zeros() + 0.001 * (self.count % 900)
+    return Proposal(0.5, desired, context.commands.zeros(), "counting")
+
+
+def propose_in_the_context(self: Any, context: Context) -> Any:
+    context.arcs.free[0, 0] += 1.0
+    return Stop.propose(self, context)
+
+
+def propose_slowly(self: Any, context: Context) -> Any:
+    time.sleep(0.002)
+    return Stop.propose(self, context)
+
+
+@pytest.mark.parametrize(
+    ("propose", "says"),
+    [
+        (propose_wrong_type, "returned float, not a Proposal"),
+        (propose_with_shared_state, "a fresh instance"),
+        (propose_without_reset, "after reset()"),
+        (propose_in_the_context, "changes the context"),
+        (propose_slowly, "ms is the limit"),
+    ],
+)
+def test_bad_manners_are_named(propose: Any, says: str) -> None:
+    with pytest.raises(PluginError) as caught:
+        check_behavior(variant(propose=propose), budget=0.001)
+    assert says in str(caught.value)
+
+
+def test_parameters_want_descriptions() -> None:
+    class Bare(Stop):
+        """Has an undescribed parameter."""
+
+        name: ClassVar[str] = "bare"
+
+        class Params(Stop.Params):
+            """Parameters."""
+
+            good: Annotated[float, Field(description="a weight [1]")] = 0.5
+            poor: float = 0.5
+
+        params: Params
+
+    with pytest.raises(PluginError, match="poor has no description") as caught:
+        check_behavior(Bare)
+    assert "good" not in str(caught.value)
+
+
+def test_what_the_registry_would_refuse_is_refused() -> None:
+    with pytest.raises(PluginError):
+        check_behavior(int)  # type: ignore[arg-type]
+
+
+# --- the scenes themselves -----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("scene", SCENES, ids=lambda scene: str(scene.name))
+def test_scenes_are_what_they_say(scene: Scene) -> None:
+    robot = RobotModel()
+    last = contexts_of(scene, robot)[-1]
+    assert (last.waypoint is None) == (scene.waypoint is None)
+    driven = last.pose.x
+    if scene.sees and scene.twist.v > 0.0 and scene.wheels_turn:
+        assert last.percept is not None
+        if scene.ahead < 2.0 and scene.left > 1.0:
+            assert last.ranges.front == pytest.approx(scene.ahead - driven - robot.radius, abs=0.15)
+        if scene.left < 2.0:
+            assert last.ranges.left < scene.left + 0.1
+        if scene.right < 2.0:
+            assert last.ranges.right < scene.right + 0.1
+    if scene.ahead == scene.left == scene.right:
+        assert last.ranges.front > 1.0
+    assert (last.stalled > 1.0) == (not scene.wheels_turn)
+
+
+def test_the_flow_of_a_wall_gives_its_distance() -> None:
+    from navfw.offis.offis import Offis
+
+    robot = RobotModel()
+    flow = wall_flow(robot, 0.0, 1.5, 20.0, 20.0)
+    percept = Offis(robot).perceive(flow, Twist(0.3, 0.0))
+    wall = (np.asarray(percept.label) == Label.OBSTACLE) & (percept.confidence > 0.3)
+    assert wall.sum() > 20
+    depth = 1.5 - robot.camera.mount_forward
+    assert np.median(1.0 / percept.nearness[wall]) == pytest.approx(depth, rel=0.02)
+
+
+def test_the_scenes_file_is_no_test_of_a_simulator() -> None:
+    text = Path(contexts_of.__code__.co_filename).read_text(encoding="utf-8")
+    assert "navfw.sim" not in text
