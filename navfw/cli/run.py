@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import sys
 import time
 from pathlib import Path
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Self
 import typer
 
 from navfw.cli.output import console, print_json, quiet_stdout
+from navfw.errors import InputError
 
 if TYPE_CHECKING:
     from navfw.missions.runner import Progress
@@ -90,6 +92,9 @@ def _drive(
     from navfw.missions.session import prepare
     from navfw.recording.runfolder import RunFolder
 
+    if gui and sys.platform == "linux" and not os.environ.get("DISPLAY"):
+        # PyBullet would end the process without a word
+        raise InputError("--gui needs a display, and DISPLAY is not set")
     session = prepare(world, mission, seed=seed, stack=stack, overrides=overrides)
     target = RunFolder(out or default_folder(session), numbered=out is None)
     with target:
@@ -176,8 +181,10 @@ class _ProgressLine:
 def _line(progress: Progress) -> str:
     towards = f" > {progress.waypoint}" if progress.waypoint else ""
     leader = f"{progress.behavior or 'standing'}{towards}"
-    sentence = " ".join(progress.sentence.split())
+    # what lies in front first: the objects of every layer fill more than a line
+    parts = [" ".join(part.split()) for part in progress.sentence.split(";")]
+    sentence = "; ".join(sorted(parts, key=lambda part: part.startswith("Layer")))
     return (
         f"{progress.time:6.1f} s  {progress.distance:5.1f} m to go"
-        f"  {progress.real_time_factor:4.1f}x  {leader:<24}  {sentence}"
+        f"  {progress.real_time_factor:4.1f}x  {leader:<22}  {sentence}"
     ).rstrip()

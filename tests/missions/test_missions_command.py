@@ -135,6 +135,7 @@ def test_ctrl_c_ends_as_cancelled_with_the_folder_intact(tmp_path: Path) -> None
         (["run", "office", "lobby-to-lab", "--out", "file.txt"], "is a file"),
         (["run", "office", "lobby-to-lab", "--out", "mine"], "not a run folder"),
         (["run", "office", "lobby-to-lab", "--seed", "-1"], "--seed"),
+        (["run", "office", "lobby-to-lab", "--gui"], "--gui needs a display"),
         (["replay", "nowhere"], "not a run folder"),
         (["bench", "loop", "--world", "ofice"], "did you mean 'office'?"),
     ],
@@ -143,6 +144,8 @@ def test_bad_input_is_told_in_one_message_and_leaves_nothing(
     words: list[str], says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.setattr(sys, "platform", "linux")
     (tmp_path / "file.txt").write_text("text")
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "notes.txt").write_text("text")
