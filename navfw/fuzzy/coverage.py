@@ -37,7 +37,7 @@ MAX_COMBINATIONS = 4_000_000
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """A stretch of one input: its ends, whether they belong to it, and the terms that hold on it."""
+    """A stretch of one input: its ends, whether they belong to it, the terms that hold on it."""
 
     variable: Variable
     low: float

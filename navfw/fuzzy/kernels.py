@@ -12,6 +12,7 @@ import math
 
 import numba
 import numpy as np
+import numpy.typing as npt
 
 from navfw.signals import Array
 
@@ -29,6 +30,8 @@ __all__ = [
     "fuzzify",
     "infer",
 ]
+
+Indices = npt.NDArray[np.int64]
 
 # Opcodes of antecedents in postfix form; an opcode >= 0 pushes the degree of that literal.
 AND_MIN, AND_PROD, OR_MAX, NOT = -1, -2, -3, -4
@@ -62,7 +65,7 @@ def interpolate(xs: Array, ys: Array, i: int, x: float) -> float:
 
 
 @numba.njit(cache=True)
-def fuzzify(x, xs, sampled, out):  # type: ignore[no-untyped-def]
+def fuzzify(x: Array, xs: Array, sampled: Array, out: Array) -> None:
     """Degrees of one input: x (N,), universe xs (M,), terms (T, M) sampled -> out (N, T)."""
     for n in range(x.size):
         value = min(max(x[n], xs[0]), xs[-1])
@@ -75,7 +78,9 @@ def fuzzify(x, xs, sampled, out):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True)
-def fire(program, starts, weights, literals, stack, firing):  # type: ignore[no-untyped-def]
+def fire(
+    program: Indices, starts: Indices, weights: Array, literals: Array, stack: Array, firing: Array
+) -> None:
     """Run every rule's postfix program on the degrees of the literals; weighted strengths out."""
     for rule in range(weights.size):
         top = -1
@@ -99,7 +104,17 @@ def fire(program, starts, weights, literals, stack, firing):  # type: ignore[no-
 
 
 @numba.njit(cache=True)
-def join(xs, terms, support, cuts, scale, lean, px, py, extra):  # type: ignore[no-untyped-def]
+def join(
+    xs: Array,
+    terms: Array,
+    support: Indices,
+    cuts: Array,
+    scale: bool,
+    lean: bool,
+    px: Array,
+    py: Array,
+    extra: Array,
+) -> int:
     """The joined conclusion of one output as a polyline (px, py); returns its number of points.
 
     ``terms`` (T, M) over ``xs`` (M,), zero outside their ``support`` (T, 2); ``cuts`` (T,), all
@@ -129,7 +144,9 @@ def join(xs, terms, support, cuts, scale, lean, px, py, extra):  # type: ignore[
 
 
 @numba.njit(cache=True)
-def _add_crossings(xs, term, first, last, cut, extra, count):  # type: ignore[no-untyped-def]
+def _add_crossings(
+    xs: Array, term: Array, first: int, last: int, cut: float, extra: Array, count: int
+) -> int:
     """Insert where ``term`` crosses ``cut`` into the increasing ``extra``; returns their number."""
     level = cut if cut > 0.0 else _LEAST  # an idle term crosses where it leaves zero
     was_above = term[first] >= level
@@ -144,7 +161,7 @@ def _add_crossings(xs, term, first, last, cut, extra, count):  # type: ignore[no
 
 
 @numba.njit(cache=True)
-def _insert(extra, count, x):  # type: ignore[no-untyped-def]
+def _insert(extra: Array, count: int, x: float) -> int:
     """Insert x into the ``count`` increasing values of ``extra``, unless it is among them."""
     place = count
     while place > 0 and extra[place - 1] > x:
@@ -158,7 +175,9 @@ def _insert(extra, count, x):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True)
-def _merge(xs, terms, cuts, px, py, extra, count):  # type: ignore[no-untyped-def]
+def _merge(
+    xs: Array, terms: Array, cuts: Array, px: Array, py: Array, extra: Array, count: int
+) -> int:
     """Merge the crossings into the universe, from the right so that ``py`` is widened in place."""
     size = xs.size
     fresh = 0
@@ -189,7 +208,7 @@ def _merge(xs, terms, cuts, px, py, extra, count):  # type: ignore[no-untyped-de
 
 
 @numba.njit(cache=True)
-def centroid(px, py, size):  # type: ignore[no-untyped-def]
+def centroid(px: Array, py: Array, size: int) -> float:
     """Centre of the area under the polyline."""
     area = 0.0
     moment = 0.0
@@ -203,7 +222,7 @@ def centroid(px, py, size):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True)
-def bisector(px, py, size):  # type: ignore[no-untyped-def]
+def bisector(px: Array, py: Array, size: int) -> float:
     """Where the area under the polyline is halved, by scikit-fuzzy's formulae."""
     total = 0.0
     for i in range(size - 1):
@@ -221,24 +240,24 @@ def bisector(px, py, size):  # type: ignore[no-untyped-def]
     rest = half - before
     width = x2 - x1
     if y1 == y2:
-        return rest / y1 + x1
+        return float(rest / y1 + x1)
     if y1 == 0.0:
-        return x1 + math.sqrt(2.0 * rest * width / y2)
+        return float(x1 + math.sqrt(2.0 * rest * width / y2))
     if y2 == 0.0:
-        return x2 - math.sqrt(max(0.0, width * width - (2.0 * rest * width / y1)))
+        return float(x2 - math.sqrt(max(0.0, width * width - (2.0 * rest * width / y1))))
     slope = (y2 - y1) / width
-    return x1 - (y1 - math.sqrt(max(0.0, y1 * y1 + 2.0 * slope * rest))) / slope
+    return float(x1 - (y1 - math.sqrt(max(0.0, y1 * y1 + 2.0 * slope * rest))) / slope)
 
 
 @numba.njit(cache=True)
-def _area(px, py, i):  # type: ignore[no-untyped-def]
+def _area(px: Array, py: Array, i: int) -> float:
     if py[i] == py[i + 1]:
-        return (px[i + 1] - px[i]) * py[i]
-    return 0.5 * (px[i + 1] - px[i]) * (py[i] + py[i + 1])
+        return float((px[i + 1] - px[i]) * py[i])
+    return float(0.5 * (px[i + 1] - px[i]) * (py[i] + py[i + 1]))
 
 
 @numba.njit(cache=True)
-def of_maximum(px, py, size, method):  # type: ignore[no-untyped-def]
+def of_maximum(px: Array, py: Array, size: int, method: int) -> float:
     """Mean, smallest or largest of the samples at the maximum."""
     top = py[0]
     for i in range(1, size):
@@ -260,84 +279,80 @@ def of_maximum(px, py, size, method):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True)
+def read_inputs(
+    x: Array, xs: Array, starts: Indices, ys: Array, literal_starts: Indices, literals: Array
+) -> bool:
+    """Degrees of all literals for the inputs x (inputs,); False if one of them is NaN."""
+    for i in range(x.size):
+        if math.isnan(x[i]):
+            return False
+        universe = xs[starts[i] : starts[i + 1]]
+        value = min(max(x[i], universe[0]), universe[-1])
+        at = interval_of(universe, value)
+        for k in range(literal_starts[i], literal_starts[i + 1]):
+            literals[k] = interpolate(universe, ys[k, : universe.size], at, value)
+    return True
+
+
+@numba.njit(cache=True)
+def defuzzify(px: Array, py: Array, size: int, method: int) -> float:
+    """The crisp value of a joined conclusion (not empty)."""
+    if method == CENTROID:
+        return centroid(px, py, size)
+    if method == BISECTOR:
+        return bisector(px, py, size)
+    return of_maximum(px, py, size, method)
+
+
+@numba.njit(cache=True)
 def infer(
-    x,
-    input_xs,
-    input_starts,
-    literal_ys,
-    literal_starts,
-    program,
-    program_starts,
-    weights,
-    conclusions,
-    output_xs,
-    output_starts,
-    term_ys,
-    term_starts,
-    support,
-    defaults,
-    modes,
-):  # type: ignore[no-untyped-def]
+    x: Array,
+    input_xs: Array,
+    input_starts: Indices,
+    literal_ys: Array,
+    literal_starts: Indices,
+    program: Indices,
+    program_starts: Indices,
+    weights: Array,
+    conclusions: Indices,
+    output_xs: Array,
+    output_starts: Indices,
+    term_ys: Array,
+    term_starts: Indices,
+    support: Indices,
+    defaults: Array,
+    modes: Indices,
+) -> Array:
     """Evaluate a flattened rule base (``navfw.fuzzy.compiled.Tables``) on x (inputs, N).
 
     Returns a table (N, rules + terms + outputs): firing strengths, activations of the concluding
     terms, crisp outputs.
     """
-    samples = x.shape[1]
-    rules = weights.size
-    outputs = defaults.size
-    terms = support.shape[0]
-    table = np.zeros((samples, rules + terms + outputs))
-    literals = np.empty(literal_starts[-1])
-    stack = np.empty(modes[2])
-    px = np.empty(modes[3])
-    py = np.empty(modes[3])
-    extra = np.empty(modes[3])
+    method, scale, depth, workspace = modes
+    samples, rules, terms = x.shape[1], weights.size, support.shape[0]
+    table = np.zeros((samples, rules + terms + defaults.size))
+    literals, stack = np.empty(literal_starts[-1]), np.empty(depth)
+    px, py, extra = np.empty(workspace), np.empty(workspace), np.empty(workspace)
     for n in range(samples):
-        row = table[n]
-        known = True
-        for i in range(x.shape[0]):
-            value = x[i, n]
-            if math.isnan(value):
-                known = False
-                break
-            xs = input_xs[input_starts[i] : input_starts[i + 1]]
-            value = min(max(value, xs[0]), xs[-1])
-            at = interval_of(xs, value)
-            for k in range(literal_starts[i], literal_starts[i + 1]):
-                literals[k] = interpolate(xs, literal_ys[k, : xs.size], at, value)
-        firing = row[:rules]
-        cuts = row[rules : rules + terms]
-        crisp = row[rules + terms :]
-        if not known:
-            crisp[:] = defaults
+        firing = table[n, :rules]
+        cuts = table[n, rules : rules + terms]
+        crisp = table[n, rules + terms :]
+        crisp[:] = defaults
+        if not read_inputs(x[:, n], input_xs, input_starts, literal_ys, literal_starts, literals):
             continue
         fire(program, program_starts, weights, literals, stack, firing)
         for k in range(conclusions.shape[0]):
             term = conclusions[k, 1]
             cuts[term] = max(cuts[term], firing[conclusions[k, 0]])
-        for o in range(outputs):
+        for o in range(defaults.size):
             first, last = term_starts[o], term_starts[o + 1]
             if cuts[first:last].max() <= FIRING_FLOOR:
-                crisp[o] = defaults[o]
                 continue
             xs = output_xs[output_starts[o] : output_starts[o + 1]]
+            ys = term_ys[first:last, : xs.size]
+            lean = method == CENTROID
             size = join(
-                xs,
-                term_ys[first:last, : xs.size],
-                support[first:last],
-                cuts[first:last],
-                modes[1] == 1,
-                modes[0] == CENTROID,
-                px,
-                py,
-                extra,
+                xs, ys, support[first:last], cuts[first:last], scale == 1, lean, px, py, extra
             )
-            if modes[0] == CENTROID:
-                value = centroid(px, py, size)
-            elif modes[0] == BISECTOR:
-                value = bisector(px, py, size)
-            else:
-                value = of_maximum(px, py, size, modes[0])
-            crisp[o] = min(max(value, xs[0]), xs[-1])
+            crisp[o] = min(max(defuzzify(px, py, size, method), xs[0]), xs[-1])
     return table

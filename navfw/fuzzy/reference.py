@@ -11,8 +11,12 @@ how both evaluators treat it alike:
   whenever no term is activated above ``FIRING_FLOOR``.
 - The area is guarded by ``max(area, 2.2e-16)``, so almost empty conclusions have their centroid
   drawn to zero, out of the range even. The floor keeps away from that.
+- The bisector is wrong when the conclusion has a gap right before the piece that is bisected: the
+  area counted up to there is taken as 0 (``accum_area`` is not carried over empty pieces). Here it
+  is given the conclusion lifted by 1e-300, which leaves no piece empty and changes nothing else.
 - The bisector's formula can cancel on an almost flat piece and leave the range, or come out as
-  NaN from a negative root; results are clipped to the range.
+  NaN from a root of a number just below 0; results are clipped to the range, NaN stays NaN here
+  (the compiled evaluator takes the root of 0).
 - Only terms that some rule concludes take part. ``NOT`` is 1 - degree; ``AND`` / ``OR`` are fmin /
   fmax, which would overlook a NaN: a sample with a NaN input is not computed at all.
 - Only clipping (min implication) exists; for ``implication: prod`` the activations come from the
@@ -38,6 +42,7 @@ from navfw.signals import Array
 __all__ = ["ReferenceFis", "ReferenceInference"]
 
 _RESET_EVERY = 500
+_LIFT = 1e-300
 
 
 class ReferenceInference:
@@ -57,8 +62,10 @@ class ReferenceFis:
     def __init__(self, rule_base: RuleBase) -> None:
         with _silence():
             from skfuzzy import control, defuzz
+            from skfuzzy.control.controlsystem import CrispValueCalculator
 
             self._control = control
+            self._calculator = CrispValueCalculator
             self._defuzz = defuzz
             self.rule_base = rule_base
             self._inputs = {v.name: self._antecedent(v) for v in rule_base.inputs.values()}
@@ -159,9 +166,14 @@ class ReferenceFis:
             return np.nan if variable.default is None else variable.default
         if self.rule_base.implication == "prod":
             scaled = [float(cut[0]) * variable.sampled(term) for term, cut in degrees.items()]
-            joined = np.max(scaled, axis=0)
+            joined = np.maximum(np.max(scaled, axis=0), _LIFT)
             with _silence():
                 crisp = self._defuzz(variable.universe, joined, self.rule_base.defuzzify)
+        elif self.rule_base.defuzzify == "bisector":
+            with _silence():
+                calculator = self._calculator(self._outputs[name], self.simulation)
+                universe, joined, _ = calculator.find_memberships()
+                crisp = self._defuzz(universe, np.maximum(joined, _LIFT), "bisector")
         else:
             crisp = self.simulation.output[name]
         return float(np.clip(crisp, variable.low, variable.high))

@@ -1,0 +1,165 @@
+"""Properties of the compiled evaluator, and its manners."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from fuzzy_samples import rule_bases, samples, small
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from navfw.errors import RuleBaseError, UnknownNameError
+from navfw.fuzzy import CompiledFis, RuleBase, compile_rule_base
+
+SLOW = [HealthCheck.too_slow, HealthCheck.data_too_large]
+bounded = settings(max_examples=20, derandomize=True, deadline=None, suppress_health_check=SLOW)
+
+
+@pytest.fixture(scope="module")
+def fis() -> CompiledFis:
+    return compile_rule_base(RuleBase.from_mapping(small()))
+
+
+@bounded
+@given(data=st.data())
+def test_outputs_stay_in_range_and_degrees_are_maxima_of_rules(data):
+    rule_base = data.draw(rule_bases())
+    result = CompiledFis(rule_base).evaluate(data.draw(samples(rule_base)))
+    assert result.firing.min() >= 0.0
+    assert result.firing.max() <= 1.0 + 1e-12
+    for name, variable in rule_base.outputs.items():
+        assert variable.low <= result.outputs[name][0] <= variable.high
+        for term in variable.terms:
+            strengths = [
+                result.firing[0, k]
+                for k, rule in enumerate(rule_base.rules)
+                if (name, term) in rule.conclusions
+            ]
+            assert result.degrees[name][term][0] == max(strengths, default=0.0)
+
+
+@bounded
+@given(data=st.data())
+def test_the_order_of_rules_does_not_matter(data):
+    rule_base = data.draw(rule_bases())
+    inputs = data.draw(samples(rule_base))
+    order = data.draw(st.permutations(range(len(rule_base.rules))))
+    shuffled = RuleBase(
+        name=rule_base.name,
+        inputs=rule_base.inputs,
+        outputs=rule_base.outputs,
+        rules=tuple(rule_base.rules[k] for k in order),
+        conjunction=rule_base.conjunction,
+        defuzzify=rule_base.defuzzify,
+    )
+    one, other = (CompiledFis(base).evaluate(inputs) for base in (rule_base, shuffled))
+    np.testing.assert_array_equal(one.firing[:, order], other.firing)
+    for name in rule_base.outputs:
+        np.testing.assert_array_equal(one.outputs[name], other.outputs[name])
+
+
+@bounded
+@given(data=st.data())
+def test_a_sample_does_not_depend_on_its_neighbours(data):
+    rule_base = data.draw(rule_bases())
+    rows = data.draw(st.lists(samples(rule_base), min_size=2, max_size=5))
+    fis = CompiledFis(rule_base)
+    together = fis.evaluate({name: np.array([row[name] for row in rows]) for name in rows[0]})
+    assert len(together) == len(rows)
+    for k, row in enumerate(rows):
+        alone = fis.evaluate(row)
+        np.testing.assert_array_equal(together.firing[k], alone.firing[0])
+        for name in rule_base.outputs:
+            assert together.outputs[name][k] == alone.outputs[name][0]
+
+
+@settings(max_examples=50, derandomize=True)
+@given(st.floats(0.0, 2.0), st.floats(0.0, 2.0), st.floats(-1.0, 1.0))
+def test_firing_is_monotone_in_an_input_whose_term_is(near, far, side):
+    near, far = min(near, far), max(near, far)
+    fis = CompiledFis(RuleBase.from_mapping(small()))
+    firing = fis.evaluate({"distance": [near, far], "side": side}).firing
+    assert (firing[0, :2] >= firing[1, :2]).all()
+    assert firing[0, 2] <= firing[1, 2]
+
+
+def test_worked_example_by_hand(fis):
+    result = fis.evaluate({"distance": 0.75, "side": -0.5})
+    np.testing.assert_allclose(result.firing, [[0.5, 0.5, 0.5]])
+    degrees = {term: degree[0] for term, degree in result.degrees["turn"].items()}
+    assert degrees == pytest.approx({"right": 0.5, "none": 0.5, "left": 0.5})
+    assert result.outputs["turn"][0] == pytest.approx(0.0, abs=1e-12)
+    steep = fis.evaluate({"distance": 0.0, "side": -1.0})
+    assert steep.outputs["turn"][0] == pytest.approx(-2 / 3)
+
+
+@pytest.mark.parametrize(("hedge", "expected"), [("very", 0.25), ("somewhat", 0.5**0.5)])
+def test_hedges_and_weights(hedge, expected):
+    rules = [
+        f"IF distance IS {hedge} near THEN turn IS right WITH 0.8 weight",
+        "IF distance IS NOT near AND side IS left THEN turn IS left",
+    ]
+    outputs = {"turn": {**small()["outputs"]["turn"], "default": 0}}
+    fis = CompiledFis(RuleBase.from_mapping(small(rules=rules, outputs=outputs)))
+    firing = fis.evaluate({"distance": 0.75, "side": -1.0}).firing[0]
+    np.testing.assert_allclose(firing, [0.8 * expected, 0.5], atol=1e-3)
+
+
+def test_inputs_are_clipped_to_their_ranges(fis):
+    outside = fis.evaluate({"distance": [-5.0, np.inf], "side": [-9.0, 9.0]})
+    inside = fis.evaluate({"distance": [0.0, 2.0], "side": [-1.0, 1.0]})
+    np.testing.assert_array_equal(outside.firing, inside.firing)
+
+
+def test_scalars_are_shared_by_all_samples_and_none_is_possible(fis):
+    result = fis.evaluate({"distance": 0.2, "side": np.array([-1.0, 0.0, 1.0])})
+    assert result.outputs["turn"].shape == (3,)
+    assert result.firing.shape == (3, 3)
+    empty = fis.evaluate({"distance": 0.2, "side": np.array([])})
+    assert empty.outputs["turn"].shape == (0,)
+
+
+def test_nan_makes_only_its_own_sample_unknown(fis):
+    turn = fis.evaluate({"distance": [0.2, np.nan], "side": 0.5}).outputs["turn"]
+    assert np.isfinite(turn[0])
+    assert np.isnan(turn[1])
+
+
+def test_wrong_inputs_are_told(fis):
+    with pytest.raises(UnknownNameError, match="did you mean 'side'"):
+        fis.evaluate({"distance": 1.0, "sid": 0.0})
+    with pytest.raises(RuleBaseError, match="missing 'side'"):
+        fis.evaluate({"distance": 1.0})
+    with pytest.raises(ValueError, match=r"input '(side|distance)'.*like the others"):
+        fis.evaluate({"distance": [1.0, 2.0], "side": [0.0, 1.0, 2.0]})
+    with pytest.raises(ValueError, match=r"shape \(2, N\)"):
+        fis.evaluate_rows(np.zeros((3, 4)))
+
+
+def test_rows_are_the_inputs_in_order_whatever_their_memory(fis):
+    rows = np.array([[0.2, 0.9], [0.5, -0.5]])
+    named = fis.evaluate(dict(zip(fis.input_names, rows, strict=True)))
+    for given_rows in (rows, np.asfortranarray(rows), rows.astype(np.float32)):
+        turn = fis.evaluate_rows(given_rows).outputs["turn"]
+        np.testing.assert_allclose(turn, named.outputs["turn"], atol=1e-6)
+
+
+def test_fuzzify_gives_the_terms_of_an_input(fis):
+    degrees = fis.fuzzify("distance", [0.25, 0.75, 9.0, np.nan])
+    np.testing.assert_allclose(degrees["near"], [1.0, 0.5, 0.0, np.nan])
+    np.testing.assert_allclose(degrees["far"], [0.0, 0.5, 1.0, np.nan])
+    with pytest.raises(UnknownNameError, match="did you mean 'distance'"):
+        fis.fuzzify("distanc", 1.0)
+
+
+def test_explanation_names_sentences_strongest_first(fis):
+    result = fis.evaluate({"distance": [2.0, 0.6], "side": [0.0, -0.75]})
+    fired = fis.explain(result, index=1)
+    assert [entry["rule"] for entry in fired] == [
+        small()["rules"][0],
+        small()["rules"][1],
+        small()["rules"][2],
+    ]
+    assert [entry["strength"] for entry in fired] == pytest.approx([0.75, 0.25, 0.2])
+    assert [e["rule"] for e in fis.explain(result, index=1, minimum=0.5)] == small()["rules"][:1]
+    assert [e["rule"] for e in fis.explain(result, index=0, minimum=0.0)] == small()["rules"][2:]

@@ -1,0 +1,121 @@
+"""Rule base files: what they say, and how their errors are told."""
+
+from __future__ import annotations
+
+import pytest
+from fuzzy_samples import small
+
+from navfw.errors import RuleBaseError
+from navfw.fuzzy import RuleBase
+
+TEXT = """\
+name: turn
+description: away from what is near
+inputs:
+  distance:
+    range: [0, 2]
+    unit: m
+    terms:
+      near: {trapezoid: [0, 0, .5, 1]}
+      far: {trapezoid: [.5, 1, 2, 2]}
+outputs:
+  turn:
+    range: [-1, 1]
+    terms:
+      none: {triangle: [-1, 0, 1]}
+      left: {gauss: [1, .2]}
+rules:
+  - IF distance IS near THEN turn IS left
+  - IF distance IS far
+    THEN turn IS none WITH 0.5 weight
+"""
+
+
+def told(text: str) -> RuleBaseError:
+    with pytest.raises(RuleBaseError) as caught:
+        RuleBase.parse(text, "turn.yaml")
+    return caught.value
+
+
+def test_a_file_becomes_variables_and_rules(tmp_path):
+    path = tmp_path / "turn.yaml"
+    path.write_text(TEXT, encoding="utf-8")
+    rule_base = RuleBase.load(path)
+    assert rule_base.name == "turn"
+    assert rule_base.file is not None
+    distance = rule_base.inputs["distance"]
+    assert (distance.low, distance.high, distance.unit) == (0.0, 2.0, "m")
+    assert list(distance.terms) == ["near", "far"]
+    assert (rule_base.conjunction, rule_base.defuzzify) == ("min", "centroid")
+    first, second = rule_base.rules
+    assert first.sentence == "IF distance IS near THEN turn IS left"
+    assert (first.weight, first.line) == (1.0, 17)
+    assert (second.weight, second.line) == (0.5, 18)
+    assert second.sentence == "IF distance IS far THEN turn IS none WITH 0.5 weight"
+    assert rule_base == RuleBase.parse(TEXT)
+    assert not distance.universe.flags.writeable
+
+
+def test_a_mapping_does_the_same_as_a_file():
+    assert list(RuleBase.from_mapping(small()).inputs) == ["distance", "side"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "message"),
+    [
+        ("name: turn", "nam: turn", 1, "did you mean 'name'?"),
+        ("range: [0, 2]", "range: [2, 0]", 5, "[low, high] with high > low, got [2, 0]"),
+        ("range: [0, 2]", "range: [0, .inf]", 5, "range"),
+        ("range: [0, 2]", "range: [0, 2, 3]", 5, "range"),
+        ("unit: m", "units: m", 6, "did you mean 'unit'?"),
+        ("{gauss: [1, .2]}", "{gaus: [1, .2]}", 15, "unknown shape 'gaus': did you mean 'gauss'?"),
+        ("{gauss: [1, .2]}", "{gauss: [1, .2, 3]}", 15, "expected 2 numbers [mean, sigma], got 3"),
+        ("{gauss: [1, .2]}", "{gauss: [1, .2], triangle: [0, 1, 1]}", 15, "one shape"),
+        ("{gauss: [1, .2]}", "{triangle: [5, 6, 7]}", 15, "it is 0 all over it"),
+        ("{triangle: [-1, 0, 1]}", "{triangle: [0, -1, 1]}", 14, "a <= b <= c"),
+        ("near: {", "very: {", 8, "'very', which has a meaning in rules"),
+        ("near: {", "so-near: {", 8, "letters, digits and '_', got 'so-near'"),
+        ("  turn:", "  distance:", 11, "a name that no input has"),
+        ("distance IS near", "distance IS neer", 17, "'neer': did you mean 'near'?"),
+        ("distance IS near", "distans IS near", 17, "'distans': did you mean 'distance'?"),
+        ("IS far\n", "far\n", 18, "expected IS after 'distance', got 'far' (column 13)"),
+        ("    unit: m", "    unit: [m", 7, "not valid YAML"),
+    ],
+)
+def test_errors_name_file_line_and_remedy(old, new, line, message):
+    assert TEXT.count(old) == 1
+    error = told(TEXT.replace(old, new))
+    assert message in str(error)
+    assert str(error).startswith("turn.yaml:")
+    assert f"turn.yaml:{line}: " in str(error)
+
+
+def test_a_sentence_is_shown_with_a_marker():
+    error = told(TEXT.replace("distance IS near", "distance IS neer"))
+    assert error.key == "rules[0]"
+    assert str(error).splitlines()[1:] == [
+        "    IF distance IS neer THEN turn IS left",
+        "                   ^",
+    ]
+
+
+def test_all_broken_sentences_are_told_at_once():
+    error = told(TEXT.replace("IS near", "IS neer").replace("turn IS none", "turn IS non"))
+    assert "turn.yaml:17: rules[0]" in str(error)
+    assert "turn.yaml:18: rules[1]" in str(error)
+
+
+def test_what_no_rule_uses_is_an_error():
+    idle = "  side:\n    range: [0, 1]\n    terms: {left: {triangle: [0, 0, 1]}}\n"
+    assert "asks for 'side'" in str(told(TEXT.replace("inputs:\n", "inputs:\n" + idle)))
+    assert "concludes about 'side'" in str(told(TEXT.replace("outputs:\n", "outputs:\n" + idle)))
+
+
+def test_a_default_lies_in_the_range():
+    text = TEXT.replace("range: [-1, 1]", "range: [-1, 1]\n    default: 3")
+    assert "turn.yaml:13: outputs.turn.default: expected a value within" in str(told(text))
+
+
+def test_a_missing_file_is_a_rule_base_error(tmp_path):
+    with pytest.raises(RuleBaseError, match="no such file"):
+        RuleBase.load(tmp_path / "none.yaml")
