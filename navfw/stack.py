@@ -221,7 +221,6 @@ class Stack:
             flows.append(flow)
         return tuple(flows), tuple(percepts)
 
-
     def _derotated(self, flow: FlowField) -> FlowField:
         """``flow`` without its rotational part, the gyro's word refined by the flow itself."""
         camera = self.robot.camera

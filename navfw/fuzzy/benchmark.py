@@ -56,6 +56,7 @@ def compare(rule_base: RuleBase, samples: int, rng: np.random.Generator) -> Comp
 
     Raises:
         ValueError: ``samples`` is not positive.
+
     """
     if samples < 1:
         raise ValueError(f"expected at least one sample, got {samples}")

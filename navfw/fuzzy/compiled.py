@@ -121,6 +121,7 @@ class CompiledFis:
             UnknownNameError: the rule base has no such input.
             RuleBaseError: an input is missing.
             ValueError: arrays of different length, or not one-dimensional.
+
         """
         row_of = self._row_of
         if inputs.keys() != row_of.keys():
@@ -144,6 +145,7 @@ class CompiledFis:
 
         Raises:
             ValueError: the number of rows is not the number of inputs.
+
         """
         # Another type or layout would have numba compile the kernel again, for seconds.
         rows = np.ascontiguousarray(rows, dtype=np.float64)
@@ -159,6 +161,7 @@ class CompiledFis:
 
         Raises:
             UnknownNameError: the rule base has no such input.
+
         """
         if name not in self._row_of:
             raise self._names_error({name: values})

@@ -62,6 +62,7 @@ def check_coverage(rule_base: RuleBase) -> None:
 
     Raises:
         RuleBaseError: names, for each such output, a region in which no rule fires for it.
+
     """
     problems = []
     for output in rule_base.outputs.values():
@@ -87,6 +88,7 @@ def uncovered_region(rule_base: RuleBase, output: str) -> tuple[Interval, ...] |
 
     Raises:
         RuleBaseError: the rules combine too many inputs and terms to be searched.
+
     """
     clauses = [
         rule.antecedent

@@ -146,6 +146,7 @@ def parse_rule(sentence: str, inputs: Vocabulary, outputs: Vocabulary) -> Parsed
 
     Raises:
         SentenceError: what was expected, what was found and where, and the nearest known name.
+
     """
     return _Parser(sentence, inputs, outputs).rule()
 

@@ -207,6 +207,7 @@ def make_shape(kind: str, parameters: Sequence[float]) -> Shape:
 
     Raises:
         ValueError: wrong number of parameters, not finite, or out of order; says what is expected.
+
     """
     shape, names = SHAPES[kind]
     if len(parameters) != len(names):

@@ -81,6 +81,7 @@ class ReferenceFis:
 
         Raises:
             ValueError: an input is missing or unknown (from scikit-fuzzy).
+
         """
         if any(np.isnan(value) for value in inputs.values()):
             return self._nothing()

@@ -89,6 +89,7 @@ class RuleBase:
             RuleBaseError: the file cannot be read, breaks the schema, a sentence cannot be read, or
                 a region of the inputs is covered by no rule. The message lists every problem with
                 file, line and what was expected.
+
         """
         try:
             document = load_yaml(path)
@@ -102,6 +103,7 @@ class RuleBase:
 
         Raises:
             RuleBaseError: as ``load``.
+
         """
         try:
             document = parse_yaml(text, source)
@@ -115,6 +117,7 @@ class RuleBase:
 
         Raises:
             RuleBaseError: as ``load``.
+
         """
         return cls.from_document(YamlDocument(source, dict(data)))
 
@@ -124,6 +127,7 @@ class RuleBase:
 
         Raises:
             RuleBaseError: as ``load``.
+
         """
         rule_base = _Builder(document).build()
         check_coverage(rule_base)

@@ -28,7 +28,7 @@ class CommandGridParams(BaseModel):
     cruise: Annotated[
         float,
         Field(gt=0.0, le=2.0, description="top speed used, below the robot's own limit [m/s]"),
-    ] = 0.4
+    ] = 0.5
     turn_rate: Annotated[
         float, Field(gt=0.0, le=4.0, description="top turning rate used [rad/s]")
     ] = 1.2

@@ -162,9 +162,10 @@ class EgoMap:
         keep far walls from falling apart into dots.
         """
         camera = self.robot.camera
-        aside = (points[0, -1, 0] - points[0, 0, 0]) / max(points.shape[1] - 1, 1) / 3.0
+        third = (points[0, -1, 0] - points[0, 0, 0]) / max(points.shape[1] - 1, 1) / 3.0
+        aside = np.array([third, 0.0])
         middle = points.reshape(-1, 2)[kept]
-        pixels = np.concatenate([middle, middle - (aside, 0.0), middle + (aside, 0.0)])
+        pixels = np.concatenate([middle, middle - aside, middle + aside])
         rays = np.column_stack([pixels / camera.focal, np.ones(len(pixels))])
         base = rays @ self._base_from_camera.T
         c, s = math.cos(pose.yaw), math.sin(pose.yaw)

@@ -71,6 +71,7 @@ class Papfis(Planner):
 
         Raises:
             MapError: two goals are not connected, or a goal is far from everything in the map.
+
         """
         p = self.params
         self._router = Router(topo_map, self.robot, CostParams(p.aversion, p.avoidance))
@@ -82,6 +83,7 @@ class Papfis(Planner):
 
         Raises:
             MapError: at the first call: the map does not connect this position with the goal.
+
         """
         if self._tour is None:
             raise RuntimeError("start() comes before update()")

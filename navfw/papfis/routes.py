@@ -62,6 +62,7 @@ class Router:
 
     Raises:
         RuleBaseError: the rule base of the costs is not usable.
+
     """
 
     def __init__(
@@ -77,6 +78,7 @@ class Router:
 
         Raises:
             UnknownNameError: the map has no place of the spot's name.
+
         """
         return find_access(self.topo_map, self.costs, self._doorways, spot.point, spot.place, part)
 
@@ -90,6 +92,7 @@ class Router:
         Raises:
             MapError: none leads there; the message says which parts of the map are apart, or which
                 passages are too narrow.
+
         """
         return self._route(start, goal, self.access(start), self.access(goal))
 

@@ -24,6 +24,7 @@ class Tour:
     Raises:
         MapError: two goals are not connected, or a goal is farther than ``max_off_map`` [m] from
             everything in the map.
+
     """
 
     def __init__(
@@ -60,6 +61,7 @@ class Tour:
 
         Raises:
             MapError: at the first call: the map does not connect ``at`` with the first goal.
+
         """
         if not self._goals:
             return None

@@ -71,6 +71,7 @@ class DeadReckoning(Localizer):
 
         Raises:
             InputError: ``pose`` is None: without landmarks there is no finding out.
+
         """
         if pose is None:
             raise InputError(

@@ -80,6 +80,7 @@ def load_map(path: str | Path) -> TopoMap:
         ConfigError: the file cannot be read or breaks the schema.
         MapError: what it says contradicts itself: an edge names a place that is missing, a length
             is impossible, a passage is given twice. The message lists all of it, a line each.
+
     """
     return read_map(load_yaml(path, max_bytes=MAX_BYTES))
 

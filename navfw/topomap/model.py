@@ -104,6 +104,7 @@ class TopoMap:
 
     Raises:
         MapError: the map has no place or contradicts itself; every contradiction is listed.
+
     """
 
     def __init__(
@@ -139,6 +140,7 @@ class TopoMap:
 
         Raises:
             UnknownNameError: the map has none; the message says which name is near.
+
         """
         try:
             return self.places[name]
@@ -151,6 +153,7 @@ class TopoMap:
         Raises:
             UnknownNameError: there is no such place.
             MapError: there are both places, but no passage between them.
+
         """
         self.place(a)
         self.place(b)
