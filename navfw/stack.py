@@ -203,7 +203,7 @@ class Stack:
             command=command,
             finished=waypoint is None,
             stuck=stuck,
-            faults=tuple(f"{f.behavior}: {f.error}" for f in self.mofis.faults),
+            faults=tuple(str(fault) for fault in self.mofis.faults),
         )
 
     def _perceive(

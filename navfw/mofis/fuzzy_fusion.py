@@ -52,12 +52,11 @@ class FuzzyFusion(Fusion):
         prohibition = context.commands.zeros()
         for proposal in proposals.values():
             np.maximum(prohibition, proposal.prohibition, out=prohibition)
-        support = desire * (1.0 - prohibition)
-        support[prohibition > self.params.cut] = 0.0
-        explanation = {
-            "desire": float(desire.max()),
-            "allowed": float((prohibition <= self.params.cut).mean()),
-        }
+        allowed = prohibition <= self.params.cut
+        explanation = {"desire": float(desire.max()), "allowed": float(allowed.mean())}
+        support = np.where(allowed, desire * (1.0 - prohibition), 0.0)
+        # with every way forward forbidden LOCOM must not coast
+        emergency = not bool(allowed[context.commands.v > 0.0].any())
         best = float(support.max())
         if best <= 1e-6:
             return Command(
@@ -65,7 +64,7 @@ class FuzzyFusion(Fusion):
                 twist=Twist(0.0, 0.0),
                 leader="none",
                 reason="no command is both desired and allowed",
-                emergency=False,
+                emergency=emergency,
                 weights=weights,
                 explanation=explanation,
             )
@@ -77,6 +76,7 @@ class FuzzyFusion(Fusion):
             twist=Twist(v, w),
             leader=leader,
             reason=proposals[leader].reason,
+            emergency=emergency,
             weights=weights,
             explanation=explanation,
         )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -37,11 +37,16 @@ class MofisParams(BaseModel):
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """A behaviour that failed to make a usable proposal at ``time``; it lost that tick."""
+    """A behaviour that made no usable proposal, first at ``time`` [s], ``count`` times in all."""
 
     time: float
     behavior: str
     error: str
+    count: int = 1
+
+    def __str__(self) -> str:
+        times = "once" if self.count == 1 else f"{self.count} times"
+        return f"{self.behavior}: {self.error} ({times}, first at {self.time:.1f} s)"
 
 
 class Mofis:
@@ -73,12 +78,17 @@ class Mofis:
         self.fusion.reset()
         for behavior in self.behaviors.values():
             behavior.reset()
-        self.faults: list[Fault] = []
+        self._faults: dict[tuple[str, str], Fault] = {}
         self.proposals: dict[str, Proposal] = {}
         self.context: Context | None = None
         self._percept: Percept | None = None
         self._previous: Command | None = None
         self._watch = _ProgressWatch()
+
+    @property
+    def faults(self) -> tuple[Fault, ...]:
+        """What behaviours did wrong in this run, each kind of error once, oldest first."""
+        return tuple(self._faults.values())
 
     def decide(
         self,
@@ -134,7 +144,8 @@ class Mofis:
             proposal, error = None, f"{type(exception).__name__}: {exception}"
         if error is None:
             return proposal
-        self.faults.append(Fault(context.time, name, error))
+        known = self._faults.get((name, error), Fault(context.time, name, error, 0))
+        self._faults[name, error] = replace(known, count=known.count + 1)
         return None
 
 

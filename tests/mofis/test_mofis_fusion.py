@@ -74,6 +74,17 @@ def test_everything_forbidden_means_standing_still() -> None:
     command = FuzzyFusion(ROBOT).fuse(context(), {"a": wish(1.0, bump(1, 0), forbid)})
     assert command.twist == Twist(0.0, 0.0)
     assert command.leader == "none"
+    assert command.emergency
+
+
+def test_only_forward_forbidden_is_an_emergency_with_a_way_out() -> None:
+    forbid = GRID.zeros()
+    forbid[GRID.v > 0.0] = 1.0
+    desire = np.maximum(bump(1, 0), bump(0, 0.5))
+    command = FuzzyFusion(ROBOT).fuse(context(), {"a": wish(1.0, desire, forbid)})
+    assert command.emergency
+    assert command.twist.v <= 0.0
+    assert command.twist.w > 0.1
 
 
 def test_two_ways_round_are_not_averaged_into_the_obstacle() -> None:
@@ -149,7 +160,8 @@ def test_a_broken_behavior_costs_itself_the_tick_and_nobody_else(deed: str) -> N
     command = mofis.decide(odometry, Belief(1.0, Pose(0, 0, 0), np.eye(3)), (), waypoint)
     assert command.leader == "steady"
     assert command.twist.v > 0.1
-    assert [fault.behavior for fault in mofis.faults] == ["broken"]
+    mofis.decide(odometry, Belief(1.0, Pose(0, 0, 0), np.eye(3)), (), waypoint)
+    assert [(fault.behavior, fault.count) for fault in mofis.faults] == [("broken", 2)]
     explanation = explain_command(command, mofis.proposals, mofis.commands)
     assert explanation["behaviors"]["steady"]["desirability"] > 0.5
     assert "broken" not in explanation["behaviors"]
