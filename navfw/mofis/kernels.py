@@ -249,43 +249,82 @@ def cost_to_go(cost: Array, value: Array, sweeps: int) -> int:
 
 
 @numba.njit(cache=True)
+def _downhill(value: Array, row: float, column: float) -> tuple[float, float]:
+    """Unit direction (row, column) of steepest descent at a point between cells.
+
+    The gradient of the bilinear surface through the four cells around; (0, 0) where one of them is
+    outside or barred.
+    """
+    n = value.shape[0]
+    r0, c0 = int(math.floor(row)), int(math.floor(column))
+    if r0 < 0 or c0 < 0 or r0 >= n - 1 or c0 >= n - 1:
+        return 0.0, 0.0
+    a, b = value[r0, c0], value[r0, c0 + 1]
+    c, d = value[r0 + 1, c0], value[r0 + 1, c0 + 1]
+    if max(a, b, c, d) == np.inf:
+        return 0.0, 0.0
+    fr, fc = row - r0, column - c0
+    down = (1.0 - fc) * (c - a) + fc * (d - b)
+    right = (1.0 - fr) * (b - a) + fr * (d - c)
+    length = math.hypot(down, right)
+    if length < 1e-9:
+        return 0.0, 0.0
+    return -down / length, -right / length
+
+
+@numba.njit(cache=True)
+def _lowest_around(value: Array, row: float, column: float) -> tuple[float, float]:
+    """Unit direction (row, column) to the best of the cells up to two away; (0, 0) if none is.
+
+    For places beside barred cells, where there is no gradient. From within a barred cell it leads
+    out by the nearest exit.
+    """
+    n = value.shape[0]
+    r0, c0 = int(round(row)), int(round(column))
+    if r0 < 0 or c0 < 0 or r0 >= n or c0 >= n:
+        return 0.0, 0.0
+    here = value[r0, c0]
+    best = np.inf if here == np.inf else 0.0
+    best_r, best_c = row, column
+    for dr in range(-2, 3):
+        for dc in range(-2, 3):
+            r, c = r0 + dr, c0 + dc
+            if r < 0 or c < 0 or r >= n or c >= n or (dr == 0 and dc == 0):
+                continue
+            if value[r, c] == np.inf:
+                continue
+            distance = math.hypot(dr, dc)
+            slope = (value[r, c] - here) / distance
+            if here == np.inf:
+                slope = value[r, c] * 1e-3 + distance
+            if slope < best:
+                best = slope
+                best_r, best_c = float(r), float(c)
+    distance = math.hypot(best_r - row, best_c - column)
+    if distance < 1e-9:
+        return 0.0, 0.0
+    return (best_r - row) / distance, (best_c - column) / distance
+
+
+@numba.njit(cache=True)
 def descend(value: Array, row: float, column: float, steps: int, path: Array) -> int:
     """Walk down ``value`` from (row, column) in half-cell steps; fills ``path`` (steps, 2).
 
-    Goes toward the lowest of the cells around, looked at over a ring of two cells so that the walk
-    is not bound to eight directions. Returns the number of points written.
+    Returns the number of points written: fewer than ``steps`` where it comes to the bottom.
     """
-    n = value.shape[0]
     count = 0
+    before_r, before_c = 0.0, 0.0
     for _ in range(steps):
-        r0, c0 = int(round(row)), int(round(column))
-        best = np.inf
-        best_r, best_c = r0, c0
-        if r0 < 0 or c0 < 0 or r0 >= n or c0 >= n:
+        step_r, step_c = _downhill(value, row, column)
+        if step_r == 0.0 and step_c == 0.0:
+            step_r, step_c = _lowest_around(value, row, column)
+        if step_r == 0.0 and step_c == 0.0:
             break
-        here = value[r0, c0]
-        for dr in range(-2, 3):
-            for dc in range(-2, 3):
-                r, c = r0 + dr, c0 + dc
-                if r < 0 or c < 0 or r >= n or c >= n or (dr == 0 and dc == 0):
-                    continue
-                distance = math.hypot(dr, dc)
-                if value[r, c] == np.inf:
-                    continue
-                if here == np.inf:  # standing in a forbidden cell: get out by the nearest exit
-                    slope = value[r, c] * 1e-3 + distance
-                else:
-                    slope = (value[r, c] - here) / distance
-                if slope < best:
-                    best = slope
-                    best_r, best_c = r, c
-        if best == np.inf or (here != np.inf and best >= 0.0):
-            break
-        distance = math.hypot(best_r - row, best_c - column)
-        if distance < 1e-9:
-            break
-        row += 0.5 * (best_r - row) / distance
-        column += 0.5 * (best_c - column) / distance
+        if step_r * before_r + step_c * before_c < -0.5:
+            break  # turned back: this was the bottom
+        before_r, before_c = step_r, step_c
+        row += 0.5 * step_r
+        column += 0.5 * step_c
         path[count, 0] = row
         path[count, 1] = column
         count += 1

@@ -10,6 +10,7 @@ import math
 from dataclasses import dataclass
 from typing import Annotated
 
+import cv2
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -18,6 +19,9 @@ from navfw.mofis.kernels import cost_to_go, descend
 from navfw.signals import Array, Pose
 
 __all__ = ["Aim", "Lookahead", "LookaheadParams"]
+
+
+_AROUND = np.ones((3, 3), np.uint8)
 
 
 class LookaheadParams(BaseModel):
@@ -32,7 +36,7 @@ class LookaheadParams(BaseModel):
     squeeze: Annotated[
         float, Field(ge=0.0, le=50.0, description="extra price of a way that just fits")
     ] = 4.0
-    unknown: Annotated[float, Field(ge=0.0, le=20.0, description="extra price of the unseen")] = 0.6
+    unknown: Annotated[float, Field(ge=0.0, le=20.0, description="extra price of the unseen")] = 0.2
     margin: Annotated[
         float, Field(ge=0.0, le=0.3, description="clearance of the rim below which none passes [m]")
     ] = 0.03
@@ -101,7 +105,8 @@ class Lookahead:
         p = self.params
         radius = egomap.robot.radius
         rim = egomap.clearance[::2, ::2] - radius
-        unseen = egomap.known[::2, ::2] == 0.0
+        # far away the rays of a sparse grid leave gaps: what has a seen neighbour counts as seen
+        unseen = cv2.dilate(egomap.known, _AROUND)[::2, ::2] == 0.0
         tight = np.clip((p.clear - rim) / max(p.clear - p.margin, 1e-6), 0.0, 1.0)
         cost: Array = 1.0 + p.squeeze * tight**2 + p.unknown * unseen
         cost[rim < p.margin] = np.inf
