@@ -25,6 +25,7 @@ from navfw.kinds import (
 from navfw.mofis.explanation import explain_command
 from navfw.mofis.mofis import Mofis
 from navfw.robot import RobotModel
+from navfw.safety import SafetyMonitor, SafetyVerdict
 from navfw.signals import (
     Belief,
     Command,
@@ -45,6 +46,18 @@ __all__ = ["Stack", "StackState"]
 
 STUCK_AFTER = 60.0
 """Seconds without any progress toward a waypoint after which the stack gives up."""
+
+
+TIMED = (
+    "flow",
+    "perception",
+    "features",
+    "localizer",
+    "planner",
+    "motion",
+    "control",
+    "safety",
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,6 +104,8 @@ class Stack:
             name: cast(Behavior, choice.plugin(robot, choice.params))
             for name, choice in config.behaviors.items()
         }
+        self.safety = SafetyMonitor(robot, config.safety)
+        self.verdict = SafetyVerdict(Twist(0.0, 0.0))
         self.mofis = Mofis(robot, behaviors, cast(Fusion, build("fusion")), config.motion)
         self.timings: dict[str, float] = {}
         self.state = StackState(time=0.0)
@@ -145,10 +160,9 @@ class Stack:
         ):
             plugin.reset()
         self.mofis.reset()
+        self.safety.reset()
         self.planner.start(self.topo_map, goals)
-        self.timings = dict.fromkeys(
-            ("flow", "perception", "features", "localizer", "planner", "motion", "control"), 0.0
-        )
+        self.timings = dict.fromkeys(TIMED, 0.0)
         self.state = StackState(time=0.0)
         self._start_pose = pose
         self._began = None
@@ -162,9 +176,15 @@ class Stack:
         if reading.frame is not None:
             self._decide(reading, reading.frame, odometry)
         with _Timer(self.timings, "control"):
-            return self.controller.control(
-                self.state.command, odometry, 1.0 / self.robot.control_rate
+            dt = 1.0 / self.robot.control_rate
+            twist = self.controller.control(self.state.command, odometry, dt)
+        with _Timer(self.timings, "safety"):
+            self.safety.hear(reading, odometry)
+            verdict = self.safety.limit(
+                twist, reading.time, lambda twist: self.mofis.room(odometry.pose, twist)
             )
+        self.verdict = verdict
+        return verdict.twist
 
     # --- once per camera frame -------------------------------------------------------------------
 

@@ -16,6 +16,7 @@ from navfw.egomotion.pairing import PairingParams
 from navfw.errors import ConfigError, UnknownNameError, did_you_mean
 from navfw.kinds import Plugin
 from navfw.mofis.mofis import MofisParams
+from navfw.safety import SafetyParams
 
 __all__ = ["Choice", "PluginSource", "StackConfig", "StackSpec", "load_stack"]
 
@@ -38,6 +39,7 @@ class StackSpec(BaseModel):
     controller: Chosen
     pairing: PairingParams = PairingParams()
     motion: MofisParams = MofisParams()
+    safety: SafetyParams = SafetyParams()
     refine: Annotated[
         bool, Field(description="correct the gyro's rotation by the flow itself (METHOD 2.6)")
     ] = True
@@ -78,6 +80,7 @@ class StackConfig:
     behaviors: Mapping[str, Choice]
     pairing: PairingParams
     motion: MofisParams
+    safety: SafetyParams
     refine: bool
     warmup: float
 
@@ -91,6 +94,7 @@ class StackConfig:
             },
             "pairing": self.pairing.model_dump(mode="json"),
             "motion": self.motion.model_dump(mode="json"),
+            "safety": self.safety.model_dump(mode="json"),
             "refine": self.refine,
             "warmup": self.warmup,
         }
@@ -125,7 +129,9 @@ def resolve(
     behaviors = {
         name: _choose(document, plugins, "behavior", "behaviors", name) for name in spec.behaviors
     }
-    return StackConfig(stages, behaviors, spec.pairing, spec.motion, spec.refine, spec.warmup)
+    return StackConfig(
+        stages, behaviors, spec.pairing, spec.motion, spec.safety, spec.refine, spec.warmup
+    )
 
 
 def _choose(

@@ -73,6 +73,7 @@ class EgoMap:
         self._origin: tuple[float, float] | None = None
         self._time: float | None = None
         self._clearance: Array | None = None
+        self._known: npt.NDArray[np.uint8] | None = None
 
     # --- writing ---------------------------------------------------------------------------------
 
@@ -97,7 +98,7 @@ class EgoMap:
             self.evidence *= math.exp((self._time - time) / self.params.fade)
         self._time = time
         self._mark_body(pose)
-        self._clearance = None
+        self._clearance = self._known = None
 
     def _mark_body(self, pose: Pose) -> None:
         """Where the robot stands, nothing else does."""
@@ -153,7 +154,7 @@ class EgoMap:
         )
         self.evidence += p.hit * self._hit - p.free * np.where(self._hit > 0.0, 0.0, self._free)
         np.clip(self.evidence, p.least, p.most, out=self.evidence)
-        self._clearance = None
+        self._clearance = self._known = None
 
     def _directions(self, points: Array, kept: npt.NDArray[np.bool_], pose: Pose) -> Array:
         """(3 N, 3): advance in odom x, y and height per metre of depth, for three rays a cell.
@@ -193,9 +194,11 @@ class EgoMap:
         return self.evidence >= self.params.occupied
 
     @property
-    def known(self) -> Array:
-        """(n, n) 1.0 where the cell has been seen free, else 0.0."""
-        return (self.evidence <= self.params.seen_free).astype(np.float64)
+    def known(self) -> npt.NDArray[np.uint8]:
+        """(n, n) 1 where the cell has been seen free, else 0."""
+        if self._known is None:
+            self._known = (self.evidence <= self.params.seen_free).astype(np.uint8)
+        return self._known
 
     @property
     def clearance(self) -> Array:

@@ -10,6 +10,7 @@ import math
 
 import numba
 import numpy as np
+import numpy.typing as npt
 
 from navfw.signals import Array
 
@@ -80,7 +81,7 @@ def cast_evidence(
 @numba.njit(cache=True)
 def sweep_arcs(
     clearance: Array,
-    known: Array,
+    known: npt.NDArray[np.uint8],
     origin_x: float,
     origin_y: float,
     cell: float,
@@ -145,7 +146,7 @@ def sweep_arcs(
                     floor = min(radius, c - 0.02)  # moving away: from now on no nearer than this
                 if length < horizon and c < least:
                     least = c
-                if known_until < 0.0 and known[row, column] <= 0.0:
+                if known_until < 0.0 and known[row, column] == 0:
                     known_until = length
                 length += step
             if not blocked and length >= longest - step:
@@ -158,7 +159,7 @@ def sweep_arcs(
 @numba.njit(cache=True)
 def cast_ranges(
     clearance: Array,
-    known: Array,
+    known: npt.NDArray[np.uint8],
     origin_x: float,
     origin_y: float,
     cell: float,
@@ -185,7 +186,7 @@ def cast_ranges(
             row = int(math.floor((y + distance * s - origin_y) / cell + 0.5))
             if row < 0 or column < 0 or row >= size or column >= size:
                 break
-            if known[row, column] <= 0.0 and seen[i] == limit:
+            if known[row, column] == 0 and seen[i] == limit:
                 seen[i] = distance
             if clearance[row, column] < cell:
                 free[i] = distance

@@ -15,9 +15,9 @@ from navfw.mofis.commands import CommandGrid, CommandGridParams
 from navfw.mofis.context import Context
 from navfw.mofis.egomap import EgoMap, EgoMapParams
 from navfw.mofis.lookahead import Aim, Lookahead, LookaheadParams
-from navfw.mofis.reach import look_around, sweep
+from navfw.mofis.reach import look_around, room_along, sweep
 from navfw.robot import RobotModel
-from navfw.signals import Belief, Command, Odometry, Percept, Pose, Proposal, Waypoint
+from navfw.signals import Belief, Command, Odometry, Percept, Pose, Proposal, Twist, Waypoint
 
 __all__ = ["Fault", "Mofis", "MofisParams"]
 
@@ -110,6 +110,12 @@ class Mofis:
                 self.proposals[name] = proposal
         self._previous = self.fusion.fuse(self.context, self.proposals)
         return self._previous
+
+    def room(self, pose: Pose, twist: Twist) -> float:
+        """How far [m] ``twist`` can be followed from odom ``pose`` before a touch; for safety."""
+        if self.context is None:
+            return math.inf
+        return room_along(self.egomap, pose, twist)
 
     def _context(self, odometry: Odometry, belief: Belief, waypoint: Waypoint | None) -> Context:
         pose = odometry.pose

@@ -10,9 +10,9 @@ import numpy as np
 from navfw.mofis.commands import CommandGrid
 from navfw.mofis.egomap import EgoMap
 from navfw.mofis.kernels import cast_ranges, sweep_arcs
-from navfw.signals import Array, Pose
+from navfw.signals import Array, Pose, Twist
 
-__all__ = ["Arcs", "Ranges", "look_around", "sweep"]
+__all__ = ["Arcs", "Ranges", "look_around", "room_along", "sweep"]
 
 SECTORS = 48
 
@@ -61,6 +61,31 @@ def sweep(
         clearance,
     )
     return Arcs(free, known, clearance + margin, reach)
+
+
+def room_along(egomap: EgoMap, pose: Pose, twist: Twist, reach: float = 1.0) -> float:
+    """How far [m] ``twist`` leads from odom ``pose`` until the body touches something remembered.
+
+    At most ``reach``; a robot that only turns has all the room it needs.
+    """
+    one = np.empty((3, 1, 1))
+    sweep_arcs(
+        egomap.clearance,
+        egomap.known,
+        egomap.origin[0],
+        egomap.origin[1],
+        egomap.params.cell,
+        pose.x,
+        pose.y,
+        pose.yaw,
+        np.array([twist.v]),
+        np.array([twist.w]),
+        egomap.robot.radius,
+        reach,
+        0.0,
+        *one,
+    )
+    return float(one[0, 0, 0])
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,149 @@
+"""Stops, slows down, limits: the last word on every twist, whatever plugins decided.
+
+After Nav2's collision monitor: fusion, then smoothing, then safety. It stops on stale sources,
+keeps the stopping distance within what is remembered to be free, and still lets the robot rotate,
+and back along the way it has just come.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from navfw.robot import RobotModel
+from navfw.safety.senses import Senses
+from navfw.signals import Odometry, SensorReading, Twist
+
+__all__ = ["SafetyMonitor", "SafetyParams", "SafetyVerdict"]
+
+Seconds = Annotated[float, Field(gt=0.0, le=60.0)]
+
+Room = Callable[[Twist], float]
+"""How far [m] a twist can be followed before the body touches something remembered."""
+
+
+class SafetyParams(BaseModel):
+    """When the monitor steps in."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    latency: Annotated[
+        float, Field(ge=0.0, le=1.0, description="from here to the wheels' braking [s]")
+    ] = 0.1
+    gap: Annotated[
+        float, Field(ge=0.0, le=0.3, description="rest left before a thing when stopped [m]")
+    ] = 0.02
+    slow: Annotated[
+        float, Field(gt=0.0, le=1.0, description="speed while a source is ageing [m/s]")
+    ] = 0.12
+    camera_slow: Annotated[Seconds, Field(description="age of the last useful frame: slow [s]")] = (
+        0.45
+    )
+    camera_stop: Annotated[Seconds, Field(description="age of it: stop driving forward [s]")] = 1.2
+    gyro_slow: Annotated[Seconds, Field(description="age of the gyro's last word: slow [s]")] = 0.2
+    encoder_stop: Annotated[Seconds, Field(description="age of the encoders' word: stop [s]")] = 0.5
+    stall: Annotated[Seconds, Field(description="wheels not following for so long: stop [s]")] = 0.8
+    stall_rest: Annotated[Seconds, Field(description="rest after a stall [s]")] = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class SafetyVerdict:
+    """The twist that may be driven; ``reason`` says why it differs from the one asked, or is empty.
+
+    ``stopped`` is true when driving forward was refused altogether.
+    """
+
+    twist: Twist
+    reason: str = ""
+    stopped: bool = False
+
+
+class SafetyMonitor:
+    """Watches readings and commands at the control rate; has no opinion on where to go."""
+
+    def __init__(self, robot: RobotModel, params: SafetyParams | None = None) -> None:
+        self.robot = robot
+        self.params = params or SafetyParams()
+        self.senses = Senses()
+        self.reset()
+
+    def reset(self) -> None:
+        """A new run: nothing heard, nothing held."""
+        self.senses.reset()
+        self._asked = Twist(0.0, 0.0)
+        self._stalled_since: float | None = None
+        self._rest_until = -math.inf
+
+    def hear(self, reading: SensorReading, odometry: Odometry) -> None:
+        """Take note of the newest reading."""
+        self.senses.hear(reading, odometry)
+        self._watch_wheels(odometry)
+
+    def limit(self, twist: Twist, time: float, room: Room) -> SafetyVerdict:
+        """``twist`` as far as it is safe; ``room`` tells how far a twist leads in the free."""
+        verdict = self._limited(twist, time, room)
+        self._asked = verdict.twist
+        return verdict
+
+    def _limited(self, twist: Twist, time: float, room: Room) -> SafetyVerdict:
+        if not (math.isfinite(twist.v) and math.isfinite(twist.w)):
+            return SafetyVerdict(Twist(0.0, 0.0), "the command is not a number", stopped=True)
+        robot = self.robot
+        v = min(max(twist.v, -robot.max_reverse), robot.max_v)
+        w = min(max(twist.w, -robot.max_w), robot.max_w)
+        reason = "" if (v, w) == (twist.v, twist.w) else "the command exceeds the drive's limits"
+        for cap, why in (self._source_cap(), self._stall_cap(time)):
+            if v > cap:
+                v, reason = cap, why
+        if v > 0.0:
+            allowed = self._braking_speed(room(Twist(v, w)))
+            if allowed < v:
+                v, reason = allowed, "no room to stop in"
+        elif v < 0.0 and room(Twist(v, w)) <= self.params.gap:
+            v, reason = 0.0, "no room behind"
+        stopped = twist.v > 0.0 and v <= 0.0
+        return SafetyVerdict(Twist(v, w), reason, stopped)
+
+    def _source_cap(self) -> tuple[float, str]:
+        """Top forward speed [m/s] that the state of the sensors allows, and why."""
+        p, senses = self.params, self.senses
+        if senses.encoder_age > p.encoder_stop:
+            return 0.0, "the wheel encoders are silent"
+        if senses.camera_age > p.camera_stop:
+            return 0.0, senses.trouble or "the camera is silent"
+        if senses.camera_age > p.camera_slow:
+            return p.slow, senses.trouble or "the camera is late"
+        if senses.gyro_age > p.gyro_slow:
+            return p.slow, "the gyro is silent"
+        return math.inf, ""
+
+    def _stall_cap(self, time: float) -> tuple[float, str]:
+        """Stand still for a moment after the wheels did not follow."""
+        if self._stalled_since is not None and time - self._stalled_since > self.params.stall:
+            self._rest_until = time + self.params.stall_rest
+            self._stalled_since = None
+        return (0.0, "the wheels do not follow") if time < self._rest_until else (math.inf, "")
+
+    def _watch_wheels(self, odometry: Odometry) -> None:
+        asked, got = self._asked.v, odometry.twist.v
+        if asked > 0.08 and got < 0.2 * asked:
+            if self._stalled_since is None:
+                self._stalled_since = odometry.time
+        else:
+            self._stalled_since = None
+
+    def _braking_speed(self, room: float) -> float:
+        """Top speed [m/s] from which braking at the hardest ends within ``room`` [m] (METHOD 2.13).
+
+        Solves ``v latency + v^2 / (2 brake) = room - gap``.
+        """
+        left = room - self.params.gap
+        if left <= 0.0:
+            return 0.0
+        brake, latency = self.robot.max_brake, self.params.latency
+        lag = brake * latency
+        return math.sqrt(lag * lag + 2.0 * brake * left) - lag

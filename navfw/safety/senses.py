@@ -1,0 +1,83 @@
+"""Which sensors can be believed right now: ages of their last useful word."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from navfw.signals import Frame, Image, Odometry, SensorReading
+
+__all__ = ["Senses"]
+
+DARK, BRIGHT = 8.0, 247.0
+"""Mean grey levels beyond which a picture shows nothing."""
+FLAT = 2.5
+"""Standard deviation [grey levels] below which a picture shows nothing (noise alone has some)."""
+MOVED = (0.02, 0.035)
+"""Way [m] and turn [rad] after which a picture must have changed."""
+
+
+class Senses:
+    """Follows the readings and keeps how old [s] each sensor's last useful word is.
+
+    A frame that is missing, dark, over-exposed, without contrast, or equal to the one before
+    although the robot has moved is no useful word. A gyro or encoder reading that carries an old
+    time stamp is none either.
+    """
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Nothing heard yet."""
+        self.camera_age = 0.0
+        self.gyro_age = 0.0
+        self.encoder_age = 0.0
+        self.trouble = ""
+        self._began: float | None = None
+        self._last_useful: float | None = None
+        self._picture: Image | None = None
+        self._way = 0.0
+        self._turn = 0.0
+        self._pose: Odometry | None = None
+
+    def hear(self, reading: SensorReading, odometry: Odometry) -> None:
+        """Take note of one reading, made while ``odometry`` says how the robot moves."""
+        time = reading.time
+        if self._began is None:
+            self._began = self._last_useful = time
+        self.gyro_age = time - reading.inertial.time
+        self.encoder_age = time - reading.encoders.time
+        self._move(odometry)
+        if reading.frame is not None:
+            self.trouble = self._fault_of(reading.frame)
+            if not self.trouble:
+                self._last_useful = time
+        last = self._last_useful if self._last_useful is not None else time
+        self.camera_age = time - last
+
+    def _move(self, odometry: Odometry) -> None:
+        if self._pose is not None:
+            step = self._pose.pose.relative(odometry.pose)
+            self._way += abs(step.x) + abs(step.y)
+            self._turn += abs(step.yaw)
+        self._pose = odometry
+
+    def _fault_of(self, frame: Frame) -> str:
+        """Why ``frame`` shows nothing new, or an empty text."""
+        image = frame.image
+        # every fourth pixel is plenty to tell light from dark
+        sample = image[::4, ::4]
+        mean, spread = float(sample.mean()), float(sample.std())
+        if mean < DARK:
+            return "the camera sees only dark"
+        if mean > BRIGHT:
+            return "the camera is over-exposed"
+        if spread < FLAT:
+            return "the camera sees no contrast"
+        moved = self._way > MOVED[0] or self._turn > MOVED[1]
+        frozen = self._picture is not None and np.array_equal(image, self._picture)
+        if frozen and moved:
+            return "the camera's picture is frozen"
+        if not frozen:
+            self._picture, self._way, self._turn = image, 0.0, 0.0
+        return ""
