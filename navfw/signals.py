@@ -31,6 +31,7 @@ __all__ = [
     "Image",
     "Inertial",
     "Label",
+    "Mask",
     "Odometry",
     "Percept",
     "Pose",
@@ -44,6 +45,7 @@ __all__ = [
 
 Array = npt.NDArray[np.float64]
 Image = npt.NDArray[np.uint8]
+Mask = npt.NDArray[np.bool_]
 
 
 def wrap_angle(angle: float) -> float:

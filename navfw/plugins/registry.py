@@ -29,7 +29,13 @@ BUILT_IN: dict[str, dict[str, str]] = {
     "features": {"none": "navfw.features.none:NoFeatures"},
     "localizer": {"dead_reckoning": "navfw.topomap.dead_reckoning:DeadReckoning"},
     "planner": {"papfis": "navfw.papfis.papfis:Papfis"},
-    "fusion": {"fuzzy": "navfw.mofis.fuzzy_fusion:FuzzyFusion"},
+    "fusion": {
+        "fuzzy": "navfw.mofis.fusion.fuzzy:FuzzyFusion",
+        "priority": "navfw.mofis.fusion.priority:PriorityFusion",
+        "damn": "navfw.mofis.fusion.damn:DamnFusion",
+        "blend": "navfw.mofis.fusion.blend:BlendFusion",
+        "pareto": "navfw.mofis.fusion.pareto:ParetoFusion",
+    },
     "controller": {"unicycle": "navfw.locom.unicycle:Unicycle"},
 }
 """What ships, by kind and name; imported when first asked for. Behaviours are in ``behaviors/``."""

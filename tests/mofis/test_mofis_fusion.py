@@ -8,12 +8,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from navfw.kinds import Behavior
+from navfw.kinds import Behavior, Fusion
 from navfw.mofis.commands import CommandGrid
 from navfw.mofis.context import Context
 from navfw.mofis.egomap import EgoMap
 from navfw.mofis.explanation import explain_command
-from navfw.mofis.fuzzy_fusion import FuzzyFusion
+from navfw.mofis.fusion.blend import BlendFusion
+from navfw.mofis.fusion.damn import DamnFusion
+from navfw.mofis.fusion.fuzzy import FuzzyFusion
+from navfw.mofis.fusion.pareto import ParetoFusion, pareto_front
+from navfw.mofis.fusion.priority import PriorityFusion
 from navfw.mofis.mofis import Mofis
 from navfw.mofis.reach import look_around, sweep
 from navfw.robot import RobotModel
@@ -165,3 +169,62 @@ def test_a_broken_behavior_costs_itself_the_tick_and_nobody_else(deed: str) -> N
     explanation = explain_command(command, mofis.proposals, mofis.commands)
     assert explanation["behaviors"]["steady"]["desirability"] > 0.5
     assert "broken" not in explanation["behaviors"]
+
+
+ALL = [FuzzyFusion, PriorityFusion, DamnFusion, BlendFusion, ParetoFusion]
+
+
+@pytest.mark.parametrize("fusion", ALL)
+def test_every_fusion_follows_the_only_wish(fusion: type[Fusion]) -> None:
+    command = fusion(ROBOT).fuse(context(), {"a": wish(1.0, bump(0.6, 0.4))})
+    assert command.leader == "a"
+    assert command.twist.v == pytest.approx(0.6 * GRID.max_v, abs=0.1 * GRID.max_v)
+    assert command.twist.w == pytest.approx(0.4 * GRID.max_w, abs=0.1 * GRID.max_w)
+
+
+@pytest.mark.parametrize("fusion", ALL)
+def test_every_fusion_stands_still_without_a_wish(fusion: type[Fusion]) -> None:
+    command = fusion(ROBOT).fuse(context(), {"a": wish(0.0, GRID.zeros())})
+    assert command.twist == Twist(0.0, 0.0)
+    assert command.leader == "none"
+
+
+@pytest.mark.parametrize("fusion", ALL)
+@settings(max_examples=15, deadline=None)
+@given(desire=LAYER, forbid=LAYER, other=LAYER, share=st.floats(0, 1))
+def test_every_fusion_stays_on_the_grid(
+    fusion: type[Fusion], desire: Array, forbid: Array, other: Array, share: float
+) -> None:
+    proposals = {"a": wish(0.8, desire, forbid), "b": wish(share, other)}
+    command = fusion(ROBOT).fuse(context(), proposals)
+    assert GRID.v[0] - 1e-9 <= command.twist.v <= GRID.v[-1] + 1e-9
+    assert abs(command.twist.w) <= GRID.max_w + 1e-9
+
+
+def test_pareto_never_takes_what_is_forbidden_or_dominated() -> None:
+    forbid = GRID.zeros()
+    forbid[:, GRID.w > 0] = 1.0
+    command = ParetoFusion(ROBOT).fuse(
+        context(), {"a": wish(0.9, bump(0.5, 0.5), forbid), "b": wish(0.9, bump(0.5, -0.5))}
+    )
+    assert command.twist.w <= 0.0
+
+
+@given(hnp.arrays(np.float64, (3, 12), elements=st.floats(0, 1, width=16)))
+def test_the_pareto_front_is_what_nobody_dominates(objectives: Array) -> None:
+    front = set(pareto_front(objectives).tolist())
+    for j in range(objectives.shape[1]):
+        dominated = any(
+            np.all(objectives[:, i] >= objectives[:, j])
+            and np.any(objectives[:, i] > objectives[:, j])
+            for i in range(objectives.shape[1])
+        )
+        assert (j in front) != dominated
+
+
+def test_priority_lets_the_first_in_order_have_it_all() -> None:
+    proposals = {"go_to_xy": wish(0.9, bump(0.8, 0.0)), "avoid": wish(0.5, bump(0.2, 0.9))}
+    fusion = PriorityFusion(ROBOT)
+    assert fusion.fuse(context(), proposals).leader == "avoid"
+    calm = {"go_to_xy": wish(0.9, bump(0.8, 0.0)), "avoid": wish(0.1, bump(0.2, 0.9))}
+    assert fusion.fuse(context(), calm).leader == "go_to_xy"

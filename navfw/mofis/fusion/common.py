@@ -1,0 +1,93 @@
+"""What all fusions share: joint prohibition, shares, who led, and the command they end in."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from navfw.mofis.context import Context
+from navfw.signals import Array, Command, Mask, Proposal, Twist
+
+__all__ = [
+    "Proposals",
+    "at_fraction",
+    "command_at",
+    "leader_at",
+    "no_command",
+    "prohibition_of",
+    "shares_of",
+]
+
+Proposals = Mapping[str, Proposal]
+
+
+def prohibition_of(context: Context, proposals: Proposals) -> Array:
+    """(n_v, n_w): the strongest prohibition of any behaviour; never averaged (METHOD 3.6)."""
+    result = context.commands.zeros()
+    for proposal in proposals.values():
+        np.maximum(result, proposal.prohibition, out=result)
+    return result
+
+
+def shares_of(proposals: Proposals) -> dict[str, float]:
+    """Each behaviour's share of all applicability."""
+    total = sum(proposal.applicability for proposal in proposals.values())
+    return {name: p.applicability / max(total, 1e-9) for name, p in proposals.items()}
+
+
+def leader_at(proposals: Proposals, row: int, column: int) -> str:
+    """The behaviour that wanted the command at (row, column) most."""
+    return max(
+        proposals,
+        key=lambda name: proposals[name].applicability * proposals[name].desirability[row, column],
+    )
+
+
+def at_fraction(values: Array, position: float) -> float:
+    """``values`` (n,) at a fractional index."""
+    return float(np.interp(position, np.arange(values.size), values))
+
+
+def command_at(
+    context: Context,
+    proposals: Proposals,
+    position: tuple[float, float],
+    forbidden: Mask,
+    explanation: Mapping[str, Any] | None = None,
+    leader: str | None = None,
+) -> Command:
+    """The command at a (row, column) of the grid, which may be fractional.
+
+    ``forbidden`` (n_v, n_w) marks commands that are out: with every way forward among them it is an
+    emergency, and LOCOM must not coast.
+    """
+    row, column = position
+    grid = context.commands
+    leader = leader or leader_at(proposals, round(row), round(column))
+    return Command(
+        time=context.time,
+        twist=Twist(at_fraction(grid.v, row), at_fraction(grid.w, column)),
+        leader=leader,
+        reason=proposals[leader].reason,
+        emergency=_nowhere_forward(context, forbidden),
+        weights=shares_of(proposals),
+        explanation=explanation or {},
+    )
+
+
+def no_command(context: Context, proposals: Proposals, forbidden: Mask) -> Command:
+    """Stand still: nothing is both desired and allowed."""
+    return Command(
+        time=context.time,
+        twist=Twist(0.0, 0.0),
+        leader="none",
+        reason="no command is both desired and allowed",
+        emergency=_nowhere_forward(context, forbidden),
+        weights=shares_of(proposals),
+    )
+
+
+def _nowhere_forward(context: Context, forbidden: Mask) -> bool:
+    return bool(forbidden[context.commands.v > 0.0].all())

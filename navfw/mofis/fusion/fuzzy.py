@@ -1,0 +1,98 @@
+"""Fuzzy command fusion: desires are blended, prohibitions are never averaged away (METHOD 3.6)."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+from scipy import ndimage
+
+from navfw.kinds import Fusion
+from navfw.mofis.context import Context
+from navfw.mofis.fusion.common import (
+    Proposals,
+    command_at,
+    no_command,
+    prohibition_of,
+    shares_of,
+)
+from navfw.signals import Array, Command, Mask
+
+__all__ = ["FuzzyFusion"]
+
+
+class FuzzyFusion(Fusion):
+    """Blends desires by applicability, subtracts prohibitions, takes the centre of the best region.
+
+    The desirability of each (v, w) is the applicability-weighted mean of the behaviours' (``blend:
+    sum``) or their context-dependent maximum (``blend: max``, Saffiotti); what any behaviour
+    forbids is taken away from it whole. Of the connected regions left, the largest decides, so that
+    two ways around an obstacle are never averaged into it (Yen and Pfluger's centroid of largest
+    area).
+    """
+
+    name: ClassVar[str] = "fuzzy"
+
+    class Params(Fusion.Params):
+        """How desires meet prohibitions."""
+
+        blend: Annotated[
+            Literal["sum", "max"], Field(description="sum: weighted mean; max: fuzzy union")
+        ] = "sum"
+        cut: Annotated[
+            float, Field(gt=0.0, le=1.0, description="prohibition from which a command is out")
+        ] = 0.5
+        level: Annotated[
+            float, Field(gt=0.0, lt=1.0, description="share of the best that joins its region")
+        ] = 0.6
+        loyalty: Annotated[
+            float, Field(ge=0.0, le=2.0, description="bonus of the region chosen last time")
+        ] = 0.3
+
+    params: Params
+
+    def fuse(self, context: Context, proposals: Proposals) -> Command:
+        """The centre of the most desired region that nobody forbids."""
+        prohibition = prohibition_of(context, proposals)
+        forbidden = prohibition > self.params.cut
+        desire = self._desire(context, proposals)
+        support = np.where(forbidden, 0.0, desire * (1.0 - prohibition))
+        if float(support.max()) <= 1e-6:
+            return no_command(context, proposals, forbidden)
+        explanation = {"desire": float(desire.max()), "allowed": float(1.0 - forbidden.mean())}
+        position = self._centre(context, support, forbidden)
+        return command_at(context, proposals, position, forbidden, explanation)
+
+    def _desire(self, context: Context, proposals: Proposals) -> Array:
+        """(n_v, n_w) blended desirability."""
+        desire = context.commands.zeros()
+        if self.params.blend == "max":
+            for proposal in proposals.values():
+                wish = np.minimum(proposal.applicability, proposal.desirability)
+                np.maximum(desire, wish, out=desire)
+            return desire
+        for name, share in shares_of(proposals).items():
+            desire += share * proposals[name].desirability
+        return desire
+
+    def _centre(self, context: Context, support: Array, forbidden: Mask) -> tuple[float, float]:
+        """(row, column), fractional, of the command chosen from ``support`` (n_v, n_w)."""
+        best = float(support.max())
+        regions, count = ndimage.label(support >= self.params.level * best)
+        index = range(1, count + 1)
+        mass = np.atleast_1d(ndimage.sum_labels(support, regions, index))
+        if context.previous is not None:
+            before = regions[context.commands.nearest(context.previous.twist)]
+            if before > 0:
+                mass[before - 1] *= 1.0 + self.params.loyalty
+        chosen = regions == 1 + int(mass.argmax())
+        inside = np.where(chosen, support, 0.0)
+        rows, columns = np.indices(support.shape)
+        weight = inside.sum()
+        row, column = (rows * inside).sum() / weight, (columns * inside).sum() / weight
+        if forbidden[round(row), round(column)]:
+            # the centre of a region with a hole or a bend may lie outside it
+            top = np.unravel_index(int(inside.argmax()), support.shape)
+            return float(top[0]), float(top[1])
+        return float(row), float(column)
