@@ -25,6 +25,7 @@ COMMANDS = (
     "navfw.cli.replay",
     "navfw.cli.listings",
     "navfw.cli.bench",
+    "navfw.cli.suite",
 )
 """The modules with commands, in the order of ``navfw --help``."""
 

@@ -1,0 +1,278 @@
+"""``navfw suite`` runs worlds x missions x seeds; ``navfw compare`` compares two tables."""
+
+from __future__ import annotations
+
+import sys
+import time
+from enum import StrEnum
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Annotated, Any, Self
+
+import typer
+
+from navfw.cli.output import print_json, print_table, quiet_stdout
+
+if TYPE_CHECKING:
+    from navfw.suite.cases import Case
+    from navfw.suite.evaluation import Evaluation
+    from navfw.suite.table import RunRow
+
+__all__ = ["add_to"]
+
+LINE_PERIOD = 10.0
+"""Seconds between progress lines where there is no terminal for a bar."""
+
+MAX_SHOWN = 25
+"""Failed runs that are listed; the table has them all."""
+
+
+class Keep(StrEnum):
+    """Of which runs the trajectory's picture is kept."""
+
+    ALL = "all"
+    FAILED = "failed"
+    NONE = "none"
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the commands."""
+    app.command()(suite)
+    app.command()(compare)
+
+
+def suite(
+    file: Annotated[str, typer.Argument(metavar="SUITE", help="A suite's name or file.")],
+    seeds: Annotated[str, typer.Option(metavar="A:B", help="From A up to, but not including, B.")],
+    workers: Annotated[
+        int, typer.Option(min=1, max=256, help="Processes, each on one thread.")
+    ] = 1,
+    out: Annotated[
+        Path | None, typer.Option(help="Where the table goes [default: runs/SUITE-A-B].")
+    ] = None,
+    stack: Annotated[
+        list[str] | None,
+        typer.Option(help="A stack's name or file, in place of the suite's. May be repeated."),
+    ] = None,
+    set_: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="K=V", help="Change one value in all runs. May be repeated."),
+    ] = None,
+    worlds: Annotated[
+        Path | None, typer.Option(help="A folder of worlds, in place of those the suite names.")
+    ] = None,
+    keep: Annotated[Keep, typer.Option(help="Of which runs to keep the picture.")] = Keep.FAILED,
+    limit: Annotated[
+        float, typer.Option(min=1.0, help="Seconds of the clock on the wall a run may take.")
+    ] = 900.0,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with the table in --out.")
+    ] = False,
+    json: Annotated[
+        bool, typer.Option("--json", help="One object on stdout, nothing else.")
+    ] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="No progress bar.")] = False,
+) -> None:
+    """Run every mission of a suite with every seed; exit with 0 when done, 1 when interrupted."""
+    if resume and out is None:
+        raise typer.BadParameter("needs --out, the folder to go on with", param_hint="--resume")
+    with quiet_stdout():
+        from navfw.config.lookup import project_folder
+        from navfw.missions.report import git_revision
+        from navfw.plugins import default_registry
+        from navfw.suite.cases import plan_runs
+        from navfw.suite.evaluation import evaluate
+        from navfw.suite.outfolder import OutFolder
+        from navfw.suite.suitefile import load_suite, parse_seeds
+
+        span = parse_seeds(seeds)
+        plan = plan_runs(
+            load_suite(file),
+            span,
+            default_registry(),
+            stacks=stack or [],
+            overrides=set_ or [],
+            worlds=worlds,
+        )
+        folder = OutFolder.choose(out, plan, span)
+        have = folder.open(plan, git_revision(project_folder() or Path.cwd()), resume=resume)
+        with _Bar(plan.suite, plan.cases, have, quiet=quiet) as bar:
+            done = evaluate(
+                plan,
+                folder,
+                workers=workers,
+                keep=keep.value,
+                have=have,
+                limit=limit,
+                tell=bar.tell,
+            )
+    if json:
+        _print_json(done, folder.table)
+    else:
+        _print_summary(done.summary, done.rows)
+        typer.echo(f"table: {folder.table}")
+    raise typer.Exit(0 if done.complete else 1)
+
+
+def compare(
+    a: Annotated[Path, typer.Argument(help="A suite's table.csv, or its folder.")],
+    b: Annotated[Path, typer.Argument(help="Another one, over the same seeds.")],
+    json: Annotated[
+        bool, typer.Option("--json", help="One object on stdout, nothing else.")
+    ] = False,
+) -> None:
+    """Compare two tables run by run: whether B is better than A."""
+    from navfw.suite.compare import compare as compare_tables
+    from navfw.suite.table import read_table
+
+    first, second = (read_table(path / "table.csv" if path.is_dir() else path) for path in (a, b))
+    found = compare_tables(first, second)
+    if json:
+        print_json(found)
+    else:
+        _print_comparison(found)
+
+
+# --- what is printed -----------------------------------------------------------------------------
+
+
+def _print_json(done: Evaluation, table: Path) -> None:
+    import dataclasses
+
+    from navfw.recording.runfolder import plain_json
+
+    runs = [dataclasses.asdict(row) for row in done.rows]
+    print_json(plain_json({"summary": {**done.summary, "table": str(table)}, "runs": runs}))
+
+
+def _print_summary(summary: dict[str, Any], rows: tuple[RunRow, ...]) -> None:
+    parts = dict(summary["by_entry"])
+    for name, numbers in summary.get("by_stack", {}).items():
+        parts[f"all, stack {name}"] = numbers
+    if len(parts) > 1:
+        parts["all"] = summary
+    columns = ["", "runs", "success [95 %]", "collided", "SPL", "SCT", "BARN", "time", "clearance"]
+    print_table(columns, [_line(name, part) for name, part in parts.items()], "Nothing was run.")
+    for cause, count in summary["causes"].items():
+        seeds = [row.seed for row in rows if f"{row.outcome}: {row.cause}" == cause]
+        some = ", ".join(map(str, seeds[:8])) + (", ..." if len(seeds) > 8 else "")
+        typer.echo(f"{count:5d} x {cause:<28} seeds {some}")
+    failed = [row for row in rows if not row.succeeded]
+    for row in failed[:MAX_SHOWN]:
+        who = f"{row.entry} / {row.world} / {row.mission}, seed {row.seed}, {row.stack}"
+        typer.echo(f"  {who}: {row.outcome} ({row.cause}): {row.reason}")
+    if len(failed) > MAX_SHOWN:
+        typer.echo(f"  and {len(failed) - MAX_SHOWN} more")
+    if not summary["complete"]:
+        typer.echo("interrupted: --resume runs the rest")
+
+
+def _line(name: str, part: dict[str, Any]) -> list[str]:
+    interval = f"[{100 * part['success_low']:.1f}, {100 * part['success_high']:.1f}]"
+    return [
+        name,
+        str(part["missions"]),
+        f"{_percent(part['success'])} {interval}",
+        _percent(part["collision_rate"]),
+        _number(part["spl"]),
+        _number(part["sct"]),
+        _number(part["barn_score"], 3),
+        _number(part["mean_time_s"], 1, " s"),
+        _number(part["min_clearance_m"], 2, " m"),
+    ]
+
+
+def _print_comparison(found: dict[str, Any]) -> None:
+    typer.echo(f"{found['pairs']} pairs, {found['unpaired']} runs without a partner")
+    typer.echo(
+        f"success    {_percent(found['success_a'])} -> {_percent(found['success_b'])}"
+        f"  (only B {len(found['gained'])}, only A {len(found['lost'])};"
+        f" McNemar exact p = {found['p']:.3g})"
+    )
+    typer.echo(
+        f"SPL        {found['spl_a']:.3f} -> {found['spl_b']:.3f}"
+        f"  (median difference {found['spl_difference']:+.3f})"
+    )
+    if found["both_reached"]:
+        typer.echo(
+            f"time       {found['time_a_s']:.1f} -> {found['time_b_s']:.1f} s  (median difference"
+            f" {found['time_difference_s']:+.1f} s in {found['both_reached']} pairs that arrived)"
+        )
+    typer.echo(f"collisions {found['collisions_a']} -> {found['collisions_b']}")
+    for word in ("gained", "lost"):
+        for run in found[word][:MAX_SHOWN]:
+            where = f"{run['entry']} / {run['world']} / {run['mission']}, seed {run['seed']}"
+            typer.echo(f"  {word}: {where} ({run['outcome']}: {run['cause']})")
+
+
+def _percent(share: float | None) -> str:
+    return "" if share is None else f"{100.0 * share:.1f} %"
+
+
+def _number(value: float | None, digits: int = 2, unit: str = "") -> str:
+    return "" if value is None else f"{value:.{digits}f}{unit}"
+
+
+class _Bar:
+    """A progress bar on a terminal, a plain line every few seconds otherwise; on stderr."""
+
+    def __init__(
+        self, name: str, cases: tuple[Case, ...], have: list[RunRow], *, quiet: bool
+    ) -> None:
+        keys = {case.key for case in cases}
+        known = [row for row in have if row.key in keys]
+        self._name = name
+        self._total = len(keys)
+        self._done = len(known)
+        self._reached = sum(row.succeeded for row in known)
+        self._quiet = quiet
+        self._bar: Any = None
+        self._task: Any = None
+        self._next_line = time.monotonic() + LINE_PERIOD
+
+    def __enter__(self) -> Self:
+        if not self._quiet and sys.stderr.isatty():
+            from rich.console import Console
+            from rich.progress import (
+                BarColumn,
+                MofNCompleteColumn,
+                Progress,
+                TextColumn,
+                TimeRemainingColumn,
+            )
+
+            self._bar = Progress(
+                TextColumn("{task.description}"),
+                BarColumn(),
+                MofNCompleteColumn(),
+                TextColumn("{task.fields[reached]}"),
+                TimeRemainingColumn(),
+                console=Console(stderr=True),
+                transient=True,
+            )
+            self._task = self._bar.add_task(
+                self._name, total=self._total, completed=self._done, reached=""
+            )
+            self._bar.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+    def tell(self, case: Case, row: RunRow) -> None:
+        """One more run has ended."""
+        del case
+        self._done += 1
+        self._reached += row.succeeded
+        share = f"{self._reached} reached ({100.0 * self._reached / self._done:.1f} %)"
+        if self._bar is not None:
+            self._bar.update(self._task, completed=self._done, reached=share)
+        elif not self._quiet and (self._done == self._total or time.monotonic() > self._next_line):
+            self._next_line = time.monotonic() + LINE_PERIOD
+            typer.echo(f"{self._name}: {self._done} of {self._total} runs, {share}", err=True)

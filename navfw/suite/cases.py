@@ -1,0 +1,280 @@
+"""The runs of a suite: every entry x mission x seed x stack, checked before the first starts."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from navfw.config.document import shown_path
+from navfw.config.lookup import find, find_mission, list_missions
+from navfw.errors import ConfigError, InputError
+from navfw.missions.session import DEFAULT_STACK, Session
+from navfw.suite.compose import generated_session, prepared_session
+from navfw.suite.suitefile import EntrySpec, Suite
+from navfw.suite.table import Key
+
+if TYPE_CHECKING:
+    from navfw.plugins import Registry
+
+__all__ = ["Case", "Plan", "plan_runs"]
+
+MAX_RUNS = 200_000
+
+_DIFFICULTY_STREAM = 0xD1F
+"""Keeps the draw of the difficulty apart from what the seed is otherwise used for."""
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One run to be made: plain data that travels to a worker process.
+
+    Either ``world`` and ``mission`` are files, or ``family`` and ``difficulty`` say what the seed
+    generates.
+    """
+
+    index: int
+    entry: str
+    seed: int
+    stack: str
+    stack_name: str
+    world_name: str
+    mission_name: str
+    overrides: tuple[str, ...] = ()
+    family: str = ""
+    difficulty: float | None = None
+    world: str = ""
+    mission: str = ""
+
+    @property
+    def key(self) -> Key:
+        """Which run it is."""
+        return Key(self.entry, self.world_name, self.mission_name, self.seed, self.stack_name)
+
+    def session(self, registry: Registry) -> Session:
+        """Everything the run needs, found and checked.
+
+        Raises:
+            InputError: something does not exist, or cannot be.
+
+        """
+        if self.family:
+            return generated_session(
+                self.family,
+                self.seed,
+                self.difficulty,
+                stack=self.stack,
+                overrides=self.overrides,
+                registry=registry,
+                world_name=self.world_name,
+            )
+        return prepared_session(
+            self.world,
+            self.mission,
+            self.seed,
+            stack=self.stack,
+            overrides=self.overrides,
+            registry=registry,
+        )
+
+
+@dataclass(frozen=True)
+class Plan:
+    """All runs of a suite in the order of the table, and what determines them.
+
+    ``content`` has a fingerprint for each thing that a result depends on, by its name: entries,
+    world and mission files, resolved stacks. Seeds are none of it: a table may grow by seeds.
+    """
+
+    suite: str
+    cases: tuple[Case, ...]
+    content: Mapping[str, str] = field(default_factory=dict)
+
+
+def plan_runs(
+    suite: Suite,
+    seeds: range,
+    registry: Registry,
+    *,
+    stacks: Sequence[str] = (),
+    overrides: Sequence[str] = (),
+    worlds: Path | None = None,
+) -> Plan:
+    """Expand and check a suite.
+
+    ``stacks``, where given, go before the entries' own: every entry is run with each of them.
+    ``overrides`` come after those of the entries. ``worlds`` takes the place of every folder that
+    an entry names.
+
+    Raises:
+        InputError: a world, mission, family or stack does not exist or cannot be; the message
+            names the suite's file, line and key.
+
+    """
+    if worlds is not None and all(entry.worlds is None for entry in suite.spec.entries):
+        what = f"the suite {suite.name!r} has no entry that takes a folder of worlds"
+        raise InputError(what, key="--worlds")
+    chosen = _stack_files(stacks)
+    draft: list[Case] = []
+    content: dict[str, str] = {}
+    for index, entry in enumerate(suite.spec.entries):
+        of_entry = chosen or _stack_files([entry.stack or DEFAULT_STACK], suite, index)
+        templates = list(_templates(suite, index, entry, worlds))
+        if (len(draft) + len(templates) * len(of_entry) * len(seeds)) > MAX_RUNS:
+            raise InputError(f"more than {MAX_RUNS} runs; give fewer seeds", key="--seeds")
+        for template in templates:
+            for name, file in of_entry.items():
+                case = replace(
+                    template,
+                    stack=str(file),
+                    stack_name=name,
+                    overrides=(*entry.overrides, *overrides),
+                    seed=seeds[0],
+                )
+                content |= _check(suite, index, case, registry)
+                draft += [_with_seed(case, entry, seed) for seed in seeds]
+    cases = tuple(replace(case, index=number) for number, case in enumerate(draft))
+    return Plan(suite.name, cases, content)
+
+
+def draw_difficulty(difficulty: float | tuple[float, float] | None, seed: int) -> float | None:
+    """The difficulty of a seed: the number itself, or one drawn from the range, to 3 digits."""
+    if not isinstance(difficulty, tuple):
+        return difficulty
+    stream = np.random.SeedSequence(seed, spawn_key=(_DIFFICULTY_STREAM,))
+    low, high = difficulty
+    return round(low + (high - low) * float(np.random.default_rng(stream).random()), 3)
+
+
+def _with_seed(case: Case, entry: EntrySpec, seed: int) -> Case:
+    if not case.family:
+        return replace(case, seed=seed)
+    return replace(
+        case,
+        seed=seed,
+        world_name=f"{case.family}-{seed}",
+        difficulty=draw_difficulty(entry.difficulty, seed),
+    )
+
+
+def _stack_files(
+    names: Sequence[str], suite: Suite | None = None, index: int = 0
+) -> dict[str, Path]:
+    """Stack files by the name that the table has for them."""
+    found: dict[str, Path] = {}
+    for name in names:
+        try:
+            file = find("stack", name).absolute()
+        except InputError as error:
+            if suite is None or suite.spec.entries[index].stack is None:
+                raise
+            raise suite.blame(error, index, "stack") from None
+        title = file.stem
+        if title in found:
+            what = f"two stacks are called {title!r}, and the table could not tell them apart"
+            raise InputError(what, key="--stack")
+        found[title] = file
+    return found
+
+
+# --- what an entry stands for --------------------------------------------------------------------
+
+
+def _templates(suite: Suite, index: int, entry: EntrySpec, worlds: Path | None) -> Iterator[Case]:
+    """A case for each mission of an entry; seed, stack and overrides come later."""
+    blank = Case(0, entry.title, 0, "", "", "", "")
+    if entry.family is not None:
+        yield replace(blank, family=entry.family, mission_name="generated")
+        return
+    key = "world" if entry.world is not None else "worlds"
+    try:
+        if entry.world is not None:
+            files = [find("world", entry.world)]
+        else:
+            files = _world_files(suite, entry.worlds or "", worlds)
+        for file in files:
+            key = "missions" if entry.missions else key
+            for name, mission in _missions(file, entry):
+                yield replace(
+                    blank,
+                    world=str(file.absolute()),
+                    mission=str(mission.absolute()),
+                    world_name=file.parent.name,
+                    mission_name=name,
+                )
+    except InputError as error:
+        raise suite.blame(error, index, key) from None
+
+
+def _world_files(suite: Suite, given: str, worlds: Path | None) -> list[Path]:
+    """The worlds in a folder, which may be a world's own."""
+    folder = worlds if worlds is not None else suite.file.parent / given
+    if (folder / "world.yaml").is_file():
+        return [folder / "world.yaml"]
+    files = sorted(folder.glob("*/world.yaml"), key=lambda file: _natural(file.parent.name))
+    if not files:
+        what = "holds no worlds" if folder.is_dir() else "there is no such folder"
+        help_ = "name a folder of worlds (as navfw import makes them) with --worlds"
+        raise ConfigError(f"{what}; {help_}", file=shown_path(folder))
+    return files
+
+
+def _natural(name: str) -> tuple[Any, ...]:
+    """A key that sorts world-2 before world-10."""
+    digits = "".join(c if c.isdigit() else " " for c in name).split()
+    return (name.rstrip("0123456789"), [int(number) for number in digits[-1:]], name)
+
+
+def _missions(world: Path, entry: EntrySpec) -> list[tuple[str, Path]]:
+    of_world = world if entry.world is None else entry.world
+    if entry.missions:
+        files = [find_mission(of_world, name) for name in entry.missions]
+        return [(file.stem, file) for file in files]
+    found = [(mission.name, mission.path) for mission in list_missions(of_world)]
+    if not found:
+        raise ConfigError("the world has no missions", file=shown_path(world))
+    return found
+
+
+# --- checking ------------------------------------------------------------------------------------
+
+
+def _check(suite: Suite, index: int, case: Case, registry: Registry) -> dict[str, str]:
+    """Build the case once, so that nothing is wrong with it later; the fingerprints of its parts.
+
+    Of a family only the first seed can be tried: another seed may still fail, as its run's fault.
+    """
+    entry = suite.spec.entries[index]
+    case = _with_seed(case, entry, case.seed)
+    try:
+        session = case.session(registry)
+    except InputError as error:
+        raise suite.blame(error, index, "family" if case.family else None) from None
+    title = f"entry {case.entry}"
+    parts = {
+        title: _digest([entry.model_dump(mode="json", exclude={"name", "worlds"})]),
+        f"stack {case.stack_name} of {title}": _digest([session.stack.config]),
+        f"overrides of {title}": _digest(list(case.overrides)),
+    }
+    if not case.family:
+        world, mission = Path(case.world), Path(case.mission)
+        parts[f"world {case.world_name} of {title}"] = _digest(world.read_text("utf-8"))
+        parts[f"mission {case.mission_name} of {case.world_name} of {title}"] = _digest(
+            [mission.read_text("utf-8"), _map_of(session)]
+        )
+    return parts
+
+
+def _map_of(session: Session) -> dict[str, Any]:
+    from navfw.missions.report import map_data
+
+    return map_data(session.mission.topo_map)
+
+
+def _digest(value: Any) -> str:
+    return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()[:16]

@@ -1,0 +1,107 @@
+"""Two tables over the same runs, pair by pair: whether B is better than A, or was lucky."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from statistics import median
+from typing import Any
+
+from navfw.errors import InputError
+from navfw.suite.statistics import mcnemar_exact
+from navfw.suite.table import Key, RunRow
+
+__all__ = ["Pair", "compare", "pair_up"]
+
+
+@dataclass(frozen=True, slots=True)
+class Pair:
+    """The same entry, world, mission and seed in both tables."""
+
+    a: RunRow
+    b: RunRow
+
+
+def pair_up(first: Sequence[RunRow], second: Sequence[RunRow]) -> list[Pair]:
+    """The runs that both tables have, in the order of the first.
+
+    Tables of one stack each are paired whatever the stacks are called: comparing stacks is what
+    this is for. Runs that a person cancelled are left out.
+
+    Raises:
+        InputError: no run is in both.
+
+    """
+    stacks = [{row.stack for row in rows} for rows in (first, second)]
+    by_stack = any(len(names) > 1 for names in stacks)
+
+    def key(row: RunRow) -> Key:
+        return row.key if by_stack else row.key._replace(stack="")
+
+    others = {key(row): row for row in second if row.outcome != "cancelled"}
+    pairs = [
+        Pair(row, others[key(row)])
+        for row in first
+        if row.outcome != "cancelled" and key(row) in others
+    ]
+    if not pairs:
+        what = "entry, world, mission, seed" + (" and stack" if by_stack else "")
+        raise InputError(f"the tables have no run in common (same {what})")
+    return pairs
+
+
+def compare(first: Sequence[RunRow], second: Sequence[RunRow]) -> dict[str, Any]:
+    """The paired comparison of two tables, B minus A; plain data.
+
+    ``p`` is of McNemar's exact test on success. ``spl_difference`` is the median over all pairs;
+    ``time_difference_s`` and ``time_ratio`` are medians over the pairs in which both arrived.
+    ``gained`` and ``lost`` name the runs that only B, and only A, accomplished.
+
+    Raises:
+        InputError: no run is in both.
+
+    """
+    pairs = pair_up(first, second)
+    lost = [pair for pair in pairs if pair.a.succeeded and not pair.b.succeeded]
+    gained = [pair for pair in pairs if pair.b.succeeded and not pair.a.succeeded]
+    times = [
+        (pair.a.sim_time_s, pair.b.sim_time_s)
+        for pair in pairs
+        if pair.a.succeeded and pair.b.succeeded and pair.a.sim_time_s and pair.b.sim_time_s
+    ]
+    count = len(pairs)
+    success_a = sum(pair.a.succeeded for pair in pairs) / count
+    success_b = sum(pair.b.succeeded for pair in pairs) / count
+    return {
+        "pairs": count,
+        "unpaired": len(first) + len(second) - 2 * count,
+        "success_a": success_a,
+        "success_b": success_b,
+        "success_difference": success_b - success_a,
+        "p": mcnemar_exact(len(lost), len(gained)),
+        "spl_a": median(pair.a.spl or 0.0 for pair in pairs),
+        "spl_b": median(pair.b.spl or 0.0 for pair in pairs),
+        "spl_difference": median((pair.b.spl or 0.0) - (pair.a.spl or 0.0) for pair in pairs),
+        "both_reached": len(times),
+        "time_a_s": median(a for a, _ in times) if times else None,
+        "time_b_s": median(b for _, b in times) if times else None,
+        "time_difference_s": median(b - a for a, b in times) if times else None,
+        "time_ratio": median(b / a for a, b in times) if times else None,
+        "collisions_a": sum(pair.a.collisions or 0 for pair in pairs),
+        "collisions_b": sum(pair.b.collisions or 0 for pair in pairs),
+        "same_commands": sum(pair.a.command_hash == pair.b.command_hash != "" for pair in pairs),
+        "gained": [_named(pair.a) for pair in gained],
+        "lost": [_named(pair.b) for pair in lost],
+    }
+
+
+def _named(row: RunRow) -> dict[str, Any]:
+    """The run that failed, with why."""
+    return {
+        "entry": row.entry,
+        "world": row.world,
+        "mission": row.mission,
+        "seed": row.seed,
+        "outcome": row.outcome,
+        "cause": row.cause,
+    }

@@ -1,0 +1,131 @@
+"""The session of one run: from files, or of a world that the seed generates."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+from navfw.config.document import parse_yaml
+from navfw.config.lookup import find
+from navfw.config.overrides import apply_overrides
+from navfw.config.yamlfile import validate
+from navfw.errors import ConfigError
+from navfw.missions.missionfile import MissionFile, MissionSpec, PlaceStart, PointGoal
+from navfw.missions.session import Session, prepare, split_overrides
+from navfw.signals import Pose, Waypoint
+from navfw.sim.floorplan import FloorPlan
+from navfw.sim.worldfile import WorldSpec
+from navfw.stack import Stack
+from navfw.topomap.model import TopoMap
+
+if TYPE_CHECKING:
+    from navfw.plugins import Registry
+
+__all__ = ["Generated", "generate", "generated_session", "prepared_session"]
+
+DEFAULT_DIFFICULTY = 0.5
+
+
+class Generated(Protocol):
+    """What a generator gives (``navfw.worldgen.GeneratedWorld``)."""
+
+    @property
+    def world(self) -> WorldSpec: ...  # noqa: D102
+    @property
+    def mission(self) -> MissionSpec: ...  # noqa: D102
+    @property
+    def topo_map(self) -> TopoMap: ...  # noqa: D102
+
+
+def generate(family: str, seed: int, difficulty: float) -> Generated:
+    """The world of a family; raises InputError where there is no such family."""
+    from navfw import worldgen
+
+    made: Generated = worldgen.generate(family, seed, difficulty)
+    return made
+
+
+def prepared_session(
+    world: str,
+    mission: str,
+    seed: int,
+    *,
+    stack: str,
+    overrides: Sequence[str],
+    registry: Registry,
+) -> Session:
+    """The session of a world and mission in files (see ``navfw.missions.session.prepare``)."""
+    return prepare(world, mission, seed=seed, stack=stack, overrides=overrides, registry=registry)
+
+
+def generated_session(
+    family: str,
+    seed: int,
+    difficulty: float | None,
+    *,
+    stack: str,
+    overrides: Sequence[str],
+    registry: Registry,
+    world_name: str,
+) -> Session:
+    """The session of a generated world: the seed is that of the world, and of all noise.
+
+    Raises:
+        InputError: no such family or difficulty, an override that does not fit, or a world in
+            which the mission cannot be.
+
+    """
+    made = generate(family, seed, DEFAULT_DIFFICULTY if difficulty is None else difficulty)
+    for_mission, for_stack = split_overrides(overrides)
+    text = json.dumps(made.mission.model_dump(mode="json", by_alias=True, exclude_unset=True))
+    document = apply_overrides(parse_yaml(text, world_name), for_mission)
+    spec = validate(document, MissionSpec)
+    mission = MissionFile(
+        file=Path(world_name),
+        document=document,
+        spec=spec,
+        topo_map=made.topo_map,
+        start=_start(spec, made.topo_map),
+        goals=_goals(spec, made.topo_map),
+    )
+    plan = FloorPlan.from_world(made.world, spec.robot.height)
+    shortest = mission.check(plan)
+    stack_file = find("stack", stack)
+    return Session(
+        world_name=world_name,
+        mission_name="generated",
+        seed=seed,
+        world=made.world,
+        plan=plan,
+        mission=mission,
+        shortest=shortest,
+        stack_file=stack_file,
+        stack=Stack.load(stack_file, spec.robot, made.topo_map, registry, for_stack),
+        overrides=tuple(overrides),
+    )
+
+
+def _start(spec: MissionSpec, topo_map: TopoMap) -> Pose:
+    if isinstance(spec.start, PlaceStart):
+        return Pose(*_place(topo_map, spec.start.place), spec.start.yaw)
+    return Pose(*spec.start)
+
+
+def _goals(spec: MissionSpec, topo_map: TopoMap) -> tuple[Waypoint, ...]:
+    waypoints = []
+    for goal in spec.goals:
+        if isinstance(goal, PointGoal):
+            (x, y), name = (goal.x, goal.y), ""
+        else:
+            (x, y), name = _place(topo_map, goal), goal
+        waypoints.append(Waypoint(x, y, spec.tolerance, name, "goal", final=True))
+    return tuple(waypoints)
+
+
+def _place(topo_map: TopoMap, name: str) -> tuple[float, float]:
+    if name not in topo_map.places:
+        raise ConfigError(f"the generated map has no place {name!r}")
+    place = topo_map.places[name]
+    return place.x, place.y

@@ -1,0 +1,114 @@
+"""A whole suite: what is missing is run, the table grows, the summary follows."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from navfw.missions.outcome import Outcome
+from navfw.suite.cases import Case, Plan
+from navfw.suite.causes import Cause
+from navfw.suite.outfolder import OutFolder
+from navfw.suite.pool import Died, WorkerPool
+from navfw.suite.summary import summarize
+from navfw.suite.table import Key, RunRow
+from navfw.suite.work import Job, Keep, fault_row, run_job
+
+__all__ = ["Evaluation", "evaluate"]
+
+SAVE_PERIOD = 2.0
+"""Seconds between two writings of the table: what a power cut can cost."""
+
+LIMIT = 900.0
+"""Seconds of the clock on the wall that a run may take."""
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """What a suite gave: its rows in the plan's order, and whether any run is missing."""
+
+    rows: tuple[RunRow, ...]
+    summary: dict[str, Any]
+    complete: bool
+
+
+def evaluate(
+    plan: Plan,
+    out: OutFolder,
+    *,
+    workers: int = 1,
+    keep: Keep = "failed",
+    have: Sequence[RunRow] = (),
+    limit: float = LIMIT,
+    work: Callable[[Job], RunRow] = run_job,
+    tell: Callable[[Case, RunRow], None] | None = None,
+) -> Evaluation:
+    """Run all cases of ``plan`` that are not among the rows it may already ``have``.
+
+    ``tell`` hears of every run as it ends. A KeyboardInterrupt ends the evaluation early: the
+    table in ``out`` then has all the runs that have ended, and is valid.
+
+    Raises:
+        InputError: the table cannot be written.
+        SimulationError: no worker process stays alive.
+
+    """
+    keeper = _Keeper(plan, out, have)
+    jobs = [Job(case, out.pictures, keep) for case in plan.cases if case.key not in keeper.rows]
+    interrupted = False
+    try:
+        with WorkerPool(work, max(1, min(workers, len(jobs))), limit) as pool:
+            for job, result in pool.run(jobs):
+                row = _dead(job.case, result) if isinstance(result, Died) else result
+                if row.outcome == Outcome.CANCELLED:
+                    continue
+                keeper.add(row)
+                if tell is not None:
+                    tell(job.case, row)
+    except KeyboardInterrupt:
+        interrupted = True
+    finally:
+        done = keeper.finish()
+    assert done.complete or interrupted or not jobs  # noqa: S101 - every job gives a row
+    return done
+
+
+def _dead(case: Case, died: Died) -> RunRow:
+    return fault_row(case, died.reason, Cause.TOO_LONG if died.too_long else Cause.PROCESS_DIED)
+
+
+class _Keeper:
+    """Keeps the rows, and every now and then the files."""
+
+    def __init__(self, plan: Plan, out: OutFolder, have: Sequence[RunRow]) -> None:
+        self.plan = plan
+        self.out = out
+        self.rows: dict[Key, RunRow] = {row.key: row for row in have}
+        self._saved = time.monotonic()
+
+    def add(self, row: RunRow) -> None:
+        self.rows[row.key] = row
+        if time.monotonic() - self._saved >= SAVE_PERIOD:
+            self._save()
+
+    def finish(self) -> Evaluation:
+        done = self._save()
+        self.out.tidy()
+        return done
+
+    def _save(self) -> Evaluation:
+        order = {case.key: case.index for case in self.plan.cases}
+        # rows of other seeds, from an earlier evaluation into the same table, come last
+        rows = sorted(self.rows.values(), key=lambda row: order.get(row.key, len(order)))
+        complete = all(key in self.rows for key in order)
+        summary = {
+            "suite": self.plan.suite,
+            "complete": complete,
+            **summarize(rows),
+            "revisions": self.out.revisions,
+        }
+        self.out.save(rows, summary)
+        self._saved = time.monotonic()
+        return Evaluation(tuple(rows), summary, complete)

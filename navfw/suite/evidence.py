@@ -1,0 +1,217 @@
+"""What a failed run's record shows: numbers for ``navfw.suite.causes``.
+
+After the run, and for evaluation only, the true geometry is laid beside what the stack remembered
+in its ego map.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+
+from navfw.errors import WorldError
+from navfw.missions.metrics import path_length
+from navfw.missions.session import MissionResult
+from navfw.mofis.egomap import EgoMap
+from navfw.mofis.mofis import Mofis
+from navfw.recording.track import Track
+from navfw.signals import Array, Odometry, Pose, wrap_angle
+from navfw.sim.floorplan import FloorPlan
+from navfw.suite.causes import Aiming, Driving, Evidence, Touch
+
+__all__ = ["gather"]
+
+RECENT = 30.0
+"""What "recently" means [s]."""
+
+APPROACH = 0.25
+"""Speeds at a contact are means over this long before it [s]."""
+
+GHOST = 0.25
+"""Something remembered this far [m] from anything there is, is a ghost."""
+
+REACH = 0.12
+"""How far [m] about a point of contact the memory is asked."""
+
+
+def gather(result: MissionResult) -> Evidence:
+    """The evidence of how ``result`` came about. It empties the stack's memory of ghosts."""
+    session, track, metrics = result.session, result.run.track, result.metrics
+    spec = session.mission.spec
+    stack = session.stack
+    odometry = stack.state.odometry
+    now = _true_at(track, stack.state.time)
+    touch = aiming = None
+    if track.contacts and now is not None:
+        touch = _touch(result, now)
+    elif odometry is not None and now is not None:
+        aiming = _aiming(stack.mofis, odometry, now, session.plan)
+    return Evidence(
+        outcome=result.outcome,
+        estimate_error=metrics.estimate_error_m,
+        estimate_error_max=metrics.estimate_error_max_m,
+        slack=max(0.0, spec.success.within - spec.tolerance),
+        touch=touch,
+        aiming=aiming,
+        driving=_driving(result) if track.ticks else None,
+        exception=bool(result.run.verdict.trace),
+    )
+
+
+def _true_at(track: Track, time: float) -> Pose | None:
+    """The true pose at the stack's last decision."""
+    index = int(np.searchsorted(track.time, time - 1e-9))
+    return Pose(*track.true[index]) if index < track.ticks else None
+
+
+# --- collisions ----------------------------------------------------------------------------------
+
+
+def _touch(result: MissionResult, now: Pose) -> Touch:
+    session, track = result.session, result.run.track
+    contact = track.contacts[0]
+    shapes = [solid for solid in session.plan.solids if solid.name == contact.body]
+    since = int(np.searchsorted(track.time, contact.time - APPROACH))
+    past = track.true[min(since, track.ticks - 1)]
+    elapsed = max(contact.time - float(track.time[min(since, track.ticks - 1)]), 1e-3)
+    velocity = np.array([contact.x - past[0], contact.y - past[1]]) / elapsed
+    yaw = float(track.true[-1, 2])
+    speed = float(velocity @ (math.cos(yaw), math.sin(yaw)))
+    if not shapes:  # it is not where the floor plan has it: something that moves
+        moving = float(np.hypot(*velocity))
+        return Touch(True, math.nan, moving, math.nan, speed, "")
+    own = FloorPlan(session.plan.bounds, tuple(shapes))
+    point = _nearest_point(own, contact.x, contact.y)
+    toward = point - (contact.x, contact.y)
+    bearing = wrap_angle(math.atan2(toward[1], toward[0]) - yaw)
+    distance = float(np.hypot(*toward))
+    closing = float(velocity @ toward) / distance if distance > 0.0 else 0.0
+    return Touch(
+        moves=False,
+        bearing=bearing,
+        closing=closing,
+        other=0.0,
+        speed=speed,
+        memory=_remembered(session.stack.mofis, session.stack.state.odometry, now, point),
+    )
+
+
+def _nearest_point(plan: FloorPlan, x: float, y: float) -> Array:
+    """The point of the plan's solids that is nearest to (x, y), along the distance's gradient."""
+    step = 1e-4
+    around = np.array([[x, y], [x + step, y], [x - step, y], [x, y + step], [x, y - step]])
+    distance = plan.clearances(around)
+    gradient = np.array([distance[1] - distance[2], distance[3] - distance[4]]) / (2.0 * step)
+    nearest: Array = np.array([x, y]) - distance[0] * gradient
+    return nearest
+
+
+def _remembered(
+    mofis: Mofis, odometry: Odometry | None, now: Pose, point: Array
+) -> Literal["occupied", "free", "unknown", ""]:
+    """What the ego map says about a true ``point`` (map frame), the body's own place left out."""
+    if odometry is None:
+        return ""
+    egomap, pose = mofis.egomap, odometry.pose
+    x, y = pose.to_parent(*now.to_local(*point))
+    columns, rows = _cells(egomap)
+    away = np.hypot(columns - x, rows - y)
+    outside = np.hypot(columns - pose.x, rows - pose.y) > mofis.robot.radius
+    near = (away <= REACH) & outside
+    if not near.any():
+        return "unknown"
+    if egomap.occupied[near].any():
+        return "occupied"
+    return "free" if egomap.known[near].mean() > 0.5 else "unknown"
+
+
+def _cells(egomap: EgoMap) -> tuple[Array, Array]:
+    """(n, n) odom x and y [m] of the middles of the ego map's cells."""
+    index = np.arange(egomap.size) * egomap.params.cell
+    x, y = np.meshgrid(egomap.origin[0] + index, egomap.origin[1] + index)
+    return x, y
+
+
+# --- the way ahead -------------------------------------------------------------------------------
+
+
+def _aiming(mofis: Mofis, odometry: Odometry, now: Pose, plan: FloorPlan) -> Aiming | None:
+    """The remembered way as it is, and with everything forgotten that is not there."""
+    context = mofis.context
+    if context is None or context.waypoint is None or context.aim is None:
+        return None
+    egomap, pose = mofis.egomap, odometry.pose
+    goal = pose.to_parent(*context.waypoint_local)
+    before = mofis.lookahead.aim(egomap, pose, *goal)
+    ghosts = _ghosts(egomap, pose, now, plan)
+    egomap.evidence[ghosts] = 0.0
+    egomap.move(pose, odometry.time)  # makes it forget what it had derived from them
+    after = mofis.lookahead.aim(egomap, pose, *goal)
+    return Aiming(
+        cost=before.cost if before.reachable else math.inf,
+        cost_without=after.cost if after.reachable else math.inf,
+        ghosts=int(ghosts.sum()),
+    )
+
+
+def _ghosts(egomap: EgoMap, pose: Pose, now: Pose, plan: FloorPlan) -> np.ndarray:
+    """(n, n) True where the map has something, and in truth nothing is near."""
+    ghosts: np.ndarray = np.zeros((egomap.size, egomap.size), dtype=np.bool_)
+    occupied = egomap.occupied
+    x, y = (axis[occupied] for axis in _cells(egomap))
+    if not x.size:
+        return ghosts
+    c, s = math.cos(pose.yaw), math.sin(pose.yaw)
+    ahead = c * (x - pose.x) + s * (y - pose.y)
+    left = -s * (x - pose.x) + c * (y - pose.y)
+    c, s = math.cos(now.yaw), math.sin(now.yaw)
+    true = np.column_stack([now.x + c * ahead - s * left, now.y + s * ahead + c * left])
+    ghosts[occupied] = plan.clearances(true) > GHOST
+    return ghosts
+
+
+# --- how it drove --------------------------------------------------------------------------------
+
+
+def _driving(result: MissionResult) -> Driving:
+    session, track = result.session, result.run.track
+    sampled = track.every(0.1)
+    true, time = track.true[sampled], track.time[sampled]
+    recent = true[time >= time[-1] - RECENT]
+    turned = np.abs([wrap_angle(step) for step in np.diff(recent[:, 2])]).sum()
+    goals = [(goal.x, goal.y) for goal in session.mission.goals]
+    left = _left(session.plan, true, goals, session.task.success_radius, session.task.robot.radius)
+    return Driving(
+        driven=path_length(true),
+        gained=session.shortest - left,
+        recent_driven=path_length(recent),
+        recent_turned=float(turned),
+    )
+
+
+def _left(
+    plan: FloorPlan,
+    true: Array,
+    goals: Sequence[tuple[float, float]],
+    within: float,
+    radius: float,
+) -> float:
+    """The length [m] of the shortest way from the end of ``true`` past the goals not yet visited.
+
+    Straight where the robot stands too near to something for a way to be searched.
+    """
+    ahead = list(goals)
+    for x, y in true[:, :2]:
+        if len(ahead) > 1 and math.dist((x, y), ahead[0]) <= within:
+            ahead.pop(0)
+    total, here = 0.0, (float(true[-1, 0]), float(true[-1, 1]))
+    for goal in ahead:
+        try:
+            total += plan.shortest_path(here, goal, radius)[0]
+        except WorldError:
+            total += math.dist(here, goal)
+        here = goal
+    return total

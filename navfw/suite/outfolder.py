@@ -1,0 +1,125 @@
+"""The folder of a suite: ``table.csv``, ``summary.json``, ``suite.json`` and ``pictures/``.
+
+``suite.json`` says what the table is of, so that a table that was interrupted is only ever
+continued with the same worlds, missions and stacks.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from navfw.errors import ConfigError, InputError
+from navfw.recording.runfolder import plain_json
+from navfw.suite.cases import Plan
+from navfw.suite.table import RunRow, read_table, write_table, write_text
+
+__all__ = ["OutFolder"]
+
+TABLE, SUMMARY, ABOUT, PICTURES = "table.csv", "summary.json", "suite.json", "pictures"
+
+
+@dataclass(frozen=True)
+class OutFolder:
+    """Where a suite's results go; see ``open_folder``."""
+
+    path: Path
+
+    @property
+    def table(self) -> Path:
+        """The table, one row a run."""
+        return self.path / TABLE
+
+    @property
+    def pictures(self) -> Path:
+        """The folder of the pictures of runs."""
+        return self.path / PICTURES
+
+    @classmethod
+    def choose(cls, given: Path | None, plan: Plan, seeds: range) -> OutFolder:
+        """The folder ``given``, or the first free one of ``runs/SUITE-A-B``, ``runs/...-2``."""
+        if given is not None:
+            return cls(given)
+        first = Path("runs") / f"{plan.suite}-{seeds.start}-{seeds.stop}"
+        place, number = first, 1
+        while place.exists():
+            number += 1
+            place = first.with_name(f"{first.name}-{number}")
+        return cls(place)
+
+    def open(self, plan: Plan, revision: str | None, *, resume: bool) -> list[RunRow]:
+        """Make the folder, or go on with what is in it; the rows it already has.
+
+        Raises:
+            InputError: it cannot be written, has something in it (without ``resume``), or is of
+                another suite or configuration.
+
+        """
+        rows: list[RunRow] = []
+        revisions = [revision]
+        if resume and self.table.is_file():
+            known = self._about()
+            self._compare(known.get("content", {}), plan.content)
+            rows = [row for row in read_table(self.table) if row.outcome != "cancelled"]
+            before = known.get("revisions", [])
+            revisions = list(dict.fromkeys([*before, revision]))
+        else:
+            self._refuse_foreign()
+        try:
+            self.pictures.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            what = f"cannot be written: {error.strerror or error}"
+            raise InputError(what, file=self.path) from error
+        content = {**plan.content}
+        self._write(ABOUT, {"suite": plan.suite, "content": content, "revisions": revisions})
+        write_table(self.table, rows)
+        return rows
+
+    def save(self, rows: Sequence[RunRow], summary: Mapping[str, Any]) -> None:
+        """Replace the table and the summary."""
+        write_table(self.table, rows)
+        self._write(SUMMARY, summary)
+
+    def tidy(self) -> None:
+        """Remove the folder of pictures if there is none."""
+        if self.pictures.is_dir() and not any(self.pictures.iterdir()):
+            self.pictures.rmdir()
+
+    @property
+    def revisions(self) -> list[str | None]:
+        """The revisions of the code that made the table."""
+        return list(self._about().get("revisions", []))
+
+    def _about(self) -> dict[str, Any]:
+        file = self.path / ABOUT
+        try:
+            about = json.loads(file.read_text(encoding="utf-8"))
+        except (OSError, ValueError, RecursionError) as error:
+            what = f"cannot be read, so the table beside it cannot be continued: {error}"
+            raise ConfigError(what, file=file) from None
+        if not isinstance(about, dict) or not isinstance(about.get("content"), dict):
+            raise ConfigError("does not hold what navfw suite writes", file=file)
+        return about
+
+    def _compare(self, known: Mapping[str, str], wanted: Mapping[str, str]) -> None:
+        differing = [name for name in {**wanted, **known} if known.get(name) != wanted.get(name)]
+        if differing:
+            what = f"is of another suite or configuration: {differing[0]} differs"
+            more = f" (and {len(differing) - 1} more)" if len(differing) > 1 else ""
+            raise InputError(f"{what}{more}; choose another --out", file=self.path)
+
+    def _refuse_foreign(self) -> None:
+        if self.path.exists() and not self.path.is_dir():
+            raise InputError("is a file; a suite needs a folder of its own", file=self.path)
+        if self.table.is_file():
+            what = "holds a table already: go on with it by --resume, or choose another --out"
+            raise InputError(what, file=self.path)
+        if self.path.is_dir() and any(self.path.iterdir()):
+            raise InputError("is not empty; choose another --out", file=self.path)
+
+    def _write(self, name: str, value: Mapping[str, Any]) -> None:
+        text = json.dumps(plain_json(value), indent=2, allow_nan=False)
+        write_text(self.path / name, text + "\n")

@@ -1,0 +1,209 @@
+"""Jobs in worker processes: each single-threaded, each replaceable, none able to stop the others.
+
+One executor of one process for each worker: when a process dies, it is known whose job it was.
+Processes are spawned, not forked, so that no state of this process leaks into a run.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import faulthandler
+import multiprocessing
+import os
+import signal
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass, field
+from multiprocessing.context import SpawnContext
+from types import TracebackType
+from typing import Any, Generic, Protocol, Self, TypeVar
+
+from navfw.errors import SimulationError
+
+__all__ = ["Died", "WorkerPool", "stop_requested"]
+
+RECYCLE = 100
+"""Jobs after which a process is replaced: the simulator and its libraries leak a little."""
+
+GRACE = 10.0
+"""Seconds a worker gets to end its job once all are told to stop."""
+
+_THREADS = ("OMP", "OPENBLAS", "MKL", "NUMEXPR", "NUMBA", "VECLIB_MAXIMUM")
+
+JobT = TypeVar("JobT")
+ResultT = TypeVar("ResultT")
+
+
+class _Flag(Protocol):
+    """A byte that all processes share. No Event: those lock, and whoever dies holding it..."""
+
+    value: int
+
+
+_stop: _Flag | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Died:
+    """The process of a job ended without an answer; ``too_long`` when its time [s] was up."""
+
+    reason: str
+    too_long: bool = False
+
+
+def stop_requested() -> bool:
+    """In a worker: whether the job shall end now, because a person wants it."""
+    return _stop is not None and _stop.value != 0
+
+
+@dataclass
+class WorkerPool(Generic[JobT, ResultT]):
+    """A context manager; ``run`` gives each job with its result, in the order of completion.
+
+    ``work`` is a function of a module (it travels by name). A job that takes longer than
+    ``limit`` [s] of the clock on the wall is ended with its process.
+    """
+
+    work: Callable[[JobT], ResultT]
+    workers: int
+    limit: float
+    recycle: int = RECYCLE
+    _slots: list[_Slot] = field(init=False, default_factory=list)
+    _cleanup: contextlib.ExitStack = field(init=False, default_factory=contextlib.ExitStack)
+
+    def __enter__(self) -> Self:
+        context = multiprocessing.get_context("spawn")
+        stop: _Flag = context.RawValue("b", 0)
+        self._cleanup.enter_context(_single_threaded())
+        self._cleanup.callback(setattr, stop, "value", 1)
+        self._slots = [_Slot(context, stop, self.recycle) for _ in range(self.workers)]
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._cleanup.close()
+        for slot in self._slots:
+            slot.close()
+
+    def run(self, jobs: Iterable[JobT]) -> Iterator[tuple[JobT, ResultT | Died]]:
+        """Do all jobs.
+
+        Raises:
+            SimulationError: one process after the other dies, and none has ever done a job.
+
+        """
+        waiting = deque(jobs)
+        busy: dict[Future[ResultT], tuple[_Slot, JobT]] = {}
+        idle = list(self._slots)
+        deaths, done = 0, 0
+        while waiting or busy:
+            while idle and waiting:
+                slot, job = idle.pop(), waiting.popleft()
+                busy[slot.submit(self.work, job, self.limit)] = (slot, job)
+            finished, _ = wait(busy, return_when=FIRST_COMPLETED)
+            for future in finished:
+                slot, job = busy.pop(future)
+                idle.append(slot)
+                result = slot.result(future, self.limit)
+                deaths += isinstance(result, Died)
+                done += not isinstance(result, Died)
+                if not done and deaths > self.workers + 2:
+                    assert isinstance(result, Died)  # noqa: S101 - nothing else has come yet
+                    raise SimulationError(f"no worker process stays alive: {result.reason}")
+                yield job, result
+
+
+class _Slot:
+    """A place for one process at a time."""
+
+    def __init__(self, context: SpawnContext, stop: _Flag, recycle: int) -> None:
+        self._context = context
+        self._stop = stop
+        self._recycle = recycle
+        self._jobs = 0
+        self._began = 0.0
+        self._executor: ProcessPoolExecutor | None = None
+
+    def submit(self, work: Callable[[Any], Any], job: object, limit: float) -> Future[Any]:
+        if self._jobs >= self._recycle:
+            self.close()
+        if self._executor is None:
+            self._jobs = 0
+            self._executor = ProcessPoolExecutor(
+                1, mp_context=self._context, initializer=_begin, initargs=(self._stop,)
+            )
+        self._jobs += 1
+        self._began = time.monotonic()
+        return self._executor.submit(_limited, work, job, limit)
+
+    def result(self, future: Future[Any], limit: float) -> Any:
+        try:
+            return future.result()
+        except BrokenProcessPool:
+            self.close()
+            if time.monotonic() - self._began >= limit:
+                return Died(f"took longer than {limit:g} s of the clock on the wall", True)
+            return Died("the process of the run ended without a word")
+        except Exception as error:  # what the job raised, or what would not travel back
+            return Died(f"{type(error).__name__}: {error}")
+
+    def close(self) -> None:
+        if self._executor is not None:
+            self._executor.shutdown(wait=True, cancel_futures=True)
+            self._executor = None
+
+
+@contextlib.contextmanager
+def _single_threaded() -> Iterator[None]:
+    """Processes started inside find their numerical libraries told to use one thread."""
+    wanted = {f"{library}_NUM_THREADS": "1" for library in _THREADS[:-1]}
+    wanted |= {f"{_THREADS[-1]}_THREADS": "1", "OPENCV_FOR_THREADS_NUM": "1"}
+    before = {name: os.environ.get(name) for name in wanted}
+    os.environ.update(wanted)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
+
+
+# --- in the worker -------------------------------------------------------------------------------
+
+
+def _begin(stop: _Flag) -> None:
+    """Make a fresh process a worker: Ctrl-C is for the parent, and no parent means no work."""
+    global _stop  # noqa: PLW0603 - the one thing a worker process knows
+    _stop = stop
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_watch, args=(stop,), daemon=True).start()
+
+
+def _watch(stop: _Flag) -> None:
+    """End this process when its parent is gone, or when it does not stop although told to."""
+    parent = multiprocessing.parent_process()
+    while parent is None or parent.is_alive():
+        time.sleep(1.0)
+        if stop.value:
+            time.sleep(GRACE)
+            break
+    os._exit(1)
+
+
+def _limited(work: Callable[[Any], Any], job: object, limit: float) -> object:
+    # the watchdog is a thread of C: it ends even a process that hangs in native code
+    faulthandler.dump_traceback_later(limit, exit=True)
+    try:
+        return work(job)
+    finally:
+        faulthandler.cancel_dump_traceback_later()

@@ -1,0 +1,75 @@
+"""The few statistics of an evaluation: intervals, paired tests, scores of single runs."""
+
+from __future__ import annotations
+
+import math
+from statistics import NormalDist
+
+__all__ = ["barn_score", "mcnemar_exact", "sct", "wilson"]
+
+BARN_SPEED = 2.0
+"""The BARN challenge's reference speed [m/s]: OT is the path's length over this."""
+
+
+def wilson(successes: int, runs: int, confidence: float = 0.95) -> tuple[float, float]:
+    """Wilson's score interval of a share (Wilson 1927); (0, 1) when there are no runs.
+
+    Unlike the usual one it stays honest near 0 and 1, where success rates ought to be.
+
+    >>> low, high = wilson(200, 200)
+    >>> round(low, 4), high
+    (0.9812, 1.0)
+    """
+    if runs == 0:
+        return 0.0, 1.0
+    z = NormalDist().inv_cdf(0.5 + 0.5 * confidence)
+    share = successes / runs
+    spread = 1.0 + z * z / runs
+    middle = (share + z * z / (2.0 * runs)) / spread
+    half = z / spread * math.sqrt(share * (1.0 - share) / runs + z * z / (4.0 * runs * runs))
+    low = 0.0 if successes == 0 else max(0.0, middle - half)
+    high = 1.0 if successes == runs else min(1.0, middle + half)
+    return low, high
+
+
+def mcnemar_exact(only_a: int, only_b: int) -> float:
+    """Two-sided exact p of McNemar's test: pairs in which only A, and only B, succeeded.
+
+    Pairs in which both or neither did say nothing about which of them is better.
+
+    >>> mcnemar_exact(0, 5)
+    0.0625
+    """
+    pairs = only_a + only_b
+    tail = sum(math.comb(pairs, k) for k in range(min(only_a, only_b) + 1))
+    return min(1.0, tail / (1 << pairs) * 2)  # whole numbers: exact for any number of pairs
+
+
+def sct(succeeded: bool, time: float, shortest: float, max_speed: float) -> float:
+    """Success weighted by completion time (Yokoyama, Ha, Batra 2021, arXiv 2103.08022).
+
+    S T / max(C, T) with C the ``time`` [s] taken and T the fastest time. T here is ``shortest``
+    [m] at ``max_speed`` [m/s], which no robot that has to start, turn and stop can reach: a value
+    below the paper's, which plans T with the robot's dynamics.
+
+    >>> sct(True, time=40.0, shortest=10.0, max_speed=0.5)
+    0.5
+    """
+    fastest = shortest / max_speed
+    longest = max(time, fastest)
+    return fastest / longest if succeeded and longest > 0.0 else float(succeeded)
+
+
+def barn_score(succeeded: bool, time: float, path: float) -> float:
+    """The BARN challenge's score of a run: success x OT / clip(AT, 2 OT, 8 OT).
+
+    OT is the length [m] of the reference ``path`` at 2 m/s, AT the ``time`` [s] taken; so 0.5 is
+    the best there is, and a robot of 0.5 m/s can reach 0.25.
+
+    >>> barn_score(True, time=25.0, path=10.0)
+    0.2
+    """
+    if not succeeded:
+        return 0.0
+    best = path / BARN_SPEED
+    return best / min(max(time, 2.0 * best), 8.0 * best) if best > 0.0 else 0.5

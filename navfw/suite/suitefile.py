@@ -1,0 +1,209 @@
+"""Suite files: which worlds, missions and families of generated worlds an evaluation runs.
+
+::
+
+    description: Rooms with furniture, easy to hard.
+    entries:
+      - family: rooms
+        difficulty: [0.2, 1.0]        # a number, or a range that the seed draws from
+      - world: office                 # a name or a path
+        missions: [lobby-to-lab]      # default: all of the world
+        stack: default
+        set: {avoid.margin: 0.3, mission.timeout: 120}
+      - worlds: ../imported           # a folder of worlds, each with its missions; see --worlds
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Self
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+
+from navfw.config.document import YamlDocument, load_yaml
+from navfw.config.lookup import project_folder, shipped_folder
+from navfw.config.yamlfile import validate
+from navfw.errors import ConfigError, InputError, UnknownNameError
+
+__all__ = [
+    "EntrySpec",
+    "Suite",
+    "SuiteSpec",
+    "find_suite",
+    "list_suites",
+    "load_suite",
+    "parse_seeds",
+]
+
+MAX_SEED = 2**32
+"""Seeds are below this."""
+
+MAX_SEEDS = 100_000
+
+Name = Annotated[str, Field(min_length=1, max_length=60, pattern=r"^[\w][\w .+-]*$")]
+Difficulty = Annotated[float, Field(ge=0.0, le=1.0)]
+
+
+def _ascending(interval: tuple[float, float]) -> tuple[float, float]:
+    if interval[0] > interval[1]:
+        raise ValueError(f"must ascend: {interval[0]:g} is above {interval[1]:g}")
+    return interval
+
+
+class _Spec(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class EntrySpec(_Spec):
+    """One line of a suite: a world, a folder of worlds, or a family of generated ones."""
+
+    name: Annotated[Name | None, Field(description="in the table [default: world or family]")] = (
+        None
+    )
+    world: Annotated[str | None, Field(description="a world's name or file")] = None
+    missions: Annotated[
+        tuple[str, ...] | None,
+        Field(min_length=1, description="missions of the world [default: all]"),
+    ] = None
+    worlds: Annotated[
+        str | None, Field(description="a folder of worlds; relative to the suite file")
+    ] = None
+    family: Annotated[str | None, Field(description="of generated worlds")] = None
+    difficulty: Annotated[
+        Difficulty | Annotated[tuple[Difficulty, Difficulty], AfterValidator(_ascending)] | None,
+        Field(description="of the family, 0 to 1; or [from, to], drawn from the seed"),
+    ] = None
+    stack: Annotated[str | None, Field(description="a stack's name or file")] = None
+    set: Annotated[
+        Mapping[str, Any], Field(description="what differs, as with --set: {avoid.margin: 0.3}")
+    ] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _one_source(self) -> Self:
+        given = [key for key in ("world", "worlds", "family") if getattr(self, key) is not None]
+        if len(given) != 1:
+            got = " and ".join(given) or "none of them"
+            raise ValueError(f"expected exactly one of world, worlds, family; got {got}")
+        if self.family is None and self.difficulty is not None:
+            raise ValueError("difficulty is for a family of generated worlds")
+        if self.family is not None and self.missions is not None:
+            raise ValueError("a generated world has one mission of its own: leave out missions")
+        return self
+
+    @property
+    def title(self) -> str:
+        """What the table calls it."""
+        if self.name is not None:
+            return self.name
+        source = self.family or self.world or self.worlds or ""
+        path = Path(source)
+        return path.parent.name if path.name == "world.yaml" else path.stem or source
+
+    @property
+    def overrides(self) -> tuple[str, ...]:
+        """``set`` as ``--set`` has it; JSON is YAML, so each value means the same."""
+        return tuple(f"{key}={json.dumps(value)}" for key, value in self.set.items())
+
+
+class SuiteSpec(_Spec):
+    """A suite as its file has it."""
+
+    description: Annotated[str, Field(description="one line for a person")] = ""
+    entries: Annotated[tuple[EntrySpec, ...], Field(min_length=1, max_length=1000)]
+
+
+@dataclass(frozen=True)
+class Suite:
+    """A suite file that has been read."""
+
+    name: str
+    file: Path
+    document: YamlDocument
+    spec: SuiteSpec
+
+    def blame(self, error: InputError, index: int, key: str | None = None) -> InputError:
+        """``error`` as the fault of this suite's entry: with its file, line and key."""
+        path = ("entries", index) if key is None else ("entries", index, key)
+        where = {
+            "file": self.document.file,
+            "line": self.document.line_of(path),
+            "key": f"entries[{index}]" + (f".{key}" if key else ""),
+        }
+        if isinstance(error, UnknownNameError) and error.line is None:
+            return UnknownNameError(error.what, error.name, error.known, **where)  # type: ignore[arg-type]
+        return InputError(str(error), **where)  # type: ignore[arg-type]
+
+
+def load_suite(name: str | Path) -> Suite:
+    """The suite of that name or file, checked by itself (see ``navfw.suite.cases`` for the rest).
+
+    Raises:
+        UnknownNameError: there is no suite of that name.
+        ConfigError: the file breaks the schema, or two entries have one name.
+
+    """
+    file = find_suite(name)
+    document = load_yaml(file)
+    spec = validate(document, SuiteSpec)
+    suite = Suite(file.stem, file, document, spec)
+    titles: dict[str, int] = {}
+    for index, entry in enumerate(spec.entries):
+        if entry.title in titles:
+            what = f"a second entry called {entry.title!r}; give one of them a name of its own"
+            raise suite.blame(ConfigError(what), index)
+        titles[entry.title] = index
+    return suite
+
+
+def find_suite(name: str | Path) -> Path:
+    """The file of a suite: a path, or a name in ``worlds/suites`` (the project's, or shipped).
+
+    Raises:
+        UnknownNameError: there is no suite of that name.
+
+    """
+    text = str(name)
+    if Path(text).suffix in {".yaml", ".yml"} or "/" in text or "\\" in text:
+        return Path(text)
+    known = list_suites()
+    if text not in known:
+        raise UnknownNameError("suite", text, known)
+    return known[text]
+
+
+def list_suites() -> dict[str, Path]:
+    """All suites by name; a project's own go before shipped ones."""
+    folders = [shipped_folder(), *([project] if (project := project_folder()) else [])]
+    return {
+        file.stem: file
+        for folder in folders
+        for file in sorted((folder / "worlds" / "suites").glob("*.yaml"))
+    }
+
+
+def parse_seeds(text: str) -> range:
+    """``A:B``: the seeds from A up to, but not including, B.
+
+    >>> parse_seeds("1000:1200")
+    range(1000, 1200)
+
+    Raises:
+        InputError: it is malformed, empty, or out of range.
+
+    """
+    first, colon, last = text.partition(":")
+    both = [part.strip() for part in (first, last)]
+    if not colon or not all(part.isascii() and part.isdigit() for part in both):
+        raise InputError(f"expected A:B, the seeds from A up to B-1, got {text!r}", key="--seeds")
+    if any(len(part) > 12 for part in both) or int(both[1]) > MAX_SEED:
+        raise InputError(f"seeds must be below {MAX_SEED}, got {text!r}", key="--seeds")
+    seeds = range(int(both[0]), int(both[1]))
+    if not seeds:
+        raise InputError(f"there is no seed in {text!r}: B must be above A", key="--seeds")
+    if len(seeds) > MAX_SEEDS:
+        what = f"at most {MAX_SEEDS} seeds at a time, got {len(seeds)}"
+        raise InputError(what, key="--seeds")
+    return seeds

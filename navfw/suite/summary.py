@@ -1,0 +1,78 @@
+"""What a table of runs comes to."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from statistics import fmean, median
+from typing import Any
+
+from navfw.suite.statistics import wilson
+from navfw.suite.table import RunRow
+
+__all__ = ["summarize"]
+
+
+def summarize(rows: Sequence[RunRow]) -> dict[str, Any]:
+    """The numbers of all runs, and of each entry under ``by_entry``; plain data.
+
+    ``success`` is a share with its Wilson interval (95 %). SPL, SCT and the BARN score are means
+    over all runs, failures being 0. ``collisions`` are counted contacts, ``collision_rate`` the
+    share of runs with one, ``collisions_by_robot`` the runs in which the robot's own motion had a
+    part in it. ``mean_time_s`` is of the runs that arrived. What no run gave is None. With more
+    than one stack, ``by_stack`` has the numbers of each.
+    """
+    summary = _numbers(rows)
+    summary["by_entry"] = _split(rows, lambda row: row.entry)
+    if len({row.stack for row in rows}) > 1:
+        summary["by_stack"] = _split(rows, lambda row: row.stack)
+    return summary
+
+
+def _split(rows: Sequence[RunRow], key: Callable[[RunRow], str]) -> dict[str, Any]:
+    names = dict.fromkeys(key(row) for row in rows)
+    return {name: _numbers([row for row in rows if key(row) == name]) for name in names}
+
+
+def _numbers(rows: Sequence[RunRow]) -> dict[str, Any]:
+    count = len(rows)
+    arrived = [row for row in rows if row.succeeded]
+    hit = [row for row in rows if row.collisions]
+    low, high = wilson(len(arrived), count)
+    failed = [row for row in rows if not row.succeeded]
+    return {
+        "missions": count,
+        "reached": len(arrived),
+        "success": len(arrived) / count if count else None,
+        "success_low": low,
+        "success_high": high,
+        "collisions": sum(row.collisions or 0 for row in rows),
+        "collision_rate": len(hit) / count if count else None,
+        "collisions_by_robot": sum(row.collision_cause in {"robot", "both"} for row in hit),
+        "spl": _mean(row.spl or 0.0 for row in rows),
+        "sct": _mean(row.sct or 0.0 for row in rows),
+        "mean_time_s": _mean(_given(row.sim_time_s for row in arrived)),
+        "min_clearance_m": min(_given(row.min_clearance_m for row in rows), default=None),
+        "estimate_error_m": _median(_given(row.estimate_error_m for row in rows)),
+        "barn_score": _mean(row.barn_score or 0.0 for row in rows),
+        "real_time_factor": _median(_given(row.real_time_factor for row in rows)),
+        "outcomes": _counts(row.outcome for row in rows),
+        "causes": _counts(f"{row.outcome}: {row.cause}" for row in failed),
+    }
+
+
+def _counts(words: Iterable[str]) -> dict[str, int]:
+    return dict(sorted(Counter(words).items(), key=lambda item: (-item[1], item[0])))
+
+
+def _given(values: Iterable[float | None]) -> list[float]:
+    return [value for value in values if value is not None]
+
+
+def _mean(values: Iterable[float]) -> float | None:
+    given = list(values)
+    return fmean(given) if given else None
+
+
+def _median(values: Sequence[float]) -> float | None:
+    return median(values) if values else None

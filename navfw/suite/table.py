@@ -1,0 +1,179 @@
+"""The table of a suite: one row per run, as CSV, written whole or not at all."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import math
+import os
+import tempfile
+import typing
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from navfw.config.document import no_such_file, shown_path
+from navfw.errors import ConfigError, InputError
+from navfw.missions.outcome import Outcome
+
+__all__ = ["COLUMNS", "Key", "RunRow", "read_table", "write_table", "write_text"]
+
+_MAX_TABLE = 500_000_000
+
+
+class Key(NamedTuple):
+    """What makes a run of a suite this one and no other."""
+
+    entry: str
+    world: str
+    mission: str
+    seed: int
+    stack: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunRow:
+    """One run. Lengths in metres, times in seconds; None where a run gave no such number.
+
+    ``cause`` says why a failed run failed (``navfw.suite.causes``); ``collision_cause`` whose
+    motion closed the last gap: robot, mover or both. ``picture`` is a file beside the table.
+    """
+
+    entry: str
+    family: str = ""
+    world: str
+    mission: str
+    seed: int
+    difficulty: float | None = None
+    stack: str
+    outcome: str
+    reason: str = ""
+    cause: str = ""
+    behavior: str = ""
+    sim_time_s: float | None = None
+    wall_time_s: float | None = None
+    real_time_factor: float | None = None
+    path_length_m: float | None = None
+    shortest_path_m: float | None = None
+    spl: float | None = None
+    sct: float | None = None
+    min_clearance_m: float | None = None
+    clearance_p05_m: float | None = None
+    collisions: int | None = None
+    collision_cause: str = ""
+    distance_to_goal_m: float | None = None
+    estimate_error_m: float | None = None
+    emergencies: int | None = None
+    barn_score: float | None = None
+    command_hash: str = ""
+    picture: str = ""
+
+    @property
+    def key(self) -> Key:
+        """Which run it is."""
+        return Key(self.entry, self.world, self.mission, self.seed, self.stack)
+
+    @property
+    def succeeded(self) -> bool:
+        """Whether the mission was accomplished."""
+        return self.outcome == Outcome.REACHED
+
+
+COLUMNS = tuple(field.name for field in dataclasses.fields(RunRow))
+_TYPES = typing.get_type_hints(RunRow)
+
+
+def write_table(path: Path, rows: Iterable[RunRow]) -> None:
+    """Write ``rows`` as CSV; floats keep every digit, None is an empty cell.
+
+    Raises:
+        InputError: the file cannot be written; what was there stays as it was.
+
+    """
+    lines = [COLUMNS, *([_cell(getattr(row, name)) for name in COLUMNS] for row in rows)]
+    write_text(path, lines)
+
+
+def write_text(path: Path, content: str | Iterable[Iterable[str]]) -> None:
+    """Replace the file at ``path`` by a text, or by rows of CSV, in one step."""
+    name = None
+    try:
+        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+        with os.fdopen(handle, "w", encoding="utf-8", newline="") as stream:
+            if isinstance(content, str):
+                stream.write(content)
+            else:
+                csv.writer(stream, lineterminator="\n").writerows(content)
+        Path(name).chmod(0o644)
+        Path(name).replace(path)
+    except OSError as error:
+        raise InputError(f"cannot be written: {error.strerror or error}", file=path) from error
+    except BaseException:
+        if name is not None:
+            Path(name).unlink(missing_ok=True)
+        raise
+
+
+def read_table(path: str | Path) -> list[RunRow]:
+    """The rows of a table.
+
+    Raises:
+        ConfigError: there is no such file, or it is not a suite's table; with file and line.
+
+    """
+    path = Path(path)
+    name = shown_path(path)
+    try:
+        if not path.is_file():
+            raise no_such_file(path)
+        if path.stat().st_size > _MAX_TABLE:
+            raise ConfigError(f"is larger than {_MAX_TABLE} bytes", file=name)
+        with path.open(encoding="utf-8", newline="") as stream:
+            reader = csv.DictReader(stream)
+            missing = [column for column in COLUMNS if column not in (reader.fieldnames or ())]
+            if missing:
+                what = f"is not a table of navfw suite: it has no column {missing[0]!r}"
+                raise ConfigError(what, file=name, line=1)
+            rows = [_row(cells, name, reader.line_num) for cells in reader]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise ConfigError(f"cannot be read as CSV: {error}", file=name) from None
+    seen: set[Key] = set()
+    for row in rows:
+        if row.key in seen:
+            raise ConfigError(f"holds the run {tuple(row.key)} twice", file=name)
+        seen.add(row.key)
+    return rows
+
+
+def _row(cells: dict[str, Any], file: str, line: int) -> RunRow:
+    values: dict[str, Any] = {}
+    for column in COLUMNS:
+        text = cells[column]
+        if text is None:
+            raise ConfigError("the line ends too early", file=file, line=line)
+        try:
+            values[column] = _value(text, _TYPES[column])
+        except ValueError:
+            what = f"expected a number, got {text!r:.40}"
+            raise ConfigError(what, file=file, line=line, key=column) from None
+    if values["outcome"] not in set(Outcome):
+        what = f"expected one of {', '.join(Outcome)}, got {values['outcome']!r:.40}"
+        raise ConfigError(what, file=file, line=line, key="outcome")
+    return RunRow(**values)
+
+
+def _cell(value: object) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, float):
+        return "" if math.isnan(value) else repr(float(value))
+    return " ".join(value.split()) if isinstance(value, str) else str(value)
+
+
+def _value(text: str, kind: Any) -> object:
+    if kind is str:
+        return text
+    if not text and type(None) in typing.get_args(kind):
+        return None
+    return int(text) if int in (kind, *typing.get_args(kind)) else float(text)

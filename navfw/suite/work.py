@@ -1,0 +1,157 @@
+"""One run, in a worker process: from a case to a row of the table, whatever happens."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import re
+import sys
+import traceback
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from navfw.errors import InputError
+from navfw.missions.outcome import Outcome
+from navfw.missions.session import MissionResult
+from navfw.suite.cases import Case
+from navfw.suite.causes import Cause, Evidence, classify, collision_cause
+from navfw.suite.evidence import gather
+from navfw.suite.pool import stop_requested
+from navfw.suite.statistics import barn_score, sct
+from navfw.suite.table import RunRow
+
+if TYPE_CHECKING:
+    from navfw.missions.runner import Progress
+    from navfw.plugins import Registry
+
+__all__ = ["Job", "Keep", "fault_row", "picture_name", "row_of", "run_job"]
+
+Keep = Literal["all", "failed", "none"]
+"""Of which runs the picture is kept."""
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """A case, and where its picture goes (a folder), if it is kept."""
+
+    case: Case
+    pictures: Path
+    keep: Keep = "failed"
+
+
+def run_job(job: Job) -> RunRow:
+    """Make the run. An exception becomes a row too: a fault with its error."""
+    case = job.case
+    try:
+        _one_thread()
+        session = case.session(_registry())
+        result = session.run(_ending_when_told)
+        return _with_picture(row_of(case, result), job, result)
+    except InputError as error:
+        return fault_row(case, str(error), Cause.BAD_INPUT)
+    except Exception as error:
+        traceback.print_exc(file=sys.stderr)
+        where = traceback.extract_tb(error.__traceback__)[-1]
+        place = f"{Path(where.filename).name}:{where.lineno}"
+        return fault_row(case, f"{type(error).__name__}: {error} ({place})", Cause.EXCEPTION)
+
+
+def row_of(case: Case, result: MissionResult) -> RunRow:
+    """The row of a run that came to an end."""
+    summary = result.summary()
+    spec = result.session.mission.spec
+    good = result.outcome.succeeded
+    time, shortest = summary["sim_time_s"], summary["shortest_path_m"]
+    evidence = Evidence(result.outcome) if good else gather(result)
+    touch = evidence.touch
+    same = {
+        name: summary[name]
+        for name in (
+            "outcome",
+            "reason",
+            "behavior",
+            "sim_time_s",
+            "wall_time_s",
+            "real_time_factor",
+            "path_length_m",
+            "shortest_path_m",
+            "spl",
+            "min_clearance_m",
+            "clearance_p05_m",
+            "collisions",
+            "distance_to_goal_m",
+            "estimate_error_m",
+            "emergencies",
+            "command_hash",
+        )
+    }
+    return RunRow(
+        **_identity(case),
+        **same,
+        cause=str(classify(evidence) or ""),
+        collision_cause=collision_cause(touch) if touch is not None else "",
+        sct=sct(good, time, shortest, spec.robot.max_v),
+        barn_score=barn_score(good, time, shortest),
+    )
+
+
+def fault_row(case: Case, reason: str, cause: Cause) -> RunRow:
+    """The row of a run that gave no result."""
+    return RunRow(
+        **_identity(case),
+        outcome=Outcome.FAULT.value,
+        reason=" ".join(reason.split()),
+        cause=cause.value,
+    )
+
+
+def picture_name(case: Case) -> str:
+    """A file name that says which run it is, and that no other run of the table has."""
+    where = () if case.family else (case.world_name, case.mission_name)
+    parts = dict.fromkeys((case.entry, *where, case.stack_name, str(case.seed)))
+    return re.sub(r"[^\w.+-]+", "_", "-".join(parts)) + ".png"
+
+
+def _identity(case: Case) -> dict[str, Any]:
+    return {
+        "entry": case.entry,
+        "family": case.family,
+        "world": case.world_name,
+        "mission": case.mission_name,
+        "seed": case.seed,
+        "difficulty": case.difficulty,
+        "stack": case.stack_name,
+    }
+
+
+def _with_picture(row: RunRow, job: Job, result: MissionResult) -> RunRow:
+    wanted = job.keep == "all" or (job.keep == "failed" and not row.succeeded)
+    if not wanted or row.outcome == Outcome.CANCELLED:
+        return row
+    from navfw.missions.report import draw
+
+    file = job.pictures / picture_name(job.case)
+    draw(result, file)
+    return dataclasses.replace(row, picture=f"{job.pictures.name}/{file.name}")
+
+
+def _ending_when_told(progress: Progress) -> None:
+    del progress
+    if stop_requested():
+        raise KeyboardInterrupt
+
+
+@functools.cache
+def _registry() -> Registry:
+    """Plugins are imported once a process; each run builds a stack of its own from them."""
+    from navfw.plugins import default_registry
+
+    return default_registry()
+
+
+@functools.cache
+def _one_thread() -> None:
+    import cv2
+
+    cv2.setNumThreads(1)
