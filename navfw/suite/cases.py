@@ -15,72 +15,18 @@ from navfw.config.document import shown_path
 from navfw.config.lookup import find, find_mission, list_missions
 from navfw.errors import ConfigError, InputError
 from navfw.missions.session import DEFAULT_STACK, Session
-from navfw.suite.compose import generated_session, prepared_session
+from navfw.suite.case import Case
 from navfw.suite.suitefile import EntrySpec, Suite
-from navfw.suite.table import Key
 
 if TYPE_CHECKING:
     from navfw.plugins import Registry
 
-__all__ = ["Case", "Plan", "plan_runs"]
+__all__ = ["Plan", "draw_difficulty", "plan_runs"]
 
 MAX_RUNS = 200_000
 
 _DIFFICULTY_STREAM = 0xD1F
 """Keeps the draw of the difficulty apart from what the seed is otherwise used for."""
-
-
-@dataclass(frozen=True, slots=True)
-class Case:
-    """One run to be made: plain data that travels to a worker process.
-
-    Either ``world`` and ``mission`` are files, or ``family`` and ``difficulty`` say what the seed
-    generates.
-    """
-
-    index: int
-    entry: str
-    seed: int
-    stack: str
-    stack_name: str
-    world_name: str
-    mission_name: str
-    overrides: tuple[str, ...] = ()
-    family: str = ""
-    difficulty: float | None = None
-    world: str = ""
-    mission: str = ""
-
-    @property
-    def key(self) -> Key:
-        """Which run it is."""
-        return Key(self.entry, self.world_name, self.mission_name, self.seed, self.stack_name)
-
-    def session(self, registry: Registry) -> Session:
-        """Everything the run needs, found and checked.
-
-        Raises:
-            InputError: something does not exist, or cannot be.
-
-        """
-        if self.family:
-            return generated_session(
-                self.family,
-                self.seed,
-                self.difficulty,
-                stack=self.stack,
-                overrides=self.overrides,
-                registry=registry,
-                world_name=self.world_name,
-            )
-        return prepared_session(
-            self.world,
-            self.mission,
-            self.seed,
-            stack=self.stack,
-            overrides=self.overrides,
-            registry=registry,
-        )
 
 
 @dataclass(frozen=True)

@@ -8,13 +8,15 @@ from dataclasses import dataclass
 from typing import Any
 
 from navfw.missions.outcome import Outcome
-from navfw.suite.cases import Case, Plan
+from navfw.suite.case import Case, Job, Keep
+from navfw.suite.cases import Plan
 from navfw.suite.causes import Cause
 from navfw.suite.outfolder import OutFolder
 from navfw.suite.pool import Died, WorkerPool
+from navfw.suite.rows import fault_row
 from navfw.suite.summary import summarize
 from navfw.suite.table import Key, RunRow
-from navfw.suite.work import Job, Keep, fault_row, run_job
+from navfw.suite.work import run_job
 
 __all__ = ["Evaluation", "evaluate"]
 

@@ -7,17 +7,17 @@ import functools
 import re
 import sys
 import traceback
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING
 
 from navfw.errors import InputError
 from navfw.missions.outcome import Outcome
 from navfw.missions.session import MissionResult
-from navfw.suite.cases import Case
-from navfw.suite.causes import Cause, Evidence, classify, collision_cause
+from navfw.suite.case import Case, Job
+from navfw.suite.causes import Cause, Touch, classify, collision_cause
 from navfw.suite.evidence import gather
 from navfw.suite.pool import stop_requested
+from navfw.suite.rows import fault_row, identity
 from navfw.suite.statistics import barn_score, sct
 from navfw.suite.table import RunRow
 
@@ -25,19 +25,7 @@ if TYPE_CHECKING:
     from navfw.missions.runner import Progress
     from navfw.plugins import Registry
 
-__all__ = ["Job", "Keep", "fault_row", "picture_name", "row_of", "run_job"]
-
-Keep = Literal["all", "failed", "none"]
-"""Of which runs the picture is kept."""
-
-
-@dataclass(frozen=True, slots=True)
-class Job:
-    """A case, and where its picture goes (a folder), if it is kept."""
-
-    case: Case
-    pictures: Path
-    keep: Keep = "failed"
+__all__ = ["picture_name", "row_of", "run_job"]
 
 
 def run_job(job: Job) -> RunRow:
@@ -63,8 +51,7 @@ def row_of(case: Case, result: MissionResult) -> RunRow:
     spec = result.session.mission.spec
     good = result.outcome.succeeded
     time, shortest = summary["sim_time_s"], summary["shortest_path_m"]
-    evidence = Evidence(result.outcome) if good else gather(result)
-    touch = evidence.touch
+    cause, touch = _why(result)
     same = {
         name: summary[name]
         for name in (
@@ -87,23 +74,25 @@ def row_of(case: Case, result: MissionResult) -> RunRow:
         )
     }
     return RunRow(
-        **_identity(case),
+        **identity(case),
         **same,
-        cause=str(classify(evidence) or ""),
+        cause=cause,
         collision_cause=collision_cause(touch) if touch is not None else "",
         sct=sct(good, time, shortest, spec.robot.max_v),
         barn_score=barn_score(good, time, shortest),
     )
 
 
-def fault_row(case: Case, reason: str, cause: Cause) -> RunRow:
-    """The row of a run that gave no result."""
-    return RunRow(
-        **_identity(case),
-        outcome=Outcome.FAULT.value,
-        reason=" ".join(reason.split()),
-        cause=cause.value,
-    )
+def _why(result: MissionResult) -> tuple[str, Touch | None]:
+    """The cause of a failure, and how a collision came about."""
+    if result.outcome.succeeded or result.outcome is Outcome.CANCELLED:
+        return "", None
+    try:
+        evidence = gather(result)
+    except Exception:  # the result stands, even if nobody can say how it came about
+        traceback.print_exc(file=sys.stderr)
+        return str(Cause.UNKNOWN), None
+    return str(classify(evidence) or ""), evidence.touch
 
 
 def picture_name(case: Case) -> str:
@@ -113,18 +102,6 @@ def picture_name(case: Case) -> str:
     return re.sub(r"[^\w.+-]+", "_", "-".join(parts)) + ".png"
 
 
-def _identity(case: Case) -> dict[str, Any]:
-    return {
-        "entry": case.entry,
-        "family": case.family,
-        "world": case.world_name,
-        "mission": case.mission_name,
-        "seed": case.seed,
-        "difficulty": case.difficulty,
-        "stack": case.stack_name,
-    }
-
-
 def _with_picture(row: RunRow, job: Job, result: MissionResult) -> RunRow:
     wanted = job.keep == "all" or (job.keep == "failed" and not row.succeeded)
     if not wanted or row.outcome == Outcome.CANCELLED:
@@ -132,7 +109,11 @@ def _with_picture(row: RunRow, job: Job, result: MissionResult) -> RunRow:
     from navfw.missions.report import draw
 
     file = job.pictures / picture_name(job.case)
-    draw(result, file)
+    try:
+        draw(result, file)
+    except Exception:  # a full disk, say: the result stands without its picture
+        traceback.print_exc(file=sys.stderr)
+        return row
     return dataclasses.replace(row, picture=f"{job.pictures.name}/{file.name}")
 
 

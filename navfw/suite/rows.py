@@ -1,0 +1,35 @@
+"""Rows of the table that no result stands behind: what a case says of itself, and faults."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from navfw.missions.outcome import Outcome
+from navfw.suite.case import Case
+from navfw.suite.causes import Cause
+from navfw.suite.table import RunRow
+
+__all__ = ["fault_row", "identity"]
+
+
+def fault_row(case: Case, reason: str, cause: Cause) -> RunRow:
+    """The row of a run that gave no result."""
+    return RunRow(
+        **identity(case),
+        outcome=Outcome.FAULT.value,
+        reason=" ".join(reason.split()),
+        cause=cause.value,
+    )
+
+
+def identity(case: Case) -> dict[str, Any]:
+    """The columns that are known before the run."""
+    return {
+        "entry": case.entry,
+        "family": case.family,
+        "world": case.world_name,
+        "mission": case.mission_name,
+        "seed": case.seed,
+        "difficulty": case.difficulty,
+        "stack": case.stack_name,
+    }

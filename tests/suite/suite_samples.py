@@ -1,0 +1,111 @@
+"""Rows, suites and jobs for the suite's tests; light, since worker processes import it."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from pathlib import Path
+from typing import Any
+
+from navfw.suite.case import Case, Job
+from navfw.suite.rows import identity
+from navfw.suite.table import RunRow
+
+
+def row(seed: int = 0, outcome: str = "reached", **values: Any) -> RunRow:
+    """A row with plausible numbers; what does not matter to a test has a default."""
+    good = outcome == "reached"
+    numbers: dict[str, Any] = {
+        "entry": "rooms",
+        "world": f"rooms-{seed}",
+        "mission": "generated",
+        "stack": "default",
+        "spl": 0.9 if good else 0.0,
+        "sct": 0.6 if good else 0.0,
+        "barn_score": 0.2 if good else 0.0,
+        "sim_time_s": 20.0,
+        "min_clearance_m": 0.2,
+        "collisions": int(outcome == "collided"),
+        "collision_cause": "robot" if outcome == "collided" else "",
+        "cause": "" if good else "slow",
+    }
+    return RunRow(seed=seed, outcome=outcome, **{**numbers, **values})
+
+
+def case(seed: int, index: int | None = None, **values: Any) -> Case:
+    """A case of a family nobody has to generate."""
+    parts: dict[str, Any] = {
+        "entry": "rooms",
+        "stack": "default.yaml",
+        "stack_name": "default",
+        "world_name": f"rooms-{seed}",
+        "mission_name": "generated",
+        "family": "rooms",
+    }
+    return Case(index=seed if index is None else index, seed=seed, **{**parts, **values})
+
+
+# --- what workers do in tests: functions, since they travel by name -------------------------------
+
+
+def square(number: int) -> int:
+    return number * number
+
+
+def napping(seconds: float) -> int:
+    time.sleep(seconds)
+    return os.getpid()
+
+
+def crash_on_13(number: int) -> int:
+    if number == 13:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return number
+
+
+def sleep_on_13(number: int) -> int:
+    if number == 13:
+        time.sleep(60.0)
+    return number
+
+
+def raise_on_13(number: int) -> int:
+    if number == 13:
+        raise ValueError("thirteen is not to be had")
+    return number
+
+
+def die(number: int) -> int:
+    os._exit(3)
+
+
+def environment(name: str) -> str | None:
+    return os.environ.get(name)
+
+
+def fake_run(job: Job) -> RunRow:
+    """Reaches with even seeds; with odd ones it times out."""
+    good = job.case.seed % 2 == 0
+    outcome, cause = ("reached", "") if good else ("timeout", "slow")
+    return RunRow(
+        **identity(job.case),
+        outcome=outcome,
+        cause=cause,
+        spl=float(good),
+        sim_time_s=10.0,
+        collisions=0,
+        command_hash=f"{job.case.seed:064x}",
+    )
+
+
+def fake_run_that_dies_on_3(job: Job) -> RunRow:
+    if job.case.seed == 3:
+        os._exit(1)
+    return fake_run(job)
+
+
+def fake_run_by_hand(job: Job) -> RunRow:
+    """Leaves a mark, so that a test knows which runs were made."""
+    Path(job.pictures, f"{job.case.seed}.png").touch()
+    return fake_run(job)

@@ -1,0 +1,102 @@
+"""Every cause of failure from the numbers that show it."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+
+from navfw.missions.outcome import Outcome
+from navfw.suite.causes import (
+    Aiming,
+    Cause,
+    Driving,
+    Evidence,
+    Touch,
+    classify,
+    collision_cause,
+)
+
+
+def touch(**values: Any) -> Touch:
+    usual: dict[str, Any] = {
+        "moves": False,
+        "bearing": 0.1,
+        "closing": 0.3,
+        "other": 0.0,
+        "speed": 0.3,
+        "memory": "unknown",
+    }
+    return Touch(**{**usual, **values})
+
+
+@pytest.mark.parametrize(
+    ("met", "cause", "by"),
+    [
+        (touch(), Cause.UNSEEN, "robot"),
+        (touch(memory="free"), Cause.TAKEN_FOR_FREE, "robot"),
+        (touch(memory="occupied"), Cause.DROVE_INTO, "robot"),
+        (touch(memory="occupied", bearing=-1.4), Cause.TURNED_INTO, "robot"),
+        (touch(memory="occupied", bearing=3.0, speed=-0.1), Cause.REVERSED_INTO, "robot"),
+        (touch(memory="unknown", bearing=0.2, speed=-0.1), Cause.UNSEEN, "robot"),
+        (touch(memory=""), Cause.OBSTACLE, "robot"),
+        (touch(moves=True, closing=0.0, other=0.4), Cause.MOVER, "mover"),
+        (touch(moves=True, closing=-0.1, other=0.4), Cause.MOVER, "mover"),
+        (touch(moves=True, closing=0.3, other=0.4, memory="free"), Cause.TAKEN_FOR_FREE, "both"),
+        (touch(moves=True, closing=0.3, other=-0.1), Cause.UNSEEN, "robot"),
+    ],
+)
+def test_collisions(met: Touch, cause: Cause, by: str) -> None:
+    assert classify(Evidence(Outcome.COLLIDED, touch=met)) is cause
+    assert collision_cause(met) == by
+
+
+def test_lost_is_an_error_of_the_estimate_or_a_goal_not_come_near_to() -> None:
+    off = Evidence(Outcome.LOST, estimate_error_max=0.4, slack=0.1)
+    assert classify(off) is Cause.ESTIMATE_ERROR
+    knew = Evidence(Outcome.LOST, estimate_error_max=0.02, slack=0.1)
+    assert classify(knew) is Cause.GOAL_MISSED
+
+
+DRIVES = Driving(driven=20.0, gained=18.0, recent_driven=9.0, recent_turned=2.0)
+CIRCLES = Driving(driven=20.0, gained=4.0, recent_driven=9.0, recent_turned=30.0)
+TURNS = Driving(driven=6.0, gained=5.0, recent_driven=0.1, recent_turned=40.0)
+STANDS = Driving(driven=6.0, gained=5.0, recent_driven=0.1, recent_turned=0.3)
+WAY = Aiming(cost=5.0, cost_without=4.5, ghosts=3)
+
+
+@pytest.mark.parametrize("outcome", [Outcome.STUCK, Outcome.TIMEOUT])
+@pytest.mark.parametrize(
+    ("shown", "cause"),
+    [
+        ({"estimate_error": 0.8, "driving": STANDS}, Cause.ESTIMATE_ERROR),
+        ({"aiming": Aiming(math.inf, 4.0, 12), "driving": STANDS}, Cause.GHOSTS),
+        ({"aiming": Aiming(9.0, 4.0, 12), "driving": CIRCLES}, Cause.GHOSTS),
+        ({"aiming": Aiming(math.inf, math.inf, 12), "driving": STANDS}, Cause.AIM_UNREACHABLE),
+        ({"aiming": Aiming(math.inf, 4.0, 0), "driving": STANDS}, Cause.AIM_UNREACHABLE),
+        ({"aiming": WAY, "driving": STANDS}, Cause.STANDING),
+        ({"aiming": WAY, "driving": CIRCLES}, Cause.OSCILLATING),
+        ({"aiming": WAY, "driving": TURNS}, Cause.OSCILLATING),
+        ({"driving": STANDS}, Cause.STANDING),
+        ({}, Cause.UNKNOWN),
+    ],
+)
+def test_stuck_and_late(outcome: Outcome, shown: dict[str, Any], cause: Cause) -> None:
+    assert classify(Evidence(outcome, **shown)) is cause
+
+
+def test_only_who_is_late_was_slow() -> None:
+    assert classify(Evidence(Outcome.TIMEOUT, driving=DRIVES)) is Cause.SLOW
+    assert classify(Evidence(Outcome.STUCK, driving=DRIVES)) is Cause.OSCILLATING
+
+
+def test_faults() -> None:
+    assert classify(Evidence(Outcome.FAULT, exception=True)) is Cause.EXCEPTION
+    assert classify(Evidence(Outcome.FAULT)) is Cause.BAD_COMMAND
+
+
+@pytest.mark.parametrize("outcome", list(Outcome))
+def test_every_failure_has_a_cause_and_nothing_else_has(outcome: Outcome) -> None:
+    failed = outcome not in {Outcome.REACHED, Outcome.CANCELLED}
+    assert (classify(Evidence(outcome)) is not None) == failed

@@ -1,0 +1,78 @@
+"""Worker processes: as many as asked for, single-threaded, replaceable."""
+
+from __future__ import annotations
+
+import os
+import time
+
+import pytest
+import suite_samples as samples
+
+from navfw.errors import SimulationError
+from navfw.suite.pool import Died, WorkerPool
+
+
+def test_jobs_run_side_by_side_in_processes_of_their_own() -> None:
+    with WorkerPool(samples.napping, workers=2, limit=60.0) as pool:
+        list(pool.run([0.0, 0.0]))  # processes have started
+        began = time.monotonic()
+        done = list(pool.run([0.5] * 4))
+        elapsed = time.monotonic() - began
+    pids = {pid for _, pid in done}
+    assert len(pids) == 2
+    assert os.getpid() not in pids
+    assert elapsed < 1.6  # one after the other they would take 2 s
+
+
+@pytest.mark.parametrize(
+    ("work", "says", "limit"),
+    [
+        (samples.crash_on_13, "ended without a word", 60.0),
+        (samples.raise_on_13, "ValueError: thirteen is not to be had", 60.0),
+        (samples.sleep_on_13, "took longer than 2 s", 2.0),
+    ],
+)
+def test_a_job_that_fails_is_reported_and_stops_no_other(
+    work: object, says: str, limit: float
+) -> None:
+    with WorkerPool(work, workers=2, limit=limit) as pool:  # type: ignore[type-var,arg-type]
+        results = dict(pool.run([1, 13, 2, 3]))
+    bad = results.pop(13)
+    assert isinstance(bad, Died)
+    assert says in bad.reason
+    assert bad.too_long == (work is samples.sleep_on_13)
+    assert results == {1: 1, 2: 2, 3: 3}
+
+
+def test_processes_are_replaced_after_some_jobs() -> None:
+    with WorkerPool(samples.napping, workers=1, limit=60.0, recycle=2) as pool:
+        pids = [pid for _, pid in pool.run([0.0] * 4)]
+    assert pids[0] == pids[1] != pids[2] == pids[3]
+
+
+def test_workers_are_told_to_use_one_thread_and_the_parent_keeps_its_own(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    names = ["OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"]
+    monkeypatch.setenv("OMP_NUM_THREADS", "7")
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
+    with WorkerPool(samples.environment, workers=1, limit=60.0) as pool:
+        assert dict(pool.run(names)) == dict.fromkeys(names, "1")
+    assert os.environ["OMP_NUM_THREADS"] == "7"
+    assert "OPENBLAS_NUM_THREADS" not in os.environ
+
+
+def test_when_no_process_ever_does_a_job_the_pool_gives_up() -> None:
+    with (
+        WorkerPool(samples.die, workers=1, limit=60.0) as pool,
+        pytest.raises(SimulationError, match="no worker process stays alive"),
+    ):
+        list(pool.run(range(100)))
+
+
+def test_an_abandoned_pool_ends_without_doing_the_rest() -> None:
+    began = time.monotonic()
+    with WorkerPool(samples.napping, workers=1, limit=60.0) as pool:
+        for _ in pool.run([0.1] * 600):
+            break
+    assert time.monotonic() - began < 20.0

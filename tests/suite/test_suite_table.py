@@ -1,0 +1,102 @@
+"""The table: what is written is read again, and what is no table is refused."""
+
+from __future__ import annotations
+
+import csv
+import math
+import os
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from suite_samples import row
+
+from navfw.errors import ConfigError, InputError
+from navfw.suite.table import COLUMNS, RunRow, read_table, write_table
+
+numbers = st.none() | st.floats(allow_nan=False)
+texts = st.text(st.characters(codec="utf-8"), max_size=40)
+
+
+@given(number=numbers, reason=texts, collisions=st.none() | st.integers(0, 99), world=texts)
+def test_rows_come_back_as_they_were(
+    tmp_path_factory: pytest.TempPathFactory,
+    number: float | None,
+    reason: str,
+    collisions: int | None,
+    world: str,
+) -> None:
+    file = tmp_path_factory.mktemp("table") / "table.csv"
+    world, reason = " ".join(world.split()), " ".join(reason.split())  # one line, as promised
+    rows = [row(1, world=world, spl=number, reason=reason, collisions=collisions), row(2)]
+    write_table(file, rows)
+    assert read_table(file) == rows
+
+
+def test_a_reason_of_several_lines_becomes_one(tmp_path: Path) -> None:
+    file = tmp_path / "table.csv"
+    write_table(file, [row(reason="first\nsecond\tthird")])
+    assert len(file.read_text().splitlines()) == 2
+    assert read_table(file)[0].reason == "first second third"
+
+
+def test_others_can_read_it(tmp_path: Path) -> None:
+    file = tmp_path / "table.csv"
+    write_table(file, [row(7, min_clearance_m=math.inf, spl=math.nan, reason='a "b", c')])
+    with file.open(newline="") as stream:
+        (cells,) = csv.DictReader(stream)
+    assert tuple(cells) == COLUMNS
+    assert (cells["seed"], cells["min_clearance_m"], cells["spl"]) == ("7", "inf", "")
+    assert cells["reason"] == 'a "b", c'
+
+
+def test_a_failed_write_leaves_the_old_table(tmp_path: Path) -> None:
+    file = tmp_path / "table.csv"
+    write_table(file, [row(1)])
+
+    def rows() -> object:
+        yield row(2)
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        write_table(file, rows())  # type: ignore[arg-type]
+    assert read_table(file) == [row(1)]
+    assert os.listdir(tmp_path) == ["table.csv"]
+
+
+def test_a_table_that_cannot_be_written_is_told(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="cannot be written"):
+        write_table(tmp_path / "missing" / "table.csv", [])
+
+
+def lines(*rows: RunRow, folder: Path) -> list[str]:
+    write_table(folder / "good.csv", rows)
+    return (folder / "good.csv").read_text().splitlines()
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda ls: [ls[0].replace("spl,", ""), *ls[1:]], "no column 'spl'"),
+        (lambda ls: [ls[0], ls[1].replace(",20.0,", ",soon,")], "2: sim_time_s: expected a number"),
+        (lambda ls: [ls[0], ls[1].replace(",reached,", ",won,")], "2: outcome: expected one of"),
+        (lambda ls: [ls[0], ls[1][:20]], "2: the line ends too early"),
+        (lambda ls: [ls[0], ls[1], ls[1]], "twice"),
+        (lambda ls: [], "no column 'entry'"),
+    ],
+)
+def test_what_is_no_table_is_told_with_its_line(change: object, says: str, tmp_path: Path) -> None:
+    good = lines(row(1), folder=tmp_path)
+    file = tmp_path / "bad.csv"
+    file.write_text("\n".join(change(good)) + "\n")  # type: ignore[operator]
+    with pytest.raises(ConfigError, match=says):
+        read_table(file)
+
+
+def test_no_file_and_no_text_are_told(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="no such file"):
+        read_table(tmp_path / "none.csv")
+    (tmp_path / "binary.csv").write_bytes(b"\xff\xfe\x00entry")
+    with pytest.raises(ConfigError, match="cannot be read as CSV"):
+        read_table(tmp_path / "binary.csv")
