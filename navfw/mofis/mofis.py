@@ -111,10 +111,10 @@ class Mofis:
         self._previous = self.fusion.fuse(self.context, self.proposals)
         return self._previous
 
-    def room(self, pose: Pose, twist: Twist) -> float:
-        """How far [m] ``twist`` can be followed from odom ``pose`` before a touch; for safety."""
+    def room(self, pose: Pose, twist: Twist) -> tuple[float, float]:
+        """How far [m] ``twist`` leads from odom ``pose`` until a touch, and until the unseen."""
         if self.context is None:
-            return math.inf
+            return math.inf, math.inf
         return room_along(self.egomap, pose, twist)
 
     def _context(self, odometry: Odometry, belief: Belief, waypoint: Waypoint | None) -> Context:

@@ -42,6 +42,7 @@ def sweep(
 ) -> Arcs:
     """Sweep the robot's disc, widened by ``margin`` [m], along every command's arc."""
     free, known, clearance = commands.zeros(), commands.zeros(), commands.zeros()
+    backward = commands.v < 0.0
     sweep_arcs(
         egomap.clearance,
         egomap.known,
@@ -60,13 +61,18 @@ def sweep(
         known,
         clearance,
     )
+    # No eyes at the back: there, what has never been seen free counts as taken. (The robot's own
+    # place is known, so its rim and not its centre must not pass into the unseen.)
+    behind = np.maximum(known[backward] - egomap.robot.radius - margin, 0.0)
+    behind[known[backward] >= reach] = reach
+    free[backward] = np.minimum(free[backward], behind)
     return Arcs(free, known, clearance + margin, reach)
 
 
-def room_along(egomap: EgoMap, pose: Pose, twist: Twist, reach: float = 1.0) -> float:
-    """How far [m] ``twist`` leads from odom ``pose`` until the body touches something remembered.
+def room_along(egomap: EgoMap, pose: Pose, twist: Twist, reach: float = 1.0) -> tuple[float, float]:
+    """How far [m] ``twist`` leads from odom ``pose``: (until a touch, until the unseen).
 
-    At most ``reach``; a robot that only turns has all the room it needs.
+    Both at most ``reach``; a robot that only turns has all the room it needs.
     """
     one = np.empty((3, 1, 1))
     sweep_arcs(
@@ -85,7 +91,7 @@ def room_along(egomap: EgoMap, pose: Pose, twist: Twist, reach: float = 1.0) -> 
         0.0,
         *one,
     )
-    return float(one[0, 0, 0])
+    return float(one[0, 0, 0]), float(one[1, 0, 0])
 
 
 @dataclass(frozen=True, slots=True)

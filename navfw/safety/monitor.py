@@ -22,8 +22,8 @@ __all__ = ["SafetyMonitor", "SafetyParams", "SafetyVerdict"]
 
 Seconds = Annotated[float, Field(gt=0.0, le=60.0)]
 
-Room = Callable[[Twist], float]
-"""How far [m] a twist can be followed before the body touches something remembered."""
+Room = Callable[[Twist], tuple[float, float]]
+"""How far [m] a twist leads until the body touches something remembered, and until the unseen."""
 
 
 class SafetyParams(BaseModel):
@@ -40,6 +40,9 @@ class SafetyParams(BaseModel):
     slow: Annotated[
         float, Field(gt=0.0, le=1.0, description="speed while a source is ageing [m/s]")
     ] = 0.12
+    creep: Annotated[
+        float, Field(gt=0.0, le=0.5, description="speed into what has not been seen [m/s]")
+    ] = 0.15
     camera_slow: Annotated[Seconds, Field(description="age of the last useful frame: slow [s]")] = (
         0.45
     )
@@ -100,11 +103,18 @@ class SafetyMonitor:
             if v > cap:
                 v, reason = cap, why
         if v > 0.0:
-            allowed = self._braking_speed(room(Twist(v, w)))
-            if allowed < v:
-                v, reason = allowed, "no room to stop in"
-        elif v < 0.0 and room(Twist(v, w)) <= self.params.gap:
-            v, reason = 0.0, "no room behind"
+            free, known = room(Twist(v, w))
+            for allowed, why in (
+                (self._braking_speed(free), "no room to stop in"),
+                (max(self._braking_speed(known), self.params.creep), "it has not been seen"),
+            ):
+                if allowed < v:
+                    v, reason = allowed, why
+        elif v < 0.0:
+            free, known = room(Twist(v, w))
+            # the robot's own place is known: its rim must stay out of the unseen
+            if min(free, known - robot.radius) <= self.params.gap:
+                v, reason = 0.0, "no known way back"
         stopped = twist.v > 0.0 and v <= 0.0
         return SafetyVerdict(Twist(v, w), reason, stopped)
 

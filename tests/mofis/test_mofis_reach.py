@@ -69,6 +69,16 @@ def test_the_unseen_ends_what_is_known() -> None:
     assert arcs.known[FAST, STRAIGHT] == pytest.approx(ROBOT.radius, abs=0.08)
 
 
+def test_backwards_only_where_it_has_been_seen() -> None:
+    arcs = sweep(world(seen=False), Pose(0, 0, 0), GRID, margin=0.0)
+    assert arcs.free[0, STRAIGHT] == pytest.approx(0.0, abs=0.06)
+    egomap = world(seen=False)
+    for k in range(1, 60):  # the trail behind is known
+        egomap.move(Pose(0.01 * k, 0, 0), 0.1 * k)
+    arcs = sweep(egomap, Pose(0.59, 0, 0), GRID, margin=0.0)
+    assert 0.4 < arcs.free[0, STRAIGHT] < 0.7
+
+
 def test_mirrored_worlds_give_mirrored_arcs() -> None:
     left = sweep(world((0.5, 0.9, 0.2, 0.8)), Pose(0, 0, 0), GRID, margin=0.04)
     right = sweep(world((0.5, 0.9, -0.8, -0.2)), Pose(0, 0, 0), GRID, margin=0.04)

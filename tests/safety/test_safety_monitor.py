@@ -23,8 +23,8 @@ def picture(mean: float = 120.0, spread: float = 30.0) -> Image:
     return np.clip(noise, 0, 255).astype(np.uint8)
 
 
-def endless(twist: Twist) -> float:
-    return 10.0
+def endless(twist: Twist) -> tuple[float, float]:
+    return 10.0, 10.0
 
 
 class Drive:
@@ -122,7 +122,7 @@ def test_wheels_that_do_not_follow_get_a_rest() -> None:
 @given(st.floats(0.0, 2.0), st.floats(0.0, ROBOT.max_v))
 def test_it_can_always_stop_within_the_room(room: float, v: float) -> None:
     monitor = SafetyMonitor(ROBOT)
-    verdict = monitor.limit(Twist(v, 0.0), 0.0, lambda twist: room)
+    verdict = monitor.limit(Twist(v, 0.0), 0.0, lambda twist: (room, 10.0))
     way = verdict.twist.v * monitor.params.latency + verdict.twist.v**2 / (2 * ROBOT.max_brake)
     assert way <= max(room - monitor.params.gap, 0.0) + 1e-9
     assert verdict.twist.v <= v
@@ -142,5 +142,14 @@ def test_whatever_is_asked_the_answer_is_within_limits(v: float, w: float) -> No
 
 def test_backing_ends_where_the_room_behind_ends() -> None:
     monitor = SafetyMonitor(ROBOT)
-    assert monitor.limit(Twist(-0.1, 0.0), 0.0, lambda twist: 0.5).twist.v == -0.1
-    assert monitor.limit(Twist(-0.1, 0.4), 0.0, lambda twist: 0.0).twist == Twist(0.0, 0.4)
+    assert monitor.limit(Twist(-0.1, 0.0), 0.0, lambda twist: (0.5, 0.5)).twist.v == -0.1
+    for blocked in ((0.0, 0.5), (0.5, ROBOT.radius)):  # something there; never seen
+        twist = monitor.limit(Twist(-0.1, 0.4), 0.0, lambda twist, room=blocked: room).twist
+        assert twist == Twist(0.0, 0.4)
+
+
+def test_the_unseen_is_entered_slowly() -> None:
+    monitor = SafetyMonitor(ROBOT)
+    verdict = monitor.limit(Twist(0.4, 0.0), 0.0, lambda twist: (2.0, 0.03))
+    assert verdict.twist.v == monitor.params.creep
+    assert "seen" in verdict.reason

@@ -29,7 +29,7 @@ class DamnFusion(Fusion):
 
         against: Annotated[
             float, Field(ge=0.0, le=10.0, description="weight of a full prohibition")
-        ] = 2.0
+        ] = 1.0
         smoothing: Annotated[
             float, Field(ge=0.0, le=5.0, description="standard deviation [cells of the grid]")
         ] = 0.7
