@@ -1,0 +1,1 @@
+"""Benchmarks of the parts: measured against truth or references, given as plain data."""

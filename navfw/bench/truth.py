@@ -1,0 +1,250 @@
+"""What a view of a world truly shows, from its geometry alone: the truth OFFIS is measured by.
+
+*Objects* are whatever stands in view except floor and ceiling. The *nearness of a quadrant* is that
+which ``CELL_AREA`` of its pixels (the area of one cell of the grid: the smallest thing the grid can
+tell) show or exceed, 1/Z with the depth Z along the optical axis. The *nearest object* is in the
+quadrants whose nearness is as big as the biggest one's. "As big" is fuzzy in OFFIS (``plane.yaml``:
+surely alike from 85 % on, surely not below 65 %), so the truth is two sets: the quadrants of 85 %
+and more of the biggest are *certain*, those of 65 % and more *possible*.
+
+The *distance term* is what the rule base ``distance.yaml`` says of the true distance of the nearest
+object at the true speed.
+
+The *elementary situation* (paper sec 4.4 and Table 1) is made by the walls, found by casting a ray
+through each image column at camera height against the walls alone. The *plane of a half image* is
+the wall plane that fills at least two thirds of its columns; its *slope* is the angle to the image
+plane, positive where the outer side is nearer. Several may hold at once:
+
+- ``wall``: both halves show the same plane, at most 13 degrees aslant;
+- ``left slope wall`` / ``right slope wall``: the same, 13 to 60 degrees aslant, left / right side
+  nearer. Within 3 degrees of the 13, wall and slope wall are both true;
+- ``corner``: the halves show two planes that meet there, concave, at less than 150 degrees;
+- ``corridor``: two planes facing each other, both steeper than 60 degrees;
+- ``door``: the optical axis passes through an opening in a wall that can be seen through, which
+  appears at least 24 px wide (one window of the flow), reaches at least 8 px to either side of the
+  axis, and leaves at least a quarter of each half for what is beside it.
+
+13 and 60 degrees are where the terms of ``slope.yaml`` cross. Where none of these holds the view is
+``mixed``; where furniture hides more than a third of the walls in either half, no elementary
+situation can be seen: ``hidden``. Neither counts for or against the situations.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from navfw.offis.distances import find_distances
+from navfw.offis.pyramid import QUADRANTS
+from navfw.robot import CameraModel, RobotModel
+from navfw.signals import Array, Pose
+from navfw.sim.camera import DepthImage
+from navfw.sim.layout import opening_segment, solids_of, wall_segments
+from navfw.sim.shapes import Rectangle
+from navfw.sim.worldfile import WorldSpec
+
+__all__ = ["Truth", "WallTruth", "true_term", "truth_of"]
+
+CELL_AREA = 100
+"""Pixels: of one cell of a 12 x 16 grid over 160 x 120 pixels."""
+
+ALIKE, UNLIKE = 0.85, 0.65
+"""From which share of the biggest nearness on another is surely, and possibly, as big."""
+
+ORTHOGONAL, STEEP = math.radians(13.0), math.radians(60.0)
+FUZZY = math.radians(3.0)
+DOMINANT, HIDDEN = 2.0 / 3.0, 1.0 / 3.0
+STANDING = 0.05
+"""Height [m] from which on something is no floor."""
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """The truth of one view.
+
+    ``nearness`` (4,) [1/m] of P1..P4; ``certain`` and ``possible`` name the quadrants of the
+    nearest object; ``distance`` [m] is its depth and ``term`` its distance term. ``situations`` are
+    all that hold, or ``("mixed",)``, or ``("hidden",)``. ``furniture`` is the share of the image's
+    wall pixels that things hide.
+    """
+
+    nearness: tuple[float, ...]
+    certain: frozenset[str]
+    possible: frozenset[str]
+    distance: float
+    term: str
+    situations: tuple[str, ...]
+    furniture: float
+
+    @property
+    def clear(self) -> bool:
+        """Whether the view shows an elementary situation."""
+        return self.situations not in {("mixed",), ("hidden",)}
+
+
+class WallTruth:
+    """The walls of one world: faces to cast rays against, and openings."""
+
+    def __init__(self, world: WorldSpec) -> None:
+        starts, ends, planes = [], [], []
+        keys: dict[tuple[int, int, int], int] = {}
+        for solid in solids_of(world):
+            if solid.kind != "wall" or not isinstance(solid.shape, Rectangle):
+                continue
+            corners = solid.shape.corners
+            for a, b in pairwise([*corners, corners[0]]):
+                edge = (b - a) / np.hypot(*(b - a))
+                normal = np.array([edge[1], -edge[0]])  # corners run counter-clockwise: outward
+                key = tuple(np.rint([*(normal * 100.0), normal @ a * 50.0]).astype(int).tolist())
+                starts.append(a)
+                ends.append(b)
+                planes.append(keys.setdefault(key, len(keys)))
+        self._start, self._end = np.array(starts), np.array(ends)
+        self._plane = np.array(planes)
+        edges = self._end - self._start
+        edges /= np.hypot(edges[:, 0], edges[:, 1])[:, None]
+        self._normal = np.stack([edges[:, 1], -edges[:, 0]], axis=1)
+        self._gaps = [
+            (np.array(opening.at), 0.5 * opening.width, wall_segments(wall)[index].yaw)
+            for wall in world.walls
+            for opening in wall.openings
+            if (index := opening_segment(wall, opening)) is not None
+        ]
+        self.height = max((wall.height for wall in world.walls), default=0.0)
+
+    def look(self, pose: Pose, camera: CameraModel) -> tuple[Array, npt.NDArray[np.int64]]:
+        """Depth [m] (inf: none) and face seen, at camera height, of each image column (width,)."""
+        x = np.arange(camera.width) - 0.5 * (camera.width - 1)
+        eye, ahead, right = _axes(pose, camera)
+        rays = ahead + x[:, None] / camera.focal * right  # depth 1 along the optical axis
+        edge = self._end - self._start
+        to_start = self._start - eye
+        cross = rays[:, :1] * edge[:, 1] - rays[:, 1:] * edge[:, 0]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            depth = (to_start[:, 0] * edge[:, 1] - to_start[:, 1] * edge[:, 0]) / cross
+            along = (to_start[:, 0] * rays[:, 1:] - to_start[:, 1] * rays[:, :1]) / cross
+        hit = (depth > 1e-6) & (along >= 0.0) & (along <= 1.0)
+        depth = np.where(hit, depth, np.inf)
+        face = depth.argmin(axis=1)
+        return depth[np.arange(x.size), face], face
+
+    def situations(self, pose: Pose, camera: CameraModel) -> tuple[str, ...]:
+        """All elementary situations that the walls make, or ``("mixed",)``."""
+        depth, face = self.look(pose, camera)
+        half = camera.width // 2
+        left = self._dominant(face[:half], depth[:half])
+        right = self._dominant(face[half:], depth[half:])
+        found = []
+        if self._door_ahead(pose, camera, depth):
+            found.append("door")
+        if left is not None and right is not None:
+            found += self._from_planes(left, right, pose)
+        return tuple(found) or ("mixed",)
+
+    def _dominant(self, face: npt.NDArray[np.int64], depth: Array) -> int | None:
+        """A face of the plane that fills two thirds of the columns."""
+        planes = np.where(np.isfinite(depth), self._plane[face], -1)
+        values, counts = np.unique(planes, return_counts=True)
+        best = int(values[counts.argmax()])
+        if best < 0 or counts.max() < DOMINANT * face.size:
+            return None
+        return int(face[planes == best][0])
+
+    def _from_planes(self, left: int, right: int, pose: Pose) -> list[str]:
+        slope_left, slope_right = -self._slope(left, pose), self._slope(right, pose)
+        if self._plane[left] == self._plane[right]:
+            aslant = abs(slope_left)
+            side = "left" if slope_left > 0.0 else "right"
+            found = ["wall"] if aslant <= ORTHOGONAL + FUZZY else []
+            if ORTHOGONAL - FUZZY <= aslant <= STEEP:
+                found.append(f"{side} slope wall")
+            return found
+        if min(slope_left, slope_right) > STEEP:
+            facing = float(self._normal[left] @ self._normal[right])
+            return ["corridor"] if facing < -math.cos(math.radians(10.0)) else []
+        between = math.pi - slope_left - slope_right
+        concave = slope_left + slope_right > math.radians(30.0)
+        return ["corner"] if concave and between < math.radians(150.0) else []
+
+    def _slope(self, face: int, pose: Pose) -> float:
+        """Angle [rad] of a face to the image plane, positive when its right side is nearer."""
+        ahead = np.array([math.cos(pose.yaw), math.sin(pose.yaw)])
+        right = np.array([math.sin(pose.yaw), -math.cos(pose.yaw)])
+        towards = -self._normal[face]  # nearness grows along it
+        return math.atan2(float(towards @ right), float(towards @ ahead))
+
+    def _door_ahead(self, pose: Pose, camera: CameraModel, depth: Array) -> bool:
+        eye, ahead, right = _axes(pose, camera)
+        for middle, half, yaw in self._gaps:
+            along = np.array([math.cos(yaw), math.sin(yaw)]) * half
+            ends = np.array([middle - along, middle + along]) - eye
+            far = ends @ ahead
+            if far.min() < 0.2:
+                continue
+            x0, x1 = sorted((camera.focal * (ends @ right) / far).tolist())
+            quarter = 0.375 * camera.width
+            if x1 - x0 < 24.0 or x0 > -8.0 or x1 < 8.0 or x0 < -quarter or x1 > quarter:
+                continue
+            column = round(0.5 * (camera.width - 1))
+            if depth[column] > far.max():
+                return True
+        return False
+
+
+def truth_of(
+    walls: WallTruth, pose: Pose, speed: float, depth: DepthImage, robot: RobotModel
+) -> Truth:
+    """The truth of the view from ``pose``, whose rendered true ``depth`` (height, width) [m] is."""
+    camera = robot.camera
+    rows, columns = depth.shape
+    y = np.arange(rows)[:, None] - 0.5 * (rows - 1)
+    height = camera.mount_height - depth * (y / camera.focal)
+    solid = np.isfinite(depth) & (height > STANDING) & (height < walls.height - STANDING)
+    nearness = np.where(solid, 1.0 / np.maximum(depth, 1e-3), 0.0)
+    halves = np.s_[: rows // 2], np.s_[rows // 2 :]
+    sides = np.s_[: columns // 2], np.s_[columns // 2 :]
+    # P1 upper right, P2 upper left, P3 lower left, P4 lower right
+    parts = [nearness[halves[i], sides[j]] for i, j in ((0, 1), (0, 0), (1, 0), (1, 1))]
+    each = [float(np.partition(part.ravel(), -CELL_AREA)[-CELL_AREA]) for part in parts]
+    biggest = max(each)
+    distance = 1.0 / max(biggest, 1e-3)
+
+    walls_depth, _ = walls.look(pose, camera)
+    wall_height = camera.mount_height - walls_depth * (y / camera.focal)
+    expected = np.isfinite(walls_depth) & (wall_height > STANDING) & (wall_height < walls.height)
+    hides = expected & solid & (depth < 0.97 * walls_depth - 0.02)
+    hidden = [hides[:, side].sum() / max(expected[:, side].sum(), 1) for side in sides]
+    situations = walls.situations(pose, camera)
+    return Truth(
+        nearness=tuple(each),
+        certain=_alike(each, ALIKE),
+        possible=_alike(each, UNLIKE),
+        distance=distance,
+        term=true_term(distance, speed),
+        situations=("hidden",) if max(hidden) > HIDDEN else situations,
+        furniture=float(hides.sum() / max(expected.sum(), 1)),
+    )
+
+
+def true_term(distance: float, speed: float) -> str:
+    """The distance term that the rule base gives to a distance [m] at a speed [m/s]."""
+    from navfw.offis.distances import TERMS
+
+    found = find_distances(np.array([1.0 / distance]), np.ones(1), speed)
+    return TERMS[int(found.term[0])]
+
+
+def _alike(nearness: list[float], share: float) -> frozenset[str]:
+    least = share * max(nearness)
+    return frozenset(q for q, value in zip(QUADRANTS, nearness, strict=True) if value >= least)
+
+
+def _axes(pose: Pose, camera: CameraModel) -> tuple[Array, Array, Array]:
+    """Eye, optical axis and right-hand axis of the camera in the plane."""
+    ahead = np.array([math.cos(pose.yaw), math.sin(pose.yaw)])
+    right = np.array([math.sin(pose.yaw), -math.cos(pose.yaw)])
+    return np.array([pose.x, pose.y]) + camera.mount_forward * ahead, ahead, right
