@@ -2,30 +2,47 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
 import numpy.typing as npt
 from pydantic import Field, model_validator
 
 from navfw import kinds
-from navfw.flow.confidence import SIGMA_UNKNOWN, check_ramps, local_spread, match_sigma, ramp
+from navfw.flow.confidence import (
+    SIGMA_UNKNOWN,
+    check_ramps,
+    is_frozen,
+    local_spread,
+    match_sigma,
+    ramp,
+)
 from navfw.flow.derotation import align_past, rotate_points, visible_in_past
 from navfw.flow.grid import check_frame, check_grid
 from navfw.flow.kernels import correlate, find_peaks
+from navfw.flow.registration import register_windows
 from navfw.robot import RobotModel
-from navfw.signals import Array, FlowField, FramePair
+from navfw.signals import Array, FlowField, FramePair, Image
 
 __all__ = ["BlockMatching"]
 
 Integers = npt.NDArray[np.int64]
+Floats = npt.NDArray[np.float32]
+Flags = npt.NDArray[np.bool_]
 
-#: Sub-pixel refinement is never better than this [px].
-SIGMA_FLOOR = 0.05
-#: Scales the noise model to the errors measured on rendered frames.
-SIGMA_SCALE = 2.0
-#: Share of the flow's variation within a window that becomes an error of its one vector.
-SPREAD_SHARE = 0.3
+#: Peaks are not worth registering below the first correlation, and worth it fully above the
+#: second: an affine motion can be bent to fit a chance likeness too.
+WORTHWHILE = (0.4, 0.6)
+#: What is left of a registered window's error however well it fits [px].
+REGISTRATION_FLOOR = 0.02
+#: Scale the sigma of registration to the errors measured on rendered frames: in proportion, and
+#: (the worse a window fits, the less one affine motion is true) by its square [1/px].
+REGISTRATION_SCALE, REGISTRATION_EXCESS = 1.15, 3.4
+#: Samples nearer than this share their errors [px].
+CORRELATION_LENGTH = 3.0
+#: Of the correlation's quadratic peak alone: the same three, and the share of the flow's
+#: variation within a window that becomes an error of its one vector.
+PEAK_FLOOR, PEAK_SCALE, PEAK_SPREAD = 0.05, 2.0, 0.3
 
 
 class BlockMatching(kinds.FlowProcessor):
@@ -33,8 +50,10 @@ class BlockMatching(kinds.FlowProcessor):
 
     A window around each grid point of the current image is sought in the past image by exhaustive
     zero-mean normalised cross-correlation within ``search`` pixels of where the camera's known
-    rotation puts it, and the peak is refined below a pixel by a quadratic surface. The rotation is
-    predicted by turning the whole past image, so the windows meet undistorted.
+    rotation puts it. The rotation is predicted by turning the whole past image, so the windows
+    meet undistorted. Below a pixel the peak is refined by registering the window with an affine
+    motion (``subpixel: affine``), which can also take it a little beyond the search, or by a
+    quadratic surface alone (``subpixel: peak``).
 
     Windows at the border are clipped to the image, a little inside it. The field's ``points`` are
     the centres of the windows as compared: the grid points, except at the border, where they stand
@@ -67,6 +86,17 @@ class BlockMatching(kinds.FlowProcessor):
         peak_high: Annotated[
             float, Field(gt=0.0, le=1.0, description="correlation that is a sure match")
         ] = 0.9
+        subpixel: Annotated[
+            Literal["affine", "peak"],
+            Field(description="register windows by an affine motion, or take the peak's top"),
+        ] = "affine"
+        stride: Annotated[
+            int, Field(ge=1, le=8, description="registration looks at every so manyeth pixel [px]")
+        ] = 3
+        weight_width: Annotated[
+            float,
+            Field(ge=0.2, le=10.0, description="registration's Gaussian weight [half windows]"),
+        ] = 0.6
 
         @model_validator(mode="after")
         def _ramps_rise(self) -> Self:
@@ -96,32 +126,68 @@ class BlockMatching(kinds.FlowProcessor):
         check_frame(pair.past, camera)
         check_frame(pair.now, camera)
         rotation = pair.motion.rotation
+        now = np.ascontiguousarray(pair.now.image)
+        past = np.ascontiguousarray(align_past(pair.past.image, rotation, camera))
+        visible = visible_in_past(rotation, camera)
         scores, deviation = correlate(
-            np.ascontiguousarray(pair.now.image),
-            np.ascontiguousarray(align_past(pair.past.image, rotation, camera)),
-            self._x_windows,
-            self._y_windows,
-            p.search,
-            visible_in_past(rotation, camera),
+            now, past, self._x_windows, self._y_windows, p.search, visible
         )
-        _, fine, height, second, curvature, inner = find_peaks(scores)
-        confidence = np.where(inner & (curvature > 0.0), 1.0, 0.0)
+        if p.subpixel == "affine":
+            vectors, confidence, sigma = self._register(now, past, visible, scores, deviation)
+        else:
+            vectors, confidence, sigma = self._peaks(scores)
         confidence *= ramp(deviation.astype(np.float64), p.texture_low, p.texture_high)
-        confidence *= ramp(height, p.peak_low, p.peak_high)
-        confidence *= _unambiguous(height, second)
-        noise = SIGMA_SCALE * match_sigma(height, curvature, self._pixels)
-        spread = SPREAD_SHARE * local_spread(fine, confidence)
-        sigma = np.minimum(np.sqrt(noise**2 + spread**2 + SIGMA_FLOOR**2), SIGMA_UNKNOWN)
+        if is_frozen(pair, camera):
+            confidence[:] = 0.0
         sigma[confidence <= 0.0] = SIGMA_UNKNOWN
-        past = rotate_points(self._points - fine, rotation.T, camera.focal)
+        origins = rotate_points(self._points - vectors, rotation.T, camera.focal)
         return FlowField(
             time=pair.now.time,
             points=self._points.copy(),
-            vectors=self._points - past,
+            vectors=self._points - origins,
             confidence=confidence,
-            sigma=sigma,
+            sigma=np.minimum(sigma, SIGMA_UNKNOWN),
             motion=pair.motion,
         )
+
+    def _register(
+        self,
+        now: Image,
+        past: Image,
+        visible: tuple[int, int, int, int],
+        scores: Floats,
+        deviation: Floats,
+    ) -> tuple[Array, Array, Array]:
+        """Vectors, confidence and sigma by affine registration from the correlation's peaks."""
+        p = self.params
+        _, start, height, second, _, inner = find_peaks(scores)
+        found = register_windows(
+            now,
+            past,
+            self._x_windows,
+            self._y_windows,
+            start,
+            (height > WORTHWHILE[0]) & (deviation > p.texture_low),
+            visible,
+            p.stride,
+            p.weight_width,
+        )
+        confidence = ramp(found.score, p.peak_low, p.peak_high) * ramp(found.share, 0.6, 0.9)
+        confidence *= ramp(height, *WORTHWHILE) * _unambiguous(height, second, inner)
+        noise = found.sigma * np.sqrt(max(CORRELATION_LENGTH / p.stride, 1.0))
+        variance = (REGISTRATION_SCALE * noise) ** 2 + REGISTRATION_FLOOR**2
+        variance += (REGISTRATION_EXCESS * noise**2) ** 2
+        return found.vectors, confidence, np.sqrt(variance)
+
+    def _peaks(self, scores: Floats) -> tuple[Array, Array, Array]:
+        """Vectors, confidence and sigma by the tops of the correlation's peaks."""
+        p = self.params
+        _, fine, height, second, curvature, inner = find_peaks(scores)
+        confidence = np.where(inner & (curvature > 0.0), ramp(height, p.peak_low, p.peak_high), 0.0)
+        confidence *= _unambiguous(height, second, inner)
+        noise = PEAK_SCALE * match_sigma(height, curvature, self._pixels)
+        spread = PEAK_SPREAD * local_spread(fine, confidence)
+        return fine, confidence, np.sqrt(noise**2 + spread**2 + PEAK_FLOOR**2)
 
 
 def _windows(size: int, count: int, window: int, margin: int) -> Integers:
@@ -131,8 +197,11 @@ def _windows(size: int, count: int, window: int, margin: int) -> Integers:
     return np.stack([first, first + window], axis=1).clip(margin, size - margin)
 
 
-def _unambiguous(height: Array, second: Array) -> Array:
-    """1 when the peak stands alone, 0 when another displacement fits as well (METHOD 2.9)."""
+def _unambiguous(height: Array, second: Array, inner: Flags) -> Array:
+    """1 when the peak stands alone, 0 when another displacement fits as well (METHOD 2.9).
+
+    A peak at the edge of the search has not shown its other side: it must stand out more.
+    """
     # 1 - score measures the mismatch: a rival has to mismatch clearly more than the peak does
-    mismatch = np.maximum(1.0 - height, 1e-3)
-    return ramp((1.0 - second) / mismatch, 1.0, 1.5)
+    contrast = (1.0 - second) / np.maximum(1.0 - height, 1e-3)
+    return np.where(inner, ramp(contrast, 1.0, 1.5), ramp(contrast, 1.2, 2.2))

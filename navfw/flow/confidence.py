@@ -5,13 +5,24 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from navfw.flow.derotation import rotation_matters
 from navfw.kinds import Params
-from navfw.signals import Array
+from navfw.robot import CameraModel
+from navfw.signals import Array, FramePair
 
-__all__ = ["SIGMA_UNKNOWN", "check_ramps", "local_spread", "match_sigma", "ramp"]
+__all__ = [
+    "SIGMA_UNKNOWN",
+    "check_ramps",
+    "is_frozen",
+    "local_spread",
+    "match_sigma",
+    "ramp",
+]
 
 #: Written where nothing is known [px].
 SIGMA_UNKNOWN = 10.0
+#: A camera that moved further than this cannot see exactly the same image again [m].
+SURELY_MOVED = 0.005
 
 
 def ramp(value: Array, low: float, high: float) -> Array:
@@ -33,6 +44,16 @@ def check_ramps(params: Params) -> None:
                 raise ValueError(
                     f"{low} {getattr(params, low)} is not below {high} {getattr(params, high)}"
                 )
+
+
+def is_frozen(pair: FramePair, camera: CameraModel) -> bool:
+    """Whether the camera moved but delivered the same image again, byte for byte.
+
+    Such a pair matches perfectly and says nothing: the camera, or its driver, hangs.
+    """
+    motion = pair.motion
+    moved = motion.baseline > SURELY_MOVED or rotation_matters(motion.rotation, camera)
+    return moved and bool(np.array_equal(pair.past.image, pair.now.image))
 
 
 def match_sigma(score: Array, curvature: Array, pixels: Array | float) -> Array:

@@ -1,0 +1,7 @@
+"""Affine registration of windows (Lucas and Kanade 1981; Baker and Matthews 2004)."""
+
+from __future__ import annotations
+
+from navfw.flow.registration.windows import Registration, register_windows
+
+__all__ = ["Registration", "register_windows"]
