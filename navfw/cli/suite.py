@@ -14,7 +14,7 @@ import typer
 from navfw.cli.output import print_json, print_table, quiet_stdout
 
 if TYPE_CHECKING:
-    from navfw.suite.cases import Case
+    from navfw.suite.case import Case
     from navfw.suite.evaluation import Evaluation
     from navfw.suite.table import RunRow
 

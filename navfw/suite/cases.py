@@ -13,7 +13,7 @@ import numpy as np
 
 from navfw.config.document import shown_path
 from navfw.config.lookup import find, find_mission, list_missions
-from navfw.errors import ConfigError, InputError
+from navfw.errors import ConfigError, InputError, UnknownNameError
 from navfw.missions.session import DEFAULT_STACK, Session
 from navfw.suite.case import Case
 from navfw.suite.suitefile import EntrySpec, Suite
@@ -200,7 +200,8 @@ def _check(suite: Suite, index: int, case: Case, registry: Registry) -> dict[str
     try:
         session = case.session(registry)
     except InputError as error:
-        raise suite.blame(error, index, "family" if case.family else None) from None
+        unknown = isinstance(error, UnknownNameError) and error.what == "family"
+        raise suite.blame(error, index, "family" if unknown else None) from None
     title = f"entry {case.entry}"
     parts = {
         title: _digest([entry.model_dump(mode="json", exclude={"name", "worlds"})]),

@@ -18,6 +18,9 @@ __all__ = ["Aiming", "Cause", "Driving", "Evidence", "Touch", "classify", "colli
 CREEP = 0.05
 """Speed [m/s] below which a body counts as standing."""
 
+PACE, TURNING = 0.02, 0.1
+"""Mean speeds [m/s], [rad/s] below which a robot has neither driven nor turned to speak of."""
+
 DETOUR = 1.5
 """A remembered way this much dearer than without ghosts is dearer because of them."""
 
@@ -102,11 +105,12 @@ class Aiming:
 class Driving:
     """How it drove: ``driven`` [m] and the ground ``gained`` [m] on the shortest way.
 
-    ``recent_driven`` [m] and ``recent_turned`` [rad] are of the last half minute.
+    ``recent_driven`` [m] and ``recent_turned`` [rad] are of the last ``recent`` [s].
     """
 
     driven: float
     gained: float
+    recent: float
     recent_driven: float
     recent_turned: float
 
@@ -190,8 +194,8 @@ def _of_driving(evidence: Evidence) -> Cause:
     driving = evidence.driving
     if driving is None:
         return Cause.UNKNOWN
-    moved = driving.recent_driven >= 0.3
-    if not moved and driving.recent_turned < math.pi:
+    moved = driving.recent_driven >= PACE * driving.recent
+    if not moved and driving.recent_turned < TURNING * driving.recent:
         return Cause.STANDING
     on_its_way = moved and driving.gained > 0.5 * driving.driven
     late = evidence.outcome is Outcome.TIMEOUT

@@ -180,13 +180,15 @@ def _driving(result: MissionResult) -> Driving:
     session, track = result.session, result.run.track
     sampled = track.every(0.1)
     true, time = track.true[sampled], track.time[sampled]
-    recent = true[time >= time[-1] - RECENT]
+    late = time >= time[-1] - RECENT
+    recent = true[late]
     turned = np.abs([wrap_angle(step) for step in np.diff(recent[:, 2])]).sum()
     goals = [(goal.x, goal.y) for goal in session.mission.goals]
     left = _left(session.plan, true, goals, session.task.success_radius, session.task.robot.radius)
     return Driving(
         driven=path_length(true),
         gained=session.shortest - left,
+        recent=float(time[-1] - time[late][0]),
         recent_driven=path_length(recent),
         recent_turned=float(turned),
     )

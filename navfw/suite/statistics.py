@@ -41,7 +41,10 @@ def mcnemar_exact(only_a: int, only_b: int) -> float:
     0.0625
     """
     pairs = only_a + only_b
-    tail = sum(math.comb(pairs, k) for k in range(min(only_a, only_b) + 1))
+    tail = ways = 1  # to choose none of the pairs
+    for k in range(1, min(only_a, only_b) + 1):
+        ways = ways * (pairs - k + 1) // k
+        tail += ways
     return min(1.0, tail / (1 << pairs) * 2)  # whole numbers: exact for any number of pairs
 
 

@@ -59,10 +59,10 @@ def test_lost_is_an_error_of_the_estimate_or_a_goal_not_come_near_to() -> None:
     assert classify(knew) is Cause.GOAL_MISSED
 
 
-DRIVES = Driving(driven=20.0, gained=18.0, recent_driven=9.0, recent_turned=2.0)
-CIRCLES = Driving(driven=20.0, gained=4.0, recent_driven=9.0, recent_turned=30.0)
-TURNS = Driving(driven=6.0, gained=5.0, recent_driven=0.1, recent_turned=40.0)
-STANDS = Driving(driven=6.0, gained=5.0, recent_driven=0.1, recent_turned=0.3)
+DRIVES = Driving(driven=20.0, gained=18.0, recent=30.0, recent_driven=9.0, recent_turned=2.0)
+CIRCLES = Driving(driven=20.0, gained=4.0, recent=30.0, recent_driven=9.0, recent_turned=30.0)
+TURNS = Driving(driven=6.0, gained=5.0, recent=30.0, recent_driven=0.1, recent_turned=40.0)
+STANDS = Driving(driven=6.0, gained=5.0, recent=30.0, recent_driven=0.1, recent_turned=0.3)
 WAY = Aiming(cost=5.0, cost_without=4.5, ghosts=3)
 
 

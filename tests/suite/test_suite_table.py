@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import math
-import os
 from pathlib import Path
 
 import pytest
@@ -62,7 +61,7 @@ def test_a_failed_write_leaves_the_old_table(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
         write_table(file, rows())  # type: ignore[arg-type]
     assert read_table(file) == [row(1)]
-    assert os.listdir(tmp_path) == ["table.csv"]
+    assert list(tmp_path.iterdir()) == [file]
 
 
 def test_a_table_that_cannot_be_written_is_told(tmp_path: Path) -> None:

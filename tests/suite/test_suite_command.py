@@ -1,0 +1,181 @@
+"""``navfw suite`` and ``navfw compare`` as a person types them."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+from suite_samples import row
+from typer.testing import CliRunner
+
+from navfw.cli import app
+from navfw.missions.session import prepare
+from navfw.suite.table import COLUMNS, read_table, write_table
+
+TINY = """
+entries:
+  - world: empty
+    missions: [straight]
+    set: {mission.timeout: 3}
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "tiny.yaml").write_text(TINY)
+    return tmp_path
+
+
+def navfw(*words: str) -> Any:
+    return CliRunner().invoke(app, list(words))
+
+
+def test_a_suite_runs_and_its_runs_are_those_of_navfw_run(folder: Path) -> None:
+    done = navfw("suite", "tiny.yaml", "--seeds", "4:6", "--workers", "2", "--json")
+    assert done.exit_code == 0, done.output
+    answer = json.loads(done.stdout)
+    summary, runs = answer["summary"], answer["runs"]
+    assert (summary["missions"], summary["success"], summary["complete"]) == (2, 0.0, True)
+    assert summary["outcomes"] == {"timeout": 2}
+    assert summary["causes"] == {"timeout: slow": 2}
+    assert set(summary["by_entry"]) == {"empty"}
+    assert [tuple(run) for run in runs] == [COLUMNS] * 2
+    alone = prepare("empty", "straight", seed=5, overrides=["mission.timeout=3"]).run()
+    assert runs[1]["command_hash"] == alone.run.track.command_hash
+    assert runs[0]["command_hash"] != runs[1]["command_hash"]
+    assert runs[1]["path_length_m"] == pytest.approx(alone.metrics.path_length_m, abs=1e-12)
+    assert "2 of 2 runs" in done.stderr
+    out = folder / "runs" / "tiny-4-6"
+    assert summary["table"] == "runs/tiny-4-6/table.csv"
+    assert {run["picture"] for run in runs} == {
+        f"pictures/{file.name}" for file in (out / "pictures").iterdir()
+    }
+    assert len(read_table(out / "table.csv")) == 2
+
+
+def test_ctrl_c_leaves_a_valid_table_and_no_process(folder: Path) -> None:
+    words = ["suite", "tiny.yaml", "--seeds", "0:5000", "--out", "o", "--json", "--keep", "none"]
+    process = subprocess.Popen(  # noqa: S603 - this Python, words of our own
+        [sys.executable, "-c", "from navfw.cli import main; main()", *words],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    table = folder / "o" / "table.csv"
+    while not (table.is_file() and len(table.read_text().splitlines()) > 1):
+        assert process.poll() is None, "it ended before it began"
+        time.sleep(0.1)
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to parent and workers
+    out, _ = process.communicate(timeout=60)
+    assert process.returncode == 1
+    answer = json.loads(out)
+    assert answer["summary"]["complete"] is False
+    rows = read_table(table)
+    assert 1 <= len(rows) == len(answer["runs"]) < 5000
+    assert {row.outcome for row in rows} == {"timeout"}
+    deadline = time.monotonic() + 20.0
+    while processes_in(process.pid):
+        assert time.monotonic() < deadline, "a worker is still there"
+        time.sleep(0.1)
+
+
+def processes_in(group: int) -> bool:
+    try:
+        os.killpg(group, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["suite", "none.yaml", "--seeds", "0:1"], "none.yaml: there is no such file"),
+        (["suite", "ofice", "--seeds", "0:1"], "did you mean 'office'?"),
+        (["suite", "tiny.yaml", "--seeds", "5:5"], "--seeds: there is no seed in '5:5'"),
+        (["suite", "tiny.yaml", "--seeds", "0..5"], "--seeds: expected A:B"),
+        (["suite", "tiny.yaml"], "--seeds"),
+        (["suite", "tiny.yaml", "--seeds", "0:1", "--workers", "0"], "--workers"),
+        (["suite", "tiny.yaml", "--seeds", "0:1", "--stack", "defalt"], "did you mean 'default'?"),
+        (["suite", "tiny.yaml", "--seeds", "0:1", "--set", "a.b=1"], "'a'"),
+        (["suite", "tiny.yaml", "--seeds", "0:1", "--out", "tiny.yaml"], "is a file"),
+        (["suite", "tiny.yaml", "--seeds", "0:1", "--out", "tiny.yaml/x"], "cannot be written"),
+        (["suite", "tiny.yaml", "--seeds", "0:1", "--out", "mine"], "is not empty"),
+        (["suite", "tiny.yaml", "--seeds", "0:1", "--resume"], "needs --out"),
+        (["suite", "tiny.yaml", "--seeds", "0:1", "--worlds", "mine"], "no entry that takes"),
+        (["suite", "mine/world.yaml", "--seeds", "0:1"], "entries[1].world: unknown world 'ofice'"),
+        (["suite", "mine/mission.yaml", "--seeds", "0:1"], "did you mean 'straight'?"),
+        (["suite", "mine/folder.yaml", "--seeds", "0:1"], "there is no such folder"),
+        (["suite", "mine/wall.yaml", "--seeds", "0:1"], "mine/wall.yaml:2: entries[0]:"),
+        (["compare", "a.csv", "tiny.yaml"], "there is no such file"),
+        (["compare", "tiny.yaml", "tiny.yaml"], "is not a table of navfw suite"),
+    ],
+)
+def test_bad_input_is_told_in_one_message_and_leaves_nothing(
+    words: list[str], says: str, folder: Path
+) -> None:
+    mine = folder / "mine"
+    mine.mkdir()
+    start = "set: {mission.start: [50, 0, 0]}"
+    texts = {
+        "world": "entries:\n  - world: empty\n  - world: ofice\n",
+        "mission": "entries:\n  - {world: empty, missions: [strait]}\n",
+        "folder": "entries:\n  - {worlds: ../nowhere}\n",
+        "wall": f"entries:\n  - {{world: empty, missions: [straight], {start}}}\n",
+    }
+    for name, text in texts.items():
+        (mine / f"{name}.yaml").write_text(text)
+    before = sorted(folder.rglob("*"))
+    done = navfw(*words)
+    assert done.exit_code == 2, done.output
+    assert says in " ".join(done.stderr.replace("│", " ").split())
+    assert "Traceback" not in done.output
+    assert done.stdout == ""
+    assert sorted(folder.rglob("*")) == before
+
+
+def test_a_folder_of_worlds_gives_each_world_with_its_missions(folder: Path) -> None:
+    from navfw.plugins import default_registry
+    from navfw.suite.cases import plan_runs
+    from navfw.suite.suitefile import load_suite
+
+    for name in ("world-10", "world-2"):
+        (folder / "imported" / name / "missions").mkdir(parents=True)
+        world = f"name: {name}\nx: [-3, 3]\ny: [-3, 3]\n"
+        (folder / "imported" / name / "world.yaml").write_text(world)
+        mission = "start: [0, 0, 0]\ngoals: [{x: 1, y: 1}]\n"
+        (folder / "imported" / name / "missions" / "cross.yaml").write_text(mission)
+    (folder / "barn.yaml").write_text("entries: [{worlds: nowhere, name: barn}]")
+    suite = load_suite("barn.yaml")
+    plan = plan_runs(
+        suite, range(2), default_registry(), worlds=Path("imported"), stacks=["default"]
+    )
+    assert [case.key for case in plan.cases] == [
+        ("barn", name, "cross", seed, "default")
+        for name in ("world-2", "world-10")
+        for seed in (0, 1)
+    ]
+
+
+def test_compare_prints_the_paired_numbers(folder: Path) -> None:
+    (folder / "a").mkdir()
+    write_table(
+        folder / "a" / "table.csv", [row(s, "stuck" if s < 6 else "reached") for s in range(9)]
+    )
+    write_table(folder / "b.csv", [row(seed) for seed in range(9)])
+    done = navfw("compare", "a", "b.csv", "--json")
+    assert done.exit_code == 0, done.output
+    answer = json.loads(done.stdout)
+    assert (answer["pairs"], answer["success_b"], answer["p"]) == (9, 1.0, 0.03125)
+    shown = navfw("compare", "a", "b.csv").stdout
+    assert "33.3 % -> 100.0 %" in shown
+    assert "p = 0.0312" in shown

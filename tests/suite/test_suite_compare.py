@@ -1,0 +1,79 @@
+"""Summaries and paired comparisons of tables whose numbers can be checked by hand."""
+
+from __future__ import annotations
+
+import pytest
+from scipy.stats import binomtest
+from suite_samples import row
+
+from navfw.errors import InputError
+from navfw.suite.compare import compare
+from navfw.suite.summary import summarize
+
+
+def test_a_summary_counts_every_run() -> None:
+    rows = [
+        row(0, spl=0.8, sim_time_s=10.0, min_clearance_m=0.3, barn_score=0.25),
+        row(1, spl=1.0, sim_time_s=30.0, min_clearance_m=0.1, barn_score=0.15),
+        row(2, "collided", cause="mover", collision_cause="mover", min_clearance_m=-0.01),
+        row(3, "collided", cause="drove_into", entry="maze", stack="paper"),
+        row(4, "fault", cause="exception", spl=None, collisions=None, sim_time_s=None),
+    ]
+    found = summarize(rows)
+    assert (found["missions"], found["reached"], found["success"]) == (5, 2, 0.4)
+    expected = binomtest(2, 5).proportion_ci(method="wilson")
+    assert found["success_low"] == pytest.approx(expected.low)
+    assert found["success_high"] == pytest.approx(expected.high)
+    assert (found["collisions"], found["collision_rate"]) == (2, 0.4)
+    assert found["collisions_by_robot"] == 1
+    assert found["spl"] == pytest.approx(1.8 / 5)
+    assert found["barn_score"] == pytest.approx(0.4 / 5)
+    assert found["mean_time_s"] == pytest.approx(20.0)
+    assert found["min_clearance_m"] == -0.01
+    assert found["outcomes"] == {"collided": 2, "reached": 2, "fault": 1}
+    assert found["causes"] == {
+        "collided: drove_into": 1,
+        "collided: mover": 1,
+        "fault: exception": 1,
+    }
+    assert found["by_entry"]["rooms"]["missions"] == 4
+    assert found["by_entry"]["maze"]["success"] == 0.0
+    assert found["by_stack"]["paper"]["missions"] == 1
+
+
+def test_a_summary_of_nothing_knows_nothing() -> None:
+    found = summarize([])
+    assert (found["missions"], found["success"], found["spl"]) == (0, None, None)
+    assert (found["success_low"], found["success_high"]) == (0.0, 1.0)
+
+
+def test_a_comparison_pairs_by_seed() -> None:
+    a = [row(seed, "reached" if seed < 4 else "stuck", stack="paper") for seed in range(10)]
+    b = [row(s, "stuck" if s == 0 else "reached", sim_time_s=15.0) for s in range(9, -1, -1)]
+    found = compare(a, [*b, row(77)])
+    assert (found["pairs"], found["unpaired"]) == (10, 1)
+    assert found["success_a"] == pytest.approx(0.4)
+    assert found["success_difference"] == pytest.approx(0.5)
+    assert found["p"] == pytest.approx(binomtest(1, 7).pvalue)
+    assert [run["seed"] for run in found["gained"]] == [4, 5, 6, 7, 8, 9]
+    assert [run["seed"] for run in found["lost"]] == [0]
+    assert found["both_reached"] == 3
+    assert found["time_difference_s"] == pytest.approx(-5.0)
+    assert found["time_ratio"] == pytest.approx(0.75)
+    assert found["spl_difference"] == pytest.approx(0.9)
+
+
+def test_tables_of_several_stacks_are_paired_by_stack() -> None:
+    both = [row(1, stack="default"), row(1, "stuck", stack="paper")]
+    found = compare(both, both)
+    assert (found["pairs"], found["success_difference"], found["p"]) == (2, 0.0, 1.0)
+
+
+def test_cancelled_runs_have_no_say() -> None:
+    found = compare([row(1, "cancelled"), row(2)], [row(1), row(2)])
+    assert found["pairs"] == 1
+
+
+def test_tables_without_a_common_run_are_refused() -> None:
+    with pytest.raises(InputError, match="no run in common"):
+        compare([row(1)], [row(2)])

@@ -1,0 +1,137 @@
+"""A suite from plan to table with fake runs: completeness, resuming, interruptions, refusals."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import suite_samples as samples
+
+from navfw.errors import InputError
+from navfw.suite.case import Case
+from navfw.suite.cases import Plan
+from navfw.suite.evaluation import Evaluation, evaluate
+from navfw.suite.outfolder import OutFolder
+from navfw.suite.table import RunRow, read_table
+
+CONTENT = {"entry rooms": "1234", "stack default of entry rooms": "5678"}
+
+
+def plan(*seeds: int) -> Plan:
+    cases = tuple(samples.case(seed, index) for index, seed in enumerate(seeds))
+    return Plan("rooms", cases, CONTENT)
+
+
+def run(wanted: Plan, out: OutFolder, *, resume: bool = False, **options: object) -> Evaluation:
+    have = out.open(wanted, "abc", resume=resume)
+    return evaluate(wanted, out, have=have, **{"work": samples.fake_run, **options})  # type: ignore[arg-type]
+
+
+def test_the_table_is_complete_and_in_order(tmp_path: Path) -> None:
+    out = OutFolder(tmp_path / "out")
+    told: list[int] = []
+    done = run(plan(5, 4, 3, 2), out, workers=2, tell=lambda case, row: told.append(row.seed))
+    assert done.complete
+    assert sorted(told) == [2, 3, 4, 5]
+    rows = read_table(out.table)
+    assert rows == list(done.rows)
+    assert [row.seed for row in rows] == [5, 4, 3, 2]
+    assert [row.outcome for row in rows] == ["timeout", "reached", "timeout", "reached"]
+    summary = json.loads((out.path / "summary.json").read_text())
+    assert summary["complete"] is True
+    assert summary["success"] == 0.5
+    assert summary["causes"] == {"timeout: slow": 2}
+    assert sorted(p.name for p in out.path.iterdir()) == ["suite.json", "summary.json", "table.csv"]
+
+
+def test_a_run_whose_process_dies_is_a_fault_with_its_reason(tmp_path: Path) -> None:
+    out = OutFolder(tmp_path / "out")
+    done = run(plan(2, 3, 4), out, work=samples.fake_run_that_dies_on_3)
+    fault = done.rows[1]
+    assert (fault.seed, fault.outcome, fault.cause) == (3, "fault", "process_died")
+    assert "without a word" in fault.reason
+    assert [row.outcome for row in done.rows] == ["reached", "fault", "reached"]
+    assert done.summary["success"] == pytest.approx(2 / 3)
+
+
+def test_ctrl_c_leaves_what_has_ended_and_resume_does_the_rest(tmp_path: Path) -> None:
+    out = OutFolder(tmp_path / "out")
+
+    def press(case: Case, row: RunRow) -> None:
+        if row.seed == 3:
+            raise KeyboardInterrupt
+
+    wanted = plan(2, 3, 4, 5)
+    first = run(wanted, out, tell=press)
+    assert not first.complete
+    assert first.summary["complete"] is False
+    assert [row.seed for row in read_table(out.table)] == [2, 3]
+
+    marked = run(wanted, out, resume=True, work=samples.fake_run_by_hand)
+    assert marked.complete
+    assert [row.seed for row in marked.rows] == [2, 3, 4, 5]
+    made = sorted(file.stem for file in out.pictures.iterdir())
+    assert made == ["4", "5"]  # the others were not run again
+    assert run(wanted, out, resume=True, work=samples.die).complete  # nothing is left to do
+
+
+def test_a_table_may_grow_by_seeds(tmp_path: Path) -> None:
+    out = OutFolder(tmp_path / "out")
+    run(plan(2, 3), out)
+    grown = run(plan(3, 4), out, resume=True)
+    assert grown.complete
+    assert [row.seed for row in grown.rows] == [3, 4, 2]
+
+
+def test_resuming_with_another_configuration_is_refused(tmp_path: Path) -> None:
+    out = OutFolder(tmp_path / "out")
+    run(plan(2), out)
+    before = out.table.read_text()
+    other = replace(plan(2, 4), content={**CONTENT, "stack default of entry rooms": "other"})
+    with pytest.raises(InputError, match="stack default of entry rooms differs"):
+        out.open(other, "abc", resume=True)
+    assert out.table.read_text() == before
+
+
+def test_revisions_are_remembered(tmp_path: Path) -> None:
+    out = OutFolder(tmp_path / "out")
+    run(plan(2), out)
+    out.open(plan(2), "def+", resume=True)
+    assert out.revisions == ["abc", "def+"]
+
+
+def test_nothing_is_overwritten(tmp_path: Path) -> None:
+    out = OutFolder(tmp_path / "out")
+    run(plan(2), out)
+    with pytest.raises(InputError, match="--resume"):
+        out.open(plan(2), None, resume=False)
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "notes.txt").touch()
+    with pytest.raises(InputError, match="is not empty"):
+        OutFolder(tmp_path / "mine").open(plan(2), None, resume=False)
+    with pytest.raises(InputError, match="is not empty"):
+        OutFolder(tmp_path / "mine").open(plan(2), None, resume=True)
+    (tmp_path / "file").touch()
+    for where in (tmp_path / "file", tmp_path / "file" / "below"):
+        with pytest.raises(InputError):
+            OutFolder(where).open(plan(2), None, resume=False)
+
+
+def test_a_damaged_folder_is_not_continued(tmp_path: Path) -> None:
+    out = OutFolder(tmp_path / "out")
+    run(plan(2), out)
+    (out.path / "suite.json").write_text("{")
+    with pytest.raises(InputError, match=r"suite\.json"):
+        out.open(plan(2), None, resume=True)
+
+
+def test_default_folders_are_numbered(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    names = []
+    for _ in range(2):
+        out = OutFolder.choose(None, plan(2), range(2, 3))
+        out.open(plan(2), None, resume=False)
+        names.append(str(out.path))
+    assert names == ["runs/rooms-2-3", "runs/rooms-2-3-2"]

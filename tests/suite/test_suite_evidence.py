@@ -1,0 +1,148 @@
+"""Evidence against true geometry: what was touched, what was remembered there, what is a ghost."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from navfw.missions.outcome import Outcome, Verdict
+from navfw.missions.runner import Run
+from navfw.missions.session import MissionResult, Session, prepare
+from navfw.plugins import default_registry
+from navfw.recording.track import Contact, Track
+from navfw.signals import Belief, Odometry, Pose, Twist
+from navfw.sim.floorplan import FloorPlan
+from navfw.sim.worldfile import BoxSpec, CylinderSpec, WorldSpec
+from navfw.suite.causes import Cause, classify
+from navfw.suite.evidence import gather
+
+
+@pytest.fixture(scope="module")
+def empty() -> Session:
+    """Three metres straight ahead from (0, 0); things are put in its way below."""
+    return prepare("empty", "straight", registry=default_registry())
+
+
+def session_with(empty: Session, **things: Any) -> Session:
+    world = WorldSpec(name="w", x=(-6.0, 6.0), y=(-6.0, 6.0), **things)
+    return replace(empty, world=world, plan=FloorPlan.from_world(world))
+
+
+def track_to(x: float, y: float, yaw: float, contact: str = "", speed: float = 0.4) -> Track:
+    """Four seconds straight to (x, y), at the end of which ``contact`` is touched."""
+    time = np.arange(240) / 60.0
+    back = speed * (time[-1] - time)
+    true = np.column_stack(
+        [x - back * math.cos(yaw), y - back * math.sin(yaw), np.full_like(time, yaw)]
+    )
+    contacts = (Contact(float(time[-1]), x, y, contact),) if contact else ()
+    return Track(
+        time=time,
+        true=true,
+        estimate=true.copy(),
+        commands=np.column_stack([np.full_like(time, speed), np.zeros_like(time)]),
+        leader=np.zeros(len(time), dtype=np.int16),
+        emergency=np.zeros(len(time), dtype=np.bool_),
+        leaders=("go_to_xy",),
+        contacts=contacts,
+    )
+
+
+OFFSET = Pose(0.7, -0.4, 0.3)
+"""Where the map's origin lies in odom: evidence must not mix up the frames."""
+
+
+def result_of(
+    session: Session, outcome: Outcome, track: Track, things: list[tuple[float, float]]
+) -> MissionResult:
+    """A run that ended so; the ego map remembers things at these points of the map frame."""
+    verdict = Verdict(outcome, "so it ended", "go_to_xy", track.ticks, float(track.time[-1]))
+    stack = session.stack
+    stack.start(session.mission.start, session.mission.goals)
+    now = Pose(*track.true[-1])
+    odometry = Odometry(float(track.time[-1]), OFFSET.compose(now), Twist(0.3, 0.0), 0.0, False)
+    stack.mofis.egomap.move(odometry.pose, odometry.time)
+    rows, columns = np.indices(stack.mofis.egomap.evidence.shape)
+    for x, y in things:
+        row, column = stack.mofis.egomap.index(*OFFSET.to_parent(x, y))
+        near = np.hypot(rows - row, columns - column) <= 2
+        stack.mofis.egomap.evidence[near] = stack.mofis.egomap.params.most
+    belief = Belief(odometry.time, now, np.zeros((3, 3)))
+    stack.mofis.decide(odometry, belief, [], session.mission.goals[-1])
+    stack.state = replace(stack.state, time=odometry.time, odometry=odometry, belief=belief)
+    return MissionResult(session, Run(verdict, track, 4.0, 1.0, ()))
+
+
+@pytest.mark.parametrize("remembered", [True, False])
+@pytest.mark.parametrize("yaw", [0.0, 2.1])
+def test_what_was_driven_into_head_on(empty: Session, remembered: bool, yaw: float) -> None:
+    x, y = 0.38 * math.cos(yaw), 0.38 * math.sin(yaw)  # the robot's radius is 0.18 m
+    session = session_with(empty, cylinders=(CylinderSpec(name="post", at=(x, y), radius=0.2),))
+    rim = (0.18 * math.cos(yaw), 0.18 * math.sin(yaw))
+    track = track_to(0.0, 0.0, yaw, "post")
+    evidence = gather(result_of(session, Outcome.COLLIDED, track, [rim] if remembered else []))
+    assert evidence.touch is not None
+    assert evidence.touch.bearing == pytest.approx(0.0, abs=0.01)
+    assert evidence.touch.closing == pytest.approx(0.4, abs=0.01)
+    assert not evidence.touch.moves
+    assert classify(evidence) is (Cause.DROVE_INTO if remembered else Cause.UNSEEN)
+
+
+def test_what_was_backed_into(empty: Session) -> None:
+    session = session_with(empty, boxes=(BoxSpec(name="crate", at=(-0.68, 0.1), size=(1, 1, 1)),))
+    track = track_to(0.0, 0.0, 0.0, "crate", speed=-0.15)
+    evidence = gather(result_of(session, Outcome.COLLIDED, track, []))
+    assert evidence.touch is not None
+    assert abs(evidence.touch.bearing) == pytest.approx(math.pi, abs=0.01)
+    assert classify(evidence) is Cause.REVERSED_INTO
+
+
+def test_what_is_not_in_the_floor_plan_moves(empty: Session) -> None:
+    stood = gather(result_of(empty, Outcome.COLLIDED, track_to(0, 0, 0, "walker", 0.0), []))
+    assert classify(stood) is Cause.MOVER
+    drove = gather(result_of(empty, Outcome.COLLIDED, track_to(0, 0, 0, "walker"), []))
+    assert classify(drove) is Cause.OBSTACLE
+
+
+WALL = [(1.0, 0.05 * i) for i in range(-75, 76)]
+"""Remembered across the whole ego map, one metre ahead of the origin."""
+
+
+def test_a_remembered_wall_that_is_not_there_is_a_ghost(empty: Session) -> None:
+    evidence = gather(result_of(empty, Outcome.STUCK, track_to(0.0, 0.0, 0.0), WALL))
+    assert evidence.aiming is not None
+    assert evidence.aiming.ghosts > 100
+    assert evidence.aiming.cost_without < 6.0  # three metres of unknown floor
+    assert classify(evidence) is Cause.GHOSTS
+
+
+def test_a_remembered_wall_that_is_there_is_none(empty: Session) -> None:
+    sides = {"east": (1, 0), "west": (-1, 0), "north": (0, 1), "south": (0, -1)}
+    walls = tuple(
+        BoxSpec(name=name, at=at, size=(2.0 - 1.9 * abs(at[0]), 2.0 - 1.9 * abs(at[1]), 1.0))
+        for name, at in sides.items()
+    )
+    session = session_with(empty, boxes=walls)
+    line = [-1.0 + 0.05 * i for i in range(41)]
+    square = [point for a in line for point in ((a, 1.0), (a, -1.0), (1.0, a), (-1.0, a))]
+    evidence = gather(result_of(session, Outcome.STUCK, track_to(0.0, 0.0, 0.0), square))
+    assert evidence.aiming is not None
+    assert evidence.aiming.ghosts == 0
+    assert evidence.aiming.cost == evidence.aiming.cost_without
+    assert classify(evidence) is Cause.AIM_UNREACHABLE
+
+
+def test_ground_gained_is_measured_along_the_shortest_way(empty: Session) -> None:
+    """From 1.6 m behind the start to 0.5 m ahead of it; the goal is at 3 m."""
+    evidence = gather(result_of(empty, Outcome.TIMEOUT, track_to(0.5, 0.0, 0.0), []))
+    assert evidence.driving is not None
+    assert evidence.driving.driven == pytest.approx(1.59, abs=0.02)
+    assert evidence.driving.gained == pytest.approx(0.5, abs=0.01)
+    assert evidence.driving.recent_turned == pytest.approx(0.0)
+    assert classify(evidence) is Cause.OSCILLATING
+    slow = gather(result_of(empty, Outcome.TIMEOUT, track_to(1.5, 0.0, 0.0), []))
+    assert classify(slow) is Cause.SLOW

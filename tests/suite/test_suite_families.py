@@ -1,0 +1,119 @@
+"""Families of generated worlds, with a generator of the test's own: one room, one box."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from navfw.errors import InputError, UnknownNameError, WorldError
+from navfw.missions.missionfile import MissionSpec
+from navfw.plugins import default_registry
+from navfw.sim.worldfile import BoxSpec, WorldSpec
+from navfw.suite import compose
+from navfw.suite.case import Job
+from navfw.suite.cases import Plan, plan_runs
+from navfw.suite.suitefile import load_suite
+from navfw.suite.work import run_job
+from navfw.topomap.model import Passage, Place, TopoMap
+
+
+@dataclass(frozen=True)
+class Made:
+    world: WorldSpec
+    mission: MissionSpec
+    topo_map: TopoMap
+
+
+def fake_generate(family: str, seed: int, difficulty: float) -> Made:
+    """The box moves with the seed and grows with the difficulty; seed 13 cannot be."""
+    if family != "boxes":
+        raise UnknownNameError("family", family, ["boxes"])
+    if seed == 13:
+        raise WorldError("no way through after 100 tries")
+    box = BoxSpec(name="box", at=(0.0, 1.0 + 0.1 * seed), size=(0.2 + difficulty, 0.3, 0.8))
+    places = [Place("start", -2.0, 0.0), Place("end", 2.0, 0.0)]
+    return Made(
+        world=WorldSpec(name="boxes", x=(-4.0, 4.0), y=(-4.0, 4.0), boxes=(box,)),
+        mission=MissionSpec(start=(-2.0, 0.0, 0.0), goals=("end",), timeout=40.0),
+        topo_map=TopoMap("boxes", places, [Passage("start", "end", 4.0)]),
+    )
+
+
+@pytest.fixture(autouse=True)
+def _generator(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(compose, "generate", fake_generate)
+
+
+def planned(folder: Path, entry: str, seeds: range) -> Plan:
+    file = folder / "mine.yaml"
+    file.write_text(f"entries:\n  - {entry}\n")
+    return plan_runs(load_suite(file), seeds, default_registry())
+
+
+def test_the_seed_makes_the_world_and_overrides_reach_the_mission(tmp_path: Path) -> None:
+    entry = "{family: boxes, difficulty: [0.1, 0.9], set: {mission.timeout: 7, robot.max_v: 0.3}}"
+    plan = planned(tmp_path, entry, range(3, 6))
+    assert [case.key[:4] for case in plan.cases] == [
+        ("boxes", "boxes-3", "generated", 3),
+        ("boxes", "boxes-4", "generated", 4),
+        ("boxes", "boxes-5", "generated", 5),
+    ]
+    sessions = [case.session(default_registry()) for case in plan.cases]
+    assert [session.world.boxes[0].at[1] for session in sessions] == pytest.approx([1.3, 1.4, 1.5])
+    sizes = [session.world.boxes[0].size[0] for session in sessions]
+    assert sizes == pytest.approx([0.2 + (case.difficulty or 0.0) for case in plan.cases])
+    assert len(set(sizes)) == 3
+    session = sessions[0]
+    assert (session.task.timeout, session.task.robot.max_v) == (7.0, 0.3)
+    assert [goal.place for goal in session.mission.goals] == ["end"]
+    assert session.shortest == pytest.approx(4.0)
+
+
+@pytest.mark.parametrize(
+    ("entry", "says"),
+    [
+        ("{family: boxxes}", "mine.yaml:2: entries[0].family: unknown family 'boxxes': did you"),
+        ("{family: boxes, set: {mission.timeout: -1}}", "--set mission.timeout=-1"),
+        ("{family: boxes, set: {ovoid.margin: 1}}", "did you mean 'avoid'?"),
+        ("{family: boxes, set: {mission.goals: [and]}}", "no place 'and'"),
+        ("{family: boxes, stack: defalt}", "entries[0].stack: unknown stack"),
+    ],
+)
+def test_what_cannot_be_is_told_before_any_run(entry: str, says: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError) as caught:
+        planned(tmp_path, entry, range(2))
+    assert says in str(caught.value)
+
+
+def test_a_seed_that_cannot_be_made_is_a_fault_of_its_run(tmp_path: Path) -> None:
+    plan = planned(tmp_path, "{family: boxes}", range(12, 14))
+    row = run_job(Job(plan.cases[1], tmp_path))
+    assert (row.seed, row.outcome, row.cause) == (13, "fault", "bad_input")
+    assert row.reason == "no way through after 100 tries"
+
+
+def test_a_generated_run_gives_a_full_row_and_its_picture(tmp_path: Path) -> None:
+    plan = planned(tmp_path, "{family: boxes, set: {mission.timeout: 4}}", range(1))
+    row = run_job(Job(plan.cases[0], tmp_path))
+    assert (row.entry, row.family, row.world) == ("boxes", "boxes", "boxes-0")
+    assert (row.outcome, row.cause) == ("timeout", "slow")
+    assert row.shortest_path_m == pytest.approx(4.0)
+    assert len(row.command_hash) == 64
+    assert (tmp_path.parent / row.picture).is_file()
+
+
+def test_an_exception_in_a_run_is_a_fault_with_its_place(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    plan = planned(tmp_path, "{family: boxes}", range(1))
+
+    def broken(family: str, seed: int, difficulty: float) -> Made:
+        raise ZeroDivisionError("of the generator")
+
+    monkeypatch.setattr(compose, "generate", broken)
+    row = run_job(Job(plan.cases[0], tmp_path))
+    assert (row.outcome, row.cause) == ("fault", "exception")
+    assert row.reason.startswith("ZeroDivisionError: of the generator (test_suite_families.py:")
+    assert "Traceback" in capsys.readouterr().err
