@@ -1,4 +1,4 @@
-"""Emergency: stop, back out along the way just driven, then turn to where it is free."""
+"""Emergency: forbid driving forward while contact is imminent or the wheels are held."""
 
 from __future__ import annotations
 
@@ -8,15 +8,13 @@ from typing import Annotated, ClassVar
 import numpy as np
 from pydantic import Field
 
-from navfw import Array, Behavior, BehaviorRules, Context, Explain, Proposal, RobotModel
+from navfw import Behavior, BehaviorRules, Context, Proposal, RobotModel
 
 
 class Emergency(Behavior):
-    """Takes over when contact is imminent, the wheels are blocked, or the robot is boxed in.
+    """Inhibits every forward command when alarmed, and backs away a little (METHOD 3.7).
 
-    It backs out as far as the way behind is known to be free (moving backwards shows depth, too:
-    ghosts before the robot are seen through), then turns to the freest direction (METHOD 2.12,
-    3.7).
+    The alarm holds for a moment after its cause has gone, so that it does not flicker.
     """
 
     name: ClassVar[str] = "emergency"
@@ -27,11 +25,11 @@ class Emergency(Behavior):
         threshold: Annotated[
             float, Field(gt=0.0, lt=1.0, description="alarm from which it takes over")
         ] = 0.5
-        backing: Annotated[float, Field(ge=0.0, le=1.0, description="way to back out [m]")] = 0.2
-        turn: Annotated[float, Field(ge=0.0, le=3.2, description="turn after it [rad]")] = 0.6
+        hold: Annotated[float, Field(ge=0.0, le=10.0, description="an alarm lasts [s]")] = 0.6
+        backing: Annotated[float, Field(ge=0.0, le=1.0, description="way to back away [m]")] = 0.12
         patience: Annotated[
-            float, Field(gt=0.0, le=20.0, description="longest time for one rescue [s]")
-        ] = 5.0
+            float, Field(gt=0.0, le=20.0, description="longest alarm in one go [s]")
+        ] = 4.0
 
     params: Params
 
@@ -41,27 +39,32 @@ class Emergency(Behavior):
         self.reset()
 
     def reset(self) -> None:
-        """No rescue under way."""
-        self._since: float | None = None
-        self._phase = "watch"
-        self._origin = (0.0, 0.0, 0.0)
-        self._target = 0.0
-        self._still_since: float | None = None
+        """No alarm."""
+        self._began: float | None = None
+        self._until = -math.inf
+        self._origin = (0.0, 0.0)
 
     def propose(self, context: Context) -> Proposal:
-        """Watch; when alarmed forbid driving forward and lead the way out."""
-        verdict = self.rules.evaluate(
-            contact=self._contact(context),
-            stalled=context.stalled,
-            standing=self._standing(context),
-        )
-        alarm = verdict.value("alarm")
-        if self._phase == "watch" and alarm > self.params.threshold:
-            self._begin(context)
-        if self._phase == "watch":
-            nothing = context.commands.zeros()
+        """Forbid all forward commands while the alarm lasts, otherwise nothing."""
+        verdict = self.rules.evaluate(contact=self._contact(context), stalled=context.stalled)
+        self._watch(context, verdict.degree("alarm") > self.params.threshold)
+        commands = context.commands
+        if self._began is None:
+            nothing = commands.zeros()
             return Proposal(0.0, nothing, nothing, "nothing to fear", explain=verdict.explain)
-        return self._rescue(context, explain=verdict.explain)
+        forbid = commands.zeros()
+        forbid[commands.v > 0.0, :] = 1.0
+        way = math.hypot(context.pose.x - self._origin[0], context.pose.y - self._origin[1])
+        backwards = commands.v < 0.0 if way < self.params.backing else commands.v == 0.0
+        straight = np.maximum(0.0, 1.0 - np.abs(commands.relative_w) / 0.3)
+        standing = 0.3 * (commands.v == 0.0)  # when there is no known way back
+        return Proposal(
+            applicability=1.0,
+            desirability=commands.product(np.maximum(backwards * 1.0, standing), straight),
+            prohibition=forbid,
+            reason="the wheels are held" if context.stalled > 0.4 else "contact is imminent",
+            explain=verdict.explain,
+        )
 
     def _contact(self, context: Context) -> float:
         """Time until contact on the present course over the time needed to stop."""
@@ -72,70 +75,15 @@ class Emergency(Behavior):
         stopping = v / self.robot.max_brake + 0.15
         return min(5.0, free / v / stopping)
 
-    def _standing(self, context: Context) -> float:
-        """How long [s] the robot has stood still although it has somewhere to go."""
-        moving = abs(context.twist.v) > 0.02 or abs(context.twist.w) > 0.15
-        if context.waypoint is None or context.previous is None or moving:
-            self._still_since = None
-        elif self._still_since is None:
-            self._still_since = context.time
-        return 0.0 if self._still_since is None else context.time - self._still_since
-
-    def _begin(self, context: Context) -> None:
-        """Start a rescue from here."""
-        self._since = context.time
-        self._phase = "back"
-        self._origin = (context.pose.x, context.pose.y, context.pose.yaw)
-        self._still_since = None
-
-    def _rescue(self, context: Context, explain: Explain) -> Proposal:
-        """Back out, then turn; forward is forbidden meanwhile."""
-        commands = context.commands
-        forbid = commands.zeros()
-        forbid[commands.v > 0.0, :] = 1.0
-        behind = context.arcs.free[0] if commands.v[0] < 0.0 else np.zeros(commands.w.size)
-        way = math.hypot(context.pose.x - self._origin[0], context.pose.y - self._origin[1])
-        if self._phase == "back" and (
-            way >= self.params.backing or float(behind[commands.w.size // 2]) < 0.08
-        ):
-            self._phase = "turn"
-            self._target = context.pose.yaw + self._freest(context)
-        desire = self._backwards(context) if self._phase == "back" else self._turning(context)
-        over = self._since is not None and context.time - self._since > self.params.patience
-        if over or (self._phase == "turn" and abs(self._left(context)) < 0.1):
-            self._phase = "watch"
-        return Proposal(
-            applicability=1.0,
-            desirability=desire,
-            prohibition=forbid,
-            reason="backing out" if self._phase == "back" else "turning to where it is free",
-            explain=explain,
-        )
-
-    def _freest(self, context: Context) -> float:
-        """Turn [rad] toward the freest direction, the nearer to the aim the better."""
-        ranges = context.ranges
-        aim = 0.0 if context.aim is None else context.aim.bearing
-        away = np.abs((ranges.bearings - aim + math.pi) % (2 * math.pi) - math.pi)
-        best = float(ranges.bearings[int(np.argmax(ranges.free - 0.3 * away))])
-        least = self.params.turn
-        return math.copysign(max(abs(best), least), best)
-
-    def _left(self, context: Context) -> float:
-        """The turn [rad] still to make."""
-        return (self._target - context.pose.yaw + math.pi) % (2 * math.pi) - math.pi
-
-    def _backwards(self, context: Context) -> Array:
-        """Straight back, slowly."""
-        commands = context.commands
-        speed = np.where(commands.v < 0.0, 1.0, 0.0)
-        turn = np.maximum(0.0, 1.0 - np.abs(commands.relative_w) / 0.3)
-        return commands.product(speed, turn)
-
-    def _turning(self, context: Context) -> Array:
-        """On the spot toward the target."""
-        commands = context.commands
-        speed = np.where(commands.v == 0.0, 1.0, 0.0)
-        wanted = min(1.0, max(-1.0, self._left(context) / 0.6))
-        turn = np.maximum(0.0, 1.0 - np.abs(commands.relative_w - wanted) / 0.3)
-        return commands.product(speed, turn)
+    def _watch(self, context: Context, alarmed: bool) -> None:
+        """Begin, prolong or end the alarm."""
+        if alarmed:
+            if self._began is None:
+                self._began = context.time
+                self._origin = (context.pose.x, context.pose.y)
+            self._until = context.time + self.params.hold
+        if self._began is None:
+            return
+        too_long = context.time - self._began > self.params.patience
+        if context.time > self._until or too_long:
+            self._began = None

@@ -10,12 +10,17 @@ from navfw import Behavior, BehaviorRules, Context, Proposal, RobotModel
 
 
 class FollowWall(Behavior):
-    """Keeps the nearer wall at its side; leads when no progress is made toward the waypoint."""
+    """Keeps the nearer wall at its side.
+
+    Whether that helps, the composite behaviour must say: on its own it would follow any wall.
+    """
 
     name: ClassVar[str] = "follow_wall"
 
     class Params(Behavior.Params):
         """When a wall is worth following."""
+
+        weight: Annotated[float, Field(gt=0.0, le=1.0, description="applicability")] = 0.9
 
         reach: Annotated[
             float, Field(gt=0.0, le=3.0, description="farthest wall that is followed [m]")
@@ -40,16 +45,13 @@ class FollowWall(Behavior):
             return Proposal(0.0, nothing, nothing, "no wall to follow")
         side = self._choose_side(context)
         gap = ranges.left if side == "left" else ranges.right
-        barred = context.aim is not None and not context.aim.reachable
-        verdict = self.rules.evaluate(
-            gap=gap, ahead=ranges.front, idle=context.idle, barred=float(barred)
-        )
+        verdict = self.rules.evaluate(gap=gap, ahead=ranges.front)
         away = context.commands.relative_w if side == "right" else -context.commands.relative_w
         desire = context.commands.product(
             verdict.over("speed", context.commands.relative_v), verdict.over("turn", away)
         )
         return Proposal(
-            applicability=verdict.value("applicability"),
+            applicability=self.params.weight,
             desirability=desire,
             prohibition=nothing,
             reason=f"wall on the {side}, {gap:.2f} m off",

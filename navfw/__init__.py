@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from navfw.kinds import (
         Behavior,
+        Composite,
         Controller,
         FeatureRecognizer,
         FlowProcessor,
@@ -33,6 +34,7 @@ _HOMES = {
     "BehaviorRules": "navfw.mofis.rules",
     "CameraModel": "navfw.robot",
     "Command": "navfw.signals",
+    "Composite": "navfw.kinds",
     "Context": "navfw.mofis.context",
     "Controller": "navfw.kinds",
     "Explain": "navfw.signals",
@@ -56,6 +58,7 @@ __all__ = [
     "BehaviorRules",
     "CameraModel",
     "Command",
+    "Composite",
     "Context",
     "Controller",
     "Explain",

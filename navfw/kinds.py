@@ -1,4 +1,4 @@
-"""The eight kinds of plugin: each a small base class with the one method that its room asks for.
+"""The nine kinds of plugin: each a small base class with the one method that its room asks for.
 
 A plugin is constructed with the robot's model and its validated parameters, is told ``reset()`` at
 the start of every run, and keeps no state outside itself. Which plugin of each kind runs, with
@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 __all__ = [
     "KINDS",
     "Behavior",
+    "Composite",
     "Controller",
     "FeatureRecognizer",
     "FlowProcessor",
@@ -159,6 +160,19 @@ class Behavior(Plugin):
         """How applicable this behaviour is now, what it desires, and what it forbids."""
 
 
+class Composite(Plugin):
+    """A composite behaviour of MOFIS (paper Fig. 1): what its primitives have to say just now."""
+
+    kind = "composite"
+
+    @abstractmethod
+    def weigh(self, context: Context) -> Mapping[str, float]:
+        """The degree in [0, 1] to which each primitive is applicable; 1 for those not named.
+
+        It multiplies the applicability that the primitive finds for itself.
+        """
+
+
 class Fusion(Plugin):
     """Command fusion (paper sec 2, METHOD 3): all proposals in, one command out."""
 
@@ -183,6 +197,7 @@ KINDS: dict[str, type[Plugin]] = {
     base.kind: base
     for base in (
         Behavior,
+        Composite,
         FlowProcessor,
         Perception,
         FeatureRecognizer,

@@ -14,6 +14,7 @@ from navfw.flow.derotation import derotate
 from navfw.flow.refinement import refine
 from navfw.kinds import (
     Behavior,
+    Composite,
     Controller,
     FeatureRecognizer,
     FlowProcessor,
@@ -106,7 +107,13 @@ class Stack:
         }
         self.safety = SafetyMonitor(robot, config.safety)
         self.verdict = SafetyVerdict(Twist(0.0, 0.0))
-        self.mofis = Mofis(robot, behaviors, cast(Fusion, build("fusion")), config.motion)
+        self.mofis = Mofis(
+            robot,
+            behaviors,
+            cast(Fusion, build("fusion")),
+            config.motion,
+            cast(Composite, build("composite")),
+        )
         self.timings: dict[str, float] = {}
         self.state = StackState(time=0.0)
         self._start_pose: Pose | None = None

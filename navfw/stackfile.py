@@ -34,6 +34,7 @@ class StackSpec(BaseModel):
     features: Chosen
     localizer: Chosen
     planner: Chosen
+    composite: Chosen = {"travel": None}
     behaviors: Annotated[dict[str, dict[str, Any] | None], Field(min_length=1)]
     fusion: Chosen
     controller: Chosen
@@ -48,7 +49,16 @@ class StackSpec(BaseModel):
     ] = 1.0
 
 
-STAGES = ("flow", "perception", "features", "localizer", "planner", "fusion", "controller")
+STAGES = (
+    "flow",
+    "perception",
+    "features",
+    "localizer",
+    "planner",
+    "composite",
+    "fusion",
+    "controller",
+)
 
 
 class PluginSource(Protocol):

@@ -10,7 +10,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from navfw.kinds import Behavior, Fusion
+from navfw.kinds import Behavior, Composite, Fusion
 from navfw.mofis.commands import CommandGrid, CommandGridParams
 from navfw.mofis.context import Context
 from navfw.mofis.egomap import EgoMap, EgoMapParams
@@ -62,9 +62,11 @@ class Mofis:
         behaviors: Mapping[str, Behavior],
         fusion: Fusion,
         params: MofisParams | None = None,
+        composite: Composite | None = None,
     ) -> None:
         self.robot = robot
         self.behaviors = dict(behaviors)
+        self.composite = composite
         self.fusion = fusion
         self.params = params or MofisParams()
         self.commands = CommandGrid(robot, self.params.commands)
@@ -76,6 +78,8 @@ class Mofis:
         """Forget the last run."""
         self.egomap.reset()
         self.fusion.reset()
+        if self.composite is not None:
+            self.composite.reset()
         for behavior in self.behaviors.values():
             behavior.reset()
         self._faults: dict[tuple[str, str], Fault] = {}
@@ -103,11 +107,13 @@ class Mofis:
             self.egomap.enter(percept, odometry.pose)
             self._percept = percept
         self.context = self._context(odometry, belief, waypoint)
+        weights = self._weigh(self.context)
         self.proposals = {}
         for name, behavior in self.behaviors.items():
             proposal = self._ask(name, behavior, self.context)
             if proposal is not None:
-                self.proposals[name] = proposal
+                degree = proposal.applicability * weights.get(name, 1.0)
+                self.proposals[name] = replace(proposal, applicability=degree)
         self._previous = self.fusion.fuse(self.context, self.proposals)
         return self._previous
 
@@ -141,6 +147,21 @@ class Mofis:
             idle=idle,
         )
 
+    def _weigh(self, context: Context) -> Mapping[str, float]:
+        """What the composite gives each primitive; nothing when it fails or there is none."""
+        if self.composite is None:
+            return {}
+        try:
+            weights = dict(self.composite.weigh(context))
+            wrong = {name: w for name, w in weights.items() if not 0.0 <= w <= 1.0}
+            error = f"weights {wrong} are not in [0, 1]" if wrong else None
+        except Exception as exception:  # a plugin may raise anything; the robot drives on
+            weights, error = {}, f"{type(exception).__name__}: {exception}"
+        if error is None:
+            return weights
+        self._note_fault(context.time, self.composite.name, error)
+        return {}
+
     def _ask(self, name: str, behavior: Behavior, context: Context) -> Proposal | None:
         """The behaviour's proposal, or None (and a recorded fault) when it is not usable."""
         try:
@@ -150,9 +171,12 @@ class Mofis:
             proposal, error = None, f"{type(exception).__name__}: {exception}"
         if error is None:
             return proposal
-        known = self._faults.get((name, error), Fault(context.time, name, error, 0))
-        self._faults[name, error] = replace(known, count=known.count + 1)
+        self._note_fault(context.time, name, error)
         return None
+
+    def _note_fault(self, time: float, name: str, error: str) -> None:
+        known = self._faults.get((name, error), Fault(time, name, error, 0))
+        self._faults[name, error] = replace(known, count=known.count + 1)
 
 
 def _fault_of(proposal: object, shape: tuple[int, int]) -> str | None:

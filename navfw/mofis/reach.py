@@ -113,6 +113,12 @@ class Ranges:
         return float(self.free[inside].min()) if inside.any() else self.limit
 
     @property
+    def corridor(self) -> float:
+        """Degree in [0, 1] to which there is a wall at each side and room ahead."""
+        side = max(self.left, self.right)
+        return max(0.0, min(1.0, (1.6 - side) / 0.8)) * max(0.0, min(1.0, self.front / 0.8))
+
+    @property
     def front(self) -> float:
         """Least free distance [m] within 30 degrees of straight ahead."""
         return self.nearest(-math.radians(30), math.radians(30))

@@ -27,6 +27,16 @@ class Verdict:
         """The crisp value of ``output``."""
         return float(self._result.outputs[output][0])
 
+    def degree(self, output: str) -> float:
+        """``output`` as the mean of its terms' peaks, weighted by how much each is concluded.
+
+        Unlike the centroid this reaches the ends of the range: what the rules call none is 0.
+        """
+        degrees = self._result.degrees[output]
+        peaks = self._rules.peaks(output)
+        total = sum(float(degrees[name][0]) for name in peaks)
+        return sum(float(degrees[n][0]) * peak for n, peak in peaks.items()) / max(total, 1e-9)
+
     def values(self, output: str) -> Array:
         """The crisp values of ``output``, in the shape of the inputs."""
         result: Array = self._result.outputs[output].reshape(self._shape)
@@ -63,11 +73,17 @@ class BehaviorRules:
         self.base = RuleBase.load(Path(path))
         self.fis = CompiledFis(self.base)
         self._terms: dict[tuple[str, bytes], dict[str, Array]] = {}
+        self._peaks: dict[str, dict[str, float]] = {}
 
     @classmethod
     def beside(cls, module_file: str) -> BehaviorRules:
         """The rule base in the YAML file beside a module: ``BehaviorRules.beside(__file__)``."""
         return cls(Path(module_file).with_suffix(".yaml"))
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """The names of all outputs, in the order of the file."""
+        return tuple(self.base.outputs)
 
     def evaluate(self, **inputs: float) -> Verdict:
         """Apply the rules; inputs outside a variable's range count as its end."""
@@ -78,6 +94,16 @@ class BehaviorRules:
         """Apply the rules to arrays of inputs, all of the same shape."""
         shape = next(iter(inputs.values())).shape
         return Verdict(self, self.fis.evaluate({k: v.ravel() for k, v in inputs.items()}), shape)
+
+    def peaks(self, output: str) -> Mapping[str, float]:
+        """Where each term of ``output`` is fullest, within the range."""
+        if output not in self._peaks:
+            universe = self.base.outputs[output].universe
+            self._peaks[output] = {
+                name: float(universe[degrees >= degrees.max() - 1e-9].mean())
+                for name, degrees in self.terms(output, universe).items()
+            }
+        return self._peaks[output]
 
     def terms(self, output: str, values: Array) -> Mapping[str, Array]:
         """Each term of ``output`` at ``values`` (n,), kept for the next call."""

@@ -8,16 +8,26 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from navfw.kinds import Behavior
+from navfw.kinds import Behavior, Composite
 from navfw.mofis.context import Context
+from navfw.mofis.lookahead import Aim
 from navfw.plugins import Registry, default_registry
 from navfw.robot import RobotModel
-from navfw.signals import Proposal, Twist
+from navfw.signals import Pose, Proposal, Twist, Waypoint
 from navfw.testing import check_behavior
 from navfw.testing.scenes import Scene, contexts_of
 
 ROBOT = RobotModel()
-SHIPPED = ("avoid", "emergency", "follow_wall", "go_to_xy")
+SHIPPED = (
+    "avoid",
+    "centre_corridor",
+    "emergency",
+    "escape",
+    "follow_wall",
+    "go_to_xy",
+    "peek",
+    "traverse_door",
+)
 
 
 @pytest.fixture(scope="module")
@@ -119,15 +129,88 @@ def test_follow_wall_keeps_its_distance(registry: Registry, side: str, sign: flo
     assert wanted(*propose(registry, "follow_wall", far)).w * sign > 0.05
 
 
-def test_follow_wall_leads_only_when_nothing_else_gets_on(registry: Registry) -> None:
-    moving = Scene("moving", Twist(0.2, 0.0), left=0.5, ticks=10)
-    held = Scene("held", Twist(0.0, 0.01), left=0.5, ticks=160)
-    _, before = propose(registry, "follow_wall", moving)
-    assert before.applicability < 0.2
-    context, after = propose(registry, "follow_wall", held)
-    assert context.idle > 12.0
-    # without a percept there is no wall to follow, with one there is
-    assert after.applicability > 0.5 or context.ranges.left > 1.2
+def weigh(registry: Registry, scene: Scene, **changes: object) -> dict[str, float]:
+    """What `travel` gives its primitives at the end of a scene."""
+    cls = registry.get("composite", "travel")
+    assert issubclass(cls, Composite)
+    context = replace(contexts_of(scene)[-1], **changes)  # type: ignore[arg-type]
+    return dict(cls(ROBOT).weigh(context))
+
+
+def test_travel_follows_walls_only_when_nothing_else_gets_on(registry: Registry) -> None:
+    scene = Scene("moving", Twist(0.2, 0.0), left=0.5, ticks=10)
+    moving = weigh(registry, scene)
+    assert moving["follow_wall"] == 0.0
+    assert moving["go_to_xy"] == 1.0
+    caught = weigh(registry, scene, idle=20.0, aim=Aim(0.8, 0.0, np.inf, False, np.inf))
+    assert caught["follow_wall"] == 1.0
+    assert caught["go_to_xy"] < 0.5
+
+
+def test_travel_centres_in_corridors_and_not_in_doors(registry: Registry) -> None:
+    corridor = Scene("corridor", Twist(0.3, 0.0), left=0.7, right=0.7, ticks=20)
+    assert weigh(registry, corridor)["centre_corridor"] > 0.9
+    assert weigh(registry, Scene("open", Twist(0.3, 0.0)))["centre_corridor"] == 0.0
+    door = Waypoint(0.9, 0.0, 0.25, "door", "door", final=False, width=0.9)
+    at_door = weigh(registry, corridor, waypoint=door)
+    assert at_door["centre_corridor"] == 0.0
+    assert at_door["traverse_door"] == 1.0
+
+
+@pytest.mark.parametrize(("nearer", "sign"), [("left", -1.0), ("right", 1.0)])
+def test_centre_corridor_turns_away_from_the_nearer_wall(
+    registry: Registry, nearer: str, sign: float
+) -> None:
+    scene = Scene("corridor", Twist(0.3, 0.0), left=0.7, right=0.7, ticks=20)
+    scene = replace(scene, left=0.45) if nearer == "left" else replace(scene, right=0.45)
+    context, proposal = propose(registry, "centre_corridor", scene)
+    assert proposal.applicability > 0.2
+    assert wanted(context, proposal).w * sign > 0.05
+
+
+def test_traverse_door_only_at_doors_and_slowly_in_narrow_ones(registry: Registry) -> None:
+    cls = behavior_class(registry, "traverse_door")
+    context = contexts_of(Scene("open", Twist(0.3, 0.0), ticks=20))[-1]
+    assert cls(ROBOT).propose(context).applicability == 0.0
+
+    def through(width: float) -> Twist:
+        x = context.belief.pose.x + 0.8
+        door = Waypoint(x, 0.0, 0.25, "door", "door", final=False, width=width)
+        return wanted(context, cls(ROBOT).propose(replace(context, waypoint=door)))
+
+    assert through(0.6).v < through(1.2).v
+
+
+def test_peek_creeps_into_the_unseen_only(registry: Registry) -> None:
+    blind = Scene("blind", Twist(0.0, 0.0), sees=False, ticks=2)
+    context, proposal = propose(registry, "peek", blind)
+    assert proposal.applicability > 0.4
+    assert 0.0 < wanted(context, proposal).v < 0.4 * context.commands.max_v
+    _, seeing = propose(registry, "peek", Scene("open", Twist(0.3, 0.0), ticks=20))
+    assert seeing.applicability < 0.05
+
+
+def test_escape_backs_out_and_then_turns(registry: Registry) -> None:
+    escape = behavior_class(registry, "escape")(ROBOT)
+    escape.reset()
+    scene = Scene("dead end", Twist(0.2, 0.0), ahead=1.0, left=0.5, right=0.5, ticks=24)
+    drive = contexts_of(scene)
+    for context in drive:
+        assert escape.propose(context).applicability == 0.0
+    standing = replace(drive[-1], twist=Twist(0.0, 0.0))
+    phases = []
+    for k in range(60):
+        now = replace(standing, time=standing.time + 0.1 * k)
+        proposal = escape.propose(now)
+        if proposal.applicability == 0.0:
+            continue
+        assert np.all(proposal.prohibition[now.commands.v > 0.0] == 1.0)
+        phases.append(wanted(now, proposal).v < 0.0)
+        if phases[-1] and len(phases) > 5:  # it has backed out by now
+            pose = standing.pose
+            standing = replace(standing, pose=Pose(pose.x - 0.3, pose.y, pose.yaw))
+    assert phases[0], "it backs out first, along the trail"
+    assert not phases[-1], "then it turns on the spot"
 
 
 def test_emergency_sleeps_while_all_is_well(registry: Registry) -> None:

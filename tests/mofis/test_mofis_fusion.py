@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from navfw.kinds import Behavior, Fusion
+from navfw.kinds import Behavior, Composite, Fusion
 from navfw.mofis.commands import CommandGrid
 from navfw.mofis.context import Context
 from navfw.mofis.egomap import EgoMap
@@ -228,3 +230,27 @@ def test_priority_lets_the_first_in_order_have_it_all() -> None:
     assert fusion.fuse(context(), proposals).leader == "avoid"
     calm = {"go_to_xy": wish(0.9, bump(0.8, 0.0)), "avoid": wish(0.1, bump(0.2, 0.9))}
     assert fusion.fuse(context(), calm).leader == "go_to_xy"
+
+
+class Loud(Composite):
+    """Gives `steady` a third, and fails when told to."""
+
+    name = "loud"
+    weights: ClassVar[dict[str, float]] = {"steady": 0.3}
+
+    def weigh(self, context: Context) -> dict[str, float]:
+        return self.weights
+
+
+def test_a_composite_weighs_its_primitives_and_may_fail_alone() -> None:
+    composite = Loud(ROBOT)
+    mofis = Mofis(ROBOT, {"steady": Steady(ROBOT)}, FuzzyFusion(ROBOT), composite=composite)
+    odometry = Odometry(1.0, Pose(0, 0, 0), Twist(0, 0), 0.0, still=False)
+    waypoint = Waypoint(3.0, 0.0, 0.3, "there", "goal", final=True)
+    belief = Belief(1.0, Pose(0, 0, 0), np.eye(3))
+    mofis.decide(odometry, belief, (), waypoint)
+    assert mofis.proposals["steady"].applicability == pytest.approx(0.3)
+    composite.weights = {"steady": 7.0}  # type: ignore[misc]
+    mofis.decide(odometry, belief, (), waypoint)
+    assert mofis.proposals["steady"].applicability == 1.0
+    assert "loud" in str(mofis.faults[0])

@@ -1,0 +1,46 @@
+"""Centre corridor: keep to the middle between two walls (balance strategy)."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar
+
+from pydantic import Field
+
+from navfw import Behavior, BehaviorRules, Context, Proposal, RobotModel
+
+
+class CentreCorridor(Behavior):
+    """Turns away from the nearer of two walls while the way leads along them."""
+
+    name: ClassVar[str] = "centre_corridor"
+
+    class Params(Behavior.Params):
+        """How much it counts."""
+
+        weight: Annotated[
+            float, Field(gt=0.0, le=1.0, description="applicability in a perfect corridor")
+        ] = 0.4
+        along: Annotated[
+            float, Field(gt=0.0, le=3.2, description="aims farther aside lead elsewhere [rad]")
+        ] = 0.6
+
+    params: Params
+
+    def __init__(self, robot: RobotModel, params: Params | None = None) -> None:
+        super().__init__(robot, params)
+        self.rules = BehaviorRules.beside(__file__)
+
+    def propose(self, context: Context) -> Proposal:
+        """Desire the turn that evens out the gaps at both sides."""
+        ranges = context.ranges
+        along = context.aim is not None and abs(context.aim.bearing) < self.params.along
+        degree = ranges.corridor if along else 0.0
+        balance = (ranges.left - ranges.right) / max(ranges.left + ranges.right, 1e-3)
+        verdict = self.rules.evaluate(balance=balance)
+        return Proposal(
+            applicability=self.params.weight * degree,
+            desirability=verdict.command(context.commands),
+            prohibition=context.commands.zeros(),
+            reason=f"walls {ranges.left:.2f} m left, {ranges.right:.2f} m right",
+            explain=verdict.explain,
+        )

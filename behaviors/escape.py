@@ -1,0 +1,147 @@
+"""Escape: back out along the way just driven, then turn to where it is free."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from navfw import Array, Behavior, BehaviorRules, Context, Explain, Proposal, RobotModel
+
+
+class Escape(Behavior):
+    """Gets a caught robot out: backs along the known trail, then turns to the freest direction.
+
+    Moving backwards shows depth, too: ghosts before the robot are seen through (METHOD 2.12). Each
+    escape soon after the last backs out further and turns more.
+    """
+
+    name: ClassVar[str] = "escape"
+
+    class Params(Behavior.Params):
+        """How it gets out."""
+
+        threshold: Annotated[float, Field(gt=0.0, lt=1.0, description="need to begin")] = 0.5
+        backing: Annotated[float, Field(ge=0.0, le=2.0, description="way to back out [m]")] = 0.25
+        turn: Annotated[float, Field(ge=0.0, le=3.2, description="least turn after it [rad]")] = 0.5
+        patience: Annotated[
+            float, Field(gt=0.0, le=30.0, description="longest time for one escape [s]")
+        ] = 7.0
+        again: Annotated[
+            float, Field(gt=0.0, le=120.0, description="sooner than this counts as the same [s]")
+        ] = 15.0
+
+    params: Params
+
+    def __init__(self, robot: RobotModel, params: Params | None = None) -> None:
+        super().__init__(robot, params)
+        self.rules = BehaviorRules.beside(__file__)
+        self.reset()
+
+    def reset(self) -> None:
+        """Not caught."""
+        self._phase: Literal["watch", "back", "turn"] = "watch"
+        self._since = 0.0
+        self._ended = -math.inf
+        self._tries = 0
+        self._origin = (0.0, 0.0)
+        self._target = 0.0
+        self._still_since: float | None = None
+        self._barred_since: float | None = None
+
+    def propose(self, context: Context) -> Proposal:
+        """Watch for being caught; lead the way out when it is so."""
+        self._watch(context)
+        verdict = self.rules.evaluate(
+            standing=_since(self._still_since, context.time),
+            barred=_since(self._barred_since, context.time),
+            idle=context.idle,
+        )
+        if self._phase == "watch" and verdict.degree("need") > self.params.threshold:
+            self._begin(context)
+        self._advance(context)
+        if self._phase == "watch":
+            nothing = context.commands.zeros()
+            return Proposal(0.0, nothing, nothing, "not caught", explain=verdict.explain)
+        return self._lead(context, verdict.explain)
+
+    def _watch(self, context: Context) -> None:
+        """Keep the times of standing still and of having no way."""
+        still = abs(context.twist.v) < 0.02 and abs(context.twist.w) < 0.15
+        if not still or context.waypoint is None or context.previous is None:
+            self._still_since = None
+        elif self._still_since is None:
+            self._still_since = context.time
+        if context.aim is None or context.aim.reachable:
+            self._barred_since = None
+        elif self._barred_since is None:
+            self._barred_since = context.time
+
+    def _begin(self, context: Context) -> None:
+        soon = context.time - self._ended < self.params.again
+        self._tries = self._tries + 1 if soon else 1
+        self._phase = "back"
+        self._since = context.time
+        self._origin = (context.pose.x, context.pose.y)
+
+    def _advance(self, context: Context) -> None:
+        """From backing to turning to the end."""
+        if self._phase == "back":
+            pose = context.pose
+            way = math.hypot(pose.x - self._origin[0], pose.y - self._origin[1])
+            behind = float(context.arcs.free[0, context.commands.w.size // 2])
+            if way >= self.params.backing * min(self._tries, 4) or behind < 0.05:
+                self._phase = "turn"
+                self._target = pose.yaw + self._freest(context)
+        turned = self._phase == "turn" and abs(self._left(context)) < 0.12
+        too_long = context.time - self._since > self.params.patience
+        if self._phase != "watch" and (turned or too_long):
+            self._phase = "watch"
+            self._ended = context.time
+            self._still_since = self._barred_since = None
+
+    def _freest(self, context: Context) -> float:
+        """Turn [rad] toward the freest direction, the nearer to the aim the better."""
+        ranges = context.ranges
+        aim = 0.0 if context.aim is None else context.aim.bearing
+        away = np.abs((ranges.bearings - aim + math.pi) % (2 * math.pi) - math.pi)
+        best = float(ranges.bearings[int(np.argmax(ranges.free - 0.3 * away))])
+        least = min(self.params.turn * self._tries, math.pi)
+        return math.copysign(max(abs(best), least), best)
+
+    def _left(self, context: Context) -> float:
+        """The turn [rad] still to make."""
+        return (self._target - context.pose.yaw + math.pi) % (2 * math.pi) - math.pi
+
+    def _lead(self, context: Context, explain: Explain) -> Proposal:
+        """Backwards or on the spot; forward is forbidden meanwhile."""
+        commands = context.commands
+        forbid = commands.zeros()
+        forbid[commands.v > 0.0, :] = 1.0
+        backing = self._phase == "back"
+        return Proposal(
+            applicability=1.0,
+            desirability=self._backwards(context) if backing else self._turning(context),
+            prohibition=forbid,
+            reason="backing out" if backing else "turning to where it is free",
+            explain=explain,
+        )
+
+    def _backwards(self, context: Context) -> Array:
+        commands = context.commands
+        speed = np.where(commands.v < 0.0, 1.0, 0.0)
+        turn = np.maximum(0.0, 1.0 - np.abs(commands.relative_w) / 0.3)
+        return commands.product(speed, turn)
+
+    def _turning(self, context: Context) -> Array:
+        commands = context.commands
+        speed = np.where(commands.v == 0.0, 1.0, 0.0)
+        wanted = min(1.0, max(-1.0, self._left(context) / 0.6))
+        turn = np.maximum(0.0, 1.0 - np.abs(commands.relative_w - wanted) / 0.3)
+        return commands.product(speed, turn)
+
+
+def _since(start: float | None, now: float) -> float:
+    return 0.0 if start is None else now - start

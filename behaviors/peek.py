@@ -1,0 +1,52 @@
+"""Peek: a small safe motion to see, before going where nothing is known (METHOD 2.10, 2.12)."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from navfw import Behavior, BehaviorRules, Context, Proposal, RobotModel
+
+
+class Peek(Behavior):
+    """Creeps toward an unseen aim with a slight weave: only a moving camera sees depth."""
+
+    name: ClassVar[str] = "peek"
+
+    class Params(Behavior.Params):
+        """How it looks."""
+
+        weight: Annotated[float, Field(gt=0.0, le=1.0, description="applicability")] = 0.5
+        weave: Annotated[
+            float, Field(ge=0.0, le=1.0, description="share of the top turning rate")
+        ] = 0.12
+        period: Annotated[float, Field(gt=0.2, le=10.0, description="of the weave [s]")] = 1.6
+
+    params: Params
+
+    def __init__(self, robot: RobotModel, params: Params | None = None) -> None:
+        super().__init__(robot, params)
+        self.rules = BehaviorRules.beside(__file__)
+
+    def propose(self, context: Context) -> Proposal:
+        """Desire to creep where the next stretch toward the aim has not been seen."""
+        aim, ranges = context.aim, context.ranges
+        nothing = context.commands.zeros()
+        if aim is None:
+            return Proposal(0.0, nothing, nothing, "nowhere to look")
+        toward = int(np.argmin(np.abs(np.angle(np.exp(1j * (ranges.bearings - aim.bearing))))))
+        seen = float(ranges.seen[toward])
+        verdict = self.rules.evaluate(seen=min(seen, 2.0), bearing=math.degrees(aim.bearing))
+        weave = self.params.weave * math.sin(2.0 * math.pi * context.time / self.params.period)
+        turn = verdict.over("turn", context.commands.relative_w - weave)
+        speed = verdict.over("speed", context.commands.relative_v)
+        return Proposal(
+            applicability=self.params.weight * verdict.degree("applicability"),
+            desirability=context.commands.product(speed, turn),
+            prohibition=nothing,
+            reason=f"seen {seen:.2f} m toward the aim",
+            explain=verdict.explain,
+        )

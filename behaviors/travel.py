@@ -1,0 +1,32 @@
+"""Travel: the composite behaviour for going from waypoint to waypoint (paper Fig. 1)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+from navfw import BehaviorRules, Composite, Context, RobotModel
+
+
+class Travel(Composite):
+    """Weighs the primitives by whether the robot gets on, and what it drives through."""
+
+    name: ClassVar[str] = "travel"
+
+    params: Composite.Params
+
+    def __init__(self, robot: RobotModel, params: Composite.Params | None = None) -> None:
+        super().__init__(robot, params)
+        self.rules = BehaviorRules.beside(__file__)
+
+    def weigh(self, context: Context) -> Mapping[str, float]:
+        """The degree of applicability of each primitive named in the rules."""
+        barred = context.aim is not None and not context.aim.reachable
+        at_door = context.waypoint is not None and context.waypoint.kind == "door"
+        verdict = self.rules.evaluate(
+            idle=context.idle,
+            barred=float(barred),
+            corridor=context.ranges.corridor,
+            door=context.waypoint_distance if at_door else 3.0,
+        )
+        return {name: verdict.degree(name) for name in self.rules.outputs}
