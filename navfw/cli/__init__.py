@@ -23,6 +23,7 @@ __all__ = ["COMMANDS", "app", "main"]
 COMMANDS = (
     "navfw.cli.run",
     "navfw.cli.replay",
+    "navfw.cli.perceive",
     "navfw.cli.listings",
     "navfw.cli.bench",
     "navfw.cli.suite",

@@ -1,0 +1,211 @@
+"""The picture of a view: the image, its flow, the quadrants by distance, planes, the sentence."""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+
+from navfw.perceive.lettering import Colour, text_width, wrap, write
+from navfw.perceive.perceiver import View
+from navfw.perceive.report import term_of
+from navfw.perceive.working_size import WorkingSize
+from navfw.signals import Array, FlowField, Image, Percept
+
+__all__ = ["COLOURS", "draw", "draw_flow"]
+
+# Okabe and Ito's colours (blue, green, red): told apart by colour-blind readers too
+COLOURS: dict[str, Colour] = {
+    "near": (0, 94, 213),
+    "middle": (0, 159, 230),
+    "far": (178, 114, 0),
+    "unknown": (150, 150, 150),
+}
+"""Colour of each distance term."""
+_INK, _PAPER, _FAINT, _WARNING = (30, 26, 24), (250, 250, 250), (170, 165, 160), (60, 190, 250)
+_LONG_SIDE, _SHORT_SIDE = 1024, 480
+_LETTERS = 17.0
+_LINE = 24
+_MARGIN = 18
+_LINES = 6
+_SHIFT = 4
+
+
+def draw(image: Image, view: View, size: WorkingSize) -> Image:
+    """``image`` (height, width, 3) as it came, enlarged, with what ``view`` sees in it.
+
+    All pictures of a sequence have the same, even size.
+    """
+    scale = min(_LONG_SIDE / max(size.width, size.height), 8.0)
+    scale = max(scale, _SHORT_SIDE / size.width)
+    width, height = 2 * round(0.5 * scale * size.width), 2 * round(0.5 * scale * size.height)
+    way = cv2.INTER_AREA if scale < 1.0 else cv2.INTER_CUBIC
+    scene = np.asarray(cv2.resize(image, (width, height), interpolation=way), dtype=np.uint8)
+    scene = np.asarray(0.82 * scene, dtype=np.uint8)
+    # from working pixels around the middle to pixels of the picture
+    gain = scale / size.scale
+    middle = np.array([0.5 * width, 0.5 * height])
+    half = 0.5 * gain * np.array([size.cut_width, size.cut_height])
+    corners = middle - half, middle + half
+    _draw_quadrants(scene, view, corners)
+    if view.known:
+        _draw_planes(scene, view.percept, corners)
+        draw_flow(scene, view.flow, gain)
+        if view.focus is not None:
+            _draw_focus(scene, np.array(view.focus) * scale)
+    _label_quadrants(scene, view, corners)
+    return np.concatenate([scene, _caption(view, width)])
+
+
+def draw_flow(scene: Image, flow: FlowField, gain: float) -> None:
+    """Arrows of the trusted vectors; ``gain`` is pixels of the picture per pixel of the flow."""
+    middle = 0.5 * np.array([scene.shape[1], scene.shape[0]])
+    width = max(1, round(gain / 4.0))
+    order = np.argsort(flow.confidence.ravel())
+    points, vectors = flow.points.reshape(-1, 2), flow.vectors.reshape(-1, 2)
+    for cell in order:
+        confidence = float(flow.confidence.ravel()[cell])
+        tip = middle + gain * points[cell]
+        if confidence <= 0.05 or not np.isfinite(vectors[cell]).all():
+            cv2.circle(scene, _fixed(tip), 2 << _SHIFT, (120, 120, 120), 1, cv2.LINE_AA, _SHIFT)
+            continue
+        tail = tip - gain * vectors[cell]
+        shade = round(110 + 145 * confidence)
+        length = float(np.hypot(*(tip - tail)))
+        head = min(0.45, 7.0 * max(width, 1) / max(length, 1.0))
+        for colour, thick in (((20, 20, 20), width + 2), ((shade, shade, shade), width)):
+            cv2.arrowedLine(
+                scene, _fixed(tail), _fixed(tip), colour, thick, cv2.LINE_AA, _SHIFT, head
+            )
+
+
+def _draw_quadrants(scene: Image, view: View, corners: tuple[Array, Array]) -> None:
+    """Tint by distance; the nearest quadrants stronger, their nearest parts framed."""
+    percept = view.percept
+    nearest = next(iter(percept.obstacles.values()), {})
+    for name, degrees in percept.quadrants.items():
+        colour = COLOURS[term_of(degrees) if view.known else "unknown"]
+        share = 0.34 if name in nearest else 0.14
+        low, high = _region(name, corners)
+        x0, y0, x1, y1 = (round(v) for v in (*low, *high))
+        part = scene[y0:y1, x0:x1]
+        part[:] = np.rint((1.0 - share) * part + share * np.array(colour)).astype(np.uint8)
+    for layer in list(percept.obstacles.values())[1:]:
+        for name, term in layer.items():
+            low, high = _region(name, corners)
+            for colour, thick in ((_INK, 5), (COLOURS[term], 3)):
+                cv2.rectangle(
+                    scene, _fixed(low + 3), _fixed(high - 3), colour, thick, cv2.LINE_AA, _SHIFT
+                )
+    middle = 0.5 * (corners[0] + corners[1])
+    for begin, end in (
+        ((middle[0], corners[0][1]), (middle[0], corners[1][1])),
+        ((corners[0][0], middle[1]), (corners[1][0], middle[1])),
+    ):
+        cv2.line(scene, _fixed(begin), _fixed(end), (235, 235, 235), 1, cv2.LINE_AA, _SHIFT)
+
+
+def _label_quadrants(scene: Image, view: View, corners: tuple[Array, Array]) -> None:
+    for name, degrees in view.percept.quadrants.items():
+        term = term_of(degrees) if view.known else "unknown"
+        low, high = _region(name, corners)
+        text = term
+        contact = view.quadrant_contact[name]
+        if view.known and term != "unknown" and math.isfinite(contact) and contact < 100.0:
+            nearness = 1.0 / (contact * view.scale.speed)
+            text += f" {1.0 / nearness:.1f} m" if view.scale.metric else ""
+            text += f" {contact:.1f} s"
+        x = low[0] + 8 if name in ("P2", "P3") else high[0] - 8 - text_width(text, 15.0)
+        y = low[1] + 21 if name in ("P1", "P2") else high[1] - 10
+        write(scene, text, (float(x), float(y)), 15.0, _PAPER, halo=_INK)
+
+
+def _draw_planes(scene: Image, percept: Percept, corners: tuple[Array, Array]) -> None:
+    """The left and the right plane as walls whose nearer side is the taller one (METHOD R9)."""
+    low, high = corners
+    middle = 0.5 * (low + high)
+    reach = 0.5 * (high[1] - low[1])
+    for side, code in percept.slopes.items():
+        digits = [int(digit) for digit in code if digit.isdigit()]
+        if len(digits) != 2:
+            continue
+        left, right = (low[0], middle[0]) if side == "left" else (middle[0], high[0])
+        tall = [reach * (0.1 + 0.26 * digit) for digit in digits]
+        inset = 0.02 * (high[0] - low[0])
+        outline = np.array(
+            [
+                (left + inset, middle[1] - tall[0]),
+                (right - inset, middle[1] - tall[1]),
+                (right - inset, middle[1] + tall[1]),
+                (left + inset, middle[1] + tall[0]),
+            ]
+        )
+        fixed = np.rint(outline * (1 << _SHIFT)).astype(np.int32)
+        for colour, thick in ((_INK, 4), ((255, 255, 160), 2)):
+            cv2.polylines(scene, [fixed], True, colour, thick, cv2.LINE_AA, _SHIFT)
+
+
+def _draw_focus(scene: Image, at: Array) -> None:
+    height, width = scene.shape[:2]
+    if not (0.0 <= at[0] < width and 0.0 <= at[1] < height):
+        return
+    for colour, thick in ((_INK, 5), ((120, 255, 120), 2)):
+        cv2.circle(scene, _fixed(at), 9 << _SHIFT, colour, thick, cv2.LINE_AA, _SHIFT)
+        for step in ((14, 0), (-14, 0), (0, 14), (0, -14)):
+            inner = at + 0.45 * np.array(step)
+            cv2.line(scene, _fixed(inner), _fixed(at + step), colour, thick, cv2.LINE_AA, _SHIFT)
+
+
+def _caption(view: View, width: int) -> Image:
+    """What is said of the view, in a strip of fixed height."""
+    strip = np.full((_LINES * _LINE + 2 * _MARGIN, width, 3), _INK, dtype=np.uint8)
+    parts = view.percept.sentence.split("; ")
+    front = [part for part in parts if not part.startswith("Layer")]
+    right = _meters(view)
+    room = width - 2 * _MARGIN
+    y = _MARGIN + 15.0
+    write(strip, "; ".join(front), (_MARGIN, y), _LETTERS + 3, _PAPER, bold=True)
+    for k, line in enumerate(right):
+        x = width - _MARGIN - text_width(line, 14.0)
+        write(strip, line, (x, y + 19.0 * k), 14.0, _FAINT)
+    room_left = room - max(text_width(line, 14.0) for line in right) - 24.0
+    lines: list[tuple[str, Colour]] = []
+    for part in parts:
+        if part.startswith("Layer"):
+            lines += [(line, _PAPER) for line in wrap(part, _LETTERS - 2, room_left)]
+    if view.notes:
+        lines += [(line, _WARNING) for line in wrap("; ".join(view.notes), _LETTERS - 2, room)]
+    for k, (line, colour) in enumerate(lines[: _LINES - 1]):
+        write(strip, line, (_MARGIN, y + _LINE * (k + 1)), _LETTERS - 2, colour)
+    return strip
+
+
+def _meters(view: View) -> list[str]:
+    contact = f"{view.contact:.1f} s" if math.isfinite(view.contact) else "-"
+    lines = [
+        f"{view.time:.2f} s   {view.now}",
+        f"contact ahead in {contact}",
+        f"confidence {view.confidence:.2f}",
+    ]
+    codes = view.percept.slopes
+    lines.append("planes " + "  ".join(f"{side} {code}" for side, code in codes.items()))
+    return lines
+
+
+def _region(name: str, corners: tuple[Array, Array]) -> tuple[Array, Array]:
+    """Upper left and lower right corner [px] of a quadrant or of a part of one (``sP23``)."""
+    low, high = corners
+    for digit in name.lstrip("sP"):
+        middle = 0.5 * (low + high)
+        right, upper = digit in "14", digit in "12"
+        low, high = (
+            np.array([middle[0] if right else low[0], low[1] if upper else middle[1]]),
+            np.array([high[0] if right else middle[0], middle[1] if upper else high[1]]),
+        )
+    return low, high
+
+
+def _fixed(point: Array | tuple[float, float]) -> tuple[int, int]:
+    """``point`` [px] in OpenCV's fixed-point numbers."""
+    return round(float(point[0]) * (1 << _SHIFT)), round(float(point[1]) * (1 << _SHIFT))

@@ -1,0 +1,96 @@
+"""What was perceived, as plain data and as lines for people."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from navfw.offis.situations import ELEMENTARY, TABLE
+from navfw.perceive.perceiver import View
+
+__all__ = ["as_data", "as_line", "front_of", "term_of"]
+
+_DIGITS = 4
+
+
+def as_data(view: View) -> dict[str, Any]:
+    """One object for a pair of images; numbers that do not exist are None.
+
+    Metres are there only where the scale is known; times to contact [s] always are, since they
+    need none. Lengths in the image are in pixels of the images as they came, from their top left.
+    """
+    percept, scale = view.percept, view.scale
+    regions = percept.explanation["regions"]
+    focus = None if view.focus is None else {"x": _n(view.focus[0]), "y": _n(view.focus[1])}
+    roll, pitch, yaw = (math.degrees(angle) for angle in view.turned)
+    return {
+        "pair": view.number,
+        "time": _n(view.time),
+        "dt": _n(view.dt),
+        "frames": [view.past, view.now],
+        "sentence": percept.sentence,
+        "known": view.known,
+        "confidence": _n(view.confidence),
+        "obstacles": {layer: dict(parts) for layer, parts in percept.obstacles.items()},
+        "distances": {
+            name: {
+                "term": term_of(degrees),
+                **{term: _n(degree) for term, degree in degrees.items()},
+                "distance_m": _metres(regions[name]["nearest"]) if scale.metric else None,
+                "ttc_s": _n(view.quadrant_contact[name]),
+            }
+            for name, degrees in percept.quadrants.items()
+        },
+        "situation": front_of(view),
+        "situations": {name: _n(degree) for name, degree in percept.situations.items()},
+        "floor_in_front": _n(percept.floor_in_front),
+        "slopes": dict(percept.slopes),
+        "planes": {pair: _n(degree) for pair, degree in percept.planes.items()},
+        "ttc_s": _n(view.contact),
+        "focus_of_expansion": focus,
+        "rotation_deg": {
+            "yaw": _n(yaw),
+            "pitch": _n(pitch),
+            "roll": _n(roll),
+            "source": view.turn_source,
+        },
+        "scale": {
+            "source": scale.source,
+            "speed_m_s": _n(scale.speed) if scale.metric else None,
+            "camera_height_m": _n(scale.height) if scale.metric and scale.floor else None,
+        },
+        "notes": list(view.notes),
+    }
+
+
+def as_line(view: View) -> str:
+    """Time, how sure, time to contact and the sentence, what lies in front first."""
+    contact = f"{view.contact:6.1f} s" if math.isfinite(view.contact) else "       -"
+    parts = view.percept.sentence.split("; ")
+    sentence = "; ".join(sorted(parts, key=lambda part: part.startswith("Layer")))
+    notes = f" ({'; '.join(view.notes)})" if view.notes else ""
+    return f"{view.time:8.2f} s  {view.confidence:4.2f}  {contact}  {sentence}{notes}"
+
+
+def front_of(view: View) -> str:
+    """What the sentence says of the front: an entry of Table 1, or plain "door"."""
+    for part in view.percept.sentence.split("; "):
+        if part.startswith("Front is "):
+            front = part.removeprefix("Front is ").removeprefix("a ")
+            return front if front in TABLE or front in ELEMENTARY else "unknown"
+    return "unknown"
+
+
+def term_of(degrees: Mapping[str, float]) -> str:
+    """The strongest of the degrees of near, middle and far; "unknown" when all are 0."""
+    best = max(degrees, key=degrees.__getitem__)
+    return best if degrees[best] > 0.0 else "unknown"
+
+
+def _metres(nearness: float) -> float | None:
+    return _n(1.0 / nearness) if nearness > 0.02 else None
+
+
+def _n(value: float) -> float | None:
+    return round(float(value), _DIGITS) if math.isfinite(value) else None

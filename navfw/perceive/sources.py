@@ -1,0 +1,225 @@
+"""Where images come from: a folder, a video file, or image files in natural order."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from navfw.errors import InputError
+from navfw.signals import Image
+
+__all__ = ["FRAME_RATE", "IMAGES", "VIDEOS", "Shot", "Source", "natural_key", "open_source"]
+
+IMAGES = frozenset(
+    {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm", ".pnm", ".webp"}
+)
+"""Suffixes of image files."""
+VIDEOS = frozenset({".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg", ".wmv"})
+"""Suffixes of video files."""
+FRAME_RATE = 10.0
+"""Assumed where nothing says how fast images follow each other [1/s]."""
+_FRAME_RATES = (0.01, 10_000.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Shot:
+    """One image as it came: ``image`` (height, width, 3) uint8 BGR, at ``time`` [s]."""
+
+    name: str
+    time: float
+    image: Image
+
+
+class Source:
+    """Images of one size in the order they were taken; iterate once over it.
+
+    ``rate`` [1/s] is that of the images; ``notes`` say what was assumed, or found on the way.
+    """
+
+    def __init__(self, rate: float, notes: Sequence[str]) -> None:
+        self.rate = rate
+        self.notes = list(notes)
+
+    def __iter__(self) -> Iterator[Shot]:
+        """The images.
+
+        Raises:
+            InputError: an image cannot be read, sizes differ, there are fewer than two.
+
+        """
+        first: Shot | None = None
+        count = 0
+        for shot in self._shots():
+            if first is None:
+                first = shot
+            elif shot.image.shape != first.image.shape:
+                raise InputError(
+                    f"is {_size(shot.image)}, but {first.name} is {_size(first.image)}: "
+                    "all images must have one size",
+                    file=shot.name,
+                )
+            count += 1
+            yield shot
+        if count < 2:
+            raise InputError(f"{self} gives {count or 'no'} image; flow needs at least two")
+
+    def reads(self, path: Path) -> bool:
+        """Whether ``path`` is one of the files that are read."""
+        return path.exists() and any(path.samefile(other) for other in self._read_from())
+
+    def _shots(self) -> Iterator[Shot]:
+        raise NotImplementedError
+
+    def _read_from(self) -> Sequence[Path]:
+        raise NotImplementedError
+
+
+class _Files(Source):
+    def __init__(self, paths: Sequence[Path], fps: float | None, named: str) -> None:
+        notes: list[str] = []
+        times = None if fps is not None else _times_in_names(paths)
+        if times is None:
+            rate = FRAME_RATE if fps is None else fps
+            times = [i / rate for i in range(len(paths))]
+            if fps is None:
+                notes.append(f"no --fps given: {rate:g} images a second assumed")
+        else:
+            rate = (len(times) - 1) / (times[-1] - times[0])
+            notes.append(f"times taken from the file names: {rate:.1f} images a second")
+        super().__init__(rate, notes)
+        self._paths, self._times, self._named = paths, times, named
+
+    def __str__(self) -> str:
+        return self._named
+
+    def _read_from(self) -> Sequence[Path]:
+        return self._paths
+
+    def _shots(self) -> Iterator[Shot]:
+        for path, time in zip(self._paths, self._times, strict=True):
+            yield Shot(path.name, time, _read_image(path))
+
+
+class _Video(Source):
+    def __init__(self, path: Path, fps: float | None) -> None:
+        self._path = path
+        self._film = cv2.VideoCapture(str(path))
+        if not self._film.isOpened():
+            raise InputError("is no video that can be read", file=path)
+        rate, notes = fps, []
+        if rate is None:
+            rate = float(self._film.get(cv2.CAP_PROP_FPS))
+            if not (math.isfinite(rate) and _FRAME_RATES[0] <= rate <= _FRAME_RATES[1]):
+                rate = FRAME_RATE
+                notes.append(f"the video does not tell its frame rate: {rate:g} a second assumed")
+        super().__init__(rate, notes)
+
+    def __str__(self) -> str:
+        return str(self._path)
+
+    def _read_from(self) -> Sequence[Path]:
+        return (self._path,)
+
+    def _shots(self) -> Iterator[Shot]:
+        promised = int(self._film.get(cv2.CAP_PROP_FRAME_COUNT))
+        count = 0
+        try:
+            while True:
+                good, image = self._film.read()
+                if not good:
+                    break
+                yield Shot(f"frame {count}", count / self.rate, np.asarray(image, np.uint8))
+                count += 1
+        finally:
+            self._film.release()
+        if count == 0:
+            raise InputError("is a video without a frame that can be read", file=self._path)
+        # containers estimate their length; more than a few frames missing means it is cut off
+        if promised > count + 5:
+            self.notes.append(f"only {count} of {promised} frames of the video could be read")
+
+
+def open_source(paths: Sequence[Path], fps: float | None = None) -> Source:
+    """The images that ``paths`` name: one folder, one video, or image files.
+
+    Files are taken in natural order (``image_2`` before ``image_10``), unless they were named in
+    an order that is not the alphabet's: then that order is meant. ``fps`` [1/s] overrides what a
+    video or time stamps in file names say.
+
+    Raises:
+        InputError: there is nothing to read.
+
+    """
+    low, high = _FRAME_RATES
+    if fps is not None and not low <= fps <= high:
+        raise InputError(f"must be between {low:g} and {high:g}, got {fps:g}", key="--fps")
+    for path in paths:
+        if not path.exists():
+            raise InputError("no such file or folder", file=path)
+    if len(paths) == 1 and paths[0].is_dir():
+        return _Files(_images_in(paths[0]), fps, f"the folder {paths[0]}")
+    for path in paths:
+        if path.is_dir():
+            raise InputError("give one folder, or image files, not both", file=path)
+    if len(paths) == 1 and paths[0].suffix.lower() not in IMAGES:
+        return _Video(paths[0], fps)
+    for path in paths:
+        if path.suffix.lower() in VIDEOS:
+            raise InputError("give one video, or image files, not both", file=path)
+    ordered = list(paths)
+    if ordered == sorted(ordered):
+        ordered.sort(key=natural_key)
+    return _Files(ordered, fps, str(paths[0]) if len(paths) == 1 else "the list of files")
+
+
+def natural_key(path: Path) -> list[tuple[int, int, str]]:
+    """Sorts names with the numbers in them as numbers."""
+    return [
+        (0, int(part), part) if part.isdigit() else (1, 0, part.lower())
+        for part in re.split(r"([0-9]+)", path.name)
+        if part
+    ]
+
+
+def _images_in(folder: Path) -> list[Path]:
+    entries = [entry for entry in folder.iterdir() if not entry.name.startswith(".")]
+    images = [e for e in entries if e.is_file() and e.suffix.lower() in IMAGES]
+    if images:
+        return sorted(images, key=natural_key)
+    others = sorted(e.name for e in entries if e.is_dir() or e.suffix.lower() in VIDEOS)
+    hint = f"; is one of these meant: {', '.join(others[:5])}?" if others else ""
+    raise InputError(f"holds no images{hint}", file=folder)
+
+
+def _times_in_names(paths: Sequence[Path]) -> list[float] | None:
+    """Times [s] since the first image when all names are time stamps in seconds, else None."""
+    if len(paths) < 2 or not all(re.fullmatch(r"[0-9]+\.[0-9]+", path.stem) for path in paths):
+        return None
+    stamps = [float(path.stem) for path in paths]
+    times = [stamp - stamps[0] for stamp in stamps]
+    ascending = all(b > a for a, b in itertools.pairwise(times))
+    return times if ascending else None
+
+
+def _read_image(path: Path) -> Image:
+    try:
+        data = np.fromfile(path, dtype=np.uint8)
+        image = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror or error}", file=path) from error
+    except cv2.error as error:
+        raise InputError("is too large, or damaged", file=path) from error
+    if image is None:
+        raise InputError("is no image that can be read", file=path)
+    return np.asarray(image, dtype=np.uint8)
+
+
+def _size(image: Image) -> str:
+    return f"{image.shape[1]} x {image.shape[0]}"

@@ -1,0 +1,105 @@
+"""Images of any size, brought to one that the flow's grid divides, with the right focal length."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from navfw.errors import InputError
+from navfw.robot import CameraModel
+from navfw.signals import Array, Image
+
+__all__ = ["HFOV", "WorkingSize"]
+
+HFOV = (15.0, 155.0)
+"""Horizontal fields of view that a pinhole camera may have here [deg]."""
+AREA = 160 * 120
+"""Pixels of the paper's images, for which windows and search are made."""
+LEAST_SIDE = 24
+"""An image smaller than this shows nothing to a 24 px window [px]."""
+
+
+@dataclass(frozen=True, slots=True)
+class WorkingSize:
+    """How images (``width`` x ``height`` px) become those that the flow is computed on.
+
+    They are scaled by ``scale``, the same along both axes, then cut around the middle to
+    ``cut_width`` x ``cut_height``, whole multiples of the grid's cells.
+    """
+
+    width: int
+    height: int
+    scale: float
+    cut_width: int
+    cut_height: int
+
+    @classmethod
+    def of(cls, width: int, height: int, rows: int, cols: int) -> WorkingSize:
+        """The size nearest to the paper's that loses least at the borders.
+
+        Raises:
+            InputError: the images are too small, or far too long for the grid.
+
+        """
+        if min(width, height) < LEAST_SIDE:
+            raise InputError(f"images of {width} x {height} px are too small: nothing to match in")
+        best: tuple[float, WorkingSize] | None = None
+        for cell_width in range(2, 1 + math.ceil(math.sqrt(4 * AREA * width / height) / cols)):
+            cut_width = cell_width * cols
+            for cell_height in _cells(cut_width, width, height, rows):
+                cut_height = cell_height * rows
+                scale = max(cut_width / width, cut_height / height)
+                kept = cut_width * cut_height / (scale * scale * width * height)
+                area = cut_width * cut_height / AREA
+                if min(cut_width, cut_height) < LEAST_SIDE or cut_width < 32:
+                    continue
+                # one octave away from the wanted area weighs as much as 15 % cut away
+                cost = (1.0 - kept) + 0.15 * abs(math.log2(area))
+                if best is None or cost < best[0] - 1e-9:
+                    best = cost, cls(width, height, scale, cut_width, cut_height)
+        if best is None:
+            raise InputError(
+                f"a grid of {rows} x {cols} does not fit images of {width} x {height} px"
+            )
+        return best[1]
+
+    def camera(self, hfov: float, height: float, pitch: float, rate: float) -> CameraModel:
+        """The camera that takes the working images.
+
+        ``hfov`` [rad] is the horizontal field of view of the images as they came; ``height`` [m]
+        above the floor, ``pitch`` [rad] nose down, ``rate`` [1/s].
+        """
+        focal = 0.5 * self.scale * self.width / math.tan(0.5 * hfov)
+        return CameraModel(
+            width=self.cut_width,
+            height=self.cut_height,
+            hfov=2.0 * math.atan(0.5 * self.cut_width / focal),
+            mount_height=height,
+            mount_forward=0.0,
+            pitch=pitch,
+            rate=rate,
+        )
+
+    def prepare(self, image: Image) -> Image:
+        """The working image (cut_height, cut_width) luminance of ``image`` (height, width, 3)."""
+        grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+        width = max(round(self.scale * self.width), self.cut_width)
+        height = max(round(self.scale * self.height), self.cut_height)
+        way = cv2.INTER_AREA if self.scale < 1.0 else cv2.INTER_LINEAR
+        scaled = cv2.resize(grey, (width, height), interpolation=way)
+        x, y = (width - self.cut_width) // 2, (height - self.cut_height) // 2
+        cut = scaled[y : y + self.cut_height, x : x + self.cut_width]
+        return np.ascontiguousarray(cut, dtype=np.uint8)
+
+    def to_image(self, points: Array) -> Array:
+        """Working ``points`` (..., 2) [px from the centre] in pixels from the images' top left."""
+        return points / self.scale + 0.5 * np.array([self.width, self.height])
+
+
+def _cells(cut_width: int, width: int, height: int, rows: int) -> tuple[int, ...]:
+    """Cell heights [px] with which next to nothing is cut, for a cut of that width."""
+    exact = cut_width * height / (width * rows)
+    return tuple(n for n in {math.floor(exact), math.ceil(exact)} if n >= 2)
