@@ -62,11 +62,13 @@ class Params(BaseModel):
 class Plugin(ABC):
     """What all kinds share.
 
-    ``name`` is what stack files call it; ``Params`` declares its parameters.
+    ``name`` is what stack files call it; ``Params`` declares its parameters. ``oracle`` marks a
+    plugin that needs truth no robot has: a stack file that names it must say ``oracle: true``.
     """
 
     kind: ClassVar[str]
     name: ClassVar[str]
+    oracle: ClassVar[bool] = False
 
     class Params(Params):
         """No parameters, unless a plugin says otherwise."""

@@ -47,6 +47,10 @@ class StackSpec(BaseModel):
     warmup: Annotated[
         float, Field(ge=0.0, le=30.0, description="standing still first, for the gyro's bias [s]")
     ] = 1.0
+    oracle: Annotated[
+        bool,
+        Field(description="allow plugins that need truth no robot has; results are marked by it"),
+    ] = False
 
 
 STAGES = (
@@ -93,6 +97,7 @@ class StackConfig:
     safety: SafetyParams
     refine: bool
     warmup: float
+    oracle: bool = False
 
     def as_data(self) -> dict[str, Any]:
         """The resolved configuration as plain data; written as YAML it is a stack file again."""
@@ -107,6 +112,7 @@ class StackConfig:
             "safety": self.safety.model_dump(mode="json"),
             "refine": self.refine,
             "warmup": self.warmup,
+            "oracle": self.oracle,
         }
 
 
@@ -139,9 +145,32 @@ def resolve(
     behaviors = {
         name: _choose(document, plugins, "behavior", "behaviors", name) for name in spec.behaviors
     }
+    if not spec.oracle:
+        _refuse_oracles(document, {**stages, **{f"behaviors.{n}": c for n, c in behaviors.items()}})
     return StackConfig(
-        stages, behaviors, spec.pairing, spec.motion, spec.safety, spec.refine, spec.warmup
+        stages,
+        behaviors,
+        spec.pairing,
+        spec.motion,
+        spec.safety,
+        spec.refine,
+        spec.warmup,
+        spec.oracle,
     )
+
+
+def _refuse_oracles(document: YamlDocument, choices: Mapping[str, Choice]) -> None:
+    """Raise ConfigError if a plugin needs truth that the stack file does not admit to using."""
+    for section, choice in choices.items():
+        if choice.plugin.oracle:
+            origin = document.origin_of((section.split(".")[0], choice.name))
+            raise ConfigError(
+                f"{choice.name} needs the simulator's truth, which no robot has; for evaluation, "
+                "say `oracle: true` in the stack file: the results are then marked by it",
+                file=origin.file,
+                line=origin.line,
+                key=section,
+            )
 
 
 def _choose(

@@ -17,6 +17,7 @@ from navfw.config.lookup import find, find_mission
 from navfw.config.overrides import Override, parse_override
 from navfw.missions.metrics import Metrics, measure
 from navfw.missions.missionfile import MissionFile, load_mission
+from navfw.missions.oracle import reveal
 from navfw.missions.outcome import Outcome
 from navfw.missions.runner import Progress, Run, Task, run_task
 from navfw.recording.readings import ReadingsRecorder
@@ -67,10 +68,14 @@ class Session:
         )
 
     def simulation(self, gui: bool = False) -> Simulation:
-        """The simulator, with the robot at the start."""
+        """The simulator, with the robot at the start; an oracle stack is given its truth."""
         spec = self.mission.spec
         sensors = spec.sensors.resolved()
-        return Simulation(self.world, spec.robot, self.mission.start, self.seed, sensors, gui=gui)
+        simulation = Simulation(
+            self.world, spec.robot, self.mission.start, self.seed, sensors, gui=gui
+        )
+        reveal(simulation, self.stack)
+        return simulation
 
     def run(
         self,
@@ -156,6 +161,7 @@ class MissionResult:
             "mean_speed_m_s": metrics.mean_speed,
             "emergencies": metrics.emergencies,
             "command_hash": run.track.command_hash,
+            "oracle": self.session.stack.resolved.oracle,
             "faults": run.faults,
             "stage_ms": metrics.stage_ms,
         }

@@ -24,6 +24,9 @@ BUILT_IN: dict[str, dict[str, str]] = {
     "flow": {
         "block_matching": "navfw.flow.block_matching:BlockMatching",
         "dis": "navfw.flow.dis:Dis",
+        "farneback": "navfw.flow.farneback:Farneback",
+        "ideal": "navfw.flow.ideal:Ideal",
+        "lucas_kanade": "navfw.flow.lucas_kanade:LucasKanade",
     },
     "perception": {"offis": "navfw.offis.offis:Offis"},
     "features": {"none": "navfw.features.none:NoFeatures"},

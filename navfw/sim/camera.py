@@ -124,10 +124,10 @@ class Camera:
             metres = metres.reshape(shape).min(axis=(1, 3))
         return metres.astype(np.float32)
 
-    def _view(
+    def placed(
         self, position: tuple[float, float, float], turn: tuple[float, float, float, float]
-    ) -> list[float]:
-        """OpenGL view matrix, by columns."""
+    ) -> tuple[Array, Array]:
+        """The camera's place (3,) [m] and axes (3, 3; columns: right, down, ahead) in the map."""
         x, y, z, w = turn
         rotation: Array = np.array(
             [
@@ -136,8 +136,14 @@ class Camera:
                 [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
             ]
         )
-        eye = position + rotation @ (self.model.mount_forward, 0.0, self.model.mount_height)
-        axes = rotation @ self.model.base_from_camera  # columns: right, down, ahead in the map
+        eye: Array = position + rotation @ (self.model.mount_forward, 0.0, self.model.mount_height)
+        return eye, rotation @ self.model.base_from_camera
+
+    def _view(
+        self, position: tuple[float, float, float], turn: tuple[float, float, float, float]
+    ) -> list[float]:
+        """OpenGL view matrix, by columns."""
+        eye, axes = self.placed(position, turn)
         view = np.eye(4)
         view[0, :3], view[1, :3], view[2, :3] = axes[:, 0], -axes[:, 1], -axes[:, 2]
         view[:3, 3] = -view[:3, :3] @ eye

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import time as wall
+from collections import deque
 from dataclasses import dataclass
 from types import TracebackType
 
@@ -15,7 +16,7 @@ import numpy as np
 
 from navfw.errors import SimulationError
 from navfw.robot import RobotModel
-from navfw.signals import Frame, Image, Pose, SensorReading, wrap_angle
+from navfw.signals import Array, CameraMotion, Frame, Image, Pose, SensorReading, wrap_angle
 from navfw.sim.camera import Camera, DepthImage
 from navfw.sim.engine import bullet
 from navfw.sim.floorplan import FloorPlan
@@ -30,6 +31,7 @@ __all__ = ["PHYSICS_RATE", "Simulation", "Timings"]
 PHYSICS_RATE = 240
 """Physics steps per second."""
 _SETTLING_STEPS = 60
+_REMEMBERED_VIEWS = 64
 _GRAVITY = 9.81
 
 
@@ -77,6 +79,8 @@ class Simulation:
         self._frames = 0
         self._contacts: set[int] = set()
         self._reading: SensorReading | None = None
+        # where the camera truly was: (time, position in the map, (3, 3) its axes in the map)
+        self._views: deque[tuple[float, Array, Array]] = deque(maxlen=_REMEMBERED_VIEWS)
         self._raw_depth: np.ndarray[tuple[int, ...], np.dtype[np.float32]] | None = None
         # one generator for each component: more of one component's draws never shift another's
         for_camera, for_gyro, for_encoders = (
@@ -172,6 +176,23 @@ class Simulation:
             raise SimulationError("no frame has been taken yet")
         return self._camera.depth(self._raw_depth)
 
+    def true_motion(self, past: Frame, now: Frame) -> CameraMotion:
+        """How the camera truly moved between two of the last frames, pitch and roll included.
+
+        Raises:
+            SimulationError: one of the frames is not, or too old to be remembered.
+
+        """
+        views = {time: (position, axes) for time, position, axes in self._views}
+        if past.time not in views or now.time not in views:
+            raise SimulationError(f"no view of {past.time:.3f} s or {now.time:.3f} s is remembered")
+        (from_position, from_axes), (to_position, to_axes) = views[past.time], views[now.time]
+        return CameraMotion(
+            rotation=to_axes.T @ from_axes,
+            translation=to_axes.T @ (to_position - from_position),
+            dt=now.time - past.time,
+        )
+
     def look_from(self, pose: Pose) -> tuple[Image, DepthImage]:
         """Image without noise and depth [m] as the camera would see them from another pose."""
         turn = (0.0, 0.0, math.sin(0.5 * pose.yaw), math.cos(0.5 * pose.yaw))
@@ -185,7 +206,9 @@ class Simulation:
         if self.time * self.robot.camera.rate < self._frames - 1e-6:
             return None
         begun = wall.perf_counter()
-        clean, self._raw_depth = self._camera.render(*self._body.state())
+        position, turn = self._body.state()
+        clean, self._raw_depth = self._camera.render(position, turn)
+        self._views.append((self.time, *self._camera.placed(position, turn)))
         rendered = wall.perf_counter()
         image = self._camera.expose(clean)
         self._frames = math.floor(self.time * self.robot.camera.rate + 1e-6) + 1

@@ -1,0 +1,171 @@
+"""What dense flow processors share: means over the grid's cells, confidence, sigma."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import Annotated, Self
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field, model_validator
+
+from navfw import kinds
+from navfw.flow.confidence import SIGMA_UNKNOWN, check_ramps, is_frozen, match_sigma, ramp
+from navfw.flow.derotation import align_past, rotate_points, visible_in_past
+from navfw.flow.grid import check_frame, check_grid, grid_points
+from navfw.robot import RobotModel
+from navfw.signals import Array, FlowField, FramePair, Image
+
+__all__ = ["Dense", "DenseFlow"]
+
+Dense = npt.NDArray[np.float32]
+
+#: Averages over a cell are never better than this [px].
+SIGMA_FLOOR = 0.05
+#: Scales the noise model to the errors measured on rendered frames.
+SIGMA_SCALE = 1.5
+#: Share of the spread within a cell that counts as error of its mean.
+SPREAD_SHARE = 0.45
+
+
+class DenseFlow(kinds.FlowProcessor):
+    """Base of the processors that make a vector for every pixel: one mean vector a grid cell.
+
+    The past image is first turned by the camera's known rotation, so that the method meets the
+    translational part only. A cell's confidence asks for texture in both directions and for
+    agreement of the current image with the past one moved along the flow; its sigma comes from
+    that residual and from the spread of the flow within the cell.
+    """
+
+    class Params(kinds.FlowProcessor.Params):
+        """Grid, and when to trust a vector (METHOD 2.9)."""
+
+        rows: Annotated[int, Field(ge=2, le=120, description="rows of the grid")] = 12
+        cols: Annotated[int, Field(ge=2, le=160, description="columns of the grid")] = 16
+        gradient_low: Annotated[
+            float, Field(ge=0.1, description="gradient that says nothing [grey levels/px]")
+        ] = 0.8
+        gradient_high: Annotated[
+            float, Field(gt=0.1, description="gradient that is plenty [grey levels/px]")
+        ] = 2.5
+        match_low: Annotated[
+            float, Field(ge=0.0, lt=1.0, description="correlation that is no match")
+        ] = 0.6
+        match_high: Annotated[
+            float, Field(gt=0.0, le=1.0, description="correlation that is a sure match")
+        ] = 0.85
+        spread_low: Annotated[
+            float, Field(ge=0.0, description="spread within a cell that is ordinary [px]")
+        ] = 1.0
+        spread_high: Annotated[
+            float, Field(gt=0.0, description="spread within a cell that is no one motion [px]")
+        ] = 2.5
+
+        @model_validator(mode="after")
+        def _ramps_rise(self) -> Self:
+            check_ramps(self)
+            return self
+
+    params: Params
+
+    def __init__(self, robot: RobotModel, params: Params | None = None) -> None:
+        super().__init__(robot, params)
+        p, camera = self.params, robot.camera
+        check_grid(camera, p.rows, p.cols, self.name)
+        self._points = grid_points(camera, p.rows, p.cols)
+        y, x = np.mgrid[: camera.height, : camera.width].astype(np.float32)
+        self._pixel_x, self._pixel_y = x, y
+
+    @abstractmethod
+    def _dense(self, now: Image, past: Image) -> Dense:
+        """(height, width, 2): where each pixel of ``now`` lay in ``past``, past - now [px]."""
+
+    def compute(self, pair: FramePair) -> FlowField:
+        """Flow of ``pair.now`` against ``pair.past``, with confidence and sigma of every cell."""
+        camera, p = self.robot.camera, self.params
+        check_frame(pair.past, camera)
+        check_frame(pair.now, camera)
+        rotation = pair.motion.rotation
+        past = align_past(pair.past.image, rotation, camera)
+        dense = self._dense(pair.now.image, past)
+        source_x, source_y = self._pixel_x + dense[..., 0], self._pixel_y + dense[..., 1]
+        moved = cv2.remap(past, source_x, source_y, cv2.INTER_LINEAR).astype(np.uint8)
+        seen = _inside(source_x, source_y, visible_in_past(rotation, camera))
+        cells = _Cells(p.rows, p.cols, seen)
+        back = np.stack([cells.mean(dense[..., 0]), cells.mean(dense[..., 1])], axis=-1)
+        spread = np.sqrt(cells.variance(dense[..., 0]) + cells.variance(dense[..., 1]))
+        score, texture = _agreement(cells, pair.now.image, moved)
+        gradient, curvature = _structure(cells, pair.now.image, texture)
+
+        confidence = ramp(cells.share, 0.5, 0.9) * ramp(score, p.match_low, p.match_high)
+        confidence *= ramp(gradient, p.gradient_low, p.gradient_high)
+        confidence *= 1.0 - ramp(spread, p.spread_low, p.spread_high)
+        if is_frozen(pair, camera):
+            confidence[:] = 0.0
+        noise = SIGMA_SCALE * match_sigma(score, curvature, cells.pixels)
+        sigma = np.sqrt(noise**2 + (SPREAD_SHARE * spread) ** 2 + SIGMA_FLOOR**2)
+        sigma = np.where(confidence > 0.0, np.minimum(sigma, SIGMA_UNKNOWN), SIGMA_UNKNOWN)
+        origin = rotate_points(self._points + back, rotation.T, camera.focal)
+        return FlowField(
+            time=pair.now.time,
+            points=self._points.copy(),
+            vectors=self._points - origin,
+            confidence=confidence,
+            sigma=sigma,
+            motion=pair.motion,
+        )
+
+
+class _Cells:
+    """Means over the grid's cells of those pixels that the past camera saw."""
+
+    def __init__(self, rows: int, cols: int, seen: Dense) -> None:
+        self._rows, self._cols = rows, cols
+        self._seen = seen
+        self.pixels = float(seen.size / (rows * cols))
+        self.share = self._sum(seen) / self.pixels
+        self._count = np.maximum(self._sum(seen), 1.0)
+
+    def _sum(self, dense: Dense) -> Array:
+        height, width = dense.shape
+        small = cv2.resize(dense, (self._cols, self._rows), interpolation=cv2.INTER_AREA)
+        mean: Array = np.asarray(small, dtype=np.float64)
+        return np.asarray(mean * (height * width / (self._rows * self._cols)))
+
+    def mean(self, dense: Dense) -> Array:
+        """(rows, cols) mean of ``dense`` (height, width)."""
+        return np.asarray(self._sum(dense * self._seen) / self._count)
+
+    def variance(self, dense: Dense) -> Array:
+        """(rows, cols) population variance of ``dense`` (height, width)."""
+        # about a rough centre, or float32 squares of grey values would lose digits
+        centred: Dense = dense - np.float32(dense.mean())
+        squares: Array = self.mean(centred * centred) - self.mean(centred) ** 2
+        return np.maximum(squares, 0.0)
+
+
+def _inside(x: Dense, y: Dense, visible: tuple[int, int, int, int]) -> Dense:
+    left, right, top, bottom = visible
+    inside = (x >= left) & (x <= right - 1) & (y >= top) & (y <= bottom - 1)
+    return inside.astype(np.float32)
+
+
+def _agreement(cells: _Cells, now: Image, moved: Image) -> tuple[Array, Array]:
+    """Normalised correlation of the two images in every cell, and the current grey variance."""
+    grey = np.float32(128.0)
+    a: Dense = now.astype(np.float32) - grey
+    b: Dense = moved.astype(np.float32) - grey
+    var_a, var_b = cells.variance(a), cells.variance(b)
+    covariance = cells.mean(a * b) - cells.mean(a) * cells.mean(b)
+    return covariance / np.sqrt(np.maximum(var_a * var_b, 1e-3)), var_a
+
+
+def _structure(cells: _Cells, image: Image, variance: Array) -> tuple[Array, Array]:
+    """Gradient [grey/px] in the poorest direction, and the curvature it gives a correlation."""
+    ix: Dense = np.asarray(cv2.Sobel(image, cv2.CV_32F, 1, 0, scale=0.125), dtype=np.float32)
+    iy: Dense = np.asarray(cv2.Sobel(image, cv2.CV_32F, 0, 1, scale=0.125), dtype=np.float32)
+    xx, yy, xy = cells.mean(ix * ix), cells.mean(iy * iy), cells.mean(ix * iy)
+    eigenvalue = 0.5 * (xx + yy) - np.sqrt(0.25 * (xx - yy) ** 2 + xy**2)
+    poorest = np.maximum(eigenvalue, 0.0)
+    return np.sqrt(poorest), poorest / np.maximum(variance, 1e-3)

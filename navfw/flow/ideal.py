@@ -1,0 +1,136 @@
+"""Flow from true depth and true motion: the paper's synthetic mode (paper sec 5), for evaluation.
+
+No robot has these. The plugin declares ``oracle``: a stack file that names it must say
+``oracle: true``, and only missions and benchmarks hold a ``TruthSource`` to give it.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar, Protocol
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field
+
+from navfw import kinds
+from navfw.errors import PluginError
+from navfw.flow.confidence import SIGMA_UNKNOWN
+from navfw.flow.grid import check_frame, check_grid, grid_points
+from navfw.robot import CameraModel, RobotModel
+from navfw.signals import Array, CameraMotion, FlowField, Frame, FramePair
+
+__all__ = ["Ideal", "TruthSource", "nearness_at", "true_vectors"]
+
+Depth = npt.NDArray[np.float32]
+
+#: What ideal flow says of its own error [px].
+SIGMA = 0.02
+#: Surfaces whose nearness differs more than this are not one surface.
+ONE_SURFACE = 1.15
+
+
+class TruthSource(Protocol):
+    """Who knows what no robot knows: the simulator, on behalf of a mission or a benchmark."""
+
+    def depth(self, frame: Frame) -> Depth:
+        """True depth (height, width) [m] along the optical axis of ``frame``; inf: nothing."""
+        ...
+
+    def motion(self, pair: FramePair) -> CameraMotion:
+        """How the camera truly moved between the frames of ``pair``."""
+        ...
+
+
+class Ideal(kinds.FlowProcessor):
+    """Flow without error, from the simulator's depth and the true motion; for evaluation only.
+
+    Every cell whose surface the past camera had in its image is fully trusted, hidden there or
+    not. The field's ``motion`` remains the measured one: gyro and odometry are not made ideal.
+    """
+
+    name: ClassVar[str] = "ideal"
+    oracle: ClassVar[bool] = True
+
+    class Params(kinds.FlowProcessor.Params):
+        """The grid."""
+
+        rows: Annotated[int, Field(ge=2, le=120, description="rows of the grid")] = 12
+        cols: Annotated[int, Field(ge=2, le=160, description="columns of the grid")] = 16
+
+    params: Params
+
+    def __init__(self, robot: RobotModel, params: Params | None = None) -> None:
+        super().__init__(robot, params)
+        check_grid(robot.camera, self.params.rows, self.params.cols, self.name)
+        self._points = grid_points(robot.camera, self.params.rows, self.params.cols)
+        self._truth: TruthSource | None = None
+
+    def trust(self, truth: TruthSource) -> None:
+        """Take truth from ``truth`` from now on."""
+        self._truth = truth
+
+    def compute(self, pair: FramePair) -> FlowField:
+        """True flow of ``pair.now`` against ``pair.past``.
+
+        Raises:
+            PluginError: nobody has given a source of truth.
+
+        """
+        camera = self.robot.camera
+        check_frame(pair.past, camera)
+        check_frame(pair.now, camera)
+        if self._truth is None:
+            raise PluginError(
+                "ideal flow needs the simulator's truth, which only a mission or a benchmark can "
+                "give; choose another flow processor",
+                key=self.name,
+            )
+        motion = self._truth.motion(pair)
+        nearness = nearness_at(self._points, self._truth.depth(pair.now), camera)
+        vectors = true_vectors(self._points, nearness, motion, camera.focal)
+        x, y = np.moveaxis(self._points - vectors, -1, 0)
+        seen = (np.abs(x) <= 0.5 * camera.width) & (np.abs(y) <= 0.5 * camera.height)
+        return FlowField(
+            time=pair.now.time,
+            points=self._points.copy(),
+            vectors=np.where(np.isfinite(vectors), vectors, 0.0),
+            confidence=np.where(seen, 1.0, 0.0),
+            sigma=np.where(seen, SIGMA, SIGMA_UNKNOWN),
+            motion=pair.motion,
+        )
+
+
+def nearness_at(points: Array, depth: Depth, camera: CameraModel) -> Array:
+    """Nearness 1/Z [1/m] at image ``points`` (..., 2) [px], between the pixels of ``depth``.
+
+    Nearness is affine over a plane's image, so interpolating it is exact on planes; where the four
+    pixels around a point show more than one surface, the nearest pixel decides.
+    """
+    column = np.clip(points[..., 0] + 0.5 * camera.width - 0.5, 0.0, camera.width - 1.0)
+    row = np.clip(points[..., 1] + 0.5 * camera.height - 0.5, 0.0, camera.height - 1.0)
+    x0 = np.minimum(np.floor(column).astype(np.int64), camera.width - 2)
+    y0 = np.minimum(np.floor(row).astype(np.int64), camera.height - 2)
+    fx, fy = column - x0, row - y0
+    nearness: Array = 1.0 / depth.astype(np.float64)
+    corners = np.stack(
+        [nearness[y0 + j, x0 + i] for j in (0, 1) for i in (0, 1)],
+        axis=-1,
+    )
+    weights = np.stack([(1 - fx) * (1 - fy), fx * (1 - fy), (1 - fx) * fy, fx * fy], axis=-1)
+    mixed = np.sum(weights * corners, axis=-1)
+    one = corners.max(axis=-1) <= ONE_SURFACE * corners.min(axis=-1)
+    chosen = np.take_along_axis(corners, weights.argmax(axis=-1)[..., None], axis=-1)[..., 0]
+    return np.asarray(np.where(one, mixed, chosen))
+
+
+def true_vectors(points: Array, nearness: Array, motion: CameraMotion, focal: float) -> Array:
+    """Flow (..., 2) [px] at current ``points`` of static surfaces at ``nearness`` [1/m].
+
+    NaN where a surface was not in front of the past camera. Exact: the current point X is at
+    R^T (X + t) in the past camera's axes; all is divided by the depth, so that what is infinitely
+    far moves with the rotation alone.
+    """
+    ray = np.concatenate([points / focal, np.ones_like(points[..., :1])], axis=-1)
+    past = (ray + nearness[..., None] * motion.translation) @ motion.rotation
+    ahead = np.where(past[..., 2:] > 1e-6, past[..., 2:], np.nan)
+    return np.asarray(points - focal * past[..., :2] / ahead)

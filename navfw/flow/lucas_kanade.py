@@ -1,0 +1,186 @@
+"""Pyramidal Lucas-Kanade on a few points of every grid cell, checked forth and back."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar, Self
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field, model_validator
+
+from navfw import kinds
+from navfw.flow.confidence import SIGMA_UNKNOWN, check_ramps, is_frozen, local_spread, ramp
+from navfw.flow.derotation import align_past, rotate_points, visible_in_past
+from navfw.flow.grid import check_frame, check_grid, grid_points
+from navfw.robot import CameraModel, RobotModel
+from navfw.signals import Array, FlowField, FramePair, Image
+
+__all__ = ["LucasKanade"]
+
+Floats = npt.NDArray[np.float32]
+
+#: Tracking is never better than this [px].
+SIGMA_FLOOR = 0.05
+#: Scales the noise model to the errors measured on rendered frames.
+NOISE_SCALE = 1.3
+#: What the way forth and back, the disagreement within a cell and the flow's variation from cell
+#: to cell (the less, the more points a cell has) tell of the error: shares of each.
+RETURN_SHARE, CELL_SHARE, SPREAD_SHARE = 0.5, 0.5, 0.25
+
+
+class LucasKanade(kinds.FlowProcessor):
+    """Pyramidal Lucas-Kanade at points of a regular grid, with a forward-backward check.
+
+    The past image is first turned by the camera's known rotation. Of the points in a cell, the
+    median of those that come back to where they started is the cell's vector. Confidence asks for
+    texture in both directions, a short way back, and agreement of the image patches.
+    """
+
+    name: ClassVar[str] = "lucas_kanade"
+
+    class Params(kinds.FlowProcessor.Params):
+        """Grid, windows, and when to trust a vector (METHOD 2.9)."""
+
+        rows: Annotated[int, Field(ge=2, le=120, description="rows of the grid")] = 12
+        cols: Annotated[int, Field(ge=2, le=160, description="columns of the grid")] = 16
+        points: Annotated[int, Field(ge=1, le=4, description="points per cell along each axis")] = 1
+        window: Annotated[int, Field(ge=5, le=63, description="side of a window [px]")] = 11
+        levels: Annotated[int, Field(ge=0, le=5, description="halvings of the image")] = 2
+        gradient_low: Annotated[
+            float, Field(ge=0.1, description="gradient that says nothing [grey levels/px]")
+        ] = 0.8
+        gradient_high: Annotated[
+            float, Field(gt=0.1, description="gradient that is plenty [grey levels/px]")
+        ] = 2.5
+        return_low: Annotated[
+            float, Field(ge=0.0, description="error forth and back that is ordinary [px]")
+        ] = 0.3
+        return_high: Annotated[
+            float, Field(gt=0.0, description="error forth and back that is a mismatch [px]")
+        ] = 1.0
+        residual_low: Annotated[
+            float, Field(ge=0.0, description="mismatch in parts of the contrast, ordinary")
+        ] = 0.35
+        residual_high: Annotated[
+            float, Field(gt=0.0, description="mismatch in parts of the contrast, no match")
+        ] = 0.7
+
+        @model_validator(mode="after")
+        def _ramps_rise(self) -> Self:
+            check_ramps(self)
+            return self
+
+    params: Params
+
+    def __init__(self, robot: RobotModel, params: Params | None = None) -> None:
+        super().__init__(robot, params)
+        p, camera = self.params, robot.camera
+        check_grid(camera, p.rows, p.cols, self.name)
+        self._points = grid_points(camera, p.rows, p.cols)
+        self._seeds = _seeds(camera, p.rows, p.cols, p.points)
+
+    def compute(self, pair: FramePair) -> FlowField:
+        """Flow of ``pair.now`` against ``pair.past``, with confidence and sigma of every cell."""
+        camera, p = self.robot.camera, self.params
+        check_frame(pair.past, camera)
+        check_frame(pair.now, camera)
+        rotation = pair.motion.rotation
+        now, past = pair.now.image, align_past(pair.past.image, rotation, camera)
+        there, returned, residual = self._track(now, past, visible_in_past(rotation, camera))
+        gradient, contrast = _texture(now, self._seeds, p.window)
+        trust = 1.0 - ramp(returned, p.return_low, p.return_high)
+        trust *= 1.0 - ramp(residual / np.maximum(contrast, 1.0), p.residual_low, p.residual_high)
+        trust *= ramp(gradient, p.gradient_low, p.gradient_high)
+        if is_frozen(pair, camera):
+            trust[:] = 0.0
+
+        noise = NOISE_SCALE * residual / (np.maximum(gradient, 0.1) * p.window)
+        own = noise**2 + (RETURN_SHARE * np.minimum(returned, SIGMA_UNKNOWN)) ** 2
+        vectors, confidence, variance = _cells(self._seeds - there, trust, own)
+        spread = SPREAD_SHARE / p.points * local_spread(vectors, confidence)
+        sigma = np.sqrt(variance + spread**2 + SIGMA_FLOOR**2)
+        sigma = np.where(confidence > 0.0, np.minimum(sigma, SIGMA_UNKNOWN), SIGMA_UNKNOWN)
+        origins = rotate_points(self._points - vectors, rotation.T, camera.focal)
+        return FlowField(
+            time=pair.now.time,
+            points=self._points.copy(),
+            vectors=self._points - origins,
+            confidence=confidence,
+            sigma=sigma,
+            motion=pair.motion,
+        )
+
+    def _track(
+        self, now: Image, past: Image, visible: tuple[int, int, int, int]
+    ) -> tuple[Array, Array, Array]:
+        """Where the seeds lay in ``past``, the error [px] forth and back, the mismatch [grey].
+
+        Lost points have an infinite error.
+        """
+        p = self.params
+        size = (p.window, p.window)
+        seeds = self._seeds.reshape(-1, 1, 2).astype(np.float32)
+        there, found, error = cv2.calcOpticalFlowPyrLK(
+            now, past, seeds, seeds.copy(), winSize=size, maxLevel=p.levels
+        )
+        back, kept, _ = cv2.calcOpticalFlowPyrLK(
+            past, now, there, np.array(there), winSize=size, maxLevel=p.levels
+        )
+        there, found, error = np.asarray(there), np.asarray(found), np.asarray(error)
+        shape = self._seeds.shape[:-1]
+        off = np.linalg.norm(np.asarray(back) - seeds, axis=-1).reshape(shape).astype(np.float64)
+        x, y = there[:, 0, 0].reshape(shape), there[:, 0, 1].reshape(shape)
+        left, right, top, bottom = visible
+        inside = (x >= left) & (x <= right - 1) & (y >= top) & (y <= bottom - 1)
+        good = (found.reshape(shape) > 0) & (np.asarray(kept).reshape(shape) > 0) & inside
+        return (
+            there.reshape(*shape, 2).astype(np.float64),
+            np.where(good, off, np.inf),
+            # what is lost has no defined error
+            np.where(good, error.reshape(shape), np.float32(255.0)).astype(np.float64),
+        )
+
+
+def _seeds(camera: CameraModel, rows: int, cols: int, points: int) -> Array:
+    """(rows, cols, points^2, 2) pixel coordinates, evenly over each cell."""
+    fine = grid_points(camera, rows * points, cols * points)
+    pixels = fine + 0.5 * np.array([camera.width, camera.height]) - 0.5
+    split = pixels.reshape(rows, points, cols, points, 2).transpose(0, 2, 1, 3, 4)
+    return np.ascontiguousarray(split.reshape(rows, cols, points * points, 2))
+
+
+def _texture(image: Image, seeds: Array, window: int) -> tuple[Array, Array]:
+    """Gradient [grey/px] in the poorest direction and deviation [grey] of the seeds' windows."""
+    ix: Floats = np.asarray(cv2.Sobel(image, cv2.CV_32F, 1, 0, scale=0.125), np.float32)
+    iy: Floats = np.asarray(cv2.Sobel(image, cv2.CV_32F, 0, 1, scale=0.125), np.float32)
+    size = (window, window)
+    at = np.rint(seeds).astype(np.int64)
+    column = at[..., 0].clip(0, image.shape[1] - 1)
+    row = at[..., 1].clip(0, image.shape[0] - 1)
+    products: list[Floats] = [ix * ix, iy * iy, ix * iy]
+    xx, yy, xy = (np.asarray(cv2.boxFilter(product, -1, size))[row, column] for product in products)
+    poorest = 0.5 * (xx + yy) - np.sqrt(0.25 * (xx - yy) ** 2 + xy**2)
+    grey = image.astype(np.float32) - np.float32(128.0)
+    mean = np.asarray(cv2.boxFilter(grey, -1, size))[row, column]
+    variance = np.asarray(cv2.sqrBoxFilter(grey, -1, size))[row, column] - mean**2
+    return (
+        np.sqrt(np.maximum(poorest, 0.0).astype(np.float64)),
+        np.sqrt(np.maximum(variance, 0.0).astype(np.float64)),
+    )
+
+
+def _cells(tracks: Array, trust: Array, variance: Array) -> tuple[Array, Array, Array]:
+    """Vector, confidence and variance (rows, cols) from the points (rows, cols, n) of each cell."""
+    if trust.shape[-1] == 1:
+        return tracks[..., 0, :], trust[..., 0], variance[..., 0]
+    good = trust > 0.0
+    none = np.asarray(~good.any(axis=-1, keepdims=True))
+    kept = np.where((good | none)[..., None], tracks, np.nan)
+    vectors: Array = np.nanmedian(kept, axis=2)
+    apart = np.where(good, np.linalg.norm(tracks - vectors[..., None, :], axis=-1), 0.0)
+    count = np.maximum(good.sum(axis=-1), 1)
+    disagreement = (apart**2).sum(axis=-1) / count
+    own = np.where(good, variance, 0.0).sum(axis=-1) / count
+    # a cell is as sure as the average of all its points, lost ones included
+    return vectors, trust.mean(axis=-1), own + CELL_SHARE**2 * disagreement

@@ -1,0 +1,154 @@
+from __future__ import annotations
+
+import dataclasses
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from flow_scene import cell_truth, room, turn_about
+
+from navfw.config.lookup import find
+from navfw.errors import ConfigError, PluginError, SimulationError
+from navfw.flow.ideal import Ideal, nearness_at, true_vectors
+from navfw.missions.oracle import SimulatorTruth, reveal
+from navfw.missions.session import prepare
+from navfw.plugins import default_registry
+from navfw.robot import RobotModel
+from navfw.signals import Array, CameraMotion, Frame, FramePair, Pose
+from navfw.sim import Simulation, load_world
+from navfw.sim.sensors import SensorParams
+from navfw.stackfile import load_stack
+
+ROBOT = RobotModel()
+CAMERA = ROBOT.camera
+
+
+@dataclasses.dataclass
+class Known:
+    """Truth of one pair."""
+
+    deep: Array
+    moved: CameraMotion
+
+    def depth(self, frame: Frame) -> np.ndarray:
+        return self.deep.astype(np.float32)
+
+    def motion(self, pair: FramePair) -> CameraMotion:
+        return self.moved
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize(("angle", "way"), [(0.05, 0.0), (0.0, 0.06), (-0.1, 0.08)])
+def test_it_is_the_true_flow(axis: int, angle: float, way: float) -> None:
+    motion = CameraMotion(turn_about(axis, angle), way * np.eye(3)[axis], 0.1)
+    scene = room(CAMERA)
+    pair, truth = scene.pair(motion)
+    ideal = Ideal(ROBOT)
+    ideal.trust(Known(scene.look(np.eye(3), np.zeros(3), 1)[1], motion))
+    flow = ideal.compute(pair)
+    seen = flow.confidence > 0
+    off = np.linalg.norm(flow.vectors - cell_truth(truth, flow.points, CAMERA), axis=-1)
+    assert seen.mean() > 0.75
+    assert np.quantile(off[seen], 0.9) < 0.005
+    assert flow.motion is pair.motion
+
+
+def test_what_the_past_image_did_not_show_is_not_trusted() -> None:
+    motion = CameraMotion(turn_about(1, 0.2), np.zeros(3), 0.1)
+    pair, _ = room(CAMERA).pair(motion)
+    ideal = Ideal(ROBOT)
+    ideal.trust(Known(np.full((120, 160), 2.0), motion))
+    confidence = ideal.compute(pair).confidence
+    assert not confidence[:, 0].any()
+    assert confidence[2:-2, 4:].all()
+
+
+def test_the_infinitely_far_moves_with_the_rotation_alone() -> None:
+    points = np.array([[10.0, -5.0]])
+    motion = CameraMotion(np.eye(3), np.array([0.3, 0.0, 1.0]), 0.1)
+    np.testing.assert_allclose(true_vectors(points, np.zeros(1), motion, 80.0), [[0, 0]], atol=1e-9)
+
+
+def test_nearness_is_not_mixed_across_an_edge() -> None:
+    depth = np.full((120, 160), 1.0, np.float32)
+    depth[:, 80:] = 4.0
+    points = np.array([[-0.2, 0.0], [0.2, 0.0], [-0.6, 0.0]])
+    np.testing.assert_allclose(nearness_at(points, depth, CAMERA), [1.0, 0.25, 1.0])
+
+
+def test_without_truth_it_refuses() -> None:
+    pair, _ = room(CAMERA).pair(CameraMotion(np.eye(3), np.zeros(3), 0.1))
+    with pytest.raises(PluginError, match="only a mission or a benchmark"):
+        Ideal(ROBOT).compute(pair)
+
+
+# --- in a stack ---------------------------------------------------------------------------------
+
+
+def stack_file(folder: Path, extra: str = "") -> Path:
+    text = find("stack", "default").read_text(encoding="utf-8")
+    lines = text.splitlines()
+    at = next(i for i, line in enumerate(lines) if line.startswith("flow:"))
+    lines[at + 1] = "  ideal:"
+    file = folder / "ideal.yaml"
+    file.write_text("\n".join([*lines, extra, ""]), encoding="utf-8")
+    return file
+
+
+def test_a_stack_that_does_not_admit_to_it_is_refused(tmp_path: Path) -> None:
+    file = stack_file(tmp_path)
+    with pytest.raises(ConfigError, match=r"ideal needs the simulator's truth.*oracle: true") as e:
+        load_stack(file, default_registry())
+    lines = file.read_text(encoding="utf-8").splitlines()
+    assert e.value.line == 1 + lines.index("  ideal:")
+    assert load_stack(file, default_registry(), ["oracle=true"]).oracle
+
+
+def test_an_oracle_mission_is_marked(tmp_path: Path) -> None:
+    file = stack_file(tmp_path, "oracle: true")
+    session = prepare("office", "lobby-to-lab", stack=file, overrides=["mission.timeout=4.5"])
+    result = session.run()
+    assert result.summary()["oracle"] is True
+    assert not result.run.verdict.trace
+    flows = session.stack.state.flows
+    assert flows
+    assert (flows[0].confidence > 0).mean() > 0.7
+
+
+def test_an_honest_mission_is_given_nothing(tmp_path: Path) -> None:
+    session = prepare("office", "lobby-to-lab", overrides=["mission.timeout=0.2"])
+    assert session.run().summary()["oracle"] is False
+    session.stack.flow = Ideal(ROBOT)  # slipped past the stack file
+    with session.simulation() as simulation:
+        reveal(simulation, session.stack)
+        frame = simulation.read().frame
+        assert frame is not None
+        pair = FramePair(frame, frame, CameraMotion(np.eye(3), np.zeros(3), 0.1))
+        with pytest.raises(PluginError):
+            session.stack.flow.compute(pair)
+
+
+def test_the_simulators_truth_is_that_of_its_frames() -> None:
+    world, here = load_world(find("world", "office")), Pose(1.6, 1.4, 0.5)
+    with Simulation(world, ROBOT, here, 1, SensorParams.preset("perfect")) as simulation:
+        truth = SimulatorTruth(simulation)
+        first = simulation.read().frame
+        start = simulation.true_pose()
+        simulation.drive(6.0, 7.0)
+        simulation.advance(0.3)
+        second = simulation.read().frame
+        end = simulation.true_pose()
+        assert first is not None
+        assert second is not None
+        moved = truth.motion(FramePair(first, second, CameraMotion(np.eye(3), np.zeros(3), 0.3)))
+        way = math.hypot(end.x - start.x, end.y - start.y)
+        assert moved.translation[2] == pytest.approx(way, abs=0.003)
+        assert math.atan2(moved.rotation[0, 2], moved.rotation[2, 2]) == pytest.approx(
+            end.yaw - start.yaw, abs=1e-3
+        )
+        assert truth.depth(second).shape == (120, 160)
+        with pytest.raises(SimulationError):
+            truth.depth(first)
+        with pytest.raises(SimulationError):
+            simulation.true_motion(Frame(9.0, first.image), second)
