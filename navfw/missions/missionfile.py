@@ -7,6 +7,9 @@
     start: [1.2, 1.2, 0.6]        # x, y [m], yaw [rad]; or {place: lobby, yaw: 0.6}
     goals: [lab]                  # places of the map, or {x: 14.6, y: 8.8}
     timeout: 150
+
+Without ``map`` the robot knows start and goals alone: goals are then points, and the map consists
+of the start, the goals, and straight passages of unknown width between them.
 """
 
 from __future__ import annotations
@@ -40,6 +43,7 @@ __all__ = [
     "PointGoal",
     "SensorsSpec",
     "SuccessSpec",
+    "goals_map",
     "load_mission",
 ]
 
@@ -249,6 +253,11 @@ def _map_of_goals(document: YamlDocument, spec: MissionSpec) -> TopoMap:
         if not isinstance(goal, PointGoal):
             raise _unknown(document, ("goals", index), "place", goal, ())
         points.append((goal.x, goal.y))
+    return goals_map(points)
+
+
+def goals_map(points: Sequence[tuple[float, float]]) -> TopoMap:
+    """The map where there is none: points [m] in the order of the mission, and nothing between."""
     unique = list(dict.fromkeys(points))
     names = ["start", *(f"goal-{index}" for index in range(1, len(unique)))]
     places = [Place(name, *point) for name, point in zip(names, unique, strict=True)]

@@ -169,7 +169,7 @@ class FloorPlan:
         self.check_free(*start, radius, "the start")
         self.check_free(*goal, radius, "the goal")
         ends = np.array([start, goal])
-        if self._sees(ends[0], ends[1], radius):
+        if self.sees(ends[0], ends[1], radius):
             return math.dist(start, goal), ends
         path = np.vstack([start, self._grid_path(start, goal, radius), goal])
         path = self._pull_taut(path, radius)
@@ -219,7 +219,7 @@ class FloorPlan:
         away = np.linalg.norm(grid.middle(rows, columns) - (x, y), axis=1)
         return int(away.argmin())
 
-    def _sees(self, a: Array, b: Array, radius: float) -> bool:
+    def sees(self, a: Array, b: Array, radius: float) -> bool:
         """Whether the straight way between two points is free (tested every centimetre)."""
         steps = max(int(np.ceil(np.linalg.norm(b - a) / 0.01)), 1)
         points = a + np.linspace(0.0, 1.0, steps + 1)[:, None] * (b - a)
@@ -244,12 +244,12 @@ class FloorPlan:
             low, high = here + 1, len(path) - 1
             # doubling, then halving: sight is nearly always monotone along a short way
             reach = 1
-            while here + reach <= high and self._sees(path[here], path[here + reach], radius):
+            while here + reach <= high and self.sees(path[here], path[here + reach], radius):
                 low, reach = here + reach, reach * 2
             high = min(high, here + reach)
             while low < high:
                 middle = (low + high + 1) // 2
-                if self._sees(path[here], path[middle], radius):
+                if self.sees(path[here], path[middle], radius):
                     low = middle
                 else:
                     high = middle - 1

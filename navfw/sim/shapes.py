@@ -9,7 +9,7 @@ import numpy as np
 
 from navfw.signals import Array
 
-__all__ = ["Disc", "Rectangle", "Shape", "overlap_depth"]
+__all__ = ["Disc", "Rectangle", "Shape", "gap_between", "overlap_depth"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,3 +86,18 @@ def overlap_depth(a: Shape, b: Shape) -> float:
         along_a, along_b = corners_a @ axis, corners_b @ axis
         depth = min(depth, float(min(along_a.max() - along_b.min(), along_b.max() - along_a.min())))
     return depth
+
+
+def gap_between(a: Shape, b: Shape) -> float:
+    """Free distance [m] between two shapes; not positive when they touch or overlap."""
+    if isinstance(a, Disc):
+        return float(b.distance(np.array([[a.x, a.y]]))[0]) - a.radius
+    if isinstance(b, Disc):
+        return gap_between(b, a)
+    # a pair of circumscribed circles settles most cases
+    circles = math.hypot(a.half_x, a.half_y) + math.hypot(b.half_x, b.half_y)
+    apart = math.hypot(a.x - b.x, a.y - b.y) - circles
+    if apart <= 0.0 and (depth := overlap_depth(a, b)) >= 0.0:
+        return -depth
+    # two convex shapes are nearest at a corner of one of them
+    return float(min(a.distance(b.corners).min(), b.distance(a.corners).min()))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
@@ -13,6 +14,7 @@ __all__ = [
     "CylinderSpec",
     "DoorSpec",
     "LightSpec",
+    "MoverSpec",
     "OpeningSpec",
     "RoomSpec",
     "TextureSpec",
@@ -125,6 +127,37 @@ class CylinderSpec(_Spec):
     texture: str = "stone"
 
 
+class MoverSpec(_Spec):
+    """An upright cylinder that walks along a path, whatever is in its way (kinematic).
+
+    One that ``yields`` stands still while the robot is near in front of it; the others walk on.
+    """
+
+    name: Name
+    path: Annotated[
+        tuple[Point, ...], Field(min_length=2, max_length=1000, description="corner points [m]")
+    ]
+    speed: Annotated[float, Field(gt=0.0, le=3.0, description="[m/s]")] = 0.4
+    walk: Annotated[
+        Literal["back-and-forth", "loop"],
+        Field(description="at the path's end: turn round, or go straight on to the first point"),
+    ] = "back-and-forth"
+    yields: Annotated[bool, Field(description="whether it stops for a robot in front of it")] = True
+    phase: Annotated[
+        float, Field(ge=0.0, lt=1.0, description="where on its round it is at time 0")
+    ] = 0.0
+    radius: Annotated[float, Field(ge=0.02, le=5.0, description="[m]")] = 0.25
+    height: Annotated[float, Field(ge=0.05, le=20.0, description="[m]")] = 1.7
+    texture: str = "carpet"
+
+    @model_validator(mode="after")
+    def _goes_somewhere(self) -> Self:
+        closed = (*self.path, self.path[0])
+        if any(a == b for a, b in pairwise(closed[: None if self.walk == "loop" else -1])):
+            raise ValueError("two neighbouring points of path are in the same place")
+        return self
+
+
 class LightSpec(_Spec):
     """One directional light and an even one; their sum is about 1 for a well exposed image."""
 
@@ -142,9 +175,9 @@ class LightSpec(_Spec):
 
 
 class WorldSpec(_Spec):
-    """A world: its bounds, floor, walls, doors and furniture, and how they look.
+    """A world: its bounds, floor, walls, doors and furniture, who walks there, and how it looks.
 
-    Every wall, door, box and cylinder has a name of its own; contacts are reported by it.
+    Every wall, door, box, cylinder and mover has a name of its own; contacts are reported by it.
     Textures not listed under ``textures`` are the stock ones of ``navfw.sim.textures.STOCK``.
     """
 
@@ -159,6 +192,7 @@ class WorldSpec(_Spec):
     doors: tuple[DoorSpec, ...] = ()
     boxes: tuple[BoxSpec, ...] = ()
     cylinders: tuple[CylinderSpec, ...] = ()
+    movers: Annotated[tuple[MoverSpec, ...], Field(description="who walks about")] = ()
     textures: Mapping[str, TextureSpec] = Field(default_factory=dict)
     light: LightSpec = LightSpec()
 

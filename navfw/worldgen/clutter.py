@@ -1,0 +1,69 @@
+"""The family ``clutter``: a walled area with boxes and cylinders, no map."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from navfw.sim.shapes import Disc, Rectangle
+from navfw.worldgen.draft import WALL, Draft, blend
+
+__all__ = ["build"]
+
+
+def build(rng: np.random.Generator, difficulty: float) -> Draft:
+    """8 to 12 m square or oblong; the way leads from one side to the other."""
+    draft = Draft.begin(rng, rng.uniform(8.0, 12.0), rng.uniform(8.0, 12.0))
+    draft.enclose(draft.palette.draw("wall"))
+    gap = blend(1.2, 0.75, difficulty)
+    draft.description = f"A walled area with boxes and cylinders at least {gap:.2f} m apart."
+    _set_ends(draft)
+    textures = draft.palette.draw_many("thing", 5)
+    area = draft.x[1] * draft.y[1]
+    wanted = round(area * blend(0.12, 0.34, difficulty))
+    for _ in range(40 * wanted):
+        if len(draft.shapes) >= wanted:
+            break
+        _try_thing(draft, gap, draft.palette.pick(textures))
+    return draft
+
+
+def _set_ends(draft: Draft) -> None:
+    """Start and goal near opposite sides; the way runs along x or y, either way."""
+    rng = draft.rng
+    size = np.array([draft.x[1], draft.y[1]])
+    axis, backwards = int(rng.integers(2)), bool(rng.integers(2))
+    start, goal = rng.uniform(0.15, 0.85, (2, 2)) * size
+    start[axis], goal[axis] = 0.9, size[axis] - 0.9
+    if backwards:
+        start, goal = goal, start
+    draft.keep_free(start[0], start[1], 0.7)
+    draft.keep_free(goal[0], goal[1], 0.6)
+    draft.set_ends((start[0], start[1]), (goal[0], goal[1]))
+    x, y, yaw = draft.start
+    draft.start = (x, y, round(yaw + float(rng.uniform(-0.5, 0.5)), 3))
+
+
+def _try_thing(draft: Draft, gap: float, texture: str) -> None:
+    """One thing more at a random place, unless it leaves too narrow a gap."""
+    rng = draft.rng
+    number = len(draft.shapes) + 1
+    height = rng.uniform(0.5, 1.8)
+    x, y = rng.uniform(0.0, draft.x[1]), rng.uniform(0.0, draft.y[1])
+    if rng.random() < 0.5:
+        disc = Disc(x, y, rng.uniform(0.1, 0.45))
+        if _off_walls(draft, disc.bounds, gap) and draft.has_room(disc, gap):
+            draft.add_cylinder(f"cylinder-{number}", disc, height, texture)
+        return
+    half_x, half_y = rng.uniform(0.12, 0.5, 2)
+    box = Rectangle(x, y, half_x, half_y, rng.uniform(0.0, math.pi))
+    if _off_walls(draft, box.bounds, gap) and draft.has_room(box, gap):
+        draft.add_box(f"box-{number}", box, height, texture)
+
+
+def _off_walls(draft: Draft, bounds: tuple[float, float, float, float], gap: float) -> bool:
+    """Whether the gap to every wall is one to pass through, or so small that nobody will try."""
+    x0, y0, x1, y1 = bounds
+    distances = (x0, y0, draft.x[1] - x1, draft.y[1] - y1)
+    return all(0.01 < d - WALL < 0.2 or d - WALL >= gap for d in distances)

@@ -1,0 +1,170 @@
+"""A world in the making: what stands where, and whether one thing more has room."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from navfw.robot import RobotModel
+from navfw.sim.floorplan import FloorPlan
+from navfw.sim.shapes import Disc, Rectangle, Shape, gap_between
+from navfw.sim.worldfile import (
+    BoxSpec,
+    CylinderSpec,
+    DoorSpec,
+    MoverSpec,
+    RoomSpec,
+    WallSpec,
+    WorldSpec,
+)
+from navfw.topomap.model import TopoMap
+from navfw.worldgen.looks import Palette
+
+__all__ = ["MARGIN", "WALL", "Draft", "KeepFree", "Point", "Unsuitable", "blend", "rounded"]
+
+Point = tuple[float, float]
+
+WALL = 0.1
+"""Thickness [m] of walls."""
+
+MARGIN = 0.06
+"""Every generated passage is at least so much [m] wider than the robot on either side."""
+
+ROBOT = RobotModel()
+
+
+class Unsuitable(Exception):  # noqa: N818 - not an error: the next sub-seed is tried
+    """These draws gave no world with a passage."""
+
+
+def blend(easy: float, hard: float, difficulty: float) -> float:
+    """``easy`` at difficulty 0, ``hard`` at 1."""
+    return easy + (hard - easy) * difficulty
+
+
+def rounded(*values: float) -> tuple[float, ...]:
+    """Values to the millimetre: what a file of three decimals says."""
+    return tuple(round(float(value), 3) for value in values)
+
+
+@dataclass(frozen=True, slots=True)
+class KeepFree:
+    """A point that everything keeps ``radius`` [m] away from: a door, the start, the goal."""
+
+    x: float
+    y: float
+    radius: float
+
+
+@dataclass
+class Draft:
+    """A world in the making, within x and y [m]; ``start`` (x, y, yaw) and ``goal`` (x, y)."""
+
+    rng: np.random.Generator
+    x: tuple[float, float]
+    y: tuple[float, float]
+    palette: Palette
+    description: str = ""
+    floor: str = "carpet"
+    ceiling: str | None = None
+    rooms: list[RoomSpec] = field(default_factory=list)
+    walls: list[WallSpec] = field(default_factory=list)
+    doors: list[DoorSpec] = field(default_factory=list)
+    boxes: list[BoxSpec] = field(default_factory=list)
+    cylinders: list[CylinderSpec] = field(default_factory=list)
+    movers: list[MoverSpec] = field(default_factory=list)
+    free: list[KeepFree] = field(default_factory=list)
+    shapes: list[Shape] = field(default_factory=list)
+    start: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    goal: Point = (0.0, 0.0)
+    goal_place: str | None = None
+    topo_map: TopoMap | None = None
+    clearance: float = ROBOT.radius + MARGIN
+    time_allowance: float = 30.0
+
+    @classmethod
+    def begin(cls, rng: np.random.Generator, width: float, depth: float) -> Draft:
+        """An empty floor of that size [m]."""
+        palette = Palette(rng)
+        width, depth = rounded(width, depth)
+        draft = cls(rng, (0.0, width), (0.0, depth), palette)
+        draft.floor = palette.draw("floor")
+        return draft
+
+    def enclose(self, texture: str, height: float = 2.4) -> None:
+        """An outer wall on the inside edge of the floor."""
+        (x0, x1), (y0, y1) = self.x, self.y
+        x0, y0, x1, y1 = rounded(x0 + WALL / 2, y0 + WALL / 2, x1 - WALL / 2, y1 - WALL / 2)
+        corners = ((x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0))
+        self.walls.append(
+            WallSpec(name="outer-wall", points=corners, height=height, texture=texture)
+        )
+
+    def keep_free(self, x: float, y: float, radius: float) -> None:
+        """Let nothing be placed nearer than ``radius`` [m] to a point."""
+        self.free.append(KeepFree(x, y, radius))
+
+    def set_ends(self, start: Point, goal: Point, towards: Point | None = None) -> None:
+        """Where the mission begins (looking at ``towards``, or the goal) and ends."""
+        aim = goal if towards is None else towards
+        yaw = math.atan2(aim[1] - start[1], aim[0] - start[0])
+        x, y, yaw = rounded(*start, yaw)
+        self.start = (x, y, yaw)
+        gx, gy = rounded(*goal)
+        self.goal = (gx, gy)
+
+    # --- things -------------------------------------------------------------------------------
+
+    def has_room(self, shape: Shape, gap: float) -> bool:
+        """Whether a thing may stand there, ``gap`` [m] from all other things."""
+        for point in self.free:
+            if float(shape.distance(np.array([[point.x, point.y]]))[0]) < point.radius:
+                return False
+        return all(gap_between(shape, other) >= gap for other in self.shapes)
+
+    def add_box(
+        self, name: str, shape: Rectangle, height: float, texture: str, **more: Any
+    ) -> None:
+        """A box of that outline."""
+        self.shapes.append(shape)
+        x, y, yaw = rounded(shape.x, shape.y, shape.yaw)
+        width, depth, tall = rounded(2 * shape.half_x, 2 * shape.half_y, height)
+        size = (width, depth, tall)
+        self.boxes.append(
+            BoxSpec(name=name, at=(x, y), size=size, yaw=yaw, texture=texture, **more)
+        )
+
+    def add_cylinder(self, name: str, shape: Disc, height: float, texture: str) -> None:
+        """A cylinder of that outline."""
+        self.shapes.append(shape)
+        x, y, radius, tall = rounded(shape.x, shape.y, shape.radius, height)
+        self.cylinders.append(
+            CylinderSpec(name=name, at=(x, y), radius=radius, height=tall, texture=texture)
+        )
+
+    # ------------------------------------------------------------------------------------------
+
+    def world(self, name: str) -> WorldSpec:
+        """The world as it stands now."""
+        return WorldSpec(
+            name=name,
+            description=self.description,
+            x=self.x,
+            y=self.y,
+            floor=self.floor,
+            ceiling=self.ceiling,
+            rooms=tuple(self.rooms),
+            walls=tuple(self.walls),
+            doors=tuple(self.doors),
+            boxes=tuple(self.boxes),
+            cylinders=tuple(self.cylinders),
+            movers=tuple(self.movers),
+            textures=dict(self.palette.textures),
+        )
+
+    def plan(self) -> FloorPlan:
+        """The floor plan of what stands now."""
+        return FloorPlan.from_world(self.world("draft"), ROBOT.height)

@@ -1,0 +1,129 @@
+"""Furniture: along the walls and in the middle of rooms, with room to pass everything."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from navfw.sim.shapes import Disc, Rectangle
+from navfw.worldgen.draft import Draft
+
+__all__ = ["furnish"]
+
+Interval = tuple[float, float]
+
+# name, length along the wall, depth, height [m]: smallest and largest
+_ALONG_WALLS = (
+    ("desk", (1.2, 1.6), (0.65, 0.8), (0.72, 0.76)),
+    ("shelf", (0.8, 1.5), (0.3, 0.45), (1.4, 2.0)),
+    ("cupboard", (0.8, 1.4), (0.45, 0.6), (0.9, 1.9)),
+    ("sofa", (1.4, 1.8), (0.7, 0.8), (0.7, 0.85)),
+    ("fridge", (0.6, 0.7), (0.6, 0.65), (1.5, 1.8)),
+)
+# name, half length, half depth, height [m]
+_FREE_BOXES = (
+    ("crate", (0.25, 0.4), (0.25, 0.4), (0.5, 0.9)),
+    ("table", (0.5, 0.8), (0.35, 0.5), (0.7, 0.76)),
+)
+# name, radius, height [m]
+_FREE_ROUND = (
+    ("plant", (0.17, 0.27), (0.8, 1.4)),
+    ("column", (0.15, 0.25), (2.4, 2.4)),
+    ("stool", (0.18, 0.24), (0.45, 0.6)),
+    ("bin", (0.15, 0.22), (0.5, 0.8)),
+    ("round-table", (0.35, 0.5), (0.72, 0.76)),
+)
+_TO_WALL = 0.02
+
+
+def furnish(
+    draft: Draft,
+    rooms: Sequence[tuple[str, Interval, Interval]],
+    density: float,
+    gap: float,
+) -> None:
+    """Put furniture into rooms (name, x and y between wall faces [m]).
+
+    There are ``density`` pieces a square metre, at least ``gap`` [m] apart.
+
+    What stands along a wall touches it nearly; everything else leaves a gap to the wall as well.
+    """
+    textures = draft.palette.draw_many("thing", 6)
+    for name, x, y in rooms:
+        wanted = round((x[1] - x[0]) * (y[1] - y[0]) * density)
+        placed = 0
+        for _ in range(25 * wanted):
+            if placed >= wanted:
+                break
+            if draft.rng.random() < 0.6:
+                placed += _along_wall(draft, name, x, y, gap, textures)
+            else:
+                placed += _standing_free(draft, name, x, y, gap, textures)
+
+
+def _pick(rng: np.random.Generator, interval: Interval) -> float:
+    return float(rng.uniform(*interval))
+
+
+def _named(draft: Draft, kind: str, room: str) -> str:
+    taken = {box.name for box in draft.boxes} | {round_.name for round_ in draft.cylinders}
+    stem = f"{room}-{kind}"
+    number = 1
+    while f"{stem}-{number}" in taken:
+        number += 1
+    return f"{stem}-{number}"
+
+
+def _along_wall(
+    draft: Draft, room: str, x: Interval, y: Interval, gap: float, textures: tuple[str, ...]
+) -> bool:
+    """A box with its back to one of the four walls, in a corner or a passage away from it."""
+    rng = draft.rng
+    kind, lengths, depths, heights = _ALONG_WALLS[int(rng.integers(len(_ALONG_WALLS)))]
+    length, depth, height = _pick(rng, lengths), _pick(rng, depths), _pick(rng, heights)
+    axis, far = int(rng.integers(2)), bool(rng.integers(2))
+    across, along = ((x, y), (y, x))[axis]
+    inset = _TO_WALL
+    low, high = along[0] + inset + 0.5 * length, along[1] - inset - 0.5 * length
+    if low >= high:
+        return False
+    at = rng.uniform(low, high)
+    if min(at - low, high - at) < gap:  # too near a corner to pass behind: into the corner
+        at = low if at - low < high - at else high
+    back = across[1] - inset - 0.5 * depth if far else across[0] + inset + 0.5 * depth
+    if axis == 0:
+        box = Rectangle(back, at, 0.5 * depth, 0.5 * length)
+    else:
+        box = Rectangle(at, back, 0.5 * length, 0.5 * depth)
+    if not (across[1] - across[0] - depth - 2 * inset >= gap and draft.has_room(box, gap)):
+        return False
+    draft.add_box(_named(draft, kind, room), box, height, draft.palette.pick(textures))
+    return True
+
+
+def _standing_free(
+    draft: Draft, room: str, x: Interval, y: Interval, gap: float, textures: tuple[str, ...]
+) -> bool:
+    """A box or a round thing in the middle, that can be passed on all sides."""
+    rng = draft.rng
+    at = float(rng.uniform(*x)), float(rng.uniform(*y))
+    texture = draft.palette.pick(textures)
+    shape: Disc | Rectangle
+    if rng.random() < 0.6:
+        kind, radii, heights = _FREE_ROUND[int(rng.integers(len(_FREE_ROUND)))]
+        shape = Disc(*at, _pick(rng, radii))
+    else:
+        kind, lengths, depths, heights = _FREE_BOXES[int(rng.integers(len(_FREE_BOXES)))]
+        yaw = _pick(rng, (0.0, math.pi))
+        shape = Rectangle(*at, _pick(rng, lengths), _pick(rng, depths), yaw)
+    height = _pick(rng, heights)
+    x0, y0, x1, y1 = shape.bounds
+    if min(x0 - x[0], x[1] - x1, y0 - y[0], y[1] - y1) < gap or not draft.has_room(shape, gap):
+        return False
+    if isinstance(shape, Disc):
+        draft.add_cylinder(_named(draft, kind, room), shape, height, texture)
+    else:
+        draft.add_box(_named(draft, kind, room), shape, height, texture)
+    return True

@@ -1,0 +1,114 @@
+"""``generate``: a family, a seed and a difficulty become a world that can be crossed."""
+
+from __future__ import annotations
+
+import importlib
+import zlib
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+
+import numpy as np
+
+from navfw.errors import InputError, UnknownNameError, WorldError
+from navfw.missions.missionfile import MissionSpec, goals_map
+from navfw.sim.worldcheck import check_world
+from navfw.worldgen.draft import ROBOT, Draft, Unsuitable
+from navfw.worldgen.model import MAP_FILE, GeneratedWorld
+
+__all__ = ["FAMILIES", "MAX_SEED", "SHORTEST_WAY", "generate"]
+
+FAMILIES: Mapping[str, str] = MappingProxyType(
+    {
+        "rooms": "two to six furnished rooms, joined by doors 0.8 to 1.0 m wide",
+        "clutter": "a walled area with boxes and cylinders, gaps from 1.2 down to 0.75 m",
+        "poles": "a dense field of thin poles between walls, as dense as BARN worlds",
+    }
+)
+"""Every family, and what its worlds are like."""
+
+SHORTEST_WAY = 5.0
+"""Start and goal are at least this far [m] apart, as the robot drives."""
+
+MAX_SEED = 2**63 - 1
+
+_ATTEMPTS = 60
+"""Sub-seeds tried before a family gives up; none of the tested seeds needs more than a few."""
+
+Build = Callable[[np.random.Generator, float], Draft]
+
+
+def generate(family: str, seed: int, difficulty: float = 0.5) -> GeneratedWorld:
+    """The world of that family and seed; the same arguments give the same world.
+
+    Draws that leave no passage of the robot's width and a margin, or a way of less than 5 m, are
+    dropped, and the next sub-seed is tried.
+
+    Raises:
+        UnknownNameError: no family has that name.
+        InputError: the seed is negative, or the difficulty is not in [0, 1].
+
+    """
+    if family not in FAMILIES:
+        raise UnknownNameError("family of worlds", family, FAMILIES)
+    if not 0 <= seed <= MAX_SEED:
+        raise InputError(f"expected a seed from 0 to {MAX_SEED}, got {seed}", key="seed")
+    if not 0.0 <= difficulty <= 1.0:
+        raise InputError(f"expected 0 to 1, got {difficulty:g}", key="difficulty")
+    build: Build = importlib.import_module(f"navfw.worldgen.{family}").build
+    for attempt in range(_ATTEMPTS):
+        rng = np.random.default_rng([zlib.crc32(family.encode()), seed, attempt])
+        try:
+            return _finish(build(rng, difficulty), family, seed, difficulty, attempt)
+        except Unsuitable:
+            continue
+    raise InputError(
+        f"{family} with seed {seed} and difficulty {difficulty:g} gave no world with a passage in"
+        f" {_ATTEMPTS} attempts; choose another seed"
+    )
+
+
+def _finish(
+    draft: Draft, family: str, seed: int, difficulty: float, attempt: int
+) -> GeneratedWorld:
+    """Check the draft, and set its mission."""
+    world = draft.world(f"{family}-{seed}")
+    check_world(world)
+    plan = draft.plan()
+    start = draft.start[:2]
+    try:
+        # with the margin first: what only just fits is no passage
+        plan.shortest_path(start, draft.goal, draft.clearance)
+        shortest = plan.shortest_path(start, draft.goal, ROBOT.radius)[0]
+    except WorldError as error:
+        raise Unsuitable(str(error)) from None
+    if shortest < SHORTEST_WAY:
+        raise Unsuitable(f"only {shortest:.1f} m to drive")
+    mission = _mission(draft, family, difficulty, shortest)
+    has_map = draft.topo_map is not None
+    topo_map = draft.topo_map or goals_map([start, draft.goal])
+    return GeneratedWorld(
+        family=family,
+        seed=seed,
+        difficulty=difficulty,
+        world=world,
+        mission=mission,
+        topo_map=topo_map,
+        has_map=has_map,
+        shortest=shortest,
+        attempt=attempt,
+    )
+
+
+def _mission(draft: Draft, family: str, difficulty: float, shortest: float) -> MissionSpec:
+    goal: object = draft.goal_place or {"x": draft.goal[0], "y": draft.goal[1]}
+    data: dict[str, object] = {
+        "description": f"Cross the {family} (difficulty {difficulty:g}), {shortest:.1f} m.",
+        "start": draft.start,
+        "goals": [goal],
+        "tolerance": 0.4,
+        # a quarter of the top speed will do
+        "timeout": float(round(draft.time_allowance + 8.0 * shortest)),
+    }
+    if draft.topo_map is not None:
+        data["map"] = f"../{MAP_FILE}"
+    return MissionSpec.model_validate(data)

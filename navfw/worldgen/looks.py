@@ -1,0 +1,70 @@
+"""How generated worlds look: textures drawn by role, each seeded, all with contrast for flow."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Literal
+
+import numpy as np
+
+from navfw.sim.worldfile import TextureSpec
+
+__all__ = ["Palette", "Role"]
+
+Role = Literal["floor", "wall", "ceiling", "thing", "person"]
+Style = Literal["plaster", "carpet", "wood", "stone", "panels"]
+
+_STYLES: Mapping[Role, tuple[Style, ...]] = MappingProxyType(
+    {
+        "floor": ("carpet", "stone", "plaster", "wood"),
+        "wall": ("plaster", "panels", "stone", "carpet"),
+        "ceiling": ("plaster",),
+        "thing": ("wood", "stone", "panels", "plaster", "carpet"),
+        "person": ("carpet", "stone"),
+    }
+)
+_BRIGHTNESS: Mapping[Role, tuple[float, float]] = MappingProxyType(
+    {
+        "floor": (110.0, 150.0),
+        "wall": (120.0, 155.0),
+        "ceiling": (160.0, 175.0),
+        "thing": (95.0, 150.0),
+        "person": (95.0, 140.0),
+    }
+)
+# floors are seen at a slant: detail finer than this would alias (see navfw.sim.textures)
+_FINEST: Mapping[Role, float] = MappingProxyType({"floor": 0.045})
+
+
+class Palette:
+    """The textures of one world, by name; ``draw`` adds one more."""
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        self._rng = rng
+        self.textures: dict[str, TextureSpec] = {}
+
+    def draw(self, role: Role) -> str:
+        """A new texture for that role; returns its name."""
+        rng = self._rng
+        name = f"{role}-{sum(known.startswith(role) for known in self.textures) + 1}"
+        styles = _STYLES[role]
+        tint = rng.uniform(0.62, 1.0, 3)
+        red, green, blue = np.round(tint / tint.max(), 2).tolist()
+        self.textures[name] = TextureSpec(
+            style=styles[int(rng.integers(len(styles)))],
+            seed=int(rng.integers(1_000_000)),
+            contrast=round(float(rng.uniform(36.0, 48.0)), 1),
+            brightness=round(float(rng.uniform(*_BRIGHTNESS[role])), 1),
+            colour=(red, green, blue),
+            finest=_FINEST.get(role, 0.035),
+        )
+        return name
+
+    def draw_many(self, role: Role, count: int) -> tuple[str, ...]:
+        """``count`` new textures for that role."""
+        return tuple(self.draw(role) for _ in range(count))
+
+    def pick(self, names: tuple[str, ...]) -> str:
+        """One of ``names`` by chance."""
+        return names[int(self._rng.integers(len(names)))]

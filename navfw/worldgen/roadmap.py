@@ -1,0 +1,178 @@
+"""Making a topological map of a world one knows: places, and passages that are truly free.
+
+A passage is straight and keeps a robot's clearance; where a thing stands between two places, the
+shortest way round it gives further places.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from itertools import combinations, pairwise
+
+import networkx as nx
+import numpy as np
+
+from navfw.errors import WorldError
+from navfw.signals import Array
+from navfw.sim.floorplan import FloorPlan
+from navfw.topomap.model import Passage, Place, PlaceKind, TopoMap
+from navfw.worldgen.draft import Point, Unsuitable
+
+__all__ = ["Roadmap"]
+
+CLEARANCES = (0.45, 0.38, 0.32, 0.27)
+"""Distances [m] kept from everything, from comfortable to what still lets the robot pass."""
+
+_APART = 0.35
+"""Places nearer than this [m] are one place."""
+_DETOUR = 1.25
+"""Two places of one room get a passage of their own when the way between them is so much longer."""
+
+Inside = Callable[[float, float], bool]
+
+
+class Roadmap:
+    """Collects places and passages for the map of a floor plan."""
+
+    def __init__(self, plan: FloorPlan) -> None:
+        self.plan = plan
+        self.places: dict[str, Place] = {}
+        self.passages: dict[frozenset[str], Passage] = {}
+        self._counts: dict[str, int] = {}
+
+    def add(self, name: str, x: float, y: float, kind: PlaceKind = "room") -> str:
+        """A place at a point [m]; returns its name."""
+        self.places[name] = Place(name, round(float(x), 3), round(float(y), 3), kind)
+        return name
+
+    def number(self, stem: str) -> str:
+        """``stem-1``, ``stem-2`` and so on."""
+        self._counts[stem] = self._counts.get(stem, 0) + 1
+        return f"{stem}-{self._counts[stem]}"
+
+    def clearance_between(self, a: Place, b: Place) -> float:
+        """Smallest distance [m] of the straight line between two places to anything."""
+        count = max(int(a.distance(b.x, b.y) / 0.04), 2)
+        line = np.linspace((a.x, a.y), (b.x, b.y), count)
+        return float(self.plan.clearances(line).min())
+
+    def link(self, a: str, b: str, width: float = math.inf) -> bool:
+        """A straight passage, if it is free; at most ``width`` [m] wide."""
+        start, end = self.places[a], self.places[b]
+        free = self.clearance_between(start, end)
+        if free < CLEARANCES[-1]:
+            return False
+        passage = Passage(
+            a=a,
+            b=b,
+            length=round(max(start.distance(end.x, end.y), 0.01), 3),
+            width=round(min(2.0 * free, width), 2),
+            doorness=float("door" in (start.kind, end.kind)),
+        )
+        self.passages.setdefault(passage.ends, passage)
+        return True
+
+    def lead(self, a: str, b: str, stem: str, inside: Inside, width: float = math.inf) -> bool:
+        """A way from a to b: straight, or round what is in between by places named after ``stem``.
+
+        False when no way stays where ``inside`` (x, y) holds.
+        """
+        if self.link(a, b, width):
+            return True
+        start, end = self.places[a], self.places[b]
+        for clearance in CLEARANCES:
+            try:
+                path = self.plan.shortest_path((start.x, start.y), (end.x, end.y), clearance)[1]
+            except WorldError:
+                continue
+            if not all(inside(x, y) for x, y in path):
+                continue
+            return self._follow(a, b, self._thin(path), stem, width)
+        return False
+
+    def _thin(self, path: Array) -> Array:
+        """The way with as few corners as the clearance allows."""
+        kept = [path[0]]
+        i = 0
+        while i < len(path) - 1:
+            ahead = range(len(path) - 1, i, -1)
+            i = next(
+                (j for j in ahead if self.plan.sees(path[i], path[j], CLEARANCES[-1] + 0.005)),
+                i + 1,
+            )
+            kept.append(path[i])
+        return np.array(kept)
+
+    def _follow(self, a: str, b: str, path: Array, stem: str, width: float) -> bool:
+        names = [a]
+        for x, y in path[1:-1]:
+            near = [p for p in self.places.values() if p.distance(x, y) < _APART]
+            if near and near[0].name not in (*names, b):
+                names.append(near[0].name)
+            else:
+                names.append(self.add(self.number(stem), x, y, "corner"))
+        links = [self.link(c, d, width) for c, d in pairwise([*names, b])]
+        return all(links)
+
+    def join(self, names: Sequence[str], stem: str, inside: Inside) -> None:
+        """Join all places of one room: passages where one sees another, ways round otherwise.
+
+        Raises:
+            Unsuitable: some place cannot be reached inside the room.
+
+        """
+        pairs = sorted(combinations(names, 2), key=lambda pair: self._distance(*pair))
+        for a, b in pairs:
+            if self.clearance_between(self.places[a], self.places[b]) < CLEARANCES[0]:
+                continue  # a tight one only if need be
+            if self._way(a, b) > 1.1 * self._distance(a, b):
+                self.link(a, b)
+        for a, b in pairs:
+            if math.isinf(self._way(a, b)) and not self.lead(a, b, stem, inside):
+                raise Unsuitable(f"no way from {a} to {b}")
+        for a, b in pairs:
+            if self._way(a, b) > _DETOUR * self._distance(a, b):
+                self.link(a, b)
+
+    def _distance(self, a: str, b: str) -> float:
+        end = self.places[b]
+        return self.places[a].distance(end.x, end.y)
+
+    def _way(self, a: str, b: str) -> float:
+        graph = nx.Graph()
+        graph.add_nodes_from(self.places)
+        graph.add_weighted_edges_from((p.a, p.b, p.length) for p in self.passages.values())
+        try:
+            return float(nx.dijkstra_path_length(graph, a, b))
+        except nx.NetworkXNoPath:
+            return math.inf
+
+    def middle_of(self, low: Point, high: Point, away: float = 0.8) -> Point:
+        """A point of the rectangle that is free by ``away`` [m], or as much as can be, and central.
+
+        Raises:
+            Unsuitable: no point is free for a robot.
+
+        """
+        (x0, y0), (x1, y1) = low, high
+        xs, ys = np.arange(x0 + 0.3, x1 - 0.29, 0.2), np.arange(y0 + 0.3, y1 - 0.29, 0.2)
+        points = np.stack(np.meshgrid(xs, ys), axis=-1).reshape(-1, 2)
+        free = self.plan.clearances(points)
+        off = np.linalg.norm(points - (0.5 * (x0 + x1), 0.5 * (y0 + y1)), axis=1)
+        best = int(np.argmax(np.minimum(free, away) - 0.1 * off))
+        if free[best] < CLEARANCES[-1]:
+            raise Unsuitable("a room without a free place")
+        return float(points[best, 0]), float(points[best, 1])
+
+    def finish(self, name: str) -> TopoMap:
+        """The map.
+
+        Raises:
+            Unsuitable: it falls into parts.
+
+        """
+        topo_map = TopoMap(name, self.places.values(), self.passages.values())
+        if len(topo_map.parts) > 1:
+            raise Unsuitable("the map falls into parts")
+        return topo_map
