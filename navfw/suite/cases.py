@@ -200,7 +200,7 @@ def _check(suite: Suite, index: int, case: Case, registry: Registry) -> dict[str
     try:
         session = case.session(registry)
     except InputError as error:
-        unknown = isinstance(error, UnknownNameError) and error.what == "family"
+        unknown = isinstance(error, UnknownNameError) and error.what.startswith("family")
         raise suite.blame(error, index, "family" if unknown else None) from None
     title = f"entry {case.entry}"
     parts = {

@@ -22,7 +22,7 @@ PACE, TURNING = 0.02, 0.1
 """Mean speeds [m/s], [rad/s] below which a robot has neither driven nor turned to speak of."""
 
 DETOUR = 1.5
-"""A remembered way this much dearer than without ghosts is dearer because of them."""
+"""A remembered way this much dearer than without errors of the memory is so because of them."""
 
 
 class Cause(StrEnum):
@@ -44,6 +44,8 @@ class Cause(StrEnum):
     """collided: with a thing; the stack has no memory to ask"""
     GHOSTS = "ghosts"
     """stuck, timeout: remembered things that are not there bar or lengthen the way"""
+    BLURRED = "blurred_memory"
+    """stuck, timeout: things remembered thicker than they are bar or lengthen the way"""
     AIM_UNREACHABLE = "aim_unreachable"
     """stuck, timeout: all that is remembered bars the way, and it is there"""
     ESTIMATE_ERROR = "estimate_error"
@@ -90,15 +92,15 @@ class Touch:
 
 @dataclass(frozen=True, slots=True)
 class Aiming:
-    """The stack's remembered way to its waypoint at the end, and what ghosts have to do with it.
+    """What the stack's remembered way to its waypoint costs at the end; infinite: there is none.
 
-    A ghost is remembered where, in truth, nothing stands anywhere near. ``cost`` of the way is
-    infinite when there is none; ``cost_without`` is the same with the ghosts taken out.
+    ``without_ghosts`` is the same with everything forgotten that is far from all there is, and
+    ``sharp`` with what is remembered beside the outlines of things forgotten too.
     """
 
     cost: float
-    cost_without: float
-    ghosts: int
+    without_ghosts: float
+    sharp: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,8 +187,10 @@ def _of_delay(evidence: Evidence) -> Cause:
 def _of_aiming(aiming: Aiming | None) -> Cause | None:
     if aiming is None:
         return None
-    if aiming.ghosts and aiming.cost > DETOUR * aiming.cost_without:
+    if aiming.cost > DETOUR * aiming.without_ghosts:
         return Cause.GHOSTS
+    if aiming.cost > DETOUR * aiming.sharp:
+        return Cause.BLURRED
     return Cause.AIM_UNREACHABLE if math.isinf(aiming.cost) else None
 
 

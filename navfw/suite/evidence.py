@@ -30,15 +30,15 @@ RECENT = 30.0
 APPROACH = 0.25
 """Speeds at a contact are means over this long before it [s]."""
 
-GHOST = 0.25
-"""Something remembered this far [m] from anything there is, is a ghost."""
+GHOST, BLUR = 0.25, 0.1
+"""What is remembered this far [m] from anything there is, is a ghost, or blurs an outline."""
 
 REACH = 0.12
 """How far [m] about a point of contact the memory is asked."""
 
 
 def gather(result: MissionResult) -> Evidence:
-    """The evidence of how ``result`` came about. It empties the stack's memory of ghosts."""
+    """The evidence of how ``result`` came about. It corrects the stack's memory on the way."""
     session, track, metrics = result.session, result.run.track, result.metrics
     spec = session.mission.spec
     stack = session.stack
@@ -139,38 +139,39 @@ def _cells(egomap: EgoMap) -> tuple[Array, Array]:
 
 
 def _aiming(mofis: Mofis, odometry: Odometry, now: Pose, plan: FloorPlan) -> Aiming | None:
-    """The remembered way as it is, and with everything forgotten that is not there."""
+    """The remembered way as it is, and with what is wrong in the memory forgotten."""
     context = mofis.context
     if context is None or context.waypoint is None or context.aim is None:
         return None
     egomap, pose = mofis.egomap, odometry.pose
     goal = pose.to_parent(*context.waypoint_local)
-    before = mofis.lookahead.aim(egomap, pose, *goal)
-    ghosts = _ghosts(egomap, pose, now, plan)
-    egomap.evidence[ghosts] = 0.0
-    egomap.move(pose, odometry.time)  # makes it forget what it had derived from them
-    after = mofis.lookahead.aim(egomap, pose, *goal)
-    return Aiming(
-        cost=before.cost if before.reachable else math.inf,
-        cost_without=after.cost if after.reachable else math.inf,
-        ghosts=int(ghosts.sum()),
-    )
+    off = _distance_from_truth(egomap, pose, now, plan)
+    costs = []
+    for limit in (math.inf, GHOST, BLUR):
+        egomap.evidence[off > limit] = 0.0
+        egomap.move(pose, odometry.time)  # makes it forget what it had derived from them
+        aim = mofis.lookahead.aim(egomap, pose, *goal)
+        costs.append(aim.cost if aim.reachable else math.inf)
+    return Aiming(*costs)
 
 
-def _ghosts(egomap: EgoMap, pose: Pose, now: Pose, plan: FloorPlan) -> np.ndarray:
-    """(n, n) True where the map has something, and in truth nothing is near."""
-    ghosts: np.ndarray = np.zeros((egomap.size, egomap.size), dtype=np.bool_)
+def _distance_from_truth(egomap: EgoMap, pose: Pose, now: Pose, plan: FloorPlan) -> Array:
+    """(n, n) distance [m] of what is remembered to the nearest thing in truth; 0 where nothing is.
+
+    ``pose`` and ``now`` are the robot's, in odom and in truth.
+    """
+    distance: Array = np.zeros((egomap.size, egomap.size))
     occupied = egomap.occupied
     x, y = (axis[occupied] for axis in _cells(egomap))
     if not x.size:
-        return ghosts
+        return distance
     c, s = math.cos(pose.yaw), math.sin(pose.yaw)
     ahead = c * (x - pose.x) + s * (y - pose.y)
     left = -s * (x - pose.x) + c * (y - pose.y)
     c, s = math.cos(now.yaw), math.sin(now.yaw)
     true = np.column_stack([now.x + c * ahead - s * left, now.y + s * ahead + c * left])
-    ghosts[occupied] = plan.clearances(true) > GHOST
-    return ghosts
+    distance[occupied] = plan.clearances(true)
+    return distance
 
 
 # --- how it drove --------------------------------------------------------------------------------

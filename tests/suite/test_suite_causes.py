@@ -63,7 +63,7 @@ DRIVES = Driving(driven=20.0, gained=18.0, recent=30.0, recent_driven=9.0, recen
 CIRCLES = Driving(driven=20.0, gained=4.0, recent=30.0, recent_driven=9.0, recent_turned=30.0)
 TURNS = Driving(driven=6.0, gained=5.0, recent=30.0, recent_driven=0.1, recent_turned=40.0)
 STANDS = Driving(driven=6.0, gained=5.0, recent=30.0, recent_driven=0.1, recent_turned=0.3)
-WAY = Aiming(cost=5.0, cost_without=4.5, ghosts=3)
+WAY = Aiming(cost=5.0, without_ghosts=4.5, sharp=4.0)
 
 
 @pytest.mark.parametrize("outcome", [Outcome.STUCK, Outcome.TIMEOUT])
@@ -71,10 +71,11 @@ WAY = Aiming(cost=5.0, cost_without=4.5, ghosts=3)
     ("shown", "cause"),
     [
         ({"estimate_error": 0.8, "driving": STANDS}, Cause.ESTIMATE_ERROR),
-        ({"aiming": Aiming(math.inf, 4.0, 12), "driving": STANDS}, Cause.GHOSTS),
-        ({"aiming": Aiming(9.0, 4.0, 12), "driving": CIRCLES}, Cause.GHOSTS),
-        ({"aiming": Aiming(math.inf, math.inf, 12), "driving": STANDS}, Cause.AIM_UNREACHABLE),
-        ({"aiming": Aiming(math.inf, 4.0, 0), "driving": STANDS}, Cause.AIM_UNREACHABLE),
+        ({"aiming": Aiming(math.inf, 4.0, 4.0), "driving": STANDS}, Cause.GHOSTS),
+        ({"aiming": Aiming(9.0, 4.0, 4.0), "driving": CIRCLES}, Cause.GHOSTS),
+        ({"aiming": Aiming(math.inf, math.inf, 5.0), "driving": STANDS}, Cause.BLURRED),
+        ({"aiming": Aiming(9.0, 8.0, 5.0), "driving": CIRCLES}, Cause.BLURRED),
+        ({"aiming": Aiming(math.inf, math.inf, math.inf)}, Cause.AIM_UNREACHABLE),
         ({"aiming": WAY, "driving": STANDS}, Cause.STANDING),
         ({"aiming": WAY, "driving": CIRCLES}, Cause.OSCILLATING),
         ({"aiming": WAY, "driving": TURNS}, Cause.OSCILLATING),

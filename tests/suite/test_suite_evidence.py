@@ -115,8 +115,7 @@ WALL = [(1.0, 0.05 * i) for i in range(-75, 76)]
 def test_a_remembered_wall_that_is_not_there_is_a_ghost(empty: Session) -> None:
     evidence = gather(result_of(empty, Outcome.STUCK, track_to(0.0, 0.0, 0.0), WALL))
     assert evidence.aiming is not None
-    assert evidence.aiming.ghosts > 100
-    assert evidence.aiming.cost_without < 6.0  # three metres of unknown floor
+    assert evidence.aiming.without_ghosts == evidence.aiming.sharp < 6.0  # 3 m of unknown floor
     assert classify(evidence) is Cause.GHOSTS
 
 
@@ -131,9 +130,23 @@ def test_a_remembered_wall_that_is_there_is_none(empty: Session) -> None:
     square = [point for a in line for point in ((a, 1.0), (a, -1.0), (1.0, a), (-1.0, a))]
     evidence = gather(result_of(session, Outcome.STUCK, track_to(0.0, 0.0, 0.0), square))
     assert evidence.aiming is not None
-    assert evidence.aiming.ghosts == 0
-    assert evidence.aiming.cost == evidence.aiming.cost_without
+    assert evidence.aiming.without_ghosts == math.inf
     assert classify(evidence) is Cause.AIM_UNREACHABLE
+
+
+def test_two_posts_remembered_too_thick_leave_no_gap_but_there_is_one(empty: Session) -> None:
+    """A wall with a gap 0.8 m wide; the memory has blurred its ends until nothing fits through."""
+    walls = tuple(
+        BoxSpec(name=f"wall {side:+d}", at=(1.0, side * 3.4), size=(0.1, 6.0, 1.0))
+        for side in (1, -1)
+    )
+    session = session_with(empty, boxes=walls)
+    line = [-4.5 + 0.05 * i for i in range(181)]
+    thick = [(1.0, y) for y in line if abs(y) > 0.2]
+    evidence = gather(result_of(session, Outcome.STUCK, track_to(0.0, 0.0, 0.0), thick))
+    assert evidence.aiming is not None
+    assert evidence.aiming.without_ghosts > 1.5 * evidence.aiming.sharp
+    assert classify(evidence) is Cause.BLURRED
 
 
 def test_ground_gained_is_measured_along_the_shortest_way(empty: Session) -> None:

@@ -29,7 +29,7 @@ class Made:
 def fake_generate(family: str, seed: int, difficulty: float) -> Made:
     """The box moves with the seed and grows with the difficulty; seed 13 cannot be."""
     if family != "boxes":
-        raise UnknownNameError("family", family, ["boxes"])
+        raise UnknownNameError("family of worlds", family, ["boxes"])
     if seed == 13:
         raise WorldError("no way through after 100 tries")
     box = BoxSpec(name="box", at=(0.0, 1.0 + 0.1 * seed), size=(0.2 + difficulty, 0.3, 0.8))
@@ -74,7 +74,10 @@ def test_the_seed_makes_the_world_and_overrides_reach_the_mission(tmp_path: Path
 @pytest.mark.parametrize(
     ("entry", "says"),
     [
-        ("{family: boxxes}", "mine.yaml:2: entries[0].family: unknown family 'boxxes': did you"),
+        (
+            "{family: boxxes}",
+            "mine.yaml:2: entries[0].family: unknown family of worlds 'boxxes': did you",
+        ),
         ("{family: boxes, set: {mission.timeout: -1}}", "--set mission.timeout=-1"),
         ("{family: boxes, set: {ovoid.margin: 1}}", "did you mean 'avoid'?"),
         ("{family: boxes, set: {mission.goals: [and]}}", "no place 'and'"),
