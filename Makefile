@@ -1,5 +1,5 @@
 # Needs Python 3 and make alone; uv is brought into .tools/ where the machine has none.
-UV := $(shell command -v uv 2>/dev/null || echo .tools/uv/bin/uv)
+UV := $(shell uv --version >/dev/null 2>&1 && echo uv || echo .tools/uv/bin/uv)
 
 .PHONY: run test check uv
 
@@ -7,7 +7,7 @@ run: | uv
 	$(UV) run navfw run office lobby-to-lab
 
 test: check
-	$(UV) run pytest -n auto
+	$(UV) run pytest -n 2 --dist worksteal
 
 check: | uv
 	$(UV) run ruff check
@@ -15,5 +15,9 @@ check: | uv
 	$(UV) run mypy
 	$(UV) run lint-imports
 
+# by venv, or by pip alone: Debian's Python may lack either
 uv:
-	@command -v $(UV) >/dev/null || { python3 -m venv .tools/uv && .tools/uv/bin/python -m pip install -q uv; }
+	@$(UV) --version >/dev/null 2>&1 || { echo "bringing uv into .tools/uv"; rm -rf .tools/uv; \
+	python3 -m venv .tools/uv >/dev/null 2>&1 && .tools/uv/bin/python -m pip install -q uv; } || \
+	{ rm -rf .tools/uv; python3 -m pip install -q --target .tools/uv uv; } || \
+	{ echo "uv could not be installed: install uv, python3-venv or python3-pip" >&2; exit 1; }
