@@ -16,7 +16,7 @@ import numpy as np
 from navfw.signals import Array
 from navfw.sim.textures import TILE
 
-__all__ = ["FACE", "Mesh", "box_mesh", "cylinder_mesh", "splits"]
+__all__ = ["FACE", "Mesh", "box_mesh", "cylinder_mesh", "smooth_sides", "splits"]
 
 FACE = 2.0
 """Largest edge [m] of a patch."""
@@ -44,6 +44,28 @@ class Mesh:
         self.normals += normals.tolist()
         self.uvs += np.maximum(tiles, 0.0).tolist()
         self.indices += [first, first + 1, first + 2, first, first + 2, first + 3]
+
+    def add_quads(self, corners: Array, normals: Array, uvs: Array) -> None:
+        """Add quads (N, 4, 3), (N, 4, 3), (N, 4, 2), each as ``add_quad`` does."""
+        first = len(self.vertices)
+        tiles = uvs / TILE
+        tiles = tiles - np.floor(tiles.min(axis=1, keepdims=True) + 1e-9)
+        self.vertices += corners.reshape(-1, 3).tolist()
+        self.normals += normals.reshape(-1, 3).tolist()
+        self.uvs += np.maximum(tiles, 0.0).reshape(-1, 2).tolist()
+        starts = first + 4 * np.arange(len(corners), dtype=np.int64)[:, None]
+        indices: list[int] = (starts + np.array([0, 1, 2, 0, 2, 3])).ravel().tolist()
+        self.indices += indices
+
+    def add_mesh(self, mesh: Mesh, position: tuple[float, float, float], yaw: float) -> None:
+        """Add another mesh, turned by ``yaw`` [rad] and moved to ``position`` [m]."""
+        c, s = math.cos(yaw), math.sin(yaw)
+        turn = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])  # for rows
+        first = len(self.vertices)
+        self.vertices += (np.array(mesh.vertices) @ turn + position).tolist()
+        self.normals += (np.array(mesh.normals) @ turn).tolist()
+        self.uvs += mesh.uvs
+        self.indices += [first + index for index in mesh.indices]
 
     def add_face(
         self, corner: Array, right: Array, up: Array, columns: Array, rows: Array, shift: Array
@@ -110,16 +132,21 @@ def cylinder_mesh(radius: float, height: float, shift: Array, sides: int = 24) -
     mesh = Mesh()
     angles = np.linspace(0.0, 2.0 * math.pi, sides + 1)
     ring = np.stack([np.cos(angles), np.sin(angles), np.zeros(sides + 1)], axis=1)
-    heights = splits(height) - 0.5 * height
-    for i in range(sides):
-        out = ring[[i, i + 1, i + 1, i]]
-        around = radius * angles[[i, i + 1, i + 1, i]]
-        for low, high in pairwise(heights):
-            level = np.array([low, low, high, high])
-            corners = radius * out
-            corners[:, 2] = level
-            mesh.add_quad(corners, out, np.stack([around, level], axis=1) + shift)
-        top = np.array([[0.0, 0.0, 0.0], *(radius * ring[[i, i + 1]]), [0.0, 0.0, 0.0]])
-        top[:, 2] = 0.5 * height
-        mesh.add_quad(top, np.tile([0.0, 0.0, 1.0], (4, 1)), top[:, :2] + shift)
+    quads = np.stack([np.arange(sides), np.arange(sides) + 1], axis=1)[:, [0, 1, 1, 0]]
+    out = ring[quads]
+    for low, high in pairwise(splits(height) - 0.5 * height):
+        level = np.array([low, low, high, high])
+        corners = radius * out
+        corners[..., 2] = level
+        uvs = np.stack([radius * angles[quads], np.broadcast_to(level, quads.shape)], axis=-1)
+        mesh.add_quads(corners, out, uvs + shift)
+    top = np.zeros_like(out)
+    top[:, 1:3] = radius * ring[quads[:, :2]]
+    top[..., 2] = 0.5 * height
+    mesh.add_quads(top, np.broadcast_to([0.0, 0.0, 1.0], top.shape), top[..., :2] + shift)
     return mesh
+
+
+def smooth_sides(radius: float) -> int:
+    """How many sides keep a cylinder's outline within 2 mm of the circle; 12 to 24."""
+    return min(max(math.ceil(math.pi / math.acos(1.0 - min(0.002 / radius, 0.5))), 12), 24)

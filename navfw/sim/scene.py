@@ -15,10 +15,10 @@ import numpy as np
 from navfw.signals import Array
 from navfw.sim.engine import bullet
 from navfw.sim.layout import Solid, solids_of
-from navfw.sim.meshes import Mesh, box_mesh, cylinder_mesh, splits
+from navfw.sim.meshes import Mesh, box_mesh, cylinder_mesh, smooth_sides, splits
 from navfw.sim.shapes import Rectangle
 from navfw.sim.textures import STOCK, stock_texture, synthesize
-from navfw.sim.worldfile import RoomSpec, WorldSpec
+from navfw.sim.worldfile import MoverSpec, RoomSpec, WorldSpec
 
 __all__ = ["BODY_GROUP", "FLOOR_GROUP", "SOLID_GROUP", "WHEEL_GROUP", "Scene"]
 
@@ -32,17 +32,27 @@ WHEEL_GROUP = 8
 """Collision group of what the robot stands on."""
 
 _FLOOR_THICKNESS = 0.2
+_FEW = 24
+"""More things than this share bodies: each body costs about 1 us in every physics step."""
+_PIECES = 16
+"""PyBullet's limit of shapes in one body."""
 _NO_SHIFT = np.zeros(2)
 
 
 class Scene:
-    """The bodies of a world in one PyBullet client; ``names`` says which body is what."""
+    """The bodies of a world in one PyBullet client.
+
+    ``names`` says which body is what, ``name_at`` also which of several things that share a body.
+    ``movers`` are the bodies of those who walk, in the order of the world file.
+    """
 
     def __init__(self, world: WorldSpec, client: int) -> None:
         self.world = world
         self.names: dict[int, str] = {}
         self._client = client
         self._textures: dict[str, int] = {}
+        self._shared: dict[int, list[Solid]] = {}
+        self.movers: list[int] = []
         solids = solids_of(world)
         with tempfile.TemporaryDirectory(prefix="navfw-textures-") as folder:
             self._folder = Path(folder)
@@ -50,10 +60,22 @@ class Scene:
             walls = [s for s in solids if s.kind in ("wall", "lintel")]
             for wall in world.walls:
                 self._build_wall([s for s in walls if s.name == wall.name])
-            for solid in solids:
-                if solid.kind not in ("wall", "lintel"):
-                    self._build_solid(solid)
+            things = [s for s in solids if s.kind in ("box", "cylinder")]
+            separate = things if len(things) <= _FEW else []
+            for solid in (*(s for s in solids if s.kind == "door"), *separate):
+                self._build_solid(solid)
+            self.movers = [self._build_mover(mover) for mover in world.movers]
+            if len(things) > _FEW:
+                self._build_together(things)
             self._show_architecture(walls)
+
+    def name_at(self, body: int, x: float, y: float) -> str:
+        """What is touched when ``body`` is touched at (x, y) [m]."""
+        shared = self._shared.get(body)
+        if shared is None:
+            return self.names.get(body, f"body {body}")
+        point = np.array([[x, y]])
+        return min(shared, key=lambda solid: float(solid.shape.distance(point)[0])).name
 
     def _build_floor(self) -> None:
         (x0, x1), (y0, y1) = self.world.x, self.world.y
@@ -63,43 +85,74 @@ class Scene:
         self._add_body("floor", centre, 0.0, collision=shape, group=FLOOR_GROUP)
 
     def _build_wall(self, pieces: list[Solid]) -> None:
-        """Collision of all pieces of one wall: one body (every body costs 0.2 us a step)."""
-        shapes = [piece.shape for piece in pieces if isinstance(piece.shape, Rectangle)]
-        heights = [(piece.bottom, piece.top) for piece in pieces]
-        collision = self._call(
-            "createCollisionShapeArray",
-            shapeTypes=[bullet.GEOM_BOX] * len(shapes),
-            halfExtents=[
-                [shape.half_x, shape.half_y, 0.5 * (top - bottom)]
-                for shape, (bottom, top) in zip(shapes, heights, strict=True)
-            ],
-            collisionFramePositions=[
-                [shape.x, shape.y, 0.5 * (top + bottom)]
-                for shape, (bottom, top) in zip(shapes, heights, strict=True)
-            ],
-            collisionFrameOrientations=[_quaternion(shape.yaw) for shape in shapes],
+        """Collision of all pieces of one wall, in as few bodies as can be."""
+        for i in range(0, len(pieces), _PIECES):
+            self._add_body(
+                pieces[0].name, [0.0, 0.0, 0.0], 0.0, self._collision_of(pieces[i : i + _PIECES])
+            )
+
+    def _collision_of(self, solids: list[Solid]) -> int:
+        """One collision shape for all of ``solids``, boxes and cylinders."""
+        boxes = [s.shape if isinstance(s.shape, Rectangle) else None for s in solids]
+        heights = [s.top - s.bottom for s in solids]
+        return int(
+            self._call(
+                "createCollisionShapeArray",
+                shapeTypes=[bullet.GEOM_CYLINDER if b is None else bullet.GEOM_BOX for b in boxes],
+                halfExtents=[
+                    [0.0, 0.0, 0.0] if b is None else [b.half_x, b.half_y, 0.5 * height]
+                    for b, height in zip(boxes, heights, strict=True)
+                ],
+                radii=[0.0 if isinstance(s.shape, Rectangle) else s.shape.radius for s in solids],
+                lengths=heights,
+                collisionFramePositions=[
+                    [s.shape.x, s.shape.y, 0.5 * (s.top + s.bottom)] for s in solids
+                ],
+                collisionFrameOrientations=[
+                    _quaternion(0.0 if b is None else b.yaw) for b in boxes
+                ],
+            )
         )
-        self._add_body(pieces[0].name, [0.0, 0.0, 0.0], 0.0, collision)
+
+    def _build_together(self, things: list[Solid]) -> None:
+        """Many things: neighbours share a body, and all of one texture are shown at once."""
+        order = sorted(things, key=lambda s: (math.floor(s.shape.x / 1.5), s.shape.y))
+        for i in range(0, len(order), _PIECES):
+            part = order[i : i + _PIECES]
+            body = self._add_body(part[0].name, [0.0, 0.0, 0.0], 0.0, self._collision_of(part))
+            self._shared[body] = part
+        meshes: dict[str, Mesh] = {}
+        for thing in things:
+            yaw = thing.shape.yaw if isinstance(thing.shape, Rectangle) else 0.0
+            centre = (thing.shape.x, thing.shape.y, 0.5 * (thing.bottom + thing.top))
+            meshes.setdefault(thing.texture, Mesh()).add_mesh(_mesh_of(thing), centre, yaw)
+        for texture, mesh in meshes.items():
+            self._add_body("", [0.0, 0.0, 0.0], 0.0, -1, self._visual(mesh), texture)
+
+    def _build_mover(self, mover: MoverSpec) -> int:
+        """Someone who walks; where, is for ``navfw.sim.movers`` to say."""
+        size = {"radius": mover.radius, "height": mover.height}
+        collision = self._call("createCollisionShape", bullet.GEOM_CYLINDER, **size)
+        mesh = cylinder_mesh(mover.radius, mover.height, _shift_of(mover.name))
+        centre = [*mover.path[0], 0.5 * mover.height]
+        return self._add_body(mover.name, centre, 0.0, collision, self._visual(mesh), mover.texture)
 
     def _build_solid(self, solid: Solid) -> None:
         """Furniture and doors: each a body that shows itself, for it may move one day."""
         height = solid.top - solid.bottom
         shape = solid.shape
-        # each body shows another part of its texture: two equal cupboards would look alike
-        shift = np.array(divmod(zlib.crc32(solid.name.encode()) % 10_000, 100)) * 0.02
         if isinstance(shape, Rectangle):
             yaw = shape.yaw
             half = [shape.half_x, shape.half_y, 0.5 * height]
             collision = self._call("createCollisionShape", bullet.GEOM_BOX, halfExtents=half)
-            mesh = box_mesh((2 * shape.half_x, 2 * shape.half_y, height), shift)
         else:
             yaw = 0.0
             collision = self._call(
                 "createCollisionShape", bullet.GEOM_CYLINDER, radius=shape.radius, height=height
             )
-            mesh = cylinder_mesh(shape.radius, height, shift)
         centre = [shape.x, shape.y, 0.5 * (solid.bottom + solid.top)]
-        self._add_body(solid.name, centre, yaw, collision, self._visual(mesh), solid.texture)
+        visual = self._visual(_mesh_of(solid))
+        self._add_body(solid.name, centre, yaw, collision, visual, solid.texture)
 
     def _show_architecture(self, walls: list[Solid]) -> None:
         """Floor, walls and ceiling: one body without collision for each texture."""
@@ -231,14 +284,27 @@ class Scene:
             if spec is None and name in STOCK:
                 spec = stock_texture(name)
             assert spec is not None  # noqa: S101 - check_world has seen to it
-            path = self._folder / f"{len(self._textures)}.png"
-            bgr = cv2.cvtColor(synthesize(spec), cv2.COLOR_RGB2BGR)
-            cv2.imwrite(str(path), bgr, [cv2.IMWRITE_PNG_COMPRESSION, 1])
+            # uncompressed: written and read ten times as fast as PNG
+            path = self._folder / f"{len(self._textures)}.bmp"
+            cv2.imwrite(str(path), cv2.cvtColor(synthesize(spec), cv2.COLOR_RGB2BGR))
             self._textures[name] = int(self._call("loadTexture", str(path)))
         return self._textures[name]
 
     def _call(self, function: str, *args: Any, **kwargs: Any) -> Any:
         return getattr(bullet, function)(*args, physicsClientId=self._client, **kwargs)
+
+
+def _mesh_of(solid: Solid) -> Mesh:
+    """How a box or cylinder looks, around its own middle."""
+    height, shape, shift = solid.top - solid.bottom, solid.shape, _shift_of(solid.name)
+    if isinstance(shape, Rectangle):
+        return box_mesh((2 * shape.half_x, 2 * shape.half_y, height), shift)
+    return cylinder_mesh(shape.radius, height, shift, smooth_sides(shape.radius))
+
+
+def _shift_of(name: str) -> Array:
+    """Which part of its texture a thing shows [m]: two equal cupboards would look alike."""
+    return np.array(divmod(zlib.crc32(name.encode()) % 10_000, 100)) * 0.02
 
 
 def _quaternion(yaw: float) -> list[float]:

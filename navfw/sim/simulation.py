@@ -11,15 +11,17 @@ import time as wall
 from collections import deque
 from dataclasses import dataclass
 from types import TracebackType
+from typing import Literal
 
 import numpy as np
 
-from navfw.errors import SimulationError
+from navfw.errors import SimulationError, WorldError
 from navfw.robot import RobotModel
 from navfw.signals import Array, CameraMotion, Frame, Image, Pose, SensorReading, wrap_angle
 from navfw.sim.camera import Camera, DepthImage
 from navfw.sim.engine import bullet
 from navfw.sim.floorplan import FloorPlan
+from navfw.sim.movers import Mover, MoverTrack, caused_by_robot
 from navfw.sim.robot_body import RobotBody
 from navfw.sim.scene import Scene
 from navfw.sim.sensors import Gyro, SensorParams, WheelEncoders
@@ -49,9 +51,9 @@ class Timings:
 class Simulation:
     """One run in one world. Use as a context manager, or ``close()`` it.
 
-    ``read()`` gives what the robot's sensors say; ``true_pose``, ``true_depth``, ``contacts`` and
-    ``plan`` are the truth, for metrics and tests alone. A fresh Simulation with the same arguments
-    and the same commands gives the same bytes.
+    ``read()`` gives what the robot's sensors say; ``true_pose``, ``true_depth``, ``contacts``,
+    ``movers`` and ``plan`` are the truth, for metrics and tests alone. A fresh Simulation with the
+    same arguments and the same commands gives the same bytes.
 
     Raises:
         WorldError: the world cannot be, or the start is not free.
@@ -72,12 +74,18 @@ class Simulation:
         self.world, self.robot = world, robot
         self.plan = FloorPlan.from_world(world, robot.height)
         self.plan.check_free(start.x, start.y, robot.radius, "the start")
+        self.movers = tuple(Mover(spec) for spec in world.movers)
+        _check_apart(self.movers, start, robot.radius)
         self.timings = Timings()
         self.time = 0.0
         self._client = _connect(gui)
         self._steps = 0
         self._frames = 0
-        self._contacts: set[int] = set()
+        self._contacts: set[str] = set()
+        self._cause: Literal["robot", "mover"] | None = None
+        self._last_pose = start
+        self._mover_times: list[float] = []
+        self._mover_points: list[Array] = []
         self._reading: SensorReading | None = None
         # where the camera truly was: (time, position in the map, (3, 3) its axes in the map)
         self._views: deque[tuple[float, Array, Array]] = deque(maxlen=_REMEMBERED_VIEWS)
@@ -113,6 +121,9 @@ class Simulation:
         """Let the robot come to rest on its wheels before time begins."""
         for _ in range(_SETTLING_STEPS):
             bullet.stepSimulation(physicsClientId=self._client)
+        self._place_movers()
+        self._note_movers()
+        self._last_pose = self._body.pose()
         self._encoders.zero(self._body.wheel_angles())
         self._yaw_read = self._body.pose().yaw
 
@@ -151,20 +162,76 @@ class Simulation:
         target = round(self.time * PHYSICS_RATE)
         if abs(self.time - target / PHYSICS_RATE) < 1e-9:
             self.time = target / PHYSICS_RATE  # keep rounding errors from adding up
+        here = self._body.pose() if self.movers else self._last_pose
+        for mover in self.movers:
+            mover.look(here, self.robot.radius)
         while self._steps < target:
+            self._walk(1.0 / PHYSICS_RATE)
             bullet.stepSimulation(physicsClientId=self._client)
-            self._contacts |= self._body.contacts()
+            self._note_contacts(here, dt)
             self._steps += 1
             self.timings.steps += 1
+        self._last_pose = here
+        self._note_movers()
         self.timings.physics += wall.perf_counter() - begun
+
+    def _walk(self, dt: float) -> None:
+        """Everyone walks on; who waits stays."""
+        if self.movers:
+            for mover in self.movers:
+                mover.walk(dt)
+            self._place_movers()
+
+    def _place_movers(self) -> None:
+        for mover, body in zip(self.movers, self._scene.movers, strict=True):
+            bullet.resetBasePositionAndOrientation(
+                body,
+                (mover.x, mover.y, 0.5 * mover.spec.height),
+                (0.0, 0.0, math.sin(0.5 * mover.heading), math.cos(0.5 * mover.heading)),
+                physicsClientId=self._client,
+            )
+
+    def _note_movers(self) -> None:
+        if self.movers:
+            self._mover_times.append(self.time)
+            self._mover_points.append(np.array([(mover.x, mover.y) for mover in self.movers]))
+
+    def _note_contacts(self, here: Pose, dt: float) -> None:
+        """Name what is touched; at the first touch of all, say who moved into whom.
+
+        The robot's speed is that of the control period before: the touch itself changes it.
+        """
+        touched = self._body.contacts()
+        if not touched:
+            return
+        names = {self._scene.name_at(*contact) for contact in touched}
+        self._contacts |= names
+        if self._cause is None:
+            walkers = [mover for mover in self.movers if mover.spec.name in names]
+            innocent = len(walkers) == len(names) and not any(
+                caused_by_robot(self._last_pose, here, dt, mover) for mover in walkers
+            )
+            self._cause = "mover" if innocent else "robot"
 
     # --- the truth, for metrics and tests -----------------------------------------------------
 
     @property
     def contacts(self) -> tuple[str, ...]:
         """Names of the bodies touched since the last ``advance`` began (the floor is none)."""
-        names = self._scene.names
-        return tuple(sorted({names.get(body, f"body {body}") for body in self._contacts}))
+        return tuple(sorted(self._contacts))
+
+    @property
+    def collision_cause(self) -> Literal["robot", "mover"] | None:
+        """Who moved into whom at the first touch of the run; None while nothing was touched.
+
+        "mover" when only movers were touched and the robot was not driving towards them (faster
+        than ``navfw.sim.movers.CLOSING``), else "robot".
+        """
+        return self._cause
+
+    def mover_track(self) -> MoverTrack:
+        """Where the movers were so far, noted at every ``advance``."""
+        return MoverTrack.of(self.movers, self._mover_times, self._mover_points)
 
     def true_pose(self) -> Pose:
         """Where the robot is, in the map."""
@@ -233,6 +300,17 @@ class Simulation:
         trace: TracebackType | None,
     ) -> None:
         self.close()
+
+
+def _check_apart(movers: tuple[Mover, ...], start: Pose, radius: float) -> None:
+    for mover in movers:
+        free = math.hypot(mover.x - start.x, mover.y - start.y) - mover.spec.radius
+        if free < radius:
+            raise WorldError(
+                f"the start ({start.x:g}, {start.y:g}) is {max(free, 0.0):.2f} m from"
+                f" {mover.spec.name!r} when time begins, the robot needs {radius:g} m: choose"
+                " another start or phase"
+            )
 
 
 def _connect(gui: bool) -> int:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
+from itertools import pairwise
 from pathlib import Path
+
+import numpy as np
 
 from navfw.errors import WorldError, did_you_mean
 from navfw.sim.layout import opening_segment, solids_of, wall_segments
-from navfw.sim.shapes import overlap_depth
+from navfw.sim.shapes import Disc, Rectangle, Shape, overlap_depth
 from navfw.sim.textures import STOCK
 from navfw.sim.worldfile import WorldSpec
 
@@ -34,7 +38,7 @@ def check_world(
     """
     problems = [*_names(world), *_textures(world), *_bounds(world), *_walls(world), *_doors(world)]
     if not problems:  # the solids can be worked out only when walls, openings and doors are right
-        problems = list(_overlaps(world))
+        problems = [*_overlaps(world), *_blocked_walks(world)]
     if not problems:
         return
 
@@ -56,7 +60,7 @@ def _dotted(path: KeyPath) -> str:
 
 
 def _bodies(world: WorldSpec) -> Iterator[tuple[KeyPath, str]]:
-    for section in ("walls", "doors", "boxes", "cylinders"):
+    for section in ("walls", "doors", "boxes", "cylinders", "movers"):
         for i, item in enumerate(getattr(world, section)):
             yield (section, i), item.name
 
@@ -108,6 +112,10 @@ def _bounds(world: WorldSpec) -> Iterator[Problem]:
         for i, item in enumerate(getattr(world, section)):
             if not inside(*item.at):
                 yield (section, i, "at"), f"{item.name!r} at {list(item.at)} lies off {floor}"
+    for i, mover in enumerate(world.movers):
+        for j, point in enumerate(mover.path):
+            if not inside(*point):
+                yield ("movers", i, "path", j), f"point {list(point)} lies off {floor}"
 
 
 def _walls(world: WorldSpec) -> Iterator[Problem]:
@@ -146,12 +154,45 @@ def _doors(world: WorldSpec) -> Iterator[Problem]:
 def _overlaps(world: WorldSpec) -> Iterator[Problem]:
     solids = solids_of(world)
     paths = {name: path for path, name in _bodies(world)}
+    # boxes around all solids first: (N, 4) min x, min y, max x, max y
+    bounds = np.array([solid.shape.bounds for solid in solids]).reshape(-1, 4)
     for i, solid in enumerate(solids):
         if solid.kind in ("wall", "lintel", "door"):
             continue  # walls may cross and doors stand between their pieces
-        for other in solids[:i]:
+        near = np.all(bounds[:i, 2:] >= bounds[i, :2], axis=1)
+        near &= np.all(bounds[:i, :2] <= bounds[i, 2:], axis=1)
+        for other in (solids[j] for j in np.flatnonzero(near)):
             apart = solid.bottom >= other.top - TOUCH or other.bottom >= solid.top - TOUCH
             if apart or overlap_depth(solid.shape, other.shape) <= TOUCH:
                 continue
             yield (*paths[solid.name], "at"), f"{solid.name!r} reaches into {other.name!r}"
             break
+
+
+def _blocked_walks(world: WorldSpec) -> Iterator[Problem]:
+    """Movers whose way leads through something that stands."""
+    solids = solids_of(world)
+    for i, mover in enumerate(world.movers):
+        legs = list(pairwise((*mover.path, mover.path[0])))
+        if mover.walk != "loop":
+            legs.pop()
+        for j, (a, b) in enumerate(legs):
+            middle = 0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])
+            yaw = math.atan2(b[1] - a[1], b[0] - a[0])
+            swept: tuple[Shape, ...] = (
+                Rectangle(*middle, 0.5 * math.dist(a, b), mover.radius, yaw),
+                Disc(*a, mover.radius),
+                Disc(*b, mover.radius),
+            )
+            hit = next(
+                (
+                    solid.name
+                    for solid in solids
+                    if solid.bottom < mover.height
+                    and any(overlap_depth(shape, solid.shape) > TOUCH for shape in swept)
+                ),
+                None,
+            )
+            if hit is not None:
+                yield ("movers", i, "path", j), f"{mover.name!r} would walk through {hit!r}"
+                break
