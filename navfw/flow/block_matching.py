@@ -33,6 +33,8 @@ Flags = npt.NDArray[np.bool_]
 #: Peaks are not worth registering below the first correlation, and worth it fully above the
 #: second: an affine motion can be bent to fit a chance likeness too.
 WORTHWHILE = (0.4, 0.6)
+#: How far registration may take a window from its peak: ordinary, and suspicious [px].
+WANDERED = (1.5, 3.0)
 #: What is left of a registered window's error however well it fits [px].
 REGISTRATION_FLOOR = 0.02
 #: Scale the sigma of registration to the errors measured on rendered frames: in proportion, and
@@ -174,6 +176,8 @@ class BlockMatching(kinds.FlowProcessor):
         )
         confidence = ramp(found.score, p.peak_low, p.peak_high) * ramp(found.share, 0.6, 0.9)
         confidence *= ramp(height, *WORTHWHILE) * _unambiguous(height, second, inner)
+        moved = np.linalg.norm(found.vectors - start, axis=-1)
+        confidence *= 1.0 - ramp(moved, *WANDERED)
         noise = found.sigma * np.sqrt(max(CORRELATION_LENGTH / p.stride, 1.0))
         variance = (REGISTRATION_SCALE * noise) ** 2 + REGISTRATION_FLOOR**2
         variance += (REGISTRATION_EXCESS * noise**2) ** 2
@@ -204,4 +208,4 @@ def _unambiguous(height: Array, second: Array, inner: Flags) -> Array:
     """
     # 1 - score measures the mismatch: a rival has to mismatch clearly more than the peak does
     contrast = (1.0 - second) / np.maximum(1.0 - height, 1e-3)
-    return np.where(inner, ramp(contrast, 1.0, 1.5), ramp(contrast, 1.2, 2.2))
+    return np.where(inner, ramp(contrast, 1.0, 1.5), ramp(contrast, 1.3, 2.2))

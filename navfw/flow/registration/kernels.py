@@ -196,8 +196,7 @@ def _compare(
 
     Fills ``product`` (6,), the products of the samples with the steepest descent images. Returns
     the weighted sums of the samples (less ``mean``), of their squares and of their products with
-    the window, and how many samples lay outside ``limits`` (columns, rows), where the border is
-    repeated.
+    the window, and how many samples lay outside ``limits`` (columns, rows): these are left out.
     """
     left, right, top, bottom = limits
     high_x, high_y = np.float32(right - 1.001), np.float32(bottom - 1.001)
@@ -226,22 +225,23 @@ def _compare(
             x, p = xs[i], place_x[i]
             px = np.float32(x) + from_x - slope_x * p
             py = from_y - slope_y * p
-            if not safe:
-                if px < low_x or px > high_x or py < low_y or py > high_y:
-                    outside += 1
-                px = min(max(px, low_x), high_x)
-                py = min(max(py, low_y), high_y)
-            column, line = np.int32(px), np.int32(py)
-            fx, fy = px - np.float32(column), py - np.float32(line)
-            at = np.uint64(line * stride + column)
-            a, b = pixels[at], pixels[at + np.uint64(1)]
-            c, d = pixels[at + np.uint64(stride)], pixels[at + np.uint64(stride + 1)]
-            above, below = a + fx * (b - a), c + fx * (d - c)
-            v = above + fy * (below - above) - middle
+            template = now[y, x] - middle
+            if safe or (low_x <= px <= high_x and low_y <= py <= high_y):
+                column, line = np.int32(px), np.int32(py)
+                fx, fy = px - np.float32(column), py - np.float32(line)
+                at = np.uint64(line * stride + column)
+                a, b = pixels[at], pixels[at + np.uint64(1)]
+                c, d = pixels[at + np.uint64(stride)], pixels[at + np.uint64(stride + 1)]
+                above, below = a + fx * (b - a), c + fx * (d - c)
+                v = above + fy * (below - above) - middle
+            else:
+                # agrees with the window, so that it moves nothing
+                outside += 1
+                v = template
             wv = weight_x[i] * v
             row += wv
             row_squares += wv * v
-            row_both += wv * (now[y, x] - middle)
+            row_both += wv * template
             gx, gy = wv * gradient_x[y, x], wv * gradient_y[y, x]
             vx += gx
             vy += gy
