@@ -15,7 +15,7 @@ import numpy as np
 from navfw.recording.track import Contact, Track
 from navfw.signals import Array
 
-__all__ = ["Geometry", "Metrics", "count_collisions", "measure", "path_length"]
+__all__ = ["Geometry", "Metrics", "MovingGeometry", "count_collisions", "measure", "path_length"]
 
 Point = tuple[float, float]
 
@@ -31,6 +31,14 @@ class Geometry(Protocol):
 
     def clearances(self, points: Array) -> Array:
         """(n,) distances [m] of points (n, 2) to the nearest wall or thing; negative inside."""
+        ...
+
+
+class MovingGeometry(Protocol):
+    """What metrics ask about those who walk (``navfw.sim.movers.MoverTrack``)."""
+
+    def clearances(self, points: Array, times: Array) -> Array:
+        """(n,) distances [m] of points (n, 2) at times (n,) [s] to the nearest walker."""
         ...
 
 
@@ -88,16 +96,21 @@ def measure(
     radius: float,
     succeeded: bool,
     stage_ms: Mapping[str, float] | None = None,
+    moving: MovingGeometry | None = None,
 ) -> Metrics:
     """The metrics of a run from ``start`` to ``goal`` by a robot of this ``radius`` [m].
 
-    ``shortest`` [m] is the length of the shortest way past all goals of the mission.
+    ``shortest`` [m] is the length of the shortest way past all goals of the mission. ``moving``
+    counts in clearances too; ``plan`` holds what stands still.
     """
     sampled = track.every(SAMPLING)
     true = track.true[sampled] if track.ticks else np.array([[*start, 0.0]])
     estimate = track.estimate[sampled] if track.ticks else true
     driven = path_length(true)
-    clearance = plan.clearances(true[:, :2]) - radius
+    clearance = plan.clearances(true[:, :2])
+    if moving is not None and track.ticks:
+        clearance = np.minimum(clearance, moving.clearances(true[:, :2], track.time[sampled]))
+    clearance = clearance - radius
     error = np.hypot(*(estimate - true)[:, :2].T)
     duration = float(track.time[-1] - track.time[0]) if track.ticks else 0.0
     started = np.flatnonzero(np.diff(track.emergency.astype(np.int8), prepend=0) == 1)

@@ -22,6 +22,7 @@ from navfw.missions.outcome import Outcome
 from navfw.missions.runner import Progress, Run, Task, run_task
 from navfw.recording.readings import ReadingsRecorder
 from navfw.sim.floorplan import FloorPlan
+from navfw.sim.movers import MoverTrack
 from navfw.sim.simulation import Simulation
 from navfw.sim.worldfile import WorldSpec, load_world
 from navfw.stack import Stack
@@ -94,19 +95,28 @@ class Session:
         with self.simulation(gui) as simulator:
             run = run_task(self.task, self.stack, simulator, progress, readings)
             spent = simulator.timings
+            cause = simulator.collision_cause
+            movers = simulator.mover_track() if self.world.movers else None
         timings = {"render": spent.render, "physics": spent.physics, "sensors": spent.sensors}
         timings |= self.stack.timings
-        return MissionResult(self, run, timings, readings)
+        return MissionResult(self, run, timings, readings, cause, movers)
 
 
 @dataclass(frozen=True)
 class MissionResult:
-    """How a run ended, with all its numbers."""
+    """How a run ended, with all its numbers.
+
+    ``collision_cause`` says who moved into whom at a collision: "robot", or "mover" when a walker
+    ran into a robot that was not driving towards it; None without collision. ``movers`` is where
+    the world's walkers were.
+    """
 
     session: Session
     run: Run
     timings: dict[str, float] = field(default_factory=dict)
     readings: ReadingsRecorder | None = None
+    collision_cause: str | None = None
+    movers: MoverTrack | None = None
 
     @property
     def outcome(self) -> Outcome:
@@ -133,6 +143,7 @@ class MissionResult:
             radius=session.mission.spec.robot.radius,
             succeeded=self.outcome.succeeded,
             stage_ms={name: 1e3 * t / frames for name, t in self.timings.items()},
+            moving=self.movers,
         )
 
     def summary(self) -> dict[str, Any]:
@@ -153,6 +164,7 @@ class MissionResult:
             "shortest_path_m": metrics.shortest_path_m,
             "spl": metrics.spl,
             "collisions": metrics.collisions,
+            "collision_cause": self.collision_cause,
             "min_clearance_m": metrics.min_clearance_m,
             "clearance_p05_m": metrics.clearance_p05_m,
             "distance_to_goal_m": metrics.distance_to_goal_m,
