@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, ClassVar, Literal, Self
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 from pydantic import Field, model_validator
@@ -151,6 +152,26 @@ class BlockMatching(kinds.FlowProcessor):
             sigma=np.minimum(sigma, SIGMA_UNKNOWN),
             motion=pair.motion,
         )
+
+    def whole_pixel_loop(self, pair: FramePair) -> Integers:
+        """Displacements (rows, cols, 2) [px], now - past, by OpenCV's matcher, window by window.
+
+        The plain way to the same peaks that the correlation here has: the reference for it, and
+        what its speed is measured against. The search is centred on no displacement at all.
+        """
+        now, past = np.asarray(pair.now.image), np.asarray(pair.past.image)
+        search, (height, width) = self.params.search, past.shape
+        peaks: Integers = np.zeros((len(self._y_windows), len(self._x_windows), 2), np.int64)
+        for r, (top, bottom) in enumerate(self._y_windows):
+            y0, y1 = max(0, top - search), min(height, bottom + search)
+            for c, (left, right) in enumerate(self._x_windows):
+                x0, x1 = max(0, left - search), min(width, right + search)
+                scores = cv2.matchTemplate(
+                    past[y0:y1, x0:x1], now[top:bottom, left:right], cv2.TM_CCOEFF_NORMED
+                )
+                _, _, _, (x, y) = cv2.minMaxLoc(scores)
+                peaks[r, c] = left - x0 - x, top - y0 - y
+        return peaks
 
     def _register(
         self,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import cv2
 import numpy as np
@@ -65,8 +66,14 @@ def derotate(flow: FlowField, camera: CameraModel) -> FlowField:
 
 def rotation_matters(rotation: Array, camera: CameraModel) -> bool:
     """Whether ``rotation`` moves any point of the image noticeably."""
-    corners = _corners(camera)
-    return bool(np.abs(rotational_flow(corners, rotation, camera.focal)).max() > NEGLIGIBLE)
+    back = rotation.T.tolist()
+    x, y = 0.5 * camera.width, 0.5 * camera.height
+    for px, py in ((-x, -y), (x, -y), (-x, y), (x, y), (0.0, 0.0)):
+        qx, qy = _turned(px, py, back, camera.focal)
+        # written so that nan, a corner turned out of sight, counts as far
+        if not (abs(qx - px) <= NEGLIGIBLE and abs(qy - py) <= NEGLIGIBLE):
+            return True
+    return False
 
 
 def align_past(past: Image, rotation: Array, camera: CameraModel) -> Image:
@@ -107,10 +114,13 @@ def visible_in_past(rotation: Array, camera: CameraModel) -> tuple[int, int, int
     w, h = camera.width, camera.height
     if not rotation_matters(rotation, camera):
         return 0, w, 0, h
-    middle = np.array([[-0.5 * w, 0.0], [0.5 * w, 0.0], [0.0, -0.5 * h], [0.0, 0.5 * h]])
-    seen = rotate_points(middle, rotation, camera.focal)
-    left, right = _within(float(seen[0, 0]) + 0.5 * w, float(seen[1, 0]) + 0.5 * w, w)
-    top, bottom = _within(float(seen[2, 1]) + 0.5 * h, float(seen[3, 1]) + 0.5 * h, h)
+    turn, f = rotation.tolist(), camera.focal
+    left, right = _within(
+        _turned(-0.5 * w, 0.0, turn, f)[0] + 0.5 * w, _turned(0.5 * w, 0.0, turn, f)[0] + 0.5 * w, w
+    )
+    top, bottom = _within(
+        _turned(0.0, -0.5 * h, turn, f)[1] + 0.5 * h, _turned(0.0, 0.5 * h, turn, f)[1] + 0.5 * h, h
+    )
     return left, right, top, bottom
 
 
@@ -121,6 +131,10 @@ def _within(low: float, high: float, size: int) -> tuple[int, int]:
     return max(0, int(np.ceil(low - 1e-6))), min(size, int(np.floor(high + 1e-6)))
 
 
-def _corners(camera: CameraModel) -> Array:
-    x, y = 0.5 * camera.width, 0.5 * camera.height
-    return np.array([[-x, -y], [x, -y], [-x, y], [x, y], [0.0, 0.0]])
+def _turned(x: float, y: float, rotation: list[list[float]], focal: float) -> tuple[float, float]:
+    """``rotate_points`` of a single point, without the cost of arrays."""
+    (a, b, c), (d, e, f), (g, h, i) = rotation
+    depth = (g * x + h * y) / focal + i
+    if depth <= 1e-9:
+        return math.nan, math.nan
+    return (a * x + b * y + c * focal) / depth, (d * x + e * y + f * focal) / depth
