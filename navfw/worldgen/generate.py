@@ -21,6 +21,9 @@ FAMILIES: Mapping[str, str] = MappingProxyType(
     {
         "rooms": "two to six furnished rooms, joined by doors 0.8 to 1.0 m wide",
         "clutter": "a walled area with boxes and cylinders, gaps from 1.2 down to 0.75 m",
+        "corridors": "bent and branching corridors 1.0 to 2.0 m wide with side doors and obstacles",
+        "maze": "a grid maze with cells of 1.6 down to 1.1 m",
+        "moving": "a hall where people walk, some of whom stop for the robot and some do not",
         "poles": "a dense field of thin poles between walls, as dense as BARN worlds",
     }
 )

@@ -1,0 +1,112 @@
+"""The family ``maze``: a grid of cells, walls between them, hardly a loop."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import networkx as nx
+import numpy as np
+
+from navfw.topomap.model import PlaceKind
+from navfw.worldgen.draft import WALL, Draft, Point, Unsuitable, blend
+from navfw.worldgen.partition import Line, walls_along
+from navfw.worldgen.roadmap import Roadmap
+
+__all__ = ["build"]
+
+Cell = tuple[int, int]
+_LONGEST = 30.0
+"""No way through a maze is longer than about this [m]."""
+
+
+def build(rng: np.random.Generator, difficulty: float) -> Draft:
+    """5 to 8 cells a side, each 1.6 m wide when easy, 1.1 m when difficult."""
+    cell = round(
+        float(np.clip(blend(1.55, 1.15, difficulty) + rng.uniform(-0.05, 0.05), 1.1, 1.6)), 3
+    )
+    columns, rows = (int(n) for n in rng.integers(5, 7, 2) + round(2.0 * difficulty))
+    draft = Draft.begin(rng, columns * cell + WALL, rows * cell + WALL)
+    draft.enclose(draft.palette.draw("wall"))
+    draft.ceiling = draft.palette.draw("ceiling")
+    maze = _carve(rng, columns, rows, loops=blend(0.2, 0.06, difficulty))
+    draft.description = f"A maze of {columns} x {rows} cells of {cell:g} m."
+    inner = draft.palette.draw_many("wall", 3)
+    walls = walls_along(list(_lines(maze, columns, rows, cell)), [], inner[0])
+    draft.walls += [
+        wall.model_copy(update={"texture": draft.palette.pick(inner)}) for wall in walls
+    ]
+    start, goal = _ends(rng, maze, cell)
+    onward = nx.shortest_path(maze, start, goal)[1]
+    draft.set_ends(_middle(start, cell), _middle(goal, cell), towards=_middle(onward, cell))
+    draft.time_allowance = 45.0
+    _chart(draft, maze, cell, goal)
+    return draft
+
+
+def _carve(rng: np.random.Generator, columns: int, rows: int, loops: float) -> nx.Graph:
+    """Cells joined where there is no wall: a random tree and a share of the other neighbours."""
+    grid = nx.grid_2d_graph(columns, rows)
+    for a, b in grid.edges:
+        # ways that go on straight are a little more likely, as people build
+        grid.edges[a, b]["weight"] = rng.random()
+    maze = nx.minimum_spanning_tree(grid)
+    others = [edge for edge in grid.edges if not maze.has_edge(*edge)]
+    for edge in others:
+        if rng.random() < loops:
+            maze.add_edge(*edge)
+    return maze
+
+
+def _lines(maze: nx.Graph, columns: int, rows: int, cell: float) -> Iterator[Line]:
+    """Walls between cells that are not joined, as long as they go straight on."""
+    half = 0.5 * WALL
+    for axis, (across, along) in enumerate(((columns, rows), (rows, columns))):
+        for i in range(1, across):
+            begin: int | None = None
+            for j in range(along + 1):
+                a, b = ((i - 1, j), (i, j)) if axis == 0 else ((j, i - 1), (j, i))
+                closed = j < along and not maze.has_edge(a, b)
+                if closed and begin is None:
+                    begin = j
+                elif not closed and begin is not None:
+                    at, low, high = (round(half + n * cell, 3) for n in (i, begin, j))
+                    yield Line(axis, at, low, high)
+                    begin = None
+
+
+def _middle(cell: Cell, size: float) -> Point:
+    x, y = (round(0.5 * WALL + (index + 0.5) * size, 3) for index in cell)
+    return x, y
+
+
+def _ends(rng: np.random.Generator, maze: nx.Graph, cell: float) -> tuple[Cell, Cell]:
+    """A corner cell, and one of the farthest from it that is not too far."""
+    cells = sorted(maze.nodes)
+    corners = [c for c in cells if c[0] in (0, cells[-1][0]) and c[1] in (0, cells[-1][1])]
+    start = corners[int(rng.integers(len(corners)))]
+    steps = nx.single_source_shortest_path_length(maze, start)
+    near = {c: n for c, n in steps.items() if 7.0 < n * cell < _LONGEST}
+    if not near:
+        raise Unsuitable("everything is near, or too far")
+    most = max(near.values())
+    farthest = sorted(c for c, n in near.items() if n == most)
+    return start, farthest[int(rng.integers(len(farthest)))]
+
+
+def _chart(draft: Draft, maze: nx.Graph, cell: float, goal: Cell) -> None:
+    """A place for every cell where the way bends, branches or ends."""
+    road = Roadmap(draft.plan())
+    names: dict[Cell, str] = {}
+    for at in sorted(maze.nodes):
+        beyond = sorted(maze[at])
+        straight = len(beyond) == 2 and (
+            beyond[0][0] == beyond[1][0] or beyond[0][1] == beyond[1][1]
+        )
+        kind: PlaceKind = "junction" if len(beyond) > 2 else "corridor" if straight else "corner"
+        names[at] = "goal" if at == goal else f"cell-{at[0]}-{at[1]}"
+        road.add(names[at], *_middle(at, cell), kind)
+    for a, b in maze.edges:
+        if not road.link(names[a], names[b], cell - WALL):
+            raise Unsuitable("cells too narrow")
+    draft.goal_place = "goal"
+    draft.topo_map = road.finish("generated-maze")
