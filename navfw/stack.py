@@ -119,6 +119,7 @@ class Stack:
         self._start_pose: Pose | None = None
         self._began: float | None = None
         self._localized = False
+        self._decided: StackState | None = None
 
     @classmethod
     def load(
@@ -142,8 +143,8 @@ class Stack:
 
         Plain data, made on request; empty before the first command.
         """
-        state = self.state
-        if state.command is None or state.proposals is None:
+        state = self._decided
+        if state is None or state.command is None or state.proposals is None:
             return {}
         explanation = explain_command(state.command, state.proposals, self.mofis.commands)
         if state.percept is not None:
@@ -173,6 +174,7 @@ class Stack:
         self.state = StackState(time=0.0)
         self._start_pose = pose
         self._began = None
+        self._decided = None
         self._localized = False
 
     def step(self, reading: SensorReading) -> Twist:
@@ -232,6 +234,8 @@ class Stack:
             stuck=stuck,
             faults=tuple(str(fault) for fault in self.mofis.faults),
         )
+        if command is not None:
+            self._decided = self.state
 
     def _perceive(
         self, frame: Frame, odometry: Odometry

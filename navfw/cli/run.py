@@ -44,7 +44,7 @@ def run(
         typer.Option(
             "--set",
             metavar="K=V",
-            help="Change one value, e.g. avoid.margin=0.3, mission.timeout=60, robot.radius=0.2,"
+            help="Change one value, e.g. avoid.spare=0.1, mission.timeout=60, robot.radius=0.2,"
             " sensors.preset=poor. May be repeated.",
         ),
     ] = None,

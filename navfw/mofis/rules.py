@@ -63,14 +63,14 @@ class Verdict:
 
 
 class BehaviorRules:
-    """A rule base for a behaviour, from a YAML file.
+    """A rule base for a behaviour, from a YAML file or text.
 
     Outputs called ``speed`` and ``turn`` are relative: 1 is the command grid's top speed (negative:
     backwards) and top turning rate (positive: left).
     """
 
-    def __init__(self, path: str | Path) -> None:
-        self.base = RuleBase.load(Path(path))
+    def __init__(self, base: RuleBase | str | Path) -> None:
+        self.base = base if isinstance(base, RuleBase) else RuleBase.load(Path(base))
         self.fis = CompiledFis(self.base)
         self._terms: dict[tuple[str, bytes], dict[str, Array]] = {}
         self._peaks: dict[str, dict[str, float]] = {}
@@ -79,6 +79,11 @@ class BehaviorRules:
     def beside(cls, module_file: str) -> BehaviorRules:
         """The rule base in the YAML file beside a module: ``BehaviorRules.beside(__file__)``."""
         return cls(Path(module_file).with_suffix(".yaml"))
+
+    @classmethod
+    def parse(cls, text: str, source: str | None = None) -> BehaviorRules:
+        """The rule base written as YAML in ``text``; ``source`` is what errors call it."""
+        return cls(RuleBase.parse(text, source))
 
     @property
     def outputs(self) -> tuple[str, ...]:

@@ -9,19 +9,22 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from navfw.errors import ConfigError
+from navfw.errors import ConfigError, InputError
 from navfw.recording.readings import Recording, load_recording
 from navfw.recording.runfolder import RESULT, read_result
 from navfw.recording.track import hash_commands
 from navfw.robot import RobotModel
 from navfw.signals import Array, Pose, SensorReading, Twist, Waypoint
 
-__all__ = ["Replay", "drive_again", "replay"]
+if TYPE_CHECKING:
+    from navfw.stack import Stack
+
+__all__ = ["Replay", "drive_again", "explain_at", "replay"]
 
 
 class Driver(Protocol):
@@ -80,13 +83,46 @@ def replay(folder: str | Path) -> Replay:
         InputError: the folder is not that of a run with ``--record``, or is damaged.
 
     """
+    stack, recording, start, goals = _load(Path(folder))
+    return compare(recording, drive_again(stack, recording, start, goals))
+
+
+def explain_at(folder: str | Path, time: float) -> dict[str, Any]:
+    """Why the command in force at ``time`` [s] of a recorded run was given, as plain data.
+
+    What each behaviour said of it, the rules that fired with their strengths, and what OFFIS
+    inferred from which numbers (``Stack.explain``).
+
+    Raises:
+        InputError: the folder is not that of a run with ``--record``, or is damaged; or it has no
+            command at that time.
+
+    """
+    stack, recording, start, goals = _load(Path(folder))
+    stack.start(start, goals)
+    last = float(recording.sensors[-1, 0]) if len(recording) else 0.0
+    for reading in recording.readings():
+        if reading.time > time + 1e-9:
+            break
+        stack.step(reading)
+    explanation = stack.explain()
+    if time < 0.0 or time > last + 1.0 or not explanation:
+        raise InputError(
+            f"no command was in force at {time:g} s; expected a time within the run's "
+            f"{last:.1f} s, after it has begun to move",
+            file=folder,
+            key="--at",
+        )
+    return explanation
+
+
+def _load(folder: Path) -> tuple[Stack, Recording, Pose, list[Waypoint]]:
+    """The stack, the readings, the start and the goals of a recorded run."""
     from navfw.plugins import default_registry
     from navfw.stack import Stack
     from navfw.topomap.files import load_map
 
-    folder = Path(folder)
-    result = read_result(folder)
-    mission = _mission(result, folder)
+    mission = _mission(read_result(folder), folder)
     if not (folder / "recording.npz").is_file():
         raise ConfigError("holds no sensor readings; run again with --record", file=folder)
     recording = load_recording(folder / "recording.npz")
@@ -97,8 +133,7 @@ def replay(folder: str | Path) -> Replay:
         Waypoint(goal.x, goal.y, mission.tolerance, goal.place, "goal", final=True)
         for goal in mission.goals
     ]
-    commands = drive_again(stack, recording, Pose(*mission.start), goals)
-    return compare(recording, commands)
+    return stack, recording, Pose(*mission.start), goals
 
 
 def drive_again(

@@ -9,7 +9,7 @@
       - world: office                 # a name or a path
         missions: [lobby-to-lab]      # default: all of the world
         stack: default
-        set: {avoid.margin: 0.3, mission.timeout: 120}
+        set: {avoid.spare: 0.1, mission.timeout: 120}
       - worlds: ../imported           # a folder of worlds, each with its missions; see --worlds
 """
 
@@ -78,7 +78,7 @@ class EntrySpec(_Spec):
     ] = None
     stack: Annotated[str | None, Field(description="a stack's name or file")] = None
     set: Annotated[
-        Mapping[str, Any], Field(description="what differs, as with --set: {avoid.margin: 0.3}")
+        Mapping[str, Any], Field(description="what differs, as with --set: {avoid.spare: 0.1}")
     ] = Field(default_factory=dict)
 
     @model_validator(mode="after")

@@ -24,7 +24,7 @@ entries:
     difficulty: [0.2, 1]
   - world: office
     missions: [lobby-to-lab]
-    set: {avoid.margin: 0.3, mission.goals: [lab, {x: 1, y: 2}], sensors.preset: poor}
+    set: {avoid.spare: 0.1, mission.goals: [lab, {x: 1, y: 2}], sensors.preset: poor}
   - {world: some/where/world.yaml}
   - {worlds: ../imported/barn, name: the barn}
 """
@@ -32,7 +32,7 @@ entries:
     assert [entry.title for entry in entries] == ["rooms", "office", "where", "the barn"]
     assert entries[0].difficulty == (0.2, 1.0)
     assert entries[1].overrides == (
-        "avoid.margin=0.3",
+        "avoid.spare=0.1",
         'mission.goals=["lab", {"x": 1, "y": 2}]',
         'sensors.preset="poor"',
     )
