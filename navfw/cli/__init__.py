@@ -24,6 +24,7 @@ COMMANDS = (
     "navfw.cli.run",
     "navfw.cli.replay",
     "navfw.cli.perceive",
+    "navfw.cli.reproduce",
     "navfw.cli.listings",
     "navfw.cli.bench",
     "navfw.cli.suite",

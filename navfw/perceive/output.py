@@ -9,7 +9,7 @@ import shutil
 import tempfile
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Protocol, Self
 
 import cv2
 
@@ -17,25 +17,28 @@ from navfw.errors import InputError
 from navfw.perceive.sources import Source
 from navfw.signals import Image
 
-__all__ = ["Output", "open_output"]
+__all__ = ["Output", "WholeFolder", "open_output"]
 
 _CODECS = {".mp4": "mp4v", ".m4v": "mp4v", ".avi": "MJPG"}
 _OURS = re.compile(r"view-[0-9]{5,}\.png")
 
 
-class Output:
-    """A context manager that takes pictures; leaving it with an exception leaves nothing."""
+class _Whole:
+    """A context manager that works beside its target; an exception leaves nothing behind.
+
+    Inside, ``path`` is a temporary folder; leaving without an exception moves it into place.
+    """
 
     def __init__(self, target: Path) -> None:
         self.target = target
-        self._count = 0
+        self.path = target
 
     def __enter__(self) -> Self:
         parent = self.target.absolute().parent
         try:
             parent.mkdir(parents=True, exist_ok=True)
-            self._work = Path(tempfile.mkdtemp(prefix=f".{self.target.name}.", dir=parent))
-            self._work.chmod(0o755)
+            self.path = Path(tempfile.mkdtemp(prefix=f".{self.target.name}.", dir=parent))
+            self.path.chmod(0o755)
         except OSError as error:
             raise _unwritable(self.target, error) from error
         return self
@@ -53,15 +56,7 @@ class Output:
         except OSError as failure:
             raise _unwritable(self.target, failure) from failure
         finally:
-            shutil.rmtree(self._work, ignore_errors=True)
-
-    def add(self, picture: Image) -> None:
-        """Take the next picture; all must have one size."""
-        self._count += 1
-        self._write(picture)
-
-    def _write(self, picture: Image) -> None:
-        raise NotImplementedError
+            shutil.rmtree(self.path, ignore_errors=True)
 
     def _finish(self) -> None:
         pass
@@ -70,30 +65,80 @@ class Output:
         raise NotImplementedError
 
 
-class _Folder(Output):
-    def _write(self, picture: Image) -> None:
-        path = self._work / f"view-{self._count:05d}.png"
-        if not cv2.imwrite(str(path), picture):
-            raise InputError("cannot be written", file=self.target)
+class WholeFolder(_Whole):
+    """A folder, written whole or not at all. An earlier one is replaced.
+
+    ``ours`` matches the names of the files that it may hold; ``option`` is what named it.
+
+    Raises:
+        InputError: the target holds something else, or cannot be written.
+
+    """
+
+    def __init__(self, target: Path, ours: re.Pattern[str], option: str) -> None:
+        super().__init__(target)
+        self._ours, self._option = ours, option
+        self._refuse_foreign()
 
     def _move_into_place(self) -> None:
         if self.target.exists():
-            _refuse_foreign(self.target)
+            self._refuse_foreign()
             shutil.rmtree(self.target)
-        self._work.rename(self.target)
+        self.path.rename(self.target)
+
+    def _refuse_foreign(self) -> None:
+        if not os.path.lexists(self.target):
+            return
+        if not self.target.is_dir():
+            raise InputError("is a file; a folder is needed", file=self.target)
+        names = sorted(entry.name for entry in self.target.iterdir())
+        foreign = [name for name in names if not self._ours.fullmatch(name)]
+        if foreign:
+            raise InputError(
+                f"holds {foreign[0]!r}, so it is not replaced; choose another {self._option}",
+                file=self.target,
+            )
 
 
-class _Film(Output):
+class Output(Protocol):
+    """Takes pictures of one size; a context manager."""
+
+    def add(self, picture: Image) -> None:
+        """Take the next picture."""
+        ...
+
+    def __enter__(self) -> Self: ...
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None: ...
+
+
+class _Pictures(WholeFolder):
+    def __init__(self, target: Path) -> None:
+        super().__init__(target, _OURS, "--overlay")
+        self._count = 0
+
+    def add(self, picture: Image) -> None:
+        self._count += 1
+        if not cv2.imwrite(str(self.path / f"view-{self._count:05d}.png"), picture):
+            raise InputError("cannot be written", file=self.target)
+
+
+class _Film(_Whole):
     def __init__(self, target: Path, rate: float) -> None:
         super().__init__(target)
         self._rate = rate
         self._film: cv2.VideoWriter | None = None
 
-    def _write(self, picture: Image) -> None:
+    def add(self, picture: Image) -> None:
         if self._film is None:
             codec = _CODECS[self.target.suffix.lower()]
             self._film = cv2.VideoWriter(
-                str(self._work / self.target.name),
+                str(self.path / self.target.name),
                 cv2.VideoWriter.fourcc(*codec),
                 self._rate,
                 (picture.shape[1], picture.shape[0]),
@@ -109,8 +154,8 @@ class _Film(Output):
     def _move_into_place(self) -> None:
         # umask applies to what others may read, as if written in place
         with contextlib.suppress(OSError):
-            (self._work / self.target.name).chmod(0o644)
-        (self._work / self.target.name).replace(self.target)
+            (self.path / self.target.name).chmod(0o644)
+        (self.path / self.target.name).replace(self.target)
 
 
 def open_output(target: Path, source: Source) -> Output:
@@ -131,20 +176,7 @@ def open_output(target: Path, source: Source) -> Output:
         raise InputError(
             "is neither .mp4 nor .avi, nor a folder's name", file=target, key="--overlay"
         )
-    _refuse_foreign(target)
-    return _Folder(target)
-
-
-def _refuse_foreign(target: Path) -> None:
-    if not os.path.lexists(target):
-        return
-    if not target.is_dir():
-        raise InputError("is a file; the pictures need a folder", file=target)
-    foreign = sorted(e.name for e in target.iterdir() if not _OURS.fullmatch(e.name))
-    if foreign:
-        raise InputError(
-            f"holds {foreign[0]!r}, so it is not replaced; choose another --overlay", file=target
-        )
+    return _Pictures(target)
 
 
 def _unwritable(target: Path, error: OSError) -> InputError:

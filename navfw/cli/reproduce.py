@@ -1,0 +1,75 @@
+"""``navfw reproduce``: the paper's tables again, on a page with pictures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from navfw.cli.output import print_json, print_table, quiet_stdout
+
+__all__ = ["add_to"]
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command()(reproduce)
+
+
+def reproduce(
+    out: Annotated[Path, typer.Option(help="The folder to write.")] = Path("reproduction"),
+    seed: Annotated[int, typer.Option(min=0, help="Of noise and of the generated views.")] = 0,
+    views: Annotated[
+        int, typer.Option(min=20, max=10_000, help="Views of section 4.3's comparison.")
+    ] = 200,
+    json: Annotated[
+        bool, typer.Option("--json", help="One object on stdout, nothing else.")
+    ] = False,
+) -> None:
+    """Do the paper's experiments again; exit with 1 if they do not show what they must."""
+    with quiet_stdout():
+        from navfw.reproduce.run import reproduce as run
+
+        result = run(out, seed, views, lambda text: typer.echo(text, err=True))
+    if json:
+        print_json(result)
+    else:
+        rows = [
+            (
+                entry["waypoint"],
+                entry["doing"],
+                *(_verdict(entry["readings"], flow, rotation) for flow, rotation in _COLUMNS),
+            )
+            for entry in result["table2"]
+        ]
+        columns = [f"{flow}, rotation {rotation}" for flow, rotation in _COLUMNS]
+        print_table(["waypoint", "the robot", *columns], rows, "no waypoints")
+        for name, good in result["checks"].items():
+            typer.echo(f"{'yes' if good else 'NO '}  {name}")
+        times = result["timings"]
+        typer.echo(
+            f"OFFIS takes {times['offis_12x16_ms']:.2f} ms (the paper: 160 ms obstacles, 580 to"
+            " 620 ms situation)"
+        )
+        typer.echo(f"digest {result['digest'][:16]}, page {out / 'index.md'}")
+    raise typer.Exit(0 if all(result["checks"].values()) else 1)
+
+
+_COLUMNS = (
+    ("ideal", "removed"),
+    ("ideal", "left in"),
+    ("block matching", "removed"),
+    ("block matching", "left in"),
+)
+
+
+def _verdict(readings: list[dict[str, object]], flow: str, rotation: str) -> str:
+    for reading in readings:
+        if (reading["flow"], reading["rotation"], reading["mode"]) == (
+            flow,
+            rotation,
+            "normalised",
+        ):
+            return "right" if reading["right"] else "wrong"
+    return "-"

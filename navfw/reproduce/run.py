@@ -1,0 +1,69 @@
+"""Everything at once: render, read, compare, time, and write the folder."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import cv2
+
+from navfw.config.lookup import find
+from navfw.perceive.output import WholeFolder
+from navfw.recording.runfolder import plain_json
+from navfw.reproduce.metrics import compare_metrics
+from navfw.reproduce.page import PAPER_TIMES, write_page
+from navfw.reproduce.pictures import draw_map, scene_picture, waypoint_picture
+from navfw.reproduce.tables import as_data, checks, table2, table3, timings
+from navfw.reproduce.trajectory import drive
+from navfw.sim.worldfile import load_world
+
+__all__ = ["reproduce"]
+
+_OURS = re.compile(r"index\.md|result\.json|map\.png|(waypoint|scene)-[0-9]+\.png")
+
+
+def reproduce(
+    out: Path, seed: int, views: int, tell: Callable[[str], None] = lambda _: None
+) -> dict[str, Any]:
+    """Write the reproduction to the folder ``out``, whole or not at all; returns it as plain data.
+
+    ``views`` is the number of views of section 4.3's comparison. All but ``timings`` is the same
+    whenever ``seed`` and ``views`` are: ``digest`` is the SHA-256 of that.
+
+    Raises:
+        InputError: ``out`` holds something else, or cannot be written.
+
+    """
+    with WholeFolder(out, _OURS, "--out") as folder:
+        tell("Table 2: the trajectory")
+        rows = table2(seed)
+        tell("Table 3: the office")
+        scenes = table3(seed)
+        tell(f"section 4.3: {views} views")
+        metrics = compare_metrics(views, seed)
+        tell("times")
+        times = timings(rows, scenes)
+        shown = checks(rows)
+        result = plain_json(
+            {"seed": seed, **as_data(rows, scenes), "metrics": metrics, "checks": shown}
+        )
+        digest = hashlib.sha256(json.dumps(result, sort_keys=True).encode()).hexdigest()
+        result |= {"digest": digest, "timings": {**times, "paper": dict(PAPER_TIMES)}}
+        tell("pictures")
+        world = load_world(find("world", "paper-room"))
+        draw_map(folder.path / "map.png", world, drive(), rows)
+        for row in rows:
+            name = f"waypoint-{row.waypoint.number}.png"
+            cv2.imwrite(str(folder.path / name), waypoint_picture(row))
+        for scene in scenes:
+            name = f"scene-{scene.scene.number}.png"
+            cv2.imwrite(str(folder.path / name), scene_picture(scene))
+        page = write_page(seed, rows, scenes, metrics, times, shown)
+        (folder.path / "index.md").write_text(page, encoding="utf-8")
+        text = json.dumps(result, indent=2, allow_nan=False)
+        (folder.path / "result.json").write_text(text + "\n", encoding="utf-8")
+    return dict(result)

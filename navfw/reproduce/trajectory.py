@@ -1,0 +1,92 @@
+"""The paper's simulated trajectory (Fig. 16): go-to-XY through a room, with red waypoints.
+
+The figure's numbers are not in the text, so the way is our own: from the room's corner between its
+round and square objects to the door and through it. At waypoint 3 the next place to go to lies far
+to the left, and the robot turns as fast as it can, as in the paper.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+
+from navfw.signals import Pose, Twist, wrap_angle
+
+__all__ = ["FAST_TURN", "PLACES", "START", "WAYPOINTS", "Moment", "Waypoint", "drive"]
+
+START = Pose(0.9, 2.3, 0.0)
+"""Where the robot starts, in the map of ``paper-room``."""
+
+PLACES = ((3.2, 2.3), (4.6, 1.4), (5.2, 3.0), (7.4, 3.2), (8.1, 2.2))
+"""Places that go-to-XY visits in turn [m]."""
+
+FAST_TURN = 0.9
+"""Highest turning rate [rad/s], reached at waypoint 3."""
+
+_SPEED, _REACHED, _GAIN, _STEP = 0.4, 0.12, 4.0, 1.0 / 60.0
+_LONGEST = 60.0
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """Where the robot is at ``time`` [s], with what ``twist`` it goes on."""
+
+    time: float
+    pose: Pose
+    twist: Twist
+
+
+@dataclass(frozen=True, slots=True)
+class Waypoint:
+    """A red point of the trajectory: its number, when it is passed [s], what the robot does."""
+
+    number: int
+    time: float
+    doing: str
+
+
+WAYPOINTS = (
+    Waypoint(1, 3.0, "goes on between the box and the column"),
+    Waypoint(2, 8.0, "heads for the corner"),
+    Waypoint(3, 11.3, "turns left, fast"),
+    Waypoint(4, 13.2, "goes on along the partition"),
+    Waypoint(5, 17.4, "goes through the door"),
+    Waypoint(6, 20.0, "goes to the wall of the next room"),
+    Waypoint(7, 23.0, "goes to its corner"),
+)
+"""The red points, in order."""
+
+
+def drive() -> list[Moment]:
+    """The way from ``START`` over all of ``PLACES``, in steps of 1/60 s."""
+    pose, time, way = START, 0.0, []
+    places = list(PLACES)
+    while places and time < _LONGEST:
+        x, y = pose.to_local(*places[0])
+        if math.hypot(x, y) < _REACHED:
+            places.pop(0)
+            continue
+        bearing = math.atan2(y, x)
+        turn = min(max(_GAIN * bearing, -FAST_TURN), FAST_TURN)
+        twist = Twist(_SPEED * max(math.cos(bearing), 0.45), turn)
+        way.append(Moment(time, pose, twist))
+        pose = pose.compose(_arc(twist, _STEP))
+        time += _STEP
+    return way
+
+
+def before(moment: Moment, seconds: float) -> Pose:
+    """Where the robot was ``seconds`` [s] before, had it gone on all the while as it does now."""
+    return moment.pose.compose(_arc(moment.twist, -seconds))
+
+
+def length(way: list[Moment]) -> float:
+    """Length of the way [m]."""
+    return sum(math.dist((a.pose.x, a.pose.y), (b.pose.x, b.pose.y)) for a, b in pairwise(way))
+
+
+def _arc(twist: Twist, dt: float) -> Pose:
+    turn, way = twist.w * dt, twist.v * dt
+    chord = way if abs(turn) < 1e-9 else way * math.sin(0.5 * turn) / (0.5 * turn)
+    return Pose(chord * math.cos(0.5 * turn), chord * math.sin(0.5 * turn), wrap_angle(turn))

@@ -1,0 +1,171 @@
+"""One view of a simulated world: two images, true depth and motion, flow, and what OFFIS reads."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+
+from navfw.bench.truth import Truth, WallTruth, truth_of
+from navfw.egomotion.camera_motion import camera_motion
+from navfw.flow.block_matching import BlockMatching
+from navfw.flow.derotation import derotate
+from navfw.flow.grid import grid_points
+from navfw.flow.ideal import SIGMA, nearness_at, true_vectors
+from navfw.flow.refinement import refine
+from navfw.offis.distances import TERMS
+from navfw.offis.offis import Offis
+from navfw.offis.situations import TABLE
+from navfw.robot import RobotModel
+from navfw.signals import CameraMotion, FlowField, Frame, FramePair, Image, Percept, Pose, Twist
+from navfw.sim.camera import DepthImage
+from navfw.sim.sensors import SensorParams
+from navfw.sim.simulation import Simulation
+from navfw.sim.worldfile import WorldSpec
+
+__all__ = ["Eye", "Reading", "Shot", "front_of", "judge", "read"]
+
+IMAGE_NOISE = 2.0
+"""Standard deviation of the image noise [grey levels]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Shot:
+    """A pair of images with everything that is true of them.
+
+    ``depth`` (height, width) [m] belongs to the second image; ``motion`` is the camera's true one.
+    """
+
+    pair: FramePair
+    depth: DepthImage
+    motion: CameraMotion
+    twist: Twist
+    truth: Truth
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """What OFFIS says of a flow field, and what of that is right (None: the truth is unclear)."""
+
+    flow: FlowField
+    percept: Percept
+    quadrant: bool
+    distance: bool
+    situation: bool | None
+
+    @property
+    def right(self) -> bool:
+        """Whether nothing is wrong."""
+        return self.quadrant and self.distance and self.situation is not False
+
+
+class Eye:
+    """A robot's camera in a world. Use as a context manager."""
+
+    def __init__(self, world: WorldSpec, robot: RobotModel, start: Pose, seed: int) -> None:
+        self.robot = robot
+        self._walls = WallTruth(world)
+        self._rng = np.random.default_rng(seed)
+        # twice the size and averaged, as a ray tracer would: TinyRenderer aliases
+        self._sim = Simulation(world, robot, start, 0, SensorParams(supersample=2))
+
+    def __enter__(self) -> Eye:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._sim.close()
+
+    def look(self, past: Pose, now: Pose, dt: float) -> Shot:
+        """The images from two poses ``dt`` [s] apart."""
+        robot = self.robot
+        before, _ = self._sim.look_from(past)
+        after, depth = self._sim.look_from(now)
+        motion = camera_motion(robot, past, now, dt, slip=0.0)
+        step = past.relative(now)
+        twist = Twist(float(np.hypot(step.x, step.y)) / dt, step.yaw / dt)
+        frames = Frame(0.0, self._exposed(before)), Frame(dt, self._exposed(after))
+        return Shot(
+            FramePair(*frames, motion),
+            depth,
+            motion,
+            twist,
+            truth_of(self._walls, now, twist.v, depth, robot),
+        )
+
+    def _exposed(self, image: Image) -> Image:
+        noisy = image + IMAGE_NOISE * self._rng.standard_normal(image.shape)
+        return np.asarray(np.clip(np.rint(noisy), 0, 255), dtype=np.uint8)
+
+
+def ideal(shot: Shot, robot: RobotModel, rows: int = 12, cols: int = 16) -> FlowField:
+    """The true flow of ``shot``, rotation and all: the paper's synthetic mode (sec 6.1)."""
+    camera = robot.camera
+    points = grid_points(camera, rows, cols)
+    nearness = nearness_at(points, shot.depth, camera)
+    vectors = true_vectors(points, nearness, shot.motion, camera.focal)
+    seen = np.asarray(np.isfinite(vectors).all(axis=-1))
+    return FlowField(
+        time=shot.pair.now.time,
+        points=points,
+        vectors=np.where(seen[..., None], vectors, 0.0),
+        confidence=np.where(seen, 1.0, 0.0),
+        sigma=np.full(seen.shape, SIGMA),
+        motion=shot.motion,
+    )
+
+
+def matched(
+    shot: Shot, robot: RobotModel, params: BlockMatching.Params, *, gyro: bool
+) -> FlowField:
+    """Flow of ``shot`` by block matching; without ``gyro`` the search knows of no rotation."""
+    motion = shot.motion if gyro else _unturned(shot.motion)
+    pair = dataclasses.replace(shot.pair, motion=motion)
+    return BlockMatching(robot, params).compute(pair)
+
+
+def derotated(flow: FlowField, robot: RobotModel, *, with_refinement: bool) -> FlowField:
+    """``flow`` without its rotational part, by the gyro alone or refined by the flow itself."""
+    if with_refinement:
+        return refine(flow, robot.camera).apply(flow, robot.camera)
+    return derotate(flow, robot.camera)
+
+
+def not_derotated(flow: FlowField) -> FlowField:
+    """``flow`` as it is, taken for that of a camera that did not turn: the paper's waypoint 3."""
+    return dataclasses.replace(flow, motion=_unturned(flow.motion), derotated=True)
+
+
+def _unturned(motion: CameraMotion) -> CameraMotion:
+    return dataclasses.replace(motion, rotation=np.eye(3))
+
+
+def read(offis: Offis, flow: FlowField, shot: Shot) -> Reading:
+    """Let ``offis`` interpret derotated ``flow``, and hold that against the truth."""
+    offis.reset()
+    percept = offis.perceive(flow, shot.twist)
+    return Reading(flow, percept, *judge(percept, shot.truth))
+
+
+def judge(percept: Percept, truth: Truth) -> tuple[bool, bool, bool | None]:
+    """Whether nearest quadrants, distance term and what is in front (None: unclear) are right.
+
+    Every quadrant named must be possible and one of them certain; the front must name a true
+    situation. See ``navfw.bench.truth`` for what is true.
+    """
+    named = percept.obstacles["layer1"]
+    quadrant = bool(named.keys() & truth.certain) and named.keys() <= truth.possible
+    term = min(named.values(), key=TERMS.index) if named else "none"
+    distance = term == truth.term or (term == "none" and truth.term == "far")
+    front = None
+    if truth.clear:
+        front = any(name in truth.situations for name in front_of(percept).split(" or "))
+    return quadrant, distance, front
+
+
+def front_of(percept: Percept) -> str:
+    """What the sentence says to be in front: an entry of Table 1, or plain "door"."""
+    for part in percept.sentence.split("; "):
+        if part.startswith("Front is "):
+            return part.removeprefix("Front is ").removeprefix("a ")
+    return max(TABLE, key=percept.situations.__getitem__)
