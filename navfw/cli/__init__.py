@@ -23,6 +23,7 @@ __all__ = ["COMMANDS", "app", "main"]
 COMMANDS = (
     "navfw.cli.run",
     "navfw.cli.replay",
+    "navfw.cli.explain",
     "navfw.cli.perceive",
     "navfw.cli.reproduce",
     "navfw.cli.listings",

@@ -8,11 +8,13 @@ import sys
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
-from navfw.errors import ConfigError
+from navfw.cli import app
+from navfw.errors import ConfigError, InputError
 from navfw.missions.report import write_run
 from navfw.missions.session import MissionResult, prepare
-from navfw.recording.replay import replay
+from navfw.recording.replay import explain_at, replay
 from navfw.recording.runfolder import RESULT, RunFolder, read_result
 
 # The stack runs where PyBullet cannot even be imported: None in sys.modules makes import fail.
@@ -100,3 +102,28 @@ def test_a_damaged_result_is_named_by_file_and_key(
     (tmp_path / RESULT).write_text(json.dumps(result))
     with pytest.raises(ConfigError, match=rf"result\.json: config\.mission\.{key}"):
         replay(tmp_path)
+
+
+def test_every_command_is_explained_rule_by_rule(driven: tuple[MissionResult, Path]) -> None:
+    explanation = explain_at(driven[1], 5.0)
+    leader = explanation["behaviors"][explanation["leader"]]
+    assert leader["rules"], "the leader's rules fired"
+    assert all("IF" in rule["rule"] and 0.0 < rule["strength"] <= 1.0 for rule in leader["rules"])
+    assert explanation["perception"]["sentence"].startswith("Layer1")
+    assert sum(said["weight"] for said in explanation["behaviors"].values()) == pytest.approx(1.0)
+    assert json.loads(json.dumps(explanation)) == explanation, "it is plain data"
+
+
+@pytest.mark.parametrize("time", [-1.0, 0.5, 1000.0])
+def test_there_is_nothing_to_explain_when_nothing_was_commanded(
+    driven: tuple[MissionResult, Path], time: float
+) -> None:
+    with pytest.raises(InputError, match="no command was in force"):
+        explain_at(driven[1], time)
+
+
+def test_explain_prints_the_rules(driven: tuple[MissionResult, Path]) -> None:
+    done = CliRunner().invoke(app, ["explain", str(driven[1]), "--at", "5"])
+    assert done.exit_code == 0
+    assert "go_to_xy" in done.stdout
+    assert "IF bearing IS" in done.stdout
