@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 from enum import StrEnum
@@ -210,7 +211,7 @@ def _percent(share: float | None) -> str:
 
 
 def _number(value: float | None, digits: int = 2, unit: str = "") -> str:
-    return "" if value is None else f"{value:.{digits}f}{unit}"
+    return "" if value is None or math.isinf(value) else f"{value:.{digits}f}{unit}"
 
 
 class _Bar:

@@ -13,10 +13,10 @@ from typing import Literal
 
 from navfw.missions.outcome import Outcome
 
-__all__ = ["Aiming", "Cause", "Driving", "Evidence", "Touch", "classify", "collision_cause"]
+__all__ = ["Aiming", "Cause", "Driving", "Evidence", "Touch", "classify"]
 
 CREEP = 0.05
-"""Speed [m/s] below which a body counts as standing."""
+"""Speed [m/s] below which a robot counts as standing."""
 
 PACE, TURNING = 0.02, 0.1
 """Mean speeds [m/s], [rad/s] below which a robot has neither driven nor turned to speak of."""
@@ -76,16 +76,14 @@ class Cause(StrEnum):
 class Touch:
     """How the robot met the thing it touched.
 
-    ``bearing`` [rad, left positive] of the nearest point of the thing; NaN when not known.
-    ``closing`` [m/s] is the robot's own speed towards it, ``other`` the thing's towards the robot.
-    ``speed`` [m/s] is the robot's forward speed, negative backwards. ``memory`` is what the stack
-    remembered at that point, "" when it has no memory.
+    ``by_mover``: something that moves came into a robot that was not driving towards it.
+    ``bearing`` [rad, left positive] is of the nearest point of the thing, ``speed`` [m/s] the
+    robot's forward speed, negative backwards. ``memory`` is what the stack remembered at that
+    point, "" when it has no memory.
     """
 
-    moves: bool
+    by_mover: bool
     bearing: float
-    closing: float
-    other: float
     speed: float
     memory: Literal["occupied", "free", "unknown", ""] = ""
 
@@ -147,22 +145,13 @@ def classify(evidence: Evidence) -> Cause | None:
             return None
 
 
-def collision_cause(touch: Touch) -> Literal["robot", "mover", "both"]:
-    """Whose motion closed the last gap: a thing that stands has no part in it."""
-    if not touch.moves:
-        return "robot"
-    if touch.closing <= CREEP:
-        return "mover"
-    return "both" if touch.other > CREEP else "robot"
-
-
 def _of_collision(touch: Touch | None) -> Cause:
     if touch is None:
         return Cause.UNKNOWN
-    if collision_cause(touch) == "mover":
+    if touch.by_mover:
         return Cause.MOVER
     aside = abs(touch.bearing)
-    if touch.speed < -CREEP and not aside < 0.5 * math.pi:
+    if touch.speed < -CREEP and aside > 0.5 * math.pi:
         return Cause.REVERSED_INTO
     if touch.memory == "occupied" and aside > 0.25 * math.pi:
         return Cause.TURNED_INTO

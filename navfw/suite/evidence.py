@@ -17,9 +17,10 @@ from navfw.missions.metrics import path_length
 from navfw.missions.session import MissionResult
 from navfw.mofis.egomap import EgoMap
 from navfw.mofis.mofis import Mofis
-from navfw.recording.track import Track
+from navfw.recording.track import Contact, Track
 from navfw.signals import Array, Odometry, Pose, wrap_angle
-from navfw.sim.floorplan import FloorPlan
+from navfw.sim.floorplan import FloorPlan, NamedShape
+from navfw.sim.shapes import Disc
 from navfw.suite.causes import Aiming, Driving, Evidence, Touch
 
 __all__ = ["gather"]
@@ -48,7 +49,7 @@ def gather(result: MissionResult) -> Evidence:
     if track.contacts and now is not None:
         touch = _touch(result, now)
     elif odometry is not None and now is not None:
-        aiming = _aiming(stack.mofis, odometry, now, session.plan)
+        aiming = _aiming(result, odometry, now)
     return Evidence(
         outcome=result.outcome,
         estimate_error=metrics.estimate_error_m,
@@ -73,30 +74,35 @@ def _true_at(track: Track, time: float) -> Pose | None:
 def _touch(result: MissionResult, now: Pose) -> Touch:
     session, track = result.session, result.run.track
     contact = track.contacts[0]
-    shapes = [solid for solid in session.plan.solids if solid.name == contact.body]
-    since = int(np.searchsorted(track.time, contact.time - APPROACH))
-    past = track.true[min(since, track.ticks - 1)]
-    elapsed = max(contact.time - float(track.time[min(since, track.ticks - 1)]), 1e-3)
-    velocity = np.array([contact.x - past[0], contact.y - past[1]]) / elapsed
+    since = min(int(np.searchsorted(track.time, contact.time - APPROACH)), track.ticks - 1)
     yaw = float(track.true[-1, 2])
-    speed = float(velocity @ (math.cos(yaw), math.sin(yaw)))
-    if not shapes:  # it is not where the floor plan has it: something that moves
-        moving = float(np.hypot(*velocity))
-        return Touch(True, math.nan, moving, math.nan, speed, "")
-    own = FloorPlan(session.plan.bounds, tuple(shapes))
-    point = _nearest_point(own, contact.x, contact.y)
+    moved = np.array([contact.x, contact.y]) - track.true[since, :2]
+    elapsed = max(contact.time - float(track.time[since]), 1e-3)
+    point = _touched_point(result, contact)
     toward = point - (contact.x, contact.y)
-    bearing = wrap_angle(math.atan2(toward[1], toward[0]) - yaw)
-    distance = float(np.hypot(*toward))
-    closing = float(velocity @ toward) / distance if distance > 0.0 else 0.0
     return Touch(
-        moves=False,
-        bearing=bearing,
-        closing=closing,
-        other=0.0,
-        speed=speed,
+        by_mover=result.collision_cause == "mover",
+        bearing=wrap_angle(math.atan2(toward[1], toward[0]) - yaw),
+        speed=float(moved @ (math.cos(yaw), math.sin(yaw))) / elapsed,
         memory=_remembered(session.stack.mofis, session.stack.state.odometry, now, point),
     )
+
+
+def _touched_point(result: MissionResult, contact: Contact) -> Array:
+    """The point [m, map] of what was touched that is nearest to the robot's centre.
+
+    The robot's centre itself if the thing is neither in the floor plan nor a mover.
+    """
+    movers, plan = result.movers, result.session.plan
+    if movers is not None and contact.body in movers.names:
+        index = movers.names.index(contact.body)
+        x, y = movers.at(np.array([contact.time]))[0, index]
+        shapes = [NamedShape(contact.body, "mover", Disc(x, y, float(movers.radii[index])))]
+    else:
+        shapes = [solid for solid in plan.solids if solid.name == contact.body]
+    if not shapes:
+        return np.array([contact.x, contact.y])
+    return _nearest_point(FloorPlan(plan.bounds, tuple(shapes)), contact.x, contact.y)
 
 
 def _nearest_point(plan: FloorPlan, x: float, y: float) -> Array:
@@ -138,14 +144,15 @@ def _cells(egomap: EgoMap) -> tuple[Array, Array]:
 # --- the way ahead -------------------------------------------------------------------------------
 
 
-def _aiming(mofis: Mofis, odometry: Odometry, now: Pose, plan: FloorPlan) -> Aiming | None:
+def _aiming(result: MissionResult, odometry: Odometry, now: Pose) -> Aiming | None:
     """The remembered way as it is, and with what is wrong in the memory forgotten."""
+    mofis = result.session.stack.mofis
     context = mofis.context
     if context is None or context.waypoint is None or context.aim is None:
         return None
     egomap, pose = mofis.egomap, odometry.pose
     goal = pose.to_parent(*context.waypoint_local)
-    off = _distance_from_truth(egomap, pose, now, plan)
+    off = _distance_from_truth(result, egomap, pose, now)
     costs = []
     for limit in (math.inf, GHOST, BLUR):
         egomap.evidence[off > limit] = 0.0
@@ -155,11 +162,12 @@ def _aiming(mofis: Mofis, odometry: Odometry, now: Pose, plan: FloorPlan) -> Aim
     return Aiming(*costs)
 
 
-def _distance_from_truth(egomap: EgoMap, pose: Pose, now: Pose, plan: FloorPlan) -> Array:
+def _distance_from_truth(result: MissionResult, egomap: EgoMap, pose: Pose, now: Pose) -> Array:
     """(n, n) distance [m] of what is remembered to the nearest thing in truth; 0 where nothing is.
 
     ``pose`` and ``now`` are the robot's, in odom and in truth.
     """
+    plan, movers = result.session.plan, result.movers
     distance: Array = np.zeros((egomap.size, egomap.size))
     occupied = egomap.occupied
     x, y = (axis[occupied] for axis in _cells(egomap))
@@ -170,7 +178,11 @@ def _distance_from_truth(egomap: EgoMap, pose: Pose, now: Pose, plan: FloorPlan)
     left = -s * (x - pose.x) + c * (y - pose.y)
     c, s = math.cos(now.yaw), math.sin(now.yaw)
     true = np.column_stack([now.x + c * ahead - s * left, now.y + s * ahead + c * left])
-    distance[occupied] = plan.clearances(true)
+    away = plan.clearances(true)
+    if movers is not None:
+        ended = np.full(len(true), result.session.stack.state.time)
+        away = np.minimum(away, movers.clearances(true, ended))
+    distance[occupied] = away
     return distance
 
 

@@ -18,8 +18,8 @@ def summarize(rows: Sequence[RunRow]) -> dict[str, Any]:
 
     ``success`` is a share with its Wilson interval (95 %). SPL, SCT and the BARN score are means
     over all runs, failures being 0. ``collisions`` are counted contacts, ``collision_rate`` the
-    share of runs with one, ``collisions_by_robot`` the runs in which the robot's own motion had a
-    part in it. ``mean_time_s`` is of the runs that arrived. What no run gave is None. With more
+    share of runs with one, ``collisions_by_robot`` the runs in which the robot's own motion led
+    into it. ``mean_time_s`` is of the runs that arrived. What no run gave is None. With more
     than one stack, ``by_stack`` has the numbers of each.
     """
     summary = _numbers(rows)
@@ -48,7 +48,7 @@ def _numbers(rows: Sequence[RunRow]) -> dict[str, Any]:
         "success_high": high,
         "collisions": sum(row.collisions or 0 for row in rows),
         "collision_rate": len(hit) / count if count else None,
-        "collisions_by_robot": sum(row.collision_cause in {"robot", "both"} for row in hit),
+        "collisions_by_robot": sum(row.collision_cause == "robot" for row in hit),
         "spl": _mean(row.spl or 0.0 for row in rows),
         "sct": _mean(row.sct or 0.0 for row in rows),
         "mean_time_s": _mean(_given(row.sim_time_s for row in arrived)),

@@ -36,8 +36,8 @@ class Key(NamedTuple):
 class RunRow:
     """One run. Lengths in metres, times in seconds; None where a run gave no such number.
 
-    ``cause`` says why a failed run failed (``navfw.suite.causes``); ``collision_cause`` whose
-    motion closed the last gap: robot, mover or both. ``picture`` is a file beside the table.
+    ``cause`` says why a failed run failed (``navfw.suite.causes``); ``collision_cause`` who
+    moved into whom: robot or mover. ``picture`` is a file beside the table.
     """
 
     entry: str

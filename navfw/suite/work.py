@@ -14,7 +14,7 @@ from navfw.errors import InputError
 from navfw.missions.outcome import Outcome
 from navfw.missions.session import MissionResult
 from navfw.suite.case import Case, Job
-from navfw.suite.causes import Cause, Touch, classify, collision_cause
+from navfw.suite.causes import Cause, classify
 from navfw.suite.evidence import gather
 from navfw.suite.pool import stop_requested
 from navfw.suite.rows import fault_row, identity
@@ -51,7 +51,6 @@ def row_of(case: Case, result: MissionResult) -> RunRow:
     spec = result.session.mission.spec
     good = result.outcome.succeeded
     time, shortest = summary["sim_time_s"], summary["shortest_path_m"]
-    cause, touch = _why(result)
     same = {
         name: summary[name]
         for name in (
@@ -76,23 +75,22 @@ def row_of(case: Case, result: MissionResult) -> RunRow:
     return RunRow(
         **identity(case),
         **same,
-        cause=cause,
-        collision_cause=collision_cause(touch) if touch is not None else "",
+        cause=_why(result),
+        collision_cause=summary["collision_cause"] or "",
         sct=sct(good, time, shortest, spec.robot.max_v),
         barn_score=barn_score(good, time, shortest),
     )
 
 
-def _why(result: MissionResult) -> tuple[str, Touch | None]:
-    """The cause of a failure, and how a collision came about."""
+def _why(result: MissionResult) -> str:
+    """The cause of a failure; "" when there was none."""
     if result.outcome.succeeded or result.outcome is Outcome.CANCELLED:
-        return "", None
+        return ""
     try:
-        evidence = gather(result)
+        return str(classify(gather(result)) or "")
     except Exception:  # the result stands, even if nobody can say how it came about
         traceback.print_exc(file=sys.stderr)
-        return str(Cause.UNKNOWN), None
-    return str(classify(evidence) or ""), evidence.touch
+        return str(Cause.UNKNOWN)
 
 
 def picture_name(case: Case) -> str:

@@ -15,41 +15,29 @@ from navfw.suite.causes import (
     Evidence,
     Touch,
     classify,
-    collision_cause,
 )
 
 
 def touch(**values: Any) -> Touch:
-    usual: dict[str, Any] = {
-        "moves": False,
-        "bearing": 0.1,
-        "closing": 0.3,
-        "other": 0.0,
-        "speed": 0.3,
-        "memory": "unknown",
-    }
+    usual: dict[str, Any] = {"by_mover": False, "bearing": 0.1, "speed": 0.3, "memory": "unknown"}
     return Touch(**{**usual, **values})
 
 
 @pytest.mark.parametrize(
-    ("met", "cause", "by"),
+    ("met", "cause"),
     [
-        (touch(), Cause.UNSEEN, "robot"),
-        (touch(memory="free"), Cause.TAKEN_FOR_FREE, "robot"),
-        (touch(memory="occupied"), Cause.DROVE_INTO, "robot"),
-        (touch(memory="occupied", bearing=-1.4), Cause.TURNED_INTO, "robot"),
-        (touch(memory="occupied", bearing=3.0, speed=-0.1), Cause.REVERSED_INTO, "robot"),
-        (touch(memory="unknown", bearing=0.2, speed=-0.1), Cause.UNSEEN, "robot"),
-        (touch(memory=""), Cause.OBSTACLE, "robot"),
-        (touch(moves=True, closing=0.0, other=0.4), Cause.MOVER, "mover"),
-        (touch(moves=True, closing=-0.1, other=0.4), Cause.MOVER, "mover"),
-        (touch(moves=True, closing=0.3, other=0.4, memory="free"), Cause.TAKEN_FOR_FREE, "both"),
-        (touch(moves=True, closing=0.3, other=-0.1), Cause.UNSEEN, "robot"),
+        (touch(), Cause.UNSEEN),
+        (touch(memory="free"), Cause.TAKEN_FOR_FREE),
+        (touch(memory="occupied"), Cause.DROVE_INTO),
+        (touch(memory="occupied", bearing=-1.4), Cause.TURNED_INTO),
+        (touch(memory="occupied", bearing=3.0, speed=-0.1), Cause.REVERSED_INTO),
+        (touch(memory="unknown", bearing=0.2, speed=-0.1), Cause.UNSEEN),
+        (touch(memory=""), Cause.OBSTACLE),
+        (touch(by_mover=True, memory="occupied"), Cause.MOVER),
     ],
 )
-def test_collisions(met: Touch, cause: Cause, by: str) -> None:
+def test_collisions(met: Touch, cause: Cause) -> None:
     assert classify(Evidence(Outcome.COLLIDED, touch=met)) is cause
-    assert collision_cause(met) == by
 
 
 def test_lost_is_an_error_of_the_estimate_or_a_goal_not_come_near_to() -> None:

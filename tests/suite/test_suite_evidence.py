@@ -16,6 +16,7 @@ from navfw.plugins import default_registry
 from navfw.recording.track import Contact, Track
 from navfw.signals import Belief, Odometry, Pose, Twist
 from navfw.sim.floorplan import FloorPlan
+from navfw.sim.movers import MoverTrack
 from navfw.sim.worldfile import BoxSpec, CylinderSpec, WorldSpec
 from navfw.suite.causes import Cause, classify
 from navfw.suite.evidence import gather
@@ -87,8 +88,7 @@ def test_what_was_driven_into_head_on(empty: Session, remembered: bool, yaw: flo
     evidence = gather(result_of(session, Outcome.COLLIDED, track, [rim] if remembered else []))
     assert evidence.touch is not None
     assert evidence.touch.bearing == pytest.approx(0.0, abs=0.01)
-    assert evidence.touch.closing == pytest.approx(0.4, abs=0.01)
-    assert not evidence.touch.moves
+    assert evidence.touch.speed == pytest.approx(0.4, abs=0.01)
     assert classify(evidence) is (Cause.DROVE_INTO if remembered else Cause.UNSEEN)
 
 
@@ -101,11 +101,21 @@ def test_what_was_backed_into(empty: Session) -> None:
     assert classify(evidence) is Cause.REVERSED_INTO
 
 
-def test_what_is_not_in_the_floor_plan_moves(empty: Session) -> None:
-    stood = gather(result_of(empty, Outcome.COLLIDED, track_to(0, 0, 0, "walker", 0.0), []))
-    assert classify(stood) is Cause.MOVER
-    drove = gather(result_of(empty, Outcome.COLLIDED, track_to(0, 0, 0, "walker"), []))
-    assert classify(drove) is Cause.OBSTACLE
+def test_a_mover_is_met_where_it_was_then(empty: Session) -> None:
+    """It walks down past the robot's left side and is touched there, 0.43 m from its centre."""
+    time = np.array([0.0, 4.0])
+    movers = MoverTrack(
+        names=("walker",),
+        radii=np.array([0.25]),
+        time=time,
+        points=np.array([[[0.0, 2.0]], [[0.0, 0.43]]]),
+    )
+    for cause, expected in (("mover", Cause.MOVER), ("robot", Cause.TURNED_INTO)):
+        ended = result_of(empty, Outcome.COLLIDED, track_to(0, 0, 0, "walker"), [(0.0, 0.18)])
+        evidence = gather(replace(ended, movers=movers, collision_cause=cause))
+        assert evidence.touch is not None
+        assert evidence.touch.bearing == pytest.approx(0.5 * math.pi, abs=0.01)
+        assert classify(evidence) is expected
 
 
 WALL = [(1.0, 0.05 * i) for i in range(-75, 76)]
