@@ -27,6 +27,8 @@ COMMANDS = (
     "navfw.cli.perceive",
     "navfw.cli.reproduce",
     "navfw.cli.listings",
+    "navfw.cli.generate",
+    "navfw.cli.importing",
     "navfw.cli.bench",
     "navfw.cli.suite",
 )

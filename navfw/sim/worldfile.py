@@ -195,6 +195,9 @@ class WorldSpec(_Spec):
     movers: Annotated[tuple[MoverSpec, ...], Field(description="who walks about")] = ()
     textures: Mapping[str, TextureSpec] = Field(default_factory=dict)
     light: LightSpec = LightSpec()
+    may_overlap: Annotated[
+        bool, Field(description="whether solids may reach into each other (imported worlds do)")
+    ] = False
 
 
 def load_world(path: str | Path) -> WorldSpec:

@@ -23,6 +23,9 @@ MISSION = "cross"
 MAP_FILE = "map.yaml"
 """The map in a written folder, beside ``world.yaml``."""
 
+_HEADER = "# Made by navfw"
+_NOTICE = f"{_HEADER}; whoever makes it again loses changes.\n"
+
 
 @dataclass(frozen=True)
 class GeneratedWorld:
@@ -47,7 +50,7 @@ class GeneratedWorld:
         """Write ``world.yaml``, ``missions/cross.yaml`` and the map, if any; returns the folder.
 
         Raises:
-            InputError: the folder cannot be written, or holds something other than a world.
+            InputError: the folder cannot be written, or holds what was not written by this.
 
         """
         return write_world(
@@ -61,14 +64,11 @@ def write_world(
     """Write a world's folder as ``navfw run FOLDER cross`` reads it; an older one is replaced.
 
     Raises:
-        InputError: the folder cannot be written, or holds something other than a world.
+        InputError: the folder cannot be written, or holds what was not written by this.
 
     """
     folder = Path(folder)
-    if folder.exists() and not folder.is_dir():
-        raise InputError(f"{folder} is a file; choose a folder to write the world to")
-    if folder.is_dir() and any(folder.iterdir()) and not (folder / "world.yaml").is_file():
-        raise InputError(f"{folder} holds other things than a world; choose an empty folder")
+    _check_target(folder)
     try:
         missions = folder / "missions"
         missions.mkdir(parents=True, exist_ok=True)
@@ -76,11 +76,29 @@ def write_world(
         _write_yaml(missions / f"{MISSION}.yaml", _plain(mission))
         if topo_map is not None:
             _write_yaml(folder / MAP_FILE, map_data(topo_map))
-        elif (folder / MAP_FILE).exists():
-            (folder / MAP_FILE).unlink()
+        else:
+            (folder / MAP_FILE).unlink(missing_ok=True)
     except OSError as error:
-        raise InputError(f"{folder} cannot be written: {error.strerror}") from None
+        raise InputError(f"cannot be written: {error.strerror}", file=folder) from None
     return folder
+
+
+def _check_target(folder: Path) -> None:
+    """Overwrite nothing but what was made here before."""
+    if folder.exists() and not folder.is_dir():
+        raise InputError("is a file; choose a folder to write the world to", file=folder)
+    if not folder.is_dir() or not any(folder.iterdir()):
+        return
+    try:
+        with (folder / "world.yaml").open(encoding="utf-8") as stream:
+            made_here = stream.readline().startswith(_HEADER)
+    except (OSError, UnicodeDecodeError):
+        made_here = False
+    if not made_here:
+        raise InputError(
+            "is not empty, and what it holds was not made by navfw; choose another folder",
+            file=folder,
+        )
 
 
 def map_data(topo_map: TopoMap) -> dict[str, Any]:
@@ -119,5 +137,5 @@ def _write_yaml(path: Path, data: Mapping[str, Any]) -> None:
     stream = io.StringIO()
     yaml.dump(dict(data), stream)
     part = path.with_suffix(".part")
-    part.write_text(stream.getvalue(), encoding="utf-8")
+    part.write_text(_NOTICE + stream.getvalue(), encoding="utf-8")
     shutil.move(part, path)

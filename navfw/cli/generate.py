@@ -1,0 +1,62 @@
+"""``navfw generate FAMILY``: a new world, from a seed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from navfw.cli.output import print_json, quiet_stdout
+
+__all__ = ["add_to"]
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command()(generate)
+
+
+def generate(
+    family: Annotated[
+        str, typer.Argument(help="rooms, clutter, corridors, maze, poles or moving.")
+    ],
+    seed: Annotated[int, typer.Option(help="The same seed gives the same world.")] = 0,
+    difficulty: Annotated[float, typer.Option(help="From 0, easy, to 1.")] = 0.5,
+    out: Annotated[
+        Path | None, typer.Option(help="The folder to write [default: generated/FAMILY-SEED].")
+    ] = None,
+    json: Annotated[
+        bool, typer.Option("--json", help="One object on stdout, nothing else.")
+    ] = False,
+) -> None:
+    """Generate a world that can be crossed; drive it with navfw run FOLDER cross."""
+    from navfw.worldgen import generate as make
+    from navfw.worldgen.model import MISSION
+
+    with quiet_stdout():
+        made = make(family, seed, difficulty)
+        folder = made.write(out or Path("generated") / f"{family}-{seed}")
+    world = made.world
+    if json:
+        print_json(
+            {
+                "folder": str(folder),
+                "family": family,
+                "seed": seed,
+                "difficulty": difficulty,
+                "mission": MISSION,
+                "map": made.has_map,
+                "description": world.description,
+                "shortest_path_m": made.shortest,
+                "timeout_s": made.mission.timeout,
+                "size_m": [world.x[1] - world.x[0], world.y[1] - world.y[0]],
+                "boxes": len(world.boxes),
+                "cylinders": len(world.cylinders),
+                "movers": len(world.movers),
+                "attempts": made.attempt + 1,
+            }
+        )
+        return
+    typer.echo(f"{folder}: {world.description}")
+    typer.echo(f"{made.shortest:.1f} m from start to goal; navfw run {folder} {MISSION}")

@@ -1,0 +1,298 @@
+"""Gazebo's world files (SDF), read with care: the cylinders and boxes that stand in them.
+
+XML without document types or entities, of bounded size. What is no upright static cylinder or box
+is not guessed at, but listed by name.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from xml.etree.ElementTree import Element, TreeBuilder
+from xml.parsers import expat
+
+import numpy as np
+
+from navfw.errors import ConfigError
+from navfw.signals import Array
+
+__all__ = ["MAX_BYTES", "SdfShape", "SdfWorld", "read_sdf"]
+
+MAX_BYTES = 20_000_000
+"""The largest BARN world has 0.7 MB."""
+
+_MAX_DEPTH = 60
+_LINE = "navfw-line"
+_UPRIGHT = 1e-3
+"""How far [rad] a thing may lean and still count as upright."""
+
+# parts of a world that are not things standing in it
+_IGNORED = frozenset(
+    {
+        *("light", "physics", "gravity", "magnetic_field", "atmosphere", "scene", "gui", "wind"),
+        *("spherical_coordinates", "state", "plugin", "audio", "frame", "joint"),
+    }
+)
+_GROUND = ("model://ground_plane", "model://sun", "ground_plane", "sun")
+
+
+@dataclass(frozen=True, slots=True)
+class SdfShape:
+    """A cylinder (radius > 0) or a box (size) around (x, y, z) [m], turned by yaw [rad]."""
+
+    name: str
+    x: float
+    y: float
+    z: float
+    yaw: float
+    height: float
+    radius: float = 0.0
+    size: tuple[float, float] = (0.0, 0.0)
+
+
+@dataclass
+class SdfWorld:
+    """What a file holds: shapes, and what is ``unsupported``, a line for each."""
+
+    shapes: list[SdfShape] = field(default_factory=list)
+    unsupported: list[str] = field(default_factory=list)
+
+
+def read_sdf(path: str | Path) -> SdfWorld:
+    """The shapes in an SDF world file.
+
+    Raises:
+        ConfigError: the file cannot be read, is no SDF world, or a number in it is none.
+
+    """
+    path = Path(path)
+    root = _parse(path)
+    if root.tag != "sdf":
+        raise ConfigError(f"expected an SDF world, got <{root.tag}>", file=path, line=_line(root))
+    worlds = root.findall("world")
+    if len(worlds) != 1:
+        raise ConfigError(f"expected one <world>, found {len(worlds)}", file=path, line=1)
+    return _Reader(path).read(worlds[0])
+
+
+# --- XML --------------------------------------------------------------------------------------
+
+
+def _parse(path: Path) -> Element:
+    """The tree, every element with its line; no declarations, nothing from elsewhere."""
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            raise ConfigError(f"is larger than {MAX_BYTES // 1_000_000} MB", file=path)
+        content = path.read_bytes()
+    except OSError as error:
+        raise ConfigError(f"cannot be read: {error.strerror}", file=path) from None
+    parser = expat.ParserCreate()
+    builder = TreeBuilder()
+    depth = 0
+
+    def refuse(*_: object) -> None:
+        raise ConfigError(
+            "document types and entities are not allowed", file=path, line=parser.CurrentLineNumber
+        )
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal depth
+        depth += 1
+        if depth > _MAX_DEPTH:
+            raise ConfigError("is nested too deep", file=path, line=parser.CurrentLineNumber)
+        builder.start(tag, {**attributes, _LINE: str(parser.CurrentLineNumber)})
+
+    def end(tag: str) -> None:
+        nonlocal depth
+        depth -= 1
+        builder.end(tag)
+
+    parser.StartDoctypeDeclHandler = refuse
+    parser.EntityDeclHandler = refuse
+    parser.StartElementHandler = start
+    parser.EndElementHandler = end
+    parser.CharacterDataHandler = builder.data
+    try:
+        parser.Parse(content, True)
+        root: Element = builder.close()
+    except expat.ExpatError as error:
+        what = expat.errors.messages.get(error.code, "malformed")
+        raise ConfigError(
+            f"expected an SDF world, but it is not XML: {what}", file=path, line=error.lineno
+        ) from None
+    return root
+
+
+def _line(element: Element) -> int:
+    return int(element.get(_LINE, "1"))
+
+
+# --- poses ------------------------------------------------------------------------------------
+
+
+def _transform(numbers: list[float]) -> Array:
+    """(4, 4) of x, y, z [m], roll, pitch, yaw [rad] (about fixed axes, roll first)."""
+    x, y, z, roll, pitch, yaw = numbers
+    (cr, sr), (cp, sp), (cy, sy) = ((math.cos(a), math.sin(a)) for a in (roll, pitch, yaw))
+    return np.array(
+        [
+            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr, x],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr, y],
+            [-sp, cp * sr, cp * cr, z],
+            [0.0, 0.0, 0.0, 1.0],
+        ]
+    )
+
+
+class _Reader:
+    """Collects the shapes of one world."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.found = SdfWorld()
+        self._taken: set[str] = set()
+        self._moved: dict[str, Element] = {}
+
+    def read(self, world: Element) -> SdfWorld:
+        # a saved state says where models have got to: Gazebo begins there
+        state = world.find("state")
+        if state is not None:
+            self._moved = {m.get("name", ""): m for m in state.findall("model")}
+        for element in world:
+            if element.tag == "model":
+                self._model(element, np.eye(4), element.get("name", "model"), outermost=True)
+            elif element.tag == "include":
+                self._include(element)
+            elif element.tag not in _IGNORED:
+                self._unsupported(element, f"<{element.tag}> {element.get('name', '')}".strip())
+        return self.found
+
+    def _include(self, element: Element) -> None:
+        uri = (element.findtext("uri") or "").strip()
+        if uri not in _GROUND:
+            self._unsupported(element, f"the included model {uri!r}")
+
+    def _model(self, model: Element, parent: Array, name: str, *, outermost: bool = False) -> None:
+        pose = self._pose(model, name)
+        moved = self._moved.get(name) if outermost else None
+        if moved is not None:
+            if moved.find("pose") is not None:
+                pose = self._pose(moved, name)
+            scale = self._numbers(moved, "scale", 3, [1.0, 1.0, 1.0])
+            if scale != [1.0, 1.0, 1.0]:
+                self._unsupported(moved, f"the scaled model {name!r}")
+                return
+        if pose is None:
+            return
+        here = parent @ pose
+        static = (model.findtext("static") or "0").strip() in ("1", "true")
+        if outermost and not static and any(True for _ in _solid_geometries(model)):
+            self._unsupported(model, f"the model {name!r}, which is not static")
+            return
+        for link in model.findall("link"):
+            link_pose = self._pose(link, name)
+            if link_pose is None:
+                continue
+            for collision in link.findall("collision"):
+                collision_pose = self._pose(collision, name)
+                if collision_pose is not None:
+                    self._collision(collision, here @ link_pose @ collision_pose, name)
+        for nested in model.findall("model"):
+            self._model(nested, here, f"{name}-{nested.get('name', 'model')}")
+        for include in model.findall("include"):
+            self._include(include)
+
+    def _pose(self, element: Element, model: str) -> Array | None:
+        """The pose; None (and listed) where it counts from a frame of its own."""
+        pose = element.find("pose")
+        if pose is None:
+            return np.eye(4)
+        if pose.get("relative_to") or pose.get("frame"):
+            self._unsupported(pose, f"a pose in another frame, of the model {model!r}")
+            return None
+        return _transform(self._numbers(element, "pose", 6, [0.0] * 6))
+
+    def _collision(self, collision: Element, pose: Array, model: str) -> None:
+        geometry = collision.find("geometry")
+        for shape in geometry if geometry is not None else ():
+            if shape.tag == "cylinder":
+                self._cylinder(shape, pose, model)
+            elif shape.tag == "box":
+                self._box(shape, pose, model)
+            elif shape.tag not in ("plane", "empty"):
+                self._unsupported(shape, f"a <{shape.tag}> of the model {model!r}")
+
+    def _cylinder(self, shape: Element, pose: Array, model: str) -> None:
+        if abs(pose[2, 2]) < math.cos(_UPRIGHT):
+            self._unsupported(shape, f"a cylinder that lies or leans, of the model {model!r}")
+            return
+        radius, length = (self._size(shape, key, 1)[0] for key in ("radius", "length"))
+        x, y, z = pose[:3, 3].tolist()
+        self._add(SdfShape(self._name(model), x, y, z, 0.0, length, radius=radius))
+
+    def _box(self, shape: Element, pose: Array, model: str) -> None:
+        size = self._size(shape, "size", 3)
+        upright = int(np.argmax(np.abs(pose[2, :3])))
+        if abs(pose[2, upright]) < math.cos(_UPRIGHT):
+            self._unsupported(shape, f"a box that leans, of the model {model!r}")
+            return
+        # a box may lie on any of its sides: the two other edges are level
+        first, second = ((upright + 1) % 3, (upright + 2) % 3)
+        yaw = math.atan2(pose[1, first], pose[0, first])
+        x, y, z = pose[:3, 3].tolist()
+        level = (size[first], size[second])
+        self._add(SdfShape(self._name(model), x, y, z, yaw, size[upright], size=level))
+
+    def _add(self, shape: SdfShape) -> None:
+        self.found.shapes.append(shape)
+
+    def _unsupported(self, element: Element, what: str) -> None:
+        self.found.unsupported.append(f"line {_line(element)}: {what}")
+
+    def _name(self, model: str) -> str:
+        """A name of its own for every shape."""
+        name, number = model[:50], 1
+        while name in self._taken:
+            number += 1
+            name = f"{model[:50]}-{number}"
+        self._taken.add(name)
+        return name
+
+    def _size(self, shape: Element, key: str, count: int) -> list[float]:
+        numbers = self._numbers(shape, key, count, [])
+        if not numbers or min(numbers) <= 0.0:
+            raise ConfigError(
+                f"expected {'sizes' if count > 1 else 'a size'} above 0 m, got {numbers or 'none'}",
+                file=self.path,
+                line=_line(shape),
+                key=f"{shape.tag}.{key}",
+            )
+        return numbers
+
+    def _numbers(self, element: Element, key: str, count: int, missing: list[float]) -> list[float]:
+        found = element.find(key)
+        if found is None:
+            return missing
+        text = (found.text or "").split()
+        if not text and missing:
+            return missing
+        try:
+            numbers = [float(word) for word in text]
+        except ValueError:
+            numbers = []
+        if len(numbers) != count or not all(abs(number) < 1e6 for number in numbers):
+            raise ConfigError(
+                f"expected {count} number{'s' if count > 1 else ''}, got {' '.join(text)!r}",
+                file=self.path,
+                line=_line(found),
+                key=f"{element.tag}.{key}",
+            )
+        return numbers
+
+
+def _solid_geometries(model: Element) -> Iterator[Element]:
+    """The shapes of a model that one can run into."""
+    for geometry in model.iterfind(".//collision/geometry"):
+        yield from (shape for shape in geometry if shape.tag not in ("plane", "empty"))
