@@ -135,7 +135,7 @@ def _templates(suite: Suite, index: int, entry: EntrySpec, worlds: Path | None) 
     """A case for each mission of an entry; seed, stack and overrides come later."""
     blank = Case(0, entry.title, 0, "", "", "", "")
     if entry.family is not None:
-        yield replace(blank, family=entry.family, mission_name="generated")
+        yield replace(blank, family=entry.family, mission_name="cross")
         return
     key = "world" if entry.world is not None else "worlds"
     try:

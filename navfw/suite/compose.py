@@ -95,7 +95,7 @@ def generated_session(
     stack_file = find("stack", stack)
     return Session(
         world_name=world_name,
-        mission_name="generated",
+        mission_name="cross",
         seed=seed,
         world=made.world,
         plan=plan,

@@ -19,7 +19,7 @@ def row(seed: int = 0, outcome: str = "reached", **values: Any) -> RunRow:
     numbers: dict[str, Any] = {
         "entry": "rooms",
         "world": f"rooms-{seed}",
-        "mission": "generated",
+        "mission": "cross",
         "stack": "default",
         "spl": 0.9 if good else 0.0,
         "sct": 0.6 if good else 0.0,
@@ -40,7 +40,7 @@ def case(seed: int, index: int | None = None, **values: Any) -> Case:
         "stack": "default.yaml",
         "stack_name": "default",
         "world_name": f"rooms-{seed}",
-        "mission_name": "generated",
+        "mission_name": "cross",
         "family": "rooms",
     }
     return Case(index=seed if index is None else index, seed=seed, **{**parts, **values})

@@ -56,9 +56,9 @@ def test_the_seed_makes_the_world_and_overrides_reach_the_mission(tmp_path: Path
     entry = "{family: boxes, difficulty: [0.1, 0.9], set: {mission.timeout: 7, robot.max_v: 0.3}}"
     plan = planned(tmp_path, entry, range(3, 6))
     assert [case.key[:4] for case in plan.cases] == [
-        ("boxes", "boxes-3", "generated", 3),
-        ("boxes", "boxes-4", "generated", 4),
-        ("boxes", "boxes-5", "generated", 5),
+        ("boxes", "boxes-3", "cross", 3),
+        ("boxes", "boxes-4", "cross", 4),
+        ("boxes", "boxes-5", "cross", 5),
     ]
     sessions = [case.session(default_registry()) for case in plan.cases]
     assert [session.world.boxes[0].at[1] for session in sessions] == pytest.approx([1.3, 1.4, 1.5])
