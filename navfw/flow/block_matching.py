@@ -37,7 +37,7 @@ WORTHWHILE = (0.4, 0.6)
 #: How far registration may take a window from its peak: ordinary, and suspicious [px].
 WANDERED = (1.5, 3.0)
 #: What is left of a registered window's error however well it fits [px].
-REGISTRATION_FLOOR = 0.02
+REGISTRATION_FLOOR = 0.05
 #: Scale the sigma of registration to the errors measured on rendered frames: in proportion, and
 #: (the worse a window fits, the less one affine motion is true) by its square [1/px].
 REGISTRATION_SCALE, REGISTRATION_EXCESS = 1.15, 3.4

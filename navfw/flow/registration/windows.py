@@ -19,7 +19,7 @@ Floats = npt.NDArray[np.float32]
 #: Standard deviation of the smoothing before; without it interpolation errs at every edge [px].
 SMOOTHING = 0.8
 #: Windows are not stretched further than textures of this mean gradient justify [grey/px].
-STIFFNESS = 0.2
+STIFFNESS = 0.5
 ITERATIONS = 6
 #: Steps below this are not worth another iteration [px].
 TOLERANCE = 0.05

@@ -1,0 +1,115 @@
+"""Time to contact from flow alone: how fast the image grows (METHOD 2.5, 2.10)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from navfw.signals import Array, FlowField
+
+__all__ = ["ContactFilter", "Expansion", "fit_expansion"]
+
+ITERATIONS = 10
+#: A growth from fewer vectors says nothing.
+FEWEST = 8
+#: Residuals are never taken for smaller than this [px].
+RESIDUAL_FLOOR = 0.03
+#: Neighbouring windows share pixels, and their errors: so many vectors count as one.
+OVERLAP = 4.0
+
+
+@dataclass(frozen=True, slots=True)
+class Expansion:
+    """The image grew about ``focus`` (2,) [px]: a vector is ``rate`` times its way from there.
+
+    ``rate`` = 1 - (depth now / depth past) for a surface straight ahead; ``sigma`` is its standard
+    deviation; ``support`` the share of the trusted vectors that agree.
+    """
+
+    rate: float
+    sigma: float
+    focus: Array
+    support: float
+
+    def time_to_contact(self, dt: float) -> float:
+        """Time [s] from now, for frames ``dt`` [s] apart; inf when the image does not grow.
+
+        Negative when it shrinks: the time since the contact, had the motion always been this.
+        """
+        return dt * (1.0 / self.rate - 1.0) if self.rate != 0.0 else math.inf
+
+
+def fit_expansion(flow: FlowField, least: float = 0.2) -> Expansion | None:
+    """The growth about a focus of expansion that explains ``flow`` (derotated) best.
+
+    Least squares in rate and focus, with Cauchy weights against vectors of other surfaces and
+    mismatches; needs neither speed nor focal length. Vectors of confidence ``least`` or more take
+    part. None when there are too few of them.
+    """
+    chosen = (flow.confidence >= least) & np.isfinite(flow.vectors).all(axis=-1)
+    if np.count_nonzero(chosen) < FEWEST:
+        return None
+    points, vectors, sigma = flow.points[chosen], flow.vectors[chosen], flow.sigma[chosen]
+    first = flow.confidence[chosen] / sigma**2
+    weight, rate, spread = first, 0.0, 1.0
+    centre = mean = np.zeros(2)
+    off, away = np.zeros(len(points)), points
+    for _ in range(ITERATIONS):
+        total = weight.sum()
+        centre, mean = weight @ points / total, weight @ vectors / total
+        away = points - centre
+        spread = float(weight @ (away**2).sum(axis=1))
+        if spread <= 0.0:
+            return None
+        rate = float(weight @ (away * (vectors - mean)).sum(axis=1)) / spread
+        off = np.linalg.norm(vectors - mean - rate * away, axis=1)
+        scale = max(1.2 * float(np.median(off)), RESIDUAL_FLOOR)
+        weight = first / (1.0 + (off / (2.0 * scale)) ** 2)
+    component = max(float(weight @ off**2) / (2.0 * weight.sum()), RESIDUAL_FLOOR**2)
+    variance = OVERLAP * component * float(weight**2 @ (away**2).sum(axis=1)) / spread**2
+    agree = off <= 3.0 * max(1.2 * float(np.median(off)), RESIDUAL_FLOOR)
+    focus = centre - mean / rate if rate != 0.0 else centre
+    return Expansion(rate, math.sqrt(variance), focus, float(agree.mean()))
+
+
+class ContactFilter:
+    """Causal smoothing of the time to contact: it runs down as time passes, measurements correct.
+
+    ``change`` is how much of itself the closing speed may change in a second (one standard
+    deviation). Anything that moves away has a time to contact of inf, and starts anew.
+    """
+
+    def __init__(self, change: float = 0.3) -> None:
+        self._change = change
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the past."""
+        self.time_to_contact = math.inf
+        self._variance = math.inf
+
+    def update(self, elapsed: float, expansion: Expansion | None, dt: float) -> float:
+        """The time to contact [s] after ``elapsed`` [s] and a measurement over frames ``dt`` apart.
+
+        Without a measurement the last value runs on.
+        """
+        if math.isfinite(self.time_to_contact):
+            before = self.time_to_contact
+            self.time_to_contact = max(before - elapsed, 0.0)
+            self._variance += (self._change * before) ** 2 * elapsed
+        if expansion is None:
+            return self.time_to_contact
+        if expansion.rate <= expansion.sigma:
+            self.reset()
+            return self.time_to_contact
+        measured = expansion.time_to_contact(dt)
+        noise = (dt * expansion.sigma / expansion.rate**2) ** 2
+        if not math.isfinite(self._variance):
+            self.time_to_contact, self._variance = measured, noise
+        else:
+            gain = self._variance / (self._variance + noise)
+            self.time_to_contact += gain * (measured - self.time_to_contact)
+            self._variance *= 1.0 - gain
+        return self.time_to_contact
