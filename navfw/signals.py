@@ -259,6 +259,13 @@ class Percept:
     sentence: str
     explanation: Mapping[str, Any] = field(default_factory=dict)
 
+    def explain(self) -> dict[str, Any]:
+        """Why it says so, as plain data: rules that fired, how strongly, from which numbers.
+
+        Made on request: a percept that nobody asks costs nothing.
+        """
+        return {"sentence": self.sentence, **self.explanation}
+
 
 # --- map, localiser, planner -------------------------------------------------------------------
 

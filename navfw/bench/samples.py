@@ -14,7 +14,7 @@ from functools import cache
 
 import numpy as np
 
-from navfw.bench.scenes import View, random_views, random_world
+from navfw.bench.scenes import YARD, View, random_views, random_world
 from navfw.bench.truth import Truth, WallTruth, truth_of
 from navfw.egomotion.camera_motion import camera_motion
 from navfw.egomotion.odometer import Odometer
@@ -22,7 +22,7 @@ from navfw.egomotion.pairing import FrameBuffer, PairingParams
 from navfw.flow.block_matching import BlockMatching
 from navfw.flow.refinement import refine
 from navfw.robot import RobotModel
-from navfw.signals import Array, CameraMotion, FlowField, Frame, FramePair, Image, Twist
+from navfw.signals import Array, CameraMotion, FlowField, Frame, FramePair, Image, Pose, Twist
 from navfw.sim.camera import DepthImage
 from navfw.sim.sensors import Gyro, SensorParams, WheelEncoders
 from navfw.sim.simulation import Simulation
@@ -64,7 +64,8 @@ def samples_of_world(seed: int, number: int, views: int = VIEWS_PER_WORLD) -> It
     )
     if not chosen:
         return
-    with Simulation(world, robot, chosen[0].pose, seed=0, sensors=sensors) as sim:
+    aside = Pose(-0.5 * YARD, 0.5 * YARD, 0.0)
+    with Simulation(world, robot, aside, seed=0, sensors=sensors) as sim:
         for view in chosen:
             sample = _sample(rng, sim, walls, view, sensors)
             if sample is not None:

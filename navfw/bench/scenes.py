@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -29,13 +30,18 @@ from navfw.sim.worldfile import (
     WorldSpec,
 )
 
-__all__ = ["AIMS", "View", "random_views", "random_world"]
+__all__ = ["AIMS", "YARD", "View", "random_views", "random_world"]
 
 AIMS = ("corridor", "door", "corner", "wall", "slope wall", "anywhere")
 """What a view may be aimed at."""
 
 MARGIN = 0.1
 """Room [m] that the robot's body keeps to everything in every view."""
+
+YARD = 1.2
+"""Width [m] of the strip of floor outside the walls where the simulated robot waits, out of sight.
+
+Views are rendered from poses where it does not stand; it must not appear in them."""
 
 CLEAR_OF_DOORS = 0.8
 """Furniture keeps this far [m] off the middle of doors."""
@@ -105,7 +111,7 @@ def random_world(rng: np.random.Generator, name: str) -> WorldSpec:
     )
     world = WorldSpec(
         name=name,
-        x=(0.0, length),
+        x=(-YARD, length),
         y=(0.0, top),
         ceiling="ceiling" if rng.random() < 0.5 else None,
         rooms=rooms,
@@ -167,7 +173,8 @@ def _thing(shape: Shape, name: str, height: float, texture: str) -> BoxSpec | Cy
     return BoxSpec(name=name, at=at, size=size, yaw=shape.yaw, texture=texture)
 
 
-_STYLES = ("plaster", "wood", "stone", "panels")
+Style = Literal["plaster", "wood", "stone", "panels"]
+_STYLES: tuple[Style, ...] = ("plaster", "wood", "stone", "panels")
 _TEXTURES = {
     **{
         f"{style} {i}": TextureSpec(
@@ -237,7 +244,8 @@ def _aimed(rng: np.random.Generator, world: WorldSpec, aim: str) -> Pose:
         return _towards(rng, _wall_point(rng, world), (0.5, 5.0), 0.28, 0.0)
     if aim == "slope wall":
         return _towards(rng, _wall_point(rng, world), (0.5, 5.0), 1.0, 0.0)
-    (x0, x1), (y0, y1) = world.x, world.y
+    x0, x1 = world.rooms[0].x
+    y0, y1 = world.y
     return Pose(
         float(rng.uniform(x0, x1)),
         float(rng.uniform(y0, y1)),
@@ -305,6 +313,6 @@ def _is_free(plan: FloorPlan, view: View, robot: RobotModel) -> bool:
     """Whether the robot fits where it is and where it was up to a second ago."""
     poses = [view.before(seconds) for seconds in (0.0, 0.25, 0.5, 0.75, 1.0)]
     points = np.array([(pose.x, pose.y) for pose in poses])
-    x0, y0, x1, y1 = plan.bounds
-    inside = (points > (x0, y0)).all() and (points < (x1, y1)).all()
+    _, y0, x1, y1 = plan.bounds
+    inside = (points > (0.0, y0)).all() and (points < (x1, y1)).all()
     return bool(inside) and float(plan.clearances(points).min()) > robot.radius + MARGIN

@@ -3,9 +3,9 @@
 *Objects* are whatever stands in view except floor and ceiling. The *nearness of a quadrant* is that
 which ``CELL_AREA`` of its pixels (the area of one cell of the grid: the smallest thing the grid can
 tell) show or exceed, 1/Z with the depth Z along the optical axis. The *nearest object* is in the
-quadrants whose nearness is as big as the biggest one's. "As big" is fuzzy in OFFIS (``plane.yaml``:
-surely alike from 85 % on, surely not below 65 %), so the truth is two sets: the quadrants of 85 %
-and more of the biggest are *certain*, those of 65 % and more *possible*.
+quadrants whose nearness is as big as the biggest one's. "As big" is a fuzzy notion, so the truth is
+two sets: the quadrants of 85 % and more of the biggest are *certain*, those of 65 % and more
+*possible*.
 
 The *distance term* is what the rule base ``distance.yaml`` says of the true distance of the nearest
 object at the true speed.

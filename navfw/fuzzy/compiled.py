@@ -70,6 +70,14 @@ class Inference:
             for output, columns in self._layout.terms.items()
         }
 
+    def degree(self, output: str, term: str) -> Array:
+        """``degrees[output][term]`` (N,), without making the rest of them."""
+        return self._column(self._layout.terms[output][term])
+
+    def crisp(self, output: str) -> Array:
+        """``outputs[output]`` (N,), without making the rest of them."""
+        return self._table[:, self._layout.outputs[output]]
+
     def _column(self, column: int | None) -> Array:
         return np.zeros(self._table.shape[0]) if column is None else self._table[:, column]
 

@@ -6,11 +6,13 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
+from navfw.offis.borders import Borders
 from navfw.offis.distances import Distances
 from navfw.offis.planes import Planes
 from navfw.offis.pyramid import Pyramid, RegionStatistics
-from navfw.offis.situations import Situations
-from navfw.offis.slopes import SIDES, PlaneFits, Slopes
+from navfw.offis.situations import FLOOR_IN_FRONT, Situations
+from navfw.offis.slopes import SIDES, Slopes
+from navfw.offis.walls import Walls
 
 __all__ = ["Explanation"]
 
@@ -24,7 +26,9 @@ class _Findings:
     regions: RegionStatistics
     planes: Planes
     distances: Distances
-    fits: PlaneFits
+    obstacles: Mapping[str, Mapping[str, str]]
+    borders: Borders
+    walls: Walls
     slopes: Slopes
     situations: Situations
 
@@ -32,13 +36,25 @@ class _Findings:
 class Explanation(Mapping[str, Any]):
     """A read-only mapping to plain data (dicts, lists, strings, floats), computed on access.
 
-    ``mode``; ``regions``: the numbers of every region (METHOD R6); ``plane``: per pair of
-    neighbouring regions, ``slope``: per side, ``distance``: per region, ``situation`` and
-    ``front``: the inputs and the fired rules, strongest first; ``fits``: the fitted planes.
+    ``mode``; ``report``: what the sentence says, as data; ``regions``: the numbers of every region
+    (METHOD R6); ``plane``: per pair of neighbouring regions, ``distance``: per region, ``border``
+    and ``slope``: per side, ``situation`` and ``front``: the inputs and the fired rules, strongest
+    first; ``walls``: the fitted planes.
     ``dict(explanation)`` gives all of it.
     """
 
-    _KEYS = ("mode", "regions", "plane", "distance", "fits", "slope", "situation", "front")
+    _KEYS = (
+        "mode",
+        "report",
+        "regions",
+        "plane",
+        "distance",
+        "border",
+        "walls",
+        "slope",
+        "situation",
+        "front",
+    )
 
     def __init__(self, *findings: Any) -> None:
         self._findings = _Findings(*findings)
@@ -59,6 +75,14 @@ class Explanation(Mapping[str, Any]):
 
     def _mode(self) -> str:
         return self._findings.mode
+
+    def _report(self) -> dict[str, Any]:
+        found = self._findings
+        return {
+            "nearest": {layer: dict(regions) for layer, regions in found.obstacles.items()},
+            "front": found.situations.front,
+            "floor_in_front": found.situations.floor_in_front >= FLOOR_IN_FRONT,
+        }
 
     def _regions(self) -> dict[str, dict[str, float]]:
         regions = self._findings.regions
@@ -81,17 +105,20 @@ class Explanation(Mapping[str, Any]):
             for i, name in enumerate(names[: distances.term.size])
         }
 
-    def _fits(self) -> dict[str, dict[str, float]]:
-        fits = self._findings.fits
-        names = (*SIDES, *(f"{side} outer" for side in SIDES))
-        return {
-            name: {
-                "incline": round(float(fits.incline[i]), 4),
-                "centre": round(float(fits.centre[i]), 4),
-                "support": round(float(fits.support[i]), 4),
+    def _border(self) -> dict[str, Any]:
+        evaluation = self._findings.borders.evaluation
+        return {side: evaluation.explain(i) for i, side in enumerate(SIDES)}
+
+    def _walls(self) -> dict[str, Any]:
+        walls = self._findings.walls
+        sides = {
+            side: {
+                name: round(float(getattr(walls, name)[i]), 4)
+                for name in ("incline", "slant", "front", "explained", "support", "step")
             }
-            for i, name in enumerate(names)
+            for i, side in enumerate(SIDES)
         }
+        return {**sides, "shared": round(walls.shared, 4), "opening": round(walls.opening, 4)}
 
     def _slope(self) -> dict[str, Any]:
         slopes = self._findings.slopes

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -35,7 +36,7 @@ def floor_nearness(points: Array, camera: CameraModel) -> Array:
     return np.maximum(fall_per_depth(points, camera), 0.0) / camera.mount_height
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class FloorModel:
     """Tells floor, obstacles, drops and what passes overhead apart (METHOD 2.8).
 
@@ -57,30 +58,38 @@ class FloorModel:
     floor_resolution: float = 0.10
     drop_depth: float = 0.08
 
-    def classify(self, points: Array, seen: Nearness) -> tuple[Array, npt.NDArray[np.int8]]:
+    @cached_property
+    def _limits(self) -> Array:
+        return np.array(
+            [
+                self.minimum_confidence,
+                self.sigmas,
+                self.drop_sigmas,
+                self.obstacle_height,
+                self.floor_tolerance,
+                self.floor_resolution,
+                self.drop_depth,
+                self.top,
+            ]
+        )
+
+    def classify(
+        self, points: Array, seen: Nearness, fall: Array | None = None
+    ) -> tuple[Array, npt.NDArray[np.int8]]:
         """(height [m] above the floor, label) of each cell, both (rows, cols).
 
         Where nearness is not known the height is that of a point 1 km away: use it only with the
-        label, or the confidence.
+        label, or the confidence. ``fall`` (n,) is ``fall_per_depth(points, camera)``, if known.
         """
+        if fall is None:
+            fall = fall_per_depth(points, self.camera).flatten()
         shape = seen.nearness.shape
         height, label = label_cells(
             seen.nearness.reshape(-1),
             seen.sigma.reshape(-1),
             seen.confidence.reshape(-1),
-            np.ascontiguousarray(fall_per_depth(points, self.camera)).reshape(-1),
+            fall,
             float(self.camera.mount_height),
-            np.array(
-                [
-                    self.minimum_confidence,
-                    self.sigmas,
-                    self.drop_sigmas,
-                    self.obstacle_height,
-                    self.floor_tolerance,
-                    self.floor_resolution,
-                    self.drop_depth,
-                    self.top,
-                ]
-            ),
+            self._limits,
         )
         return height.reshape(shape), label.reshape(shape)

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from navfw.offis.floor import fall_per_depth, floor_nearness
 from navfw.offis.pyramid import Pyramid
@@ -24,23 +25,31 @@ Noise makes some of the floor look like obstacles there, always on the near side
 class GridGeometry:
     """A grid of image points, seen by the robot's camera; arrays (rows, cols) or flat (n,).
 
-    ``upward`` is true above the horizon. ``across`` (n,) and ``ahead`` (n,) are the sideways (away
-    from the image's middle) and forward parts of each ray in the level body frame, per unit of
-    depth. ``planes`` (4, n) masks the left plane, the right plane and their outer halves;
-    ``middle`` (n,) masks the part just ahead and above the horizon; ``path`` (n,) the cells that
-    would show the floor the robot is about to drive over. ``wall_top`` (rows, cols) is the nearness
-    [1/m] below which a cell sees over walls; ``wall_share`` (rows, cols) weighs cells in the fits
+    ``upward`` is true above the horizon. ``lateral``, ``ahead`` and ``fall`` (n,) are the parts of
+    each ray to the right, forward and down in the level body frame, per unit of depth;
+    ``lateral_edge`` (n,) is that of the cell's side towards the border of the image. ``halves``
+    (2, n) masks the left and the right plane, ``half_cells`` (2,) counts their cells, ``column``
+    (n,) numbers the columns; ``middle`` (n,) masks the part just ahead and above the horizon,
+    ``path`` (n,) the cells, ``path_cells`` many, that would show the floor the robot is about to
+    drive over. ``off_axis`` (2, n) are |x| and |y| of the points [px]. ``wall_top`` (n,) is the
+    nearness [1/m] below which a cell sees over walls; ``wall_share`` (n,) weighs cells in the fits
     of planes.
     """
 
     points: Array
     pyramid: Pyramid
-    upward: np.ndarray
-    across: Array
+    upward: npt.NDArray[np.bool_]
+    lateral: Array
+    lateral_edge: Array
     ahead: Array
-    planes: Array
+    fall: Array
+    halves: npt.NDArray[np.bool_]
+    half_cells: Array
+    column: npt.NDArray[np.int64]
     middle: Array
     path: Array
+    path_cells: float
+    off_axis: Array
     wall_top: Array
     wall_share: Array
 
@@ -59,10 +68,11 @@ class GridGeometry:
         x, y = points[..., 0] / focal, points[..., 1] / focal
         ahead = math.cos(camera.pitch) - y * math.sin(camera.pitch)
 
-        column = np.broadcast_to(np.arange(cols), (rows, cols))
-        left, right = column < (cols + 1) // 2, column >= cols // 2
-        outer = np.abs(x) >= 0.5 * np.abs(x).max()
-        planes = np.stack([left, right, left & outer, right & outer])
+        column = np.broadcast_to(np.arange(cols), (rows, cols)).astype(np.int64)
+        halves = np.stack([column < (cols + 1) // 2, column >= cols // 2]).reshape(2, -1)
+        edge = (2.0 * column / cols - 1.0 + (column >= cols // 2) * 2.0 / cols) * (
+            0.5 * camera.width / focal
+        )
 
         nearness = floor_nearness(points, camera)
         reach = 1.0 / np.maximum(nearness, 1e-6)
@@ -71,12 +81,18 @@ class GridGeometry:
         return cls(
             points=points,
             pyramid=Pyramid((rows, cols), layers),
-            upward=upward,
-            across=np.abs(x).reshape(-1),
-            ahead=ahead.reshape(-1),
-            planes=planes.reshape(4, -1).astype(np.float64),
+            upward=upward.reshape(-1),
+            lateral=x.flatten(),
+            lateral_edge=edge.flatten(),
+            ahead=ahead.flatten(),
+            fall=fall.flatten(),
+            halves=halves,
+            half_cells=halves.sum(1).astype(np.float64),
+            column=column.flatten(),
             middle=((np.abs(x) < 0.25) & upward).reshape(-1).astype(np.float64),
             path=path.reshape(-1).astype(np.float64),
-            wall_top=-fall / (wall_height - camera.mount_height),
-            wall_share=np.where(upward, 1.0, LOW_SHARE),
+            path_cells=float(path.sum()),
+            off_axis=np.abs(points).reshape(-1, 2).T.copy(),
+            wall_top=(-fall / (wall_height - camera.mount_height)).flatten(),
+            wall_share=np.where(upward, 1.0, LOW_SHARE).flatten(),
         )

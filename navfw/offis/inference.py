@@ -8,6 +8,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from navfw.fuzzy import CompiledFis, RuleBase
 from navfw.fuzzy import Inference as Result
 from navfw.signals import Array
@@ -34,7 +36,7 @@ class Evaluation:
 
     def degree(self, output: str, term: str) -> Array:
         """(N,) how strongly the rules conclude ``output IS term``."""
-        return self.result.degrees[output][term]
+        return self.result.degree(output, term)
 
     def explain(self, index: int) -> dict[str, Any]:
         """Inputs and fired rules, strongest first, of one sample: plain data."""
@@ -46,4 +48,5 @@ class Evaluation:
 
 def infer(system: CompiledFis, inputs: Mapping[str, Array]) -> Evaluation:
     """Evaluate ``system`` on (N,) samples of every input."""
-    return Evaluation(system, inputs, system.evaluate(inputs))
+    rows = np.array([inputs[name] for name in system.input_names])
+    return Evaluation(system, inputs, system.evaluate_rows(rows))

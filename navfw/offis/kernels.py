@@ -12,10 +12,11 @@ from navfw.signals import Array
 
 __all__ = [
     "SIGMA_LIMIT",
-    "fit_upright_plane",
-    "fit_upright_planes",
+    "blind_border",
     "label_cells",
+    "object_cells",
     "region_moments",
+    "stand_out",
     "triangulate_cells",
 ]
 
@@ -129,6 +130,32 @@ def label_cells(
 
 
 @numba.njit(cache=True)
+def object_cells(
+    nearness: Array,
+    sigma: Array,
+    confidence: Array,
+    label: npt.NDArray[np.int8],
+    upward: npt.NDArray[np.bool_],
+    wall_top: Array,
+    wall_share: Array,
+    least: float,
+) -> Array:
+    """Object weight, wall weight and floor (1 or 0) of each cell: (3, n); see ``objects``."""
+    n = nearness.shape[0]
+    cells = np.zeros((3, n))
+    for i in range(n):
+        if label[i] == _FLOOR:
+            cells[2, i] = 1.0
+        shown = label[i] == _OBSTACLE or label[i] == _ABOVE
+        if not shown and not (upward[i] and confidence[i] >= least):
+            continue
+        if nearness[i] + 2.0 * sigma[i] > wall_top[i]:
+            cells[0, i] = confidence[i]
+            cells[1, i] = confidence[i] * wall_share[i]
+    return cells
+
+
+@numba.njit(cache=True)
 def region_moments(
     regions: npt.NDArray[np.int64],
     values: Array,
@@ -191,59 +218,120 @@ def region_moments(
 
 
 @numba.njit(cache=True)
-def fit_upright_plane(
-    across: Array,
-    ahead: Array,
-    nearness: Array,
-    weight: Array,
-    sigma: Array,
-    rounds: int,
-) -> tuple[float, float, float]:
-    """Robust fit of ``nearness = a * across + b * ahead``: (a, b, sum of the weights).
+def blind_border(
+    points: Array,
+    fall: Array,
+    column: npt.NDArray[np.int64],
+    vectors: Array,
+    confidence: Array,
+    rotation: Array,
+    focal: float,
+    half_width: float,
+    shift: float,
+    longest: float,
+) -> Array:
+    """Columns at the image's border in which nothing could be matched near the horizon: (2, 4).
 
-    Iteratively reweighted least squares after Huber, with a generous threshold: it takes the edge
-    off gross outliers and still lets a door in a wall pull the plane (see ``slopes``).
+    Per side (left, right): number of blind columns, mean length [px] of the vectors in the column
+    inside them (-1: none is known), least nearness [1/m] of what moves more than ``longest`` [px]
+    in the innermost blind column, and that column. Columns that the past camera, turned by
+    ``rotation``, did not have in view say nothing. ``shift`` [m] is the way driven ahead.
     """
-    n = nearness.shape[0]
-    a, b = 0.0, 0.0
-    total, mean = 0.0, 0.0
-    for i in range(n):
-        total += weight[i]
-        mean += weight[i] * nearness[i]
-    if total <= 0.0:
-        return 0.0, 0.0, 0.0
-    mean /= total
-    for step in range(rounds):
-        xx, xy, yy, xq, yq = 0.0, 0.0, 0.0, 0.0, 0.0
-        for i in range(n):
-            w = weight[i]
-            if w <= 0.0:
+    columns = column.max() + 1
+    seen, cells, inside = np.zeros(columns), np.zeros(columns), np.zeros(columns)
+    length, lateral = np.zeros(columns), np.zeros(columns)
+    for i in range(points.shape[0]):
+        if abs(fall[i]) > 0.2:
+            continue
+        c = column[i]
+        x, y = points[i, 0], points[i, 1]
+        depth = rotation[0, 2] * x + rotation[1, 2] * y + rotation[2, 2] * focal
+        past = rotation[0, 0] * x + rotation[1, 0] * y + rotation[2, 0] * focal
+        cells[c] += 1.0
+        lateral[c] = abs(x)
+        if depth > 0.0 and abs(past / depth * focal) <= half_width:
+            inside[c] += 1.0
+        if confidence[i] > 0.0:
+            seen[c] += 1.0
+            length[c] += math.hypot(vectors[i, 0], vectors[i, 1])
+    result = np.zeros((2, 4))
+    for side in range(2):
+        result[side, 1] = -1.0
+        for step in range(columns // 2):
+            c = step if side == 0 else columns - 1 - step
+            if inside[c] < cells[c] and result[side, 0] == 0.0:
                 continue
-            if step > 0:
-                residual = abs(nearness[i] - a * across[i] - b * ahead[i])
-                threshold = 2.5 * sigma[i] + 0.5 * mean
-                if residual > threshold:
-                    w *= threshold / residual
-            xx += w * across[i] * across[i]
-            xy += w * across[i] * ahead[i]
-            yy += w * ahead[i] * ahead[i]
-            xq += w * across[i] * nearness[i]
-            yq += w * ahead[i] * nearness[i]
-        determinant = xx * yy - xy * xy
-        if determinant <= 1e-9 * xx * yy + 1e-12:
-            return 0.0, 0.0, 0.0
-        a = (xq * yy - yq * xy) / determinant
-        b = (yq * xx - xq * xy) / determinant
-    return a, b, total
+            if seen[c] > 0.0:
+                result[side, 1] = length[c] / seen[c]
+                break
+            result[side, 0] += 1.0
+            result[side, 2] = longest / max(lateral[c] * abs(shift), 1e-6)
+            result[side, 3] = c
+    return result
 
 
 @numba.njit(cache=True)
-def fit_upright_planes(
-    masks: Array, across: Array, ahead: Array, nearness: Array, weight: Array, sigma: Array
-) -> Array:
-    """``fit_upright_plane`` for several (n_planes, n) masks: (n_planes, 3)."""
-    result = np.zeros((masks.shape[0], 3))
-    for p in range(masks.shape[0]):
-        a, b, total = fit_upright_plane(across, ahead, nearness, masks[p] * weight, sigma, 3)
-        result[p, 0], result[p, 1], result[p, 2] = a, b, total
-    return result
+def stand_out(
+    lateral_edge: Array,
+    lateral: Array,
+    ahead: Array,
+    fall: Array,
+    halves: npt.NDArray[np.bool_],
+    off_axis: Array,
+    slant: Array,
+    front: Array,
+    support: Array,
+    nearness: Array,
+    sigma: Array,
+    confidence: Array,
+    weight: Array,
+    floor_seen: Array,
+    column: npt.NDArray[np.int64],
+    nearer: Array,
+    border: Array,
+    mount: float,
+    wall_height: float,
+    least: float,
+) -> tuple[Array, Array, Array]:
+    """Nearness of objects (3, n), weights (3, n), known (n,), the walls' planes in place of noise.
+
+    ``slant``, ``front`` (2,) are the planes, ``support`` (2,) how far to believe them, ``nearer``
+    (columns,) as in ``walls``; ``border`` (2, columns) is nearness and degree of things too near to
+    be matched. A cell in a plane takes the plane's nearness at its outer edge, and so does one of
+    which nothing is known where the wall must be. The three channels are those of
+    ``pyramid.Channels``: equal values, weighted by 1 and by ``off_axis`` (2, n).
+    """
+    n = nearness.shape[0]
+    values, weights, known = np.empty((3, n)), np.empty((3, n)), np.zeros(n)
+    for i in range(n):
+        value, share = nearness[i], weight[i]
+        at, edge, trust = 0.0, 0.0, 0.0
+        for half in range(2):
+            if halves[half, i] and support[half] > 0.0:
+                here = slant[half] * lateral[i] + front[half] * ahead[i]
+                if here > at:
+                    at, trust = here, support[half]
+                    edge = max(slant[half] * lateral_edge[i] + front[half] * ahead[i], at)
+        floor = max(fall[i], 0.0) / mount
+        if weight[i] > 0.0:
+            width = 2.5 * sigma[i] + 0.08 * at + 0.02
+            if at > 0.0 and abs(nearness[i] - at) < width and at > floor:
+                value += trust * (edge * nearer[column[i]] - nearness[i])
+            elif floor > 0.0:
+                # what is taken for an obstacle may be floor seen badly: it has to stand out
+                spread = math.sqrt(sigma[i] * sigma[i] + 0.0025 * floor * floor)
+                clear = (nearness[i] - floor) / spread
+                share *= min(max(0.5 * (clear - 2.0), 0.0), 1.0)
+        elif floor_seen[i] == 0.0:
+            if at > max(floor, 0.05) and mount - fall[i] / at < wall_height:
+                value, share = edge * nearer[column[i]], 0.5 * trust
+            hidden, degree = border[0, column[i]], border[1, column[i]]
+            if degree > 0.0 and hidden > floor and mount - fall[i] / hidden < wall_height:
+                value, share = max(hidden, value), max(degree, share)
+        if share > 0.0 or confidence[i] >= least:
+            known[i] = 1.0
+        values[:, i] = value
+        weights[0, i] = share
+        weights[1, i] = share * off_axis[0, i]
+        weights[2, i] = share * off_axis[1, i]
+    return values, weights, known

@@ -8,19 +8,22 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from navfw.kinds import Perception
+from navfw.offis.borders import find_borders
 from navfw.offis.distances import TERMS, find_distances
 from navfw.offis.explanation import Explanation
 from navfw.offis.floor import FloorModel
 from navfw.offis.geometry import GridGeometry
-from navfw.offis.nearness import Nearness, triangulate
+from navfw.offis.nearness import triangulate
+from navfw.offis.objects import find_objects, object_channels, raw_channels
 from navfw.offis.obstacles import nearest_objects
 from navfw.offis.planes import find_planes, pairs_of
-from navfw.offis.pyramid import NEIGHBOURS, QUADRANTS, Channels, RegionStatistics
+from navfw.offis.pyramid import NEIGHBOURS, QUADRANTS, RegionStatistics
 from navfw.offis.report import report
-from navfw.offis.situations import find_situations, look_ahead
-from navfw.offis.slopes import SIDES, fit_planes, slopes_of_fits, slopes_of_means
+from navfw.offis.situations import FLOOR_IN_FRONT, find_situations, look_ahead
+from navfw.offis.slopes import SIDES, slopes_of_means, slopes_of_walls
+from navfw.offis.walls import find_walls
 from navfw.robot import RobotModel
-from navfw.signals import Array, FlowField, Label, Percept, Twist
+from navfw.signals import Array, FlowField, Percept, Twist
 
 __all__ = ["Offis"]
 
@@ -77,6 +80,10 @@ class Offis(Perception):
             Positive,
             Field(description="what is seen higher than this is no wall, but ceiling or sky [m]"),
         ] = 2.2
+        longest_flow: Annotated[
+            Positive,
+            Field(description="longest vector that the flow processor finds: its search [px]"),
+        ] = 8.0
         path_length: Annotated[
             Positive, Field(description="how far 'floor in front' looks [m]")
         ] = 2.0
@@ -115,12 +122,27 @@ class Offis(Perception):
             minimum_baseline=self.params.minimum_baseline,
             rejection=self.params.rejection,
         )
-        height, label = self._floor.classify(flow.points, seen)
-        objects = self._object_weight(geometry, seen, label)
-
-        regions = pyramid.statistics(self._channels(flow, seen, objects))
+        height, label = self._floor.classify(flow.points, seen, geometry.fall)
+        camera, params = self.robot.camera, self.params
+        objects = find_objects(geometry, seen, label, params.minimum_confidence)
+        walls = find_walls(geometry, seen, objects.wall_weight, camera.mount_height)
+        borders = find_borders(flow, geometry, camera.focal, camera.width, params.longest_flow)
+        paper = params.mode == "paper"
+        if paper:
+            channels = raw_channels(flow, camera.focal, params.minimum_baseline)
+        else:
+            channels = object_channels(
+                geometry,
+                seen,
+                objects,
+                walls,
+                borders,
+                camera,
+                params.wall_height,
+                params.minimum_confidence,
+            )
+        regions = pyramid.statistics(channels)
         size = self._size(regions)
-        paper = self.params.mode == "paper"
         region_nearness = regions.mean if paper else regions.nearest
         present = (regions.objects > 0.0) & (region_nearness > 1.0 / FARTHEST)
         planes = find_planes(self._pairs, regions, size)
@@ -128,15 +150,8 @@ class Offis(Perception):
         distances = find_distances(region_nearness[:-4], regions.known[:-4], twist.v)
         obstacles = nearest_objects(pyramid, size, present, planes, distances)
 
-        # surely higher than any wall: ceiling, or the far side of a room seen over a partition
-        low_enough = seen.nearness + 2.0 * seen.sigma > geometry.wall_top
-        walls = objects * low_enough * geometry.wall_share
-        flat, weight, sigma = seen.nearness.ravel(), walls.ravel(), seen.sigma.ravel()
-        fits = fit_planes(geometry, flat, weight, sigma)
-        slopes = slopes_of_means(regions) if paper else slopes_of_fits(fits)
-        is_floor = (label == Label.FLOOR).ravel().astype(np.float64)
-        ahead = look_ahead(geometry, fits, flat, weight, sigma, is_floor)
-        situations = find_situations(slopes, ahead)
+        slopes = slopes_of_means(regions) if paper else slopes_of_walls(walls)
+        situations = find_situations(slopes, look_ahead(geometry, walls, objects))
 
         return Percept(
             time=flow.time,
@@ -161,11 +176,20 @@ class Offis(Perception):
             sentence=report(
                 obstacles,
                 situations.front,
-                situations.floor_in_front >= 0.5,
+                situations.floor_in_front >= FLOOR_IN_FRONT,
                 bool(distances.degrees[:, :4].any()),
             ),
             explanation=Explanation(
-                self.params.mode, pyramid, regions, planes, distances, fits, slopes, situations
+                self.params.mode,
+                pyramid,
+                regions,
+                planes,
+                distances,
+                obstacles,
+                borders,
+                walls,
+                slopes,
+                situations,
             ),
         )
 
@@ -185,43 +209,6 @@ class Offis(Perception):
             self._geometry = geometry
             self._pairs = pairs_of(geometry.pyramid)
         return geometry
-
-    def _object_weight(self, geometry: GridGeometry, seen: Nearness, label: np.ndarray) -> Array:
-        """Confidence of the cells that show an object, 0 elsewhere.
-
-        Floor and drops are no objects (TRAP 2), nor is what might be either. Above the horizon
-        there is no floor: whatever is seen there well enough counts, also what passes overhead.
-        """
-        shown = (
-            (label == Label.OBSTACLE)
-            | (label == Label.ABOVE)
-            | (geometry.upward & (seen.confidence >= self.params.minimum_confidence))
-        )
-        return np.where(shown, seen.confidence, 0.0)
-
-    def _channels(self, flow: FlowField, seen: Nearness, objects: Array) -> Channels:
-        """What muU, muV and the mean nearness are the means of, in the present mode."""
-        if self.params.mode == "paper":
-            return self._raw_channels(flow)
-        # nearness, weighted by how much of the flow it makes along U and V: a mean of |u| or |v|
-        # without the part that only tells where in the image the cell lies (TRAP 1)
-        across = np.abs(flow.points)
-        weights = np.stack([objects, objects * across[..., 0], objects * across[..., 1]])
-        known = seen.confidence >= self.params.minimum_confidence
-        return Channels(np.stack([seen.nearness] * 3), weights, known.astype(np.float64))
-
-    def _raw_channels(self, flow: FlowField) -> Channels:
-        """|u| and |v| of all valid vectors, floor and all, and |d|/|e| for the distance."""
-        shift = flow.motion.translation
-        foe_vector = flow.points * shift[2] - self.robot.camera.focal * shift[:2]
-        expected = np.hypot(foe_vector[..., 0], foe_vector[..., 1])
-        valid = (flow.confidence > 0.0) & np.isfinite(flow.vectors).all(-1)
-        valid &= flow.motion.baseline >= self.params.minimum_baseline
-        length = np.where(valid[..., None], np.abs(flow.vectors), 0.0)
-        nearness = np.hypot(length[..., 0], length[..., 1]) / np.maximum(expected, 1e-9)
-        known = valid.astype(np.float64)
-        values = np.stack([nearness, length[..., 0], length[..., 1]])
-        return Channels(values, np.stack([known * expected, known, known]), known)
 
     def _size(self, regions: RegionStatistics) -> Array:
         """(n_regions,) what "biggest" is judged by."""

@@ -13,10 +13,20 @@ import numpy as np
 
 from navfw.offis.geometry import GridGeometry
 from navfw.offis.inference import Evaluation, infer, load_system
-from navfw.offis.slopes import PlaneFits, Slopes
+from navfw.offis.objects import Objects
+from navfw.offis.slopes import Slopes
+from navfw.offis.walls import Walls
 from navfw.signals import Array
 
-__all__ = ["ELEMENTARY", "TABLE", "Front", "Situations", "find_situations", "look_ahead"]
+__all__ = [
+    "ELEMENTARY",
+    "FLOOR_IN_FRONT",
+    "TABLE",
+    "Front",
+    "Situations",
+    "find_situations",
+    "look_ahead",
+]
 
 TABLE = (
     "door or corridor",
@@ -31,6 +41,9 @@ TABLE = (
     "unknown",
 )
 """The different entries of the paper's Table 1."""
+
+FLOOR_IN_FRONT = 0.5
+"""Degree from which on the report says "Floor in front"."""
 
 ELEMENTARY = (
     "door",
@@ -50,13 +63,15 @@ ELEMENTARY = (
 class Front:
     """What the middle of the image shows: arrays of one sample.
 
-    ``opening`` in [-1, 1]: how much farther the middle is than both outer planes predict, relative
-    to the nearness at the sides. ``passage``: nearness in the middle over that at the sides.
-    ``floor``: share of the cells ahead that show floor. ``support`` in [0, 1].
+    ``opening`` in [-1, 1]: how much farther the middle is than the planes, or how much nearer both
+    borders are; ``steepness`` [rad]: incline of the less steep plane; ``fit``: share of what is
+    seen that lies in the planes, in the worse half (all from ``walls``). ``floor``: share of the
+    cells ahead that show floor. ``support`` in [0, 1].
     """
 
     opening: Array
-    passage: Array
+    steepness: Array
+    fit: Array
     floor: Array
     support: float
 
@@ -77,32 +92,17 @@ class Situations:
     front_evaluation: Evaluation
 
 
-def look_ahead(
-    geometry: GridGeometry,
-    fits: PlaneFits,
-    nearness: Array,
-    weight: Array,
-    sigma: Array,
-    floor: Array,
-) -> Front:
-    """Measure the middle of the image; all arrays are flat (n,), ``floor`` is 1 for floor cells."""
-    precise = geometry.middle * weight / (sigma * sigma + 0.05)
-    middle_weight = float(precise.sum())
-    sides = weight * (geometry.planes[2] + geometry.planes[3])
-    sides_weight = float(sides.sum())
-    path = float(geometry.path.sum())
-    floor_share = float(geometry.path @ floor) / path if path > 0.0 else 0.0
-    if middle_weight <= 0.0 or sides_weight <= 0.0:
-        return Front(np.zeros(1), np.ones(1), np.array([floor_share]), 0.0)
-    middle = float(precise @ nearness) / middle_weight
-    beside = max(float(sides @ nearness) / sides_weight, 1e-6)
-    predicted = max(float(fits.centre[2:].min()), 0.0)
-    support = min(float((geometry.middle * weight).sum()) / 2.0, 1.0)
+def look_ahead(geometry: GridGeometry, walls: Walls, objects: Objects) -> Front:
+    """What the walls leave open ahead, and how much floor there is."""
+    path = geometry.path_cells
+    floor_share = float(geometry.path @ objects.floor) / path if path > 0.0 else 0.0
+    support = min(float(geometry.middle @ objects.wall_weight) / 2.0, 1.0)
     return Front(
-        np.array([(predicted - middle) / beside]),
-        np.array([middle / beside]),
-        np.array([floor_share]),
-        support,
+        opening=np.array([walls.gap]),
+        steepness=walls.incline.min(keepdims=True),
+        fit=walls.explained.min(keepdims=True),
+        floor=np.array([floor_share]),
+        support=support,
     )
 
 
@@ -122,17 +122,18 @@ def find_situations(slopes: Slopes, ahead: Front) -> Situations:
             "corridor_like": np.array([max(table["door or corridor"], table["door or unknown"])]),
             "corner_like": np.array([max(table["door or corner"], table["corner"])]),
             "opening": ahead.opening,
-            "passage": ahead.passage,
+            "steepness": ahead.steepness,
+            "fit": ahead.fit,
             "floor": ahead.floor,
         },
     )
-    front = in_front.result.degrees["front"]
+    front = {term: in_front.degree("front", term)[0] for term in ("door", "corridor", "corner")}
     sure = min(support, ahead.support)
     degrees = dict(table)
-    degrees["door"] = sure * float(front["door"][0])
-    degrees["corridor"] = min(sure * float(front["corridor"][0]), table["door or corridor"])
+    degrees["door"] = sure * float(front["door"])
+    degrees["corridor"] = min(sure * float(front["corridor"]), table["door or corridor"])
     degrees["corner"] = max(
-        min(sure * float(front["corner"][0]), table["door or corner"]),
+        min(sure * float(front["corner"]), table["door or corner"]),
         table["corner"] * (1.0 - degrees["door"]),
     )
     for name in ("left wall", "right wall", "left slope wall", "right slope wall"):

@@ -2,25 +2,23 @@
 
 A vertical plane at distance D whose outer side is turned towards the viewer by the angle ``t`` has
 ``q = (sin t * across + cos t * ahead) / D``. A robust fit of that to one half of the image gives
-the angle, which the rule base turns into one of five codes; larger digits mean the nearer side. A
-half that shows no single plane (a door in a wall, the mouth of a corridor) still gets the angle
-that fits best, just as the paper's comparison of means would.
+the angle (``walls``), which the rule base turns into one of five codes; larger digits mean the
+nearer side. A door in the plane makes the inner side's mean flow much smaller than the outer
+side's: a gap counts as very slope, just as in the paper's comparison of means.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from navfw.offis.geometry import GridGeometry
 from navfw.offis.inference import Evaluation, infer, load_system
-from navfw.offis.kernels import fit_upright_planes
 from navfw.offis.pyramid import RegionStatistics
+from navfw.offis.walls import Walls
 from navfw.signals import Array
 
-__all__ = ["CODES", "PlaneFits", "Slopes", "fit_planes", "slopes_of_fits", "slopes_of_means"]
+__all__ = ["CODES", "SIDES", "Slopes", "slopes_of_means", "slopes_of_walls"]
 
 CODES = {
     "very_slope": ("[3 1]", "[1 3]"),
@@ -32,19 +30,6 @@ CODES = {
 """Slope codes of the left and of the right plane for each term of the rule base (METHOD R9)."""
 
 SIDES = ("left", "right")
-
-
-@dataclass(frozen=True, slots=True)
-class PlaneFits:
-    """Fits to left half, right half, left outer part, right outer part: arrays (4,).
-
-    ``incline`` [rad] is positive where the outer side is nearer; ``centre`` [1/m] is the nearness
-    the plane would have straight ahead; ``support`` in [0, 1] says how many cells carry it.
-    """
-
-    incline: Array
-    centre: Array
-    support: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,22 +46,12 @@ class Slopes:
     evaluation: Evaluation
 
 
-def fit_planes(geometry: GridGeometry, nearness: Array, weight: Array, sigma: Array) -> PlaneFits:
-    """Fit upright planes to flat (n,) nearness with weights; cells of weight 0 are left out."""
-    fits = fit_upright_planes(
-        geometry.planes, geometry.across, geometry.ahead, nearness, weight, sigma
-    )
-    incline = np.arctan2(fits[:, 0], fits[:, 1]).clip(-0.5 * math.pi, 0.5 * math.pi)
-    # a tenth of the cells is enough to trust a plane fully, unless it is at the end of the world
-    carried = np.minimum(fits[:, 2] / (0.1 * geometry.planes.sum(1)), 1.0)
-    nearness = np.hypot(fits[:, 0], fits[:, 1])
-    support = carried * ((nearness - 0.05) / 0.05).clip(0.0, 1.0)
-    return PlaneFits(incline, fits[:, 1], support)
-
-
-def slopes_of_fits(fits: PlaneFits) -> Slopes:
-    """Slopes from the fitted planes (mode ``nearness``)."""
-    return _slopes("slope", fits.incline[:2], fits.support[:2])
+def slopes_of_walls(walls: Walls) -> Slopes:
+    """Slopes from the fitted planes and the gaps in them (mode ``nearness``)."""
+    gap = np.full(2, walls.gap)
+    facing = np.full(2, walls.incline.sum())
+    inputs = {"outer": walls.incline, "gap": gap, "facing": facing}
+    return _slopes("slope", inputs, walls.support)
 
 
 def slopes_of_means(regions: RegionStatistics) -> Slopes:
@@ -85,15 +60,15 @@ def slopes_of_means(regions: RegionStatistics) -> Slopes:
     outer, inner = mu[[0, 3]], mu[[1, 2]]
     known = np.minimum(regions.known[[-4, -1]], regions.known[[-3, -2]])
     ratio = (outer - inner) / np.maximum(outer + inner, 1e-12)
-    return _slopes("slope_paper", ratio, np.minimum(known / 0.2, 1.0))
+    return _slopes("slope_paper", {"outer": ratio}, np.minimum(known / 0.2, 1.0))
 
 
-def _slopes(system: str, outer: Array, support: Array) -> Slopes:
-    evaluation = infer(load_system(system), {"outer": outer})
+def _slopes(system: str, inputs: dict[str, Array], support: Array) -> Slopes:
+    evaluation = infer(load_system(system), inputs)
     degrees = np.stack([evaluation.degree("slope", term) for term in CODES])
     best = degrees.argmax(0)
     terms = list(CODES)
     left, right = (
         CODES[terms[best[side]]][side] if support[side] > 0.0 else "unknown" for side in (0, 1)
     )
-    return Slopes(evaluation.result.outputs["slope"], support, (left, right), evaluation)
+    return Slopes(evaluation.result.crisp("slope"), support, (left, right), evaluation)

@@ -293,16 +293,20 @@ def test_the_explanation_is_plain_data_with_rules_and_numbers():
         == set(percept.explanation)
         == {
             "mode",
+            "report",
             "regions",
             "plane",
             "distance",
-            "fits",
+            "border",
+            "walls",
             "slope",
             "situation",
             "front",
         }
     )
-    assert len(percept.explanation) == 8
+    assert len(percept.explanation) == 10
+    assert percept.explain() == {"sentence": percept.sentence, **dict(percept.explanation)}
+    assert told["report"]["front"] == "door or corridor"
     strongest = told["situation"]["rules"][0]
     assert strongest["rule"] == (
         "IF left IS very_slope AND right IS very_slope THEN situation IS door_or_corridor"

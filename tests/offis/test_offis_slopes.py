@@ -7,33 +7,46 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from offis_scenes import Scene, grid_points, wall_ahead
+from offis_scenes import Scene, Wall, corner, corridor, door, grid_points, ideal_flow, wall_ahead
 
 from navfw.offis.geometry import GridGeometry
-from navfw.offis.slopes import fit_planes, slopes_of_fits
+from navfw.offis.nearness import Nearness, triangulate
+from navfw.offis.slopes import slopes_of_walls
+from navfw.offis.walls import find_walls
 from navfw.robot import CameraModel, RobotModel
 
+MOUNT = CameraModel().mount_height
+GEOMETRY = GridGeometry.of(grid_points(CameraModel()), 2, RobotModel(), 2.0, 2.2)
+ONES = np.ones((12, 16))
 
-def fits_of(scene, pitch=0.0, upward_only=True):
+
+def walls_of(scene, pitch=0.0):
+    """Walls fitted to exact nearness above the horizon."""
     robot = RobotModel(camera=CameraModel(pitch=pitch))
-    points = grid_points(robot.camera)
-    geometry = GridGeometry.of(points, 2, robot, 2.0, 2.2)
-    nearness = 1.0 / scene.depth(points, robot.camera)
-    weight = geometry.upward if upward_only else np.ones_like(geometry.upward)
-    return fit_planes(
-        geometry, nearness.ravel(), weight.ravel().astype(float), np.full(nearness.size, 0.01)
-    )
+    geometry = GridGeometry.of(grid_points(robot.camera), 2, robot, 2.0, 2.2)
+    nearness = 1.0 / scene.depth(geometry.points, robot.camera)
+    seen = Nearness(nearness, 0.01 * ONES, ONES)
+    return find_walls(geometry, seen, geometry.upward.ravel().astype(float), MOUNT)
+
+
+def walls_of_values(nearness, weight=None, sigma=0.01):
+    seen = Nearness(nearness.reshape(12, 16), sigma * ONES, ONES)
+    return find_walls(GEOMETRY, seen, np.ones(192) if weight is None else weight, MOUNT)
 
 
 @given(angle=st.floats(-0.7, 0.7), distance=st.floats(0.5, 4.0), pitch=st.floats(-0.25, 0.25))
 @settings(max_examples=40, deadline=None)
 def test_the_fit_finds_the_angle_and_distance_of_a_wall(angle, distance, pitch):
-    fits = fits_of(
+    walls = walls_of(
         Scene((replace(wall_ahead(distance, angle, half=1e3), low=-99.0, high=99.0),), floor=None),
         pitch,
     )
-    np.testing.assert_allclose(fits.incline, [angle, -angle] * 2, atol=1e-3)
-    np.testing.assert_allclose(fits.centre, 1.0 / distance, rtol=1e-3)
+    np.testing.assert_allclose(walls.incline, [angle, -angle], atol=1e-3)
+    np.testing.assert_allclose(
+        walls.front, math.cos(angle) / (distance * math.cos(angle)), rtol=1e-3
+    )
+    assert walls.shared == pytest.approx(1.0)
+    assert (walls.support == 1.0).all()
 
 
 @pytest.mark.parametrize(
@@ -49,29 +62,58 @@ def test_the_fit_finds_the_angle_and_distance_of_a_wall(angle, distance, pitch):
 def test_all_five_codes(degrees, left, right):
     # one endless plane shows both halves the same code: the larger digit is the nearer side
     angle = math.radians(degrees)
-    geometry = GridGeometry.of(grid_points(CameraModel()), 2, RobotModel(), 2.0, 2.2)
-    across = np.where(np.arange(192) % 16 < 8, 1.0, -1.0) * geometry.across
-    nearness = math.sin(angle) * across + math.cos(angle) * geometry.ahead
-    fits = fit_planes(geometry, nearness, np.ones(192), np.full(192, 0.01))
-    assert slopes_of_fits(fits).codes == (left, right)
+    nearness = -math.sin(angle) * GEOMETRY.lateral + math.cos(angle) * GEOMETRY.ahead
+    walls = walls_of_values(nearness)
+    assert slopes_of_walls(walls).codes == (left, right)
 
 
-def test_an_outlier_does_not_turn_the_plane():
-    geometry = GridGeometry.of(grid_points(CameraModel()), 2, RobotModel(), 2.0, 2.2)
+@pytest.mark.parametrize("count", [3, 12, 24])
+def test_things_in_front_of_a_wall_do_not_turn_its_plane(count):
+    rng = np.random.default_rng(count)
     nearness = np.full(192, 0.5)
-    nearness[[0, 17, 33]] = 5.0
-    fits = fit_planes(geometry, nearness, np.ones(192), np.full(192, 0.02))
-    assert abs(fits.incline[0]) < math.radians(35.0)
-    plain = np.linalg.lstsq(
-        np.stack([geometry.across, geometry.ahead], 1)[geometry.planes[0] > 0],
-        nearness[geometry.planes[0] > 0],
-        rcond=None,
-    )[0]
-    assert abs(fits.incline[0]) < 0.7 * abs(math.atan2(*plain))
+    nearness[rng.choice(192, count, replace=False)] = rng.uniform(1.0, 5.0, count)
+    walls = walls_of_values(nearness, sigma=0.02)
+    np.testing.assert_allclose(walls.incline, 0.0, atol=math.radians(1.0))
+    np.testing.assert_allclose(walls.front, 0.5, rtol=0.01)
+
+
+def test_two_walls_are_not_taken_for_one():
+    assert walls_of(Scene(corner(1.8))).shared == 0.0
+    assert walls_of(Scene(corridor())).shared == 0.0
+    np.testing.assert_allclose(
+        walls_of(Scene(corner(1.8))).incline, [math.pi / 4, math.pi / 4], atol=0.02
+    )
+
+
+def test_a_door_is_a_gap_in_its_wall_and_a_wall_has_none():
+    for distance in (0.9, 1.5, 2.3):
+        assert walls_of(Scene(door(distance))).gap > 0.2
+        assert walls_of(Scene((wall_ahead(distance),))).gap < 0.0
+    assert walls_of(Scene(corner(2.0))).gap < 0.03
+
+
+def test_the_frame_of_a_near_door_steps_forward_on_both_sides():
+    frame = (Wall((0.7, 4.0), (0.7, 0.5)), Wall((0.7, -0.5), (0.7, -4.0)), wall_ahead(3.0))
+    walls = walls_of(Scene(frame))
+    assert (walls.step > 0.2).all() or walls.opening > 0.2
+    one_side = walls_of(Scene((frame[0], wall_ahead(3.0))))
+    assert one_side.step[0] > 0.2
+    assert one_side.gap < 0.0
 
 
 def test_no_cells_no_support():
-    geometry = GridGeometry.of(grid_points(CameraModel()), 2, RobotModel(), 2.0, 2.2)
-    fits = fit_planes(geometry, np.ones(192), np.zeros(192), np.ones(192))
-    assert (fits.support == 0.0).all()
-    assert slopes_of_fits(fits).codes == ("unknown", "unknown")
+    walls = walls_of_values(np.ones(192), np.zeros(192))
+    assert (walls.support == 0.0).all()
+    assert slopes_of_walls(walls).codes == ("unknown", "unknown")
+
+
+def test_walls_of_noisy_flow_keep_their_angle():
+    rng = np.random.default_rng(5)
+    errors = []
+    for _ in range(40):
+        flow, _ = ideal_flow(Scene((wall_ahead(2.0, 0.4),)), sigma=0.15, noise=rng)
+        seen = triangulate(flow, CameraModel().focal)
+        weight = seen.confidence.ravel() * GEOMETRY.wall_share * GEOMETRY.upward
+        errors.append(find_walls(GEOMETRY, seen, weight, MOUNT).incline[0] - 0.4)
+    assert np.abs(np.median(errors)) < math.radians(1.5)
+    assert np.percentile(np.abs(errors), 90) < math.radians(6.0)

@@ -1,0 +1,60 @@
+"""Things too near to be matched: blind columns at the border of the image.
+
+A thing beside the robot moves through the image faster than the flow processor searches, so the
+nearest thing of all may be the one of which nothing is known. Where nothing could be matched around
+the horizon in columns at the border, although the past camera had them in view, a rule base decides
+whether something near must be there: what is unknown is never free.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from navfw.offis.geometry import GridGeometry
+from navfw.offis.inference import Evaluation, infer, load_system
+from navfw.offis.kernels import blind_border
+from navfw.signals import Array, FlowField
+
+__all__ = ["Borders", "find_borders"]
+
+BEYOND = 1.4
+"""How much nearer than the search can tell such a thing is, typically (measured)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Borders:
+    """``hidden`` (2, columns): nearness [1/m] of what must be there, and to what degree it is."""
+
+    hidden: Array
+    evaluation: Evaluation
+
+
+def find_borders(
+    flow: FlowField, geometry: GridGeometry, focal: float, width: int, longest: float
+) -> Borders:
+    """Judge both borders of ``flow``; ``longest`` [px] is the longest vector it can measure."""
+    motion = flow.motion
+    found = blind_border(
+        flow.points.reshape(-1, 2),
+        geometry.fall,
+        geometry.column,
+        flow.vectors.reshape(-1, 2),
+        flow.confidence.reshape(-1),
+        motion.rotation,
+        focal,
+        0.5 * width - longest,
+        float(motion.translation[2]),
+        longest,
+    )
+    evaluation = infer(load_system("border"), {"blind": found[:, 0], "flow": found[:, 1]})
+    degree = evaluation.degree("border", "near") * (found[:, 1] >= 0.0)
+    columns = flow.shape[1]
+    hidden = np.zeros((2, columns))
+    last_left, first_right = int(found[0, 3]), int(found[1, 3])
+    if degree[0] > 0.0:
+        hidden[0, : last_left + 1], hidden[1, : last_left + 1] = BEYOND * found[0, 2], degree[0]
+    if degree[1] > 0.0:
+        hidden[0, first_right:], hidden[1, first_right:] = BEYOND * found[1, 2], degree[1]
+    return Borders(hidden, evaluation)

@@ -1,0 +1,106 @@
+"""Which cells show objects, and how near those are once walls and borders have been understood."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from navfw.offis.borders import Borders
+from navfw.offis.geometry import GridGeometry
+from navfw.offis.kernels import object_cells, stand_out
+from navfw.offis.nearness import Nearness
+from navfw.offis.pyramid import Channels
+from navfw.offis.walls import Walls
+from navfw.robot import CameraModel
+from navfw.signals import Array, FlowField
+
+__all__ = ["Objects", "find_objects", "object_channels", "raw_channels"]
+
+
+@dataclass(frozen=True, slots=True)
+class Objects:
+    """Cells by what they show, flat (n,): ``weight`` is the confidence of those that show objects.
+
+    Floor and drops are no objects (TRAP 2), nor is what might be either, nor what is surely higher
+    than any wall: a ceiling, or the far side of a room seen over a partition. Above the horizon
+    there is no floor: whatever is seen there well enough counts, also what passes overhead.
+    ``wall_weight`` is what counts in fits of walls; ``floor`` is 1 where floor is seen.
+    """
+
+    weight: Array
+    wall_weight: Array
+    floor: Array
+
+
+def find_objects(
+    geometry: GridGeometry, seen: Nearness, label: npt.NDArray[np.int8], minimum_confidence: float
+) -> Objects:
+    """Sort the cells of ``seen`` by their ``label`` (rows, cols)."""
+    cells = object_cells(
+        seen.nearness.reshape(-1),
+        seen.sigma.reshape(-1),
+        seen.confidence.reshape(-1),
+        label.reshape(-1),
+        geometry.upward,
+        geometry.wall_top,
+        geometry.wall_share,
+        minimum_confidence,
+    )
+    return Objects(cells[0], cells[1], cells[2])
+
+
+def object_channels(
+    geometry: GridGeometry,
+    seen: Nearness,
+    objects: Objects,
+    walls: Walls,
+    borders: Borders,
+    camera: CameraModel,
+    wall_height: float,
+    minimum_confidence: float,
+) -> Channels:
+    """Nearness of the objects, for muU and muV weighted by how much flow it makes along U and V.
+
+    That makes a mean of |u| or |v| without the part that only tells where in the image the cell
+    lies (TRAP 1).
+    """
+    values, weights, known = stand_out(
+        geometry.lateral_edge,
+        geometry.lateral,
+        geometry.ahead,
+        geometry.fall,
+        geometry.halves,
+        geometry.off_axis,
+        walls.slant,
+        walls.front,
+        walls.support,
+        seen.nearness.reshape(-1),
+        seen.sigma.reshape(-1),
+        seen.confidence.reshape(-1),
+        objects.weight,
+        objects.floor,
+        geometry.column,
+        walls.nearer,
+        borders.hidden,
+        float(camera.mount_height),
+        wall_height,
+        minimum_confidence,
+    )
+    shape = seen.nearness.shape
+    return Channels(values.reshape(3, *shape), weights.reshape(3, *shape), known.reshape(shape))
+
+
+def raw_channels(flow: FlowField, focal: float, minimum_baseline: float) -> Channels:
+    """|u| and |v| of all valid vectors, floor and all, and |d|/|e| for the distance."""
+    shift = flow.motion.translation
+    foe_vector = flow.points * shift[2] - focal * shift[:2]
+    expected = np.hypot(foe_vector[..., 0], foe_vector[..., 1])
+    valid = (flow.confidence > 0.0) & np.isfinite(flow.vectors).all(-1)
+    valid &= flow.motion.baseline >= minimum_baseline
+    length = np.where(valid[..., None], np.abs(flow.vectors), 0.0)
+    nearness = np.hypot(length[..., 0], length[..., 1]) / np.maximum(expected, 1e-9)
+    known = valid.astype(np.float64)
+    values = np.stack([nearness, length[..., 0], length[..., 1]])
+    return Channels(values, np.stack([known * expected, known, known]), known)

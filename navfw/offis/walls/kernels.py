@@ -1,0 +1,222 @@
+"""Fits of walls, compiled: reweighted least squares over cells, and what lies off the planes."""
+
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from navfw.signals import Array
+
+__all__ = ["find_wall_planes"]
+
+
+@numba.njit(cache=True)
+def find_wall_planes(
+    lateral: Array,
+    ahead: Array,
+    fall: Array,
+    halves: npt.NDArray[np.bool_],
+    column: npt.NDArray[np.int64],
+    nearness: Array,
+    weight: Array,
+    sigma: Array,
+    confidence: Array,
+    mount: float,
+) -> tuple[Array, Array]:
+    """The planes of both halves and what lies off them; see ``walls``.
+
+    (3, 4): two rows (slant, front, explained weight, weight) of the left and the right half, then
+    (shared, opening, left step, right step). (columns,): by which factor what each column shows is
+    surely nearer than the planes, 1 where it is not.
+    """
+    planes = _fit_planes(lateral, ahead, halves, nearness, weight, sigma)
+    apart = planes[0, 2] + planes[1, 2]
+    # how nearly one plane explains as much as two: certain from 93 % on
+    shared = 0.0
+    if apart > 0.0:
+        shared = min(max((planes[2, 2] / apart - 0.88) / 0.05, 0.0), 1.0)
+        # unless the halves by themselves make a clean corner
+        worse = min(planes[0, 2] / max(planes[0, 3], 1e-9), planes[1, 2] / max(planes[1, 3], 1e-9))
+        bend = math.atan2(-planes[0, 0], planes[0, 1]) + math.atan2(planes[1, 0], planes[1, 1])
+        corner = min(max((bend - 0.6) / 0.3, 0.0), 1.0) * min(max((worse - 0.84) / 0.06, 0.0), 1.0)
+        shared *= 1.0 - corner
+    for half in range(2):
+        for k in range(2):
+            planes[half, k] += shared * (planes[2, k] - planes[half, k])
+    deficit = _off_planes(
+        planes, lateral, ahead, fall, halves, column, nearness, sigma, confidence, mount
+    )
+    columns = deficit.shape[1]
+    middle = columns // 2
+    opening = -1.0
+    for c in range(middle - 3, middle + 2):
+        opening = max(opening, _surely(deficit, c, c + 2, 1.0))
+    planes[2, 0], planes[2, 1] = shared, opening
+    edge = max(columns // 5, 1)
+    planes[2, 2] = _surely(deficit, 0, edge, -1.0)
+    planes[2, 3] = _surely(deficit, columns - edge, columns, -1.0)
+    nearer = np.ones(columns)
+    for c in range(columns):
+        if _surely(deficit, c, c + 1, -1.0) > 0.0:
+            nearer[c] = 1.0 / (1.0 + deficit[1, c] / deficit[0, c])
+    return planes, nearer
+
+
+@numba.njit(cache=True)
+def _off_planes(
+    planes: Array,
+    lateral: Array,
+    ahead: Array,
+    fall: Array,
+    halves: npt.NDArray[np.bool_],
+    column: npt.NDArray[np.int64],
+    nearness: Array,
+    sigma: Array,
+    confidence: Array,
+    mount: float,
+) -> Array:
+    """Sums (2, columns) of weights and weighted relative shortfalls of nearness behind the planes.
+
+    Over the cells whose rays meet the plane at heights where doors are open.
+    """
+    sums = np.zeros((2, column.max() + 1))
+    # far along a corridor little is missing where a door stands open: measure it by what is near
+    near = 0.0
+    for half in range(2):
+        for i in range(nearness.shape[0]):
+            if halves[half, i]:
+                here = planes[half, 0] * lateral[i] + planes[half, 1] * ahead[i]
+                near = max(near, here)
+    for i in range(nearness.shape[0]):
+        if confidence[i] < 0.1:
+            continue
+        predicted = 0.0
+        for half in range(2):
+            if halves[half, i]:
+                here = planes[half, 0] * lateral[i] + planes[half, 1] * ahead[i]
+                predicted = max(predicted, here)
+        if predicted < 0.05:
+            continue
+        height = mount - fall[i] / predicted
+        if height < 0.1 or height > 1.9:
+            continue
+        scale = max(predicted, nearness[i], 0.4 * near)
+        s = sigma[i] / scale
+        w = confidence[i] / (s * s + 0.0025)
+        sums[0, column[i]] += w
+        sums[1, column[i]] += w * (predicted - nearness[i]) / scale
+    return sums
+
+
+@numba.njit(cache=True)
+def _surely(sums: Array, begin: int, end: int, sign: float) -> float:
+    """Mean times ``sign`` over columns, less its error (neighbours share theirs); -1: unknown."""
+    total = sums[0, begin:end].sum()
+    if total <= 0.0:
+        return -1.0
+    return max(float(sign * sums[1, begin:end].sum() / total - math.sqrt(4.0 / total)), -1.0)
+
+
+@numba.njit(cache=True)
+def _fit_planes(
+    lateral: Array,
+    ahead: Array,
+    halves: npt.NDArray[np.bool_],
+    nearness: Array,
+    weight: Array,
+    sigma: Array,
+) -> Array:
+    """Planes of the left half, the right half and the whole image: (3, 4).
+
+    Each row is (slant, front, explained weight, weight) of ``slant * lateral + front * ahead``.
+    """
+    n = nearness.shape[0]
+    cells = np.empty((3, 5, n))
+    counts = np.zeros(3, np.int64)
+    for i in range(n):
+        if weight[i] <= 0.0:
+            continue
+        for part in range(3):
+            if part == 2 or halves[part, i]:
+                k = counts[part]
+                cells[part, 0, k], cells[part, 1, k] = lateral[i], ahead[i]
+                cells[part, 2, k], cells[part, 3, k] = nearness[i], weight[i]
+                cells[part, 4, k] = sigma[i]
+                counts[part] += 1
+    result = np.zeros((3, 4))
+    for part in range(3):
+        own = cells[part, :, : counts[part]]
+        result[part, 3] = own[3].sum()
+        if counts[part] < 3:
+            continue
+        middle = 0.5 * np.abs(own[0]).max()
+        for start in range(3):
+            # from all cells, from the outer and from the inner ones; the whole image also from
+            # what its halves were found to show
+            if part == 2 and start > 0:
+                slant, front = result[start - 1, 0], result[start - 1, 1]
+            else:
+                slant, front = _least_squares(own, start, middle)
+            slant, front, explained = _settle(own, slant, front)
+            if explained > result[part, 2]:
+                result[part, 0], result[part, 1], result[part, 2] = slant, front, explained
+    return result
+
+
+@numba.njit(cache=True)
+def _least_squares(cells: Array, start: int, middle: float) -> tuple[float, float]:
+    """Weighted fit to all cells (0), those beyond ``middle`` (1) or those within it (2)."""
+    xx, xy, yy, xq, yq = 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(cells.shape[1]):
+        x, y, q, w, s = cells[0, i], cells[1, i], cells[2, i], cells[3, i], cells[4, i]
+        if (start == 1 and abs(x) < middle) or (start == 2 and abs(x) > middle):
+            continue
+        w /= s * s + 0.01 * q * q + 0.001
+        xx += w * x * x
+        xy += w * x * y
+        yy += w * y * y
+        xq += w * x * q
+        yq += w * y * q
+    determinant = xx * yy - xy * xy
+    if determinant <= 1e-9 * xx * yy + 1e-12:
+        return 0.0, 0.0
+    return (xq * yy - yq * xy) / determinant, (yq * xx - xq * xy) / determinant
+
+
+@numba.njit(cache=True)
+def _settle(cells: Array, slant: float, front: float) -> tuple[float, float, float]:
+    """Reweighted fit (Tukey's biweight, ever narrower) from a start: (slant, front, explained).
+
+    What a plane explains is the weight of the cells near it, less the farther they are off.
+    """
+    explained = 0.0
+    for step in range(7):
+        widen = max(4.0 - 0.75 * step, 1.0)
+        xx, xy, yy, xq, yq = 0.0, 0.0, 0.0, 0.0, 0.0
+        explained = 0.0
+        for i in range(cells.shape[1]):
+            x, y, q, s = cells[0, i], cells[1, i], cells[2, i], cells[4, i]
+            predicted = slant * x + front * y
+            # two sigmas, and what walls themselves are uneven by
+            width = widen * (2.0 * s + 0.08 * abs(predicted) + 0.02)
+            ratio = (q - predicted) / width
+            share = 1.0 - ratio * ratio
+            if share <= 0.0:
+                continue
+            w = cells[3, i] * share
+            explained += w
+            w *= share / (s * s + 0.0025 * q * q + 0.0004)
+            xx += w * x * x
+            xy += w * x * y
+            yy += w * y * y
+            xq += w * x * q
+            yq += w * y * q
+        determinant = xx * yy - xy * xy
+        if step == 6 or determinant <= 1e-9 * xx * yy + 1e-12:
+            break
+        slant = (xq * yy - yq * xy) / determinant
+        front = (yq * xx - xq * xy) / determinant
+    return slant, front, explained
