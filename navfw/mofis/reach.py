@@ -41,26 +41,8 @@ def sweep(
     horizon: float = 0.6,
 ) -> Arcs:
     """Sweep the robot's disc, widened by ``margin`` [m], along every command's arc."""
-    free, known, clearance = commands.zeros(), commands.zeros(), commands.zeros()
+    free, known, clearance = _trace(egomap, pose, commands.v, commands.w, margin, reach, horizon)
     backward = commands.v < 0.0
-    sweep_arcs(
-        egomap.clearance,
-        egomap.known,
-        egomap.origin[0],
-        egomap.origin[1],
-        egomap.params.cell,
-        pose.x,
-        pose.y,
-        pose.yaw,
-        commands.v,
-        commands.w,
-        egomap.robot.radius + margin,
-        reach,
-        horizon,
-        free,
-        known,
-        clearance,
-    )
     # No eyes at the back: there, what has never been seen free counts as taken. (The robot's own
     # place is known, so its rim and not its centre must not pass into the unseen.)
     behind = np.maximum(known[backward] - egomap.robot.radius - margin, 0.0)
@@ -74,7 +56,21 @@ def room_along(egomap: EgoMap, pose: Pose, twist: Twist, reach: float = 1.0) -> 
 
     Both at most ``reach``; a robot that only turns has all the room it needs.
     """
-    one = np.empty((3, 1, 1))
+    free, known, _ = _trace(egomap, pose, np.array([twist.v]), np.array([twist.w]), 0.0, reach, 0.0)
+    return float(free[0, 0]), float(known[0, 0])
+
+
+def _trace(
+    egomap: EgoMap,
+    pose: Pose,
+    speeds: Array,
+    turns: Array,
+    margin: float,
+    reach: float,
+    horizon: float,
+) -> tuple[Array, Array, Array]:
+    """Free length, known length and clearance of every (speed, turn); see ``sweep_arcs``."""
+    free, known, clearance = np.empty((3, speeds.size, turns.size))
     sweep_arcs(
         egomap.clearance,
         egomap.known,
@@ -84,14 +80,16 @@ def room_along(egomap: EgoMap, pose: Pose, twist: Twist, reach: float = 1.0) -> 
         pose.x,
         pose.y,
         pose.yaw,
-        np.array([twist.v]),
-        np.array([twist.w]),
-        egomap.robot.radius,
+        speeds,
+        turns,
+        egomap.robot.radius + margin,
         reach,
-        0.0,
-        *one,
+        horizon,
+        free,
+        known,
+        clearance,
     )
-    return float(one[0, 0, 0]), float(one[1, 0, 0])
+    return free, known, clearance
 
 
 @dataclass(frozen=True, slots=True)
