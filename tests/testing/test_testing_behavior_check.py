@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 from pydantic import Field
 
-from navfw.config.lookup import behavior_folders
 from navfw.errors import PluginError
 from navfw.kinds import Behavior
 from navfw.mofis.context import Context
@@ -22,7 +21,7 @@ from navfw.signals import Label, Proposal, Twist
 from navfw.testing import check_behavior
 from navfw.testing.scenes import SCENES, Scene, contexts_of, wall_flow
 
-SHIPPED = sorted(path.stem for path in behavior_folders()[0].glob("*.py"))
+SHIPPED = default_registry().names("behavior")
 
 
 class Stop(Behavior):
