@@ -19,10 +19,17 @@ UNKNOWN_TURN = 0.03
 """Standard deviation of the turn between two images that no gyro has measured [rad]."""
 GYRO_SIGMA = 0.005
 """Constant error left in a gyro's rates [rad/s]."""
-PITCHING = 0.001
-"""Standard deviation of a measured pitching between two images [rad]."""
+PITCHING = 0.002
+"""Standard deviation of the pitching that is left between two images [rad]."""
 PASSES = 3
-"""The refinement is linear in the turn: large turns need more than one pass."""
+"""The fit is linear in the turn: large turns need more than one pass."""
+_AFTER_FIT = 0.003  # rad, as PITCHING
+_NONE = np.zeros(3)
+_AXES = {
+    "roll_rate": np.array([1.0, 0.0, 0.0]),
+    "pitch_rate": np.array([0.0, 1.0, 0.0]),
+    "yaw_rate": np.array([0.0, 0.0, 1.0]),
+}
 _STEP = 1e-4  # rad, of a numerical derivative
 _OVERLAP = 4.0  # neighbouring windows overlap and share their errors
 
@@ -45,26 +52,21 @@ def assumed_motion(
 def refined(flow: FlowField, camera: CameraModel, measured: frozenset[str]) -> Refinement:
     """The rotation that ``flow`` (not derotated) itself shows (METHOD 2.6), roll included.
 
-    ``measured`` names the rates ("yaw_rate", ...) that a gyro told.
+    ``measured`` names the rates ("yaw_rate", ...) that a gyro told; the others are found first, all
+    together, and what is left is refined as on the robot.
     """
-    params = RefinementParams(pitch_sigma=PITCHING if "pitch_rate" in measured else UNKNOWN_TURN)
-    result: Refinement | None = None
-    for _ in range(1 if measured == frozenset(RATES) else PASSES):
-        motion = flow.motion if result is None else result.motion
-        if "roll_rate" not in measured:
-            motion = _without_roll(replace(flow, motion=motion), camera)
-        # the same prior again: what the passes add up to is small against it
-        motion = replace(motion, yaw_sigma=flow.motion.yaw_sigma)
-        result = refine(replace(flow, motion=motion), camera, params)
-    assert result is not None  # noqa: S101 - at least one pass
-    return result
+    missing = [axis for axis in RATES if axis not in measured]
+    motion = flow.motion
+    for _ in range(PASSES if missing else 0):
+        motion = _turned_to_fit(replace(flow, motion=motion), camera, missing)
+    return refine(replace(flow, motion=motion), camera, RefinementParams(pitch_sigma=PITCHING))
 
 
-def _without_roll(flow: FlowField, camera: CameraModel) -> CameraMotion:
-    """``flow.motion`` with its turn about the optical axis corrected by the flow itself.
+def _turned_to_fit(flow: FlowField, camera: CameraModel, missing: list[str]) -> CameraMotion:
+    """``flow.motion``, turned further about the ``missing`` axes as the flow demands.
 
-    As ``refine``: what lies across the epipolar lines is rotation. Rolling moves points around the
-    focus of expansion, which neither yaw nor pitch can.
+    As ``refine``: what lies across the epipolar lines is rotation. Robust least squares, with the
+    spread of the residuals as their scale: before the turn is known they are large.
     """
     motion = flow.motion
     vectors = derotate(flow, camera).vectors
@@ -73,21 +75,27 @@ def _without_roll(flow: FlowField, camera: CameraModel) -> CameraMotion:
     length = np.hypot(lines[..., 0], lines[..., 1])
     normal = np.stack([-lines[..., 1], lines[..., 0]], axis=-1)
     normal /= np.maximum(length, 1e-9)[..., None]
-    rolled = rotate_points(past, turn(np.array([0.0, 0.0, _STEP])), camera.focal)
-    slope = (normal * (past - rolled)).sum(axis=-1) / _STEP
+    slopes = []
+    for name in missing:
+        step = turn(_STEP * camera.base_from_camera.T @ -_AXES[name])
+        moved = rotate_points(past, step, camera.focal)
+        slopes.append((normal * (moved - past)).sum(axis=-1) / _STEP)
     offset = (normal * vectors).sum(axis=-1)
-    use = (flow.confidence > 0.0) & (length > 4.0 * motion.baseline)
-    use &= np.isfinite(slope) & np.isfinite(offset)
-    slope, offset = slope[use], offset[use]
-    weight = flow.confidence[use] / flow.sigma[use] ** 2 / _OVERLAP
-    roll = 0.0
-    for _ in range(6):
-        # Cauchy weights: an outlier of many sigma counts next to nothing
-        off = (offset + slope * roll) / flow.sigma[use]
-        robust = weight / (1.0 + off**2 / 4.0)
-        total = float((robust * slope * slope).sum()) + 1.0 / UNKNOWN_TURN**2
-        roll = -float((robust * slope * offset).sum()) / total
-    return replace(motion, rotation=turn(np.array([0.0, 0.0, roll])) @ motion.rotation)
+    use = (flow.confidence > 0.0) & (length > 4.0 * motion.baseline) & np.isfinite(offset)
+    slope, offset, sigma = np.stack(slopes, axis=-1)[use], offset[use], flow.sigma[use]
+    weight = flow.confidence[use] / sigma**2 / _OVERLAP
+    angles = np.zeros(len(missing))
+    for _ in range(8):
+        off = (offset - slope @ angles) / sigma
+        scale = max(1.0, float(np.median(np.abs(off))) / 0.67) if off.size else 1.0
+        # Cauchy weights: an outlier of many times the spread counts next to nothing
+        robust = weight / scale**2 / (1.0 + (off / (2.4 * scale)) ** 2)
+        matrix = (slope * robust[:, None]).T @ slope + np.eye(len(missing)) / UNKNOWN_TURN**2
+        angles = np.linalg.solve(matrix, (slope * robust[:, None]).T @ offset)
+    body = sum((angle * _AXES[name] for angle, name in zip(angles, missing, strict=True)), _NONE)
+    rotation = turn(camera.base_from_camera.T @ -body) @ motion.rotation
+    # most of the doubt is gone: what is left is the refinement's to find
+    return replace(motion, rotation=rotation, yaw_sigma=_AFTER_FIT)
 
 
 def forward_share(flow: FlowField, focal: float) -> float:

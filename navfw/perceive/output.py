@@ -159,18 +159,18 @@ class _Film(_Whole):
 
 
 def open_output(target: Path, source: Source) -> Output:
-    """Where to draw: an ``.mp4`` or ``.avi``, else a folder. An earlier one is replaced.
+    """Where to draw: a new ``.mp4`` or ``.avi``, else a folder (pictures in it are replaced).
 
     Raises:
-        InputError: the target holds something else, or is what is being read.
+        InputError: the target holds something else, or is a file that exists.
 
     """
     suffix = target.suffix.lower()
     if suffix in _CODECS:
         if target.is_dir():
             raise InputError("is a folder, not a video", file=target)
-        if source.reads(target):
-            raise InputError("is what is being read; choose another --overlay", file=target)
+        if target.exists():
+            raise InputError("exists; remove it, or choose another --overlay", file=target)
         return _Film(target, min(max(source.rate, 1.0), 120.0))
     if suffix in {".mov", ".mkv", ".webm", ".gif", ".png", ".jpg", ".jpeg"}:
         raise InputError(

@@ -27,12 +27,16 @@ __all__ = ["Options", "Perceiver", "View"]
 
 LEAST_MOTION = 0.25
 """Where the fastest tenth of the flow is slower than this, nothing moves [px]."""
+LEAST_CONFIDENCE = 0.08
+"""Below this confidence a view says nothing."""
 LEAST_TEXTURE = 0.08
 """Share of the cells that must have a flow at all."""
 LEAST_AGREEMENT = 0.6
 """Share of the flow that must agree with the motion for the view to say anything."""
 USEFUL_FLOW = (2.0, 5.0)
 """The fastest tenth of the flow is sought between these, by the choice of the pair [px]."""
+TEXTURELESS = "too little texture to see any motion"
+MOTIONLESS = "nothing moves between the images"
 BACKWARD = "the camera moves backward"
 LARGEST_FLOW = 6.5
 """The fastest tenth of the flow, rotation included, is kept below this [px]."""
@@ -176,6 +180,8 @@ class Perceiver:
 
         raw = self._processor.compute(FramePair(past.frame, now.frame, assume(1.0)))
         flow, doubts = self._without_rotation(raw, measured)
+        if doubts == [TEXTURELESS] and _alike(past.frame, now.frame):
+            doubts = [MOTIONLESS]
         if doubts == [BACKWARD]:
             flow, doubts = self._without_rotation(replace(raw, motion=assume(-1.0)), measured)
             notes += [] if doubts else [BACKWARD]
@@ -184,12 +190,18 @@ class Perceiver:
         ratio = None if doubts else floor_ratio(flow, self._camera)
         scale = self._memory.resolve(None if ratio is None else ratio / (end - begin))
         flow = _scaled(flow, scale.speed * (end - begin))
-        if doubts:
+        percept = self._interpret(flow, scale, silent=bool(doubts))
+        if not doubts and _confidence(percept) < LEAST_CONFIDENCE:
+            doubts = ["too little of the flow can be trusted"]
+            percept = self._interpret(flow, scale, silent=True)
+        return self._view(past, now, scale, flow, percept, notes, doubts, bool(measured))
+
+    def _interpret(self, flow: FlowField, scale: Scale, *, silent: bool) -> Percept:
+        """What OFFIS makes of ``flow``; ``silent``: of nothing at all, which it calls unknown."""
+        if silent:
             flow = replace(flow, confidence=np.zeros(flow.shape))
-        percept = self._offis_at(scale.height).perceive(
-            flow, Twist(math.copysign(scale.speed, flow.motion.translation[2]), 0.0)
-        )
-        return self._view(past, now, scale, flow, percept, (*notes, *doubts), bool(measured))
+        ahead = math.copysign(scale.speed, flow.motion.translation[2])
+        return self._offis_at(scale.height).perceive(flow, Twist(ahead, 0.0))
 
     def _turned(self, begin: float, end: float) -> tuple[Array, frozenset[str], list[str]]:
         """The turn [rad] between two times, the names of the rates that are measured, and notes."""
@@ -208,9 +220,9 @@ class Perceiver:
         """The derotated flow, and why it says nothing about the scene, if so."""
         camera = self._camera
         if float((raw.confidence > 0.0).mean()) < LEAST_TEXTURE:
-            return derotate(raw, camera), ["too little texture to see any motion"]
+            return derotate(raw, camera), [TEXTURELESS]
         if _fastest(raw) < LEAST_MOTION:
-            return derotate(raw, camera), ["nothing moves between the images"]
+            return derotate(raw, camera), [MOTIONLESS]
         refinement = refined(raw, camera, measured)
         flow = refinement.apply(raw, camera)
         before, after = float(raw.confidence.sum()), float(flow.confidence.sum())
@@ -230,11 +242,12 @@ class Perceiver:
         scale: Scale,
         flow: FlowField,
         percept: Percept,
-        notes: tuple[str, ...],
+        notes: list[str],
+        doubts: list[str],
         measured: bool,
     ) -> View:
         assert self.size is not None  # noqa: S101 - a view needs two images
-        known = bool(flow.confidence.any())
+        known = not doubts
         focus = expansion_focus(flow) if known else None
         place: tuple[float, float] | None = None
         if focus is not None and focus.sigma < 0.25 * self._camera.width:
@@ -261,7 +274,7 @@ class Perceiver:
             },
             confidence=_confidence(percept) if known else 0.0,
             known=known,
-            notes=notes,
+            notes=(*notes, *doubts),
         )
 
     def _offis_at(self, height: float) -> Offis:
@@ -317,6 +330,12 @@ def _fastest(flow: FlowField) -> float:
         return 0.0
     length = np.hypot(flow.vectors[..., 0], flow.vectors[..., 1])
     return float(np.quantile(length[trusted], 0.9))
+
+
+def _alike(past: Frame, now: Frame) -> bool:
+    """Whether two images differ by noise at most, though there is something to see in them."""
+    change = np.abs(now.image.astype(np.int16) - past.image).mean()
+    return bool(change < 0.1 * now.image.std() and now.image.std() > 4.0)
 
 
 def _scaled(flow: FlowField, way: float) -> FlowField:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import math
+import os
 import re
+import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -70,14 +73,7 @@ class Source:
         if count < 2:
             raise InputError(f"{self} gives {count or 'no'} image; flow needs at least two")
 
-    def reads(self, path: Path) -> bool:
-        """Whether ``path`` is one of the files that are read."""
-        return path.exists() and any(path.samefile(other) for other in self._read_from())
-
     def _shots(self) -> Iterator[Shot]:
-        raise NotImplementedError
-
-    def _read_from(self) -> Sequence[Path]:
         raise NotImplementedError
 
 
@@ -99,9 +95,6 @@ class _Files(Source):
     def __str__(self) -> str:
         return self._named
 
-    def _read_from(self) -> Sequence[Path]:
-        return self._paths
-
     def _shots(self) -> Iterator[Shot]:
         for path, time in zip(self._paths, self._times, strict=True):
             yield Shot(path.name, time, _read_image(path))
@@ -110,7 +103,8 @@ class _Files(Source):
 class _Video(Source):
     def __init__(self, path: Path, fps: float | None) -> None:
         self._path = path
-        self._film = cv2.VideoCapture(str(path))
+        with _silent():
+            self._film = cv2.VideoCapture(str(path))
         if not self._film.isOpened():
             raise InputError("is no video that can be read", file=path)
         rate, notes = fps, []
@@ -124,15 +118,13 @@ class _Video(Source):
     def __str__(self) -> str:
         return str(self._path)
 
-    def _read_from(self) -> Sequence[Path]:
-        return (self._path,)
-
     def _shots(self) -> Iterator[Shot]:
         promised = int(self._film.get(cv2.CAP_PROP_FRAME_COUNT))
         count = 0
         try:
             while True:
-                good, image = self._film.read()
+                with _silent():
+                    good, image = self._film.read()
                 if not good:
                     break
                 yield Shot(f"frame {count}", count / self.rate, np.asarray(image, np.uint8))
@@ -219,6 +211,20 @@ def _read_image(path: Path) -> Image:
     if image is None:
         raise InputError("is no image that can be read", file=path)
     return np.asarray(image, dtype=np.uint8)
+
+
+@contextlib.contextmanager
+def _silent() -> Iterator[None]:
+    """Inside, the libraries that decode videos keep their complaints: ours says it once."""
+    sys.stderr.flush()
+    saved, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 2)
+    try:
+        yield
+    finally:
+        os.dup2(saved, 2)
+        os.close(saved)
+        os.close(nowhere)
 
 
 def _size(image: Image) -> str:

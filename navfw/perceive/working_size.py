@@ -54,7 +54,9 @@ class WorkingSize:
                 scale = max(cut_width / width, cut_height / height)
                 kept = cut_width * cut_height / (scale * scale * width * height)
                 area = cut_width * cut_height / AREA
-                if min(cut_width, cut_height) < LEAST_SIDE or cut_width < 32:
+                if not (32 <= cut_width <= 1920 and LEAST_SIDE <= cut_height <= 1080):
+                    continue  # as CameraModel
+                if area > 4.0:
                     continue
                 # one octave away from the wanted area weighs as much as 15 % cut away
                 cost = (1.0 - kept) + 0.15 * abs(math.log2(area))

@@ -1,0 +1,41 @@
+"""Images of a textured wall that comes nearer: a zoom, whose time to contact is known exactly."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from navfw.signals import Image
+
+HEIGHT, WIDTH = 240, 320
+
+
+def texture(seed: int = 0, size: int = 1200) -> Image:
+    """Smooth noise of several octaves, without an edge."""
+    rng = np.random.default_rng(seed)
+    total = np.zeros((size, size), np.float32)
+    for sigma in (3.0, 7.0, 16.0):
+        noise = cv2.GaussianBlur(
+            rng.standard_normal((size, size)).astype(np.float32), (0, 0), sigma
+        )
+        total += noise / float(noise.std())
+    total = 128.0 + 35.0 * total / float(total.std())
+    return np.clip(total, 0, 255).astype(np.uint8)
+
+
+def wall_at(distance: float, picture: Image, turned: float = 0.0) -> Image:
+    """The wall from ``distance`` (1: one pixel a texel), the camera rolled by ``turned`` [deg]."""
+    middle = 0.5 * np.array([picture.shape[1], picture.shape[0]])
+    matrix = cv2.getRotationMatrix2D((middle[0], middle[1]), turned, 1.0 / distance)
+    matrix[:, 2] += 0.5 * np.array([WIDTH, HEIGHT]) - middle
+    return np.asarray(cv2.warpAffine(picture, matrix, (WIDTH, HEIGHT)), dtype=np.uint8)
+
+
+def save(folder: Path, images: list[Image]) -> Path:
+    """``image_1.png``, ``image_2.png``, ... in ``folder``."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for number, image in enumerate(images, start=1):
+        assert cv2.imwrite(str(folder / f"image_{number}.png"), image)
+    return folder

@@ -1,0 +1,191 @@
+"""From images to answers: a wall that comes nearer, images that say nothing, pictures."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from perceive_images import HEIGHT, WIDTH, save, texture, wall_at
+from typer.testing import CliRunner
+
+from navfw.cli import app
+from navfw.signals import Image
+
+PICTURE = texture()
+APPROACH = [wall_at(d, PICTURE) for d in (2.0, 1.95, 1.90, 1.85, 1.80)]
+
+
+def perceive(*arguments: str | Path) -> list[dict[str, Any]]:
+    done = CliRunner().invoke(app, ["perceive", *map(str, arguments), "--json"])
+    assert done.exit_code == 0, done.output
+    result = json.loads(done.stdout)
+    assert isinstance(result, list)
+    return result
+
+
+def refused(*arguments: str | Path) -> str:
+    done = CliRunner().invoke(app, ["perceive", *map(str, arguments)])
+    assert done.exit_code == 2, done.output
+    assert done.stderr.startswith("navfw: ")
+    assert done.stderr.count("\n") == 1
+    return done.stderr
+
+
+@pytest.fixture(scope="module")
+def approach(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return save(tmp_path_factory.mktemp("approach"), APPROACH)
+
+
+def test_wall_that_comes_nearer(approach: Path) -> None:
+    views = perceive(approach, "--fps", "10", "--speed", "0.5")
+    assert [view["frames"][1] for view in views] == [f"image_{n}.png" for n in range(2, 6)]
+    for view, distance in zip(views, (1.95, 1.90, 1.85, 1.80), strict=True):
+        # 0.05 of the distance's unit in 0.1 s: contact in distance / 0.5 seconds
+        assert view["ttc_s"] == pytest.approx(distance / 0.5, rel=0.1)
+        assert view["situation"] == "wall"
+        assert view["confidence"] > 0.7
+        assert view["focus_of_expansion"]["x"] == pytest.approx(0.5 * WIDTH, abs=4.0)
+        assert view["focus_of_expansion"]["y"] == pytest.approx(0.5 * HEIGHT, abs=4.0)
+        for quadrant in view["distances"].values():
+            assert quadrant["distance_m"] == pytest.approx(distance, rel=0.15)
+
+
+def test_without_speed_only_times(approach: Path) -> None:
+    for extra in ((), ("--speed", "0")):
+        view = perceive(approach, "--fps", "10", *extra)[-1]
+        assert view["ttc_s"] == pytest.approx(3.6, rel=0.1)
+        assert view["scale"] == {"source": "none", "speed_m_s": None, "camera_height_m": None}
+        assert all(q["distance_m"] is None for q in view["distances"].values())
+        assert all(q["term"] == "middle" for q in view["distances"].values())
+
+
+def test_two_images_are_enough(approach: Path) -> None:
+    (view,) = perceive(approach / "image_1.png", approach / "image_3.png")
+    assert view["frames"] == ["image_1.png", "image_3.png"]
+    assert view["known"]
+
+
+def test_camera_that_rolls(tmp_path: Path) -> None:
+    images = [wall_at(2.0 - 0.05 * k, PICTURE, 0.8 * k) for k in range(4)]
+    views = perceive(save(tmp_path / "roll", images), "--fps", "10")
+    for view, distance in zip(views, (1.95, 1.90, 1.85), strict=True):
+        assert view["ttc_s"] == pytest.approx(2 * distance, rel=0.1)
+        # the image turns by the angle, counter-clockwise: the camera rolled the other way
+        assert view["rotation_deg"]["roll"] == pytest.approx(8.0 * view["dt"], abs=0.15)
+
+
+def test_camera_that_backs(approach: Path) -> None:
+    paths = [approach / f"image_{n}.png" for n in (5, 4, 3, 2, 1)]
+    for view in perceive(*paths, "--fps", "10", "--speed", "0.5"):
+        assert view["notes"] == ["the camera moves backward"]
+        assert view["ttc_s"] is None
+
+
+def noise(k: int) -> Image:
+    return np.random.default_rng(k).integers(0, 256, (HEIGHT, WIDTH), dtype=np.uint8)
+
+
+@pytest.mark.parametrize(
+    ("images", "note"),
+    [
+        ([np.zeros((HEIGHT, WIDTH), np.uint8)] * 3, "too little texture"),
+        ([np.full((HEIGHT, WIDTH), 140, np.uint8) + noise(k) // 120 for k in range(3)], "texture"),
+        ([noise(k) for k in range(3)], "too little"),
+        ([APPROACH[0]] * 3, "nothing moves"),
+        ([texture(k)[:HEIGHT, :WIDTH] for k in range(3)], ""),
+    ],
+    ids=["black", "flat and noisy", "snow", "still", "unrelated"],
+)
+def test_never_confident_about_nothing(tmp_path: Path, images: list[Image], note: str) -> None:
+    views = perceive(save(tmp_path / "images", images), "--fps", "10", "--speed", "0.3")
+    assert len(views) == 2
+    for view in views:
+        assert not view["known"]
+        assert view["confidence"] == 0.0
+        assert view["situations"]["unknown"] == 1.0
+        assert view["situation"] == "unknown"
+        assert view["ttc_s"] is None
+        assert "nearest object is unknown" in view["sentence"]
+        assert note in "; ".join(view["notes"])
+
+
+def test_gyro(approach: Path, tmp_path: Path) -> None:
+    record = tmp_path / "gyro.csv"
+    record.write_text("time,yaw_rate\n" + "".join(f"{0.01 * k},0\n" for k in range(25)))
+    views = perceive(approach, "--fps", "10", "--gyro", record)
+    assert [view["rotation_deg"]["source"] for view in views] == ["gyro", "gyro", "flow", "flow"]
+    assert "gap" in views[-1]["notes"][0]
+    record.write_text("100,0\n101,0\n")
+    assert "covers none of the images' time" in refused(approach, "--gyro", record)
+
+
+def test_grid_and_processor(approach: Path) -> None:
+    view = perceive(approach, "--fps", "10", "--grid", "10x15", "--flow", "dis")[-1]
+    assert view["ttc_s"] == pytest.approx(3.6, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--hfov", "200"), "--hfov: must be between 15 and 155 deg, got 200"),
+        (("--hfov", "nan"), "--hfov: must be between"),
+        (("--speed", "-1"), "--speed: must be between 0 and 100 m/s, got -1"),
+        (("--height", "0"), "--height: must be between"),
+        (("--pitch", "60"), "--pitch: must be between"),
+        (("--grid", "12"), "--grid: expected ROWSxCOLUMNS such as 12x16"),
+        (("--grid", "1x2"), "--grid rows: must be between"),
+        (("--stride", "99"), "--stride: must be between"),
+        (("--flow", "diss"), "did you mean 'dis'?"),
+        (("--flow", "ideal"), "needs the true depth"),
+        (("--overlay", "view.gif"), "neither .mp4 nor .avi"),
+    ],
+)
+def test_bad_options(approach: Path, arguments: tuple[str, ...], message: str) -> None:
+    assert message in refused(approach, *arguments)
+
+
+def test_overlay_folder(approach: Path, tmp_path: Path) -> None:
+    out = tmp_path / "new" / "overlay"
+    perceive(approach, "--fps", "10", "--overlay", out)
+    perceive(approach, "--fps", "10", "--overlay", out)  # our own pictures may be replaced
+    pictures = sorted(out.iterdir())
+    assert [path.name for path in pictures] == [f"view-0000{n}.png" for n in range(1, 5)]
+    picture = cv2.imread(str(pictures[-1]))
+    assert picture is not None
+    assert picture.shape[1] == 1024
+    assert picture.shape[0] > 768
+    assert list(out.parent.iterdir()) == [out]
+    # the quadrants carry the colour of their distance, blue-green-red (0, 159, 230)
+    corner = picture[30:80, 300:400].reshape(-1, 3).mean(axis=0)
+    assert corner[2] - corner[0] > 40.0
+
+
+def test_overlay_film(approach: Path, tmp_path: Path) -> None:
+    out = tmp_path / "film.avi"
+    perceive(approach, "--fps", "10", "--overlay", out)
+    film = cv2.VideoCapture(str(out))
+    assert film.get(cv2.CAP_PROP_FRAME_COUNT) == 4
+    assert film.get(cv2.CAP_PROP_FPS) == pytest.approx(10.0)
+    film.release()
+    assert "exists" in refused(approach, "--overlay", out)
+
+
+def test_overlay_leaves_the_work_of_others_alone(approach: Path, tmp_path: Path) -> None:
+    (tmp_path / "thesis.txt").write_text("work")
+    assert "holds 'thesis.txt'" in refused(approach, "--overlay", tmp_path)
+    assert (tmp_path / "thesis.txt").read_text() == "work"
+    # a bad image in the middle leaves nothing behind
+    folder = save(tmp_path / "images", [APPROACH[0], APPROACH[1], APPROACH[2][:200]])
+    assert "all images must have one size" in refused(folder, "--overlay", tmp_path / "out")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["images", "thesis.txt"]
+
+
+def test_lines_for_people(approach: Path) -> None:
+    done = CliRunner().invoke(app, ["perceive", str(approach), "--fps", "10"])
+    assert done.exit_code == 0
+    assert "Front is a wall" in done.stdout
+    assert "no --speed given" in done.stderr

@@ -1,0 +1,74 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from navfw.errors import InputError
+from navfw.perceive.working_size import WorkingSize
+
+SIDES = st.integers(60, 4000)
+
+
+@given(SIDES, SIDES, st.sampled_from([(12, 16), (10, 15), (24, 32), (6, 8)]))
+def test_any_size_becomes_one_that_the_grid_divides(
+    width: int, height: int, grid: tuple[int, int]
+) -> None:
+    if not 0.3 < width / height < 3.0:
+        return
+    rows, cols = grid
+    size = WorkingSize.of(width, height, rows, cols)
+    assert size.cut_width % cols == 0
+    assert size.cut_height % rows == 0
+    # nothing beyond the image is used, and most of it is
+    assert size.cut_width <= size.scale * width + 1e-6
+    assert size.cut_height <= size.scale * height + 1e-6
+    assert size.cut_width * size.cut_height > 0.75 * size.scale**2 * width * height
+    assert 0.25 <= size.cut_width * size.cut_height / (160 * 120) <= 4.0
+
+
+@given(SIDES, SIDES, st.floats(0.4, 2.4))
+def test_focal_length_follows_scale_and_cut(width: int, height: int, hfov: float) -> None:
+    if not 0.4 < width / height < 2.5:
+        return
+    size = WorkingSize.of(width, height, 12, 16)
+    camera = size.camera(hfov, 1.0, 0.0, 10.0)
+    whole = 0.5 * width / math.tan(0.5 * hfov)
+    assert camera.focal == pytest.approx(size.scale * whole, rel=1e-9)
+
+
+def test_usual_sizes_are_not_cut() -> None:
+    for width, height, cut in (
+        (160, 120, (160, 120)),
+        (640, 480, (160, 120)),
+        (1920, 1080, (192, 108)),
+        (256, 256, (144, 144)),
+    ):
+        size = WorkingSize.of(width, height, 12, 16)
+        assert (size.cut_width, size.cut_height) == cut
+        assert size.scale == pytest.approx(cut[0] / width)
+
+
+def test_points_come_back_to_the_image() -> None:
+    size = WorkingSize.of(640, 480, 12, 16)
+    assert size.to_image(np.array([0.0, 0.0])) == pytest.approx([320.0, 240.0])
+    assert size.to_image(np.array([-80.0, 60.0])) == pytest.approx([0.0, 480.0])
+
+
+def test_a_mark_stays_where_it_is() -> None:
+    image = np.zeros((480, 640, 3), np.uint8)
+    image[100:104, 400:404] = 255
+    size = WorkingSize.of(640, 480, 12, 16)
+    working = size.prepare(image)
+    assert working.shape == (120, 160)
+    row, column = np.unravel_index(int(working.argmax()), working.shape)
+    assert (row, column) == (25, 100)
+
+
+@pytest.mark.parametrize("shape", [(10, 10), (23, 500), (20_000, 40)])
+def test_images_that_show_nothing(shape: tuple[int, int]) -> None:
+    with pytest.raises(InputError, match="images of"):
+        WorkingSize.of(*shape, 12, 16)
