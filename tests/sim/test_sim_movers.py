@@ -1,0 +1,253 @@
+"""Those who walk: where they are when, who waits, who moved into whom."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from navfw.errors import ConfigError, WorldError
+from navfw.robot import RobotModel
+from navfw.signals import Pose, Twist
+from navfw.sim.movers import Mover, MoverTrack, Walkway, caused_by_robot
+from navfw.sim.sensors import SensorParams
+from navfw.sim.simulation import Simulation
+from navfw.sim.worldfile import BoxSpec, MoverSpec, WorldSpec, load_world
+
+ROBOT = RobotModel()
+TICK = 1.0 / 60.0
+
+
+def anna(**changes: object) -> MoverSpec:
+    data = {"name": "anna", "path": [(2, 0), (-3, 0)], "speed": 0.4, "yields": False, **changes}
+    return MoverSpec.model_validate(data)
+
+
+def world(*movers: MoverSpec) -> WorldSpec:
+    return WorldSpec(name="hall", x=(-6, 6), y=(-6, 6), movers=movers)
+
+
+def simulate(start: Pose, *movers: MoverSpec) -> Simulation:
+    return Simulation(world(*movers), ROBOT, start, 0, SensorParams.preset("perfect"))
+
+
+def drive(sim: Simulation, speed: float, seconds: float) -> None:
+    """At that speed until time is up or something is touched."""
+    for _ in range(round(seconds / TICK)):
+        sim.drive(*ROBOT.wheel_speeds(Twist(speed, 0.0)))
+        sim.advance(TICK)
+        if sim.contacts:
+            return
+
+
+# --- paths ------------------------------------------------------------------------------------
+
+
+def test_back_and_forth_and_loop() -> None:
+    corners = [(0, 0), (2, 0), (2, 1)]
+    to_and_fro = Walkway(anna(path=corners))
+    assert to_and_fro.length == 6.0
+    assert to_and_fro.at(1.0) == (1.0, 0.0, 0.0)
+    assert to_and_fro.at(2.5) == (2.0, 0.5, math.pi / 2)
+    assert to_and_fro.at(3.5)[:2] == (2.0, 0.5)
+    assert to_and_fro.at(3.5)[2] == -math.pi / 2
+    loop = Walkway(anna(path=corners, walk="loop"))
+    assert loop.length == pytest.approx(3 + math.sqrt(5))
+    assert loop.at(3 + math.sqrt(5) / 2)[:2] == pytest.approx((1.0, 0.5))
+
+
+@given(
+    st.lists(
+        st.tuples(st.integers(-5, 5), st.integers(-5, 5)), min_size=2, max_size=6, unique=True
+    ),
+    st.sampled_from(["loop", "back-and-forth"]),
+    st.floats(0, 100),
+    st.floats(0, 1),
+)
+def test_walks_at_constant_speed_without_jumps(
+    corners: list[tuple[int, int]], walk: str, walked: float, step: float
+) -> None:
+    way = Walkway(anna(path=corners, walk=walk))
+    here, there = way.at(walked), way.at(walked + step)
+    assert math.dist(here[:2], there[:2]) <= step + 1e-9
+    assert way.at(walked + way.length)[:2] == pytest.approx(here[:2], abs=1e-9)
+
+
+def test_phase_sets_where_it_begins() -> None:
+    mover = Mover(anna(phase=0.25))
+    assert (mover.x, mover.y) == (-0.5, 0.0)
+
+
+# --- in the simulation ------------------------------------------------------------------------
+
+
+def test_moves_in_simulated_time() -> None:
+    with simulate(Pose(0, 3, 0), anna()) as sim:
+        drive(sim, 0.0, 2.0)
+        track = sim.mover_track()
+    assert track.time[[0, -1]] == pytest.approx([0.0, 2.0])
+    assert track.points[-1, 0] == pytest.approx([2.0 - 0.4 * 2.0, 0.0])
+    halfway = track.at(np.array([1.0]))
+    assert halfway[0, 0] == pytest.approx([1.6, 0.0], abs=1e-6)
+
+
+def test_is_seen_where_it_is() -> None:
+    with simulate(Pose(0, 3, 0), anna()) as sim:
+        for _ in range(3):
+            drive(sim, 0.0, 1.0)
+            depth = sim.look_from(Pose(-4, 0, 0))[1]
+            eye = -4 + ROBOT.camera.mount_forward
+            surface = sim.movers[0].x - sim.movers[0].spec.radius
+            assert depth[60, 80] == pytest.approx(surface - eye, abs=0.02)
+
+
+def test_who_does_not_yield_walks_into_a_standing_robot() -> None:
+    with simulate(Pose(0, 0, 0), anna()) as sim:
+        drive(sim, 0.0, 6.0)
+        assert sim.contacts == ("anna",)
+        assert sim.collision_cause == "mover"
+        touched = sim.movers[0].x - sim.true_pose().x
+    assert touched == pytest.approx(ROBOT.radius + 0.25, abs=0.01)
+
+
+def test_who_yields_waits_and_goes_on() -> None:
+    with simulate(Pose(0, 0, 0), anna(yields=True)) as sim:
+        drive(sim, 0.0, 6.0)
+        assert sim.contacts == ()
+        assert sim.collision_cause is None
+        waiting = sim.movers[0].x
+        assert sim.movers[0].waiting
+        assert waiting == pytest.approx(ROBOT.radius + 0.25 + 0.6, abs=0.01)
+        drive(sim, -0.15, 4.0)  # the robot makes room
+        assert not sim.movers[0].waiting or sim.movers[0].x < waiting - 0.3
+        assert sim.contacts == ()
+
+
+def test_who_yields_minds_only_what_is_in_front() -> None:
+    mover = Mover(anna(yields=True))  # at (2, 0), walking towards -x
+    for robot, waits in (
+        (Pose(1.2, 0.0, 0.0), True),
+        (Pose(1.2, 0.7, 0.0), False),  # beside its way
+        (Pose(2.8, 0.0, 0.0), False),  # behind
+        (Pose(0.5, 0.0, 0.0), False),  # far
+    ):
+        mover.look(robot, ROBOT.radius)
+        assert mover.waiting is waits, robot
+
+
+@pytest.mark.parametrize("yields", [True, False])
+def test_a_robot_that_drives_towards_someone_is_the_cause(yields: bool) -> None:
+    with simulate(Pose(-2, 0, 0), anna(yields=yields)) as sim:
+        drive(sim, 0.3, 10.0)
+        assert sim.contacts == ("anna",)
+        assert sim.collision_cause == "robot"
+
+
+def test_whom_someone_runs_down_from_behind_is_not_the_cause() -> None:
+    with simulate(Pose(0.5, 0, math.pi), anna(speed=0.6)) as sim:
+        drive(sim, 0.1, 10.0)
+        assert sim.contacts == ("anna",)
+        assert sim.collision_cause == "mover"
+
+
+def test_walls_are_always_run_into() -> None:
+    spec = WorldSpec(
+        name="hall", x=(-6, 6), y=(-6, 6), boxes=(BoxSpec(name="crate", at=(1, 0), size=(1, 1, 1)),)
+    )
+    with Simulation(spec, ROBOT, Pose(0, 0, 0), 0) as sim:
+        drive(sim, 0.3, 5.0)
+        assert (sim.contacts, sim.collision_cause) == (("crate",), "robot")
+
+
+def test_cause_by_geometry() -> None:
+    mover = Mover(anna(path=[(1, 0), (2, 0)]))
+    here = Pose(0, 0, 0)
+
+    def cause(dx: float, dy: float) -> bool:
+        return caused_by_robot(Pose(-dx * 0.1, -dy * 0.1, 0), here, 0.1, mover)
+
+    assert cause(0.3, 0.0)
+    assert cause(0.3, 0.3)
+    assert not cause(0.0, 0.3)
+    assert not cause(-0.3, 0.0)
+    assert not cause(0.04, 0.0)
+    assert not cause(0.0, 0.0)
+
+
+def test_the_same_run_twice() -> None:
+    def run() -> tuple[bytes, bytes]:
+        with simulate(Pose(-1, 0.2, 0), anna(yields=True)) as sim:
+            drive(sim, 0.2, 3.0)
+            return sim.mover_track().points.tobytes(), sim.look_from(Pose(-4, 0, 0))[0].tobytes()
+
+    assert run() == run()
+
+
+def test_start_must_not_be_someones_place() -> None:
+    with pytest.raises(WorldError, match="'anna' when time begins"):
+        simulate(Pose(1.8, 0.2, 0), anna())
+
+
+# --- clearance --------------------------------------------------------------------------------
+
+
+def test_clearance_counts_walkers_at_their_time() -> None:
+    movers = [Mover(anna()), Mover(anna(name="ben", radius=0.5))]
+    points = [np.array([[0.0, 0.0], [9.0, 9.0]]), np.array([[2.0, 0.0], [9.0, 9.0]])]
+    track = MoverTrack.of(movers, [0.0, 2.0], points)
+    here = np.array([[3.0, 0.0]] * 4)
+    found = track.clearances(here, np.array([0.0, 1.0, 2.0, 5.0]))
+    assert found == pytest.approx([2.75, 1.75, 0.75, 0.75])
+    nobody = MoverTrack.of([], [0.0], [np.empty((0, 2))])
+    assert np.isinf(nobody.clearances(here, np.zeros(4))).all()
+
+
+# --- world files ------------------------------------------------------------------------------
+
+FILE = """\
+name: hall
+x: [-6, 6]
+y: [-6, 6]
+boxes:
+  - {name: crate, at: [0, 0.5], size: [1, 1, 1]}
+movers:
+  - {name: anna, path: [[2, -2], [-2, -2]], speed: 0.5}
+"""
+
+
+def read(tmp_path: Path, text: str) -> WorldSpec:
+    path = tmp_path / "world.yaml"
+    path.write_text(text, encoding="utf-8")
+    return load_world(path)
+
+
+def test_world_file(tmp_path: Path) -> None:
+    mover = read(tmp_path, FILE).movers[0]
+    assert (mover.speed, mover.yields, mover.radius, mover.walk) == (
+        0.5,
+        True,
+        0.25,
+        "back-and-forth",
+    )
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("[[2, -2], [-2, -2]]", "[[2, 0], [-2, 0]]", "'anna' would walk through 'crate'"),
+        ("[[2, -2], [-2, -2]]", "[[2, -2], [-7, -2]]", "lies off the floor"),
+        ("[[2, -2], [-2, -2]]", "[[2, -2], [2, -2]]", "in the same place"),
+        ("name: anna", "name: crate", "'crate' is taken by boxes"),
+        ("speed: 0.5", "speed: 0", "movers"),
+        ("speed: 0.5", "texture: silk", "unknown texture 'silk'"),
+        ("speed: 0.5", "walk: circle", "movers"),
+    ],
+)
+def test_bad_world_files(tmp_path: Path, old: str, new: str, message: str) -> None:
+    with pytest.raises((ConfigError, WorldError), match=message) as caught:
+        read(tmp_path, FILE.replace(old, new))
+    assert "world.yaml:7" in str(caught.value)

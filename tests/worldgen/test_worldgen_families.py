@@ -1,0 +1,292 @@
+"""Every family: the same seed gives the same world, which can be crossed and keeps its promises."""
+
+from __future__ import annotations
+
+import math
+import subprocess
+import sys
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import ndimage
+
+from navfw.errors import InputError, UnknownNameError
+from navfw.missions.missionfile import load_mission
+from navfw.robot import RobotModel
+from navfw.signals import Pose
+from navfw.sim.floorplan import FloorPlan
+from navfw.sim.layout import solids_of
+from navfw.sim.shapes import gap_between
+from navfw.sim.simulation import Simulation
+from navfw.sim.worldfile import load_world
+from navfw.topomap.files import load_map
+from navfw.worldgen import FAMILIES, GeneratedWorld, generate
+from navfw.worldgen.model import MAP_FILE
+
+ROBOT = RobotModel()
+CASES = [
+    (family, seed, difficulty)
+    for family in FAMILIES
+    for seed, difficulty in ((0, 0.0), (1, 0.5), (2, 1.0))
+]
+WITH_MAP = {"rooms", "corridors", "maze"}
+
+
+@pytest.fixture(scope="module")
+def made() -> dict[tuple[str, int, float], GeneratedWorld]:
+    """One world for each case, made once."""
+    return {case: generate(*case) for case in CASES}
+
+
+def start_of(world: GeneratedWorld) -> tuple[float, float]:
+    start = world.mission.start
+    assert isinstance(start, tuple)
+    return start[:2]
+
+
+def goal_of(world: GeneratedWorld) -> tuple[float, float]:
+    goal = world.mission.goals[0]
+    if isinstance(goal, str):
+        place = world.topo_map.places[goal]
+        return place.x, place.y
+    return goal.x, goal.y
+
+
+def connected(plan: FloorPlan, a: tuple[float, float], b: tuple[float, float], wide: float) -> bool:
+    """Whether a disc of that radius can get from a to b: flood fill, apart from the path search."""
+    grid = plan.occupancy(wide, cell=0.03)
+    labels = ndimage.label(~grid.occupied)[0]
+    first, last = labels[grid.index(*a)], labels[grid.index(*b)]
+    return bool(first > 0 and first == last)
+
+
+@pytest.mark.parametrize("case", CASES, ids=str)
+def test_can_be_crossed(
+    made: dict[tuple[str, int, float], GeneratedWorld], case: tuple[str, int, float]
+) -> None:
+    world = made[case]
+    plan = FloorPlan.from_world(world.world)
+    assert connected(plan, start_of(world), goal_of(world), ROBOT.radius + 0.04)
+    assert world.shortest >= 5.0
+    # at a quarter of its top speed the robot is in time
+    assert world.mission.timeout > world.shortest / (0.25 * ROBOT.max_v)
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_same_arguments_same_world(
+    made: dict[tuple[str, int, float], GeneratedWorld], family: str
+) -> None:
+    again, other = generate(family, 1, 0.5), generate(family, 2, 0.5)
+    world = made[(family, 1, 0.5)]
+    assert again.world == world.world
+    assert again.mission == world.mission
+    assert list(again.topo_map.places.values()) == list(world.topo_map.places.values())
+    assert other.world.model_dump(exclude={"name"}) != world.world.model_dump(exclude={"name"})
+
+
+def test_same_world_in_a_fresh_process(tmp_path: Path) -> None:
+    code = (
+        "import sys; from navfw.worldgen import generate; "
+        "generate('rooms', 3, 0.7).write(sys.argv[1])"
+    )
+    subprocess.run([sys.executable, "-c", code, str(tmp_path / "a")], check=True)  # noqa: S603
+    generate("rooms", 3, 0.7).write(tmp_path / "b")
+    for file in ("world.yaml", MAP_FILE, "missions/cross.yaml"):
+        assert (tmp_path / "a" / file).read_bytes() == (tmp_path / "b" / file).read_bytes()
+
+
+@pytest.mark.parametrize("case", CASES, ids=str)
+def test_files_say_the_same(
+    made: dict[tuple[str, int, float], GeneratedWorld], case: tuple[str, int, float], tmp_path: Path
+) -> None:
+    world = made[case]
+    folder = world.write(tmp_path / "made")
+    assert load_world(folder / "world.yaml") == world.world
+    mission = load_mission(folder / "missions" / "cross.yaml")
+    assert mission.spec == world.mission
+    plan = FloorPlan.from_world(world.world)
+    assert mission.check(plan) == pytest.approx(world.shortest)
+    assert mission.topo_map.places == world.topo_map.places
+    assert (folder / MAP_FILE).exists() == world.has_map == (case[0] in WITH_MAP)
+    if world.has_map:
+        assert len(load_map(folder / MAP_FILE).passages) == len(world.topo_map.passages)
+
+
+@pytest.mark.parametrize("case", [c for c in CASES if c[0] in WITH_MAP], ids=str)
+def test_passages_of_the_map_are_free(
+    made: dict[tuple[str, int, float], GeneratedWorld], case: tuple[str, int, float]
+) -> None:
+    world = made[case]
+    plan, topo_map = FloorPlan.from_world(world.world), world.topo_map
+    for passage in topo_map.passages:
+        a, b = topo_map.places[passage.a], topo_map.places[passage.b]
+        free = plan.clearances(np.linspace((a.x, a.y), (b.x, b.y), 200)).min()
+        assert free > ROBOT.radius + 0.05, passage
+        assert passage.width <= 2 * free + 0.02, passage
+    assert topo_map.part_of("goal") == frozenset(topo_map.places)
+    # from the start a place can be seen
+    start = Pose(*start_of(world), 0.0)
+    assert any(
+        plan.sees(np.array([start.x, start.y]), np.array([p.x, p.y]), ROBOT.radius)
+        for p in topo_map.places.values()
+    )
+
+
+@settings(max_examples=8)
+@given(
+    st.sampled_from(sorted(FAMILIES)),
+    st.integers(0, 2**63 - 1),
+    st.floats(0, 1, allow_nan=False),
+)
+def test_any_seed_gives_a_passage(family: str, seed: int, difficulty: float) -> None:
+    world = generate(family, seed, difficulty)
+    plan = FloorPlan.from_world(world.world)
+    assert plan.shortest_path(start_of(world), goal_of(world), ROBOT.radius + 0.04)[0] >= 5.0
+
+
+# --- what each family promises ----------------------------------------------------------------
+
+
+def test_rooms(made: dict[tuple[str, int, float], GeneratedWorld]) -> None:
+    for (family, _, _), world in made.items():
+        if family != "rooms":
+            continue
+        spec = world.world
+        doors = [opening for wall in spec.walls for opening in wall.openings]
+        assert 2 <= len(spec.rooms) <= 6
+        assert len(doors) >= len(spec.rooms) - 1
+        assert all(0.8 <= door.width <= 1.0 for door in doors)
+        assert spec.boxes
+        rooms = [
+            next(
+                room.name
+                for room in spec.rooms
+                if room.x[0] < x < room.x[1] and room.y[0] < y < room.y[1]
+            )
+            for x, y in (start_of(world), goal_of(world))
+        ]
+        assert rooms[0] != rooms[1]
+        assert {p.name for p in world.topo_map.places.values() if p.kind == "door"} == {
+            door.name for door in doors
+        }
+
+
+def test_clutter(made: dict[tuple[str, int, float], GeneratedWorld]) -> None:
+    counts = []
+    for (family, _, difficulty), world in made.items():
+        if family != "clutter":
+            continue
+        spec = world.world
+        assert 8.0 <= spec.x[1] - spec.x[0] <= 12.0
+        things = [s for s in solids_of(spec) if s.kind in ("box", "cylinder")]
+        gaps = [gap_between(a.shape, b.shape) for a, b in combinations(things, 2)]
+        assert min(gaps) >= 1.2 - 0.45 * difficulty - 0.003
+        counts.append(len(things))
+    assert counts == sorted(counts)
+    assert counts[-1] > 1.5 * counts[0]
+
+
+def test_maze(made: dict[tuple[str, int, float], GeneratedWorld]) -> None:
+    for (family, _, _), world in made.items():
+        if family != "maze":
+            continue
+        plan = FloorPlan.from_world(world.world)
+        for place in world.topo_map.places.values():
+            cell = 2 * plan.clearance(place.x, place.y) + 0.1
+            assert cell > 1.1 - 0.002
+            # at a junction only the posts of the walls around are near
+            assert cell < 1.6 + 0.002 or place.kind == "junction"
+
+
+def test_corridors(made: dict[tuple[str, int, float], GeneratedWorld]) -> None:
+    kinds = set()
+    for (family, _, _), world in made.items():
+        if family != "corridors":
+            continue
+        plan = FloorPlan.from_world(world.world)
+        for place in world.topo_map.places.values():
+            kinds.add(place.kind)
+            if place.kind == "corridor":
+                assert 2 * plan.clearance(place.x, place.y) <= 2.01
+    assert {"junction", "corner", "corridor"} <= kinds
+
+
+def test_poles(made: dict[tuple[str, int, float], GeneratedWorld]) -> None:
+    for (family, _, difficulty), world in made.items():
+        if family != "poles":
+            continue
+        poles = world.world.cylinders
+        assert all(0.05 <= pole.radius <= 0.1 for pole in poles)
+        # BARN has 30 to 160 poles on 20 m^2 between its rows; this field is a fifth longer
+        assert 30 <= len(poles) <= 200
+        if difficulty == 1.0:
+            assert len(poles) > 90
+
+
+def test_moving(made: dict[tuple[str, int, float], GeneratedWorld]) -> None:
+    movers = []
+    for (family, _, _), world in made.items():
+        if family != "moving":
+            continue
+        start = np.array(start_of(world))
+        for mover in world.world.movers:
+            assert 0.2 <= mover.speed <= 0.6
+            assert (mover.radius, mover.height) == (0.25, 1.7)
+            assert min(np.hypot(*(np.array(point) - start)) for point in mover.path) > 1.2
+        movers += world.world.movers
+    assert {mover.yields for mover in movers} == {True, False}
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_can_be_built_and_seen(
+    made: dict[tuple[str, int, float], GeneratedWorld], family: str
+) -> None:
+    world = made[(family, 1, 0.5)]
+    start = world.mission.start
+    assert isinstance(start, tuple)
+    with Simulation(world.world, ROBOT, Pose(*start), 0) as sim:
+        frame = sim.read().frame
+        for _ in range(6):
+            sim.advance(1.0 / 60.0)
+        assert sim.contacts == ()
+    assert frame is not None
+    assert frame.image[60:].std() > 15.0  # the floor before the robot has texture
+
+
+# --- bad input --------------------------------------------------------------------------------
+
+
+def test_bad_input() -> None:
+    with pytest.raises(UnknownNameError, match=r"'poels': did you mean 'poles'\?"):
+        generate("poels", 0, 0.5)
+    for seed in (-1, 2**63):
+        with pytest.raises(InputError, match="seed: expected a seed from 0"):
+            generate("poles", seed, 0.5)
+    for difficulty in (-0.1, 1.1, math.nan, math.inf):
+        with pytest.raises(InputError, match="difficulty: expected 0 to 1"):
+            generate("poles", 0, difficulty)
+
+
+def test_writes_over_nothing_but_its_own(tmp_path: Path) -> None:
+    world = generate("moving", 0, 0.0)
+    world.write(tmp_path / "a")
+    world.write(tmp_path / "a")
+    (tmp_path / "b").mkdir()
+    (tmp_path / "b" / "thesis.txt").write_text("all of it", encoding="utf-8")
+    with pytest.raises(InputError, match="not made by navfw"):
+        world.write(tmp_path / "b")
+    (tmp_path / "c").mkdir()
+    (tmp_path / "c" / "world.yaml").write_text("name: mine\n", encoding="utf-8")
+    with pytest.raises(InputError, match="not made by navfw"):
+        world.write(tmp_path / "c")
+    with pytest.raises(InputError, match="is a file"):
+        world.write(tmp_path / "b" / "thesis.txt")
+    # a world with a map made again as one without leaves no map behind
+    generate("maze", 0, 0.0).write(tmp_path / "a")
+    assert (tmp_path / "a" / MAP_FILE).exists()
+    world.write(tmp_path / "a")
+    assert not (tmp_path / "a" / MAP_FILE).exists()

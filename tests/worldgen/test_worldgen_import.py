@@ -1,0 +1,289 @@
+"""Gazebo worlds: what is read, what is refused, and what becomes of it."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from navfw.cli import app
+from navfw.errors import ConfigError, InputError, WorldError
+from navfw.missions.session import prepare
+from navfw.sim.worldfile import load_world
+from navfw.worldgen.gazebo import POLE_HEIGHT, import_world
+from navfw.worldgen.sdf import MAX_BYTES, read_sdf
+
+GROUND = """
+<model name='ground_plane'><static>1</static><link name='link'><collision name='collision'>
+<geometry><plane><normal>0 0 1</normal><size>100 100</size></plane></geometry></collision></link>
+</model><light name='sun' type='directional'/><physics type='ode'/>"""
+
+
+def model(name: str, geometry: str, pose: str = "0 0 0 0 0 0", static: str = "1") -> str:
+    return (
+        f"<model name='{name}'><static>{static}</static><pose>{pose}</pose><link name='link'>"
+        f"<collision name='c'><geometry>{geometry}</geometry></collision></link></model>"
+    )
+
+
+def cylinder(radius: float = 0.2, length: float = 1.0) -> str:
+    return f"<cylinder><radius>{radius}</radius><length>{length}</length></cylinder>"
+
+
+def box(size: str = "1 2 3") -> str:
+    return f"<box><size>{size}</size></box>"
+
+
+def sdf(tmp_path: Path, *parts: str) -> Path:
+    path = tmp_path / "hall.world"
+    body = "\n".join((GROUND, *parts))
+    path.write_text(
+        f"<?xml version='1.0'?>\n<sdf version='1.6'><world name='w'>{body}</world></sdf>"
+    )
+    return path
+
+
+# --- reading ----------------------------------------------------------------------------------
+
+
+def test_shapes_and_poses(tmp_path: Path) -> None:
+    nested = (
+        "<model name='outer'><static>true</static><pose>1 2 0 0 0 1.5707963267948966</pose>"
+        "<link name='a'><pose>1 0 0.5 0 0 0</pose>"
+        f"<collision name='b'><pose>0 1 0 0 0 0.25</pose><geometry>{box()}</geometry></collision>"
+        f"<collision name='c'><geometry>{cylinder(0.3, 1.0)}</geometry></collision></link>"
+        f"{model('inner', cylinder(0.1), '0 0 0 0 0 0', '0')}</model>"
+    )
+    found = read_sdf(sdf(tmp_path, nested))
+    assert found.unsupported == []
+    first, second, inner = found.shapes
+    # 1 2 turned left, then (1, 0) ahead, then (0, 1) to the left
+    assert (first.x, first.y, first.z) == pytest.approx((0.0, 3.0, 0.5))
+    assert first.yaw == pytest.approx(math.pi / 2 + 0.25)
+    assert (first.size, first.height) == ((1.0, 2.0), 3.0)
+    assert (second.x, second.y, second.radius) == pytest.approx((1.0, 3.0, 0.3))
+    assert (inner.name, inner.x, inner.y) == ("outer-inner", 1.0, 2.0)
+    assert len({shape.name for shape in found.shapes}) == 3
+
+
+def test_a_box_may_lie_on_its_side(tmp_path: Path) -> None:
+    path = sdf(tmp_path, model("plank", box("1 2 3"), f"0 0 1 {math.pi / 2} 0 0.3"))
+    (plank,) = read_sdf(path).shapes
+    # rolled about x: its 2 m stand upright, 1 m and 3 m lie level
+    assert plank.height == pytest.approx(2.0)
+    assert sorted(plank.size) == pytest.approx([1.0, 3.0])
+    world = import_world(path, start=(-5, 0, 0), goal=(5, 1)).world
+    x0, y0, x1, y1 = (-0.5, -1.5, 0.5, 1.5)
+    c, s = math.cos(0.3), math.sin(0.3)
+    corners = {
+        (round(c * x - s * y, 3), round(s * x + c * y, 3)) for x in (x0, x1) for y in (y0, y1)
+    }
+    from navfw.sim.floorplan import FloorPlan
+
+    (_, found) = next(FloorPlan.from_world(world).rectangles())
+    assert {(round(x, 3), round(y, 3)) for x, y in found.tolist()} == corners
+
+
+def test_saved_state_moves_models(tmp_path: Path) -> None:
+    state = "<state world_name='w'><model name='post'><pose>4 5 0 0 0 0</pose></model></state>"
+    (post,) = read_sdf(sdf(tmp_path, model("post", cylinder()), state)).shapes
+    assert (post.x, post.y) == (4.0, 5.0)
+
+
+UNSUPPORTED = {
+    "sphere": model("ball", "<sphere><radius>1</radius></sphere>"),
+    "mesh": model("robot", "<mesh><uri>file://a.dae</uri></mesh>"),
+    "leaning cylinder": model("pisa", cylinder(), "0 0 0 0.2 0 0"),
+    "leaning box": model("ramp", box(), "0 0 0 0 0.3 0"),
+    "not static": model("cart", box(), static="0"),
+    "include": "<include><uri>model://cafe_table</uri></include>",
+    "actor": "<actor name='walker'/>",
+    "other frame": "<model name='far'><static>1</static><pose relative_to='x'>1 0 0 0 0 0</pose>"
+    f"<link name='l'><collision name='c'><geometry>{box()}</geometry></collision></link></model>",
+}
+
+
+@pytest.mark.parametrize("what", UNSUPPORTED)
+def test_unsupported_is_named_and_refused(tmp_path: Path, what: str) -> None:
+    path = sdf(tmp_path, model("post", cylinder(), "3 3 0.5 0 0 0"), UNSUPPORTED[what])
+    with pytest.raises(InputError, match="--skip-unsupported") as caught:
+        import_world(path, start=(0, 0, 0), goal=(0, 4))
+    name = {"include": "cafe_table", "actor": "walker"}.get(what)
+    assert (name or UNSUPPORTED[what].split("'")[1]) in str(caught.value)
+    assert "line 7" in str(caught.value)
+    made = import_world(path, start=(0, 0, 0), goal=(0, 4), skip_unsupported=True)
+    assert len(made.skipped) == 1
+    assert [c.name for c in made.world.cylinders] == ["post"]
+    assert made.world.boxes == ()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("not xml at all", "not XML"),
+        ("<sdf><world>", "not XML"),
+        ("<robot name='r'/>", "expected an SDF world, got <robot>"),
+        ("<sdf version='1.6'/>", "expected one <world>, found 0"),
+        (
+            "<!DOCTYPE sdf [<!ENTITY a 'aaa'><!ENTITY b '&a;&a;'>]><sdf><world>&b;</world></sdf>",
+            "entities are not allowed",
+        ),
+        ("<!DOCTYPE sdf SYSTEM 'file:///etc/passwd'><sdf/>", "entities are not allowed"),
+        ("<sdf>" + "<a>" * 100, "nested too deep"),
+        ("<sdf><world><model name='m'><pose>1 2 x 0 0 0</pose></model></world></sdf>", "6 numbers"),
+        ("<sdf><world><model name='m'><pose>1 2</pose></model></world></sdf>", "6 numbers"),
+        ("<sdf><world><model name='m'><pose>nan 0 0 0 0 0</pose></model></world></sdf>", "6 numb"),
+        (f"<sdf><world>{model('m', cylinder(-1))}</world></sdf>", "above 0 m"),
+        (f"<sdf><world>{model('m', '<box/>')}</world></sdf>", "above 0 m, got none"),
+    ],
+)
+def test_what_is_no_world(tmp_path: Path, text: str, message: str) -> None:
+    path = tmp_path / "bad.world"
+    path.write_text(text)
+    with pytest.raises(ConfigError, match=message) as caught:
+        read_sdf(path)
+    assert "bad.world:1" in str(caught.value)
+
+
+def test_files_that_cannot_be_read(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="No such file"):
+        read_sdf(tmp_path / "none.world")
+    large = tmp_path / "large.world"
+    with large.open("wb") as stream:
+        stream.truncate(MAX_BYTES + 1)
+    with pytest.raises(ConfigError, match="larger than 20 MB"):
+        read_sdf(large)
+
+
+# --- importing --------------------------------------------------------------------------------
+
+
+def test_levels_and_overlaps(tmp_path: Path) -> None:
+    path = sdf(
+        tmp_path,
+        model("post", cylinder(0.2, 1.0), "2 2 0.2 0 0 0"),
+        model("beam", box("1 1 0.4"), "3 3 2 0 0 0"),
+        model("mine", box(), "4 4 -5 0 0 0"),
+        model("wall", box("4 0.2 2"), "0 5 1 0 0 0"),
+        model("wall", box("0.2 4 2"), "2 5 1 0 0 0"),
+    )
+    made = import_world(path, start=(0, 0, 0), goal=(0, 4))
+    (post,) = made.world.cylinders
+    assert (post.base, post.height) == pytest.approx((0.0, 0.7))
+    beam, *walls = made.world.boxes
+    assert (beam.base, beam.size[2]) == pytest.approx((1.8, 0.4))
+    assert [wall.name for wall in walls] == ["wall", "wall-2"]
+    load_world(made.write(tmp_path / "out") / "world.yaml")  # walls reach into each other
+
+
+def test_start_and_goal_must_be_said_and_free(tmp_path: Path) -> None:
+    path = sdf(tmp_path, model("post", cylinder(1.0), "2 2 0.5 0 0 0"))
+    with pytest.raises(InputError, match="give --start and --goal"):
+        import_world(path)
+    with pytest.raises(InputError, match="give --goal"):
+        import_world(path, start=(0, 0, 0))
+    with pytest.raises(WorldError, match=r"the goal .* 'post'"):
+        import_world(path, start=(0, 0, 0), goal=(2, 2))
+    with pytest.raises(InputError, match="start"):
+        import_world(path, start=(0, 0, 99), goal=(0, 4))
+    fence = [
+        model(f"fence-{i}", box(size), f"{x} {y} 0.5 0 0 0")
+        for i, (x, y, size) in enumerate(
+            [(0, 2, "4.2 0.1 1"), (0, -2, "4.2 0.1 1"), (2, 0, "0.1 4.2 1"), (-2, 0, "0.1 4.2 1")]
+        )
+    ]
+    with pytest.raises(WorldError, match="cannot be reached"):
+        import_world(sdf(tmp_path, *fence), start=(0, 0, 0), goal=(5, 0))
+
+
+def barn(tmp_path: Path) -> Path:
+    """A world as BARN has them: poles sunk half into the ground, on a grid of 0.15 m."""
+    poles = [
+        model(f"unit_cylinder_{i}", cylinder(0.075), f"{-4.425 + 0.15 * i:.3f} 0.075 0 0 0 0")
+        for i in range(30)
+    ]
+    poles.append(model("unit_cylinder_30", cylinder(0.075), "-2.2 7 0 0 0 0"))
+    return sdf(tmp_path, *poles)
+
+
+def test_barn_worlds_bring_their_mission(tmp_path: Path) -> None:
+    made = import_world(barn(tmp_path))
+    assert made.barn
+    assert made.mission.start == (-2.25, 3.0, 1.57)
+    assert made.mission.timeout == 100.0
+    assert made.mission.success.within == 1.0
+    assert {pole.height for pole in made.world.cylinders} == {POLE_HEIGHT}
+    assert "Ours: the poles' height of 1 m, procedural textures" in made.world.description
+    assert made.shortest == pytest.approx(10.0, abs=0.1)
+    session = prepare(made.write(tmp_path / "out"), "cross")
+    assert session.mission.goals[0].x == -2.25
+    other = import_world(barn(tmp_path), start=(-1.0, 2.0, 0.0), goal=(-1.0, 8.0))
+    assert other.mission.start == (-1.0, 2.0, 0.0)
+
+
+@pytest.mark.skipif("NAVFW_BARN" not in os.environ, reason="NAVFW_BARN names no folder of worlds")
+def test_real_barn_worlds() -> None:
+    files = sorted(Path(os.environ["NAVFW_BARN"]).glob("world_*.world"))
+    assert files
+    for file in files:
+        made = import_world(file)
+        assert made.barn
+        assert 10.0 <= made.shortest <= 12.0
+
+
+# --- commands ---------------------------------------------------------------------------------
+
+
+def test_import_command(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    words = ["import", str(barn(tmp_path)), "--out", str(out), "--json"]
+    answer = CliRunner().invoke(app, words)
+    assert answer.exit_code == 0, answer.stderr
+    data = json.loads(answer.stdout)
+    assert (data["cylinders"], data["boxes"], data["skipped"], data["barn"]) == (31, 0, [], True)
+    assert load_world(out / "world.yaml").name == "hall"
+    path = sdf(tmp_path, UNSUPPORTED["sphere"])
+    more = ["--start", "-1,0,0.5", "--goal", "2,-3"]
+    answer = CliRunner().invoke(app, ["import", str(path), "--out", str(out), *more])
+    assert answer.exit_code == 2
+    assert "'ball'" in answer.stderr
+    skipping = ["import", str(path), "--out", str(out), *more, "--skip-unsupported"]
+    answer = CliRunner().invoke(app, skipping)
+    assert answer.exit_code == 0, answer.stderr
+    assert "left out: line" in answer.stderr
+    for bad in ("1,2,3", "a,b", "1", "nan,1"):
+        answer = CliRunner().invoke(app, [*skipping, "--goal", bad])
+        assert answer.exit_code == 2
+        assert answer.stderr == f"navfw: --goal: expected X,Y, got {bad!r}\n"
+
+
+def test_generate_command(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    words = ["generate", "clutter", "--seed", "4", "--difficulty", "0.25", "--out", str(out)]
+    answer = CliRunner().invoke(app, [*words, "--json"])
+    assert answer.exit_code == 0, answer.stderr
+    data = json.loads(answer.stdout)
+    assert (data["family"], data["seed"], data["map"]) == ("clutter", 4, False)
+    assert prepare(out, data["mission"]).shortest == pytest.approx(data["shortest_path_m"])
+    assert "navfw run" in CliRunner().invoke(app, words).stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["rooom"], "unknown family of worlds 'rooom': did you mean 'rooms'?"),
+        (["rooms", "--seed", "-3"], "seed: expected a seed from 0"),
+        (["rooms", "--difficulty", "1.01"], "difficulty: expected 0 to 1, got 1.01"),
+        (["rooms", "--difficulty", "easy"], "--difficulty"),
+    ],
+)
+def test_generate_refuses(words: list[str], message: str, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    answer = CliRunner().invoke(app, ["generate", *words, "--out", str(out)])
+    assert answer.exit_code == 2
+    assert message in answer.stderr
+    assert not out.exists()
