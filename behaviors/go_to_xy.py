@@ -38,7 +38,7 @@ class GoToXY(Behavior):
             applicability=self.params.weight,
             desirability=verdict.command(context.commands),
             prohibition=nothing,
-            reason=f"{context.waypoint.place} is {context.waypoint_distance:.1f} m away, "
+            reason=f"{context.waypoint.label} is {context.waypoint_distance:.1f} m away, "
             f"aim {bearing:+.0f} deg",
             explain=verdict.explain,
         )

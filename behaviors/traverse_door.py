@@ -36,7 +36,7 @@ class TraverseDoor(Behavior):
         if waypoint is None or aim is None or waypoint.kind != "door":
             return Proposal(0.0, nothing, nothing, "no door to go through")
         if context.waypoint_distance > self.params.near or not aim.reachable:
-            return Proposal(0.0, nothing, nothing, f"{waypoint.place} is not at hand")
+            return Proposal(0.0, nothing, nothing, f"{waypoint.label} is not at hand")
         spare = min(waypoint.width - 2.0 * self.robot.radius, 1.0)
         # the aim follows the gap as it is seen, the waypoint as the map and odometry have it
         verdict = self.rules.evaluate(bearing=math.degrees(aim.bearing), spare=max(spare, 0.0))
@@ -44,6 +44,6 @@ class TraverseDoor(Behavior):
             applicability=self.params.weight,
             desirability=verdict.command(context.commands),
             prohibition=nothing,
-            reason=f"through {waypoint.place}, {waypoint.width:.2f} m wide",
+            reason=f"through {waypoint.label}, {waypoint.width:.2f} m wide",
             explain=verdict.explain,
         )

@@ -314,6 +314,11 @@ class Waypoint:
     final: bool
     width: float = math.inf
 
+    @property
+    def label(self) -> str:
+        """What messages call it: the place's name, or the coordinates."""
+        return self.place or f"({self.x:g}, {self.y:g})"
+
 
 # --- MOFIS and LOCOM ---------------------------------------------------------------------------
 

@@ -219,7 +219,7 @@ class Stack:
             idle = 0.0 if self.mofis.context is None else self.mofis.context.idle
         stuck = None
         if idle > STUCK_AFTER and waypoint is not None:
-            stuck = f"no progress toward {waypoint.place} for {idle:.0f} s"
+            stuck = f"no progress toward {waypoint.label} for {idle:.0f} s"
         self.state = StackState(
             time=reading.time,
             odometry=odometry,
