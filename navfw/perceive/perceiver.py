@@ -284,8 +284,10 @@ class Perceiver:
             camera = self._camera.model_copy(update={"mount_height": height})
             robot = RobotModel(camera=camera, height=max(0.4, height + 0.05))
             walls = max(2.2, height + 0.8) if height < 10.0 else 1e6
+            # from higher up, the floor comes into view farther away
+            path = max(2.0, 3.5 * height) if height < 10.0 else 2.0
             self._offis.clear()
-            self._offis[step] = Offis(robot, Offis.Params(wall_height=walls))
+            self._offis[step] = Offis(robot, Offis.Params(wall_height=walls, path_length=path))
         return self._offis[step]
 
     def _first_stride(self) -> int:

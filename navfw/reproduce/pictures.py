@@ -99,8 +99,15 @@ def draw_map(path: Path, world: WorldSpec, way: list[Moment], rows: list[Waypoin
             (pose.x, pose.y),
             arrowprops={"arrowstyle": "->", "color": "#D00000"},
         )
-        text = f"{row.waypoint.number}" + (" fast left turn" if fast else "")
-        axes.annotate(text, (pose.x, pose.y), (7, -13), textcoords="offset points", fontsize=10)
+        # beside the way, on the side that it does not come from
+        side = 14.0 * math.sin(pose.yaw) - 4.0, -14.0 * math.cos(pose.yaw) - 4.0
+        axes.annotate(
+            f"{row.waypoint.number}{' fast left turn' if fast else ''}",
+            (pose.x, pose.y),
+            (12.0, -12.0) if fast else side,
+            textcoords="offset points",
+            fontsize=10,
+        )
     axes.set_xlim(world.x)
     axes.set_ylim(world.y)
     axes.set_aspect("equal")

@@ -68,7 +68,7 @@ def table2(seed: int) -> list[WaypointRow]:
     """
     robot = RobotModel()
     way = drive()
-    modes = _modes(robot)
+    modes = _modes(robot, SEARCH)
     params = BlockMatching.Params(search=SEARCH)
     rows = []
     with Eye(load_world(find("world", "paper-room")), robot, START, seed) as eye:
@@ -119,10 +119,10 @@ def table3(seed: int) -> list[SceneRow]:
     return rows
 
 
-def _modes(robot: RobotModel) -> dict[str, Offis]:
+def _modes(robot: RobotModel, search: int = 8) -> dict[str, Offis]:
     return {
-        "normalised": Offis(robot),
-        "raw means": Offis(robot, Offis.Params(mode="paper")),
+        "normalised": Offis(robot, Offis.Params(longest_flow=search)),
+        "raw means": Offis(robot, Offis.Params(mode="paper", longest_flow=search)),
     }
 
 

@@ -150,18 +150,19 @@ def test_bad_options(approach: Path, arguments: tuple[str, ...], message: str) -
 
 def test_overlay_folder(approach: Path, tmp_path: Path) -> None:
     out = tmp_path / "new" / "overlay"
-    perceive(approach, "--fps", "10", "--overlay", out)
-    perceive(approach, "--fps", "10", "--overlay", out)  # our own pictures may be replaced
+    images = [approach / f"image_{n}.png" for n in (1, 2, 3)]
+    perceive(*images, "--fps", "10", "--overlay", out)
+    perceive(*images[:2], "--fps", "10", "--overlay", out)  # our own pictures may be replaced
     pictures = sorted(out.iterdir())
-    assert [path.name for path in pictures] == [f"view-0000{n}.png" for n in range(1, 5)]
+    assert [path.name for path in pictures] == ["view-00001.png"]
     picture = cv2.imread(str(pictures[-1]))
     assert picture is not None
     assert picture.shape[1] == 1024
     assert picture.shape[0] > 768
     assert list(out.parent.iterdir()) == [out]
     # the quadrants carry the colour of their distance, blue-green-red (0, 159, 230)
-    corner = picture[30:80, 300:400].reshape(-1, 3).mean(axis=0)
-    assert corner[2] - corner[0] > 40.0
+    part = picture[30:80, 300:400].reshape(-1, 3).mean(axis=0)
+    assert part[2] - part[0] > 25.0
 
 
 def test_overlay_film(approach: Path, tmp_path: Path) -> None:

@@ -1,0 +1,38 @@
+from __future__ import annotations
+
+import numpy as np
+
+from navfw.reproduce.metrics import _discriminate, _features, compare_metrics
+from navfw.robot import RobotModel
+from navfw.testing.scenes import wall_flow
+
+
+def test_discriminant_tells_what_can_be_told() -> None:
+    rng = np.random.default_rng(0)
+    labels = ["left", "right"] * 100
+    shift = np.array([[-1.0, 0.0], [1.0, 0.0]] * 100)
+    table = shift + 0.3 * rng.standard_normal((200, 2))
+    answers = _discriminate(table[:150], labels[:150], table[150:])
+    assert np.mean([a == b for a, b in zip(answers, labels[150:], strict=True)]) > 0.97
+    blind = _discriminate(rng.standard_normal((150, 2)), labels[:150], table[150:])
+    assert set(blind) <= {"left", "right"}
+
+
+def test_features_are_the_regions_metrics() -> None:
+    flow = wall_flow(RobotModel(), 0.0, ahead=1.0, left=20.0, right=20.0)
+    assert _features(flow, 2, False).shape == (32,)
+    assert _features(flow, 1, True).shape == (16,)
+    means = np.exp(_features(flow, 1, False)) - 0.05
+    part = np.abs(flow.vectors[:6, 8:, 0])  # P1: upper right
+    assert np.isclose(means[0], part.mean())
+
+
+def test_comparison_on_a_few_views() -> None:
+    result = compare_metrics(14, seed=3)
+    assert result["views"] == 14
+    for found in result["offis"].values():
+        for shares in found.values():
+            assert all(share is None or 0.0 <= share <= 1.0 for share in shares.values())
+    normalised = result["offis"]["normalised, L=2, nearest eighth"]["ideal"]
+    assert normalised["quadrant"] > 0.8
+    assert set(result["numbers"]) == {"L=2, means", "L=1, means and variances", "L=1, means"}

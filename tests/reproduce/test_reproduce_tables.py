@@ -1,0 +1,142 @@
+"""Tables 2 and 3: what the paper reports must come out again, its false conclusion included."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from navfw.config.lookup import find
+from navfw.flow.derotation import rotational_flow
+from navfw.reproduce.page import write_page
+from navfw.reproduce.pictures import scene_picture, waypoint_picture
+from navfw.reproduce.scenes import SCENES, hand_held
+from navfw.reproduce.tables import FAST, SceneRow, WaypointRow, as_data, checks, table2, table3
+from navfw.reproduce.trajectory import FAST_TURN, WAYPOINTS, before, drive, length
+from navfw.reproduce.views import front_of, ideal
+from navfw.robot import RobotModel
+from navfw.sim import FloorPlan, load_world
+
+
+@pytest.fixture(scope="module")
+def waypoints() -> list[WaypointRow]:
+    return table2(seed=0)
+
+
+@pytest.fixture(scope="module")
+def scenes() -> list[SceneRow]:
+    return table3(seed=0)
+
+
+def test_the_way_is_free_and_smooth() -> None:
+    way = drive()
+    plan = FloorPlan.from_world(load_world(find("world", "paper-room")), 0.4)
+    assert min(plan.clearance(m.pose.x, m.pose.y) for m in way) > RobotModel().radius + 0.1
+    assert 7.0 < length(way) < 12.0
+    turns = [abs(moment.twist.w) for moment in way]
+    assert max(turns) == FAST_TURN
+
+
+def test_waypoint_3_is_the_fast_left_turn() -> None:
+    way = drive()
+    twists = {w.number: way[round(w.time * 60)].twist for w in WAYPOINTS}
+    assert [w.number for w in WAYPOINTS] == list(range(1, len(WAYPOINTS) + 1))
+    assert twists.pop(FAST).w == FAST_TURN
+    assert max(abs(twist.w) for twist in twists.values()) < 0.02
+
+
+def test_before_is_where_the_robot_came_from() -> None:
+    way = drive()
+    for index in (200, 670, 700, 1000):
+        past, now = way[index - 3], way[index]
+        # the twist hardly changes within 50 ms
+        assert (
+            math.dist((before(now, 0.05).x, before(now, 0.05).y), (past.pose.x, past.pose.y))
+            < 0.003
+        )
+
+
+def test_fast_turn_reads_wrong_without_derotation_and_right_with(
+    waypoints: list[WaypointRow],
+) -> None:
+    found = checks(waypoints)
+    assert all(found.values()), found
+    fast = next(row for row in waypoints if row.waypoint.number == FAST)
+    for kind in ("ideal", "block matching"):
+        right = fast.readings[kind, "removed", "normalised"]
+        assert front_of(right.percept) != "unknown"
+        assert right.percept.floor_in_front > 0.5
+    # the paper's own way to read it: everything near, nothing recognised
+    false = fast.readings["ideal", "left in", "raw means"].percept
+    assert set(false.obstacles["layer1"]) == {"P1", "P2", "P3", "P4"}
+    assert set(false.obstacles["layer1"].values()) == {"near"}
+
+
+def test_ideal_flow_is_translation_and_rotation(waypoints: list[WaypointRow]) -> None:
+    robot = RobotModel()
+    for row in waypoints:
+        whole = ideal(row.shot, robot)
+        rest = row.readings["ideal", "removed", "normalised"].flow
+        turned = rotational_flow(whole.points, whole.motion.rotation, robot.camera.focal)
+        # exact derotation and the rotational flow differ in second order only
+        limit = 0.02 + 0.1 * np.abs(turned).max()
+        assert np.abs(whole.vectors - turned - rest.vectors).max() < limit
+        assert whole.shape == (12, 16)
+
+
+def test_the_same_seed_gives_the_same_readings(
+    waypoints: list[WaypointRow], scenes: list[SceneRow]
+) -> None:
+    again = as_data(table2(seed=0), table3(seed=0))
+    assert again == as_data(waypoints, scenes)
+    image = waypoints[0].shot.pair.now.image
+    assert (table2(seed=1)[0].shot.pair.now.image != image).any()
+
+
+def test_the_three_situations(scenes: list[SceneRow]) -> None:
+    assert [row.scene.number for row in scenes] == [1, 2, 3]
+    for row in scenes:
+        assert row.shot.pair.now.image.shape == (100, 135)
+        for kind in ("ideal", "block matching"):
+            reading = row.readings[kind, "normalised"]
+            assert reading.flow.shape == (10, 15)
+            assert reading.right, (row.scene.title, reading.percept.sentence)
+    corridor, chair, door = (row.readings["ideal", "normalised"].percept for row in scenes)
+    # as the paper prints them
+    assert corridor.obstacles["layer1"] == {"P2": "middle"}
+    assert chair.obstacles["layer1"] == {"P3": "near"}
+    assert {"P1", "P2"} <= door.obstacles["layer1"].keys()
+    assert front_of(door) == "door"
+    for percept in (corridor, chair):
+        assert "door" in front_of(percept)
+        assert "Floor in front" in percept.sentence
+
+
+def test_scenes_have_the_paper_s_camera() -> None:
+    camera = hand_held().camera
+    whole = 2.0 * math.degrees(math.atan(72.0 / camera.focal))
+    assert whole == pytest.approx(65.0)
+    assert len(SCENES) == 3
+
+
+def test_page_and_pictures(waypoints: list[WaypointRow], scenes: list[SceneRow]) -> None:
+    shares = {"quadrant": 0.5, "distance": None, "situation": 1.0}
+    both = {"ideal": shares, "block matching": shares}
+    metrics = {"views": 9, "clear": 8, "offis": {"a": both}, "numbers": {"b": both}}
+    times = {"offis_12x16_ms": 0.5, "offis_10x15_ms": 0.25, "block_matching_12x16_ms": 2.0}
+    page = write_page(0, waypoints, scenes, metrics, times, {"all is well": False})
+    assert "| all is well | **no** |" in page
+    assert "| 160 + 580 ms | 0.50 ms | 1480 |" in page
+    for row in waypoints:
+        assert f"![waypoint {row.waypoint.number}](waypoint-{row.waypoint.number}.png)" in page
+        for reading in row.readings.values():
+            assert reading.percept.sentence in page
+    for scene in scenes:
+        assert scene.scene.paper in page
+    assert "## What differs from the paper" in page
+    picture = waypoint_picture(waypoints[0])
+    assert picture.shape == (2 * (480 + 30), 2 * 640 + 8, 3)
+    assert scene_picture(scenes[0]).shape == (430, 2 * 540 + 8, 3)
+    # arrows are drawn: the panels with flow are not the plain image
+    assert (picture[40:500, 660:1280] > 200).any()
