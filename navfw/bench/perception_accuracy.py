@@ -77,7 +77,8 @@ def run(
     Keys: ``poses``, ``seed``; ``nearest_quadrant_accuracy``, ``nearest_quadrant_exact`` (the named
     quadrants are all certain ones and no others), ``distance_accuracy``, ``far_for_near`` and
     ``one_term_too_far`` (shares of all views), ``situation_contains_truth``, ``situation_top1``,
-    ``situations`` (number of views with a clear one); ``confusion``: ``quadrant`` (true nearest ->
+    ``situations`` (number of views with a clear one; the two above are None when it is 0);
+    ``confusion``: ``quadrant`` (true nearest ->
     named first -> count), ``distance``, ``table`` and ``situation`` (truth -> answer -> count);
     ``causes``: count of each cause of error. ``ideal`` holds the same of ideal flow.
 
@@ -223,9 +224,9 @@ def _names(quadrants: frozenset[str]) -> str:
     return " ".join(q for q in QUADRANTS if q in quadrants) or NONE
 
 
-def _share(right: Iterable[bool]) -> float:
+def _share(right: Iterable[bool]) -> float | None:
     values = np.array(list(right))
-    return float(values.mean()) if values.size else float("nan")
+    return float(values.mean()) if values.size else None
 
 
 def _confusion(pairs: Iterable[tuple[str, str]]) -> dict[str, dict[str, int]]:
@@ -258,7 +259,9 @@ def markdown(result: Mapping[str, Any]) -> str:
     ]
     for key, (name, reach) in FIGURES.items():
         aim = "" if reach is None else f"{'>=' if reach > 0 else '<='} {abs(reach):.0%}"
-        lines.append(f"| {name} | {result[key]:.1%} | {result['ideal'][key]:.1%} | {aim} |")
+        shares = (result[key], result["ideal"][key])
+        told = ("-" if share is None else f"{share:.1%}" for share in shares)
+        lines.append(f"| {name} | {' | '.join(told)} | {aim} |")
     for key, title in (
         ("distance", "Distance term"),
         ("table", "Table 1's strongest entry"),

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from navfw.offis.geometry import GridGeometry
-from navfw.offis.inference import Evaluation, infer, load_system
+from navfw.offis.inference import Evaluation, infer_rows, load_system
 from navfw.offis.kernels import blind_border
 from navfw.signals import Array, FlowField
 
@@ -21,6 +21,10 @@ __all__ = ["Borders", "find_borders"]
 
 BEYOND = 1.4
 """How much nearer than the search can tell such a thing is, typically (measured)."""
+
+
+SLACK = 1.5
+"""How far [px] beyond the outermost column the past camera still had enough of it in view."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,9 +35,7 @@ class Borders:
     evaluation: Evaluation
 
 
-def find_borders(
-    flow: FlowField, geometry: GridGeometry, focal: float, width: int, longest: float
-) -> Borders:
+def find_borders(flow: FlowField, geometry: GridGeometry, focal: float, longest: float) -> Borders:
     """Judge both borders of ``flow``; ``longest`` [px] is the longest vector it can measure."""
     motion = flow.motion
     found = blind_border(
@@ -44,14 +46,13 @@ def find_borders(
         flow.confidence.reshape(-1),
         motion.rotation,
         focal,
-        0.5 * width - longest,
+        float(geometry.off_axis[0].max()) + SLACK,
         float(motion.translation[2]),
         longest,
     )
-    evaluation = infer(load_system("border"), {"blind": found[:, 0], "flow": found[:, 1]})
+    evaluation = infer_rows(load_system("border"), np.ascontiguousarray(found[:, :2].T))
     degree = evaluation.degree("border", "near") * (found[:, 1] >= 0.0)
-    columns = flow.shape[1]
-    hidden = np.zeros((2, columns))
+    hidden = np.zeros((2, flow.shape[1]))
     last_left, first_right = int(found[0, 3]), int(found[1, 3])
     if degree[0] > 0.0:
         hidden[0, : last_left + 1], hidden[1, : last_left + 1] = BEYOND * found[0, 2], degree[0]

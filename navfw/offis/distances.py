@@ -34,6 +34,6 @@ def find_distances(nearness: Array, known: Array, speed: float) -> Distances:
     distance = 1.0 / np.maximum(nearness, 1e-3)
     contact = distance / speed if speed > 0.02 else np.full_like(distance, 1e3)
     evaluation = infer(load_system("distance"), {"distance": distance, "contact": contact})
-    degrees = np.stack([evaluation.degree("range", term) for term in TERMS])
-    degrees = degrees * np.minimum(known / 0.1, 1.0)
+    degrees = np.array([evaluation.degree("range", term) for term in TERMS])
+    degrees *= np.minimum(known / 0.1, 1.0)
     return Distances(degrees, degrees.argmax(0), evaluation)

@@ -8,6 +8,7 @@ from typing import Any
 
 from navfw.offis.borders import Borders
 from navfw.offis.distances import Distances
+from navfw.offis.inference import Evaluation
 from navfw.offis.planes import Planes
 from navfw.offis.pyramid import Pyramid, RegionStatistics
 from navfw.offis.situations import FLOOR_IN_FRONT, Situations
@@ -69,6 +70,19 @@ class Explanation(Mapping[str, Any]):
 
     def __len__(self) -> int:
         return len(self._KEYS)
+
+    @property
+    def evaluations(self) -> tuple[Evaluation, ...]:
+        """All fuzzy inferences of the frame, for whoever wants to repeat them."""
+        found = self._findings
+        return (
+            found.planes.evaluation,
+            found.distances.evaluation,
+            found.borders.evaluation,
+            found.slopes.evaluation,
+            found.situations.table_evaluation,
+            found.situations.front_evaluation,
+        )
 
     def __repr__(self) -> str:
         return f"Explanation({', '.join(self._KEYS)})"

@@ -28,7 +28,7 @@ class GridGeometry:
     ``upward`` is true above the horizon. ``lateral``, ``ahead`` and ``fall`` (n,) are the parts of
     each ray to the right, forward and down in the level body frame, per unit of depth;
     ``lateral_edge`` (n,) is that of the cell's side towards the border of the image. ``halves``
-    (2, n) masks the left and the right plane, ``half_cells`` (2,) counts their cells, ``column``
+    (2, n) masks the left and the right plane, ``half_cells`` counts the cells of one, ``column``
     (n,) numbers the columns; ``middle`` (n,) masks the part just ahead and above the horizon,
     ``path`` (n,) the cells, ``path_cells`` many, that would show the floor the robot is about to
     drive over. ``off_axis`` (2, n) are |x| and |y| of the points [px]. ``wall_top`` (n,) is the
@@ -44,7 +44,7 @@ class GridGeometry:
     ahead: Array
     fall: Array
     halves: npt.NDArray[np.bool_]
-    half_cells: Array
+    half_cells: float
     column: npt.NDArray[np.int64]
     middle: Array
     path: Array
@@ -87,7 +87,7 @@ class GridGeometry:
             ahead=ahead.flatten(),
             fall=fall.flatten(),
             halves=halves,
-            half_cells=halves.sum(1).astype(np.float64),
+            half_cells=float(halves[0].sum()),
             column=column.flatten(),
             middle=((np.abs(x) < 0.25) & upward).reshape(-1).astype(np.float64),
             path=path.reshape(-1).astype(np.float64),

@@ -14,7 +14,7 @@ from navfw.fuzzy import CompiledFis, RuleBase
 from navfw.fuzzy import Inference as Result
 from navfw.signals import Array
 
-__all__ = ["RULES", "Evaluation", "infer", "load_system"]
+__all__ = ["RULES", "Evaluation", "infer", "infer_rows", "load_system"]
 
 RULES = Path(__file__).parent / "rules"
 """The folder of the rule bases, one YAML file per inference system."""
@@ -28,11 +28,16 @@ def load_system(name: str) -> CompiledFis:
 
 @dataclass(frozen=True, slots=True)
 class Evaluation:
-    """One evaluation of an inference system: what went in for which subjects, and what came out."""
+    """One evaluation of an inference system: ``rows`` (inputs, N) went in, ``result`` came out."""
 
     system: CompiledFis
-    inputs: Mapping[str, Array]
+    rows: Array
     result: Result
+
+    @property
+    def inputs(self) -> dict[str, Array]:
+        """(N,) samples of every input by its name."""
+        return dict(zip(self.system.input_names, self.rows, strict=True))
 
     def degree(self, output: str, term: str) -> Array:
         """(N,) how strongly the rules conclude ``output IS term``."""
@@ -48,5 +53,9 @@ class Evaluation:
 
 def infer(system: CompiledFis, inputs: Mapping[str, Array]) -> Evaluation:
     """Evaluate ``system`` on (N,) samples of every input."""
-    rows = np.array([inputs[name] for name in system.input_names])
-    return Evaluation(system, inputs, system.evaluate_rows(rows))
+    return infer_rows(system, np.array([inputs[name] for name in system.input_names]))
+
+
+def infer_rows(system: CompiledFis, rows: Array) -> Evaluation:
+    """Evaluate ``system`` on ``rows`` (inputs, N), in the order of its rule base."""
+    return Evaluation(system, rows, system.evaluate_rows(rows))

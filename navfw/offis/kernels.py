@@ -13,6 +13,7 @@ from navfw.signals import Array
 __all__ = [
     "SIGMA_LIMIT",
     "blind_border",
+    "compare_pairs",
     "label_cells",
     "object_cells",
     "region_moments",
@@ -226,7 +227,7 @@ def blind_border(
     confidence: Array,
     rotation: Array,
     focal: float,
-    half_width: float,
+    limit: float,
     shift: float,
     longest: float,
 ) -> Array:
@@ -234,8 +235,8 @@ def blind_border(
 
     Per side (left, right): number of blind columns, mean length [px] of the vectors in the column
     inside them (-1: none is known), least nearness [1/m] of what moves more than ``longest`` [px]
-    in the innermost blind column, and that column. Columns that the past camera, turned by
-    ``rotation``, did not have in view say nothing. ``shift`` [m] is the way driven ahead.
+    in the innermost blind column, and that column. ``shift`` [m] is the way driven ahead. Columns
+    that the past camera, turned by ``rotation``, did not see within ``limit`` [px] say nothing.
     """
     columns = column.max() + 1
     seen, cells, inside = np.zeros(columns), np.zeros(columns), np.zeros(columns)
@@ -249,7 +250,7 @@ def blind_border(
         past = rotation[0, 0] * x + rotation[1, 0] * y + rotation[2, 0] * focal
         cells[c] += 1.0
         lateral[c] = abs(x)
-        if depth > 0.0 and abs(past / depth * focal) <= half_width:
+        if depth > 0.0 and abs(past / depth * focal) <= limit:
             inside[c] += 1.0
         if confidence[i] > 0.0:
             seen[c] += 1.0
@@ -335,3 +336,23 @@ def stand_out(
         weights[1, i] = share * off_axis[0, i]
         weights[2, i] = share * off_axis[1, i]
     return values, weights, known
+
+
+@numba.njit(cache=True)
+def compare_pairs(
+    pairs: npt.NDArray[np.int64], mu_u: Array, mu_v: Array, size: Array, objects: Array
+) -> tuple[Array, Array]:
+    """Inputs (3, n_pairs) of the plane inference, and whether both regions show an object (1, 0).
+
+    Relative differences |a - b| / (a + b) of muU and of muV, and the ratio of the sizes.
+    """
+    rows, present = np.empty((3, pairs.shape[0])), np.zeros(pairs.shape[0])
+    for k in range(pairs.shape[0]):
+        i, j = pairs[k]
+        rows[0, k] = abs(mu_u[i] - mu_u[j]) / max(mu_u[i] + mu_u[j], 1e-12)
+        rows[1, k] = abs(mu_v[i] - mu_v[j]) / max(mu_v[i] + mu_v[j], 1e-12)
+        rows[2, k] = min(size[i], size[j]) / max(size[i], size[j], 1e-12)
+        # regions without an object have no plane to share
+        if objects[i] > 0.0 and objects[j] > 0.0:
+            present[k] = 1.0
+    return rows, present

@@ -126,7 +126,7 @@ class Offis(Perception):
         camera, params = self.robot.camera, self.params
         objects = find_objects(geometry, seen, label, params.minimum_confidence)
         walls = find_walls(geometry, seen, objects.wall_weight, camera.mount_height)
-        borders = find_borders(flow, geometry, camera.focal, camera.width, params.longest_flow)
+        borders = find_borders(flow, geometry, camera.focal, params.longest_flow)
         paper = params.mode == "paper"
         if paper:
             channels = raw_channels(flow, camera.focal, params.minimum_baseline)

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from navfw.offis.inference import Evaluation, infer, load_system
+from navfw.offis.inference import Evaluation, infer_rows, load_system
+from navfw.offis.kernels import compare_pairs
 from navfw.offis.pyramid import NEIGHBOURS, Pyramid, RegionStatistics
 from navfw.signals import Array
 
@@ -35,26 +36,11 @@ def pairs_of(pyramid: Pyramid) -> np.ndarray:
 
 def find_planes(pairs: np.ndarray, regions: RegionStatistics, size: Array) -> Planes:
     """Degrees for ``pairs``; ``size`` (n_regions,) is what "biggest" is judged by."""
-    i, j = pairs.T
-    evaluation = infer(
-        load_system("plane"),
-        {
-            "width": _difference(regions.mu_u[i], regions.mu_u[j]),
-            "height": _difference(regions.mu_v[i], regions.mu_v[j]),
-            "size": np.minimum(size[i], size[j]) / np.maximum(np.maximum(size[i], size[j]), 1e-12),
-        },
-    )
-    # regions without an object have no plane to share
-    present = (regions.objects[i] > 0.0) & (regions.objects[j] > 0.0)
+    rows, present = compare_pairs(pairs, regions.mu_u, regions.mu_v, size, regions.objects)
+    evaluation = infer_rows(load_system("plane"), rows)
     return Planes(
         pairs,
         present * evaluation.degree("plane", "common"),
         present * evaluation.degree("object", "same"),
         evaluation,
     )
-
-
-def _difference(a: Array, b: Array) -> Array:
-    """|a - b| / (a + b) of values >= 0; 0 where both are 0."""
-    result: Array = np.abs(a - b) / np.maximum(a + b, 1e-12)
-    return result

@@ -65,7 +65,7 @@ def slopes_of_means(regions: RegionStatistics) -> Slopes:
 
 def _slopes(system: str, inputs: dict[str, Array], support: Array) -> Slopes:
     evaluation = infer(load_system(system), inputs)
-    degrees = np.stack([evaluation.degree("slope", term) for term in CODES])
+    degrees = np.array([evaluation.degree("slope", term) for term in CODES])
     best = degrees.argmax(0)
     terms = list(CODES)
     left, right = (

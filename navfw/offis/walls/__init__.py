@@ -78,22 +78,25 @@ def find_walls(geometry: GridGeometry, seen: Nearness, weight: Array, mount: flo
         seen.confidence.reshape(-1),
         mount,
     )
-    slant, front, explained, total = found[:2, 0], found[:2, 1], found[:2, 2], found[:2, 3]
-    shared = float(found[2, 0])
-    outward = np.array([-slant[0], slant[1]])
-    incline = np.arctan2(outward, front).clip(-0.5 * math.pi, 0.5 * math.pi)
-    # one wall is carried by the cells of both halves
-    carrying = explained + shared * (explained.max() - explained)
-    carried = np.minimum(carrying / (ENOUGH * geometry.half_cells), 1.0)
-    near = (np.hypot(slant, front) - FARTHEST_WALL) / (SURE_WALL - FARTHEST_WALL)
+    (left, right, (shared, opening, *step)) = found.tolist()
+    most = max(left[2], right[2])
+    cells = ENOUGH * geometry.half_cells
+    inclines, explained, support = [], [], []
+    for slant, front, part, total in ((-left[0], *left[1:]), right):
+        inclines.append(min(max(math.atan2(slant, front), -0.5 * math.pi), 0.5 * math.pi))
+        explained.append(part / max(total, 1e-9))
+        # one wall is carried by the cells of both halves
+        carried = min((part + shared * (most - part)) / cells, 1.0)
+        near = (math.hypot(slant, front) - FARTHEST_WALL) / (SURE_WALL - FARTHEST_WALL)
+        support.append(carried * min(max(near, 0.0), 1.0))
     return Walls(
-        slant=slant,
-        front=front,
-        incline=incline,
-        explained=explained / np.maximum(total, 1e-9),
-        support=carried * near.clip(0.0, 1.0),
+        slant=found[:2, 0],
+        front=found[:2, 1],
+        incline=np.array(inclines),
+        explained=np.array(explained),
+        support=np.array(support),
         shared=shared,
-        opening=float(found[2, 1]),
-        step=found[2, 2:4],
+        opening=opening,
+        step=np.array(step),
         nearer=nearer,
     )

@@ -1,0 +1,149 @@
+"""What OFFIS costs, beside the same rule bases in scikit-fuzzy, and what block matching costs.
+
+Times are medians on this machine, now, in one thread. The ratios come from one run, so that another
+machine or another load changes both sides alike.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import statistics
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import cv2
+import numpy as np
+
+from navfw.bench.flow_accuracy import match_template_ratio
+from navfw.bench.samples import samples_of_world
+from navfw.fuzzy import RuleBase
+from navfw.fuzzy.benchmark import Comparison, compare
+from navfw.fuzzy.reference import ReferenceFis
+from navfw.offis.explanation import Explanation
+from navfw.offis.inference import RULES, Evaluation, infer
+from navfw.offis.offis import Offis
+from navfw.robot import RobotModel
+from navfw.signals import CameraMotion, FlowField, Frame, FramePair, Twist
+
+__all__ = ["LARGEST_DIFFERENCE", "compare_rule_bases", "run", "time_flow", "time_offis"]
+
+LARGEST_DIFFERENCE = 1e-6
+"""By how much the compiled rule bases may differ from scikit-fuzzy."""
+
+_SEED, _WORLD = 7, 0
+_REFERENCE_FRAMES = 6
+
+
+def run(comparisons: int = 10_000, repeats: int = 1000, workers: int = 1) -> dict[str, Any]:
+    """Measure everything, as plain data.
+
+    Keys: ``offis_ms`` (obstacles and situation together: all of ``perceive``), ``inference_ms``
+    (its fuzzy inferences alone), ``skfuzzy_ms`` (the same inferences by scikit-fuzzy),
+    ``offis_skfuzzy_ratio`` (skfuzzy_ms / inference_ms: the same rule bases on the same inputs),
+    ``offis_whole_ratio`` (skfuzzy_ms / offis_ms: against all that OFFIS does),
+    ``inferences`` (samples evaluated per frame); ``offis_max_abs_diff`` over ``comparisons``
+    random inputs of every rule base, with ``rule_bases`` one by one; ``block_matching_ratio`` and
+    what else ``flow_accuracy.match_template_ratio`` gives.
+
+    The comparison takes some 20 ms an input (scikit-fuzzy); ``workers`` processes share it.
+    """
+    compared = compare_rule_bases(comparisons, workers)
+    return {
+        **time_offis(repeats),
+        "offis_max_abs_diff": max(result["max_abs_diff"] for result in compared),
+        "comparisons": comparisons,
+        "rule_bases": {result["name"]: dict(result) for result in compared},
+        **time_flow(max(repeats // 5, 1)),
+    }
+
+
+def time_offis(repeats: int = 1000) -> dict[str, Any]:
+    """OFFIS on rendered views: 12 x 16 vectors, two layers, default parameters."""
+    flows = [(sample.flow, sample.twist) for sample in samples_of_world(_SEED, _WORLD)]
+    offis = Offis(RobotModel())
+    whole = _median_ms(lambda k: offis.perceive(*flows[k % len(flows)]), repeats)
+    frames = [_evaluations(offis, *frame) for frame in flows]
+    inference = _median_ms(lambda k: _repeat(frames[k % len(frames)]), repeats)
+    references = {
+        evaluation.system.rule_base.name: ReferenceFis(evaluation.system.rule_base)
+        for evaluation in frames[0]
+    }
+    reference = _median_ms(
+        lambda k: _by_reference(frames[k % len(frames)], references), _REFERENCE_FRAMES
+    )
+    return {
+        "offis_ms": whole,
+        "inference_ms": inference,
+        "skfuzzy_ms": reference,
+        "offis_skfuzzy_ratio": reference / inference,
+        "offis_whole_ratio": reference / whole,
+        "inferences": sum(_samples(evaluation) for evaluation in frames[0]),
+    }
+
+
+def _evaluations(offis: Offis, flow: FlowField, twist: Twist) -> tuple[Evaluation, ...]:
+    explanation = offis.perceive(flow, twist).explanation
+    if not isinstance(explanation, Explanation):
+        raise TypeError(f"expected OFFIS to explain itself, got {type(explanation).__name__}")
+    return explanation.evaluations
+
+
+def _samples(evaluation: Evaluation) -> int:
+    return len(evaluation.result)
+
+
+def _repeat(evaluations: Sequence[Evaluation]) -> None:
+    for evaluation in evaluations:
+        infer(evaluation.system, evaluation.inputs)
+
+
+def _by_reference(evaluations: Sequence[Evaluation], references: dict[str, ReferenceFis]) -> None:
+    for evaluation in evaluations:
+        reference = references[evaluation.system.rule_base.name]
+        for k in range(_samples(evaluation)):
+            reference.compute({name: float(x[k]) for name, x in evaluation.inputs.items()})
+
+
+def compare_rule_bases(samples: int, workers: int = 1) -> list[Comparison]:
+    """Every rule base of OFFIS against scikit-fuzzy on ``samples`` random inputs each."""
+    jobs = [(path.stem, samples) for path in sorted(RULES.glob("*.yaml"))]
+    if workers <= 1:
+        return [_compare(job) for job in jobs]
+    with multiprocessing.get_context("spawn").Pool(workers) as pool:
+        return pool.map(_compare, jobs, chunksize=1)
+
+
+def _compare(job: tuple[str, int]) -> Comparison:
+    name, samples = job
+    return compare(RuleBase.load(RULES / f"{name}.yaml"), samples, np.random.default_rng(_SEED))
+
+
+def time_flow(repeats: int = 200) -> dict[str, float]:
+    """Block matching, 12 x 16 windows of 24 px within 8 px, against a loop of matchTemplate."""
+    threads = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        return match_template_ratio(RobotModel(), [_textured_pair()] * repeats)
+    finally:
+        cv2.setNumThreads(threads)
+
+
+def _textured_pair() -> FramePair:
+    """Two frames of smooth noise, three and two pixels apart."""
+    rng = np.random.default_rng(_SEED)
+    noise = cv2.GaussianBlur(rng.normal(0.0, 1.0, (140, 180)), (0, 0), 1.5)
+    picture = np.clip(128.0 + 40.0 * noise / noise.std(), 0, 255).astype(np.uint8)
+    motion = CameraMotion(np.eye(3), np.array([0.0, 0.0, 0.06]), 0.2)
+    past, now = (picture[10 + dy : 130 + dy, 10 + dx : 170 + dx] for dx, dy in ((0, 0), (3, 2)))
+    return FramePair(Frame(0.0, past.copy()), Frame(0.2, now.copy()), motion)
+
+
+def _median_ms(call: Callable[[int], object], repeats: int) -> float:
+    call(0)
+    seconds = []
+    for k in range(repeats):
+        start = time.perf_counter()
+        call(k)
+        seconds.append(time.perf_counter() - start)
+    return statistics.median(seconds) * 1e3

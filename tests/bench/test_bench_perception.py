@@ -1,0 +1,133 @@
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from navfw.bench.perception_accuracy import FIGURES, markdown, run, score
+from navfw.bench.samples import samples_of_world
+from navfw.bench.scenes import random_views, random_world
+from navfw.bench.truth import WallTruth, true_term, truth_of
+from navfw.offis.nearness import triangulate
+from navfw.robot import RobotModel
+from navfw.signals import Pose
+from navfw.sim import Simulation
+from navfw.sim.worldcheck import check_world
+from navfw.sim.worldfile import BoxSpec, OpeningSpec, WallSpec, WorldSpec
+
+ROBOT = RobotModel()
+ROOM = WorldSpec(
+    name="room",
+    x=(0.0, 12.0),
+    y=(0.0, 8.0),
+    walls=(
+        WallSpec(
+            name="outer",
+            points=((0.05, 0.05), (11.95, 0.05), (11.95, 7.95), (0.05, 7.95), (0.05, 0.05)),
+        ),
+        WallSpec(
+            name="middle",
+            points=((0.05, 4.0), (11.95, 4.0)),
+            openings=(OpeningSpec(name="door", at=(6.0, 4.0), width=0.95),),
+        ),
+        WallSpec(name="passage", points=((8.0, 5.6), (11.95, 5.6))),
+    ),
+    boxes=(BoxSpec(name="box", at=(3.0, 6.0), size=(0.5, 0.5, 0.3)),),
+)
+UP, RIGHT = 0.5 * math.pi, 0.0
+
+
+def situations(x, y, yaw):
+    return set(WallTruth(ROOM).situations(Pose(x, y, yaw), ROBOT.camera))
+
+
+@pytest.mark.parametrize(
+    ("pose", "expected"),
+    [
+        ((2.5, 2.0, UP), {"wall"}),
+        ((2.5, 2.0, UP + 0.2), {"wall", "right slope wall"}),
+        ((4.5, 3.0, UP + 0.6), {"right slope wall"}),
+        ((2.5, 2.6, UP - 0.6), {"left slope wall"}),
+        ((10.5, 1.5, -0.25 * math.pi), {"corner"}),
+        ((6.0, 1.5, UP), {"door", "wall"}),
+        ((6.0, 3.1, UP), {"door"}),
+        ((8.3, 4.8, RIGHT), {"corridor"}),
+    ],
+)
+def test_situations_follow_from_the_walls(pose, expected):
+    assert situations(*pose) == expected
+
+
+def test_an_opening_beside_the_axis_or_too_far_is_no_door_ahead():
+    assert "door" not in situations(7.0, 2.5, UP)
+    assert "door" not in situations(6.0, 0.4, UP)
+
+
+def test_the_nearest_object_is_found_in_the_true_depth():
+    with Simulation(ROOM, ROBOT, Pose(11.0, 1.0, 0.0), seed=0) as sim:
+        _, depth = sim.look_from(Pose(2.0, 5.75, RIGHT))
+        truth = truth_of(WallTruth(ROOM), Pose(2.0, 5.75, RIGHT), 0.3, depth, ROBOT)
+    # the box's face is 0.65 m before the camera, low and on the left
+    assert truth.certain == {"P3"}
+    assert truth.distance == pytest.approx(0.65, abs=0.02)
+    assert truth.term == "near"
+
+
+def test_the_true_term_follows_distance_and_speed():
+    assert [true_term(d, 0.0) for d in (0.5, 1.5, 4.0)] == ["near", "middle", "far"]
+    assert true_term(1.5, 0.4 * 2) == "near"
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_random_worlds_are_sound_and_views_free(seed):
+    rng = np.random.default_rng(seed)
+    world = random_world(rng, "world")
+    check_world(world)
+    walls = WallTruth(world)
+    views = random_views(rng, world, ROBOT, 6, lambda pose: walls.situations(pose, ROBOT.camera))
+    assert len(views) == 6
+    for view in views:
+        assert 0.1 <= view.twist.v <= 0.4
+        assert abs(view.twist.w) <= 0.6
+
+
+def test_a_view_drove_its_arc():
+    rng = np.random.default_rng(3)
+    world = random_world(rng, "world")
+    view = random_views(rng, world, ROBOT, 1, lambda _: ("wall",))[0]
+    past, half = view.before(1.0), view.before(0.5)
+    assert math.hypot(past.x - view.pose.x, past.y - view.pose.y) <= view.twist.v + 1e-9
+    forward = past.relative(half)
+    again = half.relative(view.pose)
+    assert (forward.x, forward.y, forward.yaw) == pytest.approx((again.x, again.y, again.yaw))
+
+
+def test_ideal_flow_gives_the_true_nearness():
+    samples = list(samples_of_world(11, 0, views=2))
+    assert samples
+    for sample in samples:
+        seen = triangulate(sample.ideal, ROBOT.camera.focal)
+        # above the horizon, where no floor is
+        nearest = float(seen.nearness[:6].max())
+        assert 0.8 < nearest / max(sample.truth.nearness[:2]) < 1.05
+
+
+def test_a_small_run_has_all_figures_and_repeats():
+    result = run(poses=5, seed=12)
+    again = run(poses=5, seed=12)
+    assert json.loads(json.dumps(result)) == json.loads(json.dumps(again))
+    assert result["poses"] == 5
+    for key in FIGURES:
+        assert 0.0 <= result[key] <= 1.0
+        assert 0.0 <= result["ideal"][key] <= 1.0
+    assert sum(sum(row.values()) for row in result["confusion"]["distance"].values()) == 5
+    assert result["nearest_quadrant_accuracy"] >= 0.6
+    assert "| nearest quadrant right |" in markdown(result)
+
+
+def test_shares_of_nothing_are_not_numbers_but_none():
+    empty = score([], [])
+    assert empty["situation_top1"] is None
+    assert empty["situations"] == 0
