@@ -55,6 +55,7 @@ def explain(
     found: list[tuple[ErrorDetails, Place]] = [
         (detail, locate(detail["loc"], {} if data is None else data, model))
         for detail in error.errors(include_url=False)
+        if not _is_echo(detail)
     ]
     problems: list[Problem] = []
     for detail, place in _decide_unions(found):
@@ -73,6 +74,13 @@ def explain(
         if problem not in problems:
             problems.append(problem)
     return problems
+
+
+def _is_echo(detail: ErrorDetails) -> bool:
+    """Whether a list is called short only since pydantic does not count its bad items."""
+    return (
+        detail["type"] == "too_short" and len(detail["input"]) >= detail.get("ctx", {})["min_length"]
+    )
 
 
 def _message(detail: ErrorDetails, place: Place) -> str:

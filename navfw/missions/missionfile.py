@@ -29,7 +29,7 @@ from navfw.config.document import KeyPath, YamlDocument, key_text, load_yaml
 from navfw.config.lookup import find
 from navfw.config.overrides import Override, apply_overrides
 from navfw.config.yamlfile import validate
-from navfw.errors import UnknownNameError, WorldError
+from navfw.errors import ConfigError, UnknownNameError, WorldError
 from navfw.robot import RobotModel
 from navfw.signals import Array, Pose, Waypoint
 from navfw.sim.sensors import SensorParams
@@ -243,15 +243,26 @@ def _unknown(
     return UnknownNameError(what, name, known, file=origin.file, line=origin.line, key=key)
 
 
+def _mapless(document: YamlDocument, path: KeyPath, name: str) -> ConfigError:
+    origin = document.origin_of(path)
+    return ConfigError(
+        f"the place {name!r} needs a map, and the mission names none: add 'map: NAME', or give"
+        " coordinates",
+        file=origin.file,
+        line=origin.line,
+        key=origin.option or key_text(path),
+    )
+
+
 def _map_of_goals(document: YamlDocument, spec: MissionSpec) -> TopoMap:
     """A map for a mission without one: start and goals in a row, straight passages between."""
     points: list[tuple[float, float]] = []
     if isinstance(spec.start, PlaceStart):
-        raise _unknown(document, ("start", "place"), "place", spec.start.place, ())
+        raise _mapless(document, ("start", "place"), spec.start.place)
     points.append(spec.start[:2])
     for index, goal in enumerate(spec.goals):
         if not isinstance(goal, PointGoal):
-            raise _unknown(document, ("goals", index), "place", goal, ())
+            raise _mapless(document, ("goals", index), goal)
         points.append((goal.x, goal.y))
     return goals_map(points)
 

@@ -202,6 +202,12 @@ def test_a_union_is_one_problem() -> None:
     assert len(error(GOOD + "either: [a, 1]").splitlines()) == 1
 
 
+def test_a_list_of_one_bad_item_is_not_called_short_as_well() -> None:
+    text = GOOD + "places: {a: {name: a, tags: [1]}}"
+    (line,) = error(text).splitlines()
+    assert "places.a.tags[0]: expected text, got 1" in line
+
+
 def test_a_good_file_becomes_the_model(tmp_path: Path) -> None:
     path = tmp_path / "w.yaml"
     path.write_text(GOOD + "one: {kind: box, size: [1, 2]}\nlight: dim\nheight: 3\nfrom: a\n")

@@ -80,7 +80,7 @@ def test_the_robot_may_differ(tmp_path: Path) -> None:
         ("[lab]", "[]", ConfigError, 4, "goals"),
         ("[lab]", "[{x: 1}]", ConfigError, 4, "y"),
         ("map: office", "map: ofice", UnknownNameError, 2, "did you mean 'office'?"),
-        ("map: office\n", "", UnknownNameError, 3, "lab"),
+        ("map: office\n", "", ConfigError, 3, "the place 'lab' needs a map"),
         ("[1.2, 1.2, 0.6]", "{place: loby}", UnknownNameError, 3, "did you mean 'lobby'?"),
         ("[1.2, 1.2, 0.6]", "[1.2, 1.2]", ConfigError, 3, "start"),
         ("timeout: 60", "timeout: -1", ConfigError, 5, "timeout"),
