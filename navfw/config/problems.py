@@ -79,7 +79,8 @@ def explain(
 def _is_echo(detail: ErrorDetails) -> bool:
     """Whether a list is called short only since pydantic does not count its bad items."""
     return (
-        detail["type"] == "too_short" and len(detail["input"]) >= detail.get("ctx", {})["min_length"]
+        detail["type"] == "too_short"
+        and len(detail["input"]) >= detail.get("ctx", {})["min_length"]
     )
 
 
