@@ -1,21 +1,24 @@
-"""``navfw bench loop``: what the loop costs, against rendering and physics alone."""
+"""``navfw bench``: what the loop costs, how right perception is and what it costs."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from navfw.cli.output import print_json, quiet_stdout
+from navfw.cli.output import print_json, print_table, quiet_stdout
 
 __all__ = ["add_to"]
 
 
 def add_to(app: typer.Typer) -> None:
     """Add ``bench`` with its commands."""
-    group = typer.Typer(help="Measure what things cost.", no_args_is_help=True)
+    group = typer.Typer(
+        help="Measure how good things are, and what they cost.", no_args_is_help=True
+    )
     group.command()(loop)
-    group.callback()(lambda: None)  # keeps `loop` a command of its own while it is the only one
+    group.command()(perception)
     app.add_typer(group, name="bench")
 
 
@@ -43,6 +46,75 @@ def loop(
         print_json(result)
     else:
         _print(result)
+
+
+def perception(
+    poses: Annotated[int, typer.Option(min=12, help="Random views.")] = 1000,
+    comparisons: Annotated[
+        int, typer.Option(min=10, help="Random inputs of each rule base, by scikit-fuzzy, too.")
+    ] = 10_000,
+    places: Annotated[
+        int, typer.Option(min=1, help="Poses in each world for the flow's errors.")
+    ] = 20,
+    seed: Annotated[
+        int | None,
+        typer.Option(min=0, help="Of the random views [default: the held-out one]."),
+    ] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(min=1, help="Processes, for what is not timed [default: one a core]."),
+    ] = None,
+    data: Annotated[
+        Path | None,
+        typer.Option(
+            help="A folder with the recorded data: approach, tum_fr1.", show_default=False
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="Write a page with all tables and plots to this folder.", show_default=False
+        ),
+    ] = None,
+    json: Annotated[
+        bool, typer.Option("--json", help="One object on stdout, nothing else.")
+    ] = False,
+) -> None:
+    """Measure perception: accuracy against geometry, flow, speed, recorded images."""
+    with quiet_stdout():
+        from navfw.bench.perception import (
+            Extent,
+            bench_perception,
+            cores,
+            find_data,
+            page_folder,
+            tables,
+            write_page,
+        )
+        from navfw.recording.runfolder import plain_json
+
+        recorded = None if data is None else find_data(data)
+        folder = None if out is None else page_folder(out)
+        result = plain_json(
+            bench_perception(
+                Extent(poses=poses, comparisons=comparisons, places=places),
+                seed,
+                workers or cores(),
+                recorded,
+                lambda text: typer.echo(text, err=True),
+            )
+        )
+        if folder is not None:
+            with folder:
+                write_page(result, folder.path)
+    if json:
+        print_json(result)
+        return
+    for title, columns, rows in tables(result):
+        typer.echo(f"\n{title}")
+        print_table(columns, rows, "nothing")
+    if out is not None:
+        typer.echo(f"page {out / 'index.md'}")
 
 
 def _print(result: dict[str, Any]) -> None:

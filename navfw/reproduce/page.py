@@ -147,7 +147,7 @@ def _metrics(metrics: Mapping[str, Any]) -> Iterator[str]:
         f"{metrics['views']} generated views ({metrics['clear']} of them with a clear situation)."
         " First OFFIS itself, set to either metric: it takes the situation from the planes, so a"
         " metric changes only which region counts as biggest. The paper's claim, two layers of"
-        " means at least as good, is the first two lines.\n"
+        " means at least as good, is about the first two lines.\n"
     )
     kinds = ("ideal", "block matching")
     yield (
@@ -179,6 +179,24 @@ def _metrics(metrics: Mapping[str, Any]) -> Iterator[str]:
         shares = [found[kind][what] for kind in kinds for what in ("quadrant", "situation")]
         yield f"| {name} | " + " | ".join(map(_percent, shares)) + " |"
     yield ""
+    yield _verdict_on_metrics(metrics["numbers"])
+
+
+def _verdict_on_metrics(found: Mapping[str, Any]) -> str:
+    """What the numbers say of the paper's claim."""
+    means, both = found["L=2, means"], found["L=1, means and variances"]
+    held, missed = [], []
+    for kind in means:
+        for what, share in means[kind].items():
+            if share is None or both[kind][what] is None:
+                continue
+            text = f"{what}, {kind} ({_percent(share)} against {_percent(both[kind][what])})"
+            (held if share >= both[kind][what] else missed).append(text)
+    parts = [
+        f"Two layers of means are at least as good for: {'; '.join(held)}." if held else "",
+        f"They are worse for: {'; '.join(missed)}." if missed else "",
+    ]
+    return " ".join(part for part in parts if part) + "\n"
 
 
 def _timings(timings: Mapping[str, float]) -> Iterator[str]:

@@ -18,7 +18,8 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     both = {"ideal": shares, "block matching": shares}
 
     def compare(views: int, seed: int) -> dict[str, object]:
-        return {"views": views, "clear": 1, "seed": seed, "offis": {"a": both}, "numbers": {}}
+        numbers = {"L=2, means": both, "L=1, means and variances": both}
+        return {"views": views, "clear": 1, "seed": seed, "offis": {"a": both}, "numbers": numbers}
 
     monkeypatch.setattr(run, "compare_metrics", compare)
     monkeypatch.setattr(run, "timings", partial(run.timings, repeats=2))

@@ -123,7 +123,8 @@ def test_scenes_have_the_paper_s_camera() -> None:
 def test_page_and_pictures(waypoints: list[WaypointRow], scenes: list[SceneRow]) -> None:
     shares = {"quadrant": 0.5, "distance": None, "situation": 1.0}
     both = {"ideal": shares, "block matching": shares}
-    metrics = {"views": 9, "clear": 8, "offis": {"a": both}, "numbers": {"b": both}}
+    numbers = {"L=2, means": both, "L=1, means and variances": both}
+    metrics = {"views": 9, "clear": 8, "offis": {"a": both}, "numbers": numbers}
     times = {"offis_12x16_ms": 0.5, "offis_10x15_ms": 0.25, "block_matching_12x16_ms": 2.0}
     page = write_page(0, waypoints, scenes, metrics, times, {"all is well": False})
     assert "| all is well | **no** |" in page
@@ -134,6 +135,7 @@ def test_page_and_pictures(waypoints: list[WaypointRow], scenes: list[SceneRow])
             assert reading.percept.sentence in page
     for scene in scenes:
         assert scene.scene.paper in page
+    assert "at least as good for: quadrant, ideal (50 % against 50 %)" in page
     assert "## What differs from the paper" in page
     picture = waypoint_picture(waypoints[0])
     assert picture.shape == (2 * (480 + 30), 2 * 640 + 8, 3)

@@ -1,0 +1,259 @@
+"""Perception as a whole: accuracy, flow, speed, recorded images; one result, one page."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from navfw.bench import datasets, flow_accuracy, perception_accuracy, speed
+from navfw.errors import InputError
+from navfw.perceive.output import WholeFolder
+
+__all__ = [
+    "REACHES",
+    "Extent",
+    "Reach",
+    "Table",
+    "bench_perception",
+    "cores",
+    "find_data",
+    "page",
+    "page_folder",
+    "tables",
+    "write_page",
+]
+
+Table = tuple[str, Sequence[str], Sequence[Sequence[object]]]
+"""Title, columns, rows."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reach:
+    """What is aimed at: ``key`` of the result, ``limit``, and whether more is better."""
+
+    key: str
+    limit: float
+    more: bool
+    what: str
+
+    def reached(self, value: float | None) -> bool | None:
+        """Whether ``value`` is good enough; None when it was not measured."""
+        if value is None:
+            return None
+        return value >= self.limit if self.more else value <= self.limit
+
+
+REACHES = (
+    Reach("offis_ms", 0.5, False, "OFFIS, obstacles and situation, 12 x 16, two layers [ms]"),
+    Reach("offis_skfuzzy_ratio", 500.0, True, "times faster than through scikit-fuzzy"),
+    Reach("offis_max_abs_diff", 1e-6, False, "largest difference from scikit-fuzzy"),
+    Reach("block_matching_ratio", 2.5, True, "block matching over a loop of matchTemplate"),
+    Reach("nearest_quadrant_accuracy", 0.95, True, "nearest quadrant right"),
+    Reach("distance_accuracy", 0.90, True, "distance term right"),
+    Reach("far_for_near", 0.01, False, "far said for near"),
+    Reach("situation_contains_truth", 0.95, True, "Table 1's alternatives contain the truth"),
+    Reach("situation_top1", 0.85, True, "top situation right"),
+    Reach("ttc_median_rel_error", 0.15, False, "time to contact below 5 s, median relative error"),
+)
+"""What issue and benchmark aim at."""
+
+_ACCURACY = (
+    "nearest_quadrant_accuracy",
+    "distance_accuracy",
+    "far_for_near",
+    "situation_contains_truth",
+    "situation_top1",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Extent:
+    """How much is measured: random views, inputs of each rule base, poses a world for the flow."""
+
+    poses: int = 1000
+    comparisons: int = 10_000
+    places: int = 20
+    repeats: int = 1000
+
+
+def cores() -> int:
+    """Cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def page_folder(out: Path) -> WholeFolder:
+    """The folder of the page, to be entered; an earlier page in it is replaced.
+
+    Raises:
+        InputError: it holds something else.
+
+    """
+    return WholeFolder(out, re.compile(r"index\.md|result\.json|flow\.png"), "--out")
+
+
+def write_page(result: Mapping[str, Any], folder: Path) -> None:
+    """Write ``index.md``, ``result.json`` and ``flow.png``."""
+    flow_accuracy.plot(dict(result["flow"]), folder / "flow.png")
+    (folder / "index.md").write_text(page(result), encoding="utf-8")
+    text = json.dumps(result, indent=2, allow_nan=False)
+    (folder / "result.json").write_text(text + "\n", encoding="utf-8")
+
+
+def find_data(folder: Path) -> dict[str, Path]:
+    """Which recorded data ``folder`` holds: "approach", "tum_fr1" or both.
+
+    Raises:
+        InputError: none.
+
+    """
+    found = {name: folder / name for name in ("approach", "tum_fr1") if (folder / name).is_dir()}
+    if not found:
+        raise InputError("holds neither approach nor tum_fr1", file=folder, key="--data")
+    return found
+
+
+def bench_perception(
+    extent: Extent,
+    seed: int | None = None,
+    workers: int = 1,
+    data: Mapping[str, Path] | None = None,
+    tell: Callable[[str], None] = lambda _: None,
+) -> dict[str, Any]:
+    """Measure everything, as plain data.
+
+    The keys of ``REACHES`` (None: not measured) and ``ideal``, the accuracies with ideal flow; then
+    the parts in full: ``accuracy``, ``speed``, ``flow``, and ``approach`` and ``tum`` (None without
+    their ``data``). ``seed`` is that of the random views, ``workers`` the number of processes for
+    what is not timed.
+    """
+    seed = perception_accuracy.HELD_OUT_SEED if seed is None else seed
+    tell(f"speed, and {extent.comparisons} inputs of every rule base by scikit-fuzzy")
+    costs = speed.run(extent.comparisons, extent.repeats, workers)
+    tell(f"flow at {extent.places} poses of each world")
+    flow = flow_accuracy.bench_flow(extent.places, seed=seed, tick=lambda text: tell(f"  {text}"))
+    approach = tum = None
+    if data is not None and "approach" in data:
+        tell("the recorded approach")
+        approach = datasets.bench_approach(data["approach"])
+    if data is not None and "tum_fr1" in data:
+        tell("the recorded office")
+        tum = datasets.bench_tum(data["tum_fr1"])
+    tell(f"accuracy over {extent.poses} views")
+
+    def count(done: int) -> None:
+        if done % 100 == 0:
+            tell(f"  {done} of {extent.poses}")
+
+    accuracy = perception_accuracy.run(extent.poses, seed, workers, progress=count)
+    return {
+        "offis_ms": costs["offis_ms"],
+        "offis_skfuzzy_ratio": costs["offis_skfuzzy_ratio"],
+        "offis_max_abs_diff": costs["offis_max_abs_diff"],
+        "block_matching_ratio": flow["block_matching_ratio"],
+        **{key: accuracy[key] for key in _ACCURACY},
+        "ttc_median_rel_error": None if approach is None else approach["ttc_median_rel_error"],
+        "ideal": {key: accuracy["ideal"][key] for key in _ACCURACY},
+        "accuracy": accuracy,
+        "speed": costs,
+        "flow": flow,
+        "approach": approach,
+        "tum": tum,
+    }
+
+
+def tables(result: Mapping[str, Any]) -> Iterator[Table]:
+    """The result for people."""
+    rows = []
+    for reach in REACHES:
+        value = result[reach.key]
+        good = reach.reached(value)
+        rows.append(
+            (
+                reach.what,
+                _number(value),
+                _number(result["ideal"].get(reach.key)),
+                f"{'at least' if reach.more else 'at most'} {reach.limit:g}",
+                {None: "not measured", True: "yes", False: "no"}[good],
+            )
+        )
+    yield "Perception", ("what", "measured", "with ideal flow", "aim", "reached"), rows
+    processors = result["flow"]["processors"]
+    yield (
+        f"Flow on {result['flow']['pairs']} rendered pairs, end-point errors [px]",
+        ("processor", "trusted", "median", "95 %", "over 0.5 px", "ms"),
+        [
+            (
+                name,
+                _share(p["coverage"]),
+                _number(p["epe_median"]),
+                _number(p["epe_p95"]),
+                _share(p["over_half_px"]),
+                _number(p["ms"]),
+            )
+            for name, p in processors.items()
+        ],
+    )
+    for flow, part in (("", result["accuracy"]), (", ideal flow", result["accuracy"]["ideal"])):
+        for name, confusion in part["confusion"].items():
+            said = sorted({answer for answers in confusion.values() for answer in answers})
+            yield (
+                f"{name.capitalize()}{flow}: truth (rows) and answer",
+                ("", *said),
+                [
+                    (truth, *(answers.get(answer, "") for answer in said))
+                    for truth, answers in confusion.items()
+                ],
+            )
+
+
+def page(result: Mapping[str, Any]) -> str:
+    """Everything in Markdown; refers to ``flow.png``."""
+    parts = [
+        "# Perception, measured\n",
+        f"{result['accuracy']['poses']} random views of seed {result['accuracy']['seed']};"
+        f" {result['speed']['comparisons']} random inputs of every rule base; times are medians on"
+        " this machine, one thread.\n",
+    ]
+    for title, columns, rows in tables(result):
+        parts.append(f"## {title}\n")
+        parts.append("| " + " | ".join(columns) + " |")
+        parts.append("|---" * len(columns) + "|")
+        parts += ["| " + " | ".join(map(str, row)) + " |" for row in rows]
+        parts.append("")
+    parts.append("## Flow in full\n\n![error and cost of the processors](flow.png)\n")
+    parts.append(flow_accuracy.table(dict(result["flow"])))
+    if result["tum"] is not None:
+        parts.append("## Recorded office (TUM fr1)\n")
+        parts.append(datasets.tum_table(result["tum"]))
+    if result["approach"] is not None:
+        parts.append(_approach(result["approach"]))
+    return "\n".join(parts)
+
+
+def _approach(approach: Mapping[str, Any]) -> str:
+    lines = [
+        "## Recorded approach: time to contact\n",
+        "| time to impact [s] | frames | median relative error | of single pairs |",
+        "|---|---|---|---|",
+    ]
+    lines += [
+        f"| {row['from_s']:g} to {row['to_s']:g} | {row['n']} | {_share(row['median_rel_error'])} |"
+        f" {_share(row['raw_median'])} |"
+        for row in approach["by_time"]
+    ]
+    return "\n".join([*lines, ""])
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3g}"
+
+
+def _share(value: float | None) -> str:
+    return "-" if value is None else f"{100.0 * value:.1f} %"
