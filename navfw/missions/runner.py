@@ -47,7 +47,9 @@ class PilotState(Protocol):
     @property
     def stuck(self) -> str | None: ...  # noqa: D102
     @property
-    def faults(self) -> tuple[str, ...]: ...  # noqa: D102
+    def faults(self) -> tuple[str, ...]:
+        """All kinds of fault that plugins have had so far, each with its count."""
+        ...
 
 
 class Pilot(Protocol):
@@ -194,8 +196,7 @@ class _Loop:
         self.visits = _Visits(task.goals, task.success_radius)
         self.stall = _Stall(task.stuck_after, task.stall_radius)
         self.finished_at: float | None = None
-        self.faults: dict[str, None] = {}
-        self.newest_faults: tuple[str, ...] = ()
+        self.faults: tuple[str, ...] = ()
         self.path: tuple[Waypoint, ...] = ()
         self.leader = ""
         self.last_leader = ""
@@ -211,7 +212,7 @@ class _Loop:
             track=self.recorder.track(),
             sim_time=self.simulator.time - first,
             wall_time=time.perf_counter() - self.began,
-            faults=tuple(self.faults),
+            faults=self.faults[:_MAX_FAULTS],
         )
 
     def _drive(self) -> Verdict:
@@ -259,9 +260,7 @@ class _Loop:
         if state.path is not self.path:
             self.path = state.path
             self.recorder.add_waypoints(state.path)
-        if state.faults is not self.newest_faults and len(self.faults) < _MAX_FAULTS:
-            self.newest_faults = state.faults
-            self.faults.update(dict.fromkeys(state.faults))
+        self.faults = state.faults
         if self.progress is not None and reading.time >= self.next_progress:
             self.next_progress = reading.time + PROGRESS_PERIOD
             self.progress(self._progress(reading.time, pose))

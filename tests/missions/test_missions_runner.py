@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import math
 from collections.abc import Sequence
@@ -125,6 +126,17 @@ def test_a_mission_that_the_stack_refuses_is_the_users_error() -> None:
 
     with pytest.raises(MapError, match="no way to the goal"):
         run_task(task(), Refuser([]), FakeSimulator(START))
+
+
+def test_a_fault_that_repeats_is_listed_once_with_its_last_count() -> None:
+    class Faulty(ScriptedPilot):
+        def step(self, reading: SensorReading) -> Twist:
+            twist = super().step(reading)
+            self.state = dataclasses.replace(self.state, faults=(f"avoid: bad ({self._tick})",))
+            return twist
+
+    run = run_task(task(), Faulty([Twist(0.1, 0.0)] * 9), FakeSimulator(START))
+    assert run.faults == ("avoid: bad (10)",)
 
 
 def test_progress_tells_distance_and_who_leads() -> None:

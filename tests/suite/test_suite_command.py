@@ -75,14 +75,14 @@ def test_ctrl_c_leaves_a_valid_table_and_no_process(folder: Path) -> None:
         assert process.poll() is None, "it ended before it began"
         time.sleep(0.1)
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to parent and workers
-    out, _ = process.communicate(timeout=60)
+    out, _ = process.communicate(timeout=300)
     assert process.returncode == 1
     answer = json.loads(out)
     assert answer["summary"]["complete"] is False
     rows = read_table(table)
     assert 1 <= len(rows) == len(answer["runs"]) < 5000
     assert {row.outcome for row in rows} == {"timeout"}
-    deadline = time.monotonic() + 20.0
+    deadline = time.monotonic() + 120.0
     while processes_in(process.pid):
         assert time.monotonic() < deadline, "a worker is still there"
         time.sleep(0.1)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import time
+from pathlib import Path
 
 import pytest
 import suite_samples as samples
@@ -12,16 +13,10 @@ from navfw.errors import SimulationError
 from navfw.suite.pool import Died, WorkerPool
 
 
-def test_jobs_run_side_by_side_in_processes_of_their_own() -> None:
-    with WorkerPool(samples.napping, workers=2, limit=60.0) as pool:
-        list(pool.run([0.0, 0.0]))  # processes have started
-        began = time.monotonic()
-        done = list(pool.run([0.5] * 4))
-        elapsed = time.monotonic() - began
-    pids = {pid for _, pid in done}
-    assert len(pids) == 2
-    assert os.getpid() not in pids
-    assert elapsed < 1.6  # one after the other they would take 2 s
+def test_jobs_run_side_by_side_in_processes_of_their_own(tmp_path: Path) -> None:
+    with WorkerPool(samples.meet, workers=2, limit=120.0) as pool:
+        assert [met for _, met in pool.run([str(tmp_path)] * 2)] == [True, True]
+    assert str(os.getpid()) not in {file.name for file in tmp_path.iterdir()}
 
 
 @pytest.mark.parametrize(
@@ -73,6 +68,6 @@ def test_when_no_process_ever_does_a_job_the_pool_gives_up() -> None:
 def test_an_abandoned_pool_ends_without_doing_the_rest() -> None:
     began = time.monotonic()
     with WorkerPool(samples.napping, workers=1, limit=60.0) as pool:
-        for _ in pool.run([0.1] * 600):
+        for _ in pool.run([0.1] * 6000):
             break
-    assert time.monotonic() - began < 20.0
+    assert time.monotonic() - began < 300.0
