@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Protocol
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from navfw.config.document import KeyPath, YamlDocument, load_yaml
 from navfw.config.overrides import Override, apply_overrides, parse_override
@@ -20,7 +20,23 @@ from navfw.safety import SafetyParams
 
 __all__ = ["Choice", "PluginSource", "StackConfig", "StackSpec", "load_stack"]
 
-Chosen = Annotated[dict[str, dict[str, Any] | None], Field(min_length=1, max_length=1)]
+
+def _some_plugins(value: object) -> object:
+    if not isinstance(value, Mapping) or not value:
+        raise ValueError("expected plugins, each as 'name: {parameters}' or 'name:'")
+    return value
+
+
+def _one_plugin(value: object) -> object:
+    if not isinstance(value, Mapping) or len(value) != 1:
+        given = ", ".join(map(str, value)) if isinstance(value, Mapping) else ""
+        got = f"got {given}" if given else "got none"
+        raise ValueError(f"expected one plugin, as 'name: {{parameters}}' or 'name:'; {got}")
+    return value
+
+
+_Plugins = dict[str, dict[str, Any] | None]
+Chosen = Annotated[_Plugins, BeforeValidator(_one_plugin), Field(min_length=1, max_length=1)]
 
 
 class StackSpec(BaseModel):
@@ -35,7 +51,7 @@ class StackSpec(BaseModel):
     localizer: Chosen
     planner: Chosen
     composite: Chosen = {"travel": None}
-    behaviors: Annotated[dict[str, dict[str, Any] | None], Field(min_length=1)]
+    behaviors: Annotated[_Plugins, BeforeValidator(_some_plugins), Field(min_length=1)]
     fusion: Chosen
     controller: Chosen
     pairing: PairingParams = PairingParams()

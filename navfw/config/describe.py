@@ -114,7 +114,8 @@ def _container(bare: Any) -> str:
     if not isinstance(origin, type):
         return str(getattr(bare, "__name__", bare))
     if issubclass(origin, BaseModel | Mapping):
-        return f"a mapping to {_plural(args[1])}" if len(args) == 2 else "a mapping"
+        known = len(args) == 2 and args[1] is not Any
+        return f"a mapping to {_plural(args[1])}" if known else "a mapping"
     if issubclass(origin, tuple):
         return _tuple(origin, args)
     if issubclass(origin, Sequence | set | frozenset):

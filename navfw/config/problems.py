@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sized
 from dataclasses import dataclass
 from typing import Any
 
@@ -100,8 +100,8 @@ def _message(detail: ErrorDetails, place: Place) -> str:
             text = f"unknown {place.tag_key} {tag!r}: {did_you_mean(tag, place.tags)}"
         case "value_error" | "assertion_error":
             text = str(context.get("error") or detail["msg"])
-        case "too_short" | "too_long" if place.certain and "actual_length" in context:
-            text = f"expected {wanted}, got {context['actual_length']} items"
+        case "too_short" | "too_long" if place.certain and isinstance(given, Sized):
+            text = f"expected {wanted}, got {len(given)} items"
         case _ if not place.certain:
             text = f"{detail['msg'][:1].lower()}{detail['msg'][1:]}, got {shown(given)}"
         case _:
