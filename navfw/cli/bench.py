@@ -58,11 +58,11 @@ def perception(
     ] = 20,
     seed: Annotated[
         int | None,
-        typer.Option(min=0, help="Of the random views [default: the held-out one]."),
+        typer.Option(min=0, help="Of the random views; by default the held-out one."),
     ] = None,
     workers: Annotated[
         int | None,
-        typer.Option(min=1, help="Processes, for what is not timed [default: one a core]."),
+        typer.Option(min=1, help="Processes, for what is not timed; by default one a core."),
     ] = None,
     data: Annotated[
         Path | None,

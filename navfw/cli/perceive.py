@@ -29,12 +29,12 @@ def perceive(
         typer.Argument(help="A folder of images, a video, or image files.", show_default=False),
     ],
     hfov: Annotated[
-        float, typer.Option(help="Horizontal field of view [deg]; a phone has about 65.")
+        float, typer.Option(help="Horizontal field of view in degrees; a phone has about 65.")
     ] = 65.0,
     speed: Annotated[
         float | None,
         typer.Option(
-            help="Forward speed [m/s]. Unknown or 0: times to contact only, unless --height is"
+            help="Forward speed in m/s. Unknown or 0: times to contact only, unless --height is"
             " given and the floor is seen.",
             show_default=False,
         ),
@@ -42,21 +42,21 @@ def perceive(
     fps: Annotated[
         float | None,
         typer.Option(
-            help="Images a second [default: the video's; 10 for files].", show_default=False
+            help="Images a second; by default the video's, 10 for files.", show_default=False
         ),
     ] = None,
     height: Annotated[
         float | None,
         typer.Option(
-            help="Camera above the floor [m] [default: from the floor and the speed].",
+            help="Camera above the floor in m; by default from floor and speed.",
             show_default=False,
         ),
     ] = None,
-    pitch: Annotated[float, typer.Option(help="Camera's pitch, nose down [deg].")] = 0.0,
+    pitch: Annotated[float, typer.Option(help="Camera's pitch, nose down, in degrees.")] = 0.0,
     gyro: Annotated[
         Path | None,
         typer.Option(
-            help="CSV file: time [s], yaw_rate [, pitch_rate, roll_rate] [rad/s]; without it the"
+            help="CSV file: time (s), yaw_rate (rad/s) and, if known, pitch_rate, roll_rate; without it the"
             " turn is estimated from the flow.",
             show_default=False,
         ),
@@ -68,7 +68,7 @@ def perceive(
     stride: Annotated[
         int | None,
         typer.Option(
-            help="Images from the first to the second of a pair [default: chosen by the flow].",
+            help="Images from the first to the second of a pair; by default chosen by the flow.",
             show_default=False,
         ),
     ] = None,

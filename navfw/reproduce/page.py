@@ -185,7 +185,8 @@ def _metrics(metrics: Mapping[str, Any]) -> Iterator[str]:
 def _verdict_on_metrics(found: Mapping[str, Any]) -> str:
     """What the numbers say of the paper's claim."""
     means, both = found["L=2, means"], found["L=1, means and variances"]
-    held, missed = [], []
+    held: list[str] = []
+    missed: list[str] = []
     for kind in means:
         for what, share in means[kind].items():
             if share is None or both[kind][what] is None:
