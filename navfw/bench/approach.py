@@ -1,0 +1,188 @@
+"""Flow on a recorded pure approach: times to contact against the recorded times to impact.
+
+The data are not part of the repository: ``bench_approach`` takes the folder that holds them, frames
+``image_1.jpg`` ... and ``TTI.mat`` (Huizerd, AE4317_Autonomous_Flight_of_MAVs, MIT licence).
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from navfw.errors import ConfigError
+from navfw.flow.block_matching import BlockMatching
+from navfw.flow.divergence import ContactFilter, Expansion, fit_expansion
+from navfw.robot import CameraModel, RobotModel
+from navfw.signals import Array, CameraMotion, Frame, FramePair, Image
+
+__all__ = ["bench_approach", "contact_times", "read_image"]
+
+ZOOM_FROM = 0.05
+"""When the image is expected to grow by more, the past one is magnified before matching."""
+STILL = CameraMotion(np.eye(3), np.zeros(3), 0.0)
+
+
+def bench_approach(folder: str | Path) -> dict[str, Any]:
+    """Time to contact of every frame of the approach, against the recorded time to impact.
+
+    Each frame is compared with the one before it: block matching, and a fit of the growth about a
+    focus of expansion; speed and focal length are not used. Which frame has which value: see
+    ``_paired``. Returns plain data:
+
+    - ``frames``, ``values``: how many there are;
+    - ``pairing_offset_frames``: by how many frames the estimates would have to be shifted along
+      the values to fit best (0: the pairing is right); ``step_s``, time between frames;
+      ``other_pairing_median_rel_error``: what the first key below would be, were the first frame
+      paired with the first value instead;
+    - ``ttc_median_rel_error``, ``ttc_p95_rel_error``: of the causally smoothed estimate, where the
+      truth is below 5 s; ``raw_median_rel_error``, ``raw_p95_rel_error`` of single pairs;
+      ``all_median_rel_error``: of the smoothed one over all frames;
+    - ``answered``: share of the frames below 5 s with a measurement of their own;
+    - ``by_time``: list of {``from_s``, ``to_s``, ``n``, ``median_rel_error``, ``raw_median``};
+    - ``truth_s``, ``smoothed_s``, ``raw_s``: lists, one value a frame from the second on (None: no
+      measurement).
+
+    Raises:
+        ConfigError: the folder does not hold what it should.
+
+    """
+    images, truth, step, count = _paired(Path(folder))
+    raw, smoothed = contact_times(images, step)
+    true = truth[1:]
+    errors = np.abs(smoothed - true) / true
+    raw_errors = np.abs(raw - true) / true
+    close = true < 5.0
+    measured = np.isfinite(raw)
+    return {
+        "frames": len(images),
+        "values": count,
+        "step_s": step,
+        "pairing_offset_frames": _offset(raw, true, step),
+        "other_pairing_median_rel_error": _quantile(
+            np.abs(smoothed[close] / (true[close] + step) - 1.0), 0.5
+        ),
+        "ttc_median_rel_error": _quantile(errors[close], 0.5),
+        "ttc_p95_rel_error": _quantile(errors[close], 0.95),
+        "raw_median_rel_error": _quantile(raw_errors[close & measured], 0.5),
+        "raw_p95_rel_error": _quantile(raw_errors[close & measured], 0.95),
+        "all_median_rel_error": _quantile(errors, 0.5),
+        "answered": float(measured[close].mean()),
+        "by_time": [
+            {
+                "from_s": low,
+                "to_s": high,
+                "n": int(chosen.sum()),
+                "median_rel_error": _quantile(errors[chosen], 0.5),
+                "raw_median": _quantile(raw_errors[chosen & measured], 0.5),
+            }
+            for low, high in ((0.0, 0.5), (0.5, 1.0), (1.0, 2.0), (2.0, 5.0), (5.0, 10.0))
+            if (chosen := (true >= low) & (true < high)).any()
+        ],
+        "truth_s": true.tolist(),
+        "smoothed_s": _listed(smoothed),
+        "raw_s": _listed(raw),
+    }
+
+
+def _paired(folder: Path) -> tuple[list[Image], Array, float, int]:
+    """Frames in order, the time to impact [s] of each, the time between them [s], all values.
+
+    There are 101 values, 10.0 to 0.0 s by 0.1 s, and 99 frames numbered from 1: the value of frame
+    k is number k counted from 0, so that the first value, at the very start, and the last, at the
+    impact itself, have no image. That is what the images say, too: see ``pairing_offset_frames``.
+    """
+    from scipy.io import loadmat
+
+    named = {}
+    for file in folder.glob("image_*.jpg"):
+        number = re.fullmatch(r"image_(\d+)", file.stem)
+        if number:
+            named[int(number[1])] = file
+    if not named or not (folder / "TTI.mat").is_file():
+        raise ConfigError("expected image_1.jpg, image_2.jpg, ... and TTI.mat", file=folder)
+    values = np.asarray(loadmat(folder / "TTI.mat")["TTI"], dtype=np.float64).ravel()
+    numbers = sorted(named)
+    if numbers != list(range(1, len(numbers) + 1)) or numbers[-1] >= len(values):
+        raise ConfigError(
+            f"{len(values)} times do not go with frames {numbers[0]} to {numbers[-1]}", file=folder
+        )
+    images = [read_image(named[number]) for number in numbers]
+    return images, values[numbers], float(np.median(-np.diff(values))), len(values)
+
+
+def contact_times(images: Sequence[Image], step: float) -> tuple[Array, Array]:
+    """Times to contact [s] of the second frame and all later ones: of single pairs, and smoothed.
+
+    A single pair's is NaN where nothing was measured. Each pair uses what the ones before it said
+    only to foresee how much the image has grown.
+    """
+    height, width = images[0].shape
+    camera = CameraModel(width=width, height=height)
+    matcher = BlockMatching(
+        RobotModel(camera=camera), BlockMatching.Params(rows=_cells(height), cols=_cells(width))
+    )
+    smoother = ContactFilter()
+    raw, smoothed = [], []
+    for past, now in itertools.pairwise(images):
+        foreseen = smoother.time_to_contact - step
+        rate = step / (foreseen + step) if math.isfinite(foreseen) and foreseen > 0.0 else 0.0
+        found = _growth(matcher, past, now, min(rate, 0.7))
+        smoothed.append(smoother.update(step, found, step))
+        raw.append(found.time_to_contact(step) if found is not None else math.nan)
+    return np.array(raw), np.array(smoothed)
+
+
+def _growth(matcher: BlockMatching, past: Image, now: Image, foreseen: float) -> Expansion | None:
+    """How ``now`` has grown from ``past``; ``foreseen`` growth is matched away beforehand."""
+    zoom = foreseen if foreseen > ZOOM_FROM else 0.0
+    height, width = past.shape
+    centre_x, centre_y = 0.5 * (width - 1), 0.5 * (height - 1)
+    keep = 1.0 - zoom
+    from_now = np.array(
+        [[keep, 0.0, zoom * centre_x], [0.0, keep, zoom * centre_y]], dtype=np.float64
+    )
+    magnified = cv2.warpAffine(
+        past, from_now, (width, height), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    )
+    seen = np.asarray(magnified, dtype=np.uint8) if zoom else past
+    found = fit_expansion(matcher.compute(FramePair(Frame(0.0, seen), Frame(1.0, now), STILL)))
+    if found is None:
+        return None
+    # both growths one after the other
+    rate = 1.0 - keep * (1.0 - found.rate)
+    focus = keep * found.rate * found.focus / rate if rate else found.focus
+    return Expansion(rate, keep * found.sigma, focus, found.support)
+
+
+def _cells(size: int) -> int:
+    """About 16 cells along a side that they divide."""
+    return min((n for n in range(4, size // 8 + 1) if size % n == 0), key=lambda n: abs(n - 16))
+
+
+def _offset(raw: Array, true: Array, step: float) -> float:
+    """How many frames too early the estimates come, by the median of their differences."""
+    good = np.isfinite(raw) & (true > 1.0)
+    return float(np.median(true[good] - raw[good]) / step)
+
+
+def _quantile(values: Array, share: float) -> float | None:
+    return float(np.quantile(values, share)) if len(values) else None
+
+
+def _listed(values: Array) -> list[float | None]:
+    return [float(v) if math.isfinite(v) else None for v in values]
+
+
+def read_image(file: Path) -> Image:
+    """Luminance of an image file."""
+    image = cv2.imread(str(file), cv2.IMREAD_GRAYSCALE)
+    if image is None:
+        raise ConfigError("is no image that can be read", file=file)
+    return np.asarray(image, dtype=np.uint8)

@@ -1,0 +1,72 @@
+"""The source files and their syntax trees, for tests about how the house is built."""
+
+from __future__ import annotations
+
+import ast
+import tomllib
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+MODULES = sorted((ROOT / "navfw").rglob("*.py"))
+BEHAVIORS = sorted((ROOT / "behaviors").glob("*.py"))
+
+
+def shown(path: Path) -> str:
+    """A path as tests are named by it."""
+    return path.relative_to(ROOT).as_posix()
+
+
+def module_name(path: Path) -> str:
+    """What a module of the package is imported as."""
+    return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+
+
+@cache
+def tree_of(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"), shown(path))
+
+
+def imports(tree: ast.AST) -> Iterator[tuple[str, str | None]]:
+    """Everything imported, inside functions as well: module, and name or None for a whole one."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from ((alias.name, None) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, "a relative import"
+            yield from ((node.module or "", alias.name) for alias in node.names)
+
+
+def names(tree: ast.AST) -> Iterator[str]:
+    """Every name and attribute that the code uses."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Name):
+            yield node.id
+        elif isinstance(node, ast.Attribute):
+            yield node.attr
+
+
+def dotted(node: ast.AST) -> str:
+    """``np.random.seed`` for its attribute node; empty for what is no dotted name."""
+    if isinstance(node, ast.Name):
+        return node.id
+    if isinstance(node, ast.Attribute):
+        before = dotted(node.value)
+        return f"{before}.{node.attr}" if before else ""
+    return ""
+
+
+def stack_modules() -> list[Path]:
+    """The modules of the stack, which decides by sensor readings alone; as import-linter has it."""
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    (contract,) = (
+        contract
+        for contract in settings["tool"]["importlinter"]["contracts"]
+        if contract["name"].startswith("honest sensing")
+    )
+    found: list[Path] = []
+    for name in contract["source_modules"]:
+        base = ROOT / name.replace(".", "/")
+        found += sorted(base.rglob("*.py")) if base.is_dir() else [base.with_suffix(".py")]
+    return found

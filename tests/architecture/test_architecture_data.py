@@ -1,0 +1,47 @@
+"""Every data file that ships is one that some reader takes, and takes without complaint."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from architecture_sources import ROOT, shown
+
+from navfw.fuzzy import RuleBase
+from navfw.missions.missionfile import load_mission
+from navfw.plugins import default_registry
+from navfw.sim.worldfile import load_world
+from navfw.stackfile import load_stack
+from navfw.suite.suitefile import load_suite
+from navfw.topomap.files import load_map
+
+READERS: dict[str, Callable[[Path], Any]] = {
+    "behaviors/*.yaml": RuleBase.load,
+    "maps/*.yaml": load_map,
+    "navfw/*/rules/*.yaml": RuleBase.load,
+    "navfw/stacks/*.yaml": lambda path: load_stack(path, default_registry()),
+    "worlds/*/missions/*.yaml": load_mission,
+    "worlds/*/world.yaml": load_world,
+    "worlds/suites/*.yaml": load_suite,
+}
+FILES = [
+    pytest.param(read, path, id=shown(path))
+    for pattern, read in READERS.items()
+    for path in sorted(ROOT.glob(pattern))
+]
+
+
+@pytest.mark.parametrize(("read", "path"), FILES)
+def test_it_loads(read: Callable[[Path], Any], path: Path) -> None:
+    assert read(path) is not None
+
+
+def test_no_file_is_without_a_reader() -> None:
+    read = {path for pattern in READERS for path in ROOT.glob(pattern)}
+    folders = (ROOT / name for name in ("behaviors", "maps", "navfw", "worlds"))
+    shipped = {path for folder in folders for path in folder.rglob("*.yaml")}
+    assert {shown(path) for path in shipped - read} == set()
+    for pattern in READERS:
+        assert list(ROOT.glob(pattern)), f"nothing is like {pattern}"

@@ -1,0 +1,147 @@
+"""The rules of the house that no linter knows: what may import, call and draw what."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from architecture_sources import (
+    BEHAVIORS,
+    MODULES,
+    ROOT,
+    dotted,
+    imports,
+    module_name,
+    names,
+    shown,
+    stack_modules,
+    tree_of,
+)
+
+import navfw
+
+MAX_LINES = 450
+SOURCES = [*MODULES, *BEHAVIORS]
+FOR_BEHAVIORS = sys.stdlib_module_names | {"numpy", "pydantic"}
+DECIDING = [*stack_modules(), *BEHAVIORS]
+OUTSIDE = {"datetime", "os", "random", "secrets", "socket", "time"}
+TRUTH = {"true_pose", "true_depth", "floor_plan", "FloorPlan", "contacts"}
+ENGINE = {
+    "getBasePositionAndOrientation",
+    "getBaseVelocity",
+    "getCameraImage",
+    "getClosestPoints",
+    "getContactPoints",
+    "getJointState",
+    "getLinkState",
+    "rayTest",
+    "rayTestBatch",
+    "resetBasePositionAndOrientation",
+    "stepSimulation",
+}
+SEEDED = {"BitGenerator", "Generator", "PCG64", "Philox", "SeedSequence", "default_rng"}
+
+
+def test_there_is_something_to_look_at() -> None:
+    assert len(MODULES) > 100
+    assert len(BEHAVIORS) >= 8
+    assert ROOT / "navfw" / "stack.py" in stack_modules()
+    assert all(path.is_file() for path in DECIDING)
+
+
+@pytest.mark.parametrize("path", BEHAVIORS, ids=shown)
+def test_behaviors_import_public_names_alone(path: Path) -> None:
+    for module, name in imports(tree_of(path)):
+        if module == "navfw":
+            assert name in navfw.__all__
+        else:
+            assert module.split(".")[0] in FOR_BEHAVIORS
+
+
+def test_every_public_name_resolves_and_no_other_does() -> None:
+    assert sorted(navfw.__all__) == sorted(set(navfw.__all__))
+    for name in navfw.__all__:
+        assert getattr(navfw, name) is not None
+    with pytest.raises(AttributeError, match="Stuck"):
+        _ = navfw.Stuck
+
+
+def test_modules_are_short_and_say_what_they_are_about() -> None:
+    lines = {shown(path): len(path.read_text(encoding="utf-8").splitlines()) for path in SOURCES}
+    assert {name: count for name, count in lines.items() if count > MAX_LINES} == {}
+    assert [shown(path) for path in SOURCES if not ast.get_docstring(tree_of(path))] == []
+
+
+def test_annotations_are_not_evaluated() -> None:
+    first = ("__future__", "annotations")
+    with_code = [path for path in SOURCES if tree_of(path).body[1:]]
+    assert [shown(path) for path in with_code if first not in set(imports(tree_of(path)))] == []
+
+
+def test_modules_have_what_they_say_is_theirs() -> None:
+    missing = []
+    for path in MODULES:
+        if path.name not in {"__init__.py", "__main__.py"}:
+            module = importlib.import_module(module_name(path))
+            missing += [f"{module.__name__}.{n}" for n in module.__all__ if not hasattr(module, n)]
+    assert missing == []
+
+
+def test_only_sim_talks_to_the_physics_engine() -> None:
+    users = {
+        shown(path.parent)
+        for path in SOURCES
+        if any(module.split(".")[0] == "pybullet" for module, _ in imports(tree_of(path)))
+    }
+    assert users == {"navfw/sim"}
+    callers = {shown(p.parent) for p in SOURCES if ENGINE & set(names(tree_of(p)))}
+    assert callers == {"navfw/sim"}
+
+
+def test_the_stack_asks_for_no_truth() -> None:
+    asked = {shown(path): TRUTH & set(names(tree_of(path))) for path in DECIDING}
+    assert {name: what for name, what in asked.items() if what} == {}
+
+
+def test_no_decision_reads_the_clock_or_the_environment() -> None:
+    # the stack accounts for the time of its stages, and a benchmark measures: neither decides
+    decided = [path for path in DECIDING if path.name not in {"stack.py", "benchmark.py"}]
+    used = {shown(path): OUTSIDE & {m for m, _ in imports(tree_of(path))} for path in decided}
+    assert {name: what for name, what in used.items() if what} == {}
+
+
+def test_all_random_numbers_come_from_a_generator_passed_in() -> None:
+    drawn = []
+    for path in SOURCES:
+        tree = tree_of(path)
+        assert "random" not in {module for module, _ in imports(tree)}
+        taken = {
+            f"numpy.random.{name}" for module, name in imports(tree) if module == "numpy.random"
+        }
+        for name in taken | {dotted(node) for node in ast.walk(tree)}:
+            library, _, called = name.rpartition("random.")
+            if library in {"np.", "numpy."} and called not in SEEDED:
+                drawn.append(f"{shown(path)}: {name}")
+    assert drawn == []
+
+
+@pytest.mark.slow
+def test_every_module_can_be_the_first_to_be_imported() -> None:
+    broken = []
+    for path in MODULES:
+        name = module_name(path)
+        if name.endswith("__main__"):
+            continue
+        done = subprocess.run(  # noqa: S603 - this Python, words of our own
+            [sys.executable, "-W", "error", "-c", f"import {name}"],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        if done.returncode:
+            broken.append(f"{name}: {done.stderr.strip().splitlines()[-1]}")
+    assert broken == []
