@@ -56,8 +56,8 @@ def perceive(
     gyro: Annotated[
         Path | None,
         typer.Option(
-            help="CSV file: time (s), yaw_rate (rad/s) and, if known, pitch_rate, roll_rate; without it the"
-            " turn is estimated from the flow.",
+            help="CSV file: time (s), yaw_rate (rad/s) and, if known, pitch_rate, roll_rate; "
+            "without it the turn is estimated from the flow.",
             show_default=False,
         ),
     ] = None,
