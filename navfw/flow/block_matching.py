@@ -40,7 +40,11 @@ WANDERED = (1.5, 3.0)
 REGISTRATION_FLOOR = 0.05
 #: Scale the sigma of registration to the errors measured on rendered frames: in proportion, and
 #: (the worse a window fits, the less one affine motion is true) by its square [1/px].
-REGISTRATION_SCALE, REGISTRATION_EXCESS = 1.15, 3.4
+REGISTRATION_SCALE, REGISTRATION_EXCESS = 1.0, 3.4
+#: Contradiction by both neighbours: ordinary, and sure to be a mixture of two surfaces [px].
+MIXED = (0.5, 2.0)
+#: Share of the contradiction by both neighbours that counts as error.
+MIXTURE_SHARE = 0.4
 #: Samples nearer than this share their errors [px].
 CORRELATION_LENGTH = 3.0
 #: Of the correlation's quadratic peak alone: the same three, and the share of the flow's
@@ -89,6 +93,12 @@ class BlockMatching(kinds.FlowProcessor):
         peak_high: Annotated[
             float, Field(gt=0.0, le=1.0, description="correlation that is a sure match")
         ] = 0.9
+        registered_low: Annotated[
+            float, Field(ge=0.0, lt=1.0, description="correlation once registered: no match")
+        ] = 0.85
+        registered_high: Annotated[
+            float, Field(gt=0.0, le=1.0, description="correlation once registered: a sure match")
+        ] = 0.97
         subpixel: Annotated[
             Literal["affine", "peak"],
             Field(description="register windows by an affine motion, or take the peak's top"),
@@ -195,13 +205,16 @@ class BlockMatching(kinds.FlowProcessor):
             p.stride,
             p.weight_width,
         )
-        confidence = ramp(found.score, p.peak_low, p.peak_high) * ramp(found.share, 0.6, 0.9)
+        confidence = ramp(found.score, p.registered_low, p.registered_high) * ramp(
+            found.share, 0.6, 0.9
+        )
         confidence *= ramp(height, *WORTHWHILE) * _unambiguous(height, second, inner)
         moved = np.linalg.norm(found.vectors - start, axis=-1)
         confidence *= 1.0 - ramp(moved, *WANDERED)
+        confidence *= 1.0 - ramp(found.mixture, *MIXED)
         noise = found.sigma * np.sqrt(max(CORRELATION_LENGTH / p.stride, 1.0))
         variance = (REGISTRATION_SCALE * noise) ** 2 + REGISTRATION_FLOOR**2
-        variance += (REGISTRATION_EXCESS * noise**2) ** 2
+        variance += (REGISTRATION_EXCESS * noise**2) ** 2 + (MIXTURE_SHARE * found.mixture) ** 2
         return found.vectors, confidence, np.sqrt(variance)
 
     def _peaks(self, scores: Floats) -> tuple[Array, Array, Array]:

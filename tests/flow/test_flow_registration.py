@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from navfw.flow.registration import Registration, register_windows
+from navfw.flow.registration.kernels import find_mixtures
 from navfw.signals import Image
 
 X = np.array([[20, 44], [60, 84], [100, 124]])
@@ -109,3 +110,33 @@ def test_samples_outside_the_past_image_are_counted() -> None:
     found = register_windows(past, past, X, Y, np.zeros((2, 3, 2)), ALL, limits)
     assert (found.share[:, 0] < 0.7).all()
     assert (found.share[:, 1:] == 1.0).all()
+
+
+def test_only_a_motion_that_neither_neighbour_has_is_a_mixture() -> None:
+    places = 10.0 * np.arange(5)
+    vectors, gradients = np.zeros((3, 5, 2)), np.zeros((3, 5, 4))
+    vectors[:, 3:, 0] = 6.0  # a near surface on the right
+    trusted = np.ones((3, 5), bool)
+    assert not find_mixtures(vectors, gradients, trusted, places, places[:3]).any()
+    # the window between them fits both by bending
+    vectors[:, 2, 0], gradients[:, 2, 0] = 3.0, 0.5
+    found = find_mixtures(vectors, gradients, trusted, places, places[:3])
+    np.testing.assert_allclose(found[:, 2], 2.0)
+    # beside the edge, the other neighbour agrees
+    assert not found[:, [0, 1, 3, 4]].any()
+    # nobody confirms it either when the near surface is not trusted
+    trusted[:, 3:] = False
+    assert (find_mixtures(vectors, gradients, trusted, places, places[:3])[:, 2] >= 2.0).all()
+
+
+def test_a_steep_change_that_both_neighbours_follow_is_no_mixture() -> None:
+    affine = np.array([[0.15, 0.0], [0.0, 0.1]])
+    past = texture(9)
+    columns = np.array([[k, k + 24] for k in range(38, 100, 10)])
+    rows = np.array([[k, k + 24] for k in range(28, 70, 10)])
+    cx, cy = (columns.sum(1) - 1) / 2 - 80, (rows.sum(1) - 1) / 2 - 60
+    start = np.stack(np.meshgrid(cx, cy), axis=-1) @ affine.T
+    active = np.ones(start.shape[:2], bool)
+    now = moved(past, affine, np.zeros(2))
+    found = register_windows(now, past, columns, rows, start, active, WHOLE)
+    assert found.mixture[1:-1, 1:-1].max() < 0.3

@@ -9,7 +9,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["register"]
+__all__ = ["find_mixtures", "register"]
 
 Ints = npt.NDArray[np.int64]
 Doubles = npt.NDArray[np.float64]
@@ -277,7 +277,7 @@ def register(
     iterations: int,
     tolerance: float,
     reach: float,
-) -> tuple[Doubles, Doubles, Doubles, Doubles]:
+) -> tuple[Doubles, Doubles, Doubles, Doubles, Doubles]:
     """Register every active window of ``now`` with ``past`` by an affine motion (Gauss-Newton).
 
     Args:
@@ -298,14 +298,16 @@ def register(
         reach: a window that leaves its start by more is lost [px].
 
     Returns:
-        vectors (rows, cols, 2) of the windows' centres [px]; score (rows, cols), normalised
-        correlation after registration, 0 for windows not active or lost; variance (rows, cols)
-        [px^2] of the worse component of the vectors for independent errors of the samples; and
-        the share (rows, cols) of the samples that lay inside the limits.
+        vectors (rows, cols, 2) of the windows' centres [px]; their gradients (rows, cols, 4)
+        [px/px]: change of x along x and along y, of y along x and along y; score (rows, cols),
+        normalised correlation after registration, 0 for windows not active or lost; variance
+        (rows, cols) [px^2] of the vectors' worse component for independent errors of the samples;
+        and the share (rows, cols) of the samples that lay inside the limits.
 
     """
     rows, cols = y_windows.shape[0], x_windows.shape[0]
     vectors = start.copy()
+    gradients = np.zeros((rows, cols, 4), np.float64)
     score = np.zeros((rows, cols), np.float64)
     variance = np.full((rows, cols), np.inf)
     share = np.zeros((rows, cols), np.float64)
@@ -360,6 +362,10 @@ def register(
             if score[r, c] <= 0.0:
                 continue
             vectors[r, c, 0], vectors[r, c, 1] = warp[0], warp[1]
+            half_x = 0.5 * (x_windows[c, 1] - x_windows[c, 0])
+            half_y = 0.5 * (y_windows[r, 1] - y_windows[r, 0])
+            gradients[r, c, 0], gradients[r, c, 1] = warp[2] / half_x, warp[3] / half_y
+            gradients[r, c, 2], gradients[r, c, 3] = warp[4] / half_x, warp[5] / half_y
             left_over = max(1.0 - score[r, c] ** 2, 0.0) * energy / weight
             worst = 0.0
             for k in range(2):
@@ -368,4 +374,41 @@ def register(
                 _solve(lower, moving, change)
                 worst = max(worst, change[k])
             variance[r, c] = left_over * worst
-    return vectors, score, variance, share
+    return vectors, gradients, score, variance, share
+
+
+@numba.njit(cache=True)
+def find_mixtures(
+    vectors: Doubles, gradients: Doubles, trusted: Flags, x_centres: Doubles, y_centres: Doubles
+) -> Doubles:
+    """How badly both neighbours of a window contradict its own affine motion (rows, cols) [px].
+
+    A window across an edge in depth can fit both surfaces by a steep change of flow that neither
+    has. On one surface the neighbours continue a window's motion; beside an edge, the one on its
+    own side does. Only a mixture disagrees with both: the lesser of the two contradictions counts,
+    along the worse of rows and columns. A neighbour that is not there or not trusted confirms no
+    change at all.
+    """
+    rows, cols = trusted.shape
+    worst = np.zeros((rows, cols), np.float64)
+    for r in range(rows):
+        for c in range(cols):
+            for axis in range(2):
+                least = np.inf
+                for side in (-1, 1):
+                    i, j = (r, c + side) if axis == 0 else (r + side, c)
+                    there = 0 <= i < rows and 0 <= j < cols
+                    if axis == 0:
+                        k = min(max(j, 0), cols - 1)
+                        away = x_centres[k] - x_centres[c] if there else x_centres[1] - x_centres[0]
+                    else:
+                        k = min(max(i, 0), rows - 1)
+                        away = y_centres[k] - y_centres[r] if there else y_centres[1] - y_centres[0]
+                    off_x = gradients[r, c, axis] * away
+                    off_y = gradients[r, c, 2 + axis] * away
+                    if there and trusted[i, j]:
+                        off_x -= vectors[i, j, 0] - vectors[r, c, 0]
+                        off_y -= vectors[i, j, 1] - vectors[r, c, 1]
+                    least = min(least, math.sqrt(off_x * off_x + off_y * off_y))
+                worst[r, c] = max(worst[r, c], least)
+    return worst

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from navfw.flow.registration.kernels import register
+from navfw.flow.registration.kernels import find_mixtures, register
 from navfw.signals import Array, Image
 
 __all__ = ["Registration", "register_windows"]
@@ -25,6 +25,8 @@ ITERATIONS = 6
 TOLERANCE = 0.05
 #: A window that leaves the peak it started from by more is lost [px].
 REACH = 3.0
+#: Windows that score more are believed when they contradict or confirm their neighbours.
+LIKELY = 0.8
 
 _PLACES = np.arange(-3.0, 4.0)
 _BELL = np.exp(-0.5 * (_PLACES / SMOOTHING) ** 2)
@@ -41,13 +43,15 @@ class Registration:
     ``vectors`` (rows, cols, 2) [px] are the windows' centres' displacements, now - past; ``score``
     is the normalised correlation after registration, 0 for windows left out or lost; ``sigma`` [px]
     one standard deviation of a vector's worse component, were the windows' residuals independent
-    from sample to sample; ``share`` the part of the samples that the past image had.
+    from sample to sample; ``share`` the part of the samples that the past image had; ``mixture``
+    [px] how much the neighbours contradict a window's motion, large where it spans two surfaces.
     """
 
     vectors: Array
     score: Array
     sigma: Array
     share: Array
+    mixture: Array
 
 
 def register_windows(
@@ -71,7 +75,7 @@ def register_windows(
     ``width`` half windows; of ``past``, columns [visible[0], visible[1]) and rows [visible[2],
     visible[3]) are valid.
     """
-    vectors, score, variance, share = register(
+    vectors, gradients, score, variance, share = register(
         _filtered(now, _BELL, _BELL),
         _filtered(past, _BELL, _BELL),
         _filtered(now, _SLOPE, _BELL),
@@ -88,7 +92,14 @@ def register_windows(
         TOLERANCE,
         REACH,
     )
-    return Registration(vectors, score, np.sqrt(variance), share)
+    mixture = find_mixtures(
+        vectors,
+        gradients,
+        score > LIKELY,
+        0.5 * x_windows.sum(axis=1),
+        0.5 * y_windows.sum(axis=1),
+    )
+    return Registration(vectors, score, np.sqrt(variance), share, mixture)
 
 
 def _filtered(image: Image, along_x: Array, along_y: Array) -> Floats:
