@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 import sys
+import threading
 import time
 from pathlib import Path
 from types import TracebackType
@@ -25,6 +26,11 @@ LINE_PERIOD = 5.0
 """Seconds between progress lines where there is no terminal to keep one line alive."""
 
 LINE_WIDTH = 200
+
+PATIENCE = 3.0
+"""Seconds without anything to show after which a person is told why."""
+
+COMPILING = "the first run after a change of navfw compiles its kernels: up to a minute"
 
 
 def add_to(app: typer.Typer) -> None:
@@ -143,6 +149,8 @@ class _ProgressLine:
         self._quiet = quiet
         self._live: Any = None
         self._next_line = 0.0
+        self._shown = time.monotonic()
+        self._over = threading.Event()
 
     def __enter__(self) -> Self:
         if not self._quiet and sys.stderr.isatty():
@@ -152,6 +160,9 @@ class _ProgressLine:
             screen = Console(stderr=True)
             self._live = Live(console=screen, transient=True, refresh_per_second=10)
             self._live.start()
+        if not self._quiet:
+            self._shown = time.monotonic()
+            threading.Thread(target=self._excuse_silence, daemon=True).start()
         return self
 
     def __exit__(
@@ -160,6 +171,7 @@ class _ProgressLine:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
+        self._over.set()
         if self._live is not None:
             self._live.stop()
 
@@ -167,6 +179,7 @@ class _ProgressLine:
         """Show how the run stands."""
         if self._quiet:
             return
+        self._shown = time.monotonic()
         if self._live is not None:
             from rich.text import Text
 
@@ -176,6 +189,16 @@ class _ProgressLine:
         if now >= self._next_line:
             self._next_line = now + LINE_PERIOD
             typer.echo(_line(progress)[:LINE_WIDTH], err=True)
+
+    def _excuse_silence(self) -> None:
+        """Say once, should it happen, why there has been nothing to show for a while."""
+        while not self._over.wait(0.1 * PATIENCE):
+            if time.monotonic() - self._shown > PATIENCE:
+                if self._live is None:
+                    typer.echo(COMPILING, err=True)
+                else:
+                    self._live.console.print(COMPILING)
+                return
 
 
 def _line(progress: Progress) -> str:
