@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from offis_scenes import Scene, box, grid_points, ideal_flow, motion, wall_ahead
 
 from navfw.offis.floor import FloorModel, floor_nearness
-from navfw.offis.labels import Label
 from navfw.offis.nearness import Nearness, triangulate
 from navfw.robot import CameraModel
+from navfw.signals import Label
 
 CAMERA = CameraModel()
 TOP = 0.45
