@@ -214,5 +214,5 @@ def load_world(path: str | Path) -> WorldSpec:
 
     document = load_yaml(Path(path))
     spec = validate(document, WorldSpec)
-    check_world(spec, file=Path(path), line_of=document.line_of)
+    check_world(spec, file=Path(document.file or path), line_of=document.line_of)
     return spec

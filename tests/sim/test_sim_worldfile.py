@@ -144,3 +144,15 @@ def test_worlds_made_in_code_are_checked_too() -> None:
 
     with pytest.raises(WorldError, match="unknown texture"):
         check_world(WorldSpec(name="a", x=(0, 1), y=(0, 1), floor="lava"))
+
+
+def test_its_errors_name_the_file_from_where_one_stands(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    text = (
+        "name: a\nx: [0, 9]\ny: [0, 9]\nwalls: [{name: w, points: [[1, 1], [2, 2]], texture: t}]\n"
+    )
+    (tmp_path / "world.yaml").write_text(text)
+    with pytest.raises(WorldError, match=r"^world\.yaml:4: walls\[0\]\.texture: unknown texture"):
+        load_world(tmp_path / "world.yaml")
