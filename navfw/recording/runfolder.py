@@ -97,10 +97,11 @@ class RunFolder:
             place = self.target
             if self.numbered and number > 1:
                 place = self.target.with_name(f"{self.target.name}-{number}")
-            if self.numbered and place.exists():
-                number += 1
-                continue
+            # one look only: what appears after it is another run's, and the rename will tell
             if place.exists():
+                if self.numbered:
+                    number += 1
+                    continue
                 _refuse_foreign(place)
                 shutil.rmtree(place)
             try:
