@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import platform
 import shutil
 import subprocess
@@ -15,7 +14,7 @@ from navfw.missions.session import MissionResult, Session
 from navfw.recording.runfolder import RESULT, RunFolder
 from navfw.recording.trajectory import Disc, Outline, Picture, draw_trajectory
 from navfw.sim.floorplan import FloorPlan
-from navfw.topomap.model import TopoMap
+from navfw.topomap.files import map_data
 
 __all__ = ["default_folder", "draw", "outline_of", "resolved_config", "versions", "write_run"]
 
@@ -98,26 +97,6 @@ def resolved_config(session: Session) -> dict[str, Any]:
             "map": mission.topo_map.name,
         },
         "stack": session.stack.config,
-    }
-
-
-def map_data(topo_map: TopoMap) -> dict[str, Any]:
-    """``topo_map`` as a map file has it."""
-    return {
-        "name": topo_map.name,
-        "places": {p.name: {"x": p.x, "y": p.y, "kind": p.kind} for p in topo_map.places.values()},
-        "edges": [
-            {
-                "from": passage.a,
-                "to": passage.b,
-                "length": passage.length,
-                "width": passage.width if math.isfinite(passage.width) else None,
-                "danger": passage.danger,
-                "doorness": passage.doorness,
-                "uncertainty": passage.uncertainty,
-            }
-            for passage in topo_map.passages
-        ],
     }
 
 

@@ -218,7 +218,7 @@ def _check(suite: Suite, index: int, case: Case, registry: Registry) -> dict[str
 
 
 def _map_of(session: Session) -> dict[str, Any]:
-    from navfw.missions.report import map_data
+    from navfw.topomap.files import map_data
 
     return map_data(session.mission.topo_map)
 

@@ -1,8 +1,25 @@
-"""The topological map: places and the passages between them, its files, and where the robot is."""
+"""The topological map: places, passages and landmarks, its files, and where the robot is."""
 
 from __future__ import annotations
 
 from navfw.topomap.files import load_map
-from navfw.topomap.model import Footing, Passage, Place, PlaceKind, TopoMap
+from navfw.topomap.model import (
+    Footing,
+    Landmark,
+    LandmarkKind,
+    Passage,
+    Place,
+    PlaceKind,
+    TopoMap,
+)
 
-__all__ = ["Footing", "Passage", "Place", "PlaceKind", "TopoMap", "load_map"]
+__all__ = [
+    "Footing",
+    "Landmark",
+    "LandmarkKind",
+    "Passage",
+    "Place",
+    "PlaceKind",
+    "TopoMap",
+    "load_map",
+]

@@ -1,4 +1,4 @@
-"""What makes a list of places and passages impossible as a map, said for a person to repair it."""
+"""What makes places, passages and landmarks impossible as a map, said for a person to repair it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, TypeAlias
 from navfw.errors import did_you_mean
 
 if TYPE_CHECKING:
-    from navfw.topomap.model import Passage, Place
+    from navfw.topomap.model import Landmark, Passage, Place
 
 __all__ = ["Contradiction", "contradictions"]
 
@@ -22,20 +22,30 @@ Where: TypeAlias = tuple[str | int, ...]
 
 @dataclass(frozen=True, slots=True)
 class Contradiction:
-    """One thing that cannot be; ``where`` is its path in a map file's structure."""
+    """One thing that cannot be; ``where`` is its path in a map file's structure.
+
+    ``first`` is the path of what was there before, where two things exclude each other.
+    """
 
     where: Where
     message: str
+    first: Where | None = None
 
     def __str__(self) -> str:
         return ".".join(map(str, self.where)) + ": " + self.message
 
 
-def contradictions(places: Sequence[Place], passages: Sequence[Passage]) -> list[Contradiction]:
+def contradictions(
+    places: Sequence[Place], passages: Sequence[Passage], landmarks: Sequence[Landmark] = ()
+) -> list[Contradiction]:
     """Everything that is wrong, in the order of the map; empty for a sound map."""
     if not places:
         return [Contradiction(("places",), "expected at least one place, got none")]
-    return [*_in_places(places), *_in_passages(places, passages)]
+    return [
+        *_in_places(places),
+        *_in_passages(places, passages),
+        *_in_landmarks(landmarks),
+    ]
 
 
 def _in_places(places: Iterable[Place]) -> Iterator[Contradiction]:
@@ -66,6 +76,7 @@ def _in_passages(places: Sequence[Place], passages: Sequence[Passage]) -> Iterat
                 where,
                 f"{passage} is the same passage as edges.{seen[passage.ends]}: passages hold both "
                 "ways; remove one, or put a place on the second way",
+                first=("edges", seen[passage.ends]),
             )
         seen.setdefault(passage.ends, index)
         if not unknown:
@@ -95,3 +106,28 @@ def _in_numbers(where: Where, passage: Passage, a: Place, b: Place) -> Iterator[
         value = getattr(passage, key)
         if not 0.0 <= value <= 1.0:
             yield Contradiction((*where, key), f"expected 0 to 1, got {value:g}")
+
+
+def _in_landmarks(landmarks: Sequence[Landmark]) -> Iterator[Contradiction]:
+    names: set[str] = set()
+    seen: dict[str, str] = {}
+    for mark in landmarks:
+        where: Where = ("landmarks", mark.name)
+        if mark.name in names:
+            yield Contradiction(where, f"a second landmark {mark.name!r}; give it another name")
+        elif mark.identity in seen:
+            yield Contradiction(
+                (*where, "id"),
+                f"a second {mark.identity}: {seen[mark.identity]!r} has that id; sightings could "
+                "not tell them apart, so give each landmark of a kind its own id",
+                first=("landmarks", seen[mark.identity], "id"),
+            )
+        names.add(mark.name)
+        seen.setdefault(mark.identity, mark.name)
+        numbers = (mark.x, mark.y, mark.z, mark.yaw, mark.size)
+        if not all(map(math.isfinite, numbers)):
+            yield Contradiction(where, f"expected finite numbers, got {numbers}")
+        elif not mark.size > 0.0:
+            yield Contradiction((*where, "size"), f"expected more than 0 m, got {mark.size:g}")
+        if mark.id < 0:
+            yield Contradiction((*where, "id"), f"expected 0 or more, got {mark.id}")

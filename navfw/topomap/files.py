@@ -8,26 +8,41 @@
       lobby-door: {x: 3.2, y: 4.2, kind: door}
     edges:
       - {from: lobby, to: lobby-door, width: 0.95}
+    landmarks:
+      lobby-marker: {kind: aruco, id: 7, x: 0.1, y: 2.0, z: 0.5, yaw: 0.0, size: 0.25}
 """
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from navfw.config.yamlfile import YamlDocument, key_text, load_yaml, validate
 from navfw.errors import MapError
 from navfw.topomap.contradictions import Contradiction, contradictions
-from navfw.topomap.model import Passage, Place, PlaceKind, TopoMap
+from navfw.topomap.model import Landmark, LandmarkKind, Passage, Place, PlaceKind, TopoMap
 
-__all__ = ["EdgeSpec", "MapSpec", "PlaceSpec", "load_map", "read_map"]
+__all__ = [
+    "EdgeSpec",
+    "LandmarkSpec",
+    "MapSpec",
+    "PlaceSpec",
+    "load_map",
+    "map_data",
+    "map_text",
+    "read_map",
+]
 
 MAX_BYTES = 8_000_000
 """Room for maps of some ten thousand places."""
+
+_PLAIN = re.compile(r"(?!(?i:true|false|yes|no|on|off|null|nan|inf)$)[A-Za-z][\w-]*", re.ASCII)
+"""Texts that YAML takes for nothing but text."""
 
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
 Coordinate = Annotated[float, Field(ge=-1e6, le=1e6)]
@@ -65,12 +80,29 @@ class EdgeSpec(_Spec):
     uncertainty: Annotated[Share, Field(description="0 to 1: is it open at all?")] = 0.0
 
 
+class LandmarkSpec(_Spec):
+    """A landmark as the file has it: a flat upright square."""
+
+    kind: Annotated[LandmarkKind, Field(description="how it is recognised")] = "aruco"
+    id: Annotated[int, Field(ge=0, le=1_000_000, description="its own among those of its kind")]
+    x: Annotated[Coordinate, Field(description="of the centre, in the map frame [m]")]
+    y: Annotated[Coordinate, Field(description="of the centre, in the map frame [m]")]
+    z: Annotated[float, Field(ge=0.0, le=100.0, description="centre above the floor [m]")] = 0.5
+    yaw: Annotated[
+        float, Field(ge=-6.3, le=6.3, description="where it faces, counter-clockwise from x [rad]")
+    ]
+    size: Annotated[float, Field(gt=0.0, le=10.0, description="length of its side [m]")] = 0.25
+
+
 class MapSpec(_Spec):
     """A whole map file."""
 
     name: Annotated[str, Field(min_length=1, description="of the map")]
     places: Annotated[dict[str, PlaceSpec], Field(description="by name")]
     edges: Annotated[list[EdgeSpec], Field(description="passages between places")] = []
+    landmarks: Annotated[
+        dict[str, LandmarkSpec], Field(description="what a camera can recognise, by name")
+    ] = {}
 
 
 def load_map(path: str | Path) -> TopoMap:
@@ -91,10 +123,77 @@ def read_map(document: YamlDocument) -> TopoMap:
     places = [Place(name, at.x, at.y, at.kind) for name, at in spec.places.items()]
     known = {place.name: place for place in places}
     passages = [_passage(edge, known) for edge in spec.edges]
-    found = contradictions(places, passages)
+    landmarks = [
+        Landmark(name, at.kind, at.id, at.x, at.y, at.yaw, at.z, at.size)
+        for name, at in spec.landmarks.items()
+    ]
+    found = contradictions(places, passages, landmarks)
     if found:
         raise _map_error(document, found)
-    return TopoMap(spec.name, places, passages, file=document.file)
+    return TopoMap(spec.name, places, passages, document.file, landmarks)
+
+
+def map_data(topo_map: TopoMap) -> dict[str, Any]:
+    """``topo_map`` as a map file has it, as plain data; what a default says is left out."""
+    data: dict[str, Any] = {
+        "name": topo_map.name,
+        "places": {
+            place.name: {"x": place.x, "y": place.y, "kind": place.kind}
+            for place in topo_map.places.values()
+        },
+        "edges": [_edge_data(topo_map, passage) for passage in topo_map.passages],
+    }
+    if topo_map.landmarks:
+        data["landmarks"] = {
+            mark.name: {
+                key: getattr(mark, key) for key in ("kind", "id", "x", "y", "z", "yaw", "size")
+            }
+            for mark in topo_map.landmarks.values()
+        }
+    return data
+
+
+def map_text(topo_map: TopoMap) -> str:
+    """``topo_map`` as the text of a map file, a line for each place, edge and landmark."""
+    data = map_data(topo_map)
+    lines = [f"name: {_scalar(data['name'])}", "", "places:"]
+    lines += [f"  {_scalar(name)}: {_flow(values)}" for name, values in data["places"].items()]
+    if data["edges"]:
+        lines += ["", "edges:", *(f"  - {_flow(values)}" for values in data["edges"])]
+    if "landmarks" in data:
+        marks = data["landmarks"].items()
+        lines += ["", "landmarks:", *(f"  {_scalar(name)}: {_flow(at)}" for name, at in marks)]
+    return "\n".join(lines) + "\n"
+
+
+def _edge_data(topo_map: TopoMap, passage: Passage) -> dict[str, Any]:
+    a, b = topo_map.places[passage.a], topo_map.places[passage.b]
+    bare = _passage(EdgeSpec.model_validate({"from": a.name, "to": b.name}), {a.name: a, b.name: b})
+    data: dict[str, Any] = {"from": passage.a, "to": passage.b}
+    for key in ("length", "width", "danger", "doorness", "uncertainty"):
+        value = getattr(passage, key)
+        if value != getattr(bare, key) and math.isfinite(value):
+            data[key] = value
+    return data
+
+
+def _flow(values: dict[str, Any]) -> str:
+    return "{" + ", ".join(f"{key}: {_scalar(value)}" for key, value in values.items()) + "}"
+
+
+def _scalar(value: str | float) -> str:
+    """A scalar as YAML reads it back: names in quotes where they could be anything else."""
+    if isinstance(value, str):
+        return value if _PLAIN.fullmatch(value) else f'"{"".join(map(_escaped, value))}"'
+    # YAML's 1e-07 is a text: numbers need a point in their mantissa
+    text = repr(float(value)) if isinstance(value, float) else str(value)
+    return re.sub(r"^(-?\d+)e", r"\1.0e", text)
+
+
+def _escaped(character: str) -> str:
+    if character in '"\\':
+        return "\\" + character
+    return character if character.isprintable() else f"\\U{ord(character):08x}"
 
 
 def _passage(edge: EdgeSpec, places: dict[str, Place]) -> Passage:
@@ -113,11 +212,16 @@ def _passage(edge: EdgeSpec, places: dict[str, Place]) -> Passage:
     )
 
 
+def _first_line(document: YamlDocument, found: Contradiction) -> str:
+    line = None if found.first is None else document.line_of(found.first)
+    return "" if line is None else f" (the first is in line {line})"
+
+
 def _map_error(document: YamlDocument, found: Sequence[Contradiction]) -> MapError:
     """One error for all contradictions, in the order of the file, one a line."""
     errors = [
         MapError(
-            each.message,
+            each.message + _first_line(document, each),
             file=document.file,
             line=document.line_of(each.where),
             key=key_text(each.where),

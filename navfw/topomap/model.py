@@ -1,4 +1,4 @@
-"""Places, the passages between them, and the map that holds them as a networkx graph.
+"""Places, passages and landmarks, and the map that holds them as a networkx graph.
 
 Lengths in metres, positions in the ``map`` frame (REP-105). Source: METHOD 4.1.
 """
@@ -20,11 +20,25 @@ from navfw.errors import MapError, UnknownNameError
 from navfw.signals import Array
 from navfw.topomap.contradictions import contradictions
 
-__all__ = ["PLACE_KINDS", "Footing", "Passage", "Place", "PlaceKind", "TopoMap"]
+__all__ = [
+    "LANDMARK_KINDS",
+    "PLACE_KINDS",
+    "Footing",
+    "Landmark",
+    "LandmarkKind",
+    "Passage",
+    "Place",
+    "PlaceKind",
+    "TopoMap",
+]
 
 PlaceKind = Literal["room", "door", "corridor", "junction", "corner", "danger"]
 
+LandmarkKind = Literal["aruco", "poster"]
+
 PLACE_KINDS: tuple[PlaceKind, ...] = get_args(PlaceKind)
+
+LANDMARK_KINDS: tuple[LandmarkKind, ...] = get_args(LandmarkKind)
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +86,30 @@ class Passage:
 
 
 @dataclass(frozen=True, slots=True)
+class Landmark:
+    """A flat upright square that a camera can recognise.
+
+    Its centre is at x, y [m] and ``z`` [m] above the floor, its side is ``size`` [m] long, and it
+    faces ``yaw`` [rad, counter-clockwise from x]: there stands who looks at it squarely. ``id`` is
+    the number that recognition reads from it, one of its kind.
+    """
+
+    name: str
+    kind: LandmarkKind
+    id: int
+    x: float
+    y: float
+    yaw: float
+    z: float = 0.5
+    size: float = 0.25
+
+    @property
+    def identity(self) -> str:
+        """What sightings call it: kind and id, as in ``aruco-7``."""
+        return f"{self.kind}-{self.id}"
+
+
+@dataclass(frozen=True, slots=True)
 class Footing:
     """Where a point stands beside a passage.
 
@@ -113,15 +151,17 @@ class TopoMap:
         places: Iterable[Place],
         passages: Iterable[Passage],
         file: str | Path | None = None,
+        landmarks: Iterable[Landmark] = (),
     ) -> None:
-        listed, passages = list(places), tuple(passages)
-        found = contradictions(listed, passages)
+        listed, passages, landmarks = list(places), tuple(passages), tuple(landmarks)
+        found = contradictions(listed, passages, landmarks)
         if found:
             raise MapError("; ".join(map(str, found)), file=file, key=name)
         self.name = name
         self.file = None if file is None else str(file)
         self.places: Mapping[str, Place] = MappingProxyType({p.name: p for p in listed})
         self.passages = passages
+        self.landmarks: Mapping[str, Landmark] = MappingProxyType({m.name: m for m in landmarks})
         self.graph = nx.Graph(name=name)
         self.graph.add_nodes_from((p.name, {"place": p}) for p in listed)
         self.graph.add_edges_from((p.a, p.b, {"passage": p}) for p in passages)
@@ -146,6 +186,11 @@ class TopoMap:
             return self.places[name]
         except KeyError:
             raise UnknownNameError("place", name, self.places, file=self.file) from None
+
+    @functools.cached_property
+    def landmarks_by_identity(self) -> Mapping[str, Landmark]:
+        """The landmarks by what sightings call them (``aruco-7``)."""
+        return MappingProxyType({mark.identity: mark for mark in self.landmarks.values()})
 
     def passage(self, a: str, b: str) -> Passage:
         """The passage between two places, whichever way it is listed.

@@ -4,9 +4,22 @@ import math
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from navfw.config.yamlfile import parse_yaml
 from navfw.errors import ConfigError, InputError, MapError
-from navfw.topomap import load_map
+from navfw.topomap import Landmark, Passage, Place, TopoMap, load_map
+from navfw.topomap.files import map_text, read_map
+
+MAPS = Path(__file__).parents[2] / "maps"
+texts = st.one_of(
+    st.sampled_from(
+        ["yes", "null", "1e5", "0x1f", "2001-01-01", "a: b", "- x", "#", "~", "é", "="]
+    ),
+    st.text(st.characters(codec="utf-8", exclude_categories=["Cs"]), min_size=1, max_size=8),
+)
+shares = st.floats(0.0, 1.0)
 
 GOOD = """\
 name: flat
@@ -17,6 +30,9 @@ places:
 edges:
   - {from: hall, to: door, width: 0.9}
   - {from: door, to: stairs, length: 5, uncertainty: 0.5, doorness: 0.2}
+landmarks:
+  sign: {kind: aruco, id: 7, x: 0.1, y: 2, z: 0.6, yaw: 1.57, size: 0.2}
+  notice: {kind: poster, id: 7, x: 3, y: 1, yaw: -3.14}
 """
 
 
@@ -34,6 +50,10 @@ def test_a_file_becomes_a_map_with_what_it_leaves_out_filled_in(tmp_path: Path) 
     assert (first.length, first.width, first.doorness, first.danger) == (3.0, 0.9, 1.0, 0.0)
     assert (second.length, second.width, second.doorness, second.danger) == (5, math.inf, 0.2, 1.0)
     assert second.uncertainty == 0.5
+    sign, notice = topo_map.landmarks.values()
+    assert sign == Landmark("sign", "aruco", 7, 0.1, 2.0, 1.57, 0.6, 0.2)
+    assert (notice.identity, notice.z, notice.size) == ("poster-7", 0.5, 0.25)
+    assert topo_map.landmarks_by_identity["aruco-7"] is sign
 
 
 @pytest.mark.parametrize(
@@ -53,6 +73,19 @@ def test_a_file_becomes_a_map_with_what_it_leaves_out_filled_in(tmp_path: Path) 
         ("x: 0, ", "x: wide, ", ConfigError, 3, ["places.hall.x", "number", "wide"]),
         ("x: 0, ", "x: .nan, ", ConfigError, 3, ["places.hall.x"]),
         ("  stairs:", "  hall:", ConfigError, 5, ["duplicate key"]),
+        (
+            "kind: poster",
+            "kind: aruco",
+            MapError,
+            11,
+            ["landmarks.notice.id", "second aruco-7", "'sign' has that id", "first is in line 10"],
+        ),
+        ("kind: poster", "kind: postr", ConfigError, 11, ["landmarks.notice.kind", "'poster'"]),
+        ("yaw: -3.14", "yw: -3.14", ConfigError, 11, ["yw", "did you mean 'yaw'"]),
+        ("  notice:", "  sign:", ConfigError, 11, ["duplicate key"]),
+        ("size: 0.2", "size: 0", ConfigError, 10, ["landmarks.sign.size", "0"]),
+        ("id: 7, x: 3", "id: -1, x: 3", ConfigError, 11, ["landmarks.notice.id", "-1"]),
+        ("to: stairs", "to: hall", MapError, 8, ["the first is in line 7"]),
         ("uncertainty: 0.5", "danger: 2", ConfigError, 8, ["edges[1].danger", "2"]),
     ],
 )
@@ -88,3 +121,25 @@ def test_apart_is_no_error_by_itself(tmp_path: Path) -> None:
         write(tmp_path, GOOD.replace("  - {from: hall, to: door, width: 0.9}\n", ""))
     )
     assert len(topo_map.parts) == 2
+
+
+@pytest.mark.parametrize("name", ["office", "paper-room", "empty"])
+def test_a_map_written_as_a_file_reads_back_the_same(tmp_path: Path, name: str) -> None:
+    first = load_map(MAPS / f"{name}.yaml")
+    again = load_map(write(tmp_path, map_text(first)))
+    assert (again.name, again.places, again.passages) == (first.name, first.places, first.passages)
+
+
+@given(texts, st.floats(1e-6, 1e6), shares, st.floats(-6.2, 6.2))
+def test_names_and_numbers_survive_the_file(
+    name: str, length: float, share: float, yaw: float
+) -> None:
+    places = [Place(name, 0.0, 0.0), Place(name + "2", 0.0, 1e-7, "danger")]
+    passage = Passage(name, name + "2", length, danger=share)
+    mark = Landmark(name, "poster", 3, length, -length, yaw)
+    first = TopoMap(name, places, [passage], landmarks=[mark])
+    again = read_map(parse_yaml(map_text(first), "m.yaml"))
+    assert again.name == name
+    assert list(again.places.values()) == places
+    assert again.passages == (passage,)
+    assert list(again.landmarks.values()) == [mark]
