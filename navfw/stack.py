@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -215,7 +215,7 @@ class Stack:
         command, idle = None, 0.0
         if waypoint is not None and not warming:
             with _Timer(self.timings, "motion"):
-                command = self.mofis.decide(odometry, belief, percepts, waypoint)
+                command = self.mofis.decide(odometry, belief, percepts, waypoint, flows)
             idle = 0.0 if self.mofis.context is None else self.mofis.context.idle
         stuck = None
         if idle > STUCK_AFTER and waypoint is not None:
@@ -253,8 +253,14 @@ class Stack:
         return tuple(flows), tuple(percepts)
 
     def _derotated(self, flow: FlowField) -> FlowField:
-        """``flow`` without its rotational part, the gyro's word refined by the flow itself."""
+        """``flow`` without its rotational part, the gyro's word refined by the flow itself.
+
+        A stack that says ``derotate: false`` takes all of it for translation, as a robot without a
+        gyro would.
+        """
         camera = self.robot.camera
+        if not self.resolved.derotate:
+            return replace(flow, derotated=True)
         if not self.resolved.refine:
             return derotate(flow, camera)
         return refine(flow, camera).apply(flow, camera)

@@ -57,6 +57,9 @@ class StackSpec(BaseModel):
     pairing: PairingParams = PairingParams()
     motion: MofisParams = MofisParams()
     safety: SafetyParams = SafetyParams()
+    derotate: Annotated[
+        bool, Field(description="take the camera's rotation out of the flow (paper sec 3)")
+    ] = True
     refine: Annotated[
         bool, Field(description="correct the gyro's rotation by the flow itself (METHOD 2.6)")
     ] = True
@@ -114,6 +117,7 @@ class StackConfig:
     refine: bool
     warmup: float
     oracle: bool = False
+    derotate: bool = True
 
     def as_data(self) -> dict[str, Any]:
         """The resolved configuration as plain data; written as YAML it is a stack file again."""
@@ -126,6 +130,7 @@ class StackConfig:
             "pairing": self.pairing.model_dump(mode="json"),
             "motion": self.motion.model_dump(mode="json"),
             "safety": self.safety.model_dump(mode="json"),
+            "derotate": self.derotate,
             "refine": self.refine,
             "warmup": self.warmup,
             "oracle": self.oracle,
@@ -172,6 +177,7 @@ def resolve(
         spec.refine,
         spec.warmup,
         spec.oracle,
+        spec.derotate,
     )
 
 

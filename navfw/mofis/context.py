@@ -9,7 +9,7 @@ from navfw.mofis.commands import CommandGrid
 from navfw.mofis.lookahead import Aim
 from navfw.mofis.reach import Arcs, Ranges
 from navfw.robot import RobotModel
-from navfw.signals import Belief, Command, Percept, Pose, Twist, Waypoint
+from navfw.signals import Belief, Command, FlowField, Percept, Pose, Twist, Waypoint
 
 __all__ = ["Context"]
 
@@ -19,8 +19,8 @@ class Context:
     """The present moment, seen from the robot (base_link: x ahead, y left), read only.
 
     ``percept`` is OFFIS' newest (None before the robot has moved); it may be older than ``time``,
-    as a robot that only turns sees no depth. ``arcs`` and ``ranges`` come from the ego map, the
-    memory of the last seconds. ``aim`` is the next point on the cheapest remembered way to
+    as a robot that only turns sees no depth. ``flow`` is the derotated flow field it was made from.
+    ``arcs`` and ``ranges`` come from the ego map, the memory of the last seconds. ``aim`` is the next point on the cheapest remembered way to
     ``waypoint`` (None when there is nowhere to go). ``pose`` is in odom, ``belief`` in the map.
     ``stalled`` [s] is how long the wheels have not followed commands, ``idle`` [s] how long no
     progress toward the waypoint has been made.
@@ -40,6 +40,7 @@ class Context:
     previous: Command | None
     stalled: float
     idle: float
+    flow: FlowField | None = None
 
     @property
     def waypoint_local(self) -> tuple[float, float]:

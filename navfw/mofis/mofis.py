@@ -17,7 +17,17 @@ from navfw.mofis.egomap import EgoMap, EgoMapParams
 from navfw.mofis.lookahead import Aim, Lookahead, LookaheadParams
 from navfw.mofis.reach import look_around, room_along, sweep
 from navfw.robot import RobotModel
-from navfw.signals import Belief, Command, Odometry, Percept, Pose, Proposal, Twist, Waypoint
+from navfw.signals import (
+    Belief,
+    Command,
+    FlowField,
+    Odometry,
+    Percept,
+    Pose,
+    Proposal,
+    Twist,
+    Waypoint,
+)
 
 __all__ = ["Fault", "Mofis", "MofisParams"]
 
@@ -33,6 +43,13 @@ class MofisParams(BaseModel):
     margin: Annotated[
         float, Field(ge=0.0, le=0.3, description="clearance kept from the body's rim [m]")
     ] = 0.04
+    memory: Annotated[
+        bool, Field(description="keep an ego map; false: it holds the present percept alone")
+    ] = True
+    local_plan: Annotated[
+        bool,
+        Field(description="aim along the cheapest way through the ego map; false: straight on"),
+    ] = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +103,7 @@ class Mofis:
         self.proposals: dict[str, Proposal] = {}
         self.context: Context | None = None
         self._percept: Percept | None = None
+        self._flow: FlowField | None = None
         self._previous: Command | None = None
         self._watch = _ProgressWatch()
 
@@ -100,8 +118,16 @@ class Mofis:
         belief: Belief,
         percepts: Sequence[Percept],
         waypoint: Waypoint | None,
+        flows: Sequence[FlowField] = (),
     ) -> Command:
-        """The command for now, from the newest ``percepts`` (may be none) and ``waypoint``."""
+        """The command for now, from the newest ``percepts`` (may be none) and ``waypoint``.
+
+        ``flows`` are the derotated flow fields of the percepts.
+        """
+        if not self.params.memory:
+            self.egomap.reset()
+        if flows:
+            self._flow = flows[-1]
         self.egomap.move(odometry.pose, odometry.time)
         for percept in percepts:
             self.egomap.enter(percept, odometry.pose)
@@ -128,7 +154,10 @@ class Mofis:
         aim = None
         if waypoint is not None:
             local = belief.pose.to_local(waypoint.x, waypoint.y)
-            aim = self.lookahead.aim(self.egomap, pose, *pose.to_parent(*local))
+            if self.params.local_plan:
+                aim = self.lookahead.aim(self.egomap, pose, *pose.to_parent(*local))
+            else:
+                aim = Aim(*local, math.hypot(*local), reachable=True, detour=1.0)
         stalled, idle = self._watch.update(odometry, self._previous, waypoint, aim)
         return Context(
             time=odometry.time,
@@ -145,6 +174,7 @@ class Mofis:
             previous=self._previous,
             stalled=stalled,
             idle=idle,
+            flow=self._flow,
         )
 
     def _weigh(self, context: Context) -> Mapping[str, float]:
