@@ -23,6 +23,7 @@ DepthImage = npt.NDArray[np.float32]
 
 # noise is drawn once and cut from a random place for every frame: 2**20 bytes, cheap and varied
 _NOISE_BANK = 1 << 20
+_WIDEST = 2.8
 
 
 def projection_matrix(camera: CameraModel, supersample: int = 1) -> list[float]:
@@ -63,7 +64,6 @@ class Camera:
         self.model = camera
         self._client = client
         self._supersample = supersample
-        self._projection = projection_matrix(camera, supersample)
         self._rng = rng
         self._bank: npt.NDArray[np.int8] | None = None
         if noise > 0.0:
@@ -72,13 +72,21 @@ class Camera:
         length = math.sqrt(sum(d * d for d in light.direction))
         self._light: dict[str, Any] = {
             "lightDirection": [d / length for d in light.direction],
-            "lightAmbientCoeff": light.ambient,
-            "lightDiffuseCoeff": light.diffuse,
             "lightSpecularCoeff": 0.0,
             "shadow": 0,
             "renderer": bullet.ER_TINY_RENDERER,
             "flags": bullet.ER_NO_SEGMENTATION_MASK,
         }
+        self._lamps = light
+        self.adjust()
+
+    def adjust(self, light: float = 1.0, hfov_error: float = 0.0) -> None:
+        """From now on with this share of the light, and a field of view wider by that share."""
+        self._light["lightAmbientCoeff"] = light * self._lamps.ambient
+        self._light["lightDiffuseCoeff"] = light * self._lamps.diffuse
+        hfov = min(self.model.hfov * (1.0 + hfov_error), _WIDEST)
+        true = self.model.model_copy(update={"hfov": hfov})
+        self._projection = projection_matrix(true, self._supersample)
 
     def render(
         self, position: tuple[float, float, float], turn: tuple[float, float, float, float]

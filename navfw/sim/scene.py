@@ -18,7 +18,7 @@ from navfw.sim.layout import Solid, solids_of
 from navfw.sim.meshes import Mesh, box_mesh, cylinder_mesh, smooth_sides, splits
 from navfw.sim.shapes import Rectangle
 from navfw.sim.textures import STOCK, stock_texture, synthesize
-from navfw.sim.worldfile import MoverSpec, RoomSpec, WorldSpec
+from navfw.sim.worldfile import MoverSpec, RoomSpec, TextureSpec, WorldSpec
 
 __all__ = ["BODY_GROUP", "FLOOR_GROUP", "SOLID_GROUP", "WHEEL_GROUP", "Scene"]
 
@@ -36,6 +36,8 @@ _FEW = 24
 """More things than this share bodies: each body costs about 1 us in every physics step."""
 _PIECES = 16
 """PyBullet's limit of shapes in one body."""
+_SKIN = 0.003
+"""How far [m] a skin without texture stands off what it hides."""
 _NO_SHIFT = np.zeros(2)
 
 
@@ -54,20 +56,18 @@ class Scene:
         self._shared: dict[int, list[Solid]] = {}
         self.movers: list[int] = []
         solids = solids_of(world)
-        with tempfile.TemporaryDirectory(prefix="navfw-textures-") as folder:
-            self._folder = Path(folder)
-            self._build_floor()
-            walls = [s for s in solids if s.kind in ("wall", "lintel")]
-            for wall in world.walls:
-                self._build_wall([s for s in walls if s.name == wall.name])
-            things = [s for s in solids if s.kind in ("box", "cylinder")]
-            separate = things if len(things) <= _FEW else []
-            for solid in (*(s for s in solids if s.kind == "door"), *separate):
-                self._build_solid(solid)
-            self.movers = [self._build_mover(mover) for mover in world.movers]
-            if len(things) > _FEW:
-                self._build_together(things)
-            self._show_architecture(walls)
+        self._build_floor()
+        walls = [s for s in solids if s.kind in ("wall", "lintel")]
+        for wall in world.walls:
+            self._build_wall([s for s in walls if s.name == wall.name])
+        things = [s for s in solids if s.kind in ("box", "cylinder")]
+        separate = things if len(things) <= _FEW else []
+        for solid in (*(s for s in solids if s.kind == "door"), *separate):
+            self.put_up(solid)
+        self.movers = [self._build_mover(mover) for mover in world.movers]
+        if len(things) > _FEW:
+            self._build_together(things)
+        self._show_architecture(walls)
 
     def name_at(self, body: int, x: float, y: float) -> str:
         """What is touched when ``body`` is touched at (x, y) [m]."""
@@ -137,8 +137,8 @@ class Scene:
         centre = [*mover.path[0], 0.5 * mover.height]
         return self._add_body(mover.name, centre, 0.0, collision, self._visual(mesh), mover.texture)
 
-    def _build_solid(self, solid: Solid) -> None:
-        """Furniture and doors: each a body that shows itself, for it may move one day."""
+    def put_up(self, solid: Solid) -> int:
+        """Furniture, doors, what appears on the way: each a body that shows itself."""
         height = solid.top - solid.bottom
         shape = solid.shape
         if isinstance(shape, Rectangle):
@@ -152,7 +152,33 @@ class Scene:
             )
         centre = [shape.x, shape.y, 0.5 * (solid.bottom + solid.top)]
         visual = self._visual(_mesh_of(solid))
-        self._add_body(solid.name, centre, yaw, collision, visual, solid.texture)
+        return self._add_body(solid.name, centre, yaw, collision, visual, solid.texture)
+
+    def take_away(self, name: str) -> None:
+        """Remove what was put up under that name."""
+        body = next(body for body, known in self.names.items() if known == name)
+        self.remove(body)
+
+    def cover(self, solids: list[Solid], brightness: float) -> int:
+        """Hide ``solids`` behind a skin without texture [grey levels]; returns it, for ``remove``.
+
+        It has no collision shape, and stands off by less than anything measures.
+        """
+        mesh = Mesh()
+        for solid in solids:
+            yaw = solid.shape.yaw if isinstance(solid.shape, Rectangle) else 0.0
+            centre = (solid.shape.x, solid.shape.y, 0.5 * (solid.bottom + solid.top))
+            mesh.add_mesh(_mesh_of(solid, _SKIN), centre, yaw)
+        visual = self._visual(mesh) if solids else -1
+        skin = self._add_body("", [0.0, 0.0, 0.0], 0.0, -1, visual)
+        plain = self._load(TextureSpec(contrast=0.0, brightness=brightness))
+        self._call("changeVisualShape", skin, -1, textureUniqueId=plain)
+        return skin
+
+    def remove(self, body: int) -> None:
+        """Remove a body."""
+        self._call("removeBody", body)
+        self.names.pop(body, None)
 
     def _show_architecture(self, walls: list[Solid]) -> None:
         """Floor, walls and ceiling: one body without collision for each texture."""
@@ -284,22 +310,28 @@ class Scene:
             if spec is None and name in STOCK:
                 spec = stock_texture(name)
             assert spec is not None  # noqa: S101 - check_world has seen to it
-            # uncompressed: written and read ten times as fast as PNG
-            path = self._folder / f"{len(self._textures)}.bmp"
-            cv2.imwrite(str(path), cv2.cvtColor(synthesize(spec), cv2.COLOR_RGB2BGR))
-            self._textures[name] = int(self._call("loadTexture", str(path)))
+            self._textures[name] = self._load(spec)
         return self._textures[name]
+
+    def _load(self, spec: TextureSpec) -> int:
+        with tempfile.TemporaryDirectory(prefix="navfw-textures-") as folder:
+            # uncompressed: written and read ten times as fast as PNG
+            path = Path(folder) / "texture.bmp"
+            cv2.imwrite(str(path), cv2.cvtColor(synthesize(spec), cv2.COLOR_RGB2BGR))
+            return int(self._call("loadTexture", str(path)))
 
     def _call(self, function: str, *args: Any, **kwargs: Any) -> Any:
         return getattr(bullet, function)(*args, physicsClientId=self._client, **kwargs)
 
 
-def _mesh_of(solid: Solid) -> Mesh:
-    """How a box or cylinder looks, around its own middle."""
+def _mesh_of(solid: Solid, skin: float = 0.0) -> Mesh:
+    """How a box or cylinder looks, around its own middle; ``skin`` [m] thicker all around."""
     height, shape, shift = solid.top - solid.bottom, solid.shape, _shift_of(solid.name)
+    height += 2.0 * skin
     if isinstance(shape, Rectangle):
-        return box_mesh((2 * shape.half_x, 2 * shape.half_y, height), shift)
-    return cylinder_mesh(shape.radius, height, shift, smooth_sides(shape.radius))
+        size = (2 * (shape.half_x + skin), 2 * (shape.half_y + skin), height)
+        return box_mesh(size, shift)
+    return cylinder_mesh(shape.radius + skin, height, shift, smooth_sides(shape.radius))
 
 
 def _shift_of(name: str) -> Array:

@@ -125,7 +125,8 @@ class WheelEncoders:
 
     Slip is a share of the wheel's way, different for each wheel, that wanders around its mean with
     the time constant ``slip_time`` (a first-order Gauss-Markov process). Wheels of unequal radius
-    count unequally; which one is larger is drawn once.
+    count unequally; which one is larger is drawn once. ``more_slip`` is added while the floor is
+    slippery.
     """
 
     def __init__(self, params: SensorParams, robot: RobotModel, rng: np.random.Generator) -> None:
@@ -137,6 +138,7 @@ class WheelEncoders:
         self._slip = params.slip * rng.standard_normal(2)
         self._turned = np.zeros(2)
         self._last = np.zeros(2)
+        self.more_slip = 0.0
 
     def zero(self, angles: tuple[float, float]) -> None:
         """Power on with the wheels at ``angles`` [rad]."""
@@ -148,7 +150,7 @@ class WheelEncoders:
         keep = math.exp(-dt / self._params.slip_time) if self._params.slip_time > 0.0 else 0.0
         spread = self._params.slip * math.sqrt(1.0 - keep * keep)
         self._slip = keep * self._slip + spread * self._rng.standard_normal(2)
-        slip = 1.0 + self._params.slip_mean + self._slip
+        slip = 1.0 + self._params.slip_mean + self.more_slip + self._slip
         self._turned += (now - self._last) * self._scale * slip
         self._last = now
         # an encoder reports the last mark that has passed

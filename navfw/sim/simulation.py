@@ -18,8 +18,11 @@ import numpy as np
 from navfw.errors import SimulationError, WorldError
 from navfw.robot import RobotModel
 from navfw.signals import Array, CameraMotion, Frame, Image, Pose, SensorReading, wrap_angle
+from navfw.sim.actions import Action, DoorChange, Obstacle, Textureless
 from navfw.sim.camera import Camera, DepthImage
+from navfw.sim.changes import Changes, ChangeTrack
 from navfw.sim.engine import bullet
+from navfw.sim.faults import Faults
 from navfw.sim.floorplan import FloorPlan
 from navfw.sim.movers import Mover, MoverTrack, caused_by_robot
 from navfw.sim.robot_body import RobotBody
@@ -91,9 +94,10 @@ class Simulation:
         self._views: deque[tuple[float, Array, Array]] = deque(maxlen=_REMEMBERED_VIEWS)
         self._raw_depth: np.ndarray[tuple[int, ...], np.dtype[np.float32]] | None = None
         # one generator for each component: more of one component's draws never shift another's
-        for_camera, for_gyro, for_encoders = (
-            np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(3)
+        for_camera, for_gyro, for_encoders, for_faults = (
+            np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4)
         )
+        self._faults = Faults(for_faults)
         try:
             bullet.setGravity(0.0, 0.0, -_GRAVITY, physicsClientId=self._client)
             bullet.setTimeStep(1.0 / PHYSICS_RATE, physicsClientId=self._client)
@@ -101,6 +105,7 @@ class Simulation:
                 deterministicOverlappingPairs=1, physicsClientId=self._client
             )
             self._scene = Scene(world, self._client)
+            self._changes = Changes(world, self._scene)
             self._body = RobotBody(robot, self._client, start)
             self._camera = Camera(
                 robot.camera,
@@ -142,17 +147,41 @@ class Simulation:
         yaw_rate = wrap_angle(yaw - self._yaw_read) / dt if dt > 0.0 else 0.0
         self._yaw_read = yaw
         rates = (*self._body.roll_pitch_rates(), yaw_rate)
-        inertial = self._gyro.read(self.time, dt, rates)
-        encoders = self._encoders.read(self.time, dt, self._body.wheel_angles())
+        inertial = self._faults.gyro(self._gyro.read(self.time, dt, rates))
+        encoders = self._faults.encoders(
+            self._encoders.read(self.time, dt, self._body.wheel_angles())
+        )
         self.timings.sensors += wall.perf_counter() - begun
-        self._reading = SensorReading(self.time, inertial, encoders, self._take_frame())
+        frame = self._faults.transport(self.time, self._take_frame())
+        self._reading = SensorReading(self.time, inertial, encoders, frame)
         return self._reading
 
     def drive(self, left: float, right: float) -> None:
         """Set the wheels' target speeds [rad/s], forward positive; torque is limited."""
         if not (math.isfinite(left) and math.isfinite(right)):
             raise SimulationError(f"wheel speeds must be finite, got {left}, {right}")
-        self._body.drive(left, right)
+        self._body.drive(*self._faults.wheels(left, right))
+
+    def begin(self, action: Action) -> None:
+        """An event: from now on something is wrong, or the world is another."""
+        if isinstance(action, DoorChange | Obstacle | Textureless):
+            self._changes.begin(action, self.true_pose())
+        else:
+            self._faults.begin(action)
+        self._settle_events()
+
+    def end(self, action: Action) -> None:
+        """The event is over: what ``begin`` changed is as it was."""
+        if isinstance(action, DoorChange | Obstacle | Textureless):
+            self._changes.end(action)
+        else:
+            self._faults.end(action)
+        self._settle_events()
+
+    def _settle_events(self) -> None:
+        self._changes.update(self.time, self.true_pose(), self.robot.radius)
+        self._camera.adjust(self._faults.light, self._faults.hfov_error)
+        self._encoders.more_slip = self._faults.slip
 
     def advance(self, dt: float) -> None:
         """Let ``dt`` [s] pass, in whole physics steps (what is left over is caught up later)."""
@@ -173,6 +202,8 @@ class Simulation:
             self.timings.steps += 1
         self._last_pose = here
         self._note_movers()
+        if not self._changes.settled:
+            self._changes.update(self.time, self.true_pose(), self.robot.radius)
         self.timings.physics += wall.perf_counter() - begun
 
     def _walk(self, dt: float) -> None:
@@ -233,6 +264,10 @@ class Simulation:
         """Where the movers were so far, noted at every ``advance``."""
         return MoverTrack.of(self.movers, self._mover_times, self._mover_points)
 
+    def change_track(self) -> ChangeTrack:
+        """What stood in the world for a part of the time only: doors, things that appeared."""
+        return self._changes.track()
+
     def true_pose(self) -> Pose:
         """Where the robot is, in the map."""
         return self._body.pose()
@@ -277,7 +312,8 @@ class Simulation:
         clean, self._raw_depth = self._camera.render(position, turn)
         self._views.append((self.time, *self._camera.placed(position, turn)))
         rendered = wall.perf_counter()
-        image = self._camera.expose(clean)
+        exposed = self._camera.expose(self._faults.through_lens(clean))
+        image = self._faults.from_sensor(exposed)
         self._frames = math.floor(self.time * self.robot.camera.rate + 1e-6) + 1
         self.timings.frames += 1
         self.timings.render += rendered - begun

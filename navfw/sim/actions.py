@@ -1,0 +1,201 @@
+"""What may happen to the robot and its world during a mission, as an event of its file says it.
+
+Each model is one kind of happening and belongs to one key of an event: ``camera: {noisy: 12}``.
+``navfw.sim.faults`` and ``navfw.sim.changes`` make them happen.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, ClassVar, Literal, Self
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+
+from navfw.errors import did_you_mean
+
+__all__ = [
+    "Action",
+    "CameraFault",
+    "DoorChange",
+    "EncoderFault",
+    "GyroFault",
+    "Light",
+    "Obstacle",
+    "Slippery",
+    "Textureless",
+    "WeakWheel",
+]
+
+
+def _ascending(interval: tuple[float, float]) -> tuple[float, float]:
+    if interval[0] >= interval[1]:
+        raise ValueError(f"must ascend: {interval[0]:g} is not below {interval[1]:g}")
+    return interval
+
+
+Coordinate = Annotated[float, Field(ge=-500.0, le=500.0)]
+Interval = Annotated[tuple[Coordinate, Coordinate], AfterValidator(_ascending)]
+Share = Annotated[float, Field(ge=0.0, le=1.0)]
+Side = Literal["left", "right"]
+
+
+class _Spec(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class _OneOf(_Spec):
+    """Exactly one of its keys; a key that is only true or false may stand alone: ``black``."""
+
+    alone: ClassVar[tuple[str, ...]] = ()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_word(cls, data: Any) -> Any:
+        if not isinstance(data, str):
+            return data
+        if data in cls.alone:
+            return {data: True}
+        if data in cls.model_fields:
+            raise ValueError(f"{data} needs a value: {{{data}: ...}}")
+        raise ValueError(f"unknown fault {data!r}: {did_you_mean(data, cls.model_fields)}")
+
+    @model_validator(mode="after")
+    def _exactly_one(self) -> Self:
+        given = [key for key in type(self).model_fields if getattr(self, key) not in (None, False)]
+        if len(given) != 1:
+            known = ", ".join(type(self).model_fields)
+            got = " and ".join(given) or "none of them"
+            raise ValueError(f"expected exactly one of {known}; got {got}")
+        return self
+
+
+class CameraFault(_OneOf):
+    """One thing wrong with the camera's pictures."""
+
+    alone: ClassVar[tuple[str, ...]] = ("frozen", "black", "over_exposed")
+
+    dropped: Annotated[Share | None, Field(description="share of the frames that get lost")] = None
+    frozen: Annotated[bool, Field(description="the last picture comes again and again")] = False
+    black: Annotated[bool, Field(description="nothing but the sensor's noise")] = False
+    over_exposed: Annotated[bool, Field(description="six times too bright")] = False
+    noisy: Annotated[
+        float | None,
+        Field(gt=0.0, le=100.0, description="more noise, standard deviation [grey levels]"),
+    ] = None
+    blurred: Annotated[
+        float | None, Field(gt=0.0, le=20.0, description="out of focus, sigma [px]")
+    ] = None
+    latency: Annotated[
+        float | None, Field(gt=0.0, le=10.0, description="frames come so much later [s]")
+    ] = None
+    hfov_error: Annotated[
+        float | None,
+        Field(ge=-0.5, le=0.5, description="the true field of view is wider by this share"),
+    ] = None
+
+
+class GyroFault(_OneOf):
+    """One thing wrong with the gyro."""
+
+    alone: ClassVar[tuple[str, ...]] = ("dropout",)
+
+    dropout: Annotated[bool, Field(description="no new readings: time and values stay")] = False
+    bias_step: Annotated[
+        float | None, Field(ge=-90.0, le=90.0, description="added to the yaw rate [deg/s]")
+    ] = None
+
+
+class EncoderFault(_Spec):
+    """Encoders that do not count."""
+
+    dropout: Annotated[
+        Literal["left", "right", "both"], Field(description="whose count stands still")
+    ]
+
+
+class WeakWheel(_Spec):
+    """A wheel that does not reach the speed asked of it."""
+
+    side: Side
+    share: Annotated[Share, Field(description="of the speed asked that it reaches")]
+
+
+class Slippery(_Spec):
+    """Floor on which the wheels turn further than the robot goes."""
+
+    slip: Annotated[
+        float, Field(gt=0.0, le=0.9, description="share that the wheels turn further than it goes")
+    ]
+
+
+class Light(_Spec):
+    """Lamps that go dim, or out."""
+
+    share: Annotated[Share, Field(description="of the light that is left; 0: dark")]
+
+
+class Textureless(_Spec):
+    """Walls or things that lose their texture: a stretch of wall within an area, or by name."""
+
+    name: Annotated[str | None, Field(description="of a wall, box or cylinder")] = None
+    x: Annotated[Interval | None, Field(description="what stands between these x [m]")] = None
+    y: Annotated[Interval | None, Field(description="what stands between these y [m]")] = None
+    brightness: Annotated[
+        float, Field(ge=10.0, le=245.0, description="what it looks like [grey levels]")
+    ] = 150.0
+
+    @model_validator(mode="after")
+    def _somewhere(self) -> Self:
+        if self.name is None and self.x is None and self.y is None:
+            raise ValueError("expected a name, or x or y of an area, or both")
+        return self
+
+
+class DoorChange(_Spec):
+    """A door of the world that opens or closes; it waits until the robot is out of its way."""
+
+    name: Annotated[str, Field(description="of a door of the world")]
+    state: Literal["open", "closed"]
+
+
+class Obstacle(_Spec):
+    """A box or a cylinder that stands there all at once; it waits until its place is free."""
+
+    name: Annotated[str, Field(min_length=1, max_length=60, description="contacts report it")] = (
+        "obstacle"
+    )
+    at: Annotated[
+        tuple[Coordinate, Coordinate] | None, Field(description="centre [m], in the map frame")
+    ] = None
+    ahead: Annotated[
+        float | None, Field(gt=0.0, le=20.0, description="or so far in front of the robot [m]")
+    ] = None
+    size: Annotated[
+        tuple[Annotated[float, Field(ge=0.02, le=20.0)], Annotated[float, Field(ge=0.02, le=20.0)]]
+        | None,
+        Field(description="a box: x, y [m] before yaw"),
+    ] = None
+    radius: Annotated[float | None, Field(ge=0.02, le=10.0, description="a cylinder [m]")] = None
+    height: Annotated[float, Field(ge=0.05, le=10.0, description="[m]")] = 1.0
+    yaw: Annotated[float, Field(ge=-6.3, le=6.3, description="of a box [rad]")] = 0.0
+    texture: Annotated[str, Field(description="of the world's textures, or a stock one")] = "stone"
+
+    @model_validator(mode="after")
+    def _one_place_one_shape(self) -> Self:
+        for keys in (("at", "ahead"), ("size", "radius")):
+            if sum(getattr(self, key) is not None for key in keys) != 1:
+                raise ValueError(f"expected exactly one of {' and '.join(keys)}")
+        return self
+
+
+Action = (
+    CameraFault
+    | GyroFault
+    | EncoderFault
+    | WeakWheel
+    | Slippery
+    | Light
+    | Textureless
+    | DoorChange
+    | Obstacle
+)
+"""All that a simulation can make happen."""

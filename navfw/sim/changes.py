@@ -1,0 +1,196 @@
+"""How the world changes while a mission runs: doors, obstacles that appear, walls that go blank."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from navfw.signals import Array, Pose
+from navfw.sim.actions import DoorChange, Obstacle, Textureless
+from navfw.sim.layout import Solid, solids_of
+from navfw.sim.scene import Scene
+from navfw.sim.shapes import Disc, Rectangle, Shape
+from navfw.sim.worldfile import WorldSpec
+
+__all__ = ["CLEAR_OF_ROBOT", "ChangeTrack", "Changes", "Presence", "all_doors", "stretch_within"]
+
+CLEAR_OF_ROBOT = 0.1
+"""Nothing closes or appears nearer to the robot's body than this [m]: it waits."""
+
+
+@dataclass(frozen=True, slots=True)
+class Presence:
+    """Something stood somewhere from ``begin`` to ``end`` [s]; inf: to the end of the run."""
+
+    name: str
+    shape: Shape
+    begin: float
+    end: float
+
+
+@dataclass(frozen=True, slots=True)
+class ChangeTrack:
+    """What stood there for a part of the run only: together with a plan of the rest, the truth."""
+
+    presences: tuple[Presence, ...]
+
+    @property
+    def names(self) -> frozenset[str]:
+        """Of all that came or went."""
+        return frozenset(presence.name for presence in self.presences)
+
+    def clearances(self, points: Array, times: Array) -> Array:
+        """(N,) distances [m] of points (N, 2) to the nearest of what stood there at times (N,)."""
+        nearest = np.full(len(points), np.inf)
+        for presence in self.presences:
+            there = (times >= presence.begin) & (times < presence.end)
+            nearest[there] = np.minimum(nearest[there], presence.shape.distance(points[there]))
+        return nearest
+
+
+class Changes:
+    """Makes the changes in force true in a scene; the newest word on a door counts.
+
+    ``settled`` is false while something has to wait for the robot to be out of the way.
+    """
+
+    def __init__(self, world: WorldSpec, scene: Scene) -> None:
+        self._world = world
+        self._scene = scene
+        self._doors = all_doors(world)
+        self._said: list[DoorChange] = []
+        self._obstacles: list[tuple[Obstacle, Solid]] = []
+        self._blank: list[tuple[Textureless, int]] = []
+        self._standing = {d.name: self._doors[d.name] for d in world.doors if d.state == "closed"}
+        self._began = dict.fromkeys(self._standing, 0.0)
+        self._past: list[Presence] = []
+        self._touched: set[str] = set()
+        self.settled = True
+
+    def begin(self, change: DoorChange | Obstacle | Textureless, robot: Pose) -> None:
+        """From now on, as soon as the robot is out of the way."""
+        if isinstance(change, Textureless):
+            covered = _blanked(self._world, change)
+            self._blank.append((change, self._scene.cover(covered, change.brightness)))
+        elif isinstance(change, Obstacle):
+            self._obstacles.append((change, _solid_of(change, robot)))
+        else:
+            self._said.append(change)
+        self.settled = False
+
+    def end(self, change: DoorChange | Obstacle | Textureless) -> None:
+        """No longer: the door is as it was, the obstacle vanishes, the texture is back."""
+        if isinstance(change, Textureless):
+            index = next(i for i, (known, _) in enumerate(self._blank) if known == change)
+            self._scene.remove(self._blank.pop(index)[1])
+        elif isinstance(change, Obstacle):
+            index = next(i for i, (known, _) in enumerate(self._obstacles) if known == change)
+            self._obstacles.pop(index)
+        else:
+            self._said.remove(change)
+        self.settled = False
+
+    def update(self, time: float, robot: Pose, radius: float) -> None:
+        """Put up and take away what has to be, with the robot (``radius`` [m]) where it is."""
+        wanted = self._wanted()
+        for name in [name for name in self._standing if name not in wanted]:
+            self._scene.take_away(name)
+            self._past.append(
+                Presence(name, self._standing.pop(name).shape, self._began.pop(name), time)
+            )
+            self._touched.add(name)
+        here = np.array([[robot.x, robot.y]])
+        for name, solid in wanted.items():
+            if name in self._standing:
+                continue
+            if float(solid.shape.distance(here)[0]) > radius + CLEAR_OF_ROBOT:
+                self._scene.put_up(solid)
+                self._standing[name], self._began[name] = solid, time
+                self._touched.add(name)
+        self.settled = wanted.keys() == self._standing.keys()
+
+    def track(self) -> ChangeTrack:
+        """What came and went so far; doors that nothing was said of are not among it."""
+        still = [
+            Presence(name, solid.shape, self._began[name], math.inf)
+            for name, solid in self._standing.items()
+            if name in self._touched
+        ]
+        return ChangeTrack((*self._past, *still))
+
+    def _wanted(self) -> dict[str, Solid]:
+        state = {door.name: door.state for door in self._world.doors}
+        state |= {change.name: change.state for change in self._said}
+        closed = {name: self._doors[name] for name in state if state[name] == "closed"}
+        return closed | {solid.name: solid for _, solid in self._obstacles}
+
+
+def all_doors(world: WorldSpec) -> dict[str, Solid]:
+    """Every door of the world by name, as it stands when it is closed."""
+    doors = tuple(door.model_copy(update={"state": "closed"}) for door in world.doors)
+    closed = world.model_copy(update={"doors": doors})
+    return {solid.name: solid for solid in solids_of(closed) if solid.kind == "door"}
+
+
+def _solid_of(obstacle: Obstacle, robot: Pose) -> Solid:
+    x, y = obstacle.at or robot.to_parent(obstacle.ahead or 0.0, 0.0)
+    shape: Shape
+    if obstacle.size is not None:
+        shape = Rectangle(x, y, 0.5 * obstacle.size[0], 0.5 * obstacle.size[1], obstacle.yaw)
+    else:
+        shape = Disc(x, y, obstacle.radius or 0.0)
+    kind: Literal["box", "cylinder"] = "cylinder" if obstacle.size is None else "box"
+    return Solid(obstacle.name, kind, shape, 0.0, obstacle.height, obstacle.texture)
+
+
+def _blanked(world: WorldSpec, change: Textureless) -> list[Solid]:
+    """What goes blank: things as a whole, walls as far as they lie within the area."""
+    found = []
+    for solid in solids_of(world):
+        if change.name is not None and solid.name != change.name:
+            continue
+        shape: Shape | None = solid.shape
+        if solid.kind in ("wall", "lintel") and isinstance(shape, Rectangle):
+            shape = stretch_within(shape, change.x, change.y)
+        elif shape is not None and not _inside((shape.x, shape.y), change):
+            shape = None
+        if shape is not None:
+            piece = Solid(solid.name, solid.kind, shape, solid.bottom, solid.top, solid.texture)
+            found.append(piece)
+    return found
+
+
+def _inside(point: tuple[float, float], change: Textureless) -> bool:
+    return all(
+        span is None or span[0] <= value <= span[1]
+        for value, span in zip(point, (change.x, change.y), strict=True)
+    )
+
+
+def stretch_within(
+    wall: Rectangle, x: tuple[float, float] | None, y: tuple[float, float] | None
+) -> Rectangle | None:
+    """The part of a straight wall whose middle line lies within an area; None when there is none.
+
+    >>> stretch_within(Rectangle(0.0, 0.0, 3.0, 0.05), (1.0, 9.0), None)
+    Rectangle(x=2.0, y=0.0, half_x=1.0, half_y=0.05, yaw=0.0)
+    """
+    low, high = -wall.half_x, wall.half_x
+    direction = (math.cos(wall.yaw), math.sin(wall.yaw))
+    for span, middle, step in zip((x, y), (wall.x, wall.y), direction, strict=True):
+        if span is None:
+            continue
+        if abs(step) < 1e-9:
+            if not span[0] <= middle <= span[1]:
+                return None
+            continue
+        ends = sorted((bound - middle) / step for bound in span)
+        low, high = max(low, ends[0]), min(high, ends[1])
+    if high - low < 0.01:
+        return None
+    along = 0.5 * (low + high)
+    centre = (wall.x + direction[0] * along, wall.y + direction[1] * along)
+    return Rectangle(*centre, 0.5 * (high - low), wall.half_y, wall.yaw)
