@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import ClassVar
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar
 
-from navfw import BehaviorRules, Composite, Context, RobotModel
+from navfw import BehaviorRules, Composite, Context, Explain, RobotModel
 
 
 class Travel(Composite):
@@ -18,6 +18,11 @@ class Travel(Composite):
     def __init__(self, robot: RobotModel, params: Composite.Params | None = None) -> None:
         super().__init__(robot, params)
         self.rules = BehaviorRules.beside(__file__)
+        self.reset()
+
+    def reset(self) -> None:
+        """Nothing weighed yet."""
+        self._fired: Explain | None = None
 
     def weigh(self, context: Context) -> Mapping[str, float]:
         """The degree of applicability of each primitive named in the rules."""
@@ -29,4 +34,9 @@ class Travel(Composite):
             corridor=context.ranges.corridor,
             door=context.waypoint_distance if at_door else 3.0,
         )
+        self._fired = verdict.explain
         return {name: verdict.degree(name) for name in self.rules.outputs}
+
+    def explain(self) -> Sequence[Mapping[str, Any]]:
+        """The rules that fired for the last weights."""
+        return () if self._fired is None else self._fired(0, 0)

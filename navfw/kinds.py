@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict
 
@@ -173,6 +173,10 @@ class Composite(Plugin):
 
         It multiplies the applicability that the primitive finds for itself.
         """
+
+    def explain(self) -> Sequence[Mapping[str, Any]]:
+        """The rules that fired for the last ``weigh``, strongest first; none unless overridden."""
+        return ()
 
 
 class Fusion(Plugin):

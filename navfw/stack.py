@@ -146,7 +146,10 @@ class Stack:
         state = self._decided
         if state is None or state.command is None or state.proposals is None:
             return {}
-        explanation = explain_command(state.command, state.proposals, self.mofis.commands)
+        mofis = self.mofis
+        explanation = explain_command(
+            state.command, state.proposals, mofis.commands, mofis.composite, mofis.weights
+        )
         if state.percept is not None:
             explanation["perception"] = {
                 "sentence": state.percept.sentence,

@@ -43,6 +43,11 @@ def _lines(explanation: dict[str, Any]) -> list[str]:
         f"w {explanation['w']:+.2f} rad/s, led by {explanation['leader']}",
         f"  saw  {seen or 'nothing yet'}",
     ]
+    composite = explanation.get("composite", {"rules": ()})
+    if composite["rules"]:
+        given = ", ".join(f"{name} {weight:.2f}" for name, weight in composite["weights"].items())
+        lines.append(f"  {composite['name']} gives {given}")
+        lines += [f"      {rule['strength']:.2f}  {rule['rule']}" for rule in composite["rules"]]
     ordered = sorted(explanation["behaviors"].items(), key=lambda item: -item[1]["weight"])
     for name, said in ordered:
         lines.append(

@@ -19,11 +19,11 @@ class Context:
     """The present moment, seen from the robot (base_link: x ahead, y left), read only.
 
     ``percept`` is OFFIS' newest (None before the robot has moved); it may be older than ``time``,
-    as a robot that only turns sees no depth. ``flow`` is the derotated flow field it was made from.
-    ``arcs`` and ``ranges`` come from the ego map, the memory of the last seconds. ``aim`` is the next point on the cheapest remembered way to
-    ``waypoint`` (None when there is nowhere to go). ``pose`` is in odom, ``belief`` in the map.
-    ``stalled`` [s] is how long the wheels have not followed commands, ``idle`` [s] how long no
-    progress toward the waypoint has been made.
+    as a robot that only turns sees no depth. ``flow`` is the derotated flow field it was made
+    from. ``arcs`` and ``ranges`` come from the ego map, the memory of the last seconds. ``aim`` is
+    the next point on the cheapest remembered way to ``waypoint`` (None when there is nowhere to
+    go). ``pose`` is in odom, ``belief`` in the map. ``stalled`` [s] is how long the wheels have not
+    followed commands, ``idle`` [s] how long no progress toward the waypoint has been made.
     """
 
     time: float

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from navfw.kinds import Composite
 from navfw.mofis.commands import CommandGrid
 from navfw.signals import Command, Proposal
 
@@ -12,15 +13,20 @@ __all__ = ["explain_command"]
 
 
 def explain_command(
-    command: Command, proposals: Mapping[str, Proposal], grid: CommandGrid
+    command: Command,
+    proposals: Mapping[str, Proposal],
+    grid: CommandGrid,
+    composite: Composite | None = None,
+    weights: Mapping[str, float] | None = None,
 ) -> dict[str, Any]:
     """The command as plain data, with what every behaviour said of it.
 
     For each behaviour: its applicability, how much it desired this command, how much it forbade
-    it, its reason, and the rules that fired for it with their strengths, strongest first.
+    it, its reason, and the rules that fired for it with their strengths, strongest first. With a
+    ``composite``, the ``weights`` it gave the primitives, and why.
     """
     row, column = grid.nearest(command.twist)
-    return {
+    explanation = {
         "time": command.time,
         "v": command.twist.v,
         "w": command.twist.w,
@@ -39,3 +45,10 @@ def explain_command(
             for name, proposal in proposals.items()
         },
     }
+    if composite is not None:
+        explanation["composite"] = {
+            "name": composite.name,
+            "weights": {name: float(weight) for name, weight in (weights or {}).items()},
+            "rules": [dict(rule) for rule in composite.explain()],
+        }
+    return explanation

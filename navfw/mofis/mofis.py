@@ -101,6 +101,7 @@ class Mofis:
             behavior.reset()
         self._faults: dict[tuple[str, str], Fault] = {}
         self.proposals: dict[str, Proposal] = {}
+        self.weights: Mapping[str, float] = {}
         self.context: Context | None = None
         self._percept: Percept | None = None
         self._flow: FlowField | None = None
@@ -133,12 +134,12 @@ class Mofis:
             self.egomap.enter(percept, odometry.pose)
             self._percept = percept
         self.context = self._context(odometry, belief, waypoint)
-        weights = self._weigh(self.context)
+        self.weights = self._weigh(self.context)
         self.proposals = {}
         for name, behavior in self.behaviors.items():
             proposal = self._ask(name, behavior, self.context)
             if proposal is not None:
-                degree = proposal.applicability * weights.get(name, 1.0)
+                degree = proposal.applicability * self.weights.get(name, 1.0)
                 self.proposals[name] = replace(proposal, applicability=degree)
         self._previous = self.fusion.fuse(self.context, self.proposals)
         return self._previous
