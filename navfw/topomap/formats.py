@@ -1,0 +1,100 @@
+"""Maps in the files of others: which format a file has by its suffix, reading, writing.
+
+``.yaml`` is navfw's own (``files``), ``.graphml`` is read by graph tools such as networkx, yEd and
+Gephi (``graphml``), ``.geojson`` is that of Nav2's route server (``geojson``). All three keep
+everything a map knows.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+from navfw.config.document import no_such_file, shown_path
+from navfw.errors import ConfigError, MapError
+from navfw.topomap.files import MAX_BYTES, load_map, map_text
+from navfw.topomap.geojson import geojson_text, read_geojson
+from navfw.topomap.graphml import graphml_text, read_graphml
+from navfw.topomap.model import TopoMap
+
+__all__ = ["SUFFIXES", "load_any_map", "save_map"]
+
+_WRITERS: dict[str, Callable[[TopoMap], str]] = {
+    ".yaml": map_text,
+    ".yml": map_text,
+    ".graphml": graphml_text,
+    ".geojson": geojson_text,
+    ".json": geojson_text,
+}
+
+SUFFIXES: tuple[str, ...] = tuple(_WRITERS)
+"""The suffixes of map files."""
+
+
+def load_any_map(path: str | Path, both_ways: bool = False) -> TopoMap:
+    """The map in a file of any of the formats; its suffix says which.
+
+    ``both_ways`` takes edges that lead only one way, which navfw's maps do not know, for passages
+    that hold both ways.
+
+    Raises:
+        ConfigError: the file cannot be read, or is not of its format.
+        MapError: the suffix is unknown, what the format asks for is missing, an edge leads only
+            one way, or the map contradicts itself.
+
+    """
+    path = Path(path)
+    suffix = _suffix(path)
+    if _WRITERS[suffix] is map_text:
+        return load_map(path)
+    text = _read(path)
+    if _WRITERS[suffix] is graphml_text:
+        return read_graphml(text, shown_path(path), both_ways)
+    return read_geojson(text, shown_path(path), both_ways)
+
+
+def save_map(topo_map: TopoMap, path: str | Path) -> None:
+    """Write the map in the format that the suffix says; an old file is replaced as a whole.
+
+    Raises:
+        MapError: the suffix is unknown.
+        ConfigError: the file cannot be written.
+
+    """
+    path = Path(path)
+    text = _WRITERS[_suffix(path)](topo_map)
+    beside = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        beside.write_text(text, encoding="utf-8")
+        beside.replace(path)
+    except OSError as error:
+        beside.unlink(missing_ok=True)
+        raise ConfigError(f"cannot write: {error.strerror}", file=shown_path(path)) from None
+
+
+def _suffix(path: Path) -> str:
+    suffix = path.suffix.lower()
+    if suffix not in _WRITERS:
+        known = ", ".join(SUFFIXES)
+        raise MapError(f"expected a map file ({known}), got {path.name!r}", file=shown_path(path))
+    return suffix
+
+
+def _read(path: Path) -> str:
+    name = shown_path(path)
+    if not path.is_file():
+        raise no_such_file(path)
+    try:
+        with path.open("rb") as stream:
+            raw = stream.read(4 * MAX_BYTES + 1)
+    except OSError as error:
+        raise ConfigError(f"cannot read the file: {error.strerror}", file=name) from None
+    if len(raw) > 4 * MAX_BYTES:
+        raise ConfigError(f"the file is too large: at most {4 * MAX_BYTES} bytes", file=name)
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = raw.count(b"\n", 0, error.start) + 1
+        raise ConfigError("expected UTF-8 text", file=name, line=line) from None
