@@ -16,6 +16,7 @@ from navfw.mofis.context import Context
 from navfw.mofis.egomap import EgoMap, EgoMapParams
 from navfw.mofis.lookahead import Aim, Lookahead, LookaheadParams
 from navfw.mofis.reach import look_around, room_along, sweep
+from navfw.mofis.watchdog import BehaviorTimeout, Watchdog
 from navfw.robot import RobotModel
 from navfw.signals import (
     Belief,
@@ -89,6 +90,7 @@ class Mofis:
         self.commands = CommandGrid(robot, self.params.commands)
         self.egomap = EgoMap(robot, self.params.ego_map)
         self.lookahead = Lookahead(self.params.lookahead)
+        self.watchdog = Watchdog()
         self.reset()
 
     def reset(self) -> None:
@@ -99,6 +101,7 @@ class Mofis:
             self.composite.reset()
         for behavior in self.behaviors.values():
             behavior.reset()
+        self.watchdog.reset()
         self._faults: dict[tuple[str, str], Fault] = {}
         self.proposals: dict[str, Proposal] = {}
         self.weights: Mapping[str, float] = {}
@@ -195,9 +198,14 @@ class Mofis:
 
     def _ask(self, name: str, behavior: Behavior, context: Context) -> Proposal | None:
         """The behaviour's proposal, or None (and a recorded fault) when it is not usable."""
+        if not self.watchdog.admits(name, context.time):
+            return None
         try:
-            proposal = behavior.propose(context)
+            with self.watchdog.watching(name, context.time):
+                proposal = behavior.propose(context)
             error = _fault_of(proposal, self.commands.shape)
+        except BehaviorTimeout as timeout:
+            proposal, error = None, f"took too long: {timeout}"
         except Exception as exception:  # a plugin may raise anything; the robot drives on
             proposal, error = None, f"{type(exception).__name__}: {exception}"
         if error is None:
