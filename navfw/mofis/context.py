@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from navfw.mofis.commands import CommandGrid
 from navfw.mofis.lookahead import Aim
 from navfw.mofis.reach import Arcs, Ranges
+from navfw.mofis.sight import Sight, sight_of
 from navfw.robot import RobotModel
 from navfw.signals import Belief, Command, FlowField, Percept, Pose, Twist, Waypoint
 
@@ -41,6 +42,11 @@ class Context:
     stalled: float
     idle: float
     flow: FlowField | None = None
+
+    @property
+    def sight(self) -> Sight | None:
+        """The percept's fuzzy distances left, right and ahead; None before the first percept."""
+        return None if self.percept is None else sight_of(self.percept, self.time)
 
     @property
     def waypoint_local(self) -> tuple[float, float]:
