@@ -21,6 +21,8 @@ from navfw.signals import (
     Frame,
     FramePair,
     Odometry,
+    Outlook,
+    PassageQuery,
     Percept,
     Pose,
     Proposal,
@@ -150,6 +152,21 @@ class Planner(Plugin):
     @abstractmethod
     def path(self) -> Sequence[Waypoint]:
         """The waypoints still ahead, nearest first (for displays and records)."""
+
+    # What follows is for planners that change their mind on the way; others need none of it.
+
+    @property
+    def queries(self) -> Sequence[PassageQuery]:
+        """The legs ahead, in order, of which the planner wants to hear in ``observe``."""
+        return ()
+
+    def observe(self, outlook: Outlook) -> None:
+        """Hear what the last decision's memory said of the ``queries``; before ``update``."""
+
+    @property
+    def shut(self) -> str | None:
+        """Why no way leads to the goal as things stand; None while there is one."""
+        return None
 
 
 class Behavior(Plugin):

@@ -13,7 +13,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -33,6 +33,9 @@ __all__ = [
     "Label",
     "Mask",
     "Odometry",
+    "Outlook",
+    "PassageQuery",
+    "PassageState",
     "Percept",
     "Pose",
     "Proposal",
@@ -303,7 +306,7 @@ class Waypoint:
 
     ``place`` is the place's name, ``kind`` its kind in the map ("goal" for a mission goal);
     ``final`` marks the last waypoint of the present goal. ``width`` [m] is that of the passage
-    that leads there.
+    that leads there, ``passage`` the names of the two places that it joins, as in the map.
     """
 
     x: float
@@ -313,11 +316,43 @@ class Waypoint:
     kind: str
     final: bool
     width: float = math.inf
+    passage: tuple[str, str] | None = None
 
     @property
     def label(self) -> str:
         """What messages call it: the place's name, or the coordinates."""
         return self.place or f"({self.x:g}, {self.y:g})"
+
+
+@dataclass(frozen=True, slots=True)
+class PassageQuery:
+    """A leg of the way ahead of which the planner wants to know whether it is open.
+
+    ``passage`` are the names of the two places that it joins; the leg goes straight from ``start``
+    to ``end`` (x, y) [m] in ``map`` through a passage ``width`` [m] wide.
+    """
+
+    passage: tuple[str, str]
+    start: tuple[float, float]
+    end: tuple[float, float]
+    width: float = math.inf
+
+
+PassageState = Literal["open", "closed", "unknown"]
+
+
+@dataclass(frozen=True, slots=True)
+class Outlook:
+    """What the short-term memory says of the way ahead, up to a few metres (METHOD 4.3).
+
+    ``passages`` are the queries that could be judged, in their order: "open" when a free way
+    through the leg has been seen, "closed" when what has been seen leaves none, "unknown"
+    otherwise. ``drops`` are points (x, y) [m] in ``map`` where the floor is missing.
+    """
+
+    time: float
+    passages: tuple[tuple[PassageQuery, PassageState], ...] = ()
+    drops: tuple[tuple[float, float], ...] = ()
 
 
 # --- MOFIS and LOCOM ---------------------------------------------------------------------------

@@ -47,10 +47,10 @@ class Access:
     footings: Sequence[Footing]
     distance: float
 
-    def width_to(self, place: str) -> float:
-        """Width [m] of the passage by which the point leads to ``place``; inf if by none."""
-        widths = [f.passage.width for f in self.footings if place in f.passage.ends]
-        return min(widths, default=math.inf)
+    def passage_to(self, place: str) -> Passage | None:
+        """The narrowest passage by which the point leads to ``place``; None if by none."""
+        passages = [f.passage for f in self.footings if place in f.passage.ends]
+        return min(passages, key=lambda passage: passage.width, default=None)
 
 
 class Doorways:
@@ -134,8 +134,12 @@ def _ends(
     """The ends of the passage that a point beside it can head for; none if a wall hides it."""
     passage = footing.passage
     ends = [passage.a, passage.b]
-    if not math.isfinite(costs.of(passage)):  # shut: only the nearer end is on our side
-        ends = [min(ends, key=footing.to_end)]
+    if not math.isfinite(costs.of(passage)):  # shut: only one end is on our side
+        barrier = costs.barrier(passage)
+        if barrier is None:
+            ends = [min(ends, key=footing.to_end)]
+        else:
+            ends = [passage.a if footing.to_end(passage.a) <= barrier else passage.b]
     if footing.aside <= 0.5 * passage.width:
         return ends
     if doorways.separate(point, _foot(topo_map, footing)):

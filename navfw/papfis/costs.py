@@ -19,9 +19,9 @@ from typing import Any
 
 import numpy as np
 
-from navfw.fuzzy import CompiledFis, RuleBase
+from navfw.fuzzy import CompiledFis, Inference, RuleBase
 from navfw.robot import RobotModel
-from navfw.signals import Array
+from navfw.signals import Array, Mask
 from navfw.topomap.model import Passage, TopoMap
 
 __all__ = ["RULE_BASE", "CostParams", "EdgeCosts", "inputs_of"]
@@ -47,7 +47,9 @@ class CostParams:
 class EdgeCosts:
     """The costs of all passages of a map for one robot, worked out at once and kept.
 
-    ``values`` (passages,), in the order of the map; infinite where the robot does not fit through.
+    ``values`` (passages,), in the order of the map; infinite where the robot does not fit through
+    and where a passage is closed. What is learnt of single passages on the way changes their costs
+    alone.
     """
 
     def __init__(
@@ -60,13 +62,14 @@ class EdgeCosts:
         self._inputs = inputs_of(passages, robot)
         self._fis, peaks = _inference()
         self._result = self._fis.evaluate(self._inputs)
-        firing = self._result.firing
-        self._penalties = np.clip(firing @ peaks / firing.sum(axis=1), 0.0, 1.0)
-        self._avoided = self._result.degrees["penalty"]["extreme"] > AVOID_ABOVE
-        lengths = np.array([passage.length for passage in passages])
-        widths = np.array([passage.width for passage in passages])
-        factors = 1.0 + params.aversion * self._penalties + params.avoidance * self._avoided
-        self.values: Array = np.where(widths > self.robot_width, lengths * factors, math.inf)
+        self._peaks = peaks
+        self._params = params
+        self._penalties, self._avoided = _judged(self._result, peaks)
+        self._revised: dict[int, Inference] = {}
+        self._barriers: dict[int, float | None] = {}
+        self._lengths = np.array([passage.length for passage in passages])
+        self._fits = np.array([passage.width for passage in passages]) > self.robot_width
+        self.values: Array = np.where(self._fits, self._lengths * self._factors(), math.inf)
 
     def of(self, passage: Passage) -> float:
         """The cost of a passage of the map; infinite if it is impassable."""
@@ -75,6 +78,48 @@ class EdgeCosts:
     def factor(self, passage: Passage) -> float:
         """How many times its length the passage costs: at least 1."""
         return self.of(passage) / passage.length
+
+    def close(self, passage: Passage, barrier: float | None = None) -> None:
+        """Make a passage impassable; ``barrier`` [m from its place ``a``] says where, if known."""
+        index = self._index[passage.ends]
+        self._barriers[index] = barrier
+        self.values[index] = math.inf
+
+    def reopen(self, passage: Passage) -> None:
+        """Make a closed passage cost again what its rules say."""
+        index = self._index[passage.ends]
+        self._barriers.pop(index, None)
+        self._reckon(index)
+
+    def revise(self, passage: Passage, **inputs: float) -> None:
+        """Give some inputs of the rules (``danger``, ``uncertainty``) other values than the map."""
+        index = self._index[passage.ends]
+        for name, value in inputs.items():
+            self._inputs[name][index] = value
+        now = self._fis.evaluate({name: values[index] for name, values in self._inputs.items()})
+        penalty, avoided = _judged(now, self._peaks)
+        self._revised[index] = now
+        self._penalties[index], self._avoided[index] = penalty[0], avoided[0]
+        self._reckon(index)
+
+    def barrier(self, passage: Passage) -> float | None:
+        """Where a closed passage is barred [m from its place ``a``], if that is known."""
+        return self._barriers.get(self._index[passage.ends])
+
+    def closed(self, passage: Passage) -> bool:
+        """Whether the passage has been closed."""
+        return self._index[passage.ends] in self._barriers
+
+    def _reckon(self, index: int) -> None:
+        open_ = index not in self._barriers and self._fits[index]
+        self.values[index] = (
+            self._lengths[index] * float(self._factors(index)) if open_ else math.inf
+        )
+
+    def _factors(self, index: int | slice = slice(None)) -> Array:
+        p = self._params
+        penalties, avoided = self._penalties[index], self._avoided[index]
+        return np.asarray(1.0 + p.aversion * penalties + p.avoidance * avoided)
 
     def explain(self, passage: Passage) -> dict[str, Any]:
         """Why the passage costs what it costs, as plain data: the rules, strongest first."""
@@ -86,11 +131,23 @@ class EdgeCosts:
             "length": passage.length,
             "cost": cost if math.isfinite(cost) else None,
             "passable": math.isfinite(cost),
+            "closed": index in self._barriers,
             "penalty": float(self._penalties[index]),
             "avoided": bool(self._avoided[index]),
             "inputs": {name: float(values[index]) for name, values in self._inputs.items()},
-            "rules": self._fis.explain(self._result, index=index),
+            "rules": (
+                self._fis.explain(self._revised[index])
+                if index in self._revised
+                else self._fis.explain(self._result, index=index)
+            ),
         }
+
+
+def _judged(result: Inference, peaks: Array) -> tuple[Array, Mask]:
+    """Penalty in [0, 1] and whether to avoid, (N,) each."""
+    firing = result.firing
+    penalties = np.clip(firing @ peaks / firing.sum(axis=1), 0.0, 1.0)
+    return penalties, result.degrees["penalty"]["extreme"] > AVOID_ABOVE
 
 
 def inputs_of(passages: Sequence[Passage], robot: RobotModel) -> dict[str, Array]:

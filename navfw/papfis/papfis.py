@@ -8,12 +8,13 @@ from typing import Annotated, Any, ClassVar
 from pydantic import Field
 
 from navfw.kinds import Planner
+from navfw.papfis.blockages import Blockages
 from navfw.papfis.costs import CostParams
 from navfw.papfis.routes import Router
 from navfw.papfis.tour import Tour
 from navfw.papfis.waypoints import Passing
-from navfw.signals import Belief, Waypoint
-from navfw.topomap.model import TopoMap
+from navfw.signals import Belief, Outlook, PassageQuery, Waypoint
+from navfw.topomap.model import Passage, TopoMap
 
 __all__ = ["Papfis"]
 
@@ -24,7 +25,9 @@ class Papfis(Planner):
     """Plans by fuzzy edge costs, hands out one waypoint after the other, plans anew when astray.
 
     From the belief's position the route enters the map where that is cheapest, at the ends of the
-    passages beside the robot, so places already passed do not appear in it.
+    passages beside the robot, so places already passed do not appear in it. Passages that are seen
+    to be barred are closed for a while, those with a drop in the floor avoided; the way changes
+    accordingly.
     """
 
     name: ClassVar[str] = "papfis"
@@ -56,8 +59,21 @@ class Papfis(Planner):
             Field(gt=0.0, le=1000.0, description="start and goals may be so far off the map [m]"),
         ] = 8.0
 
+        closing: Annotated[
+            float, Field(ge=1.0, le=100.0, description="looks, net, that close a barred passage")
+        ] = 3.0
+        look_interval: Annotated[
+            float, Field(ge=0.0, le=60.0, description="looks nearer in time count as one [s]")
+        ] = 1.0
+        closed_for: Annotated[
+            float, Field(gt=0.0, le=86400.0, description="a closed passage is tried after this [s]")
+        ] = 60.0
+
     params: Params
 
+    _blockages: Blockages | None = None
+    _outlook: Outlook | None = None
+    _at: tuple[float, float] | None = None
     _router: Router | None = None
     _tour: Tour | None = None
 
@@ -65,6 +81,9 @@ class Papfis(Planner):
         """Forget map, goals and plan."""
         self._router = None
         self._tour = None
+        self._blockages = None
+        self._outlook = None
+        self._at = None
 
     def start(self, topo_map: TopoMap, goals: Sequence[Waypoint]) -> None:
         """Begin a mission; a goal's ``place`` names a place of the map, or is only a label.
@@ -77,6 +96,7 @@ class Papfis(Planner):
         self._router = Router(topo_map, self.robot, CostParams(p.aversion, p.avoidance))
         passing = Passing(p.passing, p.door_passing, p.beside_door_passing, p.passing_reach)
         self._tour = Tour(self._router, goals, passing, p.stray, p.max_off_map)
+        self._blockages = Blockages(self._router, p.closing, p.look_interval, p.closed_for)
 
     def update(self, belief: Belief) -> Waypoint | None:
         """The waypoint to head for; None when the last goal is reached.
@@ -85,9 +105,36 @@ class Papfis(Planner):
             MapError: at the first call: the map does not connect this position with the goal.
 
         """
-        if self._tour is None:
+        if self._tour is None or self._blockages is None:
             raise RuntimeError("start() comes before update()")
-        return self._tour.head((belief.pose.x, belief.pose.y))
+        self._at = (belief.pose.x, belief.pose.y)
+        changed = self._blockages.expire(belief.time)
+        if self._outlook is not None:
+            changed |= self._blockages.hear(self._outlook, belief.time)
+            self._outlook = None
+        self._tour.reconsider(self._at, changed)
+        return self._tour.head(self._at)
+
+    def observe(self, outlook: Outlook) -> None:
+        """Note what has been seen of the way ahead; the next ``update`` draws the conclusions."""
+        self._outlook = outlook
+
+    @property
+    def queries(self) -> Sequence[PassageQuery]:
+        """The legs ahead that begin within a few metres of the robot."""
+        if self._tour is None or self._at is None:
+            return ()
+        return self._tour.queries(self._at)
+
+    @property
+    def shut(self) -> str | None:
+        """Which closed passages bar the only way to the goal; None while there is a way."""
+        return None if self._tour is None else self._tour.shut
+
+    @property
+    def closed(self) -> Sequence[Passage]:
+        """The passages that are closed for now."""
+        return () if self._blockages is None else self._blockages.closed
 
     @property
     def path(self) -> Sequence[Waypoint]:
@@ -96,7 +143,7 @@ class Papfis(Planner):
 
     @property
     def replans(self) -> int:
-        """How often the robot strayed so far that a new plan was made."""
+        """How often a new plan was made: the robot had strayed, or the way had changed."""
         return 0 if self._tour is None else self._tour.replans
 
     def explain(self) -> dict[str, Any]:
@@ -113,4 +160,5 @@ class Papfis(Planner):
             "entry_cost": route.entry_cost,
             "exit_cost": route.exit_cost,
             "passages": self._router.explain(route),
+            "closed": [[passage.a, passage.b] for passage in self.closed],
         }

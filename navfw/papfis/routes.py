@@ -40,25 +40,34 @@ class Spot:
 class Route:
     """The places to pass, in order, and the passages between them.
 
-    No places means: straight to the goal. ``widths`` [m] are of the passages that lead to each
-    place and, last, to the goal. ``cost`` is the whole, with the ways onto and off the map, and
-    ``length`` [m] the way's length by the map. ``entry_cost`` is that of the way from the start to
-    the first place, ``exit_cost`` that from the last place to the goal.
+    No places means: straight to the goal. ``legs`` are the passages by which the way leads to each
+    place and, last, to the goal; None where it leads beside all of them. ``cost`` is the whole,
+    with the ways onto and off the map, and ``length`` [m] the way's length by the map.
+    ``entry_cost`` is that of the way from the start to the first place, ``exit_cost`` that from the
+    last place to the goal.
     """
 
     start: Spot
     goal: Spot
     places: tuple[str, ...]
     passages: tuple[Passage, ...]
-    widths: tuple[float, ...]
+    legs: tuple[Passage | None, ...]
     cost: float
     length: float
     entry_cost: float
     exit_cost: float
 
+    @property
+    def widths(self) -> tuple[float, ...]:
+        """Width [m] of each leg, as the map has it; inf beside all passages."""
+        return tuple(math.inf if leg is None else leg.width for leg in self.legs)
+
 
 class Router:
-    """Plans routes in one map for one robot; all edge costs are worked out once, here.
+    """Plans routes in one map for one robot.
+
+    All edge costs are worked out once, here; ``close``, ``reopen`` and ``revise`` change single
+    ones.
 
     Raises:
         RuleBaseError: the rule base of the costs is not usable.
@@ -101,6 +110,21 @@ class Router:
         access = self.access(start, self.part_at(goal))
         return self._route(start, goal, access, self.access(goal))
 
+    def close(self, passage: Passage, barrier: float | None = None) -> None:
+        """Let no route pass there; ``barrier`` [m from its place ``a``] is where it is barred."""
+        self.costs.close(passage, barrier)
+        self._roads.set_cost(passage, math.inf)
+
+    def reopen(self, passage: Passage) -> None:
+        """Let routes pass there again, at the cost that its rules give."""
+        self.costs.reopen(passage)
+        self._roads.set_cost(passage, self.costs.of(passage))
+
+    def revise(self, passage: Passage, **inputs: float) -> None:
+        """Give some inputs of the cost's rules (``danger``, ``uncertainty``) other values."""
+        self.costs.revise(passage, **inputs)
+        self._roads.set_cost(passage, self.costs.of(passage))
+
     def explain(self, route: Route) -> list[dict[str, Any]]:
         """For each passage of the route its cost, rule by rule, as plain data."""
         return [self.costs.explain(passage) for passage in route.passages]
@@ -110,9 +134,9 @@ class Router:
         direct = self._direct_cost(entry, leave)
         # at equal cost the way by the places: it tells more
         if direct is not None and (found is None or direct[0] < found.cost - 1e-9):
-            cost, width = direct
+            cost, passage = direct
             straight = math.hypot(goal.x - start.x, goal.y - start.y)
-            return Route(start, goal, (), (), (width,), cost, straight, cost, 0.0)
+            return Route(start, goal, (), (), (passage,), cost, straight, cost, 0.0)
         if found is None:
             raise self._no_way(start, goal)
         return self._found(start, goal, entry, leave, found)
@@ -120,25 +144,22 @@ class Router:
     def _found(self, start: Spot, goal: Spot, entry: Access, leave: Access, found: Found) -> Route:
         first, last = (self.topo_map.places[found.places[i]] for i in (0, -1))
         passages = tuple(self.topo_map.passage(a, b) for a, b in pairwise(found.places))
-        widths = (
-            entry.width_to(first.name),
-            *(passage.width for passage in passages),
-            leave.width_to(last.name),
-        )
+        legs = (entry.passage_to(first.name), *passages, leave.passage_to(last.name))
         length = first.distance(*start.point) + last.distance(*goal.point)
         length += sum(passage.length for passage in passages)
         ways = entry.costs[first.name], leave.costs[last.name]
-        return Route(start, goal, found.places, passages, widths, found.cost, length, *ways)
+        return Route(start, goal, found.places, passages, legs, found.cost, length, *ways)
 
-    def _direct_cost(self, entry: Access, leave: Access) -> tuple[float, float] | None:
-        """Cost and width of the way along one passage, where start and goal are both beside it."""
+    def _direct_cost(self, entry: Access, leave: Access) -> tuple[float, Passage] | None:
+        """Cost and passage of the way along it, where start and goal are both beside it."""
         options = [
-            (self._cost_between(a, b), a.passage.width)
+            (self._cost_between(a, b), a.passage)
             for a in entry.footings
             for b in leave.footings
             if a.passage is b.passage
         ]
-        return min((way for way in options if math.isfinite(way[0])), default=None)
+        ways = (way for way in options if math.isfinite(way[0]))
+        return min(ways, key=lambda way: (way[0], way[1].width), default=None)
 
     def _cost_between(self, a: Footing, b: Footing) -> float:
         factor = self.costs.factor(a.passage)
@@ -148,13 +169,17 @@ class Router:
 
     def _no_way(self, start: Spot, goal: Spot) -> MapError:
         begin, end = self.part_at(start), self.part_at(goal)
-        if begin != end:
+        closed = [passage for passage in self.topo_map.passages if self.costs.closed(passage)]
+        if begin == end and closed:
+            listed = ", ".join(map(str, closed[:5])) + (", ..." if len(closed) > 5 else "")
+            message = f"no way leads from {start} to {goal} without what is closed: {listed}"
+        elif begin != end:
             message = (
                 f"the map does not connect the start {start}, in {_part_text(begin)}, with the "
                 f"goal {goal}, in {_part_text(end)}; add an edge between the two parts"
             )
         else:
-            narrow = [p for p in self.topo_map.passages if not math.isfinite(self.costs.of(p))]
+            narrow = [p for p in self.topo_map.passages if p.width <= self.costs.robot_width]
             listed = ", ".join(f"{p} ({p.width:g} m)" for p in narrow[:5])
             message = (
                 f"no way from {start} to {goal} is wide enough for the robot "

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from navfw.signals import Array
-from navfw.topomap.model import TopoMap
+from navfw.topomap.model import Passage, TopoMap
 
 __all__ = ["Found", "RoadNetwork"]
 
@@ -32,11 +32,17 @@ class RoadNetwork:
 
     def __init__(self, topo_map: TopoMap, costs: Array) -> None:
         self._points = {place.name: (place.x, place.y) for place in topo_map.places.values()}
-        self._roads: dict[str, list[tuple[str, float]]] = {name: [] for name in self._points}
+        self._roads: dict[str, dict[str, float]] = {name: {} for name in self._points}
         for passage, cost in zip(topo_map.passages, costs.tolist(), strict=True):
+            self.set_cost(passage, cost)
+
+    def set_cost(self, passage: Passage, cost: float) -> None:
+        """Give one passage another cost, at least its straight distance; infinite to close it."""
+        for start, end in ((passage.a, passage.b), (passage.b, passage.a)):
             if math.isfinite(cost):
-                self._roads[passage.a].append((passage.b, cost))
-                self._roads[passage.b].append((passage.a, cost))
+                self._roads[start][end] = cost
+            else:
+                self._roads[start].pop(end, None)
 
     def cheapest(
         self, entries: Mapping[str, float], exits: Mapping[str, float], aim: tuple[float, float]
@@ -67,7 +73,7 @@ class RoadNetwork:
             if name in exits:
                 total = cost + exits[name]
                 heapq.heappush(queue, (total, next(order), total, None, name))
-            for neighbor, step in roads[name]:
+            for neighbor, step in roads[name].items():
                 reached = cost + step
                 if neighbor not in came_from and reached < best.get(neighbor, math.inf):
                     best[neighbor] = reached

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from collections.abc import Set as AbstractSet
 from itertools import pairwise
 
 from navfw.errors import MapError
 from navfw.papfis.routes import Route, Router, Spot
 from navfw.papfis.waypoints import Passing, Point, distance_to_leg, has_passed, waypoints_of
-from navfw.signals import Waypoint
+from navfw.signals import PassageQuery, Waypoint
 
 __all__ = ["Tour"]
+
+LOOK_AHEAD = 2.5
+"""How far ahead passages are asked about [m] (METHOD 4.3)."""
 
 
 class Tour:
@@ -44,6 +48,7 @@ class Tour:
         self._came_from: Point = (0.0, 0.0)
         self.route: Route | None = None
         self.replans = 0
+        self.shut: str | None = None
         for goal in goals:
             self._check_distance(self._spot(goal), "goal")
         self._later = [
@@ -55,6 +60,29 @@ class Tour:
     def path(self) -> list[Waypoint]:
         """All waypoints still ahead, nearest first, through to the last goal."""
         return [*self._ahead, *(waypoint for leg in self._later for waypoint in leg)]
+
+    def queries(self, at: Point) -> list[PassageQuery]:
+        """The legs from ``at`` to the present goal, as far as they begin within ``LOOK_AHEAD``."""
+        queries, start, so_far = [], at, 0.0
+        for waypoint in self._ahead:
+            if so_far >= LOOK_AHEAD:
+                break
+            end = (waypoint.x, waypoint.y)
+            if waypoint.passage is not None:
+                queries.append(PassageQuery(waypoint.passage, start, end, waypoint.width))
+            so_far += math.dist(start, end)
+            start = end
+        return queries
+
+    def reconsider(self, at: Point, changed: AbstractSet[frozenset[str]]) -> None:
+        """Plan anew from ``at`` if the way ahead leads through one of the ``changed`` passages.
+
+        A tour that was ``shut`` does so at any change. Where no way is left, the old one holds, and
+        ``shut`` says which passage bars it.
+        """
+        ahead = {frozenset(w.passage) for w in self._ahead if w.passage is not None}
+        if self.route is not None and changed and (self.shut or ahead & changed):
+            self._plan_anew(at)
 
     def head(self, at: Point) -> Waypoint | None:
         """The waypoint to head for from ``at`` (x, y) [m]; None when the last goal is reached.
@@ -98,24 +126,40 @@ class Tour:
         if last.final:
             self._goals.pop(0)
             if self._goals:
-                self._later.pop(0)
+                self._ahead = self._later.pop(0)
                 self._plan_on(at)
 
     def _plan_anew(self, at: Point) -> None:
         self.replans += 1
-        try:
-            self._plan_on(at)
-        except MapError:
-            # the belief lies where the map has no way out: head on for what was planned before
-            self._came_from = at
+        self._plan_on(at)
 
     def _plan_on(self, at: Point) -> None:
-        self._follow(self._router.route_within(Spot(*at), self._spot(self._goals[0])), at)
+        try:
+            route = self._router.route_within(Spot(*at), self._spot(self._goals[0]))
+        except MapError:
+            # closed passages, or the belief lies where the map has no way out: head on for what was
+            # planned before
+            self._came_from = at
+            self.shut = self._why_shut()
+        else:
+            self._follow(route, at)
 
     def _follow(self, route: Route, at: Point) -> None:
         self.route = route
         self._ahead = self._waypoints(route, self._goals[0])
         self._came_from = at
+        self.shut = None
+
+    def _why_shut(self) -> str | None:
+        """Which closed passages are on the way that was planned; None if nothing is closed."""
+        every, costs = self._router.topo_map.passages, self._router.costs
+        closed = [passage for passage in every if costs.closed(passage)]
+        ahead = {frozenset(w.passage) for w in self._ahead if w.passage is not None}
+        named = [passage for passage in closed if passage.ends in ahead] or closed
+        if not named:
+            return None
+        listed = ", ".join(map(str, named[:3])) + (", ..." if len(named) > 3 else "")
+        return f"the only way to {self._goals[0].label} is shut: {listed}"
 
     def _is_astray(self, at: Point) -> bool:
         head = self._ahead[0]

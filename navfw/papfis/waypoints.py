@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from navfw.papfis.access import AT_PLACE
 from navfw.papfis.routes import Route
 from navfw.signals import Waypoint
-from navfw.topomap.model import TopoMap
+from navfw.topomap.model import Passage, TopoMap
 
 __all__ = ["Passing", "Point", "distance_to_leg", "has_passed", "waypoints_of"]
 
@@ -56,16 +56,38 @@ def waypoints_of(
             width = min(width, *(p.width for p in topo_map.passages_at(place.name)))
         tolerance = passing.tolerance(kinds, i)
         waypoints.append(
-            Waypoint(place.x, place.y, tolerance, place.name, place.kind, final=False, width=width)
+            Waypoint(
+                place.x,
+                place.y,
+                tolerance,
+                place.name,
+                place.kind,
+                final=False,
+                width=width,
+                passage=_ends(route.legs[i]),
+            )
         )
+    last = route.legs[-1]
     if places and kinds[-1] != "door" and places[-1].distance(goal.x, goal.y) <= goal.tolerance:
         del waypoints[-1]
+        last = route.legs[-2]
     if waypoints and places[0].distance(*route.start.point) <= AT_PLACE:
         del waypoints[0]
     final = Waypoint(
-        goal.x, goal.y, goal.tolerance, goal.place, "goal", final=True, width=route.widths[-1]
+        goal.x,
+        goal.y,
+        goal.tolerance,
+        goal.place,
+        "goal",
+        final=True,
+        width=route.widths[-1],
+        passage=_ends(last),
     )
     return [*waypoints, final]
+
+
+def _ends(passage: Passage | None) -> tuple[str, str] | None:
+    return None if passage is None else (passage.a, passage.b)
 
 
 def has_passed(

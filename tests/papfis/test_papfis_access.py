@@ -91,4 +91,4 @@ def test_an_infinite_width_hides_nothing() -> None:
     a, b = Place("a", 0, 0), Place("b", 4, 0)
     access = Router(TopoMap("m", [a, b], [Passage("a", "b", 4.0)]), ROBOT).access(Spot(1, 3))
     assert set(access.costs) == {"a", "b"}
-    assert math.isinf(access.width_to("a"))
+    assert access.passage_to("a").width == math.inf

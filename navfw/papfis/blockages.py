@@ -1,0 +1,121 @@
+"""What the robot learns of passages on its way: barred, open again, dangerous (METHOD 4.3).
+
+Each look at a passage ahead is a vote. The ego map remembers, so two looks in short succession say
+the same thing twice: they count once. Net votes that reach the limit close the passage for a while;
+afterwards it is admitted again as uncertain, and two more votes close it again.
+"""
+
+from __future__ import annotations
+
+import math
+
+from navfw.papfis.routes import Router
+from navfw.signals import Outlook, PassageQuery, PassageState
+from navfw.topomap.model import Passage
+
+__all__ = ["Blockages"]
+
+AHEAD = 0.4
+"""Nothing bars the way nearer ahead of the robot than this [m] when it finds a passage barred."""
+
+DROP_REACH = 0.3
+"""A drop endangers a passage when it is so near its rim, or nearer [m]."""
+
+WIDEST = 2.0
+"""Passages count as at most so wide [m] when asked whether a drop lies in them."""
+
+Changed = set[frozenset[str]]
+
+
+class Blockages:
+    """Closes and reopens the passages of a router by what is seen of them.
+
+    ``closing`` net votes close a passage for ``closed_for`` [s]; votes on a passage within
+    ``interval`` [s] of the last one are not counted.
+    """
+
+    def __init__(self, router: Router, closing: float, interval: float, closed_for: float) -> None:
+        self._router = router
+        self._closing = closing
+        self._interval = interval
+        self._closed_for = closed_for
+        self._votes: dict[frozenset[str], float] = {}
+        self._voted: dict[frozenset[str], float] = {}
+        self._until: dict[frozenset[str], float] = {}
+        self._dangers: set[frozenset[str]] = set()
+
+    @property
+    def closed(self) -> tuple[Passage, ...]:
+        """The passages that are closed now, in the order in which they were."""
+        return tuple(self._router.topo_map.passage(*sorted(ends)) for ends in self._until)
+
+    def expire(self, time: float) -> Changed:
+        """Admit again, as uncertain, what has been closed for long enough; tells which."""
+        over = [ends for ends, until in self._until.items() if time >= until]
+        for ends in over:
+            self._open(ends, votes=max(self._closing - 2.0, 0.0))
+            self._router.revise(self._passage(ends), uncertainty=1.0)
+        return set(over)
+
+    def hear(self, outlook: Outlook, time: float) -> Changed:
+        """Take note of what has been seen at ``time`` [s]; tells which passages it changed."""
+        changed: Changed = set()
+        for query, state in outlook.passages:
+            if self._vote(query, state, time):
+                changed.add(frozenset(query.passage))
+        for drop in outlook.drops:
+            changed |= self._endanger(drop)
+        return changed
+
+    def _vote(self, query: PassageQuery, state: PassageState, time: float) -> bool:
+        ends = frozenset(query.passage)
+        if state == "unknown" or time - self._voted.get(ends, -math.inf) < self._interval:
+            return False
+        self._voted[ends] = time
+        step = 1.0 if state == "closed" else -1.0
+        votes = min(max(self._votes.get(ends, 0.0) + step, -self._closing), self._closing)
+        self._votes[ends] = votes
+        if ends in self._until:
+            if votes > 0.0:
+                return False
+            self._open(ends, votes)
+            return True
+        if votes < self._closing:
+            return False
+        passage = self._passage(ends)
+        self._until[ends] = time + self._closed_for
+        self._router.close(passage, self._barrier(passage, query))
+        return True
+
+    def _open(self, ends: frozenset[str], votes: float) -> None:
+        del self._until[ends]
+        self._votes[ends] = votes
+        self._router.reopen(self._passage(ends))
+
+    def _barrier(self, passage: Passage, query: PassageQuery) -> float:
+        """Where along the passage it is barred [m from ``a``]: ahead of the robot."""
+        a, b = (self._router.topo_map.places[name] for name in (passage.a, passage.b))
+        dx, dy = b.x - a.x, b.y - a.y
+        span = math.hypot(dx, dy)
+        if span == 0.0:
+            return 0.5 * passage.length
+        (x0, y0), (x1, y1) = query.start, query.end
+        along = min(max(((x0 - a.x) * dx + (y0 - a.y) * dy) / span, 0.0), span)
+        forward = 1.0 if (x1 - x0) * dx + (y1 - y0) * dy >= 0.0 else -1.0
+        return min(max(along + forward * AHEAD, 0.0), span) * passage.length / span
+
+    def _endanger(self, drop: tuple[float, float]) -> Changed:
+        """Put the danger on the nearest passage, if the drop lies in it."""
+        footing = self._router.topo_map.nearest_passage(*drop)
+        if footing is None:
+            return set()
+        passage = footing.passage
+        reach = 0.5 * min(passage.width, WIDEST) + DROP_REACH
+        if footing.aside > reach or passage.ends in self._dangers:
+            return set()
+        self._dangers.add(passage.ends)
+        self._router.revise(passage, danger=1.0)
+        return {passage.ends}
+
+    def _passage(self, ends: frozenset[str]) -> Passage:
+        return self._router.topo_map.passage(*sorted(ends))
