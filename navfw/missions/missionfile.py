@@ -30,6 +30,7 @@ from navfw.config.lookup import find
 from navfw.config.overrides import Override, apply_overrides
 from navfw.config.yamlfile import validate
 from navfw.errors import ConfigError, UnknownNameError, WorldError
+from navfw.missions.events import EventSpec
 from navfw.robot import RobotModel
 from navfw.signals import Array, Pose, Waypoint
 from navfw.sim.sensors import SensorParams
@@ -116,6 +117,10 @@ class MissionSpec(_Spec):
     robot: Annotated[RobotModel, Field(description="what differs from the usual robot")] = (
         RobotModel()
     )
+    events: Annotated[
+        tuple[EventSpec, ...],
+        Field(max_length=1000, description="what happens on the way: faults, changes of the world"),
+    ] = ()
 
 
 class Plan(Protocol):

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from navfw.errors import InputError
+from navfw.missions.events import EventClock, EventRecord
 from navfw.missions.outcome import Outcome, Verdict
 from navfw.recording.readings import ReadingsRecorder
 from navfw.recording.track import Contact, Track, TrackRecorder
@@ -141,13 +142,17 @@ class Progress:
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """What a run gave. ``faults`` are those of plugins, which the stack survived."""
+    """What a run gave. ``faults`` are those of plugins, which the stack survived.
+
+    ``events`` are those of the mission that happened.
+    """
 
     verdict: Verdict
     track: Track
     sim_time: float
     wall_time: float
     faults: tuple[str, ...]
+    events: tuple[EventRecord, ...] = ()
 
     @property
     def real_time_factor(self) -> float:
@@ -161,10 +166,12 @@ def run_task(
     simulator: Simulator,
     progress: Callable[[Progress], None] | None = None,
     readings: ReadingsRecorder | None = None,
+    events: EventClock | None = None,
 ) -> Run:
     """Drive until the mission ends, whichever way; a KeyboardInterrupt ends it as cancelled.
 
-    ``readings`` collects what the sensors gave, for a replay. The clock on the wall is looked at
+    ``readings`` collects what the sensors gave, for a replay; ``events`` is asked at every tick
+    what begins or ends. The clock on the wall is looked at
     for reports only: it has no influence on the run.
 
     Raises:
@@ -172,7 +179,7 @@ def run_task(
             robot has moved. Whatever it raises later ends the run as a fault.
 
     """
-    return _Loop(task, pilot, simulator, progress, readings).run()
+    return _Loop(task, pilot, simulator, progress, readings, events).run()
 
 
 class _Loop:
@@ -185,12 +192,14 @@ class _Loop:
         simulator: Simulator,
         progress: Callable[[Progress], None] | None,
         readings: ReadingsRecorder | None,
+        events: EventClock | None,
     ) -> None:
         self.task = task
         self.pilot = pilot
         self.simulator = simulator
         self.progress = progress
         self.readings = readings
+        self.events = events
         self.recorder = TrackRecorder()
         self.dt = 1.0 / task.robot.control_rate
         self.visits = _Visits(task.goals, task.success_radius)
@@ -213,6 +222,7 @@ class _Loop:
             sim_time=self.simulator.time - first,
             wall_time=time.perf_counter() - self.began,
             faults=self.faults[:_MAX_FAULTS],
+            events=() if self.events is None else self.events.log,
         )
 
     def _drive(self) -> Verdict:
@@ -233,6 +243,8 @@ class _Loop:
 
     def _tick(self) -> Verdict | None:
         pose = self.simulator.true_pose()
+        if self.events is not None:
+            self.events.tick(self.simulator.time, pose)
         reading = self.simulator.read()
         twist = self.pilot.step(reading)
         if not (math.isfinite(twist.v) and math.isfinite(twist.w)):

@@ -13,14 +13,27 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from navfw.config.lookup import find, find_mission
 from navfw.config.overrides import Override, parse_override
+from navfw.missions.events import (
+    BehaviorFault,
+    Event,
+    EventClock,
+    Stage,
+    resolve_events,
+    with_doors_open,
+)
 from navfw.missions.metrics import Metrics, measure
 from navfw.missions.missionfile import MissionFile, load_mission
 from navfw.missions.oracle import reveal
 from navfw.missions.outcome import Outcome
 from navfw.missions.runner import Progress, Run, Task, run_task
+from navfw.mofis.sabotage import Saboteur, infiltrate
 from navfw.recording.readings import ReadingsRecorder
+from navfw.signals import Array
+from navfw.sim.changes import ChangeTrack
 from navfw.sim.floorplan import FloorPlan
 from navfw.sim.movers import MoverTrack
 from navfw.sim.simulation import Simulation
@@ -54,6 +67,7 @@ class Session:
     stack_file: Path
     stack: Stack
     overrides: tuple[str, ...] = ()
+    events: tuple[Event, ...] = ()
 
     @property
     def task(self) -> Task:
@@ -93,13 +107,35 @@ class Session:
         """
         readings = ReadingsRecorder() if record else None
         with self.simulation(gui) as simulator:
-            run = run_task(self.task, self.stack, simulator, progress, readings)
+            clock = EventClock((event, self._stage(event, simulator)) for event in self.events)
+            run = run_task(self.task, self.stack, simulator, progress, readings, clock)
+            changes = simulator.change_track()
             spent = simulator.timings
             cause = simulator.collision_cause
             movers = simulator.mover_track() if self.world.movers else None
         timings = {"render": spent.render, "physics": spent.physics, "sensors": spent.sensors}
         timings |= self.stack.timings
-        return MissionResult(self, run, timings, readings, cause, movers)
+        return MissionResult(self, run, timings, readings, cause, movers, changes)
+
+    def _stage(self, event: Event, simulator: Simulation) -> Stage:
+        """Where the event happens."""
+        action = event.action
+        if isinstance(action, BehaviorFault):
+            return _Behind(infiltrate(self.stack.mofis.behaviors, action.name))
+        return simulator
+
+
+class _Behind:
+    """Lets a saboteur act on behalf of events."""
+
+    def __init__(self, saboteur: Saboteur) -> None:
+        self._saboteur = saboteur
+
+    def begin(self, action: BehaviorFault) -> None:
+        self._saboteur.begin(action.does)
+
+    def end(self, action: BehaviorFault) -> None:
+        self._saboteur.end(action.does)
 
 
 @dataclass(frozen=True)
@@ -108,7 +144,7 @@ class MissionResult:
 
     ``collision_cause`` says who moved into whom at a collision: "robot", or "mover" when a walker
     ran into a robot that was not driving towards it; None without collision. ``movers`` is where
-    the world's walkers were.
+    the world's walkers were, ``changes`` what stood there for a part of the time only.
     """
 
     session: Session
@@ -117,6 +153,7 @@ class MissionResult:
     readings: ReadingsRecorder | None = None
     collision_cause: str | None = None
     movers: MoverTrack | None = None
+    changes: ChangeTrack | None = None
 
     @property
     def outcome(self) -> Outcome:
@@ -136,14 +173,14 @@ class MissionResult:
         start, goal = session.mission.start, session.mission.goals[-1]
         return measure(
             run.track,
-            session.plan,
+            _without(session.plan, self.changes),
             start=(start.x, start.y),
             goal=(goal.x, goal.y),
             shortest=session.shortest,
             radius=session.mission.spec.robot.radius,
             succeeded=self.outcome.succeeded,
             stage_ms={name: 1e3 * t / frames for name, t in self.timings.items()},
-            moving=self.movers,
+            moving=_Nearest(self.movers, self.changes),
         )
 
     def summary(self) -> dict[str, Any]:
@@ -175,8 +212,29 @@ class MissionResult:
             "command_hash": run.track.command_hash,
             "oracle": self.session.stack.resolved.oracle,
             "faults": run.faults,
+            "events": [event.as_data() for event in run.events],
             "stage_ms": metrics.stage_ms,
         }
+
+
+class _Nearest:
+    """Walkers and what came and went together, for clearances."""
+
+    def __init__(self, *parts: MoverTrack | ChangeTrack | None) -> None:
+        self._parts = [part for part in parts if part is not None]
+
+    def clearances(self, points: Array, times: Array) -> Array:
+        nearest = np.full(len(points), np.inf)
+        for part in self._parts:
+            np.minimum(nearest, part.clearances(points, times), out=nearest)
+        return nearest
+
+
+def _without(plan: FloorPlan, changes: ChangeTrack | None) -> FloorPlan:
+    """The plan of what stood there all the time."""
+    if changes is None or not changes.names:
+        return plan
+    return FloorPlan(plan.bounds, tuple(s for s in plan.solids if s.name not in changes.names))
 
 
 def prepare(
@@ -203,8 +261,10 @@ def prepare(
     mission_file = find_mission(world, mission)
     world_spec = load_world(world_file)
     loaded = load_mission(mission_file, for_mission)
-    plan = FloorPlan.from_world(world_spec, loaded.spec.robot.height)
-    shortest = loaded.check(plan)
+    height = loaded.spec.robot.height
+    plan = FloorPlan.from_world(world_spec, height)
+    opened = with_doors_open(world_spec, loaded.spec.events)
+    shortest = loaded.check(FloorPlan.from_world(opened, height))
     stack_file = find("stack", stack)
     built = Stack.load(
         stack_file, loaded.spec.robot, loaded.topo_map, registry or _registry(), for_stack
@@ -220,6 +280,14 @@ def prepare(
         stack_file=stack_file,
         stack=built,
         overrides=tuple(overrides),
+        events=resolve_events(
+            loaded.document,
+            loaded.spec.events,
+            loaded.spec.timeout,
+            loaded.topo_map,
+            world_spec,
+            built.mofis.behaviors,
+        ),
     )
 
 

@@ -35,6 +35,7 @@ def _ascending(interval: tuple[float, float]) -> tuple[float, float]:
 Coordinate = Annotated[float, Field(ge=-500.0, le=500.0)]
 Interval = Annotated[tuple[Coordinate, Coordinate], AfterValidator(_ascending)]
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
+Length = Annotated[float, Field(ge=0.02, le=20.0)]
 Side = Literal["left", "right"]
 
 
@@ -78,18 +79,20 @@ class CameraFault(_OneOf):
     black: Annotated[bool, Field(description="nothing but the sensor's noise")] = False
     over_exposed: Annotated[bool, Field(description="six times too bright")] = False
     noisy: Annotated[
-        float | None,
-        Field(gt=0.0, le=100.0, description="more noise, standard deviation [grey levels]"),
+        Annotated[float, Field(gt=0.0, le=100.0)] | None,
+        Field(description="more noise, standard deviation [grey levels]"),
     ] = None
     blurred: Annotated[
-        float | None, Field(gt=0.0, le=20.0, description="out of focus, sigma [px]")
+        Annotated[float, Field(gt=0.0, le=20.0)] | None,
+        Field(description="out of focus, sigma [px]"),
     ] = None
     latency: Annotated[
-        float | None, Field(gt=0.0, le=10.0, description="frames come so much later [s]")
+        Annotated[float, Field(gt=0.0, le=10.0)] | None,
+        Field(description="frames come so much later [s]"),
     ] = None
     hfov_error: Annotated[
-        float | None,
-        Field(ge=-0.5, le=0.5, description="the true field of view is wider by this share"),
+        Annotated[float, Field(ge=-0.5, le=0.5)] | None,
+        Field(description="the true field of view is wider by this share"),
     ] = None
 
 
@@ -100,7 +103,8 @@ class GyroFault(_OneOf):
 
     dropout: Annotated[bool, Field(description="no new readings: time and values stay")] = False
     bias_step: Annotated[
-        float | None, Field(ge=-90.0, le=90.0, description="added to the yaw rate [deg/s]")
+        Annotated[float, Field(ge=-90.0, le=90.0)] | None,
+        Field(description="added to the yaw rate [deg/s]"),
     ] = None
 
 
@@ -166,16 +170,12 @@ class Obstacle(_Spec):
     at: Annotated[
         tuple[Coordinate, Coordinate] | None, Field(description="centre [m], in the map frame")
     ] = None
-    ahead: Annotated[
-        float | None, Field(gt=0.0, le=20.0, description="or so far in front of the robot [m]")
-    ] = None
+    ahead: Annotated[Length | None, Field(description="or so far in front of the robot [m]")] = None
     size: Annotated[
-        tuple[Annotated[float, Field(ge=0.02, le=20.0)], Annotated[float, Field(ge=0.02, le=20.0)]]
-        | None,
-        Field(description="a box: x, y [m] before yaw"),
+        tuple[Length, Length] | None, Field(description="a box: x, y [m] before yaw")
     ] = None
-    radius: Annotated[float | None, Field(ge=0.02, le=10.0, description="a cylinder [m]")] = None
-    height: Annotated[float, Field(ge=0.05, le=10.0, description="[m]")] = 1.0
+    radius: Annotated[Length | None, Field(description="a cylinder [m]")] = None
+    height: Annotated[Length, Field(description="[m]")] = 1.0
     yaw: Annotated[float, Field(ge=-6.3, le=6.3, description="of a box [rad]")] = 0.0
     texture: Annotated[str, Field(description="of the world's textures, or a stock one")] = "stone"
 

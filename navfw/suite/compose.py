@@ -12,6 +12,7 @@ from navfw.config.lookup import find
 from navfw.config.overrides import apply_overrides
 from navfw.config.yamlfile import validate
 from navfw.errors import ConfigError
+from navfw.missions.events import resolve_events
 from navfw.missions.missionfile import MissionFile, MissionSpec, PlaceStart, PointGoal
 from navfw.missions.session import Session, prepare, split_overrides
 from navfw.signals import Pose, Waypoint
@@ -93,6 +94,7 @@ def generated_session(
     plan = FloorPlan.from_world(made.world, spec.robot.height)
     shortest = mission.check(plan)
     stack_file = find("stack", stack)
+    built = Stack.load(stack_file, spec.robot, made.topo_map, registry, for_stack)
     return Session(
         world_name=world_name,
         mission_name="cross",
@@ -102,8 +104,16 @@ def generated_session(
         mission=mission,
         shortest=shortest,
         stack_file=stack_file,
-        stack=Stack.load(stack_file, spec.robot, made.topo_map, registry, for_stack),
+        stack=built,
         overrides=tuple(overrides),
+        events=resolve_events(
+            document,
+            spec.events,
+            spec.timeout,
+            made.topo_map,
+            made.world,
+            built.mofis.behaviors,
+        ),
     )
 
 
