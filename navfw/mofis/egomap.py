@@ -13,9 +13,9 @@ from typing import Annotated
 import cv2
 import numpy as np
 import numpy.typing as npt
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from navfw.mofis.kernels import cast_evidence
+from navfw.mofis.evidence import cast_evidence
 from navfw.robot import RobotModel
 from navfw.signals import Array, Label, Percept, Pose
 
@@ -23,6 +23,11 @@ __all__ = ["EgoMap", "EgoMapParams"]
 
 Positive = Annotated[float, Field(gt=0.0)]
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
+
+_SHARPEST = 0.02
+"""Sigma [1/m] below which no reading is taken at its word."""
+_SEEN_OVER = 0.15
+"""Height [m] below which a ray that passes tells all about a cell."""
 
 
 class EgoMapParams(BaseModel):
@@ -33,23 +38,36 @@ class EgoMapParams(BaseModel):
     extent: Annotated[Positive, Field(le=30.0, description="side of the square [m]")] = 8.0
     cell: Annotated[float, Field(ge=0.02, le=0.2, description="cell size [m]")] = 0.05
     hit: Annotated[Positive, Field(description="log-odds of one confident sighting")] = 0.6
-    free: Annotated[Positive, Field(description="log-odds of one look through")] = 0.35
+    free: Annotated[Positive, Field(description="log-odds of one look through")] = 0.33
     least: Annotated[float, Field(lt=0.0, description="lower bound of evidence")] = -1.5
     most: Annotated[Positive, Field(description="upper bound of evidence")] = 3.0
-    occupied: Annotated[Positive, Field(description="evidence from which a cell blocks")] = 0.9
+    occupied: Annotated[Positive, Field(description="evidence from which a cell blocks")] = 0.7
     seen_free: Annotated[
         float, Field(lt=0.0, description="evidence below which it is free")
     ] = -0.25
-    range: Annotated[Positive, Field(description="farthest sighting entered [m]")] = 3.5
+    range: Annotated[Positive, Field(description="farthest sighting entered [m]")] = 3.0
+    width: Annotated[
+        float, Field(gt=0.0, le=3.0, description="part of a reading that hits, each side [sigma]")
+    ] = 0.7
+    share: Annotated[
+        tuple[Share, Share],
+        Field(description="a cell's share of a reading that says nothing, and that says all"),
+    ] = (0.08, 0.3)
     fade: Annotated[Positive, Field(description="time constant of forgetting [s]")] = 30.0
     certainty: Annotated[Share, Field(description="least confidence entered")] = 0.15
     over_share: Annotated[
         Share, Field(description="weight of a free look that passes at camera height")
-    ] = 0.4
+    ] = 0.2
     drop: Annotated[
         Share, Field(description="weight of a point that seems to lie below the floor")
     ] = 0.2
     top: Annotated[Positive, Field(description="things higher than this are ignored [m]")] = 1.5
+
+    @model_validator(mode="after")
+    def _shares_rise(self) -> EgoMapParams:
+        if self.share[0] >= self.share[1]:
+            raise ValueError(f"share must rise: {self.share[0]:g} is not below {self.share[1]:g}")
+        return self
 
 
 class EgoMap:
@@ -63,6 +81,8 @@ class EgoMap:
         self.params = params or EgoMapParams()
         self.size = 2 * round(0.5 * self.params.extent / self.params.cell) + 1
         self._base_from_camera = robot.camera.base_from_camera
+        p = self.params
+        self._limits = np.array([p.range, p.width, *p.share, _SEEN_OVER, p.over_share])
         self._hit = np.zeros((self.size, self.size))
         self._free = np.zeros((self.size, self.size))
         self.reset()
@@ -119,17 +139,12 @@ class EgoMap:
         if not kept.any():
             return
         nearness, confidence = nearness[kept], confidence[kept]
-        sigma, label = percept.sigma.ravel()[kept], label[kept]
+        sigma, label = np.maximum(percept.sigma.ravel()[kept], _SHARPEST), label[kept]
         direction = self._directions(percept.points, kept, pose)
-        near = 1.0 / (nearness + sigma)
-        far = 1.0 / np.maximum(nearness - sigma, 0.2 * nearness)
         weight = np.array([0.0, 0.0, 1.0, p.drop, 1.0])[label]  # in the order of Label
-        hit = np.where(near < p.range, confidence * weight, 0.0)
         # What is seen through: up to just before the thing, or the floor, that was seen. That
         # holds for a point of unknown height, too.
         free = np.where(label == Label.ABOVE, 0.5, 1.0) * confidence
-        near = np.minimum(near, p.range)
-        far = np.minimum(far, p.range + 1.0)
 
         c, s = math.cos(pose.yaw), math.sin(pose.yaw)
         self._hit[:] = 0.0
@@ -144,15 +159,14 @@ class EgoMap:
             pose.y + s * camera.mount_forward,
             camera.mount_height,
             direction,
-            np.tile(near, 3),
-            np.tile(far, 3),
-            np.tile(hit, 3),
+            np.tile(nearness, 3),
+            np.tile(sigma, 3),
+            np.tile(confidence * weight, 3),
             np.tile(free, 3),
-            0.15,
-            camera.mount_height,
-            p.over_share,
+            self._limits,
         )
-        self.evidence += p.hit * self._hit - p.free * np.where(self._hit > 0.0, 0.0, self._free)
+        # a doubtful hit leaves room for those who have seen through the cell
+        self.evidence += p.hit * self._hit - p.free * self._free * (1.0 - self._hit)
         np.clip(self.evidence, p.least, p.most, out=self.evidence)
         self._clearance = self._known = None
 

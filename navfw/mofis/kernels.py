@@ -1,4 +1,4 @@
-"""Compiled inner loops of the ego map: evidence along rays, arcs through it, cost to go.
+"""Compiled inner loops over the ego map: arcs and rays through it, cost to go.
 
 All work on square grids indexed [row, column] = [y, x] in the odom frame's directions; ``origin``
 is the odom coordinate [m] of the centre of cell [0, 0], ``cell`` the cell size [m].
@@ -14,68 +14,7 @@ import numpy.typing as npt
 
 from navfw.signals import Array
 
-__all__ = ["cast_evidence", "cast_ranges", "cost_to_go", "descend", "sweep_arcs"]
-
-
-@numba.njit(cache=True)
-def cast_evidence(
-    hit: Array,
-    free: Array,
-    origin_x: float,
-    origin_y: float,
-    cell: float,
-    camera_x: float,
-    camera_y: float,
-    camera_height: float,
-    direction: Array,
-    near: Array,
-    far: Array,
-    hit_weight: Array,
-    free_weight: Array,
-    low: float,
-    high: float,
-    high_share: float,
-) -> None:
-    """Enter each ray's evidence into the frame's layers ``hit`` and ``free`` (max, not sum).
-
-    ``direction`` (N, 3): what the ray advances in odom x, y and height per metre of depth; ``near``
-    and ``far`` (N,) bound the depth [m] of what it met. Up to ``near`` the ray says free, between
-    the two it says hit (shared out when the interval is long). A ray passes OVER what is lower
-    than itself: its word for free counts fully below height ``low`` and only ``high_share`` from
-    ``high`` upwards.
-    """
-    size = hit.shape[0]
-    for i in range(direction.shape[0]):
-        dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
-        horizontal = math.hypot(dx, dy)
-        step = 0.7 * cell / horizontal
-        if free_weight[i] > 0.0:
-            depth = step
-            while depth < near[i]:
-                column = int(math.floor((camera_x + depth * dx - origin_x) / cell + 0.5))
-                row = int(math.floor((camera_y + depth * dy - origin_y) / cell + 0.5))
-                if row < 0 or column < 0 or row >= size or column >= size:
-                    break
-                height = camera_height + depth * dz
-                if height <= low:
-                    share = 1.0
-                elif height >= high:
-                    share = high_share
-                else:
-                    share = 1.0 - (1.0 - high_share) * (height - low) / (high - low)
-                free[row, column] = max(free[row, column], free_weight[i] * share)
-                depth += step
-        if hit_weight[i] > 0.0:
-            cells = max(1.0, (far[i] - near[i]) * horizontal / cell)
-            weight = hit_weight[i] * min(1.0, 3.0 / cells)
-            depth = near[i]
-            while depth <= far[i]:
-                column = int(math.floor((camera_x + depth * dx - origin_x) / cell + 0.5))
-                row = int(math.floor((camera_y + depth * dy - origin_y) / cell + 0.5))
-                if row < 0 or column < 0 or row >= size or column >= size:
-                    break
-                hit[row, column] = max(hit[row, column], weight)
-                depth += step
+__all__ = ["cast_ranges", "cost_to_go", "descend", "sweep_arcs"]
 
 
 @numba.njit(cache=True)

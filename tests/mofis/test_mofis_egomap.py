@@ -118,9 +118,15 @@ def test_doubtful_points_leave_no_trace() -> None:
 def test_uncertain_sightings_are_spread_and_weigh_less() -> None:
     pose = Pose(0, 0, 0)
     sharp = looked([see(0.0, 1.5, Label.OBSTACLE, sigma=0.01)], pose)
-    vague = looked([see(0.0, 1.5, Label.OBSTACLE, sigma=0.25)], pose)
-    assert vague.evidence.max() < 0.5 * sharp.evidence.max()
+    vague = looked([see(0.0, 1.5, Label.OBSTACLE, sigma=0.08)], pose)
+    assert 0.0 < vague.evidence.max() < 0.6 * sharp.evidence.max()
     assert (vague.evidence > 0).sum() > (sharp.evidence > 0).sum()
+
+
+def test_a_reading_spread_over_many_cells_says_of_none_that_it_is_taken() -> None:
+    vague = looked([see(0.0, 1.5, Label.OBSTACLE, sigma=0.4)] * 10, Pose(0, 0, 0))
+    assert vague.evidence.max() <= 0.0
+    assert vague.evidence[vague.index(CAMERA_AHEAD + 0.6, 0.0)] < 0.0  # nearer it would show
 
 
 def test_memory_moves_with_the_robot_and_fades() -> None:
