@@ -146,7 +146,8 @@ class Odometry:
     """Dead reckoning from encoders and gyro: pose in ``odom``, measured twist.
 
     ``still`` is true while neither wheel has turned for a moment: then the gyro's bias is estimated
-    (``yaw_bias`` [rad/s], already removed from the pose and twist).
+    (``yaw_bias`` [rad/s], already removed from the pose and twist). ``silent`` is true while the
+    encoders do not answer what the wheels are told, so that the way driven is a guess.
     """
 
     time: float
@@ -154,6 +155,7 @@ class Odometry:
     twist: Twist
     yaw_bias: float
     still: bool
+    silent: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from navfw.egomotion.camera_motion import camera_motion
+from navfw.egomotion.history import OdometryHistory
 from navfw.egomotion.odometer import Odometer
 from navfw.egomotion.pairing import FrameBuffer, PairingParams
 
-__all__ = ["FrameBuffer", "Odometer", "PairingParams", "camera_motion"]
+__all__ = ["FrameBuffer", "Odometer", "OdometryHistory", "PairingParams", "camera_motion"]

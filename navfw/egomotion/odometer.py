@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from navfw.egomotion.wheels import WheelWatch
 from navfw.robot import RobotModel
 from navfw.signals import Encoders, Inertial, Odometry, Pose, Twist, wrap_angle
 
@@ -19,6 +20,12 @@ LARGEST_BIAS = 0.15
 BIAS_MEMORY = 10.0
 #: Time constant that smooths encoder steps out of the measured speed [s].
 SPEED_SMOOTHING = 0.05
+#: A gyro's word older than this [s] says nothing of the present.
+STALE = 0.1
+#: Time constant over which what the flow says of the gyro is averaged [s].
+DOUBT_MEMORY = 1.5
+#: A mean contradiction of the flow larger than this [rad/s] is no chance: the bias has changed.
+CONTRADICTION = 0.006
 
 
 class Odometer:
@@ -28,17 +35,24 @@ class Odometer:
     while the wheels rest; a robot that has not turned a wheel since it was switched on rests from
     the first reading. While it rests its heading is held. A gyro reading is taken as the mean rate
     since the last one (rate gyros filter and sum over their sampling time); one that is not finite
-    is replaced by what the wheels say of the turn.
+    or stale is replaced by what the wheels say of the turn. A wheel whose encoder is silent is
+    replaced by what the other and the gyro say; without these, by what it was told, and the
+    odometry says so. A gyro that the flow contradicts for long has another bias (``contradict``).
     """
 
     def __init__(self, robot: RobotModel) -> None:
         self._robot = robot
+        self._wheels = WheelWatch(robot)
         self._way_per_tick = 2.0 * math.pi * robot.wheel_radius / robot.ticks_per_turn
         self.reset()
 
     def reset(self) -> None:
         """Forget everything: the next reading is taken at the origin."""
+        self._wheels.reset()
         self._last: tuple[Encoders, float] | None = None
+        self._silent = False
+        self._stale = False
+        self._contradiction = 0.0
         self._pose = Pose(0.0, 0.0, 0.0)
         self._speed = 0.0
         self._bias = 0.0
@@ -46,8 +60,15 @@ class Odometer:
         self._rest_ticks = (0, 0)
         self._rest_since = -math.inf
 
-    def update(self, inertial: Inertial, encoders: Encoders) -> Odometry:
-        """Advance by one more reading of gyro and encoders, both taken at the same time."""
+    def update(
+        self, inertial: Inertial, encoders: Encoders, asked: Twist | None = None
+    ) -> Odometry:
+        """Advance by one more reading of gyro and encoders, both taken at the same time.
+
+        ``asked`` is the twist that the drive was told meanwhile, where that is known.
+        """
+        asked = Twist(0.0, 0.0) if asked is None else asked
+        self._wheels.hear(encoders, asked)
         if self._last is None:
             self._rest_ticks = (encoders.left, encoders.right)
             rate = inertial.yaw_rate if math.isfinite(inertial.yaw_rate) else 0.0
@@ -58,10 +79,10 @@ class Odometer:
         if dt <= 0.0:
             # the same reading once more: nothing moved meanwhile
             return self._odometry(encoders.time, previous_rate - self._bias)
-        left = (encoders.left - previous.left) * self._way_per_tick
-        right = (encoders.right - previous.right) * self._way_per_tick
         rate = inertial.yaw_rate
-        if not math.isfinite(rate):
+        self._stale = not math.isfinite(rate) or encoders.time - inertial.time > STALE
+        left, right = self._ways(previous, encoders, dt, rate, asked)
+        if self._stale:
             rate = (right - left) / (self._robot.track * dt) + self._bias
         self._last = encoders, rate
         self._watch_rest(encoders)
@@ -75,11 +96,43 @@ class Odometer:
         self._advance(way, turn)
         return self._odometry(encoders.time, rate - self._bias)
 
+    def contradict(self, turn: float, dt: float) -> None:
+        """The flow of ``dt`` [s] says that the robot turned by ``turn`` [rad] more than the gyro.
+
+        A lasting contradiction is a bias that has changed since the robot last stood still.
+        """
+        if self._stale or dt <= 0.0:
+            return
+        share = -math.expm1(-dt / DOUBT_MEMORY)
+        self._contradiction += share * (turn / dt - self._contradiction)
+        if abs(self._contradiction) > CONTRADICTION:
+            self._bias -= self._contradiction
+            self._contradiction = 0.0
+
+    def _ways(
+        self, before: Encoders, now: Encoders, dt: float, rate: float, asked: Twist
+    ) -> tuple[float, float]:
+        """How far the wheels (left, right) have rolled [m], as far as anything tells."""
+        left = (now.left - before.left) * self._way_per_tick
+        right = (now.right - before.right) * self._way_per_tick
+        silent = self._wheels.silent
+        self._silent = all(silent) or (any(silent) and self._stale)
+        if self._silent:
+            radius = self._robot.wheel_radius
+            told = [speed * radius * dt for speed in self._robot.wheel_speeds(asked)]
+            return (told[0] if silent[0] else left), (told[1] if silent[1] else right)
+        apart = 0.0 if self._stale else self._robot.track * (rate - self._bias) * dt
+        if silent[0]:
+            left = right - apart
+        elif silent[1]:
+            right = left + apart
+        return left, right
+
     def _odometry(self, time: float, yaw_rate: float) -> Odometry:
         still = self._resting(time)
         speed = 0.0 if still else self._speed
         turning = 0.0 if still and abs(yaw_rate) <= LARGEST_BIAS else yaw_rate
-        return Odometry(time, self._pose, Twist(speed, turning), self._bias, still)
+        return Odometry(time, self._pose, Twist(speed, turning), self._bias, still, self._silent)
 
     def _advance(self, way: float, turn: float) -> None:
         """Move the pose along an arc of length ``way`` [m] that turns by ``turn`` [rad]."""
@@ -92,7 +145,7 @@ class Odometer:
         )
 
     def _resting(self, time: float) -> bool:
-        return time - self._rest_since >= REST
+        return time - self._rest_since >= REST and not self._wheels.doubtful
 
     def _watch_rest(self, encoders: Encoders) -> None:
         moved = max(
