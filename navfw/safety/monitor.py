@@ -22,6 +22,9 @@ __all__ = ["SafetyMonitor", "SafetyParams", "SafetyVerdict"]
 
 Seconds = Annotated[float, Field(gt=0.0, le=60.0)]
 
+_PROBE_PERIOD, _PROBE_TIME = 3.0, 0.3
+"""How often, and how long [s], the drive tries whether its encoders answer."""
+
 Room = Callable[[Twist], tuple[float, float]]
 """How far [m] a twist leads until the body touches something remembered, and until the unseen."""
 
@@ -51,6 +54,12 @@ class SafetyParams(BaseModel):
     encoder_stop: Annotated[Seconds, Field(description="age of the encoders' word: stop [s]")] = 0.5
     stall: Annotated[Seconds, Field(description="wheels not following for so long: stop [s]")] = 0.8
     stall_rest: Annotated[Seconds, Field(description="rest after a stall [s]")] = 1.0
+    probe: Annotated[
+        float, Field(gt=0.0, le=0.5, description="speed to try whether encoders answer again [m/s]")
+    ] = 0.05
+    give_up: Annotated[
+        Seconds, Field(description="a sensor out for so long ends the mission [s]")
+    ] = 20.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,10 +105,12 @@ class SafetyMonitor:
         if not (math.isfinite(twist.v) and math.isfinite(twist.w)):
             return SafetyVerdict(Twist(0.0, 0.0), "the command is not a number", stopped=True)
         robot = self.robot
-        v = min(max(twist.v, -robot.max_reverse), robot.max_v)
+        silent = self._silence_cap()
+        v = min(max(twist.v, -min(robot.max_reverse, silent)), robot.max_v)
         w = min(max(twist.w, -robot.max_w), robot.max_w)
         reason = "" if (v, w) == (twist.v, twist.w) else "the command exceeds the drive's limits"
-        for cap, why in (self._source_cap(), self._stall_cap(time)):
+        answer = (silent, "the wheel encoders do not answer")
+        for cap, why in (answer, self._source_cap(), self._stall_cap(time)):
             if v > cap:
                 v, reason = cap, why
         if v > 0.0:
@@ -117,6 +128,28 @@ class SafetyMonitor:
                 v, reason = 0.0, "no known way back"
         stopped = twist.v > 0.0 and v <= 0.0
         return SafetyVerdict(Twist(v, w), reason, stopped)
+
+    @property
+    def failure(self) -> str | None:
+        """Why the robot cannot go on: a sensor that has said nothing of use for too long."""
+        senses, patience = self.senses, self.params.give_up
+        if senses.camera_age > patience:
+            trouble = senses.trouble or "the camera is silent"
+            return f"{trouble}, for {senses.camera_age:.0f} s"
+        if max(senses.silence, senses.encoder_age) > patience:
+            return f"the wheel encoders do not answer, for {patience:.0f} s"
+        return None
+
+    def _silence_cap(self) -> float:
+        """Top speed either way [m/s] while encoders do not answer: nearly always none.
+
+        Only a wheel that is told to turn can show that it is counted again: now and then one goes
+        a few millimetres, and no farther.
+        """
+        silence = self.senses.silence
+        if silence <= 0.0:
+            return math.inf
+        return self.params.probe if silence % _PROBE_PERIOD > _PROBE_PERIOD - _PROBE_TIME else 0.0
 
     def _source_cap(self) -> tuple[float, str]:
         """Top forward speed [m/s] that the state of the sensors allows, and why."""

@@ -21,7 +21,7 @@ class Senses:
 
     A frame that is missing, dark, over-exposed, without contrast, or equal to the one before
     although the robot has moved is no useful word. A gyro or encoder reading that carries an old
-    time stamp is none either.
+    time stamp is none either. A frame is as old as its own time says, however late it comes.
     """
 
     def __init__(self) -> None:
@@ -32,6 +32,8 @@ class Senses:
         self.camera_age = 0.0
         self.gyro_age = 0.0
         self.encoder_age = 0.0
+        self.silence = 0.0
+        self._answered = 0.0
         self.trouble = ""
         self._began: float | None = None
         self._last_useful: float | None = None
@@ -44,14 +46,17 @@ class Senses:
         """Take note of one reading, made while ``odometry`` says how the robot moves."""
         time = reading.time
         if self._began is None:
-            self._began = self._last_useful = time
+            self._began = self._last_useful = self._answered = time
         self.gyro_age = time - reading.inertial.time
         self.encoder_age = time - reading.encoders.time
+        if not odometry.silent:
+            self._answered = time
+        self.silence = time - self._answered
         self._move(odometry)
         if reading.frame is not None:
             self.trouble = self._fault_of(reading.frame)
             if not self.trouble:
-                self._last_useful = time
+                self._last_useful = reading.frame.time
         last = self._last_useful if self._last_useful is not None else time
         self.camera_age = time - last
 
