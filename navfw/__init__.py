@@ -24,7 +24,17 @@ if TYPE_CHECKING:
     from navfw.mofis.context import Context
     from navfw.mofis.rules import BehaviorRules
     from navfw.robot import CameraModel, RobotModel
-    from navfw.signals import Array, Command, Explain, Percept, Pose, Proposal, Twist, Waypoint
+    from navfw.signals import (
+        Array,
+        Command,
+        Explain,
+        FlowField,
+        Percept,
+        Pose,
+        Proposal,
+        Twist,
+        Waypoint,
+    )
 
 __version__ = "0.1.0"
 
@@ -39,6 +49,7 @@ _HOMES = {
     "Controller": "navfw.kinds",
     "Explain": "navfw.signals",
     "FeatureRecognizer": "navfw.kinds",
+    "FlowField": "navfw.signals",
     "FlowProcessor": "navfw.kinds",
     "Fusion": "navfw.kinds",
     "Localizer": "navfw.kinds",
@@ -63,6 +74,7 @@ __all__ = [
     "Controller",
     "Explain",
     "FeatureRecognizer",
+    "FlowField",
     "FlowProcessor",
     "Fusion",
     "Localizer",

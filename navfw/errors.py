@@ -5,6 +5,7 @@ NavfwError
 │   ├── ConfigError       a data file breaks its schema; names file, line, key, expectation
 │   ├── UnknownNameError  a world, mission, map, stack, plugin or place of that name does not exist
 │   ├── PluginError       a plugin cannot be used: wrong base, signature, name or parameters
+│   │   └── MissingExtraError  it needs a package that is an optional extra of navfw
 │   ├── RuleBaseError     a fuzzy rule base is malformed or leaves inputs uncovered
 │   ├── WorldError        a world or mission that cannot be: start in a wall, goal out of reach
 │   └── MapError          a topological map that contradicts itself
@@ -21,6 +22,7 @@ __all__ = [
     "ConfigError",
     "InputError",
     "MapError",
+    "MissingExtraError",
     "NavfwError",
     "PluginError",
     "RuleBaseError",
@@ -100,6 +102,17 @@ class UnknownNameError(InputError):
 
 class PluginError(InputError):
     """A plugin cannot be used: wrong base class, missing method, signature, name or parameters."""
+
+
+class MissingExtraError(PluginError):
+    """A plugin needs a package that is an optional extra, and is not installed."""
+
+    def __init__(self, extra: str, *, key: str | None = None) -> None:
+        self.extra = extra
+        super().__init__(
+            f"needs the package {extra}, which is not installed: pip install 'navfw[{extra}]'",
+            key=key,
+        )
 
 
 class RuleBaseError(InputError):

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 
 from navfw.errors import SimulationError
 from navfw.flow.ideal import Ideal
-from navfw.signals import CameraMotion, Frame, FramePair
+from navfw.mofis.navground import Navground
+from navfw.mofis.surroundings import Surroundings
+from navfw.signals import Array, CameraMotion, Frame, FramePair
+from navfw.sim.shapes import Disc, Shape
 from navfw.sim.simulation import Simulation
 from navfw.stack import Stack
 
@@ -15,7 +20,11 @@ __all__ = ["SimulatorTruth", "reveal"]
 
 
 class SimulatorTruth:
-    """Depth and motion as the simulator has them (``navfw.flow.ideal.TruthSource``)."""
+    """Depth, motion and surroundings as the simulator has them.
+
+    A source for ``navfw.flow.ideal.TruthSource`` and
+    ``navfw.mofis.surroundings.SurroundingsSource``.
+    """
 
     def __init__(self, simulation: Simulation) -> None:
         self._simulation = simulation
@@ -31,8 +40,50 @@ class SimulatorTruth:
         """How the camera truly moved between the frames of ``pair``."""
         return self._simulation.true_motion(pair.past, pair.now)
 
+    def surroundings(self, reach: float) -> Surroundings:
+        """What stands within ``reach`` [m] of the robot just now, in base_link."""
+        robot = self._simulation.true_pose()
+        here = np.array([[robot.x, robot.y]])
+        near = [shape for shape in self._standing() if float(shape.distance(here)[0]) <= reach]
+        edges, discs, walkers = [], [], []
+        for shape in near:
+            if isinstance(shape, Disc):
+                discs.append([*robot.to_local(shape.x, shape.y), shape.radius])
+            else:
+                corners = [robot.to_local(x, y) for x, y in shape.corners]
+                edges += [[corners[i - 1], corners[i]] for i in range(4)]
+        for mover in self._simulation.movers:
+            if math.hypot(mover.x - robot.x, mover.y - robot.y) - mover.spec.radius <= reach:
+                speed = 0.0 if mover.waiting else mover.spec.speed
+                heading = mover.heading - robot.yaw
+                velocity = (speed * math.cos(heading), speed * math.sin(heading))
+                walkers.append([*robot.to_local(mover.x, mover.y), mover.spec.radius, *velocity])
+        return Surroundings(
+            _array(edges).reshape(-1, 2, 2),
+            _array(discs).reshape(-1, 3),
+            _array(walkers).reshape(-1, 5),
+        )
+
+    def _standing(self) -> list[Shape]:
+        """The outlines of all solids that stand there now."""
+        simulation = self._simulation
+        changes = simulation.change_track()
+        lasting = [s.shape for s in simulation.plan.solids if s.name not in changes.names]
+        now = simulation.time
+        return lasting + [p.shape for p in changes.presences if p.begin <= now < p.end]
+
+
+def _array(rows: object) -> Array:
+    return np.array(rows, dtype=np.float64)
+
 
 def reveal(simulation: Simulation, stack: Stack) -> None:
     """Give ``stack`` the truth of ``simulation``, if its stack file admits to using it."""
-    if stack.resolved.oracle and isinstance(stack.flow, Ideal):
-        stack.flow.trust(SimulatorTruth(simulation))
+    if not stack.resolved.oracle:
+        return
+    truth = SimulatorTruth(simulation)
+    if isinstance(stack.flow, Ideal):
+        stack.flow.trust(truth)
+    for behavior in stack.mofis.behaviors.values():
+        if isinstance(behavior, Navground):
+            behavior.trust(truth)

@@ -21,6 +21,7 @@ from navfw.plugins.verification import kind_of, source_file, verify
 __all__ = ["BUILT_IN", "GROUPS", "Registry", "check_kind", "default_registry"]
 
 BUILT_IN: dict[str, dict[str, str]] = {
+    "behavior": {"navground": "navfw.mofis.navground:Navground"},
     "flow": {
         "block_matching": "navfw.flow.block_matching:BlockMatching",
         "dis": "navfw.flow.dis:Dis",
@@ -41,7 +42,10 @@ BUILT_IN: dict[str, dict[str, str]] = {
     },
     "controller": {"unicycle": "navfw.locom.unicycle:Unicycle"},
 }
-"""What ships, by kind and name; imported when first asked for. Behaviours are in ``behaviors/``."""
+"""What ships, by kind and name; imported when first asked for.
+
+Behaviours are in ``behaviors/``, but for those that need what no behaviour may import.
+"""
 
 GROUPS: dict[str, str] = {
     f"navfw.{kind if kind.endswith('s') else kind + 's'}": kind for kind in KINDS

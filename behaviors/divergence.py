@@ -1,0 +1,170 @@
+"""Divergence: drive until the image grows too fast, then stop and turn (Camus et al. 1996)."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from navfw import Array, Behavior, Context, FlowField, Proposal, RobotModel
+
+
+class Divergence(Behavior):
+    """A whole flow robot: time to contact from the divergence amid the image, saccades before it.
+
+    It sees derotated flow and nothing else (METHOD 2.15). Between saccades it drives toward the
+    waypoint; after one it goes straight on for a while, or it would only turn back.
+    """
+
+    name: ClassVar[str] = "divergence"
+
+    class Params(Behavior.Params):
+        """When it turns, and how."""
+
+        contact: Annotated[
+            float, Field(gt=0.0, le=20.0, description="turns when contact is nearer than this [s]")
+        ] = 2.5
+        looks: Annotated[
+            int, Field(ge=1, le=10, description="flow fields in a row that have to say so")
+        ] = 2
+        width: Annotated[
+            float, Field(gt=0.0, le=1.0, description="part of the image's width it looks at")
+        ] = 0.5
+        above: Annotated[
+            float, Field(gt=0.0, le=0.5, description="part of its height, above the middle")
+        ] = 0.35
+        below: Annotated[
+            float, Field(ge=0.0, le=0.5, description="part of its height, below the middle")
+        ] = 0.1
+        saccade: Annotated[float, Field(gt=0.0, le=3.2, description="turn [rad]")] = 1.0
+        straight: Annotated[
+            float, Field(ge=0.0, le=10.0, description="way straight on after a saccade [m]")
+        ] = 0.8
+        goal_gain: Annotated[
+            float, Field(ge=0.0, le=10.0, description="turning rate per bearing of the goal [1/s]")
+        ] = 1.0
+        speed: Annotated[float, Field(gt=0.0, le=2.0, description="straight on [m/s]")] = 0.3
+        again: Annotated[
+            float, Field(ge=0.0, le=60.0, description="sooner than this it turns the same way [s]")
+        ] = 6.0
+
+    params: Params
+
+    def __init__(self, robot: RobotModel, params: Params | None = None) -> None:
+        super().__init__(robot, params)
+        self.reset()
+
+    def reset(self) -> None:
+        """Straight on."""
+        self._target: float | None = None
+        self._way = 1.0
+        self._ended = -math.inf
+        self._from: tuple[float, float] | None = None
+        self._looked = -math.inf
+        self._alarms = 0
+        self._contact = math.inf
+
+    def propose(self, context: Context) -> Proposal:
+        """Desire a saccade, or to drive toward the waypoint."""
+        commands = context.commands
+        if context.waypoint is None:
+            return Proposal(0.0, commands.zeros(), commands.zeros(), "nowhere to go")
+        self._look(context)
+        if self._target is None and self._alarms >= self.params.looks:
+            self._begin(context)
+        if self._target is not None and self._left(context) <= 0.1:
+            self._end(context)
+        if self._target is not None:
+            v, turn, reason = 0.0, 0.8 * self._way, f"contact in {self._contact:.1f} s: saccade"
+        else:
+            v, turn = self._drive(context)
+            reason = f"contact in {min(self._contact, 99.0):.1f} s"
+        return Proposal(
+            applicability=1.0,
+            desirability=commands.product(
+                _around(v / commands.max_v, commands.relative_v),
+                _around(turn, commands.relative_w),
+            ),
+            prohibition=commands.zeros(),
+            reason=reason,
+        )
+
+    def _look(self, context: Context) -> None:
+        """Take in a new flow field; none may come for a while, as in a saccade."""
+        flow = context.flow
+        if flow is None or flow.time <= self._looked:
+            return
+        self._looked = flow.time
+        self._contact = self._time_to_contact(flow)
+        # backing away makes contacts of the past: only what comes nearer counts
+        near = 0.0 < self._contact < self.params.contact
+        self._alarms = self._alarms + 1 if near else 0
+
+    def _time_to_contact(self, flow: FlowField) -> float:
+        """Time [s] until contact with what fills the middle of the image; inf when nothing does."""
+        p, camera = self.params, self.robot.camera
+        x, y = flow.points[..., 0], flow.points[..., 1]
+        middle = np.abs(x) <= 0.5 * p.width * camera.width
+        middle &= (y >= -p.above * camera.height) & (y <= p.below * camera.height)
+        trusted = middle & (flow.confidence > 0.1) & np.isfinite(flow.vectors).all(axis=-1)
+        if np.count_nonzero(trusted) < 8:
+            return math.inf
+        rate = _growth(flow.points[trusted], flow.vectors[trusted], flow.confidence[trusted])
+        return flow.motion.dt * (1.0 / rate - 1.0) if rate > 1e-4 else math.inf
+
+    def _begin(self, context: Context) -> None:
+        """Choose the side: as a moment ago, else that of the smaller flow."""
+        if context.time - self._ended > self.params.again and context.flow is not None:
+            self._way = 1.0 if _mean_turn(context.flow) >= 0.0 else -1.0
+        self._target = context.pose.yaw + self._way * self.params.saccade
+        self._alarms = 0
+
+    def _end(self, context: Context) -> None:
+        self._target, self._ended = None, context.time
+        self._from = (context.pose.x, context.pose.y)
+        self._alarms = 0
+
+    def _left(self, context: Context) -> float:
+        """The turn [rad] still to make, positive until it is made."""
+        target = context.pose.yaw if self._target is None else self._target
+        left = (target - context.pose.yaw + math.pi) % (2.0 * math.pi) - math.pi
+        return left * self._way
+
+    def _drive(self, context: Context) -> tuple[float, float]:
+        """Speed [m/s] and relative turn: straight on after a saccade, else toward the waypoint."""
+        p = self.params
+        if self._from is not None:
+            way = math.hypot(context.pose.x - self._from[0], context.pose.y - self._from[1])
+            # a robot held before it gets so far must not wait for ever
+            if way < p.straight and context.time - self._ended < 4.0 * p.straight / p.speed:
+                return p.speed, 0.0
+            self._from = None
+        turn = p.goal_gain * context.waypoint_bearing / context.commands.max_w
+        turn = min(1.0, max(-1.0, turn))
+        return p.speed * (1.0 - 0.8 * abs(turn)), turn
+
+
+def _growth(points: Array, vectors: Array, weight: Array) -> float:
+    """How much the image grows about its focus of expansion: half the divergence of ``vectors``.
+
+    From the affine motion that fits best; for a surface straight ahead it is 1 - (depth now /
+    depth past).
+    """
+    root = np.sqrt(weight)[:, None]
+    design = np.column_stack([np.ones(len(points)), points])
+    fitted = np.linalg.lstsq(root * design, root * vectors, rcond=None)[0]
+    return 0.5 * float(fitted[1, 0] + fitted[2, 1])
+
+
+def _mean_turn(flow: FlowField) -> float:
+    """Positive where the left half of the image shows less flow than the right one."""
+    length = np.nan_to_num(np.hypot(flow.vectors[..., 0], flow.vectors[..., 1]))
+    return float((flow.confidence * length * np.sign(flow.points[..., 0])).sum())
+
+
+def _around(value: float, values: Array) -> Array:
+    """A triangle about ``value`` over ``values`` (n,), wide enough to hold one of them."""
+    step = float(np.diff(values).max())
+    return np.maximum(0.0, 1.0 - np.abs(values - value) / (1.5 * step))
