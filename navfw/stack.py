@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, cast
 
+from navfw.egomotion.history import OdometryHistory
 from navfw.egomotion.odometer import Odometer
 from navfw.egomotion.pairing import FrameBuffer
 from navfw.flow.derotation import derotate
@@ -23,6 +24,7 @@ from navfw.kinds import (
     Perception,
     Planner,
 )
+from navfw.locom.trim import WheelTrim
 from navfw.mofis.explanation import explain_command
 from navfw.mofis.mofis import Mofis
 from navfw.robot import RobotModel
@@ -65,7 +67,8 @@ TIMED = (
 class StackState:
     """What the stack knows and decided at its last step; read only, for displays and records.
 
-    ``flows`` are the newest derotated flow fields; ``stuck`` says why the stack gave up, or None.
+    ``flows`` are the newest derotated flow fields; ``stuck`` says why the stack gave up, ``fault``
+    which sensor has failed for good, or None.
     """
 
     time: float
@@ -79,6 +82,7 @@ class StackState:
     command: Command | None = None
     finished: bool = False
     stuck: str | None = None
+    fault: str | None = None
     faults: tuple[str, ...] = ()
 
 
@@ -94,6 +98,7 @@ class Stack:
         self.robot = robot
         self.topo_map = topo_map
         self.odometer = Odometer(robot)
+        self.history = OdometryHistory()
         self.frames = FrameBuffer(robot, config.pairing)
         self.flow = cast(FlowProcessor, build("flow"))
         self.perception = cast(Perception, build("perception"))
@@ -107,6 +112,7 @@ class Stack:
         }
         self.safety = SafetyMonitor(robot, config.safety)
         self.verdict = SafetyVerdict(Twist(0.0, 0.0))
+        self.trim = WheelTrim(robot)
         self.mofis = Mofis(
             robot,
             behaviors,
@@ -160,6 +166,9 @@ class Stack:
     def start(self, pose: Pose | None, goals: Sequence[Waypoint]) -> None:
         """Begin a mission at ``pose`` (map frame; None: unknown): visit ``goals`` in order."""
         self.odometer.reset()
+        self.history.reset()
+        self.trim.reset()
+        self.verdict = SafetyVerdict(Twist(0.0, 0.0))
         self.frames.reset()
         for plugin in (
             self.flow,
@@ -182,7 +191,10 @@ class Stack:
 
     def step(self, reading: SensorReading) -> Twist:
         """One control tick: the twist to drive until the next reading."""
-        odometry = self.odometer.update(reading.inertial, reading.encoders)
+        asked = self.verdict.twist
+        odometry = self.odometer.update(reading.inertial, reading.encoders, asked)
+        self.history.add(odometry)
+        self.trim.hear(reading.encoders)
         if self._began is None:
             self._began = reading.time
         if reading.frame is not None:
@@ -196,13 +208,16 @@ class Stack:
                 twist, reading.time, lambda twist: self.mofis.room(odometry.pose, twist)
             )
         self.verdict = verdict
-        return verdict.twist
+        if self.safety.failure is not None:
+            self.state = replace(self.state, fault=self.safety.failure)
+        return self.trim.apply(verdict.twist)
 
     # --- once per camera frame -------------------------------------------------------------------
 
     def _decide(self, reading: SensorReading, frame: Frame, odometry: Odometry) -> None:
         """Look, locate, plan and decide; the result is the new state."""
-        flows, percepts = self._perceive(frame, odometry)
+        then = self.history.at(frame.time)
+        flows, percepts = self._perceive(frame, then)
         with _Timer(self.timings, "features"):
             sightings = self.features.recognize(reading.landmark_frame or frame)
         if not self._localized:
@@ -218,7 +233,9 @@ class Stack:
         command, idle = None, 0.0
         if waypoint is not None and not warming:
             with _Timer(self.timings, "motion"):
-                command = self.mofis.decide(odometry, belief, percepts, waypoint, flows)
+                command = self.mofis.decide(
+                    odometry, belief, percepts, waypoint, flows, then.pose
+                )
             idle = 0.0 if self.mofis.context is None else self.mofis.context.idle
         stuck = None
         if idle > STUCK_AFTER and waypoint is not None:
@@ -266,7 +283,9 @@ class Stack:
             return replace(flow, derotated=True)
         if not self.resolved.refine:
             return derotate(flow, camera)
-        return refine(flow, camera).apply(flow, camera)
+        refinement = refine(flow, camera)
+        self.odometer.contradict(refinement.yaw, flow.motion.dt)
+        return refinement.apply(flow, camera)
 
 
 class _Timer:

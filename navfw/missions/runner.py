@@ -48,6 +48,11 @@ class PilotState(Protocol):
     @property
     def stuck(self) -> str | None: ...  # noqa: D102
     @property
+    def fault(self) -> str | None:
+        """Which sensor has failed for good, or None."""
+        ...
+
+    @property
     def faults(self) -> tuple[str, ...]:
         """All kinds of fault that plugins have had so far, each with its count."""
         ...
@@ -300,6 +305,8 @@ class _Loop:
         state = self.pilot.state
         if state.finished:
             return self._finish(now, pose, twist)
+        if state.fault:
+            return self._verdict(Outcome.FAULT, state.fault)
         if state.stuck:
             return self._verdict(Outcome.STUCK, state.stuck)
         if self.stall.see(now, pose):

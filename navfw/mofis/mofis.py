@@ -123,10 +123,12 @@ class Mofis:
         percepts: Sequence[Percept],
         waypoint: Waypoint | None,
         flows: Sequence[FlowField] = (),
+        seen_from: Pose | None = None,
     ) -> Command:
         """The command for now, from the newest ``percepts`` (may be none) and ``waypoint``.
 
-        ``flows`` are the derotated flow fields of the percepts.
+        ``flows`` are the derotated flow fields of the percepts; ``seen_from`` is where the robot
+        was in odom when their frame was taken, if that was not just now.
         """
         if not self.params.memory:
             self.egomap.reset()
@@ -134,7 +136,7 @@ class Mofis:
             self._flow = flows[-1]
         self.egomap.move(odometry.pose, odometry.time)
         for percept in percepts:
-            self.egomap.enter(percept, odometry.pose)
+            self.egomap.enter(percept, odometry.pose if seen_from is None else seen_from)
             self._percept = percept
         self.context = self._context(odometry, belief, waypoint)
         self.weights = self._weigh(self.context)
