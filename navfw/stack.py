@@ -35,6 +35,7 @@ from navfw.signals import (
     FlowField,
     Frame,
     Odometry,
+    Outlook,
     Percept,
     Pose,
     Proposal,
@@ -49,6 +50,9 @@ __all__ = ["Stack", "StackState"]
 
 STUCK_AFTER = 60.0
 """Seconds without any progress toward a waypoint after which the stack gives up."""
+
+SHUT_AFTER = 20.0
+"""Seconds that the only way has to stay shut before the stack gives up: it may have looked so."""
 
 
 TIMED = (
@@ -126,6 +130,8 @@ class Stack:
         self._began: float | None = None
         self._localized = False
         self._decided: StackState | None = None
+        self._outlook: Outlook | None = None
+        self._shut_since: float | None = None
 
     @classmethod
     def load(
@@ -188,6 +194,8 @@ class Stack:
         self._began = None
         self._decided = None
         self._localized = False
+        self._outlook = None
+        self._shut_since = None
 
     def step(self, reading: SensorReading) -> Twist:
         """One control tick: the twist to drive until the next reading."""
@@ -227,19 +235,20 @@ class Stack:
         with _Timer(self.timings, "localizer"):
             belief = self.localizer.update(odometry, percept, sightings)
         with _Timer(self.timings, "planner"):
+            if self._outlook is not None:
+                self.planner.observe(self._outlook)
+                self._outlook = None
             waypoint = self.planner.update(belief)
             path = tuple(self.planner.path)
         warming = self._began is None or reading.time - self._began < self.resolved.warmup
         command, idle = None, 0.0
         if waypoint is not None and not warming:
             with _Timer(self.timings, "motion"):
-                command = self.mofis.decide(
-                    odometry, belief, percepts, waypoint, flows, then.pose
-                )
+                command = self.mofis.decide(odometry, belief, percepts, waypoint, flows, then.pose)
+                # the planner hears of it at the next frame: data flow one way
+                self._outlook = self.mofis.outlook(self.planner.queries, odometry, belief)
             idle = 0.0 if self.mofis.context is None else self.mofis.context.idle
-        stuck = None
-        if idle > STUCK_AFTER and waypoint is not None:
-            stuck = f"no progress toward {waypoint.label} for {idle:.0f} s"
+        stuck = self._stuck(reading.time, waypoint, idle)
         self.state = StackState(
             time=reading.time,
             odometry=odometry,
@@ -256,6 +265,20 @@ class Stack:
         )
         if command is not None:
             self._decided = self.state
+
+    def _stuck(self, now: float, waypoint: Waypoint | None, idle: float) -> str | None:
+        """Why there is no point in going on; None while there is one."""
+        shut = self.planner.shut
+        if shut is None or waypoint is None:
+            self._shut_since = None
+        elif self._shut_since is None:
+            self._shut_since = now
+        if self._shut_since is not None and now - self._shut_since >= SHUT_AFTER:
+            return shut
+        if idle > STUCK_AFTER and waypoint is not None:
+            because = "" if shut is None else f"; {shut}"
+            return f"no progress toward {waypoint.label} for {idle:.0f} s{because}"
+        return None
 
     def _perceive(
         self, frame: Frame, odometry: Odometry

@@ -15,6 +15,7 @@ from navfw.mofis.commands import CommandGrid, CommandGridParams
 from navfw.mofis.context import Context
 from navfw.mofis.egomap import EgoMap, EgoMapParams
 from navfw.mofis.lookahead import Aim, Lookahead, LookaheadParams
+from navfw.mofis.passages import PassageWatch, PassageWatchParams
 from navfw.mofis.reach import look_around, room_along, sweep
 from navfw.mofis.watchdog import BehaviorTimeout, Watchdog
 from navfw.robot import RobotModel
@@ -23,6 +24,8 @@ from navfw.signals import (
     Command,
     FlowField,
     Odometry,
+    Outlook,
+    PassageQuery,
     Percept,
     Pose,
     Proposal,
@@ -41,6 +44,7 @@ class MofisParams(BaseModel):
     ego_map: EgoMapParams = EgoMapParams()
     commands: CommandGridParams = CommandGridParams()
     lookahead: LookaheadParams = LookaheadParams()
+    passages: PassageWatchParams = PassageWatchParams()
     margin: Annotated[
         float, Field(ge=0.0, le=0.3, description="clearance kept from the body's rim [m]")
     ] = 0.04
@@ -90,12 +94,14 @@ class Mofis:
         self.commands = CommandGrid(robot, self.params.commands)
         self.egomap = EgoMap(robot, self.params.ego_map)
         self.lookahead = Lookahead(self.params.lookahead)
+        self.passages = PassageWatch(self.egomap, self.params.passages)
         self.watchdog = Watchdog()
         self.reset()
 
     def reset(self) -> None:
         """Forget the last run."""
         self.egomap.reset()
+        self.passages.reset()
         self.fusion.reset()
         if self.composite is not None:
             self.composite.reset()
@@ -137,6 +143,7 @@ class Mofis:
         self.egomap.move(odometry.pose, odometry.time)
         for percept in percepts:
             self.egomap.enter(percept, odometry.pose if seen_from is None else seen_from)
+            self.passages.enter(percept, odometry.pose if seen_from is None else seen_from)
             self._percept = percept
         self.context = self._context(odometry, belief, waypoint)
         self.weights = self._weigh(self.context)
@@ -154,6 +161,14 @@ class Mofis:
         if self.context is None:
             return math.inf, math.inf
         return room_along(self.egomap, pose, twist)
+
+    def outlook(
+        self, queries: Sequence[PassageQuery], odometry: Odometry, belief: Belief
+    ) -> Outlook | None:
+        """What the ego map says of the legs ahead; None before the first decision, or not yet."""
+        if self.context is None:
+            return None
+        return self.passages.look(queries, odometry.pose, belief, odometry.time)
 
     def _context(self, odometry: Odometry, belief: Belief, waypoint: Waypoint | None) -> Context:
         pose = odometry.pose

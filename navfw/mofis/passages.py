@@ -1,0 +1,180 @@
+"""What the ego map says of the way that the planner means to take (METHOD 4.3).
+
+A leg of the way is closed when nothing that has been seen leaves the robot a path to its end, even
+if all that has not been seen were free; it is open when a path leads there over ground that has
+been seen free. Between the two nobody knows. Only the strip along the leg counts: as wide as the
+passage, and a little more for what the estimated position is off.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Annotated
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+from pydantic import BaseModel, ConfigDict, Field
+
+from navfw.mofis.drops import DropMemory
+from navfw.mofis.egomap import EgoMap
+from navfw.signals import Belief, Outlook, PassageQuery, PassageState, Percept, Pose
+
+__all__ = ["PassageWatch", "PassageWatchParams", "judge"]
+
+Bits = npt.NDArray[np.uint8]
+Metres = Annotated[float, Field(ge=0.0, le=5.0)]
+
+_SHORTEST = 0.3
+"""Of less than this [m] of a leg nothing is said."""
+
+_OPENNESS = 0.03
+"""A path counts as closed only if it would be even for a robot so much smaller [m]."""
+
+_BESIDE = 0.5
+"""A path begins so near the robot [m]: it may stand in a corner of its own ghosts."""
+
+
+class PassageWatchParams(BaseModel):
+    """How the way ahead is judged."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    range: Annotated[
+        float, Field(gt=0.3, le=10.0, description="how far ahead legs are judged [m]")
+    ] = 2.5
+    slack: Annotated[Metres, Field(description="the strip is so much wider at each side [m]")] = 0.3
+    widest: Annotated[Metres, Field(description="of the strip, half, before slack [m]")] = 1.0
+    interval: Annotated[
+        float, Field(ge=0.0, le=60.0, description="time between two judgements [s]")
+    ] = 0.5
+
+
+class PassageWatch:
+    """Judges the legs that the planner asks about, now and then."""
+
+    def __init__(self, egomap: EgoMap, params: PassageWatchParams | None = None) -> None:
+        self.egomap = egomap
+        self.params = params or PassageWatchParams()
+        self.drops = DropMemory(egomap.robot)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the last run."""
+        self.drops.reset()
+        self._last = -math.inf
+
+    def enter(self, percept: Percept, pose: Pose) -> None:
+        """Note the drops that ``percept`` shows, seen from odom ``pose``."""
+        self.drops.enter(percept, pose)
+
+    def look(
+        self, queries: Sequence[PassageQuery], pose: Pose, belief: Belief, time: float
+    ) -> Outlook | None:
+        """The judgement for odom ``pose`` at ``time`` [s]; None when the last one is still fresh.
+
+        ``queries`` are the legs of the way ahead, in order, the first one from the robot on.
+        """
+        if time - self._last < self.params.interval:
+            return None
+        self._last = time
+
+        def to_odom(x: float, y: float) -> tuple[float, float]:
+            return pose.to_parent(*belief.pose.to_local(x, y))
+
+        def to_map(x: float, y: float) -> tuple[float, float]:
+            return belief.pose.to_parent(*pose.to_local(x, y))
+
+        legs = [
+            (to_odom(*query.start), to_odom(*query.end), min(0.5 * query.width, self.params.widest))
+            for query in queries
+        ]
+        states = judge(self.egomap, pose, legs, self.params.range, self.params.slack)
+        return Outlook(
+            time=time,
+            passages=tuple(zip(queries, states, strict=False)),
+            drops=tuple(to_map(*point) for point in self.drops.points()),
+        )
+
+
+Leg = tuple[tuple[float, float], tuple[float, float], float]
+
+
+def judge(
+    egomap: EgoMap, pose: Pose, legs: Sequence[Leg], reach: float, slack: float
+) -> list[PassageState]:
+    """The state of each leg (start, end in odom [m], half width [m]), as far as it can be told.
+
+    Legs are judged up to ``reach`` [m] from odom ``pose``; the first that is closed is the last of
+    the list, as nothing is seen behind it.
+    """
+    radius = egomap.robot.radius
+    passable = (egomap.clearance >= radius - _OPENNESS).astype(np.uint8)
+    seen = ((egomap.clearance >= radius) & (egomap.known > 0)).astype(np.uint8)
+    strip = np.zeros_like(passable)
+    row, column = egomap.index(pose.x, pose.y)
+    cv2.circle(strip, (column, row), round(_BESIDE / egomap.params.cell), 1, -1)
+    near = strip > 0
+    states: list[PassageState] = []
+    for start, end, half in legs:
+        stop = _cut(pose, start, end, reach)
+        if stop is None:
+            break
+        _draw(egomap, strip, start, stop, half + slack)
+        if math.dist(start, stop) < _SHORTEST:
+            states.append("unknown")
+            continue
+        gate = _gate(egomap, start, stop, half + slack) & (strip > 0)
+        if _joined(seen & strip, near, gate):
+            states.append("open")
+        elif (passable[near] > 0).any() and not _joined(passable & strip, near, gate):
+            states.append("closed")
+            break
+        else:
+            states.append("unknown")
+    return states
+
+
+def _cut(
+    pose: Pose, start: tuple[float, float], end: tuple[float, float], reach: float
+) -> tuple[float, float] | None:
+    """The leg's end, or where the leg leaves the circle around the robot; None if it is outside."""
+    ax, ay = start[0] - pose.x, start[1] - pose.y
+    if math.hypot(ax, ay) > reach:
+        return None
+    dx, dy = end[0] - start[0], end[1] - start[1]
+    if math.hypot(ax + dx, ay + dy) <= reach:
+        return end
+    a, b = dx * dx + dy * dy, ax * dx + ay * dy
+    share = (-b + math.sqrt(max(b * b - a * (ax * ax + ay * ay - reach * reach), 0.0))) / a
+    return start[0] + share * dx, start[1] + share * dy
+
+
+def _draw(
+    egomap: EgoMap, strip: Bits, start: tuple[float, float], end: tuple[float, float], half: float
+) -> None:
+    ends = [egomap.index(*point)[::-1] for point in (start, end)]
+    thickness = max(round(2.0 * half / egomap.params.cell), 1)
+    cv2.line(strip, ends[0], ends[1], 1, thickness)
+
+
+def _gate(
+    egomap: EgoMap, start: tuple[float, float], end: tuple[float, float], half: float
+) -> npt.NDArray[np.bool_]:
+    """(n, n) the cells around the leg's end, across the strip: who is there has passed."""
+    cell = egomap.params.cell
+    x = egomap.origin[0] + cell * np.arange(egomap.size) - end[0]
+    y = egomap.origin[1] + cell * np.arange(egomap.size) - end[1]
+    length = math.dist(start, end)
+    ux, uy = (end[0] - start[0]) / length, (end[1] - start[1]) / length
+    along = ux * x[None, :] + uy * y[:, None]
+    aside = uy * x[None, :] - ux * y[:, None]
+    return (along >= -cell) & (along <= 2.0 * cell) & (np.abs(aside) <= half)
+
+
+def _joined(free: Bits, near: npt.NDArray[np.bool_], gate: npt.NDArray[np.bool_]) -> bool:
+    """Whether one connected free area reaches from near the robot to the gate."""
+    _, labels = cv2.connectedComponents(free, connectivity=4)
+    here, there = labels[near], labels[gate]
+    return bool(np.intersect1d(here[here > 0], there[there > 0]).size)
