@@ -22,7 +22,7 @@ def load(name: str) -> tuple[TopoMap, FloorPlan]:
     return load_map(ROOT / "maps" / f"{name}.yaml"), FloorPlan.from_world(world)
 
 
-@pytest.mark.parametrize("name", ["office", "paper-room", "empty"])
+@pytest.mark.parametrize("name", ["office", "hospital", "paper-room", "empty"])
 def test_every_passage_is_free_for_the_robot_and_as_wide_as_it_says(name: str) -> None:
     topo_map, plan = load(name)
     radius = RobotModel().radius
@@ -37,13 +37,13 @@ def test_every_passage_is_free_for_the_robot_and_as_wide_as_it_says(name: str) -
             assert 0.5 * passage.width <= free + 1e-6, f"{passage}: {2 * free:.2f} m wide"
 
 
-@pytest.mark.parametrize("name", ["office", "paper-room", "empty"])
+@pytest.mark.parametrize("name", ["office", "hospital", "paper-room", "empty"])
 def test_the_maps_hang_together(name: str) -> None:
     topo_map, _ = load(name)
     assert len(topo_map.parts) == 1
 
 
-@pytest.mark.parametrize("name", ["office", "paper-room"])
+@pytest.mark.parametrize("name", ["office", "hospital", "paper-room"])
 def test_doors_are_approached_straight(name: str) -> None:
     """Every door has a place before and one behind it, in line: robots cross it squarely."""
     topo_map, _ = load(name)
