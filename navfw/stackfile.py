@@ -1,4 +1,8 @@
-"""Stack files: which plugin of each kind, with which parameters; and their ``--set`` overrides."""
+"""Stack files: which plugin of each kind, with which parameters; and their ``--set`` overrides.
+
+A stack may say ``base: default`` and then only what differs from that stack: its stages replace
+those of the base, its behaviours come on top, its settings change single values.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +14,8 @@ from typing import Annotated, Any, Protocol
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from navfw.config.document import KeyPath, YamlDocument, load_yaml
+from navfw.config.layering import layered
+from navfw.config.lookup import find
 from navfw.config.overrides import Override, apply_overrides, parse_override
 from navfw.config.yamlfile import validate
 from navfw.egomotion.pairing import PairingParams
@@ -45,6 +51,9 @@ class StackSpec(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     description: str = ""
+    base: Annotated[
+        str | None, Field(description="a stack's name or file, from which this one differs")
+    ] = None
     flow: Chosen
     perception: Chosen
     features: Chosen
@@ -150,7 +159,26 @@ def load_stack(
         PluginError: a plugin is broken.
 
     """
-    return resolve(load_yaml(path), plugins, overrides)
+    return resolve(_on_its_base(load_yaml(path), Path(path)), plugins, overrides)
+
+
+def _on_its_base(document: YamlDocument, path: Path, above: tuple[Path, ...] = ()) -> YamlDocument:
+    """``document`` on top of the stack it is based on, and so on."""
+    name = document.data.get("base")
+    if not isinstance(name, str):
+        return document
+    origin = document.origin_of(("base",))
+    where: dict[str, Any] = {"file": origin.file, "line": origin.line, "key": "base"}
+    try:
+        file = find("stack", name, base=path.parent)
+    except UnknownNameError as error:
+        raise UnknownNameError(error.what, error.name, error.known, **where) from None
+    except ConfigError as error:
+        raise ConfigError(str(error), **where) from None
+    seen = (*above, path.resolve())
+    if file.resolve() in seen:
+        raise ConfigError("the stack is based on itself; name another one", **where)
+    return layered(_on_its_base(load_yaml(file), file, seen), document, whole=STAGES)
 
 
 def resolve(

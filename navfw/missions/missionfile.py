@@ -105,6 +105,9 @@ class MissionSpec(_Spec):
         tuple[str | PointGoal, ...],
         Field(min_length=1, max_length=1000, description="places, or {x: ..., y: ...}, in order"),
     ]
+    rounds: Annotated[
+        int, Field(ge=1, le=100, description="how often it goes round past all goals")
+    ] = 1
     tolerance: Annotated[
         float, Field(ge=0.05, le=5.0, description="how near the stack has to come to a goal [m]")
     ] = 0.4
@@ -158,14 +161,17 @@ class MissionFile:
         """
         radius = self.spec.robot.radius
         total, here = 0.0, (self.start.x, self.start.y)
+        legs: dict[tuple[tuple[float, float], tuple[float, float]], float] = {}
         with self._blaming(("start",)):
             plan.check_free(*here, radius, "the start")
         for index, goal in enumerate(self.goals):
             there = (goal.x, goal.y)
-            what = f"the goal {goal.place!r}" if goal.place else "the goal"
-            with self._blaming(("goals", index)):
-                plan.check_free(*there, radius, what)
-                total += plan.shortest_path(here, there, radius)[0]
+            if (here, there) not in legs:  # the same again in every round
+                what = f"the goal {goal.place!r}" if goal.place else "the goal"
+                with self._blaming(("goals", index % len(self.spec.goals))):
+                    plan.check_free(*there, radius, what)
+                    legs[here, there] = plan.shortest_path(here, there, radius)[0]
+            total += legs[here, there]
             here = there
         return total
 
@@ -230,7 +236,7 @@ def _goals(document: YamlDocument, spec: MissionSpec, topo_map: TopoMap) -> tupl
             place = _place(document, ("goals", index), topo_map, goal)
             x, y, name = place.x, place.y, place.name
         waypoints.append(Waypoint(x, y, spec.tolerance, name, "goal", final=True))
-    return tuple(waypoints)
+    return tuple(waypoints) * spec.rounds
 
 
 def _place(document: YamlDocument, path: KeyPath, topo_map: TopoMap, name: str) -> Place:
@@ -269,6 +275,8 @@ def _map_of_goals(document: YamlDocument, spec: MissionSpec) -> TopoMap:
         if not isinstance(goal, PointGoal):
             raise _mapless(document, ("goals", index), goal)
         points.append((goal.x, goal.y))
+    if spec.rounds > 1:
+        points.append(points[1])  # and round again
     return goals_map(points)
 
 

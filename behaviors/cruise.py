@@ -1,0 +1,45 @@
+"""Cruise: a calm steady speed, less of it beside things and at doors."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from navfw import Behavior, BehaviorRules, Context, Proposal, RobotModel
+
+
+class Cruise(Behavior):
+    """Desires a speed and leaves the way to others: for robots that are about all day."""
+
+    name: ClassVar[str] = "cruise"
+
+    class Params(Behavior.Params):
+        """How much it counts."""
+
+        weight: Annotated[float, Field(gt=0.0, le=1.0, description="applicability")] = 0.5
+
+    params: Params
+
+    def __init__(self, robot: RobotModel, params: Params | None = None) -> None:
+        super().__init__(robot, params)
+        self.rules = BehaviorRules.beside(__file__)
+
+    def propose(self, context: Context) -> Proposal:
+        """Desire the speed that the rules give for what is around."""
+        commands, waypoint = context.commands, context.waypoint
+        nothing = commands.zeros()
+        if waypoint is None:
+            return Proposal(0.0, nothing, nothing, "nowhere to go")
+        door = context.waypoint_distance if waypoint.kind == "door" else 3.0
+        nearest = context.ranges.nearest(-1.2, 1.2)
+        verdict = self.rules.evaluate(nearest=nearest, door=min(door, 3.0))
+        speed = verdict.over("speed", commands.relative_v)
+        return Proposal(
+            applicability=self.params.weight,
+            desirability=commands.product(speed, np.ones(commands.w.size)),
+            prohibition=nothing,
+            reason=f"nearest thing ahead or beside {nearest:.2f} m off",
+            explain=verdict.explain,
+        )

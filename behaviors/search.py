@@ -1,0 +1,96 @@
+"""Search: the composite behaviour of a robot that is not sure where it is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from navfw import BehaviorRules, Composite, Context, Explain, RobotModel
+
+
+class Search(Composite):
+    """Travels while it knows where it is; else looks round for landmarks, then explores for them.
+
+    One turn on the spot, a stretch toward the unknown, another turn, and so on, until the belief
+    is sure again. What is sought in vain for long is given up for a while: the robot travels on.
+    """
+
+    name: ClassVar[str] = "search"
+
+    class Params(Composite.Params):
+        """When it searches, and how long."""
+
+        sigma: Annotated[
+            float, Field(gt=0.0, le=20.0, description="standard deviation that is doubtful [m]")
+        ] = 0.6
+        stretch: Annotated[
+            float, Field(gt=0.0, le=50.0, description="way explored until it looks round again [m]")
+        ] = 2.0
+        patience: Annotated[
+            float, Field(gt=0.0, le=3600.0, description="time until the search is in vain [s]")
+        ] = 60.0
+        rest: Annotated[
+            float, Field(ge=0.0, le=3600.0, description="time travelled after a search in vain [s]")
+        ] = 60.0
+
+    params: Params
+
+    def __init__(self, robot: RobotModel, params: Params | None = None) -> None:
+        super().__init__(robot, params)
+        self.rules = BehaviorRules.beside(__file__)
+        self.reset()
+
+    def reset(self) -> None:
+        """Nothing is being sought."""
+        self._fired: Explain | None = None
+        self._since: float | None = None
+        self._time = 0.0
+        self._turned = self._driven = 0.0
+
+    def weigh(self, context: Context) -> Mapping[str, float]:
+        """The degree of applicability of each primitive named in the rules."""
+        doubt = _deviation(context) / self.params.sigma
+        searched = self._keep_account(context, doubtful=doubt >= 1.0)
+        at_door = context.waypoint is not None and context.waypoint.kind == "door"
+        verdict = self.rules.evaluate(
+            doubt=min(doubt, 2.0),
+            turned=self._turned / (2.0 * math.pi),
+            searched=searched / self.params.patience,
+            door=context.waypoint_distance if at_door else 3.0,
+        )
+        self._fired = verdict.explain
+        return {name: verdict.degree(name) for name in self.rules.outputs}
+
+    def explain(self) -> Sequence[Mapping[str, Any]]:
+        """The rules that fired for the last weights."""
+        return () if self._fired is None else self._fired(0, 0)
+
+    def _keep_account(self, context: Context, *, doubtful: bool) -> float:
+        """Time [s] since the search began; turn and way since the robot last looked round."""
+        elapsed = context.time - self._time
+        self._time = context.time
+        if not doubtful:
+            self._since = None
+            self._turned = self._driven = 0.0
+            return 0.0
+        if self._since is None or context.time - self._since > self.params.patience + (
+            self.params.rest
+        ):
+            self._since, elapsed = context.time, 0.0
+            self._turned = self._driven = 0.0
+        round_once = self._turned >= 2.0 * math.pi
+        self._turned += 0.0 if round_once else abs(context.twist.w) * elapsed
+        self._driven += abs(context.twist.v) * elapsed if round_once else 0.0
+        if self._driven >= self.params.stretch:
+            self._turned = self._driven = 0.0
+        return context.time - self._since
+
+
+def _deviation(context: Context) -> float:
+    """The largest standard deviation [m] of the believed position, in any direction."""
+    spread = np.linalg.eigvalsh(context.belief.covariance[:2, :2])
+    return math.sqrt(max(float(spread[-1]), 0.0))
