@@ -153,7 +153,11 @@ def _print_summary(summary: dict[str, Any], rows: tuple[RunRow, ...]) -> None:
     if len(parts) > 1:
         parts["all"] = summary
     columns = ["", "runs", "success [95 %]", "collided", "SPL", "SCT", "BARN", "time", "clearance"]
-    print_table(columns, [_line(name, part) for name, part in parts.items()], "Nothing was run.")
+    lines = [_line(name, part) for name, part in parts.items()]
+    if any("expect" in part for part in parts.values()):
+        columns.append("passes")
+        lines = [[*line, _passes(part)] for line, part in zip(lines, parts.values(), strict=True)]
+    print_table(columns, lines, "Nothing was run.")
     for cause, count in summary["causes"].items():
         seeds = [row.seed for row in rows if f"{row.outcome}: {row.cause}" == cause]
         some = ", ".join(map(str, seeds[:8])) + (", ..." if len(seeds) > 8 else "")
@@ -181,6 +185,13 @@ def _line(name: str, part: dict[str, Any]) -> list[str]:
         _number(part["mean_time_s"], 1, " s"),
         _number(part["min_clearance_m"], 2, " m"),
     ]
+
+
+def _passes(part: dict[str, Any]) -> str:
+    if "expect" not in part:
+        return ""
+    word = "yes" if part["passes"] else "NO"
+    return f"{word}, {part['passed']} of {part['missions']} ({part['expect']})"
 
 
 def _print_comparison(found: dict[str, Any]) -> None:

@@ -16,7 +16,7 @@ from navfw.config.lookup import find, find_mission, list_missions
 from navfw.errors import ConfigError, InputError, UnknownNameError
 from navfw.missions.session import DEFAULT_STACK, Session
 from navfw.suite.case import Case
-from navfw.suite.suitefile import EntrySpec, Suite
+from navfw.suite.suitefile import EntrySpec, Expect, Suite
 
 if TYPE_CHECKING:
     from navfw.plugins import Registry
@@ -35,11 +35,13 @@ class Plan:
 
     ``content`` has a fingerprint for each thing that a result depends on, by its name: entries,
     world and mission files, resolved stacks. Seeds are none of it: a table may grow by seeds.
+    ``expect`` is what passes, by the entries that say so.
     """
 
     suite: str
     cases: tuple[Case, ...]
     content: Mapping[str, str] = field(default_factory=dict)
+    expect: Mapping[str, Expect] = field(default_factory=dict)
 
 
 def plan_runs(
@@ -85,7 +87,8 @@ def plan_runs(
                 content |= _check(suite, index, case, registry)
                 draft += [_with_seed(case, entry, seed) for seed in seeds]
     cases = tuple(replace(case, index=number) for number, case in enumerate(draft))
-    return Plan(suite.name, cases, content)
+    expect = {e.title: e.expect for e in suite.spec.entries if e.expect is not None}
+    return Plan(suite.name, cases, content, expect)
 
 
 def draw_difficulty(difficulty: float | tuple[float, float] | None, seed: int) -> float | None:
@@ -204,7 +207,7 @@ def _check(suite: Suite, index: int, case: Case, registry: Registry) -> dict[str
         raise suite.blame(error, index, "family" if unknown else None) from None
     title = f"entry {case.entry}"
     parts = {
-        title: _digest([entry.model_dump(mode="json", exclude={"name", "worlds"})]),
+        title: _digest([entry.model_dump(mode="json", exclude={"name", "worlds", "expect"})]),
         f"stack {case.stack_name} of {title}": _digest([session.stack.config]),
         f"overrides of {title}": _digest(list(case.overrides)),
     }

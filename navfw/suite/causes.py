@@ -60,6 +60,8 @@ class Cause(StrEnum):
     """timeout: it was on its way"""
     EXCEPTION = "exception"
     """fault: an exception"""
+    SENSOR_FAILED = "sensor_failed"
+    """fault: the stack gave up, since a sensor had failed for good"""
     BAD_COMMAND = "bad_command"
     """fault: the stack commanded no number"""
     BAD_INPUT = "bad_input"
@@ -127,6 +129,7 @@ class Evidence:
     aiming: Aiming | None = None
     driving: Driving | None = None
     exception: bool = False
+    sensor_failed: bool = False
 
 
 def classify(evidence: Evidence) -> Cause | None:
@@ -140,7 +143,8 @@ def classify(evidence: Evidence) -> Cause | None:
         case Outcome.STUCK | Outcome.TIMEOUT:
             return _of_delay(evidence)
         case Outcome.FAULT:
-            return Cause.EXCEPTION if evidence.exception else Cause.BAD_COMMAND
+            gave_up = Cause.SENSOR_FAILED if evidence.sensor_failed else Cause.BAD_COMMAND
+            return Cause.EXCEPTION if evidence.exception else gave_up
         case _:
             return None
 

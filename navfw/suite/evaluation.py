@@ -108,7 +108,7 @@ class _Keeper:
         summary = {
             "suite": self.plan.suite,
             "complete": complete,
-            **summarize(rows),
+            **summarize(rows, self.plan.expect),
             "revisions": self.out.revisions,
         }
         self.out.save(rows, summary)

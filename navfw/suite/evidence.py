@@ -59,6 +59,7 @@ def gather(result: MissionResult) -> Evidence:
         aiming=aiming,
         driving=_driving(result) if track.ticks else None,
         exception=bool(result.run.verdict.trace),
+        sensor_failed=session.stack.state.fault is not None,
     )
 
 
@@ -91,15 +92,20 @@ def _touch(result: MissionResult, now: Pose) -> Touch:
 def _touched_point(result: MissionResult, contact: Contact) -> Array:
     """The point [m, map] of what was touched that is nearest to the robot's centre.
 
-    The robot's centre itself if the thing is neither in the floor plan nor a mover.
+    The robot's centre itself if nobody knows where the thing is.
     """
-    movers, plan = result.movers, result.session.plan
+    movers, plan, changes = result.movers, result.session.plan, result.changes
     if movers is not None and contact.body in movers.names:
         index = movers.names.index(contact.body)
         x, y = movers.at(np.array([contact.time]))[0, index]
         shapes = [NamedShape(contact.body, "mover", Disc(x, y, float(movers.radii[index])))]
     else:
         shapes = [solid for solid in plan.solids if solid.name == contact.body]
+        shapes += [
+            NamedShape(contact.body, "box", presence.shape)
+            for presence in (changes.presences if changes is not None else ())
+            if presence.name == contact.body
+        ]
     if not shapes:
         return np.array([contact.x, contact.y])
     return _nearest_point(FloorPlan(plan.bounds, tuple(shapes)), contact.x, contact.y)

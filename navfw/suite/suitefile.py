@@ -10,6 +10,10 @@
         missions: [lobby-to-lab]      # default: all of the world
         stack: default
         set: {avoid.spare: 0.1, mission.timeout: 120}
+      - name: black for 6 s           # what happens on the way, and what passes then
+        family: rooms
+        events: [{at: 8, lasting: 6, camera: black}]
+        expect: arrival
       - worlds: ../imported           # a folder of worlds, each with its missions; see --worlds
 """
 
@@ -19,7 +23,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
@@ -27,9 +31,11 @@ from navfw.config.document import YamlDocument, load_yaml
 from navfw.config.lookup import project_folder, shipped_folder
 from navfw.config.yamlfile import validate
 from navfw.errors import ConfigError, InputError, UnknownNameError
+from navfw.missions.events import EventSpec
 
 __all__ = [
     "EntrySpec",
+    "Expect",
     "Suite",
     "SuiteSpec",
     "find_suite",
@@ -42,6 +48,9 @@ MAX_SEED = 2**32
 """Seeds are below this."""
 
 MAX_SEEDS = 100_000
+
+Expect = Literal["arrival", "stop"]
+"""What passes: arriving, or standing still before contact for a reason that is told."""
 
 Name = Annotated[str, Field(min_length=1, max_length=60, pattern=r"^[\w][\w .+-]*$")]
 Difficulty = Annotated[float, Field(ge=0.0, le=1.0)]
@@ -80,6 +89,14 @@ class EntrySpec(_Spec):
     set: Annotated[
         Mapping[str, Any], Field(description="what differs, as with --set: {avoid.spare: 0.1}")
     ] = Field(default_factory=dict)
+    events: Annotated[
+        tuple[EventSpec, ...] | None,
+        Field(max_length=1000, description="in place of the missions' events"),
+    ] = None
+    expect: Annotated[
+        Expect | None,
+        Field(description="what passes: 90 % arrivals, or a stop before contact in every run"),
+    ] = None
 
     @model_validator(mode="after")
     def _one_source(self) -> Self:
@@ -104,8 +121,12 @@ class EntrySpec(_Spec):
 
     @property
     def overrides(self) -> tuple[str, ...]:
-        """``set`` as ``--set`` has it; JSON is YAML, so each value means the same."""
-        return tuple(f"{key}={json.dumps(value)}" for key, value in self.set.items())
+        """``events`` and ``set`` as ``--set`` has it; JSON is YAML: each value means the same."""
+        given = dict(self.set)
+        if self.events is not None:
+            events = [event.model_dump(mode="json", exclude_unset=True) for event in self.events]
+            given["mission.events"] = events
+        return tuple(f"{key}={json.dumps(value)}" for key, value in given.items())
 
 
 class SuiteSpec(_Spec):

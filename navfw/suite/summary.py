@@ -3,30 +3,58 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from statistics import fmean, median
 from typing import Any
 
+from navfw.missions.outcome import Outcome
+from navfw.suite.causes import Cause
 from navfw.suite.statistics import wilson
+from navfw.suite.suitefile import Expect
 from navfw.suite.table import RunRow
 
 __all__ = ["summarize"]
 
 
-def summarize(rows: Sequence[RunRow]) -> dict[str, Any]:
+ENOUGH = 0.9
+"""Share of runs that have to arrive where arrival is expected."""
+
+
+def summarize(rows: Sequence[RunRow], expect: Mapping[str, Expect] | None = None) -> dict[str, Any]:
     """The numbers of all runs, and of each entry under ``by_entry``; plain data.
 
     ``success`` is a share with its Wilson interval (95 %). SPL, SCT and the BARN score are means
     over all runs, failures being 0. ``collisions`` are counted contacts, ``collision_rate`` the
     share of runs with one, ``collisions_by_robot`` the runs in which the robot's own motion led
     into it. ``mean_time_s`` is of the runs that arrived. What no run gave is None. With more
-    than one stack, ``by_stack`` has the numbers of each.
+    than one stack, ``by_stack`` has the numbers of each. Entries of which ``expect`` says what
+    passes have ``expect``, the number of runs that ``passed``, and whether the entry ``passes``.
     """
     summary = _numbers(rows)
-    summary["by_entry"] = _split(rows, lambda row: row.entry)
+    by_entry = _split(rows, lambda row: row.entry)
+    for name, wanted in (expect or {}).items():
+        of_entry = [row for row in rows if row.entry == name]
+        passed = sum(_passed(row, wanted) for row in of_entry)
+        enough = ENOUGH if wanted == "arrival" else 1.0
+        by_entry.setdefault(name, _numbers([]))
+        by_entry[name] |= {
+            "expect": wanted,
+            "passed": passed,
+            "passes": bool(of_entry) and passed >= enough * len(of_entry),
+        }
+    summary["by_entry"] = by_entry
     if len({row.stack for row in rows}) > 1:
         summary["by_stack"] = _split(rows, lambda row: row.stack)
     return summary
+
+
+def _passed(row: RunRow, wanted: Expect) -> bool:
+    """Whether the run did what passes; a stop has to have an outcome that says why."""
+    if wanted == "arrival":
+        return row.succeeded
+    ended = {Outcome.REACHED, Outcome.STUCK, Outcome.TIMEOUT, Outcome.LOST}
+    told = row.outcome == Outcome.FAULT and row.cause == Cause.SENSOR_FAILED
+    return not row.collisions and (row.outcome in ended or told)
 
 
 def _split(rows: Sequence[RunRow], key: Callable[[RunRow], str]) -> dict[str, Any]:
