@@ -40,6 +40,7 @@ from navfw.signals import (
     Pose,
     Proposal,
     SensorReading,
+    Sighting,
     Twist,
     Waypoint,
 )
@@ -203,6 +204,8 @@ class Stack:
         odometry = self.odometer.update(reading.inertial, reading.encoders, asked)
         self.history.add(odometry)
         self.trim.hear(reading.encoders)
+        with _Timer(self.timings, "safety"):
+            self.safety.hear(reading, odometry)
         if self._began is None:
             self._began = reading.time
         if reading.frame is not None:
@@ -211,7 +214,6 @@ class Stack:
             dt = 1.0 / self.robot.control_rate
             twist = self.controller.control(self.state.command, odometry, dt)
         with _Timer(self.timings, "safety"):
-            self.safety.hear(reading, odometry)
             verdict = self.safety.limit(
                 twist, reading.time, lambda twist: self.mofis.room(odometry.pose, twist)
             )
@@ -225,9 +227,14 @@ class Stack:
     def _decide(self, reading: SensorReading, frame: Frame, odometry: Odometry) -> None:
         """Look, locate, plan and decide; the result is the new state."""
         then = self.history.at(frame.time)
-        flows, percepts = self._perceive(frame, then)
-        with _Timer(self.timings, "features"):
-            sightings = self.features.recognize(reading.landmark_frame or frame)
+        flows: tuple[FlowField, ...] = ()
+        percepts: tuple[Percept, ...] = ()
+        sightings: Sequence[Sighting] = ()
+        # a frozen picture without flow would say that all the world is far away
+        if self.safety.senses.seeing:
+            flows, percepts = self._perceive(frame, then)
+            with _Timer(self.timings, "features"):
+                sightings = self.features.recognize(reading.landmark_frame or frame)
         if not self._localized:
             self.localizer.start(self.topo_map, self._start_pose, odometry)
             self._localized = True

@@ -14,6 +14,8 @@ FLAT = 2.5
 """Standard deviation [grey levels] below which a picture shows nothing (noise alone has some)."""
 MOVED = (0.02, 0.035)
 """Way [m] and turn [rad] after which a picture must have changed."""
+STIRRED = 0.002
+"""Way [m] or turn [rad] after which a picture that is still the same tells nothing new."""
 
 
 class Senses:
@@ -22,6 +24,9 @@ class Senses:
     A frame that is missing, dark, over-exposed, without contrast, or equal to the one before
     although the robot has moved is no useful word. A gyro or encoder reading that carries an old
     time stamp is none either. A frame is as old as its own time says, however late it comes.
+
+    ``seeing`` is whether the newest frame may be looked at: already the slightest motion must
+    change a picture, although only a clear one counts as trouble.
     """
 
     def __init__(self) -> None:
@@ -35,6 +40,7 @@ class Senses:
         self.silence = 0.0
         self._answered = 0.0
         self.trouble = ""
+        self.seeing = True
         self._began: float | None = None
         self._last_useful: float | None = None
         self._picture: Image | None = None
@@ -55,6 +61,7 @@ class Senses:
         self._move(odometry)
         if reading.frame is not None:
             self.trouble = self._fault_of(reading.frame)
+            self.seeing = not self.trouble and self._way <= STIRRED and self._turn <= STIRRED
             if not self.trouble:
                 self._last_useful = reading.frame.time
         last = self._last_useful if self._last_useful is not None else time
