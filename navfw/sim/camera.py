@@ -12,6 +12,8 @@ import numpy.typing as npt
 from navfw.robot import CameraModel
 from navfw.signals import Array, Image
 from navfw.sim.engine import bullet
+from navfw.sim.scenery import Scenery
+from navfw.sim.visibility import field_of_view
 from navfw.sim.worldfile import LightSpec
 
 __all__ = ["Camera", "DepthImage", "projection_matrix"]
@@ -56,13 +58,13 @@ class Camera:
         self,
         camera: CameraModel,
         light: LightSpec,
-        client: int,
+        scenery: Scenery,
         rng: np.random.Generator,
         noise: float = 0.0,
         supersample: int = 1,
     ) -> None:
         self.model = camera
-        self._client = client
+        self._scenery = scenery
         self._supersample = supersample
         self._rng = rng
         self._bank: npt.NDArray[np.int8] | None = None
@@ -87,6 +89,11 @@ class Camera:
         hfov = min(self.model.hfov * (1.0 + hfov_error), _WIDEST)
         true = self.model.model_copy(update={"hfov": hfov})
         self._projection = projection_matrix(true, self._supersample)
+        # how far the image reaches from its middle, in focal lengths, with a pixel to spare
+        self._reach = (
+            (0.5 * true.width + 1.0) / true.focal,
+            (0.5 * true.height + 1.0) / true.focal,
+        )
 
     def render(
         self, position: tuple[float, float, float], turn: tuple[float, float, float, float]
@@ -94,12 +101,14 @@ class Camera:
         """Luminance (height, width) without noise, and the renderer's raw depth buffer."""
         scale = self._supersample
         width, height = self.model.width * scale, self.model.height * scale
+        eye, axes = self.placed(position, turn)
+        self._scenery.look(eye, *field_of_view(axes, *self._reach))
         _, _, rgba, raw, _ = bullet.getCameraImage(
             width,
             height,
-            self._view(position, turn),
+            _view(eye, axes),
             self._projection,
-            physicsClientId=self._client,
+            physicsClientId=self._scenery.client,
             **self._light,
         )
         colour = np.asarray(rgba, np.uint8).reshape(height, width, 4)
@@ -147,13 +156,11 @@ class Camera:
         eye: Array = position + rotation @ (self.model.mount_forward, 0.0, self.model.mount_height)
         return eye, rotation @ self.model.base_from_camera
 
-    def _view(
-        self, position: tuple[float, float, float], turn: tuple[float, float, float, float]
-    ) -> list[float]:
-        """OpenGL view matrix, by columns."""
-        eye, axes = self.placed(position, turn)
-        view = np.eye(4)
-        view[0, :3], view[1, :3], view[2, :3] = axes[:, 0], -axes[:, 1], -axes[:, 2]
-        view[:3, 3] = -view[:3, :3] @ eye
-        columns: list[float] = view.T.ravel().tolist()
-        return columns
+
+def _view(eye: Array, axes: Array) -> list[float]:
+    """OpenGL view matrix, by columns, of a camera placed so."""
+    view = np.eye(4)
+    view[0, :3], view[1, :3], view[2, :3] = axes[:, 0], -axes[:, 1], -axes[:, 2]
+    view[:3, 3] = -view[:3, :3] @ eye
+    columns: list[float] = view.T.ravel().tolist()
+    return columns

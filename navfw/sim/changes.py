@@ -74,7 +74,7 @@ class Changes:
         """From now on, as soon as the robot is out of the way."""
         if isinstance(change, Textureless):
             covered = _blanked(self._world, change)
-            self._blank.append((change, self._scene.cover(covered, change.brightness)))
+            self._blank.append((change, self._scene.scenery.cover(covered, change.brightness)))
         elif isinstance(change, Obstacle):
             self._obstacles.append((change, _solid_of(change, robot)))
         else:
@@ -85,7 +85,7 @@ class Changes:
         """No longer: the door is as it was, the obstacle vanishes, the texture is back."""
         if isinstance(change, Textureless):
             index = next(i for i, (known, _) in enumerate(self._blank) if known == change)
-            self._scene.remove(self._blank.pop(index)[1])
+            self._scene.scenery.remove(self._blank.pop(index)[1])
         elif isinstance(change, Obstacle):
             index = next(i for i, (known, _) in enumerate(self._obstacles) if known == change)
             self._obstacles.pop(index)

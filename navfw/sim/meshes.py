@@ -31,6 +31,11 @@ class Mesh:
     uvs: list[list[float]] = field(default_factory=list)
     indices: list[int] = field(default_factory=list)
 
+    @classmethod
+    def without_area(cls) -> Mesh:
+        """Nothing to be seen."""
+        return cls([[0.0, 0.0, 0.0]] * 3, [[0.0, 0.0, 1.0]] * 3, [[0.0, 0.0]] * 3, [0, 1, 2])
+
     def add_quad(self, corners: Array, normals: Array, uvs: Array) -> None:
         """Add a quad: (4, 3) corners counter-clockwise seen from outside, normals, (4, 2) uvs [m].
 
@@ -67,6 +72,14 @@ class Mesh:
         self.uvs += mesh.uvs
         self.indices += [first + index for index in mesh.indices]
 
+    def append(self, mesh: Mesh) -> None:
+        """Add another mesh as it is."""
+        first = len(self.vertices)
+        self.vertices += mesh.vertices
+        self.normals += mesh.normals
+        self.uvs += mesh.uvs
+        self.indices += [first + index for index in mesh.indices]
+
     def add_face(
         self, corner: Array, right: Array, up: Array, columns: Array, rows: Array, shift: Array
     ) -> None:
@@ -98,11 +111,15 @@ def face_coordinates(points: Array, normal: Array) -> Array:
     return np.stack([along, points[:, 2]], axis=1)
 
 
-def splits(length: float, at: list[float] | None = None) -> Array:
-    """Distances [0 ... length] that cut it into pieces of at most FACE, and cut it at ``at``."""
+def splits(length: float, at: list[float] | None = None, longest: float | None = None) -> Array:
+    """Distances [0 ... length] that cut it into pieces of at most ``longest``, and at ``at``.
+
+    ``longest`` is FACE unless given.
+    """
+    longest = FACE if longest is None else longest
     cuts = [0.0, *sorted(c for c in at or [] if 1e-3 < c < length - 1e-3), length]
     parts = [
-        np.linspace(low, high, math.ceil((high - low) / FACE - 1e-9) + 1)[:-1]
+        np.linspace(low, high, math.ceil((high - low) / longest - 1e-9) + 1)[:-1]
         for low, high in pairwise(cuts)
         if high - low > 1e-9
     ]

@@ -177,15 +177,11 @@ class RobotBody:
         pitch = 2 * (x * y - w * z) * wx + (1 - 2 * (x * x + z * z)) * wy + 2 * (y * z + w * x) * wz
         return roll, pitch
 
-    def contacts(self) -> set[tuple[int, float, float]]:
-        """Bodies that the base touches now, each with a point (x, y) [m] of touch."""
+    def contacts(self) -> set[tuple[int, float, float, float]]:
+        """Bodies that the base touches now, each with a point (x, y, z) [m] of touch."""
         points = self._call("getContactPoints", self.body, linkIndexA=-1)
         # points of near misses are listed too: index 8 is the distance, 9 the normal force
-        return {
-            (point[2], point[6][0], point[6][1])
-            for point in points
-            if point[8] <= 1e-4 or point[9] > 0.0
-        }
+        return {(point[2], *point[6]) for point in points if point[8] <= 1e-4 or point[9] > 0.0}
 
     def _call(self, function: str, *args: Any, **kwargs: Any) -> Any:
         return getattr(bullet, function)(*args, physicsClientId=self._client, **kwargs)

@@ -27,6 +27,7 @@ from navfw.sim.floorplan import FloorPlan
 from navfw.sim.movers import Mover, MoverTrack, caused_by_robot
 from navfw.sim.robot_body import RobotBody
 from navfw.sim.scene import Scene
+from navfw.sim.scenery import Scenery
 from navfw.sim.sensors import Gyro, SensorParams, WheelEncoders
 from navfw.sim.worldcheck import check_world
 from navfw.sim.worldfile import WorldSpec
@@ -82,6 +83,8 @@ class Simulation:
         self.timings = Timings()
         self.time = 0.0
         self._client = _connect(gui)
+        # drawing has a client of its own, where bodies cost no physics
+        self._stage = self._client if gui else _connect(gui=False)
         self._steps = 0
         self._frames = 0
         self._contacts: set[str] = set()
@@ -104,13 +107,14 @@ class Simulation:
             bullet.setPhysicsEngineParameter(
                 deterministicOverlappingPairs=1, physicsClientId=self._client
             )
-            self._scene = Scene(world, self._client)
+            scenery = Scenery(world, self._stage, cull=not gui)
+            self._scene = Scene(world, self._client, scenery)
             self._changes = Changes(world, self._scene)
             self._body = RobotBody(robot, self._client, start)
             self._camera = Camera(
                 robot.camera,
                 world.light,
-                self._client,
+                scenery,
                 for_camera,
                 sensors.image_noise,
                 sensors.supersample,
@@ -298,6 +302,7 @@ class Simulation:
     def look_from(self, pose: Pose) -> tuple[Image, DepthImage]:
         """Image without noise and depth [m] as the camera would see them from another pose."""
         turn = (0.0, 0.0, math.sin(0.5 * pose.yaw), math.cos(0.5 * pose.yaw))
+        self._scene.show_movers()
         image, raw = self._camera.render((pose.x, pose.y, 0.0), turn)
         return image, self._camera.depth(raw)
 
@@ -309,6 +314,7 @@ class Simulation:
             return None
         begun = wall.perf_counter()
         position, turn = self._body.state()
+        self._scene.show_movers()
         clean, self._raw_depth = self._camera.render(position, turn)
         self._views.append((self.time, *self._camera.placed(position, turn)))
         rendered = wall.perf_counter()
@@ -323,7 +329,8 @@ class Simulation:
     def close(self) -> None:
         """Leave the physics server; doing it twice is no harm."""
         if self._client >= 0:
-            bullet.disconnect(physicsClientId=self._client)
+            for client in {self._client, self._stage}:
+                bullet.disconnect(physicsClientId=client)
             self._client = -1
 
     def __enter__(self) -> Simulation:

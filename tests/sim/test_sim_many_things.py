@@ -7,7 +7,7 @@ import pytest
 
 from navfw.robot import RobotModel
 from navfw.signals import Pose, Twist
-from navfw.sim import scene
+from navfw.sim import scenery
 from navfw.sim.meshes import box_mesh, cylinder_mesh, smooth_sides
 from navfw.sim.sensors import SensorParams
 from navfw.sim.shapes import Disc, Rectangle, gap_between
@@ -53,7 +53,7 @@ def test_shared_and_separate_bodies_look_alike(monkeypatch: pytest.MonkeyPatch) 
             return sim.look_from(Pose(-0.6, 2.3, 0.2))
 
     image, depth = view()
-    monkeypatch.setattr(scene, "_FEW", 1000)
+    monkeypatch.setattr(scenery, "_FEW", 1000)
     other_image, other_depth = view()
     # rounding may move an edge by a pixel
     assert np.mean(image != other_image) < 0.01

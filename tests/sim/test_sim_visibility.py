@@ -1,0 +1,132 @@
+"""What is left undrawn is what is not seen: images are the same with and without it."""
+
+from __future__ import annotations
+
+import functools
+import math
+import zlib
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from navfw.config.lookup import find
+from navfw.robot import CameraModel, RobotModel
+from navfw.signals import Pose
+from navfw.sim import simulation
+from navfw.sim.floorplan import FloorPlan
+from navfw.sim.scenery import Scenery
+from navfw.sim.sensors import SensorParams
+from navfw.sim.shapes import Rectangle
+from navfw.sim.simulation import Simulation
+from navfw.sim.visibility import Outline, Visibility, field_of_view
+from navfw.sim.worldfile import WorldSpec, load_world
+from navfw.worldgen import FAMILIES, generate
+
+ROBOT = RobotModel()
+WALL = Rectangle(2.0, 0.0, 0.1, 1.0)
+EYE = np.array([0.0, 0.0, 0.35])
+
+
+def seen(points: list[tuple[float, float]], *walls: Rectangle, half: float = math.pi) -> bool:
+    outline = Outline.around(np.array(points))
+    return bool(Visibility(walls, 2.0, [outline]).seen(EYE, 0.0, half)[0])
+
+
+def test_a_wall_hides_what_lies_behind_it() -> None:
+    assert not seen([(3.0, -0.5), (4.0, 0.5)], WALL)
+    assert seen([(1.0, -0.5), (1.5, 0.5)], WALL)
+    assert seen([(3.0, -0.5), (4.0, 2.5)], WALL)
+    assert seen([(1.5, -0.5), (4.0, 0.5)], WALL), "part of it is in front"
+    assert seen([(-3.0, -0.5), (-4.0, 0.5)], WALL)
+
+
+def test_walls_hide_together_what_none_hides_alone() -> None:
+    thing = [(5.0, -1.0), (5.2, 1.0)]
+    left, right = Rectangle(2.0, 1.0, 0.1, 1.0), Rectangle(3.0, -1.0, 0.1, 1.05)
+    assert seen(thing, left)
+    assert seen(thing, right)
+    assert not seen(thing, left, right)
+    assert seen(thing, left, Rectangle(3.0, -1.1, 0.1, 1.05)), "there is a gap between them"
+
+
+def test_a_wall_does_not_hide_its_own_face() -> None:
+    assert seen([(1.9, -1.0), (1.9, 1.0)], WALL)
+    assert not seen([(2.1, -1.0), (2.1, 1.0)], WALL)
+
+
+def test_a_low_wall_hides_nothing() -> None:
+    outline = Outline.around(np.array([(3.0, -0.5), (4.0, 0.5)]))
+    assert Visibility([WALL], 0.3, [outline]).seen(EYE, 0.0, math.pi)[0]
+
+
+def test_what_is_outside_the_field_of_view_is_not_seen() -> None:
+    assert not seen([(-1.0, -0.5), (-2.0, 0.5)], half=0.8)
+    assert not seen([(0.5, 2.0), (1.0, 3.0)], half=0.8)
+    assert seen([(0.5, 2.0), (3.0, 3.0)], half=0.8)
+    assert seen([(-1.0, -1.0), (1.0, 1.0)], half=0.8), "the eye is within"
+
+
+def test_one_sided_faces_are_not_seen_from_behind() -> None:
+    points = np.array([(3.0, -1.0), (3.0, 1.0)])
+    for towards, expected in ((-1.0, True), (1.0, False)):
+        outline = Outline.around(points, math.pi / 2, (towards, 0.0, 0.0, towards * 3.0))
+        assert Visibility([], 2.0, [outline]).seen(EYE, 0.0, math.pi)[0] == expected
+
+
+@given(st.floats(-math.pi, math.pi), st.floats(-0.6, 0.6), st.floats(-0.3, 0.3), st.data())
+def test_field_of_view_holds_every_ray(
+    yaw: float, pitch: float, roll: float, data: st.DataObject
+) -> None:
+    def about(axis: int, angle: float) -> np.ndarray:
+        c, s = math.cos(angle), math.sin(angle)
+        turn = np.eye(3)
+        i, j = (axis + 1) % 3, (axis + 2) % 3
+        turn[i, i], turn[i, j], turn[j, i], turn[j, j] = c, -s, s, c
+        return turn
+
+    axes = about(2, yaw) @ about(1, pitch) @ about(0, roll) @ ROBOT.camera.base_from_camera
+    middle, half = field_of_view(axes, 1.0, 0.75)
+    x = data.draw(st.floats(-1.0, 1.0))
+    y = data.draw(st.floats(-0.75, 0.75))
+    ray = axes @ np.array([x, y, 1.0])
+    off = math.remainder(math.atan2(ray[1], ray[0]) - middle, 2.0 * math.pi)
+    assert abs(off) <= half
+
+
+def world_of(name: str) -> WorldSpec:
+    if name in FAMILIES:
+        return generate(name, 3, 0.6).world
+    return load_world(find("world", name))
+
+
+def free_pose(plan: FloorPlan, rng: np.random.Generator) -> Pose:
+    x0, y0, x1, y1 = plan.bounds
+    while True:
+        x, y = rng.uniform(x0, x1), rng.uniform(y0, y1)
+        if plan.clearance(x, y) > 0.25:
+            return Pose(x, y, rng.uniform(-math.pi, math.pi))
+
+
+@pytest.mark.parametrize("name", ["office", "empty", *FAMILIES])
+@pytest.mark.parametrize("pitch", [0.0, 0.3])
+def test_images_and_depth_are_the_same_as_without_culling(
+    name: str, pitch: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    world = world_of(name)
+    robot = RobotModel(camera=CameraModel(pitch=pitch))
+    rng = np.random.default_rng([zlib.crc32(name.encode()), round(10 * pitch)])
+    plan = FloorPlan.from_world(world, robot.height)
+    poses = [free_pose(plan, rng) for _ in range(8)]
+
+    def views() -> list[tuple[np.ndarray, np.ndarray]]:
+        with Simulation(world, robot, poses[0], 0, SensorParams.preset("perfect")) as sim:
+            sim.advance(0.5)  # those who walk are on their way
+            return [sim.look_from(pose) for pose in poses]
+
+    culled = views()
+    monkeypatch.setattr(simulation, "Scenery", functools.partial(Scenery, cull=False))
+    for (image, depth), (whole, whole_depth) in zip(culled, views(), strict=True):
+        np.testing.assert_array_equal(image, whole)
+        np.testing.assert_array_equal(depth, whole_depth)
