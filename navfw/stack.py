@@ -314,7 +314,7 @@ class Stack:
         if not self.resolved.refine:
             return derotate(flow, camera)
         refinement = refine(flow, camera)
-        self.odometer.contradict(refinement.yaw, flow.motion.dt)
+        self.odometer.contradict(refinement.yaw, flow.motion)
         return refinement.apply(flow, camera)
 
 

@@ -6,7 +6,7 @@ import math
 
 from navfw.egomotion.wheels import WheelWatch
 from navfw.robot import RobotModel
-from navfw.signals import Encoders, Inertial, Odometry, Pose, Twist, wrap_angle
+from navfw.signals import CameraMotion, Encoders, Inertial, Odometry, Pose, Twist, wrap_angle
 
 __all__ = ["Odometer"]
 
@@ -24,6 +24,8 @@ SPEED_SMOOTHING = 0.05
 STALE = 0.1
 #: Time constant over which what the flow says of the gyro is averaged [s].
 DOUBT_MEMORY = 1.5
+#: Turning faster than this [rad/s], the flow's word on the gyro is not asked for.
+STRAIGHT = 0.08
 #: A mean contradiction of the flow larger than this [rad/s] is no chance: the bias has changed.
 CONTRADICTION = 0.006
 
@@ -96,15 +98,19 @@ class Odometer:
         self._advance(way, turn)
         return self._odometry(encoders.time, rate - self._bias)
 
-    def contradict(self, turn: float, dt: float) -> None:
-        """The flow of ``dt`` [s] says that the robot turned by ``turn`` [rad] more than the gyro.
+    def contradict(self, turn: float, motion: CameraMotion) -> None:
+        """The flow says that the robot turned by ``turn`` [rad] more than ``motion`` says.
 
-        A lasting contradiction is a bias that has changed since the robot last stood still.
+        A lasting contradiction is a bias that has changed since the robot last stood still. Only
+        driving nearly straight is asked: in turns a camera that is not what it is believed to be
+        contradicts as well.
         """
-        if self._stale or dt <= 0.0:
+        r = motion.rotation
+        turned = 0.5 * math.hypot(r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1])
+        if self._stale or motion.dt <= 0.0 or turned > STRAIGHT * motion.dt:
             return
-        share = -math.expm1(-dt / DOUBT_MEMORY)
-        self._contradiction += share * (turn / dt - self._contradiction)
+        share = -math.expm1(-motion.dt / DOUBT_MEMORY)
+        self._contradiction += share * (turn / motion.dt - self._contradiction)
         if abs(self._contradiction) > CONTRADICTION:
             self._bias -= self._contradiction
             self._contradiction = 0.0

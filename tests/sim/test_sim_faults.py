@@ -1,0 +1,283 @@
+"""Each fault shows in what the sensors say, as its event says, and is gone when it is over."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import cv2
+import numpy as np
+import pytest
+
+from navfw.config.lookup import find
+from navfw.robot import RobotModel
+from navfw.signals import Frame, Image, Pose, SensorReading
+from navfw.sim.actions import (
+    Action,
+    CameraFault,
+    DoorChange,
+    EncoderFault,
+    GyroFault,
+    Light,
+    Obstacle,
+    Slippery,
+    Textureless,
+    WeakWheel,
+)
+from navfw.sim.changes import CLEAR_OF_ROBOT
+from navfw.sim.sensors import SensorParams
+from navfw.sim.simulation import Simulation
+from navfw.sim.worldfile import DoorSpec, OpeningSpec, WallSpec, WorldSpec, load_world
+
+ROBOT = RobotModel()
+START = Pose(1.0, 1.5, 0.3)
+DT = 1.0 / 60.0
+QUIET = SensorParams.preset("perfect")
+
+
+@pytest.fixture
+def room() -> Iterator[Simulation]:
+    with Simulation(load_world(find("world", "paper-room")), ROBOT, START, 0, QUIET) as simulation:
+        yield simulation
+
+
+def drive(simulation: Simulation, seconds: float, left: float, right: float) -> list[SensorReading]:
+    """Readings at control rate."""
+    readings = []
+    for _ in range(round(seconds / DT)):
+        readings.append(simulation.read())
+        simulation.drive(left, right)
+        simulation.advance(DT)
+    return readings
+
+
+def frames(readings: list[SensorReading]) -> list[Frame]:
+    return [reading.frame for reading in readings if reading.frame is not None]
+
+
+def look(simulation: Simulation, *actions: Action) -> Image:
+    """The next frame, with ``actions`` in force."""
+    for action in actions:
+        simulation.begin(action)
+    simulation.advance(0.1)
+    frame = simulation.read().frame
+    for action in actions:
+        simulation.end(action)
+    assert frame is not None
+    return frame.image
+
+
+def same(one: Image, other: Image) -> bool:
+    """Equal but for what a standing robot still settles by."""
+    return float(np.abs(one.astype(float) - other).mean()) < 0.7
+
+
+def test_dropped_frames_are_missing(room: Simulation) -> None:
+    room.begin(CameraFault(dropped=0.5))
+    assert 12 <= len(frames(drive(room, 5.0, 0.0, 0.0))) <= 38
+    room.end(CameraFault(dropped=0.5))
+    assert len(frames(drive(room, 1.0, 0.0, 0.0))) == 10
+
+
+def test_a_frozen_picture_stays_although_the_robot_moves(room: Simulation) -> None:
+    before = frames(drive(room, 1.0, 4.0, 4.0))[-1]
+    room.begin(CameraFault(frozen=True))
+    stuck = frames(drive(room, 1.0, 4.0, 4.0))
+    assert len(stuck) == 10
+    assert all(np.array_equal(frame.image, before.image) for frame in stuck)
+    assert stuck[-1].time > before.time + 0.9
+    room.end(CameraFault(frozen=True))
+    assert not np.array_equal(frames(drive(room, 0.2, 4.0, 4.0))[0].image, before.image)
+
+
+def test_late_frames_keep_their_time(room: Simulation) -> None:
+    room.begin(CameraFault(latency=0.3))
+    readings = drive(room, 2.0, 4.0, 4.0)
+    late = [(r.time, r.frame.time) for r in readings if r.frame is not None]
+    assert len(late) == 17
+    assert all(now - taken == pytest.approx(0.3, abs=DT) for now, taken in late)
+    room.end(CameraFault(latency=0.3))
+    after = [(r.time, r.frame.time) for r in drive(room, 0.5, 0, 0) if r.frame is not None]
+    assert all(now == taken for now, taken in after)
+
+
+def test_pictures_go_black_white_blurred_and_noisy(room: Simulation) -> None:
+    clean = look(room)
+    assert same(look(room), clean)
+    assert not look(room, CameraFault(black=True)).any()
+    assert look(room, CameraFault(over_exposed=True)).mean() > 247
+    noise = look(room, CameraFault(noisy=12.0)).astype(float) - clean
+    assert noise[(clean > 50) & (clean < 205)].std() == pytest.approx(12.0, rel=0.1)
+
+    def detail(image: Image) -> float:
+        return float(np.abs(cv2.Laplacian(image.astype(np.float32), cv2.CV_32F)).mean())
+
+    assert detail(look(room, CameraFault(blurred=1.5))) < 0.3 * detail(clean)
+    assert same(look(room), clean)
+
+
+def test_a_black_camera_still_has_its_noise() -> None:
+    world = load_world(find("world", "paper-room"))
+    with Simulation(world, ROBOT, START, 0) as simulation:
+        image = look(simulation, CameraFault(black=True))
+    assert 0.0 < image.mean() < 5.0
+
+
+def test_the_field_of_view_is_wider_than_the_robot_believes(room: Simulation) -> None:
+    clean = look(room)
+    wide = look(room, CameraFault(hfov_error=0.1))
+    focal = 0.5 * ROBOT.camera.width / math.tan(0.5 * 1.1 * ROBOT.camera.hfov)
+    shrunk = cv2.resize(clean, None, fx=focal / ROBOT.camera.focal, fy=focal / ROBOT.camera.focal)
+    rows, columns = shrunk.shape
+    top, left = (wide.shape[0] - rows) // 2, (wide.shape[1] - columns) // 2
+    inner = wide[top : top + rows, left : left + columns]
+    assert np.corrcoef(inner.ravel(), shrunk.ravel())[0, 1] > 0.75
+    assert np.corrcoef(wide.ravel(), clean.ravel())[0, 1] < 0.4
+
+
+def test_lamps_go_dim_and_out(room: Simulation) -> None:
+    clean = look(room).mean()
+    assert look(room, Light(share=0.3)).mean() == pytest.approx(0.3 * clean, rel=0.05)
+    assert look(room, Light(share=0.0)).max() == 0
+    assert look(room).mean() == pytest.approx(clean, abs=0.2)
+
+
+def test_a_gyro_that_drops_out_keeps_its_last_word(room: Simulation) -> None:
+    last = drive(room, 0.5, -2.0, 2.0)[-1].inertial
+    room.begin(GyroFault(dropout=True))
+    assert {r.inertial for r in drive(room, 0.5, 2.0, -2.0)} == {last}
+    room.end(GyroFault(dropout=True))
+    assert drive(room, 0.1, 2.0, -2.0)[-1].inertial.yaw_rate < -0.5
+
+
+def test_a_bias_step_shifts_the_gyro_s_mean(room: Simulation) -> None:
+    room.begin(GyroFault(bias_step=2.0))
+    rates = [reading.inertial.yaw_rate for reading in drive(room, 1.0, 0.0, 0.0)]
+    assert np.mean(rates) == pytest.approx(math.radians(2.0), abs=1e-3)
+    room.end(GyroFault(bias_step=2.0))
+    rates = [reading.inertial.yaw_rate for reading in drive(room, 1.0, 0.0, 0.0)]
+    assert np.mean(rates) == pytest.approx(0.0, abs=1e-3)
+
+
+@pytest.mark.parametrize("side", ["left", "right", "both"])
+def test_dead_encoders_do_not_count(room: Simulation, side: str) -> None:
+    before = drive(room, 0.5, 4.0, 4.0)[-1].encoders
+    fault = EncoderFault.model_validate({"dropout": side})
+    room.begin(fault)
+    dead = drive(room, 0.5, 4.0, 4.0)[-1].encoders
+    assert dead.time > before.time
+    assert (dead.left == before.left) == (side in ("left", "both"))
+    assert (dead.right == before.right) == (side in ("right", "both"))
+    room.end(fault)
+    after = drive(room, 0.5, 4.0, 4.0)[-1].encoders
+    for name in ("left", "right"):  # what was missed is lost: no jump
+        assert 500 < getattr(after, name) - getattr(dead, name) < 800
+
+
+def test_a_weak_wheel_turns_less(room: Simulation) -> None:
+    room.begin(WeakWheel(side="left", share=0.8))
+    encoders = drive(room, 2.0, 4.0, 4.0)[-1].encoders
+    assert encoders.left == pytest.approx(0.8 * encoders.right, rel=0.02)
+
+
+def test_on_slippery_floor_the_wheels_turn_further(room: Simulation) -> None:
+    room.begin(Slippery(slip=0.2))
+    encoders = drive(room, 2.0, 4.0, 4.0)[-1].encoders
+    way = encoders.left / ROBOT.ticks_per_turn * 2.0 * math.pi * ROBOT.wheel_radius
+    pose = room.true_pose()
+    gone = math.hypot(pose.x - START.x, pose.y - START.y)
+    assert way == pytest.approx(1.2 * gone, rel=0.02)
+
+
+def test_walls_within_an_area_lose_their_texture(room: Simulation) -> None:
+    clean = look(room)
+    blank = look(room, Textureless(x=(-500.0, 500.0), y=(-500.0, 500.0)))
+    upper = np.s_[: ROBOT.camera.height // 2 - 8, 20:-20]  # walls, well above the floor
+    assert blank[upper].std() < 0.6 * clean[upper].std()
+    lower = np.s_[-20:]
+    assert same(blank[lower], clean[lower])
+    partly = look(room, Textureless(x=(3.0, 5.0)))
+    assert not same(partly, blank)
+    assert not same(partly, clean)
+    assert same(look(room), clean)
+
+
+def test_an_obstacle_appears_in_front_and_vanishes(room: Simulation) -> None:
+    clean = look(room)
+    thing = Obstacle(ahead=1.5, radius=0.2)
+    assert not same(look(room, thing), clean)
+    assert same(look(room), clean)
+    room.begin(thing)
+    drive(room, 4.5, 8.0, 8.0)
+    assert room.contacts == ("obstacle",)
+    (presence,) = [p for p in room.change_track().presences if p.end == math.inf]
+    x, y = START.to_parent(1.5, 0.0)
+    assert (presence.shape.x, presence.shape.y) == pytest.approx((x, y), abs=0.01)
+
+
+def test_nothing_appears_on_the_robot(room: Simulation) -> None:
+    room.begin(Obstacle(at=(START.x, START.y), radius=0.2))
+    room.advance(0.1)
+    assert room.contacts == ()
+    assert room.change_track().presences == ()
+    while not room.change_track().presences:
+        drive(room, 0.1, 4.0, 4.0)
+        assert room.contacts == ()
+    here = room.true_pose()
+    away = math.hypot(here.x - START.x, here.y - START.y)
+    assert away >= ROBOT.radius + 0.2 + CLEAR_OF_ROBOT
+
+
+def walls_with_a_door(state: str) -> WorldSpec:
+    door = DoorSpec.model_validate({"name": "leaf", "opening": "gap", "state": state})
+    gap = OpeningSpec(name="gap", at=(3.0, 2.0), width=1.0)
+    wall = WallSpec(name="partition", points=((3.0, 0.0), (3.0, 4.0)), openings=(gap,))
+    return WorldSpec(name="two rooms", x=(0.0, 6.0), y=(0.0, 4.0), walls=(wall,), doors=(door,))
+
+
+@pytest.mark.parametrize("state", ["open", "closed"])
+def test_a_door_closes_and_opens(state: str) -> None:
+    other = "closed" if state == "open" else "open"
+    change = DoorChange.model_validate({"name": "leaf", "state": other})
+    touched = {}
+    for changed in (False, True):
+        with Simulation(walls_with_a_door(state), ROBOT, Pose(2.2, 2.0, 0.0), 0, QUIET) as world:
+            if changed:
+                world.begin(change)
+            drive(world, 2.5, 8.0, 8.0)
+            touched[changed] = world.contacts
+    assert touched[state == "closed"] == ()
+    assert touched[state == "open"] == ("leaf",)
+
+
+def test_a_door_waits_for_a_robot_in_it_and_is_as_it_was_afterwards() -> None:
+    change = DoorChange(name="leaf", state="closed")
+    with Simulation(walls_with_a_door("open"), ROBOT, Pose(3.0, 2.0, 0.0), 0, QUIET) as world:
+        world.begin(change)
+        drive(world, 0.5, 0.0, 0.0)
+        assert world.contacts == ()
+        drive(world, 2.0, 8.0, 8.0)
+        assert world.contacts == ()
+        (presence,) = world.change_track().presences
+        assert presence.begin > 0.5
+        world.end(change)
+        drive(world, 4.0, -4.0, -4.0)
+        assert world.contacts == ()
+        assert world.true_pose().x < 3.1
+
+
+def test_faults_draw_no_noise_of_other_components() -> None:
+    world = load_world(find("world", "paper-room"))
+    seen = []
+    for fault in (None, CameraFault(noisy=5.0)):
+        with Simulation(world, ROBOT, START, 4) as simulation:
+            if fault is not None:
+                simulation.begin(fault)
+            drive(simulation, 0.5, 2.0, 2.0)
+            if fault is not None:
+                simulation.end(fault)
+            seen.append(drive(simulation, 0.5, 2.0, 2.0))
+    for one, other in zip(*seen, strict=True):
+        assert (one.inertial, one.encoders) == (other.inertial, other.encoders)
+        if one.frame is not None and other.frame is not None:
+            assert np.array_equal(one.frame.image, other.frame.image)
