@@ -24,6 +24,8 @@ COMMANDS = (
     "navfw.cli.run",
     "navfw.cli.replay",
     "navfw.cli.explain",
+    "navfw.cli.plan",
+    "navfw.cli.mapping",
     "navfw.cli.perceive",
     "navfw.cli.reproduce",
     "navfw.cli.listings",

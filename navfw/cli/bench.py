@@ -1,4 +1,4 @@
-"""``navfw bench``: what the loop costs, how right perception is and what it costs."""
+"""``navfw bench``: what the loop and planning cost, how right perception is and what it costs."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ def add_to(app: typer.Typer) -> None:
     )
     group.command()(loop)
     group.command()(perception)
+    group.command()(planning)
     app.add_typer(group, name="bench")
 
 
@@ -115,6 +116,41 @@ def perception(
         print_table(columns, rows, "nothing")
     if out is not None:
         typer.echo(f"page {out / 'index.md'}")
+
+
+def planning(
+    places: Annotated[
+        int, typer.Option(min=100, max=200_000, help="Of the generated map.")
+    ] = 10_000,
+    repeats: Annotated[int, typer.Option(min=3, max=1000, help="Ways to plan.")] = 20,
+    seed: Annotated[int, typer.Option(min=0, help="Of the map and the ways.")] = 0,
+    json: Annotated[
+        bool, typer.Option("--json", help="One object on stdout, nothing else.")
+    ] = False,
+) -> None:
+    """Time PAPFIS on a large map, beside A* of networkx on the same costs."""
+    with quiet_stdout():
+        from navfw.bench.planning import bench_planning
+
+        result = bench_planning(places, repeats, seed)
+    if json:
+        print_json(result)
+        return
+    typer.echo(f"{result['places']} places, {result['passages']} passages, {repeats} ways [ms]")
+    rows = [
+        (what, *(f"{result[key][part]:.1f}" for part in ("median", "min", "max")))
+        for what, key in (
+            ("all costs, at load", "costs_ms"),
+            ("first plan", "first_plan_ms"),
+            ("new plan after closing", "replan_ms"),
+            ("networkx.astar_path", "networkx_ms"),
+        )
+    ]
+    print_table(["", "median", "least", "most"], rows, "nothing")
+    typer.echo(
+        f"first plan {result['first_plan_over_networkx']:.2f} times networkx,"
+        f" new plan {result['replan_over_networkx']:.2f} times"
+    )
 
 
 def _print(result: dict[str, Any]) -> None:

@@ -44,7 +44,12 @@ class PassageWatchParams(BaseModel):
     range: Annotated[
         float, Field(gt=0.3, le=10.0, description="how far ahead legs are judged [m]")
     ] = 2.5
-    slack: Annotated[Metres, Field(description="the strip is so much wider at each side [m]")] = 0.3
+    slack: Annotated[
+        Metres, Field(description="the strip is so much wider at each side, beside a sigma [m]")
+    ] = 0.2
+    surest: Annotated[
+        Metres, Field(description="sigma of the position above which nothing is judged [m]")
+    ] = 0.4
     widest: Annotated[Metres, Field(description="of the strip, half, before slack [m]")] = 1.0
     interval: Annotated[
         float, Field(ge=0.0, le=60.0, description="time between two judgements [s]")
@@ -86,11 +91,14 @@ class PassageWatch:
         def to_map(x: float, y: float) -> tuple[float, float]:
             return belief.pose.to_parent(*pose.to_local(x, y))
 
+        sigma = math.sqrt(max(float(np.linalg.eigvalsh(belief.covariance[:2, :2])[-1]), 0.0))
+        if sigma > self.params.surest:
+            queries = ()  # who does not know where he stands cannot tell which passage he sees
         legs = [
             (to_odom(*query.start), to_odom(*query.end), min(0.5 * query.width, self.params.widest))
             for query in queries
         ]
-        states = judge(self.egomap, pose, legs, self.params.range, self.params.slack)
+        states = judge(self.egomap, pose, legs, self.params.range, self.params.slack + sigma)
         return Outlook(
             time=time,
             passages=tuple(zip(queries, states, strict=False)),

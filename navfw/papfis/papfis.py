@@ -10,6 +10,7 @@ from pydantic import Field
 from navfw.kinds import Planner
 from navfw.papfis.blockages import Blockages
 from navfw.papfis.costs import CostParams
+from navfw.papfis.plan import Plan
 from navfw.papfis.routes import Router
 from navfw.papfis.tour import Tour
 from navfw.papfis.waypoints import Passing
@@ -150,15 +151,4 @@ class Papfis(Planner):
         """The plan to the present goal as plain data: each passage with its cost, rule by rule."""
         if self._router is None or self._tour is None or self._tour.route is None:
             return {}
-        route = self._tour.route
-        return {
-            "start": [route.start.x, route.start.y],
-            "goal": [route.goal.x, route.goal.y],
-            "places": list(route.places),
-            "cost": route.cost,
-            "length": route.length,
-            "entry_cost": route.entry_cost,
-            "exit_cost": route.exit_cost,
-            "passages": self._router.explain(route),
-            "closed": [[passage.a, passage.b] for passage in self.closed],
-        }
+        return Plan(self._tour.route, self._router).explain()

@@ -1,0 +1,173 @@
+"""What planning costs on a large map, beside networkx' A* on the same graph and costs."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+from statistics import median
+from typing import Any, TypeVar
+
+import networkx as nx
+import numpy as np
+
+from navfw.papfis.routes import Route, Router, Spot
+from navfw.robot import RobotModel
+from navfw.topomap.model import Passage, Place, TopoMap
+
+__all__ = ["bench_planning", "large_map"]
+
+SPACING = 4.0
+"""Distance [m] of neighbouring places, before they are moved at random."""
+
+FARTHEST = 0.5
+"""Ways lead over at least this part of the map's diagonal."""
+
+Result = TypeVar("Result")
+
+
+def bench_planning(places: int = 10_000, repeats: int = 20, seed: int = 0) -> dict[str, Any]:
+    """Plan ``repeats`` far ways through a generated map, and again after closing passages on them.
+
+    Every plan's cost is compared with that of networkx, whose weight is an attribute looked up.
+    Times are in milliseconds, as median, least and most; ``costs_ms`` is the inference of all
+    passages' costs, once for each map and robot, ``replan_ms`` closes the passage in the middle of
+    the way and plans from the place before it.
+
+    Raises:
+        AssertionError: a plan is not as cheap as that of networkx.
+
+    """
+    rng = np.random.default_rng(seed)
+    topo_map = large_map(places, rng)
+    robot = RobotModel()
+    Router(large_map(100, np.random.default_rng(seed)), robot)  # compiling is no part of planning
+    times: dict[str, list[float]] = {
+        key: [] for key in ("costs_ms", "first_plan_ms", "replan_ms", "networkx_ms")
+    }
+    for start, goal in _far_pairs(topo_map, repeats, rng):
+        spent, router = _timed(lambda: Router(topo_map, robot))
+        times["costs_ms"].append(spent)
+        graph = _priced(topo_map, router)
+        spent, route = _timed(lambda: router.route(start, goal))  # noqa: B023 - called at once
+        times["first_plan_ms"].append(spent)
+        spent, way = _timed(lambda: _reference(topo_map, graph, start, goal))  # noqa: B023
+        times["networkx_ms"].append(spent)
+        _check(graph, route, way)
+        times["replan_ms"].append(_replan(topo_map, router, route, graph))
+    summary = {
+        key: {"median": median(some), "min": min(some), "max": max(some)}
+        for key, some in times.items()
+    }
+    reference = summary["networkx_ms"]["median"]
+    return {
+        "places": len(topo_map.places),
+        "passages": len(topo_map.passages),
+        "repeats": repeats,
+        "seed": seed,
+        **summary,
+        "first_plan_over_networkx": summary["first_plan_ms"]["median"] / reference,
+        "replan_over_networkx": summary["replan_ms"]["median"] / reference,
+    }
+
+
+def large_map(places: int, rng: np.random.Generator) -> TopoMap:
+    """A connected map of about ``places`` places: a bent grid, with gaps, doors and dangers."""
+    side = max(round(math.sqrt(places)), 2)
+    grid = np.stack(np.meshgrid(np.arange(side), np.arange(side)), axis=-1).reshape(-1, 2)
+    points = SPACING * grid + rng.uniform(-1.5, 1.5, (side * side, 2))
+    doors = rng.random(side * side) < 0.15
+    every = [
+        Place(f"p{i}", float(x), float(y), "door" if doors[i] else "room")
+        for i, (x, y) in enumerate(points)
+    ]
+    index = np.arange(side * side).reshape(side, side)
+    pairs = [
+        *zip(index[:, :-1].ravel().tolist(), index[:, 1:].ravel().tolist(), strict=True),
+        *zip(index[:-1].ravel().tolist(), index[1:].ravel().tolist(), strict=True),
+    ]
+    passages = [
+        Passage(
+            f"p{i}",
+            f"p{j}",
+            length=every[i].distance(every[j].x, every[j].y) * float(rng.uniform(1.001, 1.3)),
+            width=float(rng.uniform(0.5, 3.0)),
+            danger=float(rng.random() < 0.03),
+            doorness=float(doors[i] or doors[j]),
+            uncertainty=float(rng.uniform(0.0, 0.5)),
+        )
+        for i, j in pairs
+        if rng.random() < 0.85
+    ]
+    whole = TopoMap("generated", every, passages)
+    kept = whole.parts[0]
+    return TopoMap(
+        "generated",
+        [place for place in every if place.name in kept],
+        [passage for passage in passages if passage.a in kept],
+    )
+
+
+def _far_pairs(
+    topo_map: TopoMap, count: int, rng: np.random.Generator
+) -> Sequence[tuple[Spot, Spot]]:
+    every = list(topo_map.places.values())
+    xs, ys = [place.x for place in every], [place.y for place in every]
+    least = FARTHEST * math.hypot(max(xs) - min(xs), max(ys) - min(ys))
+    pairs: list[tuple[Spot, Spot]] = []
+    while len(pairs) < count:
+        a, b = (every[int(i)] for i in rng.integers(len(every), size=2))
+        if a.distance(b.x, b.y) >= least:
+            pairs.append((Spot(a.x, a.y, a.name), Spot(b.x, b.y, b.name)))
+    return pairs
+
+
+def _priced(topo_map: TopoMap, router: Router) -> nx.Graph:
+    graph = nx.Graph()
+    graph.add_nodes_from(topo_map.graph)
+    for passage in topo_map.passages:
+        if math.isfinite(cost := router.costs.of(passage)):
+            graph.add_edge(passage.a, passage.b, cost=cost)
+    return graph
+
+
+def _reference(topo_map: TopoMap, graph: nx.Graph, start: Spot, goal: Spot) -> list[str]:
+    places = topo_map.places
+
+    def straight(a: str, b: str) -> float:
+        return math.hypot(places[a].x - places[b].x, places[a].y - places[b].y)
+
+    way: list[str] = nx.astar_path(graph, start.place, goal.place, straight, weight="cost")
+    return way
+
+
+def _replan(topo_map: TopoMap, router: Router, route: Route, graph: nx.Graph) -> float:
+    """Close the passage in the middle of the way; the time [ms] until there is another way."""
+    middle = len(route.passages) // 2
+    closed, place = route.passages[middle], topo_map.places[route.places[middle]]
+    here = Spot(place.x, place.y, place.name)
+
+    def plan() -> Route:
+        router.close(closed)
+        return router.route(here, route.goal)
+
+    spent, other = _timed(plan)
+    graph.remove_edge(closed.a, closed.b)
+    _check(graph, other, _reference(topo_map, graph, here, route.goal))
+    return spent
+
+
+def _check(graph: nx.Graph, route: Route, way: Sequence[str]) -> None:
+    ours, theirs = (
+        sum(graph.edges[pair]["cost"] for pair in pairwise(names)) for names in (route.places, way)
+    )
+    if not math.isclose(ours, theirs, rel_tol=1e-9):
+        raise AssertionError(f"a plan costs {ours}, that of networkx {theirs}")
+
+
+def _timed(call: Callable[[], Result]) -> tuple[float, Result]:
+    """Wall time [ms] of a call, and what it gave."""
+    begin = time.perf_counter()
+    result = call()
+    return 1e3 * (time.perf_counter() - begin), result

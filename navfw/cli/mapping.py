@@ -1,0 +1,150 @@
+"""``navfw map``: show, check, build and convert topological maps."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from navfw.cli.output import print_json, print_table, quiet_stdout
+
+__all__ = ["add_to"]
+
+Map = Annotated[str, typer.Argument(metavar="MAP", help="A map's name or file.")]
+World = Annotated[
+    str | None, typer.Option(help="A world's name or file [default: that of the map's name].")
+]
+Json = Annotated[bool, typer.Option("--json", help="One object on stdout, nothing else.")]
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add ``map`` with its commands."""
+    group = typer.Typer(
+        help="Show, check, build and convert topological maps.", no_args_is_help=True
+    )
+    for command in (show, check, build, convert):
+        group.command()(command)
+    app.add_typer(group, name="map")
+
+
+def show(
+    map_: Map,
+    world: World = None,
+    out: Annotated[
+        Path | None, typer.Option(help="The PNG file to write [default: MAP.png].")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Draw a map over its world's floor plan, and say what is in it."""
+    from navfw.cli.maptools import find_map, outline_for
+    from navfw.recording.mappicture import draw_map
+
+    with quiet_stdout():
+        topo_map = find_map(map_)
+        outline = outline_for(topo_map, world)
+        path = out or Path(f"{Path(topo_map.name).name}.png")
+        draw_map(path, topo_map, outline)
+    kinds: dict[str, int] = {}
+    for place in topo_map.places.values():
+        kinds[place.kind] = kinds.get(place.kind, 0) + 1
+    told = {
+        "map": topo_map.name,
+        "places": len(topo_map.places),
+        "edges": len(topo_map.passages),
+        "landmarks": len(topo_map.landmarks),
+        "kinds": kinds,
+        "parts": len(topo_map.parts),
+        "length_m": sum(passage.length for passage in topo_map.passages),
+        "over_world": outline is not None,
+        "picture": str(path),
+    }
+    if json:
+        print_json(told)
+        return
+    counted = ", ".join(f"{count} {kind}" for kind, count in kinds.items())
+    typer.echo(f"{topo_map.name}: {told['places']} places ({counted}), {told['edges']} edges")
+    typer.echo(f"picture {path}" + ("" if outline is not None else ", without a floor plan"))
+
+
+def check(map_: Map, world: World = None, json: Json = False) -> None:
+    """Look for what is wrong with a map, alone and in its world; exit code 1 if anything is."""
+    from navfw.cli.maptools import find_map, floor_plan
+    from navfw.topomap.check import check_map
+
+    with quiet_stdout():
+        topo_map = find_map(map_)
+        plan = floor_plan(topo_map, world)
+        problems = check_map(topo_map, None if plan is None else plan.clearances)
+    rows = [problem.as_data() for problem in problems]
+    if json:
+        print_json(
+            {
+                "map": topo_map.name,
+                "in_world": plan is not None,
+                "ok": not problems,
+                "problems": rows,
+            }
+        )
+    else:
+        if plan is None:
+            typer.echo("There is no world of the map's name: walls are not checked.", err=True)
+        cells = [(row["kind"], row["where"], row["message"]) for row in rows]
+        print_table(["problem", "where", ""], cells, f"{topo_map.name}: nothing is wrong")
+    if problems:
+        raise typer.Exit(1)
+
+
+def build(
+    world: Annotated[str, typer.Argument(help="A world's name or file.")],
+    out: Annotated[Path, typer.Option(help="The map file to write.")],
+    json: Json = False,
+) -> None:
+    """Derive a map from a world's geometry, for a person to name and edit."""
+    from navfw.config.lookup import find
+    from navfw.sim.floorplan import FloorPlan
+    from navfw.sim.worldfile import load_world
+    from navfw.topomap.build import build_map
+    from navfw.topomap.formats import save_map
+    from navfw.topomap.ground import Ground
+
+    with quiet_stdout():
+        spec = load_world(find("world", world))
+        plan = FloorPlan.from_world(spec)
+        rooms = {room.name: (*room.x, *room.y) for room in spec.rooms}
+        topo_map = build_map(spec.name, Ground.of(plan.bounds, plan.clearances), rooms=rooms)
+        save_map(topo_map, out)
+    if json:
+        print_json(
+            {
+                "map": topo_map.name,
+                "places": len(topo_map.places),
+                "edges": len(topo_map.passages),
+                "file": str(out),
+            }
+        )
+        return
+    typer.echo(f"{out}: {len(topo_map.places)} places, {len(topo_map.passages)} edges")
+    typer.echo(f"look at it with navfw map show {out} --world {world}, then give places names")
+
+
+def convert(
+    source: Annotated[str, typer.Argument(metavar="IN", help="A map's name or file.")],
+    out: Annotated[Path, typer.Argument(help="A .yaml, .graphml or .geojson file.")],
+    both_ways: Annotated[
+        bool, typer.Option("--both-ways", help="Take edges of one direction for both.")
+    ] = False,
+    json: Json = False,
+) -> None:
+    """Convert a map between YAML, GraphML and the GeoJSON of Nav2's route server."""
+    from navfw.cli.maptools import find_map
+    from navfw.topomap.formats import save_map
+
+    with quiet_stdout():
+        topo_map = find_map(source, both_ways)
+        save_map(topo_map, out)
+    places, edges = len(topo_map.places), len(topo_map.passages)
+    if json:
+        print_json({"map": topo_map.name, "places": places, "edges": edges, "file": str(out)})
+    else:
+        typer.echo(f"{out}: {places} places, {edges} edges")

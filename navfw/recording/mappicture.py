@@ -1,0 +1,189 @@
+"""The picture of a map: its places and passages over the world's floor plan, with a route in it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from navfw.recording.trajectory import Outline
+from navfw.topomap.model import TopoMap
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.transforms import Bbox
+
+__all__ = ["MarkedRoute", "draw_map"]
+
+_KIND_COLORS = {
+    "room": "#0072B2",
+    "door": "#E69F00",
+    "corridor": "#56B4E9",
+    "junction": "#009E73",
+    "corner": "#8C8577",
+    "danger": "#D00000",
+}
+_WALL, _FURNITURE, _EDGE, _FLOOR = "#4A4A4A", "#D9D2C5", "#8C8577", "#FBFAF7"
+_PASSAGE, _DANGER, _ROUTE, _LANDMARK, _NAME = "#7FA7C9", "#D00000", "#B0004E", "#CC79A7", "#3A3A3A"
+_WIDEST = 2.0
+
+
+class _Point(Protocol):
+    @property
+    def x(self) -> float: ...
+    @property
+    def y(self) -> float: ...
+
+
+class MarkedRoute(Protocol):
+    """What the picture shows of a route (``navfw.papfis.Route``)."""
+
+    @property
+    def start(self) -> _Point:
+        """Where it begins."""
+        ...
+
+    @property
+    def goal(self) -> _Point:
+        """Where it ends."""
+        ...
+
+    @property
+    def places(self) -> Sequence[str]:
+        """The places it passes."""
+        ...
+
+
+def draw_map(
+    path: Path,
+    topo_map: TopoMap,
+    outline: Outline | None = None,
+    route: MarkedRoute | None = None,
+    avoid: Sequence[Sequence[str]] = (),
+) -> None:
+    """Write the picture as PNG; passages are drawn as wide as they are, up to 2 m.
+
+    ``avoid`` are the ends of passages that are crossed out.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    points = np.array([(place.x, place.y) for place in topo_map.places.values()])
+    corners = [points, *(outline.walls if outline else ()), *(outline.furniture if outline else ())]
+    together = np.vstack(corners)
+    low, high = together.min(axis=0) - 0.5, together.max(axis=0) + 0.5
+    scale = min(16.0 / (high[0] - low[0]), 11.0 / (high[1] - low[1]))
+    size = (max((high[0] - low[0]) * scale, 5.0), max((high[1] - low[1]) * scale, 3.0) + 0.9)
+    figure = Figure(figsize=size)
+    FigureCanvasAgg(figure)
+    axes = figure.add_axes((0.04, 0.7 / size[1], 0.94, 1.0 - 1.05 / size[1]))
+    axes.set_xlim(low[0], high[0])
+    axes.set_ylim(low[1], high[1])
+    axes.set_aspect("equal")
+    axes.set_facecolor(_FLOOR)
+    if outline is not None:
+        _draw_outline(axes, outline)
+    _draw_passages(axes, topo_map, avoid)
+    if route is not None:
+        _draw_route(axes, topo_map, route)
+    _draw_places(axes, topo_map)
+    _draw_landmarks(axes, topo_map)
+    _draw_names(axes, topo_map, () if route is None else route.places)
+    axes.set_title(
+        f"{topo_map.name}: {len(topo_map.places)} places, {len(topo_map.passages)} passages",
+        fontsize=11,
+        loc="left",
+    )
+    axes.tick_params(labelsize=8, colors="#666666", length=2)
+    for spine in axes.spines.values():
+        spine.set_visible(False)
+    figure.legend(loc="lower center", ncols=9, fontsize=8, frameon=False)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=110, format="png", metadata={"Software": "navfw"})
+
+
+def _draw_outline(axes: Axes, outline: Outline) -> None:
+    from matplotlib.patches import Circle, Polygon
+
+    for polygon in outline.furniture:
+        axes.add_patch(Polygon(polygon, closed=True, fc=_FURNITURE, ec=_EDGE, lw=0.6, zorder=1))
+    for disc in outline.discs:
+        circle = Circle((disc.x, disc.y), disc.radius, fc=_FURNITURE, ec=_EDGE, lw=0.6, zorder=1)
+        axes.add_patch(circle)
+    for polygon in outline.walls:
+        axes.add_patch(Polygon(polygon, closed=True, fc=_WALL, ec=_WALL, lw=0.4, zorder=2))
+
+
+def _draw_passages(axes: Axes, topo_map: TopoMap, avoid: Sequence[Sequence[str]]) -> None:
+    from matplotlib.patches import Polygon
+
+    crossed = {frozenset(ends) for ends in avoid}
+    for passage in topo_map.passages:
+        a, b = topo_map.places[passage.a], topo_map.places[passage.b]
+        xs, ys = [a.x, b.x], [a.y, b.y]
+        color = _DANGER if passage.danger > 0.5 else _PASSAGE
+        span = math.hypot(b.x - a.x, b.y - a.y)
+        if span > 0.0:
+            half = 0.5 * min(passage.width, _WIDEST) / span
+            dx, dy = half * (a.y - b.y), half * (b.x - a.x)
+            band = [(a.x + dx, a.y + dy), (b.x + dx, b.y + dy)]
+            band += [(b.x - dx, b.y - dy), (a.x - dx, a.y - dy)]
+            axes.add_patch(Polygon(band, closed=True, fc=color, ec="none", alpha=0.13, zorder=3))
+        axes.plot(xs, ys, color=color, lw=1.0, zorder=4)
+        if passage.ends in crossed:
+            middle = ([0.5 * sum(xs)], [0.5 * sum(ys)])
+            axes.plot(*middle, marker="x", ms=10, mew=2.4, color=_DANGER, zorder=8)
+
+
+def _draw_route(axes: Axes, topo_map: TopoMap, route: MarkedRoute) -> None:
+    places = [topo_map.places[name] for name in route.places]
+    points = [(p.x, p.y) for p in (route.start, *places, route.goal)]
+    xs, ys = zip(*points, strict=True)
+    axes.plot(xs, ys, color=_ROUTE, lw=3.0, alpha=0.8, zorder=5, label="route")
+    axes.plot(xs[:1], ys[:1], marker="o", ms=9, color=_ROUTE, ls="", zorder=7, label="start")
+    axes.plot(xs[-1:], ys[-1:], marker="*", ms=14, color=_ROUTE, ls="", zorder=7, label="goal")
+
+
+def _draw_places(axes: Axes, topo_map: TopoMap) -> None:
+    for kind, color in _KIND_COLORS.items():
+        mine = [place for place in topo_map.places.values() if place.kind == kind]
+        if mine:
+            xs, ys = [place.x for place in mine], [place.y for place in mine]
+            axes.plot(xs, ys, marker="o", ms=4.5, color=color, ls="", zorder=6, label=kind)
+
+
+def _draw_landmarks(axes: Axes, topo_map: TopoMap) -> None:
+    for number, mark in enumerate(topo_map.landmarks.values()):
+        facing = (mark.x + 0.4 * math.cos(mark.yaw), mark.y + 0.4 * math.sin(mark.yaw))
+        axes.plot([mark.x, facing[0]], [mark.y, facing[1]], color=_LANDMARK, lw=1.6, zorder=7)
+        style = {"marker": "s", "ms": 5.5, "color": _LANDMARK, "ls": "", "zorder": 7}
+        label = "landmark" if number == 0 else None
+        axes.plot([mark.x], [mark.y], label=label, **style)  # type: ignore[arg-type]
+
+
+def _draw_names(axes: Axes, topo_map: TopoMap, first: Sequence[str]) -> None:
+    """Names of places, those of the route and short ones first, as long as they find room."""
+    from matplotlib.patheffects import withStroke
+
+    renderer = axes.figure.canvas.get_renderer()  # type: ignore[attr-defined]
+    taken: list[Bbox] = []
+    for name in sorted(topo_map.places, key=lambda name: (name not in first, len(name))):
+        place = topo_map.places[name]
+        text = axes.annotate(
+            name,
+            (place.x, place.y),
+            xytext=(4, 4),
+            textcoords="offset points",
+            fontsize=7,
+            color=_NAME,
+            path_effects=[withStroke(linewidth=2.0, foreground=_FLOOR)],
+            zorder=9,
+        )
+        box = text.get_window_extent(renderer)
+        if any(box.overlaps(other) for other in taken):
+            text.remove()
+        else:
+            taken.append(box)

@@ -1,0 +1,139 @@
+"""What is wrong with a readable map: apart, too narrow, in walls, not so wide as it says."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+import networkx as nx
+import numpy as np
+
+from navfw.robot import RobotModel
+from navfw.signals import Array
+from navfw.topomap.model import Passage, TopoMap
+
+__all__ = ["Problem", "ProblemKind", "check_map"]
+
+ProblemKind = Literal["apart", "narrow", "unreachable", "duplicate", "in-wall", "blocked", "width"]
+
+Clearances = Callable[[Array], Array]
+"""Distances [m] of points (N, 2) in ``map`` to the nearest solid; negative inside one."""
+
+SAME_SPOT = 0.05
+"""Places so near each other [m] are one place twice."""
+
+STRAIGHT = 1.02
+"""Passages longer than the straight line by more than this factor are bent: nobody knows how."""
+
+WIDTH_ROUNDING = 0.05
+"""How much wider than it is a passage may be said to be [m]."""
+
+STEP = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """One thing that a person should look at; ``where`` names the place or passage."""
+
+    kind: ProblemKind
+    where: str
+    message: str
+
+    def as_data(self) -> dict[str, str]:
+        """The problem as plain data."""
+        return {"kind": self.kind, "where": self.where, "message": self.message}
+
+
+def check_map(
+    topo_map: TopoMap, clearances: Clearances | None = None, robot: RobotModel | None = None
+) -> list[Problem]:
+    """Everything that hinders ``robot`` (the usual one) in ``topo_map``; empty for a good map.
+
+    With ``clearances``, the geometry of the world that it is a map of, walls are looked at, too.
+    """
+    robot = robot or RobotModel()
+    found = [*_apart(topo_map), *_narrow(topo_map, robot), *_duplicates(topo_map)]
+    if clearances is not None:
+        found += _in_walls(topo_map, clearances, robot)
+        found += _along(topo_map, clearances, robot)
+    return found
+
+
+def _apart(topo_map: TopoMap) -> Iterator[Problem]:
+    for part in topo_map.parts[1:]:
+        names = sorted(part)
+        listed = ", ".join(names[:5]) + (", ..." if len(names) > 5 else "")
+        yield Problem(
+            "apart", names[0], f"no edge leads from {listed} to the rest of the map; add one"
+        )
+
+
+def _narrow(topo_map: TopoMap, robot: RobotModel) -> Iterator[Problem]:
+    need = 2.0 * robot.radius
+    narrow = [passage for passage in topo_map.passages if passage.width <= need]
+    for passage in narrow:
+        yield Problem(
+            "narrow", str(passage), f"{passage.width:g} m wide, the robot needs {need:g} m"
+        )
+    if not narrow:
+        return
+    wide = topo_map.graph.copy()
+    wide.remove_edges_from((passage.a, passage.b) for passage in narrow)
+    kept = max(nx.connected_components(wide), key=len)
+    for name in topo_map.parts[0]:
+        if name not in kept:
+            yield Problem(
+                "unreachable", name, "only edges too narrow for the robot lead to this place"
+            )
+
+
+def _duplicates(topo_map: TopoMap) -> Iterator[Problem]:
+    every = list(topo_map.places.values())
+    for index, place in enumerate(every):
+        near = np.nonzero(topo_map.place_distances(place.x, place.y)[:index] < SAME_SPOT)[0]
+        for other in near:
+            yield Problem(
+                "duplicate",
+                place.name,
+                f"at the same spot as {every[int(other)].name!r}; remove one of them",
+            )
+
+
+def _in_walls(topo_map: TopoMap, clearances: Clearances, robot: RobotModel) -> Iterator[Problem]:
+    every = list(topo_map.places.values())
+    free = clearances(np.array([(place.x, place.y) for place in every]))
+    for place, room in zip(every, free.tolist(), strict=True):
+        if room < robot.radius:
+            what = "inside something" if room < 0.0 else f"{room:.2f} m from something"
+            yield Problem(
+                "in-wall", place.name, f"{what}, the robot needs {robot.radius:g} m; move it"
+            )
+
+
+def _along(topo_map: TopoMap, clearances: Clearances, robot: RobotModel) -> Iterator[Problem]:
+    for passage in topo_map.passages:
+        a, b = topo_map.places[passage.a], topo_map.places[passage.b]
+        if passage.length > STRAIGHT * a.distance(b.x, b.y) + WIDTH_ROUNDING:
+            continue
+        line, free = _line(topo_map, passage, clearances)
+        worst = int(np.argmin(free))
+        at = f"at ({line[worst, 0]:.2f}, {line[worst, 1]:.2f})"
+        if free[worst] < robot.radius:
+            what = "crosses something" if free[worst] <= 0.0 else f"has {free[worst]:.2f} m of room"
+            message = f"{what} {at}, the robot needs {robot.radius:g} m to each side"
+            yield Problem("blocked", str(passage), message)
+        elif math.isfinite(passage.width) and passage.width > 2.0 * free[worst] + WIDTH_ROUNDING:
+            yield Problem(
+                "width",
+                str(passage),
+                f"said to be {passage.width:g} m wide, but has {2.0 * free[worst]:.2f} m {at}",
+            )
+
+
+def _line(topo_map: TopoMap, passage: Passage, clearances: Clearances) -> tuple[Array, Array]:
+    a, b = topo_map.places[passage.a], topo_map.places[passage.b]
+    count = 2 + int(a.distance(b.x, b.y) / STEP)
+    line = np.linspace((a.x, a.y), (b.x, b.y), count)
+    return line, clearances(line)
