@@ -12,6 +12,7 @@ from navfw.egomotion.history import OdometryHistory
 from navfw.egomotion.odometer import Odometer
 from navfw.egomotion.pairing import FrameBuffer
 from navfw.flow.derotation import derotate
+from navfw.flow.horizon import above_horizon
 from navfw.flow.refinement import refine
 from navfw.kinds import (
     Behavior,
@@ -306,9 +307,11 @@ class Stack:
         """``flow`` without its rotational part, the gyro's word refined by the flow itself.
 
         A stack that says ``derotate: false`` takes all of it for translation, as a robot without a
-        gyro would.
+        gyro would; one that says ``floor_model: false`` looks above the horizon only.
         """
         camera = self.robot.camera
+        if not self.resolved.floor_model:
+            flow = above_horizon(flow, camera)
         if not self.resolved.derotate:
             return replace(flow, derotated=True)
         if not self.resolved.refine:

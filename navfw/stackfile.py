@@ -72,6 +72,13 @@ class StackSpec(BaseModel):
     refine: Annotated[
         bool, Field(description="correct the gyro's rotation by the flow itself (METHOD 2.6)")
     ] = True
+    floor_model: Annotated[
+        bool,
+        Field(
+            description="tell the floor from things by height (METHOD 2.8); false: what is seen "
+            "below the horizon may be either, and counts as unknown"
+        ),
+    ] = True
     warmup: Annotated[
         float, Field(ge=0.0, le=30.0, description="standing still first, for the gyro's bias [s]")
     ] = 1.0
@@ -127,6 +134,7 @@ class StackConfig:
     warmup: float
     oracle: bool = False
     derotate: bool = True
+    floor_model: bool = True
 
     def as_data(self) -> dict[str, Any]:
         """The resolved configuration as plain data; written as YAML it is a stack file again."""
@@ -141,6 +149,7 @@ class StackConfig:
             "safety": self.safety.model_dump(mode="json"),
             "derotate": self.derotate,
             "refine": self.refine,
+            "floor_model": self.floor_model,
             "warmup": self.warmup,
             "oracle": self.oracle,
         }
@@ -206,6 +215,7 @@ def resolve(
         spec.warmup,
         spec.oracle,
         spec.derotate,
+        spec.floor_model,
     )
 
 

@@ -62,6 +62,9 @@ def suite(
     worlds: Annotated[
         Path | None, typer.Option(help="A folder of worlds, in place of those the suite names.")
     ] = None,
+    variant: Annotated[
+        list[str] | None, typer.Option(help="Only this one of the suite's. May be repeated.")
+    ] = None,
     keep: Annotated[Keep, typer.Option(help="Of which runs to keep the picture.")] = Keep.FAILED,
     limit: Annotated[
         float, typer.Option(min=1.0, help="Seconds of the clock on the wall a run may take.")
@@ -94,7 +97,10 @@ def suite(
             stacks=stack or [],
             overrides=set_ or [],
             worlds=worlds,
+            variants=variant or [],
         )
+        for name, reason in plan.skipped.items():
+            typer.echo(f"navfw: skips the variant {name}: {reason}", err=True)
         folder = OutFolder.choose(out, plan, span)
         have = folder.open(plan, git_revision(project_folder() or Path.cwd()), resume=resume)
         with _Bar(plan.suite, plan.cases, have, quiet=quiet) as bar:
@@ -118,16 +124,19 @@ def suite(
 def compare(
     a: Annotated[Path, typer.Argument(help="A suite's table.csv, or its folder.")],
     b: Annotated[Path, typer.Argument(help="Another one, over the same seeds.")],
+    variant_a: Annotated[str | None, typer.Option(help="Of A, only this variant.")] = None,
+    variant_b: Annotated[str | None, typer.Option(help="Of B, only this variant.")] = None,
     json: Annotated[
         bool, typer.Option("--json", help="One object on stdout, nothing else.")
     ] = False,
 ) -> None:
     """Compare two tables run by run: whether B is better than A."""
     from navfw.suite.compare import compare as compare_tables
+    from navfw.suite.compare import of_variant
     from navfw.suite.table import read_table
 
     first, second = (read_table(path / "table.csv" if path.is_dir() else path) for path in (a, b))
-    found = compare_tables(first, second)
+    found = compare_tables(of_variant(first, variant_a), of_variant(second, variant_b))
     if json:
         print_json(found)
     else:
@@ -138,18 +147,19 @@ def compare(
 
 
 def _print_json(done: Evaluation, table: Path) -> None:
-    import dataclasses
-
     from navfw.recording.runfolder import plain_json
+    from navfw.suite.table import columns_of
 
-    runs = [dataclasses.asdict(row) for row in done.rows]
+    columns = columns_of(done.rows)
+    runs = [{name: getattr(row, name) for name in columns} for row in done.rows]
     print_json(plain_json({"summary": {**done.summary, "table": str(table)}, "runs": runs}))
 
 
 def _print_summary(summary: dict[str, Any], rows: tuple[RunRow, ...]) -> None:
     parts = dict(summary["by_entry"])
-    for name, numbers in summary.get("by_stack", {}).items():
-        parts[f"all, stack {name}"] = numbers
+    for kind in ("stack", "variant"):
+        for name, numbers in summary.get(f"by_{kind}", {}).items():
+            parts[f"all, {kind} {name}"] = numbers
     if len(parts) > 1:
         parts["all"] = summary
     columns = ["", "runs", "success [95 %]", "collided", "SPL", "SCT", "BARN", "time", "clearance"]
@@ -164,7 +174,8 @@ def _print_summary(summary: dict[str, Any], rows: tuple[RunRow, ...]) -> None:
         typer.echo(f"{count:5d} x {cause:<28} seeds {some}")
     failed = [row for row in rows if not row.succeeded]
     for row in failed[:MAX_SHOWN]:
-        who = f"{row.entry} / {row.world} / {row.mission}, seed {row.seed}, {row.stack}"
+        what = row.variant or row.stack
+        who = f"{row.entry} / {row.world} / {row.mission}, seed {row.seed}, {what}"
         typer.echo(f"  {who}: {row.outcome} ({row.cause}): {row.reason}")
     if len(failed) > MAX_SHOWN:
         typer.echo(f"  and {len(failed) - MAX_SHOWN} more")

@@ -38,11 +38,13 @@ class Case:
     difficulty: float | None = None
     world: str = ""
     mission: str = ""
+    variant: str = ""
 
     @property
     def key(self) -> Key:
         """Which run it is."""
-        return Key(self.entry, self.world_name, self.mission_name, self.seed, self.stack_name)
+        where = (self.entry, self.world_name, self.mission_name)
+        return Key(*where, self.seed, self.stack_name, self.variant)
 
     def session(self, registry: Registry) -> Session:
         """Everything the run needs, found and checked.

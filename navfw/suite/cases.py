@@ -6,6 +6,7 @@ import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,10 +14,10 @@ import numpy as np
 
 from navfw.config.document import shown_path
 from navfw.config.lookup import find, find_mission, list_missions
-from navfw.errors import ConfigError, InputError, UnknownNameError
+from navfw.errors import ConfigError, InputError, MissingExtraError, UnknownNameError
 from navfw.missions.session import DEFAULT_STACK, Session
 from navfw.suite.case import Case
-from navfw.suite.suitefile import EntrySpec, Expect, Suite
+from navfw.suite.suitefile import EntrySpec, Expect, Suite, VariantSpec
 
 if TYPE_CHECKING:
     from navfw.plugins import Registry
@@ -42,6 +43,7 @@ class Plan:
     cases: tuple[Case, ...]
     content: Mapping[str, str] = field(default_factory=dict)
     expect: Mapping[str, Expect] = field(default_factory=dict)
+    skipped: Mapping[str, str] = field(default_factory=dict)
 
 
 def plan_runs(
@@ -52,12 +54,14 @@ def plan_runs(
     stacks: Sequence[str] = (),
     overrides: Sequence[str] = (),
     worlds: Path | None = None,
+    variants: Sequence[str] = (),
 ) -> Plan:
     """Expand and check a suite.
 
     ``stacks``, where given, go before the entries' own: every entry is run with each of them.
     ``overrides`` come after those of the entries. ``worlds`` takes the place of every folder that
-    an entry names.
+    an entry names. ``variants`` are those to run, of the suite's; all if there are none. One that
+    needs a package that is not installed is left out, and told in the plan's ``skipped``.
 
     Raises:
         InputError: a world, mission, family or stack does not exist or cannot be; the message
@@ -68,27 +72,64 @@ def plan_runs(
         what = f"the suite {suite.name!r} has no entry that takes a folder of worlds"
         raise InputError(what, key="--worlds")
     chosen = _stack_files(stacks)
+    ways = _ways(suite, variants, stacks)
     draft: list[Case] = []
     content: dict[str, str] = {}
+    skipped: dict[str, str] = {}
     for index, entry in enumerate(suite.spec.entries):
-        of_entry = chosen or _stack_files([entry.stack or DEFAULT_STACK], suite, index)
         templates = list(_templates(suite, index, entry, worlds))
-        if (len(draft) + len(templates) * len(of_entry) * len(seeds)) > MAX_RUNS:
-            raise InputError(f"more than {MAX_RUNS} runs; give fewer seeds", key="--seeds")
-        for template in templates:
-            for name, file in of_entry.items():
+        for template, (variant, way) in product(templates, ways.items()):
+            if variant in skipped:
+                continue
+            for name, file in (chosen or _stacks_of(suite, index, variant)).items():
                 case = replace(
                     template,
                     stack=str(file),
                     stack_name=name,
-                    overrides=(*entry.overrides, *overrides),
+                    variant=variant,
+                    overrides=(*entry.overrides, *way.overrides, *overrides),
                     seed=seeds[0],
                 )
-                content |= _check(suite, index, case, registry)
+                try:
+                    content |= _check(suite, index, case, registry)
+                except MissingExtraError as error:
+                    if not variant:
+                        raise
+                    skipped[variant] = str(error)
+                    break
                 draft += [_with_seed(case, entry, seed) for seed in seeds]
+                if len(draft) > MAX_RUNS:
+                    raise InputError(f"more than {MAX_RUNS} runs; give fewer seeds", key="--seeds")
+    if not draft:
+        raise InputError(f"nothing is left to run: {'; '.join(skipped.values())}", key="variants")
     cases = tuple(replace(case, index=number) for number, case in enumerate(draft))
     expect = {e.title: e.expect for e in suite.spec.entries if e.expect is not None}
-    return Plan(suite.name, cases, content, expect)
+    return Plan(suite.name, cases, content, expect, skipped)
+
+
+def _ways(suite: Suite, wanted: Sequence[str], stacks: Sequence[str]) -> dict[str, VariantSpec]:
+    """The variants to run, by name, in the suite's order."""
+    known = suite.variants
+    for name in wanted:
+        if name not in suite.spec.variants:
+            raise UnknownNameError("variant", name, suite.spec.variants, key="--variant")
+    ways = {name: way for name, way in known.items() if not wanted or name in wanted}
+    for name, way in ways.items():
+        if stacks and way.stack is not None:
+            what = f"the variant {name!r} has a stack of its own; choose others with --variant"
+            raise InputError(what, key="--stack")
+    return ways
+
+
+def _stacks_of(suite: Suite, index: int, variant: str) -> dict[str, Path]:
+    """The stack of a variant, else of an entry, else the default one."""
+    own = suite.variants[variant].stack
+    if own is None:
+        return _stack_files([suite.spec.entries[index].stack or DEFAULT_STACK], suite, index)
+    try:
+        return _stack_files([own])
+    except InputError as error:
+        raise suite.blame(error, index, "stack", variant) from None
 
 
 def draw_difficulty(difficulty: float | tuple[float, float] | None, seed: int) -> float | None:
@@ -202,10 +243,14 @@ def _check(suite: Suite, index: int, case: Case, registry: Registry) -> dict[str
     case = _with_seed(case, entry, case.seed)
     try:
         session = case.session(registry)
+    except MissingExtraError:
+        raise
     except InputError as error:
+        if case.variant and _runs_without_variant(suite, index, case, registry):
+            raise suite.blame(error, index, None, case.variant) from None
         unknown = isinstance(error, UnknownNameError) and error.what.startswith("family")
         raise suite.blame(error, index, "family" if unknown else None) from None
-    title = f"entry {case.entry}"
+    title = f"entry {case.entry}" + (f", variant {case.variant}" if case.variant else "")
     parts = {
         title: _digest([entry.model_dump(mode="json", exclude={"name", "worlds", "expect"})]),
         f"stack {case.stack_name} of {title}": _digest([session.stack.config]),
@@ -218,6 +263,18 @@ def _check(suite: Suite, index: int, case: Case, registry: Registry) -> dict[str
             [mission.read_text("utf-8"), _map_of(session)]
         )
     return parts
+
+
+def _runs_without_variant(suite: Suite, index: int, case: Case, registry: Registry) -> bool:
+    """Whether the variant is to blame for a case that cannot be: without it, all is well."""
+    entry = suite.spec.entries[index]
+    name, file = next(iter(_stack_files([entry.stack or DEFAULT_STACK], suite, index).items()))
+    plain = replace(case, stack=str(file), stack_name=name, overrides=entry.overrides, variant="")
+    try:
+        plain.session(registry)
+    except InputError:
+        return False
+    return True
 
 
 def _map_of(session: Session) -> dict[str, Any]:

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from statistics import median
 from typing import Any
 
-from navfw.errors import InputError
+from navfw.errors import InputError, UnknownNameError
 from navfw.suite.statistics import mcnemar_exact
 from navfw.suite.table import Key, RunRow
 
-__all__ = ["Pair", "compare", "pair_up"]
+__all__ = ["Pair", "compare", "of_variant", "pair_up"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,21 +22,37 @@ class Pair:
     b: RunRow
 
 
+def of_variant(rows: Sequence[RunRow], name: str | None) -> Sequence[RunRow]:
+    """The rows of one variant of a table; all of them when ``name`` is None.
+
+    Raises:
+        UnknownNameError: the table has no such variant.
+
+    """
+    if name is None:
+        return rows
+    chosen = [row for row in rows if row.variant == name]
+    if not chosen:
+        raise UnknownNameError("variant", name, {row.variant for row in rows} - {""})
+    return chosen
+
+
 def pair_up(first: Sequence[RunRow], second: Sequence[RunRow]) -> list[Pair]:
     """The runs that both tables have, in the order of the first.
 
-    Tables of one stack each are paired whatever the stacks are called: comparing stacks is what
-    this is for. Runs that a person cancelled are left out.
+    Tables of one stack each are paired whatever the stacks are called, and so are those of one
+    variant each: comparing them is what this is for. Runs that a person cancelled are left out.
 
     Raises:
         InputError: no run is in both.
 
     """
-    stacks = [{row.stack for row in rows} for rows in (first, second)]
-    by_stack = any(len(names) > 1 for names in stacks)
+    by_variant = any(len({row.variant for row in rows}) > 1 for rows in (first, second))
+    by_stack = any(len({row.stack for row in rows}) > 1 for rows in (first, second))
 
     def key(row: RunRow) -> Key:
-        return row.key if by_stack else row.key._replace(stack="")
+        kept = row.key if by_stack else row.key._replace(stack="")
+        return kept if by_variant else kept._replace(variant="")
 
     others = {key(row): row for row in second if row.outcome != "cancelled"}
     pairs = [
@@ -45,7 +61,8 @@ def pair_up(first: Sequence[RunRow], second: Sequence[RunRow]) -> list[Pair]:
         if row.outcome != "cancelled" and key(row) in others
     ]
     if not pairs:
-        what = "entry, world, mission, seed" + (" and stack" if by_stack else "")
+        what = "entry, world, mission, seed" + (", stack" if by_stack else "")
+        what += ", variant" if by_variant else ""
         raise InputError(f"the tables have no run in common (same {what})")
     return pairs
 

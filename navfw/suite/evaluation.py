@@ -109,6 +109,7 @@ class _Keeper:
             "suite": self.plan.suite,
             "complete": complete,
             **summarize(rows, self.plan.expect),
+            **({"skipped": dict(self.plan.skipped)} if self.plan.skipped else {}),
             "revisions": self.out.revisions,
         }
         self.out.save(rows, summary)

@@ -1,4 +1,6 @@
-"""The folder of a suite: ``table.csv``, ``summary.json``, ``suite.json`` and ``pictures/``.
+"""The folder of a suite: its table, summary, what it is of, and pictures.
+
+``table.csv`` has one row a run, ``summary.json`` what they come to, ``table.md`` that for a page.
 
 ``suite.json`` says what the table is of, so that a table that was interrupted is only ever
 continued with the same worlds, missions and stacks.
@@ -15,11 +17,13 @@ from typing import Any
 from navfw.errors import ConfigError, InputError
 from navfw.recording.runfolder import plain_json
 from navfw.suite.cases import Plan
+from navfw.suite.markdown import markdown_table
 from navfw.suite.table import RunRow, read_table, write_table, write_text
 
 __all__ = ["OutFolder"]
 
 TABLE, SUMMARY, ABOUT, PICTURES = "table.csv", "summary.json", "suite.json", "pictures"
+MARKDOWN = "table.md"
 
 
 @dataclass(frozen=True)
@@ -82,6 +86,7 @@ class OutFolder:
         """Replace the table and the summary."""
         write_table(self.table, rows)
         self._write(SUMMARY, summary)
+        write_text(self.path / MARKDOWN, markdown_table(summary))
 
     def tidy(self) -> None:
         """Remove the folder of pictures if there is none."""

@@ -32,4 +32,5 @@ def identity(case: Case) -> dict[str, Any]:
         "seed": case.seed,
         "difficulty": case.difficulty,
         "stack": case.stack_name,
+        "variant": case.variant,
     }

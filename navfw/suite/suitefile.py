@@ -15,6 +15,10 @@
         events: [{at: 8, lasting: 6, camera: black}]
         expect: arrival
       - worlds: ../imported           # a folder of worlds, each with its missions; see --worlds
+    variants:                         # every run once with each of them, to be compared
+      default: {}
+      paper: {stack: paper}
+      no-memory: {set: {motion.memory: false}}
 """
 
 from __future__ import annotations
@@ -27,7 +31,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
-from navfw.config.document import YamlDocument, load_yaml
+from navfw.config.document import KeyPath, YamlDocument, key_text, load_yaml
 from navfw.config.lookup import project_folder, shipped_folder
 from navfw.config.yamlfile import validate
 from navfw.errors import ConfigError, InputError, UnknownNameError
@@ -38,6 +42,7 @@ __all__ = [
     "Expect",
     "Suite",
     "SuiteSpec",
+    "VariantSpec",
     "find_suite",
     "list_suites",
     "load_suite",
@@ -126,7 +131,27 @@ class EntrySpec(_Spec):
         if self.events is not None:
             events = [event.model_dump(mode="json", exclude_unset=True) for event in self.events]
             given["mission.events"] = events
-        return tuple(f"{key}={json.dumps(value)}" for key, value in given.items())
+        return _options(given)
+
+
+class VariantSpec(_Spec):
+    """One way to run all of a suite, to be compared with the others."""
+
+    stack: Annotated[
+        str | None, Field(description="a stack's name or file, in place of the entries'")
+    ] = None
+    set: Annotated[
+        Mapping[str, Any], Field(description="what differs, on top of what entries set")
+    ] = Field(default_factory=dict)
+
+    @property
+    def overrides(self) -> tuple[str, ...]:
+        """``set`` as ``--set`` has it."""
+        return _options(self.set)
+
+
+def _options(given: Mapping[str, Any]) -> tuple[str, ...]:
+    return tuple(f"{key}={json.dumps(value)}" for key, value in given.items())
 
 
 class SuiteSpec(_Spec):
@@ -134,6 +159,10 @@ class SuiteSpec(_Spec):
 
     description: Annotated[str, Field(description="one line for a person")] = ""
     entries: Annotated[tuple[EntrySpec, ...], Field(min_length=1, max_length=1000)]
+    variants: Annotated[
+        Mapping[Name, VariantSpec | None],
+        Field(max_length=100, description="by name: every run is made once with each"),
+    ] = Field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -145,13 +174,23 @@ class Suite:
     document: YamlDocument
     spec: SuiteSpec
 
-    def blame(self, error: InputError, index: int, key: str | None = None) -> InputError:
-        """``error`` as the fault of this suite's entry: with its file, line and key."""
-        path = ("entries", index) if key is None else ("entries", index, key)
+    @property
+    def variants(self) -> dict[str, VariantSpec]:
+        """The variants by name; a single one without a name where the suite has none."""
+        given = {name: spec or VariantSpec() for name, spec in self.spec.variants.items()}
+        return given or {"": VariantSpec()}
+
+    def blame(
+        self, error: InputError, index: int, key: str | None = None, variant: str = ""
+    ) -> InputError:
+        """``error`` as the fault of this suite's entry or variant: with its file, line and key."""
+        path: KeyPath = ("variants", variant) if variant else ("entries", index)
+        if key is not None:
+            path = (*path, key)
         where = {
             "file": self.document.file,
             "line": self.document.line_of(path),
-            "key": f"entries[{index}]" + (f".{key}" if key else ""),
+            "key": key_text(path),
         }
         if isinstance(error, UnknownNameError) and error.line is None:
             return UnknownNameError(error.what, error.name, error.known, **where)  # type: ignore[arg-type]

@@ -9,7 +9,7 @@ from typing import Any
 
 from navfw.missions.outcome import Outcome
 from navfw.suite.causes import Cause
-from navfw.suite.statistics import wilson
+from navfw.suite.statistics import mcnemar_exact, wilson
 from navfw.suite.suitefile import Expect
 from navfw.suite.table import RunRow
 
@@ -29,6 +29,8 @@ def summarize(rows: Sequence[RunRow], expect: Mapping[str, Expect] | None = None
     into it. ``mean_time_s`` is of the runs that arrived. What no run gave is None. With more
     than one stack, ``by_stack`` has the numbers of each. Entries of which ``expect`` says what
     passes have ``expect``, the number of runs that ``passed``, and whether the entry ``passes``.
+    With variants, ``by_variant`` has instead of ``by_stack`` the numbers of each, by entry too, and
+    ``p``: of McNemar's exact test on success against the first of them.
     """
     summary = _numbers(rows)
     by_entry = _split(rows, lambda row: row.entry)
@@ -43,9 +45,33 @@ def summarize(rows: Sequence[RunRow], expect: Mapping[str, Expect] | None = None
             "passes": bool(of_entry) and passed >= enough * len(of_entry),
         }
     summary["by_entry"] = by_entry
-    if len({row.stack for row in rows}) > 1:
+    if any(row.variant for row in rows):
+        summary["by_variant"] = _by_variant(rows)
+    elif len({row.stack for row in rows}) > 1:
         summary["by_stack"] = _split(rows, lambda row: row.stack)
     return summary
+
+
+def _by_variant(rows: Sequence[RunRow]) -> dict[str, Any]:
+    """The numbers of each variant, in the order of the table."""
+    parts: dict[str, list[RunRow]] = {}
+    for row in rows:
+        parts.setdefault(row.variant, []).append(row)
+    first = {_run(row): row.succeeded for row in next(iter(parts.values()))}
+    numbers = {}
+    for name, part in parts.items():
+        both = [(first[_run(row)], row.succeeded) for row in part if _run(row) in first]
+        numbers[name] = {
+            **_numbers(part),
+            "p": mcnemar_exact(both.count((True, False)), both.count((False, True))),
+            "by_entry": _split(part, lambda row: row.entry),
+        }
+    return numbers
+
+
+def _run(row: RunRow) -> tuple[str, str, str, int]:
+    """Which run it is, whatever the variant."""
+    return row.entry, row.world, row.mission, row.seed
 
 
 def _passed(row: RunRow, wanted: Expect) -> bool:

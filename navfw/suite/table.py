@@ -17,7 +17,7 @@ from navfw.config.document import no_such_file, shown_path
 from navfw.errors import ConfigError, InputError
 from navfw.missions.outcome import Outcome
 
-__all__ = ["COLUMNS", "Key", "RunRow", "read_table", "write_table", "write_text"]
+__all__ = ["COLUMNS", "Key", "RunRow", "columns_of", "read_table", "write_table", "write_text"]
 
 _MAX_TABLE = 500_000_000
 
@@ -30,6 +30,7 @@ class Key(NamedTuple):
     mission: str
     seed: int
     stack: str
+    variant: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,7 +38,8 @@ class RunRow:
     """One run. Lengths in metres, times in seconds; None where a run gave no such number.
 
     ``cause`` says why a failed run failed (``navfw.suite.causes``); ``collision_cause`` who
-    moved into whom: robot or mover. ``picture`` is a file beside the table.
+    moved into whom: robot or mover. ``picture`` is a file beside the table. ``variant`` is empty
+    in suites without variants, and their tables have no such column.
     """
 
     entry: str
@@ -47,6 +49,7 @@ class RunRow:
     seed: int
     difficulty: float | None = None
     stack: str
+    variant: str = ""
     outcome: str
     reason: str = ""
     cause: str = ""
@@ -72,7 +75,7 @@ class RunRow:
     @property
     def key(self) -> Key:
         """Which run it is."""
-        return Key(self.entry, self.world, self.mission, self.seed, self.stack)
+        return Key(self.entry, self.world, self.mission, self.seed, self.stack, self.variant)
 
     @property
     def succeeded(self) -> bool:
@@ -84,6 +87,13 @@ COLUMNS = tuple(field.name for field in dataclasses.fields(RunRow))
 _TYPES = typing.get_type_hints(RunRow)
 
 
+def columns_of(rows: Iterable[RunRow]) -> tuple[str, ...]:
+    """The columns of a table of ``rows``: without that of the variant, if none has one."""
+    if any(row.variant for row in rows):
+        return COLUMNS
+    return tuple(name for name in COLUMNS if name != "variant")
+
+
 def write_table(path: Path, rows: Iterable[RunRow]) -> None:
     """Write ``rows`` as CSV; floats keep every digit, None is an empty cell.
 
@@ -91,7 +101,9 @@ def write_table(path: Path, rows: Iterable[RunRow]) -> None:
         InputError: the file cannot be written; what was there stays as it was.
 
     """
-    lines = [COLUMNS, *([_cell(getattr(row, name)) for name in COLUMNS] for row in rows)]
+    rows = list(rows)
+    columns = columns_of(rows)
+    lines = [columns, *([_cell(getattr(row, name)) for name in columns] for row in rows)]
     write_text(path, lines)
 
 
@@ -131,7 +143,8 @@ def read_table(path: str | Path) -> list[RunRow]:
             raise ConfigError(f"is larger than {_MAX_TABLE} bytes", file=name)
         with path.open(encoding="utf-8", newline="") as stream:
             reader = csv.DictReader(stream)
-            missing = [column for column in COLUMNS if column not in (reader.fieldnames or ())]
+            found = {"variant", *(reader.fieldnames or ())}
+            missing = [column for column in COLUMNS if column not in found]
             if missing:
                 what = f"is not a table of navfw suite: it has no column {missing[0]!r}"
                 raise ConfigError(what, file=name, line=1)
@@ -149,7 +162,7 @@ def read_table(path: str | Path) -> list[RunRow]:
 def _row(cells: dict[str, Any], file: str, line: int) -> RunRow:
     values: dict[str, Any] = {}
     for column in COLUMNS:
-        text = cells[column]
+        text = cells.get(column, "") if column == "variant" else cells[column]
         if text is None:
             raise ConfigError("the line ends too early", file=file, line=line)
         try:

@@ -96,7 +96,8 @@ def _why(result: MissionResult) -> str:
 def picture_name(case: Case) -> str:
     """A file name that says which run it is, and that no other run of the table has."""
     where = () if case.family else (case.world_name, case.mission_name)
-    parts = dict.fromkeys((case.entry, *where, case.stack_name, str(case.seed)))
+    which = (case.variant,) if case.variant else (case.stack_name,)
+    parts = dict.fromkeys((case.entry, *where, *which, str(case.seed)))
     return re.sub(r"[^\w.+-]+", "_", "-".join(parts)) + ".png"
 
 

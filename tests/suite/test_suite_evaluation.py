@@ -43,7 +43,8 @@ def test_the_table_is_complete_and_in_order(tmp_path: Path) -> None:
     assert summary["complete"] is True
     assert summary["success"] == 0.5
     assert summary["causes"] == {"timeout: slow": 2}
-    assert sorted(p.name for p in out.path.iterdir()) == ["suite.json", "summary.json", "table.csv"]
+    files = sorted(p.name for p in out.path.iterdir())
+    assert files == ["suite.json", "summary.json", "table.csv", "table.md"]
 
 
 def test_a_run_whose_process_dies_is_a_fault_with_its_reason(tmp_path: Path) -> None:

@@ -1,0 +1,69 @@
+"""A suite's summary as a Markdown table, to be put into a page."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+__all__ = ["markdown_table"]
+
+_P_SHOWN = 1e-4
+"""Smaller values of p are all shown as smaller than this."""
+
+
+def markdown_table(summary: Mapping[str, Any]) -> str:
+    """One line for each variant, with its success in every entry; without variants, for each entry.
+
+    Success in percent with its Wilson interval (95 %); ``p`` is of McNemar's exact test against the
+    first variant. Time is the mean of the runs that arrived.
+    """
+    if "by_variant" in summary:
+        return _variants(summary)
+    rows = [[name, *_numbers(part)] for name, part in summary["by_entry"].items()]
+    rows += [
+        [f"all, {name}", *_numbers(part)] for name, part in summary.get("by_stack", {}).items()
+    ]
+    if len(rows) > 1:
+        rows.append(["all", *_numbers(summary)])
+    return _table(["entry", *_COLUMNS], rows)
+
+
+_COLUMNS = ("runs", "success [95 %]", "collided", "SPL", "time")
+
+
+def _variants(summary: Mapping[str, Any]) -> str:
+    entries = list(summary["by_entry"])
+    rows = []
+    for number, (name, part) in enumerate(summary["by_variant"].items()):
+        of_entries = [_percent(part["by_entry"].get(e, {}).get("success")) for e in entries]
+        rows.append([name, *_numbers(part), _p(part["p"]) if number else "", *of_entries])
+    for name, reason in summary.get("skipped", {}).items():
+        rows.append([name, "0", f"skipped: {reason}", *[""] * (4 + len(entries))])
+    return _table(["variant", *_COLUMNS, "p", *entries], rows)
+
+
+def _numbers(part: Mapping[str, Any]) -> list[str]:
+    interval = f"[{100.0 * part['success_low']:.0f}, {100.0 * part['success_high']:.0f}]"
+    time = part["mean_time_s"]
+    return [
+        str(part["missions"]),
+        f"{_percent(part['success'])} {interval}".strip(),
+        _percent(part["collision_rate"]),
+        "" if part["spl"] is None else f"{part['spl']:.2f}",
+        "" if time is None else f"{time:.0f} s",
+    ]
+
+
+def _percent(share: float | None) -> str:
+    return "" if share is None else f"{100.0 * share:.0f} %"
+
+
+def _p(value: float) -> str:
+    return f"< {_P_SHOWN:g}" if value < _P_SHOWN else f"{value:.2g}"
+
+
+def _table(head: list[str], rows: list[list[str]]) -> str:
+    lines = [head, ["---", *["---:"] * (len(head) - 1)], *rows]
+    return "".join(
+        "| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |\n" for row in lines
+    )

@@ -1,0 +1,170 @@
+"""Variants of a suite: every run once with each, in one table, compared with the first."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+import suite_samples as samples
+from suite_samples import row
+
+from navfw.errors import InputError, MissingExtraError, UnknownNameError
+from navfw.mofis import navground
+from navfw.plugins import default_registry
+from navfw.suite.cases import Plan, plan_runs
+from navfw.suite.compare import compare, of_variant
+from navfw.suite.evaluation import evaluate
+from navfw.suite.markdown import markdown_table
+from navfw.suite.outfolder import OutFolder
+from navfw.suite.suitefile import find_suite, load_suite
+from navfw.suite.summary import summarize
+from navfw.suite.table import RunRow, read_table, write_table
+
+SUITE = """\
+entries:
+  - {world: empty, missions: [straight], set: {mission.timeout: 9}}
+variants:
+  default:
+  paper: {stack: paper}
+  no-memory: {set: {motion.memory: false, ego_map.hit: 1.5}}
+"""
+
+
+def plan_of(text: str, folder: Path, **options: object) -> Plan:
+    file = folder / "mine.yaml"
+    file.write_text(text)
+    return plan_runs(load_suite(file), range(2), default_registry(), **options)  # type: ignore[arg-type]
+
+
+def test_every_run_is_made_with_every_variant(tmp_path: Path) -> None:
+    plan = plan_of(SUITE, tmp_path)
+    assert [(case.variant, case.stack_name, case.seed) for case in plan.cases] == [
+        (variant, stack, seed)
+        for variant, stack in (("default", "default"), ("paper", "paper"), ("no-memory", "default"))
+        for seed in (0, 1)
+    ]
+    last = plan.cases[-1]
+    assert last.overrides == (
+        "mission.timeout=9",
+        "motion.memory=false",
+        "ego_map.hit=1.5",
+    )
+    session = last.session(default_registry())
+    assert session.stack.resolved.motion.memory is False
+    assert len({case.key for case in plan.cases}) == 6
+
+
+def test_chosen_variants_alone_are_run(tmp_path: Path) -> None:
+    plan = plan_of(SUITE, tmp_path, variants=["no-memory", "default"])
+    assert list(dict.fromkeys(case.variant for case in plan.cases)) == ["default", "no-memory"]
+
+
+@pytest.mark.parametrize(
+    ("change", "options", "says"),
+    [
+        (("stack: paper", "stack: papre"), {}, r"mine\.yaml:5: variants\.paper\.stack: .*'paper'"),
+        (("motion.memory", "motion.memry"), {}, r"mine\.yaml:6: variants\.no-memory: .*'memory'"),
+        (("missions: [straight]", "missions: [nowhere]"), {}, r"mine\.yaml:2: entries\[0\]"),
+        (("stack: paper", "stak: paper"), {}, r"mine\.yaml:5: variants\.paper\.stak"),
+        (("", ""), {"variants": ["papre"]}, "--variant: unknown variant .* did you mean 'paper'"),
+        (("", ""), {"stacks": ["oracle"]}, "--stack: the variant 'paper' has a stack of its own"),
+    ],
+)
+def test_what_is_wrong_is_blamed_on_the_variant_that_says_it(
+    tmp_path: Path, change: tuple[str, str], options: dict[str, object], says: str
+) -> None:
+    with pytest.raises(InputError, match=says):
+        plan_of(SUITE.replace(*change), tmp_path, **options)
+
+
+def test_a_variant_that_lacks_its_package_is_skipped_and_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def missing(module: str) -> object:
+        raise MissingExtraError("navground", key=module)
+
+    monkeypatch.setattr(navground, "_navground", missing)
+    text = SUITE + "  navground: {stack: navground}\n"
+    plan = plan_of(text, tmp_path)
+    assert "navground" not in {case.variant for case in plan.cases}
+    assert "pip install 'navfw[navground]'" in plan.skipped["navground"]
+    with pytest.raises(InputError, match="nothing is left to run"):
+        plan_of(text, tmp_path, variants=["navground"])
+
+
+def test_the_table_has_a_column_for_variants_only_where_there_are_some(tmp_path: Path) -> None:
+    file = tmp_path / "table.csv"
+    write_table(file, [row(1)])
+    assert "variant" not in file.read_text()
+    assert read_table(file) == [row(1)]
+    write_table(file, [row(1, variant="default"), row(1, variant="paper")])
+    assert [found.variant for found in read_table(file)] == ["default", "paper"]
+
+
+def rows() -> list[RunRow]:
+    good = [row(seed, variant="default") for seed in range(8)]
+    bad = [row(seed, "reached" if seed < 2 else "stuck", variant="paper") for seed in range(8)]
+    return [*good, *bad]
+
+
+def test_the_summary_is_per_variant_and_overall() -> None:
+    found = summarize(rows())
+    assert (found["missions"], found["reached"]) == (16, 10)
+    assert "by_stack" not in found
+    paper = found["by_variant"]["paper"]
+    assert paper["success"] == 0.25
+    assert paper["by_entry"]["rooms"]["reached"] == 2
+    assert paper["p"] == pytest.approx(2 * 0.5**6)
+    assert found["by_variant"]["default"]["p"] == 1.0
+    assert "by_variant" not in summarize([row(seed) for seed in range(3)])
+
+
+def test_the_markdown_table_has_a_line_for_each_variant_and_a_column_for_each_entry() -> None:
+    summary = {**summarize(rows()), "skipped": {"navground": "needs | navground"}}
+    lines = markdown_table(summary).splitlines()
+    assert lines[0] == "| variant | runs | success [95 %] | collided | SPL | time | p | rooms |"
+    assert lines[2].startswith("| default | 8 | 100 % [68, 100] | 0 % | 0.90 | 20 s |  | 100 % |")
+    assert lines[3].startswith("| paper | 8 | 25 % [7, 59] | 0 % |")
+    assert "| 0.031 | 25 % |" in lines[3]
+    assert lines[4].startswith(r"| navground | 0 | skipped: needs \| navground |")
+    assert len({line.replace(r"\|", "").count("|") for line in lines}) == 1
+    plain = markdown_table(summarize([row(1), row(2, entry="poles")])).splitlines()
+    assert [line.split(" | ")[0] for line in plain[2:]] == ["| rooms", "| poles", "| all"]
+
+
+def test_variants_are_compared_with_each_other() -> None:
+    table = rows()
+    found = compare(of_variant(table, "default"), of_variant(table, "paper"))
+    assert found["pairs"] == 8
+    assert len(found["lost"]) == 6
+    assert compare(table, table)["pairs"] == 16
+    with pytest.raises(UnknownNameError, match="did you mean 'paper'"):
+        of_variant(table, "papre")
+
+
+def test_an_evaluation_writes_the_variants_table(tmp_path: Path) -> None:
+    out = OutFolder(tmp_path / "out")
+    plan = plan_of(SUITE, tmp_path)
+    have = out.open(plan, "abc", resume=False)
+    done = evaluate(plan, out, have=have, work=samples.fake_run, keep="none")
+    assert done.complete
+    assert [found.variant for found in read_table(out.table)][::2] == [
+        "default",
+        "paper",
+        "no-memory",
+    ]
+    summary = json.loads((out.path / "summary.json").read_text())
+    assert list(summary["by_variant"]) == ["default", "paper", "no-memory"]
+    assert (out.path / "table.md").read_text() == markdown_table(summary)
+
+
+def test_the_ablations_that_ship_can_all_be_run() -> None:
+    pytest.importorskip("navground", reason="the extra navground is not installed")
+    suite = load_suite(find_suite("ablations"))
+    plan = plan_runs(suite, range(8000, 8001), default_registry())
+    assert not plan.skipped
+    assert len(plan.cases) == len(suite.spec.entries) * len(suite.spec.variants)
+    assert {"default", "oracle", "paper", "balance", "divergence", "navground"} <= set(
+        suite.spec.variants
+    )
