@@ -6,7 +6,7 @@ what the recording holds.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -15,6 +15,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from navfw.errors import ConfigError, InputError
+from navfw.mofis.sabotage import Failure, infiltrate
 from navfw.recording.readings import Recording, load_recording
 from navfw.recording.runfolder import RESULT, read_result
 from navfw.recording.track import hash_commands
@@ -66,6 +67,26 @@ class _Goal(BaseModel):
     y: float
 
 
+class _BehaviorFault(BaseModel):
+    model_config = ConfigDict(extra="ignore")
+    name: str
+    does: Failure
+
+
+class _Happening(BaseModel):
+    model_config = ConfigDict(extra="ignore")
+    behavior: _BehaviorFault | None = None
+
+
+class _Happened(BaseModel):
+    """An event of the run. Of all kinds, only those that befell the stack itself play a part."""
+
+    model_config = ConfigDict(extra="ignore", allow_inf_nan=False)
+    event: _Happening
+    began_s: float
+    ended_s: float | None = None
+
+
 class _Mission(BaseModel):
     """What a replay needs of a mission; the rest of the record is for people."""
 
@@ -84,7 +105,8 @@ def replay(folder: str | Path) -> Replay:
 
     """
     stack, recording, start, goals = _load(Path(folder))
-    return compare(recording, drive_again(stack, recording, start, goals))
+    failures = _Failures(Path(folder), stack)
+    return compare(recording, drive_again(stack, recording, start, goals, failures.at))
 
 
 def explain_at(folder: str | Path, time: float) -> dict[str, Any]:
@@ -99,11 +121,13 @@ def explain_at(folder: str | Path, time: float) -> dict[str, Any]:
 
     """
     stack, recording, start, goals = _load(Path(folder))
+    failures = _Failures(Path(folder), stack)
     stack.start(start, goals)
     last = float(recording.sensors[-1, 0]) if len(recording) else 0.0
     for reading in recording.readings():
         if reading.time > time + 1e-9:
             break
+        failures.at(reading.time)
         stack.step(reading)
     explanation = stack.explain()
     if time < 0.0 or time > last + 1.0 or not explanation:
@@ -136,12 +160,55 @@ def _load(folder: Path) -> tuple[Stack, Recording, Pose, list[Waypoint]]:
     return stack, recording, Pose(*mission.start), goals
 
 
+class _Failures:
+    """Lets the stack's behaviours fail again when they were made to fail in the run."""
+
+    def __init__(self, folder: Path, stack: Stack) -> None:
+        self._waiting: list[tuple[float, Callable[[Failure], None], Failure]] = []
+        for happened in _happened(folder):
+            failure = happened.event.behavior
+            if failure is None or failure.name not in stack.mofis.behaviors:
+                continue
+            saboteur = infiltrate(stack.mofis.behaviors, failure.name)
+            self._waiting.append((happened.began_s, saboteur.begin, failure.does))
+            if happened.ended_s is not None:
+                self._waiting.append((happened.ended_s, saboteur.end, failure.does))
+
+    def at(self, time: float) -> None:
+        """What begins or ends at ``time`` [s] does so."""
+        for due in [waiting for waiting in self._waiting if waiting[0] <= time + 1e-9]:
+            due[1](due[2])
+            self._waiting.remove(due)
+
+
+def _happened(folder: Path) -> list[_Happened]:
+    events = read_result(folder).get("events", [])
+    if not isinstance(events, list):
+        raise ConfigError("expected a list", file=folder / RESULT, key="events")
+    try:
+        return [_Happened.model_validate(event) for event in events]
+    except ValidationError as error:
+        where = ".".join(["events", *map(str, error.errors()[0]["loc"])])
+        raise ConfigError(error.errors()[0]["msg"], file=folder / RESULT, key=where) from None
+
+
 def drive_again(
-    driver: Driver, recording: Recording, start: Pose, goals: Sequence[Waypoint]
+    driver: Driver,
+    recording: Recording,
+    start: Pose,
+    goals: Sequence[Waypoint],
+    before: Callable[[float], None] | None = None,
 ) -> Array:
-    """(n, 2) the commands v [m/s], w [rad/s] that ``driver`` gives to the recorded readings."""
+    """(n, 2) the commands v [m/s], w [rad/s] that ``driver`` gives to the recorded readings.
+
+    ``before`` is called with the time [s] of each reading before it is given.
+    """
     driver.start(start, goals)
-    twists = [driver.step(reading) for reading in recording.readings()]
+    twists = []
+    for reading in recording.readings():
+        if before is not None:
+            before(reading.time)
+        twists.append(driver.step(reading))
     return np.array([(twist.v, twist.w) for twist in twists], dtype=np.float64).reshape(-1, 2)
 
 
