@@ -43,6 +43,9 @@ LONG = 4.0
 NEAR = 0.6
 """Places nearer than this [m] become one, where a robot can go straight between them."""
 
+ROUND = 1.5
+"""A way that is so many times longer than straight leads round something."""
+
 COMFORT = 0.45
 """Straight ways need no more clearance than this [m]."""
 
@@ -135,9 +138,12 @@ class _Draft:
 
     def _farthest(self, points: list[Point], here: int) -> int:
         """The last of the points that is seen from ``here`` with room enough."""
-        low, best = math.inf, here + 1
+        low, walked, best = math.inf, 0.0, here + 1
         for ahead in range(here + 1, len(points)):
             low = min(low, self.ground.at(*points[ahead]))
+            walked += math.dist(points[ahead - 1], points[ahead])
+            if walked > ROUND * math.dist(points[here], points[ahead]) + NEAR:
+                break  # the way leads round something and back
             room = min(0.8 * low, COMFORT)
             if self.ground.along(points[here], points[ahead]) >= max(room, self.need - 0.03):
                 best = ahead
@@ -150,6 +156,10 @@ class _Draft:
             fixed.update(self.graph[door])
         if self.graph.number_of_edges():  # sides of doors that no way needed
             self.graph.remove_nodes_from(list(nx.isolates(self.graph)))
+        # what is left beside the largest part is shut in: nobody gets there
+        kept = max(nx.connected_components(self.graph), key=len)
+        self.graph.remove_nodes_from([point for point in self.graph if point not in kept])
+        self.doors = {point: d for point, d in self.doors.items() if point in kept}
         changed = True
         while changed:
             changed = False

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
-import cv2
 import networkx as nx
 import numpy as np
 
-from navfw.signals import Array, Mask
+from navfw.signals import Mask
 from navfw.topomap.ground import Ground, thinned
 
 __all__ = ["skeleton_graph"]
@@ -18,7 +15,8 @@ SPUR = 1.6
 
 Cell = tuple[int, int]
 
-_RING = ((-1, 0), (-1, 1), (0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1))
+_EDGES = ((-1, 0), (0, 1), (1, 0), (0, -1))
+_CORNERS = ((-1, -1), (-1, 1), (1, 1), (1, -1))
 
 
 def skeleton_graph(ground: Ground, clearance: float) -> nx.MultiGraph:
@@ -34,81 +32,59 @@ def skeleton_graph(ground: Ground, clearance: float) -> nx.MultiGraph:
 
 
 def _traced(ground: Ground, skeleton: Mask) -> nx.MultiGraph:
-    padded = np.pad(skeleton, 1).astype(np.int8)
-    ring = [
-        padded[1 + di : 1 + di + skeleton.shape[0], 1 + dj : 1 + dj + skeleton.shape[1]]
-        for di, dj in _RING
-    ]
-    rises = np.sum([(ring[k] == 0) & (ring[(k + 1) % 8] == 1) for k in range(8)], axis=0)
-    knots = skeleton & ((rises != 2) | (np.sum(ring, axis=0) > 3))
-    count, labels = cv2.connectedComponents(knots.astype(np.uint8), connectivity=8)
+    """The skeleton's cells as knots, where ways meet or end, and lines of cells between them."""
+    cells = _neighbours(skeleton)
+    knots = [cell for cell, near in cells.items() if len(near) != 2]
+    numbers = {cell: number for number, cell in enumerate(knots)}
     graph = nx.MultiGraph()
-    for node in range(1, count):
-        rows, columns = np.nonzero(labels == node)
-        # the cell nearest to the middle of the cluster
-        best = int(np.argmin((rows - rows.mean()) ** 2 + (columns - columns.mean()) ** 2))
-        graph.add_node(node, at=ground.point(float(rows[best]), float(columns[best])))
-    paths, members = cv2.connectedComponents((skeleton & ~knots).astype(np.uint8), connectivity=8)
-    cells: dict[int, list[Cell]] = {path: [] for path in range(1, paths)}
-    for row, column in zip(*(each.tolist() for each in np.nonzero(members)), strict=True):
-        cells[int(members[row, column])].append((row, column))
-    for path in cells.values():
-        _add_path(graph, ground, path, labels)
+    graph.add_nodes_from((number, {"at": ground.point(*cell)}) for cell, number in numbers.items())
+    walked: set[Cell] = set()
+    for knot in knots:
+        for first in cells[knot]:
+            way = _walk(cells, knot, first, numbers)
+            a, b = numbers[knot], numbers[way[-1]]
+            # each line is met from both its ends, and one of two knots side by side has no cells
+            if way[1] in walked or way[-2] in walked or (len(way) == 2 and a > b):
+                continue
+            walked.update(way[1:-1])
+            line = np.array([ground.point(*cell) for cell in way])
+            graph.add_edge(a, b, line=line if a <= b else line[::-1])
+    for cell in cells:  # what is left are rings
+        if cell in walked or cell in numbers:
+            continue
+        numbers[cell] = len(numbers)
+        way = _walk(cells, cell, cells[cell][0], numbers)
+        walked.update(way)
+        graph.add_node(numbers[cell], at=ground.point(*cell))
+        line = np.array([ground.point(*each) for each in way])
+        graph.add_edge(numbers[cell], numbers[cell], line=line)
     return graph
 
 
-def _add_path(graph: nx.MultiGraph, ground: Ground, cells: list[Cell], labels: Array) -> None:
-    """One line of the skeleton, from knot to knot; a ring without any gets one of its own."""
-    inside = set(cells)
-    touching = [cell for cell in cells if _knots_beside(cell, labels)]
-    if not touching:
-        ring = [ground.point(*cell) for cell in _walked(cells[0], inside)[1]]
-        node = max(graph.nodes, default=0) + 1
-        graph.add_node(node, at=ring[0])
-        graph.add_edge(node, node, line=np.array([*ring, ring[0]]))
-        return
-    first = touching[0]
-    came_from, reached = _walked(first, inside)
-    last = max(touching, key=reached.index)
-    way = [last]
-    while (before := came_from[way[-1]]) is not None:
-        way.append(before)
-    b_options, a_options = (_knots_beside(cell, labels) for cell in (way[0], way[-1]))
-    pairs = [(a, b) for a in a_options for b in b_options if a != b]
-    if not pairs and len(way) < 3:
-        return  # a bulge of one knot
-    a, b = pairs[0] if pairs else (a_options[0], b_options[0])
-    line = [ground.point(*cell) for cell in reversed(way)]
-    line = [graph.nodes[a]["at"], *line, graph.nodes[b]["at"]]
-    graph.add_edge(a, b, line=np.array(line if a <= b else line[::-1]))
-
-
-def _walked(start: Cell, inside: set[Cell]) -> tuple[dict[Cell, Cell | None], list[Cell]]:
-    """Where each cell is reached from, and all of them in the order of their distance."""
-    came_from: dict[Cell, Cell | None] = {start: None}
-    reached = [start]
-    for cell in reached:
-        for near in _beside(cell, inside):
-            if near not in came_from:
-                came_from[near] = cell
-                reached.append(near)
-    return came_from, reached
-
-
-def _beside(cell: Cell, inside: set[Cell]) -> Iterator[Cell]:
-    for di, dj in (*_RING[::2], *_RING[1::2]):  # straight neighbours first
-        if (near := (cell[0] + di, cell[1] + dj)) in inside:
-            yield near
-
-
-def _knots_beside(cell: Cell, labels: Array) -> list[int]:
-    rows, columns = labels.shape
-    found = []
-    for di, dj in _RING:
-        i, j = cell[0] + di, cell[1] + dj
-        if 0 <= i < rows and 0 <= j < columns and labels[i, j] and labels[i, j] not in found:
-            found.append(int(labels[i, j]))
+def _neighbours(skeleton: Mask) -> dict[Cell, list[Cell]]:
+    """The cells next to each: at an edge, or at a corner where no cell joins the two by edges."""
+    rows, columns = np.nonzero(skeleton)
+    inside = set(zip(rows.tolist(), columns.tolist(), strict=True))
+    found: dict[Cell, list[Cell]] = {}
+    for i, j in sorted(inside):
+        near = [(i + di, j + dj) for di, dj in _EDGES if (i + di, j + dj) in inside]
+        near += [
+            (i + di, j + dj)
+            for di, dj in _CORNERS
+            if (i + di, j + dj) in inside and not {(i + di, j), (i, j + dj)} & inside
+        ]
+        found[i, j] = near
     return found
+
+
+def _walk(
+    cells: dict[Cell, list[Cell]], start: Cell, first: Cell, stops: dict[Cell, int]
+) -> list[Cell]:
+    """From one knot on, by way of ``first``, to the next."""
+    way = [start, first]
+    while way[-1] not in stops:
+        way.append(next(cell for cell in cells[way[-1]] if cell != way[-2]))
+    return way
 
 
 def _pruned(graph: nx.MultiGraph, ground: Ground) -> bool:
