@@ -1,0 +1,252 @@
+"""Events of missions: what may be written, when they happen, and what a robot makes of them."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from navfw.cli import app
+from navfw.errors import InputError
+from navfw.missions.events import Event, EventClock
+from navfw.missions.report import write_run
+from navfw.missions.session import MissionResult, prepare
+from navfw.recording.replay import explain_at, replay
+from navfw.recording.runfolder import RunFolder, read_result
+from navfw.signals import Pose
+from navfw.sim.actions import CameraFault, GyroFault
+
+MISSION = """\
+start: [1, 1.5, 0.3]
+goals: [{x: 2, y: 1.5}]
+timeout: 60
+events:
+  - {at: 0, camera: {noisy: 3}}
+  - %s
+"""
+HERE = Pose(0.0, 0.0, 0.0)
+
+
+def mission(folder: Path, *events: str) -> Path:
+    file = folder / "events.yaml"
+    file.write_text(MISSION % "\n  - ".join(events))
+    return file
+
+
+# --- the file ------------------------------------------------------------------------------------
+
+WRONG = [
+    ("{at: -1, camera: black}", "events[1].at", "expected a number >= 0"),
+    ("{at: 70, camera: black}", "events[1].at", "before the mission's timeout, 60 s, got 70"),
+    ("{at: soon, camera: black}", "events[1].at", "got the text 'soon'"),
+    ("{att: 1, camera: black}", "events[1].att", "did you mean 'at'?"),
+    ("{camera: black}", "events[1]", "exactly one of at, near; got none"),
+    ("{at: 1}", "events[1]", "obstacle; got none of them"),
+    ("{at: 1, camera: black, gyro: dropout}", "events[1]", "got camera and gyro"),
+    ("{at: 1, near: {x: 1, y: 1, within: 1}, camera: black}", "events[1]", "got at and near"),
+    ("{at: 1, lasting: 0, camera: black}", "events[1].lasting", "expected a number > 0"),
+    ("{at: 1, lasting: -3, camera: black}", "events[1].lasting", "expected a number > 0"),
+    ("{near: {place: strat, within: 1}, camera: black}", "events[1].near.place", "'start'?"),
+    ("{near: {x: 1, within: 1}, camera: black}", "events[1].near", "either place, or x and y"),
+    ("{near: {x: 1, y: 1}, camera: black}", "events[1].near.within", "missing"),
+    ("{at: 1, camera: blak}", "events[1].camera", "did you mean 'black'?"),
+    ("{at: 1, camera: noisy}", "events[1].camera", "needs a value"),
+    ("{at: 1, camera: {dropped: 1.5}}", "events[1].camera.dropped", "<= 1"),
+    ("{at: 1, camera: {droped: 0.5}}", "events[1].camera.droped", "did you mean 'dropped'?"),
+    ("{at: 1, camera: {dropped: 0.5, noisy: 3}}", "events[1].camera", "got dropped and noisy"),
+    ("{at: 1, encoders: {dropout: lft}}", "events[1].encoders.dropout", "did you mean 'left'?"),
+    ("{at: 1, weak_wheel: {side: left, share: 2}}", "events[1].weak_wheel.share", "<= 1"),
+    ("{at: 1, slippery: {slip: 0}}", "events[1].slippery.slip", "> 0"),
+    ("{at: 1, light: {share: -1}}", "events[1].light.share", ">= 0"),
+    ("{at: 1, behavior: {name: avod, does: hangs}}", "events[1].behavior.name", "'avoid'?"),
+    ("{at: 1, behavior: {name: avoid, does: hang}}", "events[1].behavior.does", "'hangs'?"),
+    ("{at: 1, textureless: {name: outer-wal}}", "events[1].textureless.name", "'outer-wall'?"),
+    ("{at: 1, textureless: {}}", "events[1].textureless", "expected a name, or x or y"),
+    ("{at: 1, textureless: {x: [3, 2]}}", "events[1].textureless.x", "must ascend"),
+    ("{at: 1, door: {name: exit, state: open}}", "events[1].door.name", "unknown door 'exit'"),
+    ("{at: 1, obstacle: {radius: 0.2}}", "events[1].obstacle", "exactly one of at and ahead"),
+    ("{at: 1, obstacle: {ahead: 1}}", "events[1].obstacle", "exactly one of size and radius"),
+    ("{at: 1, obstacle: {at: [2, 99], radius: 0.2}}", "events[1].obstacle.at", "off the floor"),
+    ("{at: 1, obstacle: {name: chest, ahead: 1, radius: 0.2}}", "events[1].obstacle.name", "taken"),
+    (
+        "{at: 1, obstacle: {ahead: 1, radius: 0.2, texture: ston}}",
+        "events[1].obstacle.texture",
+        "did you mean 'stone'?",
+    ),
+]
+
+
+@pytest.mark.parametrize(("event", "key", "says"), WRONG, ids=[event for event, _, _ in WRONG])
+def test_a_wrong_event_is_named_with_line_key_and_remedy(
+    tmp_path: Path, event: str, key: str, says: str
+) -> None:
+    with pytest.raises(InputError) as caught:
+        prepare("paper-room", mission(tmp_path, event))
+    assert f"events.yaml:6: {key}: " in str(caught.value)
+    assert says in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_two_obstacles_need_two_names(tmp_path: Path) -> None:
+    thing = "{at: 1, obstacle: {ahead: 1, radius: 0.2}}"
+    with pytest.raises(InputError, match=r"events.yaml:7: events\[2\].obstacle.name: .* taken"):
+        prepare("paper-room", mission(tmp_path, thing, thing))
+
+
+def test_a_wrong_event_is_bad_input_on_the_command_line(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    event = "mission.events=[{at: 1, camera: blak}]"
+    done = CliRunner().invoke(
+        app, ["run", "paper-room", "through-the-door", "--set", event, "--out", str(out)]
+    )
+    assert done.exit_code == 2 or isinstance(done.exception, InputError)
+    assert not out.exists()
+
+
+def test_a_door_that_an_event_opens_may_stand_in_the_only_way(tmp_path: Path) -> None:
+    (tmp_path / "world.yaml").write_text("""
+name: gate
+x: [0, 6]
+y: [0, 3]
+walls:
+  - {name: fence, points: [[3, 0], [3, 3]], openings: [{name: gap, at: [3, 1.5], width: 1}]}
+doors:
+  - {name: gate, opening: gap, state: closed}
+""")
+    file = tmp_path / "through.yaml"
+    text = "start: [1, 1.5, 0]\ngoals: [{x: 5, y: 1.5}]\nevents: [%s]\n"
+    file.write_text(text % "")
+    with pytest.raises(InputError, match="cannot be reached"):
+        prepare(tmp_path / "world.yaml", file)
+    file.write_text(text % "{at: 5, door: {name: gate, state: open}}")
+    assert prepare(tmp_path / "world.yaml", file).shortest == pytest.approx(4.0, abs=0.05)
+
+
+# --- when they happen ----------------------------------------------------------------------------
+
+
+class Stage:
+    """Notes what it is told."""
+
+    def __init__(self) -> None:
+        self.active: list[object] = []
+
+    def begin(self, action: object) -> None:
+        self.active.append(action)
+
+    def end(self, action: object) -> None:
+        self.active.remove(action)
+
+
+def test_events_begin_and_end_by_simulated_time() -> None:
+    stage, black, out = Stage(), CameraFault(black=True), GyroFault(dropout=True)
+    clock = EventClock(
+        [
+            (Event(black, {"camera": "black"}, at=2.0, lasting=3.0), stage),
+            (Event(out, {"gyro": "dropout"}, at=4.0), stage),
+        ]
+    )
+    seen = {}
+    for tick in range(80):
+        clock.tick(0.1 * tick, HERE)
+        seen[tick] = list(stage.active)
+    assert [tick for tick in seen if black in seen[tick]] == list(range(20, 50))
+    assert [tick for tick in seen if out in seen[tick]] == list(range(40, 80))
+    first, second = (record.as_data() for record in clock.log)
+    assert first == {"event": {"camera": "black"}, "began_s": 2.0, "ended_s": 5.0}
+    assert second["ended_s"] is None
+
+
+def test_an_event_near_a_point_happens_once() -> None:
+    stage, black = Stage(), CameraFault(black=True)
+    event = Event(black, {}, point=(1.0, 1.0), within=0.5, lasting=0.3)
+    clock = EventClock([(event, stage)])
+    clock.tick(0.0, HERE)
+    assert not stage.active
+    clock.tick(0.1, Pose(0.6, 0.8, 0.0))
+    assert stage.active == [black]
+    for tick in range(2, 9):
+        clock.tick(0.1 * tick, Pose(1.0, 1.0, 0.0))
+    assert not stage.active
+    assert len(clock.log) == 1
+
+
+# --- what a robot makes of them ------------------------------------------------------------------
+
+
+def run(*events: str, timeout: float = 40.0, record: bool = False) -> MissionResult:
+    overrides = [f"mission.events=[{', '.join(events)}]", f"mission.timeout={timeout}"]
+    overrides.append("mission.stuck_after=30")
+    session = prepare("paper-room", "through-the-door", seed=2, overrides=overrides)
+    return session.run(record=record)
+
+
+def test_a_failing_behaviour_is_recorded_and_fails_again_in_the_replay(tmp_path: Path) -> None:
+    result = run(
+        "{at: 2, lasting: 1, behavior: {name: avoid, does: raises}}",
+        "{at: 3.5, lasting: 1, behavior: {name: go_to_xy, does: returns_nan}}",
+        "{near: {x: 0, y: 0, within: 30}, lasting: 6, behavior: {name: follow_wall, does: hangs}}",
+        "{at: 5, lasting: 0.5, camera: frozen}",
+        timeout=7,
+        record=True,
+    )
+    assert result.outcome == "timeout"
+    faults = {fault.partition(":")[0]: fault for fault in result.run.faults}
+    assert set(faults) == {"avoid", "go_to_xy", "follow_wall"}
+    assert "10 times" in faults["avoid"]
+    assert "took too long" in faults["follow_wall"]
+    with RunFolder(tmp_path / "run") as folder:
+        write_run(result, folder)
+    assert folder.final is not None
+    events = read_result(folder.final)["events"]
+    assert [event["began_s"] for event in events] == pytest.approx([0.0, 2.0, 3.5, 5.0], abs=0.02)
+    assert events[1]["event"]["behavior"] == {"name": "avoid", "does": "raises"}
+    assert replay(folder.final).same
+    assert "avoid" not in explain_at(folder.final, 2.5)["behaviors"]
+    assert "avoid" in explain_at(folder.final, 4.2)["behaviors"]
+
+
+@pytest.mark.parametrize(
+    ("event", "reason"),
+    [
+        ("{at: 4, camera: black}", "only dark"),
+        ("{at: 4, camera: frozen}", "frozen"),
+        ("{at: 4, camera: {dropped: 1}}", "the camera is silent"),
+        ("{at: 4, encoders: {dropout: both}}", "encoders do not answer"),
+    ],
+)
+@pytest.mark.slow
+def test_a_sensor_out_for_good_ends_the_mission_before_contact(event: str, reason: str) -> None:
+    result = run(event)
+    assert result.outcome == "fault"
+    assert reason in result.reason
+    assert result.metrics.collisions == 0
+    assert result.run.verdict.trace == ""
+
+
+@pytest.mark.parametrize(
+    "event",
+    [
+        "{at: 4, lasting: 4, camera: black}",
+        "{at: 4, lasting: 4, camera: {dropped: 1}}",
+        "{at: 4, lasting: 4, encoders: {dropout: both}}",
+        "{at: 4, encoders: {dropout: left}}",
+        "{at: 4, lasting: 5, gyro: dropout}",
+        "{at: 4, weak_wheel: {side: right, share: 0.8}}",
+        "{at: 0, camera: {latency: 0.2}}",
+    ],
+)
+@pytest.mark.slow
+def test_a_robot_goes_on_when_it_can(event: str) -> None:
+    result = run(event, timeout=90)
+    assert (result.outcome, result.metrics.collisions) == ("reached", 0)
+
+
+@pytest.mark.slow
+def test_clearance_counts_what_stood_there_meanwhile() -> None:
+    result = run("{at: 3, lasting: 4, obstacle: {ahead: 0.7, radius: 0.1}}", timeout=7)
+    assert result.metrics.min_clearance_m < 0.55
+    assert result.metrics.collisions == 0
+    assert math.isfinite(result.metrics.clearance_p05_m)
