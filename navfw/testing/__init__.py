@@ -1,7 +1,8 @@
 """Help for testing a robot: missions as pytest tests, a check for behaviours, fakes.
 
 - ``@pytest.mark.mission(...)`` with the ``mission`` fixture (a ``MissionRun``);
-- ``check_behavior(MyBehavior)``, a conformance test for a behaviour of one's own;
+- ``check_behavior(MyBehavior)`` and ``check_composite(MyComposite)``, conformance tests for those
+  of one's own;
 - ``fakes``: a simulator and pilots that are exact and quick.
 """
 
@@ -10,10 +11,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from navfw.testing.behavior_check import check_behavior
+    from navfw.testing.behavior_check import check_behavior, check_composite
     from navfw.testing.pytest_plugin import MissionRun
 
-__all__ = ["MissionRun", "check_behavior"]
+__all__ = ["MissionRun", "check_behavior", "check_composite"]
 
 
 def __getattr__(name: str) -> Any:
@@ -26,4 +27,8 @@ def __getattr__(name: str) -> Any:
         from navfw.testing.behavior_check import check_behavior
 
         return check_behavior
+    if name == "check_composite":
+        from navfw.testing.behavior_check import check_composite
+
+        return check_composite
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

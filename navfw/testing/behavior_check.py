@@ -1,4 +1,4 @@
-"""A conformance test for a behaviour of one's own: ``check_behavior(MyBehavior)``."""
+"""Conformance tests for a behaviour or composite of one's own: ``check_behavior(MyBehavior)``."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from navfw.errors import PluginError
-from navfw.kinds import Behavior
+from navfw.kinds import Behavior, Composite, Plugin
 from navfw.plugins.verification import source_file, verify
 from navfw.recording.runfolder import plain_json
 from navfw.robot import RobotModel
@@ -22,7 +22,7 @@ from navfw.testing.scenes import SCENES, Scene, contexts_of
 if TYPE_CHECKING:
     from navfw.mofis.context import Context
 
-__all__ = ["BUDGET", "check_behavior"]
+__all__ = ["BUDGET", "check_behavior", "check_composite"]
 
 BUDGET = 0.05
 """Most computing time [s] that a proposal may usually take: half of a camera period."""
@@ -54,25 +54,102 @@ def check_behavior(
     """
     verify(cls)
     robot = robot or RobotModel()
-    problems = list(_problems(cls, params, robot, budget))
+    _raise_if_any(cls, "behaviour", list(_problems(cls, params, robot, budget)))
+
+
+def check_composite(
+    cls: type[Composite],
+    params: Composite.Params | None = None,
+    *,
+    robot: RobotModel | None = None,
+) -> None:
+    """Try a composite behaviour in many situations; return if it keeps the contract.
+
+    As ``check_behavior`` does: in each scene its weights have to be numbers in [0, 1] by the names
+    of primitives, the same again in a fresh instance and after ``reset()``; the context has to be
+    left alone, and ``explain()`` to give plain data.
+
+    Raises:
+        PluginError: it breaks the contract; the message lists everything that was found.
+
+    """
+    verify(cls)
+    robot = robot or RobotModel()
+    _raise_if_any(cls, "composite", list(_composite_problems(cls, params, robot)))
+
+
+def _raise_if_any(cls: type[Plugin], kind: str, problems: Sequence[str]) -> None:
     if not problems:
         return
     told = "".join(f"\n- {problem}" for problem in problems[:_LIMIT])
     more = len(problems) - _LIMIT
     rest = f"\n- and {more} more" if more > 0 else ""
     raise PluginError(
-        f"does not keep the contract of a behaviour:{told}{rest}",
+        f"does not keep the contract of a {kind}:{told}{rest}",
         file=source_file(cls),
         key=f"class {cls.__qualname__}",
     )
 
 
-def _problems(
-    cls: type[Behavior], params: Behavior.Params | None, robot: RobotModel, budget: float
-) -> Iterator[str]:
+def _undescribed(cls: type[Plugin]) -> Iterator[str]:
     for name, info in cls.Params.model_fields.items():
         if not info.description:
             yield f"Params.{name} has no description: Field(description=...), with its unit"
+
+
+def _composite_problems(
+    cls: type[Composite], params: Composite.Params | None, robot: RobotModel
+) -> Iterator[str]:
+    yield from _undescribed(cls)
+    try:
+        composite, other = cls(robot, params), cls(robot, params)
+    except Exception as error:  # the class may do anything
+        yield f"{cls.__name__}(robot, params) raised {_told(error)}"
+        return
+    for scene in SCENES:
+        contexts = contexts_of(scene, robot)
+        try:
+            found = [_weights(each, contexts) for each in (composite, other, composite)]
+        except _Wrong as error:
+            yield f"in the scene {scene.name!r} {error}"
+            continue
+        if not found[0] == found[1] == found[2]:
+            yield (
+                f"in the scene {scene.name!r} it weighs otherwise in a fresh instance or after "
+                "reset(): keep no state outside the instance, and forget it in reset()"
+            )
+
+
+class _Wrong(Exception):  # noqa: N818 - never leaves this module
+    """What a composite did wrong."""
+
+
+def _weights(composite: Composite, contexts: Sequence[Context]) -> list[dict[str, float]]:
+    """What it gives in every context, from a reset on."""
+    given: list[dict[str, float]] = []
+    try:
+        composite.reset()
+        for context in contexts:
+            before = _digest(context)
+            weights = dict(composite.weigh(context))
+            if _digest(context) != before:
+                raise _Wrong("it changes the context, which others read too: work on copies")
+            wrong = {n: w for n, w in weights.items() if not (isinstance(n, str) and 0 <= w <= 1)}
+            if wrong:
+                raise _Wrong(f"weights {wrong} are not numbers in [0, 1] by name")
+            json.dumps(plain_json([dict(rule) for rule in composite.explain()]), allow_nan=False)
+            given.append(weights)
+    except _Wrong:
+        raise
+    except Exception as error:  # a plugin may raise anything
+        raise _Wrong(f"it raised {_told(error)}") from error
+    return given
+
+
+def _problems(
+    cls: type[Behavior], params: Behavior.Params | None, robot: RobotModel, budget: float
+) -> Iterator[str]:
+    yield from _undescribed(cls)
     try:
         behavior, other = cls(robot, params), cls(robot, params)
     except Exception as error:  # the class may do anything

@@ -95,12 +95,13 @@ def contexts_of(scene: Scene, robot: RobotModel | None = None) -> list[Context]:
             pose = pose.compose(Pose(twist.v * PERIOD, 0.0, twist.w * PERIOD))
         odometry = Odometry(time, pose, twist, 0.0, still=twist == Twist(0.0, 0.0))
         percepts: Sequence[Percept] = ()
+        flows: Sequence[FlowField] = ()
         if scene.sees and moves and twist.v:
             walls = (scene.ahead - pose.x, scene.left - pose.y, scene.right + pose.y)
-            percepts = [offis.perceive(wall_flow(robot, time, *walls), twist)]
-        mofis.decide(
-            odometry, Belief(time, pose, np.zeros((3, 3))), percepts, _waypoint(scene.waypoint)
-        )
+            flows = [wall_flow(robot, time, *walls)]
+            percepts = [offis.perceive(flow, twist) for flow in flows]
+        belief = Belief(time, pose, np.zeros((3, 3)))
+        mofis.decide(odometry, belief, percepts, _waypoint(scene.waypoint), flows)
         if mofis.context is not None:
             contexts.append(mofis.context)
     return contexts

@@ -13,15 +13,26 @@ import pytest
 from pydantic import Field
 
 from navfw.errors import PluginError
-from navfw.kinds import Behavior
+from navfw.kinds import Behavior, Composite
 from navfw.mofis.context import Context
 from navfw.plugins import default_registry
 from navfw.robot import RobotModel
 from navfw.signals import Label, Proposal, Twist
-from navfw.testing import check_behavior
+from navfw.testing import check_behavior, check_composite
 from navfw.testing.scenes import SCENES, Scene, contexts_of, wall_flow
 
-SHIPPED = default_registry().names("behavior")
+REGISTRY = default_registry()
+# one that needs truth has nothing to say in a scene, where nobody gives it
+SHIPPED = [n for n in REGISTRY.names("behavior") if not REGISTRY.get("behavior", n).oracle]
+COMPOSITES = REGISTRY.names("composite")
+
+
+COUNT = itertools.count()
+
+
+def spoil(context: Context) -> dict[str, float]:
+    context.ranges.free[:] = 0.0
+    return {}
 
 
 class Stop(Behavior):
@@ -40,6 +51,51 @@ def test_shipped_behaviors_keep_the_contract(name: str) -> None:
 
 def test_a_simple_behavior_passes() -> None:
     check_behavior(Stop)
+
+
+@pytest.mark.parametrize("name", COMPOSITES)
+def test_shipped_composites_keep_the_contract(name: str) -> None:
+    check_composite(default_registry().get("composite", name))  # type: ignore[arg-type]
+
+
+class Even(Composite):
+    """Gives all the same."""
+
+    name: ClassVar[str] = "even"
+
+    def weigh(self, context: Context) -> dict[str, float]:
+        return {"avoid": 0.5}
+
+
+def weighing(weigh: Any, **members: Any) -> type[Composite]:
+    return type("Odd", (Even,), {"__doc__": "Odd.", "name": "odd", "weigh": weigh, **members})
+
+
+def test_a_simple_composite_passes() -> None:
+    check_composite(Even)
+
+
+@pytest.mark.parametrize(
+    ("cls", "says"),
+    [
+        (weighing(lambda self, context: {"avoid": 1.5}), r"not numbers in \[0, 1\]"),
+        (weighing(lambda self, context: {"avoid": math.nan}), r"not numbers in \[0, 1\]"),
+        (weighing(lambda self, context: 1 / 0), "raised ZeroDivisionError"),
+        (weighing(lambda self, context: {"avoid": next(COUNT) / 1e6}), "after reset"),
+        (weighing(lambda self, context: spoil(context)), "changes the context"),
+        (weighing(Even.weigh, explain=lambda self: 3), "raised TypeError"),
+        (
+            weighing(
+                Even.weigh,
+                Params=type("P", (Composite.Params,), {"__annotations__": {"x": float}, "x": 1.0}),
+            ),
+            "x has no description",
+        ),
+    ],
+)
+def test_what_is_wrong_with_a_composite_is_told(cls: type[Composite], says: str) -> None:
+    with pytest.raises(PluginError, match=says):
+        check_composite(cls)
 
 
 def variant(**members: Any) -> type[Behavior]:
