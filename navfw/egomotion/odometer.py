@@ -25,9 +25,13 @@ STALE = 0.1
 #: Time constant over which what the flow says of the gyro is averaged [s].
 DOUBT_MEMORY = 1.5
 #: Turning faster than this [rad/s], the flow's word on the gyro is not asked for.
-STRAIGHT = 0.08
+STRAIGHT = 0.1
 #: A mean contradiction of the flow larger than this [rad/s] is no chance: the bias has changed.
-CONTRADICTION = 0.006
+CONTRADICTION = 0.003
+#: Once doubted, the bias is corrected until the mean contradiction is below this [rad/s].
+SETTLED = 0.0005
+#: Share of the mean contradiction by which the bias is corrected at every pair of frames.
+CORRECTION = 0.1
 
 
 class Odometer:
@@ -55,6 +59,7 @@ class Odometer:
         self._silent = False
         self._stale = False
         self._contradiction = 0.0
+        self._doubted = False
         self._pose = Pose(0.0, 0.0, 0.0)
         self._speed = 0.0
         self._bias = 0.0
@@ -111,9 +116,10 @@ class Odometer:
             return
         share = -math.expm1(-motion.dt / DOUBT_MEMORY)
         self._contradiction += share * (turn / motion.dt - self._contradiction)
-        if abs(self._contradiction) > CONTRADICTION:
-            self._bias -= self._contradiction
-            self._contradiction = 0.0
+        off = abs(self._contradiction)
+        self._doubted = off > CONTRADICTION or (self._doubted and off > SETTLED)
+        if self._doubted:
+            self._bias -= CORRECTION * self._contradiction
 
     def _ways(
         self, before: Encoders, now: Encoders, dt: float, rate: float, asked: Twist

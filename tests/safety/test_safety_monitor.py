@@ -153,3 +153,63 @@ def test_the_unseen_is_entered_slowly() -> None:
     verdict = monitor.limit(Twist(0.4, 0.0), 0.0, lambda twist: (2.0, 0.03))
     assert verdict.twist.v == monitor.params.creep
     assert "seen" in verdict.reason
+
+
+def hear(
+    monitor: SafetyMonitor, time: float, image: Image | None, *, x: float = 0.0, **more: float
+) -> None:
+    """One reading, with a frame that was taken ``late`` [s] ago; the encoders may be ``silent``."""
+    frame = None if image is None else Frame(time - more.get("late", 0.0), image)
+    reading = SensorReading(time, Inertial(time, 0, 0, 0), Encoders(time, 0, 0), frame)
+    silent = bool(more.get("silent", 0.0))
+    odometry = Odometry(time, Pose(x, 0, 0), Twist(0.3, 0.0), 0.0, still=False, silent=silent)
+    monitor.hear(reading, odometry)
+
+
+def test_a_frame_is_as_old_as_its_time_says() -> None:
+    monitor = SafetyMonitor(ROBOT)
+    for tick in range(30):
+        hear(monitor, 0.1 * tick, picture(), late=0.8)
+    assert monitor.senses.camera_age == pytest.approx(0.8)
+    assert monitor.limit(Twist(0.4, 0.0), 2.9, endless).twist.v == monitor.params.slow
+
+
+def test_a_picture_that_does_not_change_is_not_looked_at() -> None:
+    monitor, image = SafetyMonitor(ROBOT), picture()
+    hear(monitor, 0.0, image)
+    hear(monitor, 0.1, image)
+    assert monitor.senses.seeing
+    hear(monitor, 0.2, image, x=0.01)
+    assert not monitor.senses.seeing
+    assert monitor.senses.trouble == ""
+    hear(monitor, 0.3, image, x=0.03)
+    assert "frozen" in monitor.senses.trouble
+    hear(monitor, 0.4, picture(), x=0.05)
+    assert monitor.senses.seeing
+
+
+def test_without_encoders_it_stands_and_tries_a_few_millimetres_now_and_then() -> None:
+    monitor = SafetyMonitor(ROBOT)
+    way = {0.4: 0.0, -0.1: 0.0}
+    hear(monitor, 0.0, picture())
+    for tick in range(1, 600):
+        hear(monitor, tick / RATE, picture() if tick % 6 == 0 else None, silent=1.0)
+        for asked in way:
+            got = monitor.limit(Twist(asked, 0.3), tick / RATE, endless).twist
+            assert got.w == 0.3
+            way[asked] += got.v / RATE
+    assert 0.02 < way[0.4] < 0.06
+    assert -0.06 < way[-0.1] < -0.02
+    hear(monitor, 10.0, picture())
+    assert monitor.limit(Twist(0.4, 0.0), 10.0, endless).twist.v == 0.4
+
+
+@pytest.mark.parametrize(("image", "silent", "why"), [(0, 0.0, "dark"), (120, 1.0, "encoders")])
+def test_a_sensor_out_for_long_is_a_failure(image: int, silent: float, why: str) -> None:
+    monitor = SafetyMonitor(ROBOT)
+    hear(monitor, 0.0, picture())
+    for second in range(1, 60):
+        dark = np.zeros((120, 160), np.uint8)
+        hear(monitor, float(second), picture() if image else dark, silent=silent)
+        assert (monitor.failure is not None) == (second > monitor.params.give_up)
+    assert why in str(monitor.failure)

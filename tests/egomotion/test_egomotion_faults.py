@@ -1,0 +1,149 @@
+"""Odometry with a dead encoder, a silent gyro, a bias that jumps."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from navfw.egomotion import Odometer, OdometryHistory
+from navfw.egomotion.wheels import WheelWatch
+from navfw.robot import RobotModel
+from navfw.signals import CameraMotion, Encoders, Inertial, Odometry, Pose, Twist
+
+ROBOT = RobotModel()
+DT = 1.0 / 60.0
+
+
+class Drive:
+    """A robot that does what it is asked; what its sensors say of it may be wrong."""
+
+    def __init__(self) -> None:
+        self.odometer = Odometer(ROBOT)
+        self.time, self.yaw = 0.0, 0.0
+        self.wheels = np.zeros(2)
+        self.counted = np.zeros(2)
+        self.inertial = Inertial(0.0, 0.0, 0.0, 0.0)
+        self.odometry = self.odometer.update(self.inertial, Encoders(0.0, 0, 0))
+
+    def go(
+        self,
+        seconds: float,
+        v: float,
+        w: float = 0.0,
+        *,
+        dead: str = "",
+        gyro: bool = True,
+        bias: float = 0.0,
+    ) -> Odometry:
+        for _ in range(round(seconds / DT)):
+            self.time += DT
+            step = np.array(ROBOT.wheel_speeds(Twist(v, w))) * DT
+            self.counted += step * [dead not in ("left", "both"), dead not in ("right", "both")]
+            ticks = np.floor(self.counted / (2 * math.pi) * ROBOT.ticks_per_turn).astype(int)
+            if gyro:
+                self.inertial = Inertial(self.time, 0.0, 0.0, w + bias)
+            encoders = Encoders(self.time, int(ticks[0]), int(ticks[1]))
+            self.odometry = self.odometer.update(self.inertial, encoders, Twist(v, w))
+        return self.odometry
+
+
+@pytest.mark.parametrize("dead", ["left", "right"])
+@given(v=st.floats(0.15, 0.5), w=st.floats(-0.6, 0.6))
+def test_one_wheel_and_the_gyro_tell_the_way(dead: str, v: float, w: float) -> None:
+    whole, half = Drive(), Drive()
+    whole.go(2.0, v, w)
+    half.go(2.0, v, w, dead=dead)
+    off = whole.odometry.pose.relative(half.odometry.pose)
+    # what passes before the silence is noticed is lost
+    assert math.hypot(off.x, off.y) < 0.04
+    assert abs(off.yaw) < 1e-6
+    assert not half.odometry.silent
+    assert half.odometry.twist.v == pytest.approx(v, abs=0.02)
+
+
+def test_without_encoders_the_robot_does_not_believe_that_it_stands() -> None:
+    drive = Drive()
+    drive.go(0.2, 0.4, dead="both")
+    assert drive.odometry.silent
+    drive.go(0.8, 0.4, dead="both")
+    assert not drive.odometry.still
+    assert drive.odometry.pose.x == pytest.approx(0.4, abs=0.04)
+    # turning slowly teaches no bias
+    drive.go(2.0, 0.0, 0.1, dead="both")
+    assert drive.odometry.yaw_bias == 0.0
+    assert not drive.go(0.1, 0.2).silent
+
+
+def test_one_wheel_without_gyro_is_not_enough() -> None:
+    drive = Drive()
+    drive.go(1.0, 0.4, dead="left", gyro=False)
+    assert drive.odometry.silent
+
+
+def test_a_wheel_that_is_not_asked_to_turn_is_not_silent() -> None:
+    drive = Drive()
+    assert not drive.go(3.0, 0.0, dead="both").silent
+    assert drive.odometry.still
+
+
+def test_a_stale_gyro_is_replaced_by_the_wheels() -> None:
+    drive = Drive()
+    drive.go(1.0, 0.3, 0.0)
+    drive.go(2.0, 0.3, 0.5, gyro=False)
+    # one tenth of a second passes before the gyro's word is stale
+    assert drive.odometry.pose.yaw == pytest.approx(1.0, abs=0.06)
+
+
+def motion(w: float, dt: float = 0.2) -> CameraMotion:
+    turn = w * dt
+    c, s = math.cos(turn), math.sin(turn)
+    rotation = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+    return CameraMotion(rotation, np.array([0.0, 0.0, 0.08]), dt)
+
+
+def test_a_bias_that_the_flow_contradicts_is_learnt_while_driving() -> None:
+    drive = Drive()
+    bias = math.radians(1.0)
+    drive.go(1.0, 0.0)
+    for _ in range(100):
+        drive.go(0.1, 0.4, bias=bias)
+        left = bias - drive.odometry.yaw_bias
+        drive.odometer.contradict(-0.5 * left * 0.2, motion(0.0))
+    assert drive.odometry.yaw_bias == pytest.approx(bias, abs=0.003)
+    assert abs(drive.odometry.pose.yaw) < 4.0 * bias
+
+
+def test_a_small_contradiction_or_one_in_turns_changes_nothing() -> None:
+    drive = Drive()
+    for _ in range(100):
+        drive.go(0.1, 0.4, bias=0.002)
+        drive.odometer.contradict(-0.002 * 0.2, motion(0.0))
+        drive.odometer.contradict(-0.05 * 0.2, motion(0.5))
+    assert drive.odometry.yaw_bias == 0.0
+
+
+@given(st.lists(st.tuples(st.integers(1, 50), st.floats(-0.5, 0.5)), min_size=1, max_size=60))
+def test_a_wheel_that_counts_is_never_silent(steps: list[tuple[int, float]]) -> None:
+    watch, count = WheelWatch(ROBOT), 0
+    for tick, (marks, v) in enumerate(steps):
+        count += marks
+        watch.hear(Encoders(tick * DT, count, count), Twist(v, 0.0))
+        assert watch.silent == (False, False)
+        assert not watch.doubtful
+
+
+def test_late_frames_find_where_they_were_taken() -> None:
+    history = OdometryHistory()
+    with pytest.raises(IndexError):
+        history.at(0.0)
+    for tick in range(600):
+        time = tick / 60.0
+        history.add(Odometry(time, Pose(time, 0.0, 0.0), Twist(1.0, 0.0), 0.0, still=False))
+    assert history.at(599 / 60.0).pose.x == 599 / 60.0
+    assert history.at(9.5).pose.x == pytest.approx(9.5, abs=1e-9)
+    assert history.at(9.51).pose.x == pytest.approx(9.5, abs=1e-9)
+    assert history.at(0.0).pose.x == pytest.approx(599 / 60.0 - 3.0, abs=0.02)
