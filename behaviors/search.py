@@ -58,7 +58,7 @@ class Search(Composite):
         at_door = context.waypoint is not None and context.waypoint.kind == "door"
         verdict = self.rules.evaluate(
             doubt=min(doubt, 2.0),
-            turned=self._turned / (2.0 * math.pi),
+            looked=float(self._turned >= 2.0 * math.pi),
             searched=searched / self.params.patience,
             door=context.waypoint_distance if at_door else 3.0,
         )

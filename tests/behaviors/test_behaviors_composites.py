@@ -1,0 +1,217 @@
+"""Composites: travel's sisters patrol, search and react, and one of a user's own."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from navfw.kinds import Behavior, Composite
+from navfw.mofis.context import Context
+from navfw.mofis.lookahead import Aim
+from navfw.plugins import Registry, default_registry
+from navfw.robot import RobotModel
+from navfw.signals import Belief, Proposal, Twist, Waypoint
+from navfw.stackfile import load_stack
+from navfw.testing.scenes import Scene, contexts_of
+
+ROBOT = RobotModel()
+REGISTRY = default_registry()
+OPEN = contexts_of(Scene("open", Twist(0.3, 0.0), ticks=20))[-1]
+CORRIDOR = contexts_of(Scene("corridor", Twist(0.3, 0.0), left=0.7, right=0.7, ticks=20))[-1]
+DOOR = Waypoint(OPEN.pose.x + 0.7, 0.0, 0.25, "door", "door", final=False, width=0.9)
+
+
+def composite(name: str) -> Composite:
+    cls = REGISTRY.get("composite", name)
+    assert issubclass(cls, Composite)
+    built = cls(ROBOT)
+    built.reset()
+    return built
+
+
+def behavior(name: str) -> Behavior:
+    cls = REGISTRY.get("behavior", name)
+    assert issubclass(cls, Behavior)
+    built = cls(ROBOT)
+    built.reset()
+    return built
+
+
+def wanted(context: Context, proposal: Proposal) -> Twist:
+    desire = proposal.desirability
+    return Twist(
+        float((desire * context.commands.v[:, None]).sum() / desire.sum()),
+        float((desire * context.commands.w[None, :]).sum() / desire.sum()),
+    )
+
+
+# --- patrol --------------------------------------------------------------------------------------
+
+
+def test_patrol_cruises_and_is_cautious_at_doors_and_beside_things() -> None:
+    patrol = composite("patrol")
+    calm = patrol.weigh(OPEN)
+    assert calm["cruise"] == pytest.approx(0.3)
+    assert patrol.weigh(replace(OPEN, waypoint=DOOR))["cruise"] == 1.0
+    close = contexts_of(Scene("beside", Twist(0.3, 0.0), left=0.45, ticks=20))[-1]
+    assert patrol.weigh(close)["cruise"] > 0.9
+    assert patrol.weigh(CORRIDOR)["centre_corridor"] > 0.9
+    assert "IF" in str(patrol.explain()[0]["rule"])
+
+
+def test_patrol_does_as_travel_when_nothing_gets_on() -> None:
+    barred = Aim(0.8, 0.0, math.inf, reachable=False, detour=math.inf)
+    caught = composite("patrol").weigh(replace(OPEN, idle=20.0, aim=barred))
+    assert caught["follow_wall"] == 1.0
+    assert caught["cruise"] == 0.0
+    assert caught["go_to_xy"] < 0.5
+
+
+def test_cruise_is_calm_in_the_open_and_slower_at_a_door() -> None:
+    cruise = behavior("cruise")
+    in_the_open = wanted(OPEN, cruise.propose(OPEN)).v
+    at_door = replace(OPEN, waypoint=DOOR)
+    assert 0.25 < in_the_open < 0.8 * OPEN.commands.max_v
+    assert wanted(at_door, cruise.propose(at_door)).v < 0.7 * in_the_open
+    assert cruise.propose(replace(OPEN, waypoint=None)).applicability == 0.0
+
+
+# --- search --------------------------------------------------------------------------------------
+
+
+def doubting(time: float, sigma: float, twist: Twist) -> Context:
+    belief = Belief(time, OPEN.pose, np.diag([sigma**2, 0.01, 0.01]))
+    return replace(OPEN, time=time, belief=belief, twist=twist)
+
+
+def leader(weights: dict[str, float]) -> str:
+    return max(("go_to_xy", "look_around", "explore"), key=weights.__getitem__)
+
+
+def test_search_travels_while_it_is_sure() -> None:
+    weights = dict(composite("search").weigh(doubting(1.0, 0.2, Twist(0.3, 0.0))))
+    assert leader(weights) == "go_to_xy"
+    assert weights["look_around"] == weights["explore"] == 0.0
+
+
+def test_search_looks_round_then_explores_then_looks_again() -> None:
+    search = composite("search")
+    told = []
+    time, twist = 1.0, Twist(0.0, 1.0)
+    while time < 30.0:
+        told.append(leader(dict(search.weigh(doubting(time, 1.0, twist)))))
+        twist = Twist(0.0, 1.0) if told[-1] == "look_around" else Twist(0.3, 0.0)
+        time += 0.1
+    order = [name for k, name in enumerate(told) if k == 0 or told[k - 1] != name]
+    assert order[:4] == ["look_around", "explore", "look_around", "explore"]
+    assert told.index("explore") == pytest.approx(63, abs=2), "one turn at 1 rad/s"
+    stretch = told[told.index("explore") :].index("look_around")
+    assert stretch == pytest.approx(67, abs=2), "2 m at 0.3 m/s"
+
+
+def test_search_ends_when_the_belief_is_sure_again_and_starts_anew() -> None:
+    search = composite("search")
+    for k in range(70):
+        last = leader(dict(search.weigh(doubting(1.0 + 0.1 * k, 1.0, Twist(0.0, 1.0)))))
+    assert last == "explore"
+    assert leader(dict(search.weigh(doubting(8.1, 0.1, Twist(0.0, 0.0))))) == "go_to_xy"
+    assert leader(dict(search.weigh(doubting(8.2, 1.0, Twist(0.0, 0.0))))) == "look_around"
+
+
+def test_a_search_in_vain_is_given_up_for_a_while() -> None:
+    search = composite("search")
+    told = {
+        k: leader(dict(search.weigh(doubting(1.0 + k, 1.0, Twist(0.0, 0.1))))) for k in range(140)
+    }
+    assert told[10] == "look_around"
+    assert told[70] == told[115] == "go_to_xy"
+    assert told[125] == "look_around"
+
+
+def test_look_around_turns_on_the_spot_toward_the_waypoint_first() -> None:
+    aside = replace(OPEN, waypoint=Waypoint(0.0, -3.0, 0.3, "there", "goal", final=True))
+    for context, sign in ((OPEN, 1.0), (aside, -1.0)):
+        twist = wanted(context, behavior("look_around").propose(context))
+        assert twist.v == 0.0
+        assert twist.w * sign > 0.3
+
+
+def test_explore_heads_for_what_is_open_and_unseen() -> None:
+    bearings = OPEN.ranges.bearings
+    free = np.full(bearings.size, 0.6)
+    seen = free.copy()
+    left = (bearings > 0.6) & (bearings < 1.4)
+    free[left] = 3.0
+    ranges = replace(OPEN.ranges, free=free, seen=np.minimum(seen, free))
+    context = replace(OPEN, ranges=ranges)
+    assert wanted(context, behavior("explore").propose(context)).w > 0.4
+    # of two open ways, the one that has not been seen
+    right = (bearings < -0.6) & (bearings > -1.4)
+    free[right] = 3.0
+    seen[left] = 3.0
+    explore = behavior("explore")
+    assert wanted(
+        context, explore.propose(replace(context, ranges=replace(ranges, seen=seen)))
+    ).w < (-0.4)
+
+
+# --- react ---------------------------------------------------------------------------------------
+
+
+def test_react_follows_walls_only_where_it_gets_no_nearer() -> None:
+    react = composite("react")
+    wall = contexts_of(Scene("wall", Twist(0.3, 0.0), ahead=0.9))[-1]
+    moving = react.weigh(replace(wall, idle=0.0))
+    assert moving["follow_wall_quadrants"] == 0.0
+    assert moving["go_to_xy"] < 0.5 < moving["avoid_quadrants"]
+    caught = react.weigh(replace(wall, idle=20.0))
+    assert caught["follow_wall_quadrants"] == 1.0
+    assert caught["go_to_xy"] == 0.0
+    assert react.weigh(replace(OPEN, idle=20.0))["go_to_xy"] == 1.0
+    assert react.explain()
+
+
+# --- of a user's own -----------------------------------------------------------------------------
+
+TIMID = '''
+"""Timid: a composite of a user's own."""
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+from navfw import Composite, Context
+
+
+class Timid(Composite):
+    """Gives the goal a say only where nothing is near."""
+
+    name: ClassVar[str] = "timid"
+
+    def weigh(self, context: Context) -> Mapping[str, float]:
+        return {"go_to_xy": min(1.0, context.ranges.front), "peek": 1.0}
+'''
+
+
+def test_a_composite_of_a_users_own_is_found_chosen_and_told(tmp_path: Path) -> None:
+    (tmp_path / "timid.py").write_text(TIMID)
+    registry = default_registry([tmp_path])
+    listed = [entry for entry in registry.listing("composite") if entry["name"] == "timid"]
+    assert [entry["status"] for entry in listed] == ["ok"]
+    config = load_stack("navfw/stacks/default.yaml", registry, ["composite={timid: }"])
+    assert config.stages["composite"].name == "timid"
+    assert config.stages["composite"].plugin(ROBOT).weigh(CORRIDOR)["peek"] == 1.0  # type: ignore[attr-defined]
+
+
+def test_a_broken_composite_is_told_and_stops_nothing_else(tmp_path: Path) -> None:
+    (tmp_path / "timid.py").write_text(
+        TIMID.replace("def weigh(self, context", "def weigh(self, it")
+    )
+    registry: Registry = default_registry([tmp_path])
+    (broken,) = (entry for entry in registry.listing("composite") if entry["status"] == "broken")
+    assert "weigh" in broken["error"]
+    assert "context" in broken["error"]
+    assert registry.get("composite", "travel")

@@ -1,0 +1,133 @@
+"""The simple flow robots: balance, and saccades by the divergence."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from navfw.kinds import Behavior
+from navfw.mofis.context import Context
+from navfw.plugins import default_registry
+from navfw.robot import RobotModel
+from navfw.signals import Pose, Proposal, Twist
+from navfw.testing.scenes import Scene, contexts_of, wall_flow
+
+ROBOT = RobotModel()
+REGISTRY = default_registry()
+OPEN = contexts_of(Scene("open", Twist(0.3, 0.0), waypoint=(9.0, 0.0), ticks=3))[-1]
+
+
+def built(name: str) -> Behavior:
+    cls = REGISTRY.get("behavior", name)
+    assert issubclass(cls, Behavior)
+    behavior = cls(ROBOT)
+    behavior.reset()
+    return behavior
+
+
+def seeing(ahead: float = 20.0, left: float = 20.0, right: float = 20.0) -> Context:
+    return replace(OPEN, flow=wall_flow(ROBOT, OPEN.time, ahead, left, right))
+
+
+def wanted(context: Context, proposal: Proposal) -> Twist:
+    desire = proposal.desirability
+    return Twist(
+        float((desire * context.commands.v[:, None]).sum() / desire.sum()),
+        float((desire * context.commands.w[None, :]).sum() / desire.sum()),
+    )
+
+
+@given(st.floats(0.3, 1.2), st.floats(0.3, 1.2))
+def test_balance_turns_away_from_the_nearer_wall_and_mirrors(left: float, right: float) -> None:
+    behavior = built("balance")
+    context = seeing(left=left, right=right)
+    here = wanted(context, behavior.propose(context)).w
+    mirrored = seeing(left=right, right=left)
+    assert wanted(mirrored, behavior.propose(mirrored)).w == pytest.approx(-here, abs=0.03)
+    if abs(left - right) > 0.3:
+        assert here * (left - right) > 0.0
+
+
+def test_balance_is_drawn_to_the_goal_and_slower_in_turns() -> None:
+    behavior = built("balance")
+    straight = wanted(OPEN, behavior.propose(OPEN))
+    assert abs(straight.w) < 0.03
+    assert straight.v == pytest.approx(0.3, abs=0.03)
+    aside = replace(seeing(), belief=replace(OPEN.belief, pose=Pose(0.0, 0.0, -1.0)))
+    turning = wanted(aside, behavior.propose(aside))
+    assert turning.w > 0.3
+    assert turning.v < straight.v
+
+
+def test_balance_needs_fresh_flow_of_both_sides() -> None:
+    behavior = built("balance")
+    context = seeing(left=0.4)
+    assert wanted(context, behavior.propose(context)).w < -0.3
+    assert context.flow is not None
+    half = context.flow.confidence * (context.flow.points[..., 0] < 0.0)
+    blind = replace(context, flow=replace(context.flow, confidence=half))
+    old = replace(context, time=context.time + 2.0)
+    for unsure in (blind, old, replace(context, flow=None)):
+        assert abs(wanted(unsure, behavior.propose(unsure)).w) < 0.05
+
+
+def drive_toward(distance: float, looks: int = 3) -> tuple[Context, Proposal]:
+    """The divergence robot before a wall, after so many looks at it."""
+    behavior = built("divergence")
+    for look in range(looks):
+        time = OPEN.time + 0.1 * look
+        flow = wall_flow(ROBOT, time, distance - 0.03 * look, 20.0, 0.9)
+        context = replace(OPEN, time=time, flow=flow)
+        proposal = behavior.propose(context)
+    return context, proposal
+
+
+def test_divergence_drives_on_while_contact_is_far_and_turns_before_it() -> None:
+    context, proposal = drive_toward(3.0)
+    twist = wanted(context, proposal)
+    assert twist.v > 0.25
+    assert abs(twist.w) < 0.05
+    context, proposal = drive_toward(0.7)
+    twist = wanted(context, proposal)
+    assert abs(twist.v) < 0.02
+    assert twist.w > 0.7, "to the left: the flow is larger on the right"
+    assert "saccade" in proposal.reason
+
+
+def test_one_look_is_not_believed() -> None:
+    context, proposal = drive_toward(0.7, looks=1)
+    assert wanted(context, proposal).v > 0.25
+
+
+def test_divergence_measures_the_time_to_contact() -> None:
+    # 6 cm between frames 0.2 s apart are 0.3 m/s; the camera is 0.1 m ahead of the axle
+    _, proposal = drive_toward(2.0, looks=1)
+    told = float(proposal.reason.split()[2])
+    assert told == pytest.approx((2.0 - 0.1) / 0.3, rel=0.1)
+
+
+def test_after_a_saccade_it_goes_straight_on_for_a_while() -> None:
+    behavior = built("divergence")
+    for look in range(2):
+        time = OPEN.time + 0.1 * look
+        flow = wall_flow(ROBOT, time, 0.7, 20.0, 0.9)
+        behavior.propose(replace(OPEN, time=time, flow=flow))
+    pose = Pose(OPEN.pose.x, OPEN.pose.y, OPEN.pose.yaw + 1.0)
+    away = replace(OPEN, time=OPEN.time + 1.5, pose=pose)
+    away = replace(away, belief=replace(OPEN.belief, pose=pose))
+    twist = wanted(away, behavior.propose(away))
+    assert twist.v > 0.25
+    assert abs(twist.w) < 0.05, "not back to the goal at once"
+    there = Pose(pose.x + 0.9 * np.cos(pose.yaw), pose.y + 0.9 * np.sin(pose.yaw), pose.yaw)
+    later = replace(away, time=away.time + 3.0, pose=there)
+    later = replace(later, belief=replace(OPEN.belief, pose=there))
+    assert wanted(later, behavior.propose(later)).w < -0.3, "then to the goal again"
+
+
+@pytest.mark.parametrize("name", ["balance", "divergence"])
+def test_they_want_nothing_without_a_waypoint(name: str) -> None:
+    assert built(name).propose(replace(OPEN, waypoint=None)).applicability == 0.0

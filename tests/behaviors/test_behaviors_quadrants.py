@@ -1,0 +1,136 @@
+"""The primitives of the stack as published: what near, middle and far alone make them do."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from navfw.kinds import Behavior
+from navfw.mofis.context import Context
+from navfw.mofis.sight import sight_of
+from navfw.plugins import default_registry
+from navfw.robot import RobotModel
+from navfw.signals import Pose, Proposal, Twist
+from navfw.testing.scenes import Scene, contexts_of
+
+ROBOT = RobotModel()
+REGISTRY = default_registry()
+
+
+def last(scene: Scene) -> Context:
+    return contexts_of(scene)[-1]
+
+
+def built(name: str) -> Behavior:
+    cls = REGISTRY.get("behavior", name)
+    assert issubclass(cls, Behavior)
+    behavior = cls(ROBOT)
+    behavior.reset()
+    return behavior
+
+
+def wanted(context: Context, proposal: Proposal) -> Twist:
+    desire = proposal.desirability
+    return Twist(
+        float((desire * context.commands.v[:, None]).sum() / desire.sum()),
+        float((desire * context.commands.w[None, :]).sum() / desire.sum()),
+    )
+
+
+def test_sight_is_near_on_the_side_of_a_wall_and_far_elsewhere() -> None:
+    sight = last(Scene("left", Twist(0.3, 0.0), left=0.5)).sight
+    assert sight is not None
+    assert (sight.left, sight.right, sight.ahead) == (0.0, 1.0, 1.0)
+    ahead = last(Scene("ahead", Twist(0.3, 0.0), ahead=0.9)).sight
+    assert ahead is not None
+    assert max(ahead.left, ahead.right, ahead.ahead) < 0.2
+    corridor = last(Scene("corridor", Twist(0.3, 0.0), left=0.7, right=0.7)).sight
+    assert corridor is not None
+    assert corridor.ahead == 1.0, "walls beside a corridor are not ahead"
+    assert max(corridor.left, corridor.right) < 0.2
+
+
+def test_what_is_unknown_is_neither_near_nor_free() -> None:
+    percept = last(Scene("open", Twist(0.3, 0.0))).percept
+    assert percept is not None
+    nothing = dict.fromkeys(("near", "middle", "far"), 0.0)
+    blind = replace(percept, quadrants=dict.fromkeys(percept.quadrants, nothing))
+    sight = sight_of(blind, percept.time + 2.0)
+    assert (sight.left, sight.right) == (0.5, 0.5)
+    assert sight.age == pytest.approx(2.0)
+
+
+def test_with_one_layer_ahead_is_what_both_halves_show() -> None:
+    percept = last(Scene("ahead", Twist(0.3, 0.0), ahead=0.9)).percept
+    assert percept is not None
+    shallow = replace(percept, obstacles={"layer1": percept.obstacles["layer1"]})
+    assert sight_of(shallow, percept.time).ahead < 0.2
+
+
+@pytest.mark.parametrize(("side", "sign"), [("left", -1.0), ("right", 1.0)])
+def test_it_turns_away_from_the_nearer_half(side: str, sign: float) -> None:
+    scene = Scene("beside", Twist(0.3, 0.0))
+    scene = replace(scene, left=0.5) if side == "left" else replace(scene, right=0.5)
+    context = last(scene)
+    proposal = built("avoid_quadrants").propose(context)
+    assert proposal.applicability > 0.8
+    assert wanted(context, proposal).w * sign > 0.3
+
+
+@pytest.mark.parametrize(("goal", "sign"), [((2.0, 1.5), 1.0), ((2.0, -1.5), -1.0)])
+def test_before_a_wall_it_turns_hard_to_the_waypoints_side_and_not_fast(
+    goal: tuple[float, float], sign: float
+) -> None:
+    context = last(Scene("wall", Twist(0.3, 0.0), waypoint=goal, ahead=0.9))
+    proposal = built("avoid_quadrants").propose(context)
+    twist = wanted(context, proposal)
+    assert twist.w * sign > 0.7
+    assert twist.v < 0.2
+    assert np.all(proposal.prohibition[-1] > 0.0), "driving on at full speed is discouraged"
+    assert not proposal.prohibition[context.commands.v <= 0.05].any()
+
+
+def test_what_was_seen_long_ago_counts_no_more() -> None:
+    context = last(Scene("wall", Twist(0.3, 0.0), ahead=0.9))
+    late = replace(context, time=context.time + 1.0)
+    for name in ("avoid_quadrants", "follow_wall_quadrants"):
+        assert built(name).propose(late).applicability == 0.0
+
+
+@pytest.mark.parametrize(("side", "sign"), [("left", 1.0), ("right", -1.0)])
+def test_following_a_wall_keeps_it_between_near_and_middle(side: str, sign: float) -> None:
+    def turn(gap: float) -> float:
+        scene = Scene("beside", Twist(0.2, 0.0))
+        scene = replace(scene, left=gap) if side == "left" else replace(scene, right=gap)
+        context = last(scene)
+        return wanted(context, built("follow_wall_quadrants").propose(context)).w * sign
+
+    assert turn(0.4) < -0.1
+    assert turn(1.8) > 0.1
+
+
+def test_an_emergency_turns_on_the_spot_to_its_end() -> None:
+    behavior = built("emergency_quadrants")
+    drive = contexts_of(Scene("late", Twist(0.3, 0.0), waypoint=(3.0, 2.0), ahead=0.6))
+    context = drive[-1]
+    assert context.sight is not None and context.sight.floor < 0.2
+    proposal = behavior.propose(context)
+    assert proposal.applicability == 1.0
+    assert np.all(proposal.prohibition[context.commands.v > 0.0] == 1.0)
+    twist = wanted(context, proposal)
+    assert (twist.v, twist.w > 0.5) == (0.0, True), "to the side of the waypoint"
+    turned = 0.0
+    while behavior.propose(context).applicability:
+        turned += 0.1
+        pose = Pose(context.pose.x, context.pose.y, context.pose.yaw + 0.1)
+        # nothing is seen while turning: the percept grows old
+        context = replace(context, pose=pose, time=context.time + 0.2)
+        assert turned < 2.0
+    assert 0.8 < turned < 1.2
+
+
+def test_an_emergency_is_none_on_open_floor() -> None:
+    context = last(Scene("open", Twist(0.3, 0.0)))
+    assert built("emergency_quadrants").propose(context).applicability == 0.0
