@@ -27,6 +27,9 @@ CONFIDENCE = 0.3
 INTERVAL = 0.2
 """Looks nearer in time count as one [s]: they see the same flow."""
 
+_ROUNDING = 1e-6
+"""Frames come in step with the interval, but for rounding [s]."""
+
 CERTAIN = 6
 """Looks, net, after which the floor is taken for missing."""
 
@@ -45,7 +48,7 @@ class DropMemory:
 
     def enter(self, percept: Percept, pose: Pose) -> None:
         """Count what ``percept`` shows, seen from odom ``pose``."""
-        if percept.time - self._time < INTERVAL:
+        if percept.time - self._time < INTERVAL - _ROUNDING:
             return
         self._time = percept.time
         label = percept.label.ravel()

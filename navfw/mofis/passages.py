@@ -32,6 +32,9 @@ _SHORTEST = 0.3
 _OPENNESS = 0.03
 """A path counts as closed only if it would be even for a robot so much smaller [m]."""
 
+_ROUNDING = 1e-6
+"""Frames come in step with the interval, but for rounding [s]."""
+
 _BESIDE = 0.5
 """A path begins so near the robot [m]: it may stand in a corner of its own ghosts."""
 
@@ -81,7 +84,7 @@ class PassageWatch:
 
         ``queries`` are the legs of the way ahead, in order, the first one from the robot on.
         """
-        if time - self._last < self.params.interval:
+        if time - self._last < self.params.interval - _ROUNDING:
             return None
         self._last = time
 
