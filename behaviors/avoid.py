@@ -46,6 +46,7 @@ class Avoid(Behavior):
         verdict = self.rules.evaluate_all(
             reserve=arcs.free / needed[:, None],
             insight=arcs.known / needed[:, None],
+            pace=np.broadcast_to(v[:, None], arcs.free.shape),
             clearance=arcs.clearance,
         )
         nearest = float(context.ranges.free.min())

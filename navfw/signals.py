@@ -198,7 +198,8 @@ class FlowField:
     past frame (``now - past``: forward motion makes vectors point away from the focus of
     expansion). ``confidence`` (rows, cols) in [0, 1]; 0 means the vector says nothing. ``sigma``
     (rows, cols) [px] is one standard deviation of a vector's components. ``derotated`` tells
-    whether the part due to camera rotation has been removed.
+    whether the part due to camera rotation has been removed. ``contradiction`` (rows, cols) in
+    [0, 1], if known: how confidently a vector was found that nothing at rest can have.
     """
 
     time: float
@@ -208,6 +209,7 @@ class FlowField:
     sigma: Array
     motion: CameraMotion
     derotated: bool = False
+    contradiction: Array | None = None
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -234,12 +236,26 @@ class Label(IntEnum):
 
 
 @dataclass(frozen=True, slots=True)
+class Mover:
+    """Something that moves by itself: its flow contradicts the camera's motion.
+
+    ``bearing`` and half its angular ``width`` [rad, left positive] seen from the camera;
+    ``distance`` [m] along the floor to where it stands, by its lowest seen part.
+    """
+
+    bearing: float
+    width: float
+    distance: float
+
+
+@dataclass(frozen=True, slots=True)
 class Percept:
     """What OFFIS makes of one flow field (paper sec 4 and 5).
 
     Metric part, arrays (rows, cols) on the flow's grid: ``nearness`` [1/m], ``sigma`` [1/m],
     ``confidence`` in [0, 1] and ``height`` [m above floor] of the seen point; ``points`` as in
-    FlowField. ``label`` (rows, cols) int8: the values of ``Label``.
+    FlowField. ``label`` (rows, cols) int8: the values of ``Label``. ``movers`` are what moves by
+    itself. A robot that does not translate sees movers alone (``sees_depth`` is false).
 
     Fuzzy part: ``obstacles`` names per layer the region(s) of the nearest object with their
     distance term; ``quadrants`` holds for each of P1..P4 the degrees of near / middle / far;
@@ -263,6 +279,12 @@ class Percept:
     floor_in_front: float
     sentence: str
     explanation: Mapping[str, Any] = field(default_factory=dict)
+    movers: tuple[Mover, ...] = ()
+
+    @property
+    def sees_depth(self) -> bool:
+        """Whether any cell knows its nearness."""
+        return bool(self.confidence.any())
 
     def explain(self) -> dict[str, Any]:
         """Why it says so, as plain data: rules that fired, how strongly, from which numbers.

@@ -239,7 +239,7 @@ class Stack:
         if not self._localized:
             self.localizer.start(self.topo_map, self._start_pose, odometry)
             self._localized = True
-        percept = percepts[-1] if percepts else None
+        percept = next((p for p in reversed(percepts) if p.sees_depth), None)
         with _Timer(self.timings, "localizer"):
             belief = self.localizer.update(odometry, percept, sightings)
         with _Timer(self.timings, "planner"):

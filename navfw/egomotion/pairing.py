@@ -13,7 +13,7 @@ from pydantic import Field, model_validator
 from navfw.egomotion.camera_motion import SLIP, YAW_RATE_SIGMA, camera_motion
 from navfw.kinds import Params
 from navfw.robot import RobotModel
-from navfw.signals import Frame, FramePair, Odometry, Pose, wrap_angle
+from navfw.signals import CameraMotion, Frame, FramePair, Odometry, Pose, wrap_angle
 
 __all__ = ["FrameBuffer", "PairingParams"]
 
@@ -28,6 +28,13 @@ class PairingParams(Params):
     max_baseline: Annotated[Length, Field(description="no pair above this baseline [m]")] = 0.16
     short: Annotated[
         bool, Field(description="also give a pair over the short baseline, for what is very near")
+    ] = False
+    movers: Annotated[
+        bool,
+        Field(
+            description="every other time pair with the last frame, and always when standing: "
+            "what moves by itself shows over a short time"
+        ),
     ] = False
     short_baseline: Annotated[Length, Field(description="sought for the short pair [m]")] = 0.035
     max_rotation: Annotated[
@@ -74,7 +81,8 @@ class FrameBuffer:
     """Keeps recent frames with their odometry and pairs the newest with the most useful past one.
 
     Driving backwards pairs as well as driving forwards. A robot that only turns sees no depth, and
-    one that has not moved since its last pair sees nothing new: both get no pair.
+    one that has not moved since its last pair sees nothing new: both get no pair. Only with
+    ``params.movers`` they pair with their last frame, to see what moves by itself.
     """
 
     def __init__(self, robot: RobotModel, params: PairingParams | None = None) -> None:
@@ -87,6 +95,7 @@ class FrameBuffer:
         self._views: deque[_View] = deque()
         self._pairs: tuple[FramePair, ...] = ()
         self._last_paired: Pose | None = None
+        self._movers_turn = False
 
     def add(self, frame: Frame, odometry: Odometry) -> None:
         """Take in the newest ``frame`` with the odometry of (about) the same time.
@@ -112,8 +121,13 @@ class FrameBuffer:
     def _make_pairs(self, now: _View) -> Iterable[FramePair]:
         last = self._last_paired
         if last is not None and self._nothing_new(last, now.pose):
+            yield from self._with_last(now)
             return
         useful = [pair for past in self._views if (pair := self._pair(past, now)) is not None]
+        self._movers_turn = self.params.movers and not (self._movers_turn and useful)
+        if self._movers_turn:
+            yield from self._with_last(now)
+            return
         if not useful:
             return
         # among equals the younger one: less time for the gyro to drift and the scene to move
@@ -127,6 +141,13 @@ class FrameBuffer:
             if short.motion.baseline < 0.7 * long.motion.baseline:
                 yield short
 
+    def _with_last(self, now: _View) -> Iterable[FramePair]:
+        """The newest frame with the one before, whatever the baseline, to see movers."""
+        if self.params.movers and self._views:
+            past = self._views[-1]
+            if abs(wrap_angle(now.pose.yaw - past.pose.yaw)) <= self.params.max_rotation:
+                yield FramePair(past.frame, now.frame, self._motion(past, now))
+
     def _nothing_new(self, last: Pose, now: Pose) -> bool:
         step = math.hypot(now.x - last.x, now.y - last.y)
         turn = abs(wrap_angle(now.yaw - last.yaw))
@@ -136,17 +157,20 @@ class FrameBuffer:
         params = self.params
         if abs(wrap_angle(now.pose.yaw - past.pose.yaw)) > params.max_rotation:
             return None
-        motion = camera_motion(
+        motion = self._motion(past, now)
+        if not params.min_baseline <= motion.baseline <= params.max_baseline:
+            return None
+        return FramePair(past.frame, now.frame, motion)
+
+    def _motion(self, past: _View, now: _View) -> CameraMotion:
+        return camera_motion(
             self._robot,
             past.pose,
             now.pose,
             now.frame.time - past.frame.time,
-            yaw_rate_sigma=params.yaw_rate_sigma,
-            slip=params.slip,
+            yaw_rate_sigma=self.params.yaw_rate_sigma,
+            slip=self.params.slip,
         )
-        if not params.min_baseline <= motion.baseline <= params.max_baseline:
-            return None
-        return FramePair(past.frame, now.frame, motion)
 
 
 def _pose_at(time: float, odometry: Odometry) -> Pose:

@@ -21,6 +21,9 @@ __all__ = ["Refinement", "RefinementParams", "refine"]
 
 ITERATIONS = 6
 
+CERTAIN, DOUBT = 3.0, 0.1
+"""A vector contradicts the motion beyond so many standard deviations, with so much [px] added."""
+
 
 class RefinementParams(Params):
     """How much the flow may correct the measured rotation."""
@@ -63,14 +66,26 @@ class Refinement:
     consistent: npt.NDArray[np.bool_]
     allowed: Array
 
+    @property
+    def _contradicts(self) -> npt.NDArray[np.bool_]:
+        """Where a vector is off its line by more than any doubt about the flow's own error."""
+        doubt = np.hypot(self.allowed, DOUBT)
+        return ~self.consistent & (np.abs(self.residual) > CERTAIN * doubt)
+
     def apply(self, flow: FlowField, camera: CameraModel) -> FlowField:
         """``flow`` derotated by the corrected rotation, trusted less where it contradicts.
 
-        The confidence factor is exp(-(residual / 2 sigma)^2), METHOD 2.9, and 0 beyond the gate.
+        The confidence factor is exp(-(residual / 2 sigma)^2), METHOD 2.9, and 0 beyond the gate:
+        there the confidence is that of the contradiction.
         """
         off = np.nan_to_num(self.residual / self.allowed)
         factor = np.where(self.consistent, np.exp(-((0.5 * off) ** 2)), 0.0)
-        refined = dataclasses.replace(flow, motion=self.motion, confidence=flow.confidence * factor)
+        refined = dataclasses.replace(
+            flow,
+            motion=self.motion,
+            confidence=flow.confidence * factor,
+            contradiction=np.where(self._contradicts, flow.confidence, 0.0),
+        )
         return derotate(refined, camera)
 
 

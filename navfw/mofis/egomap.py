@@ -15,7 +15,8 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from navfw.mofis.evidence import cast_evidence
+from navfw.mofis.evidence import cast_evidence, forget_view
+from navfw.mofis.tracks import Disc
 from navfw.robot import RobotModel
 from navfw.signals import Array, Label, Percept, Pose
 
@@ -54,6 +55,9 @@ class EgoMapParams(BaseModel):
         Field(description="a cell's share of a reading that says nothing, and that says all"),
     ] = (0.08, 0.3)
     fade: Annotated[Positive, Field(description="time constant of forgetting [s]")] = 30.0
+    glance: Annotated[
+        Positive, Field(description="time constant of forgetting free floor within view [s]")
+    ] = 1.0
     certainty: Annotated[Share, Field(description="least confidence entered")] = 0.15
     over_share: Annotated[
         Share, Field(description="weight of a free look that passes at camera height")
@@ -92,6 +96,8 @@ class EgoMap:
         self.evidence: Array = np.zeros((self.size, self.size))
         self._origin: tuple[float, float] | None = None
         self._time: float | None = None
+        self._looked: float | None = None
+        self._taken: tuple[Disc, ...] = ()
         self._clearance: Array | None = None
         self._known: npt.NDArray[np.uint8] | None = None
 
@@ -147,6 +153,8 @@ class EgoMap:
         free = np.where(label == Label.ABOVE, 0.5, 1.0) * confidence
 
         c, s = math.cos(pose.yaw), math.sin(pose.yaw)
+        at = pose.x + c * camera.mount_forward, pose.y + s * camera.mount_forward
+        self._forget_view(at, pose.yaw, percept.time)
         self._hit[:] = 0.0
         self._free[:] = 0.0
         cast_evidence(
@@ -155,8 +163,7 @@ class EgoMap:
             self.origin[0],
             self.origin[1],
             p.cell,
-            pose.x + c * camera.mount_forward,
-            pose.y + s * camera.mount_forward,
+            *at,
             camera.mount_height,
             direction,
             np.tile(nearness, 3),
@@ -169,6 +176,20 @@ class EgoMap:
         self.evidence += p.hit * self._hit - p.free * self._free * (1.0 - self._hit)
         np.clip(self.evidence, p.least, p.most, out=self.evidence)
         self._clearance = self._known = None
+
+    def _forget_view(self, at: tuple[float, float], yaw: float, time: float) -> None:
+        """Doubt the free floor within view; see ``forget_view``."""
+        since = 0.0 if self._looked is None else max(0.0, time - self._looked)
+        self._looked = time
+        forget_view(
+            self.evidence,
+            (at[1] - self.origin[1]) / self.params.cell,
+            (at[0] - self.origin[0]) / self.params.cell,
+            yaw,
+            math.tan(0.5 * self.robot.camera.hfov),
+            self.params.range / self.params.cell,
+            math.exp(-since / self.params.glance),
+        )
 
     def _directions(self, points: Array, kept: npt.NDArray[np.bool_], pose: Pose) -> Array:
         """(3 N, 3): advance in odom x, y and height per metre of depth, for three rays a cell.
@@ -188,6 +209,12 @@ class EgoMap:
             [c * base[:, 0] - s * base[:, 1], s * base[:, 0] + c * base[:, 1], base[:, 2]]
         )
 
+    def take(self, discs: tuple[Disc, ...]) -> None:
+        """Floor that counts as occupied until the next call: what movers stand and walk on."""
+        if discs or self._taken:
+            self._clearance = None
+        self._taken = discs
+
     # --- reading ---------------------------------------------------------------------------------
 
     @property
@@ -205,7 +232,15 @@ class EgoMap:
     @property
     def occupied(self) -> np.ndarray[tuple[int, int], np.dtype[np.bool_]]:
         """(n, n) True where evidence says that something stands."""
-        return self.evidence >= self.params.occupied
+        occupied = self.evidence >= self.params.occupied
+        if self._taken:
+            painted = occupied.astype(np.uint8)
+            for disc in self._taken:
+                row, column = self.index(disc.x, disc.y)
+                radius = round(disc.radius / self.params.cell)
+                cv2.circle(painted, (column, row), radius, 1, cv2.FILLED)
+            occupied = painted.astype(np.bool_)
+        return occupied
 
     @property
     def known(self) -> npt.NDArray[np.uint8]:

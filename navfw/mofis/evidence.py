@@ -13,7 +13,7 @@ import numba
 
 from navfw.signals import Array
 
-__all__ = ["cast_evidence"]
+__all__ = ["cast_evidence", "forget_view"]
 
 _PEAK = 1.0 / math.sqrt(2.0 * math.pi)
 
@@ -88,3 +88,24 @@ def cast_evidence(
                 if word > 0.0:
                     hit[row, column] = max(hit[row, column], hit_weight[i] * word)
                 depth += step
+
+
+@numba.njit(cache=True)
+def forget_view(
+    evidence: Array, row: float, column: float, yaw: float, slope: float, reach: float, keep: float
+) -> None:
+    """Leave only ``keep`` of what speaks for free floor within view, in place.
+
+    The view is a wedge from the camera at (row, column) [cells] along ``yaw`` [rad], ``slope``
+    (tangent) to either side and ``reach`` [cells] deep. What is looked at and free is confirmed by
+    every look; what is not may have been walked into by someone.
+    """
+    size = evidence.shape[0]
+    c, s = math.cos(yaw), math.sin(yaw)
+    for i in range(size):
+        for j in range(size):
+            if evidence[i, j] < 0.0:
+                ahead = (j - column) * c + (i - row) * s
+                aside = (i - row) * c - (j - column) * s
+                if 0.0 < ahead < reach and abs(aside) <= slope * ahead:
+                    evidence[i, j] *= keep

@@ -17,6 +17,7 @@ from navfw.mofis.egomap import EgoMap, EgoMapParams
 from navfw.mofis.lookahead import Aim, Lookahead, LookaheadParams
 from navfw.mofis.passages import PassageWatch, PassageWatchParams
 from navfw.mofis.reach import look_around, room_along, sweep
+from navfw.mofis.tracks import TrackParams, Tracks
 from navfw.mofis.watchdog import BehaviorTimeout, Watchdog
 from navfw.robot import RobotModel
 from navfw.signals import (
@@ -42,6 +43,7 @@ class MofisParams(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     ego_map: EgoMapParams = EgoMapParams()
+    tracks: TrackParams = TrackParams()
     commands: CommandGridParams = CommandGridParams()
     lookahead: LookaheadParams = LookaheadParams()
     passages: PassageWatchParams = PassageWatchParams()
@@ -93,6 +95,7 @@ class Mofis:
         self.params = params or MofisParams()
         self.commands = CommandGrid(robot, self.params.commands)
         self.egomap = EgoMap(robot, self.params.ego_map)
+        self.tracks = Tracks(robot, self.params.tracks)
         self.lookahead = Lookahead(self.params.lookahead)
         self.passages = PassageWatch(self.egomap, self.params.passages)
         self.watchdog = Watchdog()
@@ -101,6 +104,7 @@ class Mofis:
     def reset(self) -> None:
         """Forget the last run."""
         self.egomap.reset()
+        self.tracks.reset()
         self.passages.reset()
         self.fusion.reset()
         if self.composite is not None:
@@ -141,10 +145,15 @@ class Mofis:
         if flows:
             self._flow = flows[-1]
         self.egomap.move(odometry.pose, odometry.time)
+        eye = odometry.pose if seen_from is None else seen_from
         for percept in percepts:
-            self.egomap.enter(percept, odometry.pose if seen_from is None else seen_from)
-            self.passages.enter(percept, odometry.pose if seen_from is None else seen_from)
-            self._percept = percept
+            self.tracks.see(percept.movers, eye, percept.time)
+            if percept.sees_depth:
+                self.egomap.enter(percept, eye)
+                self.passages.enter(percept, eye)
+                self._percept = percept
+        self.tracks.forget(odometry.time)
+        self.egomap.take(self.tracks.discs(odometry.time))
         self.context = self._context(odometry, belief, waypoint)
         self.weights = self._weigh(self.context)
         self.proposals = {}

@@ -61,6 +61,20 @@ def test_a_short_pair_comes_too_when_asked_for() -> None:
     assert len(drive(0.2, 0.0)[-1]) == 1
 
 
+def test_to_see_movers_every_other_pair_is_with_the_last_frame() -> None:
+    given = drive(0.2, 0.0, params=PairingParams(movers=True))[-6:]
+    baselines = [round(pair.motion.baseline, 3) for pairs in given for pair in pairs]
+    assert baselines in ([0.02, 0.08] * 3, [0.08, 0.02] * 3)
+
+
+@pytest.mark.parametrize(("v", "w"), [(0.0, 0.0), (0.0, 0.5)])
+def test_to_see_movers_a_robot_without_way_looks_too(v: float, w: float) -> None:
+    for pairs in drive(v, w, params=PairingParams(movers=True))[1:]:
+        (pair,) = pairs
+        assert pair.now.time - pair.past.time == pytest.approx(0.1)
+    assert not any(drive(0.0, 2.0, params=PairingParams(movers=True)))  # too fast a turn
+
+
 def test_turning_alone_gives_no_pair() -> None:
     assert not any(drive(0.0, 1.0))
     assert not any(drive(0.0, 0.0))

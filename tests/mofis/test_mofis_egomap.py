@@ -159,3 +159,17 @@ def test_clearance_is_the_distance_to_the_nearest_thing() -> None:
 def test_the_map_has_no_place_before_the_first_move() -> None:
     with pytest.raises(RuntimeError, match="move first"):
         EgoMap(ROBOT).index(0.0, 0.0)
+
+
+def test_free_floor_within_view_must_be_seen_again() -> None:
+    pose = Pose(0, 0, 0)
+    egomap = looked([see(0.0, 2.5, Label.OBSTACLE)] * 8, pose)
+    ahead, aside = egomap.index(1.5, 0.0), egomap.index(0.0, 1.5)
+    egomap.evidence[aside] = -1.0  # seen before, out of view now
+    was = float(egomap.evidence[ahead])
+    assert was < egomap.params.seen_free
+    for k in range(1, 31):  # looks to another side of the view find nothing ahead
+        egomap.move(pose, 0.8 + 0.1 * k)
+        egomap.enter(dataclasses.replace(see(70.0, 2.5, Label.OBSTACLE), time=0.1 * k), pose)
+    assert egomap.evidence[ahead] > 0.2 * was
+    assert egomap.evidence[aside] < -0.8
