@@ -49,51 +49,70 @@ def _box(integral: Ints, x0: int, x1: int, y0: int, y1: int) -> int:
 
 @numba.njit(cache=True)
 def _column_sums(
-    now: Floats,
-    past: Floats,
-    right: int,
-    down: int,
-    y_edges: Ints,
-    column: Floats,
-    sums: Ints32,
+    now: Bytes, past: Bytes, right: int, down: int, y_edges: Ints, column: Ints32, sums: Ints32
 ) -> None:
     """Products of ``now`` and ``past``, summed down the columns: sums[k] over rows up to edge k.
 
-    ``past`` is read ``right`` columns and ``down`` rows further on than ``now``. The products of
-    two bytes over a segment of at most 257 rows stay below 2^24, so their float32 sum is exact.
+    ``past`` is read ``right`` columns and ``down`` rows further on than ``now``. Two rows at a
+    time: processors multiply and add pairs of small integers at once.
     """
+    width = column.size
     for k in range(y_edges.size - 1):
-        column[:] = np.float32(0.0)
-        for y in range(y_edges[k], y_edges[k + 1]):
-            a = now[y]
-            b = past[y + down, right : right + column.size]
-            for i in range(column.size):
-                column[i] += a[i] * b[i]
-        above = sums[k]
-        below = sums[k + 1]
-        for i in range(column.size):
-            below[i] = above[i] + np.int32(column[i])
+        column[:] = 0
+        y, last = y_edges[k], y_edges[k + 1]
+        while y + 2 <= last:
+            a, c = now[y], now[y + 1]
+            b, d = past[y + down, right : right + width], past[y + down + 1, right : right + width]
+            for i in range(width):
+                # int32 all the way: numba's products would be int64
+                upper = np.int32(np.int32(a[i]) * np.int32(b[i]))
+                lower = np.int32(np.int32(c[i]) * np.int32(d[i]))
+                column[i] = np.int32(column[i] + upper + lower)
+            y += 2
+        if y < last:
+            a, b = now[y], past[y + down, right : right + width]
+            for i in range(width):
+                column[i] = np.int32(column[i] + np.int32(np.int32(a[i]) * np.int32(b[i])))
+        above, below = sums[k], sums[k + 1]
+        for i in range(width):
+            below[i] = above[i] + column[i]
 
 
 @numba.njit(cache=True)
 def _window_sums(
-    sums: Ints32,
-    x_windows: Ints,
-    y_windows: Ints,
-    run: Ints,
-    out: Doubles,
-    index: int,
+    sums: Ints32, x_windows: Ints, y_windows: Ints, run: Ints32, out: Doubles, index: int
 ) -> None:
-    """Sum column sums over every window: out[row, col, index]."""
+    """Sum column sums over every window: out[row, col, index].
+
+    The running sums may pass 2^31 and wrap around; windows, their differences, stay below.
+    """
     for r in range(y_windows.shape[0]):
         above = sums[y_windows[r, 0]]
         below = sums[y_windows[r, 1]]
-        total = np.int64(0)
+        total = np.int32(0)
         for i in range(above.size):
-            total += below[i] - above[i]
+            total = np.int32(total + np.int32(below[i] - above[i]))
             run[i + 1] = total
         for c in range(x_windows.shape[0]):
-            out[r, c, index] = run[x_windows[c, 1]] - run[x_windows[c, 0]]
+            out[r, c, index] = np.int32(run[x_windows[c, 1]] - run[x_windows[c, 0]])
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _normalize(
+    grey: Doubles,
+    square: Doubles,
+    product: Doubles,
+    pixels: float,
+    total: float,
+    inverse: float,
+    out: Floats,
+) -> None:
+    """Normalised correlation from sums over the past windows, one for each displacement."""
+    for i in range(out.size):
+        # an integer: zero exactly when the window is of one grey
+        energy = pixels * square[i] - grey[i] * grey[i]
+        covariance = pixels * product[i] - total * grey[i]
+        out[i] = covariance * inverse / math.sqrt(max(energy, 1.0))
 
 
 @numba.njit(cache=True)
@@ -135,45 +154,45 @@ def correlate(
 
     y_edges = np.unique(y_windows)
     y_runs = np.searchsorted(y_edges, y_windows.ravel()).reshape(rows, 2)
-    now32 = now.astype(np.float32)
-    past32 = np.zeros((h + 2 * search, w + 2 * search), np.float32)
-    past32[search : search + h, search : search + w] = past
+    padded = np.zeros((h + 2 * search, w + 2 * search), np.uint8)
+    padded[search : search + h, search : search + w] = past
     total, square = _integrals(past, search)
-    column = np.empty(w, np.float32)
+    column = np.empty(w, np.int32)
     sums = np.zeros((y_edges.size, w), np.int32)
-    run = np.zeros(w + 1, np.int64)
+    run = np.zeros(w + 1, np.int32)
     products = np.empty((rows, cols, span), np.float64)
-    line = np.empty(w + 2 * search + 1, np.int64)
-    line2 = np.empty(w + 2 * search + 1, np.int64)
+    # backwards: the larger a displacement, the further left it was
+    length = w + 2 * search + 1
+    line, line2 = np.empty(length, np.float64), np.empty(length, np.float64)
+    grey, square_grey = np.empty(span, np.float64), np.empty(span, np.float64)
 
     for iy in range(span):
         for ix in range(span):
             # displacement d: what is now at p was at p - d, in the padded image at p - d + search
             right_by, down_by = 2 * search - ix, 2 * search - iy
-            _column_sums(now32, past32, right_by, down_by, y_edges, column, sums)
+            _column_sums(now, padded, right_by, down_by, y_edges, column, sums)
             _window_sums(sums, x_windows, y_runs, run, products, ix)
         for r in range(rows):
             y0, y1 = y_windows[r, 0] + search - iy, y_windows[r, 1] + search - iy
             if y0 < top or y1 > bottom:
                 continue
-            for i in range(line.size):
-                line[i] = total[y1 + search, i] - total[y0 + search, i]
-                line2[i] = square[y1 + search, i] - square[y0 + search, i]
+            for i in range(length):
+                line[length - 1 - i] = total[y1 + search, i] - total[y0 + search, i]
+                line2[length - 1 - i] = square[y1 + search, i] - square[y0 + search, i]
             for c in range(cols):
                 x0, x1 = x_windows[c, 0], x_windows[c, 1]
-                n = float((x1 - x0) * (y1 - y0))
+                low, high = length - 1 - x0 - 2 * search, length - 1 - x1 - 2 * search
+                for ix in range(span):
+                    grey[ix] = line[high + ix] - line[low + ix]
+                    square_grey[ix] = line2[high + ix] - line2[low + ix]
                 # window columns stay visible for x0 - dx >= left and x1 - dx <= right
-                first = max(0, x1 - right + search)
-                last = min(span, x0 - left + search + 1)
-                product = products[r, c]
-                score = scores[r, c, iy]
-                low, high = x0 + 2 * search, x1 + 2 * search
-                for ix in range(first, last):
-                    s = float(line[high - ix] - line[low - ix])
-                    # an integer: zero exactly when the window is of one grey
-                    energy = n * float(line2[high - ix] - line2[low - ix]) - s * s
-                    covariance = n * product[ix] - totals[r, c] * s
-                    score[ix] = covariance * inverses[r, c] / math.sqrt(max(energy, 1.0))
+                first = min(max(0, x1 - right + search), span)
+                last = max(min(span, x0 - left + search + 1), first)
+                _normalize(
+                    *(grey[first:last], square_grey[first:last], products[r, c, first:last]),
+                    *(float((x1 - x0) * (y1 - y0)), totals[r, c], inverses[r, c]),
+                    scores[r, c, iy, first:last],
+                )
     return scores, deviations
 
 
