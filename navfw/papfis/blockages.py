@@ -24,6 +24,9 @@ DROP_REACH = 0.3
 WIDEST = 2.0
 """Passages count as at most so wide [m] when asked whether a drop lies in them."""
 
+_ROUNDING = 1e-6
+"""Looks come in step with the interval, but for rounding [s]."""
+
 Changed = set[frozenset[str]]
 
 
@@ -69,7 +72,8 @@ class Blockages:
 
     def _vote(self, query: PassageQuery, state: PassageState, time: float) -> bool:
         ends = frozenset(query.passage)
-        if state == "unknown" or time - self._voted.get(ends, -math.inf) < self._interval:
+        since = time - self._voted.get(ends, -math.inf)
+        if state == "unknown" or since < self._interval - _ROUNDING:
             return False
         self._voted[ends] = time
         step = 1.0 if state == "closed" else -1.0
