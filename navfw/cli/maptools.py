@@ -35,20 +35,16 @@ def floor_plan(topo_map: TopoMap, world: str | None) -> FloorPlan | None:
         InputError: there is no world of the name given, or its file is wrong.
 
     """
-    from navfw.config.lookup import find
-    from navfw.errors import UnknownNameError
+    from navfw.config.lookup import find, list_worlds
     from navfw.sim.floorplan import FloorPlan
     from navfw.sim.worldfile import load_world
 
-    if world is None and not topo_map.name.isprintable():
-        return None
-    try:
-        file = find("world", topo_map.name if world is None else world)
-    except UnknownNameError:
-        if world is not None:
-            raise
-        return None
-    return FloorPlan.from_world(load_world(file))
+    if world is None:
+        known = {found.name: found.path for found in list_worlds()}
+        file = known.get(topo_map.name)
+    else:
+        file = find("world", world)
+    return None if file is None else FloorPlan.from_world(load_world(file))
 
 
 def outline_for(topo_map: TopoMap, world: str | None) -> Outline | None:

@@ -22,6 +22,9 @@ from navfw.topomap.model import Passage, TopoMap
 
 __all__ = ["Plan", "make_plan", "passage_named", "spot_named"]
 
+MAX_OFF_MAP = 8.0
+"""Start and goal may be so far off the map [m]."""
+
 _NUMBER = r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*"
 _POINT = re.compile(_NUMBER + "," + _NUMBER)
 
@@ -65,7 +68,7 @@ def make_plan(
 
     Raises:
         UnknownNameError: there is no place of that name.
-        MapError: there is no such passage, or no way is left.
+        MapError: there is no such passage, no way is left, or a point is far off the map.
 
     """
     begin, end = (spot_named(topo_map, at) if isinstance(at, str) else at for at in (start, goal))
@@ -73,6 +76,8 @@ def make_plan(
     router = Router(topo_map, robot or RobotModel(), params)
     for passage in shut:
         router.close(passage)
+    for spot, what in ((begin, "start"), (end, "goal")):
+        router.check_near(spot, what, MAX_OFF_MAP)
     return Plan(router.route(begin, end), router)
 
 

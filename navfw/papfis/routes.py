@@ -91,6 +91,21 @@ class Router:
         """
         return find_access(self.topo_map, self.costs, self._doorways, spot.point, spot.place, part)
 
+    def check_near(self, spot: Spot, what: str, farthest: float) -> None:
+        """Make sure that ``spot`` is not farther than ``farthest`` [m] from everything in the map.
+
+        Raises:
+            MapError: it is; ``what`` says what it should have been.
+
+        """
+        distance = self.access(spot).distance
+        if distance > farthest:
+            raise MapError(
+                f"the {what} {spot} is {distance:.1f} m away from everything in the map "
+                f"{self.topo_map.name!r} (allowed: {farthest:g} m); add a place near it",
+                file=self.topo_map.file,
+            )
+
     def part_at(self, spot: Spot) -> frozenset[str]:
         """The connected part of the map that ``spot`` belongs to."""
         return self.topo_map.part_of(min(self.access(spot).costs.items(), key=_by_cost)[0])

@@ -50,7 +50,7 @@ class Tour:
         self.replans = 0
         self.shut: str | None = None
         for goal in goals:
-            self._check_distance(self._spot(goal), "goal")
+            router.check_near(self._spot(goal), "goal", max_off_map)
         self._later = [
             self._waypoints(router.route(self._spot(before), self._spot(after)), after)
             for before, after in pairwise(goals)
@@ -94,7 +94,7 @@ class Tour:
         if not self._goals:
             return None
         if self.route is None:
-            self._check_distance(Spot(*at), "start")
+            self._router.check_near(Spot(*at), "start", self._max_off_map)
             self._follow(self._router.route(Spot(*at), self._spot(self._goals[0])), at)
         elif self._is_astray(at):
             self._plan_anew(at)
@@ -171,13 +171,3 @@ class Tour:
     def _spot(self, goal: Waypoint) -> Spot:
         known = goal.place in self._router.topo_map.places
         return Spot(goal.x, goal.y, goal.place if known else None)
-
-    def _check_distance(self, spot: Spot, what: str) -> None:
-        distance = self._router.access(spot).distance
-        if distance > self._max_off_map:
-            topo_map = self._router.topo_map
-            raise MapError(
-                f"the {what} {spot} is {distance:.1f} m away from everything in the map "
-                f"{topo_map.name!r} (allowed: {self._max_off_map:g} m); add a place near it",
-                file=topo_map.file,
-            )

@@ -1,0 +1,132 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import cv2
+import pytest
+from typer.testing import CliRunner
+
+from navfw.cli import app
+from navfw.topomap.formats import load_any_map
+
+
+def ran(*arguments: str, code: int = 0) -> str:
+    done = CliRunner().invoke(app, list(arguments))
+    assert done.exit_code == code, done.output
+    return done.stderr if code == 2 else done.stdout
+
+
+def told(*arguments: str, code: int = 0) -> dict[str, Any]:
+    data = json.loads(ran(*arguments, "--json", code=code))
+    assert isinstance(data, dict)
+    return data
+
+
+def size(picture: Path) -> tuple[int, int]:
+    image = cv2.imread(str(picture))
+    assert image is not None
+    assert image.std() > 5.0
+    return image.shape[1], image.shape[0]
+
+
+def test_a_plan_as_json() -> None:
+    data = told("plan", "hospital", "reception", "ward-3")
+    assert data["map"] == "hospital"
+    assert data["places"][-1] == "ward-3"
+    assert 20.0 < data["length"] < data["cost"]
+    assert len(data["passages"]) == len(data["places"]) - 1
+    assert all(passage["rules"] for passage in data["passages"])
+
+
+def test_a_plan_for_people_and_its_picture(tmp_path: Path) -> None:
+    picture = tmp_path / "way.png"
+    text = ran(
+        "plan", "office", "lobby", "lab", "--avoid", "lab-door:lab-entrance", "--plot", str(picture)
+    )
+    assert text.startswith("lobby to lab: ")
+    assert "kitchen-lab-door" in text
+    assert "IF danger IS none" in text
+    assert size(picture)[0] > 800
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["plan", "office", "lobby", "lba"], ["place 'lba'", "did you mean 'lab'"]),
+        (["plan", "ofice", "lobby", "lab"], ["map 'ofice'", "did you mean 'office'"]),
+        (["plan", "office", "lobby", "lab", "--avoid", "lab"], ["PLACE:PLACE"]),
+        (["plan", "office", "lobby", "lab", "--avoid", "lab:lobby"], ["no passage between"]),
+        (["plan", "office", "9,99", "lab"], ["the start (9.00, 99.00) is", "away from everything"]),
+        (["map", "show", "office", "--world", "ofice"], ["world 'ofice'"]),
+        (["map", "convert", "office", "office.txt"], [".graphml", "office.txt"]),
+        (["map", "convert", "none.geojson", "a.yaml"], ["none.geojson", "no such file"]),
+        (["map", "build", "ofice", "--out", "a.yaml"], ["world 'ofice'"]),
+    ],
+)
+def test_mistakes_cost_one_message(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: list[str], words: list[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    message = ran(*arguments, code=2)
+    assert message.startswith("navfw: ")
+    for word in words:
+        assert word in message
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_show_draws_the_map_over_its_world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    data = told("map", "show", "office")
+    assert (data["places"], data["edges"], data["over_world"]) == (50, 55, True)
+    assert data["kinds"]["door"] == 9
+    assert size(tmp_path / data["picture"])[0] > 800
+    ran("map", "convert", "office", "copy.geojson")
+    text = (tmp_path / "copy.geojson").read_text().replace('"name": "office"', '"name": "../x y"')
+    (tmp_path / "copy.geojson").write_text(text)
+    assert told("map", "show", "copy.geojson", "--out", "b.png")["over_world"] is False
+    assert size(tmp_path / "b.png")[0] > 800
+
+
+def test_check_says_what_is_wrong_with_a_map_in_its_world(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert told("map", "check", "office") == {
+        "map": "office",
+        "in_world": True,
+        "ok": True,
+        "problems": [],
+    }
+    ran("map", "convert", "office", "bad.yaml")
+    text = (tmp_path / "bad.yaml").read_text()
+    (tmp_path / "bad.yaml").write_text(text.replace("kitchen: {x: 9.5,", "kitchen: {x: 8.5,"))
+    data = told("map", "check", "bad.yaml", "--world", "office", code=1)
+    assert not data["ok"]
+    assert ("in-wall", "kitchen") in {(p["kind"], p["where"]) for p in data["problems"]}
+    assert "in-wall" in ran("map", "check", "bad.yaml", code=1)
+
+
+def test_build_writes_a_map_that_check_accepts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    data = told("map", "build", "paper-room", "--out", "built.yaml")
+    assert data["places"] == len(load_any_map(tmp_path / "built.yaml").places)
+    assert told("map", "check", "built.yaml", "--world", "paper-room")["ok"]
+
+
+def test_convert_there_and_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    told("map", "convert", "office", "a.graphml")
+    told("map", "convert", "a.graphml", "b.geojson")
+    assert told("map", "convert", "b.geojson", "c.yaml")["edges"] == 55
+    assert load_any_map("c.yaml").passages == load_any_map("a.graphml").passages
+
+
+def test_bench_planning(monkeypatch: pytest.MonkeyPatch) -> None:
+    data = told("bench", "planning", "--places", "200", "--repeats", "3")
+    assert {"costs_ms", "first_plan_ms", "replan_ms", "networkx_ms"} <= set(data)
+    assert data["replan_over_networkx"] > 0.0
+    assert "networkx.astar_path" in ran("bench", "planning", "--places", "200", "--repeats", "3")

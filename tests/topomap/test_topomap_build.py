@@ -1,0 +1,150 @@
+"""Maps derived from geometry: doors where they are, free passages, everything connected."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+
+import cv2
+import networkx as nx
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from navfw.errors import MapError
+from navfw.sim.floorplan import FloorPlan
+from navfw.sim.worldfile import WorldSpec, load_world
+from navfw.topomap import TopoMap
+from navfw.topomap.build import build_map
+from navfw.topomap.check import check_map
+from navfw.topomap.ground import Ground, thinned
+from navfw.topomap.skeleton import skeleton_graph
+
+ROOT = Path(__file__).parents[2]
+
+
+def ground(*holes: Sequence[float], size: tuple[float, float] = (8.0, 4.0)) -> Ground:
+    """A floor of that size [m] with solid rectangles (x0, y0, x1, y1) on it."""
+
+    def clearances(points: np.ndarray) -> np.ndarray:
+        nearest = np.full(len(points), np.inf)
+        for x0, y0, x1, y1 in holes:
+            dx = np.maximum(np.maximum(x0 - points[:, 0], points[:, 0] - x1), 0.0)
+            dy = np.maximum(np.maximum(y0 - points[:, 1], points[:, 1] - y1), 0.0)
+            inside = (dx == 0.0) & (dy == 0.0)
+            nearest = np.minimum(nearest, np.where(inside, -0.01, np.hypot(dx, dy)))
+        return nearest
+
+    return Ground.of((0.0, 0.0, *size), clearances)
+
+
+@cache
+def built(name: str) -> tuple[TopoMap, WorldSpec, FloorPlan]:
+    world = load_world(ROOT / "worlds" / name / "world.yaml")
+    plan = FloorPlan.from_world(world)
+    rooms = {room.name: (*room.x, *room.y) for room in world.rooms}
+    topo_map = build_map(name, Ground.of(plan.bounds, plan.clearances), rooms=rooms)
+    return topo_map, world, plan
+
+
+WORLDS = ["office", "paper-room", pytest.param("hospital", marks=pytest.mark.slow)]
+
+
+@pytest.mark.parametrize("name", WORLDS)
+def test_a_built_map_fits_its_world(name: str) -> None:
+    topo_map, _, plan = built(name)
+    assert check_map(topo_map, plan.clearances) == []
+    assert len(topo_map.parts) == 1
+
+
+@pytest.mark.parametrize("name", ["office", pytest.param("hospital", marks=pytest.mark.slow)])
+def test_every_door_is_found_where_it_is_and_nothing_else(name: str) -> None:
+    topo_map, world, _ = built(name)
+    openings = [opening.at for wall in world.walls for opening in wall.openings]
+    doors = [place for place in topo_map.places.values() if place.kind == "door"]
+    assert len(doors) == len(openings)
+    for x, y in openings:
+        assert min(door.distance(x, y) for door in doors) < 0.12, (x, y)
+    for door in doors:
+        assert len(topo_map.passages_at(door.name)) == 2
+
+
+@pytest.mark.parametrize("name", ["office", pytest.param("hospital", marks=pytest.mark.slow)])
+def test_every_room_has_a_place_of_its_name_in_it(name: str) -> None:
+    topo_map, world, _ = built(name)
+    for room in world.rooms:
+        if "corridor" in room.name:
+            continue
+        place = topo_map.place(room.name)
+        assert room.x[0] < place.x < room.x[1]
+        assert room.y[0] < place.y < room.y[1]
+
+
+def test_corridors_have_junctions_where_doors_lead_off() -> None:
+    topo_map, _, _ = built("office")
+    junctions = [place for place in topo_map.places.values() if place.kind == "junction"]
+    assert junctions
+    assert all(4.2 < place.y < 5.8 for place in junctions)
+
+
+def test_two_rooms_and_a_door() -> None:
+    topo_map = build_map("pair", ground((3.95, 0, 4.05, 1.5), (3.95, 2.5, 4.05, 4)))
+    (door,) = [place for place in topo_map.places.values() if place.kind == "door"]
+    assert door.distance(4.0, 2.0) < 0.1
+    beside = [topo_map.place(p.other(door.name)) for p in topo_map.passages_at(door.name)]
+    assert sorted(round(place.x, 1) for place in beside) == pytest.approx([3.2, 4.8], abs=0.1)
+    assert all(abs(place.y - 2.0) < 0.1 for place in beside)
+    assert all(p.doorness == 1.0 for p in topo_map.passages_at(door.name))
+    assert max(p.width for p in topo_map.passages_at(door.name)) <= 1.0
+
+
+def test_there_is_a_way_round_each_side_of_a_thing() -> None:
+    topo_map = build_map("table", ground((3.0, 1.5, 5.0, 2.5)))
+    cycles = nx.cycle_basis(topo_map.graph)
+    assert len(cycles) == 1
+    around = np.array([(topo_map.place(n).x, topo_map.place(n).y) for n in cycles[0]], np.float32)
+    assert cv2.pointPolygonTest(cv2.convexHull(around), (4.0, 2.0), measureDist=False) > 0
+
+
+def test_a_bend_has_a_corner() -> None:
+    topo_map = build_map("bend", ground((0, 0, 6.5, 2.5)))
+    assert "corner" in {place.kind for place in topo_map.places.values()}
+    assert len(topo_map.parts) == 1
+
+
+def test_gaps_too_narrow_for_the_robot_are_no_ways() -> None:
+    halves = ground((3.95, 0, 4.05, 1.8), (3.95, 2.2, 4.05, 4))
+    topo_map = build_map("halves", halves)
+    xs = [place.x for place in topo_map.places.values()]
+    assert max(xs) < 4.0 or min(xs) > 4.0
+
+
+def test_full_ground_has_no_map() -> None:
+    with pytest.raises(MapError, match="no ground is free"):
+        build_map("full", ground((0, 0, 8, 4)))
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_thinning_keeps_what_hangs_together(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    mask = cv2.resize(rng.random((6, 8)), (80, 60), interpolation=cv2.INTER_CUBIC) > 0.4
+    skeleton = thinned(mask)
+    assert not (skeleton & ~mask).any()
+    parts = [
+        cv2.connectedComponents(each.astype(np.uint8), connectivity=8)[0]
+        for each in (mask, skeleton)
+    ]
+    assert parts[0] == parts[1]
+    assert skeleton.sum() < 0.5 * mask.sum() + 10
+
+
+def test_the_skeleton_of_a_corridor_is_its_middle_line() -> None:
+    graph = skeleton_graph(ground(size=(8.0, 1.6)), 0.25)
+    lines = [data["line"] for _, _, data in graph.edges(data=True)]
+    assert len(lines) == 1
+    assert np.abs(lines[0][5:-5, 1] - 0.8).max() < 0.06
+    assert math.dist(lines[0][0], lines[0][-1]) > 6.0

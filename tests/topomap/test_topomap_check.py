@@ -1,0 +1,75 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from navfw.robot import RobotModel
+from navfw.signals import Array
+from navfw.sim.floorplan import FloorPlan
+from navfw.sim.worldfile import load_world
+from navfw.topomap import Passage, Place, TopoMap, load_map
+from navfw.topomap.check import check_map
+
+ROOT = Path(__file__).parents[2]
+A, B, C = Place("a", 0, 0), Place("b", 4, 0), Place("c", 8, 0)
+
+
+def wall(x: float) -> Callable[[Array], Array]:
+    """A wall of no thickness at x [m], from y -1 m up."""
+
+    def clearances(points: Array) -> Array:
+        beside = np.maximum(-1.0 - points[:, 1], 0.0)
+        return np.asarray(np.hypot(points[:, 0] - x, beside))
+
+    return clearances
+
+
+def found(topo_map: TopoMap, clearances: Callable[[Array], Array] | None = None) -> set[tuple]:
+    return {(problem.kind, problem.where) for problem in check_map(topo_map, clearances)}
+
+
+@pytest.mark.parametrize("name", ["office", "hospital", "paper-room", "empty"])
+def test_nothing_is_wrong_with_the_maps_that_ship(name: str) -> None:
+    world = load_world(ROOT / "worlds" / name / "world.yaml")
+    plan = FloorPlan.from_world(world)
+    assert check_map(load_map(ROOT / "maps" / f"{name}.yaml"), plan.clearances) == []
+
+
+def test_parts_without_a_passage_are_apart() -> None:
+    assert found(TopoMap("m", [A, B, C], [Passage("a", "b", 4.0)])) == {("apart", "c")}
+
+
+def test_narrow_passages_and_what_lies_behind_them() -> None:
+    narrow = 2.0 * RobotModel().radius
+    passages = [Passage("a", "b", 4.0), Passage("b", "c", 4.0, width=narrow)]
+    problems = found(TopoMap("m", [A, B, C], passages))
+    assert problems == {("narrow", "b - c"), ("unreachable", "c")}
+
+
+def test_places_at_one_spot() -> None:
+    twin = Place("twin", 4.01, 0.0)
+    passages = [Passage("a", "b", 4.0), Passage("b", "twin", 0.5)]
+    assert found(TopoMap("m", [A, B, twin], passages)) == {("duplicate", "twin")}
+
+
+def test_walls_across_passages_and_near_places() -> None:
+    topo_map = TopoMap("m", [A, B, C], [Passage("a", "b", 4.0), Passage("b", "c", 4.0)])
+    assert found(topo_map, wall(2.0)) == {("blocked", "a - b")}
+    at_b = {("in-wall", "b"), ("blocked", "a - b"), ("blocked", "b - c")}
+    assert found(topo_map, wall(4.1)) == at_b
+
+
+def test_bent_passages_are_taken_at_their_word() -> None:
+    assert found(TopoMap("m", [A, B], [Passage("a", "b", 9.0)]), wall(2.0)) == set()
+
+
+def test_widths_that_are_not_there() -> None:
+    low = Place("low", 0, -1.5), Place("down", 4, -1.5)
+    wide, fair = (TopoMap("m", low, [Passage("low", "down", 4.0, width=w)]) for w in (1.2, 1.0))
+    assert found(wide, wall(2.0)) == {("width", "low - down")}
+    assert found(fair, wall(2.0)) == set()
+    (problem,) = check_map(wide, wall(2.0))
+    assert "1.2 m wide, but has 1.00 m at (1.99, -1.50)" in problem.message
