@@ -13,7 +13,7 @@ from pydantic import Field, model_validator
 from navfw.egomotion.camera_motion import SLIP, YAW_RATE_SIGMA, camera_motion
 from navfw.kinds import Params
 from navfw.robot import RobotModel
-from navfw.signals import CameraMotion, Frame, FramePair, Odometry, Pose, wrap_angle
+from navfw.signals import Frame, FramePair, Odometry, Pose, wrap_angle
 
 __all__ = ["FrameBuffer", "PairingParams"]
 
@@ -71,10 +71,15 @@ class PairingParams(Params):
 
 @dataclass(frozen=True, slots=True)
 class _View:
-    """A frame and the base's pose when it was taken."""
+    """A frame, the base's pose when it was taken, and where the camera was then (x, y) [m]."""
 
     frame: Frame
     pose: Pose
+    eye: tuple[float, float]
+
+    def baseline(self, past: _View) -> float:
+        """How far [m] the camera has come since ``past``."""
+        return math.dist(self.eye, past.eye)
 
 
 class FrameBuffer:
@@ -102,7 +107,8 @@ class FrameBuffer:
 
         A frame taken a little before or after ``odometry.time`` is placed by the measured twist.
         """
-        view = _View(frame, _pose_at(frame.time, odometry))
+        pose = _pose_at(frame.time, odometry)
+        view = _View(frame, pose, pose.to_parent(self._robot.camera.mount_forward, 0.0))
         while self._views and frame.time - self._views[0].frame.time > self.params.max_age:
             self._views.popleft()
         self._pairs = tuple(self._make_pairs(view))
@@ -123,7 +129,7 @@ class FrameBuffer:
         if last is not None and self._nothing_new(last, now.pose):
             yield from self._with_last(now)
             return
-        useful = [pair for past in self._views if (pair := self._pair(past, now)) is not None]
+        useful = [past for past in self._views if self._useful(past, now)]
         self._movers_turn = self.params.movers and not (self._movers_turn and useful)
         if self._movers_turn:
             yield from self._with_last(now)
@@ -132,38 +138,37 @@ class FrameBuffer:
             return
         # among equals the younger one: less time for the gyro to drift and the scene to move
         useful.reverse()
-        target = self.params.baseline
-        long = min(useful, key=lambda pair: abs(pair.motion.baseline - target))
-        yield long
+        long = min(useful, key=lambda past: abs(now.baseline(past) - self.params.baseline))
+        yield self._pair(long, now)
         if self.params.short:
             target = self.params.short_baseline
-            short = min(useful, key=lambda pair: abs(pair.motion.baseline - target))
-            if short.motion.baseline < 0.7 * long.motion.baseline:
-                yield short
+            short = min(useful, key=lambda past: abs(now.baseline(past) - target))
+            if now.baseline(short) < 0.7 * now.baseline(long):
+                yield self._pair(short, now)
 
     def _with_last(self, now: _View) -> Iterable[FramePair]:
         """The newest frame with the one before, whatever the baseline, to see movers."""
         if self.params.movers and self._views:
             past = self._views[-1]
-            if abs(wrap_angle(now.pose.yaw - past.pose.yaw)) <= self.params.max_rotation:
-                yield FramePair(past.frame, now.frame, self._motion(past, now))
+            if self._steady(past, now):
+                yield self._pair(past, now)
 
     def _nothing_new(self, last: Pose, now: Pose) -> bool:
         step = math.hypot(now.x - last.x, now.y - last.y)
         turn = abs(wrap_angle(now.yaw - last.yaw))
         return step < self.params.min_step and turn < 0.1 * self.params.max_rotation
 
-    def _pair(self, past: _View, now: _View) -> FramePair | None:
+    def _useful(self, past: _View, now: _View) -> bool:
         params = self.params
-        if abs(wrap_angle(now.pose.yaw - past.pose.yaw)) > params.max_rotation:
-            return None
-        motion = self._motion(past, now)
-        if not params.min_baseline <= motion.baseline <= params.max_baseline:
-            return None
-        return FramePair(past.frame, now.frame, motion)
+        far_enough = params.min_baseline <= now.baseline(past) <= params.max_baseline
+        return far_enough and self._steady(past, now)
 
-    def _motion(self, past: _View, now: _View) -> CameraMotion:
-        return camera_motion(
+    def _steady(self, past: _View, now: _View) -> bool:
+        """Whether the robot has turned little enough for the two to be compared."""
+        return abs(wrap_angle(now.pose.yaw - past.pose.yaw)) <= self.params.max_rotation
+
+    def _pair(self, past: _View, now: _View) -> FramePair:
+        motion = camera_motion(
             self._robot,
             past.pose,
             now.pose,
@@ -171,6 +176,7 @@ class FrameBuffer:
             yaw_rate_sigma=self.params.yaw_rate_sigma,
             slip=self.params.slip,
         )
+        return FramePair(past.frame, now.frame, motion)
 
 
 def _pose_at(time: float, odometry: Odometry) -> Pose:

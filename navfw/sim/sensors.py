@@ -110,13 +110,18 @@ class Gyro:
     def __init__(self, params: SensorParams, rng: np.random.Generator) -> None:
         self._params = params
         self._rng = rng
-        self._bias = params.gyro_bias * rng.standard_normal(3)
+        self._bias: list[float] = (params.gyro_bias * rng.standard_normal(3)).tolist()
 
     def read(self, time: float, dt: float, rates: tuple[float, float, float]) -> Inertial:
         """Measure true ``rates`` (roll, pitch, yaw) [rad/s], ``dt`` [s] after the last reading."""
-        drawn = self._rng.standard_normal(6)
-        self._bias += self._params.gyro_bias_walk * math.sqrt(dt) * drawn[:3]
-        roll, pitch, yaw = (rates + self._bias + self._params.gyro_noise * drawn[3:]).tolist()
+        drawn: list[float] = self._rng.standard_normal(6).tolist()
+        walk, noise = self._params.gyro_bias_walk * math.sqrt(dt), self._params.gyro_noise
+        for axis in range(3):
+            self._bias[axis] += walk * drawn[axis]
+        roll, pitch, yaw = (
+            rate + bias + noise * error
+            for rate, bias, error in zip(rates, self._bias, drawn[3:], strict=True)
+        )
         return Inertial(time, roll, pitch, yaw)
 
 
@@ -134,25 +139,27 @@ class WheelEncoders:
         self._rng = rng
         self._ticks_per_radian = robot.ticks_per_turn / (2.0 * math.pi)
         half = 0.5 * params.radius_mismatch * float(rng.choice((-1.0, 1.0)))
-        self._scale = np.array([1.0 - half, 1.0 + half])
-        self._slip = params.slip * rng.standard_normal(2)
-        self._turned = np.zeros(2)
-        self._last = np.zeros(2)
+        self._scale = (1.0 - half, 1.0 + half)
+        self._slip: list[float] = (params.slip * rng.standard_normal(2)).tolist()
+        self._turned = [0.0, 0.0]
+        self._last = (0.0, 0.0)
         self.more_slip = 0.0
 
     def zero(self, angles: tuple[float, float]) -> None:
         """Power on with the wheels at ``angles`` [rad]."""
-        self._last = np.array(angles)
+        self._last = angles
 
     def read(self, time: float, dt: float, angles: tuple[float, float]) -> Encoders:
         """Count wheels now at ``angles`` (left, right) [rad], ``dt`` [s] after the last reading."""
-        now = np.array(angles)
         keep = math.exp(-dt / self._params.slip_time) if self._params.slip_time > 0.0 else 0.0
         spread = self._params.slip * math.sqrt(1.0 - keep * keep)
-        self._slip = keep * self._slip + spread * self._rng.standard_normal(2)
-        slip = 1.0 + self._params.slip_mean + self.more_slip + self._slip
-        self._turned += (now - self._last) * self._scale * slip
-        self._last = now
+        drawn: list[float] = self._rng.standard_normal(2).tolist()
+        usual = 1.0 + self._params.slip_mean + self.more_slip
+        for side in range(2):
+            self._slip[side] = keep * self._slip[side] + spread * drawn[side]
+            way = (angles[side] - self._last[side]) * self._scale[side]
+            self._turned[side] += way * (usual + self._slip[side])
+        self._last = angles
         # an encoder reports the last mark that has passed
-        left, right = np.floor(self._turned * self._ticks_per_radian + 1e-9).astype(int).tolist()
+        left, right = (math.floor(t * self._ticks_per_radian + 1e-9) for t in self._turned)
         return Encoders(time, left, right)
