@@ -1,0 +1,136 @@
+"""The stacks to compare with, in short missions; the truth that oracles are told; rounds."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from navfw.errors import WorldError
+from navfw.flow.horizon import above_horizon
+from navfw.missions.missionfile import load_mission
+from navfw.missions.oracle import SimulatorTruth
+from navfw.missions.session import MissionResult, prepare
+from navfw.robot import RobotModel
+from navfw.signals import Pose
+from navfw.sim.floorplan import FloorPlan
+from navfw.sim.simulation import Simulation
+from navfw.sim.worldfile import WorldSpec
+from navfw.testing.scenes import wall_flow
+
+
+def drive(stack: str, *overrides: str) -> MissionResult:
+    return prepare(
+        "empty", "straight", seed=2, stack=stack, overrides=["mission.timeout=40", *overrides]
+    ).run()
+
+
+@pytest.mark.parametrize("stack", ["paper", "balance", "divergence", "oracle", "patrol", "search"])
+def test_every_stack_gets_to_a_goal_in_the_open(stack: str) -> None:
+    result = drive(stack)
+    assert result.outcome == "reached", result.reason
+    assert result.run.faults == ()
+    assert result.summary()["oracle"] is (stack == "oracle")
+
+
+def test_navground_drives_our_robot() -> None:
+    pytest.importorskip("navground", reason="the extra navground is not installed")
+    result = drive("navground")
+    assert result.outcome == "reached", result.reason
+    assert result.summary()["oracle"] is True
+    assert set(result.run.track.leaders) <= {"", "navground"}
+
+
+@pytest.mark.parametrize(
+    "override", ["derotate=false", "floor_model=false", "motion.local_plan=false", "refine=false"]
+)
+def test_parts_of_the_stack_can_be_left_out(override: str) -> None:
+    result = drive("default", override, "mission.timeout=6")
+    assert result.outcome == "timeout"
+    assert result.run.faults == ()
+    usual = drive("default", "mission.timeout=6")
+    assert result.run.track.command_hash != usual.run.track.command_hash
+
+
+def test_a_robot_in_doubt_looks_round_and_explores() -> None:
+    result = drive("search", "search.sigma=0.03", "mission.timeout=25")
+    led = set(result.run.track.leaders)
+    assert {"look_around", "explore"} <= led
+    turned = np.abs(np.diff(np.unwrap(result.run.track.true[:, 2]))).sum()
+    assert turned > 2.0 * math.pi
+
+
+# --- the truth -----------------------------------------------------------------------------------
+
+WORLD = {
+    "name": "things",
+    "x": [-6, 6],
+    "y": [-6, 6],
+    "boxes": [{"name": "box", "at": [2.0, 0.0], "size": [0.4, 0.8, 1.0]}],
+    "cylinders": [
+        {"name": "post", "at": [0.0, 1.5], "radius": 0.2},
+        {"name": "far", "at": [5.0, 5.0], "radius": 0.2},
+    ],
+    "movers": [
+        {"name": "walker", "path": [[-1.5, -3.0], [-1.5, 3.0]], "speed": 0.4, "yields": False}
+    ],
+}
+
+
+def test_the_surroundings_are_those_of_the_world_as_the_robot_sees_them() -> None:
+    world = WorldSpec.model_validate(WORLD)
+    with Simulation(world, RobotModel(), Pose(0.0, 0.0, math.pi / 2.0), seed=0) as simulation:
+        around = SimulatorTruth(simulation).surroundings(3.5)
+    # the robot looks along y: the box in the world's east is on its right
+    ends = around.edges.reshape(-1, 2)
+    assert ends.min(axis=0) == pytest.approx([-0.4, -2.2], abs=0.01)
+    assert ends.max(axis=0) == pytest.approx([0.4, -1.8], abs=0.01)
+    assert len(around.edges) == 4
+    assert np.allclose(around.edges[:, 1], np.roll(around.edges[:, 0], -1, axis=0)), "closed"
+    assert around.discs == pytest.approx(np.array([[1.5, 0.0, 0.2]]), abs=0.01)
+    walker = around.walkers[0]
+    assert walker[:3] == pytest.approx([-3.0, 1.5, 0.25], abs=0.05)
+    assert walker[3:] == pytest.approx([0.4, 0.0], abs=0.01), "it walks the way the robot looks"
+
+
+def test_without_a_floor_model_nothing_below_the_horizon_is_trusted() -> None:
+    robot = RobotModel()
+    flow = wall_flow(robot, 1.0, 2.0, 20.0, 20.0)
+    kept = above_horizon(flow, robot.camera).confidence
+    above = flow.points[..., 1] < 0.0
+    assert np.array_equal(kept[above], flow.confidence[above])
+    assert not kept[~above].any()
+
+
+# --- rounds --------------------------------------------------------------------------------------
+
+TRIANGLE = """\
+start: [0, 0, 0]
+goals: [{x: 2, y: 0}, {x: 2, y: 2}, {x: 0, y: 0}]
+rounds: 3
+"""
+
+
+def test_rounds_repeat_the_goals(tmp_path: Path) -> None:
+    file = tmp_path / "round.yaml"
+    file.write_text(TRIANGLE)
+    mission = load_mission(file)
+    assert [(goal.x, goal.y) for goal in mission.goals] == [(2, 0), (2, 2), (0, 0)] * 3
+    plan = FloorPlan((-5.0, -5.0, 5.0, 5.0), ())
+    assert mission.check(plan) == pytest.approx(3 * (4.0 + math.sqrt(8.0)), rel=0.02)
+    file.write_text(TRIANGLE.replace("{x: 2, y: 2}", "{x: 2, y: 9}"))
+    with pytest.raises(WorldError, match=r"round\.yaml:2: goals\[1\]"):
+        load_mission(file).check(plan)
+
+
+def test_the_map_of_goals_leads_round_again(tmp_path: Path) -> None:
+    file = tmp_path / "round.yaml"
+    file.write_text("start: [0, 0, 0]\ngoals: [{x: 2, y: 0}, {x: 2, y: 2}]\nrounds: 2\n")
+    topo_map = load_mission(file).topo_map
+    assert len(topo_map.places) == 3
+    assert {frozenset((p.a, p.b)) for p in topo_map.passages} == {
+        frozenset(("start", "goal-1")),
+        frozenset(("goal-1", "goal-2")),
+    }

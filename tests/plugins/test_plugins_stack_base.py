@@ -1,0 +1,112 @@
+"""Stacks that are based on others, and the stacks that ship."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from navfw.config.document import parse_yaml
+from navfw.config.layering import layered
+from navfw.config.lookup import find, list_stacks
+from navfw.errors import InputError
+from navfw.plugins import default_registry
+from navfw.stackfile import load_stack
+
+REGISTRY = default_registry()
+
+
+def shipped(name: str) -> dict[str, object]:
+    return load_stack(find("stack", name), REGISTRY).as_data()
+
+
+def differing(name: str) -> set[str]:
+    default, other = shipped("default"), shipped(name)
+    return {key for key in default if default[key] != other[key]}
+
+
+@pytest.mark.parametrize("name", [found.name for found in list_stacks()])
+def test_every_shipped_stack_loads(name: str) -> None:
+    assert shipped(name)["behaviors"]
+
+
+def test_variations_of_the_default_stack_differ_in_what_they_say_alone() -> None:
+    assert differing("oracle") == {"flow", "oracle"}
+    assert differing("patrol") == {"composite", "behaviors"}
+    assert differing("search") == {"composite", "behaviors"}
+    behaviors = shipped("default")["behaviors"]
+    assert shipped("patrol")["behaviors"] == {**behaviors, "cruise": {"weight": 0.5}}  # type: ignore[dict-item]
+
+
+def test_only_stacks_that_say_so_are_told_the_truth() -> None:
+    told = {found.name for found in list_stacks() if shipped(found.name)["oracle"]}
+    assert told == {"oracle", "navground"}
+
+
+def test_stages_are_replaced_and_settings_and_behaviours_joined(tmp_path: Path) -> None:
+    (tmp_path / "one.yaml").write_text(
+        "base: default\nflow: {dis: }\nbehaviors: {avoid: {weight: 0.3}, cruise: }\n"
+        "motion: {margin: 0.1}\n"
+    )
+    (tmp_path / "two.yaml").write_text("base: ./one.yaml\nmotion: {ego_map: {fade: 9}}\n")
+    stack = load_stack(tmp_path / "two.yaml", REGISTRY)
+    assert stack.stages["flow"].name == "dis"
+    assert stack.behaviors["avoid"].params.model_dump()["weight"] == 0.3
+    assert {"go_to_xy", "cruise"} <= set(stack.behaviors)
+    assert (stack.motion.margin, stack.motion.ego_map.fade) == (0.1, 9.0)
+    over = load_stack(tmp_path / "two.yaml", REGISTRY, ["ego_map.fade=7", "cruise.weight=0.1"])
+    assert over.motion.ego_map.fade == 7.0
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("base: defalt\n", r"mine\.yaml:1: base: unknown stack 'defalt': did you mean 'default'"),
+        ("base: ./mine.yaml\n", r"mine\.yaml:1: base: the stack is based on itself"),
+        ("base: ./none.yaml\n", r"mine\.yaml:1: base: .*no such file"),
+        ("base: 3\n", r"mine\.yaml:1: base: expected text"),
+        ("base: default\n\nsafety: {gop: 1}\n", r"mine\.yaml:3: safety\.gop: .*'gap'"),
+        ("base: default\nbehaviors: {avoid: {wait: 1}}\n", r"mine\.yaml:2: .*wait"),
+        ("base: default\nflow: {ideal: }\n", r"mine\.yaml:2: flow: .*oracle: true"),
+    ],
+)
+def test_what_is_wrong_is_told_with_its_own_file_and_line(
+    tmp_path: Path, text: str, says: str
+) -> None:
+    (tmp_path / "mine.yaml").write_text(text)
+    with pytest.raises(InputError, match=says):
+        load_stack(tmp_path / "mine.yaml", REGISTRY)
+
+
+def test_what_is_wrong_in_the_base_is_told_with_the_bases_line(tmp_path: Path) -> None:
+    base = find("stack", "default").read_text().replace("go_to_xy:", "go_to_xi:")
+    (tmp_path / "mine.yaml").write_text("base: ./below.yaml\n")
+    (tmp_path / "below.yaml").write_text(base)
+    line = base.splitlines().index("  go_to_xi:") + 1
+    with pytest.raises(InputError, match=rf"below\.yaml:{line}: .*'go_to_xy'"):
+        load_stack(tmp_path / "mine.yaml", REGISTRY)
+
+
+Leaves = st.integers(0, 9)
+Trees = st.dictionaries(
+    st.sampled_from("abc"), st.one_of(Leaves, st.dictionaries(st.sampled_from("xyz"), Leaves))
+)
+
+
+@given(Trees, Trees)
+def test_layers_are_the_union_with_the_upper_ones_word(
+    low: dict[str, object], high: dict[str, object]
+) -> None:
+    lower, upper = (parse_yaml(repr(tree), name) for tree, name in ((low, "l"), (high, "h")))
+    joined = layered(lower, upper, whole={"c"})
+    for key in low | high:
+        one, other = low.get(key), high.get(key)
+        both = isinstance(one, dict) and isinstance(other, dict) and key != "c"
+        wanted = {**one, **other} if both else other if key in high else one  # type: ignore[dict-item]
+        assert joined.data[key] == wanted
+        if key in high:
+            assert joined.origin_of((key,)).file == "h"
+    assert set(joined.data) == set(low) | set(high)
+    assert lower.data == low, "the layers stay as they are"
