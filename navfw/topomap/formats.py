@@ -7,7 +7,6 @@ everything a map knows.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -64,7 +63,7 @@ def save_map(topo_map: TopoMap, path: str | Path) -> None:
     """
     path = Path(path)
     text = _WRITERS[_suffix(path)](topo_map)
-    beside = path.with_name(f".{path.name}.{os.getpid()}")
+    beside = path.with_name(f".{path.name}.part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         beside.write_text(text, encoding="utf-8")
