@@ -41,6 +41,8 @@ CENTROID, BISECTOR, MOM, SOM, LOM = 0, 1, 2, 3, 4
 # below, scikit-fuzzy's centroid loses its area to a guard against division by zero.
 FIRING_FLOOR = 1e-9
 _LEAST = 5e-324  # the least number above zero
+# So many samples are remembered for their crisp outputs: where inputs saturate, most are alike.
+_REMEMBERED = 16
 
 
 @numba.njit(cache=True)
@@ -305,6 +307,21 @@ def defuzzify(px: Array, py: Array, size: int, method: int) -> float:
 
 
 @numba.njit(cache=True)
+def find_alike(cuts: Array, n: int, different: Indices, count: int) -> int:
+    """Of the samples remembered in ``different``, one with the activations of sample n, or -1."""
+    for k in range(min(count, different.size)):
+        m = different[k]
+        same = True
+        for term in range(cuts.shape[1]):
+            if cuts[m, term] != cuts[n, term]:
+                same = False
+                break
+        if same:
+            return int(m)
+    return -1
+
+
+@numba.njit(cache=True)
 def infer(
     x: Array,
     input_xs: Array,
@@ -333,6 +350,7 @@ def infer(
     table = np.zeros((samples, rules + terms + defaults.size))
     literals, stack = np.empty(literal_starts[-1]), np.empty(depth)
     px, py, extra = np.empty(workspace), np.empty(workspace), np.empty(workspace)
+    different, count = np.empty(_REMEMBERED, np.int64), 0
     for n in range(samples):
         firing = table[n, :rules]
         cuts = table[n, rules : rules + terms]
@@ -344,6 +362,12 @@ def infer(
         for k in range(conclusions.shape[0]):
             term = conclusions[k, 1]
             cuts[term] = max(cuts[term], firing[conclusions[k, 0]])
+        alike = find_alike(table[:, rules : rules + terms], n, different, count)
+        if alike >= 0:
+            crisp[:] = table[alike, rules + terms :]
+            continue
+        different[count % _REMEMBERED] = n
+        count += 1
         for o in range(defaults.size):
             first, last = term_starts[o], term_starts[o + 1]
             if cuts[first:last].max() <= FIRING_FLOOR:

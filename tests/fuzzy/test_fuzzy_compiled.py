@@ -119,6 +119,21 @@ def test_scalars_are_shared_by_all_samples_and_none_is_possible(fis):
     assert empty.outputs["turn"].shape == (0,)
 
 
+def test_many_samples_of_which_many_are_alike_are_each_as_alone(fis):
+    rng = np.random.default_rng(5)
+    rows = np.array(
+        [
+            rng.choice(rng.uniform(*variable.universe[[0, -1]], size=7), size=300)
+            for variable in fis.rule_base.inputs.values()
+        ]
+    )
+    together = fis.evaluate_rows(rows)
+    alone = [fis.evaluate_rows(rows[:, n : n + 1]) for n in range(rows.shape[1])]
+    for name, values in together.outputs.items():
+        expected = [result.outputs[name][0] for result in alone]
+        np.testing.assert_array_equal(values, expected)
+
+
 def test_nan_makes_only_its_own_sample_unknown(fis):
     turn = fis.evaluate({"distance": [0.2, np.nan], "side": 0.5}).outputs["turn"]
     assert np.isfinite(turn[0])
