@@ -316,6 +316,7 @@ class Stack:
             return replace(flow, derotated=True)
         if not self.resolved.refine:
             return derotate(flow, camera)
+        flow = replace(flow, motion=self.odometer.trusted(flow.motion))
         refinement = refine(flow, camera)
         self.odometer.contradict(refinement.yaw, flow.motion)
         return refinement.apply(flow, camera)

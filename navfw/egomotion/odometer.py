@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from navfw.egomotion.wheels import WheelWatch
 from navfw.robot import RobotModel
@@ -24,12 +25,18 @@ SPEED_SMOOTHING = 0.05
 STALE = 0.1
 #: Time constant over which what the flow says of the gyro is averaged [s].
 DOUBT_MEMORY = 1.5
-#: Turning faster than this [rad/s], the flow's word on the gyro is not asked for.
-STRAIGHT = 0.1
+#: Turning rates [rad/s] that differ less than this do not tell a bias from a factor.
+TELLING = 0.02
 #: A mean contradiction of the flow larger than this [rad/s] is no chance: the bias has changed.
 CONTRADICTION = 0.003
 #: Once doubted, the bias is corrected until the mean contradiction is below this [rad/s].
 SETTLED = 0.0005
+#: Turn by way [rad/m] that wheels may seem to make when they roll straight on: 2 % unequal radii.
+LARGEST_SKEW = 0.08
+#: What the wheels' rotation may be off by [rad/m], through slip and unequal radii.
+WHEELS_YAW_SIGMA = 0.1
+#: Baselines shorter than this [m] are taken for as long, lest a small turn weigh much.
+LEAST_WAY = 0.04
 #: Share of the mean contradiction by which the bias is corrected at every pair of frames.
 CORRECTION = 0.1
 
@@ -58,8 +65,9 @@ class Odometer:
         self._last: tuple[Encoders, float] | None = None
         self._silent = False
         self._stale = False
-        self._contradiction = 0.0
+        self._contradiction = _Contradiction()
         self._doubted = False
+        self._skew = 0.0
         self._pose = Pose(0.0, 0.0, 0.0)
         self._speed = 0.0
         self._bias = 0.0
@@ -90,7 +98,9 @@ class Odometer:
         self._stale = not math.isfinite(rate) or encoders.time - inertial.time > STALE
         left, right = self._ways(previous, encoders, dt, rate, asked)
         if self._stale:
-            rate = (right - left) / (self._robot.track * dt) + self._bias
+            # wheels of unequal size turn a robot in proportion to the way
+            turn = (right - left) / self._robot.track + self._skew * 0.5 * (left + right)
+            rate = turn / dt + self._bias
         self._last = encoders, rate
         self._watch_rest(encoders)
         way = 0.5 * (left + right)
@@ -103,23 +113,33 @@ class Odometer:
         self._advance(way, turn)
         return self._odometry(encoders.time, rate - self._bias)
 
+    def trusted(self, motion: CameraMotion) -> CameraMotion:
+        """``motion`` with the doubt that is due while wheels stand in for a stale gyro."""
+        if not self._stale:
+            return motion
+        sigma = max(motion.yaw_sigma, WHEELS_YAW_SIGMA * motion.baseline)
+        return replace(motion, yaw_sigma=sigma)
+
     def contradict(self, turn: float, motion: CameraMotion) -> None:
         """The flow says that the robot turned by ``turn`` [rad] more than ``motion`` says.
 
-        A lasting contradiction is a bias that has changed since the robot last stood still. Only
-        driving nearly straight is asked: in turns a camera that is not what it is believed to be
-        contradicts as well.
+        A lasting contradiction is a bias that has changed since the robot last stood still. One in
+        proportion to the turning is not: it is a camera that is not what it is believed to be.
+        While the gyro is stale, the contradiction is the wheels'.
         """
-        r = motion.rotation
-        turned = 0.5 * math.hypot(r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1])
-        if self._stale or motion.dt <= 0.0 or turned > STRAIGHT * motion.dt:
+        if motion.dt <= 0.0:
             return
-        share = -math.expm1(-motion.dt / DOUBT_MEMORY)
-        self._contradiction += share * (turn / motion.dt - self._contradiction)
-        off = abs(self._contradiction)
-        self._doubted = off > CONTRADICTION or (self._doubted and off > SETTLED)
+        if self._stale:
+            skew = self._skew + CORRECTION * turn / max(motion.baseline, LEAST_WAY)
+            self._skew = min(max(skew, -LARGEST_SKEW), LARGEST_SKEW)
+            return
+        r = motion.rotation
+        # y points down in camera axes: counter-clockwise from above is negative about it
+        rate = 0.5 * (r[0, 2] - r[2, 0]) / motion.dt
+        off = self._contradiction.hear(turn / motion.dt, rate, motion.dt)
+        self._doubted = abs(off) > CONTRADICTION or (self._doubted and abs(off) > SETTLED)
         if self._doubted:
-            self._bias -= CORRECTION * self._contradiction
+            self._bias -= CORRECTION * off
 
     def _ways(
         self, before: Encoders, now: Encoders, dt: float, rate: float, asked: Twist
@@ -171,3 +191,20 @@ class Odometer:
         """Average over the time spent still, slowly forgetting because a bias drifts."""
         self._bias_time = min(self._bias_time + dt, BIAS_MEMORY)
         self._bias += (rate - self._bias) * min(1.0, dt / self._bias_time)
+
+
+class _Contradiction:
+    """A fading regression of the flow's contradiction on the turning rate: bias and factor."""
+
+    def __init__(self) -> None:
+        self._off = self._rate = self._both = self._square = 0.0
+
+    def hear(self, off: float, rate: float, dt: float) -> float:
+        """Take note of a contradiction ``off`` [rad/s]; the part that no turning explains."""
+        share = -math.expm1(-dt / DOUBT_MEMORY)
+        self._off += share * (off - self._off)
+        self._rate += share * (rate - self._rate)
+        self._both += share * (off * rate - self._both)
+        self._square += share * (rate * rate - self._square)
+        spread = self._square - self._rate**2 + TELLING**2
+        return self._off - (self._both - self._off * self._rate) / spread * self._rate
