@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import signal
 import threading
-import time as clock
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -80,14 +79,13 @@ def time_limit(seconds: float) -> Iterator[None]:
         del number, frame
         raise BehaviorTimeout(f"no answer within {seconds:g} s")
 
-    begun = clock.monotonic()
     handler = signal.signal(signal.SIGALRM, ring)
     left, interval = signal.setitimer(signal.ITIMER_REAL, seconds)
     try:
         yield
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        unused, _ = signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, handler)
         if left:
-            left = max(left - (clock.monotonic() - begun), 1e-3)
+            left = max(left - (seconds - unused), 1e-3)
             signal.setitimer(signal.ITIMER_REAL, left, interval)
