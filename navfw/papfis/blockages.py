@@ -18,6 +18,9 @@ __all__ = ["Blockages"]
 AHEAD = 0.4
 """Nothing bars the way nearer ahead of the robot than this [m] when it finds a passage barred."""
 
+NEAR = 2.0
+"""From so near [m] a look tells whether a closed passage is still barred."""
+
 DROP_REACH = 0.3
 """A drop endangers a passage when it is so near its rim, or nearer [m]."""
 
@@ -75,6 +78,8 @@ class Blockages:
         since = time - self._voted.get(ends, -math.inf)
         if state == "unknown" or since < self._interval - _ROUNDING:
             return False
+        if ends in self._until and not self._looks_at_barrier(query):
+            return False  # the way back from it, say
         self._voted[ends] = time
         step = 1.0 if state == "closed" else -1.0
         votes = min(max(self._votes.get(ends, 0.0) + step, -self._closing), self._closing)
@@ -98,15 +103,28 @@ class Blockages:
 
     def _barrier(self, passage: Passage, query: PassageQuery) -> float:
         """Where along the passage it is barred [m from ``a``]: ahead of the robot."""
+        start, end = (self._along(passage, point) for point in (query.start, query.end))
+        barred = start + AHEAD if end >= start else start - AHEAD
+        return min(max(barred, 0.0), passage.length)
+
+    def _looks_at_barrier(self, query: PassageQuery) -> bool:
+        """Whether the leg leads past where the passage was found barred, and that is near."""
+        passage = self._passage(frozenset(query.passage))
+        barrier = self._router.costs.barrier(passage)
+        if barrier is None:
+            return True
+        start, end = (self._along(passage, point) for point in (query.start, query.end))
+        return min(start, end) <= barrier <= max(start, end) and abs(barrier - start) <= NEAR
+
+    def _along(self, passage: Passage, point: tuple[float, float]) -> float:
+        """How far along the passage a point is [m from ``a``, in the passage's own length]."""
         a, b = (self._router.topo_map.places[name] for name in (passage.a, passage.b))
         dx, dy = b.x - a.x, b.y - a.y
-        span = math.hypot(dx, dy)
-        if span == 0.0:
+        square = dx * dx + dy * dy
+        if square == 0.0:
             return 0.5 * passage.length
-        (x0, y0), (x1, y1) = query.start, query.end
-        along = min(max(((x0 - a.x) * dx + (y0 - a.y) * dy) / span, 0.0), span)
-        forward = 1.0 if (x1 - x0) * dx + (y1 - y0) * dy >= 0.0 else -1.0
-        return min(max(along + forward * AHEAD, 0.0), span) * passage.length / span
+        share = ((point[0] - a.x) * dx + (point[1] - a.y) * dy) / square
+        return min(max(share, 0.0), 1.0) * passage.length
 
     def _endanger(self, drop: tuple[float, float]) -> Changed:
         """Put the danger on the nearest passage, if the drop lies in it."""

@@ -144,6 +144,16 @@ def test_without_another_way_the_old_plan_holds_and_the_passage_is_named() -> No
     assert not drive.papfis.closed
 
 
+def test_the_free_way_back_does_not_reopen_a_passage() -> None:
+    drive = on_the_way(ring())
+    drive.go(4.5, 0)
+    drive.see("closed", ("near", "far"), 3)
+    assert drive.ahead == ["near", "north", "far", "end"]
+    assert drive.papfis.queries[0].end == (3.0, 0.0)  # in the barred passage, but back
+    drive.see("open", ("near", "far"), 10)
+    assert [str(passage) for passage in drive.papfis.closed] == ["near - far"]
+
+
 def test_a_shut_way_is_open_again_when_the_time_is_over() -> None:
     drive = on_the_way(ring(detour=False), closed_for=30.0)
     drive.see("closed", ("near", "far"), 3)
