@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -25,30 +24,32 @@ class Verdict:
 
     def value(self, output: str) -> float:
         """The crisp value of ``output``."""
-        return float(self._result.outputs[output][0])
+        return float(self._result.crisp(output)[0])
 
     def degree(self, output: str) -> float:
         """``output`` as the mean of its terms' peaks, weighted by how much each is concluded.
 
         Unlike the centroid this reaches the ends of the range: what the rules call none is 0.
         """
-        degrees = self._result.degrees[output]
         peaks = self._rules.peaks(output)
-        total = sum(float(degrees[name][0]) for name in peaks)
-        return sum(float(degrees[n][0]) * peak for n, peak in peaks.items()) / max(total, 1e-9)
+        degrees = self._degrees(output)
+        shared = sum(degree * peak for degree, peak in zip(degrees, peaks, strict=True))
+        return shared / max(sum(degrees), 1e-9)
 
     def values(self, output: str) -> Array:
         """The crisp values of ``output``, in the shape of the inputs."""
-        result: Array = self._result.outputs[output].reshape(self._shape)
-        return result
+        return self._result.crisp(output).reshape(self._shape)
 
     def over(self, output: str, values: Array) -> Array:
         """The fuzzy set of ``output`` at ``values`` (n,): each term cut at its rules' strength."""
-        degrees = self._result.degrees[output]
-        terms = self._rules.terms(output, values)
-        cut = np.array([degrees[name][0] for name in terms])
-        result: Array = np.minimum(np.stack(list(terms.values())), cut[:, None]).max(axis=0)
+        cut = np.array(self._degrees(output))
+        result: Array = np.minimum(self._rules.terms(output, values), cut[:, None]).max(axis=0)
         return result
+
+    def _degrees(self, output: str) -> list[float]:
+        """How strongly each term of ``output`` is concluded from the first inputs."""
+        names = self._rules.base.outputs[output].terms
+        return [float(self._result.degree(output, name)[0]) for name in names]
 
     def command(self, commands: CommandGrid) -> Array:
         """Desirability (n_v, n_w): the sets of the outputs ``speed`` and ``turn``, multiplied."""
@@ -72,8 +73,8 @@ class BehaviorRules:
     def __init__(self, base: RuleBase | str | Path) -> None:
         self.base = base if isinstance(base, RuleBase) else RuleBase.load(Path(base))
         self.fis = CompiledFis(self.base)
-        self._terms: dict[tuple[str, bytes], dict[str, Array]] = {}
-        self._peaks: dict[str, dict[str, float]] = {}
+        self._terms: dict[tuple[str, bytes], Array] = {}
+        self._peaks: dict[str, tuple[float, ...]] = {}
 
     @classmethod
     def beside(cls, module_file: str) -> BehaviorRules:
@@ -100,23 +101,20 @@ class BehaviorRules:
         shape = next(iter(inputs.values())).shape
         return Verdict(self, self.fis.evaluate({k: v.ravel() for k, v in inputs.items()}), shape)
 
-    def peaks(self, output: str) -> Mapping[str, float]:
+    def peaks(self, output: str) -> tuple[float, ...]:
         """Where each term of ``output`` is fullest, within the range."""
         if output not in self._peaks:
             universe = self.base.outputs[output].universe
-            self._peaks[output] = {
-                name: float(universe[degrees >= degrees.max() - 1e-9].mean())
-                for name, degrees in self.terms(output, universe).items()
-            }
+            self._peaks[output] = tuple(
+                float(universe[degrees >= degrees.max() - 1e-9].mean())
+                for degrees in self.terms(output, universe)
+            )
         return self._peaks[output]
 
-    def terms(self, output: str, values: Array) -> Mapping[str, Array]:
-        """Each term of ``output`` at ``values`` (n,), kept for the next call."""
+    def terms(self, output: str, values: Array) -> Array:
+        """Each term of ``output`` at ``values`` (n,): (terms, n), kept for the next call."""
         key = (output, values.tobytes())
         if key not in self._terms:
-            variable = self.base.outputs[output]
-            self._terms[key] = {
-                name: np.asarray(term(values), dtype=np.float64)
-                for name, term in variable.terms.items()
-            }
+            terms = self.base.outputs[output].terms.values()
+            self._terms[key] = np.array([term(values) for term in terms], dtype=np.float64)
         return self._terms[key]

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated, ClassVar, Literal
 
+import cv2
 import numpy as np
 from pydantic import Field
-from scipy import ndimage
 
 from navfw.kinds import Fusion
 from navfw.mofis.context import Context
@@ -79,18 +79,18 @@ class FuzzyFusion(Fusion):
     def _centre(self, context: Context, support: Array, forbidden: Mask) -> tuple[float, float]:
         """(row, column), fractional, of the command chosen from ``support`` (n_v, n_w)."""
         best = float(support.max())
-        regions, count = ndimage.label(support >= self.params.level * best)
-        index = range(1, count + 1)
-        mass = np.atleast_1d(ndimage.sum_labels(support, regions, index))
+        joined = (support >= self.params.level * best).astype(np.uint8)
+        _, regions = cv2.connectedComponents(joined, connectivity=4)
+        mass = np.bincount(regions.ravel(), weights=support.ravel())[1:]
         if context.previous is not None:
             before = regions[context.commands.nearest(context.previous.twist)]
             if before > 0:
                 mass[before - 1] *= 1.0 + self.params.loyalty
         chosen = regions == 1 + int(mass.argmax())
         inside = np.where(chosen, support, 0.0)
-        rows, columns = np.indices(support.shape)
         weight = inside.sum()
-        row, column = (rows * inside).sum() / weight, (columns * inside).sum() / weight
+        row = np.arange(support.shape[0]) @ inside.sum(axis=1) / weight
+        column = np.arange(support.shape[1]) @ inside.sum(axis=0) / weight
         if forbidden[round(row), round(column)]:
             # the centre of a region with a hole or a bend may lie outside it
             top = np.unravel_index(int(inside.argmax()), support.shape)
