@@ -27,7 +27,8 @@ SURELY_MOVED = 0.005
 
 def ramp(value: Array, low: float, high: float) -> Array:
     """0 below ``low``, 1 above ``high``, straight between."""
-    return np.clip((value - low) / (high - low), 0.0, 1.0)
+    # what np.clip does, at a third of its cost on arrays as small as a grid
+    return np.minimum(np.maximum((value - low) / (high - low), 0.0), 1.0)
 
 
 def check_ramps(params: Params) -> None:
