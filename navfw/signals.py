@@ -316,12 +316,18 @@ class Belief:
     """Where the robot thinks it is: ``pose`` in ``map`` with ``covariance`` (3, 3) of (x, y, yaw).
 
     ``places`` gives the probability of each place of the topological map (may be empty).
+    ``confidence`` in [0, 1] is the probability that the robot truly is within a metre of ``pose``.
+    Where it is ``lost``, the localiser itself does not trust ``pose``: nothing should be planned
+    from it. ``updates`` counts the landmark sightings that have gone into it so far.
     """
 
     time: float
     pose: Pose
     covariance: Array
     places: Mapping[str, float] = field(default_factory=dict)
+    confidence: float = 1.0
+    lost: bool = False
+    updates: int = 0
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,7 +31,12 @@ BUILT_IN: dict[str, dict[str, str]] = {
     },
     "perception": {"offis": "navfw.offis.offis:Offis"},
     "features": {"none": "navfw.features.none:NoFeatures"},
-    "localizer": {"dead_reckoning": "navfw.topomap.dead_reckoning:DeadReckoning"},
+    "localizer": {
+        "bayes": "navfw.localization.bayes:Bayes",
+        "dead_reckoning": "navfw.topomap.dead_reckoning:DeadReckoning",
+        "ekf": "navfw.localization.ekf:Ekf",
+        "topological": "navfw.localization.topological:Topological",
+    },
     "planner": {"papfis": "navfw.papfis.papfis:Papfis"},
     "fusion": {
         "fuzzy": "navfw.mofis.fusion.fuzzy:FuzzyFusion",

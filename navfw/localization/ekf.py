@@ -1,0 +1,92 @@
+"""The localiser `ekf`: a metric EKF from a known start, corrected by landmarks (METHOD 4.4)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Annotated, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from navfw.errors import InputError
+from navfw.kinds import Localizer
+from navfw.localization.looks import Looks
+from navfw.localization.metric import FilterParams, MetricFilter
+from navfw.localization.places import near_places, within
+from navfw.localization.trust import LandmarkTrust
+from navfw.signals import Belief, Odometry, Percept, Pose, Sighting
+from navfw.topomap.model import TopoMap
+
+__all__ = ["Ekf"]
+
+REFRESH = 0.05
+"""Places are weighed again after so much motion [m]."""
+
+
+class Ekf(Localizer):
+    """Odometry and gyro predict (x, y, yaw, gyro bias); landmark sightings correct them.
+
+    A sighting passes a chi-square gate, and weighs as much as its landmark is trusted to stand where
+    the map has it: one that stands elsewhere is soon left out.
+    """
+
+    name: ClassVar[str] = "ekf"
+
+    class Params(FilterParams, Localizer.Params):
+        """Noise, trust, and when it says that it is lost."""
+
+        lost_below: Annotated[
+            float, Field(ge=0.0, lt=1.0, description="confidence below which it is lost")
+        ] = 0.2
+
+    params: Params
+
+    _map: TopoMap | None = None
+
+    def reset(self) -> None:
+        """Forget map, start and everything driven since."""
+        self._map = None
+
+    def start(self, topo_map: TopoMap, pose: Pose | None, odometry: Odometry) -> None:
+        """Begin at ``pose`` [map frame].
+
+        Raises:
+            InputError: ``pose`` is None: an EKF cannot search the whole map.
+
+        """
+        if pose is None:
+            raise InputError(
+                "the localizer 'ekf' cannot find an unknown start; give the mission a start pose, "
+                "or the stack the localizer 'topological' (see the stack 'landmarks')"
+            )
+        p = self.params
+        self._map = topo_map
+        self.trust = LandmarkTrust(p.prior)
+        self._looks = Looks(topo_map, p.placed)
+        self.filter = MetricFilter(p, self.trust)
+        self.filter.begin(pose, np.diag((p.start_xy**2, p.start_xy**2, p.start_yaw**2)), odometry)
+        self._places: Mapping[str, float] = {}
+        self._weighed_at: Pose | None = None
+
+    def update(
+        self, odometry: Odometry, percept: Percept | None, sightings: Sequence[Sighting]
+    ) -> Belief:
+        """The belief after the newest odometry and sightings; percepts are not used."""
+        if self._map is None:
+            raise RuntimeError("start() comes before update()")
+        self.filter.advance(odometry)
+        self.filter.see(self._looks.hear(odometry, sightings))
+        pose, covariance = self.filter.pose, self.filter.pose_covariance
+        at = self._weighed_at
+        if at is None or abs(pose.x - at.x) + abs(pose.y - at.y) > REFRESH:
+            self._places, self._weighed_at = near_places(self._map, pose, covariance), pose
+        confidence = within(covariance)
+        return Belief(
+            odometry.time,
+            pose,
+            covariance,
+            self._places,
+            confidence,
+            confidence < self.params.lost_below,
+            self.filter.updates,
+        )

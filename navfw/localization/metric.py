@@ -1,0 +1,156 @@
+"""The metric filter: an EKF over pose and gyro bias that does not believe every landmark."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from navfw.localization.landmark_model import GATE, associate, expected
+from navfw.localization.looks import Look
+from navfw.localization.motion_model import MotionParams, predict, process_noise, transition
+from navfw.localization.trust import LandmarkTrust
+from navfw.signals import Array, Odometry, Pose, wrap_angle
+
+__all__ = ["FilterParams", "MetricFilter"]
+
+NonNegative = Annotated[float, Field(ge=0.0)]
+
+STILL_PERIOD = 1.0
+"""Standing still says something new of the bias once in so long [s]."""
+
+WIDENING = 4.0
+"""Factor on the covariance when several landmarks at once are not where they should be."""
+
+CONTRADICTIONS = 3
+"""So many different landmarks in a row that do not fit speak against the pose, not against them."""
+
+
+class FilterParams(MotionParams):
+    """Noise of odometry and map, and how much landmarks are trusted."""
+
+    start_xy: Annotated[NonNegative, Field(description="of the start x and y [m]")] = 0.03
+    start_yaw: Annotated[NonNegative, Field(description="of the start yaw [rad]")] = 0.02
+    placed: Annotated[
+        NonNegative, Field(description="how exactly the map has its landmarks, one sigma [m]")
+    ] = 0.03
+    prior: Annotated[
+        float, Field(gt=0.0, lt=1.0, description="share of landmarks that stand where mapped")
+    ] = 0.85
+    least_xy: Annotated[
+        NonNegative, Field(description="no landmark makes the position surer than this [m]")
+    ] = 0.02
+    least_yaw: Annotated[
+        NonNegative, Field(description="no landmark makes the yaw surer than this [rad]")
+    ] = 0.006
+
+
+class MetricFilter:
+    """Keeps (x, y, yaw, bias) with covariance (4, 4); ``trust`` is shared with whoever else asks."""
+
+    def __init__(self, params: FilterParams, trust: LandmarkTrust) -> None:
+        self.params = params
+        self.trust = trust
+        self.updates = 0
+
+    def begin(self, pose: Pose, covariance: Array, odometry: Odometry) -> None:
+        """Start at ``pose`` (map) with ``covariance`` (3, 3); the bias is what odometry has."""
+        self.state = np.array((pose.x, pose.y, pose.yaw, odometry.yaw_bias))
+        self.covariance = np.zeros((4, 4))
+        self.covariance[:3, :3] = covariance
+        self.covariance[3, 3] = self.params.bias**2
+        self._last = odometry
+        self._bias_heard = odometry.time
+        self._against: set[str] = set()
+
+    @property
+    def pose(self) -> Pose:
+        """The pose in ``map``."""
+        return Pose(*self.state[:3].tolist())
+
+    @property
+    def pose_covariance(self) -> Array:
+        """(3, 3) of (x, y, yaw)."""
+        return self.covariance[:3, :3].copy()
+
+    def advance(self, odometry: Odometry) -> None:
+        """Move as odometry has since the last time."""
+        last, self._last = self._last, odometry
+        dt = odometry.time - last.time
+        if dt <= 0.0:
+            return
+        self._hear_bias(odometry, last)
+        moved = last.pose.relative(odometry.pose)
+        # odometry holds the heading of a robot that stands still
+        turning_dt = 0.0 if odometry.still else dt
+        drift = (odometry.yaw_bias - float(self.state[3])) * turning_dt
+        jacobian = transition(self.state, moved, drift, turning_dt)
+        noise = process_noise(
+            float(self.state[2]), moved, turning_dt, self.params, odometry.silent
+        )
+        noise[3, 3] = self.params.bias_walk**2 * dt
+        self.state = predict(self.state, moved, drift)
+        self.covariance = jacobian @ self.covariance @ jacobian.T + noise
+
+    def see(self, looks: Sequence[Look]) -> None:
+        """Correct the pose by landmarks, as far as they are trusted and fit."""
+        for look in looks:
+            self._see(look)
+
+    def fits(self, look: Look) -> bool:
+        """Whether a landmark is where it should be, as seen from the present pose."""
+        predicted, jacobian = expected(self.state, look.landmark.x, look.landmark.y)
+        off = look.seen - predicted
+        off[0] = wrap_angle(float(off[0]))
+        spread = jacobian @ self.covariance @ jacobian.T + look.noise
+        return bool(off @ np.linalg.solve(spread, off) <= GATE)
+
+    def _see(self, look: Look) -> None:
+        mark = look.landmark
+        noise = look.noise / look.weight
+        trust = self.trust.of(mark.identity)
+        found = associate(
+            self.state, self.covariance, look.seen, noise, (mark.x, mark.y), trust
+        )
+        self.trust.hear(mark.identity, found.likelihood, look.weight)
+        if found.share > 0.5:
+            self.updates += 1
+            self._against.clear()
+        elif found.share == 0.0 and trust > 0.5:
+            self._against.add(mark.identity)
+        self.state, self.covariance = found.state, found.covariance
+        self._keep_doubt()
+        if len(self._against) >= CONTRADICTIONS:
+            self.covariance[:3, :] *= math.sqrt(WIDENING)
+            self.covariance[:, :3] *= math.sqrt(WIDENING)
+            self.trust.pardon(self._against.__contains__)
+            self._against.clear()
+
+    def _keep_doubt(self) -> None:
+        """Errors that all sightings share (of the map, of the camera) do not average out."""
+        p = self.params
+        for axis, least in enumerate((p.least_xy, p.least_xy, p.least_yaw)):
+            short = least**2 - self.covariance[axis, axis]
+            if short > 0.0:
+                self.covariance[axis, axis] += short
+
+    def _hear_bias(self, odometry: Odometry, last: Odometry) -> None:
+        """Odometry learns the bias at rest, and corrects it when the flow contradicts the gyro."""
+        change = odometry.yaw_bias - last.yaw_bias
+        rested = odometry.still and odometry.time - self._bias_heard >= STILL_PERIOD
+        if not rested and (odometry.still or change == 0.0):
+            return
+        self._bias_heard = odometry.time
+        noise = self.params.bias**2
+        if not odometry.still:
+            self.covariance[3, 3] += change**2
+            noise += change**2
+        gain = self.covariance[:, 3] / (self.covariance[3, 3] + noise)
+        self.state = self.state + gain * (odometry.yaw_bias - self.state[3])
+        self.state[2] = wrap_angle(float(self.state[2]))
+        row = self.covariance[3:4, :]
+        updated = self.covariance - np.outer(gain, row)
+        self.covariance = 0.5 * (updated + updated.T)

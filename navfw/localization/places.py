@@ -1,0 +1,48 @@
+"""From a position to the probability of each place of the map."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from navfw.signals import Array, Pose
+from navfw.topomap.model import TopoMap
+
+__all__ = ["WITHIN", "deviation", "near_places", "within"]
+
+AT_PLACE = 1.0
+"""How far around a place is still 'at' it [m]."""
+
+COUNT = 8
+"""How many of the likeliest places a belief names."""
+
+WITHIN = 1.0
+"""A belief's confidence is the probability that the robot is no farther from its pose [m]."""
+
+
+def near_places(topo_map: TopoMap, pose: Pose, covariance: Array) -> Mapping[str, float]:
+    """The likeliest places for a position (covariance (3, 3)), likeliest first; they sum to 1."""
+    spread = AT_PLACE**2 + 0.5 * float(covariance[0, 0] + covariance[1, 1])
+    squared = topo_map.place_distances(pose.x, pose.y) ** 2
+    count = min(COUNT, len(squared))
+    likeliest = np.argpartition(squared, count - 1)[:count]
+    likeliest = likeliest[np.argsort(squared[likeliest], kind="stable")]
+    # relative to the nearest, so that far from every place something is still above zero
+    weights = np.exp(-0.5 * (squared[likeliest] - squared[likeliest[0]]) / spread)
+    weights /= weights.sum()
+    names = list(topo_map.places)
+    return {names[i]: float(w) for i, w in zip(likeliest.tolist(), weights, strict=True)}
+
+
+def deviation(covariance: Array) -> float:
+    """The largest standard deviation [m] of the position, in any direction."""
+    a, b, c = float(covariance[0, 0]), float(covariance[0, 1]), float(covariance[1, 1])
+    return math.sqrt(max(0.5 * (a + c) + math.hypot(0.5 * (a - c), b), 0.0))
+
+
+def within(covariance: Array, radius: float = WITHIN) -> float:
+    """The probability, at least, that the position is no farther off than ``radius`` [m]."""
+    sigma = deviation(covariance)
+    return 1.0 if sigma == 0.0 else -math.expm1(-0.5 * (radius / sigma) ** 2)

@@ -1,0 +1,155 @@
+"""The localiser `topological`: a discrete Bayes filter for the whole map, an EKF for where it is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Annotated, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from navfw.kinds import Localizer
+from navfw.localization.discrete import Cluster, DiscreteFilter, DiscreteParams
+from navfw.localization.looks import Look, Looks
+from navfw.localization.metric import FilterParams, MetricFilter
+from navfw.localization.places import near_places, within
+from navfw.localization.trust import LandmarkTrust
+from navfw.signals import Array, Belief, Odometry, Percept, Pose, Sighting, wrap_angle
+from navfw.topomap.model import TopoMap
+
+__all__ = ["Topological"]
+
+APART = 1.5
+"""Both filters speak of the same place when no farther apart than this [m]."""
+
+TURNED = math.radians(40.0)
+"""... and when their headings differ less than this."""
+
+
+class Topological(Localizer):
+    """Finds out where it is with the one filter and keeps it with the other.
+
+    The discrete filter weighs the whole map at all times. As soon as most of its probability lies at
+    one pose that two landmarks support, the metric filter begins there; when it later lies
+    elsewhere, and more landmarks support that, the metric filter begins again there. While the two
+    contradict each other the confidence falls, and what is below ``lost_below`` is lost.
+    """
+
+    name: ClassVar[str] = "topological"
+
+    class Params(Localizer.Params):
+        """Both filters, and when to believe the discrete one."""
+
+        metric: FilterParams = FilterParams()
+        discrete: DiscreteParams = DiscreteParams()
+        sure: Annotated[
+            float, Field(gt=0.5, lt=1.0, description="probability from which a pose is taken")
+        ] = 0.9
+        lost_below: Annotated[
+            float, Field(ge=0.0, lt=1.0, description="confidence below which it is lost")
+        ] = 0.4
+
+    params: Params
+
+    _map: TopoMap | None = None
+
+    def reset(self) -> None:
+        """Forget map, start and everything driven since."""
+        self._map = None
+
+    def start(self, topo_map: TopoMap, pose: Pose | None, odometry: Odometry) -> None:
+        """Begin at ``pose`` [map frame], or anywhere."""
+        p = self.params
+        self._map = topo_map
+        self._looks = Looks(topo_map, p.metric.placed)
+        self.trust = LandmarkTrust(p.metric.prior)
+        self.discrete = DiscreteFilter(topo_map, p.discrete, p.metric.prior, self.trust)
+        self.discrete.begin(pose, odometry)
+        self.metric = MetricFilter(p.metric, self.trust)
+        self.tracking = pose is not None
+        self.relocations = 0
+        self._conflict = 0.0
+        self._version: object = None
+        self._places: Mapping[str, float] = {}
+        self._weighed_at = Pose(math.inf, math.inf, 0.0)
+        if pose is not None:
+            xy, yaw = p.metric.start_xy**2, p.metric.start_yaw**2
+            self.metric.begin(pose, np.diag((xy, xy, yaw)), odometry)
+
+    def update(
+        self, odometry: Odometry, percept: Percept | None, sightings: Sequence[Sighting]
+    ) -> Belief:
+        """The belief after the newest odometry and, where there are any, percept and sightings."""
+        if self._map is None:
+            raise RuntimeError("start() comes before update()")
+        looks = self._looks.hear(odometry, sightings)
+        self.discrete.advance(odometry, percept)
+        self.discrete.see(looks)
+        if self.tracking:
+            self.metric.advance(odometry)
+            self.metric.see(looks)
+        changed = self._version is not self.discrete.version
+        self._version = self.discrete.version
+        if looks or changed:
+            self._compare(odometry, looks)
+        if self.tracking:
+            return self._tracked(self._map, odometry)
+        return self._sought(odometry, changed)
+
+    def _compare(self, odometry: Odometry, looks: Sequence[Look]) -> None:
+        """Begin to track where the discrete filter is sure, if that is not where it is tracked."""
+        cluster = self.discrete.cluster
+        here = self.metric.pose if self.tracking else None
+        if here is not None and _same(cluster.pose, here):
+            self._conflict = 0.0
+            return
+        support = self.discrete.supporting(cluster.pose)
+        evidence = self.discrete.evidence(cluster.pose)
+        self._conflict = cluster.mass * evidence
+        if here is not None and len(support) <= len(self.discrete.supporting(here)):
+            self._conflict *= 0.5  # as much speaks for the one as for the other
+            return
+        if self._conflict >= self.params.sure and looks:
+            self._begin(cluster, odometry, looks)
+
+    def _begin(self, cluster: Cluster, odometry: Odometry, looks: Sequence[Look]) -> None:
+        self.relocations += self.tracking
+        self.tracking = True
+        self._conflict = 0.0
+        self.metric.begin(cluster.pose, cluster.covariance, odometry)
+        self.trust.pardon(set(self.discrete.supporting(cluster.pose)).__contains__)
+        self.metric.see(looks)
+
+    def _tracked(self, topo_map: TopoMap, odometry: Odometry) -> Belief:
+        pose, covariance = self.metric.pose, self.metric.pose_covariance
+        if abs(pose.x - self._weighed_at.x) + abs(pose.y - self._weighed_at.y) > 0.05:
+            self._places, self._weighed_at = near_places(topo_map, pose, covariance), pose
+        confidence = within(covariance) * (1.0 - self._conflict)
+        return self._belief(odometry, pose, covariance, self._places, confidence)
+
+    def _sought(self, odometry: Odometry, changed: bool) -> Belief:
+        cluster = self.discrete.cluster
+        if changed:
+            self._places = self.discrete.places
+        confidence = cluster.mass * self.discrete.evidence(cluster.pose)
+        # what is not yet tracked is not yet known
+        confidence = min(confidence, 0.99 * self.params.lost_below)
+        return self._belief(odometry, cluster.pose, cluster.spread, self._places, confidence)
+
+    def _belief(
+        self,
+        odometry: Odometry,
+        pose: Pose,
+        covariance: Array,
+        places: Mapping[str, float],
+        confidence: float,
+    ) -> Belief:
+        lost = confidence < self.params.lost_below
+        time, updates = odometry.time, self.metric.updates
+        return Belief(time, pose, covariance, places, confidence, lost, updates)
+
+
+def _same(a: Pose, b: Pose) -> bool:
+    near = math.hypot(a.x - b.x, a.y - b.y) <= APART
+    return near and abs(wrap_angle(a.yaw - b.yaw)) <= TURNED
