@@ -17,6 +17,10 @@ from navfw.signals import Frame, FramePair, Odometry, Pose, wrap_angle
 
 __all__ = ["FrameBuffer", "PairingParams"]
 
+STEADY = 0.04
+"""Largest turn [rad] between two frames that are to show movers: a turn not quite known moves
+everything."""
+
 Length = Annotated[float, Field(gt=0.0, le=1.0)]
 
 
@@ -150,7 +154,7 @@ class FrameBuffer:
         """The newest frame with the one before, whatever the baseline, to see movers."""
         if self.params.movers and self._views:
             past = self._views[-1]
-            if self._steady(past, now):
+            if abs(wrap_angle(now.pose.yaw - past.pose.yaw)) <= STEADY:
                 yield self._pair(past, now)
 
     def _nothing_new(self, last: Pose, now: Pose) -> bool:

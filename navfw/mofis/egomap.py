@@ -27,6 +27,9 @@ Share = Annotated[float, Field(ge=0.0, le=1.0)]
 
 _SHARPEST = 0.02
 """Sigma [1/m] below which no reading is taken at its word."""
+_GAP = np.ones((3, 3), np.uint8)
+_BESIDE = 0.1
+"""How far [m] beside the robot's middle the floor has to be known."""
 _SEEN_OVER = 0.15
 """Height [m] below which a ray that passes tells all about a cell."""
 
@@ -86,6 +89,7 @@ class EgoMap:
         self.size = 2 * round(0.5 * self.params.extent / self.params.cell) + 1
         self._base_from_camera = robot.camera.base_from_camera
         p = self.params
+        self._beside = np.ones((2 * round(_BESIDE / p.cell) + 1,) * 2, np.uint8)
         self._limits = np.array([p.range, p.width, *p.share, _SEEN_OVER, p.over_share])
         self._hit = np.zeros((self.size, self.size))
         self._free = np.zeros((self.size, self.size))
@@ -100,6 +104,7 @@ class EgoMap:
         self._taken: tuple[Disc, ...] = ()
         self._clearance: Array | None = None
         self._known: npt.NDArray[np.uint8] | None = None
+        self._familiar: npt.NDArray[np.uint8] | None = None
 
     # --- writing ---------------------------------------------------------------------------------
 
@@ -124,7 +129,7 @@ class EgoMap:
             self.evidence *= math.exp((self._time - time) / self.params.fade)
         self._time = time
         self._mark_body(pose)
-        self._clearance = self._known = None
+        self._clearance = self._known = self._familiar = None
 
     def _mark_body(self, pose: Pose) -> None:
         """Where the robot stands, nothing else does."""
@@ -175,7 +180,7 @@ class EgoMap:
         # a doubtful hit leaves room for those who have seen through the cell
         self.evidence += p.hit * self._hit - p.free * self._free * (1.0 - self._hit)
         np.clip(self.evidence, p.least, p.most, out=self.evidence)
-        self._clearance = self._known = None
+        self._clearance = self._known = self._familiar = None
 
     def _forget_view(self, at: tuple[float, float], yaw: float, time: float) -> None:
         """Doubt the free floor within view; see ``forget_view``."""
@@ -208,6 +213,15 @@ class EgoMap:
         return np.column_stack(
             [c * base[:, 0] - s * base[:, 1], s * base[:, 0] + c * base[:, 1], base[:, 2]]
         )
+
+    def is_static(self, x: float, y: float, radius: float) -> bool:
+        """Whether evidence says that something stands within ``radius`` [m] of odom (x, y)."""
+        row, column = self.index(x, y)
+        reach = math.ceil(radius / self.params.cell)
+        part = self.evidence[
+            max(row - reach, 0) : row + reach + 1, max(column - reach, 0) : column + reach + 1
+        ]
+        return bool((part >= self.params.occupied).any())
 
     def take(self, discs: tuple[Disc, ...]) -> None:
         """Floor that counts as occupied until the next call: what movers stand and walk on."""
@@ -248,6 +262,18 @@ class EgoMap:
         if self._known is None:
             self._known = (self.evidence <= self.params.seen_free).astype(np.uint8)
         return self._known
+
+    @property
+    def familiar(self) -> npt.NDArray[np.uint8]:
+        """(n, n) 1 where the cell and what lies beside it has been seen free, else 0.
+
+        Gaps of one cell between the rays of a sparse grid are closed; a robot whose middle keeps to
+        such cells brushes past nothing that it has never seen.
+        """
+        if self._familiar is None:
+            closed = cv2.morphologyEx(self.known, cv2.MORPH_CLOSE, _GAP)
+            self._familiar = cv2.erode(closed, self._beside).astype(np.uint8, copy=False)
+        return self._familiar
 
     @property
     def clearance(self) -> Array:

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from navfw.signals import Array
 
-__all__ = ["cast_ranges", "cost_to_go", "descend", "sweep_arcs"]
+__all__ = ["cast_ranges", "cost_to_go", "descend", "first_leg", "sweep_arcs"]
 
 
 @numba.njit(cache=True)
@@ -244,6 +244,50 @@ def _lowest_around(value: Array, row: float, column: float) -> tuple[float, floa
     if distance < 1e-9:
         return 0.0, 0.0
     return (best_r - row) / distance, (best_c - column) / distance
+
+
+@numba.njit(cache=True)
+def first_leg(
+    value: Array,
+    cost: Array,
+    row: float,
+    column: float,
+    yaw: float,
+    bearings: Array,
+    length: float,
+    turning: float,
+) -> tuple[float, float, float]:
+    """The best straight leg of ``length`` [cells] from (row, column), turning counted.
+
+    Of all ``bearings`` [rad, from ``yaw``], the one with the least sum of the prices on the leg,
+    the value at its end and ``turning`` [cells/rad] for the turn to it. Returns its end (row,
+    column) and its bearing; a row of -1 where every leg is barred.
+    """
+    n = value.shape[0]
+    steps = int(2.0 * length)
+    best, best_r, best_c, best_bearing = np.inf, -1.0, -1.0, 0.0
+    for k in range(bearings.size):
+        dr, dc = 0.5 * math.sin(yaw + bearings[k]), 0.5 * math.cos(yaw + bearings[k])
+        r, c = row, column
+        total = turning * abs(bearings[k])
+        for i in range(steps):
+            r += dr
+            c += dc
+            cell_r, cell_c = int(round(r)), int(round(c))
+            if cell_r < 0 or cell_c < 0 or cell_r >= n or cell_c >= n:
+                total = np.inf
+                break
+            price = cost[cell_r, cell_c]
+            if price == np.inf and i < 3:
+                price = 5.0  # a robot that stands too near to something may leave
+            total += 0.5 * price
+            if total >= best:
+                break
+        if total < best:
+            total += value[int(round(r)), int(round(c))]
+            if total < best:
+                best, best_r, best_c, best_bearing = total, r, c, bearings[k]
+    return best_r, best_c, best_bearing
 
 
 @numba.njit(cache=True)

@@ -15,11 +15,17 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from navfw.mofis.egomap import EgoMap
-from navfw.mofis.kernels import cost_to_go, descend
-from navfw.signals import Array, Pose
+from navfw.mofis.kernels import cost_to_go, descend, first_leg
+from navfw.signals import Array, Pose, wrap_angle
 
 __all__ = ["Aim", "Lookahead", "LookaheadParams"]
 
+
+_LEG = 0.4
+"""Length [m] of the first leg, by which one of several ways is chosen."""
+_ASIDE = math.radians(40.0)
+"""A leg that leads aside of the cheapest way by more than this [rad] is another way."""
+_BEARINGS = np.linspace(-math.pi, math.pi, 49)[:-1]
 
 _AROUND = np.ones((3, 3), np.uint8)
 
@@ -37,6 +43,9 @@ class LookaheadParams(BaseModel):
         float, Field(ge=0.0, le=50.0, description="extra price of a way that just fits")
     ] = 4.0
     unknown: Annotated[float, Field(ge=0.0, le=20.0, description="extra price of the unseen")] = 0.2
+    turning: Annotated[
+        float, Field(ge=0.0, le=2.0, description="extra price of a turn to set out [m/rad]")
+    ] = 0.25
     margin: Annotated[
         float, Field(ge=0.0, le=0.3, description="clearance of the rim below which none passes [m]")
     ] = 0.03
@@ -85,8 +94,7 @@ class Lookahead:
         row = (pose.y - egomap.origin[1]) / cell
         straight = math.hypot(x - pose.x, y - pose.y)
         steps = round(2.0 * min(self.params.distance, max(straight, 2 * cell)) / cell)
-        path = np.empty((steps, 2))
-        count = descend(value, row, column, steps, path)
+        path, count = self._path(value, cost, row, column, pose.yaw, steps, cell)
         here = float(value[round(row), round(column)]) * cell
         if count == 0 or not math.isfinite(
             value[round(path[count - 1, 0]), round(path[count - 1, 1])]
@@ -99,6 +107,39 @@ class Lookahead:
         if not math.isfinite(here):
             here = float(value[round(end[0]), round(end[1])]) * cell + math.hypot(*ahead)
         return Aim(ahead[0], ahead[1], here, True, max(1.0, here / max(straight, cell)))
+
+    def _path(
+        self,
+        value: Array,
+        cost: Array,
+        row: float,
+        column: float,
+        yaw: float,
+        steps: int,
+        cell: float,
+    ) -> tuple[Array, int]:
+        """The way ahead (steps, 2) [cells] and how much of it there is.
+
+        The cheapest way of all, unless it begins with a turn that another way is spared: of two
+        ways round a thing that cost about the same, a robot keeps to the one that it faces.
+        """
+        path = np.empty((steps, 2))
+        count = descend(value, row, column, steps, path)
+        if count == 0 or steps * 0.5 * cell < 1.5 * _LEG:
+            return path, count
+        leg = _LEG / cell
+        r, c, bearing = first_leg(
+            value, cost, row, column, yaw, _BEARINGS, leg, self.params.turning / cell
+        )
+        ahead = path[min(count, round(2.0 * leg)) - 1]
+        cheapest = math.atan2(ahead[0] - row, ahead[1] - column)
+        if r < 0.0 or abs(wrap_angle(yaw + bearing - cheapest)) <= _ASIDE:
+            return path, count
+        count = descend(value, r, c, steps - round(2.0 * leg), path)
+        if count == 0:
+            path[0] = r, c
+            count = 1
+        return path, count
 
     def _prices(self, egomap: EgoMap) -> Array:
         """(m, m) price of crossing each cell of twice the map's size; infinite where barred."""

@@ -147,7 +147,7 @@ class Mofis:
         self.egomap.move(odometry.pose, odometry.time)
         eye = odometry.pose if seen_from is None else seen_from
         for percept in percepts:
-            self.tracks.see(percept.movers, eye, percept.time)
+            self.tracks.see(percept.movers, eye, percept.time, self.egomap.is_static)
             if percept.sees_depth:
                 self.egomap.enter(percept, eye)
                 self.passages.enter(percept, eye)

@@ -73,7 +73,7 @@ def _trace(
     free, known, clearance = np.empty((3, speeds.size, turns.size))
     sweep_arcs(
         egomap.clearance,
-        egomap.known,
+        egomap.familiar,
         egomap.origin[0],
         egomap.origin[1],
         egomap.params.cell,

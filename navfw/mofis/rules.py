@@ -52,10 +52,16 @@ class Verdict:
         return [float(self._result.degree(output, name)[0]) for name in names]
 
     def command(self, commands: CommandGrid) -> Array:
-        """Desirability (n_v, n_w): the sets of the outputs ``speed`` and ``turn``, multiplied."""
+        """Desirability (n_v, n_w): the sets of the outputs ``speed`` and ``turn``, multiplied.
+
+        Scaled so that what is wanted most is wanted fully: how much it counts beside others is
+        said by the applicability. Between two terms both sets are cut low, and without the scaling
+        a behaviour would lose its say there to others that are indifferent.
+        """
         speed = self.over("speed", commands.relative_v)
         turn = self.over("turn", commands.relative_w)
-        return commands.product(speed, turn)
+        wanted = commands.product(speed, turn)
+        return wanted / max(float(wanted.max()), 1e-3)
 
     def explain(self, row: int = 0, column: int = 0) -> list[dict[str, Any]]:
         """The rules that fired, strongest first; for one of the inputs of ``evaluate_all``."""

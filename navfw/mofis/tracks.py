@@ -8,7 +8,7 @@ again is soon forgotten.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -37,6 +37,9 @@ class TrackParams(BaseModel):
     beta: Annotated[
         float, Field(ge=0.0, le=1.0, description="weight of a new place for the velocity")
     ] = 0.15
+    believed: Annotated[
+        int, Field(ge=1, le=50, description="sightings before a mover takes any floor")
+    ] = 2
     sure: Annotated[int, Field(ge=2, le=50, description="sightings before a velocity counts")] = 4
     fastest: Annotated[Positive, Field(description="no mover is taken to be faster [m/s]")] = 1.0
     foresight: Annotated[
@@ -86,15 +89,26 @@ class Tracks:
         """Forget all."""
         self.tracks: list[Track] = []
 
-    def see(self, movers: Iterable[Mover], pose: Pose, time: float) -> None:
-        """Enter the ``movers`` seen from odom ``pose`` at ``time`` [s]."""
+    def see(
+        self,
+        movers: Iterable[Mover],
+        pose: Pose,
+        time: float,
+        is_static: Callable[[float, float, float], bool] = lambda x, y, radius: False,
+    ) -> None:
+        """Enter the ``movers`` seen from odom ``pose`` at ``time`` [s].
+
+        Where ``is_static`` (x, y, radius [m]) knows that something stands, none begins: at the
+        edges of near things flow is often contradictory.
+        """
         self.forget(time)
         known = list(self.tracks)
         for mover in movers:
             sighting = self._place(mover, pose, time)
             off = [math.dist(track.at(time), (sighting.x, sighting.y)) for track in known]
             if not off or min(off) > self.params.jump:
-                self.tracks.append(sighting)
+                if not is_static(sighting.x, sighting.y, sighting.radius):
+                    self.tracks.append(sighting)
             else:
                 self._update(known.pop(off.index(min(off))), sighting)
 
@@ -104,7 +118,8 @@ class Tracks:
 
     def discs(self, time: float) -> tuple[Disc, ...]:
         """The floor that movers take, or are going to take within the foresight."""
-        return tuple(disc for track in self.tracks for disc in self._way(track, time))
+        believed = [track for track in self.tracks if track.seen >= self.params.believed]
+        return tuple(disc for track in believed for disc in self._way(track, time))
 
     def _place(self, mover: Mover, pose: Pose, time: float) -> Track:
         """A new track from one sighting: its visible front is at the mover's distance."""

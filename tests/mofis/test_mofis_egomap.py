@@ -173,3 +173,16 @@ def test_free_floor_within_view_must_be_seen_again() -> None:
         egomap.enter(dataclasses.replace(see(70.0, 2.5, Label.OBSTACLE), time=0.1 * k), pose)
     assert egomap.evidence[ahead] > 0.2 * was
     assert egomap.evidence[aside] < -0.8
+
+
+def test_familiar_is_what_has_known_floor_beside_it() -> None:
+    egomap = EgoMap(ROBOT)
+    egomap.move(Pose(0, 0, 0), 0.0)
+    egomap.evidence[:] = 0.0
+    row, column = egomap.index(1.0, 0.0)
+    egomap.evidence[row - 6 : row + 7, column - 10 : column + 11] = -1.0
+    egomap.evidence[row, column] = 0.0  # one gap between rays
+    assert egomap.known[row, column] == 0
+    assert egomap.familiar[row, column] == 1
+    assert egomap.known[row + 6, column] == 1
+    assert egomap.familiar[row + 6, column] == 0

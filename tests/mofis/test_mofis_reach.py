@@ -66,7 +66,8 @@ def test_the_unseen_ends_what_is_known() -> None:
     egomap = world(seen=False)
     arcs = sweep(egomap, Pose(0, 0, 0), GRID, margin=0.0)
     assert arcs.free[FAST, STRAIGHT] == arcs.reach
-    assert arcs.known[FAST, STRAIGHT] == pytest.approx(ROBOT.radius, abs=0.08)
+    # the robot knows no more than its own place, and wants 0.1 m known beside its middle
+    assert arcs.known[FAST, STRAIGHT] == pytest.approx(ROBOT.radius - 0.1, abs=0.08)
 
 
 def test_backwards_only_where_it_has_been_seen() -> None:
@@ -128,6 +129,23 @@ def test_the_aim_goes_round_what_stands_between() -> None:
     assert aim.bearing < -0.2  # the right side is the shorter way
     assert 0.6 < aim.distance < 1.0
     assert aim.detour > 1.05
+
+
+@pytest.mark.parametrize("yaw", [0.9, -0.9])
+def test_of_two_equal_ways_the_one_that_the_robot_faces(yaw: float) -> None:
+    box = (0.5, 0.9, -0.45, 0.45)
+    aim = Lookahead().aim(world(box), Pose(0, 0, yaw), 2.0, 0.0)
+    assert aim.reachable
+    assert abs(aim.bearing) < 0.6
+    # a little longer on that side is no reason to turn right round
+    longer = (0.5, 0.9, -0.45 - 0.1 * (yaw < 0), 0.45 + 0.1 * (yaw > 0))
+    assert abs(Lookahead().aim(world(longer), Pose(0, 0, yaw), 2.0, 0.0).bearing) < 0.6
+
+
+def test_a_way_that_is_much_longer_is_not_taken_for_the_sake_of_a_turn() -> None:
+    longer = (0.5, 0.9, -0.45, 2.5)
+    aim = Lookahead().aim(world(longer), Pose(0, 0, 0.9), 2.0, 0.0)
+    assert aim.bearing < -0.6
 
 
 def test_the_aim_straight_ahead_in_the_open() -> None:
