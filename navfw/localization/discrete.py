@@ -15,7 +15,7 @@ from pydantic import Field
 from navfw.kinds import Params
 from navfw.localization.landmark_model import ELSEWHERE
 from navfw.localization.lattice import Lattice
-from navfw.localization.looks import Look
+from navfw.localization.looks import Look, agreeing
 from navfw.localization.places import COUNT
 from navfw.localization.situations import situation_likelihoods
 from navfw.localization.trust import LandmarkTrust
@@ -148,12 +148,17 @@ class DiscreteFilter:
         return float(1.0 - (1.0 - self.prior) ** len(self.supporting(pose)))
 
     def supporting(self, pose: Pose) -> list[str]:
-        """The landmarks seen of late that lie where they should if the robot is at ``pose``."""
-        return [
-            identity
-            for identity, (look, driven) in self._seen.items()
+        """The landmarks seen of late that lie where they should if the robot is at ``pose``.
+
+        Of landmarks that lie as far from each other as in the map: a pose that suits two of them
+        half and half suits neither.
+        """
+        fitting = [
+            (look, driven)
+            for look, driven in self._seen.values()
             if self._driven - driven <= LASTING and self._fits(look, pose)
         ]
+        return [look.landmark.identity for look in agreeing(fitting)]
 
     def mass_near(self, pose: Pose, radius: float) -> float:
         """The probability of being within ``radius`` [m] of ``pose`` (map), heading alike."""

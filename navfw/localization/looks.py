@@ -12,13 +12,19 @@ import numpy as np
 from navfw.signals import Array, Odometry, Pose, Sighting
 from navfw.topomap.model import Landmark, TopoMap
 
-__all__ = ["Look", "Looks"]
+__all__ = ["Look", "Looks", "agreeing"]
 
 MEMORY = 2.0
 """Sightings older than this [s] are not used."""
 
 REPEAT = 1.0
 """Sightings of one landmark share their errors: all those of so long [s] count as one."""
+
+AGREE = 0.15
+"""Distances of two landmarks agree when they differ by three sigmas and so much [m]."""
+
+DRIFT = 0.03
+"""Odometry between two looks may be off by this share of the way."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,3 +85,32 @@ class Looks:
     def _pose_at(self, time: float) -> Pose:
         """Where odometry was then; camera frames come with its times."""
         return min(self._trail, key=lambda entry: abs(entry[0] - time))[1]
+
+
+def agreeing(looks: Sequence[tuple[Look, float]]) -> list[Look]:
+    """The most of ``looks``, each with the way driven until then, that agree with each other.
+
+    Two of them agree when the landmarks are as far from each other in odom as in the map.
+    """
+    found: list[Look] = []
+    agree = _agreements(looks)
+    for first in range(len(looks)):
+        members = [first]
+        for other in range(len(looks)):
+            if other != first and all(agree[other][member] for member in members):
+                members.append(other)
+        if len(members) > len(found):
+            found = [looks[member][0] for member in sorted(members)]
+    return found
+
+
+def _agreements(looks: Sequence[tuple[Look, float]]) -> list[list[bool]]:
+    table = [[True] * len(looks) for _ in looks]
+    for i, (a, driven_a) in enumerate(looks):
+        for j, (b, driven_b) in enumerate(looks[:i]):
+            measured = math.hypot(a.x - b.x, a.y - b.y)
+            mapped = math.hypot(a.landmark.x - b.landmark.x, a.landmark.y - b.landmark.y)
+            sigma = math.sqrt(float(a.noise[1, 1] + b.noise[1, 1]))
+            allowed = AGREE + 3.0 * sigma + DRIFT * abs(driven_a - driven_b)
+            table[i][j] = table[j][i] = abs(measured - mapped) <= allowed
+    return table

@@ -26,6 +26,9 @@ APART = 1.5
 TURNED = math.radians(40.0)
 """... and when their headings differ less than this."""
 
+ROOTED = 4
+"""A start that was told, or a pose that so many landmarks have supported, counts as one more."""
+
 
 class Topological(Localizer):
     """Finds out where it is with the one filter and keeps it with the other.
@@ -69,6 +72,7 @@ class Topological(Localizer):
         self.metric = MetricFilter(p.metric, self.trust)
         self.tracking = pose is not None
         self.relocations = 0
+        self._rooted = pose is not None
         self._conflict = 0.0
         self._version: object = None
         self._places: Mapping[str, float] = {}
@@ -103,12 +107,12 @@ class Topological(Localizer):
         here = self.metric.pose if self.tracking else None
         if here is not None and _same(cluster.pose, here):
             self._conflict = 0.0
+            self._rooted |= len(self.discrete.supporting(here)) >= ROOTED
             return
-        support = self.discrete.supporting(cluster.pose)
-        evidence = self.discrete.evidence(cluster.pose)
-        self._conflict = cluster.mass * evidence
-        if here is not None and len(support) <= len(self.discrete.supporting(here)):
-            self._conflict *= 0.5  # as much speaks for the one as for the other
+        support = len(self.discrete.supporting(cluster.pose))
+        self._conflict = cluster.mass * self.discrete.evidence(cluster.pose)
+        if here is not None and support <= len(self.discrete.supporting(here)) + self._rooted:
+            self._conflict *= 0.5  # what has been tracked so far has its own weight
             return
         if self._conflict >= self.params.sure and looks:
             self._begin(cluster, odometry, looks)
@@ -116,6 +120,7 @@ class Topological(Localizer):
     def _begin(self, cluster: Cluster, odometry: Odometry, looks: Sequence[Look]) -> None:
         self.relocations += self.tracking
         self.tracking = True
+        self._rooted = False
         self._conflict = 0.0
         self.metric.begin(cluster.pose, cluster.covariance, odometry)
         self.trust.pardon(set(self.discrete.supporting(cluster.pose)).__contains__)
