@@ -16,7 +16,8 @@ class Search(Composite):
     """Travels while it knows where it is; else looks round for landmarks, then explores for them.
 
     One turn on the spot, a stretch toward the unknown, another turn, and so on, until the belief
-    is sure again. What is sought in vain for long is given up for a while: the robot travels on.
+    is sure again. What is sought in vain for long is given up for a while: the robot travels on,
+    unless it does not know at all where it is.
     """
 
     name: ClassVar[str] = "search"
@@ -53,13 +54,15 @@ class Search(Composite):
 
     def weigh(self, context: Context) -> Mapping[str, float]:
         """The degree of applicability of each primitive named in the rules."""
-        doubt = _deviation(context) / self.params.sigma
+        lost = context.belief.lost
+        doubt = 2.0 if lost else _deviation(context) / self.params.sigma
         searched = self._keep_account(context, doubtful=doubt >= 1.0)
         at_door = context.waypoint is not None and context.waypoint.kind == "door"
         verdict = self.rules.evaluate(
             doubt=min(doubt, 2.0),
             looked=float(self._turned >= 2.0 * math.pi),
-            searched=searched / self.params.patience,
+            # who is lost has nowhere to travel to
+            searched=0.0 if lost else searched / self.params.patience,
             door=context.waypoint_distance if at_door else 3.0,
         )
         self._fired = verdict.explain

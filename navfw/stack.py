@@ -243,18 +243,17 @@ class Stack:
         with _Timer(self.timings, "localizer"):
             belief = self.localizer.update(odometry, percept, sightings)
         with _Timer(self.timings, "planner"):
-            if self._outlook is not None:
-                self.planner.observe(self._outlook)
-                self._outlook = None
-            waypoint = self.planner.update(belief)
+            waypoint = self._plan(belief)
             path = tuple(self.planner.path)
         warming = self._began is None or reading.time - self._began < self.resolved.warmup
+        finished = waypoint is None and not belief.lost
         command, idle = None, 0.0
-        if waypoint is not None and not warming:
+        if not finished and not warming:
             with _Timer(self.timings, "motion"):
                 command = self.mofis.decide(odometry, belief, percepts, waypoint, flows, then.pose)
                 # the planner hears of it at the next frame: data flow one way
-                self._outlook = self.mofis.outlook(self.planner.queries, odometry, belief)
+                queries = () if belief.lost else self.planner.queries
+                self._outlook = self.mofis.outlook(queries, odometry, belief)
             idle = 0.0 if self.mofis.context is None else self.mofis.context.idle
         stuck = self._stuck(reading.time, waypoint, idle)
         self.state = StackState(
@@ -267,12 +266,24 @@ class Stack:
             path=path,
             proposals=self.mofis.proposals,
             command=command,
-            finished=waypoint is None,
+            finished=finished,
             stuck=stuck,
             faults=tuple(str(fault) for fault in self.mofis.faults),
         )
         if command is not None:
             self._decided = self.state
+
+    def _plan(self, belief: Belief) -> Waypoint | None:
+        """The waypoint to head for; None at the end, and as long as nobody knows where it is.
+
+        A planner that took a guess for the pose would pass waypoints that the robot never saw.
+        """
+        if belief.lost:
+            return None
+        if self._outlook is not None:
+            self.planner.observe(self._outlook)
+            self._outlook = None
+        return self.planner.update(belief)
 
     def _stuck(self, now: float, waypoint: Waypoint | None, idle: float) -> str | None:
         """Why there is no point in going on; None while there is one."""

@@ -21,7 +21,7 @@ class _Summary(BaseModel):
 
 class _Mission(_Summary):
     map: str | None = None
-    start: list[float] | dict[str, Any]
+    start: list[float] | dict[str, Any] | str
     goals: list[str | dict[str, Any]]
     timeout: float | None = None
 

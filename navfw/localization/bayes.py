@@ -20,8 +20,8 @@ __all__ = ["Bayes"]
 class Bayes(Localizer):
     """Weighs every place, passage and direction of the map by odometry, landmarks and OFFIS.
 
-    Finds an unknown start; its pose is as coarse as its cells and directions are. It says that it is
-    lost until enough of the probability lies at one pose, and more than one landmark supports it.
+    Finds an unknown start; its pose is as coarse as its cells and directions are. It says that it
+    is lost until enough of the probability lies at one pose that more than one landmark supports.
     """
 
     name: ClassVar[str] = "bayes"

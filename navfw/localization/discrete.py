@@ -44,9 +44,7 @@ class DiscreteParams(Params):
     """How fine the lattice is, and how it moves."""
 
     cell: Annotated[float, Field(ge=0.1, le=2.0, description="length of a cell [m]")] = 0.25
-    headings: Annotated[
-        int, Field(ge=4, le=72, description="directions that are told apart")
-    ] = 24
+    headings: Annotated[int, Field(ge=4, le=72, description="directions that are told apart")] = 24
     turning: Annotated[
         float,
         Field(ge=0.0, le=0.3, description="share that passes to each next direction, by cell"),
@@ -167,9 +165,7 @@ class DiscreteFilter:
         headings = np.abs(_wrapped(lattice.yaw - turned)) <= 5.0 * math.pi / lattice.headings
         at = self._before(pose, turned)
         rows, columns = self._window(*at, radius)
-        near = np.hypot(
-            lattice.x[columns][None, :] - at[0], lattice.y[rows][:, None] - at[1]
-        )
+        near = np.hypot(lattice.x[columns][None, :] - at[0], lattice.y[rows][:, None] - at[1])
         part = self.belief[:, rows, columns][headings]
         return float((part * (near <= radius)[None]).sum())
 

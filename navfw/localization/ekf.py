@@ -26,8 +26,8 @@ REFRESH = 0.05
 class Ekf(Localizer):
     """Odometry and gyro predict (x, y, yaw, gyro bias); landmark sightings correct them.
 
-    A sighting passes a chi-square gate, and weighs as much as its landmark is trusted to stand where
-    the map has it: one that stands elsewhere is soon left out.
+    A sighting passes a chi-square gate, and weighs as much as its landmark is trusted to stand
+    where the map has it: one that stands elsewhere is soon left out.
     """
 
     name: ClassVar[str] = "ekf"

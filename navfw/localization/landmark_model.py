@@ -63,7 +63,12 @@ class Association:
 
 
 def associate(
-    state: Array, covariance: Array, seen: Array, noise: Array, at: tuple[float, float], trust: float
+    state: Array,
+    covariance: Array,
+    seen: Array,
+    noise: Array,
+    at: tuple[float, float],
+    trust: float,
 ) -> Association:
     """Update (state, covariance) by ``seen`` (2,), with its ``noise`` (2, 2), of a landmark ``at``.
 

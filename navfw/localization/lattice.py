@@ -39,8 +39,8 @@ MOST_STATES = 3_000_000
 class Lattice:
     """Cells of ``cell`` [m] over a map, times ``headings`` directions.
 
-    ``domain`` (rows, columns) is True where the robot may be at all; ``keep`` (rows, columns) is the
-    factor for a cell's length driven there: 1, ``FRINGE_LOSS``, or 0 outside of the domain.
+    ``domain`` (rows, columns) is True where the robot may be at all; ``keep`` (rows, columns) is
+    the factor for a cell's length driven there: 1, ``FRINGE_LOSS``, or 0 outside of the domain.
     ``place`` (rows, columns) is the index of the nearest place.
     """
 
@@ -94,7 +94,7 @@ class Lattice:
     def _lower(
         self, excess: Array, a: tuple[float, float], b: tuple[float, float], half: float
     ) -> None:
-        """Take the distance to the segment from ``a`` to ``b``, less ``half``, where that is less."""
+        """Take the distance to the segment ``a`` to ``b``, less ``half``, where that is less."""
         reach = half + FRINGE
         rows, columns = (
             slice(

@@ -32,8 +32,8 @@ class Look:
     """A mapped landmark as seen from where the robot is now.
 
     ``seen`` (2,) is (bearing [rad], range [m]) in base_link, ``noise`` (2, 2) its covariance;
-    ``x``, ``y`` [m] is where it was seen, in odom. ``weight`` in (0, 1] says how much this look adds
-    to the last one at the same landmark.
+    ``x``, ``y`` [m] is where it was seen, in odom. ``weight`` in (0, 1] says how much this look
+    adds to the last one at the same landmark.
     """
 
     landmark: Landmark
@@ -73,9 +73,7 @@ class Looks:
             if distance < 0.1:
                 continue  # no bearing so near
             seen = np.array((math.atan2(local[1], local[0]), distance))
-            noise = sighting.covariance + np.diag(
-                ((self._placed / distance) ** 2, self._placed**2)
-            )
+            noise = sighting.covariance + np.diag(((self._placed / distance) ** 2, self._placed**2))
             since = sighting.time - self._last.get(sighting.identity, -math.inf)
             if since <= 0.0:
                 continue

@@ -49,7 +49,7 @@ class FilterParams(MotionParams):
 
 
 class MetricFilter:
-    """Keeps (x, y, yaw, bias) with covariance (4, 4); ``trust`` is shared with whoever else asks."""
+    """Keeps (x, y, yaw, bias) with covariance (4, 4); ``trust`` is shared with others."""
 
     def __init__(self, params: FilterParams, trust: LandmarkTrust) -> None:
         self.params = params
@@ -88,9 +88,7 @@ class MetricFilter:
         turning_dt = 0.0 if odometry.still else dt
         drift = (odometry.yaw_bias - float(self.state[3])) * turning_dt
         jacobian = transition(self.state, moved, drift, turning_dt)
-        noise = process_noise(
-            float(self.state[2]), moved, turning_dt, self.params, odometry.silent
-        )
+        noise = process_noise(float(self.state[2]), moved, turning_dt, self.params, odometry.silent)
         noise[3, 3] = self.params.bias_walk**2 * dt
         self.state = predict(self.state, moved, drift)
         self.covariance = jacobian @ self.covariance @ jacobian.T + noise
@@ -112,9 +110,7 @@ class MetricFilter:
         mark = look.landmark
         noise = look.noise / look.weight
         trust = self.trust.of(mark.identity)
-        found = associate(
-            self.state, self.covariance, look.seen, noise, (mark.x, mark.y), trust
-        )
+        found = associate(self.state, self.covariance, look.seen, noise, (mark.x, mark.y), trust)
         self.trust.hear(mark.identity, found.likelihood, look.weight)
         if found.share > 0.5:
             self.updates += 1

@@ -28,9 +28,9 @@ class MotionParams(Params):
     comes from the gyro.
     """
 
-    along: Annotated[
-        NonNegative, Field(description="of the distance driven [m per root of m]")
-    ] = 0.02
+    along: Annotated[NonNegative, Field(description="of the distance driven [m per root of m]")] = (
+        0.02
+    )
     aside: Annotated[NonNegative, Field(description="of sideways slip [m per root of m]")] = 0.01
     yaw_by_time: Annotated[
         NonNegative, Field(description="of yaw by the gyro's noise [rad per root of s]")

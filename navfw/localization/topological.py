@@ -1,4 +1,4 @@
-"""The localiser `topological`: a discrete Bayes filter for the whole map, an EKF for where it is."""
+"""The localiser `topological`: a discrete Bayes filter for the whole map, an EKF for here."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ ROOTED = 4
 class Topological(Localizer):
     """Finds out where it is with the one filter and keeps it with the other.
 
-    The discrete filter weighs the whole map at all times. As soon as most of its probability lies at
-    one pose that two landmarks support, the metric filter begins there; when it later lies
+    The discrete filter weighs the whole map at all times. As soon as most of its probability lies
+    at one pose that two landmarks support, the metric filter begins there; when it later lies
     elsewhere, and more landmarks support that, the metric filter begins again there. While the two
     contradict each other the confidence falls, and what is below ``lost_below`` is lost.
     """

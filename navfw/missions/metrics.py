@@ -12,6 +12,7 @@ from typing import Protocol
 
 import numpy as np
 
+from navfw.missions.localization import LocalizationMetrics, measure_localization
 from navfw.recording.track import Contact, Track
 from navfw.signals import Array
 
@@ -63,6 +64,7 @@ class Metrics:
     estimate_error_max_m: float
     mean_speed: float
     emergencies: int
+    localization: LocalizationMetrics
     stage_ms: Mapping[str, float] = field(default_factory=dict)
 
 
@@ -127,5 +129,6 @@ def measure(
         estimate_error_max_m=float(error.max()),
         mean_speed=driven / duration if duration > 0.0 else 0.0,
         emergencies=len(started),
+        localization=measure_localization(track, sampled),
         stage_ms=dict(stage_ms or {}),
     )

@@ -8,6 +8,9 @@
     goals: [lab]                  # places of the map, or {x: 14.6, y: 8.8}
     timeout: 150
 
+``start: unknown`` puts the robot down somewhere in the map without telling it where, by the seed;
+``start: {unknown: [kitchen, lab]}`` at one of these places.
+
 Without ``map`` the robot knows start and goals alone: goals are then points, and the map consists
 of the start, the goals, and straight passages of unknown width between them.
 """
@@ -17,7 +20,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Literal, Protocol
@@ -31,6 +34,7 @@ from navfw.config.overrides import Override, apply_overrides
 from navfw.config.yamlfile import validate
 from navfw.errors import ConfigError, UnknownNameError, WorldError
 from navfw.missions.events import EventSpec
+from navfw.missions.starts import Unknown, UnknownStart, candidates, draw_start
 from navfw.robot import RobotModel
 from navfw.signals import Array, Pose, Waypoint
 from navfw.sim.sensors import SensorParams
@@ -98,8 +102,11 @@ class MissionSpec(_Spec):
         str | None, Field(description="name or file of a topological map; none: only the goals")
     ] = None
     start: Annotated[
-        tuple[Coordinate, Coordinate, Yaw] | PlaceStart,
-        Field(description="[x, y, yaw], or {place: ..., yaw: ...}"),
+        tuple[Coordinate, Coordinate, Yaw] | PlaceStart | UnknownStart | Unknown,
+        Field(
+            description="[x, y, yaw], or {place: ..., yaw: ...}; unknown, or "
+            "{unknown: [place, ...]}: the seed draws it, and the robot is not told"
+        ),
     ]
     goals: Annotated[
         tuple[str | PointGoal, ...],
@@ -142,7 +149,11 @@ class Plan(Protocol):
 
 @dataclass(frozen=True)
 class MissionFile:
-    """A mission file that has been read: start and goals as poses and waypoints in ``map``."""
+    """A mission file that has been read: start and goals as poses and waypoints in ``map``.
+
+    Where the robot is not told its start, ``starts`` are the places from which ``placed`` draws it;
+    until then ``start`` is the first of them.
+    """
 
     file: Path
     document: YamlDocument
@@ -150,6 +161,29 @@ class MissionFile:
     topo_map: TopoMap
     start: Pose
     goals: tuple[Waypoint, ...]
+    starts: tuple[Place, ...] = ()
+
+    @property
+    def start_known(self) -> bool:
+        """Whether the robot is told where it begins."""
+        return not self.starts
+
+    def placed(self, seed: int, plan: Plan) -> MissionFile:
+        """The mission with its start drawn by ``seed``, where that is left open.
+
+        Raises:
+            WorldError: the robot can stand at none of the places.
+
+        """
+        if self.start_known:
+            return self
+        radius = self.spec.robot.radius
+
+        def check(place: Place) -> None:
+            plan.check_free(place.x, place.y, radius, f"the start {place.name!r}")
+
+        with self._blaming(("start",)):
+            return replace(self, start=draw_start(self.starts, seed, check))
 
     def check(self, plan: Plan) -> float:
         """The length [m] of the shortest way past all goals, in the world of this floor plan.
@@ -209,6 +243,7 @@ def load_mission(path: str | Path, overrides: Sequence[str | Override] = ()) -> 
         topo_map=topo_map,
         start=_start(document, spec, topo_map),
         goals=_goals(document, spec, topo_map),
+        starts=_starts(document, spec, topo_map),
     )
 
 
@@ -224,7 +259,32 @@ def _start(document: YamlDocument, spec: MissionSpec, topo_map: TopoMap) -> Pose
     if isinstance(spec.start, PlaceStart):
         place = _place(document, ("start", "place"), topo_map, spec.start.place)
         return Pose(place.x, place.y, spec.start.yaw)
-    return Pose(*spec.start)
+    if isinstance(spec.start, tuple):
+        return Pose(*spec.start)
+    first = _starts(document, spec, topo_map)[0]
+    return Pose(first.x, first.y, 0.0)
+
+
+def _starts(document: YamlDocument, spec: MissionSpec, topo_map: TopoMap) -> tuple[Place, ...]:
+    """The places from which an unknown start is drawn; none where the start is known."""
+    if isinstance(spec.start, UnknownStart):
+        return tuple(
+            _place(document, ("start", "unknown", index), topo_map, name)
+            for index, name in enumerate(spec.start.unknown)
+        )
+    if not isinstance(spec.start, str):
+        return ()
+    found = candidates(topo_map, [goal for goal in spec.goals if isinstance(goal, str)])
+    if not found:
+        origin = document.origin_of(("start",))
+        raise ConfigError(
+            f"the map {topo_map.name!r} has only doors, dangers and goals: there is nowhere to "
+            "start from; add a place, or give a start",
+            file=origin.file,
+            line=origin.line,
+            key=origin.option or "start",
+        )
+    return tuple(found)
 
 
 def _goals(document: YamlDocument, spec: MissionSpec, topo_map: TopoMap) -> tuple[Waypoint, ...]:
@@ -270,6 +330,15 @@ def _map_of_goals(document: YamlDocument, spec: MissionSpec) -> TopoMap:
     points: list[tuple[float, float]] = []
     if isinstance(spec.start, PlaceStart):
         raise _mapless(document, ("start", "place"), spec.start.place)
+    if not isinstance(spec.start, tuple):
+        origin = document.origin_of(("start",))
+        raise ConfigError(
+            "an unknown start needs a map to find it in, and the mission names none: "
+            "add 'map: NAME'",
+            file=origin.file,
+            line=origin.line,
+            key=origin.option or "start",
+        )
     points.append(spec.start[:2])
     for index, goal in enumerate(spec.goals):
         if not isinstance(goal, PointGoal):

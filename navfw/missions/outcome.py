@@ -20,7 +20,8 @@ class Outcome(StrEnum):
     STUCK = "stuck"
     """no progress for too long"""
     LOST = "lost"
-    """the stack says it has finished, but is elsewhere"""
+    """the stack says it has finished, but is elsewhere; or its time is up, and it says that it does
+    not know where it is"""
     FAULT = "fault"
     """the stack or the simulator failed"""
     CANCELLED = "cancelled"

@@ -93,6 +93,7 @@ def resolved_config(session: Session) -> dict[str, Any]:
             **spec,
             "sensors": mission.spec.sensors.resolved().model_dump(mode="json"),
             "start": [start.x, start.y, start.yaw],
+            "start_known": mission.start_known,
             "goals": [{"place": goal.place, "x": goal.x, "y": goal.y} for goal in mission.goals],
             "map": mission.topo_map.name,
         },

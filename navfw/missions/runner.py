@@ -61,8 +61,8 @@ class PilotState(Protocol):
 class Pilot(Protocol):
     """What drives: ``navfw.stack.Stack``, or a fake (``navfw.testing.fakes.FakePilot``)."""
 
-    def start(self, pose: Pose, goals: Sequence[Waypoint]) -> None:
-        """Begin at ``pose`` in ``map``, to visit ``goals`` in order."""
+    def start(self, pose: Pose | None, goals: Sequence[Waypoint]) -> None:
+        """Begin at ``pose`` in ``map`` (None: nobody knows), to visit ``goals`` in order."""
         ...
 
     def step(self, reading: SensorReading) -> Twist:
@@ -115,8 +115,9 @@ class Task:
     """What the runner has to know of a mission.
 
     ``success_radius`` [m]: each goal counts as visited when the robot truly was that near, and the
-    last one must be that near when the stack says it has finished. ``timeout`` [s] is simulated;
-    a robot that stays within ``stall_radius`` [m] for ``stuck_after`` [s] is stuck.
+    last one must be that near when the stack says it has finished. The stack is told the true
+    ``start`` only if that is ``start_known``. ``timeout`` [s] is simulated; a robot that stays
+    within ``stall_radius`` [m] for ``stuck_after`` [s] is stuck.
     """
 
     robot: RobotModel
@@ -126,6 +127,7 @@ class Task:
     success_radius: float = 0.5
     stuck_after: float = 45.0
     stall_radius: float = 0.3
+    start_known: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -233,7 +235,8 @@ class _Loop:
     def _drive(self) -> Verdict:
         verdict: Verdict | None = None
         try:
-            self.pilot.start(self.task.start, self.task.goals)
+            told = self.task.start if self.task.start_known else None
+            self.pilot.start(told, self.task.goals)
             while verdict is None:
                 verdict = self._tick()
         except KeyboardInterrupt:
@@ -271,6 +274,7 @@ class _Loop:
             twist=twist,
             leader=self.leader,
             emergency=command is not None and (command.emergency or self.leader == EMERGENCY),
+            belief=state.belief,
         )
         if self.readings is not None:
             self.readings.add(reading, twist.v, twist.w)
@@ -312,10 +316,16 @@ class _Loop:
         if self.stall.see(now, pose):
             limit = f"{self.task.stall_radius:g} m of one place for {self.task.stuck_after:g} s"
             return self._verdict(Outcome.STUCK, f"stayed within {limit}")
-        if now >= self.task.timeout:
-            left = f"{self.visits.distance(pose):.1f} m from {self.visits.goal_name}"
-            return self._verdict(Outcome.TIMEOUT, f"{self.task.timeout:g} s are up, {left}")
-        return None
+        return self._time_is_up(pose) if now >= self.task.timeout else None
+
+    def _time_is_up(self, pose: Pose) -> Verdict:
+        """Lost, if it says so itself; otherwise it was too slow."""
+        left = f"{self.visits.distance(pose):.1f} m from {self.visits.goal_name}"
+        reason = f"{self.task.timeout:g} s are up, {left}"
+        belief = self.pilot.state.belief
+        if belief is not None and belief.lost:
+            return self._verdict(Outcome.LOST, f"{reason}, and it does not know where it is")
+        return self._verdict(Outcome.TIMEOUT, reason)
 
     def _finish(self, now: float, pose: Pose, twist: Twist) -> Verdict | None:
         """The stack says it is there: let it come to rest, then look where it is."""

@@ -8,7 +8,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -76,6 +76,7 @@ class Session:
         return Task(
             robot=spec.robot,
             start=self.mission.start,
+            start_known=self.mission.start_known,
             goals=self.mission.goals,
             timeout=spec.timeout,
             success_radius=spec.success.within,
@@ -207,6 +208,7 @@ class MissionResult:
             "distance_to_goal_m": metrics.distance_to_goal_m,
             "estimate_error_m": metrics.estimate_error_m,
             "estimate_error_max_m": metrics.estimate_error_max_m,
+            **asdict(metrics.localization),
             "mean_speed_m_s": metrics.mean_speed,
             "emergencies": metrics.emergencies,
             "command_hash": run.track.command_hash,
@@ -263,8 +265,9 @@ def prepare(
     loaded = load_mission(mission_file, for_mission)
     height = loaded.spec.robot.height
     plan = FloorPlan.from_world(world_spec, height)
-    opened = with_doors_open(world_spec, loaded.spec.events)
-    shortest = loaded.check(FloorPlan.from_world(opened, height))
+    opened = FloorPlan.from_world(with_doors_open(world_spec, loaded.spec.events), height)
+    loaded = loaded.placed(seed, opened)
+    shortest = loaded.check(opened)
     stack_file = find("stack", stack)
     built = Stack.load(
         stack_file, loaded.spec.robot, loaded.topo_map, registry or _registry(), for_stack

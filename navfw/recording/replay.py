@@ -31,8 +31,8 @@ __all__ = ["Replay", "drive_again", "explain_at", "replay"]
 class Driver(Protocol):
     """What can be replayed: a stack."""
 
-    def start(self, pose: Pose, goals: Sequence[Waypoint]) -> None:
-        """Begin at ``pose``, to visit ``goals`` in order."""
+    def start(self, pose: Pose | None, goals: Sequence[Waypoint]) -> None:
+        """Begin at ``pose`` (None: unknown), to visit ``goals`` in order."""
         ...
 
     def step(self, reading: SensorReading) -> Twist:
@@ -92,6 +92,7 @@ class _Mission(BaseModel):
 
     model_config = ConfigDict(extra="ignore", allow_inf_nan=False)
     start: tuple[float, float, float]
+    start_known: bool = True
     goals: tuple[_Goal, ...]
     tolerance: float
     robot: RobotModel
@@ -140,8 +141,8 @@ def explain_at(folder: str | Path, time: float) -> dict[str, Any]:
     return explanation
 
 
-def _load(folder: Path) -> tuple[Stack, Recording, Pose, list[Waypoint]]:
-    """The stack, the readings, the start and the goals of a recorded run."""
+def _load(folder: Path) -> tuple[Stack, Recording, Pose | None, list[Waypoint]]:
+    """The stack, the readings, the start (None: not told) and the goals of a recorded run."""
     from navfw.plugins import default_registry
     from navfw.stack import Stack
     from navfw.topomap.files import load_map
@@ -157,7 +158,7 @@ def _load(folder: Path) -> tuple[Stack, Recording, Pose, list[Waypoint]]:
         Waypoint(goal.x, goal.y, mission.tolerance, goal.place, "goal", final=True)
         for goal in mission.goals
     ]
-    return stack, recording, Pose(*mission.start), goals
+    return stack, recording, Pose(*mission.start) if mission.start_known else None, goals
 
 
 class _Failures:
@@ -195,7 +196,7 @@ def _happened(folder: Path) -> list[_Happened]:
 def drive_again(
     driver: Driver,
     recording: Recording,
-    start: Pose,
+    start: Pose | None,
     goals: Sequence[Waypoint],
     before: Callable[[float], None] | None = None,
 ) -> Array:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from navfw.signals import Array, Pose, Twist, Waypoint
+from navfw.signals import Array, Belief, Pose, Twist, Waypoint
 
 __all__ = ["Contact", "Track", "TrackRecorder", "hash_commands"]
 
@@ -44,7 +44,9 @@ class Track:
     ``true`` (n, 3) comes from the simulator and ``estimate`` (n, 3) from the stack's localiser.
     ``commands`` (n, 2) holds v [m/s] and w [rad/s]; ``leader`` (n,) indexes ``leaders``, the names
     of the behaviours that led; ``emergency`` (n,) tells where the robot was getting out of danger.
-    ``waypoints`` are those the planner gave, in order.
+    ``waypoints`` are those the planner gave, in order. ``confidence`` (n,) in [0, 1] is the
+    belief's own, 0 where it says that it is lost (None: not recorded); ``updates`` counts the
+    landmark sightings that went into it.
     """
 
     time: Array
@@ -56,6 +58,8 @@ class Track:
     leaders: tuple[str, ...]
     contacts: tuple[Contact, ...] = ()
     waypoints: tuple[Waypoint, ...] = ()
+    confidence: Array | None = None
+    updates: int = 0
 
     @property
     def ticks(self) -> int:
@@ -91,6 +95,8 @@ class TrackRecorder:
     _leader: list[int] = field(init=False, default_factory=list)
     _leaders: dict[str, int] = field(init=False, default_factory=dict)
     _emergency: list[bool] = field(init=False, default_factory=list)
+    _confidence: array[float] = field(init=False, default_factory=lambda: array("d"))
+    _updates: int = field(init=False, default=0)
     _waypoints: dict[tuple[float, float, str], Waypoint] = field(init=False, default_factory=dict)
 
     @property
@@ -99,9 +105,19 @@ class TrackRecorder:
         return len(self._leader)
 
     def add(
-        self, time: float, true: Pose, estimate: Pose, twist: Twist, leader: str, emergency: bool
+        self,
+        time: float,
+        true: Pose,
+        estimate: Pose,
+        twist: Twist,
+        leader: str,
+        emergency: bool,
+        belief: Belief | None = None,
     ) -> None:
-        """One control tick."""
+        """One control tick; ``belief``, where there is one, says how sure ``estimate`` is."""
+        known = belief is None or not belief.lost
+        self._confidence.append(0.0 if not known else 1.0 if belief is None else belief.confidence)
+        self._updates = self._updates if belief is None else belief.updates
         self._rows.extend(
             (time, true.x, true.y, true.yaw, estimate.x, estimate.y, estimate.yaw, twist.v, twist.w)
         )
@@ -126,4 +142,6 @@ class TrackRecorder:
             leaders=tuple(self._leaders),
             contacts=tuple(self.contacts),
             waypoints=tuple(self._waypoints.values()),
+            confidence=np.array(self._confidence, dtype=np.float64),
+            updates=self._updates,
         )

@@ -11,7 +11,7 @@ from navfw.config.document import parse_yaml
 from navfw.config.lookup import find
 from navfw.config.overrides import apply_overrides
 from navfw.config.yamlfile import validate
-from navfw.errors import ConfigError
+from navfw.errors import ConfigError, WorldError
 from navfw.missions.events import resolve_events
 from navfw.missions.missionfile import MissionFile, MissionSpec, PlaceStart, PointGoal
 from navfw.missions.session import Session, prepare, split_overrides
@@ -120,7 +120,9 @@ def generated_session(
 def _start(spec: MissionSpec, topo_map: TopoMap) -> Pose:
     if isinstance(spec.start, PlaceStart):
         return Pose(*_place(topo_map, spec.start.place), spec.start.yaw)
-    return Pose(*spec.start)
+    if isinstance(spec.start, tuple):
+        return Pose(*spec.start)
+    raise WorldError("generated worlds have known starts; give the mission a start", key="start")
 
 
 def _goals(spec: MissionSpec, topo_map: TopoMap) -> tuple[Waypoint, ...]:

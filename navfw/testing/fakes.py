@@ -136,9 +136,10 @@ class ScriptedPilot:
         self._stuck = stuck
         self._tick = 0
 
-    def start(self, pose: Pose, goals: Sequence[Waypoint]) -> None:
+    def start(self, pose: Pose | None, goals: Sequence[Waypoint]) -> None:
         """Begin the script anew; goals are shown as the path, and not cared for otherwise."""
         self._tick = 0
+        pose = pose or Pose(0.0, 0.0, 0.0)
         self.state = FakeState(path=tuple(goals), belief=Belief(0.0, pose, np.zeros((3, 3))))
 
     def step(self, reading: SensorReading) -> Twist:
@@ -171,8 +172,9 @@ class FakePilot:
         self._goals: tuple[Waypoint, ...] = ()
         self._last: SensorReading | None = None
 
-    def start(self, pose: Pose, goals: Sequence[Waypoint]) -> None:
-        """Begin at ``pose``, to visit ``goals`` in order."""
+    def start(self, pose: Pose | None, goals: Sequence[Waypoint]) -> None:
+        """Begin at ``pose`` (unknown: it believes in the origin), to visit ``goals`` in order."""
+        pose = pose or Pose(0.0, 0.0, 0.0)
         self._pose = Pose(pose.x, pose.y, wrap_angle(pose.yaw + self.yaw_error))
         self._goals = tuple(goals)
         self._last = None
