@@ -110,13 +110,21 @@ class Perception(Plugin):
 
 
 class FeatureRecognizer(Plugin):
-    """Feature Recognition Processor (paper sec 2): landmarks from single images."""
+    """Feature Recognition Processor (paper sec 2): landmarks from single images.
+
+    One that sets ``landmark_frames`` is given the larger frames that the camera takes for landmarks
+    (``RobotModel.landmark_view``), at their lower rate, and no others; only for it are they taken.
+    """
 
     kind = "features"
+    landmark_frames: ClassVar[bool] = False
+
+    def study(self, topo_map: TopoMap) -> None:
+        """Learn what the map's landmarks look like; called before each run."""
 
     @abstractmethod
     def recognize(self, frame: Frame) -> Sequence[Sighting]:
-        """All landmarks seen in ``frame``, which may be larger than the flow's frames."""
+        """All landmarks seen in ``frame``, known to the map or not."""
 
 
 class Localizer(Plugin):

@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from navfw.signals import Array, Twist
 
-__all__ = ["CameraModel", "RobotModel"]
+__all__ = ["CameraModel", "LandmarkCamera", "RobotModel"]
 
 Positive = Annotated[float, Field(gt=0.0)]
 
@@ -43,6 +43,19 @@ class CameraModel(BaseModel):
         return np.array([[0.0, -s, c], [-1.0, 0.0, 0.0], [0.0, -c, -s]])
 
 
+class LandmarkCamera(BaseModel):
+    """The same camera read out for landmarks: more pixels, a low band of them, at a lower rate.
+
+    Landmarks hang at about the camera's height, so a band around the image's middle holds them.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    width: Annotated[int, Field(ge=64, le=3840, description="image width [px]")] = 640
+    height: Annotated[int, Field(ge=32, le=2160, description="image height [px]")] = 128
+    rate: Annotated[float, Field(gt=0.0, description="frames per second [Hz]")] = 2.0
+
+
 class RobotModel(BaseModel):
     """A round differential-drive robot with one camera, a gyro and wheel encoders."""
 
@@ -62,12 +75,23 @@ class RobotModel(BaseModel):
     max_lateral: Annotated[Positive, Field(description="lateral acceleration [m/s^2]")] = 0.6
     control_rate: Annotated[Positive, Field(description="LOCOM ticks [Hz]")] = 60.0
     camera: CameraModel = CameraModel()
+    landmark_camera: Annotated[
+        LandmarkCamera, Field(description="how the camera is read out for landmarks")
+    ] = LandmarkCamera()
 
     @model_validator(mode="after")
     def _wheels_under_body(self) -> RobotModel:
         if self.track > 2.0 * self.radius:
             raise ValueError(f"track {self.track} m is wider than the body ({2 * self.radius} m)")
         return self
+
+    @property
+    def landmark_view(self) -> CameraModel:
+        """The camera as it takes landmark frames: mounted and looking as ``camera`` does."""
+        wanted = self.landmark_camera
+        return self.camera.model_copy(
+            update={"width": wanted.width, "height": wanted.height, "rate": wanted.rate}
+        )
 
     def wheel_speeds(self, twist: Twist) -> tuple[float, float]:
         """Angular speeds (left, right) [rad/s] of the wheels for a body twist."""

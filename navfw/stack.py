@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -74,7 +74,8 @@ class StackState:
     """What the stack knows and decided at its last step; read only, for displays and records.
 
     ``flows`` are the newest derotated flow fields; ``stuck`` says why the stack gave up, ``fault``
-    which sensor has failed for good, or None.
+    which sensor has failed for good, or None. ``sightings`` are the landmarks just
+    recognised, known to the map or not; ``seen`` counts all of them so far, by identity.
     """
 
     time: float
@@ -90,6 +91,8 @@ class StackState:
     stuck: str | None = None
     fault: str | None = None
     faults: tuple[str, ...] = ()
+    sightings: tuple[Sighting, ...] = ()
+    seen: Mapping[str, int] = field(default_factory=dict)
 
 
 class Stack:
@@ -189,6 +192,7 @@ class Stack:
             plugin.reset()
         self.mofis.reset()
         self.safety.reset()
+        self.features.study(self.topo_map)
         self.planner.start(self.topo_map, goals)
         self.timings = dict.fromkeys(TIMED, 0.0)
         self.state = StackState(time=0.0)
@@ -230,12 +234,14 @@ class Stack:
         then = self.history.at(frame.time)
         flows: tuple[FlowField, ...] = ()
         percepts: tuple[Percept, ...] = ()
-        sightings: Sequence[Sighting] = ()
+        sightings: tuple[Sighting, ...] = ()
         # a frozen picture without flow would say that all the world is far away
         if self.safety.senses.seeing:
             flows, percepts = self._perceive(frame, then)
-            with _Timer(self.timings, "features"):
-                sightings = self.features.recognize(reading.landmark_frame or frame)
+            view = reading.landmark_frame if self.features.landmark_frames else frame
+            if view is not None:
+                with _Timer(self.timings, "features"):
+                    sightings = tuple(self.features.recognize(view))
         if not self._localized:
             self.localizer.start(self.topo_map, self._start_pose, odometry)
             self._localized = True
@@ -269,6 +275,8 @@ class Stack:
             finished=finished,
             stuck=stuck,
             faults=tuple(str(fault) for fault in self.mofis.faults),
+            sightings=sightings,
+            seen=_counted(self.state.seen, sightings),
         )
         if command is not None:
             self._decided = self.state
@@ -331,6 +339,16 @@ class Stack:
         refinement = refine(flow, camera)
         self.odometer.contradict(refinement.yaw, flow.motion)
         return refinement.apply(flow, camera)
+
+
+def _counted(seen: Mapping[str, int], sightings: Sequence[Sighting]) -> Mapping[str, int]:
+    """``seen`` with these sightings on top."""
+    if not sightings:
+        return seen
+    more = dict(seen)
+    for sighting in sightings:
+        more[sighting.identity] = more.get(sighting.identity, 0) + 1
+    return more
 
 
 class _Timer:

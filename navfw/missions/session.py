@@ -88,7 +88,13 @@ class Session:
         spec = self.mission.spec
         sensors = spec.sensors.resolved()
         simulation = Simulation(
-            self.world, spec.robot, self.mission.start, self.seed, sensors, gui=gui
+            self.world,
+            spec.robot,
+            self.mission.start,
+            self.seed,
+            sensors,
+            gui=gui,
+            landmark_frames=self.stack.features.landmark_frames,
         )
         reveal(simulation, self.stack)
         return simulation
@@ -115,6 +121,8 @@ class Session:
             cause = simulator.collision_cause
             movers = simulator.mover_track() if self.world.movers else None
         timings = {"render": spent.render, "physics": spent.physics, "sensors": spent.sensors}
+        if self.stack.features.landmark_frames:
+            timings["landmark_frames"] = spent.landmarks
         timings |= self.stack.timings
         return MissionResult(self, run, timings, readings, cause, movers, changes)
 

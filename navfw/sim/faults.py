@@ -67,12 +67,16 @@ class Faults:
         """By which share the true field of view is wider than the robot believes."""
         return sum(fault.hfov_error or 0.0 for fault in self._of(CameraFault))
 
-    def through_lens(self, clean: Image) -> Image:
-        """What falls on the sensor, of what there is to see (height, width)."""
+    def through_lens(self, clean: Image, finer: float = 1.0) -> Image:
+        """What falls on the sensor, of what there is to see (height, width).
+
+        ``finer`` tells how many pixels stand where the robot's camera usually has one.
+        """
         image = clean
         for fault in self._of(CameraFault):
             if fault.blurred is not None:
-                image = cv2.GaussianBlur(image, (0, 0), fault.blurred).astype(np.uint8, copy=False)
+                blurred = cv2.GaussianBlur(image, (0, 0), fault.blurred * finer)
+                image = blurred.astype(np.uint8, copy=False)
             if fault.over_exposed:
                 bright = cv2.convertScaleAbs(image, alpha=_OVER_EXPOSURE)
                 image = bright.astype(np.uint8, copy=False)

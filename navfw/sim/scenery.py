@@ -18,10 +18,12 @@ from typing import Any
 import cv2
 import numpy as np
 
-from navfw.signals import Array
+from navfw.landmarks import plate_image
+from navfw.signals import Array, Image
 from navfw.sim.engine import bullet
 from navfw.sim.layout import Solid, solids_of
 from navfw.sim.meshes import Mesh, box_mesh, cylinder_mesh, smooth_sides, splits
+from navfw.sim.plates import plate_mesh, plate_outline
 from navfw.sim.shapes import Rectangle
 from navfw.sim.textures import STOCK, stock_texture, synthesize
 from navfw.sim.visibility import Outline, Visibility
@@ -83,6 +85,11 @@ class Scenery:
         things = [s for s in solids if s.kind in ("box", "cylinder")]
         self._bodies: list[int] = []
         outlines: list[Outline] = []
+        # what is in front first, so that the wall behind it is never shaded
+        for mark in world.landmarks:
+            plate = self._load_image(plate_image(mark.kind, mark.id))
+            self._bodies.append(self._add(plate_mesh(mark), plate))
+            outlines.append(plate_outline(mark))
         if len(things) <= _FEW:
             for thing in things:
                 self._bodies.append(self.show(thing))
@@ -239,10 +246,13 @@ class Scenery:
         return self._textures[name]
 
     def _load(self, spec: TextureSpec) -> int:
+        return self._load_image(cv2.cvtColor(synthesize(spec), cv2.COLOR_RGB2BGR))
+
+    def _load_image(self, image: Image | cv2.typing.MatLike) -> int:
         with tempfile.TemporaryDirectory(prefix="navfw-textures-") as folder:
             # uncompressed: written and read ten times as fast as PNG
             path = Path(folder) / "texture.bmp"
-            cv2.imwrite(str(path), cv2.cvtColor(synthesize(spec), cv2.COLOR_RGB2BGR))
+            cv2.imwrite(str(path), image)
             return int(self._call("loadTexture", str(path)))
 
     def _call(self, function: str, *args: Any, **kwargs: Any) -> Any:

@@ -48,6 +48,7 @@ class Timings:
     render: float = 0.0
     physics: float = 0.0
     sensors: float = 0.0
+    landmarks: float = 0.0
     frames: int = 0
     steps: int = 0
 
@@ -55,6 +56,7 @@ class Timings:
 class Simulation:
     """One run in one world. Use as a context manager, or ``close()`` it.
 
+    With ``landmark_frames`` the camera also takes the larger frames of ``robot.landmark_view``.
     ``read()`` gives what the robot's sensors say; ``true_pose``, ``true_depth``, ``contacts``,
     ``movers`` and ``plan`` are the truth, for metrics and tests alone. A fresh Simulation with the
     same arguments and the same commands gives the same bytes.
@@ -72,6 +74,7 @@ class Simulation:
         seed: int,
         sensors: SensorParams | None = None,
         gui: bool = False,
+        landmark_frames: bool = False,
     ) -> None:
         sensors = SensorParams() if sensors is None else sensors
         check_world(world)
@@ -97,10 +100,14 @@ class Simulation:
         self._views: deque[tuple[float, Array, Array]] = deque(maxlen=_REMEMBERED_VIEWS)
         self._raw_depth: np.ndarray[tuple[int, ...], np.dtype[np.float32]] | None = None
         # one generator for each component: more of one component's draws never shift another's
-        for_camera, for_gyro, for_encoders, for_faults = (
-            np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4)
+        for_camera, for_gyro, for_encoders, for_faults, for_landmarks, for_their_faults = (
+            np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(6)
         )
         self._faults = Faults(for_faults)
+        # the same camera: what befalls its frames befalls those for landmarks as well
+        self._landmark_faults = Faults(for_their_faults)
+        self._landmark_frames = 0
+        self._landmark_camera: Camera | None = None
         try:
             bullet.setGravity(0.0, 0.0, -_GRAVITY, physicsClientId=self._client)
             bullet.setTimeStep(1.0 / PHYSICS_RATE, physicsClientId=self._client)
@@ -119,6 +126,15 @@ class Simulation:
                 sensors.image_noise,
                 sensors.supersample,
             )
+            if landmark_frames:
+                self._landmark_camera = Camera(
+                    robot.landmark_view,
+                    world.light,
+                    scenery,
+                    for_landmarks,
+                    sensors.image_noise,
+                    sensors.supersample,
+                )
             self._gyro = Gyro(sensors, for_gyro)
             self._encoders = WheelEncoders(sensors, robot, for_encoders)
             self._settle()
@@ -156,8 +172,10 @@ class Simulation:
             self._encoders.read(self.time, dt, self._body.wheel_angles())
         )
         self.timings.sensors += wall.perf_counter() - begun
-        frame = self._faults.transport(self.time, self._take_frame())
-        self._reading = SensorReading(self.time, inertial, encoders, frame)
+        taken = self._take_frame()
+        landmark_frame = self._take_landmark_frame(taken is not None)
+        frame = self._faults.transport(self.time, taken)
+        self._reading = SensorReading(self.time, inertial, encoders, frame, landmark_frame)
         return self._reading
 
     def drive(self, left: float, right: float) -> None:
@@ -172,6 +190,7 @@ class Simulation:
             self._changes.begin(action, self.true_pose())
         else:
             self._faults.begin(action)
+            self._landmark_faults.begin(action)
         self._settle_events()
 
     def end(self, action: Action) -> None:
@@ -180,11 +199,14 @@ class Simulation:
             self._changes.end(action)
         else:
             self._faults.end(action)
+            self._landmark_faults.end(action)
         self._settle_events()
 
     def _settle_events(self) -> None:
         self._changes.update(self.time, self.true_pose(), self.robot.radius)
         self._camera.adjust(self._faults.light, self._faults.hfov_error)
+        if self._landmark_camera is not None:
+            self._landmark_camera.adjust(self._faults.light, self._faults.hfov_error)
         self._encoders.more_slip = self._faults.slip
 
     def advance(self, dt: float) -> None:
@@ -325,6 +347,22 @@ class Simulation:
         self.timings.render += rendered - begun
         self.timings.sensors += wall.perf_counter() - rendered
         return Frame(self.time, image)
+
+    def _take_landmark_frame(self, frame_taken: bool) -> Frame | None:
+        """A landmark frame, if somebody wants them and the next is due, beside a usual frame."""
+        camera = self._landmark_camera
+        if camera is None:
+            return None
+        frame = None
+        if frame_taken and self.time * camera.model.rate >= self._landmark_frames - 1e-6:
+            begun = wall.perf_counter()
+            clean, _ = camera.render(*self._body.state())
+            finer = camera.model.focal / self._camera.model.focal
+            self.timings.landmarks += wall.perf_counter() - begun
+            exposed = camera.expose(self._landmark_faults.through_lens(clean, finer))
+            frame = Frame(self.time, self._landmark_faults.from_sensor(exposed))
+            self._landmark_frames = math.floor(self.time * camera.model.rate + 1e-6) + 1
+        return self._landmark_faults.transport(self.time, frame)
 
     def close(self) -> None:
         """Leave the physics server; doing it twice is no harm."""

@@ -11,6 +11,7 @@ import numpy as np
 
 from navfw.errors import WorldError, did_you_mean
 from navfw.sim.layout import opening_segment, solids_of, wall_segments
+from navfw.sim.plates import plate_problems
 from navfw.sim.shapes import Disc, Rectangle, Shape, overlap_depth
 from navfw.sim.textures import STOCK
 from navfw.sim.worldfile import WorldSpec
@@ -40,6 +41,7 @@ def check_world(
     if not problems:  # the solids can be worked out only when walls, openings and doors are right
         problems = [] if world.may_overlap else list(_overlaps(world))
         problems += _blocked_walks(world)
+        problems += plate_problems(world)
     if not problems:
         return
 
@@ -68,6 +70,7 @@ def _bodies(world: WorldSpec) -> Iterator[tuple[KeyPath, str]]:
 
 def _names(world: WorldSpec) -> Iterator[Problem]:
     bodies = [((*path, "name"), name) for path, name in _bodies(world)]
+    bodies += [(("landmarks", i, "name"), mark.name) for i, mark in enumerate(world.landmarks)]
     openings: list[tuple[KeyPath, str]] = [
         (("walls", i, "openings", j, "name"), opening.name)
         for i, wall in enumerate(world.walls)

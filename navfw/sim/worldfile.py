@@ -9,10 +9,13 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
+from navfw.landmarks import ARUCO_IDS
+
 __all__ = [
     "BoxSpec",
     "CylinderSpec",
     "DoorSpec",
+    "LandmarkSpec",
     "LightSpec",
     "MoverSpec",
     "OpeningSpec",
@@ -158,6 +161,34 @@ class MoverSpec(_Spec):
         return self
 
 
+class LandmarkSpec(_Spec):
+    """A plate that a camera can recognise: flat, upright, in nobody's way.
+
+    It hangs on a wall or box, with its centre on that one's face, unless it is ``free``. A map
+    lists the same landmark with the same kind, id, place and size.
+    """
+
+    name: Name
+    kind: Annotated[
+        Literal["aruco", "poster"],
+        Field(description="a marker of 4 x 4 modules on a white plate, or a picture"),
+    ] = "aruco"
+    id: Annotated[int, Field(ge=0, le=1_000_000, description="its own among those of its kind")]
+    at: Annotated[Point, Field(description="centre [m]")]
+    z: Annotated[float, Field(ge=0.0, le=20.0, description="centre above the floor [m]")] = 0.35
+    yaw: Annotated[float, Field(ge=-6.3, le=6.3, description="where it faces [rad]")]
+    size: Annotated[
+        float, Field(ge=0.05, le=3.0, description="side of the marker's black square [m]")
+    ] = 0.25
+    free: Annotated[bool, Field(description="whether it stands by itself")] = False
+
+    @model_validator(mode="after")
+    def _is_in_the_dictionary(self) -> Self:
+        if self.kind == "aruco" and self.id >= ARUCO_IDS:
+            raise ValueError(f"markers have ids 0 to {ARUCO_IDS - 1}, got {self.id}")
+        return self
+
+
 class LightSpec(_Spec):
     """One directional light and an even one; their sum is about 1 for a well exposed image."""
 
@@ -177,8 +208,9 @@ class LightSpec(_Spec):
 class WorldSpec(_Spec):
     """A world: its bounds, floor, walls, doors and furniture, who walks there, and how it looks.
 
-    Every wall, door, box, cylinder and mover has a name of its own; contacts are reported by it.
-    Textures not listed under ``textures`` are the stock ones of ``navfw.sim.textures.STOCK``.
+    Every wall, door, box, cylinder, mover and landmark has a name of its own; contacts are reported
+    by it. Textures not listed under ``textures`` are the stock ones of
+    ``navfw.sim.textures.STOCK``.
     """
 
     name: Name
@@ -193,6 +225,9 @@ class WorldSpec(_Spec):
     boxes: tuple[BoxSpec, ...] = ()
     cylinders: tuple[CylinderSpec, ...] = ()
     movers: Annotated[tuple[MoverSpec, ...], Field(description="who walks about")] = ()
+    landmarks: Annotated[
+        tuple[LandmarkSpec, ...], Field(description="what a camera can recognise")
+    ] = ()
     textures: Mapping[str, TextureSpec] = Field(default_factory=dict)
     light: LightSpec = LightSpec()
     may_overlap: Annotated[
