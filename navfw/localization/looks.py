@@ -20,7 +20,7 @@ MEMORY = 2.0
 REPEAT = 1.0
 """Sightings of one landmark share their errors: all those of so long [s] count as one."""
 
-AGREE = 0.15
+AGREE = 0.05
 """Distances of two landmarks agree when they differ by three sigmas and so much [m]."""
 
 DRIFT = 0.03

@@ -36,7 +36,7 @@ def situation_likelihoods(topo_map: TopoMap, situations: Mapping[str, float]) ->
     """
     degrees = {name: d for name, d in situations.items() if name in _SEEN_AT and d > 0.0}
     total = sum(degrees.values())
-    if total <= 0.0:
+    if total < 1e-6:
         return None
     kinds = {place.kind for place in topo_map.places.values()}
     of_kind = {

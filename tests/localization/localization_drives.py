@@ -1,0 +1,262 @@
+"""Drives along true tracks with the sensors' own noise, and a recogniser of landmarks that errs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import networkx as nx
+import numpy as np
+import numpy.typing as npt
+
+from navfw.egomotion.odometer import Odometer
+from navfw.kinds import Localizer
+from navfw.robot import RobotModel
+from navfw.signals import Array, Encoders, Inertial, Odometry, Pose, Sighting, Twist, wrap_angle
+from navfw.sim.sensors import Gyro, SensorParams, WheelEncoders
+from navfw.topomap.model import Landmark, TopoMap
+
+RATE = 60
+FRAME = 6
+SPEED = 0.4
+TURN = 0.8
+
+
+@dataclass(frozen=True)
+class Moment:
+    """One camera frame of a drive."""
+
+    time: float
+    true: Pose
+    odometry: Odometry
+    driven: float
+
+
+def straight_drive(points: Sequence[tuple[float, float]]) -> Iterator[Twist]:
+    """Twists per control tick from point to point, turning on the spot at each; 2 s rest first."""
+    yield from [Twist(0.0, 0.0)] * (2 * RATE)
+    heading: float | None = None
+    for (ax, ay), (bx, by) in pairwise(points):
+        wanted = math.atan2(by - ay, bx - ax)
+        turn = 0.0 if heading is None else wrap_angle(wanted - heading)
+        ticks = max(1, math.ceil(abs(turn) / TURN * RATE))
+        yield from [Twist(0.0, turn / ticks * RATE)] * ticks
+        way = math.hypot(bx - ax, by - ay)
+        ticks = max(1, math.ceil(way / SPEED * RATE))
+        yield from [Twist(way / ticks * RATE, 0.0)] * ticks
+        heading = wanted
+
+
+def turn_round() -> list[Twist]:
+    """Twists for one turn on the spot."""
+    ticks = round(2.0 * math.pi / TURN * RATE)
+    return [Twist(0.0, 2.0 * math.pi / ticks * RATE)] * ticks
+
+
+def drive(
+    start: Pose,
+    twists: Iterable[Twist],
+    rng: np.random.Generator,
+    sensors: SensorParams | None = None,
+) -> Iterator[Moment]:
+    """The camera frames of a drive with noisy gyro and encoders; the drive itself is exact."""
+    robot, sensors = RobotModel(), sensors or SensorParams()
+    gyro, wheels = Gyro(sensors, rng), WheelEncoders(sensors, robot, rng)
+    odometer = Odometer(robot)
+    true, angles, driven, dt = start, [0.0, 0.0], 0.0, 1.0 / RATE
+    twist = Twist(0.0, 0.0)
+    for tick, following in enumerate(twists):
+        time = tick * dt
+        inertial: Inertial = gyro.read(time, dt if tick else 0.0, (0.0, 0.0, twist.w))
+        encoders: Encoders = wheels.read(time, dt, (angles[0], angles[1]))
+        odometry = odometer.update(inertial, encoders, twist)
+        if tick % FRAME == 0:
+            yield Moment(time, true, odometry, driven)
+        twist = following
+        half = 0.5 * twist.w * dt
+        true = Pose(
+            true.x + twist.v * dt * math.cos(true.yaw + half),
+            true.y + twist.v * dt * math.sin(true.yaw + half),
+            wrap_angle(true.yaw + twist.w * dt),
+        )
+        for side, speed in enumerate(robot.wheel_speeds(twist)):
+            angles[side] += speed * dt
+        driven += abs(twist.v) * dt
+
+
+class FakeRecognizer:
+    """Sees landmarks within range, in front of the camera and not from behind, with noise.
+
+    ``misses`` is the share of sightings that fail, ``confused`` the share read as another landmark.
+    """
+
+    def __init__(
+        self,
+        landmarks: Iterable[Landmark],
+        rng: np.random.Generator,
+        reach: float = 4.0,
+        every: int = 2,
+        misses: float = 0.2,
+        confused: float = 0.002,
+        bearing_sigma: float = 0.01,
+        range_sigma: float = 0.03,
+    ) -> None:
+        self.landmarks = list(landmarks)
+        self.rng, self.reach, self.every = rng, reach, every
+        self.misses, self.confused = misses, confused
+        self.bearing_sigma, self.range_sigma = bearing_sigma, range_sigma
+        self._count = 0
+
+    def __call__(self, time: float, true: Pose) -> list[Sighting]:
+        """The sightings of one frame."""
+        self._count += 1
+        return [] if self._count % self.every else list(self._sightings(time, true))
+
+    def _sightings(self, time: float, true: Pose) -> Iterator[Sighting]:
+        for mark in self.landmarks:
+            x, y = true.to_local(mark.x, mark.y)
+            distance, bearing = math.hypot(x, y), math.atan2(y, x)
+            facing = wrap_angle(math.atan2(true.y - mark.y, true.x - mark.x) - mark.yaw)
+            hidden = distance > self.reach or distance < 0.4
+            if hidden or abs(bearing) > math.radians(42.0) or abs(facing) > math.radians(65.0):
+                continue
+            if self.rng.random() < self.misses:
+                continue
+            identity = mark.identity
+            if self.rng.random() < self.confused:
+                identity = self.landmarks[int(self.rng.integers(len(self.landmarks)))].identity
+            sigma = self.range_sigma * distance
+            yield Sighting(
+                time,
+                identity,
+                bearing + self.bearing_sigma * float(self.rng.standard_normal()),
+                distance + sigma * float(self.rng.standard_normal()),
+                np.diag((self.bearing_sigma**2, sigma**2)),
+            )
+
+
+def displaced(
+    landmarks: Sequence[Landmark], share: float, rng: np.random.Generator, by: float = 2.0
+) -> list[Landmark]:
+    """The landmarks as they really are: this share stands elsewhere, or (every third) nowhere."""
+    wrong = rng.permutation(len(landmarks))[: max(1, round(share * len(landmarks)))]
+    real = list(landmarks)
+    gone = []
+    for number, index in enumerate(wrong.tolist()):
+        mark, angle = real[index], float(rng.uniform(-math.pi, math.pi))
+        away = by * float(rng.uniform(0.3, 1.5))
+        x, y = mark.x + away * math.cos(angle), mark.y + away * math.sin(angle)
+        if number % 3 == 2:
+            gone.append(index)
+        real[index] = Landmark(mark.name, mark.kind, mark.id, x, y, mark.yaw)
+    return [mark for index, mark in enumerate(real) if index not in gone]
+
+
+def with_landmarks(topo_map: TopoMap, landmarks: Iterable[Landmark]) -> TopoMap:
+    """The same map with these landmarks."""
+    return TopoMap(
+        topo_map.name, topo_map.places.values(), topo_map.passages, topo_map.file, landmarks
+    )
+
+
+def corridor_landmarks(
+    points: Sequence[tuple[float, float]], spacing: float = 6.0, aside: float = 1.1
+) -> list[Landmark]:
+    """Landmarks beside the way through ``points``, on alternate sides, facing across it."""
+    marks: list[Landmark] = []
+    for (ax, ay), (bx, by) in pairwise(points):
+        length = math.hypot(bx - ax, by - ay)
+        ux, uy = (bx - ax) / length, (by - ay) / length
+        for along in np.arange(0.5 * spacing, length, spacing):
+            side = 1.0 if len(marks) % 2 else -1.0
+            x, y = ax + along * ux - side * aside * uy, ay + along * uy + side * aside * ux
+            # turned a little toward who comes
+            yaw = math.atan2(-side * ux - uy, side * uy - ux)
+            marks.append(Landmark(f"mark-{len(marks)}", "aruco", len(marks), x, y, yaw))
+    return marks
+
+
+def place_landmarks(topo_map: TopoMap, every: int = 2, seed: int = 5) -> list[Landmark]:
+    """A landmark a metre beside every second place that is no door, facing it."""
+    rng = np.random.default_rng(seed)
+    marks = []
+    for index, place in enumerate(topo_map.places.values()):
+        if index % every or place.kind in {"door", "danger"}:
+            continue
+        angle = float(rng.uniform(-math.pi, math.pi))
+        x, y = place.x + math.cos(angle), place.y + math.sin(angle)
+        yaw = wrap_angle(angle + math.pi)
+        marks.append(Landmark(f"mark-{len(marks)}", "aruco", len(marks), x, y, yaw))
+    return marks
+
+
+def tour(topo_map: TopoMap, rng: np.random.Generator, goals: int) -> list[tuple[float, float]]:
+    """The points of a way from place to place, from a place and past goals drawn at random."""
+    names = [p.name for p in topo_map.places.values() if p.kind not in {"door", "danger"}]
+    here = names[int(rng.integers(len(names)))]
+    way = [here]
+    for _ in range(goals):
+        there = names[int(rng.integers(len(names)))]
+        way += nx.shortest_path(
+            topo_map.graph, here, there, weight=lambda a, b, data: data["passage"].length
+        )[1:]
+        here = there
+    return [(topo_map.places[name].x, topo_map.places[name].y) for name in way]
+
+
+@dataclass(frozen=True)
+class Report:
+    """What became of a drive: one entry per camera frame."""
+
+    time: Array
+    driven: Array
+    error: Array
+    nees: Array
+    confidence: Array
+    lost: npt.NDArray[np.bool_]
+    updates: int
+
+    @property
+    def found(self) -> int | None:
+        """The first frame at which the belief is sure and right."""
+        right = np.flatnonzero((self.confidence >= 0.9) & (self.error <= 1.0))
+        return int(right[0]) if len(right) else None
+
+    @property
+    def surely_wrong(self) -> float:
+        """Time [s] of sure and wrong beliefs."""
+        return 0.1 * float(((self.confidence >= 0.9) & (self.error > 1.0)).sum())
+
+
+def follow(
+    localizer: Localizer,
+    topo_map: TopoMap,
+    moments: Iterable[Moment],
+    recognizer: FakeRecognizer,
+    start: Pose | None,
+) -> Report:
+    """Let ``localizer`` follow a drive."""
+    localizer.reset()
+    rows: list[tuple[float, ...]] = []
+    updates, begun = 0, False
+    for moment in moments:
+        if not begun:
+            localizer.start(topo_map, start, moment.odometry)
+            begun = True
+        sightings = recognizer(moment.time, moment.true)
+        belief = localizer.update(moment.odometry, None, sightings)
+        off = np.array(
+            (
+                belief.pose.x - moment.true.x,
+                belief.pose.y - moment.true.y,
+                wrap_angle(belief.pose.yaw - moment.true.yaw),
+            )
+        )
+        nees = float(off @ np.linalg.solve(belief.covariance, off))
+        error = float(np.hypot(off[0], off[1]))
+        rows.append((moment.time, moment.driven, error, nees, belief.confidence, belief.lost))
+        updates = belief.updates
+    table = np.array(rows).T
+    return Report(*table[:5], table[5] > 0.0, updates)

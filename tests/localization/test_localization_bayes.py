@@ -1,0 +1,195 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from navfw.localization.bayes import Bayes
+from navfw.localization.discrete import DiscreteFilter, DiscreteParams
+from navfw.localization.lattice import MOST_STATES, Lattice
+from navfw.localization.looks import Looks
+from navfw.localization.situations import FLOOR, situation_likelihoods
+from navfw.localization.trust import LandmarkTrust
+from navfw.robot import RobotModel
+from navfw.signals import Odometry, Pose, Sighting, Twist, wrap_angle
+from navfw.topomap.files import load_map
+from navfw.topomap.model import Landmark, Passage, Place, TopoMap
+
+PLACES = [
+    Place("west", 0.0, 0.0, "room"),
+    Place("middle", 6.0, 0.0, "junction"),
+    Place("east", 12.0, 0.0, "corridor"),
+    Place("north", 6.0, 5.0, "door"),
+]
+PASSAGES = [
+    Passage("west", "middle", 6.0, 2.0),
+    Passage("middle", "east", 6.0, 2.0),
+    Passage("middle", "north", 5.0, 1.0),
+]
+MARKS = [
+    Landmark("a", "aruco", 1, 3.0, 1.0, -math.pi / 2),
+    Landmark("b", "aruco", 2, 9.0, -1.0, math.pi / 2),
+    Landmark("c", "aruco", 3, 7.0, 3.0, math.pi),
+]
+MAP = TopoMap("tee", PLACES, PASSAGES, landmarks=MARKS)
+
+
+def odometry(pose: Pose, time: float = 0.0) -> Odometry:
+    return Odometry(time, pose, Twist(0.0, 0.0), yaw_bias=0.0, still=False)
+
+
+def sighting(mark: Landmark, at: Pose, time: float) -> Sighting:
+    x, y = at.to_local(mark.x, mark.y)
+    noise = np.diag((0.01**2, 0.05**2))
+    return Sighting(time, mark.identity, math.atan2(y, x), math.hypot(x, y), noise)
+
+
+def begun(pose: Pose | None, at: Pose = Pose(0.0, 0.0, 0.0)) -> DiscreteFilter:  # noqa: B008
+    found = DiscreteFilter(MAP, DiscreteParams(), 0.85, LandmarkTrust(0.85))
+    found.begin(pose, odometry(at))
+    return found
+
+
+def test_the_lattice_covers_passages_and_places_and_not_what_lies_between() -> None:
+    lattice = Lattice(MAP, 0.25, 8)
+
+    def inside(x: float, y: float) -> float:
+        return float(lattice.keep[round(lattice.row(y)), round(lattice.column(x))])
+
+    assert inside(3.0, 0.5) == 1.0
+    assert inside(6.0, 2.5) == 1.0
+    assert 0.0 < inside(3.0, 1.5) < 1.0
+    assert inside(2.0, 4.0) == 0.0
+    assert lattice.uniform().sum() == pytest.approx(1.0, rel=1e-4)
+    names = list(MAP.places)
+    at = (round(lattice.row(0.0)), round(lattice.column(10.0)))
+    assert names[lattice.place[at]] == "east"
+
+
+def test_a_large_map_gets_larger_cells() -> None:
+    far = TopoMap("far", [Place("a", 0.0, 0.0), Place("b", 400.0, 400.0)], [])
+    lattice = Lattice(far, 0.25, 24)
+    assert lattice.cell > 0.25
+    assert lattice.keep.size * 24 < 1.2 * MOST_STATES
+
+
+@settings(max_examples=20, deadline=None)
+@given(
+    st.floats(-math.pi, math.pi),
+    st.floats(-math.pi, math.pi),
+    st.lists(st.floats(0.05, 0.4), min_size=5, max_size=20),
+)
+def test_a_known_pose_moves_as_odometry_does(
+    origin_yaw: float, odom_yaw: float, steps: list[float]
+) -> None:
+    """Along the passage from west to east, in whatever frame odometry counts."""
+    del origin_yaw
+    start, first = Pose(0.0, 0.0, 0.0), Pose(3.0, -2.0, odom_yaw)
+    found = begun(start, first)
+    at, driven = first, 0.0
+    for step in steps:
+        at = at.compose(Pose(step, 0.0, 0.0))
+        driven += step
+        found.advance(odometry(at), None)
+        assert found.belief.sum() == pytest.approx(1.0, rel=1e-3)
+        assert found.belief.min() >= 0.0
+    cluster = found.cluster
+    assert cluster.mass > 0.5
+    assert math.hypot(cluster.pose.x - driven, cluster.pose.y) < 0.3 + 0.1 * driven
+    assert abs(wrap_angle(cluster.pose.yaw)) < 0.3
+
+
+def test_turning_costs_no_certainty() -> None:
+    found = begun(Pose(3.0, 0.0, 0.5))
+    before = found.cluster
+    for yaw in np.linspace(0.0, 6.0, 60):
+        found.advance(odometry(Pose(0.0, 0.0, wrap_angle(float(yaw)))), None)
+    assert found.cluster.mass == pytest.approx(before.mass)
+    assert found.cluster.pose.yaw == pytest.approx(wrap_angle(before.pose.yaw + 6.0))
+
+
+def test_two_landmarks_tell_where_it_is_and_one_does_not() -> None:
+    truth, at = Pose(6.0, 0.0, 0.3), Pose(1.0, 1.0, -2.0)
+    found, looks = begun(None, at), Looks(MAP, 0.03)
+    assert found.cluster.mass < 0.1
+    found.see(looks.hear(odometry(at, 1.0), [sighting(MARKS[1], truth, 1.0)]))
+    assert found.evidence(found.cluster.pose) < 0.9
+    found.see(looks.hear(odometry(at, 2.0), [sighting(MARKS[2], truth, 2.0)]))
+    cluster = found.cluster
+    assert cluster.mass > 0.9
+    assert found.evidence(cluster.pose) > 0.9
+    assert math.hypot(cluster.pose.x - truth.x, cluster.pose.y - truth.y) < 0.3
+    assert abs(wrap_angle(cluster.pose.yaw - truth.yaw)) < 0.2
+    assert found.mass_near(truth, 1.0) > 0.9
+    assert found.mass_near(Pose(12.0, 0.0, 0.3), 1.0) < 0.01
+    assert next(iter(found.places)) == "middle"
+
+
+def test_landmarks_support_a_pose_only_where_they_agree() -> None:
+    """The second landmark has been moved by 0.7 m: half and half would suit both."""
+    truth, at = Pose(6.0, 0.0, 0.0), Pose(0.0, 0.0, 0.0)
+    found, looks = begun(truth, at), Looks(MAP, 0.03)
+    moved = Landmark("b", "aruco", 2, 9.7, -1.0, math.pi / 2)
+    seen = [sighting(MARKS[2], truth, 1.0), sighting(moved, truth, 1.0)]
+    found.see(looks.hear(odometry(at, 1.0), seen))
+    assert len(found.supporting(truth)) == 1
+
+
+def test_a_landmark_is_not_seen_from_behind() -> None:
+    found, looks = begun(None), Looks(MAP, 0.03)
+    truth = Pose(3.0, -0.5, math.pi / 2)
+    found.see(looks.hear(odometry(Pose(0.0, 0.0, 0.0), 1.0), [sighting(MARKS[0], truth, 1.0)]))
+    behind = np.abs(found.lattice.x - 3.0) < 1.5, found.lattice.y > MARKS[0].y + 0.3
+    before = found.lattice.uniform().sum(axis=0)[np.ix_(behind[1], behind[0])].sum()
+    after = found.belief.sum(axis=0)[np.ix_(behind[1], behind[0])].sum()
+    assert before > 0.02
+    assert after < 0.5 * before
+
+
+@given(
+    st.dictionaries(
+        st.sampled_from(["door", "corridor", "corner", "wall", "left wall", "unknown", "floor"]),
+        st.floats(0.0, 1.0),
+    )
+)
+def test_situations_never_veto(situations: dict[str, float]) -> None:
+    likelihoods = situation_likelihoods(MAP, situations)
+    if likelihoods is not None:
+        assert likelihoods.min() >= FLOOR
+        assert likelihoods.max() <= 1.0 + 1e-12
+
+
+def test_a_corridor_speaks_for_corridors_and_the_unknown_for_nothing() -> None:
+    likelihoods = situation_likelihoods(MAP, {"corridor": 0.9})
+    assert likelihoods is not None
+    assert likelihoods.argmax() == list(MAP.places).index("east")
+    assert situation_likelihoods(MAP, {"unknown": 1.0}) is None
+
+
+def test_where_the_map_has_no_place_for_the_way_driven_it_begins_again() -> None:
+    found = begun(Pose(0.0, 0.0, 0.0))
+    found.advance(odometry(Pose(500.0, 0.0, 0.0)), None)
+    assert found.belief.sum() == pytest.approx(1.0, rel=1e-3)
+    assert found.cluster.mass < 0.1
+
+
+def test_the_plugin_says_lost_until_it_knows() -> None:
+    bayes, truth = Bayes(RobotModel()), Pose(6.0, 0.0, 0.3)
+    bayes.start(MAP, None, odometry(Pose(0.0, 0.0, 0.0)))
+    lost = bayes.update(odometry(Pose(0.0, 0.0, 0.0), 0.1), None, ())
+    assert lost.lost
+    assert lost.confidence < 0.2
+    assert sum(lost.places.values()) == pytest.approx(1.0, rel=1e-3)
+    seen = [sighting(mark, truth, 0.2) for mark in MARKS[1:]]
+    known = bayes.update(odometry(Pose(0.0, 0.0, 0.0), 0.2), None, seen)
+    assert not known.lost
+    assert known.updates == 2
+    assert np.linalg.eigvalsh(known.covariance).min() > 0.0
+
+
+def test_the_hospital_fits_the_lattice() -> None:
+    lattice = Lattice(load_map("maps/hospital.yaml"), 0.25, 24)
+    assert 20_000 < lattice.states < 400_000

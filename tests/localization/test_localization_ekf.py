@@ -1,0 +1,161 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from localization_drives import (
+    FakeRecognizer,
+    Report,
+    corridor_landmarks,
+    displaced,
+    drive,
+    follow,
+    straight_drive,
+    with_landmarks,
+)
+
+from navfw.errors import InputError
+from navfw.localization.ekf import Ekf
+from navfw.robot import RobotModel
+from navfw.signals import Odometry, Pose, Sighting, Twist
+from navfw.sim.sensors import SensorParams
+from navfw.topomap.model import Landmark, Passage, Place, TopoMap
+
+RING = [(0.0, 0.0), (14.0, 0.0), (14.0, 8.0), (0.0, 8.0), (0.0, 0.0)]
+CORNERS = [Place(f"corner-{i}", *point) for i, point in enumerate(RING[:4])]
+SIDES = [
+    Passage(a.name, b.name, math.hypot(a.x - b.x, a.y - b.y), 2.0)
+    for a, b in zip(CORNERS, [*CORNERS[1:], CORNERS[0]], strict=True)
+]
+MARKS = corridor_landmarks(RING)
+HALL = TopoMap("ring", CORNERS, SIDES, landmarks=MARKS)
+START = Pose(0.0, 0.0, 0.0)
+
+
+def round_trip(
+    seed: int,
+    *,
+    rounds: int = 1,
+    wrong: float = 0.0,
+    seen: bool = True,
+    sensors: SensorParams | None = None,
+) -> tuple[Report, Ekf]:
+    rng = np.random.default_rng(seed)
+    real = displaced(MARKS, wrong, rng) if wrong else MARKS
+    way = RING[:4] * rounds + RING[:1]
+    ekf = Ekf(RobotModel())
+    moments = drive(START, straight_drive(way), rng, sensors)
+    recognizer = FakeRecognizer(real if seen else [], rng)
+    return follow(ekf, HALL, moments, recognizer, START), ekf
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_landmarks_keep_the_error_small_and_the_covariance_honest(seed: int) -> None:
+    report, _ = round_trip(seed)
+    assert np.percentile(report.error, 95) < 0.2
+    # three dimensions: 3 on average if exact; the filter is to be on the safe side, not far off
+    assert 0.2 < report.nees.mean() < 3.5
+    assert np.percentile(report.nees, 95) < 9.5
+    assert report.updates > 30
+    assert not report.lost.any()
+
+
+def test_without_landmarks_it_drifts_and_says_so() -> None:
+    report, _ = round_trip(2, rounds=2, seen=False, sensors=SensorParams.preset("poor"))
+    seeing, _ = round_trip(2, rounds=2, sensors=SensorParams.preset("poor"))
+    assert report.error[-1] > 0.5
+    assert np.percentile(seeing.error, 95) < 0.5 * np.percentile(report.error, 95)
+    assert report.confidence[-1] < seeing.confidence[-1]
+
+
+@pytest.mark.parametrize("seed", [3, 4])
+def test_a_landmark_in_six_that_stands_elsewhere_leads_it_nowhere(seed: int) -> None:
+    report, ekf = round_trip(seed, rounds=2, wrong=0.16)
+    assert np.percentile(report.error, 95) < 0.35
+    assert report.error.max() < 0.6
+    assert len(ekf.trust.doubted) <= 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(10))
+def test_a_hundred_metres_with_wrong_landmarks(seed: int) -> None:
+    report, _ = round_trip(seed, rounds=3, wrong=0.1)
+    assert report.driven[-1] > 100.0
+    assert np.percentile(report.error, 95) < 0.35
+    assert report.nees.mean() < 4.0
+
+
+@pytest.mark.slow
+def test_a_kilometre() -> None:
+    report, _ = round_trip(0, rounds=23)
+    assert report.driven[-1] > 1000.0
+    assert np.percentile(report.error, 95) < 0.2
+    assert report.nees.mean() < 3.5
+
+
+def still(time: float) -> Odometry:
+    return Odometry(time, Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0), yaw_bias=0.0, still=True)
+
+
+def sighting(identity: str, mark: Landmark, at: Pose, time: float, off: float = 0.0) -> Sighting:
+    x, y = at.to_local(mark.x, mark.y)
+    noise = np.diag((1e-4, 1e-2))
+    return Sighting(time, identity, math.atan2(y, x), math.hypot(x, y) + off, noise)
+
+
+def test_what_is_not_in_the_map_changes_nothing() -> None:
+    ekf = Ekf(RobotModel())
+    ekf.start(HALL, START, still(0.0))
+    before = ekf.update(still(0.1), None, ())
+    after = ekf.update(still(0.2), None, [sighting("aruco-99", MARKS[0], START, 0.2)])
+    assert after.pose == before.pose
+    assert after.updates == 0
+
+
+def test_looking_on_says_little_more() -> None:
+    """A hundred sightings of one landmark in ten seconds are no hundred measurements."""
+    ekf = Ekf(RobotModel(), Ekf.Params(start_xy=0.5, least_xy=0.0, least_yaw=0.0))
+    ekf.start(HALL, START, still(0.0))
+    spreads = []
+    for frame in range(1, 101):
+        time = 0.1 * frame
+        belief = ekf.update(still(time), None, [sighting("aruco-0", MARKS[0], START, time)])
+        spreads.append(float(np.trace(belief.covariance[:2, :2])))
+    single = 0.01 + 0.03**2
+    assert spreads[-1] > single / 15.0
+    assert spreads[-1] < spreads[0]
+
+
+def test_a_late_sighting_counts_from_where_it_was_made() -> None:
+    ekf = Ekf(RobotModel(), Ekf.Params(start_xy=0.3))
+    ekf.start(HALL, START, still(0.0))
+    then = Pose(0.05, 0.0, 0.0)
+    for frame in range(1, 11):
+        x = 0.05 * frame
+        odometry = Odometry(0.1 * frame, Pose(x, 0.0, 0.0), Twist(0.5, 0.0), 0.0, False)
+        late = [sighting("aruco-0", MARKS[0], then, 0.1)] if frame == 10 else []
+        belief = ekf.update(odometry, None, late)
+    assert belief.updates == 1
+    assert belief.pose.x == pytest.approx(0.5, abs=0.02)
+    assert belief.pose.y == pytest.approx(0.0, abs=0.02)
+
+
+def test_three_landmarks_in_a_row_that_do_not_fit_speak_against_the_pose() -> None:
+    marks = [Landmark(f"m{i}", "aruco", i, 3.0, -2.0 + i, math.pi) for i in range(5)]
+    hall = with_landmarks(HALL, marks)
+    ekf = Ekf(RobotModel())
+    ekf.start(hall, START, still(0.0))
+    truth = Pose(0.6, 0.5, 0.0)
+    for frame in range(1, 80):
+        mark = marks[frame % 5]
+        seen = sighting(mark.identity, mark, truth, 0.5 * frame)
+        belief = ekf.update(still(0.5 * frame), None, [seen])
+    assert belief.pose.x == pytest.approx(truth.x, abs=0.15)
+    assert belief.pose.y == pytest.approx(truth.y, abs=0.15)
+    assert ekf.trust.doubted == ()
+
+
+def test_an_unknown_start_is_refused_with_a_remedy() -> None:
+    with pytest.raises(InputError, match=r"unknown start.*topological"):
+        Ekf(RobotModel()).start(HALL, None, still(0.0))

@@ -1,0 +1,137 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from navfw.localization.landmark_model import ELSEWHERE, GATE, associate, expected, joseph
+from navfw.localization.motion_model import MotionParams, predict, process_noise, transition
+from navfw.localization.trust import LandmarkTrust
+from navfw.signals import Array, Pose, wrap_angle
+
+coordinates = st.floats(-20.0, 20.0)
+angles = st.floats(-3.0, 3.0)
+biases = st.floats(-0.02, 0.02)
+states = st.tuples(coordinates, coordinates, angles, biases).map(np.array)
+moves = st.builds(Pose, st.floats(-0.2, 0.2), st.floats(-0.05, 0.05), st.floats(-0.3, 0.3))
+factors = st.lists(st.floats(-1.0, 1.0), min_size=16, max_size=16)
+
+
+def covariance_of(factor: list[float]) -> Array:
+    root = np.array(factor).reshape(4, 4)
+    return np.asarray(root @ root.T + 1e-4 * np.eye(4))
+
+
+def numeric(function, at: Array, step: float = 1e-6) -> Array:  # type: ignore[no-untyped-def]
+    columns = []
+    for axis in range(len(at)):
+        up, down = at.copy(), at.copy()
+        up[axis] += step
+        down[axis] -= step
+        columns.append((function(up) - function(down)) / (2.0 * step))
+    return np.stack(columns, axis=1)
+
+
+@given(states, moves, st.floats(0.01, 0.5), biases)
+def test_the_motion_jacobian_is_the_derivative(
+    state: Array, moved: Pose, dt: float, known: float
+) -> None:
+    def step(at: Array) -> Array:
+        return predict(at, moved, (known - at[3]) * dt)
+
+    jacobian = transition(state, moved, (known - float(state[3])) * dt, dt)
+    assert np.allclose(jacobian, numeric(step, state), atol=1e-6)
+
+
+@given(states, coordinates, coordinates)
+def test_the_landmark_jacobian_is_the_derivative(state: Array, x: float, y: float) -> None:
+    if math.hypot(x - state[0], y - state[1]) < 0.3:
+        return
+    seen, jacobian = expected(state, x, y)
+
+    def difference(at: Array) -> Array:
+        again = expected(at, x, y)[0]
+        return np.array((wrap_angle(float(again[0] - seen[0])), again[1] - seen[1]))
+
+    assert np.allclose(jacobian, numeric(difference, state), atol=1e-5)
+
+
+@given(factors, st.lists(st.floats(-2.0, 2.0), min_size=8, max_size=8))
+def test_the_joseph_form_stays_positive_for_any_gain(
+    factor: list[float], gain: list[float]
+) -> None:
+    _, jacobian = expected(np.zeros(4), 2.0, 1.0)
+    noise = np.diag((1e-4, 1e-2))
+    updated = joseph(covariance_of(factor), np.array(gain).reshape(4, 2), jacobian, noise)
+    assert np.array_equal(updated, updated.T)
+    assert np.linalg.eigvalsh(updated).min() > -1e-9
+
+
+@given(states, factors, st.floats(-0.3, 0.3), st.floats(-0.5, 0.5), st.floats(0.05, 0.99))
+def test_an_update_keeps_the_covariance_positive_and_moves_no_farther_than_the_ekf(
+    state: Array, factor: list[float], bearing: float, distance: float, trust: float
+) -> None:
+    covariance = 0.05 * covariance_of(factor)
+    at = (float(state[0]) + 2.0, float(state[1]) - 1.5)
+    seen = expected(state, *at)[0] + np.array((bearing, distance))
+    noise = np.diag((4e-4, 1e-2))
+    doubted = associate(state, covariance, seen, noise, at, trust)
+    believed = associate(state, covariance, seen, noise, at, 1.0 - 1e-12)
+    assert np.linalg.eigvalsh(doubted.covariance).min() > 0.0
+    assert 0.0 <= doubted.share <= believed.share + 1e-12
+    assert np.linalg.norm((doubted.state - state)[:2]) <= (
+        np.linalg.norm((believed.state - state)[:2]) + 1e-9
+    )
+
+
+def test_what_lies_outside_the_gate_changes_nothing() -> None:
+    state, covariance = np.zeros(4), np.diag((0.01, 0.01, 1e-3, 1e-6))
+    seen = expected(state, 3.0, 0.0)[0] + np.array((0.0, 1.5))
+    found = associate(state, covariance, seen, np.diag((1e-4, 1e-2)), (3.0, 0.0), 0.9)
+    assert found.distance > GATE
+    assert found.share == 0.0
+    assert np.array_equal(found.state, state)
+    assert np.array_equal(found.covariance, covariance)
+
+
+def test_the_likelihood_is_that_of_the_gaussian_against_elsewhere() -> None:
+    state, covariance, noise = np.zeros(4), np.zeros((4, 4)), np.diag((0.02**2, 0.1**2))
+    seen = expected(state, 3.0, 0.0)[0]
+    found = associate(state, covariance, seen, noise, (3.0, 0.0), 0.9)
+    peak = 1.0 / (2.0 * math.pi * 0.02 * 0.1)
+    assert found.likelihood == pytest.approx(peak / ELSEWHERE)
+
+
+@given(angles, moves, st.floats(0.01, 0.5))
+def test_process_noise_is_positive_and_turns_with_the_robot(
+    yaw: float, moved: Pose, dt: float
+) -> None:
+    params = MotionParams()
+    noise = process_noise(yaw, moved, dt, params, guess=False)
+    assert np.linalg.eigvalsh(noise).min() >= -1e-15
+    ahead = process_noise(0.0, moved, dt, params, guess=False)
+    c, s = math.cos(yaw), math.sin(yaw)
+    turn = np.array([[c, -s], [s, c]])
+    assert np.allclose(noise[:2, :2], turn @ ahead[:2, :2] @ turn.T)
+    told = process_noise(yaw, moved, dt, params, guess=True)
+    assert np.trace(told) >= np.trace(noise)
+
+
+@given(st.lists(st.floats(0.0, 1e6), max_size=40), st.floats(0.5, 0.95))
+def test_trust_is_a_probability_that_three_looks_against_it_break(
+    likelihoods: list[float], prior: float
+) -> None:
+    trust = LandmarkTrust(prior)
+    assert trust.of("aruco-1") == pytest.approx(prior)
+    for likelihood in likelihoods:
+        trust.hear("aruco-1", likelihood)
+        assert 0.0 < trust.of("aruco-1") < 1.0
+    for _ in range(3):
+        trust.hear("aruco-2", 0.0)
+    assert trust.of("aruco-2") < 0.5
+    assert "aruco-2" in trust.doubted
+    trust.pardon(lambda identity: identity == "aruco-2")
+    assert trust.of("aruco-2") == pytest.approx(prior)
