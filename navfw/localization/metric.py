@@ -9,8 +9,8 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from navfw.localization.landmark_model import GATE, associate, expected
-from navfw.localization.looks import Look
+from navfw.localization.landmark_model import GATE, Association, associate
+from navfw.localization.looks import Look, agreeing
 from navfw.localization.motion_model import MotionParams, predict, process_noise, transition
 from navfw.localization.trust import LandmarkTrust
 from navfw.signals import Array, Odometry, Pose, wrap_angle
@@ -23,10 +23,14 @@ STILL_PERIOD = 1.0
 """Standing still says something new of the bias once in so long [s]."""
 
 WIDENING = 4.0
-"""Factor on the covariance when several landmarks at once are not where they should be."""
+"""Factor on the covariance, at each look, when landmarks agree that the pose is wrong."""
 
-CONTRADICTIONS = 3
-"""So many different landmarks in a row that do not fit speak against the pose, not against them."""
+SURPRISE = 4.0
+"""Squared Mahalanobis distance from which one landmark alone is not believed: it may have been
+moved. Two that agree with each other are: then it is the pose that is wrong."""
+
+HELD = 10.0
+"""A surprise is remembered until the robot has driven so much farther [m]."""
 
 
 class FilterParams(MotionParams):
@@ -64,7 +68,8 @@ class MetricFilter:
         self.covariance[3, 3] = self.params.bias**2
         self._last = odometry
         self._bias_heard = odometry.time
-        self._against: set[str] = set()
+        self._held: dict[str, tuple[Look, float]] = {}
+        self._driven = 0.0
 
     @property
     def pose(self) -> Pose:
@@ -83,6 +88,7 @@ class MetricFilter:
         if dt <= 0.0:
             return
         self._hear_bias(odometry, last)
+        self._driven += math.hypot(odometry.pose.x - last.pose.x, odometry.pose.y - last.pose.y)
         moved = last.pose.relative(odometry.pose)
         # odometry holds the heading of a robot that stands still
         turning_dt = 0.0 if odometry.still else dt
@@ -98,32 +104,34 @@ class MetricFilter:
         for look in looks:
             self._see(look)
 
-    def fits(self, look: Look) -> bool:
-        """Whether a landmark is where it should be, as seen from the present pose."""
-        predicted, jacobian = expected(self.state, look.landmark.x, look.landmark.y)
-        off = look.seen - predicted
-        off[0] = wrap_angle(float(off[0]))
-        spread = jacobian @ self.covariance @ jacobian.T + look.noise
-        return bool(off @ np.linalg.solve(spread, off) <= GATE)
-
     def _see(self, look: Look) -> None:
-        mark = look.landmark
-        noise = look.noise / look.weight
-        trust = self.trust.of(mark.identity)
-        found = associate(self.state, self.covariance, look.seen, noise, (mark.x, mark.y), trust)
-        self.trust.hear(mark.identity, found.likelihood, look.weight)
-        if found.share > 0.5:
-            self.updates += 1
-            self._against.clear()
-        elif found.share == 0.0 and trust > 0.5:
-            self._against.add(mark.identity)
-        self.state, self.covariance = found.state, found.covariance
-        self._keep_doubt()
-        if len(self._against) >= CONTRADICTIONS:
+        found = self._associate(look)
+        if found.distance > SURPRISE and self._agreed(look):
             self.covariance[:3, :] *= math.sqrt(WIDENING)
             self.covariance[:, :3] *= math.sqrt(WIDENING)
-            self.trust.pardon(self._against.__contains__)
-            self._against.clear()
+            self.trust.pardon(self._held.__contains__)
+            found = self._associate(look)
+        elif found.distance > SURPRISE:
+            if found.distance > GATE:
+                self.trust.hear(look.landmark.identity, 0.0, look.weight)
+            return
+        if found.share > 0.5:
+            self.updates += 1
+            self._held.clear()
+            self.trust.hear(look.landmark.identity, max(found.likelihood, 1.0), look.weight)
+        self.state, self.covariance = found.state, found.covariance
+        self._keep_doubt()
+
+    def _associate(self, look: Look) -> Association:
+        mark, noise = look.landmark, look.noise / look.weight
+        trust = self.trust.of(mark.identity)
+        return associate(self.state, self.covariance, look.seen, noise, (mark.x, mark.y), trust)
+
+    def _agreed(self, look: Look) -> bool:
+        """Whether this surprise and the last ones, at other landmarks, tell of the same mistake."""
+        self._held = {k: v for k, v in self._held.items() if self._driven - v[1] <= HELD}
+        self._held[look.landmark.identity] = look, self._driven
+        return len(agreeing(list(self._held.values()))) >= 2
 
     def _keep_doubt(self) -> None:
         """Errors that all sightings share (of the map, of the camera) do not average out."""
