@@ -51,8 +51,8 @@ class LandmarkCamera(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    width: Annotated[int, Field(ge=64, le=3840, description="image width [px]")] = 640
-    height: Annotated[int, Field(ge=32, le=2160, description="image height [px]")] = 128
+    width: Annotated[int, Field(ge=64, le=3840, description="image width [px]")] = 480
+    height: Annotated[int, Field(ge=32, le=2160, description="image height [px]")] = 96
     rate: Annotated[float, Field(gt=0.0, description="frames per second [Hz]")] = 2.0
 
 

@@ -30,7 +30,12 @@ BUILT_IN: dict[str, dict[str, str]] = {
         "lucas_kanade": "navfw.flow.lucas_kanade:LucasKanade",
     },
     "perception": {"offis": "navfw.offis.offis:Offis"},
-    "features": {"none": "navfw.features.none:NoFeatures"},
+    "features": {
+        "aruco": "navfw.features.aruco:Aruco",
+        "landmarks": "navfw.features.landmarks:Landmarks",
+        "none": "navfw.features.none:NoFeatures",
+        "posters": "navfw.features.posters:Posters",
+    },
     "localizer": {
         "bayes": "navfw.localization.bayes:Bayes",
         "dead_reckoning": "navfw.topomap.dead_reckoning:DeadReckoning",

@@ -1,0 +1,91 @@
+"""From the corners of an upright square in the image to bearing and range, with their covariance.
+
+The pose of one small square is ambiguous: two of them look alike. Its range is not: it is upright,
+and so are its two sides. Each side's length over the difference of its ends' slopes is its
+distance along the floor, whatever way the square faces (METHOD 4.6: range and bearing only).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from navfw.landmarks import identity_of
+from navfw.robot import CameraModel
+from navfw.signals import Array, Sighting
+from navfw.topomap.model import TopoMap
+
+__all__ = ["is_upright", "locate", "locate_with_covariance", "sighting_of", "sizes_in"]
+
+_STEP = 0.25
+_LEAN = 0.25
+"""Largest lean of a side, across over down: cameras and plates stand upright."""
+_BEARING_FLOOR = math.radians(0.3)
+_RANGE_FLOOR = 0.01
+"""What does not come from the corners: mount, focal length, the plate itself; range as a share."""
+
+
+def sizes_in(topo_map: TopoMap, kind: str) -> Mapping[int, float]:
+    """Sides [m] of the map's landmarks of a kind, by id."""
+    marks = topo_map.landmarks.values()
+    return {mark.id: mark.size for mark in marks if mark.kind == kind}
+
+
+def locate(corners: Array, side: float, camera: CameraModel) -> Array:
+    """Bearing [rad] and range [m] in base_link (..., 2) of the middle of upright squares.
+
+    ``corners`` (..., 4, 2) [px, relative to the principal point] are top left, top right, bottom
+    right, bottom left as seen; ``side`` [m] is the squares' side.
+    """
+    ahead = np.full((*corners.shape[:-1], 1), camera.focal)
+    rays = np.concatenate([corners, ahead], axis=-1) @ camera.base_from_camera.T
+    level = np.hypot(rays[..., 0], rays[..., 1])
+    slopes = rays[..., 2] / level
+    directions = rays[..., :2] / level[..., None]
+    # left side: corners 0 and 3; right side: corners 1 and 2
+    drop = np.maximum(slopes[..., :2] - slopes[..., :1:-1], 1e-6)
+    along = 0.5 * (directions[..., :2, :] + directions[..., :1:-1, :])
+    points = (side / drop)[..., None] * along
+    middle = points.mean(axis=-2)
+    x = middle[..., 0] + camera.mount_forward
+    return np.stack([np.arctan2(middle[..., 1], x), np.hypot(x, middle[..., 1])], axis=-1)
+
+
+def locate_with_covariance(
+    corners: Array, side: float, camera: CameraModel, sigma: float
+) -> tuple[Array, Array]:
+    """Bearing and range (2,) of one square, and their covariance (2, 2).
+
+    ``sigma`` [px] is one standard deviation of each coordinate of ``corners`` (4, 2).
+    """
+    shifts = _STEP * np.eye(8).reshape(8, 4, 2)
+    varied = locate(np.concatenate([corners[None], corners + shifts]), side, camera)
+    found = varied[0]
+    jacobian = (varied[1:] - found) / _STEP
+    covariance = sigma**2 * jacobian.T @ jacobian
+    covariance += np.diag([_BEARING_FLOOR**2, (_RANGE_FLOOR * found[1]) ** 2])
+    return found, covariance
+
+
+def is_upright(corners: Array) -> bool:
+    """Whether corners (4, 2) are those of a square that stands upright, seen from its front."""
+    left, right = corners[3] - corners[0], corners[2] - corners[1]
+    leans = abs(left[0]) > _LEAN * left[1] or abs(right[0]) > _LEAN * right[1]
+    return bool(not leans and corners[0, 0] < corners[1, 0] and corners[3, 0] < corners[2, 0])
+
+
+def sighting_of(
+    time: float,
+    kind: str,
+    number: int,
+    pixels: Array,
+    side: float,
+    camera: CameraModel,
+    sigma: float,
+) -> Sighting:
+    """The sighting of a landmark with corners ``pixels`` (4, 2), from the image's corner."""
+    corners = pixels - 0.5 * np.array([camera.width - 1, camera.height - 1])
+    (bearing, away), covariance = locate_with_covariance(corners, side, camera, sigma)
+    return Sighting(time, identity_of(kind, number), float(bearing), float(away), covariance)

@@ -1,0 +1,53 @@
+"""Markers and posters together, as one recogniser."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, ClassVar
+
+from pydantic import Field
+
+from navfw.features.aruco import Aruco
+from navfw.features.posters import Posters
+from navfw.kinds import FeatureRecognizer
+from navfw.robot import RobotModel
+from navfw.signals import Frame, Sighting
+from navfw.topomap.model import TopoMap
+
+__all__ = ["Landmarks"]
+
+
+class Landmarks(FeatureRecognizer):
+    """Finds markers and posters; posters cost nothing where the map has none."""
+
+    name: ClassVar[str] = "landmarks"
+    landmark_frames: ClassVar[bool] = True
+
+    class Params(FeatureRecognizer.Params):
+        """The parameters of each part."""
+
+        aruco: Annotated[Aruco.Params, Field(description="of markers")] = Aruco.Params()
+        posters: Annotated[Posters.Params, Field(description="of posters")] = Posters.Params()
+
+    params: Params
+
+    def __init__(self, robot: RobotModel, params: Params | None = None) -> None:
+        super().__init__(robot, params)
+        self._parts: tuple[FeatureRecognizer, ...] = (
+            Aruco(robot, self.params.aruco),
+            Posters(robot, self.params.posters),
+        )
+
+    def reset(self) -> None:
+        """Forget the last run."""
+        for part in self._parts:
+            part.reset()
+
+    def study(self, topo_map: TopoMap) -> None:
+        """Learn what the map's landmarks look like."""
+        for part in self._parts:
+            part.study(topo_map)
+
+    def recognize(self, frame: Frame) -> Sequence[Sighting]:
+        """All markers, then all posters, in ``frame``."""
+        return tuple(sighting for part in self._parts for sighting in part.recognize(frame))

@@ -1,0 +1,191 @@
+"""Posters, "natural" landmarks: ORB features, ratio test, and a homography that enough agree on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated, ClassVar
+
+import cv2
+import numpy as np
+from pydantic import Field
+
+from navfw.errors import ConfigError
+from navfw.features.geometry import is_upright, sighting_of, sizes_in
+from navfw.kinds import FeatureRecognizer
+from navfw.landmarks import poster_image
+from navfw.robot import RobotModel
+from navfw.signals import Array, Frame, Image, Sighting
+from navfw.topomap.model import TopoMap
+
+__all__ = ["Posters"]
+
+_SIDES = (160, 64)
+"""Sides [px] of the reference pictures: near by and far off."""
+_ENLARGED = 2
+"""Frames are enlarged so much: ORB's patches are 31 px wide, a far poster hardly is."""
+_FEATURES = 800
+_LEARNT = 250
+"""Features sought in a frame, and learnt of a picture at each size."""
+_AGREE = 3.0
+"""Largest distance [px, enlarged] of a match from where the homography has it."""
+_MAX_BYTES = 20_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class _Reference:
+    """One poster as it is recognised: points (N, 2) as shares of its side, descriptors (N, 32)."""
+
+    number: int
+    points: Array
+    descriptors: Image
+
+
+class Posters(FeatureRecognizer):
+    """Finds pictures that it has learnt; sightings have the bearing and range of each."""
+
+    name: ClassVar[str] = "posters"
+    landmark_frames: ClassVar[bool] = True
+
+    class Params(FeatureRecognizer.Params):
+        """How posters are matched, and pictures of posters that are not made from their id."""
+
+        images: Annotated[
+            Mapping[int, str],
+            Field(description="picture files of square posters, by id; others are made by the id"),
+        ] = {}
+        size: Annotated[
+            float, Field(gt=0.0, le=10.0, description="side of posters that are not in the map [m]")
+        ] = 0.5
+        ratio: Annotated[
+            float, Field(gt=0.0, le=1.0, description="best match over second best, at most")
+        ] = 0.8
+        inliers: Annotated[
+            int, Field(ge=8, le=500, description="matches that must agree on where the poster is")
+        ] = 12
+        corner_sigma: Annotated[
+            float, Field(gt=0.0, le=20.0, description="standard deviation of a corner [px]")
+        ] = 1.0
+
+    params: Params
+
+    def __init__(self, robot: RobotModel, params: Params | None = None) -> None:
+        super().__init__(robot, params)
+        self._orb = cv2.ORB.create(nfeatures=_FEATURES, edgeThreshold=12, fastThreshold=10)
+        self._learner = cv2.ORB.create(nfeatures=_LEARNT, edgeThreshold=12, fastThreshold=10)
+        self._matcher = cv2.BFMatcher(cv2.NORM_HAMMING)
+        self._own = {number: _read(file) for number, file in self.params.images.items()}
+        self._learnt: dict[int, _Reference] = {}
+        self._sizes: Mapping[int, float] = {}
+        self._wanted: tuple[_Reference, ...] = ()
+        self._choose(self._own)
+
+    def study(self, topo_map: TopoMap) -> None:
+        """Learn the posters of the map, beside those given as files."""
+        self._sizes = sizes_in(topo_map, "poster")
+        self._choose([*self._own, *self._sizes])
+
+    def recognize(self, frame: Frame) -> Sequence[Sighting]:
+        """All learnt posters in ``frame``, in the order of their ids."""
+        if not self._wanted:
+            return ()
+        height, width = frame.image.shape
+        large = cv2.resize(
+            frame.image, (width * _ENLARGED, height * _ENLARGED), interpolation=cv2.INTER_CUBIC
+        )
+        keypoints, descriptors = self._orb.detectAndCompute(large, None)
+        if descriptors is None or len(keypoints) < self.params.inliers:
+            return ()
+        points = np.array([keypoint.pt for keypoint in keypoints], np.float64)
+        camera = self.robot.landmark_view.model_copy(update={"width": width, "height": height})
+        sightings = []
+        for reference in self._wanted:
+            corners = self._find(reference, points, descriptors.astype(np.uint8, copy=False))
+            if corners is None:
+                continue
+            pixels = (corners + 0.5) / _ENLARGED - 0.5
+            side = self._sizes.get(reference.number, self.params.size)
+            sigma = self.params.corner_sigma
+            sightings.append(
+                sighting_of(frame.time, "poster", reference.number, pixels, side, camera, sigma)
+            )
+        return tuple(sightings)
+
+    def _choose(self, numbers: Sequence[int] | Mapping[int, object]) -> None:
+        for number in numbers:
+            if number not in self._learnt:
+                own = self._own.get(number)
+                self._learnt[number] = self._learn(
+                    number, poster_image(number) if own is None else own
+                )
+        self._wanted = tuple(self._learnt[number] for number in sorted(set(numbers)))
+
+    def _learn(self, number: int, picture: Image) -> _Reference:
+        """Features of a picture at all sizes at which it may be seen."""
+        points, descriptors = [np.zeros((0, 2))], [np.zeros((0, 32), np.uint8)]
+        for side in _SIDES:
+            seen = cv2.resize(picture, (side, side), interpolation=cv2.INTER_AREA)
+            keypoints, found = self._learner.detectAndCompute(seen, None)
+            if found is not None:
+                points.append((np.array([k.pt for k in keypoints]) + 0.5) / side)
+                descriptors.append(found.astype(np.uint8, copy=False))
+        return _Reference(number, np.concatenate(points), np.concatenate(descriptors))
+
+    def _find(self, reference: _Reference, points: Array, descriptors: Image) -> Array | None:
+        """Corners (4, 2) [px] of the poster among what has been found; None: it is not there."""
+        least = self.params.inliers
+        if len(reference.descriptors) < 2:
+            return None
+        # of a reference at several sizes one point may match twice: ask from the reference's side
+        pairs = self._matcher.knnMatch(reference.descriptors, descriptors, k=2)
+        good = [
+            pair[0]
+            for pair in pairs
+            if len(pair) == 2 and pair[0].distance < self.params.ratio * pair[1].distance
+        ]
+        if len(good) < least:
+            return None
+        there = reference.points[[match.queryIdx for match in good]]
+        here = points[[match.trainIdx for match in good]]
+        homography, mask = cv2.findHomography(there, here, cv2.USAC_DEFAULT, _AGREE)
+        if homography is None or int(np.count_nonzero(mask)) < least:
+            return None
+        # points found twice are no two witnesses
+        agreed = {tuple(point) for point in np.rint(here[np.ravel(mask) > 0]).tolist()}
+        square = np.array([[[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]])
+        corners = cv2.perspectiveTransform(square, homography)[0].astype(np.float64)
+        return corners if len(agreed) >= least and _plausible(corners) else None
+
+
+def _plausible(corners: Array) -> bool:
+    """Whether corners (4, 2) can be those of an upright square seen from its front."""
+    if not (np.isfinite(corners).all() and is_upright(corners)):
+        return False
+    left, right = corners[3, 1] - corners[0, 1], corners[2, 1] - corners[1, 1]
+    width = 0.5 * (corners[1, 0] - corners[0, 0] + corners[2, 0] - corners[3, 0])
+    sides = 0.5 < left / right < 2.0 and 0.15 < width / max(left, right) < 1.6
+    return bool(sides and min(left, right) > 10.0)
+
+
+def _read(file: str) -> Image:
+    """A picture from a file, as luminance.
+
+    Raises:
+        ConfigError: there is no such file, it is too large, or no picture.
+
+    """
+    from pathlib import Path
+
+    path = Path(file)
+    try:
+        size = path.stat().st_size
+    except OSError as error:
+        raise ConfigError(
+            f"the poster's picture cannot be read: {error.strerror}", file=path
+        ) from error
+    if size > _MAX_BYTES:
+        raise ConfigError(f"the poster's picture has {size} bytes, at most {_MAX_BYTES}", file=path)
+    picture = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+    if picture is None:
+        raise ConfigError("not a picture that OpenCV reads; give a PNG or JPEG file", file=path)
+    return picture.astype(np.uint8, copy=False)
