@@ -15,10 +15,10 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from navfw.mofis.evidence import cast_evidence, forget_view
+from navfw.mofis.evidence import cast_evidence, forget_view, merge_evidence, rays_of
 from navfw.mofis.tracks import Disc
 from navfw.robot import RobotModel
-from navfw.signals import Array, Label, Percept, Pose
+from navfw.signals import Array, Mask, Percept, Pose
 
 __all__ = ["EgoMap", "EgoMapParams"]
 
@@ -27,6 +27,9 @@ Share = Annotated[float, Field(ge=0.0, le=1.0)]
 
 _SHARPEST = 0.02
 """Sigma [1/m] below which no reading is taken at its word."""
+_FREES = np.array([1.0, 1.0, 1.0, 1.0, 0.5])
+"""How much is seen through, by ``Label``: up to just before the thing, or the floor, that was seen.
+That holds for a point of unknown height, too."""
 _GAP = np.ones((3, 3), np.uint8)
 _BESIDE = 0.1
 """How far [m] beside the robot's middle the floor has to be known."""
@@ -91,8 +94,10 @@ class EgoMap:
         p = self.params
         self._beside = np.ones((2 * round(_BESIDE / p.cell) + 1,) * 2, np.uint8)
         self._limits = np.array([p.range, p.width, *p.share, _SEEN_OVER, p.over_share])
-        self._hit = np.zeros((self.size, self.size))
-        self._free = np.zeros((self.size, self.size))
+        self._hits = np.array([0.0, 0.0, 1.0, p.drop, 1.0])  # in the order of Label
+        self._body = _disc(round(robot.radius / p.cell))
+        # the layers of one frame, empty between frames
+        self._hit, self._free = np.zeros((2, self.size, self.size))
         self.reset()
 
     def reset(self) -> None:
@@ -134,11 +139,9 @@ class EgoMap:
     def _mark_body(self, pose: Pose) -> None:
         """Where the robot stands, nothing else does."""
         row, column = self.index(pose.x, pose.y)
-        reach = round(self.robot.radius / self.params.cell)
+        reach = len(self._body) // 2
         window = np.s_[row - reach : row + reach + 1, column - reach : column + reach + 1]
-        offsets = np.arange(-reach, reach + 1)
-        disc = offsets[:, None] ** 2 + offsets[None, :] ** 2 <= reach**2
-        self.evidence[window][disc] = self.params.least
+        self.evidence[window][self._body] = self.params.least
 
     def enter(self, percept: Percept, pose: Pose) -> None:
         """Enter what ``percept`` saw from odom ``pose`` (call ``move`` first)."""
@@ -151,17 +154,17 @@ class EgoMap:
             return
         nearness, confidence = nearness[kept], confidence[kept]
         sigma, label = np.maximum(percept.sigma.ravel()[kept], _SHARPEST), label[kept]
-        direction = self._directions(percept.points, kept, pose)
-        weight = np.array([0.0, 0.0, 1.0, p.drop, 1.0])[label]  # in the order of Label
-        # What is seen through: up to just before the thing, or the floor, that was seen. That
-        # holds for a point of unknown height, too.
-        free = np.where(label == Label.ABOVE, 0.5, 1.0) * confidence
+        points = percept.points
+        # A cell stands for all that its column shows: rays at its middle and toward both its sides
+        # keep far walls from falling apart into dots.
+        third = (points[0, -1, 0] - points[0, 0, 0]) / max(points.shape[1] - 1, 1) / 3.0
+        rays = rays_of(
+            points.reshape(-1, 2)[kept], third, camera.focal, self._base_from_camera, pose.yaw
+        )
 
         c, s = math.cos(pose.yaw), math.sin(pose.yaw)
         at = pose.x + c * camera.mount_forward, pose.y + s * camera.mount_forward
         self._forget_view(at, pose.yaw, percept.time)
-        self._hit[:] = 0.0
-        self._free[:] = 0.0
         cast_evidence(
             self._hit,
             self._free,
@@ -170,16 +173,14 @@ class EgoMap:
             p.cell,
             *at,
             camera.mount_height,
-            direction,
-            np.tile(nearness, 3),
-            np.tile(sigma, 3),
-            np.tile(confidence * weight, 3),
-            np.tile(free, 3),
+            rays,
+            nearness,
+            sigma,
+            confidence * self._hits[label],
+            confidence * _FREES[label],
             self._limits,
         )
-        # a doubtful hit leaves room for those who have seen through the cell
-        self.evidence += p.hit * self._hit - p.free * self._free * (1.0 - self._hit)
-        np.clip(self.evidence, p.least, p.most, out=self.evidence)
+        merge_evidence(self.evidence, self._hit, self._free, p.hit, p.free, p.least, p.most)
         self._clearance = self._known = self._familiar = None
 
     def _forget_view(self, at: tuple[float, float], yaw: float, time: float) -> None:
@@ -194,24 +195,6 @@ class EgoMap:
             math.tan(0.5 * self.robot.camera.hfov),
             self.params.range / self.params.cell,
             math.exp(-since / self.params.glance),
-        )
-
-    def _directions(self, points: Array, kept: npt.NDArray[np.bool_], pose: Pose) -> Array:
-        """(3 N, 3): advance in odom x, y and height per metre of depth, for three rays a cell.
-
-        A cell stands for all that its column shows: rays at its middle and toward both its sides
-        keep far walls from falling apart into dots.
-        """
-        camera = self.robot.camera
-        third = (points[0, -1, 0] - points[0, 0, 0]) / max(points.shape[1] - 1, 1) / 3.0
-        aside = np.array([third, 0.0])
-        middle = points.reshape(-1, 2)[kept]
-        pixels = np.concatenate([middle, middle - aside, middle + aside])
-        rays = np.column_stack([pixels / camera.focal, np.ones(len(pixels))])
-        base = rays @ self._base_from_camera.T
-        c, s = math.cos(pose.yaw), math.sin(pose.yaw)
-        return np.column_stack(
-            [c * base[:, 0] - s * base[:, 1], s * base[:, 0] + c * base[:, 1], base[:, 2]]
         )
 
     def is_static(self, x: float, y: float, radius: float) -> bool:
@@ -260,7 +243,7 @@ class EgoMap:
     def known(self) -> npt.NDArray[np.uint8]:
         """(n, n) 1 where the cell has been seen free, else 0."""
         if self._known is None:
-            self._known = (self.evidence <= self.params.seen_free).astype(np.uint8)
+            self._known = (self.evidence <= self.params.seen_free).view(np.uint8)
         return self._known
 
     @property
@@ -279,14 +262,21 @@ class EgoMap:
     def clearance(self) -> Array:
         """(n, n) distance [m] from each cell to the nearest occupied cell."""
         if self._clearance is None:
-            free = (~self.occupied).astype(np.uint8)
+            free = (~self.occupied).view(np.uint8)
             if free.all():
                 distance = np.full((self.size, self.size), self.params.extent)
             else:
-                distance = cv2.distanceTransform(free, cv2.DIST_L2, 5).astype(np.float64)
-                distance *= self.params.cell
+                distance = cv2.distanceTransform(free, cv2.DIST_L2, 5)
+                distance = np.multiply(distance, self.params.cell, dtype=np.float64)
             self._clearance = distance
         return self._clearance
+
+
+def _disc(radius: int) -> Mask:
+    """(2 radius + 1, 2 radius + 1) True within ``radius`` [cells] of the middle."""
+    offsets = np.arange(-radius, radius + 1)
+    disc: Mask = offsets[:, None] ** 2 + offsets[None, :] ** 2 <= radius**2
+    return disc
 
 
 def _shifted(grid: Array, columns: int, rows: int) -> Array:

@@ -10,12 +10,38 @@ from __future__ import annotations
 import math
 
 import numba
+import numpy as np
 
 from navfw.signals import Array
 
-__all__ = ["cast_evidence", "forget_view"]
+__all__ = ["cast_evidence", "forget_view", "merge_evidence", "rays_of"]
 
 _PEAK = 1.0 / math.sqrt(2.0 * math.pi)
+
+
+@numba.njit(cache=True)
+def rays_of(
+    points: Array, aside: float, focal: float, base_from_camera: Array, yaw: float
+) -> Array:
+    """(3 N, 3): advance in odom x, y and height per metre of depth, for three rays a point.
+
+    ``points`` (N, 2) [px] are met at their middle and ``aside`` [px] to the left and right of it;
+    the robot heads to ``yaw`` [rad, odom].
+    """
+    n = points.shape[0]
+    rays = np.empty((3 * n, 3))
+    c, s = math.cos(yaw), math.sin(yaw)
+    for i in range(3 * n):
+        side = (0.0, -aside, aside)[i // n]
+        right, down = (points[i % n, 0] + side) / focal, points[i % n, 1] / focal
+        ahead = base_from_camera[0, 0] * right + base_from_camera[0, 1] * down
+        left = base_from_camera[1, 0] * right + base_from_camera[1, 1] * down
+        up = base_from_camera[2, 0] * right + base_from_camera[2, 1] * down
+        ahead, left = ahead + base_from_camera[0, 2], left + base_from_camera[1, 2]
+        rays[i, 0] = c * ahead - s * left
+        rays[i, 1] = s * ahead + c * left
+        rays[i, 2] = up + base_from_camera[2, 2]
+    return rays
 
 
 @numba.njit(cache=True)
@@ -37,10 +63,11 @@ def cast_evidence(
 ) -> None:
     """Enter each ray's evidence into the frame's layers ``hit`` and ``free`` (max, not sum).
 
-    ``direction`` (N, 3): what the ray advances in odom x, y and height per metre of depth;
-    ``nearness`` and ``sigma`` (N,) [1/m] of what it met. The ray says free up to where the reading
-    begins, one sigma before its middle. Around its middle it says hit, by the share of the reading
-    that falls into each cell: nothing below a share of ``nothing``, fully from ``all`` on.
+    ``direction`` (k N, 3): what the ray advances in odom x, y and height per metre of depth;
+    ``nearness`` and ``sigma`` (N,) [1/m] of what it met, as every N-th ray does. The ray
+    says free up to where the reading begins, one sigma before its middle. Around its middle it says
+    hit, by the share of the reading that falls into each cell: nothing below a share of
+    ``nothing``, fully from ``all`` on.
 
     A ray passes OVER what is lower than itself: its word for free counts fully below height ``low``
     and only ``over`` from the camera's height upwards. ``limits`` are (range [m], sigmas either
@@ -48,8 +75,9 @@ def cast_evidence(
     """
     size = hit.shape[0]
     reach, width, nothing, everything, low, over = limits
-    for i in range(direction.shape[0]):
-        dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
+    for ray in range(direction.shape[0]):
+        i = ray % nearness.shape[0]
+        dx, dy, dz = direction[ray, 0], direction[ray, 1], direction[ray, 2]
         horizontal = math.hypot(dx, dy)
         step = 0.7 * cell / horizontal
         q, s = nearness[i], sigma[i]
@@ -91,6 +119,28 @@ def cast_evidence(
 
 
 @numba.njit(cache=True)
+def merge_evidence(
+    evidence: Array,
+    hit: Array,
+    free: Array,
+    hit_weight: float,
+    free_weight: float,
+    least: float,
+    most: float,
+) -> None:
+    """Add a frame's layers to ``evidence``, within [``least``, ``most``], and empty them.
+
+    A doubtful hit leaves room for those who have seen through the cell.
+    """
+    for i in range(evidence.shape[0]):
+        for j in range(evidence.shape[1]):
+            if hit[i, j] != 0.0 or free[i, j] != 0.0:
+                word = hit_weight * hit[i, j] - free_weight * free[i, j] * (1.0 - hit[i, j])
+                evidence[i, j] = min(max(evidence[i, j] + word, least), most)
+                hit[i, j] = free[i, j] = 0.0
+
+
+@numba.njit(cache=True)
 def forget_view(
     evidence: Array, row: float, column: float, yaw: float, slope: float, reach: float, keep: float
 ) -> None:
@@ -102,8 +152,11 @@ def forget_view(
     """
     size = evidence.shape[0]
     c, s = math.cos(yaw), math.sin(yaw)
-    for i in range(size):
-        for j in range(size):
+    farthest = reach * math.hypot(1.0, slope)
+    top, bottom = max(0, int(row - farthest)), min(size, int(row + farthest) + 2)
+    first, end = max(0, int(column - farthest)), min(size, int(column + farthest) + 2)
+    for i in range(top, bottom):
+        for j in range(first, end):
             if evidence[i, j] < 0.0:
                 ahead = (j - column) * c + (i - row) * s
                 aside = (i - row) * c - (j - column) * s

@@ -14,7 +14,16 @@ import numpy.typing as npt
 
 from navfw.signals import Array
 
-__all__ = ["cast_ranges", "cost_to_go", "descend", "first_leg", "sweep_arcs"]
+__all__ = [
+    "are_degrees",
+    "cast_ranges",
+    "cost_to_go",
+    "descend",
+    "first_leg",
+    "least_within",
+    "price_cells",
+    "sweep_arcs",
+]
 
 
 @numba.njit(cache=True)
@@ -140,52 +149,99 @@ def cast_ranges(
 
 
 @numba.njit(cache=True)
+def price_cells(
+    clearance: Array,
+    known: npt.NDArray[np.uint8],
+    radius: float,
+    clear: float,
+    margin: float,
+    squeeze: float,
+    unknown: float,
+) -> Array:
+    """Price (m, m) of crossing each second cell of the map (n, n); infinite where barred.
+
+    Barred is what lies nearer to something than a disc of ``radius`` and its ``margin`` [m]. From
+    there to a rim's clearance of ``clear`` [m] the extra price falls from ``squeeze`` to nothing
+    with the square; a cell none of whose 3 x 3 has been seen costs ``unknown`` more.
+    """
+    n = clearance.shape[0]
+    m = (n + 1) // 2
+    cost = np.empty((m, m))
+    for i in range(m):
+        for j in range(m):
+            row, column = 2 * i, 2 * j
+            rim = clearance[row, column] - radius
+            if rim < margin:
+                cost[i, j] = np.inf
+                continue
+            tight = min(max((clear - rim) / max(clear - margin, 1e-6), 0.0), 1.0)
+            unseen = 1.0
+            # far away the rays of a sparse grid leave gaps: a seen neighbour is enough
+            for r in range(max(row - 1, 0), min(row + 2, n)):
+                for c in range(max(column - 1, 0), min(column + 2, n)):
+                    if known[r, c]:
+                        unseen = 0.0
+            cost[i, j] = 1.0 + squeeze * (tight * tight) + unknown * unseen
+    return cost
+
+
+@numba.njit(cache=True)
 def cost_to_go(cost: Array, value: Array, sweeps: int) -> int:
     """Solve the eikonal equation |grad value| = cost by fast sweeping, in place.
 
     ``cost`` (n, n) is the price of a cell's width, infinite where impassable; ``value`` (n, n)
     holds the boundary values at the sources and infinity elsewhere. Returns the sweeps used
-    (Zhao 2005).
+    (Zhao 2005). A cell is looked at again only after one of its neighbours has fallen (locking;
+    Bak, McLaughlin and Renzi 2010), which changes no result.
     """
     n = value.shape[0]
+    # a frame of infinity all around, so that no cell lacks a neighbour
+    known = np.full((n + 2, n + 2), np.inf)
+    known[1:-1, 1:-1] = value
+    stale = np.zeros((n + 2, n + 2), np.bool_)
+    for i in range(1, n + 1):
+        for j in range(1, n + 1):
+            if known[i, j] < np.inf:
+                _unlock(stale, i, j)
     used = 0
     for sweep in range(sweeps):
         used += 1
         change = 0.0
         down, right = sweep & 1, (sweep >> 1) & 1
-        for a in range(n):
-            row = n - 1 - a if down else a
-            for b in range(n):
-                column = n - 1 - b if right else b
-                f = cost[row, column]
+        for a in range(1, n + 1):
+            i = n + 1 - a if down else a
+            for b in range(1, n + 1):
+                j = n + 1 - b if right else b
+                if not stale[i, j]:
+                    continue
+                stale[i, j] = False
+                f = cost[i - 1, j - 1]
                 if f == np.inf:
                     continue
-                vertical = np.inf
-                if row > 0:
-                    vertical = value[row - 1, column]
-                if row < n - 1:
-                    vertical = min(vertical, value[row + 1, column])
-                horizontal = np.inf
-                if column > 0:
-                    horizontal = value[row, column - 1]
-                if column < n - 1:
-                    horizontal = min(horizontal, value[row, column + 1])
-                least = min(vertical, horizontal)
-                if least == np.inf:
-                    continue
+                vertical = min(known[i - 1, j], known[i + 1, j])
+                horizontal = min(known[i, j - 1], known[i, j + 1])
                 difference = abs(vertical - horizontal)
                 if difference >= f:
-                    candidate = least + f
+                    candidate = min(vertical, horizontal) + f
                 else:
                     candidate = 0.5 * (
                         vertical + horizontal + math.sqrt(2.0 * f * f - difference * difference)
                     )
-                if candidate < value[row, column] - 1e-9:
-                    change = max(change, min(value[row, column], 1e6) - candidate)
-                    value[row, column] = candidate
+                if candidate < known[i, j] - 1e-9:
+                    change = max(change, min(known[i, j], 1e6) - candidate)
+                    known[i, j] = candidate
+                    _unlock(stale, i, j)
         if change < 1e-3 and sweep >= 3:
             break
+    value[:] = known[1:-1, 1:-1]
     return used
+
+
+@numba.njit(cache=True)
+def _unlock(stale: npt.NDArray[np.bool_], row: int, column: int) -> None:
+    """The four neighbours of a cell have to be looked at again."""
+    stale[row - 1, column] = stale[row + 1, column] = True
+    stale[row, column - 1] = stale[row, column + 1] = True
 
 
 @numba.njit(cache=True)
@@ -313,3 +369,22 @@ def descend(value: Array, row: float, column: float, steps: int, path: Array) ->
         path[count, 1] = column
         count += 1
     return count
+
+
+@numba.njit(cache=True)
+def least_within(bearings: Array, ranges: Array, low: float, high: float, default: float) -> float:
+    """The least of ``ranges`` (n,) whose bearing (n,) is in [low, high]; ``default`` if none is."""
+    least = np.inf
+    for i in range(bearings.shape[0]):
+        if low <= bearings[i] <= high:
+            least = min(least, ranges[i])
+    return default if least == np.inf else least
+
+
+@numba.njit(cache=True)
+def are_degrees(layer: Array) -> bool:
+    """Whether all of ``layer`` (n_v, n_w) is in [0, 1], but for rounding; what is NaN is not."""
+    sound = True
+    for value in layer.flat:
+        sound = sound and bool(0.0 <= value <= 1.0 + 1e-9)
+    return sound

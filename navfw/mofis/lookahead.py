@@ -10,12 +10,11 @@ import math
 from dataclasses import dataclass
 from typing import Annotated
 
-import cv2
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from navfw.mofis.egomap import EgoMap
-from navfw.mofis.kernels import cost_to_go, descend, first_leg
+from navfw.mofis.kernels import cost_to_go, descend, first_leg, price_cells
 from navfw.signals import Array, Pose, wrap_angle
 
 __all__ = ["Aim", "Lookahead", "LookaheadParams"]
@@ -26,8 +25,6 @@ _LEG = 0.4
 _ASIDE = math.radians(40.0)
 """A leg that leads aside of the cheapest way by more than this [rad] is another way."""
 _BEARINGS = np.linspace(-math.pi, math.pi, 49)[:-1]
-
-_AROUND = np.ones((3, 3), np.uint8)
 
 
 class LookaheadParams(BaseModel):
@@ -145,13 +142,9 @@ class Lookahead:
         """(m, m) price of crossing each cell of twice the map's size; infinite where barred."""
         p = self.params
         radius = egomap.robot.radius
-        rim = egomap.clearance[::2, ::2] - radius
-        # far away the rays of a sparse grid leave gaps: what has a seen neighbour counts as seen
-        unseen = cv2.dilate(egomap.known, _AROUND)[::2, ::2] == 0.0
-        tight = np.clip((p.clear - rim) / max(p.clear - p.margin, 1e-6), 0.0, 1.0)
-        cost: Array = 1.0 + p.squeeze * tight**2 + p.unknown * unseen
-        cost[rim < p.margin] = np.inf
-        return cost
+        return price_cells(
+            egomap.clearance, egomap.known, radius, p.clear, p.margin, p.squeeze, p.unknown
+        )
 
 
 def _sources(n: int, origin: tuple[float, float], cell: float, x: float, y: float) -> Array:

@@ -14,6 +14,7 @@ from navfw.kinds import Behavior, Composite, Fusion
 from navfw.mofis.commands import CommandGrid, CommandGridParams
 from navfw.mofis.context import Context
 from navfw.mofis.egomap import EgoMap, EgoMapParams
+from navfw.mofis.kernels import are_degrees
 from navfw.mofis.lookahead import Aim, Lookahead, LookaheadParams
 from navfw.mofis.passages import PassageWatch, PassageWatchParams
 from navfw.mofis.reach import look_around, room_along, sweep
@@ -251,10 +252,10 @@ def _fault_of(proposal: object, shape: tuple[int, int]) -> str | None:
     if not 0.0 <= proposal.applicability <= 1.0:
         return f"applicability {proposal.applicability} is not in [0, 1]"
     for what in ("desirability", "prohibition"):
-        layer = np.asarray(getattr(proposal, what))
+        layer = np.asarray(getattr(proposal, what), dtype=np.float64, order="C")
         if layer.shape != shape:
             return f"{what} has shape {layer.shape}, expected {shape}"
-        if not (np.isfinite(layer).all() and layer.min() >= 0.0 and layer.max() <= 1.0 + 1e-9):
+        if not are_degrees(layer):
             return f"{what} has values outside [0, 1]"
     return None
 

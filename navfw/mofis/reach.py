@@ -9,12 +9,14 @@ import numpy as np
 
 from navfw.mofis.commands import CommandGrid
 from navfw.mofis.egomap import EgoMap
-from navfw.mofis.kernels import cast_ranges, sweep_arcs
+from navfw.mofis.kernels import cast_ranges, least_within, sweep_arcs
 from navfw.signals import Array, Pose, Twist
 
 __all__ = ["Arcs", "Ranges", "look_around", "room_along", "sweep"]
 
 SECTORS = 48
+_BEARINGS = np.linspace(-math.pi, math.pi, SECTORS + 1)[1:]
+_BEARINGS.flags.writeable = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,8 +109,7 @@ class Ranges:
 
     def nearest(self, low: float, high: float) -> float:
         """Least free distance [m] for bearings in [low, high] [rad]."""
-        inside = (self.bearings >= low) & (self.bearings <= high)
-        return float(self.free[inside].min()) if inside.any() else self.limit
+        return least_within(self.bearings, self.free, low, high, self.limit)
 
     @property
     def corridor(self) -> float:
@@ -134,8 +135,7 @@ class Ranges:
 
 def look_around(egomap: EgoMap, pose: Pose, limit: float = 3.0) -> Ranges:
     """Ranges in ``SECTORS`` directions around ``pose``, from the ego map."""
-    bearings = np.linspace(-math.pi, math.pi, SECTORS + 1)[1:]
-    free, seen = np.empty(SECTORS), np.empty(SECTORS)
+    free, seen = np.empty((2, SECTORS))
     cast_ranges(
         egomap.clearance,
         egomap.known,
@@ -144,10 +144,10 @@ def look_around(egomap: EgoMap, pose: Pose, limit: float = 3.0) -> Ranges:
         egomap.params.cell,
         pose.x,
         pose.y,
-        bearings + pose.yaw,
+        _BEARINGS + pose.yaw,
         limit,
         free,
         seen,
     )
     radius = egomap.robot.radius
-    return Ranges(bearings, np.maximum(free - radius, 0.0), np.maximum(seen - radius, 0.0), limit)
+    return Ranges(_BEARINGS, np.maximum(free - radius, 0.0), np.maximum(seen - radius, 0.0), limit)
