@@ -57,12 +57,16 @@ class Search(Composite):
         lost = context.belief.lost
         doubt = 2.0 if lost else _deviation(context) / self.params.sigma
         searched = self._keep_account(context, doubtful=doubt >= 1.0)
+        barred = context.aim is not None and not context.aim.reachable
         at_door = context.waypoint is not None and context.waypoint.kind == "door"
         verdict = self.rules.evaluate(
             doubt=min(doubt, 2.0),
             looked=float(self._turned >= 2.0 * math.pi),
             # who is lost has nowhere to travel to
             searched=0.0 if lost else searched / self.params.patience,
+            idle=context.idle,
+            barred=float(barred),
+            corridor=context.ranges.corridor,
             door=context.waypoint_distance if at_door else 3.0,
         )
         self._fired = verdict.explain
