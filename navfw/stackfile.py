@@ -24,7 +24,7 @@ from navfw.kinds import Plugin
 from navfw.mofis.mofis import MofisParams
 from navfw.safety import SafetyParams
 
-__all__ = ["Choice", "PluginSource", "StackConfig", "StackSpec", "load_stack"]
+__all__ = ["Choice", "PluginSource", "StackConfig", "StackSpec", "load_stack", "read_stack"]
 
 
 def _some_plugins(value: object) -> object:
@@ -168,7 +168,18 @@ def load_stack(
         PluginError: a plugin is broken.
 
     """
-    return resolve(_on_its_base(load_yaml(path), Path(path)), plugins, overrides)
+    return resolve(read_stack(path), plugins, overrides)
+
+
+def read_stack(path: str | Path) -> YamlDocument:
+    """The stack file at ``path`` on top of the stack it is based on, not checked yet.
+
+    Raises:
+        ConfigError: the file is no YAML, or its base is not.
+        UnknownNameError: the base does not exist.
+
+    """
+    return _on_its_base(load_yaml(path), Path(path))
 
 
 def _on_its_base(document: YamlDocument, path: Path, above: tuple[Path, ...] = ()) -> YamlDocument:

@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ConfigDict
 
 from navfw.config.yamlfile import load_yaml, validate
+from navfw.stackfile import read_stack
 
 __all__ = ["map_summary", "mission_summary", "stack_summary", "world_summary"]
 
@@ -69,7 +70,7 @@ def map_summary(path: Path) -> dict[str, Any]:
 
 def stack_summary(path: Path) -> dict[str, Any]:
     """Its description, and for each stage the names of its plugins."""
-    spec = _read(path, _Stack)
+    spec = validate(read_stack(path), _Stack)
     stages = spec.model_dump(exclude={"description"})
     return {
         "description": spec.description,
