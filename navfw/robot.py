@@ -53,7 +53,7 @@ class LandmarkCamera(BaseModel):
 
     width: Annotated[int, Field(ge=64, le=3840, description="image width [px]")] = 480
     height: Annotated[int, Field(ge=32, le=2160, description="image height [px]")] = 96
-    rate: Annotated[float, Field(gt=0.0, description="frames per second [Hz]")] = 2.0
+    rate: Annotated[float, Field(gt=0.0, description="frames per second [Hz]")] = 1.25
 
 
 class RobotModel(BaseModel):

@@ -31,7 +31,7 @@ class Aruco(FeatureRecognizer):
         ids: Annotated[
             Literal[50, 100, 250, 1000],
             Field(description="size of the dictionary: fewer are harder to mistake"),
-        ] = 50
+        ] = 100
         size: Annotated[
             float, Field(gt=0.0, le=3.0, description="side of markers that are not in the map [m]")
         ] = 0.25
