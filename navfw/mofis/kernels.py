@@ -69,7 +69,11 @@ def sweep_arcs(
                 continue
             curvature = turns[j] / v
             sign = 1.0 if v > 0.0 else -1.0
-            px, py, heading = x, y, yaw
+            px, py = x, y
+            # the heading in the middle of each step, as a unit vector that is turned by the step
+            turn = sign * step * curvature
+            c_turn, s_turn = math.cos(turn), math.sin(turn)
+            c_mid, s_mid = math.cos(yaw + 0.5 * turn), math.sin(yaw + 0.5 * turn)
             length = 0.0
             least = here
             floor = min(radius, here - 0.02)
@@ -78,10 +82,9 @@ def sweep_arcs(
             # an arc that closes half a turn is as good as its first half
             longest = min(reach, math.pi / max(abs(curvature), 1e-6))
             while length < longest:
-                heading_mid = heading + 0.5 * sign * step * curvature
-                px += sign * step * math.cos(heading_mid)
-                py += sign * step * math.sin(heading_mid)
-                heading += sign * step * curvature
+                px += sign * step * c_mid
+                py += sign * step * s_mid
+                c_mid, s_mid = c_mid * c_turn - s_mid * s_turn, s_mid * c_turn + c_mid * s_turn
                 column = int(math.floor((px - origin_x) / cell + 0.5))
                 row = int(math.floor((py - origin_y) / cell + 0.5))
                 if row < 0 or column < 0 or row >= size or column >= size:
@@ -175,14 +178,21 @@ def price_cells(
                 cost[i, j] = np.inf
                 continue
             tight = min(max((clear - rim) / max(clear - margin, 1e-6), 0.0), 1.0)
-            unseen = 1.0
+            cost[i, j] = 1.0 + squeeze * (tight * tight)
             # far away the rays of a sparse grid leave gaps: a seen neighbour is enough
-            for r in range(max(row - 1, 0), min(row + 2, n)):
-                for c in range(max(column - 1, 0), min(column + 2, n)):
-                    if known[r, c]:
-                        unseen = 0.0
-            cost[i, j] = 1.0 + squeeze * (tight * tight) + unknown * unseen
+            if not known[row, column] and not _any_around(known, row, column):
+                cost[i, j] += unknown
     return cost
+
+
+@numba.njit(cache=True)
+def _any_around(grid: npt.NDArray[np.uint8], row: int, column: int) -> bool:
+    """Whether any of the 3 x 3 cells about one is set."""
+    for r in range(max(row - 1, 0), min(row + 2, grid.shape[0])):
+        for c in range(max(column - 1, 0), min(column + 2, grid.shape[1])):
+            if grid[r, c]:
+                return True
+    return False
 
 
 @numba.njit(cache=True)

@@ -158,11 +158,12 @@ class Mofis:
         self.context = self._context(odometry, belief, waypoint)
         self.weights = self._weigh(self.context)
         self.proposals = {}
-        for name, behavior in self.behaviors.items():
-            proposal = self._ask(name, behavior, self.context)
-            if proposal is not None:
-                degree = proposal.applicability * self.weights.get(name, 1.0)
-                self.proposals[name] = replace(proposal, applicability=degree)
+        with self.watchdog.on_duty():
+            for name, behavior in self.behaviors.items():
+                proposal = self._ask(name, behavior, self.context)
+                if proposal is not None:
+                    degree = proposal.applicability * self.weights.get(name, 1.0)
+                    self.proposals[name] = replace(proposal, applicability=degree)
         self._previous = self.fusion.fuse(self.context, self.proposals)
         return self._previous
 

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Iterator
+import time as clock
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 __all__ = ["BehaviorTimeout", "Watchdog", "time_limit"]
@@ -37,6 +38,7 @@ class Watchdog:
     def __init__(self, patience: float = PATIENCE, first: float = FIRST_PATIENCE) -> None:
         self._patience = patience
         self._first = first
+        self._arm: Callable[[float], object] = _unarmed
         self.reset()
 
     def reset(self) -> None:
@@ -49,11 +51,24 @@ class Watchdog:
         return name not in self._rests or time >= self._rests[name][0]
 
     @contextmanager
+    def on_duty(self) -> Iterator[None]:
+        """What is asked within this is given its limit in time; outside nobody is hurried."""
+        with _alarm() as arm:
+            self._arm = arm
+            try:
+                yield
+            finally:
+                self._arm = _unarmed
+
+    @contextmanager
     def watching(self, name: str, time: float) -> Iterator[None]:
         """Ask within this; raises BehaviorTimeout when there is no answer in time."""
         try:
-            with time_limit(self._patience if name in self._answered else self._first):
+            self._arm(self._patience if name in self._answered else self._first)
+            try:
                 yield
+            finally:
+                self._arm(0.0)
         except BehaviorTimeout:
             rest = min(2.0 * self._rests[name][1], LONGEST_REST) if name in self._rests else REST
             self._rests[name] = (time + rest, rest)
@@ -69,23 +84,46 @@ def time_limit(seconds: float) -> Iterator[None]:
     steps of Python: one call that never returns from C cannot be ended. A timer that somebody else
     has set goes on afterwards.
     """
+    with _alarm() as arm:
+        arm(seconds)
+        yield
+
+
+@contextmanager
+def _alarm() -> Iterator[Callable[[float], object]]:
+    """What is given raises BehaviorTimeout so many seconds after its last call; 0 means never.
+
+    One alarm serves many questions: to put up the handler costs more than most answers.
+    """
     if not hasattr(signal, "setitimer") or (
         threading.current_thread() is not threading.main_thread()
     ):
-        yield
+        yield _unarmed
         return
+    patience = 0.0
 
     def ring(number: int, frame: object) -> None:
         del number, frame
-        raise BehaviorTimeout(f"no answer within {seconds:g} s")
+        raise BehaviorTimeout(f"no answer within {patience:g} s")
 
+    def arm(seconds: float) -> None:
+        nonlocal patience
+        patience = seconds
+        signal.setitimer(signal.ITIMER_REAL, seconds)
+
+    left, interval = signal.setitimer(signal.ITIMER_REAL, 0.0)
+    begun = clock.monotonic()
     handler = signal.signal(signal.SIGALRM, ring)
-    left, interval = signal.setitimer(signal.ITIMER_REAL, seconds)
     try:
-        yield
+        yield arm
     finally:
-        unused, _ = signal.setitimer(signal.ITIMER_REAL, 0.0)
+        arm(0.0)
         signal.signal(signal.SIGALRM, handler)
         if left:
-            left = max(left - (seconds - unused), 1e-3)
+            left = max(left - (clock.monotonic() - begun), 1e-3)
             signal.setitimer(signal.ITIMER_REAL, left, interval)
+
+
+def _unarmed(seconds: float) -> None:
+    """No alarm is there to be set."""
+    del seconds

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from navfw.mofis.evidence import forget_view, merge_evidence, rays_of
-from navfw.mofis.kernels import are_degrees, cost_to_go, least_within, price_cells
+from navfw.mofis.kernels import are_degrees, cost_to_go, least_within, price_cells, sweep_arcs
 from navfw.robot import RobotModel
 from navfw.signals import Array
 
@@ -136,3 +136,35 @@ def test_rays_are_the_points_turned_into_odom(seed: int, yaw: float, aside: floa
     turned = base @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]).T
     rays = rays_of(points, aside, CAMERA.focal, CAMERA.base_from_camera, yaw)
     np.testing.assert_allclose(rays, turned, rtol=0.0, atol=1e-12)
+
+
+def driven(v: float, w: float, yaw: float, blocked: Array, cell: float, reach: float) -> float:
+    """The length that a point drives from the middle of the map until it meets a blocked cell."""
+    x = y = 0.5 * cell * (len(blocked) - 1) + 1e-4
+    length, step, sign = 0.0, 0.5 * cell, math.copysign(1.0, v)
+    while length < min(reach, math.pi * abs(v / w) if w else reach):
+        heading = yaw + sign * (length + 0.5 * step) * w / v
+        x, y = x + sign * step * math.cos(heading), y + sign * step * math.sin(heading)
+        if blocked[round(y / cell), round(x / cell)]:
+            return length
+        length += step
+    return reach
+
+
+@settings(max_examples=40)
+@given(SEEDS, st.floats(-3.2, 3.2))
+def test_arcs_are_driven_step_by_step(seed: int, yaw: float) -> None:
+    rng = np.random.default_rng(seed)
+    blocked = rng.random((81, 81)) < 0.02
+    blocked[39:42, 39:42] = False
+    clearance = np.where(blocked, 0.0, 1.0)
+    known = np.ones(blocked.shape, np.uint8)
+    speeds, turns = np.array([-0.2, 0.1, 0.4]), np.linspace(-1.2, 1.2, 7)
+    free, seen, least = np.empty((3, 3, 7))
+    at = 2.0 + 1e-4
+    sweep_arcs(
+        clearance, known, 0.0, 0.0, 0.05, at, at, yaw, speeds, turns,
+        0.04, 1.5, 0.6, free, seen, least,
+    )  # fmt: skip
+    expected = [[driven(v, w, yaw, blocked, 0.05, 1.5) for w in turns] for v in speeds]
+    np.testing.assert_allclose(free, expected, atol=1e-9)

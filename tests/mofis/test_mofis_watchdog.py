@@ -80,3 +80,16 @@ def test_who_gave_no_answer_rests_longer_each_time() -> None:
     assert rests[-1] == pytest.approx(LONGEST_REST, abs=0.11)
     dog.reset()
     assert dog.admits("slow", now)
+
+
+def test_one_alarm_serves_many_questions() -> None:
+    dog = Watchdog(patience=0.2, first=0.2)
+    with dog.on_duty():
+        with dog.watching("sound", 0.0):
+            pass
+        for _ in range(2):
+            with pytest.raises(BehaviorTimeout, match=r"within 0.2 s"), dog.watching("slow", 0.0):
+                time.sleep(5.0)
+        time.sleep(0.3)  # between two questions nobody is hurried
+    assert dog.admits("sound", 0.0)
+    assert not dog.admits("slow", 0.0)
