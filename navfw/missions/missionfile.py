@@ -38,6 +38,7 @@ from navfw.missions.starts import Unknown, UnknownStart, candidates, draw_start
 from navfw.robot import RobotModel
 from navfw.signals import Array, Pose, Waypoint
 from navfw.sim.sensors import SensorParams
+from navfw.sim.worldfile import DropSpec
 from navfw.topomap.files import load_map
 from navfw.topomap.model import Passage, Place, TopoMap
 
@@ -127,6 +128,10 @@ class MissionSpec(_Spec):
     robot: Annotated[RobotModel, Field(description="what differs from the usual robot")] = (
         RobotModel()
     )
+    drops: Annotated[
+        tuple[DropSpec, ...],
+        Field(max_length=100, description="holes in the floor beside those of the world"),
+    ] = ()
     events: Annotated[
         tuple[EventSpec, ...],
         Field(max_length=1000, description="what happens on the way: faults, changes of the world"),

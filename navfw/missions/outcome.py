@@ -14,7 +14,7 @@ class Outcome(StrEnum):
     REACHED = "reached"
     """the stack says it has finished, and truly stands in the success zone"""
     COLLIDED = "collided"
-    """the robot touched something other than the floor"""
+    """the robot touched something other than the floor, or fell into a drop"""
     TIMEOUT = "timeout"
     """the mission's time was up"""
     STUCK = "stuck"

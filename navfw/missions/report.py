@@ -78,7 +78,7 @@ def outline_of(plan: FloorPlan) -> Outline:
     rectangles = list(plan.rectangles())
     return Outline(
         walls=[corners for solid, corners in rectangles if solid.kind in {"wall", "door"}],
-        furniture=[corners for solid, corners in rectangles if solid.kind == "box"],
+        furniture=[corners for solid, corners in rectangles if solid.kind in {"box", "drop"}],
         discs=[Disc(disc.x, disc.y, disc.radius) for _, disc in plan.discs()],
     )
 

@@ -101,7 +101,7 @@ class Simulator(Protocol):
 
     @property
     def contacts(self) -> Sequence[str]:
-        """Names of bodies, other than the floor, touched since the last ``advance``."""
+        """Names of bodies touched, drops fallen into, since the last ``advance``; not the floor."""
         ...
 
     @property
@@ -118,6 +118,7 @@ class Task:
     last one must be that near when the stack says it has finished. The stack is told the true
     ``start`` only if that is ``start_known``. ``timeout`` [s] is simulated; a robot that stays
     within ``stall_radius`` [m] for ``stuck_after`` [s] is stuck.
+    ``drops`` are names of contacts that are no touches, but falls.
     """
 
     robot: RobotModel
@@ -128,6 +129,7 @@ class Task:
     stuck_after: float = 45.0
     stall_radius: float = 0.3
     start_known: bool = True
+    drops: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True, slots=True)
@@ -305,7 +307,9 @@ class _Loop:
         if touched:
             self.recorder.contacts.extend(Contact(now, pose.x, pose.y, body) for body in touched)
             where = f"at ({pose.x:.2f}, {pose.y:.2f})"
-            return self._verdict(Outcome.COLLIDED, f"touched {', '.join(touched)} {where}")
+            fell = [repr(name) for name in touched if name in self.task.drops]
+            did = f"fell into {', '.join(fell)}" if fell else f"touched {', '.join(touched)}"
+            return self._verdict(Outcome.COLLIDED, f"{did} {where}")
         state = self.pilot.state
         if state.finished:
             return self._finish(now, pose, twist)

@@ -37,6 +37,7 @@ from navfw.sim.changes import ChangeTrack
 from navfw.sim.floorplan import FloorPlan
 from navfw.sim.movers import MoverTrack
 from navfw.sim.simulation import Simulation
+from navfw.sim.worldcheck import check_world
 from navfw.sim.worldfile import WorldSpec, load_world
 from navfw.stack import Stack
 
@@ -81,6 +82,7 @@ class Session:
             timeout=spec.timeout,
             success_radius=spec.success.within,
             stuck_after=spec.stuck_after,
+            drops=frozenset(drop.name for drop in self.world.drops),
         )
 
     def simulation(self, gui: bool = False) -> Simulation:
@@ -271,6 +273,7 @@ def prepare(
     mission_file = find_mission(world, mission)
     world_spec = load_world(world_file)
     loaded = load_mission(mission_file, for_mission)
+    world_spec = with_drops(world_spec, loaded)
     height = loaded.spec.robot.height
     plan = FloorPlan.from_world(world_spec, height)
     opened = FloorPlan.from_world(with_doors_open(world_spec, loaded.spec.events), height)
@@ -300,6 +303,22 @@ def prepare(
             built.mofis.behaviors,
         ),
     )
+
+
+def with_drops(world: WorldSpec, mission: MissionFile) -> WorldSpec:
+    """The world with the holes that the mission puts in its floor.
+
+    Raises:
+        WorldError: they cannot be there; the mission's file, line and key are named.
+
+    """
+    drops = mission.spec.drops
+    if not drops:
+        return world
+    changed = world.model_copy(update={"drops": (*drops, *world.drops)})
+    # the world itself is right, and the mission's drops come first: indices are those of its file
+    check_world(changed, file=mission.file, line_of=mission.document.line_of)
+    return changed
 
 
 def split_overrides(overrides: Sequence[str]) -> tuple[list[Override], list[str]]:

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from navfw.errors import WorldError
 from navfw.signals import Array
+from navfw.sim.drops import drop_rectangle
 from navfw.sim.layout import solids_of
 from navfw.sim.shapes import Disc, Rectangle, Shape
 from navfw.sim.worldfile import WorldSpec
@@ -27,7 +28,7 @@ _MOVES = ((0, 1), (1, 0), (1, 1), (1, -1), (1, 2), (2, 1), (2, -1), (1, -2))
 
 @dataclass(frozen=True, slots=True)
 class NamedShape:
-    """One solid's outline: ``kind`` is wall, door, box or cylinder."""
+    """One solid's outline: ``kind`` is wall, door, box, cylinder or drop."""
 
     name: str
     kind: str
@@ -60,7 +61,7 @@ class OccupancyGrid:
 
 
 class FloorPlan:
-    """Outlines of all solids at the robot's height, in the bounds (x0, y0, x1, y1) [m]."""
+    """Outlines of solids at the robot's height and of drops, in the bounds (x0, y0, x1, y1) [m]."""
 
     def __init__(
         self, bounds: tuple[float, float, float, float], solids: tuple[NamedShape, ...]
@@ -70,15 +71,17 @@ class FloorPlan:
 
     @classmethod
     def from_world(cls, world: WorldSpec, robot_height: float = 0.4) -> FloorPlan:
-        """The plan of a checked world: what stands between the floor and ``robot_height`` [m]."""
-        return cls(
-            (world.x[0], world.y[0], world.x[1], world.y[1]),
-            tuple(
-                NamedShape(solid.name, solid.kind, solid.shape)
-                for solid in solids_of(world)
-                if solid.bottom < robot_height and solid.top > 0.0
-            ),
+        """The plan of a checked world: what stands between the floor and ``robot_height`` [m].
+
+        Drops are in it like solids: nobody can be there, either.
+        """
+        solids = tuple(
+            NamedShape(solid.name, solid.kind, solid.shape)
+            for solid in solids_of(world)
+            if solid.bottom < robot_height and solid.top > 0.0
         )
+        drops = tuple(NamedShape(d.name, "drop", drop_rectangle(d)) for d in world.drops)
+        return cls((world.x[0], world.y[0], world.x[1], world.y[1]), (*solids, *drops))
 
     # --- geometry for plots -------------------------------------------------------------------
 

@@ -12,8 +12,10 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from navfw.robot import RobotModel
-from navfw.signals import Pose, wrap_angle
+from navfw.signals import Array, Pose, wrap_angle
 from navfw.sim.engine import bullet
 from navfw.sim.scene import BODY_GROUP, FLOOR_GROUP, SOLID_GROUP, WHEEL_GROUP
 
@@ -28,6 +30,8 @@ WHEEL_TORQUE = 1.2
 CENTRE_OF_MASS = 0.06
 """Above the floor [m]: low, batteries are heavy."""
 _CASTER_RADIUS = 0.02
+_CASTER_AHEAD = 0.75
+"""Where the casters are, in radii ahead of the axle and behind it."""
 
 
 def _cylinder_inertia(mass: float, radius: float, height: float) -> tuple[float, float]:
@@ -59,7 +63,7 @@ def robot_urdf(robot: RobotModel) -> str:
     shown = max(_shown_height(robot) - clearance, 0.02)
     across, along = _cylinder_inertia(MASS, r, 0.5 * robot.height)
     wheel_across, wheel_along = _cylinder_inertia(WHEEL_MASS, robot.wheel_radius, 0.03)
-    caster_x = 0.75 * r
+    caster_x = _CASTER_AHEAD * r
     casters = "".join(
         f'<link name="{side}_caster">{_inertial(0.02, 1e-5, 1e-5, 1e-5)}<collision><geometry>'
         f'<sphere radius="{_CASTER_RADIUS}"/></geometry></collision></link>'
@@ -112,6 +116,8 @@ class RobotBody:
             self._call("getJointInfo", self.body, j)[1].decode(): j
             for j in range(self._call("getNumJoints", self.body))
         }
+        half, caster = 0.5 * robot.track, _CASTER_AHEAD * robot.radius
+        self._supports = np.array([[0.0, half], [0.0, -half], [caster, 0.0], [-caster, 0.0]])
         self._wheels = [joints["left_axle"], joints["right_axle"]]
         self._set_contacts(joints)
         self.drive(0.0, 0.0)
@@ -163,6 +169,13 @@ class RobotBody:
             centre[2] + offset * (1.0 - 2.0 * (x * x + y * y)),
         )
         return origin, turn
+
+    def supports(self) -> Array:
+        """(4, 3) points [m] in the map below wheels and casters, which stand on the floor."""
+        origin, turn = self.state()
+        axes = np.array(self._call("getMatrixFromQuaternion", turn)).reshape(3, 3)
+        points: Array = origin + self._supports @ axes[:, :2].T
+        return points
 
     def pose(self) -> Pose:
         """The true planar pose in the map."""

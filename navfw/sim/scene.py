@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from navfw.signals import Array
+from navfw.sim.drops import floor_pieces, treads_of
 from navfw.sim.engine import bullet
 from navfw.sim.layout import Solid, solids_of
 from navfw.sim.meshes import Mesh
@@ -97,11 +98,14 @@ class Scene:
     # ------------------------------------------------------------------------------------------
 
     def _build_floor(self) -> None:
-        (x0, x1), (y0, y1) = self.world.x, self.world.y
-        half = [0.5 * (x1 - x0), 0.5 * (y1 - y0), 0.5 * _FLOOR_THICKNESS]
-        shape = self._call("createCollisionShape", bullet.GEOM_BOX, halfExtents=half)
-        centre = [0.5 * (x0 + x1), 0.5 * (y0 + y1), -0.5 * _FLOOR_THICKNESS]
-        self._add_body("floor", centre, shape, group=FLOOR_GROUP)
+        """What one drives on, and what lies in the drops: one falls no farther than that."""
+        pieces = [(piece, 0.0) for piece in floor_pieces(self.world)]
+        pieces += [(t.rectangle, t.depth) for drop in self.world.drops for t in treads_of(drop)]
+        for piece, depth in pieces:
+            half = [piece.half_x, piece.half_y, 0.5 * _FLOOR_THICKNESS]
+            shape = self._call("createCollisionShape", bullet.GEOM_BOX, halfExtents=half)
+            centre = [piece.x, piece.y, -depth - 0.5 * _FLOOR_THICKNESS]
+            self._add_body("floor", centre, shape, group=FLOOR_GROUP)
 
     def _build_together(self, solids: list[Solid]) -> None:
         """What stays where it is: neighbours share a body."""

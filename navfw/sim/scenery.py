@@ -20,6 +20,7 @@ import numpy as np
 
 from navfw.landmarks import plate_image
 from navfw.signals import Array, Image
+from navfw.sim.drops import Tread, drop_at, treads_of
 from navfw.sim.engine import bullet
 from navfw.sim.layout import Solid, solids_of
 from navfw.sim.meshes import Mesh, box_mesh, cylinder_mesh, smooth_sides, splits
@@ -98,7 +99,8 @@ class Scenery:
         # things first, then walls: what they hide of floors and ceilings is then never shaded
         patches = [_patch_of(thing) for thing in things]
         patches += [patch for wall in walls for patch in self._wall_patches(wall)]
-        for texture, mesh, outline in _parts_of([*patches, *self._floor_patches()]):
+        patches += [*self._floor_patches(), *self._drop_patches()]
+        for texture, mesh, outline in _parts_of(patches):
             self._bodies.append(self._add(mesh, texture))
             outlines.append(outline)
         self._visibility = _visibility(world, solids, outlines)
@@ -172,27 +174,37 @@ class Scenery:
         return body
 
     def _floor_patches(self) -> Iterator[_Patch]:
-        """Floor and ceiling; no patch crosses a room's edge."""
+        """Floor and ceiling; no patch crosses a room's edge, or that of a drop."""
         world = self.world
         ex, ey, ez = np.eye(3)
         corner = np.array([world.x[0], world.y[0], 0.0])
         height = max([wall.height for wall in world.walls], default=2.4)
-        rooms = world.rooms
+        # each (x, y): from, to
+        areas = [(room.x, room.y) for room in world.rooms]
+        areas += [(drop.x, drop.y) for drop in world.drops]
         all_columns = splits(
-            world.x[1] - corner[0], [x - corner[0] for r in rooms for x in r.x], _FLOOR
+            world.x[1] - corner[0], [x - corner[0] for area in areas for x in area[0]], _FLOOR
         )
         all_rows = splits(
-            world.y[1] - corner[1], [y - corner[1] for r in rooms for y in r.y], _FLOOR
+            world.y[1] - corner[1], [y - corner[1] for area in areas for y in area[1]], _FLOOR
         )
         for i in range(len(all_columns) - 1):
             for j in range(len(all_rows) - 1):
                 columns, rows = all_columns[i : i + 2], all_rows[j : j + 2]
-                room = self._room_at(corner[0] + columns.mean(), corner[1] + rows.mean())
+                middle = corner[0] + columns.mean(), corner[1] + rows.mean()
+                room = self._room_at(*middle)
                 floor = (room and room.floor) or world.floor
-                yield _patch(floor, corner, ex, ey, columns, rows)
+                if drop_at(world, *middle) is None:
+                    yield _patch(floor, corner, ex, ey, columns, rows)
                 ceiling = (room and room.ceiling) or world.ceiling
                 if ceiling is not None:
                     yield _patch(ceiling, corner + height * ez, ey, ex, rows, columns)
+
+    def _drop_patches(self) -> Iterator[_Patch]:
+        """What one sees in the drops."""
+        for drop in self.world.drops:
+            for tread in treads_of(drop):
+                yield from _tread_patches(tread, drop.texture, drop.walls)
 
     def _wall_patches(self, wall: Solid) -> Iterator[_Patch]:
         """The faces of one wall piece, each patch in the texture of the room it looks into."""
@@ -325,6 +337,19 @@ def _patches(
     for i in range(len(columns) - 1):
         for j in range(len(rows) - 1):
             yield _patch(texture, corner, right, up, columns[i : i + 2], rows[j : j + 2])
+
+
+def _tread_patches(tread: Tread, texture: str, walls: str) -> Iterator[_Patch]:
+    """A tread and the walls that face it."""
+    ex, ey, ez = np.eye(3)
+    corner = np.array([tread.x[0], tread.y[0], -tread.depth])
+    columns, rows = (splits(high - low, longest=_FLOOR) for low, high in (tread.x, tread.y))
+    yield from _patches(texture, corner, ex, ey, columns, rows)
+    for left, right, top in tread.walls():
+        length = math.dist(left, right)
+        along = np.array([right[0] - left[0], right[1] - left[1], 0.0]) / length
+        corner = np.array([*left, -tread.depth])
+        yield from _patches(walls, corner, along, ez, splits(length), splits(top + tread.depth))
 
 
 def _patch(

@@ -21,6 +21,7 @@ from navfw.signals import Array, CameraMotion, Frame, Image, Pose, SensorReading
 from navfw.sim.actions import Action, DoorChange, Obstacle, Textureless
 from navfw.sim.camera import Camera, DepthImage
 from navfw.sim.changes import Changes, ChangeTrack
+from navfw.sim.drops import fallen_into
 from navfw.sim.engine import bullet
 from navfw.sim.faults import Faults
 from navfw.sim.floorplan import FloorPlan
@@ -226,6 +227,7 @@ class Simulation:
             self._note_contacts(here, dt)
             self._steps += 1
             self.timings.steps += 1
+        self._note_fall()
         self._last_pose = here
         self._note_movers()
         if not self._changes.settled:
@@ -270,11 +272,22 @@ class Simulation:
             )
             self._cause = "mover" if innocent else "robot"
 
+    def _note_fall(self) -> None:
+        if not self.world.drops:
+            return
+        drop = fallen_into(self.world, self._body.supports())
+        if drop is not None:
+            self._contacts.add(drop)
+            self._cause = self._cause or "robot"
+
     # --- the truth, for metrics and tests -----------------------------------------------------
 
     @property
     def contacts(self) -> tuple[str, ...]:
-        """Names of the bodies touched since the last ``advance`` began (the floor is none)."""
+        """Names of the bodies touched, and drops fallen into, since the last ``advance`` began.
+
+        The floor is none.
+        """
         return tuple(sorted(self._contacts))
 
     @property

@@ -37,6 +37,7 @@ STOCK: Mapping[str, Mapping[str, object]] = MappingProxyType(
         "wood": {"style": "wood", "seed": 3, "colour": (1.0, 0.78, 0.52)},
         "stone": {"style": "stone", "seed": 4, "colour": (0.85, 0.88, 0.92)},
         "panels": {"style": "panels", "seed": 5, "colour": (0.95, 0.85, 0.75)},
+        "dark": {"style": "plaster", "seed": 7, "brightness": 55.0, "contrast": 22.0},
         "ceiling": {"style": "plaster", "seed": 6, "brightness": 170.0, "contrast": 35.0},
     }
 )

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from navfw.errors import WorldError, did_you_mean
+from navfw.sim.drops import drop_problems
 from navfw.sim.layout import opening_segment, solids_of, wall_segments
 from navfw.sim.plates import plate_problems
 from navfw.sim.shapes import Disc, Rectangle, Shape, overlap_depth
@@ -42,6 +43,7 @@ def check_world(
         problems = [] if world.may_overlap else list(_overlaps(world))
         problems += _blocked_walks(world)
         problems += plate_problems(world)
+        problems += drop_problems(world)
     if not problems:
         return
 
@@ -71,6 +73,7 @@ def _bodies(world: WorldSpec) -> Iterator[tuple[KeyPath, str]]:
 def _names(world: WorldSpec) -> Iterator[Problem]:
     bodies = [((*path, "name"), name) for path, name in _bodies(world)]
     bodies += [(("landmarks", i, "name"), mark.name) for i, mark in enumerate(world.landmarks)]
+    bodies += [(("drops", i, "name"), drop.name) for i, drop in enumerate(world.drops)]
     openings: list[tuple[KeyPath, str]] = [
         (("walls", i, "openings", j, "name"), opening.name)
         for i, wall in enumerate(world.walls)
@@ -95,6 +98,11 @@ def _textures(world: WorldSpec) -> Iterator[Problem]:
     ]
     for i, room in enumerate(world.rooms):
         used += [(("rooms", i, key), getattr(room, key)) for key in ("floor", "walls", "ceiling")]
+    used += [
+        (("drops", i, key), getattr(drop, key))
+        for i, drop in enumerate(world.drops)
+        for key in ("texture", "walls")
+    ]
     for path, _ in _bodies(world):
         item = getattr(world, str(path[0]))[path[1]]
         used.append(((*path, "texture"), item.texture))

@@ -15,6 +15,7 @@ __all__ = [
     "BoxSpec",
     "CylinderSpec",
     "DoorSpec",
+    "DropSpec",
     "LandmarkSpec",
     "LightSpec",
     "MoverSpec",
@@ -189,6 +190,24 @@ class LandmarkSpec(_Spec):
         return self
 
 
+class DropSpec(_Spec):
+    """An axis-parallel hole in the floor: a pit, or with ``steps`` stairs down."""
+
+    name: Name
+    x: Annotated[Interval, Field(description="from, to [m]")]
+    y: Annotated[Interval, Field(description="from, to [m]")]
+    depth: Annotated[float, Field(ge=0.05, le=10.0, description="at its deepest [m]")] = 1.0
+    steps: Annotated[
+        int, Field(ge=0, le=60, description="treads, the last at the full depth; 0: a pit")
+    ] = 0
+    down: Annotated[
+        Literal["east", "west", "north", "south"],
+        Field(description="where its steps lead (east: along x, north: along y)"),
+    ] = "east"
+    texture: Annotated[str, Field(description="of what lies below")] = "stone"
+    walls: Annotated[str, Field(description="texture of its sides and risers")] = "dark"
+
+
 class LightSpec(_Spec):
     """One directional light and an even one; their sum is about 1 for a well exposed image."""
 
@@ -208,8 +227,8 @@ class LightSpec(_Spec):
 class WorldSpec(_Spec):
     """A world: its bounds, floor, walls, doors and furniture, who walks there, and how it looks.
 
-    Every wall, door, box, cylinder, mover and landmark has a name of its own; contacts are reported
-    by it. Textures not listed under ``textures`` are the stock ones of
+    Every wall, door, box, cylinder, mover, landmark and drop has a name of its own; contacts and
+    falls are reported by it. Textures not listed under ``textures`` are the stock ones of
     ``navfw.sim.textures.STOCK``.
     """
 
@@ -228,6 +247,7 @@ class WorldSpec(_Spec):
     landmarks: Annotated[
         tuple[LandmarkSpec, ...], Field(description="what a camera can recognise")
     ] = ()
+    drops: Annotated[tuple[DropSpec, ...], Field(description="holes in the floor")] = ()
     textures: Mapping[str, TextureSpec] = Field(default_factory=dict)
     light: LightSpec = LightSpec()
     may_overlap: Annotated[

@@ -1,0 +1,173 @@
+"""Holes in the floor: stairs down and pits, what is left of the floor, and who falls.
+
+A drop is a row of treads, each deeper than the one before; a pit has one tread only. Where two
+treads, or a tread and the floor, differ in height there is a wall that faces the lower one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from navfw.signals import Array
+from navfw.sim.layout import solids_of
+from navfw.sim.shapes import Disc, Rectangle, overlap_depth
+
+if TYPE_CHECKING:
+    from navfw.sim.worldfile import DropSpec, WorldSpec
+
+__all__ = [
+    "Tread",
+    "drop_at",
+    "drop_problems",
+    "drop_rectangle",
+    "fallen_into",
+    "floor_pieces",
+    "treads_of",
+]
+
+SUNK = 0.02
+"""A robot falls when a part of it that stands on the floor is so far below it [m]."""
+
+_REACH = 0.1
+"""A part that sinks so near a drop [m] has sunk into it."""
+
+_TOUCH = 0.002
+"""Solids may reach so far [m] over a drop's rim: rounded figures."""
+
+Corner = tuple[float, float]
+Level = tuple[float, float, float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Tread:
+    """A level part of a drop: x and y from, to [m] and its depth below the floor [m].
+
+    ``rims`` are the heights [m] (negative: below the floor) of what lies beyond its sides, in the
+    order west, east, south, north.
+    """
+
+    x: tuple[float, float]
+    y: tuple[float, float]
+    depth: float
+    rims: tuple[float, float, float, float]
+
+    @property
+    def rectangle(self) -> Rectangle:
+        """Its outline in the plan."""
+        return _rectangle(self.x, self.y)
+
+    def walls(self) -> Iterator[tuple[Corner, Corner, float]]:
+        """The walls that face this tread: (left end, right end, upper edge [m]), seen from it."""
+        (x0, x1), (y0, y1) = self.x, self.y
+        sides = (
+            ((x0, y0), (x0, y1)),
+            ((x1, y1), (x1, y0)),
+            ((x1, y0), (x0, y0)),
+            ((x0, y1), (x1, y1)),
+        )
+        for (start, end), rim in zip(sides, self.rims, strict=True):
+            if rim > -self.depth:
+                yield start, end, rim
+
+
+def drop_rectangle(drop: DropSpec) -> Rectangle:
+    """The outline of a drop in the plan."""
+    return _rectangle(drop.x, drop.y)
+
+
+def _rectangle(x: tuple[float, float], y: tuple[float, float]) -> Rectangle:
+    half = 0.5 * (x[1] - x[0]), 0.5 * (y[1] - y[0])
+    return Rectangle(0.5 * (x[0] + x[1]), 0.5 * (y[0] + y[1]), *half)
+
+
+def treads_of(drop: DropSpec) -> list[Tread]:
+    """The treads of a drop, from the uppermost down."""
+    count = max(drop.steps, 1)
+    along, across = (drop.x, drop.y) if drop.down in ("east", "west") else (drop.y, drop.x)
+    cuts = np.linspace(*along, count + 1).tolist()
+    spans = list(pairwise(cuts))
+    if drop.down in ("west", "south"):
+        spans.reverse()
+    treads = []
+    for i, span in enumerate(spans):
+        upper = -drop.depth * i / count
+        lower = -drop.depth * (i + 2) / count if i + 1 < count else 0.0
+        ends = (upper, lower) if drop.down in ("east", "north") else (lower, upper)
+        depth = drop.depth * (i + 1) / count
+        if drop.down in ("east", "west"):
+            treads.append(Tread(span, across, depth, (*ends, 0.0, 0.0)))
+        else:
+            treads.append(Tread(across, span, depth, (0.0, 0.0, *ends)))
+    return treads
+
+
+def floor_pieces(world: WorldSpec) -> list[Rectangle]:
+    """The floor of a world without its drops, as rectangles side by side."""
+    if not world.drops:
+        return [_rectangle(world.x, world.y)]
+    edges = sorted({*world.x, *(x for drop in world.drops for x in drop.x)})
+    pieces = []
+    for span in pairwise(edges):
+        middle = 0.5 * (span[0] + span[1])
+        holes = sorted(drop.y for drop in world.drops if drop.x[0] < middle < drop.x[1])
+        bounds = [world.y[0], *(y for hole in holes for y in hole), world.y[1]]
+        pieces += [
+            _rectangle(span, (low, high))
+            for low, high in zip(bounds[::2], bounds[1::2], strict=True)
+            if high - low > 1e-6
+        ]
+    return pieces
+
+
+def drop_at(world: WorldSpec, x: float, y: float) -> DropSpec | None:
+    """The drop that a point [m] lies in, if any."""
+    for drop in world.drops:
+        if drop.x[0] < x < drop.x[1] and drop.y[0] < y < drop.y[1]:
+            return drop
+    return None
+
+
+def fallen_into(world: WorldSpec, points: Array) -> str | None:
+    """The drop that a robot that stands on points (N, 3) [m] has fallen into.
+
+    None while it stands.
+    """
+    for drop in world.drops:
+        inside = drop_rectangle(drop).distance(points[:, :2]) < _REACH
+        if bool((inside & (points[:, 2] < -SUNK)).any()):
+            return drop.name
+    return None
+
+
+def drop_problems(world: WorldSpec) -> Iterator[tuple[tuple[str | int, ...], str]]:
+    """What is wrong with the drops of a world: (key, message) of each."""
+    solids = [s for s in solids_of(world) if s.bottom < 0.05] if world.drops else []
+    for i, drop in enumerate(world.drops):
+        for axis, span, bounds in (("x", drop.x, world.x), ("y", drop.y, world.y)):
+            if span[0] < bounds[0] or span[1] > bounds[1]:
+                off = f"{drop.name!r} reaches off the floor, {axis} {list(bounds)} [m]"
+                yield ("drops", i, axis), off
+        shape = drop_rectangle(drop)
+        below = next((s for s in solids if overlap_depth(shape, s.shape) > _TOUCH), None)
+        if below is not None:
+            yield ("drops", i, "x"), f"{below.name!r} would stand on nothing over {drop.name!r}"
+        for other in world.drops[:i]:
+            if overlap_depth(shape, drop_rectangle(other)) > 0.0:
+                yield ("drops", i, "x"), f"{drop.name!r} reaches into {other.name!r}"
+        for j, mover in enumerate(world.movers):
+            discs = [Disc(*point, mover.radius) for point in _walked(mover.path, mover.walk)]
+            if any(overlap_depth(disc, shape) > _TOUCH for disc in discs):
+                yield ("movers", j, "path"), f"{mover.name!r} would walk into {drop.name!r}"
+
+
+def _walked(path: tuple[Corner, ...], walk: str) -> Iterator[Corner]:
+    """Points every 5 cm or less along a mover's way."""
+    for a, b in pairwise((*path, path[0]) if walk == "loop" else path):
+        count = max(int(np.hypot(b[0] - a[0], b[1] - a[1]) / 0.05) + 1, 1)
+        for share in np.linspace(0.0, 1.0, count + 1).tolist():
+            yield a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])

@@ -1,0 +1,171 @@
+"""Drops: what is left of the floor, what one sees in them, who falls, and what cannot be."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from navfw.errors import InputError
+from navfw.robot import RobotModel
+from navfw.signals import Pose
+from navfw.sim.drops import floor_pieces, treads_of
+from navfw.sim.floorplan import FloorPlan
+from navfw.sim.simulation import Simulation
+from navfw.sim.worldcheck import check_world
+from navfw.sim.worldfile import DropSpec, WorldSpec, load_world
+
+PIT = {"name": "pit", "x": [3, 4], "y": [1, 2], "depth": 0.8}
+
+
+def hall(**drop: Any) -> WorldSpec:
+    """A walled hall of 6 x 3 m with one drop in its middle."""
+    return WorldSpec.model_validate(
+        {
+            "name": "hall",
+            "x": [0, 6],
+            "y": [0, 3],
+            "walls": [{"name": "wall", "points": [[0, 0], [6, 0], [6, 3], [0, 3], [0, 0]]}],
+            "drops": [PIT | drop],
+        }
+    )
+
+
+def drive(world: WorldSpec, start: Pose, seconds: float) -> Simulation:
+    """Straight on with 0.4 m/s, until something is touched."""
+    simulation = Simulation(world, RobotModel(), start, seed=0)
+    simulation.drive(8.0, 8.0)
+    for _ in range(round(60 * seconds)):
+        simulation.advance(1 / 60)
+        if simulation.contacts:
+            break
+    return simulation
+
+
+@pytest.mark.parametrize("down", ["east", "west", "north", "south"])
+@pytest.mark.parametrize("steps", [0, 3])
+def test_a_robot_that_drives_in_falls(down: str, steps: int) -> None:
+    with drive(hall(steps=steps, down=down), Pose(2.0, 1.5, 0.0), 8.0) as simulation:
+        assert simulation.contacts == ("pit",)
+        assert simulation.collision_cause == "robot"
+        # wheels or a caster have just passed the rim
+        assert 2.8 < simulation.true_pose().x < 3.15
+
+
+def test_a_robot_that_drives_past_does_not_fall() -> None:
+    with drive(hall(), Pose(2.0, 0.6, 0.0), 8.0) as simulation:
+        assert simulation.contacts == ()
+        assert simulation.true_pose().x == pytest.approx(5.2, abs=0.1)
+        assert simulation.true_pose().y == pytest.approx(0.6, abs=0.01)
+
+
+@pytest.mark.parametrize(("steps", "down"), [(0, "east"), (4, "east"), (4, "west"), (3, "north")])
+@pytest.mark.parametrize("yaw", [0.0, 0.4])
+def test_through_the_hole_one_sees_what_lies_below(steps: int, down: str, yaw: float) -> None:
+    world = hall(steps=steps, down=down)
+    robot = RobotModel()
+    eye = Pose(2.0, 1.5 - 1.4 * math.sin(yaw), yaw)
+    with Simulation(world, robot, Pose(1.0, 1.5, 0.0), seed=0) as simulation:
+        _, depth = simulation.look_from(eye)
+    camera = robot.camera
+    v, u = np.mgrid[0 : camera.height, 0 : camera.width]
+    x, y = u + 0.5 - camera.width / 2, v + 0.5 - camera.height / 2
+    ray = np.stack([x / camera.focal, y / camera.focal, np.ones_like(x)], -1)
+    ray = ray @ camera.base_from_camera.T
+    c, s = math.cos(yaw), math.sin(yaw)
+    east, north = c * ray[..., 0] - s * ray[..., 1], s * ray[..., 0] + c * ray[..., 1]
+    x0, y0 = eye.x + c * camera.mount_forward, eye.y + s * camera.mount_forward
+    floor = camera.mount_height / np.maximum(-ray[..., 2], 1e-6)
+    over_x, over_y = x0 + floor * east, y0 + floor * north
+    rim = 0.06  # pixels across the rim show either
+    drop = world.drops[0]
+    hole = (np.abs(over_x - 3.5) < 0.5 - rim) & (np.abs(over_y - 1.5) < 0.5 - rim)
+    assert hole.sum() > 100
+    # march along the rays that enter the hole until they meet a tread or a side
+    far = np.linspace(0.3, 5.0, 1500)
+    px = x0 + far * east[hole][:, None]
+    py = y0 + far * north[hole][:, None]
+    pz = camera.mount_height + far * ray[hole][:, 2][:, None]
+    solid = pz < 0.0
+    for tread in treads_of(drop):
+        within = (px > tread.x[0]) & (px < tread.x[1]) & (py > tread.y[0]) & (py < tread.y[1])
+        solid &= ~(within & (pz > -tread.depth))
+    expected = far[np.argmax(solid, axis=1)]
+    error = np.abs(depth[hole] - expected)
+    assert np.median(error) < 0.01
+    assert np.mean(error < 0.05) > 0.93
+    beside = (floor > 0.6) & (over_x > 2.2) & (over_x < 2.9) & (np.abs(over_y - 1.5) < 0.8)
+    assert np.allclose(depth[beside], floor[beside], atol=0.03)
+
+
+@given(
+    st.lists(st.floats(0.0, 10.0), min_size=4, max_size=4, unique=True),
+    st.lists(st.floats(0.0, 8.0), min_size=4, max_size=4, unique=True),
+)
+def test_floor_and_drops_cover_the_world_once(xs: list[float], ys: list[float]) -> None:
+    xs, ys = sorted(round(x, 2) for x in xs), sorted(round(y, 2) for y in ys)
+    if len({*xs}) < 4 or len({*ys}) < 4:
+        return
+    drops = tuple(DropSpec(name=f"{i}", x=(xs[i], xs[i + 1]), y=(ys[i], ys[i + 1])) for i in (0, 2))
+    world = WorldSpec(name="plain", x=(0.0, 10.0), y=(0.0, 8.0), drops=drops)
+    rng = np.random.default_rng(0)
+    points = rng.uniform((0, 0), (10, 8), (200, 2))
+    inside = sum((piece.distance(points) < 0.0).astype(int) for piece in floor_pieces(world))
+    for drop in drops:
+        for tread in treads_of(drop):
+            inside = inside + (tread.rectangle.distance(points) < 0.0)
+    assert np.all(np.asarray(inside) == 1)
+
+
+def test_the_floor_plan_leads_around_drops() -> None:
+    free = FloorPlan.from_world(hall().model_copy(update={"drops": ()}))
+    plan = FloorPlan.from_world(hall())
+    assert plan.clearance(3.5, 1.5) == pytest.approx(-0.5)
+    assert plan.clearance(2.7, 1.5) == pytest.approx(0.3)
+    straight, _ = free.shortest_path((1.0, 1.5), (5.0, 1.5), 0.18)
+    around, corners = plan.shortest_path((1.0, 1.5), (5.0, 1.5), 0.18)
+    assert straight == pytest.approx(4.0)
+    assert around > 4.2
+    assert plan.clearances(corners).min() > 0.179
+
+
+WRONG = [
+    ({"x": [5, 7]}, "reaches off the floor, x"),
+    ({"y": [0, 1]}, "'wall' would stand on nothing over 'pit'"),
+    ({"name": "wall"}, "the body name 'wall' is taken"),
+    ({"texture": "ston"}, "did you mean 'stone'?"),
+    ({"walls": "drak"}, "did you mean 'dark'?"),
+]
+
+
+@pytest.mark.parametrize(("drop", "says"), WRONG, ids=[says for _, says in WRONG])
+def test_what_cannot_be_is_an_error(drop: dict[str, Any], says: str) -> None:
+    with pytest.raises(InputError, match=r"drops\[0\]") as caught:
+        check_world(hall(**drop))
+    assert says in str(caught.value)
+
+
+def test_drops_must_not_overlap_nor_lie_in_a_walk() -> None:
+    world = hall()
+    twin = world.drops[0].model_copy(update={"name": "twin", "x": (3.5, 4.5)})
+    with pytest.raises(InputError, match="'twin' reaches into 'pit'"):
+        check_world(world.model_copy(update={"drops": (*world.drops, twin)}))
+    walk = {"name": "walker", "path": [[1, 1.5], [5, 1.5]]}
+    data = world.model_dump(exclude_defaults=True) | {"movers": [walk]}
+    with pytest.raises(InputError, match="'walker' would walk into 'pit'"):
+        check_world(WorldSpec.model_validate(data))
+
+
+def test_a_drop_without_depth_is_an_error_with_its_line(tmp_path: Path) -> None:
+    file = tmp_path / "world.yaml"
+    file.write_text(
+        "name: hall\nx: [0, 6]\ny: [0, 3]\ndrops:\n"
+        "  - {name: pit, x: [3, 4], y: [1, 2], depth: 0}\n"
+    )
+    with pytest.raises(InputError, match=r"world.yaml:5: drops\[0\].depth: expected a number"):
+        load_world(file)
