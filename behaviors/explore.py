@@ -50,7 +50,10 @@ class Explore(Behavior):
         bearing = float(bearings[int(worth.argmax())])
         self._heading = context.pose.yaw + bearing
         free = context.ranges.nearest(bearing - 0.2, bearing + 0.2)
-        verdict = self.rules.evaluate(bearing=math.degrees(bearing), free=free)
+        # who has only turned so far has seen nothing, and may but creep
+        toward = np.cos(bearings - bearing) > 0.98
+        seen = float(context.ranges.seen[toward].min(initial=2.0))
+        verdict = self.rules.evaluate(bearing=math.degrees(bearing), free=free, seen=min(seen, 2.0))
         return Proposal(
             applicability=self.params.weight,
             desirability=verdict.command(context.commands),
