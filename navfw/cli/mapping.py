@@ -1,4 +1,4 @@
-"""``navfw map``: show, check, build and convert topological maps."""
+"""``navfw map``: show, check, build, convert and learn topological maps."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from navfw.cli.maplearn import learn
 from navfw.cli.output import print_json, print_table, quiet_stdout
 
 __all__ = ["add_to"]
@@ -21,9 +22,9 @@ Json = Annotated[bool, typer.Option("--json", help="One object on stdout, nothin
 def add_to(app: typer.Typer) -> None:
     """Add ``map`` with its commands."""
     group = typer.Typer(
-        help="Show, check, build and convert topological maps.", no_args_is_help=True
+        help="Show, check, build, convert and learn topological maps.", no_args_is_help=True
     )
-    for command in (show, check, build, convert):
+    for command in (show, check, build, convert, learn):
         group.command()(command)
     app.add_typer(group, name="map")
 

@@ -1,0 +1,55 @@
+"""``navfw map learn``: drive a mission, and write the landmarks that were seen into its map."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from navfw.cli.output import print_json, print_table, quiet_stdout
+
+__all__ = ["learn"]
+
+
+def learn(
+    world: Annotated[str, typer.Argument(help="A world's name or file.")],
+    mission: Annotated[str, typer.Argument(help="A mission of that world, or a file.")],
+    stack: Annotated[str, typer.Option(help="A stack's name or file.")] = "default",
+    out: Annotated[
+        Path | None, typer.Option(help="The map file to write [default: MAP-learnt.yaml].")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of all noise.")] = 0,
+    least: Annotated[int, typer.Option(min=1, max=1000, help="Looks that a landmark needs.")] = 3,
+    json: Annotated[
+        bool, typer.Option("--json", help="One object on stdout, nothing else.")
+    ] = False,
+) -> None:
+    """Drive a mission, and write the landmarks that were seen into its map."""
+    with quiet_stdout():
+        from navfw.missions.learning import learn_landmarks
+        from navfw.missions.session import prepare
+        from navfw.recording.runfolder import plain_json
+        from navfw.topomap.formats import save_map
+
+        session = prepare(world, mission, seed=seed, stack=stack)
+        drive = learn_landmarks(session, least=least)
+        path = out or Path(f"{Path(drive.topo_map.name).name}-learnt.yaml")
+        save_map(drive.topo_map, path)
+        told = plain_json({**drive.as_data(session), "file": str(path)})
+    if json:
+        print_json(told)
+        return
+    cells = [
+        (
+            row["identity"],
+            f"{row['x']:.2f}",
+            f"{row['y']:.2f}",
+            str(row["looks"]),
+            f"{row['sigma_m']:.2f}",
+            "" if row["error_m"] is None else f"{row['error_m']:.2f}",
+        )
+        for row in told["landmarks"]
+    ]
+    print_table(["landmark", "x", "y", "looks", "sigma [m]", "off by [m]"], cells, "nothing")
+    typer.echo(f"{told['reason']}; {path}: {told['learnt']} landmarks learnt")

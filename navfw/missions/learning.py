@@ -1,0 +1,117 @@
+"""Drive a mission to learn where the landmarks are, from what the stack sees alone."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from navfw.errors import MapError
+from navfw.features.landmarks import Landmarks
+from navfw.missions.runner import Progress, Run, run_task
+from navfw.missions.session import Session
+from navfw.signals import Pose, SensorReading, Twist, Waypoint
+from navfw.stack import Stack, StackState
+from navfw.topomap.learning import LandmarkLearner, Learnt, with_landmarks
+from navfw.topomap.model import TopoMap
+
+__all__ = ["LearningDrive", "learn_landmarks"]
+
+
+@dataclass(frozen=True)
+class LearningDrive:
+    """What came of it: the mission's run, the landmarks found, the map with them."""
+
+    run: Run
+    learnt: tuple[Learnt, ...]
+    topo_map: TopoMap
+
+    def as_data(self, session: Session) -> dict[str, Any]:
+        """Plain data; ``error_m`` is how far each is from where the world has it."""
+        marks = {f"{mark.kind}-{mark.id}": mark for mark in session.world.landmarks}
+        rows = []
+        for found in self.learnt:
+            true = marks.get(found.identity)
+            error = None if true is None else math.dist((found.x, found.y), true.at)
+            rows.append(
+                {
+                    "identity": found.identity,
+                    "x": found.x,
+                    "y": found.y,
+                    "sigma_m": found.sigma,
+                    "looks": found.looks,
+                    "error_m": error,
+                }
+            )
+        return {
+            "outcome": str(self.run.verdict.outcome),
+            "reason": self.run.verdict.reason,
+            "world": session.world_name,
+            "mission": session.mission_name,
+            "seed": session.seed,
+            "learnt": len(rows),
+            "landmarks": rows,
+        }
+
+
+class _Listener:
+    """The stack, with somebody who writes down what it sees."""
+
+    def __init__(self, stack: Stack, learner: LandmarkLearner) -> None:
+        self._stack = stack
+        self._learner = learner
+        self._heard = -math.inf
+
+    @property
+    def state(self) -> StackState:
+        return self._stack.state
+
+    @property
+    def timings(self) -> Mapping[str, float]:
+        return self._stack.timings
+
+    def start(self, pose: Pose | None, goals: Sequence[Waypoint]) -> None:
+        self._stack.start(pose, goals)
+
+    def step(self, reading: SensorReading) -> Twist:
+        twist = self._stack.step(reading)
+        state = self._stack.state
+        if state.sightings and state.time > self._heard:
+            self._heard = state.time
+            seen = state.sightings[0].time  # the image may be older than the decision
+            self._learner.add(self._stack.history.at(seen), state.sightings)
+        return twist
+
+
+def learn_landmarks(
+    session: Session, progress: Callable[[Progress], None] | None = None, least: int = 3
+) -> LearningDrive:
+    """Drive the session's mission; landmarks seen ``least`` times or more go into the map.
+
+    A stack without feature recognition that asks for landmark frames is given ``landmarks``.
+
+    Raises:
+        MapError: the robot is not told where it starts, or saw nothing often enough.
+
+    """
+    stack = session.stack
+    if not session.task.start_known:
+        raise MapError(
+            "landmarks are learnt from a known start; choose a mission that does not say"
+            " start: unknown",
+            file=session.mission.file,
+        )
+    if not stack.features.landmark_frames:
+        stack.features = Landmarks(stack.robot)
+    learner = LandmarkLearner(session.mission.start)
+    with session.simulation() as simulator:
+        run = run_task(session.task, _Listener(stack, learner), simulator, progress)
+    learnt = learner.learn(least)
+    if not learnt:
+        raise MapError(
+            f"no landmark was seen {least} times on the way (the mission ended"
+            f" {run.verdict.outcome}); has the world any?",
+            file=session.mission.file,
+        )
+    return LearningDrive(run, tuple(learnt), with_landmarks(stack.topo_map, learnt))

@@ -1,0 +1,234 @@
+"""Landmark positions from a drive: odometry and sightings, all at once.
+
+Averaging each landmark over where the robot believed itself would average its drift as well. So
+the poses at which something was seen and the landmarks are estimated together, by least squares
+over the steps of the odometry and the sightings (a pose graph): a landmark seen again later holds
+the drift of all that lies between. Residuals beyond ``_HUBER`` sigma count less (Huber), so that a
+few false sightings do no harm.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from navfw.errors import MapError
+from navfw.signals import Array, Odometry, Pose, Sighting, wrap_angle
+from navfw.topomap.model import Landmark, LandmarkKind, TopoMap
+
+__all__ = ["LandmarkLearner", "Learnt", "with_landmarks"]
+
+_HUBER = 2.0
+_ROUNDS = 12
+_STEP_SHARE, _STEP_FLOOR = 0.02, 0.004
+"""One standard deviation of an odometry step: of its length, and [m]."""
+_TURN_SHARE, _TURN_FLOOR = 0.01, 0.004
+"""The same of its turn, and [rad]."""
+_MOST = 600
+"""Looks that are kept: more of them are thinned out, since they cost their cube."""
+
+
+@dataclass(frozen=True, slots=True)
+class Learnt:
+    """A landmark as found: place [m], where it faces [rad], ``sigma`` [m] and ``looks`` it had.
+
+    ``yaw`` is the mean direction from which it was seen: right within some tens of degrees.
+    """
+
+    identity: str
+    x: float
+    y: float
+    yaw: float
+    sigma: float
+    looks: int
+
+
+@dataclass(slots=True)
+class LandmarkLearner:
+    """Collects what is seen on a drive that began at ``start`` (map)."""
+
+    start: Pose
+    _places: list[Pose] = field(init=False, default_factory=list)
+    _looks: list[tuple[Sighting, ...]] = field(init=False, default_factory=list)
+
+    def add(self, odometry: Odometry, sightings: Sequence[Sighting]) -> None:
+        """What was recognised at one moment, with the odometry of that moment."""
+        if sightings:
+            self._places.append(odometry.pose)
+            self._looks.append(tuple(sightings))
+
+    def learn(self, least: int = 3) -> list[Learnt]:
+        """All landmarks seen at least so often, by identity."""
+        every = max(1, math.ceil(len(self._places) / _MOST))
+        places, looks = self._places[::every], self._looks[::every]
+        counts: dict[str, int] = {}
+        for sightings in looks:
+            for sighting in sightings:
+                counts[sighting.identity] = counts.get(sighting.identity, 0) + 1
+        wanted = sorted(name for name, count in counts.items() if count >= least)
+        if not wanted:
+            return []
+        graph = _Graph(self.start, places, looks, {name: i for i, name in enumerate(wanted)})
+        graph.solve()
+        return [graph.learnt(name, counts[name]) for name in wanted]
+
+
+class _Graph:
+    """Unknowns: poses (n, 3), then landmarks (m, 2), in one vector."""
+
+    def __init__(
+        self,
+        start: Pose,
+        places: Sequence[Pose],
+        looks: Sequence[tuple[Sighting, ...]],
+        index: Mapping[str, int],
+    ) -> None:
+        self._start = start
+        before = [Pose(0.0, 0.0, 0.0), *places[:-1]]  # odometry begins at its own origin
+        self._steps = [a.relative(b) for a, b in zip(before, places, strict=True)]
+        self._poses: list[Pose] = []
+        here = start
+        for step in self._steps:
+            here = here.compose(step)
+            self._poses.append(here)
+        self._looks = [
+            (i, index[sighting.identity], sighting)
+            for i, sightings in enumerate(looks)
+            for sighting in sightings
+            if sighting.identity in index
+        ]
+        self._index = index
+        self._marks = np.zeros((len(index), 2))
+        for j in range(len(index)):
+            guesses = [_point(self._poses[i], s) for i, k, s in self._looks if k == j]
+            self._marks[j] = np.median(guesses, axis=0)
+        self._spread: Array = np.zeros((0, 0))
+
+    def solve(self) -> None:
+        """Gauss-Newton with Huber's weights."""
+        poses = len(self._poses)
+        size = 3 * poses + 2 * len(self._index)
+        for _ in range(_ROUNDS):
+            normal, right = 1e-9 * np.eye(size), np.zeros(size)
+            for columns, jacobian, residual, information in self._factors():
+                length = math.sqrt(float(residual @ information @ residual))
+                weight = 1.0 if length <= _HUBER else _HUBER / length
+                weighted = weight * jacobian.T @ information
+                normal[np.ix_(columns, columns)] += weighted @ jacobian
+                right[columns] -= weighted @ residual
+            step = np.linalg.solve(normal, right)
+            for i in range(poses):
+                x, y, yaw = step[3 * i : 3 * i + 3].tolist()
+                old = self._poses[i]
+                self._poses[i] = Pose(old.x + x, old.y + y, wrap_angle(old.yaw + yaw))
+            self._marks += step[3 * poses :].reshape(-1, 2)
+            if float(np.abs(step).max()) < 1e-4:
+                break
+        self._spread = np.asarray(np.linalg.inv(normal), np.float64)
+
+    def learnt(self, identity: str, looks: int) -> Learnt:
+        """One landmark's result."""
+        j = self._index[identity]
+        x, y = self._marks[j].tolist()
+        first = 3 * len(self._poses) + 2 * j
+        sigma = math.sqrt(
+            max(float(self._spread[first, first]), float(self._spread[first + 1, first + 1]))
+        )
+        views = [self._poses[i] for i, k, _ in self._looks if k == j]
+        away = np.array([[pose.x - x, pose.y - y] for pose in views])
+        away /= np.maximum(np.hypot(away[:, 0], away[:, 1]), 1e-6)[:, None]
+        facing = away.mean(axis=0)
+        return Learnt(identity, x, y, math.atan2(facing[1], facing[0]), sigma, looks)
+
+    def _factors(self) -> list[tuple[npt.NDArray[np.int64], Array, Array, Array]]:
+        """(columns, jacobian, residual, information) of every odometry step and sighting."""
+        return [self._step_factor(i) for i in range(len(self._steps))] + [
+            self._look_factor(i, j, sighting) for i, j, sighting in self._looks
+        ]
+
+    def _step_factor(self, i: int) -> tuple[npt.NDArray[np.int64], Array, Array, Array]:
+        a = self._start if i == 0 else self._poses[i - 1]
+        b, step = self._poses[i], self._steps[i]
+        seen = a.relative(b)
+        residual = np.array([seen.x - step.x, seen.y - step.y, wrap_angle(seen.yaw - step.yaw)])
+        c, s = math.cos(a.yaw), math.sin(a.yaw)
+        of_b = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+        of_a = -of_b.copy()
+        of_a[:2, 2] = seen.y, -seen.x
+        along = _STEP_SHARE * math.hypot(step.x, step.y) + _STEP_FLOOR
+        turn = _TURN_SHARE * abs(step.yaw) + _TURN_FLOOR
+        information = np.diag([along**-2, along**-2, turn**-2])
+        if i == 0:
+            return np.arange(3), of_b, residual, information
+        return np.arange(3 * i - 3, 3 * i + 3), np.hstack([of_a, of_b]), residual, information
+
+    def _look_factor(
+        self, i: int, j: int, sighting: Sighting
+    ) -> tuple[npt.NDArray[np.int64], Array, Array, Array]:
+        pose, mark = self._poses[i], self._marks[j]
+        dx, dy = float(mark[0] - pose.x), float(mark[1] - pose.y)
+        away = max(math.hypot(dx, dy), 1e-3)
+        bearing = wrap_angle(math.atan2(dy, dx) - pose.yaw)
+        residual = np.array([wrap_angle(bearing - sighting.bearing), away - sighting.range])
+        of_mark = np.array([[-dy / away**2, dx / away**2], [dx / away, dy / away]])
+        of_pose = np.hstack([-of_mark, np.array([[-1.0], [0.0]])])
+        first = 3 * len(self._poses) + 2 * j
+        columns = np.r_[3 * i : 3 * i + 3, first : first + 2]
+        information = np.asarray(np.linalg.inv(sighting.covariance), np.float64)
+        return columns, np.hstack([of_pose, of_mark]), residual, information
+
+
+def _point(pose: Pose, sighting: Sighting) -> tuple[float, float]:
+    """Where a sighting from ``pose`` puts its landmark."""
+    return pose.to_parent(
+        sighting.range * math.cos(sighting.bearing), sighting.range * math.sin(sighting.bearing)
+    )
+
+
+def with_landmarks(topo_map: TopoMap, learnt: Sequence[Learnt]) -> TopoMap:
+    """The map with what was learnt: known landmarks moved (size and height kept), others added.
+
+    Raises:
+        MapError: an identity is none of a landmark's, such as ``aruco-7``.
+
+    """
+    marks = {mark.identity: mark for mark in topo_map.landmarks.values()}
+    names = {mark.name for mark in marks.values()}
+    for found in learnt:
+        old = marks.get(found.identity)
+        kind, number = _parsed(found.identity)
+        name = old.name if old is not None else _free(found.identity, names)
+        names.add(name)
+        height, size = (old.z, old.size) if old is not None else (0.35, _USUAL_SIZE[kind])
+        place = round(found.x, 3), round(found.y, 3), round(found.yaw, 3)
+        marks[found.identity] = Landmark(name, kind, number, *place, z=height, size=size)
+    return TopoMap(
+        topo_map.name,
+        list(topo_map.places.values()),
+        topo_map.passages,
+        topo_map.file,
+        list(marks.values()),
+    )
+
+
+_USUAL_SIZE: Mapping[LandmarkKind, float] = {"aruco": 0.25, "poster": 0.5}
+"""Sides [m] that the recognisers assume of landmarks that are in no map."""
+
+
+def _parsed(identity: str) -> tuple[LandmarkKind, int]:
+    kind, _, number = identity.rpartition("-")
+    if kind not in _USUAL_SIZE or not number.isdecimal():
+        raise MapError(f"{identity!r} is no landmark that a map can hold; expected aruco-7, say")
+    return ("aruco" if kind == "aruco" else "poster"), int(number)
+
+
+def _free(wanted: str, taken: set[str]) -> str:
+    """A name that no landmark has."""
+    name, count = wanted, 2
+    while name in taken:
+        name, count = f"{wanted}-{count}", count + 1
+    return name
