@@ -98,6 +98,26 @@ def test_search_travels_while_it_is_sure() -> None:
     assert weights["look_around"] == weights["explore"] == 0.0
 
 
+@pytest.mark.parametrize("idle", [0.0, 8.0, 30.0])
+@pytest.mark.parametrize("at", [OPEN, CORRIDOR, replace(OPEN, waypoint=DOOR)])
+def test_search_weighs_as_travel_does_while_it_is_sure(at: Context, idle: float) -> None:
+    barred = Aim(1.0, 0.0, 5.0, reachable=False, detour=3.0)
+    for context in (replace(at, idle=idle), replace(at, idle=idle, aim=barred)):
+        sure = replace(context, belief=replace(context.belief, covariance=np.diag([0.01] * 3)))
+        weights = dict(composite("search").weigh(sure))
+        for name, weight in composite("travel").weigh(sure).items():
+            assert weights[name] == pytest.approx(weight, abs=1e-9), name
+
+
+def test_search_never_gives_up_while_the_belief_is_lost() -> None:
+    """However small the covariance: one landmark may have told it a wrong place exactly."""
+    search = composite("search")
+    for k in range(140):
+        belief = Belief(1.0 + k, OPEN.pose, np.diag([0.01] * 3), confidence=0.1, lost=True)
+        context = replace(OPEN, time=1.0 + k, belief=belief, waypoint=None, aim=None)
+        assert leader(dict(search.weigh(replace(context, twist=Twist(0.0, 0.1))))) != "go_to_xy"
+
+
 def test_search_looks_round_then_explores_then_looks_again() -> None:
     search = composite("search")
     told = []
@@ -157,6 +177,17 @@ def test_explore_heads_for_what_is_open_and_unseen() -> None:
     assert wanted(
         context, explore.propose(replace(context, ranges=replace(ranges, seen=seen)))
     ).w < (-0.4)
+
+
+def test_explore_creeps_where_nothing_ahead_has_been_seen() -> None:
+    free = np.full(OPEN.ranges.bearings.size, 3.0)
+    speeds = []
+    for seen in (0.0, 3.0):
+        ranges = replace(OPEN.ranges, free=free, seen=np.full_like(free, seen))
+        context = replace(OPEN, ranges=ranges)
+        speeds.append(wanted(context, behavior("explore").propose(context)).v)
+    assert 0.02 < speeds[0] < 0.12
+    assert speeds[1] > 0.2
 
 
 # --- react ---------------------------------------------------------------------------------------
