@@ -154,7 +154,7 @@ def cast_ranges(
 @numba.njit(cache=True)
 def price_cells(
     clearance: Array,
-    known: npt.NDArray[np.uint8],
+    seen: npt.NDArray[np.uint8],
     radius: float,
     clear: float,
     margin: float,
@@ -165,7 +165,7 @@ def price_cells(
 
     Barred is what lies nearer to something than a disc of ``radius`` and its ``margin`` [m]. From
     there to a rim's clearance of ``clear`` [m] the extra price falls from ``squeeze`` to nothing
-    with the square; a cell none of whose 3 x 3 has been seen costs ``unknown`` more.
+    with the square; a cell that is not ``seen`` costs ``unknown`` more.
     """
     n = clearance.shape[0]
     m = (n + 1) // 2
@@ -177,22 +177,13 @@ def price_cells(
             if rim < margin:
                 cost[i, j] = np.inf
                 continue
-            tight = min(max((clear - rim) / max(clear - margin, 1e-6), 0.0), 1.0)
-            cost[i, j] = 1.0 + squeeze * (tight * tight)
-            # far away the rays of a sparse grid leave gaps: a seen neighbour is enough
-            if not known[row, column] and not _any_around(known, row, column):
+            cost[i, j] = 1.0
+            if rim < clear:
+                tight = min((clear - rim) / max(clear - margin, 1e-6), 1.0)
+                cost[i, j] += squeeze * (tight * tight)
+            if not seen[row, column]:
                 cost[i, j] += unknown
     return cost
-
-
-@numba.njit(cache=True)
-def _any_around(grid: npt.NDArray[np.uint8], row: int, column: int) -> bool:
-    """Whether any of the 3 x 3 cells about one is set."""
-    for r in range(max(row - 1, 0), min(row + 2, grid.shape[0])):
-        for c in range(max(column - 1, 0), min(column + 2, grid.shape[1])):
-            if grid[r, c]:
-                return True
-    return False
 
 
 @numba.njit(cache=True)

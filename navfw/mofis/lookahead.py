@@ -10,6 +10,7 @@ import math
 from dataclasses import dataclass
 from typing import Annotated
 
+import cv2
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -25,6 +26,7 @@ _LEG = 0.4
 _ASIDE = math.radians(40.0)
 """A leg that leads aside of the cheapest way by more than this [rad] is another way."""
 _BEARINGS = np.linspace(-math.pi, math.pi, 49)[:-1]
+_AROUND = np.ones((3, 3), np.uint8)
 
 
 class LookaheadParams(BaseModel):
@@ -142,9 +144,9 @@ class Lookahead:
         """(m, m) price of crossing each cell of twice the map's size; infinite where barred."""
         p = self.params
         radius = egomap.robot.radius
-        return price_cells(
-            egomap.clearance, egomap.known, radius, p.clear, p.margin, p.squeeze, p.unknown
-        )
+        # far away the rays of a sparse grid leave gaps: what has a seen neighbour counts as seen
+        seen = cv2.dilate(egomap.known, _AROUND).astype(np.uint8, copy=False)
+        return price_cells(egomap.clearance, seen, radius, p.clear, p.margin, p.squeeze, p.unknown)
 
 
 def _sources(n: int, origin: tuple[float, float], cell: float, x: float, y: float) -> Array:
