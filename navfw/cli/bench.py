@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from navfw.cli.benchlandmarks import landmarks
 from navfw.cli.output import print_json, print_table, quiet_stdout
 
 __all__ = ["add_to"]
@@ -20,6 +21,7 @@ def add_to(app: typer.Typer) -> None:
     group.command()(loop)
     group.command()(perception)
     group.command()(planning)
+    group.command()(landmarks)
     app.add_typer(group, name="bench")
 
 

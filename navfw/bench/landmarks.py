@@ -1,0 +1,186 @@
+"""How far and how squarely landmarks must be seen to be recognised, how right that is, its cost."""
+
+from __future__ import annotations
+
+import math
+import time as clock
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from navfw.features.aruco import Aruco
+from navfw.features.posters import Posters
+from navfw.kinds import FeatureRecognizer
+from navfw.robot import RobotModel
+from navfw.signals import Frame, Image, Pose, Sighting
+from navfw.sim.sensors import SensorParams
+from navfw.sim.simulation import Simulation
+from navfw.sim.worldfile import LandmarkSpec, WallSpec, WorldSpec
+from navfw.topomap.model import Landmark, LandmarkKind, Place, TopoMap
+
+__all__ = ["ANGLES", "DISTANCES", "SIZES", "bench_landmarks", "tables", "view_of"]
+
+DISTANCES = (1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0)
+"""From the camera to the landmark [m]."""
+ANGLES = (0, 25, 45, 60)
+"""Between the landmark's face and the direction to the camera [deg]."""
+SIZES: Mapping[LandmarkKind, float] = {"aruco": 0.25, "poster": 0.5}
+"""Sides [m]."""
+_LEARNT = 10
+"""Posters in the map, so that there is something to mistake one for."""
+_NOISE = 2.0
+_WIDEST = 0.55
+"""The landmark is up to so far off the image's middle [rad]."""
+
+
+def view_of(
+    simulation: Simulation, mark: LandmarkSpec, distance: float, angle: float, aside: float
+) -> tuple[Image, float, float]:
+    """The image of a landmark, and its true bearing [rad] and range [m] in base_link.
+
+    ``angle`` [rad] is between its face and the camera, ``aside`` [rad] its direction in the image.
+    """
+    camera = simulation.robot.camera
+    direction = mark.yaw + angle
+    x = mark.at[0] + distance * math.cos(direction)
+    y = mark.at[1] + distance * math.sin(direction)
+    yaw = direction + math.pi - aside
+    pose = Pose(
+        x - camera.mount_forward * math.cos(yaw), y - camera.mount_forward * math.sin(yaw), yaw
+    )
+    image, _ = simulation.look_from(pose)
+    ahead, left = pose.to_local(*mark.at)
+    return image, math.atan2(left, ahead), math.hypot(ahead, left)
+
+
+def bench_landmarks(
+    views: int, seed: int = 0, say: Callable[[str], None] = lambda _: None
+) -> dict[str, Any]:
+    """Detection, errors and cost by kind, distance and angle, each over so many rendered views."""
+    robot = RobotModel()
+    recognizers: Mapping[LandmarkKind, FeatureRecognizer] = {
+        "aruco": Aruco(robot),
+        "poster": Posters(robot),
+    }
+    kinds = {}
+    for kind, recognizer in recognizers.items():
+        say(f"{kind}: {len(DISTANCES) * len(ANGLES) * views} views")
+        kinds[kind] = _bench_kind(kind, recognizer, robot, views, np.random.default_rng(seed))
+    wanted = robot.landmark_camera
+    return {
+        "image": [wanted.width, wanted.height],
+        "rate_hz": wanted.rate,
+        "views": views,
+        "seed": seed,
+        "kinds": kinds,
+    }
+
+
+def _bench_kind(
+    kind: LandmarkKind,
+    recognizer: FeatureRecognizer,
+    robot: RobotModel,
+    views: int,
+    rng: np.random.Generator,
+) -> dict[str, Any]:
+    world = _hall(kind)
+    recognizer.study(_map(kind))
+    large = robot.model_copy(update={"camera": robot.landmark_view})
+    rows, false, chi = [], 0, []
+    spent = rendered = 0.0
+    mark = world.landmarks[0]
+    with Simulation(world, large, Pose(2.0, 6.0, 0.0), 0, SensorParams.preset("perfect")) as sim:
+        for distance in DISTANCES:
+            for angle in ANGLES:
+                errors = []
+                for _ in range(views):
+                    begun = clock.perf_counter()
+                    turn = math.radians(angle) * float(rng.choice((-1.0, 1.0)))
+                    aside = float(rng.uniform(-_WIDEST, _WIDEST))
+                    clean, bearing, away = view_of(sim, mark, distance, turn, aside)
+                    rendered += clock.perf_counter() - begun
+                    noisy = clean + _NOISE * rng.standard_normal(clean.shape)
+                    image = np.clip(np.rint(noisy), 0, 255).astype(np.uint8)
+                    begun = clock.perf_counter()
+                    seen = recognizer.recognize(Frame(0.0, image))
+                    spent += clock.perf_counter() - begun
+                    false += sum(s.identity != f"{kind}-{mark.id}" for s in seen)
+                    errors += [_error(s, bearing, away) for s in seen if s.identity.endswith("-0")]
+                chi += [error[2] for error in errors]
+                rows.append(_row(distance, angle, views, errors))
+    total = len(rows) * views
+    return {
+        "size_m": SIZES[kind],
+        "rows": rows,
+        "false_per_frame": false / total,
+        "chi_square_mean": float(np.mean(chi)) if chi else None,
+        "chi_square_within_95": float(np.mean(np.array(chi) < 5.99)) if chi else None,
+        "recognize_ms": 1e3 * spent / total,
+        "render_ms": 1e3 * rendered / total,
+    }
+
+
+def _error(sighting: Sighting, bearing: float, away: float) -> tuple[float, float, float]:
+    """Bearing error [rad], range error [m], and both by the covariance (chi-square, 2)."""
+    error = np.array([sighting.bearing - bearing, sighting.range - away])
+    chi = float(error @ np.linalg.solve(sighting.covariance, error))
+    return float(error[0]), float(error[1]), chi
+
+
+def _row(
+    distance: float, angle: int, views: int, errors: list[tuple[float, float, float]]
+) -> dict[str, Any]:
+    found = np.array(errors).reshape(-1, 3)
+    seen = len(found) > 0
+    return {
+        "distance_m": distance,
+        "angle_deg": angle,
+        "detected": len(found) / views,
+        "bearing_rms_deg": math.degrees(_rms(found[:, 0])) if seen else None,
+        "range_rms_m": _rms(found[:, 1]) if seen else None,
+    }
+
+
+def _rms(values: np.ndarray[Any, np.dtype[np.float64]]) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _hall(kind: LandmarkKind) -> WorldSpec:
+    """A hall with one landmark in the middle of its end wall."""
+    outline = ((0.05, 0.05), (9.95, 0.05), (9.95, 11.95), (0.05, 11.95), (0.05, 0.05))
+    mark = LandmarkSpec(name="mark", kind=kind, id=0, at=(9.9, 6.0), yaw=math.pi, size=SIZES[kind])
+    return WorldSpec(
+        name="hall",
+        x=(0.0, 10.0),
+        y=(0.0, 12.0),
+        ceiling="ceiling",
+        walls=(WallSpec(name="wall", points=outline),),
+        landmarks=(mark,),
+    )
+
+
+def _map(kind: LandmarkKind) -> TopoMap:
+    size = SIZES[kind]
+    marks = [Landmark(f"mark-{i}", kind, i, 0.0, 0.0, 0.0, size=size) for i in range(_LEARNT)]
+    return TopoMap("hall", [Place("here", 2.0, 6.0)], [], landmarks=marks)
+
+
+def tables(result: dict[str, Any]) -> list[tuple[str, list[str], list[tuple[str, ...]]]]:
+    """(title, columns, rows) for people."""
+    out = []
+    for kind, found in result["kinds"].items():
+        columns = ["distance [m]", *(f"{angle} deg" for angle in ANGLES), "range error [m]"]
+        rows = []
+        for distance in DISTANCES:
+            here = [row for row in found["rows"] if row["distance_m"] == distance]
+            errors = [row["range_rms_m"] for row in here if row["range_rms_m"] is not None]
+            worst = f"{_rms(np.array(errors)):.3f}" if errors else "-"
+            rows.append((f"{distance:g}", *(f"{row['detected']:.2f}" for row in here), worst))
+        title = (
+            f"{kind}, {found['size_m']:g} m: share recognised;"
+            f" {found['recognize_ms']:.1f} ms a frame ({found['render_ms']:.1f} ms to render it),"
+            f" {found['false_per_frame']:.4f} false ones"
+        )
+        out.append((title, columns, rows))
+    return out
