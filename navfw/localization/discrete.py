@@ -16,11 +16,11 @@ from navfw.kinds import Params
 from navfw.localization.landmark_model import ELSEWHERE
 from navfw.localization.lattice import Lattice
 from navfw.localization.looks import Look, agreeing
-from navfw.localization.places import COUNT
 from navfw.localization.situations import situation_likelihoods
 from navfw.localization.trust import LandmarkTrust
 from navfw.signals import Array, Odometry, Percept, Pose, wrap_angle
 from navfw.topomap.model import TopoMap
+from navfw.topomap.whereabouts import COUNT
 
 __all__ = ["Cluster", "DiscreteFilter", "DiscreteParams"]
 

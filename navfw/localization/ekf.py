@@ -12,10 +12,10 @@ from navfw.errors import InputError
 from navfw.kinds import Localizer
 from navfw.localization.looks import Looks
 from navfw.localization.metric import FilterParams, MetricFilter
-from navfw.localization.places import near_places, within
 from navfw.localization.trust import LandmarkTrust
 from navfw.signals import Belief, Odometry, Percept, Pose, Sighting
 from navfw.topomap.model import TopoMap
+from navfw.topomap.whereabouts import likeliest_places, within
 
 __all__ = ["Ekf"]
 
@@ -79,7 +79,7 @@ class Ekf(Localizer):
         pose, covariance = self.filter.pose, self.filter.pose_covariance
         at = self._weighed_at
         if at is None or abs(pose.x - at.x) + abs(pose.y - at.y) > REFRESH:
-            self._places, self._weighed_at = near_places(self._map, pose, covariance), pose
+            self._places, self._weighed_at = likeliest_places(self._map, pose, covariance), pose
         confidence = within(covariance)
         return Belief(
             odometry.time,

@@ -13,10 +13,10 @@ from navfw.kinds import Localizer
 from navfw.localization.discrete import Cluster, DiscreteFilter, DiscreteParams
 from navfw.localization.looks import Look, Looks
 from navfw.localization.metric import FilterParams, MetricFilter
-from navfw.localization.places import near_places, within
 from navfw.localization.trust import LandmarkTrust
 from navfw.signals import Array, Belief, Odometry, Percept, Pose, Sighting, wrap_angle
 from navfw.topomap.model import TopoMap
+from navfw.topomap.whereabouts import likeliest_places, within
 
 __all__ = ["Topological"]
 
@@ -129,7 +129,7 @@ class Topological(Localizer):
     def _tracked(self, topo_map: TopoMap, odometry: Odometry) -> Belief:
         pose, covariance = self.metric.pose, self.metric.pose_covariance
         if abs(pose.x - self._weighed_at.x) + abs(pose.y - self._weighed_at.y) > 0.05:
-            self._places, self._weighed_at = near_places(topo_map, pose, covariance), pose
+            self._places, self._weighed_at = likeliest_places(topo_map, pose, covariance), pose
         confidence = within(covariance) * (1.0 - self._conflict)
         return self._belief(odometry, pose, covariance, self._places, confidence)
 

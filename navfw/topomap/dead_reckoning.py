@@ -13,6 +13,7 @@ from navfw.errors import InputError
 from navfw.kinds import Localizer
 from navfw.signals import Array, Belief, Odometry, Percept, Pose, Sighting, wrap_angle
 from navfw.topomap.model import TopoMap
+from navfw.topomap.whereabouts import AT_PLACE, COUNT, likeliest_places, within
 
 __all__ = ["DeadReckoning"]
 
@@ -50,10 +51,10 @@ class DeadReckoning(Localizer):
         reach: Annotated[
             float,
             Field(gt=0.0, le=20.0, description="how far around a place is still 'at' it [m]"),
-        ] = 1.0
+        ] = AT_PLACE
         places: Annotated[
             int, Field(ge=1, le=1000, description="how many likeliest places the belief names")
-        ] = 8
+        ] = COUNT
         refresh: Annotated[
             NonNegative, Field(description="places are weighed again after so much motion [m]")
         ] = 0.05
@@ -80,7 +81,6 @@ class DeadReckoning(Localizer):
             )
         p = self.params
         self._map = topo_map
-        self._names = list(topo_map.places)
         self._map_from_odom = _frame(pose, odometry.pose)
         self._last = odometry.pose
         self._covariance = np.diag([p.start_xy**2, p.start_xy**2, p.start_yaw**2])
@@ -98,9 +98,11 @@ class DeadReckoning(Localizer):
         self._covariance = self._grown(moved, pose.yaw)
         self._last = odometry.pose
         if self._is_stale(pose):
-            self._places = self._weigh(self._map, pose)
+            p = self.params
+            self._places = likeliest_places(self._map, pose, self._covariance, p.reach, p.places)
             self._weighed_at = pose
-        return Belief(odometry.time, pose, self._covariance, self._places)
+        confidence = within(self._covariance)
+        return Belief(odometry.time, pose, self._covariance, self._places, confidence)
 
     def _grown(self, moved: Pose, yaw: float) -> Array:
         """The covariance after moving by ``moved`` (seen from before) to the heading ``yaw``."""
@@ -124,18 +126,6 @@ class DeadReckoning(Localizer):
     def _is_stale(self, pose: Pose) -> bool:
         at = self._weighed_at
         return at is None or math.hypot(pose.x - at.x, pose.y - at.y) > self.params.refresh
-
-    def _weigh(self, topo_map: TopoMap, pose: Pose) -> Mapping[str, float]:
-        """The likeliest places, likeliest first; their probabilities add up to 1."""
-        spread = self.params.reach**2 + 0.5 * float(np.trace(self._covariance[:2, :2]))
-        squared = topo_map.place_distances(pose.x, pose.y) ** 2
-        count = min(self.params.places, len(squared))
-        likeliest = np.argpartition(squared, count - 1)[:count]
-        likeliest = likeliest[np.argsort(squared[likeliest], kind="stable")]
-        # relative to the nearest, so that far from every place something is still above zero
-        weights = np.exp(-0.5 * (squared[likeliest] - squared[likeliest[0]]) / spread)
-        weights /= weights.sum()
-        return {self._names[i]: float(weight) for i, weight in zip(likeliest, weights, strict=True)}
 
 
 def _frame(in_map: Pose, in_odom: Pose) -> Pose:

@@ -1,4 +1,4 @@
-"""From a position to the probability of each place of the map."""
+"""What an uncertain position tells: how sure it is, and how probable each place of the map."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from navfw.signals import Array, Pose
 from navfw.topomap.model import TopoMap
 
-__all__ = ["WITHIN", "deviation", "near_places", "within"]
+__all__ = ["AT_PLACE", "COUNT", "WITHIN", "deviation", "likeliest_places", "within"]
 
 AT_PLACE = 1.0
 """How far around a place is still 'at' it [m]."""
@@ -22,11 +22,17 @@ WITHIN = 1.0
 """A belief's confidence is the probability that the robot is no farther from its pose [m]."""
 
 
-def near_places(topo_map: TopoMap, pose: Pose, covariance: Array) -> Mapping[str, float]:
-    """The likeliest places for a position (covariance (3, 3)), likeliest first; they sum to 1."""
-    spread = AT_PLACE**2 + 0.5 * float(covariance[0, 0] + covariance[1, 1])
+def likeliest_places(
+    topo_map: TopoMap, pose: Pose, covariance: Array, reach: float = AT_PLACE, count: int = COUNT
+) -> Mapping[str, float]:
+    """The ``count`` likeliest places with their probabilities, likeliest first; they sum to 1.
+
+    ``covariance`` (3, 3) is that of ``pose`` (x, y, yaw); within ``reach`` [m] of a place one is at
+    it.
+    """
+    spread = reach**2 + 0.5 * float(np.trace(covariance[:2, :2]))
     squared = topo_map.place_distances(pose.x, pose.y) ** 2
-    count = min(COUNT, len(squared))
+    count = min(count, len(squared))
     likeliest = np.argpartition(squared, count - 1)[:count]
     likeliest = likeliest[np.argsort(squared[likeliest], kind="stable")]
     # relative to the nearest, so that far from every place something is still above zero
