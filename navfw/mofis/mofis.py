@@ -154,7 +154,8 @@ class Mofis:
                 self.passages.enter(percept, eye)
                 self._percept = percept
         self.tracks.forget(odometry.time)
-        self.egomap.take(self.tracks.discs(odometry.time))
+        drops = self.passages.drops.discs() if self.params.memory else ()
+        self.egomap.take((*self.tracks.discs(odometry.time), *drops))
         self.context = self._context(odometry, belief, waypoint)
         self.weights = self._weigh(self.context)
         self.proposals = {}
