@@ -1,0 +1,193 @@
+"""Plates in worlds: where they may hang, how they are drawn, and who pays for landmark frames."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from navfw.config.lookup import find
+from navfw.errors import ConfigError, WorldError
+from navfw.landmarks import plate_image, plate_side
+from navfw.robot import RobotModel
+from navfw.signals import Pose
+from navfw.sim.actions import CameraFault
+from navfw.sim.sensors import SensorParams
+from navfw.sim.simulation import Simulation
+from navfw.sim.worldfile import WorldSpec, load_world
+from navfw.topomap.files import load_map
+
+ROBOT = RobotModel()
+PERFECT = SensorParams.preset("perfect")
+
+TEXT = """
+name: room
+x: [0, 8]
+y: [0, 6]
+walls:
+  - {name: outer, points: [[0.05, 0.05], [7.95, 0.05], [7.95, 5.95], [0.05, 5.95], [0.05, 0.05]]}
+  - {name: inner, points: [[5, 0.1], [5, 4]], openings: [{name: gap, at: [5, 1], width: 1.0}]}
+boxes:
+  - {name: box, at: [2, 5], size: [1, 1, 0.4]}
+landmarks:
+"""
+
+
+def written(tmp_path: Path, *marks: str) -> Path:
+    file = tmp_path / "world.yaml"
+    file.write_text(TEXT + "".join(f"  - {{{mark}}}\n" for mark in marks), encoding="utf-8")
+    return file
+
+
+def room(tmp_path: Path, *marks: str) -> WorldSpec:
+    return load_world(written(tmp_path, *marks))
+
+
+ON_WALL = "name: a, id: 1, at: [4.95, 2.5], yaw: 3.1416"
+
+
+@pytest.mark.parametrize(
+    ("marks", "key", "words"),
+    [
+        ([ON_WALL, ON_WALL.replace("name: a", "name: b")], r"landmarks\[1\]\.id", "second aruco-1"),
+        ([ON_WALL, ON_WALL.replace("id: 1", "id: 2")], r"landmarks\[1\]\.name", "taken by"),
+        ([ON_WALL.replace("[4.95", "[4.5")], r"landmarks\[0\]\.at", "hangs in the air.*0.45 m off"),
+        ([ON_WALL.replace("2.5]", "1.3]")], r"landmarks\[0\]\.at", "hangs in the air"),
+        ([ON_WALL.replace("3.1416", "0")], r"landmarks\[0\]\.at", "lies in 'inner'"),
+        ([ON_WALL.replace("[4.95", "[9")], r"landmarks\[0\]\.at", "lies off the floor"),
+        ([ON_WALL + ", z: 0.1"], r"landmarks\[0\]\.z", "at least 0.19"),
+        (["name: a, id: 1, at: [1.5, 5], yaw: 3.1416"], r"landmarks\[0\]\.at", "hangs in the air"),
+        (["name: outer, id: 1, at: [4.95, 2.5], yaw: 3.1416"], r"landmarks\[0\]\.name", "taken by"),
+    ],
+)
+def test_landmarks_that_cannot_be_are_named(
+    tmp_path: Path, marks: list[str], key: str, words: str
+) -> None:
+    with pytest.raises(WorldError, match=rf"(?s)world\.yaml:\d+.*{key}.*{words}"):
+        room(tmp_path, *marks)
+
+
+def test_markers_have_the_ids_of_their_dictionary(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="0 to 999"):
+        room(tmp_path, ON_WALL.replace("id: 1,", "id: 1000,"))
+
+
+def test_landmarks_may_hang_on_boxes_or_stand_free(tmp_path: Path) -> None:
+    on_box = "name: a, id: 1, at: [2, 4.5], z: 0.2, yaw: -1.5708, size: 0.2"
+    free = "name: b, id: 1, kind: poster, at: [3, 3], yaw: 1, free: true"
+    assert len(room(tmp_path, on_box, free).landmarks) == 2
+
+
+@pytest.fixture(scope="module")
+def marked(tmp_path_factory: pytest.TempPathFactory) -> WorldSpec:
+    return room(tmp_path_factory.mktemp("marked"), ON_WALL)
+
+
+@pytest.fixture(scope="module")
+def bare(tmp_path_factory: pytest.TempPathFactory) -> WorldSpec:
+    return room(tmp_path_factory.mktemp("bare"), ON_WALL).model_copy(update={"landmarks": ()})
+
+
+def simulated(world: WorldSpec, **more: bool) -> Simulation:
+    return Simulation(world, ROBOT, Pose(3.0, 2.5, 0.0), 1, **more)
+
+
+def test_a_plate_changes_its_own_pixels_alone(marked: WorldSpec, bare: WorldSpec) -> None:
+    with simulated(marked) as with_plate, simulated(bare) as without:
+        here = Pose(3.0, 2.5, 0.2)
+        (image, depth), (plain, _) = with_plate.look_from(here), without.look_from(here)
+        changed = image != plain
+        rows, columns = np.nonzero(changed)
+        # seen from 1.85 m: a third of a metre, to the right of the middle
+        expected = ROBOT.camera.focal * plate_side("aruco", 0.25) / 1.85
+        assert np.ptp(rows) + 1 == pytest.approx(expected, abs=2.5)
+        assert np.ptp(columns) + 1 == pytest.approx(expected, abs=3.5)
+        assert depth[changed].max() < 2.0
+        # from its back, and from behind the wall, nothing changes
+        behind = Pose(7.0, 2.5, math.pi)
+        np.testing.assert_array_equal(with_plate.look_from(behind)[0], without.look_from(behind)[0])
+
+
+def test_a_plate_is_drawn_upright_and_not_mirrored(marked: WorldSpec) -> None:
+    large = ROBOT.model_copy(update={"camera": ROBOT.landmark_view})
+    with Simulation(marked, large, Pose(3.0, 2.5, 0.0), 0, PERFECT) as simulation:
+        image, _ = simulation.look_from(Pose(3.7, 2.5, 0.0))
+    side = round(plate_side("aruco", 0.25) / (1.25 - 0.1 - 0.006) * large.camera.focal)
+    plate = cv2.resize(plate_image("aruco", 1), (side, side), interpolation=cv2.INTER_AREA)
+    scores = [
+        float(cv2.matchTemplate(image, turned, cv2.TM_CCOEFF_NORMED).max())
+        for turned in (plate, plate[:, ::-1], plate[::-1], np.rot90(plate))
+        for turned in [np.ascontiguousarray(turned)]
+    ]
+    assert scores[0] > 0.9
+    assert scores[0] > max(scores[1:]) + 0.1
+
+
+def test_nothing_touches_a_plate(marked: WorldSpec, bare: WorldSpec) -> None:
+    tracks = []
+    for world in (marked, bare):
+        with simulated(world) as simulation:
+            simulation.drive(8.0, 8.0)
+            touched: list[tuple[float, tuple[str, ...]]] = []
+            for _ in range(360):
+                simulation.advance(1 / 60)
+                touched.append((simulation.true_pose().x, simulation.contacts))
+        tracks.append(touched)
+    assert tracks[0] == tracks[1]
+    assert tracks[0][-1][1] == ("inner",)
+
+
+@pytest.fixture
+def looking(marked: WorldSpec) -> Iterator[Simulation]:
+    with simulated(marked, landmark_frames=True) as simulation:
+        yield simulation
+
+
+def test_landmark_frames_are_taken_for_those_who_want_them_alone(
+    marked: WorldSpec, looking: Simulation
+) -> None:
+    with simulated(marked) as usual:
+        times = []
+        for _ in range(150):
+            one, other = looking.read(), usual.read()
+            assert other.landmark_frame is None
+            assert (one.inertial, one.encoders) == (other.inertial, other.encoders)
+            assert (one.frame is None) == (other.frame is None)
+            if one.frame is not None and other.frame is not None:
+                np.testing.assert_array_equal(one.frame.image, other.frame.image)
+            if one.landmark_frame is not None:
+                assert one.frame is not None
+                wanted = ROBOT.landmark_camera
+                assert one.landmark_frame.image.shape == (wanted.height, wanted.width)
+                times.append(one.landmark_frame.time)
+            looking.advance(1 / 60)
+            usual.advance(1 / 60)
+        assert usual.timings.landmarks == 0.0
+    np.testing.assert_allclose(times, np.arange(4) / ROBOT.landmark_camera.rate, atol=1e-6)
+
+
+def test_what_befalls_the_camera_befalls_landmark_frames(looking: Simulation) -> None:
+    first = looking.read().landmark_frame
+    looking.begin(CameraFault(black=True))
+    later = None
+    for _ in range(60):
+        looking.advance(1 / 60)
+        later = looking.read().landmark_frame or later
+    assert first is not None
+    assert later is not None
+    assert later.image.mean() < 5.0 < first.image.mean()
+
+
+@pytest.mark.parametrize("name", ["office", "hospital"])
+def test_shipped_worlds_and_maps_have_the_same_landmarks(name: str) -> None:
+    world, topo_map = load_world(find("world", name)), load_map(find("map", name))
+    there = {(m.name, m.kind, m.id, *m.at, m.z, m.yaw, m.size) for m in world.landmarks}
+    known = {
+        (m.name, m.kind, m.id, m.x, m.y, m.z, m.yaw, m.size) for m in topo_map.landmarks.values()
+    }
+    assert there == known
+    assert len(known) >= 20
