@@ -43,7 +43,7 @@ class MotionParams(Params):
     ] = 0.0004
     bias_walk: Annotated[
         NonNegative, Field(description="of the bias' walk [rad/s per root of s]")
-    ] = 0.00012
+    ] = 0.0002
 
 
 def predict(state: Array, moved: Pose, drift: float) -> Array:
