@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from navfw.mofis.drops import CERTAIN, INTERVAL, DropMemory
+from navfw.mofis.drops import CERTAIN, CLEAR_VOTES, INTERVAL, DropMemory
 from navfw.mofis.egomap import EgoMap
 from navfw.mofis.passages import PassageWatch
 from navfw.robot import RobotModel
@@ -163,6 +163,34 @@ def test_many_looks_below_the_floor_make_a_drop_where_the_rays_pass_it() -> None
     drops.enter(floor_percept(INTERVAL * CERTAIN, Label.DROP), pose)
     ((x, y),) = drops.points()
     assert math.dist((x, y), (1.0, 2.0 + ROBOT.camera.mount_forward + 1.0)) < 0.2
+
+
+def test_clear_looks_make_a_drop_sooner_that_nobody_may_enter() -> None:
+    drops = DropMemory(ROBOT)
+    clear = replace(floor_percept(0.0, Label.DROP), nearness=np.full((1, 1), 0.5))
+    for k in range(CERTAIN // CLEAR_VOTES):
+        assert drops.discs() == ()
+        drops.enter(replace(clear, time=INTERVAL * k), Pose(0, 0, 0))
+    ((x, y),) = drops.points()
+    egomap = EgoMap(ROBOT)
+    egomap.move(Pose(0, 0, 0), 0.0)
+    before = egomap.occupied.copy()
+    egomap.take(drops.discs())
+    row, column = egomap.index(x, y)
+    assert egomap.occupied[row, column]
+    assert not before.any()
+    assert egomap.clearance[row, column] == 0.0
+    assert egomap.clearance[egomap.index(x - 0.6, y)] == pytest.approx(0.45, abs=0.1)
+
+
+def test_floor_seen_for_long_delays_a_drop_little() -> None:
+    drops = DropMemory(ROBOT)
+    for k in range(50):
+        drops.enter(floor_percept(INTERVAL * k, Label.FLOOR), Pose(0, 0, 0))
+    clear = replace(floor_percept(0.0, Label.DROP), nearness=np.full((1, 1), 0.5))
+    for k in range(3):
+        drops.enter(replace(clear, time=INTERVAL * (50 + k)), Pose(0, 0, 0))
+    assert drops.points()
 
 
 def test_the_same_flow_seen_often_is_one_look() -> None:
