@@ -44,7 +44,10 @@ def run(
     seed: Annotated[
         int, typer.Option(min=0, help="Of all noise: the same seed gives the same commands.")
     ] = 0,
-    stack: Annotated[str, typer.Option(help="A stack's name or file.")] = "default",
+    stack: Annotated[
+        str | None,
+        typer.Option(help="A stack's name or file [default: the mission's, or default]."),
+    ] = None,
     set_: Annotated[
         list[str] | None,
         typer.Option(
@@ -85,7 +88,7 @@ def _drive(
     world: str,
     mission: str,
     seed: int,
-    stack: str,
+    stack: str | None,
     overrides: list[str],
     out: Path | None,
     *,

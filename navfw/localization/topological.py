@@ -44,8 +44,10 @@ class Topological(Localizer):
     class Params(Localizer.Params):
         """Both filters, and when to believe the discrete one."""
 
-        metric: FilterParams = FilterParams()
-        discrete: DiscreteParams = DiscreteParams()
+        metric: Annotated[FilterParams, Field(description="of the Kalman filter")] = FilterParams()
+        discrete: Annotated[DiscreteParams, Field(description="of the filter over places")] = (
+            DiscreteParams()
+        )
         sure: Annotated[
             float, Field(gt=0.5, lt=1.0, description="probability from which a pose is taken")
         ] = 0.9

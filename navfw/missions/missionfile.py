@@ -102,6 +102,10 @@ class MissionSpec(_Spec):
     map: Annotated[
         str | None, Field(description="name or file of a topological map; none: only the goals")
     ] = None
+    stack: Annotated[
+        str | None,
+        Field(description="the stack to drive it with, unless --stack says another"),
+    ] = None
     start: Annotated[
         tuple[Coordinate, Coordinate, Yaw] | PlaceStart | UnknownStart | Unknown,
         Field(

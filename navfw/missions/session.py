@@ -17,6 +17,7 @@ import numpy as np
 
 from navfw.config.lookup import find, find_mission
 from navfw.config.overrides import Override, parse_override
+from navfw.errors import UnknownNameError
 from navfw.missions.events import (
     BehaviorFault,
     Event,
@@ -254,12 +255,13 @@ def prepare(
     mission: str | Path,
     *,
     seed: int = 0,
-    stack: str | Path = DEFAULT_STACK,
+    stack: str | Path | None = None,
     overrides: Sequence[str] = (),
     registry: Registry | None = None,
 ) -> Session:
     """Find and check world, mission, map and stack.
 
+    Without ``stack`` it is the one that the mission names, or else ``default``.
     ``overrides`` such as ``offis.layers=1`` go to the stack; those that begin with ``mission.``
     (``mission.timeout=60``), ``robot.`` or ``sensors.`` go to the mission file.
 
@@ -279,7 +281,7 @@ def prepare(
     opened = FloorPlan.from_world(with_doors_open(world_spec, loaded.spec.events), height)
     loaded = loaded.placed(seed, opened)
     shortest = loaded.check(opened)
-    stack_file = find("stack", stack)
+    stack_file = _stack_of(loaded) if stack is None else find("stack", stack)
     built = Stack.load(
         stack_file, loaded.spec.robot, loaded.topo_map, registry or _registry(), for_stack
     )
@@ -319,6 +321,17 @@ def with_drops(world: WorldSpec, mission: MissionFile) -> WorldSpec:
     # the world itself is right, and the mission's drops come first: indices are those of its file
     check_world(changed, file=mission.file, line_of=mission.document.line_of)
     return changed
+
+
+def _stack_of(mission: MissionFile) -> Path:
+    """The stack file that the mission names, or the default one."""
+    name = mission.spec.stack or DEFAULT_STACK
+    try:
+        return find("stack", name)
+    except UnknownNameError as error:
+        origin = mission.document.origin_of(("stack",))
+        where: dict[str, Any] = {"file": origin.file, "line": origin.line, "key": "stack"}
+        raise UnknownNameError(error.what, error.name, error.known, **where) from None
 
 
 def split_overrides(overrides: Sequence[str]) -> tuple[list[Override], list[str]]:

@@ -10,6 +10,7 @@ import pytest
 from navfw.config.lookup import find, list_missions, list_worlds
 from navfw.errors import ConfigError, InputError, UnknownNameError, WorldError
 from navfw.missions.missionfile import MissionFile, load_mission
+from navfw.missions.session import prepare
 from navfw.sim.floorplan import FloorPlan
 from navfw.sim.worldfile import load_world
 
@@ -148,3 +149,14 @@ def test_the_main_mission_is_a_long_one() -> None:
     file = find("mission", "office/lobby-to-lab")
     plan = FloorPlan.from_world(load_world(find("world", "office")))
     assert load_mission(file).check(plan) >= 15.0
+
+
+def test_a_mission_may_name_its_stack(tmp_path: Path) -> None:
+    file = tmp_path / "m.yaml"
+    file.write_text("stack: landmarcs\nstart: [1, 1, 0]\ngoals: [{x: 2, y: 1}]\n")
+    with pytest.raises(UnknownNameError, match="landmarks") as caught:
+        prepare("empty", file)
+    assert (caught.value.line, caught.value.key) == (1, "stack")
+    file.write_text("stack: oracle\nstart: [1, 1, 0]\ngoals: [{x: 2, y: 1}]\n")
+    assert prepare("empty", file).stack_file.stem == "oracle"
+    assert prepare("empty", file, stack="paper").stack_file.stem == "paper"
