@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 from pydantic import Field
 
-from navfw import Array, Behavior, Context, FlowField, Proposal
+from navfw import Behavior, Context, FlowField, Proposal
 
 
 class Balance(Behavior):
@@ -58,10 +58,7 @@ class Balance(Behavior):
         v = p.speed * (1.0 - p.slowing * abs(turn))
         return Proposal(
             applicability=1.0,
-            desirability=commands.product(
-                _around(v / commands.max_v, commands.relative_v),
-                _around(turn, commands.relative_w),
-            ),
+            desirability=commands.around(v / commands.max_v, turn),
             prohibition=commands.zeros(),
             reason=f"flow {left:.1f} px left, {right:.1f} px right",
         )
@@ -78,9 +75,3 @@ def _sides(flow: FlowField) -> tuple[float, float]:
         total = float(weight.sum())
         means.append(float((weight * length).sum()) / total if total > 0.0 else 0.0)
     return means[0], means[1]
-
-
-def _around(value: float, values: Array) -> Array:
-    """A triangle about ``value`` over ``values`` (n,), wide enough to hold one of them."""
-    step = float(np.diff(values).max())
-    return np.maximum(0.0, 1.0 - np.abs(values - value) / (1.5 * step))

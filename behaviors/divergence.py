@@ -83,10 +83,7 @@ class Divergence(Behavior):
             reason = f"contact in {min(self._contact, 99.0):.1f} s"
         return Proposal(
             applicability=1.0,
-            desirability=commands.product(
-                _around(v / commands.max_v, commands.relative_v),
-                _around(turn, commands.relative_w),
-            ),
+            desirability=commands.around(v / commands.max_v, turn),
             prohibition=commands.zeros(),
             reason=reason,
         )
@@ -162,9 +159,3 @@ def _mean_turn(flow: FlowField) -> float:
     """Positive where the left half of the image shows less flow than the right one."""
     length = np.nan_to_num(np.hypot(flow.vectors[..., 0], flow.vectors[..., 1]))
     return float((flow.confidence * length * np.sign(flow.points[..., 0])).sum())
-
-
-def _around(value: float, values: Array) -> Array:
-    """A triangle about ``value`` over ``values`` (n,), wide enough to hold one of them."""
-    step = float(np.diff(values).max())
-    return np.maximum(0.0, 1.0 - np.abs(values - value) / (1.5 * step))

@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from navfw.robot import RobotModel
 from navfw.signals import Array, Twist
 
-__all__ = ["CommandGrid", "CommandGridParams"]
+__all__ = ["CommandGrid", "CommandGridParams", "peak"]
 
 
 class CommandGridParams(BaseModel):
@@ -61,9 +61,25 @@ class CommandGrid:
         """Desirability (n_v, n_w) from a set over speeds (n_v,) and one over turns (n_w,)."""
         return np.outer(speed, turn)
 
+    def around(self, speed: float, turn: float) -> Array:
+        """Desirability (n_v, n_w) of one command alone, and of those of the grid next to it.
+
+        ``speed`` and ``turn`` are in units of the top speed and top turning rate.
+        """
+        return self.product(peak(speed, self.relative_v), peak(turn, self.relative_w))
+
     def nearest(self, twist: Twist) -> tuple[int, int]:
         """Indices of the grid command nearest to ``twist``."""
         return (
             int(np.abs(self.v - twist.v).argmin()),
             int(np.abs(self.w - twist.w).argmin()),
         )
+
+
+def peak(value: float, values: Array, steps: float = 1.5) -> Array:
+    """A triangle about ``value`` at ``values`` (n,) ascending; it ends ``steps`` of theirs off.
+
+    With more than half a step it holds at least one of them, wherever between them it lies.
+    """
+    step = float(np.diff(values).max())
+    return np.maximum(0.0, 1.0 - np.abs(values - value) / (steps * step))

@@ -11,15 +11,15 @@ import importlib
 import math
 from typing import Annotated, Any, ClassVar
 
-import numpy as np
 from pydantic import Field
 
 from navfw.errors import MissingExtraError, PluginError
 from navfw.kinds import Behavior
+from navfw.mofis.commands import peak
 from navfw.mofis.context import Context
 from navfw.mofis.surroundings import Surroundings, SurroundingsSource
 from navfw.robot import RobotModel
-from navfw.signals import Proposal
+from navfw.signals import Array, Proposal
 
 __all__ = ["Navground"]
 
@@ -84,7 +84,7 @@ class Navground(Behavior):
         return Proposal(
             applicability=1.0,
             desirability=commands.product(
-                _around(v, commands.v, commands.max_v), _around(w, commands.w, commands.max_w)
+                _peak(v, commands.v, commands.max_v), _peak(w, commands.w, commands.max_w)
             ),
             prohibition=commands.zeros(),
             reason=f"{len(around.edges)} edges, {len(around.discs)} discs and "
@@ -133,8 +133,7 @@ def _navground(module: str) -> Any:
         raise MissingExtraError("navground", key=Navground.name) from None
 
 
-def _around(value: float, values: np.ndarray[Any, np.dtype[np.float64]], most: float) -> Any:
-    """A triangle about ``value`` over ``values`` (n,), wide enough to hold one of them."""
+def _peak(value: float, values: Array, most: float) -> Array:
+    """``value``, kept within ``values`` (n,) and ``most``, as a triangle that is not any wider."""
     value = min(most, max(float(values[0]), value if math.isfinite(value) else 0.0))
-    step = float(np.diff(values).max())
-    return np.maximum(0.0, 1.0 - np.abs(values - value) / (1.01 * step))
+    return peak(value, values, steps=1.01)
