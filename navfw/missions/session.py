@@ -45,7 +45,7 @@ from navfw.stack import Stack
 if TYPE_CHECKING:
     from navfw.plugins import Registry
 
-__all__ = ["MissionResult", "Session", "prepare", "split_overrides"]
+__all__ = ["MissionResult", "Session", "mission_stack", "prepare", "split_overrides"]
 
 DEFAULT_STACK = "default"
 
@@ -281,7 +281,7 @@ def prepare(
     opened = FloorPlan.from_world(with_doors_open(world_spec, loaded.spec.events), height)
     loaded = loaded.placed(seed, opened)
     shortest = loaded.check(opened)
-    stack_file = _stack_of(loaded) if stack is None else find("stack", stack)
+    stack_file = mission_stack(loaded) if stack is None else find("stack", stack)
     built = Stack.load(
         stack_file, loaded.spec.robot, loaded.topo_map, registry or _registry(), for_stack
     )
@@ -323,8 +323,13 @@ def with_drops(world: WorldSpec, mission: MissionFile) -> WorldSpec:
     return changed
 
 
-def _stack_of(mission: MissionFile) -> Path:
-    """The stack file that the mission names, or the default one."""
+def mission_stack(mission: MissionFile) -> Path:
+    """The stack file that the mission names, or the default one.
+
+    Raises:
+        UnknownNameError: there is no stack of that name; the mission's file and line are named.
+
+    """
     name = mission.spec.stack or DEFAULT_STACK
     try:
         return find("stack", name)

@@ -23,7 +23,7 @@ class Case:
     """One run to be made: plain data that travels to a worker process.
 
     Either ``world`` and ``mission`` are files, or ``family`` and ``difficulty`` say what the seed
-    generates.
+    generates. ``stack`` is a file; empty: the one that the mission names.
     """
 
     index: int
@@ -60,7 +60,7 @@ class Case:
                 self.family,
                 self.seed,
                 self.difficulty,
-                stack=self.stack,
+                stack=self.stack or None,
                 overrides=self.overrides,
                 registry=registry,
                 world_name=self.world_name,
@@ -69,7 +69,7 @@ class Case:
             self.world,
             self.mission,
             self.seed,
-            stack=self.stack,
+            stack=self.stack or None,
             overrides=self.overrides,
             registry=registry,
         )

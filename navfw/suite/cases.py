@@ -15,7 +15,7 @@ import numpy as np
 from navfw.config.document import shown_path
 from navfw.config.lookup import find, find_mission, list_missions
 from navfw.errors import ConfigError, InputError, MissingExtraError, UnknownNameError
-from navfw.missions.session import DEFAULT_STACK, Session
+from navfw.missions.session import Session
 from navfw.suite.case import Case
 from navfw.suite.suitefile import EntrySpec, Expect, Suite, VariantSpec
 
@@ -58,7 +58,8 @@ def plan_runs(
 ) -> Plan:
     """Expand and check a suite.
 
-    ``stacks``, where given, go before the entries' own: every entry is run with each of them.
+    ``stacks``, where given, go before the entries' own: every entry is run with each of them. An
+    entry without one has each mission driven with the stack that the mission names.
     ``overrides`` come after those of the entries. ``worlds`` takes the place of every folder that
     an entry names. ``variants`` are those to run, of the suite's; all if there are none. One that
     needs a package that is not installed is left out, and told in the plan's ``skipped``.
@@ -84,14 +85,15 @@ def plan_runs(
             for name, file in (chosen or _stacks_of(suite, index, variant)).items():
                 case = replace(
                     template,
-                    stack=str(file),
+                    stack=str(file or ""),
                     stack_name=name,
                     variant=variant,
                     overrides=(*entry.overrides, *way.overrides, *overrides),
                     seed=seeds[0],
                 )
                 try:
-                    content |= _check(suite, index, case, registry)
+                    case, parts = _check(suite, index, case, registry)
+                    content |= parts
                 except MissingExtraError as error:
                     if not variant:
                         raise
@@ -121,15 +123,20 @@ def _ways(suite: Suite, wanted: Sequence[str], stacks: Sequence[str]) -> dict[st
     return ways
 
 
-def _stacks_of(suite: Suite, index: int, variant: str) -> dict[str, Path]:
-    """The stack of a variant, else of an entry, else the default one."""
+def _stacks_of(suite: Suite, index: int, variant: str) -> Mapping[str, Path | None]:
+    """The stack of a variant, else of an entry, else of the mission, as yet unknown (None)."""
     own = suite.variants[variant].stack
     if own is None:
-        return _stack_files([suite.spec.entries[index].stack or DEFAULT_STACK], suite, index)
+        return _stack_of_entry(suite, index)
     try:
         return _stack_files([own])
     except InputError as error:
         raise suite.blame(error, index, "stack", variant) from None
+
+
+def _stack_of_entry(suite: Suite, index: int) -> Mapping[str, Path | None]:
+    own = suite.spec.entries[index].stack
+    return {"": None} if own is None else _stack_files([own], suite, index)
 
 
 def draw_difficulty(difficulty: float | tuple[float, float] | None, seed: int) -> float | None:
@@ -234,9 +241,10 @@ def _missions(world: Path, entry: EntrySpec) -> list[tuple[str, Path]]:
 # --- checking ------------------------------------------------------------------------------------
 
 
-def _check(suite: Suite, index: int, case: Case, registry: Registry) -> dict[str, str]:
-    """Build the case once, so that nothing is wrong with it later; the fingerprints of its parts.
+def _check(suite: Suite, index: int, case: Case, registry: Registry) -> tuple[Case, dict[str, str]]:
+    """Build the case once, so that nothing is wrong with it later.
 
+    Gives the case with its stack, which may be the mission's, and the fingerprints of its parts.
     Of a family only the first seed can be tried: another seed may still fail, as its run's fault.
     """
     entry = suite.spec.entries[index]
@@ -250,6 +258,8 @@ def _check(suite: Suite, index: int, case: Case, registry: Registry) -> dict[str
             raise suite.blame(error, index, None, case.variant) from None
         unknown = isinstance(error, UnknownNameError) and error.what.startswith("family")
         raise suite.blame(error, index, "family" if unknown else None) from None
+    file = session.stack_file.absolute()
+    case = replace(case, stack=str(file), stack_name=file.stem)
     title = f"entry {case.entry}" + (f", variant {case.variant}" if case.variant else "")
     parts = {
         title: _digest([entry.model_dump(mode="json", exclude={"name", "worlds", "expect"})]),
@@ -262,14 +272,14 @@ def _check(suite: Suite, index: int, case: Case, registry: Registry) -> dict[str
         parts[f"mission {case.mission_name} of {case.world_name} of {title}"] = _digest(
             [mission.read_text("utf-8"), _map_of(session)]
         )
-    return parts
+    return case, parts
 
 
 def _runs_without_variant(suite: Suite, index: int, case: Case, registry: Registry) -> bool:
     """Whether the variant is to blame for a case that cannot be: without it, all is well."""
     entry = suite.spec.entries[index]
-    name, file = next(iter(_stack_files([entry.stack or DEFAULT_STACK], suite, index).items()))
-    plain = replace(case, stack=str(file), stack_name=name, overrides=entry.overrides, variant="")
+    file = next(iter(_stack_of_entry(suite, index).values()))
+    plain = replace(case, stack=str(file or ""), overrides=entry.overrides, variant="")
     try:
         plain.session(registry)
     except InputError:

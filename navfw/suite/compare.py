@@ -40,19 +40,25 @@ def of_variant(rows: Sequence[RunRow], name: str | None) -> Sequence[RunRow]:
 def pair_up(first: Sequence[RunRow], second: Sequence[RunRow]) -> list[Pair]:
     """The runs that both tables have, in the order of the first.
 
-    Tables of one stack each are paired whatever the stacks are called, and so are those of one
-    variant each: comparing them is what this is for. Runs that a person cancelled are left out.
+    Tables with one stack for each run are paired whatever the stacks are called, and so are those
+    of one variant each: comparing them is what this is for. Runs that a person cancelled are left
+    out.
 
     Raises:
         InputError: no run is in both.
 
     """
     by_variant = any(len({row.variant for row in rows}) > 1 for rows in (first, second))
-    by_stack = any(len({row.stack for row in rows}) > 1 for rows in (first, second))
+
+    def bare(row: RunRow) -> Key:
+        kept = row.key._replace(stack="")
+        return kept if by_variant else kept._replace(variant="")
+
+    # missions may each have a stack of their own; only the same mission with two needs telling
+    by_stack = any(len({bare(row) for row in rows}) < len(rows) for rows in (first, second))
 
     def key(row: RunRow) -> Key:
-        kept = row.key if by_stack else row.key._replace(stack="")
-        return kept if by_variant else kept._replace(variant="")
+        return bare(row)._replace(stack=row.stack) if by_stack else bare(row)
 
     others = {key(row): row for row in second if row.outcome != "cancelled"}
     pairs = [

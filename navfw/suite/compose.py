@@ -14,7 +14,7 @@ from navfw.config.yamlfile import validate
 from navfw.errors import ConfigError, WorldError
 from navfw.missions.events import resolve_events
 from navfw.missions.missionfile import MissionFile, MissionSpec, PlaceStart, PointGoal
-from navfw.missions.session import Session, prepare, split_overrides
+from navfw.missions.session import Session, mission_stack, prepare, split_overrides
 from navfw.signals import Pose, Waypoint
 from navfw.sim.floorplan import FloorPlan
 from navfw.sim.worldfile import WorldSpec
@@ -53,7 +53,7 @@ def prepared_session(
     mission: str,
     seed: int,
     *,
-    stack: str,
+    stack: str | None,
     overrides: Sequence[str],
     registry: Registry,
 ) -> Session:
@@ -66,12 +66,14 @@ def generated_session(
     seed: int,
     difficulty: float | None,
     *,
-    stack: str,
+    stack: str | None,
     overrides: Sequence[str],
     registry: Registry,
     world_name: str,
 ) -> Session:
     """The session of a generated world: the seed is that of the world, and of all noise.
+
+    Without ``stack`` it is the mission's own, or the default one.
 
     Raises:
         InputError: no such family or difficulty, an override that does not fit, or a world in
@@ -93,7 +95,7 @@ def generated_session(
     )
     plan = FloorPlan.from_world(made.world, spec.robot.height)
     shortest = mission.check(plan)
-    stack_file = find("stack", stack)
+    stack_file = mission_stack(mission) if stack is None else find("stack", stack)
     built = Stack.load(stack_file, spec.robot, made.topo_map, registry, for_stack)
     return Session(
         world_name=world_name,

@@ -90,7 +90,9 @@ class EntrySpec(_Spec):
         Difficulty | Annotated[tuple[Difficulty, Difficulty], AfterValidator(_ascending)] | None,
         Field(description="of the family, 0 to 1; or [from, to], drawn from the seed"),
     ] = None
-    stack: Annotated[str | None, Field(description="a stack's name or file")] = None
+    stack: Annotated[
+        str | None, Field(description="a stack's name or file [default: each mission's own]")
+    ] = None
     set: Annotated[
         Mapping[str, Any], Field(description="what differs, as with --set: {avoid.spare: 0.1}")
     ] = Field(default_factory=dict)

@@ -69,6 +69,14 @@ def test_tables_of_several_stacks_are_paired_by_stack() -> None:
     assert (found["pairs"], found["success_difference"], found["p"]) == (2, 0.0, 1.0)
 
 
+def test_missions_with_stacks_of_their_own_are_paired_with_those_of_one_stack() -> None:
+    own = [row(1, mission="near", stack="default"), row(1, mission="far", stack="landmarks")]
+    one = [row(1, mission="near", stack="paper"), row(1, "lost", mission="far", stack="paper")]
+    found = compare(own, one)
+    assert (found["pairs"], found["unpaired"]) == (2, 0)
+    assert [run["mission"] for run in found["lost"]] == ["far"]
+
+
 def test_cancelled_runs_have_no_say() -> None:
     found = compare([row(1, "cancelled"), row(2)], [row(1), row(2)])
     assert found["pairs"] == 1
