@@ -1,0 +1,67 @@
+"""Who is put down at any place of the hospital sees a marker once he turns round."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import pytest
+
+from navfw.config.lookup import find
+from navfw.features.aruco import Aruco
+from navfw.missions.starts import candidates
+from navfw.robot import RobotModel
+from navfw.signals import Frame, Pose
+from navfw.sim.sensors import SensorParams
+from navfw.sim.simulation import Simulation
+from navfw.sim.worldfile import load_world
+from navfw.topomap.files import load_map
+from navfw.topomap.model import Place, TopoMap
+
+VIEWS = 12
+
+
+@pytest.fixture(scope="module")
+def hospital() -> TopoMap:
+    return load_map(find("map", "hospital"))
+
+
+@pytest.fixture(scope="module")
+def simulation(hospital: TopoMap) -> Iterator[Simulation]:
+    robot = RobotModel()
+    camera = robot.model_copy(update={"camera": robot.landmark_view})
+    start = hospital.places["lab"]
+    world = load_world(find("world", "hospital"))
+    perfect = SensorParams.preset("perfect")
+    with Simulation(world, camera, Pose(start.x, start.y, 0.0), 0, perfect) as running:
+        yield running
+
+
+def seen_around(simulation: Simulation, hospital: TopoMap, place: Place) -> set[str]:
+    """The markers of the map that are recognised in a full turn at ``place``."""
+    recognizer = Aruco(RobotModel())
+    recognizer.study(hospital)
+    found: set[str] = set()
+    for view in range(VIEWS):
+        yaw = view * 2.0 * math.pi / VIEWS
+        image, _ = simulation.look_from(Pose(place.x, place.y, yaw))
+        found |= {sighting.identity for sighting in recognizer.recognize(Frame(0.0, image))}
+    return found & hospital.landmarks_by_identity.keys()
+
+
+@pytest.mark.parametrize(
+    ("name", "number"), [("pharmacy-east", 81), ("kitchen-west", 82), ("kitchen-west", 83)]
+)
+def test_corners_behind_furniture_have_markers_of_their_own(
+    simulation: Simulation, hospital: TopoMap, name: str, number: int
+) -> None:
+    assert f"aruco-{number}" in seen_around(simulation, hospital, hospital.places[name])
+
+
+@pytest.mark.slow
+def test_a_marker_is_seen_from_wherever_the_robot_may_be_put_down(
+    simulation: Simulation, hospital: TopoMap
+) -> None:
+    places = candidates(hospital, [])
+    blind = [p.name for p in places if not seen_around(simulation, hospital, p)]
+    assert blind == []
