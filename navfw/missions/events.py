@@ -36,6 +36,7 @@ from navfw.sim.actions import (
     Textureless,
     WeakWheel,
 )
+from navfw.sim.drops import drop_under
 from navfw.sim.textures import STOCK
 from navfw.sim.worldfile import WorldSpec
 from navfw.topomap.model import TopoMap
@@ -216,7 +217,8 @@ def resolve_events(
     """The events of a mission file, checked against its map, its world and the stack's behaviours.
 
     Raises:
-        ConfigError: an event lies after the ``timeout`` [s], or a thing lies off the floor.
+        ConfigError: an event lies after the ``timeout`` [s], or a thing lies off the floor or over
+            a hole in it.
         UnknownNameError: it names a place, door, behaviour, wall, thing or texture that is not
             there.
 
@@ -256,7 +258,8 @@ class _Checker:
             *(cylinder.name for cylinder in world.cylinders),
         ]
         movers = [mover.name for mover in world.movers]
-        self.taken = {"floor", *self.things, *self.doors, *movers}
+        drops = [drop.name for drop in world.drops]
+        self.taken = {"floor", *self.things, *self.doors, *movers, *drops}
 
     def event(self, index: int, spec: EventSpec, timeout: float) -> Event:
         """The event with this index in the file."""
@@ -305,6 +308,10 @@ class _Checker:
             if not (world.x[0] <= x <= world.x[1] and world.y[0] <= y <= world.y[1]):
                 floor = f"x {list(world.x)} y {list(world.y)} [m]"
                 self._refuse((*path, "at"), f"{[x, y]} lies off the floor, {floor}")
+            if hole := drop_under(world, obstacle.footprint(x, y)):
+                what = f"{obstacle.name!r} would stand on nothing over {hole.name!r}, x"
+                what += f" {list(hole.x)} y {list(hole.y)} [m]; move it, or make it smaller"
+                self._refuse((*path, "at"), what)
 
     def _known(self, what: str, name: str, known: Iterable[str], path: KeyPath) -> None:
         names = list(known)

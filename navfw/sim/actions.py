@@ -11,6 +11,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from navfw.errors import did_you_mean
+from navfw.sim.shapes import Disc, Rectangle, Shape
 
 __all__ = [
     "Action",
@@ -162,7 +163,11 @@ class DoorChange(_Spec):
 
 
 class Obstacle(_Spec):
-    """A box or a cylinder that stands there all at once; it waits until its place is free."""
+    """A box or a cylinder that stands there all at once; it waits until its place is free.
+
+    Nothing stands over a hole in the floor: what is to appear ``ahead`` of the robot waits until it
+    has floor in front of it.
+    """
 
     name: Annotated[str, Field(min_length=1, max_length=60, description="contacts report it")] = (
         "obstacle"
@@ -185,6 +190,12 @@ class Obstacle(_Spec):
             if sum(getattr(self, key) is not None for key in keys) != 1:
                 raise ValueError(f"expected exactly one of {' and '.join(keys)}")
         return self
+
+    def footprint(self, x: float, y: float) -> Shape:
+        """Its outline in the plan with its centre at (x, y) [m]."""
+        if self.size is None:
+            return Disc(x, y, self.radius or 0.0)
+        return Rectangle(x, y, 0.5 * self.size[0], 0.5 * self.size[1], self.yaw)
 
 
 Action = (

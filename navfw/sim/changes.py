@@ -10,9 +10,10 @@ import numpy as np
 
 from navfw.signals import Array, Pose
 from navfw.sim.actions import DoorChange, Obstacle, Textureless
+from navfw.sim.drops import drop_under
 from navfw.sim.layout import Solid, solids_of
 from navfw.sim.scene import Scene
-from navfw.sim.shapes import Disc, Rectangle, Shape
+from navfw.sim.shapes import Rectangle, Shape
 from navfw.sim.worldfile import WorldSpec
 
 __all__ = ["CLEAR_OF_ROBOT", "ChangeTrack", "Changes", "Presence", "all_doors", "stretch_within"]
@@ -54,7 +55,8 @@ class ChangeTrack:
 class Changes:
     """Makes the changes in force true in a scene; the newest word on a door counts.
 
-    ``settled`` is false while something has to wait for the robot to be out of the way.
+    ``settled`` is false while something has to wait for the robot to be out of the way, or for
+    floor to stand on.
     """
 
     def __init__(self, world: WorldSpec, scene: Scene) -> None:
@@ -62,7 +64,7 @@ class Changes:
         self._scene = scene
         self._doors = all_doors(world)
         self._said: list[DoorChange] = []
-        self._obstacles: list[tuple[Obstacle, Solid]] = []
+        self._obstacles: list[tuple[Obstacle, Solid | None]] = []
         self._blank: list[tuple[Textureless, int]] = []
         self._standing = {d.name: self._doors[d.name] for d in world.doors if d.state == "closed"}
         self._began = dict.fromkeys(self._standing, 0.0)
@@ -76,7 +78,7 @@ class Changes:
             covered = _blanked(self._world, change)
             self._blank.append((change, self._scene.scenery.cover(covered, change.brightness)))
         elif isinstance(change, Obstacle):
-            self._obstacles.append((change, _solid_of(change, robot)))
+            self._obstacles.append((change, self._place(change, robot)))
         else:
             self._said.append(change)
         self.settled = False
@@ -95,6 +97,9 @@ class Changes:
 
     def update(self, time: float, robot: Pose, radius: float) -> None:
         """Put up and take away what has to be, with the robot (``radius`` [m]) where it is."""
+        self._obstacles = [
+            (thing, solid or self._place(thing, robot)) for thing, solid in self._obstacles
+        ]
         wanted = self._wanted()
         for name in [name for name in self._standing if name not in wanted]:
             self._scene.take_away(name)
@@ -110,7 +115,8 @@ class Changes:
                 self._scene.put_up(solid)
                 self._standing[name], self._began[name] = solid, time
                 self._touched.add(name)
-        self.settled = wanted.keys() == self._standing.keys()
+        waiting = any(solid is None for _, solid in self._obstacles)
+        self.settled = wanted.keys() == self._standing.keys() and not waiting
 
     def track(self) -> ChangeTrack:
         """What came and went so far; doors that nothing was said of are not among it."""
@@ -125,7 +131,16 @@ class Changes:
         state = {door.name: door.state for door in self._world.doors}
         state |= {change.name: change.state for change in self._said}
         closed = {name: self._doors[name] for name in state if state[name] == "closed"}
-        return closed | {solid.name: solid for _, solid in self._obstacles}
+        return closed | {solid.name: solid for _, solid in self._obstacles if solid is not None}
+
+    def _place(self, obstacle: Obstacle, robot: Pose) -> Solid | None:
+        """The obstacle where it is to stand; None while there is a hole instead of floor."""
+        x, y = obstacle.at or robot.to_parent(obstacle.ahead or 0.0, 0.0)
+        shape = obstacle.footprint(x, y)
+        if drop_under(self._world, shape) is not None:
+            return None
+        kind: Literal["box", "cylinder"] = "cylinder" if obstacle.size is None else "box"
+        return Solid(obstacle.name, kind, shape, 0.0, obstacle.height, obstacle.texture)
 
 
 def all_doors(world: WorldSpec) -> dict[str, Solid]:
@@ -133,17 +148,6 @@ def all_doors(world: WorldSpec) -> dict[str, Solid]:
     doors = tuple(door.model_copy(update={"state": "closed"}) for door in world.doors)
     closed = world.model_copy(update={"doors": doors})
     return {solid.name: solid for solid in solids_of(closed) if solid.kind == "door"}
-
-
-def _solid_of(obstacle: Obstacle, robot: Pose) -> Solid:
-    x, y = obstacle.at or robot.to_parent(obstacle.ahead or 0.0, 0.0)
-    shape: Shape
-    if obstacle.size is not None:
-        shape = Rectangle(x, y, 0.5 * obstacle.size[0], 0.5 * obstacle.size[1], obstacle.yaw)
-    else:
-        shape = Disc(x, y, obstacle.radius or 0.0)
-    kind: Literal["box", "cylinder"] = "cylinder" if obstacle.size is None else "box"
-    return Solid(obstacle.name, kind, shape, 0.0, obstacle.height, obstacle.texture)
 
 
 def _blanked(world: WorldSpec, change: Textureless) -> list[Solid]:

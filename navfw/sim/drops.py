@@ -15,7 +15,7 @@ import numpy as np
 
 from navfw.signals import Array
 from navfw.sim.layout import solids_of
-from navfw.sim.shapes import Disc, Rectangle, overlap_depth
+from navfw.sim.shapes import Disc, Rectangle, Shape, overlap_depth
 
 if TYPE_CHECKING:
     from navfw.sim.worldfile import DropSpec, WorldSpec
@@ -25,6 +25,7 @@ __all__ = [
     "drop_at",
     "drop_problems",
     "drop_rectangle",
+    "drop_under",
     "fallen_into",
     "floor_pieces",
     "treads_of",
@@ -128,6 +129,14 @@ def drop_at(world: WorldSpec, x: float, y: float) -> DropSpec | None:
     """The drop that a point [m] lies in, if any."""
     for drop in world.drops:
         if drop.x[0] < x < drop.x[1] and drop.y[0] < y < drop.y[1]:
+            return drop
+    return None
+
+
+def drop_under(world: WorldSpec, shape: Shape) -> DropSpec | None:
+    """The drop that something with this outline would stand over, if any."""
+    for drop in world.drops:
+        if overlap_depth(shape, drop_rectangle(drop)) > _TOUCH:
             return drop
     return None
 

@@ -95,6 +95,27 @@ def test_two_obstacles_need_two_names(tmp_path: Path) -> None:
         prepare("paper-room", mission(tmp_path, thing, thing))
 
 
+HOLE = "mission.drops=[{name: shaft, x: [2.0, 2.6], y: [2.0, 2.6]}]"
+
+
+@pytest.mark.parametrize("shape", ["radius: 0.2", "size: [0.5, 0.3], yaw: 0.7"])
+def test_an_obstacle_over_a_hole_is_refused(tmp_path: Path, shape: str) -> None:
+    file = mission(tmp_path, f"{{at: 1, obstacle: {{at: [1.9, 2.3], {shape}}}}}")
+    with pytest.raises(InputError) as caught:
+        prepare("paper-room", file, overrides=[HOLE])
+    text = str(caught.value)
+    assert "events.yaml:6: events[1].obstacle.at: 'obstacle' would stand on nothing" in text
+    assert "over 'shaft', x [2.0, 2.6] y [2.0, 2.6] [m]; move it" in text
+    assert prepare("paper-room", file).events  # without the hole it may stand there
+
+
+def test_an_obstacle_beside_a_hole_has_a_name_of_its_own(tmp_path: Path) -> None:
+    thing = "{at: 1, obstacle: {name: %s, at: [1.7, 2.3], radius: 0.2}}"
+    assert prepare("paper-room", mission(tmp_path, thing % "carton"), overrides=[HOLE]).events
+    with pytest.raises(InputError, match=r"events\[1\].obstacle.name: .*'shaft' is taken"):
+        prepare("paper-room", mission(tmp_path, thing % "shaft"), overrides=[HOLE])
+
+
 def test_a_wrong_event_is_bad_input_on_the_command_line(tmp_path: Path) -> None:
     out = tmp_path / "out"
     event = "mission.events=[{at: 1, camera: blak}]"

@@ -25,9 +25,10 @@ from navfw.sim.actions import (
     WeakWheel,
 )
 from navfw.sim.changes import CLEAR_OF_ROBOT
+from navfw.sim.drops import drop_rectangle
 from navfw.sim.sensors import SensorParams
 from navfw.sim.simulation import Simulation
-from navfw.sim.worldfile import DoorSpec, OpeningSpec, WallSpec, WorldSpec, load_world
+from navfw.sim.worldfile import DoorSpec, DropSpec, OpeningSpec, WallSpec, WorldSpec, load_world
 
 ROBOT = RobotModel()
 START = Pose(1.0, 1.5, 0.3)
@@ -213,6 +214,20 @@ def test_an_obstacle_appears_in_front_and_vanishes(room: Simulation) -> None:
     (presence,) = [p for p in room.change_track().presences if p.end == math.inf]
     x, y = START.to_parent(1.5, 0.0)
     assert (presence.shape.x, presence.shape.y) == pytest.approx((x, y), abs=0.01)
+
+
+def test_nothing_appears_over_a_hole() -> None:
+    world = load_world(find("world", "paper-room"))
+    hole = DropSpec(name="pit", x=(1.6, 2.2), y=(1.2, 1.8))
+    world = world.model_copy(update={"drops": (hole,)})
+    with Simulation(world, ROBOT, Pose(1.0, 1.5, 0.0), 0, QUIET) as simulation:
+        simulation.begin(Obstacle(ahead=0.7, radius=0.1))
+        drive(simulation, 0.2, 0.0, 0.0)
+        assert simulation.change_track().presences == ()
+        drive(simulation, 1.5, -2.0, 2.0)  # off the hole, there is floor ahead
+        (presence,) = simulation.change_track().presences
+        middle = np.array([[presence.shape.x, presence.shape.y]])
+        assert drop_rectangle(hole).distance(middle)[0] == pytest.approx(0.1, abs=0.03)
 
 
 def test_nothing_appears_on_the_robot(room: Simulation) -> None:
