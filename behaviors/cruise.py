@@ -28,13 +28,12 @@ class Cruise(Behavior):
 
     def propose(self, context: Context) -> Proposal:
         """Desire the speed that the rules give for what is around."""
-        commands, waypoint = context.commands, context.waypoint
+        commands = context.commands
         nothing = commands.zeros()
-        if waypoint is None:
+        if context.waypoint is None:
             return Proposal(0.0, nothing, nothing, "nowhere to go")
-        door = context.waypoint_distance if waypoint.kind == "door" else 3.0
         nearest = context.ranges.nearest(-1.2, 1.2)
-        verdict = self.rules.evaluate(nearest=nearest, door=min(door, 3.0))
+        verdict = self.rules.evaluate(nearest=nearest, door=context.door_distance)
         speed = verdict.over("speed", commands.relative_v)
         return Proposal(
             applicability=self.params.weight,

@@ -74,7 +74,7 @@ class Escape(Behavior):
             self._still_since = None
         elif self._still_since is None:
             self._still_since = context.time
-        if context.aim is None or context.aim.reachable:
+        if not context.barred:
             self._barred_since = None
         elif self._barred_since is None:
             self._barred_since = context.time

@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, ClassVar
 
-import numpy as np
 from pydantic import Field
 
 from navfw import BehaviorRules, Composite, Context, Explain, RobotModel
@@ -55,19 +54,17 @@ class Search(Composite):
     def weigh(self, context: Context) -> Mapping[str, float]:
         """The degree of applicability of each primitive named in the rules."""
         lost = context.belief.lost
-        doubt = 2.0 if lost else _deviation(context) / self.params.sigma
+        doubt = 2.0 if lost else context.belief.sigma / self.params.sigma
         searched = self._keep_account(context, doubtful=doubt >= 1.0)
-        barred = context.aim is not None and not context.aim.reachable
-        at_door = context.waypoint is not None and context.waypoint.kind == "door"
         verdict = self.rules.evaluate(
             doubt=min(doubt, 2.0),
             looked=float(self._turned >= 2.0 * math.pi),
             # who is lost has nowhere to travel to
             searched=0.0 if lost else searched / self.params.patience,
             idle=context.idle,
-            barred=float(barred),
+            barred=float(context.barred),
             corridor=context.ranges.corridor,
-            door=context.waypoint_distance if at_door else 3.0,
+            door=context.door_distance,
         )
         self._fired = verdict.explain
         return {name: verdict.degree(name) for name in self.rules.outputs}
@@ -95,9 +92,3 @@ class Search(Composite):
         if self._driven >= self.params.stretch:
             self._turned = self._driven = 0.0
         return context.time - self._since
-
-
-def _deviation(context: Context) -> float:
-    """The largest standard deviation [m] of the believed position, in any direction."""
-    spread = np.linalg.eigvalsh(context.belief.covariance[:2, :2])
-    return math.sqrt(max(float(spread[-1]), 0.0))

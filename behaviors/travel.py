@@ -26,13 +26,11 @@ class Travel(Composite):
 
     def weigh(self, context: Context) -> Mapping[str, float]:
         """The degree of applicability of each primitive named in the rules."""
-        barred = context.aim is not None and not context.aim.reachable
-        at_door = context.waypoint is not None and context.waypoint.kind == "door"
         verdict = self.rules.evaluate(
             idle=context.idle,
-            barred=float(barred),
+            barred=float(context.barred),
             corridor=context.ranges.corridor,
-            door=context.waypoint_distance if at_door else 3.0,
+            door=context.door_distance,
         )
         self._fired = verdict.explain
         return {name: verdict.degree(name) for name in self.rules.outputs}

@@ -43,6 +43,7 @@ __all__ = [
     "Sighting",
     "Twist",
     "Waypoint",
+    "position_sigma",
     "wrap_angle",
 ]
 
@@ -54,6 +55,11 @@ Mask = npt.NDArray[np.bool_]
 def wrap_angle(angle: float) -> float:
     """The same angle [rad] in (-pi, pi]."""
     return math.pi - (math.pi - angle) % (2.0 * math.pi)
+
+
+def position_sigma(covariance: Array) -> float:
+    """The largest standard deviation [m], in any direction, by the (3, 3) of (x, y, yaw)."""
+    return math.sqrt(max(float(np.linalg.eigvalsh(covariance[:2, :2])[-1]), 0.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -328,6 +334,11 @@ class Belief:
     confidence: float = 1.0
     lost: bool = False
     updates: int = 0
+
+    @property
+    def sigma(self) -> float:
+        """The largest standard deviation [m] of the position, in any direction."""
+        return position_sigma(self.covariance)
 
 
 @dataclass(frozen=True, slots=True)

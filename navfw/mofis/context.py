@@ -65,3 +65,14 @@ class Context:
         """Bearing [rad, left positive] of the waypoint; 0 when there is none."""
         x, y = self.waypoint_local
         return math.atan2(y, x)
+
+    @property
+    def door_distance(self) -> float:
+        """Distance [m] to the door that is the waypoint; infinite when it is none."""
+        at_door = self.waypoint is not None and self.waypoint.kind == "door"
+        return self.waypoint_distance if at_door else math.inf
+
+    @property
+    def barred(self) -> bool:
+        """Whether there is somewhere to go, and no remembered way leads there."""
+        return self.aim is not None and not self.aim.reachable

@@ -94,7 +94,7 @@ class PassageWatch:
         def to_map(x: float, y: float) -> tuple[float, float]:
             return belief.pose.to_parent(*pose.to_local(x, y))
 
-        sigma = math.sqrt(max(float(np.linalg.eigvalsh(belief.covariance[:2, :2])[-1]), 0.0))
+        sigma = belief.sigma
         if sigma > self.params.surest:
             queries = ()  # who does not know where he stands cannot tell which passage he sees
         legs = [

@@ -7,10 +7,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from navfw.signals import Array, Pose
+from navfw.signals import Array, Pose, position_sigma
 from navfw.topomap.model import TopoMap
 
-__all__ = ["AT_PLACE", "COUNT", "WITHIN", "deviation", "likeliest_places", "within"]
+__all__ = ["AT_PLACE", "COUNT", "WITHIN", "likeliest_places", "within"]
 
 AT_PLACE = 1.0
 """How far around a place is still 'at' it [m]."""
@@ -42,13 +42,7 @@ def likeliest_places(
     return {names[i]: float(w) for i, w in zip(likeliest.tolist(), weights, strict=True)}
 
 
-def deviation(covariance: Array) -> float:
-    """The largest standard deviation [m] of the position, in any direction."""
-    a, b, c = float(covariance[0, 0]), float(covariance[0, 1]), float(covariance[1, 1])
-    return math.sqrt(max(0.5 * (a + c) + math.hypot(0.5 * (a - c), b), 0.0))
-
-
 def within(covariance: Array, radius: float = WITHIN) -> float:
     """The probability, at least, that the position is no farther off than ``radius`` [m]."""
-    sigma = deviation(covariance)
+    sigma = position_sigma(covariance)
     return 1.0 if sigma == 0.0 else -math.expm1(-0.5 * (radius / sigma) ** 2)

@@ -1,0 +1,46 @@
+"""What a context tells of the way there, and a belief of how unsure it is."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from navfw.signals import Belief, Pose, Twist, Waypoint
+from navfw.testing.scenes import Scene, contexts_of
+
+OPEN = contexts_of(Scene("open", Twist(0.3, 0.0), ticks=8))[-1]
+
+
+def test_only_a_door_that_is_the_waypoint_has_a_distance() -> None:
+    there = {"x": OPEN.pose.x + 0.6, "y": 0.8, "tolerance": 0.3, "place": "there", "final": False}
+    door = replace(OPEN, waypoint=Waypoint(**there, kind="door"))  # type: ignore[arg-type]
+    assert door.door_distance == pytest.approx(1.0)
+    room = replace(OPEN, waypoint=Waypoint(**there, kind="room"))  # type: ignore[arg-type]
+    assert room.waypoint_distance == pytest.approx(1.0)
+    assert room.door_distance == math.inf
+    assert replace(OPEN, waypoint=None).door_distance == math.inf
+
+
+def test_barred_takes_an_aim_that_cannot_be_reached() -> None:
+    assert OPEN.aim is not None
+    assert not replace(OPEN, aim=replace(OPEN.aim, reachable=True)).barred
+    assert replace(OPEN, aim=replace(OPEN.aim, reachable=False)).barred
+    assert not replace(OPEN, aim=None).barred
+
+
+@given(st.floats(0.0, 5.0), st.floats(0.0, 5.0), st.floats(-math.pi, math.pi))
+def test_sigma_is_the_longer_axis_of_the_ellipse_however_it_lies(
+    first: float, second: float, turn: float
+) -> None:
+    c, s = math.cos(turn), math.sin(turn)
+    axes = np.array([[c, -s], [s, c]])
+    covariance = np.zeros((3, 3))
+    covariance[:2, :2] = axes @ np.diag([first**2, second**2]) @ axes.T
+    covariance[2, 2] = 100.0
+    belief = Belief(0.0, Pose(0.0, 0.0, 0.0), covariance)
+    assert belief.sigma == pytest.approx(max(first, second), abs=1e-7)
