@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Annotated, Any, ClassVar
+from collections.abc import Mapping
+from typing import Annotated, ClassVar
 
 from pydantic import Field
 
-from navfw import BehaviorRules, Composite, Context, Explain, RobotModel
+from navfw import Context, RuledComposite
 
 
-class Search(Composite):
+class Search(RuledComposite):
     """Travels while it knows where it is; else looks round for landmarks, then explores for them.
 
     One turn on the spot, a stretch toward the unknown, another turn, and so on, until the belief
@@ -21,7 +21,7 @@ class Search(Composite):
 
     name: ClassVar[str] = "search"
 
-    class Params(Composite.Params):
+    class Params(RuledComposite.Params):
         """When it searches, and how long."""
 
         sigma: Annotated[
@@ -39,39 +39,28 @@ class Search(Composite):
 
     params: Params
 
-    def __init__(self, robot: RobotModel, params: Params | None = None) -> None:
-        super().__init__(robot, params)
-        self.rules = BehaviorRules.beside(__file__)
-        self.reset()
-
     def reset(self) -> None:
         """Nothing is being sought."""
-        self._fired: Explain | None = None
+        super().reset()
         self._since: float | None = None
         self._time = 0.0
         self._turned = self._driven = 0.0
 
-    def weigh(self, context: Context) -> Mapping[str, float]:
-        """The degree of applicability of each primitive named in the rules."""
+    def inputs(self, context: Context) -> Mapping[str, float]:
+        """What the rules judge by: those of ``travel``, and how the search goes."""
         lost = context.belief.lost
         doubt = 2.0 if lost else context.belief.sigma / self.params.sigma
         searched = self._keep_account(context, doubtful=doubt >= 1.0)
-        verdict = self.rules.evaluate(
-            doubt=min(doubt, 2.0),
-            looked=float(self._turned >= 2.0 * math.pi),
+        return {
+            "doubt": doubt,
+            "looked": self._turned >= 2.0 * math.pi,
             # who is lost has nowhere to travel to
-            searched=0.0 if lost else searched / self.params.patience,
-            idle=context.idle,
-            barred=float(context.barred),
-            corridor=context.ranges.corridor,
-            door=context.door_distance,
-        )
-        self._fired = verdict.explain
-        return {name: verdict.degree(name) for name in self.rules.outputs}
-
-    def explain(self) -> Sequence[Mapping[str, Any]]:
-        """The rules that fired for the last weights."""
-        return () if self._fired is None else self._fired(0, 0)
+            "searched": 0.0 if lost else searched / self.params.patience,
+            "idle": context.idle,
+            "barred": context.barred,
+            "corridor": context.ranges.corridor,
+            "door": context.door_distance,
+        }
 
     def _keep_account(self, context: Context, *, doubtful: bool) -> float:
         """Time [s] since the search began; turn and way since the robot last looked round."""

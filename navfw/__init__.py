@@ -21,6 +21,7 @@ if TYPE_CHECKING:
         Perception,
         Planner,
     )
+    from navfw.mofis.composite import RuledComposite
     from navfw.mofis.context import Context
     from navfw.mofis.rules import BehaviorRules
     from navfw.robot import CameraModel, RobotModel
@@ -59,6 +60,7 @@ _HOMES = {
     "Pose": "navfw.signals",
     "Proposal": "navfw.signals",
     "RobotModel": "navfw.robot",
+    "RuledComposite": "navfw.mofis.composite",
     "Twist": "navfw.signals",
     "Waypoint": "navfw.signals",
 }
@@ -84,6 +86,7 @@ __all__ = [
     "Pose",
     "Proposal",
     "RobotModel",
+    "RuledComposite",
     "Twist",
     "Waypoint",
     "__version__",

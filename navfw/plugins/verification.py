@@ -109,8 +109,11 @@ def _suggested_name(cls: type[Any]) -> str:
 def _method_problems(cls: type[Any], base: type[Any]) -> Iterator[str]:
     own = [n for n, v in vars(cls).items() if callable(v) and not n.startswith("_")]
     names = [n for n in dir(base) if not n.startswith("_") or n == "__init__"]
-    for name in names:
-        wanted = inspect.getattr_static(base, name)
+    promised = {name: inspect.getattr_static(base, name) for name in names}
+    for parent in reversed(cls.__mro__[1:]):  # a base between the two may ask for more
+        for name in sorted(getattr(parent, "__abstractmethods__", ())):
+            promised.setdefault(name, inspect.getattr_static(parent, name))
+    for name, wanted in promised.items():
         given = inspect.getattr_static(cls, name)
         if given is wanted:
             if name in cls.__abstractmethods__:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from navfw.errors import InputError
 from navfw.kinds import Behavior, Composite
 from navfw.mofis.context import Context
 from navfw.mofis.lookahead import Aim
@@ -235,6 +236,72 @@ def test_a_composite_of_a_users_own_is_found_chosen_and_told(tmp_path: Path) -> 
     config = load_stack("navfw/stacks/default.yaml", registry, ["composite={timid: }"])
     assert config.stages["composite"].name == "timid"
     assert config.stages["composite"].plugin(ROBOT).weigh(CORRIDOR)["peek"] == 1.0  # type: ignore[attr-defined]
+
+
+RULED = '''
+"""Wary: a composite of a user's own, by rules."""
+
+from typing import ClassVar
+
+from navfw import RuledComposite
+
+
+class Wary(RuledComposite):
+    """Lets the goal count where there is room."""
+
+    name: ClassVar[str] = "wary"
+
+    def inputs(self, context):
+        return {"room": context.ranges.front > 1.0}
+'''
+ROOM = """
+name: wary
+inputs:
+  room:
+    range: [0, 1]
+    terms: {no: {trapezoid: [0, 0, 0.3, 0.7]}, yes: {trapezoid: [0.3, 0.7, 1, 1]}}
+outputs:
+  go_to_xy:
+    range: [0, 1]
+    terms: {low: {triangle: [-0.2, 0, 0.2]}, high: {triangle: [0.8, 1, 1.2]}}
+rules:
+  - IF room IS no THEN go_to_xy IS low
+  - IF room IS yes THEN go_to_xy IS high
+"""
+
+
+def test_a_composite_by_rules_needs_its_inputs_and_a_file_of_rules_alone(tmp_path: Path) -> None:
+    (tmp_path / "wary.py").write_text(RULED)
+    cls = default_registry([tmp_path]).get("composite", "wary")
+    assert issubclass(cls, Composite)
+    with pytest.raises(InputError, match=r"wary\.yaml"):
+        cls(ROBOT)
+    (tmp_path / "wary.yaml").write_text(ROOM)
+    wary = cls(ROBOT)
+    assert wary.explain() == ()
+    near = replace(OPEN, ranges=replace(OPEN.ranges, free=np.full_like(OPEN.ranges.free, 0.5)))
+    assert [dict(wary.weigh(context)) for context in (OPEN, near)] == [
+        {"go_to_xy": 1.0},
+        {"go_to_xy": 0.0},
+    ]
+    assert [rule["rule"] for rule in wary.explain()] == ["IF room IS no THEN go_to_xy IS low"]
+    wary.reset()
+    assert wary.explain() == ()
+
+
+@pytest.mark.parametrize(
+    ("instead", "says"),
+    [
+        ("def input(self, context)", "missing inputs(self, context); define it instead of 'input'"),
+        ("def inputs(self)", "inputs(self) has the wrong parameters: no 'context'"),
+    ],
+)
+def test_a_composite_by_rules_without_inputs_is_refused_at_once(
+    tmp_path: Path, instead: str, says: str
+) -> None:
+    (tmp_path / "wary.py").write_text(RULED.replace("def inputs(self, context)", instead))
+    (broken,) = default_registry([tmp_path]).broken()
+    assert says in broken["error"]
 
 
 def test_a_broken_composite_is_told_and_stops_nothing_else(tmp_path: Path) -> None:

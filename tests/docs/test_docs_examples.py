@@ -20,7 +20,7 @@ from navfw.missions.outcome import Outcome
 from navfw.missions.session import MissionResult, prepare
 from navfw.plugins import default_registry
 from navfw.stackfile import load_stack
-from navfw.testing import check_behavior
+from navfw.testing import check_behavior, check_composite
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md"]
@@ -75,6 +75,12 @@ def test_the_behaviour_is_found_and_keeps_the_contract() -> None:
     assert [parameter["name"] for parameter in listed["parameters"]] == ["weight"]
     # the README's files must not hide that a shipped one is broken, nor break one
     assert [row["name"] for row in registry.broken() if "cautious" in row["source"]] == []
+
+
+@pytest.mark.usefixtures("project")
+@pytest.mark.parametrize("name", ["timid", "wary"])
+def test_the_composites_are_found_and_keep_the_contract(name: str) -> None:
+    check_composite(default_registry().get("composite", name))
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,60 @@
+"""The base of composite behaviours that weigh their primitives by a rule base."""
+
+from __future__ import annotations
+
+import inspect
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from navfw.kinds import Composite
+from navfw.mofis.context import Context
+from navfw.mofis.rules import BehaviorRules
+from navfw.robot import RobotModel
+from navfw.signals import Explain
+
+__all__ = ["RuledComposite"]
+
+
+class RuledComposite(Composite):
+    """A composite whose rules weigh the primitives; one of your own gives their ``inputs``.
+
+    The rule base is the YAML file beside the class' own file. Each output is named after a
+    primitive, ranges over [0, 1], and its degree (``Verdict.degree``) is that primitive's weight.
+    """
+
+    def __init__(self, robot: RobotModel, params: Composite.Params | None = None) -> None:
+        super().__init__(robot, params)
+        self.rules = self.load_rules()
+        self.reset()
+
+    def load_rules(self) -> BehaviorRules:
+        """The rules; override it where they are not in the YAML file beside the class.
+
+        Raises:
+            InputError: they cannot be read, or do not cover their inputs.
+
+        """
+        return BehaviorRules.beside(inspect.getfile(type(self)))
+
+    def reset(self) -> None:
+        """Nothing weighed yet; one that overrides it calls this as well."""
+        self._fired: Explain | None = None
+
+    @abstractmethod
+    def inputs(self, context: Context) -> Mapping[str, float]:
+        """A value for each input of the rules; asked once per camera frame.
+
+        A value beyond an input's range, an infinite one too, counts as the range's end.
+        """
+
+    def weigh(self, context: Context) -> Mapping[str, float]:
+        """The degree of applicability of each primitive named in the rules."""
+        values = {name: float(value) for name, value in self.inputs(context).items()}
+        verdict = self.rules.evaluate(**values)
+        self._fired = verdict.explain
+        return {name: verdict.degree(name) for name in self.rules.outputs}
+
+    def explain(self) -> Sequence[Mapping[str, Any]]:
+        """The rules that fired for the last weights, strongest first."""
+        return () if self._fired is None else self._fired(0, 0)
