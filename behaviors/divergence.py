@@ -126,8 +126,7 @@ class Divergence(Behavior):
     def _left(self, context: Context) -> float:
         """The turn [rad] still to make, positive until it is made."""
         target = context.pose.yaw if self._target is None else self._target
-        left = (target - context.pose.yaw + math.pi) % (2.0 * math.pi) - math.pi
-        return left * self._way
+        return context.turn_to(target) * self._way
 
     def _drive(self, context: Context) -> tuple[float, float]:
         """Speed [m/s] and relative turn: straight on after a saccade, else toward the waypoint."""

@@ -52,16 +52,14 @@ class Emergency(Behavior):
         if self._began is None:
             nothing = commands.zeros()
             return Proposal(0.0, nothing, nothing, "nothing to fear", explain=verdict.explain)
-        forbid = commands.zeros()
-        forbid[commands.v > 0.0, :] = 1.0
         way = math.hypot(context.pose.x - self._origin[0], context.pose.y - self._origin[1])
         backwards = commands.v < 0.0 if way < self.params.backing else commands.v == 0.0
-        straight = np.maximum(0.0, 1.0 - np.abs(commands.relative_w) / 0.3)
         standing = 0.3 * (commands.v == 0.0)  # when there is no known way back
+        speed = np.maximum(backwards * 1.0, standing)
         return Proposal(
             applicability=1.0,
-            desirability=commands.product(np.maximum(backwards * 1.0, standing), straight),
-            prohibition=forbid,
+            desirability=commands.product(speed, commands.turning(0.0)),
+            prohibition=commands.forward(),
             reason="the wheels are held" if context.stalled > 0.4 else "contact is imminent",
             explain=verdict.explain,
         )

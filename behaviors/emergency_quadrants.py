@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import Annotated, ClassVar
 
-import numpy as np
 from pydantic import Field
 
 from navfw import Behavior, BehaviorRules, Context, Proposal, RobotModel
@@ -65,13 +64,10 @@ class EmergencyQuadrants(Behavior):
         if left is None:
             nothing = commands.zeros()
             return Proposal(0.0, nothing, nothing, "nothing to fear", explain=verdict.explain)
-        forbid = commands.zeros()
-        forbid[commands.v > 0.0, :] = 1.0
-        turn = np.maximum(0.0, 1.0 - np.abs(commands.relative_w - self._way * 0.8) / 0.4)
         return Proposal(
             applicability=1.0,
-            desirability=commands.product(1.0 * (commands.v == 0.0), turn),
-            prohibition=forbid,
+            desirability=commands.on_the_spot(self._way * 0.8, width=0.4),
+            prohibition=commands.forward(),
             reason=f"turning {'left' if self._way > 0.0 else 'right'} before what is near",
             explain=verdict.explain,
         )
@@ -90,7 +86,7 @@ class EmergencyQuadrants(Behavior):
         """The turn [rad] still to make; None without an alarm."""
         if self._target is None:
             return None
-        left = (self._target - context.pose.yaw + math.pi) % (2 * math.pi) - math.pi
+        left = context.turn_to(self._target)
         too_long = context.time - self._began > self.params.patience
         if left * self._way < 0.1 or too_long:
             self._target, self._ended = None, context.time

@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from navfw import Array, Behavior, BehaviorRules, Context, Explain, Proposal, RobotModel
+from navfw import Behavior, BehaviorRules, Context, Explain, Proposal, RobotModel
 
 
 class Escape(Behavior):
@@ -95,7 +95,7 @@ class Escape(Behavior):
             if way >= self.params.backing * min(self._tries, 4) or behind < 0.05:
                 self._phase = "turn"
                 self._target = pose.yaw + self._freest(context)
-        turned = self._phase == "turn" and abs(self._left(context)) < 0.12
+        turned = self._phase == "turn" and abs(context.turn_to(self._target)) < 0.12
         too_long = context.time - self._since > self.params.patience
         if self._phase != "watch" and (turned or too_long):
             self._phase = "watch"
@@ -111,36 +111,23 @@ class Escape(Behavior):
         least = min(self.params.turn * self._tries, math.pi)
         return math.copysign(max(abs(best), least), best)
 
-    def _left(self, context: Context) -> float:
-        """The turn [rad] still to make."""
-        return (self._target - context.pose.yaw + math.pi) % (2 * math.pi) - math.pi
-
     def _lead(self, context: Context, explain: Explain) -> Proposal:
         """Backwards or on the spot; forward is forbidden meanwhile."""
         commands = context.commands
-        forbid = commands.zeros()
-        forbid[commands.v > 0.0, :] = 1.0
-        backing = self._phase == "back"
+        if self._phase == "back":
+            reason = "backing out"
+            desire = commands.product(np.where(commands.v < 0.0, 1.0, 0.0), commands.turning(0.0))
+        else:
+            reason = "turning to where it is free"
+            turn = context.turn_to(self._target) / 0.6
+            desire = commands.on_the_spot(min(1.0, max(-1.0, turn)))
         return Proposal(
             applicability=1.0,
-            desirability=self._backwards(context) if backing else self._turning(context),
-            prohibition=forbid,
-            reason="backing out" if backing else "turning to where it is free",
+            desirability=desire,
+            prohibition=commands.forward(),
+            reason=reason,
             explain=explain,
         )
-
-    def _backwards(self, context: Context) -> Array:
-        commands = context.commands
-        speed = np.where(commands.v < 0.0, 1.0, 0.0)
-        turn = np.maximum(0.0, 1.0 - np.abs(commands.relative_w) / 0.3)
-        return commands.product(speed, turn)
-
-    def _turning(self, context: Context) -> Array:
-        commands = context.commands
-        speed = np.where(commands.v == 0.0, 1.0, 0.0)
-        wanted = min(1.0, max(-1.0, self._left(context) / 0.6))
-        turn = np.maximum(0.0, 1.0 - np.abs(commands.relative_w - wanted) / 0.3)
-        return commands.product(speed, turn)
 
 
 def _since(start: float | None, now: float) -> float:

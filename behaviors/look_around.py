@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Annotated, ClassVar
 
-import numpy as np
 from pydantic import Field
 
 from navfw import Behavior, Context, Proposal
@@ -37,11 +36,9 @@ class LookAround(Behavior):
         commands = context.commands
         if self._way is None:
             self._way = 1.0 if context.waypoint_bearing >= 0.0 else -1.0
-        rate = self._way * self.params.rate
-        turn = np.maximum(0.0, 1.0 - np.abs(commands.relative_w - rate) / 0.3)
         return Proposal(
             applicability=self.params.weight,
-            desirability=commands.product(1.0 * (commands.v == 0.0), turn),
+            desirability=commands.on_the_spot(self._way * self.params.rate),
             prohibition=commands.zeros(),
             reason=f"looking around to the {'left' if self._way > 0.0 else 'right'}",
         )

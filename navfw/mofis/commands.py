@@ -68,6 +68,23 @@ class CommandGrid:
         """
         return self.product(peak(speed, self.relative_v), peak(turn, self.relative_w))
 
+    def turning(self, turn: float, width: float = 0.3) -> Array:
+        """A set over turns (n_w,): a triangle about ``turn`` that ends ``width`` off.
+
+        Both are in units of the top turning rate.
+        """
+        return triangle(turn, self.relative_w, width)
+
+    def on_the_spot(self, turn: float, width: float = 0.3) -> Array:
+        """Desirability (n_v, n_w) of no speed, with the set of turns that ``turning`` gives."""
+        return self.product(1.0 * (self.v == 0.0), self.turning(turn, width))
+
+    def forward(self) -> Array:
+        """A layer (n_v, n_w) of all commands that drive forward, for those who forbid that."""
+        layer = self.zeros()
+        layer[self.v > 0.0, :] = 1.0
+        return layer
+
     def nearest(self, twist: Twist) -> tuple[int, int]:
         """Indices of the grid command nearest to ``twist``."""
         return (
@@ -81,5 +98,9 @@ def peak(value: float, values: Array, steps: float = 1.5) -> Array:
 
     With more than half a step it holds at least one of them, wherever between them it lies.
     """
-    step = float(np.diff(values).max())
-    return np.maximum(0.0, 1.0 - np.abs(values - value) / (steps * step))
+    return triangle(value, values, steps * float(np.diff(values).max()))
+
+
+def triangle(value: float, values: Array, width: float) -> Array:
+    """A triangle about ``value`` at ``values`` (n,), 1 there and 0 from ``width`` off."""
+    return np.maximum(0.0, 1.0 - np.abs(values - value) / width)

@@ -66,6 +66,10 @@ class Context:
         x, y = self.waypoint_local
         return math.atan2(y, x)
 
+    def turn_to(self, yaw: float) -> float:
+        """The turn [rad, left positive] from the present heading to ``yaw`` in odom."""
+        return (yaw - self.pose.yaw + math.pi) % (2.0 * math.pi) - math.pi
+
     @property
     def door_distance(self) -> float:
         """Distance [m] to the door that is the waypoint; infinite when it is none."""

@@ -37,3 +37,22 @@ def test_a_peak_falls_to_nothing_that_many_steps_off(value: float, steps: float)
     off = np.abs(values - value) / np.diff(values).max()
     assert set_ == pytest.approx(np.maximum(0.0, 1.0 - off / steps))
     assert set_.max() > 0.0
+
+
+@given(TURN, st.floats(0.1, 1.0))
+def test_on_the_spot_is_at_no_speed_and_about_the_turn(turn: float, width: float) -> None:
+    layer = GRID.on_the_spot(turn, width)
+    assert not layer[GRID.v != 0.0].any()
+    (row,) = layer[GRID.v == 0.0]
+    assert row == pytest.approx(GRID.turning(turn, width))
+    assert not row[np.abs(GRID.relative_w - turn) >= width].any()
+    off = np.abs(GRID.relative_w - turn)
+    assert off[row.argmax()] == pytest.approx(off.min())
+
+
+def test_forward_is_all_that_drives_forward() -> None:
+    layer = GRID.forward()
+    assert (layer[GRID.v > 0.0] == 1.0).all()
+    assert not layer[GRID.v <= 0.0].any()
+    assert (GRID.v > 0.0).any()
+    assert (GRID.v < 0.0).any()

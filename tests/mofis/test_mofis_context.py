@@ -33,6 +33,13 @@ def test_barred_takes_an_aim_that_cannot_be_reached() -> None:
     assert not replace(OPEN, aim=None).barred
 
 
+@given(st.floats(-math.pi, math.pi), st.floats(-3.1, 3.1))
+def test_turn_to_is_the_shorter_way_round(heading: float, turn: float) -> None:
+    context = replace(OPEN, pose=Pose(1.0, 2.0, heading))
+    assert context.turn_to(heading + turn) == pytest.approx(turn)
+    assert context.turn_to(heading + turn + 2.0 * math.pi) == pytest.approx(turn)
+
+
 @given(st.floats(0.0, 5.0), st.floats(0.0, 5.0), st.floats(-math.pi, math.pi))
 def test_sigma_is_the_longer_axis_of_the_ellipse_however_it_lies(
     first: float, second: float, turn: float
