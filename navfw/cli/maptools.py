@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from navfw.recording.trajectory import Outline
+    from navfw.recording.drawing import Outline
     from navfw.sim.floorplan import FloorPlan
     from navfw.topomap.model import TopoMap
 

@@ -11,8 +11,9 @@ from typing import Any
 
 from navfw.config.lookup import project_folder
 from navfw.missions.session import MissionResult, Session
+from navfw.recording.drawing import Disc, Outline
 from navfw.recording.runfolder import RESULT, RunFolder
-from navfw.recording.trajectory import Disc, Outline, Picture, draw_trajectory
+from navfw.recording.trajectory import Picture, draw_trajectory
 from navfw.sim.floorplan import FloorPlan
 from navfw.topomap.files import map_data
 

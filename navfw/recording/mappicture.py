@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from navfw.recording.trajectory import Outline
+from navfw.recording.drawing import Outline, draw_names, draw_outline, make_bare
 from navfw.topomap.model import TopoMap
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.transforms import Bbox
 
 __all__ = ["MarkedRoute", "draw_map"]
 
@@ -26,7 +25,6 @@ _KIND_COLORS = {
     "corner": "#8C8577",
     "danger": "#D00000",
 }
-_WALL, _FURNITURE, _EDGE, _FLOOR = "#4A4A4A", "#D9D2C5", "#8C8577", "#FBFAF7"
 _PASSAGE, _DANGER, _ROUTE, _LANDMARK, _NAME = "#7FA7C9", "#D00000", "#B0004E", "#CC79A7", "#3A3A3A"
 _WIDEST = 2.0
 
@@ -83,38 +81,23 @@ def draw_map(
     axes.set_xlim(low[0], high[0])
     axes.set_ylim(low[1], high[1])
     axes.set_aspect("equal")
-    axes.set_facecolor(_FLOOR)
     if outline is not None:
-        _draw_outline(axes, outline)
+        draw_outline(axes, outline, edge=0.6, wall_edge=0.4)
     _draw_passages(axes, topo_map, avoid)
     if route is not None:
         _draw_route(axes, topo_map, route)
     _draw_places(axes, topo_map)
     _draw_landmarks(axes, topo_map)
     _draw_names(axes, topo_map, () if route is None else route.places)
+    make_bare(axes)
     axes.set_title(
         f"{topo_map.name}: {len(topo_map.places)} places, {len(topo_map.passages)} passages",
         fontsize=11,
         loc="left",
     )
-    axes.tick_params(labelsize=8, colors="#666666", length=2)
-    for spine in axes.spines.values():
-        spine.set_visible(False)
     figure.legend(loc="lower center", ncols=9, fontsize=8, frameon=False)
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=110, format="png", metadata={"Software": "navfw"})
-
-
-def _draw_outline(axes: Axes, outline: Outline) -> None:
-    from matplotlib.patches import Circle, Polygon
-
-    for polygon in outline.furniture:
-        axes.add_patch(Polygon(polygon, closed=True, fc=_FURNITURE, ec=_EDGE, lw=0.6, zorder=1))
-    for disc in outline.discs:
-        circle = Circle((disc.x, disc.y), disc.radius, fc=_FURNITURE, ec=_EDGE, lw=0.6, zorder=1)
-        axes.add_patch(circle)
-    for polygon in outline.walls:
-        axes.add_patch(Polygon(polygon, closed=True, fc=_WALL, ec=_WALL, lw=0.4, zorder=2))
 
 
 def _draw_passages(axes: Axes, topo_map: TopoMap, avoid: Sequence[Sequence[str]]) -> None:
@@ -165,25 +148,7 @@ def _draw_landmarks(axes: Axes, topo_map: TopoMap) -> None:
 
 
 def _draw_names(axes: Axes, topo_map: TopoMap, first: Sequence[str]) -> None:
-    """Names of places, those of the route and short ones first, as long as they find room."""
-    from matplotlib.patheffects import withStroke
-
-    renderer = axes.figure.canvas.get_renderer()  # type: ignore[attr-defined]
-    taken: list[Bbox] = []
-    for name in sorted(topo_map.places, key=lambda name: (name not in first, len(name))):
-        place = topo_map.places[name]
-        text = axes.annotate(
-            name,
-            (place.x, place.y),
-            xytext=(4, 4),
-            textcoords="offset points",
-            fontsize=7,
-            color=_NAME,
-            path_effects=[withStroke(linewidth=2.0, foreground=_FLOOR)],
-            zorder=9,
-        )
-        box = text.get_window_extent(renderer)
-        if any(box.overlaps(other) for other in taken):
-            text.remove()
-        else:
-            taken.append(box)
+    """Names of places, those of the route and short ones first."""
+    names = sorted(topo_map.places, key=lambda name: (name not in first, len(name)))
+    places = {name: (topo_map.places[name].x, topo_map.places[name].y) for name in names}
+    draw_names(axes, places, _NAME, zorder=9)

@@ -10,17 +10,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from navfw.recording.drawing import Outline, Point, draw_names, draw_outline, make_bare
 from navfw.recording.track import Track
 from navfw.signals import Array, Pose
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from matplotlib.transforms import Bbox
 
-__all__ = ["Disc", "Outline", "Picture", "draw_trajectory"]
-
-Point = tuple[float, float]
+__all__ = ["Picture", "draw_trajectory"]
 
 # Okabe and Ito's colours: told apart by colour-blind readers too. Known behaviours keep theirs.
 _PALETTE = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#B8A800", "#6A51A3")
@@ -31,28 +29,9 @@ _FIXED = {
     "emergency": "#D55E00",
     "": "#9A9A9A",
 }
-_WALL, _FURNITURE, _EDGE, _FLOOR = "#4A4A4A", "#D9D2C5", "#8C8577", "#FBFAF7"
 _ESTIMATE, _PLACE, _START, _GOAL, _CONTACT = "#303030", "#7A7A7A", "#2E7D32", "#B0004E", "#D00000"
 
 _BAD_OUTCOME, _GOOD_OUTCOME = "#B00020", "#2E7D32"
-
-
-@dataclass(frozen=True, slots=True)
-class Disc:
-    """A round thing seen from above: centre x, y and radius [m]."""
-
-    x: float
-    y: float
-    radius: float
-
-
-@dataclass(frozen=True, slots=True)
-class Outline:
-    """A world seen from above; polygons are (k, 2) [m] in ``map``."""
-
-    walls: Sequence[Array] = ()
-    furniture: Sequence[Array] = ()
-    discs: Sequence[Disc] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,12 +76,9 @@ def draw_trajectory(path: Path, track: Track, picture: Picture) -> None:
     axes.set_ylim(low[1], high[1])
     axes.set_aspect("equal")
     _draw_names(axes, track, picture)
-    axes.set_facecolor(_FLOOR)
-    axes.tick_params(labelsize=8, colors="#666666", length=2)
+    make_bare(axes)
     axes.set_xlabel("x [m]", fontsize=8, color="#666666", labelpad=1)
     axes.set_ylabel("y [m]", fontsize=8, color="#666666", labelpad=1)
-    for spine in axes.spines.values():
-        spine.set_visible(False)
     _write_header(figure, picture, inches)
     _write_legend(figure, axes)
     figure.savefig(path, dpi=130, format="png", metadata={"Software": "navfw"})
@@ -144,46 +120,20 @@ def _bounds(track: Track, picture: Picture) -> tuple[Array, Array]:
 
 
 def _draw_world(axes: Axes, picture: Picture) -> None:
-    from matplotlib.patches import Circle, Polygon
-
-    for polygon in picture.outline.furniture:
-        axes.add_patch(Polygon(polygon, closed=True, fc=_FURNITURE, ec=_EDGE, lw=0.8, zorder=1))
-    for disc in picture.outline.discs:
-        circle = Circle((disc.x, disc.y), disc.radius, fc=_FURNITURE, ec=_EDGE, lw=0.8, zorder=1)
-        axes.add_patch(circle)
-    for polygon in picture.outline.walls:
-        axes.add_patch(Polygon(polygon, closed=True, fc=_WALL, ec=_WALL, lw=0.6, zorder=2))
+    draw_outline(axes, picture.outline, edge=0.8, wall_edge=0.6)
     for x, y in picture.places.values():
         axes.plot(x, y, marker="o", ms=2.5, color=_PLACE, zorder=3)
 
 
 def _draw_names(axes: Axes, track: Track, picture: Picture) -> None:
-    """Names of places, those that matter to this run first, as long as they find room."""
-    from matplotlib.patheffects import withStroke
-
-    renderer = axes.figure.canvas.get_renderer()  # type: ignore[attr-defined]
+    """Names of places, those that matter to this run first."""
     passed = {waypoint.place for waypoint in track.waypoints}
 
     def rank(name: str) -> tuple[bool, int]:
         return picture.places[name] not in picture.goals and name not in passed, len(name)
 
-    taken: list[Bbox] = []
-    for name in sorted(picture.places, key=rank):
-        text = axes.annotate(
-            name,
-            picture.places[name],
-            xytext=(4, 4),
-            textcoords="offset points",
-            fontsize=7,
-            color=_PLACE,
-            path_effects=[withStroke(linewidth=2.0, foreground=_FLOOR)],
-            zorder=7,
-        )
-        box = text.get_window_extent(renderer)
-        if any(box.overlaps(other) for other in taken):
-            text.remove()
-        else:
-            taken.append(box)
+    places = {name: picture.places[name] for name in sorted(picture.places, key=rank)}
+    draw_names(axes, places, _PLACE, zorder=7)
 
 
 def _draw_paths(axes: Axes, track: Track) -> None:

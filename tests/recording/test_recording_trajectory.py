@@ -12,8 +12,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from navfw.recording.drawing import Disc, Outline
 from navfw.recording.track import Contact, Track, TrackRecorder, hash_commands
-from navfw.recording.trajectory import Disc, Outline, Picture, draw_trajectory
+from navfw.recording.trajectory import Picture, draw_trajectory
 from navfw.signals import Array, Pose, Twist, Waypoint
 
 finite = st.floats(allow_nan=False, allow_infinity=False)

@@ -1,0 +1,19 @@
+"""Names of places in pictures: as many as find room, those that come first first."""
+
+from __future__ import annotations
+
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from navfw.recording.drawing import draw_names
+
+
+def test_a_name_that_finds_no_room_is_left_out() -> None:
+    figure = Figure(figsize=(5.0, 5.0))
+    FigureCanvasAgg(figure)
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    axes.set_xlim(0.0, 10.0)
+    axes.set_ylim(0.0, 10.0)
+    places = {"lobby": (2.0, 2.0), "beside the lobby": (2.1, 2.1), "lab": (7.0, 7.0)}
+    draw_names(axes, places, "black", zorder=1)
+    assert [text.get_text() for text in axes.texts] == ["lobby", "lab"]
