@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from navfw.atomic import WholeFolder
 from navfw.bench import datasets, flow_accuracy, perception_accuracy, speed
 from navfw.errors import InputError
-from navfw.perceive.output import WholeFolder
 
 __all__ = [
     "REACHES",

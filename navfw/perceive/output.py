@@ -3,101 +3,22 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import re
-import shutil
-import tempfile
 from pathlib import Path
 from types import TracebackType
 from typing import Protocol, Self
 
 import cv2
 
+from navfw.atomic import Whole, WholeFolder
 from navfw.errors import InputError
 from navfw.perceive.sources import Source
 from navfw.signals import Image
 
-__all__ = ["Output", "WholeFolder", "open_output"]
+__all__ = ["Output", "open_output"]
 
 _CODECS = {".mp4": "mp4v", ".m4v": "mp4v", ".avi": "MJPG"}
 _OURS = re.compile(r"view-[0-9]{5,}\.png")
-
-
-class _Whole:
-    """A context manager that works beside its target; an exception leaves nothing behind.
-
-    Inside, ``path`` is a temporary folder; leaving without an exception moves it into place.
-    """
-
-    def __init__(self, target: Path) -> None:
-        self.target = target
-        self.path = target
-
-    def __enter__(self) -> Self:
-        parent = self.target.absolute().parent
-        try:
-            parent.mkdir(parents=True, exist_ok=True)
-            self.path = Path(tempfile.mkdtemp(prefix=f".{self.target.name}.", dir=parent))
-            self.path.chmod(0o755)
-        except OSError as error:
-            raise _unwritable(self.target, error) from error
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        try:
-            self._finish()
-            if kind is None:
-                self._move_into_place()
-        except OSError as failure:
-            raise _unwritable(self.target, failure) from failure
-        finally:
-            shutil.rmtree(self.path, ignore_errors=True)
-
-    def _finish(self) -> None:
-        pass
-
-    def _move_into_place(self) -> None:
-        raise NotImplementedError
-
-
-class WholeFolder(_Whole):
-    """A folder, written whole or not at all. An earlier one is replaced.
-
-    ``ours`` matches the names of the files that it may hold; ``option`` is what named it.
-
-    Raises:
-        InputError: the target holds something else, or cannot be written.
-
-    """
-
-    def __init__(self, target: Path, ours: re.Pattern[str], option: str) -> None:
-        super().__init__(target)
-        self._ours, self._option = ours, option
-        self._refuse_foreign()
-
-    def _move_into_place(self) -> None:
-        if self.target.exists():
-            self._refuse_foreign()
-            shutil.rmtree(self.target)
-        self.path.rename(self.target)
-
-    def _refuse_foreign(self) -> None:
-        if not os.path.lexists(self.target):
-            return
-        if not self.target.is_dir():
-            raise InputError("is a file; a folder is needed", file=self.target)
-        names = sorted(entry.name for entry in self.target.iterdir())
-        foreign = [name for name in names if not self._ours.fullmatch(name)]
-        if foreign:
-            raise InputError(
-                f"holds {foreign[0]!r}, so it is not replaced; choose another {self._option}",
-                file=self.target,
-            )
 
 
 class Output(Protocol):
@@ -128,7 +49,7 @@ class _Pictures(WholeFolder):
             raise InputError("cannot be written", file=self.target)
 
 
-class _Film(_Whole):
+class _Film(Whole):
     def __init__(self, target: Path, rate: float) -> None:
         super().__init__(target)
         self._rate = rate
@@ -177,7 +98,3 @@ def open_output(target: Path, source: Source) -> Output:
             "is neither .mp4 nor .avi, nor a folder's name", file=target, key="--overlay"
         )
     return _Pictures(target)
-
-
-def _unwritable(target: Path, error: OSError) -> InputError:
-    return InputError(f"cannot be written: {error.strerror or error}", file=target)

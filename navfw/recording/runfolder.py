@@ -5,12 +5,11 @@ from __future__ import annotations
 import json
 import math
 import shutil
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
+from navfw.atomic import Whole
 from navfw.errors import ConfigError, InputError
 
 __all__ = ["FILES", "RESULT", "RunFolder", "plain_json", "read_result"]
@@ -37,7 +36,7 @@ def plain_json(value: Any) -> Any:
     return str(value)
 
 
-class RunFolder:
+class RunFolder(Whole):
     """A context manager: files are written to ``path`` beside the target, then renamed into place.
 
     ``with RunFolder(target) as folder:`` gives a folder whose ``path`` is temporary; leaving the
@@ -51,36 +50,11 @@ class RunFolder:
     """
 
     def __init__(self, target: str | Path, *, numbered: bool = False) -> None:
-        self.target = Path(target)
+        super().__init__(Path(target))
         self.numbered = numbered
         self.final: Path | None = None
-        self.path: Path = self.target
         if not numbered:
             _refuse_foreign(self.target)
-
-    def __enter__(self) -> Self:
-        parent = self.target.absolute().parent
-        try:
-            parent.mkdir(parents=True, exist_ok=True)
-            self.path = Path(tempfile.mkdtemp(prefix=f".{self.target.name}.", dir=parent))
-            self.path.chmod(0o755)
-        except OSError as error:
-            raise _unwritable(self.target, error) from error
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        try:
-            if kind is None:
-                self._move_into_place()
-        except OSError as failure:
-            raise _unwritable(self.target, failure) from failure
-        finally:
-            shutil.rmtree(self.path, ignore_errors=True)
 
     def write_json(self, name: str, value: Any) -> None:
         """Write ``value`` as indented JSON (see ``plain_json``)."""
@@ -129,10 +103,6 @@ def _refuse_foreign(target: Path) -> None:
             f"is not a run folder ({found}), so it is not overwritten; choose another --out",
             file=target,
         )
-
-
-def _unwritable(target: Path, error: OSError) -> InputError:
-    return InputError(f"cannot be written: {error.strerror or error}", file=target)
 
 
 def read_result(folder: str | Path) -> dict[str, Any]:

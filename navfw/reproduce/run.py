@@ -11,8 +11,8 @@ from typing import Any
 
 import cv2
 
+from navfw.atomic import WholeFolder
 from navfw.config.lookup import find
-from navfw.perceive.output import WholeFolder
 from navfw.recording.runfolder import plain_json
 from navfw.reproduce.metrics import compare_metrics
 from navfw.reproduce.page import PAPER_TIMES, write_page
