@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field
 
-from navfw.errors import InputError
 from navfw.kinds import Localizer
 from navfw.localization.looks import Looks
 from navfw.localization.metric import FilterParams, MetricFilter
 from navfw.localization.trust import LandmarkTrust
 from navfw.signals import Belief, Odometry, Percept, Pose, Sighting
 from navfw.topomap.model import TopoMap
-from navfw.topomap.whereabouts import likeliest_places, within
+from navfw.topomap.whereabouts import PlacesNearby, known_start, within
 
 __all__ = ["Ekf"]
-
-REFRESH = 0.05
-"""Places are weighed again after so much motion [m]."""
 
 
 class Ekf(Localizer):
@@ -41,11 +37,11 @@ class Ekf(Localizer):
 
     params: Params
 
-    _map: TopoMap | None = None
+    _nearby: PlacesNearby | None = None
 
     def reset(self) -> None:
         """Forget map, start and everything driven since."""
-        self._map = None
+        self._nearby = None
 
     def start(self, topo_map: TopoMap, pose: Pose | None, odometry: Odometry) -> None:
         """Begin at ``pose`` [map frame].
@@ -54,38 +50,30 @@ class Ekf(Localizer):
             InputError: ``pose`` is None: an EKF cannot search the whole map.
 
         """
-        if pose is None:
-            raise InputError(
-                "the localizer 'ekf' cannot find an unknown start; give the mission a start pose, "
-                "or the stack the localizer 'topological' (see the stack 'landmarks')"
-            )
+        instead = "the localizer 'topological' (see the stack 'landmarks')"
+        pose = known_start(pose, self.name, instead)
         p = self.params
-        self._map = topo_map
+        self._nearby = PlacesNearby(topo_map)
         self.trust = LandmarkTrust(p.prior)
         self._looks = Looks(topo_map, p.placed)
         self.filter = MetricFilter(p, self.trust)
         self.filter.begin(pose, np.diag((p.start_xy**2, p.start_xy**2, p.start_yaw**2)), odometry)
-        self._places: Mapping[str, float] = {}
-        self._weighed_at: Pose | None = None
 
     def update(
         self, odometry: Odometry, percept: Percept | None, sightings: Sequence[Sighting]
     ) -> Belief:
         """The belief after the newest odometry and sightings; percepts are not used."""
-        if self._map is None:
+        if self._nearby is None:
             raise RuntimeError("start() comes before update()")
         self.filter.advance(odometry)
         self.filter.see(self._looks.hear(odometry, sightings))
         pose, covariance = self.filter.pose, self.filter.pose_covariance
-        at = self._weighed_at
-        if at is None or abs(pose.x - at.x) + abs(pose.y - at.y) > REFRESH:
-            self._places, self._weighed_at = likeliest_places(self._map, pose, covariance), pose
         confidence = within(covariance)
         return Belief(
             odometry.time,
             pose,
             covariance,
-            self._places,
+            self._nearby.at(pose, covariance),
             confidence,
             confidence < self.params.lost_below,
             self.filter.updates,

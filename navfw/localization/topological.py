@@ -16,7 +16,7 @@ from navfw.localization.metric import FilterParams, MetricFilter
 from navfw.localization.trust import LandmarkTrust
 from navfw.signals import Array, Belief, Odometry, Percept, Pose, Sighting, wrap_angle
 from navfw.topomap.model import TopoMap
-from navfw.topomap.whereabouts import likeliest_places, within
+from navfw.topomap.whereabouts import PlacesNearby, within
 
 __all__ = ["Topological"]
 
@@ -57,16 +57,16 @@ class Topological(Localizer):
 
     params: Params
 
-    _map: TopoMap | None = None
+    _nearby: PlacesNearby | None = None
 
     def reset(self) -> None:
         """Forget map, start and everything driven since."""
-        self._map = None
+        self._nearby = None
 
     def start(self, topo_map: TopoMap, pose: Pose | None, odometry: Odometry) -> None:
         """Begin at ``pose`` [map frame], or anywhere."""
         p = self.params
-        self._map = topo_map
+        self._nearby = PlacesNearby(topo_map)
         self._looks = Looks(topo_map, p.metric.placed)
         self.trust = LandmarkTrust(p.metric.prior)
         self.discrete = DiscreteFilter(topo_map, p.discrete, p.metric.prior, self.trust)
@@ -78,7 +78,6 @@ class Topological(Localizer):
         self._conflict = 0.0
         self._version: object = None
         self._places: Mapping[str, float] = {}
-        self._weighed_at = Pose(math.inf, math.inf, 0.0)
         if pose is not None:
             xy, yaw = p.metric.start_xy**2, p.metric.start_yaw**2
             self.metric.begin(pose, np.diag((xy, xy, yaw)), odometry)
@@ -87,7 +86,7 @@ class Topological(Localizer):
         self, odometry: Odometry, percept: Percept | None, sightings: Sequence[Sighting]
     ) -> Belief:
         """The belief after the newest odometry and, where there are any, percept and sightings."""
-        if self._map is None:
+        if self._nearby is None:
             raise RuntimeError("start() comes before update()")
         looks = self._looks.hear(odometry, sightings)
         self.discrete.advance(odometry, percept)
@@ -100,7 +99,7 @@ class Topological(Localizer):
         if looks or changed:
             self._compare(odometry, looks)
         if self.tracking:
-            return self._tracked(self._map, odometry)
+            return self._tracked(self._nearby, odometry)
         return self._sought(odometry, changed)
 
     def _compare(self, odometry: Odometry, looks: Sequence[Look]) -> None:
@@ -128,12 +127,10 @@ class Topological(Localizer):
         self.trust.pardon(set(self.discrete.supporting(cluster.pose)).__contains__)
         self.metric.see(looks)
 
-    def _tracked(self, topo_map: TopoMap, odometry: Odometry) -> Belief:
+    def _tracked(self, nearby: PlacesNearby, odometry: Odometry) -> Belief:
         pose, covariance = self.metric.pose, self.metric.pose_covariance
-        if abs(pose.x - self._weighed_at.x) + abs(pose.y - self._weighed_at.y) > 0.05:
-            self._places, self._weighed_at = likeliest_places(topo_map, pose, covariance), pose
         confidence = within(covariance) * (1.0 - self._conflict)
-        return self._belief(odometry, pose, covariance, self._places, confidence)
+        return self._belief(odometry, pose, covariance, nearby.at(pose, covariance), confidence)
 
     def _sought(self, odometry: Odometry, changed: bool) -> Belief:
         cluster = self.discrete.cluster

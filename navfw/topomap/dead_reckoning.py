@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field
 
-from navfw.errors import InputError
 from navfw.kinds import Localizer
 from navfw.signals import Array, Belief, Odometry, Percept, Pose, Sighting, wrap_angle
 from navfw.topomap.model import TopoMap
-from navfw.topomap.whereabouts import AT_PLACE, COUNT, likeliest_places, within
+from navfw.topomap.whereabouts import (
+    AT_PLACE,
+    COUNT,
+    REFRESH,
+    PlacesNearby,
+    known_start,
+    within,
+)
 
 __all__ = ["DeadReckoning"]
 
@@ -57,15 +63,15 @@ class DeadReckoning(Localizer):
         ] = COUNT
         refresh: Annotated[
             NonNegative, Field(description="places are weighed again after so much motion [m]")
-        ] = 0.05
+        ] = REFRESH
 
     params: Params
 
-    _map: TopoMap | None = None
+    _nearby: PlacesNearby | None = None
 
     def reset(self) -> None:
         """Forget map, start and everything driven since."""
-        self._map = None
+        self._nearby = None
 
     def start(self, topo_map: TopoMap, pose: Pose | None, odometry: Odometry) -> None:
         """Begin at ``pose`` [map frame].
@@ -74,35 +80,26 @@ class DeadReckoning(Localizer):
             InputError: ``pose`` is None: without landmarks there is no finding out.
 
         """
-        if pose is None:
-            raise InputError(
-                "the localizer 'dead_reckoning' cannot find an unknown start; give the mission a "
-                "start pose, or the stack a localizer that recognises landmarks"
-            )
+        pose = known_start(pose, self.name, "a localizer that recognises landmarks")
         p = self.params
-        self._map = topo_map
+        self._nearby = PlacesNearby(topo_map, p.reach, p.places, p.refresh)
         self._map_from_odom = _frame(pose, odometry.pose)
         self._last = odometry.pose
         self._covariance = np.diag([p.start_xy**2, p.start_xy**2, p.start_yaw**2])
-        self._weighed_at: Pose | None = None
-        self._places: Mapping[str, float] = {}
 
     def update(
         self, odometry: Odometry, percept: Percept | None, sightings: Sequence[Sighting]
     ) -> Belief:
         """The belief after the newest odometry; percept and sightings are not used."""
-        if self._map is None:
+        if self._nearby is None:
             raise RuntimeError("start() comes before update()")
         moved = self._last.relative(odometry.pose)
         pose = self._map_from_odom.compose(odometry.pose)
         self._covariance = self._grown(moved, pose.yaw)
         self._last = odometry.pose
-        if self._is_stale(pose):
-            p = self.params
-            self._places = likeliest_places(self._map, pose, self._covariance, p.reach, p.places)
-            self._weighed_at = pose
+        places = self._nearby.at(pose, self._covariance)
         confidence = within(self._covariance)
-        return Belief(odometry.time, pose, self._covariance, self._places, confidence)
+        return Belief(odometry.time, pose, self._covariance, places, confidence)
 
     def _grown(self, moved: Pose, yaw: float) -> Array:
         """The covariance after moving by ``moved`` (seen from before) to the heading ``yaw``."""
@@ -122,10 +119,6 @@ class DeadReckoning(Localizer):
         )
         grown: Array = jacobian @ self._covariance @ jacobian.T + noise
         return grown
-
-    def _is_stale(self, pose: Pose) -> bool:
-        at = self._weighed_at
-        return at is None or math.hypot(pose.x - at.x, pose.y - at.y) > self.params.refresh
 
 
 def _frame(in_map: Pose, in_odom: Pose) -> Pose:

@@ -7,16 +7,29 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from navfw.errors import InputError
 from navfw.signals import Array, Pose, position_sigma
 from navfw.topomap.model import TopoMap
 
-__all__ = ["AT_PLACE", "COUNT", "WITHIN", "likeliest_places", "within"]
+__all__ = [
+    "AT_PLACE",
+    "COUNT",
+    "REFRESH",
+    "WITHIN",
+    "PlacesNearby",
+    "known_start",
+    "likeliest_places",
+    "within",
+]
 
 AT_PLACE = 1.0
 """How far around a place is still 'at' it [m]."""
 
 COUNT = 8
 """How many of the likeliest places a belief names."""
+
+REFRESH = 0.05
+"""Places are weighed again after so much motion [m]."""
 
 WITHIN = 1.0
 """A belief's confidence is the probability that the robot is no farther from its pose [m]."""
@@ -40,6 +53,44 @@ def likeliest_places(
     weights /= weights.sum()
     names = list(topo_map.places)
     return {names[i]: float(w) for i, w in zip(likeliest.tolist(), weights, strict=True)}
+
+
+class PlacesNearby:
+    """The likeliest places about a pose that moves, weighed again after ``refresh`` [m] alone."""
+
+    def __init__(
+        self,
+        topo_map: TopoMap,
+        reach: float = AT_PLACE,
+        count: int = COUNT,
+        refresh: float = REFRESH,
+    ) -> None:
+        self._map = topo_map
+        self._reach, self._count, self._refresh = reach, count, refresh
+        self._weighed_at = (math.inf, math.inf)
+        self._places: Mapping[str, float] = {}
+
+    def at(self, pose: Pose, covariance: Array) -> Mapping[str, float]:
+        """Their probabilities (see ``likeliest_places``), by ``covariance`` (3, 3) of ``pose``."""
+        if math.dist((pose.x, pose.y), self._weighed_at) > self._refresh:
+            self._places = likeliest_places(self._map, pose, covariance, self._reach, self._count)
+            self._weighed_at = (pose.x, pose.y)
+        return self._places
+
+
+def known_start(pose: Pose | None, localizer: str, instead: str) -> Pose:
+    """The start ``pose``, for a ``localizer`` that cannot look for it.
+
+    Raises:
+        InputError: it is None; the message recommends ``instead`` to the stack.
+
+    """
+    if pose is None:
+        raise InputError(
+            f"the localizer {localizer!r} cannot find an unknown start; give the mission a start "
+            f"pose, or the stack {instead}"
+        )
+    return pose
 
 
 def within(covariance: Array, radius: float = WITHIN) -> float:
