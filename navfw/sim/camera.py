@@ -1,9 +1,8 @@
-"""The robot's camera: PyBullet's software renderer, an exact pinhole projection, image noise."""
+"""The robot's camera: software rendering, an exact pinhole projection, image noise."""
 
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import cv2
 import numpy as np
@@ -11,7 +10,7 @@ import numpy.typing as npt
 
 from navfw.robot import CameraModel
 from navfw.signals import Array, Image
-from navfw.sim.engine import bullet
+from navfw.sim.raster import Light, depth_buffer
 from navfw.sim.scenery import Scenery
 from navfw.sim.visibility import field_of_view
 from navfw.sim.worldfile import LightSpec
@@ -28,23 +27,25 @@ _NOISE_BANK = 1 << 20
 _WIDEST = 2.8
 
 
-def projection_matrix(camera: CameraModel, supersample: int = 1) -> list[float]:
-    """OpenGL projection, by columns, with ``focal`` px and the principal point in the image centre.
+def projection_matrix(camera: CameraModel, supersample: int = 1) -> Array:
+    """OpenGL projection (4, 4) with ``focal`` px and the principal point in the image centre.
 
     The image centre is ((width - 1) / 2, (height - 1) / 2) with the middle of a pixel at whole
-    numbers. TinyRenderer looks through the pixel's corner instead of its middle: column i samples
+    numbers. The raster looks through the pixel's corner instead of its middle: column i samples
     x = i - width / 2 and row j samples y = j - (height / 2 - 1) (measured); the two small entries
     below move both by half a pixel.
     """
     width, height = camera.width * supersample, camera.height * supersample
     focal = camera.focal * supersample
     deep = FAR - NEAR
-    return [
-        *(2.0 * focal / width, 0.0, 0.0, 0.0),
-        *(0.0, 2.0 * focal / height, 0.0, 0.0),
-        *(1.0 / width, 1.0 / height, -(FAR + NEAR) / deep, -1.0),
-        *(0.0, 0.0, -2.0 * FAR * NEAR / deep, 0.0),
-    ]
+    return np.array(
+        [
+            [2.0 * focal / width, 0.0, 1.0 / width, 0.0],
+            [0.0, 2.0 * focal / height, 1.0 / height, 0.0],
+            [0.0, 0.0, -(FAR + NEAR) / deep, -2.0 * FAR * NEAR / deep],
+            [0.0, 0.0, -1.0, 0.0],
+        ]
+    )
 
 
 class Camera:
@@ -75,21 +76,15 @@ class Camera:
                 np.clip(drawn, 0, 127).astype(np.uint8),
                 np.clip(-drawn, 0, 127).astype(np.uint8),
             )
-        length = math.sqrt(sum(d * d for d in light.direction))
-        self._light: dict[str, Any] = {
-            "lightDirection": [d / length for d in light.direction],
-            "lightSpecularCoeff": 0.0,
-            "shadow": 0,
-            "renderer": bullet.ER_TINY_RENDERER,
-            "flags": bullet.ER_NO_SEGMENTATION_MASK,
-        }
         self._lamps = light
         self.adjust()
 
     def adjust(self, light: float = 1.0, hfov_error: float = 0.0) -> None:
         """From now on with this share of the light, and a field of view wider by that share."""
-        self._light["lightAmbientCoeff"] = light * self._lamps.ambient
-        self._light["lightDiffuseCoeff"] = light * self._lamps.diffuse
+        lamps = self._lamps
+        length = math.sqrt(sum(d * d for d in lamps.direction))
+        x, y, z = (d / length for d in lamps.direction)
+        self._light = Light((x, y, z), light * lamps.ambient, light * lamps.diffuse)
         hfov = min(self.model.hfov * (1.0 + hfov_error), _WIDEST)
         true = self.model.model_copy(update={"hfov": hfov})
         self._projection = projection_matrix(true, self._supersample)
@@ -102,26 +97,20 @@ class Camera:
     def render(
         self, position: tuple[float, float, float], turn: tuple[float, float, float, float]
     ) -> tuple[Image, npt.NDArray[np.float32]]:
-        """Luminance (height, width) without noise, and the renderer's raw depth buffer."""
+        """Luminance (height, width) without noise, and what ``depth`` makes a depth of."""
         scale = self._supersample
         width, height = self.model.width * scale, self.model.height * scale
         eye, axes = self.placed(position, turn)
         self._scenery.look(eye, *field_of_view(axes, *self._reach))
-        _, _, rgba, raw, _ = bullet.getCameraImage(
-            width,
-            height,
-            _view(eye, axes),
-            self._projection,
-            physicsClientId=self._scenery.client,
-            **self._light,
+        picture = self._scenery.raster.draw(
+            _view(eye, axes), self._projection, eye, (width, height), self._light
         )
-        colour = np.asarray(rgba, np.uint8).reshape(height, width, 4)
-        grey = cv2.cvtColor(colour, cv2.COLOR_RGBA2GRAY)
+        grey = cv2.cvtColor(picture.rgb, cv2.COLOR_RGB2GRAY)
         if scale > 1:
             grey = cv2.resize(
                 grey, (self.model.width, self.model.height), interpolation=cv2.INTER_AREA
             )
-        return grey.astype(np.uint8, copy=False), np.asarray(raw, np.float32).reshape(height, width)
+        return grey.astype(np.uint8, copy=False), picture.depth
 
     def expose(self, clean: Image) -> Image:
         """The image as the sensor delivers it: with noise."""
@@ -139,8 +128,9 @@ class Camera:
 
         Of a supersampled pixel, the nearest of its parts.
         """
-        metres = FAR * NEAR / (FAR - (FAR - NEAR) * raw.astype(np.float64))
-        metres[raw >= 1.0 - 1e-6] = np.inf
+        buffer = depth_buffer(raw, self._projection)
+        metres = FAR * NEAR / (FAR - (FAR - NEAR) * buffer.astype(np.float64))
+        metres[buffer >= 1.0 - 1e-6] = np.inf
         scale = self._supersample
         if scale > 1:
             shape = (self.model.height, scale, self.model.width, scale)
@@ -163,10 +153,9 @@ class Camera:
         return eye, rotation @ self.model.base_from_camera
 
 
-def _view(eye: Array, axes: Array) -> list[float]:
-    """OpenGL view matrix, by columns, of a camera placed so."""
+def _view(eye: Array, axes: Array) -> Array:
+    """OpenGL view matrix (4, 4) of a camera placed so."""
     view = np.eye(4)
     view[0, :3], view[1, :3], view[2, :3] = axes[:, 0], -axes[:, 1], -axes[:, 2]
     view[:3, 3] = -view[:3, :3] @ eye
-    columns: list[float] = view.T.ravel().tolist()
-    return columns
+    return view

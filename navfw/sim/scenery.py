@@ -1,30 +1,27 @@
 """What the camera sees of a world: textured meshes, in parts, of which those in sight are drawn.
 
-The meshes live in a PyBullet client of their own, beside that of the physics: there they would cost
-time in every physics step, and here the parts can be as many as drawing wants.
+The meshes live in a raster of their own, beside the physics: there they would cost time in every
+step, and here the parts can be as many as drawing wants. A display for people shows them as well.
 """
 
 from __future__ import annotations
 
 import math
-import tempfile
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
-from typing import Any
 
-import cv2
 import numpy as np
 
 from navfw.landmarks import plate_image
 from navfw.signals import Array, Image
+from navfw.sim.display import Display
 from navfw.sim.drops import Tread, drop_at, treads_of
-from navfw.sim.engine import bullet
 from navfw.sim.layout import Solid, solids_of
 from navfw.sim.meshes import Mesh, box_mesh, cylinder_mesh, smooth_sides, splits
 from navfw.sim.plates import plate_mesh, plate_outline
+from navfw.sim.raster import Raster
 from navfw.sim.shapes import Rectangle
 from navfw.sim.textures import STOCK, stock_texture, synthesize
 from navfw.sim.visibility import Outline, Visibility
@@ -35,7 +32,7 @@ __all__ = ["Scenery"]
 _FEW = 24
 """More things than this are shown by texture and neighbourhood instead of one by one."""
 _PARTS = 192
-"""More parts than this are not worth their memory: each has a copy of its texture, 0.8 MB."""
+"""More parts than this cost more to look at than they save."""
 _BLOCKS = (4.0, 8.0, 16.0)
 """Edges [m] of the squares that the plan is cut into, the finest that gives few enough parts."""
 _NARROW = 0.4
@@ -71,16 +68,19 @@ class _Patch:
 
 
 class Scenery:
-    """The bodies that show a world in one PyBullet client.
+    """The bodies that show a world, in ``raster``; in ``display`` too, if there is one.
 
-    ``cull`` False draws everything always, as a display for people has to.
+    ``cull`` False draws everything always.
     """
 
-    def __init__(self, world: WorldSpec, client: int, cull: bool = True) -> None:
+    def __init__(self, world: WorldSpec, display: Display | None = None, cull: bool = True) -> None:
         self.world = world
-        self.client = client
+        self.raster = Raster()
+        self._display = display
+        self._displayed: dict[int, int] = {}
         self._cull = cull
         self._textures: dict[str, int] = {}
+        self._images: list[Image] = []
         solids = solids_of(world)
         walls = [s for s in solids if s.kind in ("wall", "lintel")]
         things = [s for s in solids if s.kind in ("box", "cylinder")]
@@ -88,7 +88,8 @@ class Scenery:
         outlines: list[Outline] = []
         # what is in front first, so that the wall behind it is never shaded
         for mark in world.landmarks:
-            plate = self._load_image(plate_image(mark.kind, mark.id))
+            grey = plate_image(mark.kind, mark.id)
+            plate = self._load_image(np.repeat(grey[..., None], 3, axis=2))
             self._bodies.append(self._add(plate_mesh(mark), plate))
             outlines.append(plate_outline(mark))
         if len(things) <= _FEW:
@@ -111,11 +112,9 @@ class Scenery:
         if not self._cull:
             return
         seen = self._visibility.seen(eye, middle, half)
-        for i in np.flatnonzero(seen != self._shown):
-            # the renderer skips what is wholly transparent
-            colour = [1.0, 1.0, 1.0, float(seen[i])]
-            self._call("changeVisualShape", self._bodies[i], -1, rgbaColor=colour)
-        self._shown = seen
+        if not np.array_equal(seen, self._shown):
+            self.raster.hide([self._bodies[i] for i in np.flatnonzero(~seen)])
+            self._shown = seen
 
     def show(self, solid: Solid) -> int:
         """One thing by itself; returns its body."""
@@ -143,11 +142,15 @@ class Scenery:
 
     def place(self, body: int, position: Sequence[float], turn: Sequence[float]) -> None:
         """Move a body: position [m] and orientation (x, y, z, w)."""
-        self._call("resetBasePositionAndOrientation", body, position, turn)
+        self.raster.place(body, position, turn)
+        if self._display is not None:
+            self._display.place(self._displayed[body], position, turn)
 
     def remove(self, body: int) -> None:
         """Show a body no longer."""
-        self._call("removeBody", body)
+        self.raster.remove(body)
+        if self._display is not None:
+            self._display.remove(self._displayed.pop(body))
 
     # ------------------------------------------------------------------------------------------
 
@@ -158,19 +161,11 @@ class Scenery:
         position: tuple[float, float, float] = (0.0, 0.0, 0.0),
         yaw: float = 0.0,
     ) -> int:
-        visual = self._call(
-            "createVisualShape",
-            bullet.GEOM_MESH,
-            vertices=mesh.vertices,
-            indices=mesh.indices,
-            uvs=mesh.uvs,
-            normals=mesh.normals,
-            specularColor=[0.0, 0.0, 0.0],
-        )
-        turn = [0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw)]
-        body = int(self._call("createMultiBody", 0.0, -1, visual, position, turn))
+        turn = (0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw))
         picture = self._texture(texture) if isinstance(texture, str) else texture
-        self._call("changeVisualShape", body, -1, textureUniqueId=picture)
+        body = self.raster.add(mesh, picture, position, turn)
+        if self._display is not None:
+            self._displayed[body] = self._display.add(mesh, self._images[picture], position, turn)
         return body
 
     def _floor_patches(self) -> Iterator[_Patch]:
@@ -248,7 +243,7 @@ class Scenery:
         return None
 
     def _texture(self, name: str) -> int:
-        """PyBullet's id of a texture; it takes pictures only from files."""
+        """The raster's number of a texture."""
         if name not in self._textures:
             spec = self.world.textures.get(name)
             if spec is None and name in STOCK:
@@ -258,17 +253,11 @@ class Scenery:
         return self._textures[name]
 
     def _load(self, spec: TextureSpec) -> int:
-        return self._load_image(cv2.cvtColor(synthesize(spec), cv2.COLOR_RGB2BGR))
+        return self._load_image(synthesize(spec))
 
-    def _load_image(self, image: Image | cv2.typing.MatLike) -> int:
-        with tempfile.TemporaryDirectory(prefix="navfw-textures-") as folder:
-            # uncompressed: written and read ten times as fast as PNG
-            path = Path(folder) / "texture.bmp"
-            cv2.imwrite(str(path), image)
-            return int(self._call("loadTexture", str(path)))
-
-    def _call(self, function: str, *args: Any, **kwargs: Any) -> Any:
-        return getattr(bullet, function)(*args, physicsClientId=self.client, **kwargs)
+    def _load_image(self, image: Image) -> int:
+        self._images.append(image)
+        return self.raster.add_texture(image)
 
 
 def _visibility(

@@ -21,6 +21,7 @@ from navfw.signals import Array, CameraMotion, Frame, Image, Pose, SensorReading
 from navfw.sim.actions import Action, DoorChange, Obstacle, Textureless
 from navfw.sim.camera import Camera, DepthImage
 from navfw.sim.changes import Changes, ChangeTrack
+from navfw.sim.display import Display
 from navfw.sim.drops import fallen_into
 from navfw.sim.engine import bullet
 from navfw.sim.faults import Faults
@@ -87,8 +88,6 @@ class Simulation:
         self.timings = Timings()
         self.time = 0.0
         self._client = _connect(gui)
-        # drawing has a client of its own, where bodies cost no physics
-        self._stage = self._client if gui else _connect(gui=False)
         self._steps = 0
         self._frames = 0
         self._contacts: set[str] = set()
@@ -115,7 +114,7 @@ class Simulation:
             bullet.setPhysicsEngineParameter(
                 deterministicOverlappingPairs=1, physicsClientId=self._client
             )
-            scenery = Scenery(world, self._stage, cull=not gui)
+            scenery = Scenery(world, Display(self._client) if gui else None)
             self._scene = Scene(world, self._client, scenery)
             self._changes = Changes(world, self._scene)
             self._body = RobotBody(robot, self._client, start)
@@ -380,8 +379,7 @@ class Simulation:
     def close(self) -> None:
         """Leave the physics server; doing it twice is no harm."""
         if self._client >= 0:
-            for client in {self._client, self._stage}:
-                bullet.disconnect(physicsClientId=client)
+            bullet.disconnect(physicsClientId=self._client)
             self._client = -1
 
     def __enter__(self) -> Simulation:

@@ -1,0 +1,62 @@
+"""Showing a world's look to people, in the window of a PyBullet client."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import cv2
+
+from navfw.signals import Image
+from navfw.sim.engine import bullet
+from navfw.sim.meshes import Mesh
+
+__all__ = ["Display"]
+
+
+class Display:
+    """Textured bodies without mass in one PyBullet client."""
+
+    def __init__(self, client: int) -> None:
+        self._client = client
+        self._textures: dict[int, int] = {}
+
+    def add(
+        self, mesh: Mesh, image: Image, position: Sequence[float], turn: Sequence[float]
+    ) -> int:
+        """A body in a texture (height, width, 3), RGB; returns PyBullet's id of it."""
+        visual = self._call(
+            "createVisualShape",
+            bullet.GEOM_MESH,
+            vertices=mesh.vertices,
+            indices=mesh.indices,
+            uvs=mesh.uvs,
+            normals=mesh.normals,
+            specularColor=[0.0, 0.0, 0.0],
+        )
+        body = int(self._call("createMultiBody", 0.0, -1, visual, position, turn))
+        self._call("changeVisualShape", body, -1, textureUniqueId=self._texture(image))
+        return body
+
+    def place(self, body: int, position: Sequence[float], turn: Sequence[float]) -> None:
+        """Move a body: position [m] and orientation (x, y, z, w)."""
+        self._call("resetBasePositionAndOrientation", body, position, turn)
+
+    def remove(self, body: int) -> None:
+        """Show a body no longer."""
+        self._call("removeBody", body)
+
+    def _texture(self, image: Image) -> int:
+        """PyBullet's id of a texture; it takes pictures only from files."""
+        if id(image) not in self._textures:
+            with tempfile.TemporaryDirectory(prefix="navfw-textures-") as folder:
+                # uncompressed: written and read ten times as fast as PNG
+                path = Path(folder) / "texture.bmp"
+                cv2.imwrite(str(path), cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
+                self._textures[id(image)] = int(self._call("loadTexture", str(path)))
+        return self._textures[id(image)]
+
+    def _call(self, function: str, *args: Any, **kwargs: Any) -> Any:
+        return getattr(bullet, function)(*args, physicsClientId=self._client, **kwargs)

@@ -1,0 +1,269 @@
+"""Drawing textured meshes as PyBullet's TinyRenderer does, bit for bit, at a sixth of its time.
+
+TinyRenderer divides nine times for every pixel of the rectangle around each triangle, visible or
+not, and shades what is covered again later. Here only the pixels in a triangle's rows are tested,
+several at once, and each pixel of the image is shaded once. Rounding is the same, so the images
+are (``tests/sim/test_sim_raster.py`` compares them).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from navfw.signals import Array, Image, Mask
+from navfw.sim.meshes import Mesh
+from navfw.sim.raster_kernels import cover, shade
+
+__all__ = ["Light", "Picture", "Raster", "depth_buffer"]
+
+Floats = npt.NDArray[np.float32]
+
+_STEADY = 4
+"""TinyRenderer makes normals unit vectors again at every use; so often, and they stay the same."""
+
+
+@dataclass(frozen=True, slots=True)
+class Light:
+    """Light from everywhere (``ambient``) and along ``direction`` (3,), towards where it is from.
+
+    Both are shares of a texture's colour.
+    """
+
+    direction: tuple[float, float, float]
+    ambient: float
+    diffuse: float
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """What was drawn: ``rgb`` (height, width, 3), and minus its clip ``depth`` (height, width)."""
+
+    rgb: Image
+    depth: Floats
+
+
+@dataclass(slots=True)
+class _Body:
+    points: Floats
+    normals: Floats
+    uvs: Floats
+    corners: npt.NDArray[np.int32]
+    texture: int
+    model: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class _Scene:
+    """All bodies' arrays, one after the other (see ``raster_kernels.cover`` and ``shade``)."""
+
+    points: Floats
+    normals: Floats
+    uvs: Floats
+    corners: npt.NDArray[np.int32]
+    runs: npt.NDArray[np.int32]
+    textures: npt.NDArray[np.int32]
+    models: Floats
+    screens: Floats
+
+
+def depth_buffer(depth: Floats, projection: Array) -> Floats:
+    """A picture's depth as OpenGL's depth buffer has it, in [0, 1]; 1 at the far plane.
+
+    Rounded as TinyRenderer rounds it. ``projection`` (4, 4) is that of the picture.
+    """
+    scale, shift = np.float32(projection[2, 2]), np.float32(projection[2, 3])
+    near, far = shift / (scale - np.float32(1.0)), shift / (scale + np.float32(1.0))
+    over = far * (near - depth)
+    under = 2.0 * float(far) * float(near) - (far * depth).astype(np.float64)
+    buffer: Floats = (over / (under + (near * depth))).astype(np.float32)
+    return buffer
+
+
+class Raster:
+    """Bodies, each a mesh with one texture, and pictures of them. Of equally near, the newest."""
+
+    def __init__(self) -> None:
+        self._bodies: dict[int, _Body] = {}
+        self._hidden: set[int] = set()
+        self._images: list[Image] = []
+        self._scene: _Scene | None = None
+        self._texels: tuple[npt.NDArray[np.int64], Image] | None = None
+        self._next = 0
+
+    def add_texture(self, image: Image) -> int:
+        """A texture (height, width, 3), RGB; returns its number."""
+        self._images.append(image)
+        self._texels = None
+        return len(self._images) - 1
+
+    def add(
+        self,
+        mesh: Mesh,
+        texture: int,
+        position: Sequence[float] = (0.0, 0.0, 0.0),
+        turn: Sequence[float] = (0.0, 0.0, 0.0, 1.0),
+    ) -> int:
+        """A body at ``position`` [m], turned by the quaternion ``turn`` (x, y, z, w)."""
+        normals = np.array(mesh.normals, np.float32)
+        for _ in range(_STEADY):
+            normals = normals * (np.float32(1.0) / _lengths(normals))[:, None]
+        self._bodies[self._next] = _Body(
+            points=np.array(mesh.vertices, np.float32),
+            normals=normals,
+            uvs=np.array(mesh.uvs, np.float32),
+            corners=np.array(mesh.indices, np.int32).reshape(-1, 3),
+            texture=texture,
+            model=_model(position, turn),
+        )
+        self._scene = None
+        self._next += 1
+        return self._next - 1
+
+    def place(self, body: int, position: Sequence[float], turn: Sequence[float]) -> None:
+        """Move a body: position [m] and orientation (x, y, z, w)."""
+        moved = self._bodies[body]
+        moved.model = _model(position, turn)
+        if self._scene is not None:
+            index = list(self._bodies).index(body)
+            first, end = self._scene.runs[index, :2]
+            self._scene.models[index] = moved.model
+            self._scene.normals[first:end] = _turned(moved.normals, moved.model)
+
+    def remove(self, body: int) -> None:
+        """Draw a body no longer."""
+        del self._bodies[body]
+        self._hidden.discard(body)
+        self._scene = None
+
+    def hide(self, bodies: Sequence[int]) -> None:
+        """Draw all but these."""
+        self._hidden = set(bodies)
+
+    def draw(
+        self,
+        view: Array,
+        projection: Array,
+        eye: Array,
+        size: tuple[int, int],
+        light: Light,
+    ) -> Picture:
+        """What a camera at ``eye`` (3,) [m] sees, ``size`` (width, height) [px].
+
+        ``view`` (4, 4) leads from the map to the camera's axes (right, up, back) and
+        ``projection`` (4, 4) from there to clip coordinates, as OpenGL has them.
+        """
+        scene, (tables, texels) = self._compiled(), self._all_texels()
+        shown: Mask = np.array([body not in self._hidden for body in self._bodies], np.bool_)
+        width, height = size
+        nearest = np.empty((height, width), np.float32)
+        faces = np.empty((height, width), np.int32)
+        rgb = np.empty((height, width, 3), np.uint8)
+        eye = np.asarray(eye, dtype=np.float64)
+        cover(
+            scene.points,
+            scene.corners,
+            scene.runs,
+            shown,
+            scene.models,
+            _singles(view),
+            _singles(projection),
+            eye,
+            nearest,
+            faces,
+            scene.screens,
+        )
+        towards = np.array(light.direction, np.float32).astype(np.float64)
+        shade(
+            faces,
+            scene.screens,
+            scene.corners,
+            scene.normals,
+            scene.uvs,
+            scene.textures,
+            tables,
+            texels,
+            _singles(towards / np.sqrt(towards @ towards)),
+            light.ambient,
+            light.diffuse,
+            rgb,
+        )
+        return Picture(rgb, nearest[::-1])
+
+    # ------------------------------------------------------------------------------------------
+
+    def _compiled(self) -> _Scene:
+        if self._scene is None:
+            bodies = list(self._bodies.values())
+            points = np.cumsum([0, *(len(b.points) for b in bodies)])
+            faces = np.cumsum([0, *(len(b.corners) for b in bodies)])
+            runs = np.stack([points[:-1], points[1:], faces[:-1], faces[1:]], axis=1)
+            corners = [b.corners + first for b, first in zip(bodies, points[:-1], strict=True)]
+            self._scene = _Scene(
+                points=_joined([b.points for b in bodies]),
+                normals=_joined([_turned(b.normals, b.model) for b in bodies]),
+                uvs=np.concatenate([np.empty((0, 2)), *(b.uvs for b in bodies)]).astype(np.float32),
+                corners=np.concatenate([np.empty((0, 3), np.int64), *corners]).astype(np.int32),
+                runs=runs.astype(np.int32),
+                textures=np.repeat([b.texture for b in bodies], np.diff(faces)).astype(np.int32),
+                models=np.array([b.model for b in bodies], np.float32).reshape(-1, 4, 4),
+                screens=np.zeros((int(faces[-1]), 3, 3), np.float32),
+            )
+        return self._scene
+
+    def _all_texels(self) -> tuple[npt.NDArray[np.int64], Image]:
+        """Where each texture begins, its width and height; and the texels of all (N, 3)."""
+        if self._texels is None:
+            heights, widths = ([i.shape[axis] for i in self._images] for axis in (0, 1))
+            begins = np.cumsum([0, *(h * w for h, w in zip(heights, widths, strict=True))])[:-1]
+            tables = np.stack([begins, widths, heights], axis=1).astype(np.int64)
+            texels = np.concatenate(
+                [np.empty((0, 3), np.uint8), *(i.reshape(-1, 3) for i in self._images)]
+            )
+            self._texels = tables, texels
+        return self._texels
+
+
+def _joined(parts: Sequence[Floats]) -> Floats:
+    """Arrays (N, 3) one after the other."""
+    joined: Floats = np.concatenate([np.empty((0, 3), np.float32), *parts]).astype(np.float32)
+    return joined
+
+
+def _singles(values: Array) -> Floats:
+    singles: Floats = np.ascontiguousarray(values).astype(np.float32)
+    return singles
+
+
+def _lengths(vectors: Floats) -> Floats:
+    x, y, z = vectors.T
+    lengths: Floats = np.sqrt(x * x + y * y + z * z)
+    return lengths
+
+
+def _model(position: Sequence[float], turn: Sequence[float]) -> Floats:
+    """From a body's axes to the map's (4, 4)."""
+    x, y, z, w = turn
+    double = 2.0 / (x * x + y * y + z * z + w * w)
+    xs, ys, zs = x * double, y * double, z * double
+    matrix = np.array(
+        [
+            [1.0 - (y * ys + z * zs), x * ys - w * zs, x * zs + w * ys, position[0]],
+            [x * ys + w * zs, 1.0 - (x * xs + z * zs), y * zs - w * xs, position[1]],
+            [x * zs - w * ys, y * zs + w * xs, 1.0 - (x * xs + y * ys), position[2]],
+            [0.0, 0.0, 0.0, 1.0],
+        ]
+    )
+    return matrix.astype(np.float32)
+
+
+def _turned(normals: Floats, model: Floats) -> Floats:
+    """Normals (N, 3) in the map's axes: by the inverse transpose, which divides by the scale."""
+    axes = model[:3, :3]
+    axes = axes / (axes[0, 2] * axes[0, 2] + axes[0, 1] * axes[0, 1] + axes[0, 0] * axes[0, 0])
+    x, y, z = normals[:, :1], normals[:, 1:2], normals[:, 2:]
+    turned: Floats = z * axes[:, 2] + y * axes[:, 1] + x * axes[:, 0]
+    return turned
