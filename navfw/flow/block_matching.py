@@ -2,28 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Literal, Self
+from typing import Annotated, ClassVar, Literal
 
 import cv2
 import numpy as np
 import numpy.typing as npt
-from pydantic import Field, model_validator
+from pydantic import Field
 
-from navfw import kinds
-from navfw.flow.confidence import (
-    SIGMA_UNKNOWN,
-    check_ramps,
-    is_frozen,
-    local_spread,
-    match_sigma,
-    ramp,
-)
-from navfw.flow.derotation import align_past, rotate_points, visible_in_past
-from navfw.flow.grid import check_frame, check_grid
+from navfw.flow.confidence import local_spread, match_sigma, ramp
 from navfw.flow.kernels import correlate, find_peaks
+from navfw.flow.processor import MatchedFlow
 from navfw.flow.registration import register_windows
 from navfw.robot import RobotModel
-from navfw.signals import Array, FlowField, FramePair, Image
+from navfw.signals import Array, FramePair, Image
 
 __all__ = ["BlockMatching"]
 
@@ -52,7 +43,7 @@ CORRELATION_LENGTH = 3.0
 PEAK_FLOOR, PEAK_SCALE, PEAK_SPREAD = 0.05, 2.0, 0.3
 
 
-class BlockMatching(kinds.FlowProcessor):
+class BlockMatching(MatchedFlow):
     """Normalised two-dimensional correlation block matching on a regular grid (paper sec 3).
 
     A window around each grid point of the current image is sought in the past image by exhaustive
@@ -69,11 +60,9 @@ class BlockMatching(kinds.FlowProcessor):
 
     name: ClassVar[str] = "block_matching"
 
-    class Params(kinds.FlowProcessor.Params):
+    class Params(MatchedFlow.Params):
         """Grid, windows, search, and when to trust a match (METHOD 2.9)."""
 
-        rows: Annotated[int, Field(ge=2, le=120, description="rows of the grid")] = 12
-        cols: Annotated[int, Field(ge=2, le=160, description="columns of the grid")] = 16
         window: Annotated[int, Field(ge=6, le=128, description="side of a window [px]")] = 24
         search: Annotated[
             int, Field(ge=2, le=32, description="largest displacement searched per axis [px]")
@@ -111,17 +100,11 @@ class BlockMatching(kinds.FlowProcessor):
             Field(ge=0.2, le=10.0, description="registration's Gaussian weight [half windows]"),
         ] = 0.6
 
-        @model_validator(mode="after")
-        def _ramps_rise(self) -> Self:
-            check_ramps(self)
-            return self
-
     params: Params
 
     def __init__(self, robot: RobotModel, params: Params | None = None) -> None:
         super().__init__(robot, params)
         p, camera = self.params, robot.camera
-        check_grid(camera, p.rows, p.cols, self.name)
         self._x_windows = x = _windows(camera.width, p.cols, p.window, p.margin)
         self._y_windows = y = _windows(camera.height, p.rows, p.window, p.margin)
         self._points = np.stack(
@@ -133,15 +116,11 @@ class BlockMatching(kinds.FlowProcessor):
         )
         self._pixels = np.outer(y[:, 1] - y[:, 0], x[:, 1] - x[:, 0]).astype(np.float64)
 
-    def compute(self, pair: FramePair) -> FlowField:
-        """Flow of ``pair.now`` against ``pair.past``, with confidence and sigma of every cell."""
-        camera, p = self.robot.camera, self.params
-        check_frame(pair.past, camera)
-        check_frame(pair.now, camera)
-        rotation = pair.motion.rotation
-        now = np.ascontiguousarray(pair.now.image)
-        past = np.ascontiguousarray(align_past(pair.past.image, rotation, camera))
-        visible = visible_in_past(rotation, camera)
+    def _match(
+        self, now: Image, past: Image, visible: tuple[int, int, int, int]
+    ) -> tuple[Array, Array, Array]:
+        p = self.params
+        now, past = np.ascontiguousarray(now), np.ascontiguousarray(past)
         scores, deviation = correlate(
             now, past, self._x_windows, self._y_windows, p.search, visible
         )
@@ -150,18 +129,7 @@ class BlockMatching(kinds.FlowProcessor):
         else:
             vectors, confidence, sigma = self._peaks(scores)
         confidence *= ramp(deviation.astype(np.float64), p.texture_low, p.texture_high)
-        if is_frozen(pair, camera):
-            confidence[:] = 0.0
-        sigma[confidence <= 0.0] = SIGMA_UNKNOWN
-        origins = rotate_points(self._points - vectors, rotation.T, camera.focal)
-        return FlowField(
-            time=pair.now.time,
-            points=self._points.copy(),
-            vectors=self._points - origins,
-            confidence=confidence,
-            sigma=np.minimum(sigma, SIGMA_UNKNOWN),
-            motion=pair.motion,
-        )
+        return vectors, confidence, sigma
 
     def whole_pixel_loop(self, pair: FramePair) -> Integers:
         """Displacements (rows, cols, 2) [px], now - past, by OpenCV's matcher, window by window.

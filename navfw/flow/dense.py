@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import Annotated, Self
+from typing import Annotated
 
 import cv2
 import numpy as np
 import numpy.typing as npt
-from pydantic import Field, model_validator
+from pydantic import Field
 
-from navfw import kinds
-from navfw.flow.confidence import SIGMA_UNKNOWN, check_ramps, is_frozen, match_sigma, ramp
-from navfw.flow.derotation import align_past, rotate_points, visible_in_past
-from navfw.flow.grid import check_frame, check_grid, grid_points
+from navfw.flow.confidence import match_sigma, ramp
+from navfw.flow.processor import MatchedFlow
 from navfw.robot import RobotModel
-from navfw.signals import Array, FlowField, FramePair, Image
+from navfw.signals import Array, Image
 
 __all__ = ["Dense", "DenseFlow"]
 
@@ -29,20 +27,17 @@ SIGMA_SCALE = 1.5
 SPREAD_SHARE = 0.45
 
 
-class DenseFlow(kinds.FlowProcessor):
+class DenseFlow(MatchedFlow):
     """Base of the processors that make a vector for every pixel: one mean vector a grid cell.
 
-    The past image is first turned by the camera's known rotation, so that the method meets the
-    translational part only. A cell's confidence asks for texture in both directions and for
-    agreement of the current image with the past one moved along the flow; its sigma comes from
-    that residual and from the spread of the flow within the cell.
+    A cell's confidence asks for texture in both directions and for agreement of the current image
+    with the past one moved along the flow; its sigma comes from that residual and from the spread
+    of the flow within the cell.
     """
 
-    class Params(kinds.FlowProcessor.Params):
+    class Params(MatchedFlow.Params):
         """Grid, and when to trust a vector (METHOD 2.9)."""
 
-        rows: Annotated[int, Field(ge=2, le=120, description="rows of the grid")] = 12
-        cols: Annotated[int, Field(ge=2, le=160, description="columns of the grid")] = 16
         gradient_low: Annotated[
             float, Field(ge=0.1, description="gradient that says nothing [grey levels/px]")
         ] = 0.8
@@ -62,59 +57,37 @@ class DenseFlow(kinds.FlowProcessor):
             float, Field(gt=0.0, description="spread within a cell that is no one motion [px]")
         ] = 2.5
 
-        @model_validator(mode="after")
-        def _ramps_rise(self) -> Self:
-            check_ramps(self)
-            return self
-
     params: Params
 
     def __init__(self, robot: RobotModel, params: Params | None = None) -> None:
         super().__init__(robot, params)
-        p, camera = self.params, robot.camera
-        check_grid(camera, p.rows, p.cols, self.name)
-        self._points = grid_points(camera, p.rows, p.cols)
-        y, x = np.mgrid[: camera.height, : camera.width].astype(np.float32)
+        y, x = np.mgrid[: robot.camera.height, : robot.camera.width].astype(np.float32)
         self._pixel_x, self._pixel_y = x, y
 
     @abstractmethod
     def _dense(self, now: Image, past: Image) -> Dense:
         """(height, width, 2): where each pixel of ``now`` lay in ``past``, past - now [px]."""
 
-    def compute(self, pair: FramePair) -> FlowField:
-        """Flow of ``pair.now`` against ``pair.past``, with confidence and sigma of every cell."""
-        camera, p = self.robot.camera, self.params
-        check_frame(pair.past, camera)
-        check_frame(pair.now, camera)
-        rotation = pair.motion.rotation
-        past = align_past(pair.past.image, rotation, camera)
-        dense = self._dense(pair.now.image, past)
+    def _match(
+        self, now: Image, past: Image, visible: tuple[int, int, int, int]
+    ) -> tuple[Array, Array, Array]:
+        p = self.params
+        dense = self._dense(now, past)
         source_x, source_y = self._pixel_x + dense[..., 0], self._pixel_y + dense[..., 1]
         moved = cv2.remap(past, source_x, source_y, cv2.INTER_LINEAR).astype(np.uint8)
-        seen = _inside(source_x, source_y, visible_in_past(rotation, camera))
+        seen = _inside(source_x, source_y, visible)
         cells = _Cells(p.rows, p.cols, seen)
         back = np.stack([cells.mean(dense[..., 0]), cells.mean(dense[..., 1])], axis=-1)
         spread = np.sqrt(cells.variance(dense[..., 0]) + cells.variance(dense[..., 1]))
-        score, texture = _agreement(cells, pair.now.image, moved)
-        gradient, curvature = _structure(cells, pair.now.image, texture)
+        score, texture = _agreement(cells, now, moved)
+        gradient, curvature = _structure(cells, now, texture)
 
         confidence = ramp(cells.share, 0.5, 0.9) * ramp(score, p.match_low, p.match_high)
         confidence *= ramp(gradient, p.gradient_low, p.gradient_high)
         confidence *= 1.0 - ramp(spread, p.spread_low, p.spread_high)
-        if is_frozen(pair, camera):
-            confidence[:] = 0.0
         noise = SIGMA_SCALE * match_sigma(score, curvature, cells.pixels)
         sigma = np.sqrt(noise**2 + (SPREAD_SHARE * spread) ** 2 + SIGMA_FLOOR**2)
-        sigma = np.where(confidence > 0.0, np.minimum(sigma, SIGMA_UNKNOWN), SIGMA_UNKNOWN)
-        origin = rotate_points(self._points + back, rotation.T, camera.focal)
-        return FlowField(
-            time=pair.now.time,
-            points=self._points.copy(),
-            vectors=self._points - origin,
-            confidence=confidence,
-            sigma=sigma,
-            motion=pair.motion,
-        )
+        return -back, confidence, sigma
 
 
 class _Cells:

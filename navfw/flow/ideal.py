@@ -6,16 +6,15 @@ No robot has these. The plugin declares ``oracle``: a stack file that names it m
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import Field
 
-from navfw import kinds
 from navfw.errors import PluginError
 from navfw.flow.confidence import SIGMA_UNKNOWN
-from navfw.flow.grid import check_frame, check_grid, grid_points
+from navfw.flow.grid import check_frame
+from navfw.flow.processor import GridFlow
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Array, CameraMotion, FlowField, Frame, FramePair
 
@@ -41,7 +40,7 @@ class TruthSource(Protocol):
         ...
 
 
-class Ideal(kinds.FlowProcessor):
+class Ideal(GridFlow):
     """Flow without error, from the simulator's depth and the true motion; for evaluation only.
 
     Every cell whose surface the past camera had in its image is fully trusted, hidden there or
@@ -51,18 +50,8 @@ class Ideal(kinds.FlowProcessor):
     name: ClassVar[str] = "ideal"
     oracle: ClassVar[bool] = True
 
-    class Params(kinds.FlowProcessor.Params):
-        """The grid."""
-
-        rows: Annotated[int, Field(ge=2, le=120, description="rows of the grid")] = 12
-        cols: Annotated[int, Field(ge=2, le=160, description="columns of the grid")] = 16
-
-    params: Params
-
-    def __init__(self, robot: RobotModel, params: Params | None = None) -> None:
+    def __init__(self, robot: RobotModel, params: GridFlow.Params | None = None) -> None:
         super().__init__(robot, params)
-        check_grid(robot.camera, self.params.rows, self.params.cols, self.name)
-        self._points = grid_points(robot.camera, self.params.rows, self.params.cols)
         self._truth: TruthSource | None = None
 
     def trust(self, truth: TruthSource) -> None:

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Self
+from typing import Annotated, ClassVar
 
 import cv2
 import numpy as np
 import numpy.typing as npt
-from pydantic import Field, model_validator
+from pydantic import Field
 
-from navfw import kinds
-from navfw.flow.confidence import SIGMA_UNKNOWN, check_ramps, is_frozen, local_spread, ramp
-from navfw.flow.derotation import align_past, rotate_points, visible_in_past
-from navfw.flow.grid import check_frame, check_grid, grid_points
+from navfw.flow.confidence import SIGMA_UNKNOWN, local_spread, ramp
+from navfw.flow.grid import grid_points
+from navfw.flow.processor import MatchedFlow
 from navfw.robot import CameraModel, RobotModel
-from navfw.signals import Array, FlowField, FramePair, Image
+from navfw.signals import Array, Image
 
 __all__ = ["LucasKanade"]
 
@@ -29,21 +28,19 @@ NOISE_SCALE = 1.3
 RETURN_SHARE, CELL_SHARE, SPREAD_SHARE = 0.5, 0.5, 0.25
 
 
-class LucasKanade(kinds.FlowProcessor):
+class LucasKanade(MatchedFlow):
     """Pyramidal Lucas-Kanade at points of a regular grid, with a forward-backward check.
 
-    The past image is first turned by the camera's known rotation. Of the points in a cell, the
-    median of those that come back to where they started is the cell's vector. Confidence asks for
-    texture in both directions, a short way back, and agreement of the image patches.
+    Of the points in a cell, the median of those that come back to where they started is the cell's
+    vector. Confidence asks for texture in both directions, a short way back, and agreement of the
+    image patches.
     """
 
     name: ClassVar[str] = "lucas_kanade"
 
-    class Params(kinds.FlowProcessor.Params):
+    class Params(MatchedFlow.Params):
         """Grid, windows, and when to trust a vector (METHOD 2.9)."""
 
-        rows: Annotated[int, Field(ge=2, le=120, description="rows of the grid")] = 12
-        cols: Annotated[int, Field(ge=2, le=160, description="columns of the grid")] = 16
         points: Annotated[int, Field(ge=1, le=4, description="points per cell along each axis")] = 1
         window: Annotated[int, Field(ge=5, le=63, description="side of a window [px]")] = 11
         levels: Annotated[int, Field(ge=0, le=5, description="halvings of the image")] = 2
@@ -66,50 +63,27 @@ class LucasKanade(kinds.FlowProcessor):
             float, Field(gt=0.0, description="mismatch in parts of the contrast, no match")
         ] = 0.7
 
-        @model_validator(mode="after")
-        def _ramps_rise(self) -> Self:
-            check_ramps(self)
-            return self
-
     params: Params
 
     def __init__(self, robot: RobotModel, params: Params | None = None) -> None:
         super().__init__(robot, params)
-        p, camera = self.params, robot.camera
-        check_grid(camera, p.rows, p.cols, self.name)
-        self._points = grid_points(camera, p.rows, p.cols)
-        self._seeds = _seeds(camera, p.rows, p.cols, p.points)
+        p = self.params
+        self._seeds = _seeds(robot.camera, p.rows, p.cols, p.points)
 
-    def compute(self, pair: FramePair) -> FlowField:
-        """Flow of ``pair.now`` against ``pair.past``, with confidence and sigma of every cell."""
-        camera, p = self.robot.camera, self.params
-        check_frame(pair.past, camera)
-        check_frame(pair.now, camera)
-        rotation = pair.motion.rotation
-        now, past = pair.now.image, align_past(pair.past.image, rotation, camera)
-        there, returned, residual = self._track(now, past, visible_in_past(rotation, camera))
+    def _match(
+        self, now: Image, past: Image, visible: tuple[int, int, int, int]
+    ) -> tuple[Array, Array, Array]:
+        p = self.params
+        there, returned, residual = self._track(now, past, visible)
         gradient, contrast = _texture(now, self._seeds, p.window)
         trust = 1.0 - ramp(returned, p.return_low, p.return_high)
         trust *= 1.0 - ramp(residual / np.maximum(contrast, 1.0), p.residual_low, p.residual_high)
         trust *= ramp(gradient, p.gradient_low, p.gradient_high)
-        if is_frozen(pair, camera):
-            trust[:] = 0.0
-
         noise = NOISE_SCALE * residual / (np.maximum(gradient, 0.1) * p.window)
         own = noise**2 + (RETURN_SHARE * np.minimum(returned, SIGMA_UNKNOWN)) ** 2
         vectors, confidence, variance = _cells(self._seeds - there, trust, own)
         spread = SPREAD_SHARE / p.points * local_spread(vectors, confidence)
-        sigma = np.sqrt(variance + spread**2 + SIGMA_FLOOR**2)
-        sigma = np.where(confidence > 0.0, np.minimum(sigma, SIGMA_UNKNOWN), SIGMA_UNKNOWN)
-        origins = rotate_points(self._points - vectors, rotation.T, camera.focal)
-        return FlowField(
-            time=pair.now.time,
-            points=self._points.copy(),
-            vectors=self._points - origins,
-            confidence=confidence,
-            sigma=sigma,
-            motion=pair.motion,
-        )
+        return vectors, confidence, np.sqrt(variance + spread**2 + SIGMA_FLOOR**2)
 
     def _track(
         self, now: Image, past: Image, visible: tuple[int, int, int, int]

@@ -1,0 +1,84 @@
+"""What flow processors share: the regular grid, and all that comes before and after matching."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import Annotated, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from navfw import kinds
+from navfw.flow.confidence import SIGMA_UNKNOWN, check_ramps, is_frozen
+from navfw.flow.derotation import align_past, rotate_points, visible_in_past
+from navfw.flow.grid import check_frame, check_grid, grid_points
+from navfw.robot import RobotModel
+from navfw.signals import Array, FlowField, FramePair, Image
+
+__all__ = ["GridFlow", "MatchedFlow"]
+
+
+class GridFlow(kinds.FlowProcessor):
+    """Base of processors whose field has one vector for each cell of a regular grid."""
+
+    class Params(kinds.FlowProcessor.Params):
+        """The grid. Fields ``..._low`` and ``..._high`` are checked to be in that order."""
+
+        rows: Annotated[int, Field(ge=2, le=120, description="rows of the grid")] = 12
+        cols: Annotated[int, Field(ge=2, le=160, description="columns of the grid")] = 16
+
+        @model_validator(mode="after")
+        def _ramps_rise(self) -> Self:
+            check_ramps(self)
+            return self
+
+    params: Params
+
+    def __init__(self, robot: RobotModel, params: Params | None = None) -> None:
+        super().__init__(robot, params)
+        p, camera = self.params, robot.camera
+        check_grid(camera, p.rows, p.cols, self.name)
+        self._points = grid_points(camera, p.rows, p.cols)
+
+
+class MatchedFlow(GridFlow):
+    """Base of processors that match two images.
+
+    The past image is first turned by the camera's known rotation, so that the method meets the
+    translational part only; the field that comes out contains the whole motion again.
+    """
+
+    @abstractmethod
+    def _match(
+        self, now: Image, past: Image, visible: tuple[int, int, int, int]
+    ) -> tuple[Array, Array, Array]:
+        """How the cells have moved from ``past``, turned into the current axes, to ``now``.
+
+        ``visible`` (left, right, top, bottom) bounds the pixels of ``past`` that the past camera
+        saw. Gives vectors (rows, cols, 2) [px], confidence and sigma (rows, cols) [px].
+        """
+
+    def compute(self, pair: FramePair) -> FlowField:
+        """Flow of ``pair.now`` against ``pair.past``, with confidence and sigma of every cell.
+
+        Raises:
+            ConfigError: a frame is not the camera's.
+
+        """
+        camera, rotation = self.robot.camera, pair.motion.rotation
+        check_frame(pair.past, camera)
+        check_frame(pair.now, camera)
+        past = align_past(pair.past.image, rotation, camera)
+        visible = visible_in_past(rotation, camera)
+        vectors, confidence, sigma = self._match(pair.now.image, past, visible)
+        if is_frozen(pair, camera):
+            confidence[:] = 0.0
+        origins = rotate_points(self._points - vectors, rotation.T, camera.focal)
+        return FlowField(
+            time=pair.now.time,
+            points=self._points.copy(),
+            vectors=self._points - origins,
+            confidence=confidence,
+            sigma=np.where(confidence > 0.0, np.minimum(sigma, SIGMA_UNKNOWN), SIGMA_UNKNOWN),
+            motion=pair.motion,
+        )
