@@ -8,7 +8,8 @@ from typing import Annotated, Any
 import typer
 
 from navfw.cli.benchlandmarks import landmarks
-from navfw.cli.output import print_json, print_table, quiet_stdout
+from navfw.cli.options import Json, NoiseSeed, Stack
+from navfw.cli.output import print_json, print_table, print_tables, quiet_stdout, say
 
 __all__ = ["add_to"]
 
@@ -28,15 +29,13 @@ def add_to(app: typer.Typer) -> None:
 def loop(
     world: Annotated[str, typer.Option(help="A world's name or file.")] = "office",
     mission: Annotated[str, typer.Option(help="A mission of that world.")] = "lobby-to-lab",
-    seed: Annotated[int, typer.Option(min=0, help="Of all noise.")] = 0,
-    stack: Annotated[str, typer.Option(help="A stack's name or file.")] = "default",
+    seed: NoiseSeed = 0,
+    stack: Stack = "default",
     seconds: Annotated[
         float, typer.Option(min=1.0, max=600.0, help="Simulated time of a lap.")
     ] = 20.0,
     repeats: Annotated[int, typer.Option(min=1, max=100, help="How many laps.")] = 3,
-    json: Annotated[
-        bool, typer.Option("--json", help="One object on stdout, nothing else.")
-    ] = False,
+    json: Json = False,
 ) -> None:
     """Time the whole loop, and rendering with physics alone, on one core."""
     with quiet_stdout():
@@ -44,7 +43,7 @@ def loop(
         from navfw.missions.session import prepare
 
         session = prepare(world, mission, seed=seed, stack=stack)
-        result = bench_loop(session, seconds, repeats, lambda text: typer.echo(text, err=True))
+        result = bench_loop(session, seconds, repeats, say)
     if json:
         print_json(result)
     else:
@@ -79,9 +78,7 @@ def perception(
             help="Write a page with all tables and plots to this folder.", show_default=False
         ),
     ] = None,
-    json: Annotated[
-        bool, typer.Option("--json", help="One object on stdout, nothing else.")
-    ] = False,
+    json: Json = False,
 ) -> None:
     """Measure perception: accuracy against geometry, flow, speed, recorded images."""
     with quiet_stdout():
@@ -104,7 +101,7 @@ def perception(
                 seed,
                 workers or cores(),
                 recorded,
-                lambda text: typer.echo(text, err=True),
+                say,
             )
         )
         if folder is not None:
@@ -113,9 +110,7 @@ def perception(
     if json:
         print_json(result)
         return
-    for title, columns, rows in tables(result):
-        typer.echo(f"\n{title}")
-        print_table(columns, rows, "nothing")
+    print_tables(tables(result))
     if out is not None:
         typer.echo(f"page {out / 'index.md'}")
 
@@ -126,9 +121,7 @@ def planning(
     ] = 10_000,
     repeats: Annotated[int, typer.Option(min=3, max=1000, help="Ways to plan.")] = 20,
     seed: Annotated[int, typer.Option(min=0, help="Of the map and the ways.")] = 0,
-    json: Annotated[
-        bool, typer.Option("--json", help="One object on stdout, nothing else.")
-    ] = False,
+    json: Json = False,
 ) -> None:
     """Time PAPFIS on a large map, beside A* of networkx on the same costs."""
     with quiet_stdout():

@@ -6,7 +6,8 @@ from typing import Annotated
 
 import typer
 
-from navfw.cli.output import print_json, print_table, quiet_stdout
+from navfw.cli.options import Json
+from navfw.cli.output import print_json, print_tables, quiet_stdout, say
 
 __all__ = ["landmarks"]
 
@@ -16,18 +17,14 @@ def landmarks(
         int, typer.Option(min=1, max=1000, help="Views at each distance and angle.")
     ] = 20,
     seed: Annotated[int, typer.Option(min=0, help="Of the views and their noise.")] = 0,
-    json: Annotated[
-        bool, typer.Option("--json", help="One object on stdout, nothing else.")
-    ] = False,
+    json: Json = False,
 ) -> None:
     """Measure recognition of landmarks over distance and angle, and its cost per frame."""
     with quiet_stdout():
         from navfw.bench.landmarks import bench_landmarks, tables
 
-        result = bench_landmarks(views, seed, lambda text: typer.echo(text, err=True))
+        result = bench_landmarks(views, seed, say)
     if json:
         print_json(result)
         return
-    for title, columns, rows in tables(result):
-        typer.echo(f"\n{title}")
-        print_table(columns, rows, "nothing")
+    print_tables(tables(result))

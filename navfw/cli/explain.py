@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+from navfw.cli.options import Json, Recorded
 from navfw.cli.output import print_json, quiet_stdout
 
 __all__ = ["add_to"]
@@ -18,11 +18,9 @@ def add_to(app: typer.Typer) -> None:
 
 
 def explain(
-    folder: Annotated[Path, typer.Argument(help="A folder that navfw run --record has left.")],
+    folder: Recorded,
     at: Annotated[float, typer.Option("--at", help="Time in the run [s].")],
-    json: Annotated[
-        bool, typer.Option("--json", help="One object on stdout, nothing else.")
-    ] = False,
+    json: Json = False,
 ) -> None:
     """Say why the robot did what it did at one moment: which rules fired, how strongly."""
     with quiet_stdout():

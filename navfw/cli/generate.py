@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from navfw.cli.options import Json
 from navfw.cli.output import print_json, quiet_stdout
 
 __all__ = ["add_to"]
@@ -26,9 +27,7 @@ def generate(
     out: Annotated[
         Path | None, typer.Option(help="The folder to write [default: generated/FAMILY-SEED].")
     ] = None,
-    json: Annotated[
-        bool, typer.Option("--json", help="One object on stdout, nothing else.")
-    ] = False,
+    json: Json = False,
 ) -> None:
     """Generate a world that can be crossed; drive it with navfw run FOLDER cross."""
     from navfw.worldgen import generate as make

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from navfw.cli.options import Json
 from navfw.cli.output import print_json, quiet_stdout
 from navfw.errors import InputError
 
@@ -32,9 +33,7 @@ def import_(
     skip_unsupported: Annotated[
         bool, typer.Option("--skip-unsupported", help="Leave out what is not supported.")
     ] = False,
-    json: Annotated[
-        bool, typer.Option("--json", help="One object on stdout, nothing else.")
-    ] = False,
+    json: Json = False,
 ) -> None:
     """Import a Gazebo world; drive it with navfw run FOLDER cross."""
     from navfw.worldgen.gazebo import import_world

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from navfw.cli.options import World
 from navfw.cli.output import console, print_json, print_table, quiet_stdout
 
 if TYPE_CHECKING:
@@ -38,9 +39,7 @@ def worlds(json: Json = False) -> None:
     _show(rows, ["missions", "source"], "There are no worlds.", as_json=json)
 
 
-def missions(
-    world: Annotated[str, typer.Argument(help="A world's name or file.")], json: Json = False
-) -> None:
+def missions(world: World, json: Json = False) -> None:
     """List the missions of a world."""
     from navfw.config.lookup import list_missions
 

@@ -7,23 +7,22 @@ from typing import Annotated
 
 import typer
 
+from navfw.cli.options import Json, Mission, NoiseSeed, Stack, World
 from navfw.cli.output import print_json, print_table, quiet_stdout
 
 __all__ = ["learn"]
 
 
 def learn(
-    world: Annotated[str, typer.Argument(help="A world's name or file.")],
-    mission: Annotated[str, typer.Argument(help="A mission of that world, or a file.")],
-    stack: Annotated[str, typer.Option(help="A stack's name or file.")] = "default",
+    world: World,
+    mission: Mission,
+    stack: Stack = "default",
     out: Annotated[
         Path | None, typer.Option(help="The map file to write [default: MAP-learnt.yaml].")
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of all noise.")] = 0,
+    seed: NoiseSeed = 0,
     least: Annotated[int, typer.Option(min=1, max=1000, help="Looks that a landmark needs.")] = 3,
-    json: Annotated[
-        bool, typer.Option("--json", help="One object on stdout, nothing else.")
-    ] = False,
+    json: Json = False,
 ) -> None:
     """Drive a mission, and write the landmarks that were seen into its map."""
     with quiet_stdout():

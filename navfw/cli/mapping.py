@@ -8,15 +8,14 @@ from typing import Annotated
 import typer
 
 from navfw.cli.maplearn import learn
+from navfw.cli.options import Json, Map, World
 from navfw.cli.output import print_json, print_table, quiet_stdout
 
 __all__ = ["add_to"]
 
-Map = Annotated[str, typer.Argument(metavar="MAP", help="A map's name or file.")]
-World = Annotated[
+OverWorld = Annotated[
     str | None, typer.Option(help="A world's name or file [default: that of the map's name].")
 ]
-Json = Annotated[bool, typer.Option("--json", help="One object on stdout, nothing else.")]
 
 
 def add_to(app: typer.Typer) -> None:
@@ -31,7 +30,7 @@ def add_to(app: typer.Typer) -> None:
 
 def show(
     map_: Map,
-    world: World = None,
+    world: OverWorld = None,
     out: Annotated[
         Path | None, typer.Option(help="The PNG file to write [default: MAP.png].")
     ] = None,
@@ -68,7 +67,7 @@ def show(
     typer.echo(f"picture {path}" + ("" if outline is not None else ", without a floor plan"))
 
 
-def check(map_: Map, world: World = None, json: Json = False) -> None:
+def check(map_: Map, world: OverWorld = None, json: Json = False) -> None:
     """Look for what is wrong with a map, alone and in its world; exit code 1 if anything is."""
     from navfw.cli.maptools import find_map, floor_plan
     from navfw.topomap.check import check_map
@@ -97,7 +96,7 @@ def check(map_: Map, world: World = None, json: Json = False) -> None:
 
 
 def build(
-    world: Annotated[str, typer.Argument(help="A world's name or file.")],
+    world: World,
     out: Annotated[Path, typer.Option(help="The map file to write.")],
     json: Json = False,
 ) -> None:

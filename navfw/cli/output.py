@@ -7,12 +7,17 @@ import ctypes
 import json
 import os
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import typer
 
-__all__ = ["console", "print_json", "print_table", "quiet_stdout"]
+__all__ = ["console", "print_json", "print_table", "print_tables", "quiet_stdout", "say"]
+
+
+def say(text: str) -> None:
+    """A line on stderr, for who waits; stdout belongs to the result."""
+    typer.echo(text, err=True)
 
 
 def print_json(data: Mapping[str, Any] | Sequence[Mapping[str, Any]]) -> None:
@@ -63,6 +68,13 @@ def print_table(columns: Sequence[str], rows: Sequence[Sequence[object]], nothin
         # as Text, since rich takes a unit such as [m] for markup
         table.add_row(*(cell if isinstance(cell, Text) else Text(str(cell)) for cell in row))
     console().print(table)
+
+
+def print_tables(tables: Iterable[tuple[str, Sequence[str], Sequence[Sequence[object]]]]) -> None:
+    """Tables for people, each with its title above it."""
+    for title, columns, rows in tables:
+        typer.echo(f"\n{title}")
+        print_table(columns, rows, "nothing")
 
 
 def _is_fd_1(stream: Any) -> bool:

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from navfw.cli.options import Json, Map
 from navfw.cli.output import print_json, print_table, quiet_stdout
 
 __all__ = ["add_to"]
@@ -18,7 +19,7 @@ def add_to(app: typer.Typer) -> None:
 
 
 def plan(
-    map_: Annotated[str, typer.Argument(metavar="MAP", help="A map's name or file.")],
+    map_: Map,
     start: Annotated[str, typer.Argument(help="A place, or x,y in metres.")],
     goal: Annotated[str, typer.Argument(help="A place, or x,y in metres.")],
     avoid: Annotated[
@@ -31,9 +32,7 @@ def plan(
     plot: Annotated[
         Path | None, typer.Option(help="Draw the way over the map: a PNG file.", show_default=False)
     ] = None,
-    json: Annotated[
-        bool, typer.Option("--json", help="One object on stdout, nothing else.")
-    ] = False,
+    json: Json = False,
 ) -> None:
     """Plan a way without driving it; tell what each passage costs, rule by rule."""
     from navfw.cli.maptools import find_map, outline_for

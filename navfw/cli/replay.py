@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated
-
 import typer
 
+from navfw.cli.options import Json, Recorded
 from navfw.cli.output import print_json, quiet_stdout
 
 __all__ = ["add_to"]
@@ -18,10 +16,8 @@ def add_to(app: typer.Typer) -> None:
 
 
 def replay(
-    folder: Annotated[Path, typer.Argument(help="A folder that navfw run --record has left.")],
-    json: Annotated[
-        bool, typer.Option("--json", help="One object on stdout, nothing else.")
-    ] = False,
+    folder: Recorded,
+    json: Json = False,
 ) -> None:
     """Run the stack on recorded sensor readings; exit with 0 if it gives the same commands."""
     with quiet_stdout():

@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from navfw.cli.output import print_json, print_table, quiet_stdout
+from navfw.cli.options import Json
+from navfw.cli.output import print_json, print_table, quiet_stdout, say
 
 __all__ = ["add_to"]
 
@@ -23,15 +24,13 @@ def reproduce(
     views: Annotated[
         int, typer.Option(min=20, max=10_000, help="Views of section 4.3's comparison.")
     ] = 200,
-    json: Annotated[
-        bool, typer.Option("--json", help="One object on stdout, nothing else.")
-    ] = False,
+    json: Json = False,
 ) -> None:
     """Do the paper's experiments again; exit with 1 if they do not show what they must."""
     with quiet_stdout():
         from navfw.reproduce.run import reproduce as run
 
-        result = run(out, seed, views, lambda text: typer.echo(text, err=True))
+        result = run(out, seed, views, say)
     if json:
         print_json(result)
     else:

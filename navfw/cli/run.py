@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Self
 
 import typer
 
+from navfw.cli.options import Json, Mission, World
 from navfw.cli.output import console, print_json, quiet_stdout
 from navfw.errors import InputError
 
@@ -39,8 +40,8 @@ def add_to(app: typer.Typer) -> None:
 
 
 def run(
-    world: Annotated[str, typer.Argument(help="A world's name or file.")],
-    mission: Annotated[str, typer.Argument(help="A mission of that world, or a file.")],
+    world: World,
+    mission: Mission,
     seed: Annotated[
         int, typer.Option(min=0, help="Of all noise: the same seed gives the same commands.")
     ] = 0,
@@ -64,9 +65,7 @@ def run(
         bool, typer.Option("--record", help="Keep the sensor readings, for navfw replay.")
     ] = False,
     gui: Annotated[bool, typer.Option("--gui", help="Show PyBullet's window.")] = False,
-    json: Annotated[
-        bool, typer.Option("--json", help="One object on stdout, nothing else.")
-    ] = False,
+    json: Json = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress line.")] = False,
 ) -> None:
     """Drive a mission; exit with 0 if it succeeded, 1 if not, 2 for bad input."""

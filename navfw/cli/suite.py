@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Self
 
 import typer
 
+from navfw.cli.options import Json
 from navfw.cli.output import print_json, print_table, quiet_stdout
 
 if TYPE_CHECKING:
@@ -72,9 +73,7 @@ def suite(
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with the table in --out.")
     ] = False,
-    json: Annotated[
-        bool, typer.Option("--json", help="One object on stdout, nothing else.")
-    ] = False,
+    json: Json = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress bar.")] = False,
 ) -> None:
     """Run every mission of a suite with every seed; exit with 0 when done, 1 when interrupted."""
@@ -126,9 +125,7 @@ def compare(
     b: Annotated[Path, typer.Argument(help="Another one, over the same seeds.")],
     variant_a: Annotated[str | None, typer.Option(help="Of A, only this variant.")] = None,
     variant_b: Annotated[str | None, typer.Option(help="Of B, only this variant.")] = None,
-    json: Annotated[
-        bool, typer.Option("--json", help="One object on stdout, nothing else.")
-    ] = False,
+    json: Json = False,
 ) -> None:
     """Compare two tables run by run: whether B is better than A."""
     from navfw.suite.compare import compare as compare_tables
