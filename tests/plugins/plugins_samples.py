@@ -1,0 +1,46 @@
+"""Plugins good and bad in folders of their own, and what a registry makes of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, ClassVar
+
+from navfw.kinds import Behavior
+from navfw.plugins import Registry
+
+GOOD = '''
+from navfw.kinds import Behavior
+
+class {cls}(Behavior):
+    """{cls} does a thing.
+
+    And more.
+    """
+    name = "{name}"
+    def propose(self, context): pass
+'''
+
+
+class Mine(Behavior):
+    """Mine."""
+
+    name: ClassVar[str] = "mine"
+
+    def propose(self, context: Any) -> Any:
+        del context
+
+
+def put(folder: Path, name: str, text: str | None = None, cls: str = "Thing") -> Path:
+    file = folder / f"{name}.py"
+    file.write_text(GOOD.format(cls=cls, name=name) if text is None else text)
+    return file
+
+
+def discovered(folder: Path) -> Registry:
+    registry = Registry()
+    registry.discover_folder(folder)
+    return registry
+
+
+def statuses(registry: Registry, kind: str = "behavior") -> dict[str, str]:
+    return {row["name"]: row["status"] for row in registry.listing(kind)}

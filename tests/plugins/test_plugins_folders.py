@@ -1,0 +1,193 @@
+"""Plugins from folders: what is found, and every way to be broken."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+from plugins_samples import GOOD, discovered, put, statuses
+
+from navfw.errors import PluginError
+from navfw.kinds import Behavior
+from navfw.plugins import Registry
+from navfw.robot import RobotModel
+
+
+def test_a_folder_is_discovered(folder: Path) -> None:
+    put(folder, "one")
+    put(folder, "two", GOOD.format(cls="A", name="a") + GOOD.format(cls="B", name="b"))
+    put(folder, "_helper", "raise RuntimeError")
+    (folder / "notes.txt").write_text("not python")
+    registry = discovered(folder)
+    assert statuses(registry) == {"one": "ok", "a": "ok", "b": "ok"}
+    cls = registry.get("behavior", "one")
+    assert isinstance(cls(RobotModel()), Behavior)
+    assert registry.listing()[2]["summary"] == "Thing does a thing."
+    assert registry.listing()[2]["source"].endswith("behaviors/one.py")
+
+
+BROKEN = {
+    "syntax": ("def f(:\n", "syntax.py:1: cannot be imported: SyntaxError"),
+    "raises": (
+        "\n\n1 / 0\n",
+        "raises.py:3: cannot be imported: ZeroDivisionError: division by zero",
+    ),
+    "leaves": ("import sys\nsys.exit(3)\n", "leaves.py:2: cannot be imported: SystemExit: 3"),
+    "interrupts": (
+        "class Odd(BaseException): pass\nraise Odd\n",
+        "interrupts.py:2: cannot be imported: Odd",
+    ),
+    "deep": ("def f():\n    return {}['x']\nf()\n", "deep.py:2: cannot be imported: KeyError: 'x'"),
+    "needs": (
+        "import nosuchpackage\n",
+        "needs.py:1: cannot be imported: ModuleNotFoundError: No module named 'nosuchpackage'; "
+        "install it",
+    ),
+    "beside": ("import helper\n", "from .helper import ..."),
+    "relative": ("from . import nothing\n", "relative.py:1: cannot be imported: ImportError"),
+    "recursion": ("def f(): f()\nf()\n", "cannot be imported: RecursionError"),
+    "empty": ("", "empty.py: no plugin in this file; derive a class from navfw.kinds.Behavior"),
+    "wrong_base": ("class Turn: pass\n", "no plugin in this file (it has Turn); derive a class"),
+    "no_name": (
+        GOOD.format(cls="Turn", name="x").replace('name = "x"', ""),
+        "class Turn: no name; write",
+    ),
+    "incomplete": (
+        "from navfw.kinds import Behavior\nclass T(Behavior):\n    'T.'\n    name = 'incomplete'\n",
+        "incomplete.py:2: class T: missing propose(self, context)",
+    ),
+    "decorated": (
+        "from navfw.plugins import plugin\n\n@plugin\nclass Turn:\n    name = 'decorated'\n",
+        "class Turn: not derived from a kind of plugin",
+    ),
+    "not_utf8": (b"a = '\xff'\n", "cannot be imported: SyntaxError"),
+    "nulls": (b"a = 1\0\n", "cannot be imported: "),
+}
+
+
+def test_every_way_to_be_broken_is_named_and_stops_nothing_else(folder: Path) -> None:
+    put(folder, "helper", GOOD.format(cls="Helper", name="helper"))
+    put(folder, "zzz_good")
+    for name, (text, _) in BROKEN.items():
+        if isinstance(text, bytes):
+            (folder / f"{name}.py").write_bytes(text)
+        else:
+            put(folder, name, text)
+    registry = discovered(folder)
+    assert statuses(registry) == dict.fromkeys(BROKEN, "broken") | {
+        "helper": "ok",
+        "zzz_good": "ok",
+    }
+    for name, (_, message) in BROKEN.items():
+        with pytest.raises(PluginError) as caught:
+            registry.get("behavior", name)
+        assert message in str(caught.value)
+        (row,) = [row for row in registry.listing() if row["name"] == name]
+        assert row["error"] == str(caught.value)
+        assert f"{name}.py" in row["source"]
+    assert len(registry.broken()) == len(BROKEN)
+    folders = [m for m in sys.modules if m.startswith("navfw_folder_")]
+    assert [m for m in folders if m.endswith((".raises", ".syntax"))] == []
+
+
+def test_one_bad_class_of_a_file_leaves_the_others(folder: Path) -> None:
+    text = "from navfw.plugins import plugin\n@plugin\nclass Bad: pass\n"
+    put(folder, "mixed", text + GOOD.format(cls="Fine", name="fine"))
+    assert statuses(discovered(folder)) == {"fine": "ok", "mixed": "broken"}
+
+
+def test_private_classes_and_bases_in_a_file_are_helpers(folder: Path) -> None:
+    put(
+        folder,
+        "file",
+        '''
+from navfw.kinds import Behavior
+
+class _Hidden(Behavior): pass
+
+class Common(Behavior):
+    def propose(self, context): pass
+
+class Left(Common):
+    """Left."""
+    name = "left"
+
+class Right(Common):
+    """Right."""
+    name = "right"
+''',
+    )
+    assert statuses(discovered(folder)) == {"left": "ok", "right": "ok"}
+
+
+def test_a_complete_plugin_that_another_extends_is_a_plugin_too(folder: Path) -> None:
+    more = '\nclass More(Thing):\n    """More."""\n    name = "more"\n'
+    put(folder, "thing", GOOD.format(cls="Thing", name="thing") + more)
+    assert statuses(discovered(folder)) == {"thing": "ok", "more": "ok"}
+
+
+def test_plugins_of_other_kinds_and_imported_ones(folder: Path) -> None:
+    put(
+        folder,
+        "mine",
+        '''
+from navfw.features.none import NoFeatures
+
+class Some(NoFeatures):
+    """Some."""
+    name = "some"
+''',
+    )
+    registry = discovered(folder)
+    assert statuses(registry, "features") == {"some": "ok"}
+    assert registry.names("behavior") == []
+
+
+def test_files_may_import_their_helpers_and_find_their_data(folder: Path) -> None:
+    put(folder, "_shared", "WORD = 'word'\n")
+    (folder / "data.txt").write_text("data")
+    text = "from ._shared import WORD\nfrom pathlib import Path\n"
+    text += "DATA = Path(__file__).with_name('data.txt').read_text()\n"
+    put(folder, "user", text + GOOD.format(cls="User", name="user"))
+    cls = discovered(folder).get("behavior", "user")
+    module = sys.modules[cls.__module__]
+    assert (vars(module)["WORD"], vars(module)["DATA"]) == ("word", "data")
+
+
+def test_equally_named_files_of_two_folders_do_not_meet(tmp_path: Path) -> None:
+    registry = Registry()
+    for name in ("left", "right"):
+        (tmp_path / name).mkdir()
+        put(tmp_path / name, "_shared", f"SIDE = {name!r}\n")
+        text = f"from ._shared import SIDE\nassert SIDE == {name!r}\n"
+        put(tmp_path / name, "same", text + GOOD.format(cls="Same", name=name))
+        registry.discover_folder(tmp_path / name)
+    assert statuses(registry) == {"left": "ok", "right": "ok"}
+
+
+def test_a_folder_is_discovered_once(folder: Path) -> None:
+    put(folder, "one", "print(1)\n" + GOOD.format(cls="One", name="one"))
+    registry = discovered(folder)
+    registry.discover_folder(folder)
+    assert statuses(registry) == {"one": "ok"}
+    assert registry.broken() == []
+
+
+def test_what_a_file_prints_goes_to_stderr(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    put(folder, "loud", "print('hello')\n" + GOOD.format(cls="Loud", name="loud"))
+    discovered(folder)
+    assert capsys.readouterr() == ("", "hello\n")
+
+
+def test_control_c_is_not_swallowed(folder: Path) -> None:
+    put(folder, "stop", "raise KeyboardInterrupt\n")
+    with pytest.raises(KeyboardInterrupt):
+        discovered(folder)
+
+
+def test_a_missing_folder(tmp_path: Path) -> None:
+    with pytest.raises(PluginError, match="nowhere: expected a folder of plugins"):
+        Registry().discover_folder(tmp_path / "nowhere")
