@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from navfw.signals import Array, Twist
 
-__all__ = ["CameraModel", "LandmarkCamera", "RobotModel"]
+__all__ = ["CameraModel", "LandmarkCamera", "OdometrySheet", "RobotModel"]
 
 Positive = Annotated[float, Field(gt=0.0)]
 
@@ -56,6 +56,32 @@ class LandmarkCamera(BaseModel):
     rate: Annotated[float, Field(gt=0.0, description="frames per second [Hz]")] = 1.25
 
 
+class OdometrySheet(BaseModel):
+    """What the data sheets promise of gyro and wheels: how large their errors usually are.
+
+    The robot knows this of itself, never the errors that it really has.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    gyro_noise: Annotated[
+        float, Field(ge=0.0, description="standard deviation of one reading [rad/s]")
+    ] = math.radians(0.1)
+    gyro_bias_walk: Annotated[
+        float, Field(ge=0.0, description="random walk of the bias [rad/s per square root of s]")
+    ] = math.radians(0.005)
+    slip: Annotated[
+        float,
+        Field(ge=0.0, le=0.5, description="standard deviation of a wheel's slip, part of way"),
+    ] = 0.02
+    slip_mean: Annotated[
+        float, Field(ge=0.0, le=0.5, description="mean slip, of both wheels, part of the way")
+    ] = 0.005
+    slip_time: Annotated[
+        float, Field(ge=0.0, le=60.0, description="slip keeps its value for about so long [s]")
+    ] = 0.5
+
+
 class RobotModel(BaseModel):
     """A round differential-drive robot with one camera, a gyro and wheel encoders."""
 
@@ -78,6 +104,9 @@ class RobotModel(BaseModel):
     landmark_camera: Annotated[
         LandmarkCamera, Field(description="how the camera is read out for landmarks")
     ] = LandmarkCamera()
+    odometry: Annotated[OdometrySheet, Field(description="what is promised of gyro and wheels")] = (
+        OdometrySheet()
+    )
 
     @model_validator(mode="after")
     def _wheels_under_body(self) -> RobotModel:

@@ -56,7 +56,7 @@ class Ekf(Localizer):
         self._nearby = PlacesNearby(topo_map)
         self.trust = LandmarkTrust(p.prior)
         self._looks = Looks(topo_map, p.placed)
-        self.filter = MetricFilter(p, self.trust)
+        self.filter = MetricFilter(p, self.trust, self.robot)
         self.filter.begin(pose, np.diag((p.start_xy**2, p.start_xy**2, p.start_yaw**2)), odometry)
 
     def update(

@@ -11,16 +11,21 @@ from pydantic import Field
 
 from navfw.localization.landmark_model import GATE, Association, associate
 from navfw.localization.looks import Look, agreeing
-from navfw.localization.motion_model import MotionParams, predict, process_noise, transition
+from navfw.localization.motion_model import (
+    REST,
+    MotionParams,
+    motion_noise,
+    predict,
+    process_noise,
+    transition,
+)
 from navfw.localization.trust import LandmarkTrust
+from navfw.robot import RobotModel
 from navfw.signals import Array, Odometry, Pose, wrap_angle
 
 __all__ = ["FilterParams", "MetricFilter"]
 
 NonNegative = Annotated[float, Field(ge=0.0)]
-
-STILL_PERIOD = 1.0
-"""Standing still says something new of the bias once in so long [s]."""
 
 WIDENING = 4.0
 """Factor on the covariance, at each look, when landmarks agree that the pose is wrong."""
@@ -55,8 +60,9 @@ class FilterParams(MotionParams):
 class MetricFilter:
     """Keeps (x, y, yaw, bias) with covariance (4, 4); ``trust`` is shared with others."""
 
-    def __init__(self, params: FilterParams, trust: LandmarkTrust) -> None:
+    def __init__(self, params: FilterParams, trust: LandmarkTrust, robot: RobotModel) -> None:
         self.params = params
+        self.noise = motion_noise(params, robot)
         self.trust = trust
         self.updates = 0
 
@@ -65,7 +71,7 @@ class MetricFilter:
         self.state = np.array((pose.x, pose.y, pose.yaw, odometry.yaw_bias))
         self.covariance = np.zeros((4, 4))
         self.covariance[:3, :3] = covariance
-        self.covariance[3, 3] = self.params.bias**2
+        self.covariance[3, 3] = self.noise.bias**2
         self._last = odometry
         self._bias_heard = odometry.time
         self._held: dict[str, tuple[Look, float]] = {}
@@ -94,8 +100,8 @@ class MetricFilter:
         turning_dt = 0.0 if odometry.still else dt
         drift = (odometry.yaw_bias - float(self.state[3])) * turning_dt
         jacobian = transition(self.state, moved, drift, turning_dt)
-        noise = process_noise(float(self.state[2]), moved, turning_dt, self.params, odometry.silent)
-        noise[3, 3] = self.params.bias_walk**2 * dt
+        noise = process_noise(float(self.state[2]), moved, turning_dt, self.noise, odometry.silent)
+        noise[3, 3] = self.noise.bias_walk**2 * dt
         self.state = predict(self.state, moved, drift)
         self.covariance = jacobian @ self.covariance @ jacobian.T + noise
 
@@ -144,15 +150,18 @@ class MetricFilter:
     def _hear_bias(self, odometry: Odometry, last: Odometry) -> None:
         """Odometry learns the bias at rest, and corrects it when the flow contradicts the gyro."""
         change = odometry.yaw_bias - last.yaw_bias
-        rested = odometry.still and odometry.time - self._bias_heard >= STILL_PERIOD
+        rested = odometry.still and odometry.time - self._bias_heard >= REST
         if not rested and (odometry.still or change == 0.0):
             return
         self._bias_heard = odometry.time
-        noise = self.params.bias**2
+        noise = self.noise.bias**2
         if not odometry.still:
             self.covariance[3, 3] += change**2
             noise += change**2
-        gain = self.covariance[:, 3] / (self.covariance[3, 3] + noise)
+        spread = float(self.covariance[3, 3]) + noise
+        if spread <= 0.0:
+            return  # a gyro without errors: nothing is left to learn
+        gain = self.covariance[:, 3] / spread
         self.state = self.state + gain * (odometry.yaw_bias - self.state[3])
         self.state[2] = wrap_angle(float(self.state[2]))
         row = self.covariance[3:4, :]

@@ -71,7 +71,7 @@ class Topological(Localizer):
         self.trust = LandmarkTrust(p.metric.prior)
         self.discrete = DiscreteFilter(topo_map, p.discrete, p.metric.prior, self.trust)
         self.discrete.begin(pose, odometry)
-        self.metric = MetricFilter(p.metric, self.trust)
+        self.metric = MetricFilter(p.metric, self.trust, self.robot)
         self.tracking = pose is not None
         self.relocations = 0
         self._rooted = pose is not None

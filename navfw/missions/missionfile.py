@@ -49,6 +49,7 @@ __all__ = [
     "PointGoal",
     "SensorsSpec",
     "SuccessSpec",
+    "check_spec",
     "goals_map",
     "load_mission",
 ]
@@ -229,6 +230,23 @@ class MissionFile:
             raise WorldError(str(error), file=origin.file, line=origin.line, key=key) from None
 
 
+def check_spec(document: YamlDocument) -> MissionSpec:
+    """A mission as its document has it; its robot knows the data sheets of its sensors' preset.
+
+    What the mission itself says of the data sheets stays.
+
+    Raises:
+        ConfigError: the document breaks the schema.
+
+    """
+    spec = validate(document, MissionSpec)
+    told = spec.robot.odometry
+    sheet = SensorParams.preset(spec.sensors.base).sheet
+    sheet = sheet.model_copy(update={name: getattr(told, name) for name in told.model_fields_set})
+    robot = spec.robot.model_copy(update={"odometry": sheet})
+    return spec.model_copy(update={"robot": robot})
+
+
 def load_mission(path: str | Path, overrides: Sequence[str | Override] = ()) -> MissionFile:
     """Read a mission file and the map it names; ``check`` it against its world after that.
 
@@ -240,7 +258,7 @@ def load_mission(path: str | Path, overrides: Sequence[str | Override] = ()) -> 
     """
     path = Path(path)
     document = apply_overrides(load_yaml(path), overrides)
-    spec = validate(document, MissionSpec)
+    spec = check_spec(document)
     if spec.map is None:
         topo_map = _map_of_goals(document, spec)
     else:

@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from navfw.errors import UnknownNameError
-from navfw.robot import RobotModel
+from navfw.robot import OdometrySheet, RobotModel
 from navfw.signals import Encoders, Inertial
 
 __all__ = ["PRESETS", "Gyro", "SensorParams", "WheelEncoders"]
@@ -64,6 +64,11 @@ class SensorParams(BaseModel):
         if name not in PRESETS:
             raise UnknownNameError("sensor preset", name, PRESETS)
         return cls(**{**PRESETS[name], **changes})
+
+    @property
+    def sheet(self) -> OdometrySheet:
+        """What the data sheets of such a gyro and such wheels promise."""
+        return OdometrySheet(**{name: getattr(self, name) for name in OdometrySheet.model_fields})
 
 
 PRESETS: Mapping[str, Mapping[str, float]] = MappingProxyType(

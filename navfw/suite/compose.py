@@ -10,10 +10,15 @@ from typing import TYPE_CHECKING, Protocol
 from navfw.config.document import parse_yaml
 from navfw.config.lookup import find
 from navfw.config.overrides import apply_overrides
-from navfw.config.yamlfile import validate
 from navfw.errors import ConfigError, WorldError
 from navfw.missions.events import resolve_events
-from navfw.missions.missionfile import MissionFile, MissionSpec, PlaceStart, PointGoal
+from navfw.missions.missionfile import (
+    MissionFile,
+    MissionSpec,
+    PlaceStart,
+    PointGoal,
+    check_spec,
+)
 from navfw.missions.session import Session, mission_stack, prepare, split_overrides
 from navfw.signals import Pose, Waypoint
 from navfw.sim.floorplan import FloorPlan
@@ -84,7 +89,7 @@ def generated_session(
     for_mission, for_stack = split_overrides(overrides)
     text = json.dumps(made.mission.model_dump(mode="json", by_alias=True, exclude_unset=True))
     document = apply_overrides(parse_yaml(text, world_name), for_mission)
-    spec = validate(document, MissionSpec)
+    spec = check_spec(document)
     mission = MissionFile(
         file=Path(world_name),
         document=document,

@@ -44,7 +44,7 @@ def round_trip(
     rng = np.random.default_rng(seed)
     real = displaced(MARKS, wrong, rng) if wrong else MARKS
     way = RING[:4] * rounds + RING[:1]
-    ekf = Ekf(RobotModel())
+    ekf = Ekf(RobotModel(odometry=(sensors or SensorParams()).sheet))
     moments = drive(START, straight_drive(way), rng, sensors)
     recognizer = FakeRecognizer(real if seen else [], rng)
     return follow(ekf, HALL, moments, recognizer, START), ekf

@@ -8,8 +8,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navfw.localization.landmark_model import ELSEWHERE, GATE, associate, expected, joseph
-from navfw.localization.motion_model import MotionParams, predict, process_noise, transition
+from navfw.localization.motion_model import (
+    MotionParams,
+    motion_noise,
+    predict,
+    process_noise,
+    transition,
+)
 from navfw.localization.trust import LandmarkTrust
+from navfw.robot import RobotModel
 from navfw.signals import Array, Pose, wrap_angle
 
 coordinates = st.floats(-20.0, 20.0)
@@ -109,14 +116,14 @@ def test_the_likelihood_is_that_of_the_gaussian_against_elsewhere() -> None:
 def test_process_noise_is_positive_and_turns_with_the_robot(
     yaw: float, moved: Pose, dt: float
 ) -> None:
-    params = MotionParams()
-    noise = process_noise(yaw, moved, dt, params, guess=False)
+    sigma = motion_noise(MotionParams(), RobotModel())
+    noise = process_noise(yaw, moved, dt, sigma, guess=False)
     assert np.linalg.eigvalsh(noise).min() >= -1e-15
-    ahead = process_noise(0.0, moved, dt, params, guess=False)
+    ahead = process_noise(0.0, moved, dt, sigma, guess=False)
     c, s = math.cos(yaw), math.sin(yaw)
     turn = np.array([[c, -s], [s, c]])
     assert np.allclose(noise[:2, :2], turn @ ahead[:2, :2] @ turn.T)
-    told = process_noise(yaw, moved, dt, params, guess=True)
+    told = process_noise(yaw, moved, dt, sigma, guess=True)
     assert np.trace(told) >= np.trace(noise)
 
 

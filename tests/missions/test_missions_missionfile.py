@@ -11,7 +11,9 @@ from navfw.config.lookup import find, list_missions, list_worlds
 from navfw.errors import ConfigError, InputError, UnknownNameError, WorldError
 from navfw.missions.missionfile import MissionFile, load_mission
 from navfw.missions.session import prepare
+from navfw.robot import RobotModel
 from navfw.sim.floorplan import FloorPlan
+from navfw.sim.sensors import PRESETS, SensorParams
 from navfw.sim.worldfile import load_world
 
 GOOD = """\
@@ -58,6 +60,16 @@ def test_without_a_map_the_goals_are_the_map(tmp_path: Path) -> None:
     assert [(p.x, p.y) for p in loaded.topo_map.places.values()] == [(0, 0), (3, 4), (3, 0)]
     lengths = sorted(passage.length for passage in loaded.topo_map.passages)
     assert lengths == pytest.approx([4.0, 5.0])
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_the_robot_knows_the_data_sheets_of_its_sensors(tmp_path: Path, preset: str) -> None:
+    text = GOOD + f"sensors: {{preset: {preset}, slip: 0.123}}\n"
+    sheet = SensorParams.preset(preset).sheet
+    assert mission(tmp_path, text).spec.robot.odometry == sheet  # but not what differs from them
+    told = mission(tmp_path, text + "robot: {odometry: {gyro_noise: 0.02}}\n").spec.robot.odometry
+    assert told == sheet.model_copy(update={"gyro_noise": 0.02})
+    assert mission(tmp_path, GOOD).spec.robot.odometry == RobotModel().odometry
 
 
 def test_sensors_begin_with_a_preset(tmp_path: Path) -> None:
