@@ -1,4 +1,4 @@
-"""Drawing textured meshes as PyBullet's TinyRenderer does, bit for bit, at a sixth of its time.
+"""Drawing textured meshes as PyBullet's TinyRenderer does, bit for bit, but faster.
 
 TinyRenderer divides nine times for every pixel of the rectangle around each triangle, visible or
 not, and shades what is covered again later. Here only the pixels in a triangle's rows are tested,

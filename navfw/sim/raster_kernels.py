@@ -17,6 +17,7 @@ __all__ = ["combine", "cover", "shade"]
 
 Floats = npt.NDArray[np.float32]
 Ints = npt.NDArray[np.int32]
+Longs = npt.NDArray[np.int64]
 Bytes = npt.NDArray[np.uint8]
 Flags = npt.NDArray[np.bool_]
 Doubles = npt.NDArray[np.float64]
@@ -25,6 +26,8 @@ _ZERO, _ONE, _HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
 _WHITE, _BRIGHTEST = np.uint8(255), np.float32(255.0)
 _BEYOND = np.float32(128.0)
 """Grey of what lies outside a texture."""
+_NOTHING, _OUTSIDE = -1, -2
+"""No texel: the pixel shows no triangle, or what lies outside its texture."""
 _FLAT = 1e-2
 """Triangles of less than half of this area are not drawn [px^2]."""
 _BORDER = np.float32(1.01)
@@ -278,7 +281,7 @@ def shade(
     normals: Floats,
     uvs: Floats,
     textures: Ints,
-    tables: npt.NDArray[np.int64],
+    tables: Longs,
     texels: Bytes,
     light: Floats,
     ambient: float,
@@ -303,27 +306,27 @@ def shade(
 
     """
     height, width = faces.shape
-    weights, coordinates = np.empty((3, width), np.float32), np.empty((2, width), np.float32)
-    lit = np.empty(width, np.float32)
+    weights, lit = np.empty((3, width), np.float32), np.empty(width, np.float32)
+    places, colours = np.empty(width, np.int64), np.empty((width, 3), np.uint8)
     for y in range(height):
-        row = out[height - 1 - y]
         x = 0
         while x < width:
             face, begin = faces[y, x], x
             while x < width and faces[y, x] == face:
                 x += 1
             if face < 0:
-                row[begin:x] = _WHITE
+                places[begin:x] = _NOTHING
                 continue
-            points = corners[face]
+            points, table = corners[face], tables[textures[face]]
             _weigh(screens[face], y, begin, x, weights)
-            _light(normals, points, weights, light, np.float32(diffuse), x - begin, lit)
-            _interpolate(uvs, points, weights, x - begin, coordinates)
-            first, across, down = tables[textures[face]]
-            _paint(
-                *(texels[first : first + across * down], across, down, coordinates),
-                *(np.float32(ambient), lit, row[begin:x]),
-            )
+            _light(normals, points, weights, light, np.float32(diffuse), lit[begin:x])
+            _locate(uvs, points, weights, table, places[begin:x])
+        # nothing but this, so that many texels are on their way from memory at once
+        for x in range(width):
+            place = max(places[x], 0)
+            for c in range(3):
+                colours[x, c] = texels[place, c]
+        _paint(colours, places, np.float32(ambient), lit, out[height - 1 - y])
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -354,16 +357,15 @@ def _light(
     weights: Floats,
     light: Floats,
     diffuse: np.float32,
-    count: int,
     lit: Floats,
 ) -> None:
-    """Diffuse light on ``count`` pixels."""
+    """Diffuse light on neighbouring pixels of one triangle."""
     ax, ay, az = normals[points[0]]
     bx, by, bz = normals[points[1]]
     cx, cy, cz = normals[points[2]]
     lx, ly, lz = light
     first, second, third = weights
-    for i in range(count):
+    for i in range(lit.size):
         b0, b1, b2 = first[i], second[i], third[i]
         x = cx * b2 + bx * b1 + ax * b0
         y = cy * b2 + by * b1 + ay * b0
@@ -374,36 +376,27 @@ def _light(
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _interpolate(
-    uvs: Floats, points: Ints, weights: Floats, count: int, coordinates: Floats
-) -> None:
-    """Texture coordinates of ``count`` pixels, less their whole parts."""
-    first, second, third = weights
-    for axis in range(2):
-        a, b, c = uvs[points[0], axis], uvs[points[1], axis], uvs[points[2], axis]
-        to = coordinates[axis]
-        for i in range(count):
-            at = c * third[i] + b * second[i] + a * first[i]
-            to[i] = at - np.float32(np.int32(at))
+def _locate(uvs: Floats, points: Ints, weights: Floats, table: Longs, places: Longs) -> None:
+    """Which texels neighbouring pixels of one triangle show."""
+    first, across, down = table
+    au, av = uvs[points[0]]
+    bu, bv = uvs[points[1]]
+    cu, cv = uvs[points[2]]
+    one, two, three = weights
+    for i in range(places.size):
+        u = cu * three[i] + bu * two[i] + au * one[i]
+        v = cv * three[i] + bv * two[i] + av * one[i]
+        column = np.int32((u - np.float32(np.int32(u))) * np.float32(across))
+        line = np.int32((v - np.float32(np.int32(v))) * np.float32(down))
+        within = (0 <= column < across) & (0 <= line < down)
+        places[i] = first + (down - 1 - line) * across + column if within else _OUTSIDE
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _paint(
-    texels: Bytes,
-    across: int,
-    down: int,
-    coordinates: Floats,
-    ambient: np.float32,
-    lit: Floats,
-    row: Bytes,
-) -> None:
-    """Colour neighbouring pixels of one triangle."""
-    right, up = coordinates
-    for i in range(row.shape[0]):
-        column = np.int32(right[i] * np.float32(across))
-        line = np.int32(up[i] * np.float32(down))
-        within = 0 <= column < across and 0 <= line < down
-        texel = (down - 1 - line) * across + column
+def _paint(colours: Bytes, places: Longs, ambient: np.float32, lit: Floats, row: Bytes) -> None:
+    """Light the texels ``colours`` of one row."""
+    for i in range(places.size):
         for c in range(3):
-            colour = np.float32(texels[texel, c]) if within else _BEYOND
-            row[i, c] = int(min(ambient * colour + lit[i] * colour, _BRIGHTEST))
+            colour = np.float32(colours[i, c]) if places[i] != _OUTSIDE else _BEYOND
+            painted = np.uint8(min(ambient * colour + lit[i] * colour, _BRIGHTEST))
+            row[i, c] = painted if places[i] != _NOTHING else _WHITE
