@@ -72,7 +72,8 @@ class Inference:
 
     def degree(self, output: str, term: str) -> Array:
         """``degrees[output][term]`` (N,), without making the rest of them."""
-        return self._column(self._layout.terms[output][term])
+        column = self._layout.terms[output][term]
+        return self._column(None) if column is None else self._table[:, column]
 
     def crisp(self, output: str) -> Array:
         """``outputs[output]`` (N,), without making the rest of them."""
@@ -134,9 +135,8 @@ class CompiledFis:
         row_of = self._row_of
         if inputs.keys() != row_of.keys():
             raise self._names_error(inputs)
-        samples = max((np.size(value) for value in inputs.values()), default=1)
-        if any(np.size(value) == 0 for value in inputs.values()):
-            samples = 0
+        sizes = [np.size(value) for value in inputs.values()]
+        samples = 0 if 0 in sizes else max(sizes, default=1)
         rows = np.empty((len(row_of), samples))
         for name, value in inputs.items():
             try:

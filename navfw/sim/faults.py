@@ -53,7 +53,8 @@ class Faults:
         self._active.remove(fault)
 
     def _of(self, kind: type[ActionT]) -> list[ActionT]:
-        return [fault for fault in self._active if isinstance(fault, kind)]
+        active = self._active
+        return [fault for fault in active if isinstance(fault, kind)] if active else []
 
     # --- the camera ---------------------------------------------------------------------------
 

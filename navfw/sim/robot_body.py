@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import tempfile
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -119,6 +120,20 @@ class RobotBody:
         half, caster = 0.5 * robot.track, _CASTER_AHEAD * robot.radius
         self._supports = np.array([[0.0, half], [0.0, -half], [caster, 0.0], [-caster, 0.0]])
         self._wheels = [joints["left_axle"], joints["right_axle"]]
+        # what every tick asks for, or every physics step, with its arguments: looked up once
+        at = {"physicsClientId": client}
+        self._touched = partial(bullet.getContactPoints, self.body, linkIndexA=-1, **at)
+        self._placed = partial(bullet.getBasePositionAndOrientation, self.body, **at)
+        self._moving = partial(bullet.getBaseVelocity, self.body, **at)
+        self._turned = partial(bullet.getJointStates, self.body, self._wheels, **at)
+        self._driven = partial(
+            bullet.setJointMotorControlArray,
+            self.body,
+            self._wheels,
+            bullet.VELOCITY_CONTROL,
+            forces=[WHEEL_TORQUE, WHEEL_TORQUE],
+            **at,
+        )
         self._set_contacts(joints)
         self.drive(0.0, 0.0)
 
@@ -143,23 +158,16 @@ class RobotBody:
 
     def drive(self, left: float, right: float) -> None:
         """Ask for wheel angular speeds [rad/s], forward positive."""
-        self._call(
-            "setJointMotorControlArray",
-            self.body,
-            self._wheels,
-            bullet.VELOCITY_CONTROL,
-            targetVelocities=[left, right],
-            forces=[WHEEL_TORQUE, WHEEL_TORQUE],
-        )
+        self._driven(targetVelocities=[left, right])
 
     def wheel_angles(self) -> tuple[float, float]:
         """How far the wheels (left, right) have turned [rad]."""
-        left, right = self._call("getJointStates", self.body, self._wheels)
+        left, right = self._turned()
         return float(left[0]), float(right[0])
 
     def state(self) -> tuple[tuple[float, float, float], tuple[float, float, float, float]]:
         """Position [m] of ``base_link``'s origin and its orientation (x, y, z, w), in the map."""
-        centre, turn = self._call("getBasePositionAndOrientation", self.body)
+        centre, turn = self._placed()
         x, y, z, w = turn
         # the engine reports the centre of mass: go down the body's own z axis to the floor
         offset = -CENTRE_OF_MASS
@@ -184,15 +192,17 @@ class RobotBody:
 
     def roll_pitch_rates(self) -> tuple[float, float]:
         """Angular velocity [rad/s] about the body's x and y axes."""
-        _, (wx, wy, wz) = self._call("getBaseVelocity", self.body)
-        _, (x, y, z, w) = self._call("getBasePositionAndOrientation", self.body)
+        _, (wx, wy, wz) = self._moving()
+        _, (x, y, z, w) = self._placed()
         roll = (1 - 2 * (y * y + z * z)) * wx + 2 * (x * y + w * z) * wy + 2 * (x * z - w * y) * wz
         pitch = 2 * (x * y - w * z) * wx + (1 - 2 * (x * x + z * z)) * wy + 2 * (y * z + w * x) * wz
         return roll, pitch
 
     def contacts(self) -> set[tuple[int, float, float, float]]:
         """Bodies that the base touches now, each with a point (x, y, z) [m] of touch."""
-        points = self._call("getContactPoints", self.body, linkIndexA=-1)
+        points = self._touched()
+        if not points:
+            return set()
         # points of near misses are listed too: index 8 is the distance, 9 the normal force
         return {(point[2], *point[6]) for point in points if point[8] <= 1e-4 or point[9] > 0.0}
 

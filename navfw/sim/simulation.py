@@ -93,6 +93,7 @@ class Simulation:
         self._contacts: set[str] = set()
         self._cause: Literal["robot", "mover"] | None = None
         self._last_pose = start
+        self._pose: tuple[int, Pose] = (-1, start)
         self._mover_times: list[float] = []
         self._mover_points: list[Array] = []
         self._reading: SensorReading | None = None
@@ -163,7 +164,7 @@ class Simulation:
             return self._reading
         begun = wall.perf_counter()
         dt = self.time - self._reading.time if self._reading is not None else 0.0
-        yaw = self._body.pose().yaw
+        yaw = self.true_pose().yaw
         yaw_rate = wrap_angle(yaw - self._yaw_read) / dt if dt > 0.0 else 0.0
         self._yaw_read = yaw
         rates = (*self._body.roll_pitch_rates(), yaw_rate)
@@ -217,7 +218,7 @@ class Simulation:
         target = round(self.time * PHYSICS_RATE)
         if abs(self.time - target / PHYSICS_RATE) < 1e-9:
             self.time = target / PHYSICS_RATE  # keep rounding errors from adding up
-        here = self._body.pose() if self.movers else self._last_pose
+        here = self.true_pose() if self.movers else self._last_pose
         for mover in self.movers:
             mover.look(here, self.robot.radius)
         while self._steps < target:
@@ -308,7 +309,11 @@ class Simulation:
 
     def true_pose(self) -> Pose:
         """Where the robot is, in the map."""
-        return self._body.pose()
+        step, pose = self._pose
+        if step != self._steps:
+            pose = self._body.pose()
+            self._pose = self._steps, pose
+        return pose
 
     def true_depth(self) -> DepthImage:
         """Depth (height, width) [m] of the last frame's view, inf where there is nothing."""
