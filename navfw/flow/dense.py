@@ -11,6 +11,8 @@ import numpy.typing as npt
 from pydantic import Field
 
 from navfw.flow.confidence import match_sigma, ramp
+from navfw.flow.derotation import is_visible
+from navfw.flow.gradient import gradient_products, weakest
 from navfw.flow.processor import MatchedFlow
 from navfw.robot import RobotModel
 from navfw.signals import Array, Image
@@ -75,7 +77,7 @@ class DenseFlow(MatchedFlow):
         dense = self._dense(now, past)
         source_x, source_y = self._pixel_x + dense[..., 0], self._pixel_y + dense[..., 1]
         moved = cv2.remap(past, source_x, source_y, cv2.INTER_LINEAR).astype(np.uint8)
-        seen = _inside(source_x, source_y, visible)
+        seen = is_visible(source_x, source_y, visible).astype(np.float32)
         cells = _Cells(p.rows, p.cols, seen)
         back = np.stack([cells.mean(dense[..., 0]), cells.mean(dense[..., 1])], axis=-1)
         spread = np.sqrt(cells.variance(dense[..., 0]) + cells.variance(dense[..., 1]))
@@ -118,12 +120,6 @@ class _Cells:
         return np.maximum(squares, 0.0)
 
 
-def _inside(x: Dense, y: Dense, visible: tuple[int, int, int, int]) -> Dense:
-    left, right, top, bottom = visible
-    inside = (x >= left) & (x <= right - 1) & (y >= top) & (y <= bottom - 1)
-    return inside.astype(np.float32)
-
-
 def _agreement(cells: _Cells, now: Image, moved: Image) -> tuple[Array, Array]:
     """Normalised correlation of the two images in every cell, and the current grey variance."""
     grey = np.float32(128.0)
@@ -136,9 +132,6 @@ def _agreement(cells: _Cells, now: Image, moved: Image) -> tuple[Array, Array]:
 
 def _structure(cells: _Cells, image: Image, variance: Array) -> tuple[Array, Array]:
     """Gradient [grey/px] in the poorest direction, and the curvature it gives a correlation."""
-    ix: Dense = np.asarray(cv2.Sobel(image, cv2.CV_32F, 1, 0, scale=0.125), dtype=np.float32)
-    iy: Dense = np.asarray(cv2.Sobel(image, cv2.CV_32F, 0, 1, scale=0.125), dtype=np.float32)
-    xx, yy, xy = cells.mean(ix * ix), cells.mean(iy * iy), cells.mean(ix * iy)
-    eigenvalue = 0.5 * (xx + yy) - np.sqrt(0.25 * (xx - yy) ** 2 + xy**2)
-    poorest = np.maximum(eigenvalue, 0.0)
+    xx, yy, xy = (cells.mean(product) for product in gradient_products(image))
+    poorest = weakest(xx, yy, xy).astype(np.float64)
     return np.sqrt(poorest), poorest / np.maximum(variance, 1e-3)

@@ -4,21 +4,26 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import Any
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from navfw.robot import CameraModel
-from navfw.signals import Array, FlowField, Image
+from navfw.signals import Array, FlowField, Image, Mask
 
 __all__ = [
     "align_past",
     "derotate",
+    "is_visible",
     "rotate_points",
     "rotation_matters",
     "rotational_flow",
     "visible_in_past",
 ]
+
+Pixels = npt.NDArray[Any]
 
 #: Rotational flow below this everywhere in the image need not be taken out before matching [px].
 NEGLIGIBLE = 0.05
@@ -122,6 +127,12 @@ def visible_in_past(rotation: Array, camera: CameraModel) -> tuple[int, int, int
         _turned(0.0, -0.5 * h, turn, f)[1] + 0.5 * h, _turned(0.0, 0.5 * h, turn, f)[1] + 0.5 * h, h
     )
     return left, right, top, bottom
+
+
+def is_visible(x: Pixels, y: Pixels, visible: tuple[int, int, int, int]) -> Mask:
+    """Whether pixels ``x``, ``y`` lie within what ``visible_in_past`` gives."""
+    left, right, top, bottom = visible
+    return (x >= left) & (x <= right - 1) & (y >= top) & (y <= bottom - 1)
 
 
 def _within(low: float, high: float, size: int) -> tuple[int, int]:

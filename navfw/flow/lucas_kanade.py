@@ -6,10 +6,11 @@ from typing import Annotated, ClassVar
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field
 
 from navfw.flow.confidence import SIGMA_UNKNOWN, local_spread, ramp
+from navfw.flow.derotation import is_visible
+from navfw.flow.gradient import gradient_products, weakest
 from navfw.flow.grid import grid_points
 from navfw.flow.processor import MatchedFlow
 from navfw.robot import CameraModel, RobotModel
@@ -17,7 +18,6 @@ from navfw.signals import Array, Image
 
 __all__ = ["LucasKanade"]
 
-Floats = npt.NDArray[np.float32]
 
 #: Tracking is never better than this [px].
 SIGMA_FLOOR = 0.05
@@ -105,9 +105,8 @@ class LucasKanade(MatchedFlow):
         shape = self._seeds.shape[:-1]
         off = np.linalg.norm(np.asarray(back) - seeds, axis=-1).reshape(shape).astype(np.float64)
         x, y = there[:, 0, 0].reshape(shape), there[:, 0, 1].reshape(shape)
-        left, right, top, bottom = visible
-        inside = (x >= left) & (x <= right - 1) & (y >= top) & (y <= bottom - 1)
-        good = (found.reshape(shape) > 0) & (np.asarray(kept).reshape(shape) > 0) & inside
+        good = (found.reshape(shape) > 0) & (np.asarray(kept).reshape(shape) > 0)
+        good &= is_visible(x, y, visible)
         return (
             there.reshape(*shape, 2).astype(np.float64),
             np.where(good, off, np.inf),
@@ -126,20 +125,19 @@ def _seeds(camera: CameraModel, rows: int, cols: int, points: int) -> Array:
 
 def _texture(image: Image, seeds: Array, window: int) -> tuple[Array, Array]:
     """Gradient [grey/px] in the poorest direction and deviation [grey] of the seeds' windows."""
-    ix: Floats = np.asarray(cv2.Sobel(image, cv2.CV_32F, 1, 0, scale=0.125), np.float32)
-    iy: Floats = np.asarray(cv2.Sobel(image, cv2.CV_32F, 0, 1, scale=0.125), np.float32)
     size = (window, window)
     at = np.rint(seeds).astype(np.int64)
     column = at[..., 0].clip(0, image.shape[1] - 1)
     row = at[..., 1].clip(0, image.shape[0] - 1)
-    products: list[Floats] = [ix * ix, iy * iy, ix * iy]
-    xx, yy, xy = (np.asarray(cv2.boxFilter(product, -1, size))[row, column] for product in products)
-    poorest = 0.5 * (xx + yy) - np.sqrt(0.25 * (xx - yy) ** 2 + xy**2)
+    xx, yy, xy = (
+        np.asarray(cv2.boxFilter(product, -1, size), np.float32)[row, column]
+        for product in gradient_products(image)
+    )
     grey = image.astype(np.float32) - np.float32(128.0)
     mean = np.asarray(cv2.boxFilter(grey, -1, size))[row, column]
     variance = np.asarray(cv2.sqrBoxFilter(grey, -1, size))[row, column] - mean**2
     return (
-        np.sqrt(np.maximum(poorest, 0.0).astype(np.float64)),
+        np.sqrt(weakest(xx, yy, xy).astype(np.float64)),
         np.sqrt(np.maximum(variance, 0.0).astype(np.float64)),
     )
 
