@@ -7,15 +7,15 @@ from typing import Annotated, ClassVar
 import numpy as np
 from pydantic import Field
 
-from navfw import Behavior, BehaviorRules, Context, Proposal, RobotModel
+from navfw import Context, Proposal, RuledBehavior
 
 
-class Avoid(Behavior):
+class Avoid(RuledBehavior):
     """Forbids commands without room to stop, dislikes those that pass close or go blind."""
 
     name: ClassVar[str] = "avoid"
 
-    class Params(Behavior.Params):
+    class Params(RuledBehavior.Params):
         """What counts as room to stop."""
 
         latency: Annotated[
@@ -32,10 +32,6 @@ class Avoid(Behavior):
         ] = 0.6
 
     params: Params
-
-    def __init__(self, robot: RobotModel, params: Params | None = None) -> None:
-        super().__init__(robot, params)
-        self.rules = BehaviorRules.beside(__file__)
 
     def propose(self, context: Context) -> Proposal:
         """Prohibit and desire by the reserve, insight and clearance of every arc."""

@@ -7,10 +7,10 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field
 
-from navfw import Behavior, BehaviorRules, Context, Proposal, RobotModel
+from navfw import Context, Proposal, RuledBehavior
 
 
-class AvoidQuadrants(Behavior):
+class AvoidQuadrants(RuledBehavior):
     """Turns away from the half of the image whose objects are nearer, slower the nearer they are.
 
     All it knows is the fuzzy distance of the nearest object in each quadrant, as in the paper.
@@ -18,7 +18,7 @@ class AvoidQuadrants(Behavior):
 
     name: ClassVar[str] = "avoid_quadrants"
 
-    class Params(Behavior.Params):
+    class Params(RuledBehavior.Params):
         """How much the quadrants count."""
 
         weight: Annotated[
@@ -33,10 +33,6 @@ class AvoidQuadrants(Behavior):
         ] = 0.25
 
     params: Params
-
-    def __init__(self, robot: RobotModel, params: Params | None = None) -> None:
-        super().__init__(robot, params)
-        self.rules = BehaviorRules.beside(__file__)
 
     def propose(self, context: Context) -> Proposal:
         """Desire the turn, and forbid the speeds, that the rules give for the quadrants."""

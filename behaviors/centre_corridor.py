@@ -6,15 +6,15 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field
 
-from navfw import Behavior, BehaviorRules, Context, Proposal, RobotModel
+from navfw import Context, Proposal, RuledBehavior
 
 
-class CentreCorridor(Behavior):
+class CentreCorridor(RuledBehavior):
     """Turns away from the nearer of two walls while the way leads along them."""
 
     name: ClassVar[str] = "centre_corridor"
 
-    class Params(Behavior.Params):
+    class Params(RuledBehavior.Params):
         """How much it counts."""
 
         weight: Annotated[
@@ -25,10 +25,6 @@ class CentreCorridor(Behavior):
         ] = 0.6
 
     params: Params
-
-    def __init__(self, robot: RobotModel, params: Params | None = None) -> None:
-        super().__init__(robot, params)
-        self.rules = BehaviorRules.beside(__file__)
 
     def propose(self, context: Context) -> Proposal:
         """Desire the turn that evens out the gaps at both sides."""

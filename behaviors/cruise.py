@@ -7,24 +7,20 @@ from typing import Annotated, ClassVar
 import numpy as np
 from pydantic import Field
 
-from navfw import Behavior, BehaviorRules, Context, Proposal, RobotModel
+from navfw import Context, Proposal, RuledBehavior
 
 
-class Cruise(Behavior):
+class Cruise(RuledBehavior):
     """Desires a speed and leaves the way to others: for robots that are about all day."""
 
     name: ClassVar[str] = "cruise"
 
-    class Params(Behavior.Params):
+    class Params(RuledBehavior.Params):
         """How much it counts."""
 
         weight: Annotated[float, Field(gt=0.0, le=1.0, description="applicability")] = 0.5
 
     params: Params
-
-    def __init__(self, robot: RobotModel, params: Params | None = None) -> None:
-        super().__init__(robot, params)
-        self.rules = BehaviorRules.beside(__file__)
 
     def propose(self, context: Context) -> Proposal:
         """Desire the speed that the rules give for what is around."""

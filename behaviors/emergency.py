@@ -8,10 +8,10 @@ from typing import Annotated, ClassVar
 import numpy as np
 from pydantic import Field
 
-from navfw import Behavior, BehaviorRules, Context, Proposal, RobotModel
+from navfw import Context, Proposal, RuledBehavior
 
 
-class Emergency(Behavior):
+class Emergency(RuledBehavior):
     """Inhibits every forward command when alarmed, and backs away a little (METHOD 3.7).
 
     The alarm holds for a moment after its cause has gone, so that it does not flicker.
@@ -19,7 +19,7 @@ class Emergency(Behavior):
 
     name: ClassVar[str] = "emergency"
 
-    class Params(Behavior.Params):
+    class Params(RuledBehavior.Params):
         """How an alarm is answered."""
 
         threshold: Annotated[
@@ -32,11 +32,6 @@ class Emergency(Behavior):
         ] = 4.0
 
     params: Params
-
-    def __init__(self, robot: RobotModel, params: Params | None = None) -> None:
-        super().__init__(robot, params)
-        self.rules = BehaviorRules.beside(__file__)
-        self.reset()
 
     def reset(self) -> None:
         """No alarm."""

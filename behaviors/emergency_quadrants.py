@@ -7,10 +7,10 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field
 
-from navfw import Behavior, BehaviorRules, Context, Proposal, RobotModel
+from navfw import Context, Proposal, RuledBehavior
 
 
-class EmergencyQuadrants(Behavior):
+class EmergencyQuadrants(RuledBehavior):
     """Forbids driving on when alarmed, and turns on the spot to the freer side.
 
     A turning camera sees no depth, so the turn is made blindly to its end; then it looks again.
@@ -18,7 +18,7 @@ class EmergencyQuadrants(Behavior):
 
     name: ClassVar[str] = "emergency_quadrants"
 
-    class Params(Behavior.Params):
+    class Params(RuledBehavior.Params):
         """How an alarm is answered."""
 
         threshold: Annotated[
@@ -36,11 +36,6 @@ class EmergencyQuadrants(Behavior):
         ] = 8.0
 
     params: Params
-
-    def __init__(self, robot: RobotModel, params: Params | None = None) -> None:
-        super().__init__(robot, params)
-        self.rules = BehaviorRules.beside(__file__)
-        self.reset()
 
     def reset(self) -> None:
         """No alarm."""

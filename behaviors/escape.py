@@ -8,10 +8,10 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from navfw import Behavior, BehaviorRules, Context, Explain, Proposal, RobotModel
+from navfw import Context, Explain, Proposal, RuledBehavior
 
 
-class Escape(Behavior):
+class Escape(RuledBehavior):
     """Gets a caught robot out: backs along the known trail, then turns to the freest direction.
 
     Moving backwards shows depth, too: ghosts before the robot are seen through (METHOD 2.12). Each
@@ -20,7 +20,7 @@ class Escape(Behavior):
 
     name: ClassVar[str] = "escape"
 
-    class Params(Behavior.Params):
+    class Params(RuledBehavior.Params):
         """How it gets out."""
 
         threshold: Annotated[float, Field(gt=0.0, lt=1.0, description="need to begin")] = 0.5
@@ -34,11 +34,6 @@ class Escape(Behavior):
         ] = 15.0
 
     params: Params
-
-    def __init__(self, robot: RobotModel, params: Params | None = None) -> None:
-        super().__init__(robot, params)
-        self.rules = BehaviorRules.beside(__file__)
-        self.reset()
 
     def reset(self) -> None:
         """Not caught."""

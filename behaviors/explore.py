@@ -8,10 +8,10 @@ from typing import Annotated, ClassVar
 import numpy as np
 from pydantic import Field
 
-from navfw import Array, Behavior, BehaviorRules, Context, Proposal, RobotModel
+from navfw import Array, Context, Proposal, RuledBehavior
 
 
-class Explore(Behavior):
+class Explore(RuledBehavior):
     """Turns to the direction in which most is open and unseen, and drives there.
 
     Whether to explore at all, the composite behaviour must say: waypoints mean nothing to it.
@@ -19,7 +19,7 @@ class Explore(Behavior):
 
     name: ClassVar[str] = "explore"
 
-    class Params(Behavior.Params):
+    class Params(RuledBehavior.Params):
         """What draws it."""
 
         weight: Annotated[float, Field(gt=0.0, le=1.0, description="applicability")] = 0.8
@@ -34,11 +34,6 @@ class Explore(Behavior):
         ] = 0.6
 
     params: Params
-
-    def __init__(self, robot: RobotModel, params: Params | None = None) -> None:
-        super().__init__(robot, params)
-        self.rules = BehaviorRules.beside(__file__)
-        self.reset()
 
     def reset(self) -> None:
         """No direction taken yet."""

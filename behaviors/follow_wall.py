@@ -6,10 +6,10 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field
 
-from navfw import Behavior, BehaviorRules, Context, Proposal, RobotModel
+from navfw import Context, Proposal, RuledBehavior
 
 
-class FollowWall(Behavior):
+class FollowWall(RuledBehavior):
     """Keeps the nearer wall at its side.
 
     Whether that helps, the composite behaviour must say: on its own it would follow any wall.
@@ -17,7 +17,7 @@ class FollowWall(Behavior):
 
     name: ClassVar[str] = "follow_wall"
 
-    class Params(Behavior.Params):
+    class Params(RuledBehavior.Params):
         """When a wall is worth following."""
 
         weight: Annotated[float, Field(gt=0.0, le=1.0, description="applicability")] = 0.9
@@ -27,10 +27,6 @@ class FollowWall(Behavior):
         ] = 1.2
 
     params: Params
-
-    def __init__(self, robot: RobotModel, params: Params | None = None) -> None:
-        super().__init__(robot, params)
-        self.rules = BehaviorRules.beside(__file__)
 
     def reset(self) -> None:
         """Choose the side anew."""

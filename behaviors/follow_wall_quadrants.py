@@ -6,10 +6,10 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field
 
-from navfw import Behavior, BehaviorRules, Context, Proposal, RobotModel
+from navfw import Context, Proposal, RuledBehavior
 
 
-class FollowWallQuadrants(Behavior):
+class FollowWallQuadrants(RuledBehavior):
     """Keeps the nearer half of the image between near and middle, without any memory.
 
     Whether that helps, the composite behaviour must say: on its own it would follow any wall.
@@ -17,7 +17,7 @@ class FollowWallQuadrants(Behavior):
 
     name: ClassVar[str] = "follow_wall_quadrants"
 
-    class Params(Behavior.Params):
+    class Params(RuledBehavior.Params):
         """When there is a wall to follow."""
 
         weight: Annotated[float, Field(gt=0.0, le=1.0, description="applicability")] = 0.9
@@ -26,10 +26,6 @@ class FollowWallQuadrants(Behavior):
         ] = 0.6
 
     params: Params
-
-    def __init__(self, robot: RobotModel, params: Params | None = None) -> None:
-        super().__init__(robot, params)
-        self.rules = BehaviorRules.beside(__file__)
 
     def reset(self) -> None:
         """Choose the side anew."""

@@ -7,24 +7,20 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field
 
-from navfw import Behavior, BehaviorRules, Context, Proposal, RobotModel
+from navfw import Context, Proposal, RuledBehavior
 
 
-class GoToXY(Behavior):
+class GoToXY(RuledBehavior):
     """Turns toward the next point on the way to the waypoint and drives there."""
 
     name: ClassVar[str] = "go_to_xy"
 
-    class Params(Behavior.Params):
+    class Params(RuledBehavior.Params):
         """How strongly the goal counts."""
 
         weight: Annotated[float, Field(gt=0.0, le=1.0, description="applicability")] = 0.8
 
     params: Params
-
-    def __init__(self, robot: RobotModel, params: Params | None = None) -> None:
-        super().__init__(robot, params)
-        self.rules = BehaviorRules.beside(__file__)
 
     def propose(self, context: Context) -> Proposal:
         """Desire the turn and the speed that the rules give for the aim."""

@@ -8,15 +8,15 @@ from typing import Annotated, ClassVar
 import numpy as np
 from pydantic import Field
 
-from navfw import Behavior, BehaviorRules, Context, Proposal, RobotModel
+from navfw import Context, Proposal, RuledBehavior
 
 
-class Peek(Behavior):
+class Peek(RuledBehavior):
     """Creeps toward an unseen aim with a slight weave: only a moving camera sees depth."""
 
     name: ClassVar[str] = "peek"
 
-    class Params(Behavior.Params):
+    class Params(RuledBehavior.Params):
         """How it looks."""
 
         weight: Annotated[float, Field(gt=0.0, le=1.0, description="applicability")] = 0.5
@@ -26,10 +26,6 @@ class Peek(Behavior):
         period: Annotated[float, Field(gt=0.2, le=10.0, description="of the weave [s]")] = 1.6
 
     params: Params
-
-    def __init__(self, robot: RobotModel, params: Params | None = None) -> None:
-        super().__init__(robot, params)
-        self.rules = BehaviorRules.beside(__file__)
 
     def propose(self, context: Context) -> Proposal:
         """Desire to creep where the next stretch toward the aim has not been seen."""

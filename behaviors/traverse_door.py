@@ -7,15 +7,15 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field
 
-from navfw import Behavior, BehaviorRules, Context, Proposal, RobotModel
+from navfw import Context, Proposal, RuledBehavior
 
 
-class TraverseDoor(Behavior):
+class TraverseDoor(RuledBehavior):
     """Steers for the way through a door at hand and slows down where it is narrow."""
 
     name: ClassVar[str] = "traverse_door"
 
-    class Params(Behavior.Params):
+    class Params(RuledBehavior.Params):
         """When a door is at hand."""
 
         near: Annotated[
@@ -24,10 +24,6 @@ class TraverseDoor(Behavior):
         weight: Annotated[float, Field(gt=0.0, le=1.0, description="applicability")] = 0.5
 
     params: Params
-
-    def __init__(self, robot: RobotModel, params: Params | None = None) -> None:
-        super().__init__(robot, params)
-        self.rules = BehaviorRules.beside(__file__)
 
     def propose(self, context: Context) -> Proposal:
         """Desire to turn toward the gap, and to drive when it is ahead."""

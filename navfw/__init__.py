@@ -21,8 +21,8 @@ if TYPE_CHECKING:
         Perception,
         Planner,
     )
-    from navfw.mofis.composite import RuledComposite
     from navfw.mofis.context import Context
+    from navfw.mofis.ruled import RuledBehavior, RuledComposite
     from navfw.mofis.rules import BehaviorRules
     from navfw.robot import CameraModel, RobotModel
     from navfw.signals import (
@@ -60,7 +60,8 @@ _HOMES = {
     "Pose": "navfw.signals",
     "Proposal": "navfw.signals",
     "RobotModel": "navfw.robot",
-    "RuledComposite": "navfw.mofis.composite",
+    "RuledBehavior": "navfw.mofis.ruled",
+    "RuledComposite": "navfw.mofis.ruled",
     "Twist": "navfw.signals",
     "Waypoint": "navfw.signals",
 }
@@ -86,6 +87,7 @@ __all__ = [
     "Pose",
     "Proposal",
     "RobotModel",
+    "RuledBehavior",
     "RuledComposite",
     "Twist",
     "Waypoint",

@@ -1,4 +1,4 @@
-"""The base of composite behaviours that weigh their primitives by a rule base."""
+"""The bases of behaviours, primitive and composite, that decide by a rule base in a file."""
 
 from __future__ import annotations
 
@@ -7,23 +7,19 @@ from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from navfw.kinds import Composite
+from navfw.kinds import Behavior, Composite, Plugin
 from navfw.mofis.context import Context
 from navfw.mofis.rules import BehaviorRules
 from navfw.robot import RobotModel
 from navfw.signals import Explain
 
-__all__ = ["RuledComposite"]
+__all__ = ["RuledBehavior", "RuledComposite"]
 
 
-class RuledComposite(Composite):
-    """A composite whose rules weigh the primitives; one of your own gives their ``inputs``.
+class _Ruled(Plugin):
+    """Has the rule base of the YAML file beside the class' own file; begins as after ``reset``."""
 
-    The rule base is the YAML file beside the class' own file. Each output is named after a
-    primitive, ranges over [0, 1], and its degree (``Verdict.degree``) is that primitive's weight.
-    """
-
-    def __init__(self, robot: RobotModel, params: Composite.Params | None = None) -> None:
+    def __init__(self, robot: RobotModel, params: Plugin.Params | None = None) -> None:
         super().__init__(robot, params)
         self.rules = self.load_rules()
         self.reset()
@@ -36,6 +32,18 @@ class RuledComposite(Composite):
 
         """
         return BehaviorRules.beside(inspect.getfile(type(self)))
+
+
+class RuledBehavior(_Ruled, Behavior):
+    """A behaviour with ``rules``, those in the YAML file beside the class' own file."""
+
+
+class RuledComposite(_Ruled, Composite):
+    """A composite whose rules weigh the primitives; one of your own gives their ``inputs``.
+
+    The rule base is the YAML file beside the class' own file. Each output is named after a
+    primitive, ranges over [0, 1], and its degree (``Verdict.degree``) is that primitive's weight.
+    """
 
     def reset(self) -> None:
         """Nothing weighed yet; one that overrides it calls this as well."""
