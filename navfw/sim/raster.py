@@ -1,6 +1,6 @@
 """Drawing textured meshes as PyBullet's TinyRenderer does, bit for bit, but faster.
 
-TinyRenderer divides nine times for every pixel of the rectangle around each triangle, visible or
+TinyRenderer divides nine times at every pixel of the rectangle around each triangle, visible or
 not, and shades what is covered again later. Here only the pixels in a triangle's rows are tested,
 several at once, and each pixel of the image is shaded once. Rounding is the same, so the images
 are (``tests/sim/test_sim_raster.py`` compares them).
@@ -16,7 +16,8 @@ import numpy.typing as npt
 
 from navfw.signals import Array, Image, Mask
 from navfw.sim.meshes import Mesh
-from navfw.sim.raster_kernels import cover, shade
+from navfw.sim.raster_kernels import cover
+from navfw.sim.raster_shading import shade
 
 __all__ = ["Light", "Picture", "Raster", "depth_buffer"]
 
@@ -58,7 +59,7 @@ class _Body:
 
 @dataclass(frozen=True, slots=True)
 class _Scene:
-    """All bodies' arrays, one after the other (see ``raster_kernels.cover`` and ``shade``)."""
+    """All bodies' arrays, one after the other (see ``cover`` and ``shade``)."""
 
     points: Floats
     normals: Floats
@@ -88,6 +89,7 @@ class Raster:
 
     def __init__(self) -> None:
         self._bodies: dict[int, _Body] = {}
+        self._shown: Mask | None = None
         self._hidden: set[int] = set()
         self._images: list[Image] = []
         self._scene: _Scene | None = None
@@ -119,7 +121,7 @@ class Raster:
             texture=texture,
             model=_model(position, turn),
         )
-        self._scene = None
+        self._scene = self._shown = None
         self._next += 1
         return self._next - 1
 
@@ -137,11 +139,12 @@ class Raster:
         """Draw a body no longer."""
         del self._bodies[body]
         self._hidden.discard(body)
-        self._scene = None
+        self._scene = self._shown = None
 
     def hide(self, bodies: Sequence[int]) -> None:
         """Draw all but these."""
         self._hidden = set(bodies)
+        self._shown = None
 
     def draw(
         self,
@@ -157,28 +160,33 @@ class Raster:
         ``projection`` (4, 4) from there to clip coordinates, as OpenGL has them.
         """
         scene, (tables, texels) = self._compiled(), self._all_texels()
-        shown: Mask = np.array([body not in self._hidden for body in self._bodies], np.bool_)
+        if self._shown is None:
+            shown = [body not in self._hidden for body in self._bodies]
+            self._shown = np.array(shown, np.bool_)
         width, height = size
         nearest = np.empty((height, width), np.float32)
         faces = np.empty((height, width), np.int32)
+        weights = np.empty((3, height, width), np.float32)
         rgb = np.empty((height, width, 3), np.uint8)
         eye = np.asarray(eye, dtype=np.float64)
         cover(
             scene.points,
             scene.corners,
             scene.runs,
-            shown,
+            self._shown,
             scene.models,
             _singles(view),
             _singles(projection),
             eye,
             nearest,
             faces,
+            weights,
             scene.screens,
         )
         towards = np.array(light.direction, np.float32).astype(np.float64)
         shade(
             faces,
+            weights,
             scene.screens,
             scene.corners,
             scene.normals,

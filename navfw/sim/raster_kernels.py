@@ -1,8 +1,8 @@
-"""Compiled inner loops of drawing: which triangle each pixel shows, and in what colour.
+"""Compiled inner loops of drawing: which triangle each pixel shows (for colours: raster_shading).
 
 The arithmetic is that of PyBullet's TinyRenderer, operation by operation and in its precisions, so
-that both give the same image to the last bit; what no pixel can show is left out. Single precision
-where names end in nothing, doubles where a comment says so.
+that both give the same image to the last bit; what no pixel can show is left out. Single precision,
+but doubles where a docstring says so: numba's ``float`` leaves singles as they are.
 """
 
 from __future__ import annotations
@@ -13,21 +13,14 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["combine", "cover", "shade"]
+__all__ = ["combine", "cover"]
 
 Floats = npt.NDArray[np.float32]
 Ints = npt.NDArray[np.int32]
-Longs = npt.NDArray[np.int64]
-Bytes = npt.NDArray[np.uint8]
 Flags = npt.NDArray[np.bool_]
 Doubles = npt.NDArray[np.float64]
 
 _ZERO, _ONE, _HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
-_WHITE, _BRIGHTEST = np.uint8(255), np.float32(255.0)
-_BEYOND = np.float32(128.0)
-"""Grey of what lies outside a texture."""
-_NOTHING, _OUTSIDE = -1, -2
-"""No texel: the pixel shows no triangle, or what lies outside its texture."""
 _FLAT = 1e-2
 """Triangles of less than half of this area are not drawn [px^2]."""
 _BORDER = np.float32(1.01)
@@ -119,11 +112,13 @@ def _fill(
     far: float,
     nearest: Floats,
     faces: Ints,
+    weights: Floats,
 ) -> None:
-    """Enter one triangle into the images of depth (``nearest``) and of ``faces``.
+    """Enter one triangle into the images of depth (``nearest``), of ``faces`` and of ``weights``.
 
     ``screen`` (3, 3) are its corners (x, y, w), ``depths`` (3,) their clip depths. Of what is
-    equally near, the last one counts. Doubles.
+    equally near, the last one counts. Doubles. The weights of a part that was ``clipped`` are not
+    those of the triangle's own corners: they are left to ``shade``.
     """
     height, width = nearest.shape
     ax, ay = np.float64(screen[0, 0]), np.float64(screen[0, 1])
@@ -141,6 +136,7 @@ def _fill(
     if left > right or top > bottom:
         return
     inside, depth = np.empty(width), np.empty(width)
+    shares = np.empty((3, width), np.float32)
     for y in range(int(top), int(math.floor(bottom)) + 1):
         first, last = _span(screen, y, int(left), int(math.floor(right)))
         # two loops, of which the first is all arithmetic: processors do several pixels at once
@@ -152,14 +148,18 @@ def _fill(
             q0, q1, q2 = 1.0 - (u + v) / area, v / area, u / area
             p0, p1, p2 = q0 / w0, q1 / w1, q2 / w2
             total = p0 + p1 + p2
+            b0, b1, b2 = p0 / total, p1 / total, p2 / total
             inside[i] = min(q0, q1, q2)
-            depth[i] = -(d2 * (p2 / total) + d1 * (p1 / total) + d0 * (p0 / total))
+            depth[i] = -(d2 * b2 + d1 * b1 + d0 * b0)
+            shares[0, i], shares[1, i], shares[2, i] = b0, b1, b2
         for i in range(last + 1 - first):
             if inside[i] < 0.0 or nearest[y, first + i] > depth[i]:
                 continue
             if clipped or -far <= depth[i] <= near:
                 nearest[y, first + i] = depth[i]
                 faces[y, first + i] = face
+                for k in range(3):
+                    weights[k, y, first + i] = shares[k, i]
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -174,6 +174,7 @@ def cover(
     eye: Doubles,
     nearest: Floats,
     faces: Ints,
+    weights: Floats,
     screens: Floats,
 ) -> None:
     """Find what every pixel shows.
@@ -189,6 +190,8 @@ def cover(
         eye: (3,) the camera's place in the map [m].
         nearest: (height, width) filled with minus the clip depth; row 0 is the lowest.
         faces: (height, width) filled with triangles, -1 for none.
+        weights: (3, height, width) filled with how much of each corner of its triangle a pixel
+            shows, in perspective; but not of triangles that reach behind the camera.
         screens: (M, 3, 3) filled with the corners (x, y, w) of the triangles that were drawn.
 
     """
@@ -213,7 +216,10 @@ def cover(
             if _beside(clip[a], clip[b], clip[c]):
                 continue
             if _faces_eye(world[a], world[b], world[c], eye):
-                _enter(clip[a], clip[b], clip[c], face, near, far, nearest, faces, screens[face])
+                _enter(
+                    *(clip[a], clip[b], clip[c], face, near, far),
+                    *(nearest, faces, weights, screens[face]),
+                )
 
 
 @numba.njit(cache=True)
@@ -250,6 +256,7 @@ def _enter(
     far: float,
     nearest: Floats,
     faces: Ints,
+    weights: Floats,
     screen: Floats,
 ) -> None:
     """Enter the triangle with these clip coordinates, clipped if it reaches behind the camera."""
@@ -259,7 +266,7 @@ def _enter(
         _to_screen(corner, width, height, screen[k])
         depths[k] = corner[2]
     if a[3] >= _ZERO and b[3] >= _ZERO and c[3] >= _ZERO:
-        _fill(screen, depths, face, False, near, far, nearest, faces)
+        _fill(screen, depths, face, False, near, far, nearest, faces, weights)
         return
     polygon, part = np.empty((6, 4), np.float32), np.empty((3, 3), np.float32)
     count = _clip_edge(a, b, polygon, 0)
@@ -270,133 +277,4 @@ def _enter(
         for k, at in enumerate((0, i, i + 1)):
             _to_screen(polygon[at], width, height, part[k])
             depths[k] = polygon[at, 2]
-        _fill(part, depths, face, True, near, far, nearest, faces)
-
-
-@numba.njit(cache=True, error_model="numpy")
-def shade(
-    faces: Ints,
-    screens: Floats,
-    corners: Ints,
-    normals: Floats,
-    uvs: Floats,
-    textures: Ints,
-    tables: Longs,
-    texels: Bytes,
-    light: Floats,
-    ambient: float,
-    diffuse: float,
-    out: Bytes,
-) -> None:
-    """Colour every pixel: nearest texel, ambient light and diffuse light.
-
-    Args:
-        faces: (height, width) as ``cover`` gives them.
-        screens: (M, 3, 3) as ``cover`` gives them.
-        corners: (M, 3) points of every triangle.
-        normals: (N, 3) of the points, in the map.
-        uvs: (N, 2) texture coordinates of the points.
-        textures: (M,) texture of every triangle.
-        tables: (textures, 3) first texel, width and height of every texture.
-        texels: (T, 3) of all textures, RGB, rows from the top.
-        light: (3,) unit vector towards the light.
-        ambient: share of the light that comes from everywhere.
-        diffuse: share of the light that comes from one side.
-        out: (height, width, 3) filled with RGB, row 0 at the top.
-
-    """
-    height, width = faces.shape
-    weights, lit = np.empty((3, width), np.float32), np.empty(width, np.float32)
-    places, colours = np.empty(width, np.int64), np.empty((width, 3), np.uint8)
-    for y in range(height):
-        x = 0
-        while x < width:
-            face, begin = faces[y, x], x
-            while x < width and faces[y, x] == face:
-                x += 1
-            if face < 0:
-                places[begin:x] = _NOTHING
-                continue
-            points, table = corners[face], tables[textures[face]]
-            _weigh(screens[face], y, begin, x, weights)
-            _light(normals, points, weights, light, np.float32(diffuse), lit[begin:x])
-            _locate(uvs, points, weights, table, places[begin:x])
-        # nothing but this, so that many texels are on their way from memory at once
-        for x in range(width):
-            place = max(places[x], 0)
-            for c in range(3):
-                colours[x, c] = texels[place, c]
-        _paint(colours, places, np.float32(ambient), lit, out[height - 1 - y])
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _weigh(screen: Floats, y: int, begin: int, end: int, weights: Floats) -> None:
-    """How much of each corner the pixels begin ... end of row ``y`` show, in perspective.
-
-    Doubles inside.
-    """
-    ax, ay = np.float64(screen[0, 0]), np.float64(screen[0, 1])
-    bx, by = np.float64(screen[1, 0]) - ax, np.float64(screen[1, 1]) - ay
-    cx, cy = np.float64(screen[2, 0]) - ax, np.float64(screen[2, 1]) - ay
-    w0, w1, w2 = np.float64(screen[0, 2]), np.float64(screen[1, 2]), np.float64(screen[2, 2])
-    area, sy = cx * by - bx * cy, ay - y
-    first, second, third = weights
-    for i in range(end - begin):
-        sx = ax - (begin + i)
-        u = bx * sy - sx * by
-        v = sx * cy - cx * sy
-        p0, p1, p2 = (1.0 - (u + v) / area) / w0, (v / area) / w1, (u / area) / w2
-        total = p0 + p1 + p2
-        first[i], second[i], third[i] = p0 / total, p1 / total, p2 / total
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _light(
-    normals: Floats,
-    points: Ints,
-    weights: Floats,
-    light: Floats,
-    diffuse: np.float32,
-    lit: Floats,
-) -> None:
-    """Diffuse light on neighbouring pixels of one triangle."""
-    ax, ay, az = normals[points[0]]
-    bx, by, bz = normals[points[1]]
-    cx, cy, cz = normals[points[2]]
-    lx, ly, lz = light
-    first, second, third = weights
-    for i in range(lit.size):
-        b0, b1, b2 = first[i], second[i], third[i]
-        x = cx * b2 + bx * b1 + ax * b0
-        y = cy * b2 + by * b1 + ay * b0
-        z = cz * b2 + bz * b1 + az * b0
-        scale = _ONE / np.float32(math.sqrt(x * x + y * y + z * z))
-        along = (z * scale) * lz + (y * scale) * ly + (x * scale) * lx
-        lit[i] = diffuse * max(_ZERO, along)
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _locate(uvs: Floats, points: Ints, weights: Floats, table: Longs, places: Longs) -> None:
-    """Which texels neighbouring pixels of one triangle show."""
-    first, across, down = table
-    au, av = uvs[points[0]]
-    bu, bv = uvs[points[1]]
-    cu, cv = uvs[points[2]]
-    one, two, three = weights
-    for i in range(places.size):
-        u = cu * three[i] + bu * two[i] + au * one[i]
-        v = cv * three[i] + bv * two[i] + av * one[i]
-        column = np.int32((u - np.float32(np.int32(u))) * np.float32(across))
-        line = np.int32((v - np.float32(np.int32(v))) * np.float32(down))
-        within = (0 <= column < across) & (0 <= line < down)
-        places[i] = first + (down - 1 - line) * across + column if within else _OUTSIDE
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _paint(colours: Bytes, places: Longs, ambient: np.float32, lit: Floats, row: Bytes) -> None:
-    """Light the texels ``colours`` of one row."""
-    for i in range(places.size):
-        for c in range(3):
-            colour = np.float32(colours[i, c]) if places[i] != _OUTSIDE else _BEYOND
-            painted = np.uint8(min(ambient * colour + lit[i] * colour, _BRIGHTEST))
-            row[i, c] = painted if places[i] != _NOTHING else _WHITE
+        _fill(part, depths, face, True, near, far, nearest, faces, weights)
