@@ -26,6 +26,7 @@ COMMANDS = (
     "navfw.cli.explain",
     "navfw.cli.plan",
     "navfw.cli.mapping",
+    "navfw.cli.learn",
     "navfw.cli.perceive",
     "navfw.cli.reproduce",
     "navfw.cli.listings",

@@ -10,6 +10,7 @@ from pydantic import Field
 from navfw.kinds import Localizer
 from navfw.localization.discrete import DiscreteFilter, DiscreteParams
 from navfw.localization.looks import Looks
+from navfw.localization.situations import heard, situation_table
 from navfw.localization.trust import LandmarkTrust
 from navfw.signals import Belief, Odometry, Percept, Pose, Sighting
 from navfw.topomap.model import TopoMap
@@ -52,7 +53,8 @@ class Bayes(Localizer):
         self._map = topo_map
         self._looks = Looks(topo_map, self.params.placed)
         trust = LandmarkTrust(self.params.prior)
-        self.filter = DiscreteFilter(topo_map, self.params, self.params.prior, trust)
+        table = situation_table(self.params.situations)
+        self.filter = DiscreteFilter(topo_map, self.params, self.params.prior, trust, table)
         self.filter.begin(pose, odometry)
         self._known_start = pose is not None
         self._updates = 0
@@ -65,7 +67,7 @@ class Bayes(Localizer):
         """The belief after the newest odometry and, where there are any, percept and sightings."""
         if self._map is None:
             raise RuntimeError("start() comes before update()")
-        self.filter.advance(odometry, percept)
+        self.filter.advance(odometry, heard(percept))
         looks = self._looks.hear(odometry, sightings)
         self.filter.see(looks)
         self._updates += len(looks)

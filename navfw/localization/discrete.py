@@ -16,9 +16,9 @@ from navfw.kinds import Params
 from navfw.localization.landmark_model import ELSEWHERE
 from navfw.localization.lattice import Lattice
 from navfw.localization.looks import Look, agreeing
-from navfw.localization.situations import situation_likelihoods
+from navfw.localization.situations import LEARNT, SituationTable
 from navfw.localization.trust import LandmarkTrust
-from navfw.signals import Array, Odometry, Percept, Pose, wrap_angle
+from navfw.signals import Array, Odometry, Pose, wrap_angle
 from navfw.topomap.model import TopoMap
 from navfw.topomap.whereabouts import COUNT
 
@@ -56,6 +56,12 @@ class DiscreteParams(Params):
     situation_every: Annotated[
         float, Field(ge=0.1, le=50.0, description="way between two uses of OFFIS' situations [m]")
     ] = 1.0
+    situations: Annotated[
+        str,
+        Field(
+            description="what OFFIS says where: learnt, none, or a file of navfw learn situations"
+        ),
+    ] = LEARNT
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,15 +81,22 @@ class DiscreteFilter:
     """Probabilities (headings, rows, columns) of where the robot was when they last moved.
 
     What odometry has moved since is pending: the belief is moved cell by cell, as moving it more
-    often would blur it. ``version`` is another object after every change of the belief.
+    often would blur it. ``table`` says what OFFIS says where; without one it is not heard.
+    ``version`` is another object after every change of the belief.
     """
 
     version: object = None
 
     def __init__(
-        self, topo_map: TopoMap, params: DiscreteParams, prior: float, trust: LandmarkTrust
+        self,
+        topo_map: TopoMap,
+        params: DiscreteParams,
+        prior: float,
+        trust: LandmarkTrust,
+        table: SituationTable | None = None,
     ) -> None:
         self.params = params
+        self.table = table
         self.prior = prior
         self.trust = trust
         self.lattice = Lattice(topo_map, params.cell, params.headings)
@@ -114,8 +127,11 @@ class DiscreteFilter:
         self.belief = (self.belief * 1e-6 + around * lattice.domain).astype(np.float32)
         self._normalise()
 
-    def advance(self, odometry: Odometry, percept: Percept | None) -> None:
-        """Move as odometry has, as soon as that makes a cell; hear OFFIS now and then."""
+    def advance(self, odometry: Odometry, situations: Mapping[str, float] | None) -> None:
+        """Move as odometry has, as soon as that makes a cell; hear OFFIS now and then.
+
+        ``situations`` are the degrees that OFFIS gives them, if it has just said anything.
+        """
         step = math.hypot(odometry.pose.x - self._last.x, odometry.pose.y - self._last.y)
         self._driven += step
         self._last = odometry.pose
@@ -124,9 +140,9 @@ class DiscreteFilter:
             self._move(dx, dy)
             self._moved_at = odometry.pose
         due = self._driven - self._judged_at >= self.params.situation_every
-        if percept is not None and due and percept.sees_depth:
+        if situations is not None and due and self.table is not None:
             self._judged_at = self._driven
-            likelihoods = situation_likelihoods(self._map, percept.situations)
+            likelihoods = self.table.likelihoods(self._map, situations)
             if likelihoods is not None:
                 self.belief *= likelihoods[self.lattice.place].astype(np.float32)[None]
                 self._normalise()
@@ -177,12 +193,17 @@ class DiscreteFilter:
         return self._moved_on(self._cluster)
 
     @property
+    def place_probabilities(self) -> Array:
+        """(places,) the probability of being nearest to each place, in the map's order."""
+        layer = self.belief.sum(axis=0)
+        place = self.lattice.place.ravel()
+        sums = np.bincount(place, weights=layer.ravel(), minlength=len(self._names))
+        return sums.astype(np.float64)
+
+    @property
     def places(self) -> Mapping[str, float]:
         """The likeliest places with their probabilities, likeliest first."""
-        layer = self.belief.sum(axis=0)
-        sums = np.bincount(
-            self.lattice.place.ravel(), weights=layer.ravel(), minlength=len(self._names)
-        )
+        sums = self.place_probabilities
         order = np.argsort(-sums, kind="stable")[:COUNT].tolist()
         return {self._names[i]: float(sums[i]) for i in order}
 

@@ -13,6 +13,7 @@ from navfw.kinds import Localizer
 from navfw.localization.discrete import Cluster, DiscreteFilter, DiscreteParams
 from navfw.localization.looks import Look, Looks
 from navfw.localization.metric import FilterParams, MetricFilter
+from navfw.localization.situations import heard, situation_table
 from navfw.localization.trust import LandmarkTrust
 from navfw.signals import Array, Belief, Odometry, Percept, Pose, Sighting, wrap_angle
 from navfw.topomap.model import TopoMap
@@ -69,7 +70,9 @@ class Topological(Localizer):
         self._nearby = PlacesNearby(topo_map)
         self._looks = Looks(topo_map, p.metric.placed)
         self.trust = LandmarkTrust(p.metric.prior)
-        self.discrete = DiscreteFilter(topo_map, p.discrete, p.metric.prior, self.trust)
+        self.discrete = DiscreteFilter(
+            topo_map, p.discrete, p.metric.prior, self.trust, situation_table(p.discrete.situations)
+        )
         self.discrete.begin(pose, odometry)
         self.metric = MetricFilter(p.metric, self.trust, self.robot)
         self.tracking = pose is not None
@@ -89,7 +92,7 @@ class Topological(Localizer):
         if self._nearby is None:
             raise RuntimeError("start() comes before update()")
         looks = self._looks.hear(odometry, sightings)
-        self.discrete.advance(odometry, percept)
+        self.discrete.advance(odometry, heard(percept))
         self.discrete.see(looks)
         if self.tracking:
             self.metric.advance(odometry)

@@ -10,6 +10,7 @@ import pytest
 from architecture_sources import ROOT, shown
 
 from navfw.fuzzy import RuleBase
+from navfw.localization.situations import load_table
 from navfw.missions.missionfile import load_mission
 from navfw.plugins import default_registry
 from navfw.sim.worldfile import load_world
@@ -21,6 +22,7 @@ READERS: dict[str, Callable[[Path], Any]] = {
     "behaviors/*.yaml": RuleBase.load,
     "maps/*.yaml": load_map,
     "navfw/*/rules/*.yaml": RuleBase.load,
+    "navfw/localization/situations.yaml": load_table,
     "navfw/stacks/*.yaml": lambda path: load_stack(path, default_registry()),
     "worlds/*/missions/*.yaml": load_mission,
     "worlds/*/world.yaml": load_world,

@@ -11,7 +11,6 @@ from navfw.localization.bayes import Bayes
 from navfw.localization.discrete import DiscreteFilter, DiscreteParams
 from navfw.localization.lattice import MOST_STATES, Lattice
 from navfw.localization.looks import Looks
-from navfw.localization.situations import FLOOR, situation_likelihoods
 from navfw.localization.trust import LandmarkTrust
 from navfw.robot import RobotModel
 from navfw.signals import Odometry, Pose, Sighting, Twist, wrap_angle
@@ -147,26 +146,6 @@ def test_a_landmark_is_not_seen_from_behind() -> None:
     after = found.belief.sum(axis=0)[np.ix_(behind[1], behind[0])].sum()
     assert before > 0.02
     assert after < 0.5 * before
-
-
-@given(
-    st.dictionaries(
-        st.sampled_from(["door", "corridor", "corner", "wall", "left wall", "unknown", "floor"]),
-        st.floats(0.0, 1.0),
-    )
-)
-def test_situations_never_veto(situations: dict[str, float]) -> None:
-    likelihoods = situation_likelihoods(MAP, situations)
-    if likelihoods is not None:
-        assert likelihoods.min() >= FLOOR
-        assert likelihoods.max() <= 1.0 + 1e-12
-
-
-def test_a_corridor_speaks_for_corridors_and_the_unknown_for_nothing() -> None:
-    likelihoods = situation_likelihoods(MAP, {"corridor": 0.9})
-    assert likelihoods is not None
-    assert likelihoods.argmax() == list(MAP.places).index("east")
-    assert situation_likelihoods(MAP, {"unknown": 1.0}) is None
 
 
 def test_where_the_map_has_no_place_for_the_way_driven_it_begins_again() -> None:

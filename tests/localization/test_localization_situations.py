@@ -1,0 +1,205 @@
+"""What OFFIS says where: the table, how it is learnt, its file, and what it does to a belief."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from navfw.errors import ConfigError, InputError, UnknownNameError
+from navfw.localization.bayes import Bayes
+from navfw.localization.discrete import DiscreteFilter, DiscreteParams
+from navfw.localization.situations import (
+    FLOOR,
+    SITUATIONS,
+    SituationTable,
+    learn_table,
+    load_table,
+    situation_table,
+    weights_of,
+)
+from navfw.localization.topological import Topological
+from navfw.localization.trust import LandmarkTrust
+from navfw.offis.situations import ELEMENTARY
+from navfw.robot import RobotModel
+from navfw.signals import Odometry, Pose, Twist
+from navfw.topomap.model import PLACE_KINDS, Passage, Place, TopoMap
+
+degrees = st.dictionaries(st.sampled_from([*ELEMENTARY, "door or corner"]), st.floats(0.0, 1.0))
+looks = st.lists(st.tuples(st.sampled_from(PLACE_KINDS), degrees), min_size=1, max_size=60)
+
+PLACES = [
+    Place("hall", 0.0, 0.0, "room"),
+    Place("gate", 4.0, 0.0, "door"),
+    Place("gallery", 8.0, 0.0, "corridor"),
+    Place("crossing", 12.0, 0.0, "junction"),
+]
+MAP = TopoMap("row", PLACES, [Passage(a.name, b.name, 4.0, 1.6) for a, b in pairwise(PLACES)])
+USUAL = {
+    "room": {"corner": 0.7, "wall": 0.3},
+    "door": {"wall": 0.6, "door": 0.4},
+    "corridor": {"corridor": 0.9, "door": 0.1},
+    "junction": {"corridor": 0.5, "door": 0.5},
+}
+
+
+def shipped() -> SituationTable:
+    table = situation_table("learnt")
+    assert table is not None
+    return table
+
+
+def test_it_knows_the_situations_of_offis() -> None:
+    assert {*SITUATIONS, "unknown"} == set(ELEMENTARY)
+
+
+def test_the_shipped_table_has_all_kinds_and_tells_them_apart() -> None:
+    table = shipped()
+    assert set(table.seen_at) == set(PLACE_KINDS)
+    for row in table.seen_at.values():
+        assert row.sum() == pytest.approx(1.0)
+        assert row.min() >= 0.0
+    corridor = SITUATIONS.index("corridor")
+    shares = {kind: row[corridor] for kind, row in table.seen_at.items()}
+    assert shares["corridor"] > 2.0 * max(shares["room"], shares["door"])
+    assert all(count > 50 for kind, count in table.looks.items() if kind != "danger")
+
+
+@given(degrees)
+def test_situations_never_veto(situations: dict[str, float]) -> None:
+    likelihoods = shipped().likelihoods(MAP, situations)
+    if likelihoods is None:
+        assert weights_of(situations)[1] == 0.0
+    else:
+        assert likelihoods.min() >= FLOOR
+        assert likelihoods.max() == pytest.approx(1.0)
+
+
+def test_a_corridor_speaks_for_corridors_and_the_unknown_for_nothing() -> None:
+    likelihoods = shipped().likelihoods(MAP, {"corridor": 0.9})
+    assert likelihoods is not None
+    assert list(MAP.places)[int(likelihoods.argmax())] == "gallery"
+    faint = shipped().likelihoods(MAP, {"corridor": 0.1})
+    assert faint is not None
+    assert np.ptp(faint) < 0.2 * np.ptp(likelihoods)
+    assert shipped().likelihoods(MAP, {"unknown": 1.0}) is None
+
+
+@given(looks)
+def test_what_is_learnt_is_a_distribution_that_takes_left_for_right(
+    seen: list[tuple[str, dict[str, float]]],
+) -> None:
+    if not any(weights_of(situations)[1] for _, situations in seen):
+        with pytest.raises(ValueError, match="nothing"):
+            learn_table(seen)
+        return
+    table = learn_table(seen)
+    for row in table.seen_at.values():
+        assert row.sum() == pytest.approx(1.0)
+        assert row[SITUATIONS.index("left wall")] == pytest.approx(
+            row[SITUATIONS.index("right wall")]
+        )
+    mirrored = [
+        (
+            kind,
+            {
+                name.replace("left", "x").replace("right", "left").replace("x", "right"): degree
+                for name, degree in situations.items()
+            },
+        )
+        for kind, situations in seen
+    ]
+    again = learn_table(mirrored)
+    for kind, row in table.seen_at.items():
+        assert np.allclose(row, again.seen_at[kind])
+
+
+def drawn(kind: str, rng: np.random.Generator) -> dict[str, float]:
+    """What OFFIS says at a place of that kind, as it usually does."""
+    names, shares = zip(*USUAL[kind].items(), strict=True)
+    return {names[int(rng.choice(len(names), p=shares))]: float(rng.uniform(0.6, 1.0))}
+
+
+def test_much_is_learnt_as_it_is_and_little_is_drawn_to_the_mean() -> None:
+    rng = np.random.default_rng(0)
+    seen = [(kind, drawn(kind, rng)) for kind in USUAL for _ in range(1000)]
+    table = learn_table(seen)
+    for kind, usual in USUAL.items():
+        row = table.seen_at[kind]
+        for name, share in usual.items():
+            assert row[SITUATIONS.index(name)] == pytest.approx(share, abs=0.06)
+    mean = np.mean([table.seen_at[kind] for kind in USUAL], axis=0)
+    assert np.allclose(table.seen_at["danger"], mean, atol=0.02)
+    one = learn_table([*seen, ("corner", {"door": 1.0})])
+    assert np.allclose(one.seen_at["corner"], mean, atol=0.06)
+
+
+def test_a_table_is_what_its_file_says(tmp_path: Path) -> None:
+    file = tmp_path / "mine.yaml"
+    file.write_text(shipped().text('from "all" drives: many'))
+    again = load_table(file)
+    for kind, row in shipped().seen_at.items():
+        assert np.allclose(row, again.seen_at[kind], atol=1e-3)
+    assert situation_table(str(file)) is not None
+    assert situation_table("none") is None
+
+
+@pytest.mark.parametrize(
+    ("text", "error", "says"),
+    [
+        ("seen_at: {room: {door: 1}, dor: {door: 1}}", UnknownNameError, "mean 'door'?"),
+        ("seen_at: {room: {dooor: 1}}", UnknownNameError, "seen_at.room.dooor: unknown situation"),
+        ("seen_at: {room: {door: 0.7}}", ConfigError, "mine.yaml:1: seen_at.room: expected"),
+        ("seen_at: {room: {door: -1}}", ConfigError, "seen_at.room.door: expected a number >= 0"),
+        ("seen: {room: {door: 1}}", ConfigError, "did you mean 'seen_at'?"),
+        ("seen_at: {}", ConfigError, "seen_at"),
+    ],
+)
+def test_a_wrong_table_is_told(
+    text: str, error: type[InputError], says: str, tmp_path: Path
+) -> None:
+    file = tmp_path / "mine.yaml"
+    file.write_text(text)
+    with pytest.raises(error) as caught:
+        load_table(file)
+    assert "mine.yaml:1" in str(caught.value)
+    assert says in str(caught.value)
+
+
+def odometry(x: float) -> Odometry:
+    return Odometry(0.0, Pose(x, 0.0, 0.0), Twist(0.4, 0.0), 0.0, False)
+
+
+def test_localisers_refuse_a_table_that_is_not_there() -> None:
+    robot = RobotModel()
+    topological = Topological.Params(discrete=DiscreteParams(situations="nowhere.yaml"))
+    for localizer in (
+        Bayes(robot, Bayes.Params(situations="nowhere.yaml")),
+        Topological(robot, topological),
+    ):
+        with pytest.raises(ConfigError, match=r"nowhere\.yaml"):
+            localizer.start(MAP, Pose(0.0, 0.0, 0.0), odometry(0.0))
+
+
+def test_who_hears_offis_knows_better_where_he_is() -> None:
+    """Back and forth along a row of places, from an unknown start, without landmarks."""
+    rng = np.random.default_rng(1)
+    table = learn_table([(kind, drawn(kind, rng)) for kind in USUAL for _ in range(200)])
+    found = []
+    for heard in (table, None):
+        rng = np.random.default_rng(2)
+        belief = DiscreteFilter(MAP, DiscreteParams(), 0.85, LandmarkTrust(0.85), heard)
+        right = []
+        belief.begin(None, odometry(0.0))
+        for step in range(1, 90):
+            x = 0.1 * step
+            true = round(x / 4.0)
+            belief.advance(odometry(x), drawn(PLACES[true].kind, rng))
+            right.append(float(belief.place_probabilities[true]))
+        assert belief.place_probabilities.sum() == pytest.approx(1.0, rel=1e-3)
+        found.append(np.mean(right))
+    assert found[0] > found[1] + 0.1

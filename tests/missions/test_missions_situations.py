@@ -1,0 +1,95 @@
+"""Learning what OFFIS says where: the drives, and the command."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from navfw.bench.situations import learn_situations, place_accuracy
+from navfw.cli import app
+from navfw.errors import InputError
+from navfw.localization.situations import learn_table, load_table, situation_table
+from navfw.missions.session import prepare
+from navfw.missions.situations import SituationDrive, listen
+from navfw.plugins import default_registry
+from navfw.signals import Pose
+from navfw.suite.cases import plan_runs
+from navfw.suite.suitefile import load_suite
+
+SUITE = """\
+entries:
+  - {world: paper-room, missions: [through-the-door], set: {mission.timeout: 7}}
+  - {world: office, missions: [lobby-to-lab], set: {mission.timeout: 7}}
+"""
+
+
+@pytest.fixture(scope="module")
+def drive() -> SituationDrive:
+    return listen(prepare("office", "lobby-to-lab", seed=3, overrides=["mission.timeout=12"]))
+
+
+def test_a_drive_has_a_moment_for_each_frame_and_a_look_for_each_quarter_metre(
+    drive: SituationDrive,
+) -> None:
+    assert drive.outcome == "timeout"
+    assert len(drive.moments) == pytest.approx(120, abs=3)
+    path = np.array([(m.true.x, m.true.y) for m in drive.moments])
+    driven = float(np.hypot(*np.diff(path, axis=0).T).sum())
+    looks = list(drive.looks())
+    assert 2.0 < len(looks) <= driven / 0.25 + 1.0
+    assert {kind for kind, _ in looks} <= {"room", "door", "junction"}
+    names = list(drive.topo_map.places)
+    assert names[drive.place_at(drive.start)] == "lobby-west"
+    assert all(
+        names[drive.place_at(Pose(p.x, p.y, 0.0))] == p.name for p in drive.topo_map.places.values()
+    )
+
+
+def test_odometry_from_a_known_start_knows_its_place(drive: SituationDrive) -> None:
+    table = learn_table(drive.looks())
+    right, probability = place_accuracy(drive, table, known=True)
+    assert right > 0.8
+    assert probability > 0.5
+    for heard in (None, situation_table("learnt")):
+        _, unknown = place_accuracy(drive, heard, known=False)
+        assert unknown < 0.7 * probability
+
+
+def test_the_command_writes_a_table_that_localisers_load(tmp_path: Path) -> None:
+    suite, out = tmp_path / "tiny.yaml", tmp_path / "tables" / "mine.yaml"
+    suite.write_text(SUITE)
+    done = CliRunner().invoke(
+        app, ["learn", "situations", str(suite), "--seeds", "3:4", "--out", str(out), "--json"]
+    )
+    assert done.exit_code == 0, done.output
+    told = json.loads(done.stdout)
+    assert told["drives"] == 2
+    assert set(told["worth"]) == {"paper-room", "office"}
+    assert all(0.0 <= share <= 1.0 for share in told["seen_at"]["room"].values())
+    assert told["worth"]["office"]["known_right_with"] > 0.5
+    table = load_table(out)
+    assert table.seen_at["room"].tolist() == pytest.approx(
+        list(told["seen_at"]["room"].values()), abs=1e-3
+    )
+    stack = tmp_path / "heard.yaml"
+    stack.write_text(f"base: default\nlocalizer: {{bayes: {{situations: {out}}}}}\n")
+    session = prepare("office", "lobby-to-lab", stack=stack, overrides=["mission.timeout=2"])
+    assert session.run().outcome == "timeout"
+
+
+def test_a_folder_is_no_file_to_write(tmp_path: Path) -> None:
+    done = CliRunner().invoke(app, ["learn", "situations", "--out", str(tmp_path)])
+    assert done.exit_code == 2
+    assert "is a folder" in done.output
+
+
+def test_where_nothing_is_heard_nothing_is_learnt(tmp_path: Path) -> None:
+    suite = tmp_path / "still.yaml"
+    suite.write_text("entries: [{world: empty, missions: [straight], set: {mission.timeout: 0.5}}]")
+    plan = plan_runs(load_suite(suite), range(1), default_registry())
+    with pytest.raises(InputError, match="OFFIS has said nothing on 1 drives"):
+        learn_situations(plan, default_registry(), lambda _: None)
