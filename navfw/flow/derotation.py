@@ -34,17 +34,9 @@ def rotate_points(points: Array, rotation: Array, focal: float) -> Array:
 
     A ray that turns out of the camera's front half space has no image: NaN.
     """
-    x, y = points[..., 0], points[..., 1]
-    r = rotation
-    depth = (r[2, 0] * x + r[2, 1] * y) / focal + r[2, 2]
-    depth = np.where(depth > 1e-9, depth, np.nan)
-    return np.stack(
-        [
-            (r[0, 0] * x + r[0, 1] * y + r[0, 2] * focal) / depth,
-            (r[1, 0] * x + r[1, 1] * y + r[1, 2] * focal) / depth,
-        ],
-        axis=-1,
-    )
+    flat = np.ascontiguousarray(points, dtype=np.float64).reshape(-1, 2)
+    turned: Array = turn_points(flat, np.ascontiguousarray(rotation, dtype=np.float64), focal)
+    return turned.reshape(points.shape)
 
 
 def rotational_flow(points: Array, rotation: Array, focal: float) -> Array:
@@ -90,15 +82,8 @@ def align_past(past: Image, rotation: Array, camera: CameraModel) -> Image:
     """
     if not rotation_matters(rotation, camera):
         return past
-    f = camera.focal
-    intrinsics = np.array(
-        [
-            [f, 0.0, 0.5 * (camera.width - 1)],
-            [0.0, f, 0.5 * (camera.height - 1)],
-            [0.0, 0.0, 1.0],
-        ]
-    )
-    past_from_now = intrinsics @ rotation.T @ np.linalg.inv(intrinsics)
+    intrinsics, inverse = _intrinsics(camera.focal, camera.width, camera.height)
+    past_from_now = intrinsics @ rotation.T @ inverse
     warped = cv2.warpPerspective(
         past,
         past_from_now,
@@ -107,6 +92,15 @@ def align_past(past: Image, rotation: Array, camera: CameraModel) -> Image:
         borderMode=cv2.BORDER_REPLICATE,
     )
     return np.asarray(warped, dtype=np.uint8)
+
+
+@functools.lru_cache(maxsize=8)
+def _intrinsics(focal: float, width: int, height: int) -> tuple[Array, Array]:
+    """From rays to pixels counted from the top left (3, 3), and back."""
+    matrix = np.array(
+        [[focal, 0.0, 0.5 * (width - 1)], [0.0, focal, 0.5 * (height - 1)], [0.0, 0.0, 1.0]]
+    )
+    return matrix, np.linalg.inv(matrix)
 
 
 def visible_in_past(rotation: Array, camera: CameraModel) -> tuple[int, int, int, int]:

@@ -8,7 +8,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["correlate", "find_peaks", "fit_rotation"]
+__all__ = ["correlate", "find_peaks", "fit_rotation", "turn_points"]
 
 Ints = npt.NDArray[np.int64]
 Doubles = npt.NDArray[np.float64]
@@ -302,6 +302,23 @@ def _quadratic_peak(s: Floats) -> tuple[float, float, float]:
     ox = (hxy * gy - hyy * gx) / det
     oy = (hxy * gx - hxx * gy) / det
     return min(max(ox, -0.5), 0.5), min(max(oy, -0.5), 0.5), flattest
+
+
+@numba.njit(cache=True, error_model="numpy")
+def turn_points(points: Doubles, r: Doubles, focal: float) -> Doubles:
+    """Where image points (n, 2) [px] come to lie when their rays turn by ``r`` (3, 3).
+
+    NaN for rays that turn out of the camera's front half space.
+    """
+    out = np.empty_like(points)
+    for i in range(points.shape[0]):
+        x, y = points[i, 0], points[i, 1]
+        depth = (r[2, 0] * x + r[2, 1] * y) / focal + r[2, 2]
+        if not depth > 1e-9:
+            depth = np.nan
+        out[i, 0] = (r[0, 0] * x + r[0, 1] * y + r[0, 2] * focal) / depth
+        out[i, 1] = (r[1, 0] * x + r[1, 1] * y + r[1, 2] * focal) / depth
+    return out
 
 
 @numba.njit(cache=True)
