@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from typing import Any
 
@@ -10,6 +11,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from navfw.flow.kernels import turn_points
 from navfw.robot import CameraModel
 from navfw.signals import Array, FlowField, Image, Mask
 
