@@ -243,15 +243,27 @@ class Label(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Mover:
-    """Something that moves by itself: its flow contradicts the camera's motion.
+    """Something that moves by itself, seen at ``time`` [s]: its flow contradicts a world at rest.
 
     ``bearing`` and half its angular ``width`` [rad, left positive] seen from the camera;
-    ``distance`` [m] along the floor to where it stands, by its lowest seen part.
+    ``distance`` [m] along the floor to where it stands, by its lowest seen part. What its vectors
+    say of its velocity over the floor, along base_link's axes (ahead, left), is in information
+    form: ``information`` (2, 2) [s^2/m^2] is the inverse of a covariance, singular where they say
+    nothing, ``evidence`` (2,) [s/m] its product with the velocity.
     """
 
+    time: float
     bearing: float
     width: float
     distance: float
+    information: Array
+    evidence: Array
+
+    def velocity(self, usual: float = 0.4) -> tuple[float, float]:
+        """(ahead, left) [m/s], given that things move as fast as ``usual`` [m/s, one sigma]."""
+        prior = np.eye(2) / usual**2
+        ahead, left = np.linalg.solve(self.information + prior, self.evidence).tolist()
+        return ahead, left
 
 
 @dataclass(frozen=True, slots=True)
@@ -260,8 +272,8 @@ class Percept:
 
     Metric part, arrays (rows, cols) on the flow's grid: ``nearness`` [1/m], ``sigma`` [1/m],
     ``confidence`` in [0, 1] and ``height`` [m above floor] of the seen point; ``points`` as in
-    FlowField. ``label`` (rows, cols) int8: the values of ``Label``. ``movers`` are what moves by
-    itself. A robot that does not translate sees movers alone (``sees_depth`` is false).
+    FlowField. ``label`` (rows, cols) int8: the values of ``Label``. A robot that does not translate
+    sees nothing (``sees_depth`` is false).
 
     Fuzzy part: ``obstacles`` names per layer the region(s) of the nearest object with their
     distance term; ``quadrants`` holds for each of P1..P4 the degrees of near / middle / far;
@@ -285,7 +297,6 @@ class Percept:
     floor_in_front: float
     sentence: str
     explanation: Mapping[str, Any] = field(default_factory=dict)
-    movers: tuple[Mover, ...] = ()
 
     @property
     def sees_depth(self) -> bool:

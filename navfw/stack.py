@@ -12,8 +12,9 @@ from navfw.egomotion.history import OdometryHistory
 from navfw.egomotion.odometer import Odometer
 from navfw.egomotion.pairing import FrameBuffer
 from navfw.flow.derotation import derotate
+from navfw.flow.floor_aligned import FloorAlignedFlow
 from navfw.flow.horizon import above_horizon
-from navfw.flow.refinement import refine
+from navfw.flow.refinement import RefinementParams, refine
 from navfw.kinds import (
     Behavior,
     Composite,
@@ -28,6 +29,7 @@ from navfw.kinds import (
 from navfw.locom.trim import WheelTrim
 from navfw.mofis.explanation import explain_command
 from navfw.mofis.mofis import Mofis
+from navfw.offis.movers import direction_sigma, find_movers
 from navfw.robot import RobotModel
 from navfw.safety import SafetyMonitor, SafetyVerdict
 from navfw.signals import (
@@ -35,6 +37,7 @@ from navfw.signals import (
     Command,
     FlowField,
     Frame,
+    Mover,
     Odometry,
     Outlook,
     Percept,
@@ -57,8 +60,15 @@ SHUT_AFTER = 20.0
 """Seconds that the only way has to stay shut before the stack gives up: it may have looked so."""
 
 
+NEAR = 0.9
+"""Movers nearer than this [m] are looked for over a shorter time."""
+
+SMALL_CELLS = 25.0
+"""So many of the small cells that movers are looked for in share one error of the flow."""
+
 TIMED = (
     "flow",
+    "movers",
     "perception",
     "features",
     "localizer",
@@ -83,6 +93,7 @@ class StackState:
     belief: Belief | None = None
     flows: tuple[FlowField, ...] = ()
     percept: Percept | None = None
+    movers: tuple[Mover, ...] = ()
     waypoint: Waypoint | None = None
     path: tuple[Waypoint, ...] = ()
     proposals: Mapping[str, Proposal] | None = None
@@ -110,6 +121,7 @@ class Stack:
         self.history = OdometryHistory()
         self.frames = FrameBuffer(robot, config.pairing)
         self.flow = cast(FlowProcessor, build("flow"))
+        self.floor_aligned = FloorAlignedFlow(robot)
         self.perception = cast(Perception, build("perception"))
         self.features = cast(FeatureRecognizer, build("features"))
         self.localizer = cast(Localizer, build("localizer"))
@@ -234,10 +246,12 @@ class Stack:
         then = self.history.at(frame.time)
         flows: tuple[FlowField, ...] = ()
         percepts: tuple[Percept, ...] = ()
+        movers: tuple[Mover, ...] = ()
         sightings: tuple[Sighting, ...] = ()
         # a frozen picture without flow would say that all the world is far away
         if self.safety.senses.seeing:
             flows, percepts = self._perceive(frame, then)
+            movers = self._look_for_movers()
             view = reading.landmark_frame if self.features.landmark_frames else frame
             if view is not None:
                 with _Timer(self.timings, "features"):
@@ -256,7 +270,9 @@ class Stack:
         command, idle = None, 0.0
         if not finished and not warming:
             with _Timer(self.timings, "motion"):
-                command = self.mofis.decide(odometry, belief, percepts, waypoint, flows, then.pose)
+                command = self.mofis.decide(
+                    odometry, belief, percepts, waypoint, flows, then.pose, movers
+                )
                 # the planner hears of it at the next frame: data flow one way
                 queries = () if belief.lost else self.planner.queries
                 self._outlook = self.mofis.outlook(queries, odometry, belief)
@@ -268,6 +284,7 @@ class Stack:
             belief=belief,
             flows=flows,
             percept=percept or self.state.percept,
+            movers=movers,
             waypoint=waypoint,
             path=path,
             proposals=self.mofis.proposals,
@@ -321,6 +338,23 @@ class Stack:
                 percepts.append(self.perception.perceive(flow, odometry.twist))
             flows.append(flow)
         return tuple(flows), tuple(percepts)
+
+    def _look_for_movers(self) -> tuple[Mover, ...]:
+        """What moves by itself in the newest frame."""
+        if not (self.resolved.movers and self.floor_aligned.sees_floor):
+            return ()
+        pair = self.frames.recent(near=any(m.distance < NEAR for m in self.state.movers))
+        if pair is None:
+            return ()
+        with _Timer(self.timings, "movers"):
+            flow = self.floor_aligned.compute(pair)
+            flow = replace(flow, motion=self.odometer.trusted(flow.motion))
+            params = RefinementParams(
+                direction_sigma=direction_sigma(flow.motion.baseline),
+                overlap=SMALL_CELLS,
+            )
+            refined = refine(flow, self.robot.camera, params).apply(flow, self.robot.camera)
+            return find_movers(refined, self.robot.camera)
 
     def _derotated(self, flow: FlowField) -> FlowField:
         """``flow`` without its rotational part, the gyro's word refined by the flow itself.

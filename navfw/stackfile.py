@@ -72,6 +72,9 @@ class StackSpec(BaseModel):
     refine: Annotated[
         bool, Field(description="correct the gyro's rotation by the flow itself (METHOD 2.6)")
     ] = True
+    movers: Annotated[
+        bool, Field(description="look for what moves by itself, and keep out of its way")
+    ] = False
     floor_model: Annotated[
         bool,
         Field(
@@ -135,6 +138,7 @@ class StackConfig:
     oracle: bool = False
     derotate: bool = True
     floor_model: bool = True
+    movers: bool = False
 
     def as_data(self) -> dict[str, Any]:
         """The resolved configuration as plain data; written as YAML it is a stack file again."""
@@ -150,6 +154,7 @@ class StackConfig:
             "derotate": self.derotate,
             "refine": self.refine,
             "floor_model": self.floor_model,
+            "movers": self.movers,
             "warmup": self.warmup,
             "oracle": self.oracle,
         }
@@ -227,6 +232,7 @@ def resolve(
         spec.oracle,
         spec.derotate,
         spec.floor_model,
+        spec.movers,
     )
 
 

@@ -17,9 +17,14 @@ from navfw.signals import Frame, FramePair, Odometry, Pose, wrap_angle
 
 __all__ = ["FrameBuffer", "PairingParams"]
 
-STEADY = 0.04
-"""Largest turn [rad] between two frames that are to show movers: a turn not quite known moves
-everything."""
+LAPSE = 0.2
+"""Time [s] between two frames in which what walks comes far enough to be told from what stands."""
+NEAR_LAPSE = 0.1
+"""The same for what is near, which would come too far in the image to be matched [s]."""
+LONGEST_LAPSE = 0.4
+"""What has gone on for longer [s] looks too different."""
+LARGEST_TURN = 0.35
+"""Frames a larger turn [rad] apart show too little in common."""
 
 Length = Annotated[float, Field(gt=0.0, le=1.0)]
 
@@ -32,13 +37,6 @@ class PairingParams(Params):
     max_baseline: Annotated[Length, Field(description="no pair above this baseline [m]")] = 0.16
     short: Annotated[
         bool, Field(description="also give a pair over the short baseline, for what is very near")
-    ] = False
-    movers: Annotated[
-        bool,
-        Field(
-            description="every other time pair with the last frame, and always when standing: "
-            "what moves by itself shows over a short time"
-        ),
     ] = False
     short_baseline: Annotated[Length, Field(description="sought for the short pair [m]")] = 0.035
     max_rotation: Annotated[
@@ -90,8 +88,8 @@ class FrameBuffer:
     """Keeps recent frames with their odometry and pairs the newest with the most useful past one.
 
     Driving backwards pairs as well as driving forwards. A robot that only turns sees no depth, and
-    one that has not moved since its last pair sees nothing new: both get no pair. Only with
-    ``params.movers`` they pair with their last frame, to see what moves by itself.
+    one that has not moved since its last pair sees nothing new: both get no pair. What moves by
+    itself shows over time instead: see ``recent``.
     """
 
     def __init__(self, robot: RobotModel, params: PairingParams | None = None) -> None:
@@ -104,7 +102,6 @@ class FrameBuffer:
         self._views: deque[_View] = deque()
         self._pairs: tuple[FramePair, ...] = ()
         self._last_paired: Pose | None = None
-        self._movers_turn = False
 
     def add(self, frame: Frame, odometry: Odometry) -> None:
         """Take in the newest ``frame`` with the odometry of (about) the same time.
@@ -128,16 +125,28 @@ class FrameBuffer:
         """
         return self._pairs
 
+    def recent(self, near: bool = False) -> FramePair | None:
+        """The newest frame with that of a moment ago, whatever way the robot has come since.
+
+        It shows what moves by itself: what is ``near`` over a shorter time. None if there is none,
+        or if it shows too little of what is seen now.
+        """
+        lapse = NEAR_LAPSE if near else LAPSE
+        if len(self._views) < 2:
+            return None
+        now = self._views[-1]
+        ages = [abs(now.frame.time - past.frame.time - lapse) for past in self._views]
+        past = self._views[ages.index(min(ages[:-1]))]
+        turn = abs(wrap_angle(now.pose.yaw - past.pose.yaw))
+        if turn > LARGEST_TURN or now.frame.time - past.frame.time > LONGEST_LAPSE:
+            return None
+        return self._pair(past, now)
+
     def _make_pairs(self, now: _View) -> Iterable[FramePair]:
         last = self._last_paired
         if last is not None and self._nothing_new(last, now.pose):
-            yield from self._with_last(now)
             return
         useful = [past for past in self._views if self._useful(past, now)]
-        self._movers_turn = self.params.movers and not (self._movers_turn and useful)
-        if self._movers_turn:
-            yield from self._with_last(now)
-            return
         if not useful:
             return
         # among equals the younger one: less time for the gyro to drift and the scene to move
@@ -149,13 +158,6 @@ class FrameBuffer:
             short = min(useful, key=lambda past: abs(now.baseline(past) - target))
             if now.baseline(short) < 0.7 * now.baseline(long):
                 yield self._pair(short, now)
-
-    def _with_last(self, now: _View) -> Iterable[FramePair]:
-        """The newest frame with the one before, whatever the baseline, to see movers."""
-        if self.params.movers and self._views:
-            past = self._views[-1]
-            if abs(wrap_angle(now.pose.yaw - past.pose.yaw)) <= STEADY:
-                yield self._pair(past, now)
 
     def _nothing_new(self, last: Pose, now: Pose) -> bool:
         step = math.hypot(now.x - last.x, now.y - last.y)

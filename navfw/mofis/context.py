@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from navfw.mofis.commands import CommandGrid
+from navfw.mofis.encounters import Encounters
 from navfw.mofis.lookahead import Aim
 from navfw.mofis.reach import Arcs, Ranges
 from navfw.mofis.sight import Sight, sight_of
@@ -21,9 +22,10 @@ class Context:
 
     ``percept`` is OFFIS' newest (None before the robot has moved); it may be older than ``time``,
     as a robot that only turns sees no depth. ``flow`` is the derotated flow field it was made
-    from. ``arcs`` and ``ranges`` come from the ego map, the memory of the last seconds. ``aim`` is
-    the next point on the cheapest remembered way to ``waypoint`` (None when there is nowhere to
-    go). ``pose`` is in odom, ``belief`` in the map. ``stalled`` [s] is how long the wheels have not
+    from. ``arcs`` and ``ranges`` come from the ego map, the memory of the last seconds;
+    ``encounters`` say where commands would meet movers (None without any). ``aim`` is the next
+    point on the cheapest remembered way to ``waypoint`` (None when there is nowhere to go).
+    ``pose`` is in odom, ``belief`` in the map. ``stalled`` [s] is how long the wheels have not
     followed commands, ``idle`` [s] how long no progress toward the waypoint has been made.
     """
 
@@ -42,6 +44,7 @@ class Context:
     stalled: float
     idle: float
     flow: FlowField | None = None
+    encounters: Encounters | None = None
 
     @property
     def sight(self) -> Sight | None:

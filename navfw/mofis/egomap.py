@@ -197,15 +197,6 @@ class EgoMap:
             math.exp(-since / self.params.glance),
         )
 
-    def is_static(self, x: float, y: float, radius: float) -> bool:
-        """Whether evidence says that something stands within ``radius`` [m] of odom (x, y)."""
-        row, column = self.index(x, y)
-        reach = math.ceil(radius / self.params.cell)
-        part = self.evidence[
-            max(row - reach, 0) : row + reach + 1, max(column - reach, 0) : column + reach + 1
-        ]
-        return bool((part >= self.params.occupied).any())
-
     def take(self, discs: tuple[Disc, ...]) -> None:
         """Floor that counts as occupied until the next call: what movers stand and walk on."""
         if discs or self._taken:

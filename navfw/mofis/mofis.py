@@ -14,6 +14,7 @@ from navfw.kinds import Behavior, Composite, Fusion
 from navfw.mofis.commands import CommandGrid, CommandGridParams
 from navfw.mofis.context import Context
 from navfw.mofis.egomap import EgoMap, EgoMapParams
+from navfw.mofis.encounters import EncounterParams, meet
 from navfw.mofis.kernels import are_degrees
 from navfw.mofis.lookahead import Aim, Lookahead, LookaheadParams
 from navfw.mofis.passages import PassageWatch, PassageWatchParams
@@ -25,6 +26,7 @@ from navfw.signals import (
     Belief,
     Command,
     FlowField,
+    Mover,
     Odometry,
     Outlook,
     PassageQuery,
@@ -45,6 +47,7 @@ class MofisParams(BaseModel):
 
     ego_map: EgoMapParams = EgoMapParams()
     tracks: TrackParams = TrackParams()
+    encounters: EncounterParams = EncounterParams()
     commands: CommandGridParams = CommandGridParams()
     lookahead: LookaheadParams = LookaheadParams()
     passages: PassageWatchParams = PassageWatchParams()
@@ -135,11 +138,13 @@ class Mofis:
         waypoint: Waypoint | None,
         flows: Sequence[FlowField] = (),
         seen_from: Pose | None = None,
+        movers: Sequence[Mover] = (),
     ) -> Command:
         """The command for now, from the newest ``percepts`` (may be none) and ``waypoint``.
 
         ``flows`` are the derotated flow fields of the percepts; ``seen_from`` is where the robot
-        was in odom when their frame was taken, if that was not just now.
+        was in odom when their frame was taken, if that was not just now; ``movers`` were seen in
+        that frame.
         """
         if not self.params.memory:
             self.egomap.reset()
@@ -148,12 +153,12 @@ class Mofis:
         self.egomap.move(odometry.pose, odometry.time)
         eye = odometry.pose if seen_from is None else seen_from
         for percept in percepts:
-            self.tracks.see(percept.movers, eye, percept.time, self.egomap.is_static)
             if percept.sees_depth:
                 self.egomap.enter(percept, eye)
                 self.passages.enter(percept, eye)
                 self._percept = percept
-        self.tracks.forget(odometry.time)
+        self.tracks.see(movers, eye)
+        self.tracks.forget(odometry.time, odometry.pose)
         drops = self.passages.drops.discs() if self.params.memory else ()
         self.egomap.take((*self.tracks.discs(odometry.time), *drops))
         self.context = self._context(odometry, belief, waypoint)
@@ -208,6 +213,15 @@ class Mofis:
             stalled=stalled,
             idle=idle,
             flow=self._flow,
+            encounters=meet(
+                self.tracks.believed,
+                self.robot,
+                self.commands,
+                pose,
+                odometry.twist,
+                odometry.time,
+                self.params.encounters,
+            ),
         )
 
     def _weigh(self, context: Context) -> Mapping[str, float]:

@@ -1,25 +1,33 @@
 """Where movers are and where they go: short tracks of what moves by itself, in the odom frame.
 
-A sighting gives a bearing and, by the floor, a distance; successive sightings that lie near each
-other are one mover, whose velocity an alpha-beta filter estimates (Kalata 1984). What is not seen
-again is soon forgotten.
+A sighting gives a bearing, by the floor a distance, and by its vectors a velocity. Sightings that
+lie near each other are one mover; a Kalman filter with constant velocity follows it. What is not
+seen again is soon forgotten, but not what has only left the view.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Annotated
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from navfw.robot import RobotModel
-from navfw.signals import Mover, Pose
+from navfw.signals import Array, Mover, Pose
 
 __all__ = ["Disc", "Track", "TrackParams", "Tracks"]
 
 Positive = Annotated[float, Field(gt=0.0)]
+
+EDGE = math.radians(7.0)
+"""At the border of the view movers are seen in part, or not at all [rad]."""
+TWINS = 0.45
+"""Two people do not come nearer to each other than this [m]."""
+FARTHEST = 2.0
+"""Farther off [m] movers are often overlooked."""
 
 
 class TrackParams(BaseModel):
@@ -28,23 +36,31 @@ class TrackParams(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     linger: Annotated[
-        Positive, Field(le=30.0, description="a mover not seen again is kept so long [s]")
-    ] = 1.2
-    jump: Annotated[
-        Positive, Field(description="sightings farther apart than this are two movers [m]")
-    ] = 0.7
-    alpha: Annotated[float, Field(gt=0.0, le=1.0, description="weight of a new place")] = 0.5
-    beta: Annotated[
-        float, Field(ge=0.0, le=1.0, description="weight of a new place for the velocity")
-    ] = 0.15
+        Positive, Field(le=30.0, description="a mover not seen again in view is kept so long [s]")
+    ] = 1.0
+    memory: Annotated[
+        Positive, Field(le=30.0, description="one that has left the view is kept so long [s]")
+    ] = 4.0
+    gate: Annotated[
+        Positive, Field(description="a sighting farther off is of another mover [sigma]")
+    ] = 3.0
+    bearing_sigma: Annotated[Positive, Field(description="error of a sighting's bearing [rad]")] = (
+        0.06
+    )
+    distance_sigma: Annotated[
+        Positive, Field(description="error of a sighting's distance, relative [1]")
+    ] = 0.12
+    walking: Annotated[Positive, Field(description="how fast movers go, one sigma [m/s]")] = 0.4
+    swerve: Annotated[
+        Positive, Field(description="how soon they turn, one sigma of acceleration [m/s^2]")
+    ] = 0.5
     believed: Annotated[
         int, Field(ge=1, le=50, description="sightings before a mover takes any floor")
     ] = 2
-    sure: Annotated[int, Field(ge=2, le=50, description="sightings before a velocity counts")] = 4
     fastest: Annotated[Positive, Field(description="no mover is taken to be faster [m/s]")] = 1.0
     foresight: Annotated[
         float, Field(ge=0.0, le=5.0, description="how far ahead its way is kept free [s]")
-    ] = 1.5
+    ] = 0.6
     radius: Annotated[
         tuple[Positive, Positive], Field(description="least and largest radius of a mover [m]")
     ] = (0.12, 0.35)
@@ -61,20 +77,39 @@ class Disc:
 
 @dataclass(slots=True)
 class Track:
-    """One mover: place [m] and velocity [m/s] in odom at ``time`` [s], ``seen`` so many times."""
+    """One mover: ``state`` (x, y, vx, vy) [m, m/s] in odom at ``time`` [s], with its covariance.
 
-    x: float
-    y: float
+    It was ``seen`` so many times.
+    """
+
+    state: Array
+    covariance: Array
     radius: float
     time: float
-    vx: float = 0.0
-    vy: float = 0.0
     seen: int = 1
 
     def at(self, time: float) -> tuple[float, float]:
         """Where it is expected at ``time`` [s]."""
         dt = time - self.time
-        return self.x + self.vx * dt, self.y + self.vy * dt
+        x, y, vx, vy = self.state.tolist()
+        return x + vx * dt, y + vy * dt
+
+    @property
+    def velocity(self) -> tuple[float, float]:
+        """(vx, vy) [m/s] in odom."""
+        return float(self.state[2]), float(self.state[3])
+
+
+@dataclass(frozen=True, slots=True)
+class _Sighting:
+    """A mover in odom: its centre with information (2, 2); information and evidence of velocity."""
+
+    time: float
+    place: Array
+    place_information: Array
+    velocity_information: Array
+    velocity_evidence: Array
+    radius: float
 
 
 class Tracks:
@@ -82,78 +117,138 @@ class Tracks:
 
     def __init__(self, robot: RobotModel, params: TrackParams | None = None) -> None:
         self.params = params or TrackParams()
-        self._camera = robot.camera
+        camera = self._camera = robot.camera
+        lowest = math.atan(0.5 * camera.height / camera.focal) + camera.pitch
+        # nearer than this the feet are below the image
+        self._reach = (
+            camera.mount_height / math.tan(lowest) if lowest > 0.0 else math.inf,
+            FARTHEST,
+        )
         self.reset()
 
     def reset(self) -> None:
         """Forget all."""
         self.tracks: list[Track] = []
 
-    def see(
-        self,
-        movers: Iterable[Mover],
-        pose: Pose,
-        time: float,
-        is_static: Callable[[float, float, float], bool] = lambda x, y, radius: False,
-    ) -> None:
-        """Enter the ``movers`` seen from odom ``pose`` at ``time`` [s].
-
-        Where ``is_static`` (x, y, radius [m]) knows that something stands, none begins: at the
-        edges of near things flow is often contradictory.
-        """
-        self.forget(time)
+    def see(self, movers: Iterable[Mover], pose: Pose) -> None:
+        """Enter the ``movers`` seen from odom ``pose``."""
         known = list(self.tracks)
         for mover in movers:
-            sighting = self._place(mover, pose, time)
-            off = [math.dist(track.at(time), (sighting.x, sighting.y)) for track in known]
-            if not off or min(off) > self.params.jump:
-                if not is_static(sighting.x, sighting.y, sighting.radius):
-                    self.tracks.append(sighting)
+            sighting = self._place(mover, pose)
+            off = [self._distance(track, sighting) for track in known]
+            if not off or min(off) > self.params.gate:
+                track = self._begin(sighting)
+                self.tracks.append(track)
             else:
-                self._update(known.pop(off.index(min(off))), sighting)
+                track = known.pop(off.index(min(off)))
+                self._update(track, sighting)
+            self._drop_twins(track)
 
-    def forget(self, time: float) -> None:
-        """Drop those that have not been seen for long."""
-        self.tracks = [t for t in self.tracks if time - t.time <= self.params.linger]
+    def _drop_twins(self, track: Track) -> None:
+        """Drop what was taken for somebody else and stands where this ``track`` was just seen."""
+        self.tracks = [
+            other
+            for other in self.tracks
+            if other is track
+            or other.time == track.time
+            or math.dist(other.at(track.time), track.at(track.time)) > TWINS
+        ]
+
+    def forget(self, time: float, pose: Pose) -> None:
+        """Drop those not seen for long, where a robot at odom ``pose`` would see them or not."""
+        p = self.params
+        self.tracks = [
+            track
+            for track in self.tracks
+            if time - track.time <= (p.linger if self._in_view(track, time, pose) else p.memory)
+        ]
+
+    @property
+    def believed(self) -> tuple[Track, ...]:
+        """Those seen often enough to be taken for real."""
+        return tuple(track for track in self.tracks if track.seen >= self.params.believed)
 
     def discs(self, time: float) -> tuple[Disc, ...]:
         """The floor that movers take, or are going to take within the foresight."""
-        believed = [track for track in self.tracks if track.seen >= self.params.believed]
-        return tuple(disc for track in believed for disc in self._way(track, time))
+        return tuple(disc for track in self.believed for disc in self._way(track, time))
 
-    def _place(self, mover: Mover, pose: Pose, time: float) -> Track:
-        """A new track from one sighting: its visible front is at the mover's distance."""
-        least, largest = self.params.radius
-        radius = min(max(mover.distance * math.tan(mover.width), least), largest)
-        away = mover.distance + radius
-        x, y = pose.to_parent(
-            self._camera.mount_forward + away * math.cos(mover.bearing),
-            away * math.sin(mover.bearing),
-        )
-        return Track(x, y, radius, time)
+    def _in_view(self, track: Track, time: float, pose: Pose) -> bool:
+        """Whether it should be seen if it were where it is expected."""
+        ahead, left = pose.to_local(*track.at(time))
+        ahead -= self._camera.mount_forward
+        near, far = self._reach
+        half_view = 0.5 * self._camera.hfov - EDGE
+        return near <= math.hypot(ahead, left) <= far and abs(math.atan2(left, ahead)) <= half_view
 
-    def _update(self, track: Track, sighting: Track) -> None:
+    def _place(self, mover: Mover, pose: Pose) -> _Sighting:
+        """One sighting in odom: the mover's visible front is at its distance."""
         p = self.params
-        dt = sighting.time - track.time
-        x, y = track.at(sighting.time)
-        off_x, off_y = sighting.x - x, sighting.y - y
-        track.x, track.y = x + p.alpha * off_x, y + p.alpha * off_y
-        if dt > 0.0:
-            track.vx += p.beta * off_x / dt
-            track.vy += p.beta * off_y / dt
-            excess = math.hypot(track.vx, track.vy) / p.fastest
-            if excess > 1.0:
-                track.vx, track.vy = track.vx / excess, track.vy / excess
-        track.radius += p.alpha * (sighting.radius - track.radius)
+        radius = min(max(mover.distance * math.tan(mover.width), p.radius[0]), p.radius[1])
+        away = mover.distance + radius
+        ahead, aside = math.cos(mover.bearing), math.sin(mover.bearing)
+        place = pose.to_parent(self._camera.mount_forward + away * ahead, away * aside)
+        c, s = math.cos(pose.yaw), math.sin(pose.yaw)
+        turn = np.array([[c, -s], [s, c]])
+        sight = turn @ np.array([[ahead, -aside], [aside, ahead]])
+        spread = np.array([p.distance_sigma * mover.distance, p.bearing_sigma * away])
+        return _Sighting(
+            mover.time,
+            np.array(place),
+            sight @ np.diag(spread**-2.0) @ sight.T,
+            turn @ mover.information @ turn.T,
+            turn @ mover.evidence,
+            radius,
+        )
+
+    def _begin(self, sighting: _Sighting) -> Track:
+        """A new track; of its velocity nothing is known but how fast movers go."""
+        prior = np.zeros((4, 4))
+        prior[2:, 2:] = np.eye(2) / self.params.walking**2
+        state, covariance = _joined(prior, np.zeros(4), sighting)
+        return Track(state, covariance, sighting.radius, sighting.time)
+
+    def _expected(self, track: Track, time: float) -> tuple[Array, Array]:
+        """State and covariance at ``time`` [s], from what was seen until now."""
+        dt = time - track.time
+        step = np.eye(4)
+        step[0, 2] = step[1, 3] = dt
+        push = np.vstack([0.5 * dt * dt * np.eye(2), dt * np.eye(2)])
+        covariance = step @ track.covariance @ step.T
+        covariance += self.params.swerve**2 * push @ push.T + 1e-9 * np.eye(4)
+        return step @ track.state, covariance
+
+    def _distance(self, track: Track, sighting: _Sighting) -> float:
+        """How far [sigma] ``sighting`` is from where the mover is expected (Mahalanobis)."""
+        state, covariance = self._expected(track, sighting.time)
+        off = sighting.place - state[:2]
+        spread = covariance[:2, :2] + np.linalg.inv(sighting.place_information)
+        return math.sqrt(float(off @ np.linalg.solve(spread, off)))
+
+    def _update(self, track: Track, sighting: _Sighting) -> None:
+        state, covariance = self._expected(track, sighting.time)
+        prior: Array = np.asarray(np.linalg.inv(covariance), dtype=np.float64)
+        track.state, track.covariance = _joined(prior, prior @ state, sighting)
+        excess = math.hypot(*track.velocity) / self.params.fastest
+        if excess > 1.0:
+            track.state[2:] /= excess
+        track.radius += 0.5 * (sighting.radius - track.radius)
         track.time = sighting.time
         track.seen += 1
 
     def _way(self, track: Track, time: float) -> Iterable[Disc]:
         """Discs along the track's way, from now to the foresight's end."""
-        if track.seen < self.params.sure:
-            yield Disc(track.x, track.y, track.radius)
-            return
-        length = math.hypot(track.vx, track.vy) * self.params.foresight
+        length = math.hypot(*track.velocity) * self.params.foresight
         steps = max(1, math.ceil(length / max(track.radius, 0.05)))
         for k in range(steps + 1):
             yield Disc(*track.at(time + self.params.foresight * k / steps), track.radius)
+
+
+def _joined(information: Array, evidence: Array, sighting: _Sighting) -> tuple[Array, Array]:
+    """State and covariance from what was known (information form) and one sighting."""
+    information, evidence = information.copy(), evidence.copy()
+    information[:2, :2] += sighting.place_information
+    information[2:, 2:] += sighting.velocity_information
+    evidence[:2] += sighting.place_information @ sighting.place
+    evidence[2:] += sighting.velocity_evidence
+    covariance: Array = np.asarray(np.linalg.inv(information), dtype=np.float64)
+    return covariance @ evidence, covariance

@@ -11,7 +11,6 @@ import numpy.typing as npt
 from navfw.signals import Array
 
 __all__ = [
-    "DOUBT",
     "SIGMA_LIMIT",
     "blind_border",
     "compare_pairs",
@@ -24,9 +23,6 @@ __all__ = [
 
 SIGMA_LIMIT = 20.0
 """Sigma [1/m] at which a cell says nothing at all: nothing is nearer than a few centimetres."""
-
-DOUBT = 0.1
-"""Contradictions are believed when they exceed this error of the flow [px] as well."""
 
 _UNKNOWN, _FLOOR, _OBSTACLE, _DROP, _ABOVE = 0, 1, 2, 3, 4
 
@@ -42,13 +38,12 @@ def triangulate_cells(
     yaw_sigma: float,
     relative_sigma: float,
     rejection: float,
-) -> tuple[Array, Array, Array, Array]:
-    """Nearness, sigma, confidence and contradiction for each of (n, 2) points; see ``nearness``."""
+) -> tuple[Array, Array, Array]:
+    """Nearness, its sigma and its confidence for each of (n, 2) points; see ``nearness``."""
     n = points.shape[0]
     nearness = np.zeros(n)
     spread = np.full(n, SIGMA_LIMIT)
     trust = np.zeros(n)
-    against = np.zeros(n)
     sx, sy, sz = translation[0], translation[1], translation[2]
     for i in range(n):
         x, y = points[i, 0], points[i, 1]
@@ -78,15 +73,13 @@ def triangulate_cells(
         sigma_q = sigma_k / (shrink * shrink)
         residual = abs(across)
         if q < -rejection * sigma_q - 1e-9 or residual > rejection * sigma_across + 1e-9:
-            if along < -rejection * math.hypot(sigma_along, DOUBT):
-                against[i] = confidence[i]
             continue
         nearness[i] = max(q, 0.0)
         spread[i] = min(sigma_q, SIGMA_LIMIT)
         informative = sigma_q / (0.2 + 0.3 * nearness[i])
         ratio = residual / (2.0 * sigma_across + 1e-9)
         trust[i] = confidence[i] * math.exp(-ratio * ratio) / (1.0 + informative * informative)
-    return nearness, spread, trust, against
+    return nearness, spread, trust
 
 
 @numba.njit(cache=True)

@@ -1,8 +1,11 @@
-"""What moves by itself: vectors that contradict the camera's motion, and where they stand.
+"""What moves by itself: vectors that nothing at rest can have, where they stand and where they go.
 
-Triangulation is wrong for what moves; where its lowest part meets the floor is not. A point on the
-floor at image row y (below the horizon) is ``h / g`` away along the optical axis, ``g`` being the
-fall of its ray per metre of depth (``navfw.offis.floor``).
+With the camera's rotation gone, things at rest that stand on the floor move away from the focus of
+expansion, and at least as fast as the floor they hide. A vector across that line, or shorter than
+the floor's, belongs to something that moves. Its depth cannot be triangulated; where its lowest
+part meets the floor can be seen: a ray that falls by ``g`` per metre of depth
+(``navfw.offis.floor``) meets the floor ``h / g`` away. With its distance known, its vectors give
+its velocity.
 """
 
 from __future__ import annotations
@@ -10,59 +13,119 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 from scipy import ndimage
 
 from navfw.offis.floor import fall_per_depth
 from navfw.robot import CameraModel
-from navfw.signals import Array, Mover
+from navfw.signals import Array, FlowField, Mask, Mover
 
-__all__ = ["find_movers"]
+__all__ = ["direction_sigma", "find_movers"]
 
-CONFIDENT = 0.3
-"""Confidence of a contradiction that counts."""
-LEAST_CELLS = 4
+LEAST_CELLS = 6
 """Fewer cells together than these are mismatches."""
-NEAREST_FALL = 0.12
+NEAREST_FALL = 0.10
 """Fall per metre of a ray that tells where a thing stands; flatter ones end too far away."""
-
-Indices = npt.NDArray[np.int64]
+CERTAIN, DOUBT = 3.0, 0.05
+"""A vector contradicts beyond so many standard deviations, with so much [px] added."""
+SLIP = 0.05
+"""The way driven may be wrong by so much, and the floor's flow with it."""
+BORDER = 9.0
+"""Cells nearer to the lower border than this show no feet [px]: flow is not known there."""
+BELOW = 0.8
+"""What reaches below the image stands nearer than the nearest floor in it, by about this factor."""
+STANDING = 0.002
+"""Baseline [m] below which the camera stands, and nothing at rest shows any flow."""
+SPEEDS = 0.08, 1.5
+"""What seems slower [m/s] stands and is the ego map's; what seems faster is a mismatch."""
+OVERLAP = 4.0
+"""Number of neighbouring cells that share one error."""
+FLOW_ERROR = 0.5
+"""Error of the vectors on a mover's body, which is no plane [px]."""
 
 _TOUCHING = np.ones((3, 3), dtype=bool)
 
 
-def find_movers(points: Array, contradiction: Array, camera: CameraModel) -> tuple[Mover, ...]:
-    """Regions of contradicting cells, as movers; left to right.
+def direction_sigma(baseline: float) -> float:
+    """Error [rad] of the direction the camera moved in; large where ``baseline`` [m] is short."""
+    return min(0.03 + 0.003 / max(baseline, 1e-4), 1.0)
 
-    Cells one above the other belong together even across rows that do not contradict: along its
-    epipolar line, beside the focus of expansion, a mover looks like something nearer or farther.
+
+def find_movers(flow: FlowField, camera: CameraModel) -> tuple[Mover, ...]:
+    """Regions of ``flow`` (derotated, dense) that contradict a world at rest; left to right.
+
+    ``flow.contradiction`` marks vectors off their epipolar lines (``navfw.flow.refinement``).
+    Raises ValueError when ``flow`` still contains rotation.
     """
-    odd = contradiction >= CONFIDENT
-    if np.count_nonzero(odd) < LEAST_CELLS:
+    if not flow.derotated:
+        raise ValueError("movers need derotated flow (navfw.flow.derotation.derotate)")
+    if flow.motion.dt <= 0.0:
         return ()
-    regions, count = ndimage.label(odd, _TOUCHING)
-    sizes = np.bincount(regions.ravel(), minlength=count + 1)
-    kept = odd & (sizes[regions] >= LEAST_CELLS)
-    lowest = np.where(kept.any(axis=0), len(odd) - 1 - kept[::-1].argmax(axis=0), -1)
-    columns, groups = ndimage.label(lowest >= 0)
+    fall = fall_per_depth(flow.points, camera)
+    odd = (flow.confidence > 0.0) & _falls_short_of_floor(flow, fall, camera)
+    if flow.contradiction is not None:
+        odd |= flow.contradiction > 0.0
+    labels, count = ndimage.label(odd, _TOUCHING)
+    sizes = np.bincount(labels.ravel(), minlength=count + 1)
     movers = []
-    for group in range(1, groups + 1):
-        own = np.nonzero(columns == group)[0]
-        mover = _mover(points, lowest[own], own, camera)
-        if mover is not None:
-            movers.append(mover)
-    return tuple(movers)
+    for label in range(1, count + 1):
+        if sizes[label] >= LEAST_CELLS:
+            mover = _mover(flow, fall, labels == label, camera)
+            if mover is not None and SPEEDS[0] <= math.hypot(*mover.velocity()) <= SPEEDS[1]:
+                movers.append(mover)
+    return tuple(sorted(movers, key=lambda mover: -mover.bearing))
 
 
-def _mover(points: Array, lowest: Indices, columns: Indices, camera: CameraModel) -> Mover | None:
-    """The mover in these ``columns``, whose ``lowest`` rows are given; None if it may be far."""
-    feet = points[lowest, columns]
-    fall = float(np.quantile(fall_per_depth(feet, camera), 0.75))
-    if fall < NEAREST_FALL:
+def _falls_short_of_floor(flow: FlowField, fall: Array, camera: CameraModel) -> Mask:
+    """(rows, cols) where flow is less than even the floor's, or there is any while standing."""
+    s = flow.motion.translation
+    turning = flow.motion.yaw_sigma * (camera.focal + flow.points[..., 0] ** 2 / camera.focal)
+    length = np.hypot(flow.vectors[..., 0], flow.vectors[..., 1])
+    if flow.motion.baseline < STANDING:
+        still = CERTAIN * (np.hypot(flow.sigma, turning) + 2.0 * DOUBT)
+        return np.asarray(length > still, dtype=bool)
+    away = flow.points * s[2] - camera.focal * s[:2]
+    nearness = np.maximum(fall, 0.0) / camera.mount_height
+    lever = np.hypot(away[..., 0], away[..., 1])
+    floor = lever * nearness / (1.0 + s[2] * nearness)
+    along = (away * flow.vectors).sum(axis=-1) / np.maximum(lever, 1e-9)
+    off_floor = length - floor
+    unsure = np.hypot(flow.sigma, direction_sigma(flow.motion.baseline) * off_floor) + DOUBT
+    short = along < floor * (1.0 - SLIP) - CERTAIN * unsure
+    return np.asarray(short & (fall > 0.0), dtype=bool)
+
+
+def _mover(flow: FlowField, fall: Array, cells: Mask, camera: CameraModel) -> Mover | None:
+    """The mover in these ``cells``; None if it may be far."""
+    points = flow.points[cells]
+    half_cell = 0.5 * abs(flow.points[0, 1, 0] - flow.points[0, 0, 0])
+    # the lowest cells hold the feet, one or two strays set aside; their lower border is the floor
+    lowest = float(np.quantile(fall[cells], 0.95)) + half_cell / camera.focal
+    if lowest < NEAREST_FALL:
         return None
-    depth = camera.mount_height / fall
-    half_cell = 0.5 * abs(points[0, 1, 0] - points[0, 0, 0])
-    left, right = feet[:, 0].min() - half_cell, feet[:, 0].max() + half_cell
+    depth = camera.mount_height / lowest
+    if fall[cells].max() >= fall.max() - BORDER / camera.focal:
+        depth *= BELOW  # its feet are below the image
+    left, right = points[:, 0].min() - half_cell, points[:, 0].max() + half_cell
     bearings = math.atan2(-left, camera.focal), math.atan2(-right, camera.focal)
     bearing, width = 0.5 * sum(bearings), 0.5 * (bearings[0] - bearings[1])
-    return Mover(bearing, width, depth / math.cos(bearing))
+    evidence = _velocity(points, flow.vectors[cells], depth, flow, camera)
+    return Mover(flow.time, bearing, width, depth / math.cos(bearing), *evidence)
+
+
+def _velocity(
+    points: Array, vectors: Array, depth: float, flow: FlowField, camera: CameraModel
+) -> tuple[Array, Array]:
+    """What these ``vectors`` of a thing at ``depth`` [m] say of its velocity: see ``Mover``.
+
+    They show the camera's displacement less the thing's own: linear in two unknowns.
+    """
+    motion, f = flow.motion, camera.focal
+    ahead, left = camera.base_from_camera[0], camera.base_from_camera[1]
+    depth_then = depth + motion.translation[2]
+    # what a thing's own velocity takes off its vectors, for each unit of it
+    columns = [(points * axis[2] - f * axis[:2]).ravel() for axis in (ahead, left)]
+    design = np.stack(columns, axis=1) * (motion.dt / depth_then)
+    s = motion.translation
+    at_rest = (points * s[2] - f * s[:2]) / depth_then
+    weight = 1.0 / (OVERLAP * FLOW_ERROR**2)
+    return weight * design.T @ design, weight * design.T @ (at_rest - vectors).ravel()

@@ -12,25 +12,23 @@ from typing import NamedTuple
 
 import numpy as np
 
-from navfw.offis.kernels import DOUBT, SIGMA_LIMIT, triangulate_cells
+from navfw.offis.kernels import triangulate_cells
 from navfw.signals import Array, FlowField
 
 __all__ = ["Nearness", "triangulate"]
 
 
 class Nearness(NamedTuple):
-    """Nearness of every cell: four arrays (rows, cols).
+    """Nearness of every cell: three arrays (rows, cols).
 
     ``nearness`` [1/m] is never negative; ``sigma`` [1/m] is one standard deviation (at most
     ``kernels.SIGMA_LIMIT``, which says "nothing known"); ``confidence`` in [0, 1] is 0 where the
-    vector contradicts the motion or says nothing; ``contradiction`` in [0, 1] is the confidence of
-    those that do contradict it.
+    vector contradicts the motion or says nothing.
     """
 
     nearness: Array
     sigma: Array
     confidence: Array
-    contradiction: Array
 
 
 def triangulate(
@@ -45,8 +43,7 @@ def triangulate(
 
     A vector whose part across ``e`` exceeds ``rejection`` standard deviations, or whose nearness is
     negative by as many, comes from a moving object or a mismatch: confidence 0. Below
-    ``minimum_baseline`` [m] no nearness is known: all confidences are 0, and what is not at rest in
-    the derotated image contradicts.
+    ``minimum_baseline`` [m] nothing is known: all confidences are 0.
 
     Raises ValueError when ``flow`` still contains rotation.
     """
@@ -57,7 +54,7 @@ def triangulate(
     baseline = motion.baseline
     confidence = _flat(flow.confidence)
     if baseline < minimum_baseline:
-        return _standing(flow, focal, rejection)
+        confidence = np.zeros_like(confidence)
     cells = triangulate_cells(
         _flat(flow.points).reshape(-1, 2),
         _flat(flow.vectors).reshape(-1, 2),
@@ -69,20 +66,7 @@ def triangulate(
         float(motion.translation_sigma / baseline) if baseline > 0.0 else 0.0,
         float(rejection),
     )
-    nearness, sigma, trust, against = (cell.reshape(shape) for cell in cells)
-    if flow.contradiction is not None:
-        against = np.maximum(against, flow.contradiction)
-    return Nearness(nearness, sigma, trust, against)
-
-
-def _standing(flow: FlowField, focal: float, rejection: float) -> Nearness:
-    """From a camera that has not moved: what is at rest shows no flow at all."""
-    nothing = np.zeros(flow.shape)
-    turning = flow.motion.yaw_sigma * (focal + flow.points[..., 0] ** 2 / focal)
-    error = np.sqrt(flow.sigma**2 + turning**2 + DOUBT**2)
-    still = np.hypot(flow.vectors[..., 0], flow.vectors[..., 1]) <= rejection * error
-    against = np.where(still | ~np.isfinite(flow.vectors).all(axis=-1), 0.0, flow.confidence)
-    return Nearness(nothing, np.full(flow.shape, SIGMA_LIMIT), nothing, against)
+    return Nearness(*(cell.reshape(shape) for cell in cells))
 
 
 def _flat(values: Array) -> Array:

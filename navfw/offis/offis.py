@@ -13,7 +13,6 @@ from navfw.offis.distances import TERMS, find_distances
 from navfw.offis.explanation import Explanation
 from navfw.offis.floor import FloorModel
 from navfw.offis.geometry import GridGeometry
-from navfw.offis.movers import find_movers
 from navfw.offis.nearness import triangulate
 from navfw.offis.objects import find_objects, object_channels, raw_channels
 from navfw.offis.obstacles import nearest_objects
@@ -180,7 +179,6 @@ class Offis(Perception):
                 situations.floor_in_front >= FLOOR_IN_FRONT,
                 bool(distances.degrees[:, :4].any()),
             ),
-            movers=find_movers(flow.points, seen.contradiction, camera),
             explanation=Explanation(
                 self.params.mode,
                 pyramid,

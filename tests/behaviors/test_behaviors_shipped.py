@@ -9,8 +9,11 @@ import numpy as np
 import pytest
 
 from navfw.kinds import Behavior, Composite
+from navfw.mofis.commands import CommandGrid
 from navfw.mofis.context import Context
+from navfw.mofis.encounters import EncounterParams, meet
 from navfw.mofis.lookahead import Aim
+from navfw.mofis.tracks import Track
 from navfw.plugins import Registry, default_registry
 from navfw.robot import RobotModel
 from navfw.signals import Pose, Proposal, Twist, Waypoint
@@ -24,6 +27,7 @@ SHIPPED = (
     "emergency",
     "escape",
     "follow_wall",
+    "give_way",
     "go_to_xy",
     "peek",
     "traverse_door",
@@ -232,3 +236,56 @@ def test_emergency_stops_before_a_wall_that_is_too_near(registry: Registry) -> N
     scene = Scene("late", Twist(0.5, 0.0), ahead=0.95, ticks=12)
     _, proposal = propose(registry, "emergency", scene)
     assert proposal.applicability == 1.0
+
+
+def met(context: Context, *tracks: Track, twist: Twist) -> Context:
+    """``context`` of a robot that drives ``twist`` and knows of these movers."""
+    encounters = meet(
+        tracks, ROBOT, context.commands, context.pose, twist, 0.0, EncounterParams(doubt=0.0)
+    )
+    return replace(context, encounters=encounters, twist=twist)
+
+
+def walker(context: Context, x: float, y: float, vx: float, vy: float) -> Track:
+    """Somebody at (x, y) in base_link, going (vx, vy) in odom; the scenes face along odom's x."""
+    place = context.pose.to_parent(x, y)
+    return Track(np.array([*place, vx, vy]), 0.01 * np.eye(4), 0.25, 0.0, 5)
+
+
+def judged(registry: Registry, *tracks: tuple[float, float, float, float], v: float) -> Proposal:
+    behavior = behavior_class(registry, "give_way")(ROBOT)
+    context = list(contexts_of(Scene("open floor", Twist(0.3, 0.0))))[-1]
+    walkers = [walker(context, *track) for track in tracks]
+    return behavior.propose(met(context, *walkers, twist=Twist(v, 0.0)))
+
+
+def test_give_way_says_nothing_where_nobody_walks(registry: Registry) -> None:
+    proposal = judged(registry, v=0.4)
+    assert proposal.applicability == 0.0
+    assert not proposal.prohibition.any()
+
+
+def test_give_way_waits_for_who_crosses(registry: Registry) -> None:
+    proposal = judged(registry, (0.9, -0.9, 0.0, 0.45), v=0.45)
+    commands = CommandGrid(ROBOT)
+    ahead, waiting = commands.nearest(Twist(0.5, 0.0)), commands.nearest(Twist(0.0, 0.0))
+    assert proposal.applicability > 0.5
+    assert proposal.prohibition[ahead] > 0.5 > proposal.prohibition[waiting]
+    assert proposal.desirability[waiting] > proposal.desirability[ahead]
+    assert any("touching" in rule["rule"] for rule in proposal.explain(*ahead))
+
+
+def test_give_way_does_not_stand_where_somebody_walks(registry: Registry) -> None:
+    # straight at the robot's left half, past a robot that moves aside
+    proposal = judged(registry, (1.0, 0.25, -0.5, 0.0), v=0.0)
+    commands = CommandGrid(ROBOT)
+    standing = commands.nearest(Twist(0.0, 0.0))
+    best = np.unravel_index(int(proposal.desirability.argmax()), commands.shape)
+    assert proposal.prohibition[standing] > 0.5
+    assert commands.v[best[0]] != 0.0
+
+
+def test_give_way_leaves_the_least_bad_way_out(registry: Registry) -> None:
+    around = [(0.6, 0.0, -0.4, 0.0), (-0.6, 0.0, 0.4, 0.0), (0.0, 0.6, 0.0, -0.4)]
+    proposal = judged(registry, *around, (0.0, -0.6, 0.0, 0.4), v=0.0)
+    assert proposal.prohibition.min() < 0.5

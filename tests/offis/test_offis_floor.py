@@ -65,18 +65,14 @@ def test_a_hole_in_the_floor_is_a_drop():
 
 def test_without_confidence_everything_is_unknown():
     points = grid_points(CAMERA)
-    nothing = Nearness(
-        np.ones((12, 16)), np.full((12, 16), 0.01), np.zeros((12, 16)), np.zeros((12, 16))
-    )
+    nothing = Nearness(np.ones((12, 16)), np.full((12, 16), 0.01), np.zeros((12, 16)))
     _, label = FloorModel(CAMERA, TOP).classify(points, nothing)
     assert (label == Label.UNKNOWN).all()
 
 
 def test_all_rays_upward_of_a_camera_above_the_top_pass_over():
     points = grid_points(CAMERA)
-    seen = Nearness(
-        np.ones((12, 16)), np.full((12, 16), 0.01), np.ones((12, 16)), np.zeros((12, 16))
-    )
+    seen = Nearness(np.ones((12, 16)), np.full((12, 16), 0.01), np.ones((12, 16)))
     _, label = FloorModel(CAMERA, top=0.2).classify(points, seen)
     assert (label[:6] == Label.ABOVE).all()
 

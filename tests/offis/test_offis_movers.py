@@ -1,4 +1,4 @@
-"""Movers: vectors that contradict the camera's motion, and where their feet are."""
+"""Movers: what nothing at rest can show, where its feet are, and how fast it goes."""
 
 from __future__ import annotations
 
@@ -7,89 +7,108 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from navfw.egomotion.camera_motion import camera_motion
-from navfw.flow.derotation import derotate
-from navfw.offis.movers import find_movers
-from navfw.offis.nearness import triangulate
-from navfw.offis.offis import Offis
+from navfw.offis.movers import direction_sigma, find_movers
 from navfw.robot import RobotModel
-from navfw.signals import CameraMotion, FlowField, Pose, Twist
+from navfw.signals import Array, CameraMotion, FlowField, Pose
 
 ROBOT = RobotModel()
 CAMERA = ROBOT.camera
-X, Y = np.meshgrid((np.arange(16) - 7.5) * 10.0, (np.arange(12) - 5.5) * 10.0)
+X, Y = np.meshgrid((np.arange(40) - 19.5) * 4.0, (np.arange(18) - 2.5) * 4.0)
 POINTS = np.stack([X, Y], axis=-1)
+DT = 0.2
 
 
-def wall_flow(motion: CameraMotion, depth: float = 3.0) -> FlowField:
-    """Exact flow of a wall, derotated."""
-    s = motion.translation
-    vectors = (POINTS * s[2] - CAMERA.focal * s[:2]) / (depth + s[2])
-    shape = POINTS.shape[:2]
-    flow = FlowField(1.0, POINTS, vectors, np.ones(shape), np.full(shape, 0.1), motion, True)
-    return dataclasses.replace(flow, contradiction=np.zeros(shape))
+def flow_of(nearness: Array, motion: CameraMotion, own: tuple[float, float]) -> Array:
+    """Exact derotated flow at POINTS of things with ``nearness`` that go ``own`` (ahead, left)."""
+    s = motion.translation - np.array([-own[1] * DT, 0.0, own[0] * DT])
+    lever = POINTS * s[2] - CAMERA.focal * s[:2]
+    return np.asarray(lever * (nearness / (1.0 + s[2] * nearness))[..., None])
 
 
-def drive(way: float) -> CameraMotion:
-    return camera_motion(ROBOT, Pose(0, 0, 0), Pose(way, 0, 0), 0.1)
+def scene(
+    way: float,
+    thing: tuple[float, float, float],
+    own: tuple[float, float],
+    noise: float = 0.0,
+) -> FlowField:
+    """A floor, and a thing at (depth, left, width) [m] that walks ``own`` [m/s]."""
+    motion = camera_motion(ROBOT, Pose(0, 0, 0), Pose(way, 0, 0), DT)
+    nearness = np.maximum(Y, 0.0) / CAMERA.focal / CAMERA.mount_height
+    vectors = flow_of(nearness, motion, (0.0, 0.0))
+    depth, left, width = thing
+    body = (np.abs(X * depth / CAMERA.focal + left) < 0.5 * width) & (nearness < 1.0 / depth)
+    vectors[body] = flow_of(np.full_like(X, 1.0 / depth), motion, own)[body]
+    vectors += noise * np.random.default_rng(0).standard_normal(vectors.shape)
+    across = np.zeros_like(X)
+    lever = POINTS * motion.translation[2] - CAMERA.focal * motion.translation[:2]
+    length = np.hypot(lever[..., 0], lever[..., 1])
+    known = length > 1e-6
+    cross = vectors[..., 0] * lever[..., 1] - vectors[..., 1] * lever[..., 0]
+    across[known] = np.abs(cross[known]) / length[known]
+    sigma = np.hypot(0.2, direction_sigma(motion.baseline) * np.hypot(*np.moveaxis(vectors, -1, 0)))
+    return FlowField(
+        1.0,
+        POINTS,
+        vectors,
+        np.ones(X.shape),
+        np.full(X.shape, 0.2),
+        motion,
+        derotated=True,
+        contradiction=1.0 * (across > 3.0 * np.hypot(sigma, 0.1)),
+    )
 
 
-def with_walker(flow: FlowField, columns: slice, rows: slice, shift: float) -> FlowField:
-    """``flow`` with a region that moves sideways by ``shift`` [px] on its own."""
-    vectors = flow.vectors.copy()
-    vectors[rows, columns, 0] += shift
-    return dataclasses.replace(flow, vectors=vectors)
+@pytest.mark.parametrize("way", [0.0, 0.04, 0.1, -0.03])
+@pytest.mark.parametrize("depth", [0.8, 1.5, 3.0])
+def test_nothing_moves_in_a_world_at_rest(way: float, depth: float) -> None:
+    assert find_movers(scene(way, (depth, 0.2, 0.5), (0.0, 0.0)), CAMERA) == ()
+    assert find_movers(scene(way, (depth, 0.2, 0.5), (0.0, 0.0), noise=0.15), CAMERA) == ()
 
 
-def test_nothing_moves_in_a_world_at_rest() -> None:
-    for way in (0.0, 0.04, 0.1):
-        percept = Offis(ROBOT).perceive(wall_flow(drive(way)), Twist(0.3, 0.0))
-        assert percept.movers == ()
-        assert percept.sees_depth == (way > 0.0)
+@settings(max_examples=60, deadline=None)
+@given(
+    way=st.sampled_from([0.0, 0.03, 0.08]),
+    depth=st.floats(0.9, 1.8),
+    left=st.floats(-0.4, 0.4),
+    speed=st.floats(0.3, 0.6),
+    toward=st.sampled_from([1.0, -1.0]),
+)
+def test_who_crosses_is_seen_where_it_stands_and_as_fast_as_it_goes(
+    way: float, depth: float, left: float, speed: float, toward: float
+) -> None:
+    movers = find_movers(scene(way, (depth, left, 0.5), (0.0, toward * speed)), CAMERA)
+    assert len(movers) == 1
+    mover = movers[0]
+    assert mover.bearing == pytest.approx(math.atan2(left, depth), abs=0.12)
+    assert mover.distance * math.cos(mover.bearing) == pytest.approx(depth, rel=0.15)
+    ahead, aside = mover.velocity()
+    assert aside == pytest.approx(toward * speed, rel=0.25)
+    assert abs(ahead) < 0.2
+    assert mover.time == 1.0
 
 
-def test_a_standing_camera_sees_whoever_walks_and_where() -> None:
-    flow = with_walker(wall_flow(drive(0.0)), slice(10, 13), slice(0, 9), 2.0)
-    percept = Offis(ROBOT).perceive(flow, Twist(0.0, 0.0))
-    (mover,) = percept.movers
-    feet = POINTS[8, 11]
-    assert mover.bearing == pytest.approx(-math.atan2(feet[0], CAMERA.focal), abs=0.02)
-    depth = CAMERA.mount_height * CAMERA.focal / feet[1]
-    assert mover.distance == pytest.approx(depth / math.cos(mover.bearing), rel=0.02)
-    assert not percept.sees_depth
+def test_who_keeps_its_bearing_falls_short_of_the_floor() -> None:
+    # straight ahead of the robot, going on before it and faster: no flow across, none outward
+    movers = find_movers(scene(0.08, (1.2, 0.0, 0.5), (0.7, 0.0)), CAMERA)
+    assert len(movers) == 1
+    assert movers[0].velocity()[0] > 0.4
 
 
-def test_flow_toward_the_focus_of_expansion_contradicts_driving_on() -> None:
-    # on the right, vectors of things at rest point to the right; a walker's point to the left
-    flow = with_walker(wall_flow(drive(0.04)), slice(10, 13), slice(3, 9), -4.0)
-    seen = triangulate(flow, CAMERA.focal)
-    assert (seen.contradiction[3:9, 10:13] > 0.5).all()
-    assert seen.contradiction[:, :9].max() == 0.0
-    assert (seen.confidence[3:9, 10:13] == 0.0).all()
+def test_what_is_small_or_hangs_in_the_air_or_is_too_fast_is_none() -> None:
+    flow = scene(0.08, (1.2, 0.0, 0.5), (0.0, 0.0))
+    assert flow.contradiction is not None
+    for rows, cols in ((slice(5, 7), slice(10, 12)), (slice(0, 3), slice(5, 15))):
+        odd = flow.contradiction.copy()
+        odd[rows, cols] = 1.0
+        assert find_movers(dataclasses.replace(flow, contradiction=odd), CAMERA) == ()
+    assert find_movers(scene(0.08, (1.2, 0.0, 0.5), (0.0, 4.0)), CAMERA) == ()
 
 
-def test_few_cells_and_what_hangs_in_the_air_are_no_movers() -> None:
-    odd = np.zeros((12, 16))
-    odd[7:9, 4] = 1.0
-    assert find_movers(POINTS, odd, CAMERA) == ()
-    odd[0:4, 10:13] = 1.0
-    assert find_movers(POINTS, odd, CAMERA) == ()
-    odd[8, 11] = 1.0  # joined to nothing
-    assert find_movers(POINTS, odd, CAMERA) == ()
-
-
-def test_parts_above_each_other_are_one_mover() -> None:
-    odd = np.zeros((12, 16))
-    odd[0:4, 10:12] = 1.0
-    odd[7:9, 10:12] = 1.0  # at the horizon's rows a mover may look like a thing at rest
-    (mover,) = find_movers(POINTS, odd, CAMERA)
-    assert mover.distance < 2.0
-
-
-def test_derotation_keeps_what_contradicts() -> None:
-    flow = dataclasses.replace(wall_flow(drive(0.04)), derotated=False)
-    marked = dataclasses.replace(flow, contradiction=np.full((12, 16), 0.7))
-    kept = derotate(marked, CAMERA).contradiction
-    assert kept is not None
-    assert (kept == 0.7).all()
+def test_rotation_has_to_be_gone() -> None:
+    flow = dataclasses.replace(scene(0.05, (1.2, 0.0, 0.5), (0.0, 0.4)), derotated=False)
+    with pytest.raises(ValueError, match="derotated"):
+        find_movers(flow, CAMERA)

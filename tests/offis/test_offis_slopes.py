@@ -25,12 +25,12 @@ def walls_of(scene, pitch=0.0):
     robot = RobotModel(camera=CameraModel(pitch=pitch))
     geometry = GridGeometry.of(grid_points(robot.camera), 2, robot, 2.0, 2.2)
     nearness = 1.0 / scene.depth(geometry.points, robot.camera)
-    seen = Nearness(nearness, 0.01 * ONES, ONES, 0.0 * ONES)
+    seen = Nearness(nearness, 0.01 * ONES, ONES)
     return find_walls(geometry, seen, geometry.upward.ravel().astype(float), MOUNT)
 
 
 def walls_of_values(nearness, weight=None, sigma=0.01):
-    seen = Nearness(nearness.reshape(12, 16), sigma * ONES, ONES, 0.0 * ONES)
+    seen = Nearness(nearness.reshape(12, 16), sigma * ONES, ONES)
     return find_walls(GEOMETRY, seen, np.ones(192) if weight is None else weight, MOUNT)
 
 

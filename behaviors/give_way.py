@@ -1,0 +1,50 @@
+"""Give way: keep clear of those who walk, and get out of the way of those who do not stop."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar
+
+from pydantic import Field
+
+from navfw import Context, Proposal, RuledBehavior
+
+
+class GiveWay(RuledBehavior):
+    """Judges every command by how near it brings movers in the next seconds.
+
+    Where all commands bring one too near, those that keep it farthest off are the best there is:
+    standing still is none of them, when somebody walks into a robot that stands.
+    """
+
+    name: ClassVar[str] = "give_way"
+
+    class Params(RuledBehavior.Params):
+        """When movers matter."""
+
+        wide: Annotated[
+            float, Field(gt=0.0, le=3.0, description="a gap from which nobody minds [m]")
+        ] = 0.5
+        weight: Annotated[
+            float, Field(gt=0.0, le=1.0, description="applicability when a touch is near")
+        ] = 1.0
+
+    params: Params
+
+    def propose(self, context: Context) -> Proposal:
+        """Desire and forbid commands by the gap they leave to movers."""
+        meeting = context.encounters
+        if meeting is None:
+            nothing = context.commands.zeros()
+            return Proposal(0.0, nothing, nothing, "nobody walks here")
+        best = float(meeting.gap.max())
+        verdict = self.rules.evaluate_all(
+            gap=meeting.gap, worse=best - meeting.gap, after=meeting.after
+        )
+        least = float(meeting.gap.min())
+        return Proposal(
+            applicability=self.params.weight * max(0.0, min(1.0, 1.0 - least / self.params.wide)),
+            desirability=verdict.values("desire"),
+            prohibition=verdict.values("forbid"),
+            reason=f"somebody walks {meeting.nearest:.2f} m off; the best gap is {best:.2f} m",
+            explain=verdict.explain,
+        )

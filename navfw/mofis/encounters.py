@@ -1,0 +1,124 @@
+"""Where commands meet movers: the robot's way and theirs, step by step through the next seconds.
+
+What stands is judged by the arc that leads past it, whenever that is; who walks is in the way only
+for a while. So both are moved on together: one can pass behind somebody, or let somebody pass.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated
+
+import numba
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from navfw.mofis.commands import CommandGrid
+from navfw.mofis.tracks import Track
+from navfw.robot import RobotModel
+from navfw.signals import Array, Pose, Twist
+
+__all__ = ["EncounterParams", "Encounters", "meet"]
+
+STEP = 0.1
+"""Time [s] between two looks ahead."""
+
+
+class EncounterParams(BaseModel):
+    """How far ahead the ways of robot and movers are followed."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    horizon: Annotated[float, Field(gt=0.0, le=10.0, description="how far ahead [s]")] = 2.5
+    turning: Annotated[
+        float, Field(ge=0.0, le=10.0, description="a turn is taken to last so long [s]")
+    ] = 1.0
+    doubt: Annotated[
+        float, Field(ge=0.0, le=1.0, description="how much less sure, the later it is [m/s]")
+    ] = 0.06
+
+
+@dataclass(frozen=True, slots=True)
+class Encounters:
+    """How near movers come, whatever is commanded; arrays (n_v, n_w).
+
+    ``gap`` [m] is the least distance between the robot's rim and any mover's within the horizon,
+    negative where they overlap; ``after`` [s] is when, or when they touch. ``nearest`` [m] is how
+    near one is now.
+    """
+
+    gap: Array
+    after: Array
+    nearest: float
+
+
+def meet(
+    tracks: Sequence[Track],
+    robot: RobotModel,
+    commands: CommandGrid,
+    pose: Pose,
+    twist: Twist,
+    time: float,
+    params: EncounterParams,
+) -> Encounters | None:
+    """Follow every command from odom ``pose`` and ``twist``, and every mover; None without any."""
+    if not tracks:
+        return None
+    movers = np.array([[*track.at(time), *track.velocity, track.radius] for track in tracks])
+    gap, after = np.empty((2, *commands.shape))
+    _meet(
+        movers,
+        commands.v,
+        commands.w,
+        np.array([pose.x, pose.y, pose.yaw, twist.v, twist.w]),
+        np.array([robot.max_accel, robot.max_brake, robot.max_turn_accel]),
+        robot.radius,
+        np.array([params.horizon, params.turning, params.doubt]),
+        gap,
+        after,
+    )
+    away = np.hypot(movers[:, 0] - pose.x, movers[:, 1] - pose.y) - movers[:, 4] - robot.radius
+    return Encounters(gap, after, float(away.min()))
+
+
+@numba.njit(cache=True)
+def _meet(
+    movers: Array,
+    speeds: Array,
+    turns: Array,
+    state: Array,
+    limits: Array,
+    radius: float,
+    ahead: Array,
+    gap: Array,
+    after: Array,
+) -> None:
+    """Fill ``gap`` and ``after``; ``state`` is (x, y, yaw, v, w), ``limits`` accelerations."""
+    accel, brake, turn_accel = limits
+    horizon, turning, doubt = ahead
+    steps = int(horizon / STEP)
+    for i in range(speeds.size):
+        for j in range(turns.size):
+            x, y, yaw, v, w = state
+            least, when = math.inf, 0.0
+            for k in range(steps + 1):
+                t = k * STEP
+                for m in range(movers.shape[0]):
+                    dx = movers[m, 0] + movers[m, 2] * t - x
+                    dy = movers[m, 1] + movers[m, 3] * t - y
+                    away = math.hypot(dx, dy) - movers[m, 4] - radius - doubt * t
+                    if away < least:
+                        when = t if least > 0.0 else when
+                        least = away
+                wanted = turns[j] if t < turning else 0.0
+                change = accel if abs(speeds[i]) > abs(v) else brake
+                v += min(max(speeds[i] - v, -change * STEP), change * STEP)
+                w += min(max(wanted - w, -turn_accel * STEP), turn_accel * STEP)
+                yaw += 0.5 * w * STEP
+                x += v * STEP * math.cos(yaw)
+                y += v * STEP * math.sin(yaw)
+                yaw += 0.5 * w * STEP
+            gap[i, j] = least
+            after[i, j] = when

@@ -1,0 +1,115 @@
+"""Flow of the lower image once the floor is brought to rest: exact on the floor, sharp at feet."""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+import pytest
+
+from navfw.egomotion.camera_motion import camera_motion
+from navfw.errors import ConfigError
+from navfw.flow.derotation import derotate
+from navfw.flow.floor_aligned import FloorAlignedFlow
+from navfw.robot import CameraModel, RobotModel
+from navfw.signals import Array, CameraMotion, Frame, FramePair, Image, Pose
+
+ROBOT = RobotModel()
+CAMERA = ROBOT.camera
+START = Pose(0.0, 0.0, 0.0)
+
+
+def texture(seed: int = 0) -> Image:
+    noise = np.random.default_rng(seed).random((600, 600)).astype(np.float32)
+    smooth = cv2.GaussianBlur(noise, (0, 0), 1.5)
+    return np.asarray(cv2.normalize(smooth, None, 20, 235, cv2.NORM_MINMAX), dtype=np.uint8)
+
+
+def floor_image(pose: Pose, camera: CameraModel = CAMERA) -> Image:
+    """What a camera at ``pose`` sees of a floor that goes on for ever, 2 cm a texel."""
+    y, x = np.mgrid[: camera.height, : camera.width].astype(float)
+    rays = np.stack(
+        [
+            (x - 0.5 * (camera.width - 1)) / camera.focal,
+            (y - 0.5 * (camera.height - 1)) / camera.focal,
+            np.ones_like(x),
+        ],
+        axis=-1,
+    )
+    base = rays @ camera.base_from_camera.T
+    away = np.where(base[..., 2] < -0.02, camera.mount_height / -np.minimum(base[..., 2], -0.02), 0)
+    ahead, left = camera.mount_forward + away * base[..., 0], away * base[..., 1]
+    c, s = math.cos(pose.yaw), math.sin(pose.yaw)
+    u = (pose.x + c * ahead - s * left) / 0.02 + 300
+    v = (pose.y + s * ahead + c * left) / 0.02 + 300
+    seen = cv2.remap(
+        texture(), u.astype(np.float32), v.astype(np.float32), cv2.INTER_LINEAR, None, 0, 128
+    )
+    seen[base[..., 2] >= -0.02] = 128
+    return np.asarray(seen, dtype=np.uint8)
+
+
+def pair(now: Pose, camera: CameraModel = CAMERA) -> FramePair:
+    robot = ROBOT.model_copy(update={"camera": camera})
+    motion = camera_motion(robot, START, now, 0.2)
+    return FramePair(
+        Frame(0.0, floor_image(START, camera)), Frame(0.2, floor_image(now, camera)), motion
+    )
+
+
+def floor_flow(points: Array, motion: CameraMotion, camera: CameraModel) -> Array:
+    """Derotated flow of the floor at ``points``, by METHOD 2.5 and 2.8."""
+    down = -camera.base_from_camera[2]
+    rays = np.concatenate([points / camera.focal, np.ones((*points.shape[:2], 1))], axis=-1)
+    nearness = (rays @ down) / camera.mount_height
+    s = motion.translation
+    lever = points * s[2] - camera.focal * s[:2]
+    return np.asarray(lever * (nearness / (1.0 + s[2] * nearness))[..., None])
+
+
+@pytest.mark.parametrize(
+    ("now", "pitch"),
+    [
+        (Pose(0.08, 0.0, 0.0), 0.0),
+        (Pose(0.1, 0.01, 0.15), 0.0),
+        (Pose(0.0, 0.0, -0.2), 0.0),
+        (Pose(0.06, 0.0, 0.05), 0.2),
+        (Pose(-0.03, 0.0, 0.0), -0.1),
+    ],
+)
+def test_flow_of_the_floor_is_what_geometry_says(now: Pose, pitch: float) -> None:
+    camera = CAMERA.model_copy(update={"pitch": pitch})
+    robot = ROBOT.model_copy(update={"camera": camera})
+    given = pair(now, camera)
+    flow = derotate(FloorAlignedFlow(robot).compute(given), camera)
+    expected = floor_flow(flow.points, given.motion, camera)
+    down = flow.points[..., 1] > 14.0 - camera.focal * math.tan(pitch)
+    good = (flow.confidence > 0.0) & down
+    assert good.sum() > 0.5 * down.sum()
+    error = np.hypot(*np.moveaxis(flow.vectors - expected, -1, 0))[good]
+    assert np.median(error) < 0.1
+    assert np.quantile(error, 0.95) < 0.4
+
+
+def test_noise_and_darkness_are_not_taken_for_flow() -> None:
+    given = pair(Pose(0.08, 0.0, 0.0))
+    dark = Frame(0.2, np.full_like(given.now.image, 7))
+    unlit = FloorAlignedFlow(ROBOT).compute(FramePair(given.past, dark, given.motion))
+    assert not unlit.confidence.any()
+    noise = np.random.default_rng(1).integers(0, 255, given.now.image.shape, dtype=np.uint8)
+    flow = FloorAlignedFlow(ROBOT).compute(FramePair(given.past, Frame(0.2, noise), given.motion))
+    assert flow.confidence.mean() < 0.1
+
+
+def test_a_camera_that_looks_up_sees_no_floor() -> None:
+    up = ROBOT.model_copy(update={"camera": CAMERA.model_copy(update={"pitch": -0.62})})
+    assert not FloorAlignedFlow(up).sees_floor
+    assert FloorAlignedFlow(ROBOT).sees_floor
+
+
+def test_a_frame_of_another_camera_is_refused() -> None:
+    given = pair(Pose(0.08, 0.0, 0.0))
+    small = Frame(0.2, given.now.image[:60])
+    with pytest.raises(ConfigError, match="160 x 60"):
+        FloorAlignedFlow(ROBOT).compute(FramePair(given.past, small, given.motion))
