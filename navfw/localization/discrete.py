@@ -56,6 +56,10 @@ class DiscreteParams(Params):
     situation_every: Annotated[
         float, Field(ge=0.1, le=50.0, description="way between two uses of OFFIS' situations [m]")
     ] = 1.0
+    situation_weight: Annotated[
+        float,
+        Field(ge=0.0, le=1.0, description="exponent on each use: they are not independent"),
+    ] = 0.5
     situations: Annotated[
         str,
         Field(
@@ -144,6 +148,7 @@ class DiscreteFilter:
             self._judged_at = self._driven
             likelihoods = self.table.likelihoods(self._map, situations)
             if likelihoods is not None:
+                likelihoods **= self.params.situation_weight
                 self.belief *= likelihoods[self.lattice.place].astype(np.float32)[None]
                 self._normalise()
 
