@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -15,7 +16,7 @@ from navfw.sim.scenery import Scenery
 from navfw.sim.visibility import field_of_view
 from navfw.sim.worldfile import LightSpec
 
-__all__ = ["Camera", "DepthImage", "projection_matrix"]
+__all__ = ["Camera", "DepthImage", "Shot", "projection_matrix"]
 
 NEAR, FAR = 0.03, 40.0
 """Clipping planes [m]."""
@@ -25,6 +26,19 @@ DepthImage = npt.NDArray[np.float32]
 # noise is drawn once and cut from a random place for every frame: 2**20 bytes, cheap and varied
 _NOISE_BANK = 1 << 20
 _WIDEST = 2.8
+
+
+class Shot(NamedTuple):
+    """A picture to be taken: what renderers are told (see ``Raster.draw``).
+
+    ``view`` and ``projection`` are (4, 4), ``eye`` (3,) [m], ``size`` (width, height) [px].
+    """
+
+    view: Array
+    projection: Array
+    eye: Array
+    size: tuple[int, int]
+    light: Light
 
 
 def projection_matrix(camera: CameraModel, supersample: int = 1) -> Array:
@@ -98,19 +112,23 @@ class Camera:
         self, position: tuple[float, float, float], turn: tuple[float, float, float, float]
     ) -> tuple[Image, npt.NDArray[np.float32]]:
         """Luminance (height, width) without noise, and what ``depth`` makes a depth of."""
-        scale = self._supersample
-        width, height = self.model.width * scale, self.model.height * scale
-        eye, axes = self.placed(position, turn)
-        self._scenery.look(eye, *field_of_view(axes, *self._reach))
-        picture = self._scenery.raster.draw(
-            _view(eye, axes), self._projection, eye, (width, height), self._light
-        )
+        picture = self._scenery.raster.draw(*self.aim(position, turn))
         grey = cv2.cvtColor(picture.rgb, cv2.COLOR_RGB2GRAY)
-        if scale > 1:
+        if self._supersample > 1:
             grey = cv2.resize(
                 grey, (self.model.width, self.model.height), interpolation=cv2.INTER_AREA
             )
         return grey.astype(np.uint8, copy=False), picture.depth
+
+    def aim(
+        self, position: tuple[float, float, float], turn: tuple[float, float, float, float]
+    ) -> Shot:
+        """What is to be drawn, with the scenery ready for it."""
+        scale = self._supersample
+        eye, axes = self.placed(position, turn)
+        self._scenery.look(eye, *field_of_view(axes, *self._reach))
+        size = (self.model.width * scale, self.model.height * scale)
+        return Shot(_view(eye, axes), self._projection, eye, size, self._light)
 
     def expose(self, clean: Image) -> Image:
         """The image as the sensor delivers it: with noise."""

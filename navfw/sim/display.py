@@ -1,9 +1,9 @@
-"""Showing a world's look to people, in the window of a PyBullet client."""
+"""Showing a world's look in a PyBullet client: to people in its window, to its own renderer."""
 
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,7 @@ class Display:
     def __init__(self, client: int) -> None:
         self._client = client
         self._textures: dict[int, int] = {}
+        self._hidden: set[int] = set()
 
     def add(
         self, mesh: Mesh, image: Image, position: Sequence[float], turn: Sequence[float]
@@ -47,6 +48,16 @@ class Display:
     def remove(self, body: int) -> None:
         """Show a body no longer."""
         self._call("removeBody", body)
+        self._hidden.discard(body)
+
+    def hide(self, bodies: Iterable[int]) -> None:
+        """Show all but these."""
+        hidden = set(bodies)
+        for body in hidden ^ self._hidden:
+            # TinyRenderer skips what is wholly transparent
+            colour = [1.0, 1.0, 1.0, float(body not in hidden)]
+            self._call("changeVisualShape", body, -1, rgbaColor=colour)
+        self._hidden = hidden
 
     def _texture(self, image: Image) -> int:
         """PyBullet's id of a texture; it takes pictures only from files."""

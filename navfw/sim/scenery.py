@@ -70,7 +70,8 @@ class _Patch:
 class Scenery:
     """The bodies that show a world, in ``raster``; in ``display`` too, if there is one.
 
-    ``cull`` False draws everything always.
+    ``cull`` False draws everything always. The display shows everything until somebody hides what
+    is ``out_of_sight`` in it.
     """
 
     def __init__(self, world: WorldSpec, display: Display | None = None, cull: bool = True) -> None:
@@ -115,6 +116,11 @@ class Scenery:
         if not np.array_equal(seen, self._shown):
             self.raster.hide([self._bodies[i] for i in np.flatnonzero(~seen)])
             self._shown = seen
+
+    @property
+    def out_of_sight(self) -> tuple[int, ...]:
+        """The display's bodies that were not seen at the last ``look``."""
+        return tuple(self._displayed[self._bodies[i]] for i in np.flatnonzero(~self._shown))
 
     def show(self, solid: Solid) -> int:
         """One thing by itself; returns its body."""

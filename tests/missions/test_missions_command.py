@@ -164,19 +164,45 @@ def test_bench_gives_ratio_speed_and_memory(capfd: pytest.CaptureFixture[str]) -
     answer = json.loads(done.stdout)
     assert answer["loop_over_render"] > 1.0
     assert answer["loop_wall_s"] > answer["render_physics_wall_s"] > 0.0
+    assert answer["loop_wall_s"] > answer["own_render_physics_wall_s"] > 0.0
+    # 2 s at 10 frames a second
+    spent = answer["own_render_physics_wall_s"] - 1e-3 * 20 * answer["stage_ms"]["render"]
+    assert answer["render_physics_wall_s"] == pytest.approx(
+        spent + 1e-3 * 20 * answer["pybullet_render_ms"], rel=0.3
+    )
+    # the same pixels, with more divisions
+    assert answer["pybullet_render_ms"] > answer["stage_ms"]["render"]
     assert answer["real_time_factor"] == pytest.approx(
         answer["sim_time_s"] / answer["loop_wall_s"], rel=0.5
     )
-    low, high = answer["spread"]["loop_over_render"]
-    assert low <= answer["loop_over_render"] <= high
+    for ratio in ("loop_over_render", "loop_over_own_render"):
+        low, high = answer["spread"][ratio]
+        assert low <= answer[ratio] <= high
     assert 50 < answer["peak_memory_mb"] < 4000
     assert {"render", "physics", "flow", "perception", "motion"} <= set(answer["stage_ms"])
 
 
 def test_bench_reports_medians() -> None:
-    laps = [Lap(10.0, wall, 1.0, {"flow": 0.1 * wall}, "timeout") for wall in (2.0, 9.0, 4.0)]
+    laps = [
+        Lap(
+            sim_time=10.0,
+            wall_time=wall,
+            render_time=0.15,
+            physics_time=0.1,
+            frames=100,
+            pybullet_frame=0.009,
+            stages={"flow": 0.1 * wall},
+            outcome="timeout",
+        )
+        for wall in (2.0, 9.0, 4.0)
+    ]
     found = summarize(laps, frame_rate=10.0)
+    assert found["render_physics_wall_s"] == pytest.approx(1.0)
+    assert found["own_render_physics_wall_s"] == pytest.approx(0.25)
+    assert found["pybullet_render_ms"] == pytest.approx(9.0)
     assert found["loop_over_render"] == pytest.approx(4.0)
+    assert found["loop_over_own_render"] == pytest.approx(16.0)
+    assert found["spread"]["loop_over_own_render"] == pytest.approx([8.0, 36.0])
     assert found["real_time_factor"] == pytest.approx(2.5)
-    assert found["spread"]["loop_over_render"] == [2.0, 9.0]
+    assert found["spread"]["loop_over_render"] == pytest.approx([2.0, 9.0])
     assert found["stage_ms"]["flow"] == pytest.approx(1e3 * 0.4 / 100)

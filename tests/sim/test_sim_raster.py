@@ -4,81 +4,38 @@ from __future__ import annotations
 
 import math
 import zlib
-from collections.abc import Iterator
-from contextlib import contextmanager
 
+import cv2
 import numpy as np
 import pytest
 
 from navfw.config.lookup import find
-from navfw.robot import CameraModel
+from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Pose
-from navfw.sim.camera import Camera
-from navfw.sim.display import Display
-from navfw.sim.engine import bullet
 from navfw.sim.floorplan import FloorPlan
 from navfw.sim.layout import solids_of
-from navfw.sim.raster import Picture, Raster, depth_buffer
-from navfw.sim.scenery import Scenery
-from navfw.sim.worldfile import WorldSpec, load_world
+from navfw.sim.raster import Raster, depth_buffer
+from navfw.sim.reference import Reference
+from navfw.sim.sensors import SensorParams
+from navfw.sim.simulation import Simulation
+from navfw.sim.worldfile import MoverSpec, WorldSpec, load_world
 from navfw.worldgen import FAMILIES, generate
 
 
-class Both:
-    """One scenery, drawn by the raster and by PyBullet."""
-
-    def __init__(self, world: WorldSpec, camera: CameraModel, client: int, scale: int = 1) -> None:
-        self.client = client
-        self.scale = scale
-        # what is hidden or out of sight is drawn by PyBullet all the same
-        self.scenery = Scenery(world, Display(client))
-        rng = np.random.default_rng(0)
-        self.camera = Camera(camera, world.light, self.scenery, rng, supersample=scale)
-        self.asked: list[tuple[np.ndarray, np.ndarray]] = []
-        self.pictures: list[Picture] = []
-        draw = self.scenery.raster.draw
-
-        def watched(view, projection, eye, size, light):  # type: ignore[no-untyped-def]
-            picture = draw(view, projection, eye, size, light)
-            self.asked.append((view, projection))
-            self.light = light
-            self.pictures.append(picture)
-            return picture
-
-        self.scenery.raster.draw = watched  # type: ignore[method-assign]
-
-    def agree(self, pose: Pose) -> None:
-        """Assert that both show the same from ``pose``."""
-        turn = (0.0, 0.0, math.sin(0.5 * pose.yaw), math.cos(0.5 * pose.yaw))
-        self.camera.render((pose.x, pose.y, 0.0), turn)
-        (view, projection), picture = self.asked[-1], self.pictures[-1]
-        height, width = picture.depth.shape
-        _, _, rgba, raw, _ = bullet.getCameraImage(
-            width,
-            height,
-            view.T.ravel().tolist(),
-            projection.T.ravel().tolist(),
-            lightDirection=self.light.direction,
-            lightAmbientCoeff=self.light.ambient,
-            lightDiffuseCoeff=self.light.diffuse,
-            lightSpecularCoeff=0.0,
-            shadow=0,
-            renderer=bullet.ER_TINY_RENDERER,
-            physicsClientId=self.client,
-        )
-        theirs = np.asarray(rgba, np.uint8).reshape(height, width, 4)[..., :3]
-        np.testing.assert_array_equal(picture.rgb, theirs)
-        depth = depth_buffer(picture.depth, projection)
-        np.testing.assert_array_equal(depth, np.asarray(raw, np.float32).reshape(height, width))
+def agree(reference: Reference, pose: Pose) -> None:
+    """Assert that the raster and PyBullet show the same from ``pose``."""
+    shot = reference.aim(pose)
+    picture = reference.scenery.raster.draw(*shot)
+    rgb, raw, _ = reference.draw(shot)
+    np.testing.assert_array_equal(picture.rgb, rgb)
+    np.testing.assert_array_equal(depth_buffer(picture.depth, shot.projection), raw)
 
 
-@contextmanager
-def both(world: WorldSpec, camera: CameraModel | None = None, scale: int = 1) -> Iterator[Both]:
-    client = bullet.connect(bullet.DIRECT)
-    try:
-        yield Both(world, camera or CameraModel(), client, scale)
-    finally:
-        bullet.disconnect(physicsClientId=client)
+def everything(
+    world: WorldSpec, camera: CameraModel | None = None, supersample: int = 1
+) -> Reference:
+    """What is hidden or out of sight is drawn by PyBullet all the same."""
+    return Reference(world, camera or CameraModel(), supersample, cull=False)
 
 
 def world_of(name: str) -> WorldSpec:
@@ -100,51 +57,81 @@ def free_poses(world: WorldSpec, count: int) -> list[Pose]:
 @pytest.mark.parametrize("name", ["office", "empty", *FAMILIES])
 def test_pictures_are_those_of_tiny_renderer(name: str) -> None:
     world = world_of(name)
-    with both(world) as drawn:
+    with everything(world) as drawn:
         for pose in free_poses(world, 6):
-            drawn.agree(pose)
+            agree(drawn, pose)
+
+
+@pytest.mark.parametrize("name", ["office", "moving"])
+def test_they_are_when_tiny_renderer_leaves_out_what_is_out_of_sight(name: str) -> None:
+    world = world_of(name)
+    with Reference(world, CameraModel()) as drawn:
+        hidden = []
+        for pose in free_poses(world, 6):
+            agree(drawn, pose)
+            hidden.append(set(drawn.scenery.out_of_sight))
+        assert min(map(len, hidden)) > 0
+        assert len(set(map(frozenset, hidden))) > 1
 
 
 @pytest.mark.parametrize("pitch", [-0.4, 0.3, 0.9])
 def test_they_are_for_cameras_that_look_up_or_down(pitch: float) -> None:
     world = world_of("clutter")
-    with both(world, CameraModel(pitch=pitch, hfov=1.9), scale=2) as drawn:
+    with everything(world, CameraModel(pitch=pitch, hfov=1.9), supersample=2) as drawn:
         for pose in free_poses(world, 3):
-            drawn.agree(pose)
+            agree(drawn, pose)
 
 
 def test_they_are_when_the_light_changes() -> None:
     world = world_of("rooms")
-    with both(world) as drawn:
+    with everything(world) as drawn:
         for light in (0.0, 0.37, 3.0):
             drawn.camera.adjust(light, hfov_error=0.05)
-            drawn.agree(free_poses(world, 1)[0])
+            agree(drawn, free_poses(world, 1)[0])
 
 
 def test_they_are_when_things_come_move_and_go() -> None:
     world = world_of("office")
     thing = next(s for s in solids_of(world) if s.kind == "box")
     pose = Pose(thing.shape.x - 1.2, thing.shape.y + 0.1, 0.1)
-    with both(world) as drawn:
+    with everything(world) as drawn:
         walker = drawn.scenery.show_walker("walker", 0.25, 1.7, world.walls[0].texture)
         for x, yaw in ((0.9, 0.3), (0.5, 2.1), (0.31, -1.9)):
             turn = (0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw))
             drawn.scenery.place(walker, (pose.x + x, pose.y + 0.2, 0.85), turn)
-            drawn.agree(pose)
+            agree(drawn, pose)
         drawn.scenery.remove(walker)
         skin = drawn.scenery.cover([thing], 120.0)
-        drawn.agree(pose)
+        agree(drawn, pose)
         drawn.scenery.remove(skin)
-        drawn.agree(pose)
+        agree(drawn, pose)
 
 
 def test_an_empty_raster_is_white() -> None:
-    camera = CameraModel()
-    raster = Raster()
-    with both(world_of("empty"), camera) as drawn:
-        drawn.agree(Pose(0.0, 0.0, 0.0))
-        picture = raster.draw(
-            *drawn.asked[-1], np.zeros(3), (camera.width, camera.height), drawn.light
-        )
+    with everything(world_of("empty")) as drawn:
+        shot = drawn.aim(Pose(0.0, 0.0, 0.0))
+    picture = Raster().draw(*shot)
     assert (picture.rgb == 255).all()
-    assert (depth_buffer(picture.depth, drawn.asked[-1][1]) > 1.0 - 1e-6).all()
+    assert (depth_buffer(picture.depth, shot.projection) > 1.0 - 1e-6).all()
+
+
+def test_the_reference_shows_what_a_simulation_shows() -> None:
+    world, robot = world_of("office"), RobotModel()
+    doors = tuple(door.model_copy(update={"state": "closed"}) for door in world.doors)
+    texture = world.walls[0].texture
+    # whoever walks along x shows the same side in both
+    walker = MoverSpec(name="anna", path=((2.8, 3.2), (4.2, 3.2)), texture=texture)
+    world = world.model_copy(update={"doors": doors, "movers": (walker,)})
+    pose = Pose(1.5, 3.0, 0.1)
+    sensors = SensorParams.preset("perfect")
+    with (
+        Simulation(world, robot, pose, 0, sensors) as simulation,
+        Reference(world, robot.camera, sensors.supersample) as reference,
+    ):
+        for _ in range(2):
+            seen = [simulation.look_from(p)[0] for p in (pose, Pose(1.5, 3.0, 0.6))]
+            reference.put_walkers([(mover.x, mover.y) for mover in simulation.movers])
+            for image, there in zip(seen, (pose, Pose(1.5, 3.0, 0.6)), strict=True):
+                rgb, _, _ = reference.draw(reference.aim(there))
+                np.testing.assert_array_equal(cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY), image)
+            simulation.advance(1.0)
