@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from navfw.flow.kernels import turn_points
+from navfw.flow.rotation_kernels import turn_points, undo_turn
 from navfw.robot import CameraModel
 from navfw.signals import Array, FlowField, Image, Mask
 
@@ -59,8 +59,13 @@ def derotate(flow: FlowField, camera: CameraModel) -> FlowField:
     """
     if flow.derotated:
         return flow
-    past = rotate_points(flow.points - flow.vectors, flow.motion.rotation, camera.focal)
-    return dataclasses.replace(flow, vectors=flow.points - past, derotated=True)
+    vectors = undo_turn(
+        np.ascontiguousarray(flow.points, dtype=np.float64).reshape(-1, 2),
+        np.ascontiguousarray(flow.vectors, dtype=np.float64).reshape(-1, 2),
+        np.ascontiguousarray(flow.motion.rotation, dtype=np.float64),
+        camera.focal,
+    )
+    return dataclasses.replace(flow, vectors=vectors.reshape(flow.vectors.shape), derotated=True)
 
 
 def rotation_matters(rotation: Array, camera: CameraModel) -> bool:

@@ -1,4 +1,4 @@
-"""Compiled inner loops of block matching and of gyro refinement."""
+"""Compiled inner loops of block matching."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["correlate", "find_peaks", "fit_rotation", "turn_points"]
+__all__ = ["correlate", "find_peaks"]
 
 Ints = npt.NDArray[np.int64]
 Doubles = npt.NDArray[np.float64]
@@ -18,8 +18,6 @@ Bytes = npt.NDArray[np.uint8]
 
 #: Marks displacements whose window would leave the past image.
 OUTSIDE = np.float32(-2.0)
-#: Squared width of the Cauchy weights [sigma^2]; 2.385 sigma is 95 % efficient on normal errors.
-CAUCHY = 2.385**2
 
 
 @numba.njit(cache=True)
@@ -302,93 +300,3 @@ def _quadratic_peak(s: Floats) -> tuple[float, float, float]:
     ox = (hxy * gy - hyy * gx) / det
     oy = (hxy * gx - hxx * gy) / det
     return min(max(ox, -0.5), 0.5), min(max(oy, -0.5), 0.5), flattest
-
-
-@numba.njit(cache=True, error_model="numpy")
-def turn_points(points: Doubles, r: Doubles, focal: float) -> Doubles:
-    """Where image points (n, 2) [px] come to lie when their rays turn by ``r`` (3, 3).
-
-    NaN for rays that turn out of the camera's front half space.
-    """
-    out = np.empty_like(points)
-    for i in range(points.shape[0]):
-        x, y = points[i, 0], points[i, 1]
-        depth = (r[2, 0] * x + r[2, 1] * y) / focal + r[2, 2]
-        if not depth > 1e-9:
-            depth = np.nan
-        out[i, 0] = (r[0, 0] * x + r[0, 1] * y + r[0, 2] * focal) / depth
-        out[i, 1] = (r[1, 0] * x + r[1, 1] * y + r[1, 2] * focal) / depth
-    return out
-
-
-@numba.njit(cache=True)
-def fit_rotation(
-    points: Doubles,
-    derotated: Doubles,
-    epipolar: Doubles,
-    sigma: Doubles,
-    weight: Doubles,
-    focal: float,
-    axes: Doubles,
-    prior: Doubles,
-    iterations: int,
-) -> tuple[Doubles, Doubles, Doubles]:
-    """Small rotation that best explains what of the flow is off its epipolar lines (METHOD 2.6).
-
-    Args:
-        points: (n, 2) image points [px].
-        derotated: (n, 2) their flow after the measured rotation has been taken out [px].
-        epipolar: (n, 2) direction translation moves each point in, any length; zero: unknown.
-        sigma: (n,) standard deviation of the flow [px].
-        weight: (n,) how much each vector counts; 0 leaves it out.
-        focal: focal length [px].
-        axes: (2, 3) unit rotation vectors of the two unknowns, in current camera axes.
-        prior: (2,) standard deviation of the two angles before looking [rad], above 0.
-        iterations: of the reweighting.
-
-    Returns:
-        angles (2,) [rad]; their covariance (2, 2); and residuals (n,) [px] off the epipolar lines
-        after correction, NaN where the direction is unknown.
-
-    """
-    n = points.shape[0]
-    slopes = np.zeros((n, 2), np.float64)
-    offsets = np.full(n, np.nan)
-    for i in range(n):
-        ex, ey = epipolar[i, 0], epipolar[i, 1]
-        length = math.sqrt(ex * ex + ey * ey)
-        if length == 0.0:
-            continue
-        nx, ny = -ey / length, ex / length
-        x, y = points[i, 0] - derotated[i, 0], points[i, 1] - derotated[i, 1]
-        offsets[i] = nx * derotated[i, 0] + ny * derotated[i, 1]
-        for k in range(2):
-            wx, wy, wz = axes[k, 0], axes[k, 1], axes[k, 2]
-            # how the point's past end moves when its ray turns about this axis
-            u = -wx * x * y / focal + wy * (focal + x * x / focal) - wz * y
-            v = -wx * (focal + y * y / focal) + wy * x * y / focal + wz * x
-            slopes[i, k] = nx * u + ny * v
-    a, b = 0.0, 0.0
-    covariance = np.zeros((2, 2), np.float64)
-    for _ in range(iterations):
-        m00, m11, m01 = 1.0 / prior[0] ** 2, 1.0 / prior[1] ** 2, 0.0
-        r0, r1 = 0.0, 0.0
-        for i in range(n):
-            if weight[i] <= 0.0 or math.isnan(offsets[i]):
-                continue
-            s0, s1 = slopes[i, 0], slopes[i, 1]
-            off = (offsets[i] - s0 * a - s1 * b) / sigma[i]
-            # Cauchy weights: an outlier of many sigma counts next to nothing
-            w = weight[i] / (sigma[i] * sigma[i] * (1.0 + off * off / CAUCHY))
-            m00 += w * s0 * s0
-            m01 += w * s0 * s1
-            m11 += w * s1 * s1
-            r0 += w * s0 * offsets[i]
-            r1 += w * s1 * offsets[i]
-        det = m00 * m11 - m01 * m01
-        a = (m11 * r0 - m01 * r1) / det
-        b = (m00 * r1 - m01 * r0) / det
-        covariance[0, 0], covariance[1, 1] = m11 / det, m00 / det
-        covariance[0, 1] = covariance[1, 0] = -m01 / det
-    residuals = offsets - slopes[:, 0] * a - slopes[:, 1] * b
-    return np.array([a, b]), covariance, residuals

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from pydantic import Field
 
 from navfw.flow.derotation import derotate
-from navfw.flow.kernels import fit_rotation
+from navfw.flow.rotation_kernels import refine_rotation, still_trusted
 from navfw.kinds import Params
 from navfw.robot import CameraModel
 from navfw.signals import Array, CameraMotion, FlowField
@@ -66,25 +66,25 @@ class Refinement:
     consistent: npt.NDArray[np.bool_]
     allowed: Array
 
-    @property
-    def _contradicts(self) -> npt.NDArray[np.bool_]:
-        """Where a vector is off its line by more than any doubt about the flow's own error."""
-        doubt = np.hypot(self.allowed, DOUBT)
-        return ~self.consistent & (np.abs(self.residual) > CERTAIN * doubt)
-
     def apply(self, flow: FlowField, camera: CameraModel) -> FlowField:
         """``flow`` derotated by the corrected rotation, trusted less where it contradicts.
 
         The confidence factor is exp(-(residual / 2 sigma)^2), METHOD 2.9, and 0 beyond the gate:
         there the confidence is that of the contradiction.
         """
-        off = np.nan_to_num(self.residual / self.allowed)
-        factor = np.where(self.consistent, np.exp(-((0.5 * off) ** 2)), 0.0)
+        confidence, contradiction = still_trusted(
+            _flat(self.residual),
+            _flat(self.allowed),
+            np.ascontiguousarray(self.consistent).ravel(),
+            _flat(flow.confidence),
+            CERTAIN,
+            DOUBT,
+        )
         refined = dataclasses.replace(
             flow,
             motion=self.motion,
-            confidence=flow.confidence * factor,
-            contradiction=np.where(self._contradicts, flow.confidence, 0.0),
+            confidence=confidence.reshape(flow.shape),
+            contradiction=contradiction.reshape(flow.shape),
         )
         return derotate(refined, camera)
 
@@ -101,26 +101,21 @@ def refine(
     """
     p = RefinementParams() if params is None else params
     motion = flow.motion
-    vectors = derotate(flow, camera).vectors
-    lines = _epipolar_lines(flow.points, motion.translation, camera.focal, p.hole)
-    length = np.hypot(vectors[..., 0], vectors[..., 1])
-    allowed = np.hypot(flow.sigma, p.direction_sigma * length)
     up, right = camera.base_from_camera[2], np.array([1.0, 0.0, 0.0])
-    priors = np.array([max(motion.yaw_sigma, 1e-9), p.pitch_sigma])
-    weight = np.where(np.isfinite(vectors).all(axis=-1), flow.confidence, 0.0) / p.overlap
-    angles, covariance, residual = fit_rotation(
-        flow.points.reshape(-1, 2),
-        np.ascontiguousarray(vectors.reshape(-1, 2)),
-        lines.reshape(-1, 2),
-        np.ascontiguousarray(allowed.ravel()),
-        np.ascontiguousarray(weight.ravel()),
+    angles, covariance, *per_vector = refine_rotation(
+        _flat(flow.points).reshape(-1, 2),
+        _flat(derotate(flow, camera).vectors).reshape(-1, 2),
+        _flat(flow.sigma),
+        _flat(flow.confidence),
+        _flat(motion.translation),
         camera.focal,
         # rays turn against the camera: counter-clockwise yaw turns them clockwise
-        np.stack([-up, right]),
-        priors,
+        np.array([-up, right]),
+        np.array([max(motion.yaw_sigma, 1e-9), p.pitch_sigma]),
+        (p.hole, p.direction_sigma, p.overlap),
         ITERATIONS,
     )
-    residual = residual.reshape(flow.shape)
+    residual, allowed = (values.reshape(flow.shape) for values in per_vector)
     yaw_sigma, pitch_sigma = math.sqrt(covariance[0, 0]), math.sqrt(covariance[1, 1])
     rotation = _rotation(-float(angles[0]) * up + float(angles[1]) * right) @ motion.rotation
     return Refinement(
@@ -135,18 +130,15 @@ def refine(
     )
 
 
-def _epipolar_lines(points: Array, translation: Array, focal: float, hole: float) -> Array:
-    """Direction (rows, cols, 2) in which translation moves each point; zero where it is unknown."""
-    lines: Array = np.asarray(points * translation[2] - focal * translation[:2])
-    length = np.hypot(lines[..., 0], lines[..., 1])
-    near_foe = length <= hole * float(np.linalg.norm(translation))
-    return np.asarray(np.where(near_foe[..., None], 0.0, lines))
+def _flat(values: Array) -> Array:
+    """(n,) ``values`` one after the other, as compiled code takes them."""
+    return np.ascontiguousarray(values, dtype=np.float64).ravel()
 
 
 def _rotation(vector: Array) -> Array:
     """(3, 3) rotation about ``vector`` by its length [rad] (Rodrigues)."""
-    angle = float(np.linalg.norm(vector))
-    x, y, z = vector
+    x, y, z = vector.tolist()
+    angle = math.sqrt(x * x + y * y + z * z)
     cross: Array = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     if angle < 1e-12:
         return np.eye(3) + cross
