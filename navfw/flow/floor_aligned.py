@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from navfw.flow.cell_kernels import match_cells, unwarp_cells
 from navfw.flow.dense import Dense
 from navfw.flow.grid import check_frame
 from navfw.robot import RobotModel
@@ -62,8 +63,15 @@ class FloorAlignedFlow:
         x = self._left + CELL * np.arange(self._cols) + 0.5 * (CELL - 1)
         y = self._top + CELL * np.arange(self._rows) + 0.5 * (CELL - 1)
         self._centres = np.stack(np.meshgrid(x, y), axis=-1)
-        self._middle = np.array([0.5 * (camera.width - 1), 0.5 * (camera.height - 1)])
-        self._points = self._centres - self._middle
+        cx, cy = 0.5 * (camera.width - 1), 0.5 * (camera.height - 1)
+        self._points = self._centres - np.array([cx, cy])
+        last = camera.width - 1.0 - EDGE, camera.height - 1.0 - EDGE
+        self._border = np.array([EDGE, EDGE, *last])
+        f = camera.focal
+        self._intrinsics = np.array([[f, 0.0, cx], [0.0, f, cy], [0.0, 0.0, 1.0]])
+        self._rays = np.linalg.inv(self._intrinsics)
+        self._down = -camera.base_from_camera[2]
+        self._corner = np.array([[1.0, 0.0, self._left], [0.0, 1.0, self._top], [0.0, 0.0, 1.0]])
         self._dis = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_ULTRAFAST)
         # outlines of the size of a foot are lost on the coarser scale where the preset ends
         self._dis.setFinestScale(0)
@@ -85,10 +93,9 @@ class FloorAlignedFlow:
         check_frame(pair.now, camera)
         warp = self._past_from_now(pair.motion)
         rows, cols = self._pixel_x.shape
-        corner = np.array([[1.0, 0.0, self._left], [0.0, 1.0, self._top], [0.0, 0.0, 1.0]])
         warped = cv2.warpPerspective(
             pair.past.image,
-            warp @ corner,
+            warp @ self._corner,
             (cols, rows),
             flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
             borderMode=cv2.BORDER_REPLICATE,
@@ -98,12 +105,12 @@ class FloorAlignedFlow:
         start: Dense = np.zeros((rows, cols, 2), dtype=np.float32)
         back: Dense = np.asarray(self._dis.calc(now, past, start), dtype=np.float32)
         good = self._matches(now, past, back)
-        origin = _warped(self._centres, warp) + self._means(back)
-        good &= self._inside(origin)
+        vectors = np.empty_like(self._centres)
+        unwarp_cells(self._centres, self._means(back), warp, self._border, good, vectors)
         return FlowField(
             time=pair.now.time,
             points=self._points,
-            vectors=self._centres - origin,
+            vectors=vectors,
             confidence=good.astype(np.float64),
             sigma=np.full(good.shape, SIGMA),
             motion=pair.motion,
@@ -111,12 +118,9 @@ class FloorAlignedFlow:
 
     def _past_from_now(self, motion: CameraMotion) -> Array:
         """(3, 3) homography from current to past pixels for points of the floor."""
-        camera = self._robot.camera
-        f, (cx, cy) = camera.focal, self._middle
-        intrinsics = np.array([[f, 0.0, cx], [0.0, f, cy], [0.0, 0.0, 1.0]])
-        down = -camera.base_from_camera[2]
-        shift = np.eye(3) + np.outer(motion.translation, down) / camera.mount_height
-        return np.asarray(intrinsics @ motion.rotation.T @ shift @ np.linalg.inv(intrinsics))
+        height = self._robot.camera.mount_height
+        shift = np.eye(3) + motion.translation[:, None] * self._down / height
+        return np.asarray(self._intrinsics @ motion.rotation.T @ shift @ self._rays)
 
     def _matches(self, now: Image, past: Image, back: Dense) -> npt.NDArray[np.bool_]:
         """(rows, cols) where the past image agrees with the current one along the flow."""
@@ -127,38 +131,11 @@ class FloorAlignedFlow:
             cv2.INTER_LINEAR,
             borderMode=cv2.BORDER_REPLICATE,
         )
-        difference = self._means(cv2.absdiff(moved, now).astype(np.float32))
-        across = cv2.Sobel(now, cv2.CV_32F, 1, 0, scale=0.125)
-        down = cv2.Sobel(now, cv2.CV_32F, 0, 1, scale=0.125)
-        gradient = self._means(across * across + down * down)
-        good: npt.NDArray[np.bool_] = (difference < DIFFERENCE) & (gradient > GRADIENT**2)
+        good = np.empty((self._rows, self._cols), dtype=np.bool_)
+        match_cells(now, np.asarray(moved, dtype=np.uint8), CELL, DIFFERENCE, GRADIENT, good)
         return good
-
-    def _inside(self, origin: Array) -> npt.NDArray[np.bool_]:
-        """(rows, cols) where neither end of a vector lies at the image's border."""
-        camera = self._robot.camera
-        inside = np.ones(origin.shape[:2], dtype=bool)
-        last = np.array([camera.width - 1 - EDGE, camera.height - 1 - EDGE])
-        for ends in (origin, self._centres):
-            inside &= (ends[..., 0] > EDGE) & (ends[..., 0] < last[0])
-            inside &= (ends[..., 1] > EDGE) & (ends[..., 1] < last[1])
-        return inside
 
     def _means(self, values: Floats) -> Floats:
         """Means of ``values`` (height, width, ...) over the cells."""
         size = (self._cols, self._rows)
         return np.asarray(cv2.resize(values, size, interpolation=cv2.INTER_AREA), dtype=np.float32)
-
-
-def _warped(points: Array, homography: Array) -> Array:
-    """``points`` (..., 2) [px] taken through ``homography`` (3, 3)."""
-    x, y = points[..., 0], points[..., 1]
-    h = homography
-    depth = h[2, 0] * x + h[2, 1] * y + h[2, 2]
-    return np.stack(
-        [
-            (h[0, 0] * x + h[0, 1] * y + h[0, 2]) / depth,
-            (h[1, 0] * x + h[1, 1] * y + h[1, 2]) / depth,
-        ],
-        axis=-1,
-    )

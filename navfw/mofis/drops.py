@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 
+import numba
 import numpy as np
 import numpy.typing as npt
 
@@ -50,6 +51,11 @@ CERTAIN = 4
 FIRM = 2
 """Looks at the floor add up to no more than this: from afar a drop may pass for floor."""
 
+FLOOR, DROP = int(Label.FLOOR), int(Label.DROP)
+
+_FLATTEST = 1e-3
+"""Fall per metre of depth of the flattest ray that meets any floor."""
+
 _RIM = 0.6
 """Radius of what a missing spot takes from the ego map, in its edges: nearly up to its corners."""
 
@@ -71,42 +77,21 @@ class DropMemory:
         if percept.time - self._time < INTERVAL - _ROUNDING:
             return
         self._time = percept.time
-        confident = percept.confidence.ravel() >= CONFIDENCE
-        label = percept.label.ravel()
-        kept = confident & ((label == Label.DROP) | (label == Label.FLOOR))
-        if not kept.any():
-            return
         camera = self._camera
-        rays = percept.points.reshape(-1, 2)[kept] / camera.focal
-        rays = np.column_stack([rays, np.ones(len(rays))]) @ camera.base_from_camera.T
-        below = rays[:, 2] < -1e-3
-        # where each ray meets the floor, if there is one
-        depth = camera.mount_height / np.maximum(-rays[:, 2], 1e-3)
-        ahead = camera.mount_forward + depth * rays[:, 0]
-        left = depth * rays[:, 1]
-        below &= np.hypot(ahead, left) <= RANGE
-        nearness, sigma = percept.nearness.ravel()[kept], percept.sigma.ravel()[kept]
-        clear = 1.0 / depth - nearness > CLEAR_SIGMAS * np.maximum(sigma, _SHARPEST)
-        clear &= nearness < CLEAR_SHARE / depth
-        through = label[kept] == Label.DROP
-        votes = np.where(through, np.where(clear, CLEAR_VOTES, 1), -1)
-        c, s = math.cos(pose.yaw), math.sin(pose.yaw)
-        x, y = pose.x + c * ahead - s * left, pose.y + s * ahead + c * left
-        self._count(np.column_stack([x, y])[below], votes[below])
-
-    def _count(self, points: Array, votes: npt.NDArray[np.int64]) -> None:
-        """One vote for each spot: what most of its ``points`` (N, 2) [m] say, and how clearly."""
-        seen: dict[tuple[int, int], list[int]] = {}
-        spots = np.floor(points / SPOT).astype(int)
+        spots, votes = _votes(
+            percept.points.reshape(-1, 2),
+            percept.label.ravel(),
+            percept.confidence.ravel(),
+            percept.nearness.ravel(),
+            percept.sigma.ravel(),
+            camera.base_from_camera,
+            (camera.focal, float(camera.mount_height), float(camera.mount_forward)),
+            (pose.x, pose.y, math.cos(pose.yaw), math.sin(pose.yaw)),
+        )
         for (i, j), vote in zip(spots.tolist(), votes.tolist(), strict=True):
-            seen.setdefault((i, j), []).append(vote)
-        for spot, said in seen.items():
-            drops = [vote for vote in said if vote > 0]
-            if 2 * len(drops) == len(said):
-                continue
-            clear = 2 * sum(vote == CLEAR_VOTES for vote in drops) > len(drops)
-            vote = (CLEAR_VOTES if clear else 1) if 2 * len(drops) > len(said) else -1
-            self._votes[spot] = min(max(self._votes.get(spot, 0) + vote, -FIRM), 2 * CERTAIN)
+            if vote != 0:
+                count = self._votes.get((i, j), 0) + vote
+                self._votes[i, j] = min(max(count, -FIRM), 2 * CERTAIN)
 
     def points(self) -> list[tuple[float, float]]:
         """The middles (x, y) [m] in odom of the spots whose floor is missing."""
@@ -119,3 +104,64 @@ class DropMemory:
     def discs(self) -> tuple[Disc, ...]:
         """What the missing spots take from the floor, in odom: nobody can be there."""
         return tuple(Disc(x, y, _RIM * SPOT) for x, y in self.points())
+
+
+@numba.njit(cache=True)
+def _votes(
+    points: Array,
+    label: npt.NDArray[np.int8],
+    confidence: Array,
+    nearness: Array,
+    sigma: Array,
+    turn: Array,
+    camera: tuple[float, float, float],
+    pose: tuple[float, float, float, float],
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Spots (k, 2) of floor that cells of a percept show, and one vote (k,) for each.
+
+    A vote is what most of the spot's cells say, and how clearly; 0 where they are at odds. ``turn``
+    is ``base_from_camera``; ``camera`` its focal length [px], height and place ahead [m]; ``pose``
+    is (x, y, cos yaw, sin yaw).
+    """
+    focal, height, forward = camera
+    x, y, c, s = pose
+    spots = np.empty((label.size, 2), np.int64)
+    # of each spot: cells, those that look through the floor, those of them that are clear about it
+    said = np.zeros((label.size, 3), np.int64)
+    count = 0
+    for n in range(label.size):
+        through = label[n] == DROP
+        if not confidence[n] >= CONFIDENCE or not (through or label[n] == FLOOR):
+            continue
+        u, v = points[n, 0] / focal, points[n, 1] / focal
+        fall = -(turn[2, 0] * u + turn[2, 1] * v + turn[2, 2])
+        if not fall > _FLATTEST:
+            continue
+        # where the ray meets the floor, if there is one
+        depth = height / fall
+        ahead = forward + depth * (turn[0, 0] * u + turn[0, 1] * v + turn[0, 2])
+        left = depth * (turn[1, 0] * u + turn[1, 1] * v + turn[1, 2])
+        if not math.hypot(ahead, left) <= RANGE:
+            continue
+        i = math.floor((x + c * ahead - s * left) / SPOT)
+        j = math.floor((y + s * ahead + c * left) / SPOT)
+        k = 0
+        while k < count and (spots[k, 0] != i or spots[k, 1] != j):
+            k += 1
+        if k == count:
+            spots[k, 0], spots[k, 1] = i, j
+            count += 1
+        said[k, 0] += 1
+        if through:
+            said[k, 1] += 1
+            clear = 1.0 / depth - nearness[n] > CLEAR_SIGMAS * max(sigma[n], _SHARPEST)
+            if clear and nearness[n] < CLEAR_SHARE / depth:
+                said[k, 2] += 1
+    votes = np.zeros(count, np.int64)
+    for k in range(count):
+        cells, drops, clear_ones = said[k]
+        if 2 * drops > cells:
+            votes[k] = CLEAR_VOTES if 2 * clear_ones > drops else 1
+        elif 2 * drops < cells:
+            votes[k] = -1
+    return spots[:count], votes

@@ -12,8 +12,9 @@ from __future__ import annotations
 
 import math
 
+import cv2
+import numba
 import numpy as np
-from scipy import ndimage
 
 from navfw.offis.floor import fall_per_depth
 from navfw.robot import CameraModel
@@ -42,8 +43,6 @@ OVERLAP = 4.0
 FLOW_ERROR = 0.5
 """Error of the vectors on a mover's body, which is no plane [px]."""
 
-_TOUCHING = np.ones((3, 3), dtype=bool)
-
 
 def direction_sigma(baseline: float) -> float:
     """Error [rad] of the direction the camera moved in; large where ``baseline`` [m] is short."""
@@ -61,13 +60,15 @@ def find_movers(flow: FlowField, camera: CameraModel) -> tuple[Mover, ...]:
     if flow.motion.dt <= 0.0:
         return ()
     fall = fall_per_depth(flow.points, camera)
-    odd = (flow.confidence > 0.0) & _falls_short_of_floor(flow, fall, camera)
+    odd = _falls_short_of_floor(flow, fall, camera)
     if flow.contradiction is not None:
         odd |= flow.contradiction > 0.0
-    labels, count = ndimage.label(odd, _TOUCHING)
-    sizes = np.bincount(labels.ravel(), minlength=count + 1)
+    if np.count_nonzero(odd) < LEAST_CELLS:
+        return ()
+    count, labels = cv2.connectedComponents(odd.view(np.uint8), connectivity=8)
+    sizes = np.bincount(labels.ravel(), minlength=count)
     movers = []
-    for label in range(1, count + 1):
+    for label in range(1, count):
         if sizes[label] >= LEAST_CELLS:
             mover = _mover(flow, fall, labels == label, camera)
             if mover is not None and SPEEDS[0] <= math.hypot(*mover.velocity()) <= SPEEDS[1]:
@@ -77,21 +78,67 @@ def find_movers(flow: FlowField, camera: CameraModel) -> tuple[Mover, ...]:
 
 def _falls_short_of_floor(flow: FlowField, fall: Array, camera: CameraModel) -> Mask:
     """(rows, cols) where flow is less than even the floor's, or there is any while standing."""
-    s = flow.motion.translation
-    turning = flow.motion.yaw_sigma * (camera.focal + flow.points[..., 0] ** 2 / camera.focal)
-    length = np.hypot(flow.vectors[..., 0], flow.vectors[..., 1])
-    if flow.motion.baseline < STANDING:
-        still = CERTAIN * (np.hypot(flow.sigma, turning) + 2.0 * DOUBT)
-        return np.asarray(length > still, dtype=bool)
-    away = flow.points * s[2] - camera.focal * s[:2]
-    nearness = np.maximum(fall, 0.0) / camera.mount_height
-    lever = np.hypot(away[..., 0], away[..., 1])
-    floor = lever * nearness / (1.0 + s[2] * nearness)
-    along = (away * flow.vectors).sum(axis=-1) / np.maximum(lever, 1e-9)
-    off_floor = length - floor
-    unsure = np.hypot(flow.sigma, direction_sigma(flow.motion.baseline) * off_floor) + DOUBT
-    short = along < floor * (1.0 - SLIP) - CERTAIN * unsure
-    return np.asarray(short & (fall > 0.0), dtype=bool)
+    motion = flow.motion
+    odd = _short_vectors(
+        _flat(flow.points).reshape(-1, 2),
+        _flat(flow.vectors).reshape(-1, 2),
+        _flat(flow.sigma),
+        _flat(flow.confidence),
+        _flat(fall),
+        _flat(motion.translation),
+        camera.focal,
+        float(camera.mount_height),
+        motion.baseline < STANDING,
+        (float(motion.yaw_sigma), direction_sigma(motion.baseline)),
+    )
+    return odd.reshape(flow.shape)
+
+
+@numba.njit(cache=True)
+def _short_vectors(
+    points: Array,
+    vectors: Array,
+    sigma: Array,
+    confidence: Array,
+    fall: Array,
+    translation: Array,
+    focal: float,
+    height: float,
+    standing: bool,
+    astray: tuple[float, float],
+) -> Mask:
+    """(n,) which trusted ``vectors`` (n, 2) [px] fall short of those of a floor that falls away.
+
+    ``fall`` (n,) is ``fall_per_depth``, ``astray`` the error of the yaw and of the direction driven
+    [rad].
+    """
+    yaw_sigma, direction = astray
+    tx, ty, tz = translation
+    odd = np.zeros(sigma.size, np.bool_)
+    for i in range(sigma.size):
+        x, y, u, v = points[i, 0], points[i, 1], vectors[i, 0], vectors[i, 1]
+        if not confidence[i] > 0.0:
+            continue
+        length = math.hypot(u, v)
+        if standing:
+            turning = yaw_sigma * (focal + x * x / focal)
+            odd[i] = length > CERTAIN * (math.hypot(sigma[i], turning) + 2.0 * DOUBT)
+            continue
+        if not fall[i] > 0.0:
+            continue
+        away_x, away_y = x * tz - focal * tx, y * tz - focal * ty
+        nearness = fall[i] / height
+        lever = math.hypot(away_x, away_y)
+        floor = lever * nearness / (1.0 + tz * nearness)
+        along = (away_x * u + away_y * v) / max(lever, 1e-9)
+        unsure = math.hypot(sigma[i], direction * (length - floor)) + DOUBT
+        odd[i] = along < floor * (1.0 - SLIP) - CERTAIN * unsure
+    return odd
+
+
+def _flat(values: Array) -> Array:
+    """(n,) ``values`` one after the other, as compiled code takes them."""
+    return np.ascontiguousarray(values, dtype=np.float64).ravel()
 
 
 def _mover(flow: FlowField, fall: Array, cells: Mask, camera: CameraModel) -> Mover | None:

@@ -10,6 +10,7 @@ import pytest
 
 from navfw.egomotion.camera_motion import camera_motion
 from navfw.errors import ConfigError
+from navfw.flow.cell_kernels import match_cells
 from navfw.flow.derotation import derotate
 from navfw.flow.floor_aligned import FloorAlignedFlow
 from navfw.robot import CameraModel, RobotModel
@@ -113,3 +114,21 @@ def test_a_frame_of_another_camera_is_refused() -> None:
     small = Frame(0.2, given.now.image[:60])
     with pytest.raises(ConfigError, match="160 x 60"):
         FloorAlignedFlow(ROBOT).compute(FramePair(given.past, small, given.motion))
+
+
+def test_cells_agree_as_pixel_by_pixel_operators_say() -> None:
+    rng = np.random.default_rng(3)
+    now = cv2.GaussianBlur(rng.integers(0, 256, (48, 64), dtype=np.uint8), (0, 0), 2.0)
+    now[:, 40:] = now[:, 40:] // 8 + 100
+    now[8:16] += rng.integers(0, 40, (8, 64), dtype=np.uint8)
+    moved = np.clip(now.astype(int) + rng.integers(-14, 15, now.shape), 0, 255).astype(np.uint8)
+    across, down = (
+        cv2.Sobel(now, cv2.CV_32F, *order, scale=0.125).astype(float) for order in ((1, 0), (0, 1))
+    )
+    cells = (12, 4, 16, 4)
+    off = cv2.absdiff(now, moved).reshape(cells).mean(axis=(1, 3))
+    gradient = (across**2 + down**2).reshape(cells).mean(axis=(1, 3))
+    good = np.empty((12, 16), dtype=np.bool_)
+    match_cells(now, moved, 4, 7.0, 1.5, good)
+    np.testing.assert_array_equal(good, (off < 7.0) & (gradient > 1.5**2))
+    assert 0.2 < good.mean() < 0.8
