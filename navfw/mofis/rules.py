@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numba
 import numpy as np
 
 from navfw.fuzzy import CompiledFis, Inference, RuleBase
@@ -12,6 +13,16 @@ from navfw.mofis.commands import CommandGrid
 from navfw.signals import Array
 
 __all__ = ["BehaviorRules", "Verdict"]
+
+
+@numba.njit(cache=True)
+def _cut_and_joined(terms: Array, cuts: Array) -> Array:
+    """(n,) the largest of ``terms`` (t, n) at each place, none of them above its cut (t,)."""
+    joined = np.zeros(terms.shape[1])
+    for t in range(cuts.size):
+        for i in range(joined.size):
+            joined[i] = max(joined[i], min(terms[t, i], cuts[t]))
+    return joined
 
 
 class Verdict:
@@ -32,7 +43,7 @@ class Verdict:
         Unlike the centroid this reaches the ends of the range: what the rules call none is 0.
         """
         peaks = self._rules.peaks(output)
-        degrees = self._degrees(output)
+        degrees = self._result.activations(output)
         shared = sum(degree * peak for degree, peak in zip(degrees, peaks, strict=True))
         return shared / max(sum(degrees), 1e-9)
 
@@ -42,14 +53,9 @@ class Verdict:
 
     def over(self, output: str, values: Array) -> Array:
         """The fuzzy set of ``output`` at ``values`` (n,): each term cut at its rules' strength."""
-        cut = np.array(self._degrees(output))
-        result: Array = np.minimum(self._rules.terms(output, values), cut[:, None]).max(axis=0)
+        cut = np.array(self._result.activations(output))
+        result: Array = _cut_and_joined(self._rules.terms(output, values), cut)
         return result
-
-    def _degrees(self, output: str) -> list[float]:
-        """How strongly each term of ``output`` is concluded from the first inputs."""
-        names = self._rules.base.outputs[output].terms
-        return [float(self._result.degree(output, name)[0]) for name in names]
 
     def command(self, commands: CommandGrid) -> Array:
         """Desirability (n_v, n_w): the sets of the outputs ``speed`` and ``turn``, multiplied.
@@ -99,8 +105,7 @@ class BehaviorRules:
 
     def evaluate(self, **inputs: float) -> Verdict:
         """Apply the rules; inputs outside a variable's range count as its end."""
-        result = self.fis.evaluate({name: np.array([value]) for name, value in inputs.items()})
-        return Verdict(self, result, (1,))
+        return Verdict(self, self.fis.evaluate_one(inputs), (1,))
 
     def evaluate_all(self, **inputs: Array) -> Verdict:
         """Apply the rules to arrays of inputs, all of the same shape."""
