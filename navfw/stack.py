@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time as clock
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -10,11 +9,6 @@ from typing import Any, cast
 
 from navfw.egomotion.history import OdometryHistory
 from navfw.egomotion.odometer import Odometer
-from navfw.egomotion.pairing import FrameBuffer
-from navfw.flow.derotation import derotate
-from navfw.flow.floor_aligned import FloorAlignedFlow
-from navfw.flow.horizon import above_horizon
-from navfw.flow.refinement import RefinementParams, refine
 from navfw.kinds import (
     Behavior,
     Composite,
@@ -29,7 +23,6 @@ from navfw.kinds import (
 from navfw.locom.trim import WheelTrim
 from navfw.mofis.explanation import explain_command
 from navfw.mofis.mofis import Mofis
-from navfw.offis.movers import direction_sigma, find_movers
 from navfw.robot import RobotModel
 from navfw.safety import SafetyMonitor, SafetyVerdict
 from navfw.signals import (
@@ -49,7 +42,9 @@ from navfw.signals import (
     Waypoint,
 )
 from navfw.stackfile import PluginSource, StackConfig, load_stack
+from navfw.stopwatch import timed
 from navfw.topomap.model import TopoMap
+from navfw.vision import View, Vision
 
 __all__ = ["Stack", "StackState"]
 
@@ -59,12 +54,6 @@ STUCK_AFTER = 60.0
 SHUT_AFTER = 20.0
 """Seconds that the only way has to stay shut before the stack gives up: it may have looked so."""
 
-
-NEAR = 0.9
-"""Movers nearer than this [m] are looked for over a shorter time."""
-
-SMALL_CELLS = 25.0
-"""So many of the small cells that movers are looked for in share one error of the flow."""
 
 TIMED = (
     "flow",
@@ -119,10 +108,15 @@ class Stack:
         self.topo_map = topo_map
         self.odometer = Odometer(robot)
         self.history = OdometryHistory()
-        self.frames = FrameBuffer(robot, config.pairing)
-        self.flow = cast(FlowProcessor, build("flow"))
-        self.floor_aligned = FloorAlignedFlow(robot)
-        self.perception = cast(Perception, build("perception"))
+        self.timings: dict[str, float] = dict.fromkeys(TIMED, 0.0)
+        self.vision = Vision(
+            robot,
+            config,
+            cast(FlowProcessor, build("flow")),
+            cast(Perception, build("perception")),
+            self.odometer,
+            self.timings,
+        )
         self.features = cast(FeatureRecognizer, build("features"))
         self.localizer = cast(Localizer, build("localizer"))
         self.planner = cast(Planner, build("planner"))
@@ -141,7 +135,6 @@ class Stack:
             config.motion,
             cast(Composite, build("composite")),
         )
-        self.timings: dict[str, float] = {}
         self.state = StackState(time=0.0)
         self._start_pose: Pose | None = None
         self._began: float | None = None
@@ -192,10 +185,8 @@ class Stack:
         self.history.reset()
         self.trim.reset()
         self.verdict = SafetyVerdict(Twist(0.0, 0.0))
-        self.frames.reset()
         for plugin in (
-            self.flow,
-            self.perception,
+            self.vision,
             self.features,
             self.localizer,
             self.planner,
@@ -206,7 +197,7 @@ class Stack:
         self.safety.reset()
         self.features.study(self.topo_map)
         self.planner.start(self.topo_map, goals)
-        self.timings = dict.fromkeys(TIMED, 0.0)
+        self.timings.update(dict.fromkeys(TIMED, 0.0))
         self.state = StackState(time=0.0)
         self._start_pose = pose
         self._began = None
@@ -221,16 +212,16 @@ class Stack:
         odometry = self.odometer.update(reading.inertial, reading.encoders, asked)
         self.history.add(odometry)
         self.trim.hear(reading.encoders)
-        with _Timer(self.timings, "safety"):
+        with timed(self.timings, "safety"):
             self.safety.hear(reading, odometry)
         if self._began is None:
             self._began = reading.time
         if reading.frame is not None:
             self._decide(reading, reading.frame, odometry)
-        with _Timer(self.timings, "control"):
+        with timed(self.timings, "control"):
             dt = 1.0 / self.robot.control_rate
             twist = self.controller.control(self.state.command, odometry, dt)
-        with _Timer(self.timings, "safety"):
+        with timed(self.timings, "safety"):
             verdict = self.safety.limit(
                 twist, reading.time, lambda twist: self.mofis.room(odometry.pose, twist)
             )
@@ -244,34 +235,36 @@ class Stack:
     def _decide(self, reading: SensorReading, frame: Frame, odometry: Odometry) -> None:
         """Look, locate, plan and decide; the result is the new state."""
         then = self.history.at(frame.time)
-        flows: tuple[FlowField, ...] = ()
-        percepts: tuple[Percept, ...] = ()
-        movers: tuple[Mover, ...] = ()
+        view = View()
         sightings: tuple[Sighting, ...] = ()
         # a frozen picture without flow would say that all the world is far away
         if self.safety.senses.seeing:
-            flows, percepts = self._perceive(frame, then)
-            movers = self._look_for_movers()
-            view = reading.landmark_frame if self.features.landmark_frames else frame
-            if view is not None:
-                with _Timer(self.timings, "features"):
-                    sightings = tuple(self.features.recognize(view))
+            view = self.vision.look(frame, then)
+            shown = reading.landmark_frame if self.features.landmark_frames else frame
+            if shown is not None:
+                with timed(self.timings, "features"):
+                    sightings = tuple(self.features.recognize(shown))
         if not self._localized:
             self.localizer.start(self.topo_map, self._start_pose, odometry)
             self._localized = True
-        percept = next((p for p in reversed(percepts) if p.sees_depth), None)
-        with _Timer(self.timings, "localizer"):
-            belief = self.localizer.update(odometry, percept, sightings)
-        with _Timer(self.timings, "planner"):
+        with timed(self.timings, "localizer"):
+            belief = self.localizer.update(odometry, view.percept, sightings)
+        with timed(self.timings, "planner"):
             waypoint = self._plan(belief)
             path = tuple(self.planner.path)
         warming = self._began is None or reading.time - self._began < self.resolved.warmup
         finished = waypoint is None and not belief.lost
         command, idle = None, 0.0
         if not finished and not warming:
-            with _Timer(self.timings, "motion"):
+            with timed(self.timings, "motion"):
                 command = self.mofis.decide(
-                    odometry, belief, percepts, waypoint, flows, then.pose, movers
+                    odometry,
+                    belief,
+                    view.percepts,
+                    waypoint,
+                    view.flows,
+                    then.pose,
+                    view.movers,
                 )
                 # the planner hears of it at the next frame: data flow one way
                 queries = () if belief.lost else self.planner.queries
@@ -282,9 +275,9 @@ class Stack:
             time=reading.time,
             odometry=odometry,
             belief=belief,
-            flows=flows,
-            percept=percept or self.state.percept,
-            movers=movers,
+            flows=view.flows,
+            percept=view.percept or self.state.percept,
+            movers=view.movers,
             waypoint=waypoint,
             path=path,
             proposals=self.mofis.proposals,
@@ -324,56 +317,6 @@ class Stack:
             return f"no progress toward {waypoint.label} for {idle:.0f} s{because}"
         return None
 
-    def _perceive(
-        self, frame: Frame, odometry: Odometry
-    ) -> tuple[tuple[FlowField, ...], tuple[Percept, ...]]:
-        """Flow and percept of every useful frame pair; none while the robot has not moved."""
-        flows: list[FlowField] = []
-        percepts: list[Percept] = []
-        self.frames.add(frame, odometry)
-        for pair in self.frames.pairs():
-            with _Timer(self.timings, "flow"):
-                flow = self._derotated(self.flow.compute(pair))
-            with _Timer(self.timings, "perception"):
-                percepts.append(self.perception.perceive(flow, odometry.twist))
-            flows.append(flow)
-        return tuple(flows), tuple(percepts)
-
-    def _look_for_movers(self) -> tuple[Mover, ...]:
-        """What moves by itself in the newest frame."""
-        if not (self.resolved.movers and self.floor_aligned.sees_floor):
-            return ()
-        pair = self.frames.recent(near=any(m.distance < NEAR for m in self.state.movers))
-        if pair is None:
-            return ()
-        with _Timer(self.timings, "movers"):
-            flow = self.floor_aligned.compute(pair)
-            flow = replace(flow, motion=self.odometer.trusted(flow.motion))
-            params = RefinementParams(
-                direction_sigma=direction_sigma(flow.motion.baseline),
-                overlap=SMALL_CELLS,
-            )
-            refined = refine(flow, self.robot.camera, params).apply(flow, self.robot.camera)
-            return find_movers(refined, self.robot.camera)
-
-    def _derotated(self, flow: FlowField) -> FlowField:
-        """``flow`` without its rotational part, the gyro's word refined by the flow itself.
-
-        A stack that says ``derotate: false`` takes all of it for translation, as a robot without a
-        gyro would; one that says ``floor_model: false`` looks above the horizon only.
-        """
-        camera = self.robot.camera
-        if not self.resolved.floor_model:
-            flow = above_horizon(flow, camera)
-        if not self.resolved.derotate:
-            return replace(flow, derotated=True)
-        if not self.resolved.refine:
-            return derotate(flow, camera)
-        flow = replace(flow, motion=self.odometer.trusted(flow.motion))
-        refinement = refine(flow, camera)
-        self.odometer.contradict(refinement.yaw, flow.motion)
-        return refinement.apply(flow, camera)
-
 
 def _counted(seen: Mapping[str, int], sightings: Sequence[Sighting]) -> Mapping[str, int]:
     """``seen`` with these sightings on top."""
@@ -383,17 +326,3 @@ def _counted(seen: Mapping[str, int], sightings: Sequence[Sighting]) -> Mapping[
     for sighting in sightings:
         more[sighting.identity] = more.get(sighting.identity, 0) + 1
     return more
-
-
-class _Timer:
-    """Adds wall time to a stage's account. It measures only: no decision depends on it."""
-
-    def __init__(self, account: dict[str, float], stage: str) -> None:
-        self._account = account
-        self._stage = stage
-
-    def __enter__(self) -> None:
-        self._start = clock.perf_counter()
-
-    def __exit__(self, *_: object) -> None:
-        self._account[self._stage] += clock.perf_counter() - self._start

@@ -82,8 +82,8 @@ def reveal(simulation: Simulation, stack: Stack) -> None:
     if not stack.resolved.oracle:
         return
     truth = SimulatorTruth(simulation)
-    if isinstance(stack.flow, Ideal):
-        stack.flow.trust(truth)
+    if isinstance(stack.vision.flow, Ideal):
+        stack.vision.flow.trust(truth)
     for behavior in stack.mofis.behaviors.values():
         if isinstance(behavior, Navground):
             behavior.trust(truth)

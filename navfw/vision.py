@@ -1,0 +1,125 @@
+"""From camera frames to what they show: pairs of frames, flow, OFFIS' percepts, and movers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from navfw.egomotion.odometer import Odometer
+from navfw.egomotion.pairing import FrameBuffer
+from navfw.flow.derotation import derotate
+from navfw.flow.floor_aligned import FloorAlignedFlow
+from navfw.flow.horizon import above_horizon
+from navfw.flow.refinement import RefinementParams, refine
+from navfw.kinds import FlowProcessor, Perception
+from navfw.offis.movers import direction_sigma, find_movers
+from navfw.robot import RobotModel
+from navfw.signals import FlowField, Frame, Mover, Odometry, Percept
+from navfw.stackfile import StackConfig
+from navfw.stopwatch import timed
+
+__all__ = ["View", "Vision"]
+
+NEAR = 0.9
+"""Movers nearer than this [m] are looked for over a shorter time."""
+
+SMALL_CELLS = 25.0
+"""So many of the small cells that movers are looked for in share one error of the flow."""
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """What one frame shows, held against those before it.
+
+    ``flows`` are the derotated flow fields of all useful pairs, ``percepts`` what OFFIS makes of
+    each; none while the robot has not moved. ``movers`` move by themselves.
+    """
+
+    flows: tuple[FlowField, ...] = ()
+    percepts: tuple[Percept, ...] = ()
+    movers: tuple[Mover, ...] = ()
+
+    @property
+    def percept(self) -> Percept | None:
+        """The newest percept that knows any depth."""
+        return next((p for p in reversed(self.percepts) if p.sees_depth), None)
+
+
+class Vision:
+    """The stages flow and perception, and what goes on before and between them."""
+
+    def __init__(
+        self,
+        robot: RobotModel,
+        config: StackConfig,
+        flow: FlowProcessor,
+        perception: Perception,
+        odometer: Odometer,
+        timings: dict[str, float],
+    ) -> None:
+        self.flow = flow
+        self.perception = perception
+        self.timings = timings
+        self._robot = robot
+        self._config = config
+        self._odometer = odometer
+        self._frames = FrameBuffer(robot, config.pairing)
+        self._floor_aligned = FloorAlignedFlow(robot)
+        self._near = False
+
+    def reset(self) -> None:
+        """Forget all frames."""
+        self._frames.reset()
+        self.flow.reset()
+        self.perception.reset()
+        self._near = False
+
+    def look(self, frame: Frame, odometry: Odometry) -> View:
+        """What ``frame`` shows, taken at (about) the time of ``odometry``."""
+        flows: list[FlowField] = []
+        percepts: list[Percept] = []
+        self._frames.add(frame, odometry)
+        for pair in self._frames.pairs():
+            with timed(self.timings, "flow"):
+                flow = self._derotated(self.flow.compute(pair))
+            with timed(self.timings, "perception"):
+                percepts.append(self.perception.perceive(flow, odometry.twist))
+            flows.append(flow)
+        with timed(self.timings, "movers"):
+            movers = self._movers()
+        return View(tuple(flows), tuple(percepts), movers)
+
+    def _movers(self) -> tuple[Mover, ...]:
+        """What moves by itself in the newest frame."""
+        if not (self._config.movers and self._floor_aligned.sees_floor):
+            return ()
+        pair = self._frames.recent(near=self._near)
+        self._near = False
+        if pair is None:
+            return ()
+        flow = self._floor_aligned.compute(pair)
+        flow = replace(flow, motion=self._odometer.trusted(flow.motion))
+        params = RefinementParams(
+            direction_sigma=direction_sigma(flow.motion.baseline), overlap=SMALL_CELLS
+        )
+        camera = self._robot.camera
+        movers = find_movers(refine(flow, camera, params).apply(flow, camera), camera)
+        self._near = any(mover.distance < NEAR for mover in movers)
+        return movers
+
+    def _derotated(self, flow: FlowField) -> FlowField:
+        """``flow`` without its rotational part, the gyro's word refined by the flow itself.
+
+        A stack that says ``derotate: false`` takes all of it for translation, as a robot without a
+        gyro would; one that says ``floor_model: false`` looks above the horizon only.
+        """
+        camera = self._robot.camera
+        if not self._config.floor_model:
+            flow = above_horizon(flow, camera)
+        if not self._config.derotate:
+            return replace(flow, derotated=True)
+        if not self._config.refine:
+            return derotate(flow, camera)
+        flow = replace(flow, motion=self._odometer.trusted(flow.motion))
+        refinement = refine(flow, camera)
+        self._odometer.contradict(refinement.yaw, flow.motion)
+        return refinement.apply(flow, camera)
