@@ -73,6 +73,26 @@ def test_a_sample_does_not_depend_on_its_neighbours(data):
             assert together.outputs[name][k] == alone.outputs[name][0]
 
 
+@bounded
+@given(data=st.data())
+def test_one_sample_of_numbers_is_as_one_of_arrays(data):
+    rule_base = data.draw(rule_bases())
+    sample = data.draw(samples(rule_base))
+    fis = CompiledFis(rule_base)
+    one, usual = fis.evaluate_one(sample), fis.evaluate(sample)
+    np.testing.assert_array_equal(one.firing, usual.firing)
+    for name, terms in usual.degrees.items():
+        np.testing.assert_array_equal(one.outputs[name], usual.outputs[name])
+        assert one.activations(name) == [float(degree[0]) for degree in terms.values()]
+
+
+def test_one_sample_needs_every_input_by_its_name(fis):
+    with pytest.raises(UnknownNameError, match="distance"):
+        fis.evaluate_one({"distanse": 0.2, "side": 0.0})
+    with pytest.raises(RuleBaseError, match="missing 'side'"):
+        fis.evaluate_one({"distance": 0.2})
+
+
 @settings(max_examples=50, derandomize=True)
 @given(st.floats(0.0, 2.0), st.floats(0.0, 2.0), st.floats(-1.0, 1.0))
 def test_firing_is_monotone_in_an_input_whose_term_is(near, far, side):

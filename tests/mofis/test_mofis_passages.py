@@ -183,6 +183,50 @@ def test_clear_looks_make_a_drop_sooner_that_nobody_may_enter() -> None:
     assert egomap.clearance[egomap.index(x - 0.6, y)] == pytest.approx(0.45, abs=0.1)
 
 
+@pytest.mark.parametrize(
+    ("cells", "confidence", "looks"),
+    [
+        ("DDF", (1.0, 1.0, 1.0), CERTAIN),
+        ("DF", (1.0, 1.0), None),
+        ("DFF", (1.0, 1.0, 1.0), None),
+        ("DFF", (1.0, 0.1, 0.2), CERTAIN),
+        ("CCD", (1.0, 1.0, 1.0), CERTAIN // CLEAR_VOTES),
+        ("CDD", (1.0, 1.0, 1.0), CERTAIN),
+        ("CCFFF", (1.0, 1.0, 1.0, 1.0, 1.0), None),
+    ],
+)
+def test_a_spot_is_what_most_of_its_sure_cells_say(
+    cells: str, confidence: tuple[float, ...], looks: int | None
+) -> None:
+    one = floor_percept(0.0, Label.DROP)
+    shape = (1, len(cells))
+    percept = replace(
+        one,
+        # so near to each other that all of them meet the floor in one spot
+        points=np.array([[[0.01 * k, one.points[0, 0, 1]] for k in range(len(cells))]]),
+        label=np.array([[Label.FLOOR if c == "F" else Label.DROP for c in cells]], np.int8),
+        nearness=np.array([[0.5 if c == "C" else 1.0 for c in cells]]),
+        sigma=np.full(shape, 0.02),
+        confidence=np.array([confidence]),
+        height=np.zeros(shape),
+    )
+    drops = DropMemory(ROBOT)
+    needed = None
+    for k in range(3 * CERTAIN):
+        drops.enter(replace(percept, time=INTERVAL * k), Pose(0.0, 0.05, 0.0))
+        if needed is None and drops.points():
+            needed = k + 1
+    assert needed == looks
+
+
+def test_what_is_far_or_above_the_horizon_is_no_drop() -> None:
+    drops = DropMemory(ROBOT)
+    for k in range(2 * CERTAIN):
+        drops.enter(floor_percept(2 * k * INTERVAL, Label.DROP, depth=1.8), Pose(0, 0, 0))
+        drops.enter(floor_percept((2 * k + 1) * INTERVAL, Label.DROP, depth=-1.0), Pose(0, 0, 0))
+    assert drops.points() == []
+
+
 def test_floor_seen_for_long_delays_a_drop_little() -> None:
     drops = DropMemory(ROBOT)
     for k in range(50):
