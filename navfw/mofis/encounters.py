@@ -96,12 +96,13 @@ def _meet(
     after: Array,
 ) -> None:
     """Fill ``gap`` and ``after``; ``state`` is (x, y, yaw, v, w), ``limits`` accelerations."""
-    accel, brake, turn_accel = limits
     horizon, turning, doubt = ahead
     steps = int(horizon / STEP)
+    ways = _ways(speeds, state[3], limits[0], limits[1], steps)
+    headings = _headings(turns, state[2], state[4], limits[2], turning, steps)
     for i in range(speeds.size):
         for j in range(turns.size):
-            x, y, yaw, v, w = state
+            x, y = state[0], state[1]
             least, when = math.inf, 0.0
             for k in range(steps + 1):
                 t = k * STEP
@@ -112,13 +113,37 @@ def _meet(
                     if away < least:
                         when = t if least > 0.0 else when
                         least = away
-                wanted = turns[j] if t < turning else 0.0
-                change = accel if abs(speeds[i]) > abs(v) else brake
-                v += min(max(speeds[i] - v, -change * STEP), change * STEP)
-                w += min(max(wanted - w, -turn_accel * STEP), turn_accel * STEP)
-                yaw += 0.5 * w * STEP
-                x += v * STEP * math.cos(yaw)
-                y += v * STEP * math.sin(yaw)
-                yaw += 0.5 * w * STEP
+                x += ways[i, k] * headings[j, k, 0]
+                y += ways[i, k] * headings[j, k, 1]
             gap[i, j] = least
             after[i, j] = when
+
+
+@numba.njit(cache=True)
+def _ways(speeds: Array, v: float, accel: float, brake: float, steps: int) -> Array:
+    """(n_v, steps + 1) how far [m] each step leads, from speed ``v`` towards each of ``speeds``."""
+    ways = np.empty((speeds.size, steps + 1))
+    for i in range(speeds.size):
+        now = v
+        for k in range(steps + 1):
+            change = accel if abs(speeds[i]) > abs(now) else brake
+            now += min(max(speeds[i] - now, -change * STEP), change * STEP)
+            ways[i, k] = now * STEP
+    return ways
+
+
+@numba.njit(cache=True)
+def _headings(
+    turns: Array, yaw: float, w: float, turn_accel: float, turning: float, steps: int
+) -> Array:
+    """(n_w, steps + 1, 2) the direction of each step; ``turns`` last for ``turning`` [s]."""
+    headings = np.empty((turns.size, steps + 1, 2))
+    for j in range(turns.size):
+        direction, now = yaw, w
+        for k in range(steps + 1):
+            wanted = turns[j] if k * STEP < turning else 0.0
+            now += min(max(wanted - now, -turn_accel * STEP), turn_accel * STEP)
+            direction += 0.5 * now * STEP
+            headings[j, k, 0], headings[j, k, 1] = math.cos(direction), math.sin(direction)
+            direction += 0.5 * now * STEP
+    return headings
