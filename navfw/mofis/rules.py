@@ -14,6 +14,9 @@ from navfw.signals import Array
 
 __all__ = ["BehaviorRules", "Verdict"]
 
+_KEPT = 64
+"""So many sets of terms are remembered."""
+
 
 @numba.njit(cache=True)
 def _cut_and_joined(terms: Array, cuts: Array) -> Array:
@@ -126,6 +129,8 @@ class BehaviorRules:
         """Each term of ``output`` at ``values`` (n,): (terms, n), kept for the next call."""
         key = (output, values.tobytes())
         if key not in self._terms:
+            if len(self._terms) >= _KEPT:  # somebody asks for other values each time
+                self._terms.clear()
             terms = self.base.outputs[output].terms.values()
             self._terms[key] = np.array([term(values) for term in terms], dtype=np.float64)
         return self._terms[key]

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from navfw.egomotion.camera_motion import camera_motion
-from navfw.offis.movers import direction_sigma, find_movers
+from navfw.offis.movers import _quantile, direction_sigma, find_movers
 from navfw.robot import RobotModel
 from navfw.signals import Array, CameraMotion, FlowField, Pose
 
@@ -106,6 +106,15 @@ def test_what_is_small_or_hangs_in_the_air_or_is_too_fast_is_none() -> None:
         odd[rows, cols] = 1.0
         assert find_movers(dataclasses.replace(flow, contradiction=odd), CAMERA) == ()
     assert find_movers(scene(0.08, (1.2, 0.0, 0.5), (0.0, 4.0)), CAMERA) == ()
+
+
+@given(
+    st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=50),
+    st.floats(0.0, 1.0),
+)
+def test_quantiles_are_those_of_numpy(values: list[float], share: float) -> None:
+    expected = float(np.quantile(values, share))
+    assert _quantile(np.array(values), share) == pytest.approx(expected, rel=1e-12, abs=1e-9)
 
 
 def test_rotation_has_to_be_gone() -> None:
