@@ -31,10 +31,13 @@ class EncounterParams(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    horizon: Annotated[float, Field(gt=0.0, le=10.0, description="how far ahead [s]")] = 2.5
+    horizon: Annotated[float, Field(gt=0.0, le=10.0, description="how far ahead [s]")] = 4.0
     turning: Annotated[
         float, Field(ge=0.0, le=10.0, description="a turn is taken to last so long [s]")
     ] = 1.0
+    onward: Annotated[
+        float, Field(ge=0.0, le=2.0, description="speed after a turn on the spot [m/s]")
+    ] = 0.35
     doubt: Annotated[
         float, Field(ge=0.0, le=1.0, description="how much less sure, the later it is [m/s]")
     ] = 0.06
@@ -75,7 +78,7 @@ def meet(
         np.array([pose.x, pose.y, pose.yaw, twist.v, twist.w]),
         np.array([robot.max_accel, robot.max_brake, robot.max_turn_accel]),
         robot.radius,
-        np.array([params.horizon, params.turning, params.doubt]),
+        np.array([params.horizon, params.turning, params.doubt, params.onward]),
         gap,
         after,
     )
@@ -96,12 +99,15 @@ def _meet(
     after: Array,
 ) -> None:
     """Fill ``gap`` and ``after``; ``state`` is (x, y, yaw, v, w), ``limits`` accelerations."""
-    horizon, turning, doubt = ahead
+    horizon, turning, doubt, onward = ahead
     steps = int(horizon / STEP)
-    ways = _ways(speeds, state[3], limits[0], limits[1], steps)
+    # turning on the spot makes room for nobody, unless to drive off that way
+    standing = _ways(speeds, state[3], limits[0], limits[1], turning, 0.0, steps)
+    leaving = _ways(speeds, state[3], limits[0], limits[1], turning, onward, steps)
     headings = _headings(turns, state[2], state[4], limits[2], turning, steps)
     for i in range(speeds.size):
         for j in range(turns.size):
+            ways = standing if turns[j] == 0.0 else leaving
             x, y = state[0], state[1]
             least, when = math.inf, 0.0
             for k in range(steps + 1):
@@ -120,14 +126,20 @@ def _meet(
 
 
 @numba.njit(cache=True)
-def _ways(speeds: Array, v: float, accel: float, brake: float, steps: int) -> Array:
-    """(n_v, steps + 1) how far [m] each step leads, from speed ``v`` towards each of ``speeds``."""
+def _ways(
+    speeds: Array, v: float, accel: float, brake: float, turning: float, onward: float, steps: int
+) -> Array:
+    """(n_v, steps + 1) how far [m] each step leads, from speed ``v`` towards each of ``speeds``.
+
+    After ``turning`` [s], those that stood drive ``onward`` [m/s].
+    """
     ways = np.empty((speeds.size, steps + 1))
     for i in range(speeds.size):
         now = v
         for k in range(steps + 1):
-            change = accel if abs(speeds[i]) > abs(now) else brake
-            now += min(max(speeds[i] - now, -change * STEP), change * STEP)
+            wanted = onward if speeds[i] == 0.0 and k * STEP >= turning else speeds[i]
+            change = accel if abs(wanted) > abs(now) else brake
+            now += min(max(wanted - now, -change * STEP), change * STEP)
             ways[i, k] = now * STEP
     return ways
 

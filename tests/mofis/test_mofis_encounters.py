@@ -80,3 +80,11 @@ def test_what_comes_later_is_less_sure() -> None:
     sure, doubtful = encounters(track), encounters(track, params=EncounterParams(doubt=0.1))
     assert (doubtful.gap <= sure.gap + 1e-12).all()
     assert at(doubtful, 0.0, 0.0)[0] < at(sure, 0.0, 0.0)[0] - 0.1
+
+
+def test_turning_on_the_spot_is_the_beginning_of_driving_off_that_way() -> None:
+    track = walker(1.6, 0.0, -0.45, 0.0)
+    met = encounters(track)
+    staying = encounters(track, params=EncounterParams(doubt=0.0, onward=0.0))
+    assert at(met, 0.0, 1.2)[0] > at(staying, 0.0, 1.2)[0] + 0.2
+    assert at(met, 0.0, 0.0) == at(staying, 0.0, 0.0)
