@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 from navfw.errors import MapError
 from navfw.features.landmarks import Landmarks
+from navfw.missions.listener import Listener
 from navfw.missions.runner import Progress, Run, run_task
 from navfw.missions.session import Session
-from navfw.signals import Pose, SensorReading, Twist, Waypoint
+from navfw.signals import SensorReading
 from navfw.stack import Stack, StackState
 from navfw.topomap.learning import LandmarkLearner, Learnt, with_landmarks
 from navfw.topomap.model import TopoMap
@@ -55,33 +56,20 @@ class LearningDrive:
         }
 
 
-class _Listener:
-    """The stack, with somebody who writes down what it sees."""
+class _Looker(Listener):
+    """Writes down which landmarks the stack sees."""
 
     def __init__(self, stack: Stack, learner: LandmarkLearner) -> None:
-        self._stack = stack
+        super().__init__(stack)
         self._learner = learner
         self._heard = -math.inf
 
-    @property
-    def state(self) -> StackState:
-        return self._stack.state
-
-    @property
-    def timings(self) -> Mapping[str, float]:
-        return self._stack.timings
-
-    def start(self, pose: Pose | None, goals: Sequence[Waypoint]) -> None:
-        self._stack.start(pose, goals)
-
-    def step(self, reading: SensorReading) -> Twist:
-        twist = self._stack.step(reading)
-        state = self._stack.state
+    def hear(self, reading: SensorReading, state: StackState) -> None:
+        del reading
         if state.sightings and state.time > self._heard:
             self._heard = state.time
             seen = state.sightings[0].time  # the image may be older than the decision
-            self._learner.add(self._stack.history.at(seen), state.sightings)
-        return twist
+            self._learner.add(self.stack.history.at(seen), state.sightings)
 
 
 def learn_landmarks(
@@ -106,7 +94,7 @@ def learn_landmarks(
         stack.features = Landmarks(stack.robot)
     learner = LandmarkLearner(session.mission.start)
     with session.simulation() as simulator:
-        run = run_task(session.task, _Listener(stack, learner), simulator, progress)
+        run = run_task(session.task, _Looker(stack, learner), simulator, progress)
     learnt = learner.learn(least)
     if not learnt:
         raise MapError(

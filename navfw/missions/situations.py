@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from navfw.localization.situations import heard
+from navfw.missions.listener import Listener
 from navfw.missions.runner import Simulator, run_task
 from navfw.missions.session import Session
-from navfw.signals import Odometry, Percept, Pose, SensorReading, Twist, Waypoint
+from navfw.signals import Odometry, Percept, Pose, SensorReading
 from navfw.stack import Stack, StackState
 from navfw.topomap.model import TopoMap
 
@@ -57,35 +58,22 @@ class SituationDrive:
         return int(np.argmin([place.distance(pose.x, pose.y) for place in places]))
 
 
-class _Listener:
-    """The stack, with somebody who writes down what it says, and who knows the truth."""
+class _Witness(Listener):
+    """Writes down what OFFIS says, and knows the truth."""
 
     def __init__(self, stack: Stack, simulator: Simulator) -> None:
-        self._stack = stack
+        super().__init__(stack)
         self._simulator = simulator
         self._percept: Percept | None = None
         self.moments: list[Moment] = []
 
-    @property
-    def state(self) -> StackState:
-        return self._stack.state
-
-    @property
-    def timings(self) -> Mapping[str, float]:
-        return self._stack.timings
-
-    def start(self, pose: Pose | None, goals: Sequence[Waypoint]) -> None:
-        self._stack.start(pose, goals)
-
-    def step(self, reading: SensorReading) -> Twist:
-        twist = self._stack.step(reading)
-        state = self._stack.state
-        if reading.frame is not None and state.odometry is not None:
-            new = state.percept if state.percept is not self._percept else None
-            self._percept = state.percept
-            moment = Moment(state.odometry, heard(new), self._simulator.true_pose())
-            self.moments.append(moment)
-        return twist
+    def hear(self, reading: SensorReading, state: StackState) -> None:
+        if reading.frame is None or state.odometry is None:
+            return
+        new = state.percept if state.percept is not self._percept else None
+        self._percept = state.percept
+        moment = Moment(state.odometry, heard(new), self._simulator.true_pose())
+        self.moments.append(moment)
 
 
 def listen(session: Session) -> SituationDrive:
@@ -96,11 +84,11 @@ def listen(session: Session) -> SituationDrive:
 
     """
     with session.simulation() as simulator:
-        listener = _Listener(session.stack, simulator)
-        run = run_task(session.task, listener, simulator)
+        witness = _Witness(session.stack, simulator)
+        run = run_task(session.task, witness, simulator)
     return SituationDrive(
         session.mission.topo_map,
         session.mission.start,
-        tuple(listener.moments),
+        tuple(witness.moments),
         str(run.verdict.outcome),
     )
