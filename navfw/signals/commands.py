@@ -1,0 +1,49 @@
+"""What behaviours propose and what is decided."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from navfw.signals.geometry import Array, Twist
+
+__all__ = ["Command", "Explain", "Proposal"]
+
+Explain = Callable[[int, int], Sequence[Mapping[str, Any]]]
+"""Gives the rules that fired for the command at (row, column) of the grid, strongest first."""
+
+
+def _no_rules(row: int, column: int) -> Sequence[Mapping[str, Any]]:
+    return ()
+
+
+@dataclass(frozen=True, slots=True)
+class Proposal:
+    """What one behaviour asks for, over the command grid (METHOD 3.6).
+
+    ``applicability`` in [0, 1]; ``desirability`` and ``prohibition`` are (n_v, n_w) in [0, 1];
+    ``reason`` is one line for a person. ``explain`` tells, when somebody asks, which rules fired.
+    """
+
+    applicability: float
+    desirability: Array
+    prohibition: Array
+    reason: str
+    explain: Explain = _no_rules
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """The fused command: ``twist``, the behaviour that led it, and why.
+
+    ``emergency`` asks LOCOM to brake as hard as it can. ``weights`` gives each behaviour's share.
+    """
+
+    time: float
+    twist: Twist
+    leader: str
+    reason: str
+    emergency: bool = False
+    weights: Mapping[str, float] = field(default_factory=dict)
+    explanation: Mapping[str, Any] = field(default_factory=dict)

@@ -1,0 +1,88 @@
+"""Egomotion and flow: how the camera moved, and how the image did."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from navfw.signals.geometry import Array, Pose, Twist
+from navfw.signals.sensors import Frame
+
+__all__ = ["CameraMotion", "FlowField", "FramePair", "Odometry"]
+
+
+@dataclass(frozen=True, slots=True)
+class Odometry:
+    """Dead reckoning from encoders and gyro: pose in ``odom``, measured twist.
+
+    ``still`` is true while neither wheel has turned for a moment: then the gyro's bias is estimated
+    (``yaw_bias`` [rad/s], already removed from the pose and twist). ``silent`` is true while the
+    encoders do not answer what the wheels are told, so that the way driven is a guess.
+    """
+
+    time: float
+    pose: Pose
+    twist: Twist
+    yaw_bias: float
+    still: bool
+    silent: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class CameraMotion:
+    """How the camera moved from a past frame to the current one.
+
+    ``rotation`` (3, 3) turns vectors given in the past camera's axes into the current camera's
+    axes; ``translation`` (3,) [m] is the camera's displacement, current minus past position, in
+    the CURRENT camera's axes. A static point obeys ``X_now = rotation @ X_past - translation``.
+    ``yaw_sigma`` [rad] and ``translation_sigma`` [m] are one standard deviation.
+    """
+
+    rotation: Array
+    translation: Array
+    dt: float
+    yaw_sigma: float = 0.0
+    translation_sigma: float = 0.0
+
+    @property
+    def baseline(self) -> float:
+        """Length of the translation [m]."""
+        return float(np.linalg.norm(self.translation))
+
+
+@dataclass(frozen=True, slots=True)
+class FramePair:
+    """Two frames over a useful baseline, with the camera's motion between them."""
+
+    past: Frame
+    now: Frame
+    motion: CameraMotion
+
+
+@dataclass(frozen=True, slots=True)
+class FlowField:
+    """Optical flow on a regular sparse grid over the CURRENT image (paper sec 3).
+
+    ``points`` (rows, cols, 2) [px, relative to the principal point] are the grid points in the
+    current image; ``vectors`` (rows, cols, 2) [px] say how far each imaged point came since the
+    past frame (``now - past``: forward motion makes vectors point away from the focus of
+    expansion). ``confidence`` (rows, cols) in [0, 1]; 0 means the vector says nothing. ``sigma``
+    (rows, cols) [px] is one standard deviation of a vector's components. ``derotated`` tells
+    whether the part due to camera rotation has been removed. ``contradiction`` (rows, cols) in
+    [0, 1], if known: how confidently a vector was found that nothing at rest can have.
+    """
+
+    time: float
+    points: Array
+    vectors: Array
+    confidence: Array
+    sigma: Array
+    motion: CameraMotion
+    derotated: bool = False
+    contradiction: Array | None = None
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(rows, cols) of the grid."""
+        return self.confidence.shape[0], self.confidence.shape[1]

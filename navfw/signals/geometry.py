@@ -1,0 +1,63 @@
+"""Poses and velocities in the plane, and what arrays are called."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = ["Array", "Image", "Mask", "Pose", "Twist", "position_sigma", "wrap_angle"]
+
+Array = npt.NDArray[np.float64]
+Image = npt.NDArray[np.uint8]
+Mask = npt.NDArray[np.bool_]
+
+
+def wrap_angle(angle: float) -> float:
+    """The same angle [rad] in (-pi, pi]."""
+    return math.pi - (math.pi - angle) % (2.0 * math.pi)
+
+
+def position_sigma(covariance: Array) -> float:
+    """The largest standard deviation [m], in any direction, by the (3, 3) of (x, y, yaw)."""
+    return math.sqrt(max(float(np.linalg.eigvalsh(covariance[:2, :2])[-1]), 0.0))
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """A planar pose: x, y [m] and yaw [rad, counter-clockwise] in a named frame (REP-105)."""
+
+    x: float
+    y: float
+    yaw: float
+
+    def to_local(self, x: float, y: float) -> tuple[float, float]:
+        """The point (x, y) of this pose's parent frame, seen from this pose (x ahead, y left)."""
+        c, s = math.cos(self.yaw), math.sin(self.yaw)
+        dx, dy = x - self.x, y - self.y
+        return c * dx + s * dy, -s * dx + c * dy
+
+    def to_parent(self, x: float, y: float) -> tuple[float, float]:
+        """The point (x, y) seen from this pose, in this pose's parent frame."""
+        c, s = math.cos(self.yaw), math.sin(self.yaw)
+        return self.x + c * x - s * y, self.y + s * x + c * y
+
+    def compose(self, other: Pose) -> Pose:
+        """``other``, given relative to this pose, in this pose's parent frame."""
+        x, y = self.to_parent(other.x, other.y)
+        return Pose(x, y, wrap_angle(self.yaw + other.yaw))
+
+    def relative(self, other: Pose) -> Pose:
+        """``other``, given in this pose's parent frame, seen from this pose."""
+        x, y = self.to_local(other.x, other.y)
+        return Pose(x, y, wrap_angle(other.yaw - self.yaw))
+
+
+@dataclass(frozen=True, slots=True)
+class Twist:
+    """A unicycle velocity: v = linear.x [m/s] forward, w = angular.z [rad/s] counter-clockwise."""
+
+    v: float
+    w: float

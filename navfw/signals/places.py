@@ -1,0 +1,105 @@
+"""Between map, localiser and planner: where the robot is, where it goes, what is passable."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+from navfw.signals.geometry import Array, Pose, position_sigma
+
+__all__ = ["Belief", "Outlook", "PassageQuery", "PassageState", "Sighting", "Waypoint"]
+
+
+@dataclass(frozen=True, slots=True)
+class Sighting:
+    """A landmark recognised in one image: bearing [rad, left positive] and range [m] in base_link.
+
+    ``covariance`` (2, 2) is of (bearing, range); ``identity`` is the landmark's id in the map file.
+    """
+
+    time: float
+    identity: str
+    bearing: float
+    range: float
+    covariance: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Belief:
+    """Where the robot thinks it is: ``pose`` in ``map`` with ``covariance`` (3, 3) of (x, y, yaw).
+
+    ``places`` gives the probability of each place of the topological map (may be empty).
+    ``confidence`` in [0, 1] is the probability that the robot truly is within a metre of ``pose``.
+    Where it is ``lost``, the localiser itself does not trust ``pose``: nothing should be planned
+    from it. ``updates`` counts the landmark sightings that have gone into it so far.
+    """
+
+    time: float
+    pose: Pose
+    covariance: Array
+    places: Mapping[str, float] = field(default_factory=dict)
+    confidence: float = 1.0
+    lost: bool = False
+    updates: int = 0
+
+    @property
+    def sigma(self) -> float:
+        """The largest standard deviation [m] of the position, in any direction."""
+        return position_sigma(self.covariance)
+
+
+@dataclass(frozen=True, slots=True)
+class Waypoint:
+    """Where to go next: x, y [m] in ``map``; passed when nearer than ``tolerance`` [m].
+
+    ``place`` is the place's name, ``kind`` its kind in the map ("goal" for a mission goal);
+    ``final`` marks the last waypoint of the present goal. ``width`` [m] is that of the passage
+    that leads there, ``passage`` the names of the two places that it joins, as in the map.
+    """
+
+    x: float
+    y: float
+    tolerance: float
+    place: str
+    kind: str
+    final: bool
+    width: float = math.inf
+    passage: tuple[str, str] | None = None
+
+    @property
+    def label(self) -> str:
+        """What messages call it: the place's name, or the coordinates."""
+        return self.place or f"({self.x:g}, {self.y:g})"
+
+
+@dataclass(frozen=True, slots=True)
+class PassageQuery:
+    """A leg of the way ahead of which the planner wants to know whether it is open.
+
+    ``passage`` are the names of the two places that it joins; the leg goes straight from ``start``
+    to ``end`` (x, y) [m] in ``map`` through a passage ``width`` [m] wide.
+    """
+
+    passage: tuple[str, str]
+    start: tuple[float, float]
+    end: tuple[float, float]
+    width: float = math.inf
+
+
+PassageState = Literal["open", "closed", "unknown"]
+
+
+@dataclass(frozen=True, slots=True)
+class Outlook:
+    """What the short-term memory says of the way ahead, up to a few metres (METHOD 4.3).
+
+    ``passages`` are the queries that could be judged, in their order: "open" when a free way
+    through the leg has been seen, "closed" when what has been seen leaves none, "unknown"
+    otherwise. ``drops`` are points (x, y) [m] in ``map`` where the floor is missing.
+    """
+
+    time: float
+    passages: tuple[tuple[PassageQuery, PassageState], ...] = ()
+    drops: tuple[tuple[float, float], ...] = ()
