@@ -178,9 +178,15 @@ class Planner(Plugin):
 
 
 class Behavior(Plugin):
-    """A primitive behaviour of MOFIS (paper Fig. 1): from the context, a proposal."""
+    """A primitive behaviour of MOFIS (paper Fig. 1): from the context, a proposal.
+
+    One that sets ``heeds_movers`` judges commands by where they meet movers
+    (``context.encounters``). While one is there, the others need not: ``context.arcs`` and
+    ``context.ranges`` then know of what stands alone. Without one, movers are things like others.
+    """
 
     kind = "behavior"
+    heeds_movers: ClassVar[bool] = False
 
     @abstractmethod
     def propose(self, context: Context) -> Proposal:

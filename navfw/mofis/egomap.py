@@ -198,10 +198,16 @@ class EgoMap:
         )
 
     def take(self, discs: tuple[Disc, ...]) -> None:
-        """Floor that counts as occupied until the next call: what movers stand and walk on."""
+        """Floor that counts as occupied until the next call."""
         if discs or self._taken:
             self._clearance = None
         self._taken = discs
+
+    def beside(self, discs: tuple[Disc, ...]) -> Array:
+        """(n, n) ``clearance``, were ``discs`` taken as well."""
+        if not discs:
+            return self.clearance
+        return self._distance(self._painted(self.occupied, discs))
 
     # --- reading ---------------------------------------------------------------------------------
 
@@ -218,17 +224,19 @@ class EgoMap:
         return round((y - self.origin[1]) / cell), round((x - self.origin[0]) / cell)
 
     @property
-    def occupied(self) -> np.ndarray[tuple[int, int], np.dtype[np.bool_]]:
+    def occupied(self) -> Mask:
         """(n, n) True where evidence says that something stands."""
-        occupied = self.evidence >= self.params.occupied
-        if self._taken:
-            painted = occupied.astype(np.uint8)
-            for disc in self._taken:
-                row, column = self.index(disc.x, disc.y)
-                radius = round(disc.radius / self.params.cell)
-                cv2.circle(painted, (column, row), radius, 1, cv2.FILLED)
-            occupied = painted.astype(np.bool_)
-        return occupied
+        return self._painted(self.evidence >= self.params.occupied, self._taken)
+
+    def _painted(self, occupied: Mask, discs: tuple[Disc, ...]) -> Mask:
+        """``occupied`` (n, n) and all cells within ``discs``."""
+        if not discs:
+            return occupied
+        painted = occupied.astype(np.uint8)
+        for disc in discs:
+            row, column = self.index(disc.x, disc.y)
+            cv2.circle(painted, (column, row), round(disc.radius / self.params.cell), 1, cv2.FILLED)
+        return painted.astype(np.bool_)
 
     @property
     def known(self) -> npt.NDArray[np.uint8]:
@@ -253,14 +261,16 @@ class EgoMap:
     def clearance(self) -> Array:
         """(n, n) distance [m] from each cell to the nearest occupied cell."""
         if self._clearance is None:
-            free = (~self.occupied).view(np.uint8)
-            if free.all():
-                distance = np.full((self.size, self.size), self.params.extent)
-            else:
-                distance = cv2.distanceTransform(free, cv2.DIST_L2, 5)
-                distance = np.multiply(distance, self.params.cell, dtype=np.float64)
-            self._clearance = distance
+            self._clearance = self._distance(self.occupied)
         return self._clearance
+
+    def _distance(self, occupied: Mask) -> Array:
+        """(n, n) distance [m] from each cell to the nearest of ``occupied`` (n, n)."""
+        free = (~occupied).view(np.uint8)
+        if free.all():
+            return np.full((self.size, self.size), self.params.extent)
+        distance = cv2.distanceTransform(free, cv2.DIST_L2, 5)
+        return np.multiply(distance, self.params.cell, dtype=np.float64)
 
 
 def _disc(radius: int) -> Mask:

@@ -16,6 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from navfw.mofis.egomap import EgoMap
 from navfw.mofis.kernels import cost_to_go, descend, first_leg, price_cells
+from navfw.mofis.tracks import Disc
 from navfw.signals import Array, Pose, wrap_angle
 
 __all__ = ["Aim", "Lookahead", "LookaheadParams"]
@@ -81,10 +82,17 @@ class Lookahead:
     def __init__(self, params: LookaheadParams | None = None) -> None:
         self.params = params or LookaheadParams()
 
-    def aim(self, egomap: EgoMap, pose: Pose, x: float, y: float) -> Aim:
-        """The aim for the odom point (x, y) from odom ``pose``."""
+    def aim(
+        self,
+        egomap: EgoMap,
+        pose: Pose,
+        x: float,
+        y: float,
+        walked_on: tuple[Disc, ...] = (),
+    ) -> Aim:
+        """The aim for the odom point (x, y) from odom ``pose``, past the floor ``walked_on``."""
         cell = 2.0 * egomap.params.cell
-        cost = self._prices(egomap)
+        cost = self._prices(egomap, walked_on)
         value = _sources(cost.shape[0], egomap.origin, cell, x, y)
         # what stands on the very waypoint must not hide it: its direction still counts
         cost_to_go(cost, value, 24)
@@ -140,13 +148,14 @@ class Lookahead:
             count = 1
         return path, count
 
-    def _prices(self, egomap: EgoMap) -> Array:
+    def _prices(self, egomap: EgoMap, walked_on: tuple[Disc, ...]) -> Array:
         """(m, m) price of crossing each cell of twice the map's size; infinite where barred."""
         p = self.params
         radius = egomap.robot.radius
         # far away the rays of a sparse grid leave gaps: what has a seen neighbour counts as seen
         seen = cv2.dilate(egomap.known, _AROUND).astype(np.uint8, copy=False)
-        return price_cells(egomap.clearance, seen, radius, p.clear, p.margin, p.squeeze, p.unknown)
+        clearance = egomap.beside(walked_on)
+        return price_cells(clearance, seen, radius, p.clear, p.margin, p.squeeze, p.unknown)
 
 
 def _sources(n: int, origin: tuple[float, float], cell: float, x: float, y: float) -> Array:

@@ -19,7 +19,7 @@ from navfw.mofis.kernels import are_degrees
 from navfw.mofis.lookahead import Aim, Lookahead, LookaheadParams
 from navfw.mofis.passages import PassageWatch, PassageWatchParams
 from navfw.mofis.reach import look_around, room_along, sweep
-from navfw.mofis.tracks import TrackParams, Tracks
+from navfw.mofis.tracks import Disc, TrackParams, Tracks
 from navfw.mofis.watchdog import BehaviorTimeout, Watchdog
 from navfw.robot import RobotModel
 from navfw.signals import (
@@ -160,8 +160,9 @@ class Mofis:
         self.tracks.see(movers, eye)
         self.tracks.forget(odometry.time, odometry.pose)
         drops = self.passages.drops.discs() if self.params.memory else ()
-        self.egomap.take((*self.tracks.discs(odometry.time), *drops))
-        self.context = self._context(odometry, belief, waypoint)
+        walked_on = self.tracks.discs(odometry.time)
+        self.egomap.take(drops if self._movers_heeded else (*walked_on, *drops))
+        self.context = self._context(odometry, belief, waypoint, walked_on)
         self.weights = self._weigh(self.context)
         self.proposals = {}
         with self.watchdog.on_duty():
@@ -187,13 +188,23 @@ class Mofis:
             return None
         return self.passages.look(queries, odometry.pose, belief, odometry.time)
 
-    def _context(self, odometry: Odometry, belief: Belief, waypoint: Waypoint | None) -> Context:
+    @property
+    def _movers_heeded(self) -> bool:
+        return any(behavior.heeds_movers for behavior in self.behaviors.values())
+
+    def _context(
+        self,
+        odometry: Odometry,
+        belief: Belief,
+        waypoint: Waypoint | None,
+        walked_on: tuple[Disc, ...],
+    ) -> Context:
         pose = odometry.pose
         aim = None
         if waypoint is not None:
             local = belief.pose.to_local(waypoint.x, waypoint.y)
             if self.params.local_plan:
-                aim = self.lookahead.aim(self.egomap, pose, *pose.to_parent(*local))
+                aim = self.lookahead.aim(self.egomap, pose, *pose.to_parent(*local), walked_on)
             else:
                 aim = Aim(*local, math.hypot(*local), reachable=True, detour=1.0)
         stalled, idle = self._watch.update(odometry, self._previous, waypoint, aim)

@@ -147,5 +147,7 @@ def test_what_movers_take_is_occupied_until_they_are_gone() -> None:
     assert egomap.occupied[cell]
     assert egomap.clearance[cell] == 0.0
     egomap.take(())
+    assert egomap.beside((Disc(1.0, 0.2, 0.2),))[cell] == 0.0
+    assert egomap.beside(())[cell] == before
     assert not egomap.occupied[cell]
     assert egomap.clearance[cell] == before
