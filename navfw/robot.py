@@ -10,9 +10,19 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from navfw.signals import Array, Twist
 
-__all__ = ["CameraModel", "LandmarkCamera", "OdometrySheet", "RobotModel"]
+__all__ = [
+    "CameraModel",
+    "LandmarkCamera",
+    "OdometrySheet",
+    "RobotModel",
+    "SideCamera",
+    "SideViews",
+]
 
 Positive = Annotated[float, Field(gt=0.0)]
+
+_WIDEST_LENS = math.radians(110.0)
+"""Fisheye lenses see up to 220 degrees."""
 
 
 class CameraModel(BaseModel):
@@ -41,6 +51,33 @@ class CameraModel(BaseModel):
         c, s = math.cos(self.pitch), math.sin(self.pitch)
         # columns: the camera's x (right), y (down) and z (forward) axes, in base_link
         return np.array([[0.0, -s, c], [-1.0, 0.0, 0.0], [0.0, -c, -s]])
+
+
+class SideCamera(CameraModel):
+    """What a wide lens shows to one side, undistorted: a pinhole image about an axis of its own."""
+
+    turn: Annotated[float, Field(description="of the axis from ahead, left positive [rad]")]
+
+    @property
+    def base_from_camera(self) -> Array:
+        """(3, 3) rotation that turns camera_optical axes into base_link axes."""
+        c, s = math.cos(self.turn), math.sin(self.turn)
+        return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ super().base_from_camera
+
+
+class SideViews(BaseModel):
+    """What the camera's lens shows beside its image: two more images, left and right of it.
+
+    They are as high as the camera's image, with its focal length, taken at the same moments. Who
+    comes from the side is seen there; OFFIS looks at the camera's image alone.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    width: Annotated[int, Field(ge=32, le=640, description="of each image [px]")] = 80
+    overlap: Annotated[
+        float, Field(ge=0.0, le=0.5, description="part of the camera's image seen again [rad]")
+    ] = math.radians(5.0)
 
 
 class LandmarkCamera(BaseModel):
@@ -101,6 +138,9 @@ class RobotModel(BaseModel):
     max_lateral: Annotated[Positive, Field(description="lateral acceleration [m/s^2]")] = 0.6
     control_rate: Annotated[Positive, Field(description="LOCOM ticks [Hz]")] = 60.0
     camera: CameraModel = CameraModel()
+    side_views: Annotated[
+        SideViews | None, Field(description="what a wider lens shows beside the camera's image")
+    ] = None
     landmark_camera: Annotated[
         LandmarkCamera, Field(description="how the camera is read out for landmarks")
     ] = LandmarkCamera()
@@ -113,6 +153,38 @@ class RobotModel(BaseModel):
         if self.track > 2.0 * self.radius:
             raise ValueError(f"track {self.track} m is wider than the body ({2 * self.radius} m)")
         return self
+
+    @model_validator(mode="after")
+    def _lens_can_be(self) -> RobotModel:
+        if self.seen_aside > _WIDEST_LENS:
+            raise ValueError(
+                f"side views reach {math.degrees(self.seen_aside):.0f} degrees to either side, no"
+                f" lens sees more than {math.degrees(_WIDEST_LENS):.0f}: make them narrower"
+            )
+        return self
+
+    @property
+    def side_cameras(self) -> tuple[SideCamera, ...]:
+        """The cameras that would take the side views: left and right; none without side views."""
+        if self.side_views is None:
+            return ()
+        camera, sides = self.camera, self.side_views
+        half = math.atan(0.5 * sides.width / camera.focal)
+        turn = 0.5 * camera.hfov - sides.overlap + half
+        view = camera.model_dump() | {"width": sides.width, "hfov": 2.0 * half}
+        return tuple(SideCamera(**view, turn=side * turn) for side in (1.0, -1.0))
+
+    @property
+    def seen_aside(self) -> float:
+        """How far [rad] to either side of ahead the robot sees."""
+        if self.side_views is None:
+            return 0.5 * self.camera.hfov
+        left = self.side_cameras[0]
+        return left.turn + 0.5 * left.hfov
+
+    def with_camera(self, camera: CameraModel) -> RobotModel:
+        """The same robot with ``camera`` for its only one."""
+        return self.model_copy(update={"camera": camera, "side_views": None})
 
     @property
     def landmark_view(self) -> CameraModel:

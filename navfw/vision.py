@@ -7,23 +7,16 @@ from dataclasses import dataclass, replace
 from navfw.egomotion.odometer import Odometer
 from navfw.egomotion.pairing import FrameBuffer
 from navfw.flow.derotation import derotate
-from navfw.flow.floor_aligned import FloorAlignedFlow
 from navfw.flow.horizon import above_horizon
-from navfw.flow.refinement import RefinementParams, refine
+from navfw.flow.refinement import refine
 from navfw.kinds import FlowProcessor, Perception
-from navfw.offis.movers import direction_sigma, find_movers
+from navfw.lookout import Lookout
 from navfw.robot import RobotModel
 from navfw.signals import FlowField, Frame, Mover, Odometry, Percept
 from navfw.stackfile import StackConfig
 from navfw.stopwatch import timed
 
 __all__ = ["View", "Vision"]
-
-NEAR = 0.9
-"""Movers nearer than this [m] are looked for over a shorter time."""
-
-SMALL_CELLS = 25.0
-"""So many of the small cells that movers are looked for in share one error of the flow."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,15 +56,18 @@ class Vision:
         self._config = config
         self._odometer = odometer
         self._frames = FrameBuffer(robot, config.pairing)
-        self._floor_aligned = FloorAlignedFlow(robot)
-        self._near = False
+        eyes = (robot, *(robot.with_camera(side) for side in robot.side_cameras))
+        self._lookouts = tuple(
+            Lookout(eye, config.pairing, odometer) for eye in eyes if config.movers
+        )
 
     def reset(self) -> None:
         """Forget all frames."""
         self._frames.reset()
         self.flow.reset()
         self.perception.reset()
-        self._near = False
+        for lookout in self._lookouts:
+            lookout.reset()
 
     def look(self, frame: Frame, odometry: Odometry) -> View:
         """What ``frame`` shows, taken at (about) the time of ``odometry``."""
@@ -85,26 +81,17 @@ class Vision:
                 percepts.append(self.perception.perceive(flow, odometry.twist))
             flows.append(flow)
         with timed(self.timings, "movers"):
-            movers = self._movers()
+            movers = self._movers(frame, odometry)
         return View(tuple(flows), tuple(percepts), movers)
 
-    def _movers(self) -> tuple[Mover, ...]:
-        """What moves by itself in the newest frame."""
-        if not (self._config.movers and self._floor_aligned.sees_floor):
-            return ()
-        pair = self._frames.recent(near=self._near)
-        self._near = False
-        if pair is None:
-            return ()
-        flow = self._floor_aligned.compute(pair)
-        flow = replace(flow, motion=self._odometer.trusted(flow.motion))
-        params = RefinementParams(
-            direction_sigma=direction_sigma(flow.motion.baseline), overlap=SMALL_CELLS
+    def _movers(self, frame: Frame, odometry: Odometry) -> tuple[Mover, ...]:
+        """What moves by itself, ahead and in the side views."""
+        images = (frame.image, *frame.sides)
+        return tuple(
+            mover
+            for lookout, image in zip(self._lookouts, images, strict=False)
+            for mover in lookout.look(Frame(frame.time, image), odometry)
         )
-        camera = self._robot.camera
-        movers = find_movers(refine(flow, camera, params).apply(flow, camera), camera)
-        self._near = any(mover.distance < NEAR for mover in movers)
-        return movers
 
     def _derotated(self, flow: FlowField) -> FlowField:
         """``flow`` without its rotational part, the gyro's word refined by the flow itself.

@@ -15,16 +15,7 @@ from navfw.kinds import Params
 from navfw.robot import RobotModel
 from navfw.signals import Frame, FramePair, Odometry, Pose, wrap_angle
 
-__all__ = ["FrameBuffer", "PairingParams"]
-
-LAPSE = 0.2
-"""Time [s] between two frames in which what walks comes far enough to be told from what stands."""
-NEAR_LAPSE = 0.1
-"""The same for what is near, which would come too far in the image to be matched [s]."""
-LONGEST_LAPSE = 0.4
-"""What has gone on for longer [s] looks too different."""
-LARGEST_TURN = 0.35
-"""Frames a larger turn [rad] apart show too little in common."""
+__all__ = ["FrameBuffer", "PairingParams", "PlacedFrame"]
 
 Length = Annotated[float, Field(gt=0.0, le=1.0)]
 
@@ -72,16 +63,45 @@ class PairingParams(Params):
 
 
 @dataclass(frozen=True, slots=True)
-class _View:
+class PlacedFrame:
     """A frame, the base's pose when it was taken, and where the camera was then (x, y) [m]."""
 
     frame: Frame
     pose: Pose
     eye: tuple[float, float]
 
-    def baseline(self, past: _View) -> float:
+    @classmethod
+    def of(cls, frame: Frame, odometry: Odometry, robot: RobotModel) -> PlacedFrame:
+        """``frame`` with the odometry of (about) the same time.
+
+        One taken a little before or after ``odometry.time`` is placed by the measured twist.
+        """
+        pose = _pose_at(frame.time, odometry)
+        return cls(frame, pose, pose.to_parent(robot.camera.mount_forward, 0.0))
+
+    def baseline(self, past: PlacedFrame) -> float:
         """How far [m] the camera has come since ``past``."""
         return math.dist(self.eye, past.eye)
+
+    def age(self, past: PlacedFrame) -> float:
+        """How long [s] before this one ``past`` was taken."""
+        return self.frame.time - past.frame.time
+
+    def turn(self, past: PlacedFrame) -> float:
+        """By how much [rad] the robot has turned since ``past``, whichever way."""
+        return abs(wrap_angle(self.pose.yaw - past.pose.yaw))
+
+    def pair(self, past: PlacedFrame, robot: RobotModel, params: PairingParams) -> FramePair:
+        """The frame with a ``past`` one, and how ``robot``'s camera moved between them."""
+        motion = camera_motion(
+            robot,
+            past.pose,
+            self.pose,
+            self.age(past),
+            yaw_rate_sigma=params.yaw_rate_sigma,
+            slip=params.slip,
+        )
+        return FramePair(past.frame, self.frame, motion)
 
 
 class FrameBuffer:
@@ -89,7 +109,7 @@ class FrameBuffer:
 
     Driving backwards pairs as well as driving forwards. A robot that only turns sees no depth, and
     one that has not moved since its last pair sees nothing new: both get no pair. What moves by
-    itself shows over time instead: see ``recent``.
+    itself shows over time instead: see ``RecentFrames``.
     """
 
     def __init__(self, robot: RobotModel, params: PairingParams | None = None) -> None:
@@ -99,18 +119,14 @@ class FrameBuffer:
 
     def reset(self) -> None:
         """Forget all frames."""
-        self._views: deque[_View] = deque()
+        self._views: deque[PlacedFrame] = deque()
         self._pairs: tuple[FramePair, ...] = ()
         self._last_paired: Pose | None = None
 
     def add(self, frame: Frame, odometry: Odometry) -> None:
-        """Take in the newest ``frame`` with the odometry of (about) the same time.
-
-        A frame taken a little before or after ``odometry.time`` is placed by the measured twist.
-        """
-        pose = _pose_at(frame.time, odometry)
-        view = _View(frame, pose, pose.to_parent(self._robot.camera.mount_forward, 0.0))
-        while self._views and frame.time - self._views[0].frame.time > self.params.max_age:
+        """Take in the newest ``frame`` with the odometry of (about) the same time."""
+        view = PlacedFrame.of(frame, odometry, self._robot)
+        while self._views and view.age(self._views[0]) > self.params.max_age:
             self._views.popleft()
         self._pairs = tuple(self._make_pairs(view))
         if self._pairs:
@@ -125,24 +141,7 @@ class FrameBuffer:
         """
         return self._pairs
 
-    def recent(self, near: bool = False) -> FramePair | None:
-        """The newest frame with that of a moment ago, whatever way the robot has come since.
-
-        It shows what moves by itself: what is ``near`` over a shorter time. None if there is none,
-        or if it shows too little of what is seen now.
-        """
-        lapse = NEAR_LAPSE if near else LAPSE
-        if len(self._views) < 2:
-            return None
-        now = self._views[-1]
-        ages = [abs(now.frame.time - past.frame.time - lapse) for past in self._views]
-        past = self._views[ages.index(min(ages[:-1]))]
-        turn = abs(wrap_angle(now.pose.yaw - past.pose.yaw))
-        if turn > LARGEST_TURN or now.frame.time - past.frame.time > LONGEST_LAPSE:
-            return None
-        return self._pair(past, now)
-
-    def _make_pairs(self, now: _View) -> Iterable[FramePair]:
+    def _make_pairs(self, now: PlacedFrame) -> Iterable[FramePair]:
         last = self._last_paired
         if last is not None and self._nothing_new(last, now.pose):
             return
@@ -152,37 +151,26 @@ class FrameBuffer:
         # among equals the younger one: less time for the gyro to drift and the scene to move
         useful.reverse()
         long = min(useful, key=lambda past: abs(now.baseline(past) - self.params.baseline))
-        yield self._pair(long, now)
+        yield now.pair(long, self._robot, self.params)
         if self.params.short:
             target = self.params.short_baseline
             short = min(useful, key=lambda past: abs(now.baseline(past) - target))
             if now.baseline(short) < 0.7 * now.baseline(long):
-                yield self._pair(short, now)
+                yield now.pair(short, self._robot, self.params)
 
     def _nothing_new(self, last: Pose, now: Pose) -> bool:
         step = math.hypot(now.x - last.x, now.y - last.y)
         turn = abs(wrap_angle(now.yaw - last.yaw))
         return step < self.params.min_step and turn < 0.1 * self.params.max_rotation
 
-    def _useful(self, past: _View, now: _View) -> bool:
+    def _useful(self, past: PlacedFrame, now: PlacedFrame) -> bool:
         params = self.params
         far_enough = params.min_baseline <= now.baseline(past) <= params.max_baseline
         return far_enough and self._steady(past, now)
 
-    def _steady(self, past: _View, now: _View) -> bool:
+    def _steady(self, past: PlacedFrame, now: PlacedFrame) -> bool:
         """Whether the robot has turned little enough for the two to be compared."""
-        return abs(wrap_angle(now.pose.yaw - past.pose.yaw)) <= self.params.max_rotation
-
-    def _pair(self, past: _View, now: _View) -> FramePair:
-        motion = camera_motion(
-            self._robot,
-            past.pose,
-            now.pose,
-            now.frame.time - past.frame.time,
-            yaw_rate_sigma=self.params.yaw_rate_sigma,
-            slip=self.params.slip,
-        )
-        return FramePair(past.frame, now.frame, motion)
+        return now.turn(past) <= self.params.max_rotation
 
 
 def _pose_at(time: float, odometry: Odometry) -> Pose:

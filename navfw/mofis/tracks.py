@@ -118,6 +118,7 @@ class Tracks:
     def __init__(self, robot: RobotModel, params: TrackParams | None = None) -> None:
         self.params = params or TrackParams()
         camera = self._camera = robot.camera
+        self._aside = robot.seen_aside
         lowest = math.atan(0.5 * camera.height / camera.focal) + camera.pitch
         # nearer than this the feet are below the image
         self._reach = (
@@ -177,8 +178,9 @@ class Tracks:
         ahead, left = pose.to_local(*track.at(time))
         ahead -= self._camera.mount_forward
         near, far = self._reach
-        half_view = 0.5 * self._camera.hfov - EDGE
-        return near <= math.hypot(ahead, left) <= far and abs(math.atan2(left, ahead)) <= half_view
+        return near <= math.hypot(ahead, left) <= far and (
+            abs(math.atan2(left, ahead)) <= self._aside - EDGE
+        )
 
     def _place(self, mover: Mover, pose: Pose) -> _Sighting:
         """One sighting in odom: the mover's visible front is at its distance."""

@@ -34,6 +34,8 @@ BORDER = 9.0
 """Cells nearer to the lower border than this show no feet [px]: flow is not known there."""
 BELOW = 0.8
 """What reaches below the image stands nearer than the nearest floor in it, by about this factor."""
+AT_HAND = 0.2
+"""Depth [m] at which nothing stands that is seen whole."""
 STANDING = 0.002
 """Baseline [m] below which the camera stands, and nothing at rest shows any flow."""
 SPEEDS = 0.08, 1.5
@@ -46,7 +48,7 @@ FLOW_ERROR = 0.5
 
 def direction_sigma(baseline: float) -> float:
     """Error [rad] of the direction the camera moved in; large where ``baseline`` [m] is short."""
-    return min(0.03 + 0.003 / max(baseline, 1e-4), 1.0)
+    return min(0.02 + 0.0005 / max(baseline, 1e-4), 1.0)
 
 
 def find_movers(flow: FlowField, camera: CameraModel) -> tuple[Mover, ...]:
@@ -60,7 +62,7 @@ def find_movers(flow: FlowField, camera: CameraModel) -> tuple[Mover, ...]:
     if flow.motion.dt <= 0.0:
         return ()
     fall = fall_per_depth(flow.points, camera)
-    odd = _falls_short_of_floor(flow, fall, camera)
+    odd = _impossible_length(flow, fall, camera)
     if flow.contradiction is not None:
         odd |= flow.contradiction > 0.0
     if np.count_nonzero(odd) < LEAST_CELLS:
@@ -76,10 +78,13 @@ def find_movers(flow: FlowField, camera: CameraModel) -> tuple[Mover, ...]:
     return tuple(sorted(movers, key=lambda mover: -mover.bearing))
 
 
-def _falls_short_of_floor(flow: FlowField, fall: Array, camera: CameraModel) -> Mask:
-    """(rows, cols) where flow is less than even the floor's, or there is any while standing."""
+def _impossible_length(flow: FlowField, fall: Array, camera: CameraModel) -> Mask:
+    """(rows, cols) where flow is less than even the floor's, or more than what is at hand has.
+
+    While the camera stands, any flow is too much.
+    """
     motion = flow.motion
-    odd = _short_vectors(
+    odd = _impossible_vectors(
         _flat(flow.points).reshape(-1, 2),
         _flat(flow.vectors).reshape(-1, 2),
         _flat(flow.sigma),
@@ -95,7 +100,7 @@ def _falls_short_of_floor(flow: FlowField, fall: Array, camera: CameraModel) -> 
 
 
 @numba.njit(cache=True)
-def _short_vectors(
+def _impossible_vectors(
     points: Array,
     vectors: Array,
     sigma: Array,
@@ -107,9 +112,10 @@ def _short_vectors(
     standing: bool,
     astray: tuple[float, float],
 ) -> Mask:
-    """(n,) which trusted ``vectors`` (n, 2) [px] fall short of those of a floor that falls away.
+    """(n,) which trusted ``vectors`` (n, 2) [px] no thing can have that stands on the floor.
 
-    ``fall`` (n,) is ``fall_per_depth``, ``astray`` the error of the yaw and of the direction driven
+    Neither what is farther than the floor it hides (``fall`` (n,) is ``fall_per_depth``) nor what
+    is nearer than ``AT_HAND``. ``astray`` is the error of the yaw and of the direction driven
     [rad].
     """
     yaw_sigma, direction = astray
@@ -124,16 +130,24 @@ def _short_vectors(
             turning = yaw_sigma * (focal + x * x / focal)
             odd[i] = length > CERTAIN * (math.hypot(sigma[i], turning) + 2.0 * DOUBT)
             continue
-        if not fall[i] > 0.0:
-            continue
         away_x, away_y = x * tz - focal * tx, y * tz - focal * ty
-        nearness = fall[i] / height
         lever = math.hypot(away_x, away_y)
-        floor = lever * nearness / (1.0 + tz * nearness)
         along = (away_x * u + away_y * v) / max(lever, 1e-9)
-        unsure = math.hypot(sigma[i], direction * (length - floor)) + DOUBT
-        odd[i] = along < floor * (1.0 - SLIP) - CERTAIN * unsure
+        least = lever / (height / fall[i] + tz) if fall[i] > 0.0 else 0.0
+        most = lever / (AT_HAND + tz)
+        short = least * (1.0 - SLIP) - along
+        long = along - most * (1.0 + SLIP)
+        if fall[i] > 0.0 and short > 0.0:
+            odd[i] = short > CERTAIN * _unsure(sigma[i], direction * (length - least))
+        elif long > 0.0:
+            odd[i] = long > CERTAIN * _unsure(sigma[i], direction * (length - most))
     return odd
+
+
+@numba.njit(cache=True)
+def _unsure(sigma: float, astray: float) -> float:
+    """One standard deviation [px] of a vector of that ``sigma``, led ``astray`` so far."""
+    return math.hypot(sigma, astray) + DOUBT
 
 
 def _flat(values: Array) -> Array:
@@ -154,9 +168,11 @@ def _mover(flow: FlowField, fall: Array, cells: Mask, camera: CameraModel) -> Mo
         depth *= BELOW  # its feet are below the image
     left, right = points[:, 0].min() - half_cell, points[:, 0].max() + half_cell
     bearings = math.atan2(-left, camera.focal), math.atan2(-right, camera.focal)
-    bearing, width = 0.5 * sum(bearings), 0.5 * (bearings[0] - bearings[1])
+    off_axis, width = 0.5 * sum(bearings), 0.5 * (bearings[0] - bearings[1])
     evidence = _velocity(points, flow.vectors[cells], depth, flow, camera)
-    return Mover(flow.time, bearing, width, depth / math.cos(bearing), *evidence)
+    ahead, left = camera.base_from_camera[:2, 2]
+    bearing = math.atan2(left, ahead) + off_axis
+    return Mover(flow.time, bearing, width, depth / math.cos(off_axis), *evidence)
 
 
 def _quantile(values: Array, share: float) -> float:

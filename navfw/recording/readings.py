@@ -9,7 +9,7 @@ from __future__ import annotations
 import zipfile
 from array import array
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,8 @@ MAX_BYTES = 1 << 30
 """Most bytes a recording may hold, unpacked: an hour of 160x120 images at 10 Hz is 0.7 GB."""
 
 _NONE = -1
+_SIDES = 2
+"""Side views of a frame, as wide as each other."""
 _SENSOR_COLUMNS = 6  # time, roll, pitch, yaw rate; inertial time; encoder time
 
 
@@ -54,6 +56,7 @@ class Recording:
     commands: Array
     frames: _Frames
     landmark_frames: _Frames
+    side_frames: _Frames
     complete: bool
 
     def __len__(self) -> int:
@@ -68,9 +71,17 @@ class Recording:
                 time=time,
                 inertial=Inertial(inertial_time, roll, pitch, yaw),
                 encoders=Encoders(encoder_time, left, right),
-                frame=self.frames.get(tick),
+                frame=self._frame(tick),
                 landmark_frame=self.landmark_frames.get(tick),
             )
+
+    def _frame(self, tick: int) -> Frame | None:
+        """The frame of that tick, with the side views that were recorded with it."""
+        frame, sides = self.frames.get(tick), self.side_frames.get(tick)
+        if frame is None or sides is None:
+            return frame
+        parts = np.hsplit(sides.image, _SIDES)
+        return replace(frame, sides=tuple(np.ascontiguousarray(part) for part in parts))
 
 
 @dataclass(slots=True)
@@ -111,12 +122,12 @@ class ReadingsRecorder:
     _commands: array[float] = field(init=False, default_factory=lambda: array("d"))
     _frames: _FrameList = field(init=False, default_factory=_FrameList)
     _landmark_frames: _FrameList = field(init=False, default_factory=_FrameList)
+    _side_frames: _FrameList = field(init=False, default_factory=_FrameList)
 
     def add(self, reading: SensorReading, v: float, w: float) -> None:
         """One control tick: what the sensors gave, and the twist that the stack answered with."""
-        cost = 96 + sum(
-            frame.image.nbytes for frame in (reading.frame, reading.landmark_frame) if frame
-        )
+        frames = reading.frame, reading.landmark_frame, _sides_of(reading.frame)
+        cost = 96 + sum(frame.image.nbytes for frame in frames if frame)
         if not self.complete or self._bytes + cost > self.max_bytes:
             self.complete = False
             return
@@ -134,8 +145,9 @@ class ReadingsRecorder:
         )
         self._ticks.extend((encoders.left, encoders.right))
         self._commands.extend((v, w))
-        self._frames.add(reading.frame)
-        self._landmark_frames.add(reading.landmark_frame)
+        streams = self._frames, self._landmark_frames, self._side_frames
+        for stream, frame in zip(streams, frames, strict=True):
+            stream.add(frame)
 
     def save(self, path: Path) -> None:
         """Write everything to ``path`` (.npz)."""
@@ -146,6 +158,7 @@ class ReadingsRecorder:
             "complete": np.array(self.complete),
             **self._frames.arrays("frames"),
             **self._landmark_frames.arrays("landmarks"),
+            **self._side_frames.arrays("sides"),
         }
         np.savez_compressed(path, **arrays)
 
@@ -158,9 +171,10 @@ _LAYOUT: dict[str, tuple[str, int]] = {
     "complete": ("|b1", 0),
 } | {
     f"{stream}_{part}": kind
-    for stream in ("frames", "landmarks")
+    for stream in ("frames", "landmarks", "sides")
     for part, kind in {"at": ("<i8", 1), "time": ("<f8", 1), "image": ("|u1", 3)}.items()
 }
+_SIDE_FILES = {f"{name}.npy" for name in _LAYOUT if name.startswith("sides")}
 
 
 def load_recording(path: str | Path, max_bytes: int = MAX_BYTES) -> Recording:
@@ -181,6 +195,7 @@ def load_recording(path: str | Path, max_bytes: int = MAX_BYTES) -> Recording:
         commands=arrays["commands"],
         frames=_frames(arrays, "frames"),
         landmark_frames=_frames(arrays, "landmarks"),
+        side_frames=_frames(arrays, "sides"),
         complete=bool(arrays["complete"]),
     )
     _check(recording, path)
@@ -191,17 +206,28 @@ def _read_arrays(path: Path, max_bytes: int) -> dict[str, npt.NDArray[Any]]:
     with zipfile.ZipFile(path) as archive:
         sizes = {info.filename: info.file_size for info in archive.infolist()}
     expected = {f"{name}.npy" for name in _LAYOUT}
+    # recordings from before there were side views have none
+    if not set(sizes) & _SIDE_FILES:
+        expected -= _SIDE_FILES
     if set(sizes) != expected:
         odd = ", ".join(sorted(set(sizes) ^ expected)[:3])
         raise ValueError(f"its arrays are not the expected ones ({odd})")
     if sum(sizes.values()) > max_bytes:
         raise ValueError(f"it unpacks to {sum(sizes.values())} bytes; at most {max_bytes}")
     with np.load(path, allow_pickle=False) as data:
-        arrays = {name: data[name] for name in _LAYOUT}
+        arrays = _FrameList([_NONE] * len(data["sensors"])).arrays("sides")
+        arrays |= {name: data[name] for name in _LAYOUT if f"{name}.npy" in expected}
     for name, (dtype, dimensions) in _LAYOUT.items():
         if arrays[name].dtype.str != dtype or arrays[name].ndim != dimensions:
             raise ValueError(f"array {name!r} should be {dtype} with {dimensions} dimensions")
     return arrays
+
+
+def _sides_of(frame: Frame | None) -> Frame | None:
+    """The side views of a frame, joined into one image; None without any."""
+    if frame is None or not frame.sides:
+        return None
+    return Frame(frame.time, np.hstack(frame.sides))
 
 
 def _frames(arrays: dict[str, npt.NDArray[Any]], name: str) -> _Frames:
@@ -214,7 +240,7 @@ def _check(recording: Recording, path: Path) -> None:
     pairs = recording.ticks.shape == recording.commands.shape == (ticks, 2)
     if not (wide and pairs):
         raise ConfigError("not a recording of sensor readings: its lengths differ", file=path)
-    for frames in (recording.frames, recording.landmark_frames):
+    for frames in (recording.frames, recording.landmark_frames, recording.side_frames):
         images = len(frames.image)
         counted = len(frames.at) == ticks and len(frames.time) == images
         if not counted or np.any((frames.at < _NONE) | (frames.at >= images)):

@@ -34,7 +34,8 @@ class Label(IntEnum):
 class Mover:
     """Something that moves by itself, seen at ``time`` [s]: its flow contradicts a world at rest.
 
-    ``bearing`` and half its angular ``width`` [rad, left positive] seen from the camera;
+    ``bearing`` (from ahead) and half its angular ``width`` [rad, left positive], as the camera sees
+    it;
     ``distance`` [m] along the floor to where it stands, by its lowest seen part. What its vectors
     say of its velocity over the floor, along base_link's axes (ahead, left), is in information
     form: ``information`` (2, 2) [s^2/m^2] is the inverse of a covariance, singular where they say

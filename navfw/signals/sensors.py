@@ -11,10 +11,15 @@ __all__ = ["Encoders", "Frame", "Inertial", "SensorReading"]
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """One camera image: ``image`` (height, width) uint8 luminance, taken at ``time`` [s]."""
+    """One camera image: ``image`` (height, width) uint8 luminance, taken at ``time`` [s].
+
+    ``sides`` are what a wider lens shows left and right of it at that moment, when the robot has
+    such a lens (``navfw.robot.SideViews``), else nothing.
+    """
 
     time: float
     image: Image
+    sides: tuple[Image, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,9 @@ from __future__ import annotations
 import math
 import time as wall
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 from types import TracebackType
 from typing import Literal
 
@@ -127,6 +129,11 @@ class Simulation:
                 sensors.image_noise,
                 sensors.supersample,
             )
+            # one sensor takes them together with the camera's image, and adds the noise to all
+            self._side_cameras = tuple(
+                Camera(side, world.light, scenery, for_camera, 0.0, sensors.supersample)
+                for side in robot.side_cameras
+            )
             if landmark_frames:
                 self._landmark_camera = Camera(
                     robot.landmark_view,
@@ -205,7 +212,8 @@ class Simulation:
 
     def _settle_events(self) -> None:
         self._changes.update(self.time, self.true_pose(), self.robot.radius)
-        self._camera.adjust(self._faults.light, self._faults.hfov_error)
+        for camera in (self._camera, *self._side_cameras):
+            camera.adjust(self._faults.light, self._faults.hfov_error)
         if self._landmark_camera is not None:
             self._landmark_camera.adjust(self._faults.light, self._faults.hfov_error)
         self._encoders.more_slip = self._faults.slip
@@ -356,14 +364,16 @@ class Simulation:
         self._scene.show_movers()
         clean, self._raw_depth = self._camera.render(position, turn)
         self._views.append((self.time, *self._camera.placed(position, turn)))
+        parts = [clean, *(side.render(position, turn)[0] for side in self._side_cameras)]
         rendered = wall.perf_counter()
-        exposed = self._camera.expose(self._faults.through_lens(clean))
-        image = self._faults.from_sensor(exposed)
+        whole = np.concatenate(parts, axis=1) if self._side_cameras else clean
+        exposed = self._camera.expose(self._faults.through_lens(whole))
+        image, *sides = _parted(self._faults.from_sensor(exposed), parts)
         self._frames = math.floor(self.time * self.robot.camera.rate + 1e-6) + 1
         self.timings.frames += 1
         self.timings.render += rendered - begun
         self.timings.sensors += wall.perf_counter() - rendered
-        return Frame(self.time, image)
+        return Frame(self.time, image, tuple(sides))
 
     def _take_landmark_frame(self, frame_taken: bool) -> Frame | None:
         """A landmark frame, if somebody wants them and the next is due, beside a usual frame."""
@@ -397,6 +407,13 @@ class Simulation:
         trace: TracebackType | None,
     ) -> None:
         self.close()
+
+
+def _parted(whole: Image, parts: Sequence[Image]) -> list[Image]:
+    """``whole`` (height, sum of widths) cut into images as wide as ``parts``."""
+    ends = list(accumulate(part.shape[1] for part in parts))
+    begins = [0, *ends[:-1]]
+    return [np.ascontiguousarray(whole[:, a:b]) for a, b in zip(begins, ends, strict=True)]
 
 
 def _check_apart(movers: tuple[Mover, ...], start: Pose, radius: float) -> None:

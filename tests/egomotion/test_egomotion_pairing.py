@@ -61,32 +61,6 @@ def test_a_short_pair_comes_too_when_asked_for() -> None:
     assert len(drive(0.2, 0.0)[-1]) == 1
 
 
-@pytest.mark.parametrize(("v", "w"), [(0.0, 0.0), (0.3, 0.5), (0.0, 1.2)])
-@pytest.mark.parametrize(("near", "lapse"), [(False, 0.2), (True, 0.1)])
-def test_what_moves_shows_over_a_short_time_however_the_robot_drives(
-    v: float, w: float, near: bool, lapse: float
-) -> None:
-    buffer = FrameBuffer(ROBOT)
-    assert buffer.recent() is None
-    for i in range(8):
-        t = 0.1 * i
-        pose = Pose(v * t, 0.0, w * t)
-        buffer.add(Frame(t, IMAGE), Odometry(t, pose, Twist(v, w), 0.0, False))
-    pair = buffer.recent(near)
-    assert pair is not None
-    assert pair.now.time == pytest.approx(0.7)
-    assert pair.now.time - pair.past.time == pytest.approx(lapse)
-
-
-def test_frames_long_apart_or_after_a_wide_turn_show_no_movers() -> None:
-    for times, turns in (((0.0, 0.6), (0.0, 0.0)), ((0.0, 0.2), (0.0, 0.5))):
-        buffer = FrameBuffer(ROBOT)
-        for time, turn in zip(times, turns, strict=True):
-            odometry = Odometry(time, Pose(0.0, 0.0, turn), Twist(0.0, 0.0), 0.0, False)
-            buffer.add(Frame(time, IMAGE), odometry)
-        assert buffer.recent() is None
-
-
 def test_turning_alone_gives_no_pair() -> None:
     assert not any(drive(0.0, 1.0))
     assert not any(drive(0.0, 0.0))

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from navfw.egomotion.camera_motion import camera_motion
 from navfw.offis.movers import _quantile, direction_sigma, find_movers
-from navfw.robot import RobotModel
+from navfw.robot import RobotModel, SideViews
 from navfw.signals import Array, CameraMotion, FlowField, Pose
 
 ROBOT = RobotModel()
@@ -22,9 +22,14 @@ POINTS = np.stack([X, Y], axis=-1)
 DT = 0.2
 
 
-def flow_of(nearness: Array, motion: CameraMotion, own: tuple[float, float]) -> Array:
+def flow_of(
+    nearness: Array,
+    motion: CameraMotion,
+    own: tuple[float, float],
+    robot: RobotModel = ROBOT,
+) -> Array:
     """Exact derotated flow at POINTS of things with ``nearness`` that go ``own`` (ahead, left)."""
-    s = motion.translation - np.array([-own[1] * DT, 0.0, own[0] * DT])
+    s = motion.translation - robot.camera.base_from_camera.T @ np.array([*own, 0.0]) * DT
     lever = POINTS * s[2] - CAMERA.focal * s[:2]
     return np.asarray(lever * (nearness / (1.0 + s[2] * nearness))[..., None])
 
@@ -34,14 +39,15 @@ def scene(
     thing: tuple[float, float, float],
     own: tuple[float, float],
     noise: float = 0.0,
+    robot: RobotModel = ROBOT,
 ) -> FlowField:
-    """A floor, and a thing at (depth, left, width) [m] that walks ``own`` [m/s]."""
-    motion = camera_motion(ROBOT, Pose(0, 0, 0), Pose(way, 0, 0), DT)
+    """A floor, and a thing at (depth, left, width) [m] of the camera that walks ``own`` [m/s]."""
+    motion = camera_motion(robot, Pose(0, 0, 0), Pose(way, 0, 0), DT)
     nearness = np.maximum(Y, 0.0) / CAMERA.focal / CAMERA.mount_height
-    vectors = flow_of(nearness, motion, (0.0, 0.0))
+    vectors = flow_of(nearness, motion, (0.0, 0.0), robot)
     depth, left, width = thing
     body = (np.abs(X * depth / CAMERA.focal + left) < 0.5 * width) & (nearness < 1.0 / depth)
-    vectors[body] = flow_of(np.full_like(X, 1.0 / depth), motion, own)[body]
+    vectors[body] = flow_of(np.full_like(X, 1.0 / depth), motion, own, robot)[body]
     vectors += noise * np.random.default_rng(0).standard_normal(vectors.shape)
     across = np.zeros_like(X)
     lever = POINTS * motion.translation[2] - CAMERA.focal * motion.translation[:2]
@@ -96,6 +102,26 @@ def test_who_keeps_its_bearing_falls_short_of_the_floor() -> None:
     movers = find_movers(scene(0.08, (1.2, 0.0, 0.5), (0.7, 0.0)), CAMERA)
     assert len(movers) == 1
     assert movers[0].velocity()[0] > 0.4
+
+
+def test_who_comes_at_a_robot_that_creeps_flows_too_fast_for_what_stands() -> None:
+    # as fast as something much nearer than anything at rest could be, and yet far off
+    movers = find_movers(scene(0.01, (1.2, 0.5, 0.5), (-0.6, 0.0)), CAMERA)
+    assert len(movers) == 1
+    assert movers[0].velocity()[0] < -0.3
+
+
+@pytest.mark.parametrize("side", [0, 1])
+@pytest.mark.parametrize("way", [0.0, 0.04])
+def test_who_is_seen_aside_has_its_bearing_and_velocity_from_ahead(side: int, way: float) -> None:
+    camera = RobotModel(side_views=SideViews()).side_cameras[side]
+    flow = scene(way, (1.2, 0.0, 0.5), (0.5, 0.0), robot=ROBOT.with_camera(camera))
+    (mover,) = find_movers(flow, camera)
+    assert mover.bearing == pytest.approx(camera.turn, abs=0.1)
+    assert mover.distance == pytest.approx(1.2, rel=0.15)
+    ahead, left = mover.velocity()
+    assert ahead == pytest.approx(0.5, rel=0.35)
+    assert abs(left) < 0.25
 
 
 def test_what_is_small_or_hangs_in_the_air_or_is_too_fast_is_none() -> None:

@@ -23,7 +23,9 @@ def random_readings(seed: int) -> list[SensorReading]:
 
     def frame(time: float, height: int) -> Frame:
         size = (height, 2 * height)
-        return Frame(time, random.integers(0, 256, size, dtype=np.uint8))
+        sides = random.integers(0, 256, (2, height, 7), dtype=np.uint8)
+        image = random.integers(0, 256, size, dtype=np.uint8)
+        return Frame(time, image, tuple(sides) if height == 12 else ())
 
     def reading(tick: int) -> SensorReading:
         time = tick / 60.0
@@ -49,7 +51,10 @@ def recorded(readings: list[SensorReading], path: Path, max_bytes: int = MAX_BYT
 def same_frame(a: Frame | None, b: Frame | None) -> bool:
     if a is None or b is None:
         return a is b
-    return a.time == b.time and np.array_equal(a.image, b.image)
+    return a.time == b.time and all(
+        np.array_equal(one, other)
+        for one, other in zip((a.image, *a.sides), (b.image, *b.sides), strict=True)
+    )
 
 
 def test_readings_come_back_as_they_were(tmp_path: Path) -> None:

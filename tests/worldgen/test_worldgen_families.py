@@ -233,6 +233,7 @@ def test_moving(made: dict[tuple[str, int, float], GeneratedWorld]) -> None:
         if family != "moving":
             continue
         start = np.array(start_of(world))
+        assert world.mission.robot.seen_aside > math.radians(90.0)
         for mover in world.world.movers:
             assert 0.2 <= mover.speed <= 0.6
             assert (mover.radius, mover.height) == (0.25, 1.7)
