@@ -62,11 +62,11 @@ class _Scene:
     """All bodies' arrays, one after the other (see ``cover`` and ``shade``)."""
 
     points: Floats
-    normals: Floats
-    uvs: Floats
     corners: npt.NDArray[np.int32]
     runs: npt.NDArray[np.int32]
-    textures: npt.NDArray[np.int32]
+    surfaces: Floats
+    tables: npt.NDArray[np.int64]
+    texels: Image
     models: Floats
     screens: Floats
 
@@ -131,9 +131,10 @@ class Raster:
         moved.model = _model(position, turn)
         if self._scene is not None:
             index = list(self._bodies).index(body)
-            first, end = self._scene.runs[index, :2]
+            first, end = self._scene.runs[index, 2:]
             self._scene.models[index] = moved.model
-            self._scene.normals[first:end] = _turned(moved.normals, moved.model)
+            turned = _turned(moved.normals, moved.model)
+            self._scene.surfaces[first:end, :, :3] = turned[moved.corners]
 
     def remove(self, body: int) -> None:
         """Draw a body no longer."""
@@ -159,7 +160,7 @@ class Raster:
         ``view`` (4, 4) leads from the map to the camera's axes (right, up, back) and
         ``projection`` (4, 4) from there to clip coordinates, as OpenGL has them.
         """
-        scene, (tables, texels) = self._compiled(), self._all_texels()
+        scene = self._compiled()
         if self._shown is None:
             shown = [body not in self._hidden for body in self._bodies]
             self._shown = np.array(shown, np.bool_)
@@ -188,12 +189,9 @@ class Raster:
             faces,
             weights,
             scene.screens,
-            scene.corners,
-            scene.normals,
-            scene.uvs,
-            scene.textures,
-            tables,
-            texels,
+            scene.surfaces,
+            scene.tables,
+            scene.texels,
             _singles(towards / np.sqrt(towards @ towards)),
             light.ambient,
             light.diffuse,
@@ -210,13 +208,15 @@ class Raster:
             faces = np.cumsum([0, *(len(b.corners) for b in bodies)])
             runs = np.stack([points[:-1], points[1:], faces[:-1], faces[1:]], axis=1)
             corners = [b.corners + first for b, first in zip(bodies, points[:-1], strict=True)]
+            textures = np.repeat([b.texture for b in bodies], np.diff(faces)).astype(np.int64)
+            tables, texels = self._all_texels()
             self._scene = _Scene(
-                points=_joined([b.points for b in bodies]),
-                normals=_joined([_turned(b.normals, b.model) for b in bodies]),
-                uvs=np.concatenate([np.empty((0, 2)), *(b.uvs for b in bodies)]).astype(np.float32),
+                points=_joined([b.points for b in bodies], (3,)),
                 corners=np.concatenate([np.empty((0, 3), np.int64), *corners]).astype(np.int32),
                 runs=runs.astype(np.int32),
-                textures=np.repeat([b.texture for b in bodies], np.diff(faces)).astype(np.int32),
+                surfaces=_joined([_surfaces(b) for b in bodies], (3, 5)),
+                tables=tables[textures],
+                texels=texels,
                 models=np.array([b.model for b in bodies], np.float32).reshape(-1, 4, 4),
                 screens=np.zeros((int(faces[-1]), 3, 3), np.float32),
             )
@@ -235,9 +235,15 @@ class Raster:
         return self._texels
 
 
-def _joined(parts: Sequence[Floats]) -> Floats:
-    """Arrays (N, 3) one after the other."""
-    joined: Floats = np.concatenate([np.empty((0, 3), np.float32), *parts]).astype(np.float32)
+def _surfaces(body: _Body) -> Floats:
+    """(triangles, 3, 5) of each corner the normal in the map's axes and texture coordinates."""
+    surfaces: Floats = np.concatenate([_turned(body.normals, body.model), body.uvs], axis=1)
+    return surfaces[body.corners]
+
+
+def _joined(parts: Sequence[Floats], shape: tuple[int, ...]) -> Floats:
+    """Arrays (N, *shape) one after the other."""
+    joined: Floats = np.concatenate([np.empty((0, *shape), np.float32), *parts])
     return joined
 
 

@@ -79,27 +79,39 @@ def _clip_edge(a: Floats, b: Floats, out: Floats, count: int) -> int:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _span(screen: Floats, y: int, first: int, last: int) -> tuple[int, int]:
-    """The part of columns first ... last in which row ``y`` may meet a triangle."""
-    low, high = np.inf, -np.inf
+def _sides(screen: Floats, sides: Doubles) -> None:
+    """Fill ``sides`` (3, 5) of a triangle with corners ``screen`` (3, 3), for ``_span``.
+
+    In rows from the first to the second number, a side runs from the third to the fourth at row 0,
+    moved by the fifth with each row.
+    """
     for k in range(3):
         m = (k + 1) % 3
         x0, y0 = np.float64(screen[k, 0]), np.float64(screen[k, 1])
         x1, y1 = np.float64(screen[m, 0]), np.float64(screen[m, 1])
-        if min(y0, y1) - _SLACK > y or max(y0, y1) + _SLACK < y:
-            continue
+        sides[k, 0], sides[k, 1] = min(y0, y1) - _SLACK, max(y0, y1) + _SLACK
         if abs(y1 - y0) < 1.0:
-            # a shallow edge: all of it
-            low, high = min(low, x0, x1), max(high, x0, x1)
+            # a shallow side: all of it
+            sides[k, 2], sides[k, 3], sides[k, 4] = min(x0, x1), max(x0, x1), 0.0
             continue
-        x = x0 + (y - y0) / (y1 - y0) * (x1 - x0)
-        # where the edge ends within the row's slack, x may be off by as much as its slope says
-        off = abs((x1 - x0) / (y1 - y0)) * _SLACK + _SLACK
-        low, high = min(low, x - off), max(high, x + off)
+        slope = (x1 - x0) / (y1 - y0)
+        # where the side ends within the row's slack, x may be off by as much as its slope says
+        off = abs(slope) * _SLACK + _SLACK
+        x = x0 - slope * y0
+        sides[k, 2], sides[k, 3], sides[k, 4] = x - off, x + off, slope
+
+
+@numba.njit(cache=True)
+def _span(sides: Doubles, y: int, first: float, last: float) -> tuple[int, int]:
+    """The part of columns first ... last in which row ``y`` may meet a triangle."""
+    low, high = np.inf, -np.inf
+    for k in range(3):
+        if sides[k, 0] <= y <= sides[k, 1]:
+            moved = sides[k, 4] * y
+            low, high = min(low, sides[k, 2] + moved), max(high, sides[k, 3] + moved)
     if low > high:
         return 1, 0
-    low, high = max(low, float(first)), min(high, float(last))
-    return int(math.ceil(low)), int(math.floor(high))
+    return int(math.ceil(max(low, first))), int(math.floor(min(high, last)))
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -118,7 +130,7 @@ def _fill(
 
     ``screen`` (3, 3) are its corners (x, y, w), ``depths`` (3,) their clip depths. Of what is
     equally near, the last one counts. Doubles. The weights of a part that was ``clipped`` are not
-    those of the triangle's own corners: they are left to ``shade``.
+    those of the triangle's own corners: they are left to ``shade``, as NaN.
     """
     height, width = nearest.shape
     ax, ay = np.float64(screen[0, 0]), np.float64(screen[0, 1])
@@ -135,10 +147,12 @@ def _fill(
     bottom = min(float(height - 1), max(screen[0, 1], screen[1, 1], screen[2, 1]))
     if left > right or top > bottom:
         return
-    inside, depth = np.empty(width), np.empty(width)
-    shares = np.empty((3, width), np.float32)
+    sides = np.empty((3, 5))
+    _sides(screen, sides)
+    # of each pixel of a row: how far inside, depth, and the weights; one array, for speed
+    row = np.empty((5, width))
     for y in range(int(top), int(math.floor(bottom)) + 1):
-        first, last = _span(screen, y, int(left), int(math.floor(right)))
+        first, last = _span(sides, y, left, math.floor(right))
         # two loops, of which the first is all arithmetic: processors do several pixels at once
         sy = ay - y
         for i in range(last + 1 - first):
@@ -149,17 +163,20 @@ def _fill(
             p0, p1, p2 = q0 / w0, q1 / w1, q2 / w2
             total = p0 + p1 + p2
             b0, b1, b2 = p0 / total, p1 / total, p2 / total
-            inside[i] = min(q0, q1, q2)
-            depth[i] = -(d2 * b2 + d1 * b1 + d0 * b0)
-            shares[0, i], shares[1, i], shares[2, i] = b0, b1, b2
+            row[0, i] = min(q0, q1, q2)
+            row[1, i] = -(d2 * b2 + d1 * b1 + d0 * b0)
+            row[2, i], row[3, i], row[4, i] = b0, b1, b2
+        if clipped:
+            row[2:] = np.nan
         for i in range(last + 1 - first):
-            if inside[i] < 0.0 or nearest[y, first + i] > depth[i]:
+            depth = row[1, i]
+            if row[0, i] < 0.0 or nearest[y, first + i] > depth:
                 continue
-            if clipped or -far <= depth[i] <= near:
-                nearest[y, first + i] = depth[i]
+            if clipped or -far <= depth <= near:
+                nearest[y, first + i] = depth
                 faces[y, first + i] = face
                 for k in range(3):
-                    weights[k, y, first + i] = shares[k, i]
+                    weights[k, y, first + i] = row[2 + k, i]
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -191,7 +208,7 @@ def cover(
         nearest: (height, width) filled with minus the clip depth; row 0 is the lowest.
         faces: (height, width) filled with triangles, -1 for none.
         weights: (3, height, width) filled with how much of each corner of its triangle a pixel
-            shows, in perspective; but not of triangles that reach behind the camera.
+            shows, in perspective; NaN for triangles that reach behind the camera.
         screens: (M, 3, 3) filled with the corners (x, y, w) of the triangles that were drawn.
 
     """

@@ -31,10 +31,7 @@ def shade(
     faces: Ints,
     weights: Floats,
     screens: Floats,
-    corners: Ints,
-    normals: Floats,
-    uvs: Floats,
-    textures: Ints,
+    surfaces: Floats,
     tables: Longs,
     texels: Bytes,
     light: Floats,
@@ -46,13 +43,11 @@ def shade(
 
     Args:
         faces: (height, width) as ``cover`` gives them.
-        weights: (3, height, width) as ``cover`` gives them; those missing are filled in.
+        weights: (3, height, width) as ``cover`` gives them; those missing are found here.
         screens: (M, 3, 3) as ``cover`` gives them.
-        corners: (M, 3) points of every triangle.
-        normals: (N, 3) of the points, in the map.
-        uvs: (N, 2) texture coordinates of the points.
-        textures: (M,) texture of every triangle.
-        tables: (textures, 3) first texel, width and height of every texture.
+        surfaces: (M, 3, 5) of every triangle's corners the normal in the map, and the texture
+            coordinates.
+        tables: (M, 3) first texel, width and height of every triangle's texture.
         texels: (T, 3) of all textures, RGB, rows from the top.
         light: (3,) unit vector towards the light.
         ambient: share of the light that comes from everywhere.
@@ -61,23 +56,12 @@ def shade(
 
     """
     height, width = faces.shape
-    lit = np.empty(width, np.float32)
+    mixed, lit = np.empty((5, width), np.float32), np.empty(width, np.float32)
     places, colours = np.empty(width, np.int64), np.empty((width, 3), np.uint8)
     for y in range(height):
-        x = 0
-        while x < width:
-            face, begin = faces[y, x], x
-            while x < width and faces[y, x] == face:
-                x += 1
-            if face < 0:
-                places[begin:x] = _NOTHING
-                continue
-            points, table = corners[face], tables[textures[face]]
-            shares = weights[:, y, begin:x]
-            if min(screens[face, 0, 2], screens[face, 1, 2], screens[face, 2, 2]) < _ZERO:
-                _weigh(screens[face], y, begin, shares)
-            _light(normals, points, shares, light, np.float32(diffuse), lit[begin:x])
-            _locate(uvs, points, shares, table, places[begin:x])
+        _mix(faces[y], weights[:, y], screens, y, surfaces, mixed)
+        _light(mixed, light, np.float32(diffuse), lit)
+        _locate(faces[y], mixed, tables, places)
         # nothing but this, so that many texels are on their way from memory at once
         for x in range(width):
             place = max(places[x], 0)
@@ -87,59 +71,56 @@ def shade(
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _weigh(screen: Floats, y: int, begin: int, weights: Floats) -> None:
-    """How much of each corner the pixels from ``begin`` on of row ``y`` show. Doubles inside."""
+def _mix(
+    faces: Ints, weights: Floats, screens: Floats, y: int, surfaces: Floats, mixed: Floats
+) -> None:
+    """Normal and texture coordinates of each pixel of row ``y``: ``mixed`` (5, width)."""
+    for x in range(faces.size):
+        face = max(faces[x], 0)
+        b0, b1, b2 = weights[0, x], weights[1, x], weights[2, x]
+        if math.isnan(b0):
+            b0, b1, b2 = _weigh(screens[face], x, y)
+        for k in range(5):
+            total = surfaces[face, 2, k] * b2 + surfaces[face, 1, k] * b1
+            mixed[k, x] = total + surfaces[face, 0, k] * b0
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _weigh(screen: Floats, x: int, y: int) -> tuple[np.float32, np.float32, np.float32]:
+    """How much of each corner the pixel (x, y) shows. Doubles inside."""
     ax, ay = np.float64(screen[0, 0]), np.float64(screen[0, 1])
     bx, by = np.float64(screen[1, 0]) - ax, np.float64(screen[1, 1]) - ay
     cx, cy = np.float64(screen[2, 0]) - ax, np.float64(screen[2, 1]) - ay
     w0, w1, w2 = np.float64(screen[0, 2]), np.float64(screen[1, 2]), np.float64(screen[2, 2])
-    area, sy = cx * by - bx * cy, ay - y
-    first, second, third = weights
-    for i in range(first.size):
-        sx = ax - (begin + i)
-        u = bx * sy - sx * by
-        v = sx * cy - cx * sy
-        p0, p1, p2 = (1.0 - (u + v) / area) / w0, (v / area) / w1, (u / area) / w2
-        total = p0 + p1 + p2
-        first[i], second[i], third[i] = p0 / total, p1 / total, p2 / total
+    area, sx, sy = cx * by - bx * cy, ax - x, ay - y
+    u = bx * sy - sx * by
+    v = sx * cy - cx * sy
+    p0, p1, p2 = (1.0 - (u + v) / area) / w0, (v / area) / w1, (u / area) / w2
+    total = p0 + p1 + p2
+    return np.float32(p0 / total), np.float32(p1 / total), np.float32(p2 / total)
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _light(
-    normals: Floats,
-    points: Ints,
-    weights: Floats,
-    light: Floats,
-    diffuse: np.float32,
-    lit: Floats,
-) -> None:
-    """Diffuse light on neighbouring pixels of one triangle."""
-    ax, ay, az = normals[points[0]]
-    bx, by, bz = normals[points[1]]
-    cx, cy, cz = normals[points[2]]
+def _light(mixed: Floats, light: Floats, diffuse: np.float32, lit: Floats) -> None:
+    """Diffuse light on the pixels of one row."""
     lx, ly, lz = light
-    first, second, third = weights
     for i in range(lit.size):
-        b0, b1, b2 = first[i], second[i], third[i]
-        x = cx * b2 + bx * b1 + ax * b0
-        y = cy * b2 + by * b1 + ay * b0
-        z = cz * b2 + bz * b1 + az * b0
+        x, y, z = mixed[0, i], mixed[1, i], mixed[2, i]
         scale = _ONE / np.float32(math.sqrt(x * x + y * y + z * z))
         along = (z * scale) * lz + (y * scale) * ly + (x * scale) * lx
         lit[i] = diffuse * max(_ZERO, along)
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _locate(uvs: Floats, points: Ints, weights: Floats, table: Longs, places: Longs) -> None:
-    """Which texels neighbouring pixels of one triangle show."""
-    first, across, down = table
-    au, av = uvs[points[0]]
-    bu, bv = uvs[points[1]]
-    cu, cv = uvs[points[2]]
-    one, two, three = weights
+def _locate(faces: Ints, mixed: Floats, tables: Longs, places: Longs) -> None:
+    """Which texels the pixels of one row show."""
     for i in range(places.size):
-        u = cu * three[i] + bu * two[i] + au * one[i]
-        v = cv * three[i] + bv * two[i] + av * one[i]
+        face = faces[i]
+        if face < 0:
+            places[i] = _NOTHING
+            continue
+        first, across, down = tables[face, 0], tables[face, 1], tables[face, 2]
+        u, v = mixed[3, i], mixed[4, i]
         column = np.int32((u - np.float32(np.int32(u))) * np.float32(across))
         line = np.int32((v - np.float32(np.int32(v))) * np.float32(down))
         within = (0 <= column < across) & (0 <= line < down)

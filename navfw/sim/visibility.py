@@ -75,6 +75,7 @@ class Visibility:
         return _seen(edges, self._corners, self._planes, eye, middle, half)
 
 
+@numba.njit(cache=True)
 def field_of_view(axes: Array, right: float, down: float) -> tuple[float, float]:
     """Middle direction and half width [rad] of what a camera sees, in the plan.
 
@@ -82,15 +83,16 @@ def field_of_view(axes: Array, right: float, down: float) -> tuple[float, float]
     ``down`` how far the image reaches from its middle, in focal lengths. The half width is pi where
     the camera sees straight up or down.
     """
-    ahead = axes[:, 2]
-    middle = math.atan2(ahead[1], ahead[0])
-    along = np.array([ahead[0], ahead[1]]) / max(math.hypot(ahead[0], ahead[1]), 1e-12)
+    middle = math.atan2(axes[1, 2], axes[0, 2])
+    length = max(math.hypot(axes[0, 2], axes[1, 2]), 1e-12)
+    along_x, along_y = axes[0, 2] / length, axes[1, 2] / length
     half = 0.0
     for x in (-right, right):
         for y in (-down, down):
-            ray = axes @ np.array([x, y, 1.0])
-            forward = ray[0] * along[0] + ray[1] * along[1]
-            aside = along[0] * ray[1] - along[1] * ray[0]
+            ray_x = axes[0, 0] * x + axes[0, 1] * y + axes[0, 2]
+            ray_y = axes[1, 0] * x + axes[1, 1] * y + axes[1, 2]
+            forward = ray_x * along_x + ray_y * along_y
+            aside = along_x * ray_y - along_y * ray_x
             if forward <= 1e-6:
                 return middle, math.pi
             half = max(half, abs(math.atan2(aside, forward)))
