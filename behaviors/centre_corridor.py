@@ -33,10 +33,14 @@ class CentreCorridor(RuledBehavior):
         degree = ranges.corridor if along else 0.0
         balance = (ranges.left - ranges.right) / max(ranges.left + ranges.right, 1e-3)
         verdict = self.rules.evaluate(balance=balance)
+        nothing = context.commands.zeros()
+        reason = f"walls {ranges.left:.2f} m left, {ranges.right:.2f} m right"
+        if degree == 0.0:
+            return Proposal(0.0, nothing, nothing, reason, verdict.explain)
         return Proposal(
             applicability=self.params.weight * degree,
             desirability=verdict.command(context.commands),
-            prohibition=context.commands.zeros(),
-            reason=f"walls {ranges.left:.2f} m left, {ranges.right:.2f} m right",
+            prohibition=nothing,
+            reason=reason,
             explain=verdict.explain,
         )

@@ -33,16 +33,20 @@ class Peek(RuledBehavior):
         nothing = context.commands.zeros()
         if aim is None:
             return Proposal(0.0, nothing, nothing, "nowhere to look")
-        toward = int(np.argmin(np.abs(np.angle(np.exp(1j * (ranges.bearings - aim.bearing))))))
+        toward = int(np.argmax(np.cos(ranges.bearings - aim.bearing)))
         seen = float(ranges.seen[toward])
         verdict = self.rules.evaluate(seen=min(seen, 2.0), bearing=math.degrees(aim.bearing))
+        applicability = self.params.weight * verdict.degree("applicability")
+        reason = f"seen {seen:.2f} m toward the aim"
+        if applicability == 0.0:
+            return Proposal(0.0, nothing, nothing, reason, verdict.explain)
         weave = self.params.weave * math.sin(2.0 * math.pi * context.time / self.params.period)
         turn = verdict.over("turn", context.commands.relative_w - weave)
         speed = verdict.over("speed", context.commands.relative_v)
         return Proposal(
-            applicability=self.params.weight * verdict.degree("applicability"),
+            applicability=applicability,
             desirability=context.commands.product(speed, turn),
             prohibition=nothing,
-            reason=f"seen {seen:.2f} m toward the aim",
+            reason=reason,
             explain=verdict.explain,
         )

@@ -59,7 +59,7 @@ class CommandGrid:
 
     def product(self, speed: Array, turn: Array) -> Array:
         """Desirability (n_v, n_w) from a set over speeds (n_v,) and one over turns (n_w,)."""
-        return np.outer(speed, turn)
+        return speed[:, None] * turn
 
     def around(self, speed: float, turn: float) -> Array:
         """Desirability (n_v, n_w) of one command alone, and of those of the grid next to it.

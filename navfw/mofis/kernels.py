@@ -20,6 +20,7 @@ __all__ = [
     "cost_to_go",
     "descend",
     "first_leg",
+    "follow_arc",
     "least_within",
     "price_cells",
     "sweep_arcs",
@@ -54,57 +55,74 @@ def sweep_arcs(
     (``arc_clearance``). An arc that starts too close is free as long as it leads away. For a
     standing robot the lengths are ``reach``.
     """
+    for i in range(speeds.shape[0]):
+        for j in range(turns.shape[0]):
+            free_length[i, j], known_length[i, j], arc_clearance[i, j] = follow_arc(
+                *(clearance, known, origin_x, origin_y, cell, x, y, yaw),
+                *(speeds[i], turns[j], radius, reach, horizon),
+            )
+
+
+@numba.njit(cache=True)
+def follow_arc(
+    clearance: Array,
+    known: npt.NDArray[np.uint8],
+    origin_x: float,
+    origin_y: float,
+    cell: float,
+    x: float,
+    y: float,
+    yaw: float,
+    v: float,
+    w: float,
+    radius: float,
+    reach: float,
+    horizon: float,
+) -> tuple[float, float, float]:
+    """Free length, known length and clearance [m] of one command; see ``sweep_arcs``."""
     size = clearance.shape[0]
     column = int(math.floor((x - origin_x) / cell + 0.5))
     row = int(math.floor((y - origin_y) / cell + 0.5))
     here = clearance[row, column]
+    if v == 0.0:
+        return reach, reach, here - radius
     step = 0.5 * cell
-    for i in range(speeds.shape[0]):
-        v = speeds[i]
-        for j in range(turns.shape[0]):
-            if v == 0.0:
-                free_length[i, j] = reach
-                known_length[i, j] = reach
-                arc_clearance[i, j] = here - radius
-                continue
-            curvature = turns[j] / v
-            sign = 1.0 if v > 0.0 else -1.0
-            px, py = x, y
-            # the heading in the middle of each step, as a unit vector that is turned by the step
-            turn = sign * step * curvature
-            c_turn, s_turn = math.cos(turn), math.sin(turn)
-            c_mid, s_mid = math.cos(yaw + 0.5 * turn), math.sin(yaw + 0.5 * turn)
-            length = 0.0
-            least = here
-            floor = min(radius, here - 0.02)
-            blocked = False
-            known_until = -1.0
-            # an arc that closes half a turn is as good as its first half
-            longest = min(reach, math.pi / max(abs(curvature), 1e-6))
-            while length < longest:
-                px += sign * step * c_mid
-                py += sign * step * s_mid
-                c_mid, s_mid = c_mid * c_turn - s_mid * s_turn, s_mid * c_turn + c_mid * s_turn
-                column = int(math.floor((px - origin_x) / cell + 0.5))
-                row = int(math.floor((py - origin_y) / cell + 0.5))
-                if row < 0 or column < 0 or row >= size or column >= size:
-                    break
-                c = clearance[row, column]
-                if c < floor:
-                    blocked = True
-                    break
-                if c > floor and floor < radius:
-                    floor = min(radius, c - 0.02)  # moving away: from now on no nearer than this
-                if length < horizon and c < least:
-                    least = c
-                if known_until < 0.0 and known[row, column] == 0:
-                    known_until = length
-                length += step
-            if not blocked and length >= longest - step:
-                length = reach
-            free_length[i, j] = length
-            known_length[i, j] = length if known_until < 0.0 else known_until
-            arc_clearance[i, j] = least - radius
+    curvature = w / v
+    sign = 1.0 if v > 0.0 else -1.0
+    px, py = x, y
+    # the heading in the middle of each step, as a unit vector that is turned by the step
+    turn = sign * step * curvature
+    c_turn, s_turn = math.cos(turn), math.sin(turn)
+    c_mid, s_mid = math.cos(yaw + 0.5 * turn), math.sin(yaw + 0.5 * turn)
+    length = 0.0
+    least = here
+    floor = min(radius, here - 0.02)
+    blocked = False
+    known_until = -1.0
+    # an arc that closes half a turn is as good as its first half
+    longest = min(reach, math.pi / max(abs(curvature), 1e-6))
+    while length < longest:
+        px += sign * step * c_mid
+        py += sign * step * s_mid
+        c_mid, s_mid = c_mid * c_turn - s_mid * s_turn, s_mid * c_turn + c_mid * s_turn
+        column = int(math.floor((px - origin_x) / cell + 0.5))
+        row = int(math.floor((py - origin_y) / cell + 0.5))
+        if row < 0 or column < 0 or row >= size or column >= size:
+            break
+        c = clearance[row, column]
+        if c < floor:
+            blocked = True
+            break
+        if c > floor and floor < radius:
+            floor = min(radius, c - 0.02)  # moving away: from now on no nearer than this
+        if length < horizon and c < least:
+            least = c
+        if known_until < 0.0 and known[row, column] == 0:
+            known_until = length
+        length += step
+    if not blocked and length >= longest - step:
+        length = reach
+    return length, length if known_until < 0.0 else known_until, least - radius
 
 
 @numba.njit(cache=True)

@@ -9,7 +9,7 @@ import numpy as np
 
 from navfw.mofis.commands import CommandGrid
 from navfw.mofis.egomap import EgoMap
-from navfw.mofis.kernels import cast_ranges, least_within, sweep_arcs
+from navfw.mofis.kernels import cast_ranges, follow_arc, least_within, sweep_arcs
 from navfw.signals import Array, Pose, Twist
 
 __all__ = ["Arcs", "Ranges", "look_around", "room_along", "sweep"]
@@ -43,7 +43,24 @@ def sweep(
     horizon: float = 0.6,
 ) -> Arcs:
     """Sweep the robot's disc, widened by ``margin`` [m], along every command's arc."""
-    free, known, clearance = _trace(egomap, pose, commands.v, commands.w, margin, reach, horizon)
+    free, known, clearance = np.empty((3, *commands.shape))
+    sweep_arcs(
+        egomap.clearance,
+        egomap.familiar,
+        *egomap.origin,
+        egomap.params.cell,
+        pose.x,
+        pose.y,
+        pose.yaw,
+        commands.v,
+        commands.w,
+        egomap.robot.radius + margin,
+        reach,
+        horizon,
+        free,
+        known,
+        clearance,
+    )
     backward = commands.v < 0.0
     # No eyes at the back: there, what has never been seen free counts as taken. (The robot's own
     # place is known, so its rim and not its centre must not pass into the unseen.)
@@ -58,40 +75,21 @@ def room_along(egomap: EgoMap, pose: Pose, twist: Twist, reach: float = 1.0) -> 
 
     Both at most ``reach``; a robot that only turns has all the room it needs.
     """
-    free, known, _ = _trace(egomap, pose, np.array([twist.v]), np.array([twist.w]), 0.0, reach, 0.0)
-    return float(free[0, 0]), float(known[0, 0])
-
-
-def _trace(
-    egomap: EgoMap,
-    pose: Pose,
-    speeds: Array,
-    turns: Array,
-    margin: float,
-    reach: float,
-    horizon: float,
-) -> tuple[Array, Array, Array]:
-    """Free length, known length and clearance of every (speed, turn); see ``sweep_arcs``."""
-    free, known, clearance = np.empty((3, speeds.size, turns.size))
-    sweep_arcs(
+    free, known, _ = follow_arc(
         egomap.clearance,
         egomap.familiar,
-        egomap.origin[0],
-        egomap.origin[1],
+        *egomap.origin,
         egomap.params.cell,
         pose.x,
         pose.y,
         pose.yaw,
-        speeds,
-        turns,
-        egomap.robot.radius + margin,
+        float(twist.v),
+        float(twist.w),
+        egomap.robot.radius,
         reach,
-        horizon,
-        free,
-        known,
-        clearance,
+        0.0,
     )
-    return free, known, clearance
+    return free, known
 
 
 @dataclass(frozen=True, slots=True)

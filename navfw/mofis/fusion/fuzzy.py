@@ -73,7 +73,8 @@ class FuzzyFusion(Fusion):
                 np.maximum(desire, wish, out=desire)
             return desire
         for name, share in shares_of(proposals).items():
-            desire += share * proposals[name].desirability
+            if share > 0.0:
+                desire += share * proposals[name].desirability
         return desire
 
     def _centre(self, context: Context, support: Array, forbidden: Mask) -> tuple[float, float]:
