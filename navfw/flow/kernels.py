@@ -19,6 +19,8 @@ Bytes = npt.NDArray[np.uint8]
 #: Marks displacements whose window would leave the past image.
 OUTSIDE = np.float32(-2.0)
 
+_LOW = np.int64((1 << 32) - 1)
+
 
 @numba.njit(cache=True)
 def _integrals(image: Bytes, pad: int) -> tuple[Ints, Ints]:
@@ -78,21 +80,27 @@ def _column_sums(
 
 @numba.njit(cache=True)
 def _window_sums(
-    sums: Ints32, x_windows: Ints, y_windows: Ints, run: Ints32, out: Doubles, index: int
+    sums: Ints32, x_windows: Ints, y_windows: Ints, run: Ints, out: Doubles, index: int
 ) -> None:
-    """Sum column sums over every window: out[row, col, index].
+    """Sum two displacements' column sums (2, ...) over every window: out[row, col, index ...].
 
-    The running sums may pass 2^31 and wrap around; windows, their differences, stay below.
+    Running sums cannot be formed several at once, so both go into one integer, the second one above
+    bit 32. They may pass its size and wrap around; windows, their differences, stay below 2^31.
     """
     for r in range(y_windows.shape[0]):
-        above = sums[y_windows[r, 0]]
-        below = sums[y_windows[r, 1]]
-        total = np.int32(0)
+        above, below = sums[0, y_windows[r, 0]], sums[0, y_windows[r, 1]]
+        above_two, below_two = sums[1, y_windows[r, 0]], sums[1, y_windows[r, 1]]
         for i in range(above.size):
-            total = np.int32(total + np.int32(below[i] - above[i]))
+            one, two = np.int32(below[i] - above[i]), np.int32(below_two[i] - above_two[i])
+            run[i + 1] = (np.int64(two) << 32) + np.int64(one)
+        total = np.int64(0)
+        for i in range(above.size):
+            total += run[i + 1]
             run[i + 1] = total
         for c in range(x_windows.shape[0]):
-            out[r, c, index] = np.int32(run[x_windows[c, 1]] - run[x_windows[c, 0]])
+            both = run[x_windows[c, 1]] - run[x_windows[c, 0]]
+            out[r, c, index] = both & _LOW
+            out[r, c, index + 1] = both >> 32
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -156,9 +164,9 @@ def correlate(
     padded[search : search + h, search : search + w] = past
     total, square = _integrals(past, search)
     column = np.empty(w, np.int32)
-    sums = np.zeros((y_edges.size, w), np.int32)
-    run = np.zeros(w + 1, np.int32)
-    products = np.empty((rows, cols, span), np.float64)
+    sums = np.zeros((2, y_edges.size, w), np.int32)
+    run = np.zeros(w + 1, np.int64)
+    products = np.empty((rows, cols, span + 1), np.float64)
     # backwards: the larger a displacement, the further left it was
     length = w + 2 * search + 1
     line, line2 = np.empty(length, np.float64), np.empty(length, np.float64)
@@ -168,8 +176,9 @@ def correlate(
         for ix in range(span):
             # displacement d: what is now at p was at p - d, in the padded image at p - d + search
             right_by, down_by = 2 * search - ix, 2 * search - iy
-            _column_sums(now, padded, right_by, down_by, y_edges, column, sums)
-            _window_sums(sums, x_windows, y_runs, run, products, ix)
+            _column_sums(now, padded, right_by, down_by, y_edges, column, sums[ix % 2])
+            if ix % 2 or ix == span - 1:
+                _window_sums(sums, x_windows, y_runs, run, products, ix - ix % 2)
         for r in range(rows):
             y0, y1 = y_windows[r, 0] + search - iy, y_windows[r, 1] + search - iy
             if y0 < top or y1 > bottom:
