@@ -49,16 +49,18 @@ def _box(integral: Ints, x0: int, x1: int, y0: int, y1: int) -> int:
 
 @numba.njit(cache=True)
 def _column_sums(
-    now: Bytes, past: Bytes, right: int, down: int, y_edges: Ints, column: Ints32, sums: Ints32
+    now: Bytes, past: Bytes, right: int, down: int, y_edges: Ints, sums: Ints32
 ) -> None:
     """Products of ``now`` and ``past``, summed down the columns: sums[k] over rows up to edge k.
 
     ``past`` is read ``right`` columns and ``down`` rows further on than ``now``. Two rows at a
     time: processors multiply and add pairs of small integers at once.
     """
-    width = column.size
+    width = now.shape[1]
     for k in range(y_edges.size - 1):
-        column[:] = 0
+        above, column = sums[k], sums[k + 1]
+        for i in range(width):
+            column[i] = above[i]
         y, last = y_edges[k], y_edges[k + 1]
         while y + 2 <= last:
             a, c = now[y], now[y + 1]
@@ -73,9 +75,6 @@ def _column_sums(
             a, b = now[y], past[y + down, right : right + width]
             for i in range(width):
                 column[i] = np.int32(column[i] + np.int32(np.int32(a[i]) * np.int32(b[i])))
-        above, below = sums[k], sums[k + 1]
-        for i in range(width):
-            below[i] = above[i] + column[i]
 
 
 @numba.njit(cache=True)
@@ -104,24 +103,6 @@ def _window_sums(
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _normalize(
-    grey: Doubles,
-    square: Doubles,
-    product: Doubles,
-    pixels: float,
-    total: float,
-    inverse: float,
-    out: Floats,
-) -> None:
-    """Normalised correlation from sums over the past windows, one for each displacement."""
-    for i in range(out.size):
-        # an integer: zero exactly when the window is of one grey
-        energy = pixels * square[i] - grey[i] * grey[i]
-        covariance = pixels * product[i] - total * grey[i]
-        out[i] = covariance * inverse / math.sqrt(max(energy, 1.0))
-
-
-@numba.njit(cache=True)
 def correlate(
     now: Bytes,
     past: Bytes,
@@ -163,20 +144,18 @@ def correlate(
     padded = np.zeros((h + 2 * search, w + 2 * search), np.uint8)
     padded[search : search + h, search : search + w] = past
     total, square = _integrals(past, search)
-    column = np.empty(w, np.int32)
     sums = np.zeros((2, y_edges.size, w), np.int32)
     run = np.zeros(w + 1, np.int64)
     products = np.empty((rows, cols, span + 1), np.float64)
     # backwards: the larger a displacement, the further left it was
     length = w + 2 * search + 1
     line, line2 = np.empty(length, np.float64), np.empty(length, np.float64)
-    grey, square_grey = np.empty(span, np.float64), np.empty(span, np.float64)
 
     for iy in range(span):
         for ix in range(span):
             # displacement d: what is now at p was at p - d, in the padded image at p - d + search
             right_by, down_by = 2 * search - ix, 2 * search - iy
-            _column_sums(now, padded, right_by, down_by, y_edges, column, sums[ix % 2])
+            _column_sums(now, padded, right_by, down_by, y_edges, sums[ix % 2])
             if ix % 2 or ix == span - 1:
                 _window_sums(sums, x_windows, y_runs, run, products, ix - ix % 2)
         for r in range(rows):
@@ -189,17 +168,17 @@ def correlate(
             for c in range(cols):
                 x0, x1 = x_windows[c, 0], x_windows[c, 1]
                 low, high = length - 1 - x0 - 2 * search, length - 1 - x1 - 2 * search
-                for ix in range(span):
-                    grey[ix] = line[high + ix] - line[low + ix]
-                    square_grey[ix] = line2[high + ix] - line2[low + ix]
                 # window columns stay visible for x0 - dx >= left and x1 - dx <= right
                 first = min(max(0, x1 - right + search), span)
                 last = max(min(span, x0 - left + search + 1), first)
-                _normalize(
-                    *(grey[first:last], square_grey[first:last], products[r, c, first:last]),
-                    *(float((x1 - x0) * (y1 - y0)), totals[r, c], inverses[r, c]),
-                    scores[r, c, iy, first:last],
-                )
+                pixels, window, inverse = float((x1 - x0) * (y1 - y0)), totals[r, c], inverses[r, c]
+                product, row = products[r, c], scores[r, c, iy]
+                for ix in range(first, last):
+                    grey = line[high + ix] - line[low + ix]
+                    # an integer: zero exactly when the past window is of one grey
+                    energy = pixels * (line2[high + ix] - line2[low + ix]) - grey * grey
+                    covariance = pixels * product[ix] - window * grey
+                    row[ix] = covariance * inverse / math.sqrt(max(energy, 1.0))
     return scores, deviations
 
 
