@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
-import contextlib
 import time
-from collections.abc import Iterator
 
 __all__ = ["timed"]
 
 
-@contextlib.contextmanager
-def timed(account: dict[str, float], stage: str) -> Iterator[None]:
-    """Add the wall time [s] spent inside to ``account[stage]``."""
-    began = time.perf_counter()
-    yield
-    account[stage] += time.perf_counter() - began
+class timed:  # noqa: N801 - reads as a statement: with timed(account, "flow")
+    """Add the wall time [s] spent inside to ``account[stage]``.
+
+    A class, because a generator costs three times as much, and stages are many and short.
+    """
+
+    __slots__ = ("_account", "_began", "_stage")
+
+    def __init__(self, account: dict[str, float], stage: str) -> None:
+        self._account = account
+        self._stage = stage
+
+    def __enter__(self) -> None:
+        self._began = time.perf_counter()
+
+    def __exit__(self, *_: object) -> None:
+        self._account[self._stage] += time.perf_counter() - self._began
