@@ -58,7 +58,9 @@ class Vision:
         self._frames = FrameBuffer(robot, config.pairing)
         eyes = (robot, *(robot.with_camera(side) for side in robot.side_cameras))
         self._lookouts = tuple(
-            Lookout(eye, config.pairing, odometer) for eye in eyes if config.movers
+            Lookout(eye, config.pairing, odometer, among_people=len(eyes) > 1)
+            for eye in eyes
+            if config.movers
         )
 
     def reset(self) -> None:

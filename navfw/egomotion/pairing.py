@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -145,17 +145,16 @@ class FrameBuffer:
         last = self._last_paired
         if last is not None and self._nothing_new(last, now.pose):
             return
-        useful = [past for past in self._views if self._useful(past, now)]
+        # among equals the younger one: less time for the gyro to drift and the scene to move
+        useful = list(self._useful(now))[::-1]
         if not useful:
             return
-        # among equals the younger one: less time for the gyro to drift and the scene to move
-        useful.reverse()
-        long = min(useful, key=lambda past: abs(now.baseline(past) - self.params.baseline))
+        long_way, long = min(useful, key=lambda past: abs(past[0] - self.params.baseline))
         yield now.pair(long, self._robot, self.params)
         if self.params.short:
             target = self.params.short_baseline
-            short = min(useful, key=lambda past: abs(now.baseline(past) - target))
-            if now.baseline(short) < 0.7 * now.baseline(long):
+            short_way, short = min(useful, key=lambda past: abs(past[0] - target))
+            if short_way < 0.7 * long_way:
                 yield now.pair(short, self._robot, self.params)
 
     def _nothing_new(self, last: Pose, now: Pose) -> bool:
@@ -163,14 +162,14 @@ class FrameBuffer:
         turn = abs(wrap_angle(now.yaw - last.yaw))
         return step < self.params.min_step and turn < 0.1 * self.params.max_rotation
 
-    def _useful(self, past: PlacedFrame, now: PlacedFrame) -> bool:
-        params = self.params
-        far_enough = params.min_baseline <= now.baseline(past) <= params.max_baseline
-        return far_enough and self._steady(past, now)
-
-    def _steady(self, past: PlacedFrame, now: PlacedFrame) -> bool:
-        """Whether the robot has turned little enough for the two to be compared."""
-        return now.turn(past) <= self.params.max_rotation
+    def _useful(self, now: PlacedFrame) -> Iterator[tuple[float, PlacedFrame]]:
+        """The past frames that make a useful pair with ``now``, each with the baseline [m]."""
+        least, most = self.params.min_baseline, self.params.max_baseline
+        for past in self._views:
+            way = now.baseline(past)
+            # whether the robot has turned little enough for the two to be compared
+            if least <= way <= most and now.turn(past) <= self.params.max_rotation:
+                yield way, past
 
 
 def _pose_at(time: float, odometry: Odometry) -> Pose:

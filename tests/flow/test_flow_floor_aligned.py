@@ -79,11 +79,12 @@ def floor_flow(points: Array, motion: CameraMotion, camera: CameraModel) -> Arra
         (Pose(-0.03, 0.0, 0.0), -0.1),
     ],
 )
-def test_flow_of_the_floor_is_what_geometry_says(now: Pose, pitch: float) -> None:
+@pytest.mark.parametrize("glance", [False, True])
+def test_flow_of_the_floor_is_what_geometry_says(now: Pose, pitch: float, glance: bool) -> None:
     camera = CAMERA.model_copy(update={"pitch": pitch})
     robot = ROBOT.model_copy(update={"camera": camera})
     given = pair(now, camera)
-    flow = derotate(FloorAlignedFlow(robot).compute(given), camera)
+    flow = derotate(FloorAlignedFlow(robot).compute(given, glance), camera)
     expected = floor_flow(flow.points, given.motion, camera)
     down = flow.points[..., 1] > 14.0 - camera.focal * math.tan(pitch)
     good = (flow.confidence > 0.0) & down
