@@ -12,7 +12,7 @@ from navfw.flow.refinement import RefinementParams, refine
 from navfw.offis.movers import direction_sigma, find_movers
 from navfw.offis.vigilance import Vigilance
 from navfw.robot import RobotModel
-from navfw.signals import Frame, FramePair, Mover, Odometry
+from navfw.signals import FlowField, Frame, FramePair, Mover, Odometry
 
 __all__ = ["Lookout"]
 
@@ -26,40 +26,54 @@ SMALL_CELLS = 25.0
 class Lookout:
     """Finds movers in the frames of ``robot``'s camera, one after the other.
 
-    ``among_people`` every frame is searched closely, elsewhere only while something moves.
+    ``closely`` every frame is searched, or else only while something moves. ``flow`` is what the
+    newest frame was searched by, the dense flow of its lower part, derotated; None if it was not.
     """
 
     def __init__(
-        self,
-        robot: RobotModel,
-        pairing: PairingParams,
-        odometer: Odometer,
-        among_people: bool = False,
+        self, robot: RobotModel, pairing: PairingParams, odometer: Odometer, closely: bool = False
     ) -> None:
         self._camera = robot.camera
         self._odometer = odometer
         self._frames = RecentFrames(robot, pairing)
         self._floor_aligned = FloorAlignedFlow(robot)
-        self._vigilance = Vigilance(among_people)
+        self._vigilance = Vigilance(closely)
+        self.flow: FlowField | None = None
 
     def reset(self) -> None:
         """Forget all frames."""
         self._frames.reset()
         self._vigilance.reset()
+        self.flow = None
 
     def look(self, frame: Frame, odometry: Odometry) -> tuple[Mover, ...]:
         """What moves by itself in ``frame``, taken at (about) the time of ``odometry``."""
+        self.flow = None
         if not self._floor_aligned.sees_floor:
             return ()
         self._frames.add(frame, odometry)
         if not self._vigilance.searches(frame.time):
             return ()
-        pair, calm = self._pair(), self._vigilance.calm(frame.time)
         movers: tuple[Mover, ...] = ()
-        if pair is not None and (not calm or self._search(pair, glance=True)):
-            movers = self._search(pair)
+        pair = self._pair()
+        if pair is not None and (not self._vigilance.calm(frame.time) or self._glance(pair)):
+            self.flow = self.aligned(pair)
+            movers = find_movers(self.flow, self._camera)
         self._vigilance.saw(movers, frame.time)
         return movers
+
+    def aligned(self, pair: FramePair, glance: bool = False) -> FlowField:
+        """Dense flow of the lower image, derotated."""
+        flow = self._floor_aligned.compute(pair, glance)
+        flow = replace(flow, motion=self._odometer.trusted(flow.motion))
+        params = RefinementParams(
+            direction_sigma=direction_sigma(flow.motion.baseline), overlap=SMALL_CELLS
+        )
+        return refine(flow, self._camera, params).apply(flow, self._camera)
+
+    def _glance(self, pair: FramePair) -> bool:
+        """Whether anything seems to move by itself between these frames."""
+        return bool(find_movers(self.aligned(pair, glance=True), self._camera))
 
     def _pair(self) -> FramePair | None:
         """Two frames a moment apart; a shorter one where much moves through the image."""
@@ -68,13 +82,3 @@ class Lookout:
         if near or pair is None or abs(pair.motion.translation[0]) <= ASIDE:
             return pair
         return self._frames.pair(near=True)
-
-    def _search(self, pair: FramePair, glance: bool = False) -> tuple[Mover, ...]:
-        """What moves by itself between these frames."""
-        flow = self._floor_aligned.compute(pair, glance)
-        flow = replace(flow, motion=self._odometer.trusted(flow.motion))
-        params = RefinementParams(
-            direction_sigma=direction_sigma(flow.motion.baseline), overlap=SMALL_CELLS
-        )
-        camera = self._camera
-        return find_movers(refine(flow, camera, params).apply(flow, camera), camera)

@@ -38,6 +38,7 @@ from navfw.signals import (
     Proposal,
     SensorReading,
     Sighting,
+    Standing,
     Twist,
     Waypoint,
 )
@@ -83,6 +84,7 @@ class StackState:
     flows: tuple[FlowField, ...] = ()
     percept: Percept | None = None
     movers: tuple[Mover, ...] = ()
+    standing: Standing | None = None
     waypoint: Waypoint | None = None
     path: tuple[Waypoint, ...] = ()
     proposals: Mapping[str, Proposal] | None = None
@@ -177,6 +179,8 @@ class Stack:
                 "sentence": state.percept.sentence,
                 "inference": dict(state.percept.explanation),
             }
+        if state.standing is not None:
+            explanation["standing"] = state.standing.explain()
         return explanation
 
     def start(self, pose: Pose | None, goals: Sequence[Waypoint]) -> None:
@@ -265,6 +269,7 @@ class Stack:
                     view.flows,
                     then.pose,
                     view.movers,
+                    view.standing,
                 )
                 # the planner hears of it at the next frame: data flow one way
                 queries = () if belief.lost else self.planner.queries
@@ -278,6 +283,7 @@ class Stack:
             flows=view.flows,
             percept=view.percept or self.state.percept,
             movers=view.movers,
+            standing=view.standing,
             waypoint=waypoint,
             path=path,
             proposals=self.mofis.proposals,

@@ -75,6 +75,9 @@ class StackSpec(BaseModel):
     movers: Annotated[
         bool, Field(description="look for what moves by itself, and keep out of its way")
     ] = False
+    standing: Annotated[
+        bool, Field(description="look for thin things that stand on the floor, in small columns")
+    ] = False
     floor_model: Annotated[
         bool,
         Field(
@@ -139,6 +142,7 @@ class StackConfig:
     derotate: bool = True
     floor_model: bool = True
     movers: bool = False
+    standing: bool = False
 
     def as_data(self) -> dict[str, Any]:
         """The resolved configuration as plain data; written as YAML it is a stack file again."""
@@ -155,6 +159,7 @@ class StackConfig:
             "refine": self.refine,
             "floor_model": self.floor_model,
             "movers": self.movers,
+            "standing": self.standing,
             "warmup": self.warmup,
             "oracle": self.oracle,
         }
@@ -233,6 +238,7 @@ def resolve(
         spec.derotate,
         spec.floor_model,
         spec.movers,
+        spec.standing,
     )
 
 

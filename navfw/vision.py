@@ -11,12 +11,16 @@ from navfw.flow.horizon import above_horizon
 from navfw.flow.refinement import refine
 from navfw.kinds import FlowProcessor, Perception
 from navfw.lookout import Lookout
+from navfw.offis.standing import find_standing
 from navfw.robot import RobotModel
-from navfw.signals import FlowField, Frame, Mover, Odometry, Percept
+from navfw.signals import FlowField, Frame, Mover, Odometry, Percept, Standing
 from navfw.stackfile import StackConfig
 from navfw.stopwatch import timed
 
 __all__ = ["View", "Vision"]
+
+FAR_ENOUGH = 0.05
+"""Baseline [m] from which the frames that movers are looked for in show standing things, too."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,12 +28,14 @@ class View:
     """What one frame shows, held against those before it.
 
     ``flows`` are the derotated flow fields of all useful pairs, ``percepts`` what OFFIS makes of
-    each; none while the robot has not moved. ``movers`` move by themselves.
+    each; none while the robot has not moved. ``movers`` move by themselves, ``standing`` is what
+    stands in small columns.
     """
 
     flows: tuple[FlowField, ...] = ()
     percepts: tuple[Percept, ...] = ()
     movers: tuple[Mover, ...] = ()
+    standing: Standing | None = None
 
     @property
     def percept(self) -> Percept | None:
@@ -56,11 +62,12 @@ class Vision:
         self._config = config
         self._odometer = odometer
         self._frames = FrameBuffer(robot, config.pairing)
+        self._stands = config.standing and config.floor_model and config.derotate
         eyes = (robot, *(robot.with_camera(side) for side in robot.side_cameras))
         self._lookouts = tuple(
-            Lookout(eye, config.pairing, odometer, among_people=len(eyes) > 1)
+            Lookout(eye, config.pairing, odometer, closely=len(eyes) > 1 or self._stands)
             for eye in eyes
-            if config.movers
+            if config.movers or self._stands
         )
 
     def reset(self) -> None:
@@ -84,16 +91,28 @@ class Vision:
             flows.append(flow)
         with timed(self.timings, "movers"):
             movers = self._movers(frame, odometry)
-        return View(tuple(flows), tuple(percepts), movers)
+            standing = self._standing() if self._stands else None
+        return View(tuple(flows), tuple(percepts), movers, standing)
 
     def _movers(self, frame: Frame, odometry: Odometry) -> tuple[Mover, ...]:
         """What moves by itself, ahead and in the side views."""
         images = (frame.image, *frame.sides)
-        return tuple(
+        movers = [
             mover
             for lookout, image in zip(self._lookouts, images, strict=False)
             for mover in lookout.look(Frame(frame.time, image), odometry)
-        )
+        ]
+        return tuple(movers) if self._config.movers else ()
+
+    def _standing(self) -> Standing | None:
+        """What stands in the newest frame, in small columns."""
+        ahead = self._lookouts[0]
+        flow = ahead.flow
+        if flow is None or flow.motion.baseline < FAR_ENOUGH:
+            # too little way since a moment ago to tell distances by
+            pairs = self._frames.pairs()
+            flow = ahead.aligned(pairs[0]) if pairs else None
+        return None if flow is None else find_standing(flow, self._robot.camera)
 
     def _derotated(self, flow: FlowField) -> FlowField:
         """``flow`` without its rotational part, the gyro's word refined by the flow itself.

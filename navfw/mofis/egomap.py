@@ -18,7 +18,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from navfw.mofis.evidence import cast_evidence, forget_view, merge_evidence, rays_of
 from navfw.mofis.tracks import Disc
 from navfw.robot import RobotModel
-from navfw.signals import Array, Mask, Percept, Pose
+from navfw.signals import Array, Mask, Percept, Pose, Standing
 
 __all__ = ["EgoMap", "EgoMapParams"]
 
@@ -180,6 +180,38 @@ class EgoMap:
             confidence * _FREES[label],
             self._limits,
         )
+        self._merge()
+
+    def enter_standing(self, standing: Standing, pose: Pose) -> None:
+        """Enter what stands in small columns, seen from odom ``pose``: it says hit, never free."""
+        p, camera = self.params, self.robot.camera
+        kept = (standing.confidence > 0.0) & (standing.nearness > 1e-3)
+        if not kept.any():
+            return
+        slope, confidence = standing.slope[kept], standing.confidence[kept]
+        c, s = math.cos(pose.yaw), math.sin(pose.yaw)
+        rays = np.stack([c - s * slope, s + c * slope, np.zeros(slope.size)], axis=1)
+        cast_evidence(
+            self._hit,
+            self._free,
+            self.origin[0],
+            self.origin[1],
+            p.cell,
+            pose.x + c * camera.mount_forward,
+            pose.y + s * camera.mount_forward,
+            camera.mount_height,
+            rays,
+            standing.nearness[kept],
+            np.maximum(standing.sigma[kept], _SHARPEST),
+            confidence,
+            np.zeros(slope.size),
+            self._limits,
+        )
+        self._merge()
+
+    def _merge(self) -> None:
+        """Join a frame's layers with what is remembered."""
+        p = self.params
         merge_evidence(self.evidence, self._hit, self._free, p.hit, p.free, p.least, p.most)
         self._clearance = self._known = self._familiar = None
 

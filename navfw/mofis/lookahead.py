@@ -48,7 +48,7 @@ class LookaheadParams(BaseModel):
     ] = 0.25
     margin: Annotated[
         float, Field(ge=0.0, le=0.3, description="clearance of the rim below which none passes [m]")
-    ] = 0.03
+    ] = 0.04
 
 
 @dataclass(frozen=True, slots=True)

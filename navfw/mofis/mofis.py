@@ -33,6 +33,7 @@ from navfw.signals import (
     Percept,
     Pose,
     Proposal,
+    Standing,
     Twist,
     Waypoint,
 )
@@ -139,12 +140,13 @@ class Mofis:
         flows: Sequence[FlowField] = (),
         seen_from: Pose | None = None,
         movers: Sequence[Mover] = (),
+        standing: Standing | None = None,
     ) -> Command:
         """The command for now, from the newest ``percepts`` (may be none) and ``waypoint``.
 
         ``flows`` are the derotated flow fields of the percepts; ``seen_from`` is where the robot
         was in odom when their frame was taken, if that was not just now; ``movers`` were seen in
-        that frame.
+        that frame, and ``standing`` things in its small columns.
         """
         if not self.params.memory:
             self.egomap.reset()
@@ -157,6 +159,8 @@ class Mofis:
                 self.egomap.enter(percept, eye)
                 self.passages.enter(percept, eye)
                 self._percept = percept
+        if standing is not None:
+            self.egomap.enter_standing(standing, eye)
         self.tracks.see(movers, eye)
         self.tracks.forget(odometry.time, odometry.pose)
         drops = self.passages.drops.discs() if self.params.memory else ()

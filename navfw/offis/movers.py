@@ -34,8 +34,6 @@ BORDER = 9.0
 """Cells nearer to the lower border than this show no feet [px]: flow is not known there."""
 BELOW = 0.8
 """What reaches below the image stands nearer than the nearest floor in it, by about this factor."""
-AT_HAND = 0.2
-"""Depth [m] at which nothing stands that is seen whole."""
 STANDING = 0.002
 """Baseline [m] below which the camera stands, and nothing at rest shows any flow."""
 SPEEDS = 0.08, 1.5
@@ -48,7 +46,7 @@ FLOW_ERROR = 0.5
 
 def direction_sigma(baseline: float) -> float:
     """Error [rad] of the direction the camera moved in; large where ``baseline`` [m] is short."""
-    return min(0.02 + 0.0005 / max(baseline, 1e-4), 1.0)
+    return min(0.03 + 0.003 / max(baseline, 1e-4), 1.0)
 
 
 def find_movers(flow: FlowField, camera: CameraModel) -> tuple[Mover, ...]:
@@ -62,7 +60,7 @@ def find_movers(flow: FlowField, camera: CameraModel) -> tuple[Mover, ...]:
     if flow.motion.dt <= 0.0:
         return ()
     fall = fall_per_depth(flow.points, camera)
-    odd = _impossible_length(flow, fall, camera)
+    odd = _falls_short_of_floor(flow, fall, camera)
     if flow.contradiction is not None:
         odd |= flow.contradiction > 0.0
     if np.count_nonzero(odd) < LEAST_CELLS:
@@ -78,13 +76,10 @@ def find_movers(flow: FlowField, camera: CameraModel) -> tuple[Mover, ...]:
     return tuple(sorted(movers, key=lambda mover: -mover.bearing))
 
 
-def _impossible_length(flow: FlowField, fall: Array, camera: CameraModel) -> Mask:
-    """(rows, cols) where flow is less than even the floor's, or more than what is at hand has.
-
-    While the camera stands, any flow is too much.
-    """
+def _falls_short_of_floor(flow: FlowField, fall: Array, camera: CameraModel) -> Mask:
+    """(rows, cols) where flow is less than even the floor's, or there is any while standing."""
     motion = flow.motion
-    odd = _impossible_vectors(
+    odd = _short_vectors(
         _flat(flow.points).reshape(-1, 2),
         _flat(flow.vectors).reshape(-1, 2),
         _flat(flow.sigma),
@@ -100,7 +95,7 @@ def _impossible_length(flow: FlowField, fall: Array, camera: CameraModel) -> Mas
 
 
 @numba.njit(cache=True)
-def _impossible_vectors(
+def _short_vectors(
     points: Array,
     vectors: Array,
     sigma: Array,
@@ -112,10 +107,9 @@ def _impossible_vectors(
     standing: bool,
     astray: tuple[float, float],
 ) -> Mask:
-    """(n,) which trusted ``vectors`` (n, 2) [px] no thing can have that stands on the floor.
+    """(n,) which trusted ``vectors`` (n, 2) [px] fall short of those of a floor that falls away.
 
-    Neither what is farther than the floor it hides (``fall`` (n,) is ``fall_per_depth``) nor what
-    is nearer than ``AT_HAND``. ``astray`` is the error of the yaw and of the direction driven
+    ``fall`` (n,) is ``fall_per_depth``, ``astray`` the error of the yaw and of the direction driven
     [rad].
     """
     yaw_sigma, direction = astray
@@ -130,24 +124,16 @@ def _impossible_vectors(
             turning = yaw_sigma * (focal + x * x / focal)
             odd[i] = length > CERTAIN * (math.hypot(sigma[i], turning) + 2.0 * DOUBT)
             continue
+        if not fall[i] > 0.0:
+            continue
         away_x, away_y = x * tz - focal * tx, y * tz - focal * ty
+        nearness = fall[i] / height
         lever = math.hypot(away_x, away_y)
+        floor = lever * nearness / (1.0 + tz * nearness)
         along = (away_x * u + away_y * v) / max(lever, 1e-9)
-        least = lever / (height / fall[i] + tz) if fall[i] > 0.0 else 0.0
-        most = lever / (AT_HAND + tz)
-        short = least * (1.0 - SLIP) - along
-        long = along - most * (1.0 + SLIP)
-        if fall[i] > 0.0 and short > 0.0:
-            odd[i] = short > CERTAIN * _unsure(sigma[i], direction * (length - least))
-        elif long > 0.0:
-            odd[i] = long > CERTAIN * _unsure(sigma[i], direction * (length - most))
+        unsure = math.hypot(sigma[i], direction * (length - floor)) + DOUBT
+        odd[i] = along < floor * (1.0 - SLIP) - CERTAIN * unsure
     return odd
-
-
-@numba.njit(cache=True)
-def _unsure(sigma: float, astray: float) -> float:
-    """One standard deviation [px] of a vector of that ``sigma``, led ``astray`` so far."""
-    return math.hypot(sigma, astray) + DOUBT
 
 
 def _flat(values: Array) -> Array:

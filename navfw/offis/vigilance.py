@@ -18,11 +18,11 @@ NEAR = 0.9
 class Vigilance:
     """Every frame is searched while something moves; while all is calm, every other at a glance.
 
-    Who comes into view is then met with some frames later. ``among_people`` it is never calm.
+    Who comes into view is then met with some frames later. ``closely`` it is never calm.
     """
 
-    def __init__(self, among_people: bool = False) -> None:
-        self._among_people = among_people
+    def __init__(self, closely: bool = False) -> None:
+        self._closely = closely
         self.reset()
 
     def reset(self) -> None:
@@ -38,7 +38,7 @@ class Vigilance:
 
     def calm(self, now: float) -> bool:
         """Whether a glance at the frame of ``now`` [s] will do, unless it shows something."""
-        return not self._among_people and now - self._moved_at > CALM
+        return not self._closely and now - self._moved_at > CALM
 
     def searches(self, now: float) -> bool:
         """Whether to search the frame of ``now`` [s], the next one."""

@@ -33,6 +33,7 @@ from navfw.signals.percepts import (
     Label,
     Mover,
     Percept,
+    Standing,
 )
 from navfw.signals.places import (
     Belief,
@@ -73,6 +74,7 @@ __all__ = [
     "Proposal",
     "SensorReading",
     "Sighting",
+    "Standing",
     "Twist",
     "Waypoint",
     "position_sigma",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
@@ -12,7 +13,7 @@ import numpy.typing as npt
 
 from navfw.signals.geometry import Array
 
-__all__ = ["Label", "Mover", "Percept"]
+__all__ = ["Label", "Mover", "Percept", "Standing"]
 
 
 class Label(IntEnum):
@@ -99,3 +100,33 @@ class Percept:
         Made on request: a percept that nobody asks costs nothing.
         """
         return {"sentence": self.sentence, **self.explanation}
+
+
+@dataclass(frozen=True, slots=True)
+class Standing:
+    """What stands upright on the floor, seen at ``time`` [s] in columns of small cells.
+
+    Arrays (n,), by column: ``slope`` [m/m] is how far left its ray leads per metre ahead,
+    ``nearness`` [1/m] the inverse of the distance ahead of the camera, ``sigma`` [1/m] one standard
+    deviation, ``confidence`` in [0, 1] is 0 where nothing is known to stand.
+    """
+
+    time: float
+    slope: Array
+    nearness: Array
+    sigma: Array
+    confidence: Array
+
+    def explain(self) -> list[dict[str, float]]:
+        """The columns that say anything, from left to right, as plain data."""
+        return [
+            {
+                "bearing_deg": math.degrees(math.atan(slope)),
+                "ahead_m": 1.0 / nearness,
+                "confidence": confidence,
+            }
+            for slope, nearness, confidence in zip(
+                self.slope.tolist(), self.nearness.tolist(), self.confidence.tolist(), strict=True
+            )
+            if confidence > 0.0
+        ]

@@ -35,6 +35,12 @@ MARGIN = 0.06
 
 ROBOT = RobotModel()
 
+QUICK = ROBOT.model_copy(update={"max_v": 1.2})
+"""The robot for fields of poles: BARN's score counts time against a robot of 2 m/s."""
+
+THICKET = "thicket"
+"""The stack for fields of poles."""
+
 
 class Unsuitable(Exception):  # noqa: N818 - not an error: the next sub-seed is tried
     """These draws gave no world with a passage."""
@@ -84,6 +90,8 @@ class Draft:
     topo_map: TopoMap | None = None
     clearance: float = ROBOT.radius + MARGIN
     time_allowance: float = 30.0
+    robot: RobotModel = ROBOT
+    stack: str | None = None
 
     @classmethod
     def begin(cls, rng: np.random.Generator, width: float, depth: float) -> Draft:

@@ -11,7 +11,6 @@ import numpy as np
 
 from navfw.errors import InputError, UnknownNameError, WorldError
 from navfw.missions.missionfile import MissionSpec, goals_map
-from navfw.robot import SideViews
 from navfw.sim.worldcheck import check_world
 from navfw.worldgen.draft import ROBOT, Draft, Unsuitable
 from navfw.worldgen.model import MAP_FILE, GeneratedWorld
@@ -115,7 +114,8 @@ def _mission(draft: Draft, family: str, difficulty: float, shortest: float) -> M
     }
     if draft.topo_map is not None:
         data["map"] = f"../{MAP_FILE}"
-    if draft.movers:
-        # people come from the side, too
-        data["robot"] = ROBOT.model_copy(update={"side_views": SideViews()})
+    if draft.robot is not ROBOT:
+        data["robot"] = draft.robot
+    if draft.stack is not None:
+        data["stack"] = draft.stack
     return MissionSpec.model_validate(data)

@@ -7,14 +7,18 @@ from itertools import pairwise
 
 import numpy as np
 
+from navfw.robot import SideViews
 from navfw.sim.floorplan import FloorPlan
 from navfw.sim.shapes import Disc, Rectangle
 from navfw.sim.worldfile import MoverSpec
-from navfw.worldgen.draft import Draft, Point, Unsuitable, blend
+from navfw.worldgen.draft import ROBOT, Draft, Point, Unsuitable, blend
 
 __all__ = ["build"]
 
 _RADIUS, _HEIGHT = 0.25, 1.7
+
+WIDE_EYED = ROBOT.model_copy(update={"side_views": SideViews()})
+"""A robot for places where people walk: they come from the side, too."""
 
 
 def build(rng: np.random.Generator, difficulty: float) -> Draft:
@@ -32,6 +36,7 @@ def build(rng: np.random.Generator, difficulty: float) -> Draft:
     walkers = sum(not mover.yields for mover in draft.movers)
     draft.description = f"A hall where {count} people walk, {walkers} of whom do not yield."
     draft.time_allowance = 45.0
+    draft.robot = WIDE_EYED
     return draft
 
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from navfw.mofis.egomap import EgoMap, EgoMapParams
 from navfw.robot import RobotModel
-from navfw.signals import Label, Percept, Pose
+from navfw.signals import Label, Percept, Pose, Standing
 
 ROBOT = RobotModel()
 CAMERA_AHEAD = ROBOT.camera.mount_forward
@@ -186,3 +186,37 @@ def test_familiar_is_what_has_known_floor_beside_it() -> None:
     assert egomap.familiar[row, column] == 1
     assert egomap.known[row + 6, column] == 1
     assert egomap.familiar[row + 6, column] == 0
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.floats(-3, 3), st.floats(-3, 3), st.floats(-3.1, 3.1), st.floats(-0.8, 0.8))
+def test_what_stands_in_a_small_column_appears_where_it_stands(
+    x: float, y: float, yaw: float, slope: float
+) -> None:
+    pose, ahead = Pose(x, y, yaw), 0.8
+    column = np.array([slope, slope])
+    near = np.full(2, 1.0 / ahead)
+    # the second column is nobody's word
+    standing = Standing(0.0, column, near, 0.08 * near, np.array([1.0, 0.0]))
+    egomap = EgoMap(ROBOT)
+    for k in range(6):
+        egomap.move(pose, 0.1 * k)
+        egomap.enter_standing(standing, pose)
+    place = pose.to_parent(CAMERA_AHEAD + ahead, slope * ahead)
+    row, column_index = egomap.index(*place)
+    assert egomap.occupied[row - 1 : row + 2, column_index - 1 : column_index + 2].any()
+    rows, columns = np.nonzero(egomap.occupied)
+    cell = egomap.params.cell
+    far = np.hypot(
+        egomap.origin[0] + cell * columns - place[0], egomap.origin[1] + cell * rows - place[1]
+    )
+    assert (far < 0.2 * math.hypot(1.0, slope)).all()
+    # it says nothing of what is free
+    assert egomap.known.sum() == np.count_nonzero(_bare(pose).known)
+
+
+def _bare(pose: Pose) -> EgoMap:
+    egomap = EgoMap(ROBOT)
+    for k in range(6):
+        egomap.move(pose, 0.1 * k)
+    return egomap

@@ -104,13 +104,6 @@ def test_who_keeps_its_bearing_falls_short_of_the_floor() -> None:
     assert movers[0].velocity()[0] > 0.4
 
 
-def test_who_comes_at_a_robot_that_creeps_flows_too_fast_for_what_stands() -> None:
-    # as fast as something much nearer than anything at rest could be, and yet far off
-    movers = find_movers(scene(0.01, (1.2, 0.5, 0.5), (-0.6, 0.0)), CAMERA)
-    assert len(movers) == 1
-    assert movers[0].velocity()[0] < -0.3
-
-
 @pytest.mark.parametrize("side", [0, 1])
 @pytest.mark.parametrize("way", [0.0, 0.04])
 def test_who_is_seen_aside_has_its_bearing_and_velocity_from_ahead(side: int, way: float) -> None:

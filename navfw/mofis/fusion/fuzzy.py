@@ -45,7 +45,7 @@ class FuzzyFusion(Fusion):
         ] = 0.5
         level: Annotated[
             float, Field(gt=0.0, lt=1.0, description="share of the best that joins its region")
-        ] = 0.6
+        ] = 0.8
         loyalty: Annotated[
             float, Field(ge=0.0, le=2.0, description="bonus of the region chosen last time")
         ] = 0.3
