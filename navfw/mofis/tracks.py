@@ -26,6 +26,8 @@ EDGE = math.radians(7.0)
 """At the border of the view movers are seen in part, or not at all [rad]."""
 TWINS = 0.45
 """Two people do not come nearer to each other than this [m]."""
+ROUGH = 0.06
+"""A mover is no disc, and seen in part from near [m]."""
 FARTHEST = 2.0
 """Farther off [m] movers are often overlooked."""
 
@@ -75,7 +77,7 @@ class Disc:
     radius: float
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
 class Track:
     """One mover: ``state`` (x, y, vx, vy) [m, m/s] in odom at ``time`` [s], with its covariance.
 
@@ -146,14 +148,18 @@ class Tracks:
             self._drop_twins(track)
 
     def _drop_twins(self, track: Track) -> None:
-        """Drop what was taken for somebody else and stands where this ``track`` was just seen."""
-        self.tracks = [
+        """Drop what was taken for somebody else and stands where this ``track`` was just seen.
+
+        Both are the same mover, who was seen as often as the one of them that was seen oftener.
+        """
+        here = track.at(track.time)
+        twins = [
             other
             for other in self.tracks
-            if other is track
-            or other.time == track.time
-            or math.dist(other.at(track.time), track.at(track.time)) > TWINS
+            if other.time != track.time and math.dist(other.at(track.time), here) <= TWINS
         ]
+        track.seen = max((track.seen, *(twin.seen for twin in twins)))
+        self.tracks = [other for other in self.tracks if other not in twins]
 
     def forget(self, time: float, pose: Pose) -> None:
         """Drop those not seen for long, where a robot at odom ``pose`` would see them or not."""
@@ -192,7 +198,7 @@ class Tracks:
         c, s = math.cos(pose.yaw), math.sin(pose.yaw)
         turn = np.array([[c, -s], [s, c]])
         sight = turn @ np.array([[ahead, -aside], [aside, ahead]])
-        spread = np.array([p.distance_sigma * mover.distance, p.bearing_sigma * away])
+        spread = np.hypot([p.distance_sigma * mover.distance, p.bearing_sigma * away], ROUGH)
         return _Sighting(
             mover.time,
             np.array(place),

@@ -138,6 +138,17 @@ def test_a_second_track_of_the_same_mover_is_dropped() -> None:
     assert len(tracks.tracks) == 1
 
 
+def test_who_is_suddenly_seen_elsewhere_is_still_believed() -> None:
+    tracks = Tracks(ROBOT)
+    for k in range(5):
+        tracks.see([seen(0.1 * k, 0.0, 0.8)], START)
+    # only a part of it is seen from so near: too far off for the gate, too near for another
+    tracks.see([seen(0.5, 0.3, 0.52, width=0.2)], START)
+    (track,) = tracks.tracks
+    assert track.seen == 5
+    assert tracks.believed == (track,)
+
+
 def test_what_movers_take_is_occupied_until_they_are_gone() -> None:
     egomap = EgoMap(ROBOT)
     egomap.move(Pose(0, 0, 0), 0.0)
