@@ -26,6 +26,8 @@ EDGE = math.radians(7.0)
 """At the border of the view movers are seen in part, or not at all [rad]."""
 TWINS = 0.45
 """Two people do not come nearer to each other than this [m]."""
+AGO, OVERLAP = 0.25, 0.03
+"""Who was seen so long ago [s] and would by now be so deep [m] in the robot has gone elsewhere."""
 ROUGH = 0.06
 """A mover is no disc, and seen in part from near [m]."""
 FARTHEST = 2.0
@@ -121,6 +123,7 @@ class Tracks:
         self.params = params or TrackParams()
         camera = self._camera = robot.camera
         self._aside = robot.seen_aside
+        self._radius = robot.radius
         lowest = math.atan(0.5 * camera.height / camera.focal) + camera.pitch
         # nearer than this the feet are below the image
         self._reach = (
@@ -168,7 +171,13 @@ class Tracks:
             track
             for track in self.tracks
             if time - track.time <= (p.linger if self._in_view(track, time, pose) else p.memory)
+            and self._may_be(track, time, pose)
         ]
+
+    def _may_be(self, track: Track, time: float, pose: Pose) -> bool:
+        """Whether it can be where it is expected: not, some time after, where the robot stands."""
+        away = math.dist(track.at(time), (pose.x, pose.y))
+        return time - track.time <= AGO or away > self._radius + track.radius - OVERLAP
 
     @property
     def believed(self) -> tuple[Track, ...]:

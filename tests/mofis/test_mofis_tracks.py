@@ -162,3 +162,14 @@ def test_what_movers_take_is_occupied_until_they_are_gone() -> None:
     assert egomap.beside(())[cell] == before
     assert not egomap.occupied[cell]
     assert egomap.clearance[cell] == before
+
+
+def test_nobody_is_remembered_where_the_robot_stands() -> None:
+    tracks = Tracks(ROBOT)
+    walk(tracks, 1.0, 0.5)
+    (track,) = tracks.tracks
+    here = Pose(*track.at(track.time + 0.5), 0.0)
+    tracks.forget(track.time + 0.1, here)
+    assert tracks.tracks == [track], "just seen: it may be beside"
+    tracks.forget(track.time + 0.5, here)
+    assert tracks.tracks == []
