@@ -162,9 +162,43 @@ class EgoMap:
             points.reshape(-1, 2)[kept], third, camera.focal, self._base_from_camera, pose.yaw
         )
 
-        c, s = math.cos(pose.yaw), math.sin(pose.yaw)
-        at = pose.x + c * camera.mount_forward, pose.y + s * camera.mount_forward
+        at = self._eye(pose)
         self._forget_view(at, pose.yaw, percept.time)
+        hit, free = confidence * self._hits[label], confidence * _FREES[label]
+        self._cast(at, rays, nearness, sigma, hit, free)
+
+    def enter_standing(self, standing: Standing, pose: Pose) -> None:
+        """Enter what stands in small columns, seen from odom ``pose``: it says hit, never free."""
+        kept = (standing.confidence > 0.0) & (standing.nearness > 1e-3)
+        if not kept.any():
+            return
+        slope = standing.slope[kept]
+        c, s = math.cos(pose.yaw), math.sin(pose.yaw)
+        rays = np.stack([c - s * slope, s + c * slope, np.zeros(slope.size)], axis=1)
+        self._cast(
+            self._eye(pose),
+            rays,
+            standing.nearness[kept],
+            np.maximum(standing.sigma[kept], _SHARPEST),
+            standing.confidence[kept],
+            np.zeros(slope.size),
+        )
+
+    def _eye(self, pose: Pose) -> tuple[float, float]:
+        """Where the camera is in odom [m]."""
+        return pose.to_parent(self.robot.camera.mount_forward, 0.0)
+
+    def _cast(
+        self,
+        at: tuple[float, float],
+        rays: Array,
+        nearness: Array,
+        sigma: Array,
+        hit: Array,
+        free: Array,
+    ) -> None:
+        """Join a frame's sightings with what is remembered; see ``cast_evidence``."""
+        p = self.params
         cast_evidence(
             self._hit,
             self._free,
@@ -172,46 +206,14 @@ class EgoMap:
             self.origin[1],
             p.cell,
             *at,
-            camera.mount_height,
+            self.robot.camera.mount_height,
             rays,
             nearness,
             sigma,
-            confidence * self._hits[label],
-            confidence * _FREES[label],
+            hit,
+            free,
             self._limits,
         )
-        self._merge()
-
-    def enter_standing(self, standing: Standing, pose: Pose) -> None:
-        """Enter what stands in small columns, seen from odom ``pose``: it says hit, never free."""
-        p, camera = self.params, self.robot.camera
-        kept = (standing.confidence > 0.0) & (standing.nearness > 1e-3)
-        if not kept.any():
-            return
-        slope, confidence = standing.slope[kept], standing.confidence[kept]
-        c, s = math.cos(pose.yaw), math.sin(pose.yaw)
-        rays = np.stack([c - s * slope, s + c * slope, np.zeros(slope.size)], axis=1)
-        cast_evidence(
-            self._hit,
-            self._free,
-            self.origin[0],
-            self.origin[1],
-            p.cell,
-            pose.x + c * camera.mount_forward,
-            pose.y + s * camera.mount_forward,
-            camera.mount_height,
-            rays,
-            standing.nearness[kept],
-            np.maximum(standing.sigma[kept], _SHARPEST),
-            confidence,
-            np.zeros(slope.size),
-            self._limits,
-        )
-        self._merge()
-
-    def _merge(self) -> None:
-        """Join a frame's layers with what is remembered."""
-        p = self.params
         merge_evidence(self.evidence, self._hit, self._free, p.hit, p.free, p.least, p.most)
         self._clearance = self._known = self._familiar = None
 

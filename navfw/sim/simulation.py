@@ -8,10 +8,6 @@ from __future__ import annotations
 
 import math
 import time as wall
-from collections import deque
-from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import accumulate
 from types import TracebackType
 from typing import Literal
 
@@ -21,7 +17,7 @@ from navfw.errors import SimulationError, WorldError
 from navfw.robot import RobotModel
 from navfw.signals import Array, CameraMotion, Frame, Image, Pose, SensorReading, wrap_angle
 from navfw.sim.actions import Action, DoorChange, Obstacle, Textureless
-from navfw.sim.camera import Camera, DepthImage
+from navfw.sim.camera import DepthImage
 from navfw.sim.changes import Changes, ChangeTrack
 from navfw.sim.display import Display
 from navfw.sim.drops import fallen_into
@@ -29,6 +25,7 @@ from navfw.sim.engine import bullet
 from navfw.sim.faults import Faults
 from navfw.sim.floorplan import FloorPlan
 from navfw.sim.movers import Mover, MoverTrack, caused_by_robot
+from navfw.sim.rig import BodyState, CameraRig, Dice, Timings
 from navfw.sim.robot_body import RobotBody
 from navfw.sim.scene import Scene
 from navfw.sim.scenery import Scenery
@@ -41,20 +38,7 @@ __all__ = ["PHYSICS_RATE", "Simulation", "Timings"]
 PHYSICS_RATE = 240
 """Physics steps per second."""
 _SETTLING_STEPS = 60
-_REMEMBERED_VIEWS = 64
 _GRAVITY = 9.81
-
-
-@dataclass(slots=True)
-class Timings:
-    """Wall time [s] spent so far, and how often: what the loop cannot do without, and the rest."""
-
-    render: float = 0.0
-    physics: float = 0.0
-    sensors: float = 0.0
-    landmarks: float = 0.0
-    frames: int = 0
-    steps: int = 0
 
 
 class Simulation:
@@ -91,7 +75,6 @@ class Simulation:
         self.time = 0.0
         self._client = _connect(gui)
         self._steps = 0
-        self._frames = 0
         self._contacts: set[str] = set()
         self._cause: Literal["robot", "mover"] | None = None
         self._last_pose = start
@@ -99,18 +82,11 @@ class Simulation:
         self._mover_times: list[float] = []
         self._mover_points: list[Array] = []
         self._reading: SensorReading | None = None
-        # where the camera truly was: (time, position in the map, (3, 3) its axes in the map)
-        self._views: deque[tuple[float, Array, Array]] = deque(maxlen=_REMEMBERED_VIEWS)
-        self._raw_depth: np.ndarray[tuple[int, ...], np.dtype[np.float32]] | None = None
         # one generator for each component: more of one component's draws never shift another's
         for_camera, for_gyro, for_encoders, for_faults, for_landmarks, for_their_faults = (
             np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(6)
         )
         self._faults = Faults(for_faults)
-        # the same camera: what befalls its frames befalls those for landmarks as well
-        self._landmark_faults = Faults(for_their_faults)
-        self._landmark_frames = 0
-        self._landmark_camera: Camera | None = None
         try:
             bullet.setGravity(0.0, 0.0, -_GRAVITY, physicsClientId=self._client)
             bullet.setTimeStep(1.0 / PHYSICS_RATE, physicsClientId=self._client)
@@ -121,28 +97,16 @@ class Simulation:
             self._scene = Scene(world, self._client, scenery)
             self._changes = Changes(world, self._scene)
             self._body = RobotBody(robot, self._client, start)
-            self._camera = Camera(
-                robot.camera,
+            self._rig = CameraRig(
+                robot,
                 world.light,
                 scenery,
-                for_camera,
-                sensors.image_noise,
-                sensors.supersample,
+                sensors,
+                Dice(for_camera, for_landmarks, for_their_faults),
+                self._faults,
+                self.timings,
+                landmark_frames,
             )
-            # one sensor takes them together with the camera's image, and adds the noise to all
-            self._side_cameras = tuple(
-                Camera(side, world.light, scenery, for_camera, 0.0, sensors.supersample)
-                for side in robot.side_cameras
-            )
-            if landmark_frames:
-                self._landmark_camera = Camera(
-                    robot.landmark_view,
-                    world.light,
-                    scenery,
-                    for_landmarks,
-                    sensors.image_noise,
-                    sensors.supersample,
-                )
             self._gyro = Gyro(sensors, for_gyro)
             self._encoders = WheelEncoders(sensors, robot, for_encoders)
             self._settle()
@@ -180,8 +144,9 @@ class Simulation:
             self._encoders.read(self.time, dt, self._body.wheel_angles())
         )
         self.timings.sensors += wall.perf_counter() - begun
-        taken = self._take_frame()
-        landmark_frame = self._take_landmark_frame(taken is not None)
+        body = self._seen_from() if self._rig.is_due(self.time) else None
+        taken = None if body is None else self._rig.take(self.time, body)
+        landmark_frame = self._rig.take_for_landmarks(self.time, body)
         frame = self._faults.transport(self.time, taken)
         self._reading = SensorReading(self.time, inertial, encoders, frame, landmark_frame)
         return self._reading
@@ -198,7 +163,7 @@ class Simulation:
             self._changes.begin(action, self.true_pose())
         else:
             self._faults.begin(action)
-            self._landmark_faults.begin(action)
+            self._rig.landmark_faults.begin(action)
         self._settle_events()
 
     def end(self, action: Action) -> None:
@@ -207,15 +172,12 @@ class Simulation:
             self._changes.end(action)
         else:
             self._faults.end(action)
-            self._landmark_faults.end(action)
+            self._rig.landmark_faults.end(action)
         self._settle_events()
 
     def _settle_events(self) -> None:
         self._changes.update(self.time, self.true_pose(), self.robot.radius)
-        for camera in (self._camera, *self._side_cameras):
-            camera.adjust(self._faults.light, self._faults.hfov_error)
-        if self._landmark_camera is not None:
-            self._landmark_camera.adjust(self._faults.light, self._faults.hfov_error)
+        self._rig.adjust()
         self._encoders.more_slip = self._faults.slip
 
     def advance(self, dt: float) -> None:
@@ -325,9 +287,7 @@ class Simulation:
 
     def true_depth(self) -> DepthImage:
         """Depth (height, width) [m] of the last frame's view, inf where there is nothing."""
-        if self._raw_depth is None:
-            raise SimulationError("no frame has been taken yet")
-        return self._camera.depth(self._raw_depth)
+        return self._rig.true_depth()
 
     def true_motion(self, past: Frame, now: Frame) -> CameraMotion:
         """How the camera truly moved between two of the last frames, pitch and roll included.
@@ -336,60 +296,21 @@ class Simulation:
             SimulationError: one of the frames is not, or too old to be remembered.
 
         """
-        views = {time: (position, axes) for time, position, axes in self._views}
-        if past.time not in views or now.time not in views:
-            raise SimulationError(f"no view of {past.time:.3f} s or {now.time:.3f} s is remembered")
-        (from_position, from_axes), (to_position, to_axes) = views[past.time], views[now.time]
-        return CameraMotion(
-            rotation=to_axes.T @ from_axes,
-            translation=to_axes.T @ (to_position - from_position),
-            dt=now.time - past.time,
-        )
+        return self._rig.true_motion(past, now)
 
     def look_from(self, pose: Pose) -> tuple[Image, DepthImage]:
         """Image without noise and depth [m] as the camera would see them from another pose."""
         turn = (0.0, 0.0, math.sin(0.5 * pose.yaw), math.cos(0.5 * pose.yaw))
         self._scene.show_movers()
-        image, raw = self._camera.render((pose.x, pose.y, 0.0), turn)
-        return image, self._camera.depth(raw)
+        image, raw = self._rig.camera.render((pose.x, pose.y, 0.0), turn)
+        return image, self._rig.camera.depth(raw)
 
     # ------------------------------------------------------------------------------------------
 
-    def _take_frame(self) -> Frame | None:
-        """A frame, if the camera's next one is due (the first is due at time 0)."""
-        if self.time * self.robot.camera.rate < self._frames - 1e-6:
-            return None
-        begun = wall.perf_counter()
-        position, turn = self._body.state()
+    def _seen_from(self) -> BodyState:
+        """Where the body is, with the movers in the picture."""
         self._scene.show_movers()
-        clean, self._raw_depth = self._camera.render(position, turn)
-        self._views.append((self.time, *self._camera.placed(position, turn)))
-        parts = [clean, *(side.render(position, turn)[0] for side in self._side_cameras)]
-        rendered = wall.perf_counter()
-        whole = np.concatenate(parts, axis=1) if self._side_cameras else clean
-        exposed = self._camera.expose(self._faults.through_lens(whole))
-        image, *sides = _parted(self._faults.from_sensor(exposed), parts)
-        self._frames = math.floor(self.time * self.robot.camera.rate + 1e-6) + 1
-        self.timings.frames += 1
-        self.timings.render += rendered - begun
-        self.timings.sensors += wall.perf_counter() - rendered
-        return Frame(self.time, image, tuple(sides))
-
-    def _take_landmark_frame(self, frame_taken: bool) -> Frame | None:
-        """A landmark frame, if somebody wants them and the next is due, beside a usual frame."""
-        camera = self._landmark_camera
-        if camera is None:
-            return None
-        frame = None
-        if frame_taken and self.time * camera.model.rate >= self._landmark_frames - 1e-6:
-            begun = wall.perf_counter()
-            clean, _ = camera.render(*self._body.state())
-            finer = camera.model.focal / self._camera.model.focal
-            self.timings.landmarks += wall.perf_counter() - begun
-            exposed = camera.expose(self._landmark_faults.through_lens(clean, finer))
-            frame = Frame(self.time, self._landmark_faults.from_sensor(exposed))
-            self._landmark_frames = math.floor(self.time * camera.model.rate + 1e-6) + 1
-        return self._landmark_faults.transport(self.time, frame)
+        return self._body.state()
 
     def close(self) -> None:
         """Leave the physics server; doing it twice is no harm."""
@@ -407,13 +328,6 @@ class Simulation:
         trace: TracebackType | None,
     ) -> None:
         self.close()
-
-
-def _parted(whole: Image, parts: Sequence[Image]) -> list[Image]:
-    """``whole`` (height, sum of widths) cut into images as wide as ``parts``."""
-    ends = list(accumulate(part.shape[1] for part in parts))
-    begins = [0, *ends[:-1]]
-    return [np.ascontiguousarray(whole[:, a:b]) for a, b in zip(begins, ends, strict=True)]
 
 
 def _check_apart(movers: tuple[Mover, ...], start: Pose, radius: float) -> None:
