@@ -17,7 +17,7 @@ class GiveWay(RuledBehavior):
     """
 
     name: ClassVar[str] = "give_way"
-    heeds_movers: ClassVar[bool] = True
+    heeds_movers = True
 
     class Params(RuledBehavior.Params):
         """When movers matter."""

@@ -186,7 +186,7 @@ class Behavior(Plugin):
     """
 
     kind = "behavior"
-    heeds_movers: ClassVar[bool] = False
+    heeds_movers: bool = False
 
     @abstractmethod
     def propose(self, context: Context) -> Proposal:

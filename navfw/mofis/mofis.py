@@ -165,7 +165,9 @@ class Mofis:
         self.tracks.forget(odometry.time, odometry.pose)
         drops = self.passages.drops.discs() if self.params.memory else ()
         walked_on = self.tracks.discs(odometry.time)
-        self.egomap.take(drops if self._movers_heeded else (*walked_on, *drops))
+        if not self._movers_heeded:
+            drops, walked_on = (*walked_on, *drops), ()
+        self.egomap.take(drops)
         self.context = self._context(odometry, belief, waypoint, walked_on)
         self.weights = self._weigh(self.context)
         self.proposals = {}
@@ -194,7 +196,8 @@ class Mofis:
 
     @property
     def _movers_heeded(self) -> bool:
-        return any(behavior.heeds_movers for behavior in self.behaviors.values())
+        """Whether one that heeds movers had a say last time: one that fails heeds nobody."""
+        return any(self.behaviors[name].heeds_movers for name in self.proposals)
 
     def _context(
         self,

@@ -24,6 +24,7 @@ class Saboteur(Behavior):
     def __init__(self, behavior: Behavior) -> None:
         super().__init__(behavior.robot, behavior.params)
         self.behavior = behavior
+        self.heeds_movers = behavior.heeds_movers
         self._active: list[Failure] = []
 
     def begin(self, failure: Failure) -> None:

@@ -9,6 +9,7 @@ from navfw.kinds import Behavior
 from navfw.mofis.context import Context
 from navfw.mofis.fusion.fuzzy import FuzzyFusion
 from navfw.mofis.mofis import Mofis
+from navfw.mofis.sabotage import infiltrate
 from navfw.robot import RobotModel
 from navfw.signals import Belief, Mover, Odometry, Pose, Proposal, Twist, Waypoint
 
@@ -32,9 +33,20 @@ class Heedful(Careless):
     heeds_movers = True
 
 
-def context_beside_someone(*behaviors: type[Behavior]) -> Context:
+class Failing(Heedful):
+    """Says so, and then says nothing."""
+
+    name = "failing"
+
+    def propose(self, context: Context) -> Proposal:
+        raise RuntimeError("no idea")
+
+
+def context_beside_someone(*behaviors: type[Behavior], sabotaged: str | None = None) -> Context:
     """What behaviours know of somebody seen twice, 0.7 m ahead, before any percept."""
     room = Mofis(ROBOT, {b.name: b(ROBOT) for b in behaviors}, FuzzyFusion(ROBOT))
+    if sabotaged is not None:
+        infiltrate(room.behaviors, sabotaged)
     for time in (0.1, 0.2, 0.3):
         odometry = Odometry(time, Pose(0.0, 0.0, 0.0), Twist(0.2, 0.0), 0.0, still=False)
         someone = Mover(time, 0.0, 0.3, 0.7, np.zeros((2, 2)), np.zeros(2))
@@ -56,3 +68,13 @@ def test_movers_bar_arcs_unless_a_behaviour_heeds_them(
     assert context.encounters is not None
     assert context.aim is not None
     assert abs(context.aim.bearing) > 0.1
+
+
+def test_one_that_fails_heeds_nobody() -> None:
+    context = context_beside_someone(Careless, Failing)
+    assert context.arcs.free[context.commands.nearest(Twist(0.3, 0.0))] < 0.8
+
+
+def test_a_saboteur_that_waits_changes_nothing() -> None:
+    context = context_beside_someone(Careless, Heedful, sabotaged="heedful")
+    assert context.arcs.free[context.commands.nearest(Twist(0.3, 0.0))] > 0.8
