@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from navfw.mofis.commands import CommandGrid
 from navfw.mofis.egomap import EgoMap
@@ -45,13 +46,7 @@ def sweep(
     """Sweep the robot's disc, widened by ``margin`` [m], along every command's arc."""
     free, known, clearance = np.empty((3, *commands.shape))
     sweep_arcs(
-        egomap.clearance,
-        egomap.familiar,
-        *egomap.origin,
-        egomap.params.cell,
-        pose.x,
-        pose.y,
-        pose.yaw,
+        *_ground(egomap, pose),
         commands.v,
         commands.w,
         egomap.robot.radius + margin,
@@ -76,13 +71,7 @@ def room_along(egomap: EgoMap, pose: Pose, twist: Twist, reach: float = 1.0) -> 
     Both at most ``reach``; a robot that only turns has all the room it needs.
     """
     free, known, _ = follow_arc(
-        egomap.clearance,
-        egomap.familiar,
-        *egomap.origin,
-        egomap.params.cell,
-        pose.x,
-        pose.y,
-        pose.yaw,
+        *_ground(egomap, pose),
         float(twist.v),
         float(twist.w),
         egomap.robot.radius,
@@ -90,6 +79,14 @@ def room_along(egomap: EgoMap, pose: Pose, twist: Twist, reach: float = 1.0) -> 
         0.0,
     )
     return free, known
+
+
+def _ground(
+    egomap: EgoMap, pose: Pose
+) -> tuple[Array, npt.NDArray[np.uint8], float, float, float, float, float, float]:
+    """What arcs are followed over, and from where: the first arguments of the kernels."""
+    cell = egomap.params.cell
+    return egomap.clearance, egomap.familiar, *egomap.origin, cell, pose.x, pose.y, pose.yaw
 
 
 @dataclass(frozen=True, slots=True)

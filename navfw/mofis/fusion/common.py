@@ -47,9 +47,7 @@ def leader_at(proposals: Proposals, row: int, column: int) -> str:
 
 def at_fraction(values: Array, position: float) -> float:
     """``values`` (n,) at a fractional index."""
-    low = min(max(int(position), 0), values.size - 2)
-    below, above = float(values[low]), float(values[low + 1])
-    return below + (above - below) * min(max(position - low, 0.0), 1.0)
+    return float(np.interp(position, np.arange(values.size), values))
 
 
 def command_at(
