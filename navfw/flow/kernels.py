@@ -23,28 +23,51 @@ _LOW = np.int64((1 << 32) - 1)
 
 
 @numba.njit(cache=True)
-def _integrals(image: Bytes, pad: int) -> tuple[Ints, Ints]:
-    """Integral images of the grey values and of their squares; ``pad`` black pixels all round."""
+def _integrals(image: Bytes) -> tuple[Ints32, Ints32]:
+    """Integral images of the grey values and of their squares, (height + 1, width + 1).
+
+    They may pass the size of their integers and wrap around; windows, their differences, stay
+    below 2^31.
+    """
     h, w = image.shape
-    total = np.zeros((h + 2 * pad + 1, w + 2 * pad + 1), np.int64)
-    square = np.zeros((h + 2 * pad + 1, w + 2 * pad + 1), np.int64)
-    for y in range(h + 2 * pad):
-        row = np.int64(0)
-        row2 = np.int64(0)
-        for x in range(w + 2 * pad):
-            if pad <= y < h + pad and pad <= x < w + pad:
-                value = np.int64(image[y - pad, x - pad])
-                row += value
-                row2 += value * value
-            total[y + 1, x + 1] = total[y, x + 1] + row
-            square[y + 1, x + 1] = square[y, x + 1] + row2
+    total = np.zeros((h + 1, w + 1), np.int32)
+    square = np.zeros((h + 1, w + 1), np.int32)
+    for y in range(h):
+        row, row2 = np.int32(0), np.int32(0)
+        for x in range(w):
+            value = np.int32(image[y, x])
+            row = np.int32(row + value)
+            row2 = np.int32(row2 + np.int32(value * value))
+            total[y + 1, x + 1] = np.int32(total[y, x + 1] + row)
+            square[y + 1, x + 1] = np.int32(square[y, x + 1] + row2)
     return total, square
 
 
 @numba.njit(cache=True)
-def _box(integral: Ints, x0: int, x1: int, y0: int, y1: int) -> int:
-    """Sum over columns [x0, x1) and rows [y0, y1)."""
-    return int(integral[y1, x1] - integral[y0, x1] - integral[y1, x0] + integral[y0, x0])
+def _between_rows(integral: Ints32, y0: int, y1: int, line: Ints32) -> None:
+    """Sums over rows [y0, y1) and the columns before each, from an integral image."""
+    above, below = integral[y0], integral[y1]
+    for x in range(line.size):
+        line[x] = np.int32(below[x] - above[x])
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _describe_windows(
+    line: Ints32, line2: Ints32, width: int, height: int, greys: Doubles, scales: Doubles
+) -> None:
+    """Of the windows at every place along a band: sum(g) and 1 / sqrt(n sum(g^2) - sum(g)^2).
+
+    ``line`` and ``line2`` are the sums of the band's grey values and squares before each column.
+    """
+    pixels = float(width * height)
+    places = line.size - width
+    left, right, left2, right2 = line[:places], line[width:], line2[:places], line2[width:]
+    for x in range(places):
+        greys[x] = np.int32(right[x] - left[x])
+    for x in range(places):
+        # an integer: zero exactly when the window is of one grey
+        energy = pixels * np.int32(right2[x] - left2[x]) - greys[x] * greys[x]
+        scales[x] = 1.0 / math.sqrt(max(energy, 1.0))
 
 
 @numba.njit(cache=True)
@@ -143,13 +166,15 @@ def correlate(
     y_runs = np.searchsorted(y_edges, y_windows.ravel()).reshape(rows, 2)
     padded = np.zeros((h + 2 * search, w + 2 * search), np.uint8)
     padded[search : search + h, search : search + w] = past
-    total, square = _integrals(past, search)
     sums = np.zeros((2, y_edges.size, w), np.int32)
     run = np.zeros(w + 1, np.int64)
     products = np.empty((rows, cols, span + 1), np.float64)
-    # backwards: the larger a displacement, the further left it was
-    length = w + 2 * search + 1
-    line, line2 = np.empty(length, np.float64), np.empty(length, np.float64)
+    # mirrored: the larger a displacement, the further left it was
+    total, square = _integrals(past[:, ::-1])
+    line, line2 = np.empty(w + 1, np.int32), np.empty(w + 1, np.int32)
+    widths = np.unique(x_windows[:, 1] - x_windows[:, 0])
+    kinds = np.searchsorted(widths, x_windows[:, 1] - x_windows[:, 0])
+    greys, scales = np.empty((widths.size, w)), np.empty((widths.size, w))
 
     for iy in range(span):
         for ix in range(span):
@@ -162,23 +187,22 @@ def correlate(
             y0, y1 = y_windows[r, 0] + search - iy, y_windows[r, 1] + search - iy
             if y0 < top or y1 > bottom:
                 continue
-            for i in range(length):
-                line[length - 1 - i] = total[y1 + search, i] - total[y0 + search, i]
-                line2[length - 1 - i] = square[y1 + search, i] - square[y0 + search, i]
+            _between_rows(total, y0, y1, line)
+            _between_rows(square, y0, y1, line2)
+            for k in range(widths.size):
+                _describe_windows(line, line2, widths[k], y1 - y0, greys[k], scales[k])
             for c in range(cols):
                 x0, x1 = x_windows[c, 0], x_windows[c, 1]
-                low, high = length - 1 - x0 - 2 * search, length - 1 - x1 - 2 * search
                 # window columns stay visible for x0 - dx >= left and x1 - dx <= right
                 first = min(max(0, x1 - right + search), span)
                 last = max(min(span, x0 - left + search + 1), first)
+                row, product = scores[r, c, iy, first:last], products[r, c, first:last]
+                place = w - x1 - search + first
+                grey, scale = greys[kinds[c], place:], scales[kinds[c], place:]
                 pixels, window, inverse = float((x1 - x0) * (y1 - y0)), totals[r, c], inverses[r, c]
-                product, row = products[r, c], scores[r, c, iy]
-                for ix in range(first, last):
-                    grey = line[high + ix] - line[low + ix]
-                    # an integer: zero exactly when the past window is of one grey
-                    energy = pixels * (line2[high + ix] - line2[low + ix]) - grey * grey
-                    covariance = pixels * product[ix] - window * grey
-                    row[ix] = covariance * inverse / math.sqrt(max(energy, 1.0))
+                for i in range(row.size):
+                    covariance = pixels * product[i] - window * grey[i]
+                    row[i] = covariance * inverse * scale[i]
     return scores, deviations
 
 
@@ -189,14 +213,17 @@ def _templates(now: Bytes, x_windows: Ints, y_windows: Ints) -> tuple[Doubles, D
     totals = np.zeros((rows, cols), np.float64)
     inverses = np.zeros((rows, cols), np.float64)
     deviations = np.zeros((rows, cols), np.float32)
-    total, square = _integrals(now, 0)
+    total, square = _integrals(now)
+    line, line2 = np.empty(now.shape[1] + 1, np.int32), np.empty(now.shape[1] + 1, np.int32)
     for r in range(rows):
         y0, y1 = y_windows[r, 0], y_windows[r, 1]
+        _between_rows(total, y0, y1, line)
+        _between_rows(square, y0, y1, line2)
         for c in range(cols):
             x0, x1 = x_windows[c, 0], x_windows[c, 1]
             n = (x1 - x0) * (y1 - y0)
-            s = _box(total, x0, x1, y0, y1)
-            energy = n * _box(square, x0, x1, y0, y1) - s * s
+            s = np.int32(line[x1] - line[x0])
+            energy = n * np.int32(line2[x1] - line2[x0]) - np.int64(s) * s
             totals[r, c] = s
             deviations[r, c] = math.sqrt(energy) / n
             if energy > 0:
