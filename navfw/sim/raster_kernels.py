@@ -27,6 +27,8 @@ _BORDER = np.float32(1.01)
 """How far from its middle the image surely ends, in halves of its size."""
 _SLACK = 1e-3
 """How much wider than computed the span of a row is taken, for rounding [px]."""
+_AT_ONCE = 8
+"""Pixels are computed by so many, which is as fast as one; those that no triangle asks for too."""
 
 
 @numba.njit(cache=True)
@@ -150,12 +152,13 @@ def _fill(
     sides = np.empty((3, 5))
     _sides(screen, sides)
     # of each pixel of a row: how far inside, depth, and the weights; one array, for speed
-    row = np.empty((5, width))
+    row = np.empty((5, width + _AT_ONCE))
     for y in range(int(top), int(math.floor(bottom)) + 1):
         first, last = _span(sides, y, left, math.floor(right))
+        count = last + 1 - first
         # two loops, of which the first is all arithmetic: processors do several pixels at once
         sy = ay - y
-        for i in range(last + 1 - first):
+        for i in range((count + _AT_ONCE - 1) // _AT_ONCE * _AT_ONCE):
             sx = ax - (first + i)
             u = bx * sy - sx * by
             v = sx * cy - cx * sy
@@ -166,17 +169,16 @@ def _fill(
             row[0, i] = min(q0, q1, q2)
             row[1, i] = -(d2 * b2 + d1 * b1 + d0 * b0)
             row[2, i], row[3, i], row[4, i] = b0, b1, b2
-        if clipped:
-            row[2:] = np.nan
-        for i in range(last + 1 - first):
-            depth = row[1, i]
-            if row[0, i] < 0.0 or nearest[y, first + i] > depth:
+        for i in range(count):
+            # unsigned, or numba would look whether they count from the end
+            line, x, depth = np.uint64(y), np.uint64(first + i), row[1, i]
+            if row[0, i] < 0.0 or nearest[line, x] > depth:
                 continue
             if clipped or -far <= depth <= near:
-                nearest[y, first + i] = depth
-                faces[y, first + i] = face
+                nearest[line, x] = depth
+                faces[line, x] = face
                 for k in range(3):
-                    weights[k, y, first + i] = row[2 + k, i]
+                    weights[k, line, x] = np.nan if clipped else row[2 + k, i]
 
 
 @numba.njit(cache=True, error_model="numpy")
