@@ -9,7 +9,8 @@ from navfw.egomotion.pairing import PairingParams
 from navfw.egomotion.recent import RecentFrames
 from navfw.flow.floor_aligned import FloorAlignedFlow
 from navfw.flow.refinement import RefinementParams, refine
-from navfw.offis.movers import direction_sigma, find_movers
+from navfw.offis.contradictions import direction_sigma
+from navfw.offis.movers import find_movers
 from navfw.offis.vigilance import Vigilance
 from navfw.robot import RobotModel
 from navfw.signals import FlowField, Frame, FramePair, Mover, Odometry
@@ -33,7 +34,7 @@ class Lookout:
     def __init__(
         self, robot: RobotModel, pairing: PairingParams, odometer: Odometer, closely: bool = False
     ) -> None:
-        self._camera = robot.camera
+        self.camera = robot.camera
         self._odometer = odometer
         self._frames = RecentFrames(robot, pairing)
         self._floor_aligned = FloorAlignedFlow(robot)
@@ -58,7 +59,7 @@ class Lookout:
         pair = self._pair()
         if pair is not None and (not self._vigilance.calm(frame.time) or self._glance(pair)):
             self.flow = self.aligned(pair)
-            movers = find_movers(self.flow, self._camera)
+            movers = find_movers(self.flow, self.camera)
         self._vigilance.saw(movers, frame.time)
         return movers
 
@@ -69,11 +70,11 @@ class Lookout:
         params = RefinementParams(
             direction_sigma=direction_sigma(flow.motion.baseline), overlap=SMALL_CELLS
         )
-        return refine(flow, self._camera, params).apply(flow, self._camera)
+        return refine(flow, self.camera, params).apply(flow, self.camera)
 
     def _glance(self, pair: FramePair) -> bool:
         """Whether anything seems to move by itself between these frames."""
-        return bool(find_movers(self.aligned(pair, glance=True), self._camera))
+        return bool(find_movers(self.aligned(pair, glance=True), self.camera))
 
     def _pair(self) -> FramePair | None:
         """Two frames a moment apart; a shorter one where much moves through the image."""

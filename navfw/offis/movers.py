@@ -1,11 +1,9 @@
 """What moves by itself: vectors that nothing at rest can have, where they stand and where they go.
 
-With the camera's rotation gone, things at rest that stand on the floor move away from the focus of
-expansion, and at least as fast as the floor they hide. A vector across that line, or shorter than
-the floor's, belongs to something that moves. Its depth cannot be triangulated; where its lowest
-part meets the floor can be seen: a ray that falls by ``g`` per metre of depth
-(``navfw.offis.floor``) meets the floor ``h / g`` away. With its distance known, its vectors give
-its velocity.
+Vectors that contradict a world at rest (``navfw.offis.contradictions``) and lie together are one
+mover. Its depth cannot be triangulated; where its lowest part meets the floor can be seen: a ray
+that falls by ``g`` per metre of depth (``navfw.offis.floor``) meets the floor ``h / g`` away. With
+its distance known, its vectors give its velocity.
 """
 
 from __future__ import annotations
@@ -13,29 +11,23 @@ from __future__ import annotations
 import math
 
 import cv2
-import numba
 import numpy as np
 
+from navfw.offis.contradictions import contradict
 from navfw.offis.floor import fall_per_depth
 from navfw.robot import CameraModel
 from navfw.signals import Array, FlowField, Mask, Mover
 
-__all__ = ["direction_sigma", "find_movers"]
+__all__ = ["find_movers"]
 
 LEAST_CELLS = 6
 """Fewer cells together than these are mismatches."""
 NEAREST_FALL = 0.10
 """Fall per metre of a ray that tells where a thing stands; flatter ones end too far away."""
-CERTAIN, DOUBT = 3.0, 0.05
-"""A vector contradicts beyond so many standard deviations, with so much [px] added."""
-SLIP = 0.05
-"""The way driven may be wrong by so much, and the floor's flow with it."""
 BORDER = 9.0
 """Cells nearer to the lower border than this show no feet [px]: flow is not known there."""
 BELOW = 0.8
 """What reaches below the image stands nearer than the nearest floor in it, by about this factor."""
-STANDING = 0.002
-"""Baseline [m] below which the camera stands, and nothing at rest shows any flow."""
 SPEEDS = 0.08, 1.5
 """What seems slower [m/s] stands and is the ego map's; what seems faster is a mismatch."""
 OVERLAP = 4.0
@@ -44,15 +36,9 @@ FLOW_ERROR = 0.5
 """Error of the vectors on a mover's body, which is no plane [px]."""
 
 
-def direction_sigma(baseline: float) -> float:
-    """Error [rad] of the direction the camera moved in; large where ``baseline`` [m] is short."""
-    return min(0.03 + 0.003 / max(baseline, 1e-4), 1.0)
-
-
 def find_movers(flow: FlowField, camera: CameraModel) -> tuple[Mover, ...]:
     """Regions of ``flow`` (derotated, dense) that contradict a world at rest; left to right.
 
-    ``flow.contradiction`` marks vectors off their epipolar lines (``navfw.flow.refinement``).
     Raises ValueError when ``flow`` still contains rotation.
     """
     if not flow.derotated:
@@ -60,9 +46,7 @@ def find_movers(flow: FlowField, camera: CameraModel) -> tuple[Mover, ...]:
     if flow.motion.dt <= 0.0:
         return ()
     fall = fall_per_depth(flow.points, camera)
-    odd = _falls_short_of_floor(flow, fall, camera)
-    if flow.contradiction is not None:
-        odd |= flow.contradiction > 0.0
+    odd = contradict(flow, fall, camera)
     if np.count_nonzero(odd) < LEAST_CELLS:
         return ()
     count, labels = cv2.connectedComponents(odd.view(np.uint8), connectivity=8)
@@ -74,71 +58,6 @@ def find_movers(flow: FlowField, camera: CameraModel) -> tuple[Mover, ...]:
             if mover is not None and SPEEDS[0] <= math.hypot(*mover.velocity()) <= SPEEDS[1]:
                 movers.append(mover)
     return tuple(sorted(movers, key=lambda mover: -mover.bearing))
-
-
-def _falls_short_of_floor(flow: FlowField, fall: Array, camera: CameraModel) -> Mask:
-    """(rows, cols) where flow is less than even the floor's, or there is any while standing."""
-    motion = flow.motion
-    odd = _short_vectors(
-        _flat(flow.points).reshape(-1, 2),
-        _flat(flow.vectors).reshape(-1, 2),
-        _flat(flow.sigma),
-        _flat(flow.confidence),
-        _flat(fall),
-        _flat(motion.translation),
-        camera.focal,
-        float(camera.mount_height),
-        motion.baseline < STANDING,
-        (float(motion.yaw_sigma), direction_sigma(motion.baseline)),
-    )
-    return odd.reshape(flow.shape)
-
-
-@numba.njit(cache=True)
-def _short_vectors(
-    points: Array,
-    vectors: Array,
-    sigma: Array,
-    confidence: Array,
-    fall: Array,
-    translation: Array,
-    focal: float,
-    height: float,
-    standing: bool,
-    astray: tuple[float, float],
-) -> Mask:
-    """(n,) which trusted ``vectors`` (n, 2) [px] fall short of those of a floor that falls away.
-
-    ``fall`` (n,) is ``fall_per_depth``, ``astray`` the error of the yaw and of the direction driven
-    [rad].
-    """
-    yaw_sigma, direction = astray
-    tx, ty, tz = translation
-    odd = np.zeros(sigma.size, np.bool_)
-    for i in range(sigma.size):
-        x, y, u, v = points[i, 0], points[i, 1], vectors[i, 0], vectors[i, 1]
-        if not confidence[i] > 0.0:
-            continue
-        length = math.hypot(u, v)
-        if standing:
-            turning = yaw_sigma * (focal + x * x / focal)
-            odd[i] = length > CERTAIN * (math.hypot(sigma[i], turning) + 2.0 * DOUBT)
-            continue
-        if not fall[i] > 0.0:
-            continue
-        away_x, away_y = x * tz - focal * tx, y * tz - focal * ty
-        nearness = fall[i] / height
-        lever = math.hypot(away_x, away_y)
-        floor = lever * nearness / (1.0 + tz * nearness)
-        along = (away_x * u + away_y * v) / max(lever, 1e-9)
-        unsure = math.hypot(sigma[i], direction * (length - floor)) + DOUBT
-        odd[i] = along < floor * (1.0 - SLIP) - CERTAIN * unsure
-    return odd
-
-
-def _flat(values: Array) -> Array:
-    """(n,) ``values`` one after the other, as compiled code takes them."""
-    return np.ascontiguousarray(values, dtype=np.float64).ravel()
 
 
 def _mover(flow: FlowField, fall: Array, cells: Mask, camera: CameraModel) -> Mover | None:

@@ -11,7 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from navfw.egomotion.camera_motion import camera_motion
-from navfw.offis.movers import _quantile, direction_sigma, find_movers
+from navfw.offis.contradictions import contradict, direction_sigma
+from navfw.offis.floor import fall_per_depth
+from navfw.offis.movers import _quantile, find_movers
 from navfw.robot import RobotModel, SideViews
 from navfw.signals import Array, CameraMotion, FlowField, Pose
 
@@ -140,3 +142,30 @@ def test_rotation_has_to_be_gone() -> None:
     flow = dataclasses.replace(scene(0.05, (1.2, 0.0, 0.5), (0.0, 0.4)), derotated=False)
     with pytest.raises(ValueError, match="derotated"):
         find_movers(flow, CAMERA)
+
+
+@pytest.mark.parametrize(("depth", "speed"), [(0.9, 0.3), (0.9, 0.5), (1.3, 0.5)])
+def test_who_comes_straight_on_outgrows_the_floor_at_its_feet(depth: float, speed: float) -> None:
+    # as fast as the robot or nearly so, a little aside: no flow across, only more of it outward
+    movers = find_movers(scene(0.09, (depth, 0.25, 0.5), (-speed, 0.0)), CAMERA)
+    assert len(movers) == 1
+    assert movers[0].distance == pytest.approx(depth, rel=0.3)
+    assert movers[0].velocity()[0] < -0.1
+
+
+@given(depth=st.floats(0.5, 3.0), left=st.floats(-0.8, 0.8), way=st.floats(0.03, 0.12))
+@settings(max_examples=40, deadline=None)
+def test_what_stands_at_any_place_does_not_outgrow_the_floor(
+    depth: float, left: float, way: float
+) -> None:
+    flow = scene(way, (depth, left, 0.5), (0.0, 0.0), noise=0.1)
+    assert not contradict(flow, fall_per_depth(flow.points, CAMERA), CAMERA).any()
+
+
+def test_patches_are_found_where_they_are() -> None:
+    # walks across: every cell that contradicts is the walker's
+    flow = scene(0.05, (1.2, 0.0, 0.5), (0.0, 0.4))
+    odd = contradict(flow, fall_per_depth(flow.points, CAMERA), CAMERA)
+    body = (np.abs(X * 1.2 / CAMERA.focal) < 0.25) & (1.2 * CAMERA.focal > Y)
+    assert odd.any()
+    assert not (odd & ~body).any()
