@@ -11,6 +11,7 @@ from navfw.flow.horizon import above_horizon
 from navfw.flow.refinement import refine
 from navfw.kinds import FlowProcessor, Perception
 from navfw.lookout import Lookout
+from navfw.offis.seams import join_at_seams
 from navfw.offis.standing import find_standing
 from navfw.robot import RobotModel
 from navfw.signals import FlowField, Frame, Mover, Odometry, Percept, Standing
@@ -97,12 +98,13 @@ class Vision:
     def _movers(self, frame: Frame, odometry: Odometry) -> tuple[Mover, ...]:
         """What moves by itself, ahead and in the side views."""
         images = (frame.image, *frame.sides)
-        movers = [
-            mover
+        views = [
+            lookout.look(Frame(frame.time, image), odometry)
             for lookout, image in zip(self._lookouts, images, strict=False)
-            for mover in lookout.look(Frame(frame.time, image), odometry)
         ]
-        return tuple(movers) if self._config.movers else ()
+        if not self._config.movers:
+            return ()
+        return join_at_seams(views, [lookout.camera for lookout in self._lookouts[: len(views)]])
 
     def _standing(self) -> Standing | None:
         """What stands in the newest frame, in small columns."""
