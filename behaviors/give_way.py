@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, ClassVar
 
+import numpy as np
 from pydantic import Field
 
 from navfw import Context, Proposal, RuledBehavior
@@ -25,6 +26,10 @@ class GiveWay(RuledBehavior):
         wide: Annotated[
             float, Field(gt=0.0, le=3.0, description="a gap from which nobody minds [m]")
         ] = 0.5
+        closing: Annotated[
+            float,
+            Field(ge=0.0, le=0.2, description="so much nearer to who is at hand is at them [m]"),
+        ] = 0.02
         weight: Annotated[
             float, Field(gt=0.0, le=1.0, description="applicability when a touch is near")
         ] = 1.0
@@ -37,9 +42,14 @@ class GiveWay(RuledBehavior):
         if meeting is None:
             nothing = context.commands.zeros()
             return Proposal(0.0, nothing, nothing, "nobody walks here")
-        best = float(meeting.gap.max())
+        # where somebody is at hand, driving at them is no way out: standing never is that
+        best = float(meeting.gap[meeting.closing <= self.params.closing].max())
         verdict = self.rules.evaluate_all(
-            gap=meeting.gap, worse=best - meeting.gap, after=meeting.after
+            gap=meeting.gap,
+            worse=np.maximum(best - meeting.gap, 0.0),
+            after=meeting.after,
+            near=np.full(meeting.gap.shape, meeting.nearest),
+            closing=meeting.closing,
         )
         least = float(meeting.gap.min())
         return Proposal(

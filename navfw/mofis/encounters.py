@@ -24,6 +24,12 @@ __all__ = ["EncounterParams", "Encounters", "meet"]
 
 STEP = 0.1
 """Time [s] between two looks ahead."""
+TURNS = 1.0, 1.5, 2.0
+"""A robot that turns on the spot to drive off may turn so long [s]: as suits it best."""
+AT_HAND = 0.3
+"""Only who is nearer than this [m] can be driven at within a moment."""
+MOMENT = 0.5
+"""How long a moment is [s]."""
 
 
 class EncounterParams(BaseModel):
@@ -31,7 +37,7 @@ class EncounterParams(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    horizon: Annotated[float, Field(gt=0.0, le=10.0, description="how far ahead [s]")] = 4.0
+    horizon: Annotated[float, Field(gt=0.0, le=10.0, description="how far ahead [s]")] = 6.0
     turning: Annotated[
         float, Field(ge=0.0, le=10.0, description="a turn is taken to last so long [s]")
     ] = 1.0
@@ -48,12 +54,14 @@ class Encounters:
     """How near movers come, whatever is commanded; arrays (n_v, n_w).
 
     ``gap`` [m] is the least distance between the robot's rim and any mover's within the horizon,
-    negative where they overlap; ``after`` [s] is when, or when they touch. ``nearest`` [m] is how
-    near one is now.
+    negative where they overlap; ``after`` [s] is when, or when they touch. ``closing`` [m] is how
+    much nearer the command would bring the robot to somebody at hand within a moment, if they
+    stood. ``nearest`` [m] is how near one is now.
     """
 
     gap: Array
     after: Array
+    closing: Array
     nearest: float
 
 
@@ -70,7 +78,7 @@ def meet(
     if not tracks:
         return None
     movers = np.array([[*track.at(time), *track.velocity, track.radius] for track in tracks])
-    gap, after = np.empty((2, *commands.shape))
+    gap, after, closing = np.empty((3, *commands.shape))
     _meet(
         movers,
         commands.v,
@@ -81,9 +89,10 @@ def meet(
         np.array([params.horizon, params.turning, params.doubt, params.onward]),
         gap,
         after,
+        closing,
     )
     away = np.hypot(movers[:, 0] - pose.x, movers[:, 1] - pose.y) - movers[:, 4] - robot.radius
-    return Encounters(gap, after, float(away.min()))
+    return Encounters(gap, after, closing, float(away.min()))
 
 
 @numba.njit(cache=True)
@@ -97,32 +106,67 @@ def _meet(
     ahead: Array,
     gap: Array,
     after: Array,
+    closing: Array,
 ) -> None:
-    """Fill ``gap`` and ``after``; ``state`` is (x, y, yaw, v, w), ``limits`` accelerations."""
+    """Fill ``gap``, ``after`` and ``closing`` for all commands (``speeds``, ``turns``).
+
+    ``state`` is (x, y, yaw, v, w), ``limits`` are accelerations, ``ahead`` the parameters.
+    """
     horizon, turning, doubt, onward = ahead
     steps = int(horizon / STEP)
-    # turning on the spot makes room for nobody, unless to drive off that way
-    standing = _ways(speeds, state[3], limits[0], limits[1], turning, 0.0, steps)
-    leaving = _ways(speeds, state[3], limits[0], limits[1], turning, onward, steps)
+    ways = _ways(speeds, state[3], limits[0], limits[1], math.inf, 0.0, steps)
     headings = _headings(turns, state[2], state[4], limits[2], turning, steps)
     for i in range(speeds.size):
         for j in range(turns.size):
-            ways = standing if turns[j] == 0.0 else leaving
-            x, y = state[0], state[1]
-            least, when = math.inf, 0.0
-            for k in range(steps + 1):
-                t = k * STEP
-                for m in range(movers.shape[0]):
-                    dx = movers[m, 0] + movers[m, 2] * t - x
-                    dy = movers[m, 1] + movers[m, 3] * t - y
-                    away = math.hypot(dx, dy) - movers[m, 4] - radius - doubt * t
-                    if away < least:
-                        when = t if least > 0.0 else when
-                        least = away
-                x += ways[i, k] * headings[j, k, 0]
-                y += ways[i, k] * headings[j, k, 1]
-            gap[i, j] = least
-            after[i, j] = when
+            gap[i, j], after[i, j] = _follow(movers, state[:2], ways[i], headings[j], radius, doubt)
+            closing[i, j] = _closing(movers, state[:2], ways[i], headings[j], radius)
+    # turning on the spot makes room for nobody, unless to drive off that way
+    for turning in TURNS:
+        leaving = _ways(np.zeros(1), state[3], limits[0], limits[1], turning, onward, steps)
+        headings = _headings(turns, state[2], state[4], limits[2], turning, steps)
+        for i in range(speeds.size):
+            for j in range(turns.size):
+                if speeds[i] != 0.0 or turns[j] == 0.0:
+                    continue
+                wide, when = _follow(movers, state[:2], leaving[0], headings[j], radius, doubt)
+                if wide > gap[i, j] or turning == TURNS[0]:
+                    gap[i, j], after[i, j] = wide, when
+
+
+@numba.njit(cache=True)
+def _follow(
+    movers: Array, start: Array, way: Array, heading: Array, radius: float, doubt: float
+) -> tuple[float, float]:
+    """Least gap [m] to any mover on one way, and when [s] it is, or when they touch."""
+    x, y = start
+    least, when = math.inf, 0.0
+    for k in range(way.size):
+        t = k * STEP
+        for m in range(movers.shape[0]):
+            dx = movers[m, 0] + movers[m, 2] * t - x
+            dy = movers[m, 1] + movers[m, 3] * t - y
+            away = math.hypot(dx, dy) - movers[m, 4] - radius - doubt * t
+            if away < least:
+                when = t if least > 0.0 else when
+                least = away
+        x += way[k] * heading[k, 0]
+        y += way[k] * heading[k, 1]
+    return least, when
+
+
+@numba.njit(cache=True)
+def _closing(movers: Array, start: Array, way: Array, heading: Array, radius: float) -> float:
+    """How much nearer [m] the first moment of a way leads to where somebody at hand is now."""
+    x, y = start
+    for k in range(int(MOMENT / STEP)):
+        x += way[k] * heading[k, 0]
+        y += way[k] * heading[k, 1]
+    most = 0.0
+    for m in range(movers.shape[0]):
+        before = math.hypot(movers[m, 0] - start[0], movers[m, 1] - start[1])
+        if before - movers[m, 4] - radius < AT_HAND:
+            most = max(most, before - math.hypot(movers[m, 0] - x, movers[m, 1] - y))
+    return most
 
 
 @numba.njit(cache=True)

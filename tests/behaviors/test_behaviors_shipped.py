@@ -285,6 +285,30 @@ def test_give_way_does_not_stand_where_somebody_walks(registry: Registry) -> Non
     assert commands.v[best[0]] != 0.0
 
 
+def test_give_way_does_not_drive_at_who_is_at_hand(registry: Registry) -> None:
+    # standing beside the way: nobody comes, but whoever drives on touches
+    proposal = judged(registry, (0.6, 0.1, 0.0, 0.0), v=0.2)
+    commands = CommandGrid(ROBOT)
+    at_them = proposal.prohibition[commands.nearest(Twist(0.2, 0.0))]
+    assert at_them > 0.8
+    assert any(
+        "closing" in rule["rule"] for rule in proposal.explain(*commands.nearest(Twist(0.2, 0.0)))
+    )
+    assert proposal.prohibition[commands.nearest(Twist(0.0, 0.8))] < 0.5
+    assert proposal.prohibition[commands.nearest(Twist(-0.15, 0.0))] < 0.5
+
+
+def test_a_turn_to_drive_off_lasts_as_long_as_suits(registry: Registry) -> None:
+    # straight on at a robot that stands: a quarter turn and away is better than half of one
+    context = list(contexts_of(Scene("open floor", Twist(0.3, 0.0))))[-1]
+    context = met(context, walker(context, 1.6, 0.0, -0.4, 0.0), twist=Twist(0.0, 0.0))
+    assert context.encounters is not None
+    gap, commands = context.encounters.gap, context.commands
+    off = gap[commands.nearest(Twist(0.0, 1.2))]
+    assert off > 0.1 > gap[commands.nearest(Twist(0.0, 0.0))]
+    assert context.encounters.closing.max() == 0.0  # nobody is at hand yet
+
+
 def test_give_way_leaves_the_least_bad_way_out(registry: Registry) -> None:
     around = [(0.6, 0.0, -0.4, 0.0), (-0.6, 0.0, 0.4, 0.0), (0.0, 0.6, 0.0, -0.4)]
     proposal = judged(registry, *around, (0.0, -0.6, 0.0, 0.4), v=0.0)

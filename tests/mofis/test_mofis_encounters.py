@@ -88,3 +88,24 @@ def test_turning_on_the_spot_is_the_beginning_of_driving_off_that_way() -> None:
     staying = encounters(track, params=EncounterParams(doubt=0.0, onward=0.0))
     assert at(met, 0.0, 1.2)[0] > at(staying, 0.0, 1.2)[0] + 0.2
     assert at(met, 0.0, 0.0) == at(staying, 0.0, 0.0)
+
+
+def test_closing_is_how_much_nearer_one_drives_to_who_is_at_hand() -> None:
+    # stands 0.2 m before the rim; a robot at 0.3 m/s goes on so for half a second
+    met = encounters(walker(0.63, 0.0, 0.0, 0.0), twist=Twist(0.3, 0.0))
+    ahead = met.closing[COMMANDS.nearest(Twist(0.3, 0.0))]
+    assert ahead == pytest.approx(0.15, abs=0.02)
+    away = met.closing[COMMANDS.nearest(Twist(-0.15, 0.0))]
+    assert away < ahead
+    standing = encounters(walker(0.63, 0.0, 0.0, 0.0))
+    assert standing.closing[COMMANDS.v <= 0.0].max() == 0.0
+    # half a metre off nobody is at hand
+    assert encounters(walker(1.0, 0.0, -0.5, 0.0), twist=Twist(0.3, 0.0)).closing.max() == 0.0
+
+
+def test_turns_on_the_spot_last_as_long_as_suits() -> None:
+    # straight on at a robot that faces him: off to the side is farther than back past him
+    met = encounters(walker(1.6, 0.0, -0.4, 0.0))
+    slow, fast = (at(met, 0.0, w)[0] for w in (0.48, 1.2))
+    assert min(slow, fast) > 0.1
+    assert at(met, 0.0, 0.0)[0] < 0.0
