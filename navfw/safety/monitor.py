@@ -50,6 +50,9 @@ class SafetyParams(BaseModel):
         0.45
     )
     camera_stop: Annotated[Seconds, Field(description="age of it: stop driving forward [s]")] = 1.2
+    blind_reverse: Annotated[
+        float, Field(ge=0.0, le=2.0, description="way back without a useful frame, at most [m]")
+    ] = 0.3
     gyro_slow: Annotated[Seconds, Field(description="age of the gyro's last word: slow [s]")] = 0.2
     encoder_stop: Annotated[Seconds, Field(description="age of the encoders' word: stop [s]")] = 0.5
     stall: Annotated[Seconds, Field(description="wheels not following for so long: stop [s]")] = 0.8
@@ -89,11 +92,14 @@ class SafetyMonitor:
         self._asked = Twist(0.0, 0.0)
         self._stalled_since: float | None = None
         self._rest_until = -math.inf
+        self._heard: float | None = None
+        self._backed = 0.0
 
     def hear(self, reading: SensorReading, odometry: Odometry) -> None:
         """Take note of the newest reading."""
         self.senses.hear(reading, odometry)
         self._watch_wheels(odometry)
+        self._watch_way_back(odometry)
 
     def limit(self, twist: Twist, time: float, room: Room) -> SafetyVerdict:
         """``twist`` as far as it is safe; ``room`` tells how far a twist leads in the free."""
@@ -126,6 +132,9 @@ class SafetyMonitor:
             # the robot's own place is known: its rim must stay out of the unseen
             if min(free, known - robot.radius) <= self.params.gap:
                 v, reason = 0.0, "no known way back"
+            # what was seen is forgotten, walls too: a blind robot's map is no better than its age
+            if self._backed >= self.params.blind_reverse:
+                v, reason = 0.0, "it has backed far enough without seeing"
         stopped = twist.v > 0.0 and v <= 0.0
         return SafetyVerdict(Twist(v, w), reason, stopped)
 
@@ -178,6 +187,13 @@ class SafetyMonitor:
                 self._stalled_since = odometry.time
         else:
             self._stalled_since = None
+
+    def _watch_way_back(self, odometry: Odometry) -> None:
+        """How far it has backed since the camera was last of use."""
+        since = 0.0 if self._heard is None else odometry.time - self._heard
+        self._heard = odometry.time
+        blind = self.senses.camera_age > self.params.camera_stop
+        self._backed = self._backed + max(-odometry.twist.v, 0.0) * since if blind else 0.0
 
     def _braking_speed(self, room: float) -> float:
         """Top speed [m/s] from which braking at the hardest ends within ``room`` [m] (METHOD 2.13).

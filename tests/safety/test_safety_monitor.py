@@ -213,3 +213,15 @@ def test_a_sensor_out_for_long_is_a_failure(image: int, silent: float, why: str)
         hear(monitor, float(second), picture() if image else dark, silent=silent)
         assert (monitor.failure is not None) == (second > monitor.params.give_up)
     assert why in str(monitor.failure)
+
+
+def test_a_blind_robot_backs_a_little_and_no_farther() -> None:
+    drive = Drive()
+    back = Twist(-0.15, 0.0)
+    assert drive.run(3.0, back).v == back.v  # with eyes open as far as there is room
+    assert drive.run(1.0, back, image=None).v == back.v  # not blind yet
+    drive.run(3.0, back, image=None)
+    assert drive.run(0.1, back, image=None).v == 0.0
+    assert "without seeing" in drive.monitor.limit(back, drive.tick / RATE, endless).reason
+    assert drive.run(0.1, Twist(0.0, 0.5), image=None).w == 0.5
+    assert drive.run(0.2, back).v == back.v  # it sees again
