@@ -14,8 +14,8 @@ import cv2
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
+from navfw.mofis.cost_kernels import cost_to_go, descend, first_leg, price_cells
 from navfw.mofis.egomap import EgoMap
-from navfw.mofis.kernels import cost_to_go, descend, first_leg, price_cells
 from navfw.mofis.tracks import Disc
 from navfw.signals import Array, Pose, wrap_angle
 

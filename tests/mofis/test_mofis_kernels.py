@@ -9,8 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from navfw.mofis.cost_kernels import cost_to_go, price_cells
 from navfw.mofis.evidence import forget_view, merge_evidence, rays_of
-from navfw.mofis.kernels import are_degrees, cost_to_go, least_within, price_cells, sweep_arcs
+from navfw.mofis.kernels import are_degrees, least_within, sweep_arcs
 from navfw.robot import RobotModel
 from navfw.signals import Array
 

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from navfw.mofis.commands import CommandGrid
+from navfw.mofis.cost_kernels import cost_to_go
 from navfw.mofis.egomap import EgoMap
-from navfw.mofis.kernels import cost_to_go
 from navfw.mofis.lookahead import Lookahead
 from navfw.mofis.reach import look_around, sweep
 from navfw.robot import RobotModel
