@@ -12,6 +12,7 @@ from typing import Protocol
 from navfw.errors import InputError
 from navfw.missions.events import EventClock, EventRecord
 from navfw.missions.outcome import Outcome, Verdict
+from navfw.missions.watches import Stall, Visits, goal_name
 from navfw.recording.readings import ReadingsRecorder
 from navfw.recording.track import Contact, Track, TrackRecorder
 from navfw.robot import RobotModel
@@ -211,8 +212,8 @@ class _Loop:
         self.events = events
         self.recorder = TrackRecorder()
         self.dt = 1.0 / task.robot.control_rate
-        self.visits = _Visits(task.goals, task.success_radius)
-        self.stall = _Stall(task.stuck_after, task.stall_radius)
+        self.visits = Visits(task.goals, task.success_radius)
+        self.stall = Stall(task.stuck_after, task.stall_radius)
         self.finished_at: float | None = None
         self.faults: tuple[str, ...] = ()
         self.path: tuple[Waypoint, ...] = ()
@@ -324,7 +325,7 @@ class _Loop:
 
     def _time_is_up(self, pose: Pose) -> Verdict:
         """Lost, if it says so itself; otherwise it was too slow."""
-        left = f"{self.visits.distance(pose):.1f} m from {self.visits.goal_name}"
+        left = f"{self.visits.distance(pose):.1f} m from {self.visits.next_name}"
         reason = f"{self.task.timeout:g} s are up, {left}"
         belief = self.pilot.state.belief
         if belief is not None and belief.lost:
@@ -342,7 +343,7 @@ class _Loop:
         if missed is None:
             goal = self.task.goals[-1]
             off = math.hypot(goal.x - pose.x, goal.y - pose.y)
-            return self._verdict(Outcome.REACHED, f"stands {off:.2f} m from {_name(goal)}")
+            return self._verdict(Outcome.REACHED, f"stands {off:.2f} m from {goal_name(goal)}")
         return self._verdict(Outcome.LOST, missed)
 
     def _verdict(self, outcome: Outcome, reason: str, trace: str = "") -> Verdict:
@@ -354,63 +355,3 @@ class _Loop:
             time=self.simulator.time,
             trace=trace,
         )
-
-
-class _Visits:
-    """Which goals the robot has truly visited, in order."""
-
-    def __init__(self, goals: Sequence[Waypoint], radius: float) -> None:
-        self.goals = goals
-        self.radius = radius
-        self.next = 0
-        self.nearest = math.inf
-
-    @property
-    def goal(self) -> Waypoint:
-        """The first goal that has not been visited, or the last one."""
-        return self.goals[min(self.next, len(self.goals) - 1)]
-
-    @property
-    def goal_name(self) -> str:
-        return _name(self.goal)
-
-    def distance(self, pose: Pose) -> float:
-        return math.hypot(self.goal.x - pose.x, self.goal.y - pose.y)
-
-    def see(self, pose: Pose) -> None:
-        distance = self.distance(pose)
-        self.nearest = min(self.nearest, distance)
-        if self.next < len(self.goals) and distance <= self.radius:
-            self.next += 1
-            self.nearest = math.inf
-
-    def missed(self, pose: Pose) -> str | None:
-        """What is missing for success when the stack has finished at the true ``pose``."""
-        last = self.goals[-1]
-        if self.next < len(self.goals) - 1:
-            came = f"came no nearer to {self.goal_name} than {self.nearest:.2f} m"
-            return f"the stack believes it has visited all goals, but {came}"
-        off = math.hypot(last.x - pose.x, last.y - pose.y)
-        if off <= self.radius:
-            return None
-        return f"the stack believes it is at {_name(last)}, but is {off:.2f} m away from it"
-
-
-class _Stall:
-    """Notices when a robot stays in one place, turning or twitching perhaps."""
-
-    def __init__(self, limit: float, radius: float) -> None:
-        self.limit = limit
-        self.radius = radius
-        self.since = 0.0
-        self.anchor: Pose | None = None
-
-    def see(self, now: float, pose: Pose) -> bool:
-        anchor = self.anchor
-        if anchor is None or math.hypot(pose.x - anchor.x, pose.y - anchor.y) > self.radius:
-            self.anchor, self.since = pose, now
-        return now - self.since >= self.limit
-
-
-def _name(goal: Waypoint) -> str:
-    return repr(goal.place) if goal.place else f"({goal.x:g}, {goal.y:g})"
