@@ -224,8 +224,18 @@ def test_the_pareto_front_is_what_nobody_dominates(objectives: Array) -> None:
         assert (j in front) != dominated
 
 
+def test_damn_counts_votes_against_as_much_as_they_apply() -> None:
+    ahead = bump(0.8, 0.0)
+    forbid = np.where(GRID.v[:, None] > 0.3, 1.0, 0.0) + GRID.zeros()
+    # hardly applicable, it is outvoted; fully applicable, it is not
+    for applicability, fast in ((0.1, True), (1.0, False)):
+        against = wish(applicability, GRID.zeros(), forbid)
+        command = DamnFusion(ROBOT).fuse(context(), {"go": wish(0.9, ahead), "no": against})
+        assert (command.twist.v > 0.3) == fast
+
+
 def test_priority_lets_the_first_in_order_have_it_all() -> None:
-    proposals = {"go_to_xy": wish(0.9, bump(0.8, 0.0)), "avoid": wish(0.5, bump(0.2, 0.9))}
+    proposals = {"go_to_xy": wish(0.9, bump(0.8, 0.0)), "avoid": wish(0.9, bump(0.2, 0.9))}
     fusion = PriorityFusion(ROBOT)
     assert fusion.fuse(context(), proposals).leader == "avoid"
     calm = {"go_to_xy": wish(0.9, bump(0.8, 0.0)), "avoid": wish(0.1, bump(0.2, 0.9))}

@@ -17,7 +17,7 @@ __all__ = ["DamnFusion"]
 
 
 class DamnFusion(Fusion):
-    """Adds up votes for and against, weighted by applicability, smooths them, takes the best.
+    """Adds up all votes for and against, weighted by applicability, smooths them, takes the best.
 
     Prohibitions are votes like any other here: enough desire outvotes them (METHOD 3.5).
     """
@@ -28,7 +28,8 @@ class DamnFusion(Fusion):
         """How votes are counted."""
 
         against: Annotated[
-            float, Field(ge=0.0, le=10.0, description="weight of a full prohibition")
+            float,
+            Field(ge=0.0, le=10.0, description="how much a prohibition counts against a desire"),
         ] = 1.0
         smoothing: Annotated[
             float, Field(ge=0.0, le=5.0, description="standard deviation [cells of the grid]")
@@ -40,9 +41,9 @@ class DamnFusion(Fusion):
         """The command with most votes."""
         votes = context.commands.zeros()
         for name, share in shares_of(proposals).items():
-            votes += share * proposals[name].desirability
+            proposal = proposals[name]
+            votes += share * (proposal.desirability - self.params.against * proposal.prohibition)
         forbidden = prohibition_of(context, proposals)
-        votes -= self.params.against * forbidden
         votes = ndimage.gaussian_filter(votes, self.params.smoothing, mode="nearest")
         if float(votes.max()) <= 0.0:
             return no_command(context, proposals, forbidden > 0.5)

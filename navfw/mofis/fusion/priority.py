@@ -29,10 +29,10 @@ class PriorityFusion(Fusion):
 
         order: Annotated[
             tuple[str, ...], Field(description="behaviours, the most important first")
-        ] = ("emergency", "escape", "avoid", "follow_wall", "go_to_xy")
+        ] = ("emergency", "escape", "give_way", "avoid", "follow_wall", "go_to_xy")
         threshold: Annotated[
             float, Field(gt=0.0, lt=1.0, description="applicability that takes the command")
-        ] = 0.4
+        ] = 0.8
 
     params: Params
 
