@@ -8,7 +8,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from navfw.flow.registration.kernels import find_mixtures, register
+from navfw.flow.registration.kernels import register
+from navfw.flow.registration.mixtures import find_mixtures
 from navfw.signals import Array, Image
 
 __all__ = ["Registration", "register_windows"]
