@@ -108,7 +108,7 @@ def _mission(draft: Draft, family: str, difficulty: float, shortest: float) -> M
         "description": f"Cross the {family} (difficulty {difficulty:g}), {shortest:.1f} m.",
         "start": draft.start,
         "goals": [goal],
-        "tolerance": 0.1,
+        "tolerance": 0.15,
         # a quarter of the top speed will do
         "timeout": float(round(draft.time_allowance + 8.0 * shortest)),
     }
