@@ -52,6 +52,12 @@ class CameraModel(BaseModel):
         # columns: the camera's x (right), y (down) and z (forward) axes, in base_link
         return np.array([[0.0, -s, c], [-1.0, 0.0, 0.0], [0.0, -c, -s]])
 
+    @property
+    def bearing(self) -> float:
+        """Where the optical axis points, seen from above [rad from ahead, left positive]."""
+        x, y = self.base_from_camera[:2, 2].tolist()
+        return math.atan2(y, x)
+
 
 class SideCamera(CameraModel):
     """What a wide lens shows to one side, undistorted: a pinhole image about an axis of its own."""

@@ -70,6 +70,7 @@ class Vision:
             for eye in eyes
             if config.movers or self._stands
         )
+        self._cameras = tuple(lookout.camera for lookout in self._lookouts)
 
     def reset(self) -> None:
         """Forget all frames."""
@@ -104,7 +105,7 @@ class Vision:
         ]
         if not self._config.movers:
             return ()
-        return join_at_seams(views, [lookout.camera for lookout in self._lookouts[: len(views)]])
+        return join_at_seams(views, self._cameras[: len(views)])
 
     def _standing(self) -> Standing | None:
         """What stands in the newest frame, in small columns."""

@@ -39,7 +39,8 @@ class EncounterParams(BaseModel):
 
     horizon: Annotated[float, Field(gt=0.0, le=10.0, description="how far ahead [s]")] = 6.0
     turning: Annotated[
-        float, Field(ge=0.0, le=10.0, description="a turn is taken to last so long [s]")
+        float,
+        Field(ge=0.0, le=10.0, description="turns while driving are taken to last so long [s]"),
     ] = 1.0
     onward: Annotated[
         float, Field(ge=0.0, le=2.0, description="speed after a turn on the spot [m/s]")
@@ -118,18 +119,21 @@ def _meet(
     headings = _headings(turns, state[2], state[4], limits[2], turning, steps)
     for i in range(speeds.size):
         for j in range(turns.size):
-            gap[i, j], after[i, j] = _follow(movers, state[:2], ways[i], headings[j], radius, doubt)
             closing[i, j] = _closing(movers, state[:2], ways[i], headings[j], radius)
+            if speeds[i] == 0.0 and turns[j] != 0.0:
+                gap[i, j], after[i, j] = -math.inf, 0.0  # as the best of the turns below
+                continue
+            gap[i, j], after[i, j] = _follow(movers, state[:2], ways[i], headings[j], radius, doubt)
     # turning on the spot makes room for nobody, unless to drive off that way
-    for turning in TURNS:
-        leaving = _ways(np.zeros(1), state[3], limits[0], limits[1], turning, onward, steps)
-        headings = _headings(turns, state[2], state[4], limits[2], turning, steps)
+    for lasting in TURNS:
+        leaving = _ways(np.zeros(1), state[3], limits[0], limits[1], lasting, onward, steps)
+        headings = _headings(turns, state[2], state[4], limits[2], lasting, steps)
         for i in range(speeds.size):
             for j in range(turns.size):
                 if speeds[i] != 0.0 or turns[j] == 0.0:
                     continue
                 wide, when = _follow(movers, state[:2], leaving[0], headings[j], radius, doubt)
-                if wide > gap[i, j] or turning == TURNS[0]:
+                if wide > gap[i, j]:
                     gap[i, j], after[i, j] = wide, when
 
 

@@ -142,8 +142,10 @@ def _across(
     nearest = HOLE * math.sqrt(np.sum(translation * translation))
     odd = np.zeros(sigma.shape, np.bool_)
     for r, c in np.ndindex(sigma.shape):
+        if not confidence[r, c] > 0.0:
+            continue
         ex, ey, lever = _lever(points[r, c], translation, focal)
-        if not confidence[r, c] > 0.0 or lever <= nearest:
+        if lever <= nearest:
             continue
         u, v = vectors[r, c, 0], vectors[r, c, 1]
         allowed = math.hypot(sigma[r, c], PATCH_AIM * math.hypot(u, v))

@@ -75,8 +75,7 @@ def _mover(flow: FlowField, fall: Array, cells: Mask, camera: CameraModel) -> Mo
     bearings = math.atan2(-left, camera.focal), math.atan2(-right, camera.focal)
     off_axis, width = 0.5 * sum(bearings), 0.5 * (bearings[0] - bearings[1])
     evidence = _velocity(points, flow.vectors[cells], depth, flow, camera)
-    axis = camera.base_from_camera[:2, 2]
-    bearing = math.atan2(axis[1], axis[0]) + off_axis
+    bearing = camera.bearing + off_axis
     return Mover(flow.time, bearing, width, depth / math.cos(off_axis), *evidence)
 
 

@@ -20,11 +20,14 @@ def join_at_seams(
     views: Sequence[Sequence[Mover]], cameras: Sequence[CameraModel]
 ) -> tuple[Mover, ...]:
     """All movers of ``views``, one for each of ``cameras`` (at one place); left to right."""
-    order = sorted(range(len(cameras)), key=lambda k: -_axis(cameras[k]))
+    if len(cameras) == 1:
+        return tuple(sorted(views[0], key=lambda mover: -mover.bearing))
+    bearings = [camera.bearing for camera in cameras]
+    order = sorted(range(len(cameras)), key=lambda k: -bearings[k])
     joined: list[Mover] = []
     border = math.inf
     for k in order:
-        axis, half = _axis(cameras[k]), 0.5 * cameras[k].hfov
+        axis, half = bearings[k], 0.5 * cameras[k].hfov
         fresh = sorted(views[k], key=lambda mover: -mover.bearing)
         if joined and fresh and border <= axis + half:
             left, right = joined[-1], fresh[0]
@@ -50,12 +53,6 @@ def _join(left: Mover, right: Mover) -> Mover:
         left.information + right.information,
         left.evidence + right.evidence,
     )
-
-
-def _axis(camera: CameraModel) -> float:
-    """Where the camera's axis points [rad, left positive]."""
-    x, y = camera.base_from_camera[:2, 2].tolist()
-    return math.atan2(y, x)
 
 
 def _left(mover: Mover) -> float:
