@@ -8,7 +8,7 @@ seen again is soon forgotten, but not what has only left the view.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -24,10 +24,14 @@ Positive = Annotated[float, Field(gt=0.0)]
 
 EDGE = math.radians(7.0)
 """At the border of the view movers are seen in part, or not at all [rad]."""
-TWINS = 0.45
+TWINS = 0.3
 """Two people do not come nearer to each other than this [m]."""
 AGO, OVERLAP = 0.25, 0.03
 """Who was seen so long ago [s] and would by now be so deep [m] in the robot has gone elsewhere."""
+STRAY = 0.8
+"""Who is seen farther off [m] than somebody is expected is another, however long ago that was."""
+CHANGE = 0.2
+"""Change of velocity [m/s] that makes a sighting as unlikely as one sigma of place."""
 ROUGH = 0.06
 """A mover is no disc, and seen in part from near [m]."""
 FARTHEST = 2.0
@@ -53,7 +57,7 @@ class TrackParams(BaseModel):
     )
     distance_sigma: Annotated[
         Positive, Field(description="error of a sighting's distance, relative [1]")
-    ] = 0.12
+    ] = 0.2
     walking: Annotated[Positive, Field(description="how fast movers go, one sigma [m/s]")] = 0.4
     swerve: Annotated[
         Positive, Field(description="how soon they turn, one sigma of acceleration [m/s^2]")
@@ -67,7 +71,7 @@ class TrackParams(BaseModel):
     ] = 0.6
     radius: Annotated[
         tuple[Positive, Positive], Field(description="least and largest radius of a mover [m]")
-    ] = (0.12, 0.35)
+    ] = (0.22, 0.35)
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,13 +110,17 @@ class Track:
 
 @dataclass(frozen=True, slots=True)
 class _Sighting:
-    """A mover in odom: its centre with information (2, 2); information and evidence of velocity."""
+    """A mover in odom: its centre with information (2, 2); information and evidence of velocity.
+
+    ``velocity`` (2,) is what they make likely [m/s].
+    """
 
     time: float
     place: Array
     place_information: Array
     velocity_information: Array
     velocity_evidence: Array
+    velocity: Array
     radius: float
 
 
@@ -138,17 +146,32 @@ class Tracks:
 
     def see(self, movers: Iterable[Mover], pose: Pose) -> None:
         """Enter the ``movers`` seen from odom ``pose``."""
-        known = list(self.tracks)
-        for mover in movers:
-            sighting = self._place(mover, pose)
-            off = [self._distance(track, sighting) for track in known]
-            if not off or min(off) > self.params.gate:
-                track = self._begin(sighting)
-                self.tracks.append(track)
+        sightings = [self._place(mover, pose) for mover in movers]
+        known = self._recognise(sightings)
+        for index, sighting in enumerate(sightings):
+            if index in known:
+                self._update(known[index], sighting)
             else:
-                track = known.pop(off.index(min(off)))
-                self._update(track, sighting)
+                known[index] = self._begin(sighting)
+                self.tracks.append(known[index])
+        for track in known.values():
             self._drop_twins(track)
+
+    def _recognise(self, sightings: Sequence[_Sighting]) -> dict[int, Track]:
+        """Who is seen in which sighting, by its index: whoever fits best comes first."""
+        fits = [
+            (self._distance(track, sighting), index, number)
+            for index, sighting in enumerate(sightings)
+            for number, track in enumerate(self.tracks)
+        ]
+        recognised: dict[int, Track] = {}
+        for distance, index, number in sorted(fits):
+            track = self.tracks[number]
+            if distance == math.inf:
+                break
+            if index not in recognised and track not in recognised.values():
+                recognised[index] = track
+        return recognised
 
     def _drop_twins(self, track: Track) -> None:
         """Drop what was taken for somebody else and stands where this ``track`` was just seen.
@@ -214,6 +237,7 @@ class Tracks:
             sight @ np.diag(spread**-2.0) @ sight.T,
             turn @ mover.information @ turn.T,
             turn @ mover.evidence,
+            turn @ np.array(mover.velocity(p.walking)),
             radius,
         )
 
@@ -235,11 +259,19 @@ class Tracks:
         return step @ track.state, covariance
 
     def _distance(self, track: Track, sighting: _Sighting) -> float:
-        """How far [sigma] ``sighting`` is from where the mover is expected (Mahalanobis)."""
+        """How little [sigma] ``sighting`` fits ``track``, by place and velocity; inf: not at all.
+
+        Its place must be within the gate (Mahalanobis). Velocities only tell people apart that pass
+        each other: somebody who turns round stays who he is.
+        """
         state, covariance = self._expected(track, sighting.time)
         off = sighting.place - state[:2]
         spread = covariance[:2, :2] + np.linalg.inv(sighting.place_information)
-        return math.sqrt(float(off @ np.linalg.solve(spread, off)))
+        distance = math.sqrt(float(off @ np.linalg.solve(spread, off)))
+        if distance > self.params.gate or math.hypot(*off) > STRAY:
+            return math.inf
+        change = math.dist(sighting.velocity, track.velocity)
+        return distance + min(change / CHANGE, self.params.gate)
 
     def _update(self, track: Track, sighting: _Sighting) -> None:
         state, covariance = self._expected(track, sighting.time)

@@ -139,14 +139,46 @@ def test_a_second_track_of_the_same_mover_is_dropped() -> None:
 
 
 def test_who_is_suddenly_seen_elsewhere_is_still_believed() -> None:
-    tracks = Tracks(ROBOT)
+    tracks = Tracks(ROBOT, TrackParams(gate=2.0))
     for k in range(5):
         tracks.see([seen(0.1 * k, 0.0, 0.8)], START)
     # only a part of it is seen from so near: too far off for the gate, too near for another
-    tracks.see([seen(0.5, 0.3, 0.52, width=0.2)], START)
+    tracks.see([seen(0.5, 0.25, 0.76, width=0.2)], START)
     (track,) = tracks.tracks
     assert track.seen == 5
     assert tracks.believed == (track,)
+
+
+def test_somebody_seen_far_from_where_one_went_is_somebody_else() -> None:
+    tracks = Tracks(ROBOT)
+    walk(tracks, 1.0, 0.5)
+    (left,) = tracks.tracks
+    # long after: anywhere would be within the gate of so old a track
+    later = left.time + 3.5
+    x, y = left.at(later)
+    away = START.to_local(x, y)
+    bearing, distance = math.atan2(away[1], away[0]), math.hypot(*away)
+    tracks.see([seen(later, bearing + 1.2, distance)], START)
+    assert left in tracks.tracks
+    assert len(tracks.tracks) == 2
+    assert left.time < later
+
+
+def test_those_who_pass_each_other_are_told_apart_by_their_velocities() -> None:
+    tracks = Tracks(ROBOT)
+    start, speed = 0.5, 0.5
+    for k in range(21):
+        aside = start - speed * 0.1 * k
+        movers = []
+        for side, way in ((aside, -speed), (-aside, speed)):
+            bearing, distance = math.atan2(side, 1.2), math.hypot(1.2, side) - 0.22
+            there = seen(0.1 * k, bearing, distance, velocity=(0.0, way), certainty=200.0)
+            movers.append(there)
+        tracks.see(sorted(movers, key=lambda mover: -mover.bearing), START)
+    rightward, leftward = sorted(tracks.tracks, key=lambda track: track.velocity[1])
+    assert rightward.seen == leftward.seen == 21
+    assert rightward.velocity[1] == pytest.approx(-speed, abs=0.1)
+    assert leftward.velocity[1] == pytest.approx(speed, abs=0.1)
 
 
 def test_what_movers_take_is_occupied_until_they_are_gone() -> None:
