@@ -26,6 +26,8 @@ DepthImage = npt.NDArray[np.float32]
 # noise is drawn once and cut from a random place for every frame: 2**20 bytes, cheap and varied
 _NOISE_BANK = 1 << 20
 _WIDEST = 2.8
+# OpenGL's axes are the camera's right, and the opposite of its down and ahead
+_RIGHT_UP_BACK = np.array([[1.0], [-1.0], [-1.0]])
 
 
 class Shot(NamedTuple):
@@ -91,6 +93,8 @@ class Camera:
                 np.clip(-drawn, 0, 127).astype(np.uint8),
             )
         self._lamps = light
+        self._mount = np.array([camera.mount_forward, 0.0, camera.mount_height])
+        self._base_from_camera = camera.base_from_camera
         self.adjust()
 
     def adjust(self, light: float = 1.0, hfov_error: float = 0.0) -> None:
@@ -135,9 +139,9 @@ class Camera:
         if self._banks is None:
             return clean
         begin = int(self._rng.integers(_NOISE_BANK - clean.size))
-        brighter, darker = (
+        brighter, darker = [
             bank[begin : begin + clean.size].reshape(clean.shape) for bank in self._banks
-        )
+        ]
         noisy = cv2.subtract(cv2.add(clean, brighter), darker)  # saturates at 0 and 255
         return noisy.astype(np.uint8, copy=False)
 
@@ -167,13 +171,14 @@ class Camera:
                 [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
             ]
         )
-        eye: Array = position + rotation @ (self.model.mount_forward, 0.0, self.model.mount_height)
-        return eye, rotation @ self.model.base_from_camera
+        eye: Array = position + rotation @ self._mount
+        return eye, rotation @ self._base_from_camera
 
 
 def _view(eye: Array, axes: Array) -> Array:
     """OpenGL view matrix (4, 4) of a camera placed so."""
-    view = np.eye(4)
-    view[0, :3], view[1, :3], view[2, :3] = axes[:, 0], -axes[:, 1], -axes[:, 2]
-    view[:3, 3] = -view[:3, :3] @ eye
+    view = np.zeros((4, 4))
+    turn = np.multiply(axes.T, _RIGHT_UP_BACK, out=view[:3, :3])
+    view[:3, 3] = -turn @ eye
+    view[3, 3] = 1.0
     return view

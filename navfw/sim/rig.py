@@ -15,19 +15,17 @@ import numpy.typing as npt
 
 from navfw.errors import SimulationError
 from navfw.robot import RobotModel
-from navfw.signals import Array, CameraMotion, Frame, Image
+from navfw.signals import CameraMotion, Frame, Image
 from navfw.sim.camera import Camera, DepthImage
 from navfw.sim.faults import Faults
+from navfw.sim.robot_body import BodyState
 from navfw.sim.scenery import Scenery
 from navfw.sim.sensors import SensorParams
 from navfw.sim.worldfile import LightSpec
 
-__all__ = ["BodyState", "CameraRig", "Dice", "Timings"]
+__all__ = ["CameraRig", "Dice", "Timings"]
 
 _REMEMBERED_VIEWS = 64
-
-BodyState = tuple[tuple[float, float, float], tuple[float, float, float, float]]
-"""Position [m] and orientation (quaternion x, y, z, w) of base_link in the map."""
 
 
 @dataclass(slots=True)
@@ -85,8 +83,8 @@ class CameraRig:
         self._timings = timings
         self._frames = 0
         self._landmark_frames = 0
-        # where the camera truly was: (time, position in the map, (3, 3) its axes in the map)
-        self._views: deque[tuple[float, Array, Array]] = deque(maxlen=_REMEMBERED_VIEWS)
+        # where the body truly was when frames were taken: (time, state)
+        self._taken: deque[tuple[float, BodyState]] = deque(maxlen=_REMEMBERED_VIEWS)
         self._raw_depth: npt.NDArray[np.float32] | None = None
 
     def adjust(self) -> None:
@@ -103,7 +101,7 @@ class CameraRig:
         """The frame of ``time`` [s], from a robot whose body is there."""
         begun = wall.perf_counter()
         clean, self._raw_depth = self.camera.render(*body)
-        self._views.append((time, *self.camera.placed(*body)))
+        self._taken.append((time, body))
         parts = [clean, *(side.render(*body)[0] for side in self._sides)]
         rendered = wall.perf_counter()
         whole = np.concatenate(parts, axis=1) if self._sides else clean
@@ -149,10 +147,11 @@ class CameraRig:
             SimulationError: one of the frames is not, or too old to be remembered.
 
         """
-        views = {time: (position, axes) for time, position, axes in self._views}
-        if past.time not in views or now.time not in views:
+        bodies = dict(self._taken)
+        if past.time not in bodies or now.time not in bodies:
             raise SimulationError(f"no view of {past.time:.3f} s or {now.time:.3f} s is remembered")
-        (from_position, from_axes), (to_position, to_axes) = views[past.time], views[now.time]
+        from_position, from_axes = self.camera.placed(*bodies[past.time])
+        to_position, to_axes = self.camera.placed(*bodies[now.time])
         return CameraMotion(
             rotation=to_axes.T @ from_axes,
             translation=to_axes.T @ (to_position - from_position),

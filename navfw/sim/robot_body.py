@@ -20,7 +20,10 @@ from navfw.signals import Array, Pose, wrap_angle
 from navfw.sim.engine import bullet
 from navfw.sim.scene import BODY_GROUP, FLOOR_GROUP, SOLID_GROUP, WHEEL_GROUP
 
-__all__ = ["RobotBody", "robot_urdf"]
+__all__ = ["BodyState", "RobotBody", "pose_of", "robot_urdf"]
+
+BodyState = tuple[tuple[float, float, float], tuple[float, float, float, float]]
+"""Position [m] and orientation (quaternion x, y, z, w) of base_link in the map."""
 
 MASS = 6.0
 """Of the whole robot, wheels excepted [kg]."""
@@ -165,8 +168,8 @@ class RobotBody:
         left, right = self._turned()
         return float(left[0]), float(right[0])
 
-    def state(self) -> tuple[tuple[float, float, float], tuple[float, float, float, float]]:
-        """Position [m] of ``base_link``'s origin and its orientation (x, y, z, w), in the map."""
+    def state(self) -> BodyState:
+        """Where ``base_link`` is."""
         centre, turn = self._placed()
         x, y, z, w = turn
         # the engine reports the centre of mass: go down the body's own z axis to the floor
@@ -185,15 +188,10 @@ class RobotBody:
         points: Array = origin + self._supports @ axes[:, :2].T
         return points
 
-    def pose(self) -> Pose:
-        """The true planar pose in the map."""
-        (x, y, _), turn = self.state()
-        return Pose(x, y, yaw_of(turn))
-
-    def roll_pitch_rates(self) -> tuple[float, float]:
-        """Angular velocity [rad/s] about the body's x and y axes."""
+    def roll_pitch_rates(self, turn: tuple[float, float, float, float]) -> tuple[float, float]:
+        """Angular velocity [rad/s] about the x and y axes of the body, which stands at ``turn``."""
         _, (wx, wy, wz) = self._moving()
-        _, (x, y, z, w) = self._placed()
+        x, y, z, w = turn
         roll = (1 - 2 * (y * y + z * z)) * wx + 2 * (x * y + w * z) * wy + 2 * (x * z - w * y) * wz
         pitch = 2 * (x * y - w * z) * wx + (1 - 2 * (x * x + z * z)) * wy + 2 * (y * z + w * x) * wz
         return roll, pitch
@@ -208,6 +206,12 @@ class RobotBody:
 
     def _call(self, function: str, *args: Any, **kwargs: Any) -> Any:
         return getattr(bullet, function)(*args, physicsClientId=self._client, **kwargs)
+
+
+def pose_of(state: BodyState) -> Pose:
+    """The planar pose of a body that stands so."""
+    (x, y, _), turn = state
+    return Pose(x, y, yaw_of(turn))
 
 
 def yaw_of(turn: tuple[float, float, float, float]) -> float:

@@ -113,7 +113,7 @@ class Scenery:
         if not self._cull:
             return
         seen = self._visibility.seen(eye, middle, half)
-        if not np.array_equal(seen, self._shown):
+        if (seen != self._shown).any():
             self.raster.hide([self._bodies[i] for i in np.flatnonzero(~seen)])
             self._shown = seen
 

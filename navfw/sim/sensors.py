@@ -121,12 +121,10 @@ class Gyro:
         """Measure true ``rates`` (roll, pitch, yaw) [rad/s], ``dt`` [s] after the last reading."""
         drawn: list[float] = self._rng.standard_normal(6).tolist()
         walk, noise = self._params.gyro_bias_walk * math.sqrt(dt), self._params.gyro_noise
+        bias = self._bias
         for axis in range(3):
-            self._bias[axis] += walk * drawn[axis]
-        roll, pitch, yaw = (
-            rate + bias + noise * error
-            for rate, bias, error in zip(rates, self._bias, drawn[3:], strict=True)
-        )
+            bias[axis] += walk * drawn[axis]
+        roll, pitch, yaw = [rates[axis] + bias[axis] + noise * drawn[3 + axis] for axis in range(3)]
         return Inertial(time, roll, pitch, yaw)
 
 
@@ -166,5 +164,5 @@ class WheelEncoders:
             self._turned[side] += way * (usual + self._slip[side])
         self._last = angles
         # an encoder reports the last mark that has passed
-        left, right = (math.floor(t * self._ticks_per_radian + 1e-9) for t in self._turned)
+        left, right = [math.floor(t * self._ticks_per_radian + 1e-9) for t in self._turned]
         return Encoders(time, left, right)

@@ -25,8 +25,8 @@ from navfw.sim.engine import bullet
 from navfw.sim.faults import Faults
 from navfw.sim.floorplan import FloorPlan
 from navfw.sim.movers import Mover, MoverTrack, caused_by_robot
-from navfw.sim.rig import BodyState, CameraRig, Dice, Timings
-from navfw.sim.robot_body import RobotBody
+from navfw.sim.rig import CameraRig, Dice, Timings
+from navfw.sim.robot_body import BodyState, RobotBody, pose_of
 from navfw.sim.scene import Scene
 from navfw.sim.scenery import Scenery
 from navfw.sim.sensors import Gyro, SensorParams, WheelEncoders
@@ -78,7 +78,7 @@ class Simulation:
         self._contacts: set[str] = set()
         self._cause: Literal["robot", "mover"] | None = None
         self._last_pose = start
-        self._pose: tuple[int, Pose] = (-1, start)
+        self._known: tuple[BodyState, Pose] | None = None
         self._mover_times: list[float] = []
         self._mover_points: list[Array] = []
         self._reading: SensorReading | None = None
@@ -120,9 +120,9 @@ class Simulation:
             bullet.stepSimulation(physicsClientId=self._client)
         self._place_movers()
         self._note_movers()
-        self._last_pose = self._body.pose()
+        self._last_pose = self.true_pose()
         self._encoders.zero(self._body.wheel_angles())
-        self._yaw_read = self._body.pose().yaw
+        self._yaw_read = self._last_pose.yaw
 
     # --- what the robot may know --------------------------------------------------------------
 
@@ -135,10 +135,10 @@ class Simulation:
             return self._reading
         begun = wall.perf_counter()
         dt = self.time - self._reading.time if self._reading is not None else 0.0
-        yaw = self.true_pose().yaw
-        yaw_rate = wrap_angle(yaw - self._yaw_read) / dt if dt > 0.0 else 0.0
-        self._yaw_read = yaw
-        rates = (*self._body.roll_pitch_rates(), yaw_rate)
+        (_, turn), pose = self._truth()
+        yaw_rate = wrap_angle(pose.yaw - self._yaw_read) / dt if dt > 0.0 else 0.0
+        self._yaw_read = pose.yaw
+        rates = (*self._body.roll_pitch_rates(turn), yaw_rate)
         inertial = self._faults.gyro(self._gyro.read(self.time, dt, rates))
         encoders = self._faults.encoders(
             self._encoders.read(self.time, dt, self._body.wheel_angles())
@@ -191,6 +191,7 @@ class Simulation:
         here = self.true_pose() if self.movers else self._last_pose
         for mover in self.movers:
             mover.look(here, self.robot.radius)
+        self._known = None
         while self._steps < target:
             self._walk(1.0 / PHYSICS_RATE)
             bullet.stepSimulation(physicsClientId=self._client)
@@ -258,7 +259,7 @@ class Simulation:
 
         The floor is none.
         """
-        return tuple(sorted(self._contacts))
+        return tuple(sorted(self._contacts)) if self._contacts else ()
 
     @property
     def collision_cause(self) -> Literal["robot", "mover"] | None:
@@ -279,11 +280,7 @@ class Simulation:
 
     def true_pose(self) -> Pose:
         """Where the robot is, in the map."""
-        step, pose = self._pose
-        if step != self._steps:
-            pose = self._body.pose()
-            self._pose = self._steps, pose
-        return pose
+        return self._truth()[1]
 
     def true_depth(self) -> DepthImage:
         """Depth (height, width) [m] of the last frame's view, inf where there is nothing."""
@@ -310,7 +307,14 @@ class Simulation:
     def _seen_from(self) -> BodyState:
         """Where the body is, with the movers in the picture."""
         self._scene.show_movers()
-        return self._body.state()
+        return self._truth()[0]
+
+    def _truth(self) -> tuple[BodyState, Pose]:
+        """Where the body is; the engine is asked once until it moves."""
+        if self._known is None:
+            state = self._body.state()
+            self._known = state, pose_of(state)
+        return self._known
 
     def close(self) -> None:
         """Leave the physics server; doing it twice is no harm."""
