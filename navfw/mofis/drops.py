@@ -70,6 +70,8 @@ class DropMemory:
     def reset(self) -> None:
         """Forget everything."""
         self._votes: dict[tuple[int, int], int] = {}
+        # asked for at every frame, but changing seldom
+        self._points: list[tuple[float, float]] = []
         self._time = -math.inf
 
     def enter(self, percept: Percept, pose: Pose) -> None:
@@ -88,22 +90,27 @@ class DropMemory:
             (camera.focal, float(camera.mount_height), float(camera.mount_forward)),
             (pose.x, pose.y, math.cos(pose.yaw), math.sin(pose.yaw)),
         )
+        decided = False
         for (i, j), vote in zip(spots.tolist(), votes.tolist(), strict=True):
             if vote != 0:
-                count = self._votes.get((i, j), 0) + vote
-                self._votes[i, j] = min(max(count, -FIRM), 2 * CERTAIN)
+                before = self._votes.get((i, j), 0)
+                after = min(max(before + vote, -FIRM), 2 * CERTAIN)
+                self._votes[i, j] = after
+                decided = decided or (before >= CERTAIN) != (after >= CERTAIN)
+        if decided:
+            self._points = [
+                ((i + 0.5) * SPOT, (j + 0.5) * SPOT)
+                for (i, j), count in self._votes.items()
+                if count >= CERTAIN
+            ]
 
     def points(self) -> list[tuple[float, float]]:
         """The middles (x, y) [m] in odom of the spots whose floor is missing."""
-        return [
-            ((i + 0.5) * SPOT, (j + 0.5) * SPOT)
-            for (i, j), votes in self._votes.items()
-            if votes >= CERTAIN
-        ]
+        return list(self._points)
 
     def discs(self) -> tuple[Disc, ...]:
         """What the missing spots take from the floor, in odom: nobody can be there."""
-        return tuple(Disc(x, y, _RIM * SPOT) for x, y in self.points())
+        return tuple(Disc(x, y, _RIM * SPOT) for x, y in self._points)
 
 
 @numba.njit(cache=True)

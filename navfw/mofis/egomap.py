@@ -92,7 +92,8 @@ class EgoMap:
         self.size = 2 * round(0.5 * self.params.extent / self.params.cell) + 1
         self._base_from_camera = robot.camera.base_from_camera
         p = self.params
-        self._beside = np.ones((2 * round(_BESIDE / p.cell) + 1,) * 2, np.uint8)
+        # wider by a gap: what shrinks by both is shrunk at once
+        self._beside = np.ones((2 * round(_BESIDE / p.cell) + len(_GAP),) * 2, np.uint8)
         self._limits = np.array([p.range, p.width, *p.share, _SEEN_OVER, p.over_share])
         self._hits = np.array([0.0, 0.0, 1.0, p.drop, 1.0])  # in the order of Label
         self._body = _disc(round(robot.radius / p.cell))
@@ -287,8 +288,8 @@ class EgoMap:
         such cells brushes past nothing that it has never seen.
         """
         if self._familiar is None:
-            closed = cv2.morphologyEx(self.known, cv2.MORPH_CLOSE, _GAP)
-            self._familiar = cv2.erode(closed, self._beside).astype(np.uint8, copy=False)
+            widened = cv2.dilate(self.known, _GAP)
+            self._familiar = cv2.erode(widened, self._beside).astype(np.uint8, copy=False)
         return self._familiar
 
     @property
@@ -300,10 +301,9 @@ class EgoMap:
 
     def _distance(self, occupied: Mask) -> Array:
         """(n, n) distance [m] from each cell to the nearest of ``occupied`` (n, n)."""
-        free = (~occupied).view(np.uint8)
-        if free.all():
+        if not occupied.any():
             return np.full((self.size, self.size), self.params.extent)
-        distance = cv2.distanceTransform(free, cv2.DIST_L2, 5)
+        distance = cv2.distanceTransform((~occupied).view(np.uint8), cv2.DIST_L2, 5)
         return np.multiply(distance, self.params.cell, dtype=np.float64)
 
 

@@ -24,6 +24,8 @@ from navfw.signals import Belief, Outlook, PassageQuery, PassageState, Percept, 
 __all__ = ["PassageWatch", "PassageWatchParams", "judge"]
 
 Bits = npt.NDArray[np.uint8]
+Cells = tuple[npt.NDArray[np.intp], ...]
+"""Rows and columns (k,) of cells."""
 Metres = Annotated[float, Field(ge=0.0, le=5.0)]
 
 _SHORTEST = 0.3
@@ -126,7 +128,7 @@ def judge(
     strip = np.zeros_like(passable)
     row, column = egomap.index(pose.x, pose.y)
     cv2.circle(strip, (column, row), round(_BESIDE / egomap.params.cell), 1, -1)
-    near = strip > 0
+    near = strip.nonzero()
     states: list[PassageState] = []
     for start, end, half in legs:
         stop = _cut(pose, start, end, reach)
@@ -136,7 +138,7 @@ def judge(
         if math.dist(start, stop) < _SHORTEST:
             states.append("unknown")
             continue
-        gate = _gate(egomap, start, stop, half + slack) & (strip > 0)
+        gate = _gate(egomap, strip, start, stop, half + slack)
         if _joined(seen & strip, near, gate):
             states.append("open")
         elif (passable[near] > 0).any() and not _joined(passable & strip, near, gate):
@@ -171,21 +173,29 @@ def _draw(
 
 
 def _gate(
-    egomap: EgoMap, start: tuple[float, float], end: tuple[float, float], half: float
-) -> npt.NDArray[np.bool_]:
-    """(n, n) the cells around the leg's end, across the strip: who is there has passed."""
+    egomap: EgoMap,
+    strip: Bits,
+    start: tuple[float, float],
+    end: tuple[float, float],
+    half: float,
+) -> Cells:
+    """The cells of the strip around the leg's end and across it: who is there has passed."""
     cell = egomap.params.cell
-    x = egomap.origin[0] + cell * np.arange(egomap.size) - end[0]
-    y = egomap.origin[1] + cell * np.arange(egomap.size) - end[1]
+    rows, columns = strip.nonzero()
+    x = egomap.origin[0] + cell * columns - end[0]
+    y = egomap.origin[1] + cell * rows - end[1]
     length = math.dist(start, end)
     ux, uy = (end[0] - start[0]) / length, (end[1] - start[1]) / length
-    along = ux * x[None, :] + uy * y[:, None]
-    aside = uy * x[None, :] - ux * y[:, None]
-    return (along >= -cell) & (along <= 2.0 * cell) & (np.abs(aside) <= half)
+    along = ux * x + uy * y
+    aside = uy * x - ux * y
+    across = (along >= -cell) & (along <= 2.0 * cell) & (np.abs(aside) <= half)
+    return rows[across], columns[across]
 
 
-def _joined(free: Bits, near: npt.NDArray[np.bool_], gate: npt.NDArray[np.bool_]) -> bool:
+def _joined(free: Bits, near: Cells, gate: Cells) -> bool:
     """Whether one connected free area reaches from near the robot to the gate."""
-    _, labels = cv2.connectedComponents(free, connectivity=4)
-    here, there = labels[near], labels[gate]
-    return bool(np.intersect1d(here[here > 0], there[there > 0]).size)
+    areas, labels = cv2.connectedComponents(free, connectivity=4)
+    reached = np.zeros(areas, np.bool_)
+    reached[labels[near]] = True
+    reached[0] = False  # what is not free
+    return bool(reached[labels[gate]].any())
