@@ -42,7 +42,7 @@ class Avoid(RuledBehavior):
         verdict = self.rules.evaluate_all(
             reserve=arcs.free / needed[:, None],
             insight=arcs.known / needed[:, None],
-            pace=np.broadcast_to(v[:, None], arcs.free.shape),
+            pace=commands.product(v, np.ones_like(commands.w)),
             clearance=arcs.clearance,
         )
         nearest = float(context.ranges.free.min())

@@ -77,14 +77,9 @@ class Inference:
 
     def activations(self, output: str) -> list[float]:
         """``degrees[output]`` of the first sample, term by term as they are declared."""
-        row = self._first
+        row: list[float] = self._table[0].tolist()
         columns = self._layout.terms[output].values()
         return [0.0 if column is None else row[column] for column in columns]
-
-    @cached_property
-    def _first(self) -> list[float]:
-        row: list[float] = self._table[0].tolist()
-        return row
 
     def crisp(self, output: str) -> Array:
         """``outputs[output]`` (N,), without making the rest of them."""

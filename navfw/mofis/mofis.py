@@ -175,8 +175,7 @@ class Mofis:
             for name, behavior in self.behaviors.items():
                 proposal = self._ask(name, behavior, self.context)
                 if proposal is not None:
-                    degree = proposal.applicability * self.weights.get(name, 1.0)
-                    self.proposals[name] = replace(proposal, applicability=degree)
+                    self.proposals[name] = proposal.weighted(self.weights.get(name, 1.0))
         self._previous = self.fusion.fuse(self.context, self.proposals)
         return self._previous
 

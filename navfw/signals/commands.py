@@ -32,6 +32,13 @@ class Proposal:
     reason: str
     explain: Explain = _no_rules
 
+    def weighted(self, weight: float) -> Proposal:
+        """The same, applicable to that share."""
+        if weight == 1.0:
+            return self
+        degree = weight * self.applicability
+        return Proposal(degree, self.desirability, self.prohibition, self.reason, self.explain)
+
 
 @dataclass(frozen=True, slots=True)
 class Command:

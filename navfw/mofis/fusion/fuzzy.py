@@ -58,10 +58,12 @@ class FuzzyFusion(Fusion):
         forbidden = prohibition > self.params.cut
         desire = self._desire(context, proposals)
         support = np.where(forbidden, 0.0, desire * (1.0 - prohibition))
-        if float(support.max()) <= 1e-6:
+        best = float(support.max())
+        if best <= 1e-6:
             return no_command(context, proposals, forbidden)
-        explanation = {"desire": float(desire.max()), "allowed": float(1.0 - forbidden.mean())}
-        position = self._centre(context, support, forbidden)
+        share = np.count_nonzero(forbidden) / forbidden.size
+        explanation = {"desire": float(desire.max()), "allowed": 1.0 - share}
+        position = self._centre(context, support, best, forbidden)
         return command_at(context, proposals, position, forbidden, explanation)
 
     def _desire(self, context: Context, proposals: Proposals) -> Array:
@@ -77,9 +79,10 @@ class FuzzyFusion(Fusion):
                 desire += share * proposals[name].desirability
         return desire
 
-    def _centre(self, context: Context, support: Array, forbidden: Mask) -> tuple[float, float]:
+    def _centre(
+        self, context: Context, support: Array, best: float, forbidden: Mask
+    ) -> tuple[float, float]:
         """(row, column), fractional, of the command chosen from ``support`` (n_v, n_w)."""
-        best = float(support.max())
         joined = (support >= self.params.level * best).astype(np.uint8)
         _, regions = cv2.connectedComponents(joined, connectivity=4)
         mass = np.bincount(regions.ravel(), weights=support.ravel())[1:]
