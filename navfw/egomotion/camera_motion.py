@@ -45,13 +45,15 @@ def camera_motion(
     # the camera's displacement in the axes of base_link now; the lever arm turned with the robot
     lever = np.array([robot.camera.mount_forward, 0.0, 0.0])
     x, y = now.to_local(past.x, past.y)
-    displacement = np.array([-x, -y, 0.0]) + lever - yaw_rotation(-turn) @ lever
+    now_from_past = yaw_rotation(-turn)
+    displacement = np.array([-x, -y, 0.0]) + lever - now_from_past @ lever
     base_from_camera = robot.camera.base_from_camera
     translation = base_from_camera.T @ displacement
+    way = math.sqrt(translation @ translation)
     return CameraMotion(
-        rotation=base_from_camera.T @ yaw_rotation(-turn) @ base_from_camera,
+        rotation=base_from_camera.T @ now_from_past @ base_from_camera,
         translation=translation,
         dt=dt,
         yaw_sigma=yaw_rate_sigma * abs(dt),
-        translation_sigma=math.hypot(TRANSLATION_FLOOR, slip * float(np.linalg.norm(translation))),
+        translation_sigma=math.hypot(TRANSLATION_FLOOR, slip * way),
     )

@@ -18,6 +18,7 @@ from navfw.signals import Array, FlowField, Image, Mask
 __all__ = [
     "align_past",
     "derotate",
+    "derotated_vectors",
     "is_visible",
     "rotate_points",
     "rotation_matters",
@@ -59,13 +60,20 @@ def derotate(flow: FlowField, camera: CameraModel) -> FlowField:
     """
     if flow.derotated:
         return flow
-    vectors = undo_turn(
+    return dataclasses.replace(flow, vectors=derotated_vectors(flow, camera), derotated=True)
+
+
+def derotated_vectors(flow: FlowField, camera: CameraModel) -> Array:
+    """The vectors (rows, cols, 2) [px] of ``derotate``, without the rest of the field."""
+    if flow.derotated:
+        return flow.vectors
+    vectors: Array = undo_turn(
         np.ascontiguousarray(flow.points, dtype=np.float64).reshape(-1, 2),
         np.ascontiguousarray(flow.vectors, dtype=np.float64).reshape(-1, 2),
         np.ascontiguousarray(flow.motion.rotation, dtype=np.float64),
         camera.focal,
     )
-    return dataclasses.replace(flow, vectors=vectors.reshape(flow.vectors.shape), derotated=True)
+    return vectors.reshape(flow.vectors.shape)
 
 
 def rotation_matters(rotation: Array, camera: CameraModel) -> bool:

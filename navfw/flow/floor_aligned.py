@@ -42,6 +42,8 @@ SIGMA = 0.2
 
 Floats = npt.NDArray[np.float32]
 
+_UNIT = np.eye(3)
+
 
 class FloorAlignedFlow:
     """Flow on a grid of small cells from a little above the horizon down to the image's border.
@@ -123,7 +125,7 @@ class FloorAlignedFlow:
     def _past_from_now(self, motion: CameraMotion) -> Array:
         """(3, 3) homography from current to past pixels for points of the floor."""
         height = self._robot.camera.mount_height
-        shift = np.eye(3) + motion.translation[:, None] * self._down / height
+        shift = _UNIT + motion.translation[:, None] * self._down / height
         return np.asarray(self._intrinsics @ motion.rotation.T @ shift @ self._rays)
 
     def _matches(self, now: Image, past: Image, back: Dense) -> npt.NDArray[np.bool_]:

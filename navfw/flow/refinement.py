@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
-from navfw.flow.derotation import derotate
+from navfw.flow.derotation import derotate, derotated_vectors
 from navfw.flow.rotation_kernels import refine_rotation, still_trusted
 from navfw.kinds import Params
 from navfw.robot import CameraModel
@@ -20,6 +20,8 @@ from navfw.signals import Array, CameraMotion, FlowField
 __all__ = ["Refinement", "RefinementParams", "refine"]
 
 ITERATIONS = 6
+
+_UNIT = np.eye(3)
 
 CERTAIN, DOUBT = 3.0, 0.1
 """A vector contradicts the motion beyond so many standard deviations, with so much [px] added."""
@@ -104,7 +106,7 @@ def refine(
     up, right = camera.base_from_camera[2], np.array([1.0, 0.0, 0.0])
     angles, covariance, *per_vector = refine_rotation(
         _flat(flow.points).reshape(-1, 2),
-        _flat(derotate(flow, camera).vectors).reshape(-1, 2),
+        _flat(derotated_vectors(flow, camera)).reshape(-1, 2),
         _flat(flow.sigma),
         _flat(flow.confidence),
         _flat(motion.translation),
@@ -141,6 +143,6 @@ def _rotation(vector: Array) -> Array:
     angle = math.sqrt(x * x + y * y + z * z)
     cross: Array = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     if angle < 1e-12:
-        return np.eye(3) + cross
+        return _UNIT + cross
     a, b = math.sin(angle) / angle, (1.0 - math.cos(angle)) / angle**2
-    return np.eye(3) + a * cross + b * (cross @ cross)
+    return _UNIT + a * cross + b * (cross @ cross)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-
-import numpy as np
 
 from navfw.signals.geometry import Array, Pose, Twist
 from navfw.signals.sensors import Frame
@@ -48,7 +47,7 @@ class CameraMotion:
     @property
     def baseline(self) -> float:
         """Length of the translation [m]."""
-        return float(np.linalg.norm(self.translation))
+        return math.sqrt(self.translation @ self.translation)
 
 
 @dataclass(frozen=True, slots=True)
