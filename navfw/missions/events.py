@@ -189,6 +189,8 @@ class EventClock:
 
     def tick(self, time: float, robot: Pose) -> None:
         """Let end and begin what is due at ``time`` [s]; ``robot`` is its true pose."""
+        if not (self._running or self._waiting):
+            return
         for event, stage, number in self._running:
             if time - self._log[number].began >= event.lasting - 1e-9:
                 stage.end(event.action)

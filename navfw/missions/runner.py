@@ -304,8 +304,8 @@ class _Loop:
     def _judge(self, now: float, pose: Pose, twist: Twist) -> Verdict | None:
         """The verdict, if the mission has just ended. A touch outweighs everything else."""
         self.visits.see(pose)
-        touched = list(dict.fromkeys(self.simulator.contacts))
-        if touched:
+        if contacts := self.simulator.contacts:
+            touched = list(dict.fromkeys(contacts))
             self.recorder.contacts.extend(Contact(now, pose.x, pose.y, body) for body in touched)
             where = f"at ({pose.x:.2f}, {pose.y:.2f})"
             fell = [repr(name) for name in touched if name in self.task.drops]

@@ -31,7 +31,8 @@ class Visits:
 
     def distance(self, pose: Pose) -> float:
         """How far [m] ``goal`` is."""
-        return math.hypot(self.goal.x - pose.x, self.goal.y - pose.y)
+        goal = self.goal
+        return math.hypot(goal.x - pose.x, goal.y - pose.y)
 
     def see(self, pose: Pose) -> None:
         """The robot truly is at ``pose`` now."""
