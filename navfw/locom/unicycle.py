@@ -45,24 +45,24 @@ class Unicycle(Controller):
 
     def control(self, command: Command | None, odometry: Odometry, dt: float) -> Twist:
         """The next twist toward ``command``; without a fresh one, brake to a standstill."""
-        target = Twist(0.0, 0.0)
+        v = w = 0.0
         if command is not None and odometry.time - command.time <= self.params.stale:
-            target = self._within_limits(command.twist)
+            v, w = self._within_limits(command.twist)
             if command.emergency:
-                target = Twist(min(target.v, 0.0), target.w)
-        self._v = self._ramp_speed(target.v, dt)
+                v = min(v, 0.0)
+        self._v = self._ramp_speed(v, dt)
         turn_step = self.robot.max_turn_accel * dt
-        self._w += min(max(target.w - self._w, -turn_step), turn_step)
+        self._w += min(max(w - self._w, -turn_step), turn_step)
         return Twist(self._v, self._w)
 
-    def _within_limits(self, twist: Twist) -> Twist:
-        """``twist`` within the drive's speeds and the cornering limit; standstill if not finite."""
+    def _within_limits(self, twist: Twist) -> tuple[float, float]:
+        """(v, w) within the drive's speeds and the cornering limit; standstill if not finite."""
         robot = self.robot
         if not (math.isfinite(twist.v) and math.isfinite(twist.w)):
-            return Twist(0.0, 0.0)
+            return 0.0, 0.0
         w = min(max(twist.w, -robot.max_w), robot.max_w)
         top = robot.max_v if abs(w) < 1e-6 else min(robot.max_v, robot.max_lateral / abs(w))
-        return Twist(min(max(twist.v, -robot.max_reverse), top), w)
+        return min(max(twist.v, -robot.max_reverse), top), w
 
     def _ramp_speed(self, target: float, dt: float) -> float:
         """Forward speed one step nearer to ``target``; slowing down may be as hard as braking."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from navfw.signals import Frame, Image, Odometry, SensorReading
+from navfw.signals import Frame, Image, Odometry, SensorReading, wrap_angle
 
 __all__ = ["Senses"]
 
@@ -70,9 +70,10 @@ class Senses:
 
     def _move(self, odometry: Odometry) -> None:
         if self._pose is not None:
-            step = self._pose.pose.relative(odometry.pose)
-            self._way += abs(step.x) + abs(step.y)
-            self._turn += abs(step.yaw)
+            before, now = self._pose.pose, odometry.pose
+            ahead, aside = before.to_local(now.x, now.y)
+            self._way += abs(ahead) + abs(aside)
+            self._turn += abs(wrap_angle(now.yaw - before.yaw))
         self._pose = odometry
 
     def _fault_of(self, frame: Frame) -> str:

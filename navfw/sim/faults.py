@@ -102,6 +102,8 @@ class Faults:
         A late frame keeps the time at which it was taken. Frames never overtake each other.
         """
         faults = self._of(CameraFault)
+        if not (faults or self._waiting):
+            return frame
         for fault in faults:
             if fault.dropped is not None and frame is not None:
                 frame = None if self._rng.random() < fault.dropped else frame
@@ -119,6 +121,9 @@ class Faults:
     def gyro(self, inertial: Inertial) -> Inertial:
         """What arrives of a gyro's reading."""
         faults = self._of(GyroFault)
+        if not faults:
+            self._inertial = inertial
+            return inertial
         step = math.radians(sum(fault.bias_step or 0.0 for fault in faults))
         if step:
             inertial = dataclasses.replace(inertial, yaw_rate=inertial.yaw_rate + step)
@@ -140,6 +145,9 @@ class Faults:
         [(0, 0), (0, 50), (10, 60)]
         """
         dead = {fault.dropout for fault in self._of(EncoderFault)}
+        if not (dead or any(self._missed)):
+            self._counted = encoders
+            return encoders
         now = [encoders.left, encoders.right]
         for index, side in enumerate(("left", "right")):
             if self._counted is not None and dead & {side, "both"}:
