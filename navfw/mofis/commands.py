@@ -38,7 +38,8 @@ class CommandGrid:
     """Speeds ``v`` (n_v,) [m/s] ascending and turning rates ``w`` (n_w,) [rad/s] ascending.
 
     ``relative_v`` and ``relative_w`` are the same in units of the top speed and top turning rate:
-    the units in which behaviours' rule bases speak of ``speed`` and ``turn``.
+    the units in which behaviours' rule bases speak of ``speed`` and ``turn``. ``backward_rows`` and
+    ``forward_rows`` are the slices of ``v`` that drive so; one speed between them is zero.
     """
 
     def __init__(self, robot: RobotModel, params: CommandGridParams | None = None) -> None:
@@ -52,6 +53,8 @@ class CommandGrid:
         self.relative_v: Array = self.v / self.max_v
         self.relative_w: Array = self.w / self.max_w
         self.shape = (self.v.size, self.w.size)
+        self.backward_rows = slice(0, backward.size)
+        self.forward_rows = slice(backward.size + 1, self.v.size)
 
     def zeros(self) -> Array:
         """An empty (n_v, n_w) layer: nothing desired, nothing forbidden."""
@@ -82,7 +85,7 @@ class CommandGrid:
     def forward(self) -> Array:
         """A layer (n_v, n_w) of all commands that drive forward, for those who forbid that."""
         layer = self.zeros()
-        layer[self.v > 0.0, :] = 1.0
+        layer[self.forward_rows] = 1.0
         return layer
 
     def nearest(self, twist: Twist) -> tuple[int, int]:

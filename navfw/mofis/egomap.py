@@ -153,16 +153,13 @@ class EgoMap:
         kept = (confidence >= p.certainty) & (nearness > 1e-3) & (percept.height.ravel() < p.top)
         if not kept.any():
             return
-        nearness, confidence = nearness[kept], confidence[kept]
-        sigma, label = np.maximum(percept.sigma.ravel()[kept], _SHARPEST), label[kept]
+        confidence = np.where(kept, confidence, 0.0)  # what has none leaves no evidence
+        sigma = np.maximum(percept.sigma.ravel(), _SHARPEST)
         points = percept.points
         # A cell stands for all that its column shows: rays at its middle and toward both its sides
         # keep far walls from falling apart into dots.
         third = (points[0, -1, 0] - points[0, 0, 0]) / max(points.shape[1] - 1, 1) / 3.0
-        rays = rays_of(
-            points.reshape(-1, 2)[kept], third, camera.focal, self._base_from_camera, pose.yaw
-        )
-
+        rays = rays_of(points.reshape(-1, 2), third, camera.focal, self._base_from_camera, pose.yaw)
         at = self._eye(pose)
         self._forget_view(at, pose.yaw, percept.time)
         hit, free = confidence * self._hits[label], confidence * _FREES[label]

@@ -56,7 +56,7 @@ def sweep(
         known,
         clearance,
     )
-    backward = commands.v < 0.0
+    backward = commands.backward_rows
     # No eyes at the back: there, what has never been seen free counts as taken. (The robot's own
     # place is known, so its rim and not its centre must not pass into the unseen.)
     behind = np.maximum(known[backward] - egomap.robot.radius - margin, 0.0)

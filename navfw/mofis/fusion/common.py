@@ -90,4 +90,4 @@ def no_command(context: Context, proposals: Proposals, forbidden: Mask) -> Comma
 
 
 def _nowhere_forward(context: Context, forbidden: Mask) -> bool:
-    return bool(forbidden[context.commands.v > 0.0].all())
+    return bool(forbidden[context.commands.forward_rows].all())
