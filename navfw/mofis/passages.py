@@ -24,8 +24,8 @@ from navfw.signals import Belief, Outlook, PassageQuery, PassageState, Percept, 
 __all__ = ["PassageWatch", "PassageWatchParams", "judge"]
 
 Bits = npt.NDArray[np.uint8]
-Cells = tuple[npt.NDArray[np.intp], ...]
-"""Rows and columns (k,) of cells."""
+Cells = npt.NDArray[np.intp]
+"""(k,) where cells are in the map's flat order."""
 Metres = Annotated[float, Field(ge=0.0, le=5.0)]
 
 _SHORTEST = 0.3
@@ -128,7 +128,7 @@ def judge(
     strip = np.zeros_like(passable)
     row, column = egomap.index(pose.x, pose.y)
     cv2.circle(strip, (column, row), round(_BESIDE / egomap.params.cell), 1, -1)
-    near = strip.nonzero()
+    near = _cells_of(strip)
     states: list[PassageState] = []
     for start, end, half in legs:
         stop = _cut(pose, start, end, reach)
@@ -141,7 +141,7 @@ def judge(
         gate = _gate(egomap, strip, start, stop, half + slack)
         if _joined(seen & strip, near, gate):
             states.append("open")
-        elif (passable[near] > 0).any() and not _joined(passable & strip, near, gate):
+        elif passable.ravel()[near].any() and not _joined(passable & strip, near, gate):
             states.append("closed")
             break
         else:
@@ -181,21 +181,25 @@ def _gate(
 ) -> Cells:
     """The cells of the strip around the leg's end and across it: who is there has passed."""
     cell = egomap.params.cell
-    rows, columns = strip.nonzero()
+    cells = _cells_of(strip)
+    rows, columns = np.divmod(cells, egomap.size)
     x = egomap.origin[0] + cell * columns - end[0]
     y = egomap.origin[1] + cell * rows - end[1]
     length = math.dist(start, end)
     ux, uy = (end[0] - start[0]) / length, (end[1] - start[1]) / length
     along = ux * x + uy * y
     aside = uy * x - ux * y
-    across = (along >= -cell) & (along <= 2.0 * cell) & (np.abs(aside) <= half)
-    return rows[across], columns[across]
+    return cells[(along >= -cell) & (along <= 2.0 * cell) & (np.abs(aside) <= half)]
 
 
 def _joined(free: Bits, near: Cells, gate: Cells) -> bool:
     """Whether one connected free area reaches from near the robot to the gate."""
     areas, labels = cv2.connectedComponents(free, connectivity=4)
     reached = np.zeros(areas, np.bool_)
-    reached[labels[near]] = True
+    reached[labels.ravel()[near]] = True
     reached[0] = False  # what is not free
-    return bool(reached[labels[gate]].any())
+    return bool(reached[labels.ravel()[gate]].any())
+
+
+def _cells_of(marked: Bits) -> Cells:
+    return np.flatnonzero(marked.view(np.bool_))
