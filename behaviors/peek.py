@@ -33,7 +33,7 @@ class Peek(RuledBehavior):
         nothing = context.commands.zeros()
         if aim is None:
             return Proposal(0.0, nothing, nothing, "nowhere to look")
-        toward = int(np.argmax(np.cos(ranges.bearings - aim.bearing)))
+        toward = int(np.cos(ranges.bearings - aim.bearing).argmax())
         seen = float(ranges.seen[toward])
         verdict = self.rules.evaluate(seen=min(seen, 2.0), bearing=math.degrees(aim.bearing))
         applicability = self.params.weight * verdict.degree("applicability")

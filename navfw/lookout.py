@@ -23,6 +23,8 @@ ASIDE = 0.05
 SMALL_CELLS = 25.0
 """So many of the small cells that movers are looked for in share one error of the flow."""
 
+_REFINEMENT = RefinementParams(overlap=SMALL_CELLS)
+
 
 class Lookout:
     """Finds movers in the frames of ``robot``'s camera, one after the other.
@@ -67,10 +69,8 @@ class Lookout:
         """Dense flow of the lower image, derotated."""
         flow = self._floor_aligned.compute(pair, glance)
         flow = replace(flow, motion=self._odometer.trusted(flow.motion))
-        params = RefinementParams(
-            direction_sigma=direction_sigma(flow.motion.baseline), overlap=SMALL_CELLS
-        )
-        return refine(flow, self.camera, params).apply(flow, self.camera)
+        sigma = direction_sigma(flow.motion.baseline)
+        return refine(flow, self.camera, _REFINEMENT, sigma).apply(flow, self.camera)
 
     def _glance(self, pair: FramePair) -> bool:
         """Whether anything seems to move by itself between these frames."""

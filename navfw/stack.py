@@ -239,11 +239,12 @@ class Stack:
     def _decide(self, reading: SensorReading, frame: Frame, odometry: Odometry) -> None:
         """Look, locate, plan and decide; the result is the new state."""
         then = self.history.at(frame.time)
-        view = View()
+        view, percept = View(), None
         sightings: tuple[Sighting, ...] = ()
         # a frozen picture without flow would say that all the world is far away
         if self.safety.senses.seeing:
             view = self.vision.look(frame, then)
+            percept = view.percept
             shown = reading.landmark_frame if self.features.landmark_frames else frame
             if shown is not None:
                 with timed(self.timings, "features"):
@@ -252,7 +253,7 @@ class Stack:
             self.localizer.start(self.topo_map, self._start_pose, odometry)
             self._localized = True
         with timed(self.timings, "localizer"):
-            belief = self.localizer.update(odometry, view.percept, sightings)
+            belief = self.localizer.update(odometry, percept, sightings)
         with timed(self.timings, "planner"):
             waypoint = self._plan(belief)
             path = tuple(self.planner.path)
@@ -281,7 +282,7 @@ class Stack:
             odometry=odometry,
             belief=belief,
             flows=view.flows,
-            percept=view.percept or self.state.percept,
+            percept=percept or self.state.percept,
             movers=view.movers,
             standing=view.standing,
             waypoint=waypoint,

@@ -76,7 +76,7 @@ class MatchedFlow(GridFlow):
         origins = rotate_points(self._points - vectors, rotation.T, camera.focal)
         return FlowField(
             time=pair.now.time,
-            points=self._points.copy(),
+            points=self._points,
             vectors=self._points - origins,
             confidence=confidence,
             sigma=np.where(confidence > 0.0, np.minimum(sigma, SIGMA_UNKNOWN), SIGMA_UNKNOWN),

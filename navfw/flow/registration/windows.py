@@ -97,8 +97,8 @@ def register_windows(
         vectors,
         gradients,
         score > LIKELY,
-        0.5 * x_windows.sum(axis=1),
-        0.5 * y_windows.sum(axis=1),
+        (x_windows[:, 0] + x_windows[:, 1]) / 2,
+        (y_windows[:, 0] + y_windows[:, 1]) / 2,
     )
     return Registration(vectors, score, np.sqrt(variance), share, mixture)
 
