@@ -75,6 +75,10 @@ class Inference:
         column = self._layout.terms[output][term]
         return self._column(None) if column is None else self._table[:, column]
 
+    def first(self, output: str) -> dict[str, float]:
+        """``degrees[output]`` of the first sample."""
+        return dict(zip(self._layout.terms[output], self.activations(output), strict=True))
+
     def activations(self, output: str) -> list[float]:
         """``degrees[output]`` of the first sample, term by term as they are declared."""
         row: list[float] = self._table[0].tolist()

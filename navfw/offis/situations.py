@@ -112,8 +112,8 @@ def find_situations(slopes: Slopes, ahead: Front) -> Situations:
     in_table = infer(
         load_system("situation"), {"left": slopes.value[:1], "right": slopes.value[1:]}
     )
-    found = in_table.result.degrees["situation"]
-    table = {name: support * float(found[name.replace(" ", "_")][0]) for name in TABLE}
+    found = in_table.result.first("situation")
+    table = {name: support * found[name.replace(" ", "_")] for name in TABLE}
     table["unknown"] = max(table["unknown"], 1.0 - support)
 
     in_front = infer(
