@@ -20,10 +20,13 @@ from navfw.signals import Array, Pose, wrap_angle
 from navfw.sim.engine import bullet
 from navfw.sim.scene import BODY_GROUP, FLOOR_GROUP, SOLID_GROUP, WHEEL_GROUP
 
-__all__ = ["BodyState", "RobotBody", "pose_of", "robot_urdf"]
+__all__ = ["BodyState", "RobotBody", "Touch", "pose_of", "robot_urdf"]
 
 BodyState = tuple[tuple[float, float, float], tuple[float, float, float, float]]
 """Position [m] and orientation (quaternion x, y, z, w) of base_link in the map."""
+
+Touch = tuple[int, float, float, float]
+"""The body touched, and the point (x, y, z) [m] where."""
 
 MASS = 6.0
 """Of the whole robot, wheels excepted [kg]."""
@@ -196,8 +199,8 @@ class RobotBody:
         pitch = 2 * (x * y - w * z) * wx + (1 - 2 * (x * x + z * z)) * wy + 2 * (y * z + w * x) * wz
         return roll, pitch
 
-    def contacts(self) -> set[tuple[int, float, float, float]]:
-        """Bodies that the base touches now, each with a point (x, y, z) [m] of touch."""
+    def contacts(self) -> set[Touch]:
+        """What the base touches now."""
         points = self._touched()
         if not points:
             return set()

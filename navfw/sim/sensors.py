@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 from typing import Annotated, Any
 
@@ -106,20 +106,30 @@ PRESETS: Mapping[str, Mapping[str, float]] = MappingProxyType(
 """What each preset changes against the defaults."""
 
 
+def _normals(rng: np.random.Generator, count: int, ahead: int) -> Iterator[list[float]]:
+    """Standard normal numbers, ``count`` for each reading, drawn for ``ahead`` readings at once.
+
+    They are the same however many are drawn at once; few at a time cost more to draw than to use.
+    """
+    while True:
+        yield from rng.standard_normal((ahead, count)).tolist()
+
+
 class Gyro:
     """A three-axis rate gyro: every axis has its own bias and noise.
 
     The yaw rate is the mean over the time since the last reading, as integrating gyros give it.
+    Who alone draws from ``rng`` may let it draw for some readings ``ahead``.
     """
 
-    def __init__(self, params: SensorParams, rng: np.random.Generator) -> None:
+    def __init__(self, params: SensorParams, rng: np.random.Generator, ahead: int = 1) -> None:
         self._params = params
-        self._rng = rng
+        self._drawn = _normals(rng, 6, ahead)
         self._bias: list[float] = (params.gyro_bias * rng.standard_normal(3)).tolist()
 
     def read(self, time: float, dt: float, rates: tuple[float, float, float]) -> Inertial:
         """Measure true ``rates`` (roll, pitch, yaw) [rad/s], ``dt`` [s] after the last reading."""
-        drawn: list[float] = self._rng.standard_normal(6).tolist()
+        drawn = next(self._drawn)
         walk, noise = self._params.gyro_bias_walk * math.sqrt(dt), self._params.gyro_noise
         bias = self._bias
         for axis in range(3):
@@ -134,12 +144,14 @@ class WheelEncoders:
     Slip is a share of the wheel's way, different for each wheel, that wanders around its mean with
     the time constant ``slip_time`` (a first-order Gauss-Markov process). Wheels of unequal radius
     count unequally; which one is larger is drawn once. ``more_slip`` is added while the floor is
-    slippery.
+    slippery. Who alone draws from ``rng`` may let it draw for some readings ``ahead``.
     """
 
-    def __init__(self, params: SensorParams, robot: RobotModel, rng: np.random.Generator) -> None:
+    def __init__(
+        self, params: SensorParams, robot: RobotModel, rng: np.random.Generator, ahead: int = 1
+    ) -> None:
         self._params = params
-        self._rng = rng
+        self._drawn = _normals(rng, 2, ahead)
         self._ticks_per_radian = robot.ticks_per_turn / (2.0 * math.pi)
         half = 0.5 * params.radius_mismatch * float(rng.choice((-1.0, 1.0)))
         self._scale = (1.0 - half, 1.0 + half)
@@ -156,7 +168,7 @@ class WheelEncoders:
         """Count wheels now at ``angles`` (left, right) [rad], ``dt`` [s] after the last reading."""
         keep = math.exp(-dt / self._params.slip_time) if self._params.slip_time > 0.0 else 0.0
         spread = self._params.slip * math.sqrt(1.0 - keep * keep)
-        drawn: list[float] = self._rng.standard_normal(2).tolist()
+        drawn = next(self._drawn)
         usual = 1.0 + self._params.slip_mean + self.more_slip
         for side in range(2):
             self._slip[side] = keep * self._slip[side] + spread * drawn[side]

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import time as wall
+from collections.abc import Iterable
 from types import TracebackType
 from typing import Literal
 
@@ -26,7 +27,7 @@ from navfw.sim.faults import Faults
 from navfw.sim.floorplan import FloorPlan
 from navfw.sim.movers import Mover, MoverTrack, caused_by_robot
 from navfw.sim.rig import CameraRig, Dice, Timings
-from navfw.sim.robot_body import BodyState, RobotBody, pose_of
+from navfw.sim.robot_body import BodyState, RobotBody, Touch, pose_of
 from navfw.sim.scene import Scene
 from navfw.sim.scenery import Scenery
 from navfw.sim.sensors import Gyro, SensorParams, WheelEncoders
@@ -39,6 +40,8 @@ PHYSICS_RATE = 240
 """Physics steps per second."""
 _SETTLING_STEPS = 60
 _GRAVITY = 9.81
+_READINGS_AHEAD = 64
+"""The noise of so many readings is drawn at once."""
 
 
 class Simulation:
@@ -107,8 +110,8 @@ class Simulation:
                 self.timings,
                 landmark_frames,
             )
-            self._gyro = Gyro(sensors, for_gyro)
-            self._encoders = WheelEncoders(sensors, robot, for_encoders)
+            self._gyro = Gyro(sensors, for_gyro, _READINGS_AHEAD)
+            self._encoders = WheelEncoders(sensors, robot, for_encoders, _READINGS_AHEAD)
             self._settle()
         except BaseException:
             self.close()
@@ -193,9 +196,11 @@ class Simulation:
             mover.look(here, self.robot.radius)
         self._known = None
         while self._steps < target:
-            self._walk(1.0 / PHYSICS_RATE)
+            if self.movers:
+                self._walk(1.0 / PHYSICS_RATE)
             bullet.stepSimulation(physicsClientId=self._client)
-            self._note_contacts(here, dt)
+            if touched := self._body.contacts():
+                self._note_contacts(touched, here, dt)
             self._steps += 1
             self.timings.steps += 1
         self._note_fall()
@@ -207,10 +212,9 @@ class Simulation:
 
     def _walk(self, dt: float) -> None:
         """Everyone walks on; who waits stays."""
-        if self.movers:
-            for mover in self.movers:
-                mover.walk(dt)
-            self._place_movers()
+        for mover in self.movers:
+            mover.walk(dt)
+        self._place_movers()
 
     def _place_movers(self) -> None:
         for mover, body in zip(self.movers, self._scene.movers, strict=True):
@@ -226,14 +230,11 @@ class Simulation:
             self._mover_times.append(self.time)
             self._mover_points.append(np.array([(mover.x, mover.y) for mover in self.movers]))
 
-    def _note_contacts(self, here: Pose, dt: float) -> None:
-        """Name what is touched; at the first touch of all, say who moved into whom.
+    def _note_contacts(self, touched: Iterable[Touch], here: Pose, dt: float) -> None:
+        """Name what is ``touched``; at the first touch of all, say who moved into whom.
 
         The robot's speed is that of the control period before: the touch itself changes it.
         """
-        touched = self._body.contacts()
-        if not touched:
-            return
         names = {self._scene.name_at(*contact) for contact in touched}
         self._contacts |= names
         if self._cause is None:

@@ -10,6 +10,7 @@ from pydantic import ValidationError
 
 from navfw.errors import UnknownNameError
 from navfw.robot import RobotModel
+from navfw.signals import Encoders, Inertial
 from navfw.sim.sensors import PRESETS, Gyro, SensorParams, WheelEncoders
 
 ROBOT = RobotModel()
@@ -54,6 +55,20 @@ def test_gyro_bias_walks() -> None:
     params = QUIET.model_copy(update={"gyro_bias_walk": 0.002})
     ends = np.array([yaw_rates(params, seed, 600)[-1] for seed in range(100)])
     assert ends.std() == pytest.approx(0.002 * math.sqrt(600 * DT), rel=0.25)
+
+
+def test_noise_is_the_same_however_many_readings_ahead_it_is_drawn() -> None:
+    params = SensorParams.preset("poor")
+
+    def readings(ahead: int) -> list[tuple[Inertial, Encoders]]:
+        gyro = Gyro(params, np.random.default_rng(3), ahead)
+        wheels = WheelEncoders(params, ROBOT, np.random.default_rng(4), ahead)
+        return [
+            (gyro.read(i * DT, DT, (0.0, 0.0, 0.3)), wheels.read(i * DT, DT, (0.1 * i, 0.2 * i)))
+            for i in range(20)
+        ]
+
+    assert readings(1) == readings(7) == readings(64)
 
 
 @pytest.mark.parametrize("turns", [3.3, -3.3])
