@@ -64,7 +64,9 @@ class DropMemory:
     """Counts, for spots of floor in the odom frame, looks that went through and that did not."""
 
     def __init__(self, robot: RobotModel) -> None:
-        self._camera = robot.camera
+        camera = robot.camera
+        self._base_from_camera = camera.base_from_camera
+        self._camera = (camera.focal, float(camera.mount_height), float(camera.mount_forward))
         self.reset()
 
     def reset(self) -> None:
@@ -79,15 +81,14 @@ class DropMemory:
         if percept.time - self._time < INTERVAL - _ROUNDING:
             return
         self._time = percept.time
-        camera = self._camera
         spots, votes = _votes(
             percept.points.reshape(-1, 2),
             percept.label.ravel(),
             percept.confidence.ravel(),
             percept.nearness.ravel(),
             percept.sigma.ravel(),
-            camera.base_from_camera,
-            (camera.focal, float(camera.mount_height), float(camera.mount_forward)),
+            self._base_from_camera,
+            self._camera,
             (pose.x, pose.y, math.cos(pose.yaw), math.sin(pose.yaw)),
         )
         decided = False

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -89,7 +90,7 @@ def _ground(
     return egomap.clearance, egomap.familiar, *egomap.origin, cell, pose.x, pose.y, pose.yaw
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)  # without slots: sides are kept, many behaviours ask for them
 class Ranges:
     """Distance [m] from the robot's rim to the nearest remembered thing, all around.
 
@@ -106,23 +107,23 @@ class Ranges:
         """Least free distance [m] for bearings in [low, high] [rad]."""
         return least_within(self.bearings, self.free, low, high, self.limit)
 
-    @property
+    @cached_property
     def corridor(self) -> float:
         """Degree in [0, 1] to which there is a wall at each side and room ahead."""
         side = max(self.left, self.right)
         return max(0.0, min(1.0, (1.6 - side) / 0.8)) * max(0.0, min(1.0, self.front / 0.8))
 
-    @property
+    @cached_property
     def front(self) -> float:
         """Least free distance [m] within 30 degrees of straight ahead."""
         return self.nearest(-math.radians(30), math.radians(30))
 
-    @property
+    @cached_property
     def left(self) -> float:
         """Least free distance [m] on the left side (30 to 120 degrees)."""
         return self.nearest(math.radians(30), math.radians(120))
 
-    @property
+    @cached_property
     def right(self) -> float:
         """Least free distance [m] on the right side (30 to 120 degrees)."""
         return self.nearest(-math.radians(120), -math.radians(30))
