@@ -50,8 +50,8 @@ class WheelWatch:
     @property
     def silent(self) -> tuple[bool, bool]:
         """Whether the encoders (left, right) say nothing."""
-        left, right = (way >= SILENT for way in self._unanswered)
-        return left, right
+        left, right = self._unanswered
+        return left >= SILENT, right >= SILENT
 
     @property
     def doubtful(self) -> bool:

@@ -60,17 +60,18 @@ def derotate(flow: FlowField, camera: CameraModel) -> FlowField:
     """
     if flow.derotated:
         return flow
-    return dataclasses.replace(flow, vectors=derotated_vectors(flow, camera), derotated=True)
+    vectors = derotated_vectors(flow, flow.motion.rotation, camera)
+    return dataclasses.replace(flow, vectors=vectors, derotated=True)
 
 
-def derotated_vectors(flow: FlowField, camera: CameraModel) -> Array:
-    """The vectors (rows, cols, 2) [px] of ``derotate``, without the rest of the field."""
+def derotated_vectors(flow: FlowField, rotation: Array, camera: CameraModel) -> Array:
+    """The vectors (rows, cols, 2) [px] of ``derotate``, had the camera turned by ``rotation``."""
     if flow.derotated:
         return flow.vectors
     vectors: Array = undo_turn(
         np.ascontiguousarray(flow.points, dtype=np.float64).reshape(-1, 2),
         np.ascontiguousarray(flow.vectors, dtype=np.float64).reshape(-1, 2),
-        np.ascontiguousarray(flow.motion.rotation, dtype=np.float64),
+        np.ascontiguousarray(rotation, dtype=np.float64),
         camera.focal,
     )
     return vectors.reshape(flow.vectors.shape)

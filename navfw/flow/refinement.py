@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
-from navfw.flow.derotation import derotate, derotated_vectors
+from navfw.flow.derotation import derotated_vectors
 from navfw.flow.rotation_kernels import refine_rotation, still_trusted
 from navfw.kinds import Params
 from navfw.robot import CameraModel
@@ -85,13 +85,14 @@ class Refinement:
             CERTAIN,
             DOUBT,
         )
-        refined = dataclasses.replace(
+        return dataclasses.replace(
             flow,
+            vectors=derotated_vectors(flow, self.motion.rotation, camera),
             motion=self.motion,
             confidence=confidence.reshape(flow.shape),
             contradiction=contradiction.reshape(flow.shape),
+            derotated=True,
         )
-        return derotate(refined, camera)
 
 
 def refine(
@@ -112,7 +113,7 @@ def refine(
     up, right = camera.base_from_camera[2], np.array([1.0, 0.0, 0.0])
     angles, covariance, *per_vector = refine_rotation(
         _flat(flow.points).reshape(-1, 2),
-        _flat(derotated_vectors(flow, camera)).reshape(-1, 2),
+        _flat(derotated_vectors(flow, motion.rotation, camera)).reshape(-1, 2),
         _flat(flow.sigma),
         _flat(flow.confidence),
         _flat(motion.translation),
