@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+import signal
+
 from hypothesis import settings
 
 # examples are the same in every run, and a loaded machine is no failure
 settings.register_profile("navfw", deadline=None, derandomize=True)
 settings.load_profile("navfw")
+
+# a shell that starts tests in the background has them ignore Ctrl-C, and all that they start, too
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
