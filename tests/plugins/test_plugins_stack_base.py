@@ -35,6 +35,7 @@ def test_every_shipped_stack_loads(name: str) -> None:
 def test_variations_of_the_default_stack_differ_in_what_they_say_alone() -> None:
     assert differing("oracle") == {"flow", "oracle"}
     assert differing("thicket") == {"standing", "warmup", "motion"}
+    assert differing("crowd") == {"motion"}
     assert differing("patrol") == {"composite", "behaviors"}
     assert differing("search") == {"composite", "behaviors"}
     behaviors = shipped("default")["behaviors"]
