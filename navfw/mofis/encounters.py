@@ -26,7 +26,7 @@ STEP = 0.1
 """Time [s] between two looks ahead."""
 TURNS = 1.0, 1.5, 2.0
 """A robot that turns on the spot to drive off may turn so long [s]: as suits it best."""
-AT_HAND = 0.3
+AT_HAND = 0.4
 """Only who is nearer than this [m] can be driven at within a moment."""
 MOMENT = 0.5
 """How long a moment is [s]."""
