@@ -33,6 +33,9 @@ _ESTIMATE, _PLACE, _START, _GOAL, _CONTACT = "#303030", "#7A7A7A", "#2E7D32", "#
 
 _BAD_OUTCOME, _GOOD_OUTCOME = "#B00020", "#2E7D32"
 
+_LEGEND_WIDTH = 1.25
+"""What the longest entry of the legend takes [inch]."""
+
 
 @dataclass(frozen=True, slots=True)
 class Picture:
@@ -95,11 +98,12 @@ def _write_header(figure: Figure, picture: Picture, inches: float) -> None:
 
 def _write_legend(figure: Figure, axes: Axes) -> None:
     handles, labels = axes.get_legend_handles_labels()
+    in_a_row = max(1, int(figure.get_figwidth() / _LEGEND_WIDTH))
     figure.legend(
         handles,
         labels,
         loc="lower center",
-        ncols=math.ceil(len(labels) / math.ceil(len(labels) / 10)),
+        ncols=math.ceil(len(labels) / math.ceil(len(labels) / in_a_row)),
         columnspacing=1.4,
         fontsize=8,
         frameon=False,

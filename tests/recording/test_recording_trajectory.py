@@ -110,3 +110,27 @@ def test_a_world_without_anything_can_be_drawn(tmp_path: Path) -> None:
     empty = picture(outline=Outline(), places={}, good=False)
     image = drawn(tmp_path / "a.png", curved_track(1), empty)
     assert share_of(image, "#B0004E") > 0.0
+
+
+def test_the_legend_of_many_behaviours_is_whole(tmp_path: Path) -> None:
+    recorder = TrackRecorder()
+    leaders = (
+        "",
+        "centre_corridor",
+        "traverse_door",
+        "follow_wall",
+        "emergency",
+        "give_way",
+        "peek",
+    )
+    for tick in range(600):
+        here = Pose(0.01 * tick, 0.0, 0.0)
+        recorder.add(tick / 60, here, here, Twist(0.3, 0.0), leaders[tick // 100], False)
+    recorder.contacts.append(Contact(5.0, 5.99, 0.0, "column"))
+    tall = [np.array([[0.0, -5.0], [7.0, -5.0], [7.0, 5.0], [0.0, 5.0]])]
+    image = drawn(tmp_path / "many.png", recorder.track(), picture(outline=Outline(tall, [], [])))
+    height = image.shape[0]
+    legend = image[height - 100 :]
+    assert legend.min() < 100.0, "there is a legend"
+    edges = np.concatenate([legend[:, :12], legend[:, -12:]], axis=1)
+    assert edges.min() > 250.0, "nothing of it is cut at the sides"
