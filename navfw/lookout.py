@@ -69,8 +69,11 @@ class Lookout:
         """Dense flow of the lower image, derotated."""
         flow = self._floor_aligned.compute(pair, glance)
         flow = replace(flow, motion=self._odometer.trusted(flow.motion))
-        sigma = direction_sigma(flow.motion.baseline)
-        return refine(flow, self.camera, _REFINEMENT, sigma).apply(flow, self.camera)
+        # a copy, for speed: nothing of it has to be checked again
+        params = _REFINEMENT.model_copy(
+            update={"direction_sigma": direction_sigma(flow.motion.baseline)}
+        )
+        return refine(flow, self.camera, params).apply(flow, self.camera)
 
     def _glance(self, pair: FramePair) -> bool:
         """Whether anything seems to move by itself between these frames."""

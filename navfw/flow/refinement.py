@@ -95,19 +95,13 @@ class Refinement:
         )
 
 
-def refine(
-    flow: FlowField,
-    camera: CameraModel,
-    params: RefinementParams = _USUAL,
-    direction_sigma: float | None = None,
-) -> Refinement:
+def refine(flow: FlowField, camera: CameraModel, params: RefinementParams = _USUAL) -> Refinement:
     """Correct the yaw and pitch of ``flow.motion`` by ``flow`` (not derotated) itself.
 
     A static point moves along its epipolar line whatever its depth, so what lies across the line is
     rotation left over. Robust least squares over all trusted vectors find the two small angles,
     held to ``motion.yaw_sigma`` and ``params.pitch_sigma`` as priors. Without translation or
-    trusted vectors the correction is zero. ``direction_sigma`` [rad], if known better for this
-    motion, goes before that of ``params``.
+    trusted vectors the correction is zero.
     """
     p, motion = params, flow.motion
     up, right = camera.base_from_camera[2], np.array([1.0, 0.0, 0.0])
@@ -121,7 +115,7 @@ def refine(
         # rays turn against the camera: counter-clockwise yaw turns them clockwise
         np.array([-up, right]),
         np.array([max(motion.yaw_sigma, 1e-9), p.pitch_sigma]),
-        (p.hole, p.direction_sigma if direction_sigma is None else direction_sigma, p.overlap),
+        (p.hole, p.direction_sigma, p.overlap),
         ITERATIONS,
     )
     residual, allowed = (values.reshape(flow.shape) for values in per_vector)

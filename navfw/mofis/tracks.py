@@ -160,14 +160,14 @@ class Tracks:
     def _recognise(self, sightings: Sequence[_Sighting]) -> dict[int, Track]:
         """Who is seen in which sighting, by its index: whoever fits best comes first."""
         fits = [
-            (self._distance(track, sighting), index, number)
+            (self._misfit(track, sighting), index, number)
             for index, sighting in enumerate(sightings)
             for number, track in enumerate(self.tracks)
         ]
         recognised: dict[int, Track] = {}
-        for distance, index, number in sorted(fits):
+        for misfit, index, number in sorted(fits):
             track = self.tracks[number]
-            if distance == math.inf:
+            if misfit == math.inf:
                 break
             if index not in recognised and track not in recognised.values():
                 recognised[index] = track
@@ -258,7 +258,7 @@ class Tracks:
         covariance += self.params.swerve**2 * push @ push.T + 1e-9 * np.eye(4)
         return step @ track.state, covariance
 
-    def _distance(self, track: Track, sighting: _Sighting) -> float:
+    def _misfit(self, track: Track, sighting: _Sighting) -> float:
         """How little [sigma] ``sighting`` fits ``track``, by place and velocity; inf: not at all.
 
         Its place must be within the gate (Mahalanobis). Velocities only tell people apart that pass

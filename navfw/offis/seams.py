@@ -20,8 +20,6 @@ def join_at_seams(
     views: Sequence[Sequence[Mover]], cameras: Sequence[CameraModel]
 ) -> tuple[Mover, ...]:
     """All movers of ``views``, one for each of ``cameras`` (at one place); left to right."""
-    if len(cameras) == 1:
-        return tuple(sorted(views[0], key=lambda mover: -mover.bearing))
     bearings = [camera.bearing for camera in cameras]
     order = sorted(range(len(cameras)), key=lambda k: -bearings[k])
     joined: list[Mover] = []

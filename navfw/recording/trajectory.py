@@ -34,7 +34,7 @@ _ESTIMATE, _PLACE, _START, _GOAL, _CONTACT = "#303030", "#7A7A7A", "#2E7D32", "#
 _BAD_OUTCOME, _GOOD_OUTCOME = "#B00020", "#2E7D32"
 
 _LEGEND_WIDTH = 1.25
-"""What the longest entry of the legend takes [inch]."""
+"""What an entry of the legend takes on average, short and long ones together [inch]."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -114,15 +114,7 @@ def test_a_world_without_anything_can_be_drawn(tmp_path: Path) -> None:
 
 def test_the_legend_of_many_behaviours_is_whole(tmp_path: Path) -> None:
     recorder = TrackRecorder()
-    leaders = (
-        "",
-        "centre_corridor",
-        "traverse_door",
-        "follow_wall",
-        "emergency",
-        "give_way",
-        "peek",
-    )
+    leaders = ("", "centre_corridor", "traverse_door", "follow_wall", "emergency", "give_way")
     for tick in range(600):
         here = Pose(0.01 * tick, 0.0, 0.0)
         recorder.add(tick / 60, here, here, Twist(0.3, 0.0), leaders[tick // 100], False)
