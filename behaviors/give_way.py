@@ -18,7 +18,7 @@ class GiveWay(RuledBehavior):
     """
 
     name: ClassVar[str] = "give_way"
-    heeds_movers = True
+    handles_moving_obstacles = True
 
     class Params(RuledBehavior.Params):
         """When movers matter."""

@@ -19,7 +19,7 @@ from typing import Any, get_args
 from pydantic import BaseModel
 
 from navfw.config.describe import describe, is_model, parameters_of
-from navfw.kinds import KINDS
+from navfw.interfaces import KINDS
 
 DOCS = Path(__file__).parent
 

@@ -10,7 +10,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from navfw.kinds import (
+    from navfw.interfaces import (
         Behavior,
         Composite,
         Controller,
@@ -41,22 +41,22 @@ __version__ = "0.1.0"
 
 _HOMES = {
     "Array": "navfw.signals",
-    "Behavior": "navfw.kinds",
+    "Behavior": "navfw.interfaces",
     "BehaviorRules": "navfw.mofis.rules",
     "CameraModel": "navfw.robot",
     "Command": "navfw.signals",
-    "Composite": "navfw.kinds",
+    "Composite": "navfw.interfaces",
     "Context": "navfw.mofis.context",
-    "Controller": "navfw.kinds",
+    "Controller": "navfw.interfaces",
     "Explain": "navfw.signals",
-    "FeatureRecognizer": "navfw.kinds",
+    "FeatureRecognizer": "navfw.interfaces",
     "FlowField": "navfw.signals",
-    "FlowProcessor": "navfw.kinds",
-    "Fusion": "navfw.kinds",
-    "Localizer": "navfw.kinds",
+    "FlowProcessor": "navfw.interfaces",
+    "Fusion": "navfw.interfaces",
+    "Localizer": "navfw.interfaces",
     "Percept": "navfw.signals",
-    "Perception": "navfw.kinds",
-    "Planner": "navfw.kinds",
+    "Perception": "navfw.interfaces",
+    "Planner": "navfw.interfaces",
     "Pose": "navfw.signals",
     "Proposal": "navfw.signals",
     "RobotModel": "navfw.robot",

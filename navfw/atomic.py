@@ -13,10 +13,10 @@ from typing import Self
 
 from navfw.errors import InputError
 
-__all__ = ["Whole", "WholeFolder"]
+__all__ = ["AtomicFolder", "AtomicTarget"]
 
 
-class Whole(ABC):
+class AtomicTarget(ABC):
     """A context manager that works beside its ``target``; an exception leaves nothing behind.
 
     Inside, ``path`` is a temporary folder; leaving without an exception moves what is in it, or all
@@ -67,7 +67,7 @@ class Whole(ABC):
         return InputError(f"cannot be written: {error.strerror or error}", file=self.target)
 
 
-class WholeFolder(Whole):
+class AtomicFolder(AtomicTarget):
     """A folder, written whole or not at all. An earlier one is replaced.
 
     ``ours`` matches the names of the files that it may hold; ``option`` is what named it.

@@ -32,7 +32,7 @@ _SHAPES = 70
 
 
 def identity_of(kind: str, number: int) -> str:
-    """What sightings call a landmark: kind and id, as in ``aruco-7``."""
+    """What detections call a landmark: kind and id, as in ``aruco-7``."""
     return f"{kind}-{number}"
 
 

@@ -9,7 +9,7 @@ from typing import Any, cast
 
 from navfw.egomotion.history import OdometryHistory
 from navfw.egomotion.odometer import Odometer
-from navfw.kinds import (
+from navfw.interfaces import (
     Behavior,
     Composite,
     Controller,
@@ -30,15 +30,15 @@ from navfw.signals import (
     Command,
     FlowField,
     Frame,
-    Mover,
+    LandmarkDetection,
+    MovingObject,
     Odometry,
-    Outlook,
+    PassageReport,
     Percept,
     Pose,
     Proposal,
     SensorReading,
-    Sighting,
-    Standing,
+    Stixels,
     Twist,
     Waypoint,
 )
@@ -74,7 +74,7 @@ class StackState:
     """What the stack knows and decided at its last step; read only, for displays and records.
 
     ``flows`` are the newest derotated flow fields; ``stuck`` says why the stack gave up, ``fault``
-    which sensor has failed for good, or None. ``sightings`` are the landmarks just
+    which sensor has failed for good, or None. ``detections`` are the landmarks just
     recognised, known to the map or not; ``seen`` counts all of them so far, by identity.
     """
 
@@ -83,8 +83,8 @@ class StackState:
     belief: Belief | None = None
     flows: tuple[FlowField, ...] = ()
     percept: Percept | None = None
-    movers: tuple[Mover, ...] = ()
-    standing: Standing | None = None
+    movers: tuple[MovingObject, ...] = ()
+    standing: Stixels | None = None
     waypoint: Waypoint | None = None
     path: tuple[Waypoint, ...] = ()
     proposals: Mapping[str, Proposal] | None = None
@@ -93,7 +93,7 @@ class StackState:
     stuck: str | None = None
     fault: str | None = None
     faults: tuple[str, ...] = ()
-    sightings: tuple[Sighting, ...] = ()
+    detections: tuple[LandmarkDetection, ...] = ()
     seen: Mapping[str, int] = field(default_factory=dict)
 
 
@@ -142,7 +142,7 @@ class Stack:
         self._began: float | None = None
         self._localized = False
         self._decided: StackState | None = None
-        self._outlook: Outlook | None = None
+        self._outlook: PassageReport | None = None
         self._shut_since: float | None = None
 
     @classmethod
@@ -240,7 +240,7 @@ class Stack:
         """Look, locate, plan and decide; the result is the new state."""
         then = self.history.at(frame.time)
         view, percept = View(), None
-        sightings: tuple[Sighting, ...] = ()
+        detections: tuple[LandmarkDetection, ...] = ()
         # a frozen picture without flow would say that all the world is far away
         if self.safety.senses.seeing:
             view = self.vision.look(frame, then)
@@ -248,12 +248,12 @@ class Stack:
             shown = reading.landmark_frame if self.features.landmark_frames else frame
             if shown is not None:
                 with timed(self.timings, "features"):
-                    sightings = tuple(self.features.recognize(shown))
+                    detections = tuple(self.features.recognize(shown))
         if not self._localized:
             self.localizer.start(self.topo_map, self._start_pose, odometry)
             self._localized = True
         with timed(self.timings, "localizer"):
-            belief = self.localizer.update(odometry, percept, sightings)
+            belief = self.localizer.update(odometry, percept, detections)
         with timed(self.timings, "planner"):
             waypoint = self._plan(belief)
             path = tuple(self.planner.path)
@@ -292,8 +292,8 @@ class Stack:
             finished=finished,
             stuck=stuck,
             faults=tuple(str(fault) for fault in self.mofis.faults),
-            sightings=sightings,
-            seen=_counted(self.state.seen, sightings),
+            detections=detections,
+            seen=_counted(self.state.seen, detections),
         )
         if command is not None:
             self._decided = self.state
@@ -325,11 +325,11 @@ class Stack:
         return None
 
 
-def _counted(seen: Mapping[str, int], sightings: Sequence[Sighting]) -> Mapping[str, int]:
-    """``seen`` with these sightings on top."""
-    if not sightings:
+def _counted(seen: Mapping[str, int], detections: Sequence[LandmarkDetection]) -> Mapping[str, int]:
+    """``seen`` with these detections on top."""
+    if not detections:
         return seen
     more = dict(seen)
-    for sighting in sightings:
-        more[sighting.identity] = more.get(sighting.identity, 0) + 1
+    for detection in detections:
+        more[detection.identity] = more.get(detection.identity, 0) + 1
     return more

@@ -20,7 +20,7 @@ from navfw.config.overrides import Override, apply_overrides, parse_override
 from navfw.config.yamlfile import validate
 from navfw.egomotion.pairing import PairingParams
 from navfw.errors import ConfigError, UnknownNameError, did_you_mean
-from navfw.kinds import Plugin
+from navfw.interfaces import Plugin
 from navfw.mofis.mofis import MofisParams
 from navfw.safety import SafetyParams
 

@@ -9,12 +9,12 @@ from navfw.egomotion.pairing import FrameBuffer
 from navfw.flow.derotation import derotate
 from navfw.flow.horizon import above_horizon
 from navfw.flow.refinement import refine
-from navfw.kinds import FlowProcessor, Perception
-from navfw.lookout import Lookout
-from navfw.offis.seams import join_at_seams
-from navfw.offis.standing import find_standing
+from navfw.interfaces import FlowProcessor, Perception
+from navfw.movers.detector import MovingObjectDetector
+from navfw.movers.stixels import find_stixels
+from navfw.movers.view_merging import merge_views
 from navfw.robot import RobotModel
-from navfw.signals import FlowField, Frame, Mover, Odometry, Percept, Standing
+from navfw.signals import FlowField, Frame, MovingObject, Odometry, Percept, Stixels
 from navfw.stackfile import StackConfig
 from navfw.stopwatch import timed
 
@@ -35,8 +35,8 @@ class View:
 
     flows: tuple[FlowField, ...] = ()
     percepts: tuple[Percept, ...] = ()
-    movers: tuple[Mover, ...] = ()
-    standing: Standing | None = None
+    movers: tuple[MovingObject, ...] = ()
+    standing: Stixels | None = None
 
     @property
     def percept(self) -> Percept | None:
@@ -66,7 +66,9 @@ class Vision:
         self._stands = config.standing and config.floor_model and config.derotate
         eyes = (robot, *(robot.with_camera(side) for side in robot.side_cameras))
         self._lookouts = tuple(
-            Lookout(eye, config.pairing, odometer, closely=len(eyes) > 1 or self._stands)
+            MovingObjectDetector(
+                eye, config.pairing, odometer, closely=len(eyes) > 1 or self._stands
+            )
             for eye in eyes
             if config.movers or self._stands
         )
@@ -96,7 +98,7 @@ class Vision:
             standing = self._standing() if self._stands else None
         return View(tuple(flows), tuple(percepts), movers, standing)
 
-    def _movers(self, frame: Frame, odometry: Odometry) -> tuple[Mover, ...]:
+    def _movers(self, frame: Frame, odometry: Odometry) -> tuple[MovingObject, ...]:
         """What moves by itself, ahead and in the side views."""
         images = (frame.image, *frame.sides)
         views = [
@@ -105,9 +107,9 @@ class Vision:
         ]
         if not self._config.movers:
             return ()
-        return join_at_seams(views, self._cameras[: len(views)])
+        return merge_views(views, self._cameras[: len(views)])
 
-    def _standing(self) -> Standing | None:
+    def _standing(self) -> Stixels | None:
         """What stands in the newest frame, in small columns."""
         ahead = self._lookouts[0]
         flow = ahead.flow
@@ -115,7 +117,7 @@ class Vision:
             # too little way since a moment ago to tell distances by
             pairs = self._frames.pairs()
             flow = ahead.aligned(pairs[0]) if pairs else None
-        return None if flow is None else find_standing(flow, self._robot.camera)
+        return None if flow is None else find_stixels(flow, self._robot.camera)
 
     def _derotated(self, flow: FlowField) -> FlowField:
         """``flow`` without its rotational part, the gyro's word refined by the flow itself.

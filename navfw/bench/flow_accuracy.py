@@ -25,7 +25,7 @@ from navfw.flow.dis import Dis
 from navfw.flow.farneback import Farneback
 from navfw.flow.ideal import Ideal, nearness_at, true_vectors
 from navfw.flow.lucas_kanade import LucasKanade
-from navfw.kinds import FlowProcessor
+from navfw.interfaces import FlowProcessor
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Array, CameraMotion, FlowField, Frame, FramePair
 

@@ -11,9 +11,9 @@ import numpy as np
 
 from navfw.features.aruco import Aruco
 from navfw.features.posters import Posters
-from navfw.kinds import FeatureRecognizer
+from navfw.interfaces import FeatureRecognizer
 from navfw.robot import RobotModel
-from navfw.signals import Frame, Image, Pose, Sighting
+from navfw.signals import Frame, Image, LandmarkDetection, Pose
 from navfw.sim.sensors import SensorParams
 from navfw.sim.simulation import Simulation
 from navfw.sim.worldfile import LandmarkSpec, WallSpec, WorldSpec
@@ -121,10 +121,10 @@ def _bench_kind(
     }
 
 
-def _error(sighting: Sighting, bearing: float, away: float) -> tuple[float, float, float]:
+def _error(detection: LandmarkDetection, bearing: float, away: float) -> tuple[float, float, float]:
     """Bearing error [rad], range error [m], and both by the covariance (chi-square, 2)."""
-    error = np.array([sighting.bearing - bearing, sighting.range - away])
-    chi = float(error @ np.linalg.solve(sighting.covariance, error))
+    error = np.array([detection.bearing - bearing, detection.range - away])
+    chi = float(error @ np.linalg.solve(detection.covariance, error))
     return float(error[0]), float(error[1]), chi
 
 

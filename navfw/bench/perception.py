@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from navfw.atomic import WholeFolder
+from navfw.atomic import AtomicFolder
 from navfw.bench import datasets, flow_accuracy, perception_accuracy, speed
 from navfw.errors import InputError
 
@@ -88,14 +88,14 @@ def cores() -> int:
     return os.cpu_count() or 1
 
 
-def page_folder(out: Path) -> WholeFolder:
+def page_folder(out: Path) -> AtomicFolder:
     """The folder of the page, to be entered; an earlier page in it is replaced.
 
     Raises:
         InputError: it holds something else.
 
     """
-    return WholeFolder(out, re.compile(r"index\.md|result\.json|flow\.png"), "--out")
+    return AtomicFolder(out, re.compile(r"index\.md|result\.json|flow\.png"), "--out")
 
 
 def write_page(result: Mapping[str, Any], folder: Path) -> None:

@@ -26,7 +26,7 @@ import numpy as np
 
 from navfw.bench.samples import VIEWS_PER_WORLD, Sample, samples_of_world
 from navfw.bench.truth import Truth, true_term
-from navfw.kinds import Perception
+from navfw.interfaces import Perception
 from navfw.offis.distances import TERMS
 from navfw.offis.offis import Offis
 from navfw.offis.pyramid import QUADRANTS

@@ -39,7 +39,7 @@ def loop(
 ) -> None:
     """Time the whole loop, and PyBullet's rendering with physics alone, on one core."""
     with quiet_stdout():
-        from navfw.missions.bench import bench_loop
+        from navfw.missions.loop_timing import bench_loop
         from navfw.missions.session import prepare
 
         session = prepare(world, mission, seed=seed, stack=stack)

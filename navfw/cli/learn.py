@@ -37,7 +37,7 @@ def situations(
 ) -> None:
     """Learn what OFFIS says at which kinds of place, for localisation (METHOD 4.4)."""
     with quiet_stdout():
-        from navfw.bench.situations import learn_situations, tables
+        from navfw.bench.situation_learning import learn_situations, tables
         from navfw.errors import InputError
         from navfw.plugins import default_registry
         from navfw.suite.cases import plan_runs

@@ -11,7 +11,7 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from navfw.egomotion.camera_motion import SLIP, YAW_RATE_SIGMA, camera_motion
-from navfw.kinds import Params
+from navfw.interfaces import Params
 from navfw.robot import RobotModel
 from navfw.signals import Frame, FramePair, Odometry, Pose, wrap_angle
 

@@ -10,17 +10,17 @@ import numpy as np
 from pydantic import Field
 
 from navfw.features.geometry import is_upright, sighting_of, sizes_in
-from navfw.kinds import FeatureRecognizer
+from navfw.interfaces import FeatureRecognizer
 from navfw.landmarks import marker_dictionary
 from navfw.robot import RobotModel
-from navfw.signals import Frame, Sighting
+from navfw.signals import Frame, LandmarkDetection
 from navfw.topomap.model import TopoMap
 
 __all__ = ["Aruco"]
 
 
 class Aruco(FeatureRecognizer):
-    """Finds square markers of 4 x 4 modules; sightings have the bearing and range of each."""
+    """Finds square markers of 4 x 4 modules; detections have the bearing and range of each."""
 
     name: ClassVar[str] = "aruco"
     landmark_frames: ClassVar[bool] = True
@@ -60,12 +60,12 @@ class Aruco(FeatureRecognizer):
         """Learn the sizes of the map's markers."""
         self._sizes = sizes_in(topo_map, "aruco")
 
-    def recognize(self, frame: Frame) -> Sequence[Sighting]:
+    def recognize(self, frame: Frame) -> Sequence[LandmarkDetection]:
         """All upright markers in ``frame``, in the order of their ids; of two alike the larger."""
         found, ids, _ = self._detector.detectMarkers(frame.image)
         if ids is None or not len(ids):
             return ()
-        largest: dict[int, tuple[float, Sighting]] = {}
+        largest: dict[int, tuple[float, LandmarkDetection]] = {}
         height, width = frame.image.shape
         camera = self.robot.landmark_view.model_copy(update={"width": width, "height": height})
         for quad, number in zip(found, map(int, np.ravel(ids)), strict=True):

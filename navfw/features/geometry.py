@@ -14,7 +14,7 @@ import numpy as np
 
 from navfw.landmarks import identity_of
 from navfw.robot import CameraModel
-from navfw.signals import Array, Sighting
+from navfw.signals import Array, LandmarkDetection
 from navfw.topomap.model import TopoMap
 
 __all__ = ["is_upright", "locate", "locate_with_covariance", "sighting_of", "sizes_in"]
@@ -84,8 +84,10 @@ def sighting_of(
     side: float,
     camera: CameraModel,
     sigma: float,
-) -> Sighting:
-    """The sighting of a landmark with corners ``pixels`` (4, 2), from the image's corner."""
+) -> LandmarkDetection:
+    """The detection of a landmark with corners ``pixels`` (4, 2), from the image's corner."""
     corners = pixels - 0.5 * np.array([camera.width - 1, camera.height - 1])
     (bearing, away), covariance = locate_with_covariance(corners, side, camera, sigma)
-    return Sighting(time, identity_of(kind, number), float(bearing), float(away), covariance)
+    return LandmarkDetection(
+        time, identity_of(kind, number), float(bearing), float(away), covariance
+    )

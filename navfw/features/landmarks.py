@@ -9,9 +9,9 @@ from pydantic import Field
 
 from navfw.features.aruco import Aruco
 from navfw.features.posters import Posters
-from navfw.kinds import FeatureRecognizer
+from navfw.interfaces import FeatureRecognizer
 from navfw.robot import RobotModel
-from navfw.signals import Frame, Sighting
+from navfw.signals import Frame, LandmarkDetection
 from navfw.topomap.model import TopoMap
 
 __all__ = ["Landmarks"]
@@ -48,6 +48,6 @@ class Landmarks(FeatureRecognizer):
         for part in self._parts:
             part.study(topo_map)
 
-    def recognize(self, frame: Frame) -> Sequence[Sighting]:
+    def recognize(self, frame: Frame) -> Sequence[LandmarkDetection]:
         """All markers, then all posters, in ``frame``."""
-        return tuple(sighting for part in self._parts for sighting in part.recognize(frame))
+        return tuple(detection for part in self._parts for detection in part.recognize(frame))

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import ClassVar
 
-from navfw.kinds import FeatureRecognizer
-from navfw.signals import Frame, Sighting
+from navfw.interfaces import FeatureRecognizer
+from navfw.signals import Frame, LandmarkDetection
 
 __all__ = ["NoFeatures"]
 
@@ -16,7 +16,7 @@ class NoFeatures(FeatureRecognizer):
 
     name: ClassVar[str] = "none"
 
-    def recognize(self, frame: Frame) -> Sequence[Sighting]:
+    def recognize(self, frame: Frame) -> Sequence[LandmarkDetection]:
         """No landmarks, whatever ``frame`` shows."""
         del frame
         return ()

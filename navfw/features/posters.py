@@ -12,10 +12,10 @@ from pydantic import Field
 
 from navfw.errors import ConfigError
 from navfw.features.geometry import is_upright, sighting_of, sizes_in
-from navfw.kinds import FeatureRecognizer
+from navfw.interfaces import FeatureRecognizer
 from navfw.landmarks import poster_image
 from navfw.robot import RobotModel
-from navfw.signals import Array, Frame, Image, Sighting
+from navfw.signals import Array, Frame, Image, LandmarkDetection
 from navfw.topomap.model import TopoMap
 
 __all__ = ["Posters"]
@@ -42,7 +42,7 @@ class _Reference:
 
 
 class Posters(FeatureRecognizer):
-    """Finds pictures that it has learnt; sightings have the bearing and range of each."""
+    """Finds pictures that it has learnt; detections have the bearing and range of each."""
 
     name: ClassVar[str] = "posters"
     landmark_frames: ClassVar[bool] = True
@@ -85,7 +85,7 @@ class Posters(FeatureRecognizer):
         self._sizes = sizes_in(topo_map, "poster")
         self._choose([*self._own, *self._sizes])
 
-    def recognize(self, frame: Frame) -> Sequence[Sighting]:
+    def recognize(self, frame: Frame) -> Sequence[LandmarkDetection]:
         """All learnt posters in ``frame``, in the order of their ids."""
         if not self._wanted:
             return ()
@@ -98,7 +98,7 @@ class Posters(FeatureRecognizer):
             return ()
         points = np.array([keypoint.pt for keypoint in keypoints], np.float64)
         camera = self.robot.landmark_view.model_copy(update={"width": width, "height": height})
-        sightings = []
+        detections = []
         for reference in self._wanted:
             corners = self._find(reference, points, descriptors.astype(np.uint8, copy=False))
             if corners is None:
@@ -106,10 +106,10 @@ class Posters(FeatureRecognizer):
             pixels = (corners + 0.5) / _ENLARGED - 0.5
             side = self._sizes.get(reference.number, self.params.size)
             sigma = self.params.corner_sigma
-            sightings.append(
+            detections.append(
                 sighting_of(frame.time, "poster", reference.number, pixels, side, camera, sigma)
             )
-        return tuple(sightings)
+        return tuple(detections)
 
     def _choose(self, numbers: Sequence[int] | Mapping[int, object]) -> None:
         for number in numbers:

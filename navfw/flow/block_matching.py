@@ -10,7 +10,7 @@ import numpy.typing as npt
 from pydantic import Field
 
 from navfw.flow.confidence import local_spread, match_sigma, ramp
-from navfw.flow.kernels import correlate, find_peaks
+from navfw.flow.correlation_kernels import correlate, find_peaks
 from navfw.flow.processor import MatchedFlow
 from navfw.flow.registration import register_windows
 from navfw.robot import RobotModel

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from navfw.flow.derotation import rotation_matters
-from navfw.kinds import Params
+from navfw.interfaces import Params
 from navfw.robot import CameraModel
 from navfw.signals import Array, FramePair
 

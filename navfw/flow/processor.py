@@ -8,7 +8,7 @@ from typing import Annotated, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from navfw import kinds
+from navfw import interfaces
 from navfw.flow.confidence import SIGMA_UNKNOWN, check_ramps, is_frozen
 from navfw.flow.derotation import align_past, rotate_points, visible_in_past
 from navfw.flow.grid import check_frame, check_grid, grid_points
@@ -18,10 +18,10 @@ from navfw.signals import Array, FlowField, FramePair, Image
 __all__ = ["GridFlow", "MatchedFlow"]
 
 
-class GridFlow(kinds.FlowProcessor):
+class GridFlow(interfaces.FlowProcessor):
     """Base of processors whose field has one vector for each cell of a regular grid."""
 
-    class Params(kinds.FlowProcessor.Params):
+    class Params(interfaces.FlowProcessor.Params):
         """The grid. Fields ``..._low`` and ``..._high`` are checked to be in that order."""
 
         rows: Annotated[int, Field(ge=2, le=120, description="rows of the grid")] = 12

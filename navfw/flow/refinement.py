@@ -13,7 +13,7 @@ from pydantic import Field
 
 from navfw.flow.derotation import derotated_vectors
 from navfw.flow.rotation_kernels import refine_rotation, still_trusted
-from navfw.kinds import Params
+from navfw.interfaces import Params
 from navfw.robot import CameraModel
 from navfw.signals import Array, CameraMotion, FlowField
 

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from navfw.errors import RuleBaseError, UnknownNameError
-from navfw.fuzzy import kernels
+from navfw.fuzzy import inference_kernels
 from navfw.fuzzy.explain import FiredRule, explain
 from navfw.fuzzy.grammar import And, Clause, Is, Not, Or, atoms
 from navfw.fuzzy.rulebase import RuleBase, Variable
@@ -25,11 +25,11 @@ __all__ = ["CompiledFis", "Inference", "compile_rule_base"]
 Indices = npt.NDArray[np.int64]
 
 _METHODS = {
-    "centroid": kernels.CENTROID,
-    "bisector": kernels.BISECTOR,
-    "mom": kernels.MOM,
-    "som": kernels.SOM,
-    "lom": kernels.LOM,
+    "centroid": inference_kernels.CENTROID,
+    "bisector": inference_kernels.BISECTOR,
+    "mom": inference_kernels.MOM,
+    "som": inference_kernels.SOM,
+    "lom": inference_kernels.LOM,
 }
 
 
@@ -44,7 +44,7 @@ class Layout(NamedTuple):
 class Inference:
     """What an evaluation of N samples found; arrays are views of one table (N, columns).
 
-    Where no rule speaks about an output (its terms all at or below ``kernels.FIRING_FLOOR``), and
+    Where no rule speaks about an output (its terms all at or below ``inference_kernels.FIRING_FLOOR``), and
     where an input is NaN, the crisp output is the output's ``default``, or NaN.
     """
 
@@ -97,7 +97,7 @@ class Inference:
 
 
 class Tables(NamedTuple):
-    """A rule base as arrays: the arguments of ``kernels.infer`` after x, in its order."""
+    """A rule base as arrays: the arguments of ``inference_kernels.infer`` after x, in its order."""
 
     input_xs: Array  # universes of all inputs, one after the other
     input_starts: Indices  # (inputs + 1,) where each begins
@@ -170,7 +170,7 @@ class CompiledFis:
             raise self._names_error(inputs)
         sample = [[inputs[name]] for name in self._row_of]
         return Inference(
-            kernels.infer(np.array(sample, dtype=np.float64), *self._tables), self._layout
+            inference_kernels.infer(np.array(sample, dtype=np.float64), *self._tables), self._layout
         )
 
     def evaluate_rows(self, rows: Array) -> Inference:
@@ -187,7 +187,7 @@ class CompiledFis:
                 f"rule base {self.rule_base.name!r}: expected an array of shape "
                 f"({len(self._row_of)}, N), got {rows.shape}"
             )
-        return Inference(kernels.infer(rows, *self._tables), self._layout)
+        return Inference(inference_kernels.infer(rows, *self._tables), self._layout)
 
     def fuzzify(self, name: str, values: npt.ArrayLike) -> dict[str, Array]:
         """The degree of every term of input ``name`` at ``values``: (N,) each; NaN for NaN.
@@ -201,7 +201,7 @@ class CompiledFis:
         variable = self.rule_base.inputs[name]
         x = np.atleast_1d(np.asarray(values, dtype=np.float64))
         degrees = np.empty((x.size, len(variable.terms)))
-        kernels.fuzzify(x, variable.universe, self._sampled[name], degrees)
+        inference_kernels.fuzzify(x, variable.universe, self._sampled[name], degrees)
         return {term: degrees[:, k] for k, term in enumerate(variable.terms)}
 
     def explain(self, result: Inference, index: int = 0, minimum: float = 0.05) -> list[FiredRule]:
@@ -319,11 +319,11 @@ def _postfix(clause: Clause, index: Mapping[Is, int], conjunction: str) -> list[
         case Is():
             return [index[clause]]
         case Not(inner):
-            return [*_postfix(inner, index, conjunction), kernels.NOT]
+            return [*_postfix(inner, index, conjunction), inference_kernels.NOT]
         case And(left, right):
-            op = kernels.AND_MIN if conjunction == "min" else kernels.AND_PROD
+            op = inference_kernels.AND_MIN if conjunction == "min" else inference_kernels.AND_PROD
         case Or(left, right):
-            op = kernels.OR_MAX
+            op = inference_kernels.OR_MAX
     return [*_postfix(left, index, conjunction), *_postfix(right, index, conjunction), op]
 
 

@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from navfw.errors import RuleBaseError
 from navfw.fuzzy.grammar import And, Clause, Is, Not, Or
-from navfw.fuzzy.kernels import FIRING_FLOOR
+from navfw.fuzzy.inference_kernels import FIRING_FLOOR
 
 if TYPE_CHECKING:
     from navfw.fuzzy.rulebase import RuleBase, Variable

@@ -35,7 +35,7 @@ from typing import Any
 import numpy as np
 
 from navfw.fuzzy.grammar import And, Clause, Is, Not, Or, atoms
-from navfw.fuzzy.kernels import FIRING_FLOOR
+from navfw.fuzzy.inference_kernels import FIRING_FLOOR
 from navfw.fuzzy.rulebase import RuleBase, Variable
 from navfw.signals import Array
 

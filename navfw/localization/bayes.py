@@ -7,12 +7,12 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field
 
-from navfw.kinds import Localizer
+from navfw.interfaces import Localizer
 from navfw.localization.discrete import DiscreteFilter, DiscreteParams
-from navfw.localization.looks import Looks
-from navfw.localization.situations import heard, situation_table
-from navfw.localization.trust import LandmarkTrust
-from navfw.signals import Belief, Odometry, Percept, Pose, Sighting
+from navfw.localization.landmark_existence import LandmarkExistence
+from navfw.localization.landmark_observations import Looks
+from navfw.localization.situation_model import heard, situation_table
+from navfw.signals import Belief, LandmarkDetection, Odometry, Percept, Pose
 from navfw.topomap.model import TopoMap
 
 __all__ = ["Bayes"]
@@ -52,7 +52,7 @@ class Bayes(Localizer):
         """Begin at ``pose`` [map frame], or anywhere."""
         self._map = topo_map
         self._looks = Looks(topo_map, self.params.placed)
-        trust = LandmarkTrust(self.params.prior)
+        trust = LandmarkExistence(self.params.prior)
         table = situation_table(self.params.situations)
         self.filter = DiscreteFilter(topo_map, self.params, self.params.prior, trust, table)
         self.filter.begin(pose, odometry)
@@ -62,13 +62,13 @@ class Bayes(Localizer):
         self._places: Mapping[str, float] = {}
 
     def update(
-        self, odometry: Odometry, percept: Percept | None, sightings: Sequence[Sighting]
+        self, odometry: Odometry, percept: Percept | None, detections: Sequence[LandmarkDetection]
     ) -> Belief:
-        """The belief after the newest odometry and, where there are any, percept and sightings."""
+        """The belief after the newest odometry and, where there are any, percept and detections."""
         if self._map is None:
             raise RuntimeError("start() comes before update()")
         self.filter.advance(odometry, heard(percept))
-        looks = self._looks.hear(odometry, sightings)
+        looks = self._looks.hear(odometry, detections)
         self.filter.see(looks)
         self._updates += len(looks)
         cluster = self.filter.cluster

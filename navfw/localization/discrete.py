@@ -12,15 +12,15 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
-from navfw.kinds import Params
+from navfw.interfaces import Params
+from navfw.localization.landmark_existence import LandmarkExistence
 from navfw.localization.landmark_model import ELSEWHERE
+from navfw.localization.landmark_observations import Look, agreeing
 from navfw.localization.lattice import Lattice
-from navfw.localization.looks import Look, agreeing
-from navfw.localization.situations import LEARNT, SituationTable
-from navfw.localization.trust import LandmarkTrust
+from navfw.localization.situation_model import LEARNT, SituationTable
 from navfw.signals import Array, Odometry, Pose, wrap_angle
 from navfw.topomap.model import TopoMap
-from navfw.topomap.whereabouts import COUNT
+from navfw.topomap.place_posterior import COUNT
 
 __all__ = ["Cluster", "DiscreteFilter", "DiscreteParams"]
 
@@ -96,7 +96,7 @@ class DiscreteFilter:
         topo_map: TopoMap,
         params: DiscreteParams,
         prior: float,
-        trust: LandmarkTrust,
+        trust: LandmarkExistence,
         table: SituationTable | None = None,
     ) -> None:
         self.params = params

@@ -8,21 +8,21 @@ from typing import Annotated, ClassVar
 import numpy as np
 from pydantic import Field
 
-from navfw.kinds import Localizer
-from navfw.localization.looks import Looks
+from navfw.interfaces import Localizer
+from navfw.localization.landmark_existence import LandmarkExistence
+from navfw.localization.landmark_observations import Looks
 from navfw.localization.metric import FilterParams, MetricFilter
-from navfw.localization.trust import LandmarkTrust
-from navfw.signals import Belief, Odometry, Percept, Pose, Sighting
+from navfw.signals import Belief, LandmarkDetection, Odometry, Percept, Pose
 from navfw.topomap.model import TopoMap
-from navfw.topomap.whereabouts import PlacesNearby, known_start, within
+from navfw.topomap.place_posterior import PlacesNearby, known_start, within
 
 __all__ = ["Ekf"]
 
 
 class Ekf(Localizer):
-    """Odometry and gyro predict (x, y, yaw, gyro bias); landmark sightings correct them.
+    """Odometry and gyro predict (x, y, yaw, gyro bias); landmark detections correct them.
 
-    A sighting passes a chi-square gate, and weighs as much as its landmark is trusted to stand
+    A detection passes a chi-square gate, and weighs as much as its landmark is trusted to stand
     where the map has it: one that stands elsewhere is soon left out.
     """
 
@@ -54,19 +54,19 @@ class Ekf(Localizer):
         pose = known_start(pose, self.name, instead)
         p = self.params
         self._nearby = PlacesNearby(topo_map)
-        self.trust = LandmarkTrust(p.prior)
+        self.trust = LandmarkExistence(p.prior)
         self._looks = Looks(topo_map, p.placed)
         self.filter = MetricFilter(p, self.trust, self.robot)
         self.filter.begin(pose, np.diag((p.start_xy**2, p.start_xy**2, p.start_yaw**2)), odometry)
 
     def update(
-        self, odometry: Odometry, percept: Percept | None, sightings: Sequence[Sighting]
+        self, odometry: Odometry, percept: Percept | None, detections: Sequence[LandmarkDetection]
     ) -> Belief:
-        """The belief after the newest odometry and sightings; percepts are not used."""
+        """The belief after the newest odometry and detections; percepts are not used."""
         if self._nearby is None:
             raise RuntimeError("start() comes before update()")
         self.filter.advance(odometry)
-        self.filter.see(self._looks.hear(odometry, sightings))
+        self.filter.see(self._looks.hear(odometry, detections))
         pose, covariance = self.filter.pose, self.filter.pose_covariance
         confidence = within(covariance)
         return Belief(

@@ -1,6 +1,6 @@
-"""What a landmark at a known place looks like from a pose, and what a sighting tells (METHOD 4.4).
+"""What a landmark at a known place looks like from a pose, and what a detection tells (METHOD 4.4).
 
-A sighting is (bearing [rad], range [m]) in base_link. A landmark may stand elsewhere than the map
+A detection is (bearing [rad], range [m]) in base_link. A landmark may stand elsewhere than the map
 says. So an update is one of probabilistic data association (Bar-Shalom and Tse 1975): with the
 probability that the landmark stands where it should it is an EKF update (Joseph form), otherwise
 none, and the covariance is that of the mixture.
@@ -18,10 +18,10 @@ from navfw.signals import Array, wrap_angle
 __all__ = ["ELSEWHERE", "GATE", "Association", "associate", "expected", "joseph"]
 
 GATE = 9.0
-"""Squared Mahalanobis distance of (bearing, range) beyond which a sighting is not believed."""
+"""Squared Mahalanobis distance of (bearing, range) beyond which a detection is not believed."""
 
 ELSEWHERE = 0.05
-"""Density [1/(rad m)] of sightings of a landmark that is not where the map has it."""
+"""Density [1/(rad m)] of detections of a landmark that is not where the map has it."""
 
 
 def expected(state: Array, x: float, y: float) -> tuple[Array, Array]:
@@ -48,10 +48,10 @@ def joseph(covariance: Array, gain: Array, jacobian: Array, noise: Array) -> Arr
 
 @dataclass(frozen=True, slots=True)
 class Association:
-    """What a sighting made of an estimate.
+    """What a detection made of an estimate.
 
     ``distance`` is the squared Mahalanobis distance of the innovation; ``likelihood`` how much more
-    likely the sighting is with the landmark in its place than with it elsewhere; ``share`` the
+    likely the detection is with the landmark in its place than with it elsewhere; ``share`` the
     probability that it stands in its place, 0 outside the gate.
     """
 
@@ -72,7 +72,7 @@ def associate(
 ) -> Association:
     """Update (state, covariance) by ``seen`` (2,), with its ``noise`` (2, 2), of a landmark ``at``.
 
-    ``trust`` is the probability, before this sighting, that the landmark stands where the map says.
+    ``trust`` is the probability, before this detection, that the landmark stands where the map says.
     """
     predicted, jacobian = expected(state, *at)
     innovation = seen - predicted

@@ -9,8 +9,9 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
+from navfw.localization.landmark_existence import LandmarkExistence
 from navfw.localization.landmark_model import GATE, Association, associate
-from navfw.localization.looks import Look, agreeing
+from navfw.localization.landmark_observations import Look, agreeing
 from navfw.localization.motion_model import (
     REST,
     MotionParams,
@@ -19,7 +20,6 @@ from navfw.localization.motion_model import (
     process_noise,
     transition,
 )
-from navfw.localization.trust import LandmarkTrust
 from navfw.robot import RobotModel
 from navfw.signals import Array, Odometry, Pose, wrap_angle
 
@@ -60,7 +60,7 @@ class FilterParams(MotionParams):
 class MetricFilter:
     """Keeps (x, y, yaw, bias) with covariance (4, 4); ``trust`` is shared with others."""
 
-    def __init__(self, params: FilterParams, trust: LandmarkTrust, robot: RobotModel) -> None:
+    def __init__(self, params: FilterParams, trust: LandmarkExistence, robot: RobotModel) -> None:
         self.params = params
         self.noise = motion_noise(params, robot)
         self.trust = trust
@@ -140,7 +140,7 @@ class MetricFilter:
         return len(agreeing(list(self._held.values()))) >= 2
 
     def _keep_doubt(self) -> None:
-        """Errors that all sightings share (of the map, of the camera) do not average out."""
+        """Errors that all detections share (of the map, of the camera) do not average out."""
         p = self.params
         for axis, least in enumerate((p.least_xy, p.least_xy, p.least_yaw)):
             short = least**2 - self.covariance[axis, axis]

@@ -20,7 +20,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from navfw.kinds import Params
+from navfw.interfaces import Params
 from navfw.robot import RobotModel
 from navfw.signals import Array, Pose, wrap_angle
 

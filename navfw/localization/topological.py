@@ -9,15 +9,15 @@ from typing import Annotated, ClassVar
 import numpy as np
 from pydantic import Field
 
-from navfw.kinds import Localizer
+from navfw.interfaces import Localizer
 from navfw.localization.discrete import Cluster, DiscreteFilter, DiscreteParams
-from navfw.localization.looks import Look, Looks
+from navfw.localization.landmark_existence import LandmarkExistence
+from navfw.localization.landmark_observations import Look, Looks
 from navfw.localization.metric import FilterParams, MetricFilter
-from navfw.localization.situations import heard, situation_table
-from navfw.localization.trust import LandmarkTrust
-from navfw.signals import Array, Belief, Odometry, Percept, Pose, Sighting, wrap_angle
+from navfw.localization.situation_model import heard, situation_table
+from navfw.signals import Array, Belief, LandmarkDetection, Odometry, Percept, Pose, wrap_angle
 from navfw.topomap.model import TopoMap
-from navfw.topomap.whereabouts import PlacesNearby, within
+from navfw.topomap.place_posterior import PlacesNearby, within
 
 __all__ = ["Topological"]
 
@@ -69,7 +69,7 @@ class Topological(Localizer):
         p = self.params
         self._nearby = PlacesNearby(topo_map)
         self._looks = Looks(topo_map, p.metric.placed)
-        self.trust = LandmarkTrust(p.metric.prior)
+        self.trust = LandmarkExistence(p.metric.prior)
         self.discrete = DiscreteFilter(
             topo_map, p.discrete, p.metric.prior, self.trust, situation_table(p.discrete.situations)
         )
@@ -86,12 +86,12 @@ class Topological(Localizer):
             self.metric.begin(pose, np.diag((xy, xy, yaw)), odometry)
 
     def update(
-        self, odometry: Odometry, percept: Percept | None, sightings: Sequence[Sighting]
+        self, odometry: Odometry, percept: Percept | None, detections: Sequence[LandmarkDetection]
     ) -> Belief:
-        """The belief after the newest odometry and, where there are any, percept and sightings."""
+        """The belief after the newest odometry and, where there are any, percept and detections."""
         if self._nearby is None:
             raise RuntimeError("start() comes before update()")
-        looks = self._looks.hear(odometry, sightings)
+        looks = self._looks.hear(odometry, detections)
         self.discrete.advance(odometry, heard(percept))
         self.discrete.see(looks)
         if self.tracking:

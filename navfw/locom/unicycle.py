@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field
 
-from navfw.kinds import Controller
+from navfw.interfaces import Controller
 from navfw.robot import RobotModel
 from navfw.signals import Command, Odometry, Twist
 

@@ -22,7 +22,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from navfw.config.document import KeyPath, YamlDocument, key_text
 from navfw.errors import ConfigError, UnknownNameError
-from navfw.mofis.sabotage import Failure
+from navfw.fault_injection import Failure
 from navfw.signals import Pose
 from navfw.sim.actions import (
     Action,

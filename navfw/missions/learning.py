@@ -66,10 +66,10 @@ class _Looker(Listener):
 
     def hear(self, reading: SensorReading, state: StackState) -> None:
         del reading
-        if state.sightings and state.time > self._heard:
+        if state.detections and state.time > self._heard:
             self._heard = state.time
-            seen = state.sightings[0].time  # the image may be older than the decision
-            self._learner.add(self.stack.history.at(seen), state.sightings)
+            seen = state.detections[0].time  # the image may be older than the decision
+            self._learner.add(self.stack.history.at(seen), state.detections)
 
 
 def learn_landmarks(

@@ -7,10 +7,10 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from navfw.baselines.navground import Navground
+from navfw.baselines.surroundings import Surroundings
 from navfw.errors import SimulationError
 from navfw.flow.ideal import Ideal
-from navfw.mofis.navground import Navground
-from navfw.mofis.surroundings import Surroundings
 from navfw.signals import Array, CameraMotion, Frame, FramePair
 from navfw.sim.shapes import Disc, Shape
 from navfw.sim.simulation import Simulation
@@ -23,7 +23,7 @@ class SimulatorTruth:
     """Depth, motion and surroundings as the simulator has them.
 
     A source for ``navfw.flow.ideal.TruthSource`` and
-    ``navfw.mofis.surroundings.SurroundingsSource``.
+    ``navfw.baselines.surroundings.SurroundingsSource``.
     """
 
     def __init__(self, simulation: Simulation) -> None:

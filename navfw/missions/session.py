@@ -18,6 +18,7 @@ import numpy as np
 from navfw.config.lookup import find, find_mission
 from navfw.config.overrides import Override, parse_override
 from navfw.errors import UnknownNameError
+from navfw.fault_injection import FaultInjector, inject_faults
 from navfw.missions.events import (
     BehaviorFault,
     Event,
@@ -31,7 +32,6 @@ from navfw.missions.missionfile import MissionFile, load_mission
 from navfw.missions.oracle import reveal
 from navfw.missions.outcome import Outcome
 from navfw.missions.runner import Progress, Run, Task, run_task
-from navfw.mofis.sabotage import Saboteur, infiltrate
 from navfw.recording.readings import ReadingsRecorder
 from navfw.signals import Array
 from navfw.sim.changes import ChangeTrack
@@ -133,14 +133,14 @@ class Session:
         """Where the event happens."""
         action = event.action
         if isinstance(action, BehaviorFault):
-            return _Behind(infiltrate(self.stack.mofis.behaviors, action.name))
+            return _Behind(inject_faults(self.stack.mofis.behaviors, action.name))
         return simulator
 
 
 class _Behind:
     """Lets a saboteur act on behalf of events."""
 
-    def __init__(self, saboteur: Saboteur) -> None:
+    def __init__(self, saboteur: FaultInjector) -> None:
         self._saboteur = saboteur
 
     def begin(self, action: BehaviorFault) -> None:

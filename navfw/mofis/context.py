@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from navfw.mofis.commands import CommandGrid
-from navfw.mofis.encounters import Encounters
-from navfw.mofis.lookahead import Aim
-from navfw.mofis.reach import Arcs, Ranges
-from navfw.mofis.sight import Sight, sight_of
+from navfw.localmap.free_distance import Arcs, Ranges
+from navfw.localmap.local_planner import LocalGoal
+from navfw.mofis.command_grid import CommandGrid
+from navfw.mofis.quadrant_distances import QuadrantDistances, quadrant_distances
+from navfw.movers.conflict_prediction import Conflicts
 from navfw.robot import RobotModel
 from navfw.signals import Belief, Command, FlowField, Percept, Pose, Twist, Waypoint
 
@@ -39,17 +39,17 @@ class Context:
     arcs: Arcs
     ranges: Ranges
     waypoint: Waypoint | None
-    aim: Aim | None
+    aim: LocalGoal | None
     previous: Command | None
     stalled: float
     idle: float
     flow: FlowField | None = None
-    encounters: Encounters | None = None
+    encounters: Conflicts | None = None
 
     @property
-    def sight(self) -> Sight | None:
+    def sight(self) -> QuadrantDistances | None:
         """The percept's fuzzy distances left, right and ahead; None before the first percept."""
-        return None if self.percept is None else sight_of(self.percept, self.time)
+        return None if self.percept is None else quadrant_distances(self.percept, self.time)
 
     @property
     def waypoint_local(self) -> tuple[float, float]:

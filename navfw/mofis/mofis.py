@@ -10,30 +10,30 @@ from typing import Annotated
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from navfw.kinds import Behavior, Composite, Fusion
-from navfw.mofis.commands import CommandGrid, CommandGridParams
+from navfw.interfaces import Behavior, Composite, Fusion
+from navfw.localmap.free_distance import look_around, room_along, sweep
+from navfw.localmap.local_planner import LocalGoal, LocalPlanner, LocalPlannerParams
+from navfw.localmap.occupancy_grid import OccupancyGrid, OccupancyParams
+from navfw.localmap.ray_kernels import are_degrees
+from navfw.localmap.traversability import TraversabilityCheck, TraversabilityParams
+from navfw.mofis.command_grid import CommandGrid, CommandGridParams
 from navfw.mofis.context import Context
-from navfw.mofis.egomap import EgoMap, EgoMapParams
-from navfw.mofis.encounters import EncounterParams, meet
-from navfw.mofis.kernels import are_degrees
-from navfw.mofis.lookahead import Aim, Lookahead, LookaheadParams
-from navfw.mofis.passages import PassageWatch, PassageWatchParams
-from navfw.mofis.reach import look_around, room_along, sweep
-from navfw.mofis.tracks import Disc, TrackParams, Tracks
 from navfw.mofis.watchdog import BehaviorTimeout, Watchdog
+from navfw.movers.conflict_prediction import ConflictParams, predict_conflicts
+from navfw.movers.tracking import Disc, TrackParams, Tracks
 from navfw.robot import RobotModel
 from navfw.signals import (
     Belief,
     Command,
     FlowField,
-    Mover,
+    MovingObject,
     Odometry,
-    Outlook,
     PassageQuery,
+    PassageReport,
     Percept,
     Pose,
     Proposal,
-    Standing,
+    Stixels,
     Twist,
     Waypoint,
 )
@@ -46,12 +46,12 @@ class MofisParams(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    ego_map: EgoMapParams = EgoMapParams()
+    ego_map: OccupancyParams = OccupancyParams()
     tracks: TrackParams = TrackParams()
-    encounters: EncounterParams = EncounterParams()
+    encounters: ConflictParams = ConflictParams()
     commands: CommandGridParams = CommandGridParams()
-    lookahead: LookaheadParams = LookaheadParams()
-    passages: PassageWatchParams = PassageWatchParams()
+    lookahead: LocalPlannerParams = LocalPlannerParams()
+    passages: TraversabilityParams = TraversabilityParams()
     margin: Annotated[
         float, Field(ge=0.0, le=0.3, description="clearance kept from the body's rim [m]")
     ] = 0.04
@@ -99,16 +99,16 @@ class Mofis:
         self.fusion = fusion
         self.params = params or MofisParams()
         self.commands = CommandGrid(robot, self.params.commands)
-        self.egomap = EgoMap(robot, self.params.ego_map)
+        self.occupancy = OccupancyGrid(robot, self.params.ego_map)
         self.tracks = Tracks(robot, self.params.tracks)
-        self.lookahead = Lookahead(self.params.lookahead)
-        self.passages = PassageWatch(self.egomap, self.params.passages)
+        self.lookahead = LocalPlanner(self.params.lookahead)
+        self.passages = TraversabilityCheck(self.occupancy, self.params.passages)
         self.watchdog = Watchdog()
         self.reset()
 
     def reset(self) -> None:
         """Forget the last run."""
-        self.egomap.reset()
+        self.occupancy.reset()
         self.tracks.reset()
         self.passages.reset()
         self.fusion.reset()
@@ -139,8 +139,8 @@ class Mofis:
         waypoint: Waypoint | None,
         flows: Sequence[FlowField] = (),
         seen_from: Pose | None = None,
-        movers: Sequence[Mover] = (),
-        standing: Standing | None = None,
+        movers: Sequence[MovingObject] = (),
+        standing: Stixels | None = None,
     ) -> Command:
         """The command for now, from the newest ``percepts`` (may be none) and ``waypoint``.
 
@@ -149,26 +149,26 @@ class Mofis:
         that frame, and ``standing`` things in its small columns.
         """
         if not self.params.memory:
-            self.egomap.reset()
+            self.occupancy.reset()
         if flows:
             self._flow = flows[-1]
-        self.egomap.move(odometry.pose, odometry.time)
+        self.occupancy.move(odometry.pose, odometry.time)
         eye = odometry.pose if seen_from is None else seen_from
         for percept in percepts:
             if percept.sees_depth:
-                self.egomap.enter(percept, eye)
+                self.occupancy.enter(percept, eye)
                 self.passages.enter(percept, eye)
                 self._percept = percept
         if standing is not None:
-            self.egomap.enter_standing(standing, eye)
+            self.occupancy.integrate_stixels(standing, eye)
         self.tracks.see(movers, eye)
         self.tracks.forget(odometry.time, odometry.pose)
         drops = self.passages.drops.discs() if self.params.memory else ()
-        walked_on = self.tracks.discs(odometry.time)
-        if not self._movers_heeded:
-            drops, walked_on = (*walked_on, *drops), ()
-        self.egomap.take(drops)
-        self.context = self._context(odometry, belief, waypoint, walked_on)
+        moving_obstacles = self.tracks.discs(odometry.time)
+        if not self.handles_moving_obstacles:
+            drops, moving_obstacles = (*moving_obstacles, *drops), ()
+        self.occupancy.take(drops)
+        self.context = self._context(odometry, belief, waypoint, moving_obstacles)
         self.weights = self._weigh(self.context)
         self.proposals = {}
         with self.watchdog.on_duty():
@@ -183,36 +183,38 @@ class Mofis:
         """How far [m] ``twist`` leads from odom ``pose`` until a touch, and until the unseen."""
         if self.context is None:
             return math.inf, math.inf
-        return room_along(self.egomap, pose, twist)
+        return room_along(self.occupancy, pose, twist)
 
     def outlook(
         self, queries: Sequence[PassageQuery], odometry: Odometry, belief: Belief
-    ) -> Outlook | None:
+    ) -> PassageReport | None:
         """What the ego map says of the legs ahead; None before the first decision, or not yet."""
         if self.context is None:
             return None
         return self.passages.look(queries, odometry.pose, belief, odometry.time)
 
     @property
-    def _movers_heeded(self) -> bool:
+    def handles_moving_obstacles(self) -> bool:
         """Whether one that heeds movers had a say last time: one that fails heeds nobody."""
-        return any(self.behaviors[name].heeds_movers for name in self.proposals)
+        return any(self.behaviors[name].handles_moving_obstacles for name in self.proposals)
 
     def _context(
         self,
         odometry: Odometry,
         belief: Belief,
         waypoint: Waypoint | None,
-        walked_on: tuple[Disc, ...],
+        moving_obstacles: tuple[Disc, ...],
     ) -> Context:
         pose = odometry.pose
         aim = None
         if waypoint is not None:
             local = belief.pose.to_local(waypoint.x, waypoint.y)
             if self.params.local_plan:
-                aim = self.lookahead.aim(self.egomap, pose, *pose.to_parent(*local), walked_on)
+                aim = self.lookahead.aim(
+                    self.occupancy, pose, *pose.to_parent(*local), moving_obstacles
+                )
             else:
-                aim = Aim(*local, math.hypot(*local), reachable=True, detour=1.0)
+                aim = LocalGoal(*local, math.hypot(*local), reachable=True, detour=1.0)
         stalled, idle = self._watch.update(odometry, self._previous, waypoint, aim)
         return Context(
             time=odometry.time,
@@ -222,15 +224,15 @@ class Mofis:
             pose=pose,
             belief=belief,
             percept=self._percept,
-            arcs=sweep(self.egomap, pose, self.commands, self.params.margin),
-            ranges=look_around(self.egomap, pose),
+            arcs=sweep(self.occupancy, pose, self.commands, self.params.margin),
+            ranges=look_around(self.occupancy, pose),
             waypoint=waypoint,
             aim=aim,
             previous=self._previous,
             stalled=stalled,
             idle=idle,
             flow=self._flow,
-            encounters=meet(
+            encounters=predict_conflicts(
                 self.tracks.believed,
                 self.robot,
                 self.commands,
@@ -308,7 +310,7 @@ class _ProgressWatch:
         odometry: Odometry,
         previous: Command | None,
         waypoint: Waypoint | None,
-        aim: Aim | None,
+        aim: LocalGoal | None,
     ) -> tuple[float, float]:
         """(stalled, idle) in seconds."""
         time = odometry.time

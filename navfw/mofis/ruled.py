@@ -7,7 +7,7 @@ from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from navfw.kinds import Behavior, Composite, Plugin
+from navfw.interfaces import Behavior, Composite, Plugin
 from navfw.mofis.context import Context
 from navfw.mofis.rules import BehaviorRules
 from navfw.robot import RobotModel

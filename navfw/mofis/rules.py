@@ -9,7 +9,7 @@ import numba
 import numpy as np
 
 from navfw.fuzzy import CompiledFis, Inference, RuleBase
-from navfw.mofis.commands import CommandGrid
+from navfw.mofis.command_grid import CommandGrid
 from navfw.signals import Array
 
 __all__ = ["BehaviorRules", "Verdict"]

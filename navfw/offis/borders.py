@@ -14,7 +14,7 @@ import numpy as np
 
 from navfw.offis.geometry import GridGeometry
 from navfw.offis.inference import Evaluation, infer_rows, load_system
-from navfw.offis.kernels import blind_border
+from navfw.offis.percept_kernels import blind_border
 from navfw.signals import Array, FlowField
 
 __all__ = ["Borders", "find_borders"]

@@ -14,8 +14,8 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from navfw.offis.kernels import label_cells
 from navfw.offis.nearness import Nearness
+from navfw.offis.percept_kernels import label_cells
 from navfw.robot import CameraModel
 from navfw.signals import Array
 

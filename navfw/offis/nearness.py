@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from navfw.offis.kernels import triangulate_cells
+from navfw.offis.percept_kernels import triangulate_cells
 from navfw.signals import Array, FlowField
 
 __all__ = ["Nearness", "triangulate"]

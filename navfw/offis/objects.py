@@ -9,8 +9,8 @@ import numpy.typing as npt
 
 from navfw.offis.borders import Borders
 from navfw.offis.geometry import GridGeometry
-from navfw.offis.kernels import object_cells, stand_out
 from navfw.offis.nearness import Nearness
+from navfw.offis.percept_kernels import object_cells, stand_out
 from navfw.offis.pyramid import Channels
 from navfw.offis.walls import Walls
 from navfw.robot import CameraModel

@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from navfw.kinds import Perception
+from navfw.interfaces import Perception
 from navfw.offis.borders import find_borders
 from navfw.offis.distances import TERMS, find_distances
 from navfw.offis.explanation import Explanation

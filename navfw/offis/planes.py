@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from navfw.offis.inference import Evaluation, infer_rows, load_system
-from navfw.offis.kernels import compare_pairs
+from navfw.offis.percept_kernels import compare_pairs
 from navfw.offis.pyramid import NEIGHBOURS, Pyramid, RegionStatistics
 from navfw.signals import Array
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from navfw.offis.kernels import region_moments
+from navfw.offis.percept_kernels import region_moments
 from navfw.signals import Array
 
 __all__ = ["NEIGHBOURS", "QUADRANTS", "Channels", "Pyramid", "RegionStatistics", "position"]

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from navfw.papfis.routes import Router
-from navfw.signals import Outlook, PassageQuery, PassageState
+from navfw.signals import PassageQuery, PassageReport, PassageStatus
 from navfw.topomap.model import Passage
 
 __all__ = ["Blockages"]
@@ -63,7 +63,7 @@ class Blockages:
             self._router.revise(self._passage(ends), uncertainty=1.0)
         return set(over)
 
-    def hear(self, outlook: Outlook, time: float) -> Changed:
+    def hear(self, outlook: PassageReport, time: float) -> Changed:
         """Take note of what has been seen at ``time`` [s]; tells which passages it changed."""
         changed: Changed = set()
         for query, state in outlook.passages:
@@ -73,7 +73,7 @@ class Blockages:
             changed |= self._endanger(drop)
         return changed
 
-    def _vote(self, query: PassageQuery, state: PassageState, time: float) -> bool:
+    def _vote(self, query: PassageQuery, state: PassageStatus, time: float) -> bool:
         ends = frozenset(query.passage)
         since = time - self._voted.get(ends, -math.inf)
         if state == "unknown" or since < self._interval - _ROUNDING:

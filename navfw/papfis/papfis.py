@@ -7,14 +7,14 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
-from navfw.kinds import Planner
+from navfw.interfaces import Planner
 from navfw.papfis.blockages import Blockages
 from navfw.papfis.costs import CostParams
 from navfw.papfis.plan import Plan
 from navfw.papfis.routes import Router
 from navfw.papfis.tour import Tour
 from navfw.papfis.waypoints import Passing
-from navfw.signals import Belief, Outlook, PassageQuery, Waypoint
+from navfw.signals import Belief, PassageQuery, PassageReport, Waypoint
 from navfw.topomap.model import Passage, TopoMap
 
 __all__ = ["Papfis"]
@@ -73,7 +73,7 @@ class Papfis(Planner):
     params: Params
 
     _blockages: Blockages | None = None
-    _outlook: Outlook | None = None
+    _outlook: PassageReport | None = None
     _at: tuple[float, float] | None = None
     _router: Router | None = None
     _tour: Tour | None = None
@@ -116,7 +116,7 @@ class Papfis(Planner):
         self._tour.reconsider(self._at, changed)
         return self._tour.head(self._at)
 
-    def observe(self, outlook: Outlook) -> None:
+    def observe(self, outlook: PassageReport) -> None:
         """Note what has been seen of the way ahead; the next ``update`` draws the conclusions."""
         self._outlook = outlook
 

@@ -10,7 +10,7 @@ from typing import Protocol, Self
 
 import cv2
 
-from navfw.atomic import Whole, WholeFolder
+from navfw.atomic import AtomicFolder, AtomicTarget
 from navfw.errors import InputError
 from navfw.perceive.sources import Source
 from navfw.signals import Image
@@ -38,7 +38,7 @@ class Output(Protocol):
     ) -> None: ...
 
 
-class _Pictures(WholeFolder):
+class _Pictures(AtomicFolder):
     def __init__(self, target: Path) -> None:
         super().__init__(target, _OURS, "--overlay")
         self._count = 0
@@ -49,7 +49,7 @@ class _Pictures(WholeFolder):
             raise InputError("cannot be written", file=self.target)
 
 
-class _Film(Whole):
+class _Film(AtomicTarget):
     def __init__(self, target: Path, rate: float) -> None:
         super().__init__(target)
         self._rate = rate

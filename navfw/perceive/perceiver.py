@@ -12,7 +12,7 @@ import numpy as np
 
 from navfw.errors import InputError
 from navfw.flow.derotation import derotate
-from navfw.kinds import FlowProcessor
+from navfw.interfaces import FlowProcessor
 from navfw.offis.offis import Offis
 from navfw.perceive.gyro import Gyro
 from navfw.perceive.motion import assumed_motion, expansion_focus, forward_share, refined

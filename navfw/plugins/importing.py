@@ -17,7 +17,7 @@ from typing import Any, TypeVar
 
 from navfw.config.document import shown_path
 from navfw.errors import PluginError, did_you_mean
-from navfw.kinds import Plugin
+from navfw.interfaces import Plugin
 from navfw.plugins.verification import find_problems, kind_of, verify
 
 __all__ = ["candidates_of", "decorated_plugins", "import_file", "import_object", "plugin"]
@@ -143,7 +143,7 @@ def nothing_found(module: ModuleType, file: Path, kind: str) -> PluginError:
     ]
     found = f" (it has {', '.join(classes)})" if classes else ""
     return PluginError(
-        f"no plugin in this file{found}; derive a class from navfw.kinds.{kind.capitalize()}, "
+        f"no plugin in this file{found}; derive a class from navfw.interfaces.{kind.capitalize()}, "
         "or begin the file's name with _ if it is a helper",
         file=shown_path(file),
     )

@@ -14,14 +14,14 @@ from navfw.config.describe import parameters_of
 from navfw.config.document import shown_path
 from navfw.config.lookup import behavior_folders
 from navfw.errors import InputError, PluginError, UnknownNameError
-from navfw.kinds import KINDS, Plugin
+from navfw.interfaces import KINDS, Plugin
 from navfw.plugins import importing
 from navfw.plugins.verification import kind_of, source_file, verify
 
 __all__ = ["BUILT_IN", "GROUPS", "Registry", "check_kind", "default_registry"]
 
 BUILT_IN: dict[str, dict[str, str]] = {
-    "behavior": {"navground": "navfw.mofis.navground:Navground"},
+    "behavior": {"navground": "navfw.baselines.navground:Navground"},
     "flow": {
         "block_matching": "navfw.flow.block_matching:BlockMatching",
         "dis": "navfw.flow.dis:Dis",

@@ -11,7 +11,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from navfw import kinds
+from navfw import interfaces
 from navfw.config.document import shown_path
 from navfw.config.problems import shown
 from navfw.errors import PluginError
@@ -52,7 +52,7 @@ def kind_of(cls: object) -> str | None:
     """The kind of plugin that ``cls`` derives from, or None."""
     if not inspect.isclass(cls):
         return None
-    found = [kind for kind, base in kinds.KINDS.items() if issubclass(cls, base)]
+    found = [kind for kind, base in interfaces.KINDS.items() if issubclass(cls, base)]
     return found[0] if len(found) == 1 else None
 
 
@@ -65,10 +65,10 @@ def source_file(cls: object) -> Path | None:
 
 
 def _problems(cls: type[Any]) -> Iterator[str]:
-    base_names = ", ".join(sorted(base.__name__ for base in kinds.KINDS.values()))
-    found = [base for base in kinds.KINDS.values() if issubclass(cls, base)]
+    base_names = ", ".join(sorted(base.__name__ for base in interfaces.KINDS.values()))
+    found = [base for base in interfaces.KINDS.values() if issubclass(cls, base)]
     if not found:
-        yield f"not derived from a kind of plugin; derive it from one of navfw.kinds: {base_names}"
+        yield f"not derived from a kind of plugin; derive it from one of navfw.interfaces: {base_names}"
         return
     if len(found) > 1:
         names = " and ".join(base.__name__ for base in found)
@@ -193,7 +193,7 @@ def _headline(name: str, wanted: object) -> str:
 
 def _params_problems(cls: type[Any]) -> Iterator[str]:
     model = cls.Params
-    if not (inspect.isclass(model) and issubclass(model, kinds.Params)):
+    if not (inspect.isclass(model) and issubclass(model, interfaces.Params)):
         parent = cls.__mro__[1].__name__
         yield f"Params is not derived from the base's; write: class Params({parent}.Params)"
         return

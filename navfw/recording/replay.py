@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from navfw.errors import ConfigError, InputError
-from navfw.mofis.sabotage import Failure, infiltrate
+from navfw.fault_injection import Failure, inject_faults
 from navfw.recording.readings import Recording, load_recording
 from navfw.recording.runfolder import RESULT, read_result
 from navfw.recording.track import hash_commands
@@ -170,7 +170,7 @@ class _Failures:
             failure = happened.event.behavior
             if failure is None or failure.name not in stack.mofis.behaviors:
                 continue
-            saboteur = infiltrate(stack.mofis.behaviors, failure.name)
+            saboteur = inject_faults(stack.mofis.behaviors, failure.name)
             self._waiting.append((happened.began_s, saboteur.begin, failure.does))
             if happened.ended_s is not None:
                 self._waiting.append((happened.ended_s, saboteur.end, failure.does))

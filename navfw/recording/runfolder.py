@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from navfw.atomic import Whole
+from navfw.atomic import AtomicTarget
 from navfw.errors import ConfigError, InputError
 
 __all__ = ["FILES", "RESULT", "RunFolder", "plain_json", "read_result"]
@@ -36,7 +36,7 @@ def plain_json(value: Any) -> Any:
     return str(value)
 
 
-class RunFolder(Whole):
+class RunFolder(AtomicTarget):
     """A context manager: files are written to ``path`` beside the target, then renamed into place.
 
     ``with RunFolder(target) as folder:`` gives a folder whose ``path`` is temporary; leaving the

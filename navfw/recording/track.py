@@ -46,7 +46,7 @@ class Track:
     of the behaviours that led; ``emergency`` (n,) tells where the robot was getting out of danger.
     ``waypoints`` are those the planner gave, in order. ``confidence`` (n,) in [0, 1] is the
     belief's own, 0 where it says that it is lost (None: not recorded); ``updates`` counts the
-    landmark sightings that went into it.
+    landmark detections that went into it.
     """
 
     time: Array

@@ -11,7 +11,7 @@ from typing import Any
 
 import cv2
 
-from navfw.atomic import WholeFolder
+from navfw.atomic import AtomicFolder
 from navfw.config.lookup import find
 from navfw.recording.runfolder import plain_json
 from navfw.reproduce.metrics import compare_metrics
@@ -38,7 +38,7 @@ def reproduce(
         InputError: ``out`` holds something else, or cannot be written.
 
     """
-    with WholeFolder(out, _OURS, "--out") as folder:
+    with AtomicFolder(out, _OURS, "--out") as folder:
         tell("Table 2: the trajectory")
         rows = table2(seed)
         tell("Table 3: the office")

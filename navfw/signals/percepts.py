@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from navfw.signals.geometry import Array
 
-__all__ = ["Label", "Mover", "Percept", "Standing"]
+__all__ = ["Label", "MovingObject", "Percept", "Stixels"]
 
 
 class Label(IntEnum):
@@ -32,7 +32,7 @@ class Label(IntEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Mover:
+class MovingObject:
     """Something that moves by itself, seen at ``time`` [s]: its flow contradicts a world at rest.
 
     ``bearing`` (from ahead) and half its angular ``width`` [rad, left positive], as the camera sees
@@ -103,7 +103,7 @@ class Percept:
 
 
 @dataclass(frozen=True, slots=True)
-class Standing:
+class Stixels:
     """What stands upright on the floor, seen at ``time`` [s] in columns of small cells.
 
     Arrays (n,), by column: ``slope`` [m/m] is how far left its ray leads per metre ahead,

@@ -9,11 +9,18 @@ from typing import Literal
 
 from navfw.signals.geometry import Array, Pose, position_sigma
 
-__all__ = ["Belief", "Outlook", "PassageQuery", "PassageState", "Sighting", "Waypoint"]
+__all__ = [
+    "Belief",
+    "LandmarkDetection",
+    "PassageQuery",
+    "PassageReport",
+    "PassageStatus",
+    "Waypoint",
+]
 
 
 @dataclass(frozen=True, slots=True)
-class Sighting:
+class LandmarkDetection:
     """A landmark recognised in one image: bearing [rad, left positive] and range [m] in base_link.
 
     ``covariance`` (2, 2) is of (bearing, range); ``identity`` is the landmark's id in the map file.
@@ -33,7 +40,7 @@ class Belief:
     ``places`` gives the probability of each place of the topological map (may be empty).
     ``confidence`` in [0, 1] is the probability that the robot truly is within a metre of ``pose``.
     Where it is ``lost``, the localiser itself does not trust ``pose``: nothing should be planned
-    from it. ``updates`` counts the landmark sightings that have gone into it so far.
+    from it. ``updates`` counts the landmark detections that have gone into it so far.
     """
 
     time: float
@@ -88,11 +95,11 @@ class PassageQuery:
     width: float = math.inf
 
 
-PassageState = Literal["open", "closed", "unknown"]
+PassageStatus = Literal["open", "closed", "unknown"]
 
 
 @dataclass(frozen=True, slots=True)
-class Outlook:
+class PassageReport:
     """What the short-term memory says of the way ahead, up to a few metres (METHOD 4.3).
 
     ``passages`` are the queries that could be judged, in their order: "open" when a free way
@@ -101,5 +108,5 @@ class Outlook:
     """
 
     time: float
-    passages: tuple[tuple[PassageQuery, PassageState], ...] = ()
+    passages: tuple[tuple[PassageQuery, PassageStatus], ...] = ()
     drops: tuple[tuple[float, float], ...] = ()

@@ -13,9 +13,9 @@ from typing import Literal
 import numpy as np
 
 from navfw.errors import WorldError
+from navfw.localmap.occupancy_grid import OccupancyGrid
 from navfw.missions.metrics import path_length
 from navfw.missions.session import MissionResult
-from navfw.mofis.egomap import EgoMap
 from navfw.mofis.mofis import Mofis
 from navfw.recording.track import Contact, Track
 from navfw.signals import Array, Odometry, Pose, wrap_angle
@@ -127,23 +127,23 @@ def _remembered(
     """What the ego map says about a true ``point`` (map frame), the body's own place left out."""
     if odometry is None:
         return ""
-    egomap, pose = mofis.egomap, odometry.pose
+    occupancy, pose = mofis.occupancy, odometry.pose
     x, y = pose.to_parent(*now.to_local(*point))
-    columns, rows = _cells(egomap)
+    columns, rows = _cells(occupancy)
     away = np.hypot(columns - x, rows - y)
     outside = np.hypot(columns - pose.x, rows - pose.y) > mofis.robot.radius
     near = (away <= REACH) & outside
     if not near.any():
         return "unknown"
-    if egomap.occupied[near].any():
+    if occupancy.occupied[near].any():
         return "occupied"
-    return "free" if egomap.known[near].mean() > 0.5 else "unknown"
+    return "free" if occupancy.known[near].mean() > 0.5 else "unknown"
 
 
-def _cells(egomap: EgoMap) -> tuple[Array, Array]:
+def _cells(occupancy: OccupancyGrid) -> tuple[Array, Array]:
     """(n, n) odom x and y [m] of the middles of the ego map's cells."""
-    index = np.arange(egomap.size) * egomap.params.cell
-    x, y = np.meshgrid(egomap.origin[0] + index, egomap.origin[1] + index)
+    index = np.arange(occupancy.size) * occupancy.params.cell
+    x, y = np.meshgrid(occupancy.origin[0] + index, occupancy.origin[1] + index)
     return x, y
 
 
@@ -156,27 +156,29 @@ def _aiming(result: MissionResult, odometry: Odometry, now: Pose) -> Aiming | No
     context = mofis.context
     if context is None or context.waypoint is None or context.aim is None:
         return None
-    egomap, pose = mofis.egomap, odometry.pose
+    occupancy, pose = mofis.occupancy, odometry.pose
     goal = pose.to_parent(*context.waypoint_local)
-    off = _distance_from_truth(result, egomap, pose, now)
+    off = _distance_from_truth(result, occupancy, pose, now)
     costs = []
     for limit in (math.inf, GHOST, BLUR):
-        egomap.evidence[off > limit] = 0.0
-        egomap.move(pose, odometry.time)  # makes it forget what it had derived from them
-        aim = mofis.lookahead.aim(egomap, pose, *goal)
+        occupancy.evidence[off > limit] = 0.0
+        occupancy.move(pose, odometry.time)  # makes it forget what it had derived from them
+        aim = mofis.lookahead.aim(occupancy, pose, *goal)
         costs.append(aim.cost if aim.reachable else math.inf)
     return Aiming(*costs)
 
 
-def _distance_from_truth(result: MissionResult, egomap: EgoMap, pose: Pose, now: Pose) -> Array:
+def _distance_from_truth(
+    result: MissionResult, occupancy: OccupancyGrid, pose: Pose, now: Pose
+) -> Array:
     """(n, n) distance [m] of what is remembered to the nearest thing in truth; 0 where nothing is.
 
     ``pose`` and ``now`` are the robot's, in odom and in truth.
     """
     plan, movers = result.session.plan, result.movers
-    distance: Array = np.zeros((egomap.size, egomap.size))
-    occupied = egomap.occupied
-    x, y = (axis[occupied] for axis in _cells(egomap))
+    distance: Array = np.zeros((occupancy.size, occupancy.size))
+    occupied = occupancy.occupied
+    x, y = (axis[occupied] for axis in _cells(occupancy))
     if not x.size:
         return distance
     c, s = math.cos(pose.yaw), math.sin(pose.yaw)

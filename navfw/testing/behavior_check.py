@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from navfw.errors import PluginError
-from navfw.kinds import Behavior, Composite, Plugin
+from navfw.interfaces import Behavior, Composite, Plugin
 from navfw.plugins.verification import source_file, verify
 from navfw.recording.runfolder import plain_json
 from navfw.robot import RobotModel

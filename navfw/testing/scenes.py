@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from navfw.kinds import Fusion
+from navfw.interfaces import Fusion
 from navfw.mofis.context import Context
 from navfw.mofis.mofis import Mofis
 from navfw.offis.offis import Offis

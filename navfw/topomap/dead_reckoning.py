@@ -9,10 +9,10 @@ from typing import Annotated, ClassVar
 import numpy as np
 from pydantic import Field
 
-from navfw.kinds import Localizer
-from navfw.signals import Array, Belief, Odometry, Percept, Pose, Sighting, wrap_angle
+from navfw.interfaces import Localizer
+from navfw.signals import Array, Belief, LandmarkDetection, Odometry, Percept, Pose, wrap_angle
 from navfw.topomap.model import TopoMap
-from navfw.topomap.whereabouts import (
+from navfw.topomap.place_posterior import (
     AT_PLACE,
     COUNT,
     REFRESH,
@@ -88,9 +88,9 @@ class DeadReckoning(Localizer):
         self._covariance = np.diag([p.start_xy**2, p.start_xy**2, p.start_yaw**2])
 
     def update(
-        self, odometry: Odometry, percept: Percept | None, sightings: Sequence[Sighting]
+        self, odometry: Odometry, percept: Percept | None, detections: Sequence[LandmarkDetection]
     ) -> Belief:
-        """The belief after the newest odometry; percept and sightings are not used."""
+        """The belief after the newest odometry; percept and detections are not used."""
         if self._nearby is None:
             raise RuntimeError("start() comes before update()")
         moved = self._last.relative(odometry.pose)

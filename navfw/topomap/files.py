@@ -24,8 +24,8 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from navfw.config.yamlfile import YamlDocument, key_text, load_yaml, validate
 from navfw.errors import MapError
-from navfw.topomap.contradictions import Contradiction, contradictions
 from navfw.topomap.model import Landmark, LandmarkKind, Passage, Place, PlaceKind, TopoMap
+from navfw.topomap.validation import Contradiction, contradictions
 
 __all__ = [
     "EdgeSpec",

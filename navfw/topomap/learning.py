@@ -1,10 +1,10 @@
-"""Landmark positions from a drive: odometry and sightings, all at once.
+"""Landmark positions from a drive: odometry and detections, all at once.
 
 Averaging each landmark over where the robot believed itself would average its drift as well. So
 the poses at which something was seen and the landmarks are estimated together, by least squares
-over the steps of the odometry and the sightings (a pose graph): a landmark seen again later holds
+over the steps of the odometry and the detections (a pose graph): a landmark seen again later holds
 the drift of all that lies between. Residuals beyond ``_HUBER`` sigma count less (Huber), so that a
-few false sightings do no harm.
+few false detections do no harm.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from navfw.errors import MapError
-from navfw.signals import Array, Odometry, Pose, Sighting, wrap_angle
+from navfw.signals import Array, LandmarkDetection, Odometry, Pose, wrap_angle
 from navfw.topomap.model import Landmark, LandmarkKind, TopoMap
 
 __all__ = ["LandmarkLearner", "Learnt", "with_landmarks"]
@@ -53,22 +53,22 @@ class LandmarkLearner:
 
     start: Pose
     _places: list[Pose] = field(init=False, default_factory=list)
-    _looks: list[tuple[Sighting, ...]] = field(init=False, default_factory=list)
+    _looks: list[tuple[LandmarkDetection, ...]] = field(init=False, default_factory=list)
 
-    def add(self, odometry: Odometry, sightings: Sequence[Sighting]) -> None:
+    def add(self, odometry: Odometry, detections: Sequence[LandmarkDetection]) -> None:
         """What was recognised at one moment, with the odometry of that moment."""
-        if sightings:
+        if detections:
             self._places.append(odometry.pose)
-            self._looks.append(tuple(sightings))
+            self._looks.append(tuple(detections))
 
     def learn(self, least: int = 3) -> list[Learnt]:
         """All landmarks seen at least so often, by identity."""
         every = max(1, math.ceil(len(self._places) / _MOST))
         places, looks = self._places[::every], self._looks[::every]
         counts: dict[str, int] = {}
-        for sightings in looks:
-            for sighting in sightings:
-                counts[sighting.identity] = counts.get(sighting.identity, 0) + 1
+        for detections in looks:
+            for detection in detections:
+                counts[detection.identity] = counts.get(detection.identity, 0) + 1
         wanted = sorted(name for name, count in counts.items() if count >= least)
         if not wanted:
             return []
@@ -84,7 +84,7 @@ class _Graph:
         self,
         start: Pose,
         places: Sequence[Pose],
-        looks: Sequence[tuple[Sighting, ...]],
+        looks: Sequence[tuple[LandmarkDetection, ...]],
         index: Mapping[str, int],
     ) -> None:
         self._start = start
@@ -96,10 +96,10 @@ class _Graph:
             here = here.compose(step)
             self._poses.append(here)
         self._looks = [
-            (i, index[sighting.identity], sighting)
-            for i, sightings in enumerate(looks)
-            for sighting in sightings
-            if sighting.identity in index
+            (i, index[detection.identity], detection)
+            for i, detections in enumerate(looks)
+            for detection in detections
+            if detection.identity in index
         ]
         self._index = index
         self._marks = np.zeros((len(index), 2))
@@ -145,9 +145,9 @@ class _Graph:
         return Learnt(identity, x, y, math.atan2(facing[1], facing[0]), sigma, looks)
 
     def _factors(self) -> list[tuple[npt.NDArray[np.int64], Array, Array, Array]]:
-        """(columns, jacobian, residual, information) of every odometry step and sighting."""
+        """(columns, jacobian, residual, information) of every odometry step and detection."""
         return [self._step_factor(i) for i in range(len(self._steps))] + [
-            self._look_factor(i, j, sighting) for i, j, sighting in self._looks
+            self._look_factor(i, j, detection) for i, j, detection in self._looks
         ]
 
     def _step_factor(self, i: int) -> tuple[npt.NDArray[np.int64], Array, Array, Array]:
@@ -167,25 +167,25 @@ class _Graph:
         return np.arange(3 * i - 3, 3 * i + 3), np.hstack([of_a, of_b]), residual, information
 
     def _look_factor(
-        self, i: int, j: int, sighting: Sighting
+        self, i: int, j: int, detection: LandmarkDetection
     ) -> tuple[npt.NDArray[np.int64], Array, Array, Array]:
         pose, mark = self._poses[i], self._marks[j]
         dx, dy = float(mark[0] - pose.x), float(mark[1] - pose.y)
         away = max(math.hypot(dx, dy), 1e-3)
         bearing = wrap_angle(math.atan2(dy, dx) - pose.yaw)
-        residual = np.array([wrap_angle(bearing - sighting.bearing), away - sighting.range])
+        residual = np.array([wrap_angle(bearing - detection.bearing), away - detection.range])
         of_mark = np.array([[-dy / away**2, dx / away**2], [dx / away, dy / away]])
         of_pose = np.hstack([-of_mark, np.array([[-1.0], [0.0]])])
         first = 3 * len(self._poses) + 2 * j
         columns = np.r_[3 * i : 3 * i + 3, first : first + 2]
-        information = np.asarray(np.linalg.inv(sighting.covariance), np.float64)
+        information = np.asarray(np.linalg.inv(detection.covariance), np.float64)
         return columns, np.hstack([of_pose, of_mark]), residual, information
 
 
-def _point(pose: Pose, sighting: Sighting) -> tuple[float, float]:
-    """Where a sighting from ``pose`` puts its landmark."""
+def _point(pose: Pose, detection: LandmarkDetection) -> tuple[float, float]:
+    """Where a detection from ``pose`` puts its landmark."""
     return pose.to_parent(
-        sighting.range * math.cos(sighting.bearing), sighting.range * math.sin(sighting.bearing)
+        detection.range * math.cos(detection.bearing), detection.range * math.sin(detection.bearing)
     )
 
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from navfw.errors import MapError, UnknownNameError
 from navfw.signals import Array
-from navfw.topomap.contradictions import contradictions
+from navfw.topomap.validation import contradictions
 
 __all__ = [
     "LANDMARK_KINDS",
@@ -105,7 +105,7 @@ class Landmark:
 
     @property
     def identity(self) -> str:
-        """What sightings call it: kind and id, as in ``aruco-7``."""
+        """What detections call it: kind and id, as in ``aruco-7``."""
         return f"{self.kind}-{self.id}"
 
 
@@ -189,7 +189,7 @@ class TopoMap:
 
     @functools.cached_property
     def landmarks_by_identity(self) -> Mapping[str, Landmark]:
-        """The landmarks by what sightings call them (``aruco-7``)."""
+        """The landmarks by what detections call them (``aruco-7``)."""
         return MappingProxyType({mark.identity: mark for mark in self.landmarks.values()})
 
     def passage(self, a: str, b: str) -> Passage:

@@ -38,7 +38,7 @@ ROBOT = RobotModel()
 QUICK = ROBOT.model_copy(update={"max_v": 1.2})
 """The robot for fields of poles: BARN's score counts time against a robot of 2 m/s."""
 
-THICKET = "thicket"
+POLES = "poles"
 """The stack for fields of poles."""
 
 

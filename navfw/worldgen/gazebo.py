@@ -20,7 +20,7 @@ from navfw.missions.missionfile import MissionSpec
 from navfw.sim.floorplan import FloorPlan
 from navfw.sim.worldcheck import check_world
 from navfw.sim.worldfile import BoxSpec, CylinderSpec, WorldSpec
-from navfw.worldgen.draft import QUICK, ROBOT, THICKET
+from navfw.worldgen.draft import POLES, QUICK, ROBOT
 from navfw.worldgen.looks import Palette
 from navfw.worldgen.model import write_world
 from navfw.worldgen.sdf import SdfShape, SdfWorld, read_sdf
@@ -201,7 +201,7 @@ def _mission(path: Path, start: Start, goal: Goal, barn: bool) -> MissionSpec:
         "timeout": 100.0 if barn else 180.0,
     }
     if barn:
-        data |= {"tolerance": 0.8, "success": {"within": 1.0}, "robot": QUICK, "stack": THICKET}
+        data |= {"tolerance": 0.8, "success": {"within": 1.0}, "robot": QUICK, "stack": POLES}
     try:
         return MissionSpec.model_validate(data)
     except ValidationError as error:

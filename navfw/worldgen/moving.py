@@ -20,7 +20,7 @@ _RADIUS, _HEIGHT = 0.25, 1.7
 AMONG_PEOPLE = ROBOT.model_copy(update={"side_views": SideViews(), "max_v": 0.8})
 """A robot for places where people walk: they come from the side, and catch up with a slow one."""
 
-CROWD = "crowd"
+PEDESTRIANS = "pedestrians"
 """The stack for such places."""
 
 
@@ -39,7 +39,7 @@ def build(rng: np.random.Generator, difficulty: float) -> Draft:
     walkers = sum(not mover.yields for mover in draft.movers)
     draft.description = f"A hall where {count} people walk, {walkers} of whom do not yield."
     draft.time_allowance = 45.0
-    draft.robot, draft.stack = AMONG_PEOPLE, CROWD
+    draft.robot, draft.stack = AMONG_PEOPLE, PEDESTRIANS
     return draft
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from navfw.sim.shapes import Disc
-from navfw.worldgen.draft import QUICK, ROBOT, THICKET, WALL, Draft, blend
+from navfw.worldgen.draft import POLES, QUICK, ROBOT, WALL, Draft, blend
 
 __all__ = ["build"]
 
@@ -28,7 +28,7 @@ def build(rng: np.random.Generator, difficulty: float) -> Draft:
     draft.enclose(draft.palette.draw("wall"), height=1.6)
     filled = _automaton(rng, blend(0.17, 0.235, difficulty))
     draft.description = "A field of thin poles between walls, clustered as in BARN worlds."
-    draft.robot, draft.stack = QUICK, THICKET
+    draft.robot, draft.stack = QUICK, POLES
     draft.clearance = ROBOT.radius + blend(0.17, 0.09, difficulty)
     _set_ends(draft)
     textures = draft.palette.draw_many("thing", 4)

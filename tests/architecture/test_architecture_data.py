@@ -10,7 +10,7 @@ import pytest
 from architecture_sources import ROOT, shown
 
 from navfw.fuzzy import RuleBase
-from navfw.localization.situations import load_table
+from navfw.localization.situation_model import load_table
 from navfw.missions.missionfile import load_mission
 from navfw.plugins import default_registry
 from navfw.sim.worldfile import load_world

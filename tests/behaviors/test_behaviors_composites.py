@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from navfw.errors import InputError
-from navfw.kinds import Behavior, Composite
+from navfw.interfaces import Behavior, Composite
+from navfw.localmap.local_planner import LocalGoal
 from navfw.mofis.context import Context
-from navfw.mofis.lookahead import Aim
 from navfw.plugins import Registry, default_registry
 from navfw.robot import RobotModel
 from navfw.signals import Belief, Proposal, Twist, Waypoint
@@ -65,7 +65,7 @@ def test_patrol_cruises_and_is_cautious_at_doors_and_beside_things() -> None:
 
 
 def test_patrol_does_as_travel_when_nothing_gets_on() -> None:
-    barred = Aim(0.8, 0.0, math.inf, reachable=False, detour=math.inf)
+    barred = LocalGoal(0.8, 0.0, math.inf, reachable=False, detour=math.inf)
     caught = composite("patrol").weigh(replace(OPEN, idle=20.0, aim=barred))
     assert caught["follow_wall"] == 1.0
     assert caught["cruise"] == 0.0
@@ -102,7 +102,7 @@ def test_search_travels_while_it_is_sure() -> None:
 @pytest.mark.parametrize("idle", [0.0, 8.0, 30.0])
 @pytest.mark.parametrize("at", [OPEN, CORRIDOR, replace(OPEN, waypoint=DOOR)])
 def test_search_weighs_as_travel_does_while_it_is_sure(at: Context, idle: float) -> None:
-    barred = Aim(1.0, 0.0, 5.0, reachable=False, detour=3.0)
+    barred = LocalGoal(1.0, 0.0, 5.0, reachable=False, detour=3.0)
     for context in (replace(at, idle=idle), replace(at, idle=idle, aim=barred)):
         sure = replace(context, belief=replace(context.belief, covariance=np.diag([0.01] * 3)))
         weights = dict(composite("search").weigh(sure))

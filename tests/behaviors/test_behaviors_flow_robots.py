@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navfw.kinds import Behavior
+from navfw.interfaces import Behavior
 from navfw.mofis.context import Context
 from navfw.plugins import default_registry
 from navfw.robot import RobotModel

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from navfw.kinds import Behavior
+from navfw.interfaces import Behavior
 from navfw.mofis.context import Context
-from navfw.mofis.sight import sight_of
+from navfw.mofis.quadrant_distances import quadrant_distances
 from navfw.plugins import default_registry
 from navfw.robot import RobotModel
 from navfw.signals import Pose, Proposal, Twist
@@ -57,7 +57,7 @@ def test_what_is_unknown_is_neither_near_nor_free() -> None:
     assert percept is not None
     nothing = dict.fromkeys(("near", "middle", "far"), 0.0)
     blind = replace(percept, quadrants=dict.fromkeys(percept.quadrants, nothing))
-    sight = sight_of(blind, percept.time + 2.0)
+    sight = quadrant_distances(blind, percept.time + 2.0)
     assert (sight.left, sight.right) == (0.5, 0.5)
     assert sight.age == pytest.approx(2.0)
 
@@ -66,7 +66,7 @@ def test_with_one_layer_ahead_is_what_both_halves_show() -> None:
     percept = last(Scene("ahead", Twist(0.3, 0.0), ahead=0.9)).percept
     assert percept is not None
     shallow = replace(percept, obstacles={"layer1": percept.obstacles["layer1"]})
-    assert sight_of(shallow, percept.time).ahead < 0.2
+    assert quadrant_distances(shallow, percept.time).ahead < 0.2
 
 
 @pytest.mark.parametrize(("side", "sign"), [("left", -1.0), ("right", 1.0)])

@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from navfw.kinds import Behavior, Composite
-from navfw.mofis.commands import CommandGrid
+from navfw.interfaces import Behavior, Composite
+from navfw.localmap.local_planner import LocalGoal
+from navfw.mofis.command_grid import CommandGrid
 from navfw.mofis.context import Context
-from navfw.mofis.encounters import EncounterParams, meet
-from navfw.mofis.lookahead import Aim
-from navfw.mofis.tracks import Track
+from navfw.movers.conflict_prediction import ConflictParams, predict_conflicts
+from navfw.movers.tracking import Track
 from navfw.plugins import Registry, default_registry
 from navfw.robot import RobotModel
 from navfw.signals import Pose, Proposal, Twist, Waypoint
@@ -146,7 +146,7 @@ def test_travel_follows_walls_only_when_nothing_else_gets_on(registry: Registry)
     moving = weigh(registry, scene)
     assert moving["follow_wall"] == 0.0
     assert moving["go_to_xy"] == 1.0
-    caught = weigh(registry, scene, idle=20.0, aim=Aim(0.8, 0.0, np.inf, False, np.inf))
+    caught = weigh(registry, scene, idle=20.0, aim=LocalGoal(0.8, 0.0, np.inf, False, np.inf))
     assert caught["follow_wall"] == 1.0
     assert caught["go_to_xy"] < 0.5
 
@@ -240,8 +240,8 @@ def test_emergency_stops_before_a_wall_that_is_too_near(registry: Registry) -> N
 
 def met(context: Context, *tracks: Track, twist: Twist) -> Context:
     """``context`` of a robot that drives ``twist`` and knows of these movers."""
-    encounters = meet(
-        tracks, ROBOT, context.commands, context.pose, twist, 0.0, EncounterParams(doubt=0.0)
+    encounters = predict_conflicts(
+        tracks, ROBOT, context.commands, context.pose, twist, 0.0, ConflictParams(doubt=0.0)
     )
     return replace(context, encounters=encounters, twist=twist)
 

@@ -10,13 +10,13 @@ import pytest
 from typer.testing import CliRunner
 
 from navfw.cli import COMMANDS, app
-from navfw.kinds import KINDS
+from navfw.interfaces import KINDS
 
 BEHAVIOR = '''
 print("hello from a plugin")
 import os
 os.write(1, b"hello from below\\n")
-from navfw.kinds import Behavior
+from navfw.interfaces import Behavior
 from typing import Annotated
 from pydantic import Field
 

@@ -156,10 +156,10 @@ def test_posters_are_found_and_not_mistaken(hall: Simulation) -> None:
         seen = recognizer.recognize(frame)
         assert {s.identity for s in seen} <= {"poster-3"}
         assert others.recognize(frame) == ()
-        for sighting in seen:
+        for detection in seen:
             found += 1
-            assert sighting.bearing == pytest.approx(bearing, abs=math.radians(1.0))
-            assert sighting.range == pytest.approx(away, rel=0.1)
+            assert detection.bearing == pytest.approx(bearing, abs=math.radians(1.0))
+            assert detection.range == pytest.approx(away, rel=0.1)
     assert found >= 0.8 * len(views)
 
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from navfw.errors import ConfigError
 from navfw.flow.block_matching import BlockMatching
 from navfw.flow.confidence import SIGMA_UNKNOWN
-from navfw.flow.kernels import correlate, find_peaks
+from navfw.flow.correlation_kernels import correlate, find_peaks
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Array, CameraMotion, Frame, FramePair, Image
 

@@ -9,7 +9,7 @@ from navfw.errors import ConfigError
 from navfw.flow.block_matching import BlockMatching
 from navfw.flow.dis import Dis
 from navfw.flow.grid import grid_points
-from navfw.kinds import FlowProcessor
+from navfw.interfaces import FlowProcessor
 from navfw.robot import RobotModel
 from navfw.signals import CameraMotion, Frame, FramePair
 

@@ -12,7 +12,7 @@ from navfw.flow.confidence import SIGMA_UNKNOWN
 from navfw.flow.dis import Dis
 from navfw.flow.farneback import Farneback
 from navfw.flow.lucas_kanade import LucasKanade
-from navfw.kinds import FlowProcessor
+from navfw.interfaces import FlowProcessor
 from navfw.plugins import default_registry
 from navfw.robot import RobotModel
 from navfw.signals import CameraMotion, Frame, FramePair, Image

@@ -12,7 +12,7 @@ from navfw.config.lookup import find
 from navfw.egomotion import camera_motion
 from navfw.flow.block_matching import BlockMatching
 from navfw.flow.dis import Dis
-from navfw.kinds import FlowProcessor
+from navfw.interfaces import FlowProcessor
 from navfw.robot import RobotModel
 from navfw.signals import Array, Frame, FramePair, Pose
 from navfw.sim import Simulation, load_world

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from navfw.errors import RuleBaseError
 from navfw.fuzzy import CompiledFis, RuleBase
 from navfw.fuzzy.coverage import uncovered_region
-from navfw.fuzzy.kernels import FIRING_FLOOR
+from navfw.fuzzy.inference_kernels import FIRING_FLOOR
 
 
 def told(**changes) -> str:

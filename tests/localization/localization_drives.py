@@ -12,9 +12,18 @@ import numpy as np
 import numpy.typing as npt
 
 from navfw.egomotion.odometer import Odometer
-from navfw.kinds import Localizer
+from navfw.interfaces import Localizer
 from navfw.robot import RobotModel
-from navfw.signals import Array, Encoders, Inertial, Odometry, Pose, Sighting, Twist, wrap_angle
+from navfw.signals import (
+    Array,
+    Encoders,
+    Inertial,
+    LandmarkDetection,
+    Odometry,
+    Pose,
+    Twist,
+    wrap_angle,
+)
 from navfw.sim.sensors import Gyro, SensorParams, WheelEncoders
 from navfw.topomap.model import Landmark, TopoMap
 
@@ -89,7 +98,7 @@ def drive(
 class FakeRecognizer:
     """Sees landmarks within range, in front of the camera and not from behind, with noise.
 
-    ``misses`` is the share of sightings that fail, ``confused`` the share read as another landmark.
+    ``misses`` is the share of detections that fail, ``confused`` the share read as another landmark.
     """
 
     def __init__(
@@ -109,12 +118,12 @@ class FakeRecognizer:
         self.bearing_sigma, self.range_sigma = bearing_sigma, range_sigma
         self._count = 0
 
-    def __call__(self, time: float, true: Pose) -> list[Sighting]:
-        """The sightings of one frame."""
+    def __call__(self, time: float, true: Pose) -> list[LandmarkDetection]:
+        """The detections of one frame."""
         self._count += 1
-        return [] if self._count % self.every else list(self._sightings(time, true))
+        return [] if self._count % self.every else list(self._detections(time, true))
 
-    def _sightings(self, time: float, true: Pose) -> Iterator[Sighting]:
+    def _detections(self, time: float, true: Pose) -> Iterator[LandmarkDetection]:
         for mark in self.landmarks:
             x, y = true.to_local(mark.x, mark.y)
             distance, bearing = math.hypot(x, y), math.atan2(y, x)
@@ -128,7 +137,7 @@ class FakeRecognizer:
             if self.rng.random() < self.confused:
                 identity = self.landmarks[int(self.rng.integers(len(self.landmarks)))].identity
             sigma = self.range_sigma * distance
-            yield Sighting(
+            yield LandmarkDetection(
                 time,
                 identity,
                 bearing + self.bearing_sigma * float(self.rng.standard_normal()),
@@ -245,8 +254,8 @@ def follow(
         if not begun:
             localizer.start(topo_map, start, moment.odometry)
             begun = True
-        sightings = recognizer(moment.time, moment.true)
-        belief = localizer.update(moment.odometry, None, sightings)
+        detections = recognizer(moment.time, moment.true)
+        belief = localizer.update(moment.odometry, None, detections)
         off = np.array(
             (
                 belief.pose.x - moment.true.x,

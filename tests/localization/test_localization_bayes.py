@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 
 from navfw.localization.bayes import Bayes
 from navfw.localization.discrete import DiscreteFilter, DiscreteParams
+from navfw.localization.landmark_existence import LandmarkExistence
+from navfw.localization.landmark_observations import Looks
 from navfw.localization.lattice import MOST_STATES, Lattice
-from navfw.localization.looks import Looks
-from navfw.localization.trust import LandmarkTrust
 from navfw.robot import RobotModel
-from navfw.signals import Odometry, Pose, Sighting, Twist, wrap_angle
+from navfw.signals import LandmarkDetection, Odometry, Pose, Twist, wrap_angle
 from navfw.topomap.files import load_map
 from navfw.topomap.model import Landmark, Passage, Place, TopoMap
 
@@ -40,14 +40,14 @@ def odometry(pose: Pose, time: float = 0.0) -> Odometry:
     return Odometry(time, pose, Twist(0.0, 0.0), yaw_bias=0.0, still=False)
 
 
-def sighting(mark: Landmark, at: Pose, time: float) -> Sighting:
+def detection(mark: Landmark, at: Pose, time: float) -> LandmarkDetection:
     x, y = at.to_local(mark.x, mark.y)
     noise = np.diag((0.01**2, 0.05**2))
-    return Sighting(time, mark.identity, math.atan2(y, x), math.hypot(x, y), noise)
+    return LandmarkDetection(time, mark.identity, math.atan2(y, x), math.hypot(x, y), noise)
 
 
 def begun(pose: Pose | None, at: Pose = Pose(0.0, 0.0, 0.0)) -> DiscreteFilter:  # noqa: B008
-    found = DiscreteFilter(MAP, DiscreteParams(), 0.85, LandmarkTrust(0.85))
+    found = DiscreteFilter(MAP, DiscreteParams(), 0.85, LandmarkExistence(0.85))
     found.begin(pose, odometry(at))
     return found
 
@@ -114,9 +114,9 @@ def test_two_landmarks_tell_where_it_is_and_one_does_not() -> None:
     truth, at = Pose(6.0, 0.0, 0.3), Pose(1.0, 1.0, -2.0)
     found, looks = begun(None, at), Looks(MAP, 0.03)
     assert found.cluster.mass < 0.1
-    found.see(looks.hear(odometry(at, 1.0), [sighting(MARKS[1], truth, 1.0)]))
+    found.see(looks.hear(odometry(at, 1.0), [detection(MARKS[1], truth, 1.0)]))
     assert found.evidence(found.cluster.pose) < 0.9
-    found.see(looks.hear(odometry(at, 2.0), [sighting(MARKS[2], truth, 2.0)]))
+    found.see(looks.hear(odometry(at, 2.0), [detection(MARKS[2], truth, 2.0)]))
     cluster = found.cluster
     assert cluster.mass > 0.9
     assert found.evidence(cluster.pose) > 0.9
@@ -132,7 +132,7 @@ def test_landmarks_support_a_pose_only_where_they_agree() -> None:
     truth, at = Pose(6.0, 0.0, 0.0), Pose(0.0, 0.0, 0.0)
     found, looks = begun(truth, at), Looks(MAP, 0.03)
     moved = Landmark("b", "aruco", 2, 9.7, -1.0, math.pi / 2)
-    seen = [sighting(MARKS[2], truth, 1.0), sighting(moved, truth, 1.0)]
+    seen = [detection(MARKS[2], truth, 1.0), detection(moved, truth, 1.0)]
     found.see(looks.hear(odometry(at, 1.0), seen))
     assert len(found.supporting(truth)) == 1
 
@@ -140,7 +140,7 @@ def test_landmarks_support_a_pose_only_where_they_agree() -> None:
 def test_a_landmark_is_not_seen_from_behind() -> None:
     found, looks = begun(None), Looks(MAP, 0.03)
     truth = Pose(3.0, -0.5, math.pi / 2)
-    found.see(looks.hear(odometry(Pose(0.0, 0.0, 0.0), 1.0), [sighting(MARKS[0], truth, 1.0)]))
+    found.see(looks.hear(odometry(Pose(0.0, 0.0, 0.0), 1.0), [detection(MARKS[0], truth, 1.0)]))
     behind = np.abs(found.lattice.x - 3.0) < 1.5, found.lattice.y > MARKS[0].y + 0.3
     before = found.lattice.uniform().sum(axis=0)[np.ix_(behind[1], behind[0])].sum()
     after = found.belief.sum(axis=0)[np.ix_(behind[1], behind[0])].sum()
@@ -162,7 +162,7 @@ def test_the_plugin_says_lost_until_it_knows() -> None:
     assert lost.lost
     assert lost.confidence < 0.2
     assert sum(lost.places.values()) == pytest.approx(1.0, rel=1e-3)
-    seen = [sighting(mark, truth, 0.2) for mark in MARKS[1:]]
+    seen = [detection(mark, truth, 0.2) for mark in MARKS[1:]]
     known = bayes.update(odometry(Pose(0.0, 0.0, 0.0), 0.2), None, seen)
     assert not known.lost
     assert known.updates == 2

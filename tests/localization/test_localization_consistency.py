@@ -1,7 +1,7 @@
 """The Kalman filter is as uncertain as it is wrong, whatever the sensors, if their sheets are true.
 
 NEES is the squared error of the pose by the covariance, 3 on average; NIS that of a landmark's
-sighting, 2 on average. A filter on the safe side has less, and one that is too sure has more.
+detection, 2 on average. A filter on the safe side has less, and one that is too sure has more.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ Trip = Callable[..., tuple[Report, list[float]]]
 
 @pytest.fixture
 def trip(monkeypatch: pytest.MonkeyPatch) -> Trip:
-    """Drive rounds with the sensors of a preset; the report, and the NIS of every sighting."""
+    """Drive rounds with the sensors of a preset; the report, and the NIS of every detection."""
     surprises: list[float] = []
     usual = metric.associate
 

@@ -18,7 +18,7 @@ from localization_drives import (
 from navfw.errors import InputError
 from navfw.localization.ekf import Ekf
 from navfw.robot import RobotModel
-from navfw.signals import Odometry, Pose, Sighting, Twist
+from navfw.signals import LandmarkDetection, Odometry, Pose, Twist
 from navfw.sim.sensors import SensorParams
 from navfw.topomap.model import Landmark, Passage, Place, TopoMap
 
@@ -98,29 +98,31 @@ def still(time: float) -> Odometry:
     return Odometry(time, Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0), yaw_bias=0.0, still=True)
 
 
-def sighting(identity: str, mark: Landmark, at: Pose, time: float, off: float = 0.0) -> Sighting:
+def detection(
+    identity: str, mark: Landmark, at: Pose, time: float, off: float = 0.0
+) -> LandmarkDetection:
     x, y = at.to_local(mark.x, mark.y)
     noise = np.diag((1e-4, 1e-2))
-    return Sighting(time, identity, math.atan2(y, x), math.hypot(x, y) + off, noise)
+    return LandmarkDetection(time, identity, math.atan2(y, x), math.hypot(x, y) + off, noise)
 
 
 def test_what_is_not_in_the_map_changes_nothing() -> None:
     ekf = Ekf(RobotModel())
     ekf.start(HALL, START, still(0.0))
     before = ekf.update(still(0.1), None, ())
-    after = ekf.update(still(0.2), None, [sighting("aruco-99", MARKS[0], START, 0.2)])
+    after = ekf.update(still(0.2), None, [detection("aruco-99", MARKS[0], START, 0.2)])
     assert after.pose == before.pose
     assert after.updates == 0
 
 
 def test_looking_on_says_little_more() -> None:
-    """A hundred sightings of one landmark in ten seconds are no hundred measurements."""
+    """A hundred detections of one landmark in ten seconds are no hundred measurements."""
     ekf = Ekf(RobotModel(), Ekf.Params(start_xy=0.5, least_xy=0.0, least_yaw=0.0))
     ekf.start(HALL, START, still(0.0))
     spreads = []
     for frame in range(1, 101):
         time = 0.1 * frame
-        belief = ekf.update(still(time), None, [sighting("aruco-0", MARKS[0], START, time)])
+        belief = ekf.update(still(time), None, [detection("aruco-0", MARKS[0], START, time)])
         spreads.append(float(np.trace(belief.covariance[:2, :2])))
     single = 0.01 + 0.03**2
     assert spreads[-1] > single / 15.0
@@ -134,7 +136,7 @@ def test_a_late_sighting_counts_from_where_it_was_made() -> None:
     for frame in range(1, 11):
         x = 0.05 * frame
         odometry = Odometry(0.1 * frame, Pose(x, 0.0, 0.0), Twist(0.5, 0.0), 0.0, False)
-        late = [sighting("aruco-0", MARKS[0], then, 0.1)] if frame == 10 else []
+        late = [detection("aruco-0", MARKS[0], then, 0.1)] if frame == 10 else []
         belief = ekf.update(odometry, None, late)
     assert belief.updates == 1
     assert belief.pose.x == pytest.approx(0.5, abs=0.02)
@@ -149,7 +151,7 @@ def test_three_landmarks_in_a_row_that_do_not_fit_speak_against_the_pose() -> No
     truth = Pose(0.6, 0.5, 0.0)
     for frame in range(1, 80):
         mark = marks[frame % 5]
-        seen = sighting(mark.identity, mark, truth, 0.5 * frame)
+        seen = detection(mark.identity, mark, truth, 0.5 * frame)
         belief = ekf.update(still(0.5 * frame), None, [seen])
     assert belief.pose.x == pytest.approx(truth.x, abs=0.15)
     assert belief.pose.y == pytest.approx(truth.y, abs=0.15)

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from navfw.localization.landmark_existence import LandmarkExistence
 from navfw.localization.landmark_model import ELSEWHERE, GATE, associate, expected, joseph
 from navfw.localization.motion_model import (
     MotionParams,
@@ -15,7 +16,6 @@ from navfw.localization.motion_model import (
     process_noise,
     transition,
 )
-from navfw.localization.trust import LandmarkTrust
 from navfw.robot import RobotModel
 from navfw.signals import Array, Pose, wrap_angle
 
@@ -131,7 +131,7 @@ def test_process_noise_is_positive_and_turns_with_the_robot(
 def test_trust_is_a_probability_that_three_looks_against_it_break(
     likelihoods: list[float], prior: float
 ) -> None:
-    trust = LandmarkTrust(prior)
+    trust = LandmarkExistence(prior)
     assert trust.of("aruco-1") == pytest.approx(prior)
     for likelihood in likelihoods:
         trust.hear("aruco-1", likelihood)

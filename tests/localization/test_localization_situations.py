@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from navfw.errors import ConfigError, InputError, UnknownNameError
 from navfw.localization.bayes import Bayes
 from navfw.localization.discrete import DiscreteFilter, DiscreteParams
-from navfw.localization.situations import (
+from navfw.localization.landmark_existence import LandmarkExistence
+from navfw.localization.situation_model import (
     FLOOR,
     SITUATIONS,
     SituationTable,
@@ -23,7 +24,6 @@ from navfw.localization.situations import (
     weights_of,
 )
 from navfw.localization.topological import Topological
-from navfw.localization.trust import LandmarkTrust
 from navfw.offis.situations import ELEMENTARY
 from navfw.robot import RobotModel
 from navfw.signals import Odometry, Pose, Twist
@@ -192,7 +192,7 @@ def test_who_hears_offis_knows_better_where_he_is() -> None:
     found = []
     for heard in (table, None):
         rng = np.random.default_rng(2)
-        belief = DiscreteFilter(MAP, DiscreteParams(), 0.85, LandmarkTrust(0.85), heard)
+        belief = DiscreteFilter(MAP, DiscreteParams(), 0.85, LandmarkExistence(0.85), heard)
         right = []
         belief.begin(None, odometry(0.0))
         for step in range(1, 90):

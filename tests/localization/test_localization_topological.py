@@ -21,7 +21,7 @@ from localization_drives import (
 
 from navfw.localization.topological import Topological
 from navfw.robot import RobotModel
-from navfw.signals import Belief, Odometry, Percept, Pose, Sighting, Twist
+from navfw.signals import Belief, LandmarkDetection, Odometry, Percept, Pose, Twist
 from navfw.sim.sensors import SensorParams
 from navfw.topomap.files import load_map
 
@@ -37,9 +37,9 @@ class Timed(Topological):
     spent = 0.0
     frames = 0
 
-    def update(self, odometry: Odometry, percept: Percept | None, sightings) -> Belief:  # type: ignore[no-untyped-def, override]
+    def update(self, odometry: Odometry, percept: Percept | None, detections) -> Belief:  # type: ignore[no-untyped-def, override]
         begun = clock.perf_counter()
-        belief = super().update(odometry, percept, sightings)
+        belief = super().update(odometry, percept, detections)
         self.spent += clock.perf_counter() - begun
         self.frames += 1
         return belief
@@ -128,7 +128,7 @@ def test_one_landmark_is_not_enough_to_be_sure() -> None:
     still = [Odometry(0.1 * i, Pose(0, 0, 0), Twist(0, 0), 0.0, True) for i in range(60)]
     localizer.start(MAP, None, still[0])
     for odometry in still[1:]:
-        seen = Sighting(odometry.time, "aruco-3", 0.1, 2.0, np.diag((1e-4, 1e-2)))
+        seen = LandmarkDetection(odometry.time, "aruco-3", 0.1, 2.0, np.diag((1e-4, 1e-2)))
         belief = localizer.update(odometry, None, [seen])
     assert belief.lost
     assert belief.confidence < 0.5

@@ -45,7 +45,7 @@ def seen_around(simulation: Simulation, hospital: TopoMap, place: Place) -> set[
     for view in range(VIEWS):
         yaw = view * 2.0 * math.pi / VIEWS
         image, _ = simulation.look_from(Pose(place.x, place.y, yaw))
-        found |= {sighting.identity for sighting in recognizer.recognize(Frame(0.0, image))}
+        found |= {detection.identity for detection in recognizer.recognize(Frame(0.0, image))}
     return found & hospital.landmarks_by_identity.keys()
 
 

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from navfw.bench.situations import learn_situations, place_accuracy
+from navfw.bench.situation_learning import learn_situations, place_accuracy
 from navfw.cli import app
 from navfw.errors import InputError
-from navfw.localization.situations import learn_table, load_table, situation_table
+from navfw.localization.situation_model import learn_table, load_table, situation_table
 from navfw.missions.session import prepare
-from navfw.missions.situations import SituationDrive, listen
+from navfw.missions.situation_samples import SituationDrive, listen
 from navfw.plugins import default_registry
 from navfw.signals import Pose
 from navfw.suite.cases import plan_runs

@@ -10,10 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from navfw.kinds import Behavior, Composite, Fusion
-from navfw.mofis.commands import CommandGrid
+from navfw.interfaces import Behavior, Composite, Fusion
+from navfw.localmap.free_distance import look_around, sweep
+from navfw.localmap.occupancy_grid import OccupancyGrid
+from navfw.mofis.command_grid import CommandGrid
 from navfw.mofis.context import Context
-from navfw.mofis.egomap import EgoMap
 from navfw.mofis.explanation import explain_command
 from navfw.mofis.fusion.blend import BlendFusion
 from navfw.mofis.fusion.damn import DamnFusion
@@ -21,7 +22,6 @@ from navfw.mofis.fusion.fuzzy import FuzzyFusion
 from navfw.mofis.fusion.pareto import ParetoFusion, pareto_front
 from navfw.mofis.fusion.priority import PriorityFusion
 from navfw.mofis.mofis import Mofis
-from navfw.mofis.reach import look_around, sweep
 from navfw.robot import RobotModel
 from navfw.signals import Array, Belief, Command, Odometry, Pose, Proposal, Twist, Waypoint
 
@@ -31,9 +31,9 @@ LAYER = hnp.arrays(np.float64, GRID.shape, elements=st.floats(0, 1, width=32))
 
 
 def context(previous: Command | None = None) -> Context:
-    egomap = EgoMap(ROBOT)
+    occupancy = OccupancyGrid(ROBOT)
     pose = Pose(0, 0, 0)
-    egomap.move(pose, 0.0)
+    occupancy.move(pose, 0.0)
     return Context(
         time=1.0,
         robot=ROBOT,
@@ -42,8 +42,8 @@ def context(previous: Command | None = None) -> Context:
         pose=pose,
         belief=Belief(1.0, pose, np.eye(3)),
         percept=None,
-        arcs=sweep(egomap, pose, GRID, 0.04),
-        ranges=look_around(egomap, pose),
+        arcs=sweep(occupancy, pose, GRID, 0.04),
+        ranges=look_around(occupancy, pose),
         waypoint=None,
         aim=None,
         previous=previous,

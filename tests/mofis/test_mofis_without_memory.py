@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from navfw.kinds import Behavior
+from navfw.interfaces import Behavior
 from navfw.mofis.context import Context
 from navfw.mofis.fusion.fuzzy import FuzzyFusion
 from navfw.mofis.mofis import Mofis, MofisParams

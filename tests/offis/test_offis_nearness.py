@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from offis_scenes import Scene, box, ideal_flow, motion, wall_ahead
 
-from navfw.offis.kernels import SIGMA_LIMIT
 from navfw.offis.nearness import triangulate
+from navfw.offis.percept_kernels import SIGMA_LIMIT
 from navfw.robot import CameraModel
 
 CAMERA = CameraModel()

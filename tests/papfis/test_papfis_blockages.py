@@ -9,7 +9,7 @@ from papfis_maps import belief, goal, joined, line
 
 from navfw.papfis import Papfis
 from navfw.robot import RobotModel
-from navfw.signals import Belief, Outlook, PassageState, Waypoint
+from navfw.signals import Belief, PassageReport, PassageStatus, Waypoint
 from navfw.topomap import Place, TopoMap
 
 ROBOT = RobotModel()
@@ -51,7 +51,7 @@ class Drive:
 
     def see(
         self,
-        state: PassageState,
+        state: PassageStatus,
         ends: tuple[str, str],
         times: int = 1,
         drops: tuple[tuple[float, float], ...] = (),
@@ -60,7 +60,7 @@ class Drive:
         for _ in range(times):
             self.time += 1.0
             queries = [q for q in self.papfis.queries if frozenset(q.passage) == frozenset(ends)]
-            self.papfis.observe(Outlook(self.time, tuple((q, state) for q in queries), drops))
+            self.papfis.observe(PassageReport(self.time, tuple((q, state) for q in queries), drops))
             head = self.papfis.update(self._belief())
         return head
 
@@ -222,6 +222,6 @@ def test_a_silent_memory_changes_nothing(start: tuple[float, float]) -> None:
     drive = Drive(ring())
     drive.go(*start)
     before = drive.ahead
-    drive.papfis.observe(Outlook(1.0))
+    drive.papfis.observe(PassageReport(1.0))
     drive.wait(1.0)
     assert drive.ahead == before

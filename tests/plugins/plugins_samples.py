@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, ClassVar
 
-from navfw.kinds import Behavior
+from navfw.interfaces import Behavior
 from navfw.plugins import Registry
 
 GOOD = '''
-from navfw.kinds import Behavior
+from navfw.interfaces import Behavior
 
 class {cls}(Behavior):
     """{cls} does a thing.

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from plugins_samples import put
 
-from navfw.kinds import KINDS
+from navfw.interfaces import KINDS
 from navfw.plugins import BUILT_IN, default_registry
 
 

@@ -11,7 +11,7 @@ import pytest
 from plugins_samples import GOOD, Mine, statuses
 
 from navfw.errors import PluginError
-from navfw.kinds import KINDS
+from navfw.interfaces import KINDS
 from navfw.plugins import GROUPS, Registry, default_registry
 from navfw.plugins import registry as registry_module
 

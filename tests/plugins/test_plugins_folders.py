@@ -9,7 +9,7 @@ import pytest
 from plugins_samples import GOOD, discovered, put, statuses
 
 from navfw.errors import PluginError
-from navfw.kinds import Behavior
+from navfw.interfaces import Behavior
 from navfw.plugins import Registry
 from navfw.robot import RobotModel
 
@@ -47,14 +47,17 @@ BROKEN = {
     "beside": ("import helper\n", "from .helper import ..."),
     "relative": ("from . import nothing\n", "relative.py:1: cannot be imported: ImportError"),
     "recursion": ("def f(): f()\nf()\n", "cannot be imported: RecursionError"),
-    "empty": ("", "empty.py: no plugin in this file; derive a class from navfw.kinds.Behavior"),
+    "empty": (
+        "",
+        "empty.py: no plugin in this file; derive a class from navfw.interfaces.Behavior",
+    ),
     "wrong_base": ("class Turn: pass\n", "no plugin in this file (it has Turn); derive a class"),
     "no_name": (
         GOOD.format(cls="Turn", name="x").replace('name = "x"', ""),
         "class Turn: no name; write",
     ),
     "incomplete": (
-        "from navfw.kinds import Behavior\nclass T(Behavior):\n    'T.'\n    name = 'incomplete'\n",
+        "from navfw.interfaces import Behavior\nclass T(Behavior):\n    'T.'\n    name = 'incomplete'\n",
         "incomplete.py:2: class T: missing propose(self, context)",
     ),
     "decorated": (
@@ -102,7 +105,7 @@ def test_private_classes_and_bases_in_a_file_are_helpers(folder: Path) -> None:
         folder,
         "file",
         '''
-from navfw.kinds import Behavior
+from navfw.interfaces import Behavior
 
 class _Hidden(Behavior): pass
 

@@ -10,7 +10,7 @@ from plugins_samples import Mine, discovered, put
 
 from navfw.errors import PluginError, UnknownNameError
 from navfw.features.none import NoFeatures
-from navfw.kinds import Behavior
+from navfw.interfaces import Behavior
 from navfw.plugins import Registry, default_registry, importing, plugin
 
 

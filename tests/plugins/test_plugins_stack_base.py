@@ -34,8 +34,8 @@ def test_every_shipped_stack_loads(name: str) -> None:
 
 def test_variations_of_the_default_stack_differ_in_what_they_say_alone() -> None:
     assert differing("oracle") == {"flow", "oracle"}
-    assert differing("thicket") == {"standing", "warmup", "motion"}
-    assert differing("crowd") == {"motion"}
+    assert differing("poles") == {"standing", "warmup", "motion"}
+    assert differing("pedestrians") == {"motion"}
     assert differing("patrol") == {"composite", "behaviors"}
     assert differing("search") == {"composite", "behaviors"}
     behaviors = shipped("default")["behaviors"]

@@ -11,13 +11,13 @@ import pytest
 from pydantic import Field
 
 from navfw.errors import PluginError
-from navfw.kinds import KINDS, Behavior, FeatureRecognizer, Params
+from navfw.interfaces import KINDS, Behavior, FeatureRecognizer, Params
 from navfw.plugins import find_problems, kind_of, verify
 
 PRELUDE = """
 from typing import Annotated, Any, ClassVar
 from pydantic import BaseModel, ConfigDict, Field
-from navfw.kinds import Behavior, FeatureRecognizer, Planner
+from navfw.interfaces import Behavior, FeatureRecognizer, Planner
 """
 
 

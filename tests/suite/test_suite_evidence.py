@@ -66,12 +66,12 @@ def result_of(
     stack.start(session.mission.start, session.mission.goals)
     now = Pose(*track.true[-1])
     odometry = Odometry(float(track.time[-1]), OFFSET.compose(now), Twist(0.3, 0.0), 0.0, False)
-    stack.mofis.egomap.move(odometry.pose, odometry.time)
-    rows, columns = np.indices(stack.mofis.egomap.evidence.shape)
+    stack.mofis.occupancy.move(odometry.pose, odometry.time)
+    rows, columns = np.indices(stack.mofis.occupancy.evidence.shape)
     for x, y in things:
-        row, column = stack.mofis.egomap.index(*OFFSET.to_parent(x, y))
+        row, column = stack.mofis.occupancy.index(*OFFSET.to_parent(x, y))
         near = np.hypot(rows - row, columns - column) <= 2
-        stack.mofis.egomap.evidence[near] = stack.mofis.egomap.params.most
+        stack.mofis.occupancy.evidence[near] = stack.mofis.occupancy.params.most
     belief = Belief(odometry.time, now, np.zeros((3, 3)))
     stack.mofis.decide(odometry, belief, [], session.mission.goals[-1])
     stack.state = replace(stack.state, time=odometry.time, odometry=odometry, belief=belief)

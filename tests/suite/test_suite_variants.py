@@ -9,8 +9,8 @@ import pytest
 import suite_samples as samples
 from suite_samples import row
 
+from navfw.baselines import navground
 from navfw.errors import InputError, MissingExtraError, UnknownNameError
-from navfw.mofis import navground
 from navfw.plugins import default_registry
 from navfw.suite.cases import Plan, plan_runs
 from navfw.suite.compare import compare, of_variant

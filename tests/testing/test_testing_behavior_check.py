@@ -13,7 +13,7 @@ import pytest
 from pydantic import Field
 
 from navfw.errors import PluginError
-from navfw.kinds import Behavior, Composite
+from navfw.interfaces import Behavior, Composite
 from navfw.mofis.context import Context
 from navfw.plugins import default_registry
 from navfw.robot import RobotModel

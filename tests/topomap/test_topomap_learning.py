@@ -1,4 +1,4 @@
-"""Landmark positions from drifting odometry and noisy sightings, some of them false."""
+"""Landmark positions from drifting odometry and noisy detections, some of them false."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from navfw.errors import MapError
-from navfw.signals import Odometry, Pose, Sighting, Twist
+from navfw.signals import LandmarkDetection, Odometry, Pose, Twist
 from navfw.topomap.files import load_map, map_text
 from navfw.topomap.learning import LandmarkLearner, Learnt, with_landmarks
 from navfw.topomap.model import Landmark, Place, TopoMap
@@ -45,7 +45,7 @@ def driven(
                 bearing, away = rng.uniform(-0.8, 0.8), rng.uniform(1.0, 5.0)
             noise = SIGMAS * rng.standard_normal(2)
             values = bearing + float(noise[0]), away + float(noise[1])
-            seen.append(Sighting(0.0, identity, *values, np.diag(SIGMAS**2)))
+            seen.append(LandmarkDetection(0.0, identity, *values, np.diag(SIGMAS**2)))
         learner.add(odometry(measured), seen)
         ends.append((START.compose(measured).x - true.x, START.compose(measured).y - true.y))
     return learner, ends
@@ -75,8 +75,8 @@ def test_false_sightings_do_little_harm() -> None:
 def test_what_was_seen_too_rarely_is_left_out() -> None:
     learner = LandmarkLearner(START)
     for k in range(4):
-        look = Sighting(0.0, "aruco-1", 0.1, 2.0, np.diag(SIGMAS**2))
-        rare = Sighting(0.0, "aruco-2", -0.1, 3.0, np.diag(SIGMAS**2))
+        look = LandmarkDetection(0.0, "aruco-1", 0.1, 2.0, np.diag(SIGMAS**2))
+        rare = LandmarkDetection(0.0, "aruco-2", -0.1, 3.0, np.diag(SIGMAS**2))
         learner.add(odometry(Pose(0.0, 0.0, 0.0)), [look, rare] if k < 2 else [look])
     assert [found.identity for found in learner.learn(least=3)] == ["aruco-1"]
     (found,) = learner.learn(least=3)

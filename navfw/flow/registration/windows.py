@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from navfw.flow.registration.kernels import register
+from navfw.flow.registration.affine_kernels import register
 from navfw.flow.registration.mixtures import find_mixtures
 from navfw.signals import Array, Image
 

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from pydantic import Field
 
-from navfw.kinds import Fusion
+from navfw.interfaces import Fusion
 from navfw.mofis.context import Context
 from navfw.mofis.fusion.common import (
     Proposals,

@@ -1,0 +1,139 @@
+"""Navground's human-like navigation with perfect knowledge of obstacles, to be compared with.
+
+Guzzi et al., Human-friendly robot navigation in dynamic environments (ICRA 2013), as the package
+``navground`` has it, an optional extra. No robot knows its surroundings so well: the plugin
+declares ``oracle``, and a mission gives it the truth.
+"""
+
+from __future__ import annotations
+
+import importlib
+import math
+from typing import Annotated, Any, ClassVar
+
+from pydantic import Field
+
+from navfw.baselines.surroundings import Surroundings, SurroundingsSource
+from navfw.errors import MissingExtraError, PluginError
+from navfw.interfaces import Behavior
+from navfw.mofis.command_grid import peak
+from navfw.mofis.context import Context
+from navfw.robot import RobotModel
+from navfw.signals import Array, Proposal
+
+__all__ = ["Navground"]
+
+Metres = Annotated[float, Field(ge=0.0, le=20.0)]
+
+
+class Navground(Behavior):
+    """Navground's HL behaviour: turns to the direction that leads nearest to the waypoint.
+
+    It is told everything that stands or walks around the robot, and none of the camera's images.
+    Its twist is proposed as the only one worth desiring.
+    """
+
+    name: ClassVar[str] = "navground"
+    oracle: ClassVar[bool] = True
+
+    class Params(Behavior.Params):
+        """What is handed on to navground."""
+
+        horizon: Annotated[Metres, Field(description="how far it looks [m]")] = 3.0
+        margin: Annotated[Metres, Field(description="kept from things [m]")] = 0.08
+        eta: Annotated[
+            float, Field(gt=0.0, le=5.0, description="time that it keeps away from contacts [s]")
+        ] = 0.5
+        tau: Annotated[
+            float, Field(gt=0.0, le=5.0, description="relaxation time of the speed [s]")
+        ] = 0.125
+        rotation_tau: Annotated[
+            float, Field(gt=0.0, le=5.0, description="relaxation time of the turn [s]")
+        ] = 0.5
+        resolution: Annotated[int, Field(ge=11, le=721, description="directions that it tries")] = (
+            101
+        )
+
+    params: Params
+
+    def __init__(self, robot: RobotModel, params: Params | None = None) -> None:
+        super().__init__(robot, params)
+        self._core = _navground("navground.core")
+        self._truth: SurroundingsSource | None = None
+
+    def trust(self, truth: SurroundingsSource) -> None:
+        """Take the surroundings from ``truth`` from now on."""
+        self._truth = truth
+
+    def propose(self, context: Context) -> Proposal:
+        """Desire navground's twist toward the waypoint.
+
+        Raises:
+            PluginError: nobody has given a source of truth.
+
+        """
+        commands = context.commands
+        if context.waypoint is None:
+            return Proposal(0.0, commands.zeros(), commands.zeros(), "nowhere to go")
+        if self._truth is None:
+            raise PluginError(
+                "needs the simulator's truth, which only a mission can give", key=self.name
+            )
+        around = self._truth.surroundings(self.params.horizon)
+        v, w = self._ask(context, around)
+        return Proposal(
+            applicability=1.0,
+            desirability=commands.product(
+                _peak(v, commands.v, commands.max_v), _peak(w, commands.w, commands.max_w)
+            ),
+            prohibition=commands.zeros(),
+            reason=f"{len(around.edges)} edges, {len(around.discs)} discs and "
+            f"{len(around.walkers)} walkers around",
+        )
+
+    def _ask(self, context: Context, around: Surroundings) -> tuple[float, float]:
+        """Navground's command (v [m/s], w [rad/s]); everything is told in base_link."""
+        core = self._core
+        agent = self._agent(context)
+        state = agent.environment_state
+        state.line_obstacles = [core.LineSegment(tuple(a), tuple(b)) for a, b in around.edges]
+        state.static_obstacles = [core.Disc((x, y), r) for x, y, r in around.discs]
+        state.neighbors = [
+            core.Neighbor((x, y), r, (vx, vy), number)
+            for number, (x, y, r, vx, vy) in enumerate(around.walkers)
+        ]
+        twist = agent.compute_cmd(1.0 / self.robot.camera.rate, core.Frame.relative)
+        return float(twist.velocity[0]), float(twist.angular_speed)
+
+    def _agent(self, context: Context) -> Any:
+        """A fresh agent at the origin, as fast as the robot, on its way to the waypoint."""
+        core, p, commands = self._core, self.params, context.commands
+        kinematics = _navground("navground.core.kinematics").TwoWheelsDifferentialDriveKinematics(
+            max_speed=commands.max_v, wheel_axis=self.robot.track
+        )
+        agent = _navground("navground.core.behaviors").HLBehavior(kinematics, self.robot.radius)
+        agent.max_angular_speed = commands.max_w
+        agent.optimal_speed = commands.max_v
+        agent.horizon, agent.safety_margin = p.horizon, p.margin
+        agent.eta, agent.tau, agent.rotation_tau = p.eta, p.tau, p.rotation_tau
+        agent.resolution = p.resolution
+        agent.assume_cmd_is_actuated = False
+        agent.pose = core.Pose2((0.0, 0.0), 0.0)
+        agent.twist = core.Twist2((context.twist.v, 0.0), context.twist.w, core.Frame.relative)
+        agent.actuated_twist = agent.twist
+        agent.target = core.Target.Point(context.waypoint_local, 0.05)
+        return agent
+
+
+def _navground(module: str) -> Any:
+    """A module of the package, which need not be installed."""
+    try:
+        return importlib.import_module(module)
+    except ImportError:
+        raise MissingExtraError("navground", key=Navground.name) from None
+
+
+def _peak(value: float, values: Array, most: float) -> Array:
+    """``value``, kept within ``values`` (n,) and ``most``, as a triangle that is not any wider."""
+    value = min(most, max(float(values[0]), value if math.isfinite(value) else 0.0))
+    return peak(value, values, steps=1.01)

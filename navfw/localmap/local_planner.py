@@ -1,0 +1,175 @@
+"""The local aim: a point a little ahead on the cheapest way through the ego map to the waypoint.
+
+Arcs alone stick in local minima, with true depth as often as with flow (METHOD 0); the cost to go
+over the remembered surroundings does not. Unknown space is passable at a price, near misses cost.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Annotated
+
+import cv2
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from navfw.localmap.cost_kernels import cost_to_go, descend, first_leg, price_cells
+from navfw.localmap.occupancy_grid import OccupancyGrid
+from navfw.movers.tracking import Disc
+from navfw.signals import Array, Pose, wrap_angle
+
+__all__ = ["LocalGoal", "LocalPlanner", "LocalPlannerParams"]
+
+
+_LEG = 0.4
+"""Length [m] of the first leg, by which one of several ways is chosen."""
+_ASIDE = math.radians(40.0)
+"""A leg that leads aside of the cheapest way by more than this [rad] is another way."""
+_BEARINGS = np.linspace(-math.pi, math.pi, 49)[:-1]
+_AROUND = np.ones((3, 3), np.uint8)
+
+
+class LocalPlannerParams(BaseModel):
+    """How the way through the ego map is priced."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    distance: Annotated[float, Field(gt=0.1, le=3.0, description="how far ahead to aim [m]")] = 0.8
+    clear: Annotated[
+        float, Field(ge=0.0, le=1.0, description="clearance of the rim that costs nothing [m]")
+    ] = 0.25
+    squeeze: Annotated[
+        float, Field(ge=0.0, le=50.0, description="extra price of a way that just fits")
+    ] = 4.0
+    unknown: Annotated[float, Field(ge=0.0, le=20.0, description="extra price of the unseen")] = 0.2
+    turning: Annotated[
+        float, Field(ge=0.0, le=2.0, description="extra price of a turn to set out [m/rad]")
+    ] = 0.25
+    margin: Annotated[
+        float, Field(ge=0.0, le=0.3, description="clearance of the rim below which none passes [m]")
+    ] = 0.04
+
+
+@dataclass(frozen=True, slots=True)
+class LocalGoal:
+    """Where to head now, in base_link: x, y [m]; ``cost`` of the way to the waypoint [m, priced].
+
+    ``reachable`` is false when everything remembered bars the way: then the aim is the waypoint's
+    own direction. ``detour`` is the way's cost over the straight distance, at least 1.
+    """
+
+    x: float
+    y: float
+    cost: float
+    reachable: bool
+    detour: float
+
+    @property
+    def distance(self) -> float:
+        """Distance [m] of the aim."""
+        return math.hypot(self.x, self.y)
+
+    @property
+    def bearing(self) -> float:
+        """Bearing [rad, left positive] of the aim."""
+        return math.atan2(self.y, self.x)
+
+
+class LocalPlanner:
+    """Finds the aim for a waypoint in the odom frame."""
+
+    def __init__(self, params: LocalPlannerParams | None = None) -> None:
+        self.params = params or LocalPlannerParams()
+
+    def aim(
+        self,
+        occupancy: OccupancyGrid,
+        pose: Pose,
+        x: float,
+        y: float,
+        moving_obstacles: tuple[Disc, ...] = (),
+    ) -> LocalGoal:
+        """The aim for the odom point (x, y) from odom ``pose``, past the floor ``moving_obstacles``."""
+        cell = 2.0 * occupancy.params.cell
+        cost = self._prices(occupancy, moving_obstacles)
+        value = _sources(cost.shape[0], occupancy.origin, cell, x, y)
+        # what stands on the very waypoint must not hide it: its direction still counts
+        cost_to_go(cost, value, 24)
+
+        column = (pose.x - occupancy.origin[0]) / cell
+        row = (pose.y - occupancy.origin[1]) / cell
+        straight = math.hypot(x - pose.x, y - pose.y)
+        steps = round(2.0 * min(self.params.distance, max(straight, 2 * cell)) / cell)
+        path, count = self._path(value, cost, row, column, pose.yaw, steps, cell)
+        here = float(value[round(row), round(column)]) * cell
+        if count == 0 or not math.isfinite(
+            value[round(path[count - 1, 0]), round(path[count - 1, 1])]
+        ):
+            local = pose.to_local(x, y)
+            scale = min(1.0, self.params.distance / max(straight, 1e-6))
+            return LocalGoal(local[0] * scale, local[1] * scale, math.inf, False, math.inf)
+        end = path[count - 1]
+        ahead = pose.to_local(
+            occupancy.origin[0] + end[1] * cell, occupancy.origin[1] + end[0] * cell
+        )
+        if not math.isfinite(here):
+            here = float(value[round(end[0]), round(end[1])]) * cell + math.hypot(*ahead)
+        return LocalGoal(ahead[0], ahead[1], here, True, max(1.0, here / max(straight, cell)))
+
+    def _path(
+        self,
+        value: Array,
+        cost: Array,
+        row: float,
+        column: float,
+        yaw: float,
+        steps: int,
+        cell: float,
+    ) -> tuple[Array, int]:
+        """The way ahead (steps, 2) [cells] and how much of it there is.
+
+        The cheapest way of all, unless it begins with a turn that another way is spared: of two
+        ways round a thing that cost about the same, a robot keeps to the one that it faces.
+        """
+        path = np.empty((steps, 2))
+        count = descend(value, row, column, steps, path)
+        if count == 0 or steps * 0.5 * cell < 1.5 * _LEG:
+            return path, count
+        leg = _LEG / cell
+        r, c, bearing = first_leg(
+            value, cost, row, column, yaw, _BEARINGS, leg, self.params.turning / cell
+        )
+        ahead = path[min(count, round(2.0 * leg)) - 1]
+        cheapest = math.atan2(ahead[0] - row, ahead[1] - column)
+        if r < 0.0 or abs(wrap_angle(yaw + bearing - cheapest)) <= _ASIDE:
+            return path, count
+        count = descend(value, r, c, steps - round(2.0 * leg), path)
+        if count == 0:
+            path[0] = r, c
+            count = 1
+        return path, count
+
+    def _prices(self, occupancy: OccupancyGrid, moving_obstacles: tuple[Disc, ...]) -> Array:
+        """(m, m) price of crossing each cell of twice the map's size; infinite where barred."""
+        p = self.params
+        radius = occupancy.robot.radius
+        # far away the rays of a sparse grid leave gaps: what has a seen neighbour counts as seen
+        seen = cv2.dilate(occupancy.known, _AROUND).astype(np.uint8, copy=False)
+        clearance = occupancy.beside(moving_obstacles)
+        return price_cells(clearance, seen, radius, p.clear, p.margin, p.squeeze, p.unknown)
+
+
+def _sources(n: int, origin: tuple[float, float], cell: float, x: float, y: float) -> Array:
+    """(n, n) boundary values [cells]: 0 at the waypoint, or its distance along the map's border."""
+    value = np.full((n, n), np.inf)
+    column, row = (x - origin[0]) / cell, (y - origin[1]) / cell
+    if 0 <= round(row) < n and 0 <= round(column) < n:
+        value[round(row), round(column)] = 0.0
+        return value
+    edge = np.arange(n)
+    value[0, :] = np.hypot(row, edge - column)
+    value[-1, :] = np.hypot(row - (n - 1), edge - column)
+    value[:, 0] = np.minimum(value[:, 0], np.hypot(edge - row, column))
+    value[:, -1] = np.minimum(value[:, -1], np.hypot(edge - row, column - (n - 1)))
+    return value

@@ -1,0 +1,97 @@
+"""Navground's HL behaviour as a plugin: it sees what the truth tells it, and goes around."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from navfw.baselines import navground
+from navfw.baselines.navground import Navground
+from navfw.baselines.surroundings import Surroundings
+from navfw.errors import MissingExtraError, PluginError
+from navfw.mofis.context import Context
+from navfw.robot import RobotModel
+from navfw.signals import Proposal, Twist
+from navfw.testing.scenes import Scene, contexts_of
+
+ROBOT = RobotModel()
+OPEN = contexts_of(Scene("open", Twist(0.3, 0.0), waypoint=(4.0, 0.0), ticks=3))[-1]
+
+
+class Told:
+    """A source of truth with these things around."""
+
+    def __init__(
+        self,
+        edges: Sequence[object] = (),
+        discs: Sequence[object] = (),
+        walkers: Sequence[object] = (),
+    ) -> None:
+        self.around = Surroundings(
+            np.array(edges, dtype=float).reshape(-1, 2, 2),
+            np.array(discs, dtype=float).reshape(-1, 3),
+            np.array(walkers, dtype=float).reshape(-1, 5),
+        )
+
+    def surroundings(self, reach: float) -> Surroundings:
+        assert reach > 0.0
+        return self.around
+
+
+def wanted(proposal: Proposal, context: Context) -> Twist:
+    desire = proposal.desirability
+    return Twist(
+        float((desire * context.commands.v[:, None]).sum() / desire.sum()),
+        float((desire * context.commands.w[None, :]).sum() / desire.sum()),
+    )
+
+
+def drive(truth: Told, context: Context = OPEN) -> Twist:
+    pytest.importorskip("navground", reason="the extra navground is not installed")
+    behavior = Navground(ROBOT)
+    behavior.trust(truth)
+    proposal = behavior.propose(context)
+    assert proposal.applicability == 1.0
+    return wanted(proposal, context)
+
+
+def test_in_the_open_it_goes_straight_on() -> None:
+    twist = drive(Told())
+    assert twist.v > 0.3
+    assert abs(twist.w) < 0.05
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_it_goes_around_what_stands_in_the_way_on_the_shorter_side(side: float) -> None:
+    disc = [[1.0, side * 0.15, 0.3]]
+    assert drive(Told(discs=disc)).w * side < -0.2
+    wall = [[[1.0, side * 2.0], [1.0, -side * 0.2]]]
+    assert drive(Told(edges=wall)).w * side < -0.2
+
+
+def test_it_gives_way_to_who_walks_into_its_way() -> None:
+    crossing = [[1.2, -0.9, 0.25, 0.0, 0.5]]
+    standing = [[1.2, -0.9, 0.25, 0.0, 0.0]]
+    here, there = drive(Told(walkers=crossing)), drive(Told(walkers=standing))
+    assert abs(here.w - there.w) + abs(here.v - there.v) > 0.1
+
+
+def test_it_is_an_oracle_and_has_to_be_told_the_truth() -> None:
+    pytest.importorskip("navground", reason="the extra navground is not installed")
+    assert Navground.oracle
+    with pytest.raises(PluginError, match="needs the simulator's truth"):
+        Navground(ROBOT).propose(OPEN)
+    assert Navground(ROBOT).propose(replace(OPEN, waypoint=None)).applicability == 0.0
+
+
+def test_without_the_package_it_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    def missing(name: str) -> object:
+        raise ImportError(name)
+
+    monkeypatch.setattr(navground.importlib, "import_module", missing)
+    with pytest.raises(MissingExtraError, match=r"pip install 'navfw\[navground\]'") as caught:
+        Navground(ROBOT)
+    assert caught.value.extra == "navground"

@@ -1,0 +1,169 @@
+"""The compiled loops over the ego map do what the formulas say, written out in numpy."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from navfw.localmap.cost_kernels import cost_to_go, price_cells
+from navfw.localmap.ray_kernels import are_degrees, least_within, sweep_arcs
+from navfw.localmap.sensor_kernels import forget_view, merge_evidence, rays_of
+from navfw.robot import RobotModel
+from navfw.signals import Array
+
+SEEDS = st.integers(0, 2**32 - 1)
+CAMERA = RobotModel().camera
+
+
+def swept(cost: Array, value: Array, sweeps: int) -> tuple[Array, int]:
+    """Fast sweeping that looks at every cell in every sweep."""
+    n = len(value)
+    value = np.pad(value, 1, constant_values=np.inf)
+    for sweep in range(sweeps):
+        change = 0.0
+        for i in range(n, 0, -1) if sweep & 1 else range(1, n + 1):
+            for j in range(n, 0, -1) if sweep & 2 else range(1, n + 1):
+                f, old = cost[i - 1, j - 1], value[i, j]
+                a, b = sorted(
+                    (
+                        min(value[i - 1, j], value[i + 1, j]),
+                        min(value[i, j - 1], value[i, j + 1]),
+                    )
+                )
+                if math.isinf(f) or math.isinf(a):
+                    continue
+                new = a + f if b - a >= f else 0.5 * (a + b + math.sqrt(2 * f * f - (b - a) ** 2))
+                if new < old - 1e-9:
+                    change = max(change, min(old, 1e6) - new)
+                    value[i, j] = new
+        if change < 1e-3 and sweep >= 3:
+            break
+    return value[1:-1, 1:-1], sweep + 1
+
+
+@settings(max_examples=25)
+@given(SEEDS, st.floats(0.0, 0.4), st.integers(1, 24))
+def test_locked_sweeps_find_what_full_sweeps_find(seed: int, barred: float, sweeps: int) -> None:
+    rng = np.random.default_rng(seed)
+    cost = rng.uniform(1.0, 5.0, (13, 13))
+    cost[rng.random(cost.shape) < barred] = np.inf
+    value = np.full(cost.shape, np.inf)
+    for _ in range(rng.integers(1, 4)):
+        value[tuple(rng.integers(0, 13, 2))] = rng.uniform(0.0, 9.0)
+    expected, used = swept(cost, value, sweeps)
+    assert cost_to_go(cost, value, sweeps) == used
+    np.testing.assert_allclose(value, expected, rtol=0.0, atol=1e-9)
+
+
+@settings(max_examples=30)
+@given(SEEDS, st.integers(4, 20), st.floats(0.0, 0.3))
+def test_prices_are_those_of_the_formula(seed: int, half: int, seen: float) -> None:
+    rng = np.random.default_rng(seed)
+    n = 2 * half + 1
+    clearance = rng.uniform(0.0, 1.0, (n, n))
+    cells = (rng.random((n, n)) < seen).astype(np.uint8)
+    radius, clear, margin, squeeze, unknown = 0.2, 0.25, 0.03, 4.0, 0.2
+    rim = clearance[::2, ::2] - radius
+    tight = np.clip((clear - rim) / (clear - margin), 0.0, 1.0)
+    expected = 1.0 + squeeze * tight**2 + unknown * (cells[::2, ::2] == 0)
+    expected[rim < margin] = np.inf
+    cost = price_cells(clearance, cells, radius, clear, margin, squeeze, unknown)
+    np.testing.assert_allclose(cost, expected, rtol=1e-12)
+
+
+@given(SEEDS, st.floats(-4, 4), st.floats(-4, 4))
+def test_the_least_range_of_a_sector(seed: int, low: float, high: float) -> None:
+    rng = np.random.default_rng(seed)
+    bearings, ranges = np.linspace(-math.pi, math.pi, 48), rng.uniform(0.0, 3.0, 48)
+    inside = (bearings >= low) & (bearings <= high)
+    expected = ranges[inside].min() if inside.any() else 3.5
+    assert least_within(bearings, ranges, low, high, 3.5) == expected
+
+
+@pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf, -1e-12, 1.0 + 1e-8])
+def test_one_wrong_value_makes_a_layer_unsound(wrong: float) -> None:
+    layer = np.random.default_rng(1).random((11, 21))
+    layer[0, 0], layer[3, 4] = 1.0 + 1e-10, 0.0
+    assert are_degrees(layer)
+    for spot in ((0, 0), (5, 7), (10, 20)):
+        spoilt = layer.copy()
+        spoilt[spot] = wrong
+        assert not are_degrees(spoilt)
+
+
+@settings(max_examples=30)
+@given(SEEDS)
+def test_a_look_is_merged_by_the_formula_and_leaves_empty_layers(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    evidence = rng.uniform(-1.5, 3.0, (21, 21))
+    hit, free = rng.random((2, 21, 21)) * (rng.random((2, 21, 21)) < 0.4)
+    expected = np.clip(evidence + 0.6 * hit - 0.33 * free * (1.0 - hit), -1.5, 3.0)
+    merge_evidence(evidence, hit, free, 0.6, 0.33, -1.5, 3.0)
+    np.testing.assert_allclose(evidence, expected, rtol=0.0, atol=1e-12)
+    assert not hit.any()
+    assert not free.any()
+
+
+@settings(max_examples=30)
+@given(SEEDS, st.floats(-3.2, 3.2), st.floats(-10, 40), st.floats(-10, 40))
+def test_free_floor_is_forgotten_in_the_wedge_of_view_alone(
+    seed: int, yaw: float, row: float, column: float
+) -> None:
+    rng = np.random.default_rng(seed)
+    evidence = rng.uniform(-1.5, 3.0, (31, 31))
+    slope, reach = rng.uniform(0.2, 2.0), rng.uniform(2.0, 30.0)
+    i, j = np.mgrid[:31, :31]
+    ahead = (j - column) * math.cos(yaw) + (i - row) * math.sin(yaw)
+    aside = (i - row) * math.cos(yaw) - (j - column) * math.sin(yaw)
+    inside = (ahead > 0.0) & (ahead < reach) & (np.abs(aside) <= slope * ahead)
+    expected = np.where(inside & (evidence < 0.0), 0.5 * evidence, evidence)
+    forget_view(evidence, row, column, yaw, slope, reach, 0.5)
+    np.testing.assert_array_equal(evidence, expected)
+
+
+@given(SEEDS, st.floats(-3.2, 3.2), st.floats(0.0, 5.0))
+def test_rays_are_the_points_turned_into_odom(seed: int, yaw: float, aside: float) -> None:
+    points = np.random.default_rng(seed).uniform(-80, 80, (7, 2))
+    off = np.array([aside, 0.0])
+    pixels = np.concatenate([points, points - off, points + off])
+    base = np.column_stack([pixels / CAMERA.focal, np.ones(21)]) @ CAMERA.base_from_camera.T
+    c, s = math.cos(yaw), math.sin(yaw)
+    turned = base @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]).T
+    rays = rays_of(points, aside, CAMERA.focal, CAMERA.base_from_camera, yaw)
+    np.testing.assert_allclose(rays, turned, rtol=0.0, atol=1e-12)
+
+
+def driven(v: float, w: float, yaw: float, blocked: Array, cell: float, reach: float) -> float:
+    """The length that a point drives from the middle of the map until it meets a blocked cell."""
+    x = y = 0.5 * cell * (len(blocked) - 1) + 1e-4
+    length, step, sign = 0.0, 0.5 * cell, math.copysign(1.0, v)
+    while length < min(reach, math.pi * abs(v / w) if w else reach):
+        heading = yaw + sign * (length + 0.5 * step) * w / v
+        x, y = x + sign * step * math.cos(heading), y + sign * step * math.sin(heading)
+        if blocked[round(y / cell), round(x / cell)]:
+            return length
+        length += step
+    return reach
+
+
+@settings(max_examples=40)
+@given(SEEDS, st.floats(-3.2, 3.2))
+def test_arcs_are_driven_step_by_step(seed: int, yaw: float) -> None:
+    rng = np.random.default_rng(seed)
+    blocked = rng.random((81, 81)) < 0.02
+    blocked[39:42, 39:42] = False
+    clearance = np.where(blocked, 0.0, 1.0)
+    known = np.ones(blocked.shape, np.uint8)
+    speeds, turns = np.array([-0.2, 0.1, 0.4]), np.linspace(-1.2, 1.2, 7)
+    free, seen, least = np.empty((3, 3, 7))
+    at = 2.0 + 1e-4
+    sweep_arcs(
+        clearance, known, 0.0, 0.0, 0.05, at, at, yaw, speeds, turns,
+        0.04, 1.5, 0.6, free, seen, least,
+    )  # fmt: skip
+    expected = [[driven(v, w, yaw, blocked, 0.05, 1.5) for w in turns] for v in speeds]
+    np.testing.assert_allclose(free, expected, atol=1e-9)

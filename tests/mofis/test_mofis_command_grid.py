@@ -1,0 +1,58 @@
+"""The command grid: what behaviours build their layers from."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from navfw.mofis.command_grid import CommandGrid, peak
+from navfw.robot import RobotModel
+
+GRID = CommandGrid(RobotModel())
+SPEED = st.floats(float(GRID.relative_v[0]), 1.0)
+TURN = st.floats(-1.0, 1.0)
+
+
+@given(SPEED, TURN)
+def test_around_a_command_is_the_nearest_of_the_grid_and_its_neighbours(
+    speed: float, turn: float
+) -> None:
+    layer = GRID.around(speed, turn)
+    assert layer.shape == GRID.shape
+    row, column = np.unravel_index(layer.argmax(), layer.shape)
+    assert layer[row, column] >= (2.0 / 3.0) ** 2 - 1e-9
+    speeds, turns = np.abs(GRID.relative_v - speed), np.abs(GRID.relative_w - turn)
+    assert speeds[row] == pytest.approx(speeds.min())
+    assert turns[column] == pytest.approx(turns.min())
+    far = 1.5 * np.diff(GRID.relative_w).max()
+    assert not layer[:, turns > far + 1e-9].any()
+
+
+@given(TURN, st.floats(0.51, 4.0))
+def test_a_peak_falls_to_nothing_that_many_steps_off(value: float, steps: float) -> None:
+    values = GRID.relative_w
+    set_ = peak(value, values, steps)
+    off = np.abs(values - value) / np.diff(values).max()
+    assert set_ == pytest.approx(np.maximum(0.0, 1.0 - off / steps))
+    assert set_.max() > 0.0
+
+
+@given(TURN, st.floats(0.1, 1.0))
+def test_on_the_spot_is_at_no_speed_and_about_the_turn(turn: float, width: float) -> None:
+    layer = GRID.on_the_spot(turn, width)
+    assert not layer[GRID.v != 0.0].any()
+    (row,) = layer[GRID.v == 0.0]
+    assert row == pytest.approx(GRID.turning(turn, width))
+    assert not row[np.abs(GRID.relative_w - turn) >= width].any()
+    off = np.abs(GRID.relative_w - turn)
+    assert off[row.argmax()] == pytest.approx(off.min())
+
+
+def test_forward_is_all_that_drives_forward() -> None:
+    layer = GRID.forward()
+    assert (layer[GRID.v > 0.0] == 1.0).all()
+    assert not layer[GRID.v <= 0.0].any()
+    assert (GRID.v > 0.0).any()
+    assert (GRID.v < 0.0).any()
