@@ -12,7 +12,7 @@ import numpy.typing as npt
 from pydantic import Field
 
 from navfw.flow.derotation import derotated_vectors
-from navfw.flow.rotation_kernels import refine_rotation, still_trusted
+from navfw.flow.rotation_kernels import refine_rotation, weigh_residuals
 from navfw.interfaces import Params
 from navfw.robot import CameraModel
 from navfw.signals import Array, CameraMotion, FlowField
@@ -24,7 +24,8 @@ ITERATIONS = 6
 _UNIT = np.eye(3)
 
 CERTAIN, DOUBT = 3.0, 0.1
-"""A vector contradicts the motion beyond so many standard deviations, with so much [px] added."""
+"""A vector is inconsistent with the motion if its epipolar residual exceeds CERTAIN standard
+deviations, to which DOUBT [px] is added in quadrature."""
 
 
 class RefinementParams(Params):
@@ -43,7 +44,8 @@ class RefinementParams(Params):
         float, Field(ge=0.0, description="radius around the focus of expansion left out [px]")
     ] = 4.0
     gate: Annotated[
-        float, Field(gt=0.0, description="a vector further off its line contradicts [sigma]")
+        float,
+        Field(gt=0.0, description="largest epipolar residual of a consistent vector [sigma]"),
     ] = 3.0
 
 
@@ -72,12 +74,12 @@ class Refinement:
     allowed: Array
 
     def apply(self, flow: FlowField, camera: CameraModel) -> FlowField:
-        """``flow`` derotated by the corrected rotation, trusted less where it contradicts.
+        """``flow`` derotated by the corrected rotation and reweighted by its epipolar residuals.
 
-        The confidence factor is exp(-(residual / 2 sigma)^2), METHOD 2.9, and 0 beyond the gate:
-        there the confidence is that of the contradiction.
+        The confidence factor is exp(-(residual / 2 sigma)^2), METHOD 2.9, and 0 beyond the gate.
+        The confidence that is lost there becomes the field's ``inconsistency``.
         """
-        confidence, contradiction = still_trusted(
+        confidence, inconsistency = weigh_residuals(
             _flat(self.residual),
             _flat(self.allowed),
             np.ascontiguousarray(self.consistent).ravel(),
@@ -90,7 +92,7 @@ class Refinement:
             vectors=derotated_vectors(flow, self.motion.rotation, camera),
             motion=self.motion,
             confidence=confidence.reshape(flow.shape),
-            contradiction=contradiction.reshape(flow.shape),
+            inconsistency=inconsistency.reshape(flow.shape),
             derotated=True,
         )
 

@@ -8,7 +8,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["refine_rotation", "still_trusted", "turn_points", "undo_turn"]
+__all__ = ["refine_rotation", "turn_points", "undo_turn", "weigh_residuals"]
 
 Doubles = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
@@ -99,7 +99,7 @@ def refine_rotation(
 
 
 @numba.njit(cache=True)
-def still_trusted(
+def weigh_residuals(
     residual: Doubles,
     allowed: Doubles,
     consistent: Mask,
@@ -107,21 +107,22 @@ def still_trusted(
     certain: float,
     doubt: float,
 ) -> tuple[Doubles, Doubles]:
-    """Confidence (n,) in vectors so far off their lines, and in their contradicting the motion.
+    """Confidence (n,) of vectors given their epipolar residuals, and inconsistency (n,).
 
-    A vector contradicts if it is not ``consistent`` and ``certain`` standard deviations off, with
-    ``doubt`` [px] added to what is ``allowed`` [px].
+    A vector is inconsistent with the motion if it is not ``consistent`` and its ``residual`` [px]
+    exceeds ``certain`` times its standard deviation ``allowed`` [px], to which ``doubt`` [px] is
+    added in quadrature; its inconsistency is then its confidence, otherwise 0.
     """
     n = residual.size
-    trusted, against = np.empty(n, np.float64), np.zeros(n, np.float64)
+    weighted, inconsistency = np.empty(n, np.float64), np.zeros(n, np.float64)
     for i in range(n):
         off = residual[i] / allowed[i]
         if math.isnan(off):
             off = 0.0
-        trusted[i] = confidence[i] * math.exp(-((0.5 * off) ** 2)) if consistent[i] else 0.0
+        weighted[i] = confidence[i] * math.exp(-((0.5 * off) ** 2)) if consistent[i] else 0.0
         if not consistent[i] and abs(residual[i]) > certain * math.hypot(allowed[i], doubt):
-            against[i] = confidence[i]
-    return trusted, against
+            inconsistency[i] = confidence[i]
+    return weighted, inconsistency
 
 
 @numba.njit(cache=True)

@@ -52,7 +52,7 @@ def direction_sigma(baseline: float) -> float:
 def segment_motion(flow: FlowField, fall: Array, camera: CameraModel) -> Mask:
     """(rows, cols) cells of ``flow`` (derotated) that contradict a world at rest.
 
-    ``fall`` (rows, cols) is ``navfw.offis.floor.fall_per_depth`` there. ``flow.contradiction``
+    ``fall`` (rows, cols) is ``navfw.offis.floor.fall_per_depth`` there. ``flow.inconsistency``
     marks vectors off their epipolar lines already (``navfw.flow.refinement``).
     """
     motion = flow.motion
@@ -68,8 +68,8 @@ def segment_motion(flow: FlowField, fall: Array, camera: CameraModel) -> Mask:
     nearness = np.ascontiguousarray(np.maximum(fall, 0.0) / camera.mount_height)
     aim = direction_sigma(motion.baseline)
     odd = _short(*field, nearness, standing, (float(motion.yaw_sigma), aim))
-    if flow.contradiction is not None:
-        odd |= flow.contradiction > 0.0
+    if flow.inconsistency is not None:
+        odd |= flow.inconsistency > 0.0
     if not standing:
         odd |= _patches(_across(*field))
         odd |= _patches(_grown(*field, nearness))

@@ -68,8 +68,9 @@ class FlowField:
     past frame (``now - past``: forward motion makes vectors point away from the focus of
     expansion). ``confidence`` (rows, cols) in [0, 1]; 0 means the vector says nothing. ``sigma``
     (rows, cols) [px] is one standard deviation of a vector's components. ``derotated`` tells
-    whether the part due to camera rotation has been removed. ``contradiction`` (rows, cols) in
-    [0, 1], if known: how confidently a vector was found that nothing at rest can have.
+    whether the part due to camera rotation has been removed. ``inconsistency`` (rows, cols) in
+    [0, 1], if known: the confidence of a vector whose epipolar residual no static point explains,
+    0 elsewhere.
     """
 
     time: float
@@ -79,7 +80,7 @@ class FlowField:
     sigma: Array
     motion: CameraMotion
     derotated: bool = False
-    contradiction: Array | None = None
+    inconsistency: Array | None = None
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -66,7 +66,7 @@ def scene(
         np.full(X.shape, 0.2),
         motion,
         derotated=True,
-        contradiction=1.0 * (across > 3.0 * np.hypot(sigma, 0.1)),
+        inconsistency=1.0 * (across > 3.0 * np.hypot(sigma, 0.1)),
     )
 
 
@@ -123,11 +123,11 @@ def test_who_is_seen_aside_has_its_bearing_and_velocity_from_ahead(side: int, wa
 
 def test_what_is_small_or_hangs_in_the_air_or_is_too_fast_is_none() -> None:
     flow = scene(0.08, (1.2, 0.0, 0.5), (0.0, 0.0))
-    assert flow.contradiction is not None
+    assert flow.inconsistency is not None
     for rows, cols in ((slice(5, 7), slice(10, 12)), (slice(0, 3), slice(5, 15))):
-        odd = flow.contradiction.copy()
+        odd = flow.inconsistency.copy()
         odd[rows, cols] = 1.0
-        assert locate_moving_objects(dataclasses.replace(flow, contradiction=odd), CAMERA) == ()
+        assert locate_moving_objects(dataclasses.replace(flow, inconsistency=odd), CAMERA) == ()
     assert locate_moving_objects(scene(0.08, (1.2, 0.0, 0.5), (0.0, 4.0)), CAMERA) == ()
 
 
