@@ -33,7 +33,7 @@ from navfw.signals import (
 
 if TYPE_CHECKING:
     from navfw.mofis.context import Context
-    from navfw.topomap.model import TopoMap
+    from navfw.topomap import TopoMap
 
 __all__ = [
     "KINDS",

@@ -44,7 +44,7 @@ from navfw.signals import (
 )
 from navfw.stackfile import PluginSource, StackConfig, load_stack
 from navfw.stopwatch import timed
-from navfw.topomap.model import TopoMap
+from navfw.topomap import TopoMap
 from navfw.vision import View, Vision
 
 __all__ = ["Stack", "StackState"]

@@ -17,7 +17,7 @@ from navfw.signals import Frame, Image, LandmarkDetection, Pose
 from navfw.sim.sensors import SensorParams
 from navfw.sim.simulation import Simulation
 from navfw.sim.worldfile import LandmarkSpec, WallSpec, WorldSpec
-from navfw.topomap.model import Landmark, LandmarkKind, Place, TopoMap
+from navfw.topomap import Landmark, LandmarkKind, Place, TopoMap
 
 __all__ = ["ANGLES", "DISTANCES", "SIZES", "bench_landmarks", "tables", "view_of"]
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from navfw.papfis.routes import Route, Router, Spot
 from navfw.robot import RobotModel
-from navfw.topomap.model import Passage, Place, TopoMap
+from navfw.topomap import Passage, Place, TopoMap
 
 __all__ = ["bench_planning", "large_map"]
 

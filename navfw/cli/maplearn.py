@@ -29,7 +29,7 @@ def learn(
         from navfw.missions.learning import learn_landmarks
         from navfw.missions.session import prepare
         from navfw.recording.runfolder import plain_json
-        from navfw.topomap.formats import save_map
+        from navfw.topomap.map_formats import save_map
 
         session = prepare(world, mission, seed=seed, stack=stack)
         drive = learn_landmarks(session, least=least)

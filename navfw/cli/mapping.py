@@ -70,7 +70,7 @@ def show(
 def check(map_: Map, world: OverWorld = None, json: Json = False) -> None:
     """Look for what is wrong with a map, alone and in its world; exit code 1 if anything is."""
     from navfw.cli.maptools import find_map, floor_plan
-    from navfw.topomap.check import check_map
+    from navfw.topomap.map_check import check_map
 
     with quiet_stdout():
         topo_map = find_map(map_)
@@ -104,9 +104,9 @@ def build(
     from navfw.config.lookup import find
     from navfw.sim.floorplan import FloorPlan
     from navfw.sim.worldfile import load_world
-    from navfw.topomap.build import build_map
-    from navfw.topomap.formats import save_map
-    from navfw.topomap.ground import Ground
+    from navfw.topomap.clearance_grid import Ground
+    from navfw.topomap.map_builder import build_map
+    from navfw.topomap.map_formats import save_map
 
     with quiet_stdout():
         spec = load_world(find("world", world))
@@ -138,7 +138,7 @@ def convert(
 ) -> None:
     """Convert a map between YAML, GraphML and the GeoJSON of Nav2's route server."""
     from navfw.cli.maptools import find_map
-    from navfw.topomap.formats import save_map
+    from navfw.topomap.map_formats import save_map
 
     with quiet_stdout():
         topo_map = find_map(source, both_ways)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from navfw.recording.drawing import Outline
     from navfw.sim.floorplan import FloorPlan
-    from navfw.topomap.model import TopoMap
+    from navfw.topomap import TopoMap
 
 __all__ = ["find_map", "floor_plan", "outline_for"]
 
@@ -21,7 +21,7 @@ def find_map(name: str, both_ways: bool = False) -> TopoMap:
 
     """
     from navfw.config.lookup import find
-    from navfw.topomap.formats import SUFFIXES, load_any_map
+    from navfw.topomap.map_formats import SUFFIXES, load_any_map
 
     path = Path(name)
     foreign = path.suffix.lower() in SUFFIXES and path.suffix.lower() not in {".yaml", ".yml"}

@@ -36,7 +36,7 @@ def plan(
 ) -> None:
     """Plan a way without driving it; tell what each passage costs, rule by rule."""
     from navfw.cli.maptools import find_map, outline_for
-    from navfw.papfis.plan import make_plan
+    from navfw.papfis.route_plan import make_plan
 
     with quiet_stdout():
         topo_map = find_map(map_)

@@ -9,12 +9,12 @@ import cv2
 import numpy as np
 from pydantic import Field
 
-from navfw.features.geometry import is_upright, sighting_of, sizes_in
+from navfw.features.square_localization import is_upright, sighting_of, sizes_in
 from navfw.interfaces import FeatureRecognizer
-from navfw.landmarks import marker_dictionary
+from navfw.landmark_appearance import marker_dictionary
 from navfw.robot import RobotModel
 from navfw.signals import Frame, LandmarkDetection
-from navfw.topomap.model import TopoMap
+from navfw.topomap import TopoMap
 
 __all__ = ["Aruco"]
 

@@ -11,12 +11,12 @@ import numpy as np
 from pydantic import Field
 
 from navfw.errors import ConfigError
-from navfw.features.geometry import is_upright, sighting_of, sizes_in
+from navfw.features.square_localization import is_upright, sighting_of, sizes_in
 from navfw.interfaces import FeatureRecognizer
-from navfw.landmarks import poster_image
+from navfw.landmark_appearance import poster_image
 from navfw.robot import RobotModel
 from navfw.signals import Array, Frame, Image, LandmarkDetection
-from navfw.topomap.model import TopoMap
+from navfw.topomap import TopoMap
 
 __all__ = ["Posters"]
 

@@ -8,12 +8,12 @@ from typing import Annotated, ClassVar
 from pydantic import Field
 
 from navfw.interfaces import Localizer
-from navfw.localization.discrete import DiscreteFilter, DiscreteParams
+from navfw.localization.discrete_filter import DiscreteFilter, DiscreteParams
 from navfw.localization.landmark_existence import LandmarkExistence
 from navfw.localization.landmark_observations import Looks
 from navfw.localization.situation_model import heard, situation_table
 from navfw.signals import Belief, LandmarkDetection, Odometry, Percept, Pose
-from navfw.topomap.model import TopoMap
+from navfw.topomap import TopoMap
 
 __all__ = ["Bayes"]
 

@@ -11,10 +11,10 @@ from pydantic import Field
 from navfw.interfaces import Localizer
 from navfw.localization.landmark_existence import LandmarkExistence
 from navfw.localization.landmark_observations import Looks
-from navfw.localization.metric import FilterParams, MetricFilter
+from navfw.localization.metric_filter import FilterParams, MetricFilter
+from navfw.localization.place_posterior import PlacesNearby, known_start, within
 from navfw.signals import Belief, LandmarkDetection, Odometry, Percept, Pose
-from navfw.topomap.model import TopoMap
-from navfw.topomap.place_posterior import PlacesNearby, known_start, within
+from navfw.topomap import TopoMap
 
 __all__ = ["Ekf"]
 

@@ -72,7 +72,7 @@ def associate(
 ) -> Association:
     """Update (state, covariance) by ``seen`` (2,), with its ``noise`` (2, 2), of a landmark ``at``.
 
-    ``trust`` is the probability, before this detection, that the landmark stands where the map says.
+    ``trust`` is the prior probability that the landmark stands where the map has it.
     """
     predicted, jacobian = expected(state, *at)
     innovation = seen - predicted

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from navfw.signals import Array, LandmarkDetection, Odometry, Pose
-from navfw.topomap.model import Landmark, TopoMap
+from navfw.topomap import Landmark, TopoMap
 
 __all__ = ["Look", "Looks", "agreeing"]
 

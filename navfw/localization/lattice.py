@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from navfw.signals import Array
-from navfw.topomap.model import TopoMap
+from navfw.topomap import TopoMap
 
 __all__ = ["Lattice"]
 

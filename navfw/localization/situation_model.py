@@ -20,7 +20,7 @@ from navfw.config.document import YamlDocument, load_yaml
 from navfw.config.yamlfile import validate
 from navfw.errors import ConfigError, UnknownNameError
 from navfw.signals import Array, Percept
-from navfw.topomap.model import PLACE_KINDS, TopoMap
+from navfw.topomap import PLACE_KINDS, TopoMap
 
 __all__ = [
     "FLOOR",

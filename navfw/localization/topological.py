@@ -10,14 +10,14 @@ import numpy as np
 from pydantic import Field
 
 from navfw.interfaces import Localizer
-from navfw.localization.discrete import Cluster, DiscreteFilter, DiscreteParams
+from navfw.localization.discrete_filter import Cluster, DiscreteFilter, DiscreteParams
 from navfw.localization.landmark_existence import LandmarkExistence
 from navfw.localization.landmark_observations import Look, Looks
-from navfw.localization.metric import FilterParams, MetricFilter
+from navfw.localization.metric_filter import FilterParams, MetricFilter
+from navfw.localization.place_posterior import PlacesNearby, within
 from navfw.localization.situation_model import heard, situation_table
 from navfw.signals import Array, Belief, LandmarkDetection, Odometry, Percept, Pose, wrap_angle
-from navfw.topomap.model import TopoMap
-from navfw.topomap.place_posterior import PlacesNearby, within
+from navfw.topomap import TopoMap
 
 __all__ = ["Topological"]
 

@@ -39,7 +39,7 @@ from navfw.sim.actions import (
 from navfw.sim.drops import drop_under
 from navfw.sim.textures import STOCK
 from navfw.sim.worldfile import WorldSpec
-from navfw.topomap.model import TopoMap
+from navfw.topomap import TopoMap
 
 __all__ = [
     "BehaviorFault",

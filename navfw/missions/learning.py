@@ -8,14 +8,14 @@ from dataclasses import dataclass
 from typing import Any
 
 from navfw.errors import MapError
-from navfw.features.landmarks import Landmarks
+from navfw.features.combined_landmarks import Landmarks
 from navfw.missions.listener import Listener
 from navfw.missions.runner import Progress, Run, run_task
 from navfw.missions.session import Session
 from navfw.signals import SensorReading
 from navfw.stack import Stack, StackState
-from navfw.topomap.learning import LandmarkLearner, Learnt, with_landmarks
-from navfw.topomap.model import TopoMap
+from navfw.topomap import TopoMap
+from navfw.topomap.landmark_mapping import LandmarkLearner, Learnt, with_landmarks
 
 __all__ = ["LearningDrive", "learn_landmarks"]
 

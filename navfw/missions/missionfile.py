@@ -39,8 +39,7 @@ from navfw.robot import RobotModel
 from navfw.signals import Array, Pose, Waypoint
 from navfw.sim.sensors import SensorParams
 from navfw.sim.worldfile import DropSpec
-from navfw.topomap.files import load_map
-from navfw.topomap.model import Passage, Place, TopoMap
+from navfw.topomap import Passage, Place, TopoMap, load_map
 
 __all__ = [
     "MissionFile",

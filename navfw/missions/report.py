@@ -15,7 +15,7 @@ from navfw.recording.drawing import Disc, Outline
 from navfw.recording.runfolder import RESULT, RunFolder
 from navfw.recording.trajectory import Picture, draw_trajectory
 from navfw.sim.floorplan import FloorPlan
-from navfw.topomap.files import map_data
+from navfw.topomap.mapfile import map_data
 
 __all__ = ["default_folder", "draw", "outline_of", "resolved_config", "versions", "write_run"]
 

@@ -14,7 +14,7 @@ from navfw.missions.runner import Simulator, run_task
 from navfw.missions.session import Session
 from navfw.signals import Odometry, Percept, Pose, SensorReading
 from navfw.stack import Stack, StackState
-from navfw.topomap.model import TopoMap
+from navfw.topomap import TopoMap
 
 __all__ = ["Moment", "SituationDrive", "listen"]
 

@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from navfw.errors import WorldError
 from navfw.signals import Pose
-from navfw.topomap.model import Place, TopoMap
+from navfw.topomap import Place, TopoMap
 
 __all__ = ["Unknown", "UnknownStart", "candidates", "draw_start"]
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from navfw.papfis.costs import CostParams, EdgeCosts
+from navfw.papfis.edge_costs import CostParams, EdgeCosts
 from navfw.papfis.papfis import Papfis
-from navfw.papfis.plan import Plan, make_plan
+from navfw.papfis.route_plan import Plan, make_plan
 from navfw.papfis.routes import Route, Router, Spot
 
 __all__ = ["CostParams", "EdgeCosts", "Papfis", "Plan", "Route", "Router", "Spot", "make_plan"]

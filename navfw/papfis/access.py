@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from navfw.papfis.costs import EdgeCosts
-from navfw.topomap.model import Footing, Passage, Place, TopoMap
+from navfw.papfis.edge_costs import EdgeCosts
+from navfw.topomap import Footing, Passage, Place, TopoMap
 
 __all__ = ["AT_PLACE", "OFF_PASSAGE", "Access", "Doorways", "find_access"]
 

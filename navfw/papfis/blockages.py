@@ -11,7 +11,7 @@ import math
 
 from navfw.papfis.routes import Router
 from navfw.signals import PassageQuery, PassageReport, PassageStatus
-from navfw.topomap.model import Passage
+from navfw.topomap import Passage
 
 __all__ = ["Blockages"]
 

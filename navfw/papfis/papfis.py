@@ -9,13 +9,13 @@ from pydantic import Field
 
 from navfw.interfaces import Planner
 from navfw.papfis.blockages import Blockages
-from navfw.papfis.costs import CostParams
-from navfw.papfis.plan import Plan
+from navfw.papfis.edge_costs import CostParams
+from navfw.papfis.route_plan import Plan
 from navfw.papfis.routes import Router
 from navfw.papfis.tour import Tour
 from navfw.papfis.waypoints import Passing
 from navfw.signals import Belief, PassageQuery, PassageReport, Waypoint
-from navfw.topomap.model import Passage, TopoMap
+from navfw.topomap import Passage, TopoMap
 
 __all__ = ["Papfis"]
 

@@ -10,10 +10,10 @@ from typing import Any
 
 from navfw.errors import MapError
 from navfw.papfis.access import OFF_PASSAGE, Access, Doorways, find_access
-from navfw.papfis.costs import CostParams, EdgeCosts
-from navfw.papfis.search import Found, RoadNetwork
+from navfw.papfis.edge_costs import CostParams, EdgeCosts
+from navfw.papfis.graph_search import Found, RoadNetwork
 from navfw.robot import RobotModel
-from navfw.topomap.model import Footing, Passage, TopoMap
+from navfw.topomap import Footing, Passage, TopoMap
 
 __all__ = ["Route", "Router", "Spot"]
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from navfw.papfis.access import AT_PLACE
 from navfw.papfis.routes import Route
 from navfw.signals import Waypoint
-from navfw.topomap.model import Passage, TopoMap
+from navfw.topomap import Passage, TopoMap
 
 __all__ = ["Passing", "Point", "distance_to_leg", "has_passed", "waypoints_of"]
 

@@ -32,13 +32,13 @@ BUILT_IN: dict[str, dict[str, str]] = {
     "perception": {"offis": "navfw.offis.offis:Offis"},
     "features": {
         "aruco": "navfw.features.aruco:Aruco",
-        "landmarks": "navfw.features.landmarks:Landmarks",
-        "none": "navfw.features.none:NoFeatures",
+        "landmarks": "navfw.features.combined_landmarks:Landmarks",
+        "none": "navfw.features.no_features:NoFeatures",
         "posters": "navfw.features.posters:Posters",
     },
     "localizer": {
         "bayes": "navfw.localization.bayes:Bayes",
-        "dead_reckoning": "navfw.topomap.dead_reckoning:DeadReckoning",
+        "dead_reckoning": "navfw.localization.dead_reckoning:DeadReckoning",
         "ekf": "navfw.localization.ekf:Ekf",
         "topological": "navfw.localization.topological:Topological",
     },

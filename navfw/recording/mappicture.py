@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from navfw.recording.drawing import Outline, draw_names, draw_outline, make_bare
-from navfw.topomap.model import TopoMap
+from navfw.topomap import TopoMap
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -145,7 +145,7 @@ def _load(folder: Path) -> tuple[Stack, Recording, Pose | None, list[Waypoint]]:
     """The stack, the readings, the start (None: not told) and the goals of a recorded run."""
     from navfw.plugins import default_registry
     from navfw.stack import Stack
-    from navfw.topomap.files import load_map
+    from navfw.topomap import load_map
 
     mission = _mission(read_result(folder), folder)
     if not (folder / "recording.npz").is_file():

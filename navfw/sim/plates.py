@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from navfw.landmarks import identity_of, plate_side
+from navfw.landmark_appearance import identity_of, plate_side
 from navfw.signals import Array
 from navfw.sim.layout import Solid, solids_of
 from navfw.sim.meshes import Mesh

@@ -14,7 +14,7 @@ from functools import partial
 
 import numpy as np
 
-from navfw.landmarks import plate_image
+from navfw.landmark_appearance import plate_image
 from navfw.signals import Array, Image
 from navfw.sim.display import Display
 from navfw.sim.drops import Tread, drop_at, treads_of

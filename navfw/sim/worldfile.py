@@ -9,7 +9,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
-from navfw.landmarks import ARUCO_IDS
+from navfw.landmark_appearance import ARUCO_IDS
 
 __all__ = [
     "BoxSpec",

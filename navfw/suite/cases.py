@@ -288,7 +288,7 @@ def _runs_without_variant(suite: Suite, index: int, case: Case, registry: Regist
 
 
 def _map_of(session: Session) -> dict[str, Any]:
-    from navfw.topomap.files import map_data
+    from navfw.topomap.mapfile import map_data
 
     return map_data(session.mission.topo_map)
 

@@ -24,7 +24,7 @@ from navfw.signals import Pose, Waypoint
 from navfw.sim.floorplan import FloorPlan
 from navfw.sim.worldfile import WorldSpec
 from navfw.stack import Stack
-from navfw.topomap.model import TopoMap
+from navfw.topomap import TopoMap
 
 if TYPE_CHECKING:
     from navfw.plugins import Registry

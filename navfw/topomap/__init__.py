@@ -1,19 +1,28 @@
-"""The topological map: places, passages and landmarks, its files, and where the robot is."""
+"""The topological map: places, passages and landmarks; its files, checks, and maps from geometry.
+
+``elements`` and ``mapspec`` are plain data, ``validation`` checks them, ``topological_map`` holds
+them as a graph, ``mapfile`` and ``map_formats`` read and write them. ``map_check`` reports what is
+suspect in a valid map; ``map_builder`` derives a map from a world's geometry, ``landmark_mapping``
+estimates landmark poses from a drive.
+"""
 
 from __future__ import annotations
 
-from navfw.topomap.files import load_map
-from navfw.topomap.model import (
-    Footing,
+from navfw.topomap.elements import (
+    LANDMARK_KINDS,
+    PLACE_KINDS,
     Landmark,
     LandmarkKind,
     Passage,
     Place,
     PlaceKind,
-    TopoMap,
 )
+from navfw.topomap.mapfile import load_map
+from navfw.topomap.topological_map import Footing, TopoMap
 
 __all__ = [
+    "LANDMARK_KINDS",
+    "PLACE_KINDS",
     "Footing",
     "Landmark",
     "LandmarkKind",

@@ -15,9 +15,10 @@ from collections.abc import Iterator
 from typing import Any
 
 from navfw.errors import ConfigError, MapError
-from navfw.topomap.files import map_data
-from navfw.topomap.foreign import Draft
-from navfw.topomap.model import Passage, TopoMap
+from navfw.topomap.elements import Passage
+from navfw.topomap.map_import import Draft
+from navfw.topomap.mapfile import map_data
+from navfw.topomap.topological_map import TopoMap
 
 __all__ = ["geojson_text", "read_geojson"]
 

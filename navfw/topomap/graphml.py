@@ -14,9 +14,9 @@ from xml.parsers import expat
 from xml.sax.saxutils import escape, quoteattr
 
 from navfw.errors import ConfigError, MapError
-from navfw.topomap.files import map_data
-from navfw.topomap.foreign import EDGE_KEYS, PLACE_KEYS, Draft
-from navfw.topomap.model import TopoMap
+from navfw.topomap.map_import import EDGE_KEYS, PLACE_KEYS, Draft
+from navfw.topomap.mapfile import map_data
+from navfw.topomap.topological_map import TopoMap
 
 __all__ = ["graphml_text", "read_graphml"]
 

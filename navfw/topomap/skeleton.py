@@ -6,7 +6,7 @@ import networkx as nx
 import numpy as np
 
 from navfw.signals import Mask
-from navfw.topomap.ground import Ground, thinned
+from navfw.topomap.clearance_grid import Ground, thinned
 
 __all__ = ["skeleton_graph"]
 

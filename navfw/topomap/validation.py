@@ -5,12 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 from navfw.errors import did_you_mean
-
-if TYPE_CHECKING:
-    from navfw.topomap.model import Landmark, Passage, Place
+from navfw.topomap.elements import Landmark, Passage, Place
 
 __all__ = ["Contradiction", "contradictions"]
 

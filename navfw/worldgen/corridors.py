@@ -10,7 +10,7 @@ import numpy as np
 
 from navfw.sim.shapes import Disc, Rectangle
 from navfw.sim.worldfile import DoorSpec, RoomSpec
-from navfw.topomap.model import PlaceKind
+from navfw.topomap import PlaceKind
 from navfw.worldgen.draft import ROBOT, WALL, Draft, Point, Unsuitable, blend
 from navfw.worldgen.partition import Area, Gap, Line, boundary_lines, walls_along
 from navfw.worldgen.roadmap import Roadmap

@@ -20,7 +20,7 @@ from navfw.sim.worldfile import (
     WallSpec,
     WorldSpec,
 )
-from navfw.topomap.model import TopoMap
+from navfw.topomap import TopoMap
 from navfw.worldgen.looks import Palette
 
 __all__ = ["MARGIN", "WALL", "Draft", "KeepFree", "Point", "Unsuitable", "blend", "rounded"]

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import networkx as nx
 import numpy as np
 
-from navfw.topomap.model import PlaceKind
+from navfw.topomap import PlaceKind
 from navfw.worldgen.draft import WALL, Draft, Point, Unsuitable, blend
 from navfw.worldgen.partition import Line, walls_along
 from navfw.worldgen.roadmap import Roadmap

@@ -13,7 +13,7 @@ from typing import Any
 from navfw.errors import InputError
 from navfw.missions.missionfile import MissionSpec
 from navfw.sim.worldfile import WorldSpec
-from navfw.topomap.model import TopoMap
+from navfw.topomap import TopoMap
 
 __all__ = ["MAP_FILE", "MISSION", "GeneratedWorld", "write_world"]
 

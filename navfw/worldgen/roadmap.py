@@ -16,7 +16,7 @@ import numpy as np
 from navfw.errors import WorldError
 from navfw.signals import Array
 from navfw.sim.floorplan import FloorPlan
-from navfw.topomap.model import Passage, Place, PlaceKind, TopoMap
+from navfw.topomap import Passage, Place, PlaceKind, TopoMap
 from navfw.worldgen.draft import Point, Unsuitable
 
 __all__ = ["Roadmap"]

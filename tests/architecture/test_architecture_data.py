@@ -16,7 +16,7 @@ from navfw.plugins import default_registry
 from navfw.sim.worldfile import load_world
 from navfw.stackfile import load_stack
 from navfw.suite.suitefile import load_suite
-from navfw.topomap.files import load_map
+from navfw.topomap import load_map
 
 READERS: dict[str, Callable[[Path], Any]] = {
     "behaviors/*.yaml": RuleBase.load,

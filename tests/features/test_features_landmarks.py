@@ -15,16 +15,16 @@ from hypothesis import strategies as st
 from navfw.bench.landmarks import view_of
 from navfw.errors import ConfigError
 from navfw.features.aruco import Aruco
-from navfw.features.geometry import is_upright, locate, locate_with_covariance
-from navfw.features.landmarks import Landmarks
+from navfw.features.combined_landmarks import Landmarks
 from navfw.features.posters import Posters
-from navfw.landmarks import marker_dictionary, plate_image, poster_image
+from navfw.features.square_localization import is_upright, locate, locate_with_covariance
+from navfw.landmark_appearance import marker_dictionary, plate_image, poster_image
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Array, Frame, Image, Pose
 from navfw.sim.sensors import SensorParams
 from navfw.sim.simulation import Simulation
 from navfw.sim.worldfile import LandmarkSpec, WallSpec, WorldSpec
-from navfw.topomap.model import Landmark, Place, TopoMap
+from navfw.topomap import Landmark, Place, TopoMap
 
 ROBOT = RobotModel()
 LARGE = ROBOT.model_copy(update={"camera": ROBOT.landmark_view})

@@ -25,7 +25,7 @@ from navfw.signals import (
     wrap_angle,
 )
 from navfw.sim.sensors import Gyro, SensorParams, WheelEncoders
-from navfw.topomap.model import Landmark, TopoMap
+from navfw.topomap import Landmark, TopoMap
 
 RATE = 60
 FRAME = 6

@@ -8,14 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from navfw.localization.bayes import Bayes
-from navfw.localization.discrete import DiscreteFilter, DiscreteParams
+from navfw.localization.discrete_filter import DiscreteFilter, DiscreteParams
 from navfw.localization.landmark_existence import LandmarkExistence
 from navfw.localization.landmark_observations import Looks
 from navfw.localization.lattice import MOST_STATES, Lattice
 from navfw.robot import RobotModel
 from navfw.signals import LandmarkDetection, Odometry, Pose, Twist, wrap_angle
-from navfw.topomap.files import load_map
-from navfw.topomap.model import Landmark, Passage, Place, TopoMap
+from navfw.topomap import Landmark, Passage, Place, TopoMap, load_map
 
 PLACES = [
     Place("west", 0.0, 0.0, "room"),

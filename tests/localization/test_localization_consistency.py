@@ -13,7 +13,7 @@ import pytest
 from localization_drives import FakeRecognizer, Report, drive, follow, straight_drive
 from test_localization_ekf import HALL, MARKS, RING, START
 
-from navfw.localization import metric
+from navfw.localization import metric_filter
 from navfw.localization.ekf import Ekf
 from navfw.localization.motion_model import MotionParams, motion_noise
 from navfw.robot import RobotModel
@@ -26,14 +26,14 @@ Trip = Callable[..., tuple[Report, list[float]]]
 def trip(monkeypatch: pytest.MonkeyPatch) -> Trip:
     """Drive rounds with the sensors of a preset; the report, and the NIS of every detection."""
     surprises: list[float] = []
-    usual = metric.associate
+    usual = metric_filter.associate
 
     def listening(*args: object) -> object:
         found = usual(*args)  # type: ignore[arg-type]
         surprises.append(found.distance)
         return found
 
-    monkeypatch.setattr(metric, "associate", listening)
+    monkeypatch.setattr(metric_filter, "associate", listening)
 
     def run(
         preset: str, seed: int, *, rounds: int = 1, seen: bool = True, sheet: str | None = None

@@ -20,7 +20,7 @@ from navfw.localization.ekf import Ekf
 from navfw.robot import RobotModel
 from navfw.signals import LandmarkDetection, Odometry, Pose, Twist
 from navfw.sim.sensors import SensorParams
-from navfw.topomap.model import Landmark, Passage, Place, TopoMap
+from navfw.topomap import Landmark, Passage, Place, TopoMap
 
 RING = [(0.0, 0.0), (14.0, 0.0), (14.0, 8.0), (0.0, 8.0), (0.0, 0.0)]
 CORNERS = [Place(f"corner-{i}", *point) for i, point in enumerate(RING[:4])]

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from navfw.errors import ConfigError, InputError, UnknownNameError
 from navfw.localization.bayes import Bayes
-from navfw.localization.discrete import DiscreteFilter, DiscreteParams
+from navfw.localization.discrete_filter import DiscreteFilter, DiscreteParams
 from navfw.localization.landmark_existence import LandmarkExistence
 from navfw.localization.situation_model import (
     FLOOR,
@@ -27,7 +27,7 @@ from navfw.localization.topological import Topological
 from navfw.offis.situations import ELEMENTARY
 from navfw.robot import RobotModel
 from navfw.signals import Odometry, Pose, Twist
-from navfw.topomap.model import PLACE_KINDS, Passage, Place, TopoMap
+from navfw.topomap import PLACE_KINDS, Passage, Place, TopoMap
 
 degrees = st.dictionaries(st.sampled_from([*ELEMENTARY, "door or corner"]), st.floats(0.0, 1.0))
 looks = st.lists(st.tuples(st.sampled_from(PLACE_KINDS), degrees), min_size=1, max_size=60)

@@ -23,7 +23,7 @@ from navfw.localization.topological import Topological
 from navfw.robot import RobotModel
 from navfw.signals import Belief, LandmarkDetection, Odometry, Percept, Pose, Twist
 from navfw.sim.sensors import SensorParams
-from navfw.topomap.files import load_map
+from navfw.topomap import load_map
 
 ROOT = Path(__file__).parents[2]
 HOSPITAL = load_map(ROOT / "maps" / "hospital.yaml")

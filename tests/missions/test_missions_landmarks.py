@@ -16,7 +16,7 @@ from navfw.missions.session import prepare
 from navfw.recording.readings import load_recording
 from navfw.recording.replay import replay
 from navfw.recording.runfolder import RunFolder
-from navfw.topomap.files import load_map
+from navfw.topomap import load_map
 
 SHORT = ["mission.timeout=9"]
 

@@ -15,8 +15,7 @@ from navfw.signals import Frame, Pose
 from navfw.sim.sensors import SensorParams
 from navfw.sim.simulation import Simulation
 from navfw.sim.worldfile import load_world
-from navfw.topomap.files import load_map
-from navfw.topomap.model import Place, TopoMap
+from navfw.topomap import Place, TopoMap, load_map
 
 VIEWS = 12
 

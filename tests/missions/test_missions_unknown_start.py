@@ -23,7 +23,7 @@ from navfw.signals import Belief, Pose, SensorReading, Twist, Waypoint
 from navfw.sim.floorplan import FloorPlan
 from navfw.sim.worldfile import load_world
 from navfw.testing.fakes import FakeSimulator, FakeState
-from navfw.topomap.model import Place
+from navfw.topomap import Place
 
 ANYWHERE = "map: office\nstart: unknown\ngoals: [lab]\n"
 TWO = "map: office\nstart: {unknown: [kitchen, lobby]}\ngoals: [lab]\n"

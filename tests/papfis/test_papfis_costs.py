@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navfw.fuzzy import CompiledFis, RuleBase
-from navfw.papfis.costs import RULE_BASE, CostParams, EdgeCosts, inputs_of
+from navfw.papfis.edge_costs import RULE_BASE, CostParams, EdgeCosts, inputs_of
 from navfw.robot import RobotModel
 from navfw.topomap import Passage, Place, TopoMap
 

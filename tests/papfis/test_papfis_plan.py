@@ -5,7 +5,7 @@ from papfis_maps import joined, office
 
 from navfw.errors import MapError, UnknownNameError
 from navfw.papfis import Spot, make_plan
-from navfw.papfis.plan import passage_named, spot_named
+from navfw.papfis.route_plan import passage_named, spot_named
 from navfw.topomap import Place, TopoMap
 
 

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from papfis_maps import joined, random_maps
 
-from navfw.papfis.costs import EdgeCosts
-from navfw.papfis.search import RoadNetwork
+from navfw.papfis.edge_costs import EdgeCosts
+from navfw.papfis.graph_search import RoadNetwork
 from navfw.robot import RobotModel
 from navfw.signals import Array
 from navfw.topomap import Place, TopoMap

@@ -59,7 +59,7 @@ def test_a_broken_entry_point_is_named(package: str, value: str, message: str) -
     registry.discover_entry_points(
         [
             point(value.format(package)),
-            point("navfw.features.none:NoFeatures", "none", "navfw.features"),
+            point("navfw.features.no_features:NoFeatures", "none", "navfw.features"),
         ]
     )
     with pytest.raises(PluginError, match=r"hover|Hover|elsewhere") as caught:

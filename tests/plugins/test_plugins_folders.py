@@ -135,7 +135,7 @@ def test_plugins_of_other_kinds_and_imported_ones(folder: Path) -> None:
         folder,
         "mine",
         '''
-from navfw.features.none import NoFeatures
+from navfw.features.no_features import NoFeatures
 
 class Some(NoFeatures):
     """Some."""

@@ -12,14 +12,14 @@ import pytest
 
 from navfw.config.lookup import find
 from navfw.errors import ConfigError, WorldError
-from navfw.landmarks import plate_image, plate_side
+from navfw.landmark_appearance import plate_image, plate_side
 from navfw.robot import RobotModel
 from navfw.signals import Pose
 from navfw.sim.actions import CameraFault
 from navfw.sim.sensors import SensorParams
 from navfw.sim.simulation import Simulation
 from navfw.sim.worldfile import WorldSpec, load_world
-from navfw.topomap.files import load_map
+from navfw.topomap import load_map
 
 ROBOT = RobotModel()
 PERFECT = SensorParams.preset("perfect")

@@ -16,7 +16,7 @@ from navfw.suite.case import Job
 from navfw.suite.cases import Plan, plan_runs
 from navfw.suite.suitefile import load_suite
 from navfw.suite.work import run_job
-from navfw.topomap.model import Passage, Place, TopoMap
+from navfw.topomap import Passage, Place, TopoMap
 
 
 @dataclass(frozen=True)

@@ -18,9 +18,9 @@ from navfw.errors import MapError
 from navfw.sim.floorplan import FloorPlan
 from navfw.sim.worldfile import WorldSpec, load_world
 from navfw.topomap import TopoMap
-from navfw.topomap.build import build_map
-from navfw.topomap.check import check_map
-from navfw.topomap.ground import Ground, thinned
+from navfw.topomap.clearance_grid import Ground, thinned
+from navfw.topomap.map_builder import build_map
+from navfw.topomap.map_check import check_map
 from navfw.topomap.skeleton import skeleton_graph
 
 ROOT = Path(__file__).parents[2]

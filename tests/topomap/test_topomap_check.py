@@ -11,7 +11,7 @@ from navfw.signals import Array
 from navfw.sim.floorplan import FloorPlan
 from navfw.sim.worldfile import load_world
 from navfw.topomap import Passage, Place, TopoMap, load_map
-from navfw.topomap.check import check_map
+from navfw.topomap.map_check import check_map
 
 ROOT = Path(__file__).parents[2]
 A, B, C = Place("a", 0, 0), Place("b", 4, 0), Place("c", 8, 0)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from navfw.config.yamlfile import parse_yaml
 from navfw.errors import ConfigError, InputError, MapError
 from navfw.topomap import Landmark, Passage, Place, TopoMap, load_map
-from navfw.topomap.files import map_text, read_map
+from navfw.topomap.mapfile import map_text, read_map
 
 MAPS = Path(__file__).parents[2] / "maps"
 texts = st.one_of(

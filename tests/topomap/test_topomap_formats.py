@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from navfw.errors import ConfigError, InputError, MapError
 from navfw.topomap import Landmark, Passage, Place, TopoMap, load_map
-from navfw.topomap.formats import load_any_map, save_map
+from navfw.topomap.map_formats import load_any_map, save_map
 
 MAPS = Path(__file__).parents[2] / "maps"
 FORMATS = ["yaml", "graphml", "geojson"]

@@ -23,7 +23,7 @@ from navfw.sim.layout import solids_of
 from navfw.sim.shapes import gap_between
 from navfw.sim.simulation import Simulation
 from navfw.sim.worldfile import load_world
-from navfw.topomap.files import load_map
+from navfw.topomap import load_map
 from navfw.worldgen import FAMILIES, GeneratedWorld, generate
 from navfw.worldgen.model import MAP_FILE
 

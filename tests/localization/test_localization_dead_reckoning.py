@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navfw.errors import InputError
+from navfw.localization.dead_reckoning import DeadReckoning
 from navfw.robot import RobotModel
 from navfw.signals import Belief, Odometry, Pose, Twist, wrap_angle
 from navfw.topomap import Place, TopoMap
-from navfw.topomap.dead_reckoning import DeadReckoning
 
 ROOMS = TopoMap("rooms", [Place(f"room-{i}", 3.0 * i, 0.0) for i in range(20)], [])
 

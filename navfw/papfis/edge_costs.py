@@ -22,7 +22,7 @@ import numpy as np
 from navfw.fuzzy import CompiledFis, Inference, RuleBase
 from navfw.robot import RobotModel
 from navfw.signals import Array, Mask
-from navfw.topomap.model import Passage, TopoMap
+from navfw.topomap import Passage, TopoMap
 
 __all__ = ["RULE_BASE", "CostParams", "EdgeCosts", "inputs_of"]
 

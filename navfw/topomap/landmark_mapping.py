@@ -18,7 +18,8 @@ import numpy.typing as npt
 
 from navfw.errors import MapError
 from navfw.signals import Array, LandmarkDetection, Odometry, Pose, wrap_angle
-from navfw.topomap.model import Landmark, LandmarkKind, TopoMap
+from navfw.topomap.elements import Landmark, LandmarkKind
+from navfw.topomap.topological_map import TopoMap
 
 __all__ = ["LandmarkLearner", "Learnt", "with_landmarks"]
 

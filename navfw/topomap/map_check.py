@@ -12,7 +12,8 @@ import numpy as np
 
 from navfw.robot import RobotModel
 from navfw.signals import Array
-from navfw.topomap.model import Passage, TopoMap
+from navfw.topomap.elements import Passage
+from navfw.topomap.topological_map import TopoMap
 
 __all__ = ["Problem", "ProblemKind", "check_map"]
 

@@ -17,10 +17,10 @@ from navfw.localization.landmark_existence import LandmarkExistence
 from navfw.localization.landmark_model import ELSEWHERE
 from navfw.localization.landmark_observations import Look, agreeing
 from navfw.localization.lattice import Lattice
+from navfw.localization.place_posterior import COUNT
 from navfw.localization.situation_model import LEARNT, SituationTable
 from navfw.signals import Array, Odometry, Pose, wrap_angle
-from navfw.topomap.model import TopoMap
-from navfw.topomap.place_posterior import COUNT
+from navfw.topomap import TopoMap
 
 __all__ = ["Cluster", "DiscreteFilter", "DiscreteParams"]
 

@@ -12,10 +12,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from navfw.landmarks import identity_of
+from navfw.landmark_appearance import identity_of
 from navfw.robot import CameraModel
 from navfw.signals import Array, LandmarkDetection
-from navfw.topomap.model import TopoMap
+from navfw.topomap import TopoMap
 
 __all__ = ["is_upright", "locate", "locate_with_covariance", "sighting_of", "sizes_in"]
 

@@ -19,9 +19,10 @@ import numpy as np
 from navfw.errors import MapError
 from navfw.robot import RobotModel
 from navfw.signals import Array
-from navfw.topomap.ground import Ground
-from navfw.topomap.model import Passage, Place, PlaceKind, TopoMap
+from navfw.topomap.clearance_grid import Ground
+from navfw.topomap.elements import Passage, Place, PlaceKind
 from navfw.topomap.skeleton import skeleton_graph
+from navfw.topomap.topological_map import TopoMap
 
 __all__ = ["build_map"]
 

@@ -12,10 +12,10 @@ from pathlib import Path
 
 from navfw.config.document import no_such_file, shown_path
 from navfw.errors import ConfigError, MapError
-from navfw.topomap.files import MAX_BYTES, load_map, map_text
 from navfw.topomap.geojson import geojson_text, read_geojson
 from navfw.topomap.graphml import graphml_text, read_graphml
-from navfw.topomap.model import TopoMap
+from navfw.topomap.mapfile import MAX_BYTES, load_map, map_text
+from navfw.topomap.topological_map import TopoMap
 
 __all__ = ["SUFFIXES", "load_any_map", "save_map"]
 

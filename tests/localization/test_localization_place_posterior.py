@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from navfw.errors import InputError
+from navfw.localization.place_posterior import PlacesNearby, known_start, likeliest_places
 from navfw.signals import Pose
-from navfw.topomap.model import Place, TopoMap
-from navfw.topomap.place_posterior import PlacesNearby, known_start, likeliest_places
+from navfw.topomap import Place, TopoMap
 
 MAP = TopoMap("two", [Place("west", 0.0, 0.0, "room"), Place("east", 4.0, 0.0, "room")], [])
 SURE = np.diag([0.01, 0.01, 0.01])

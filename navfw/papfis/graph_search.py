@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from navfw.signals import Array
-from navfw.topomap.model import Passage, TopoMap
+from navfw.topomap import Passage, TopoMap
 
 __all__ = ["Found", "RoadNetwork"]
 

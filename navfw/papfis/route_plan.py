@@ -15,10 +15,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from navfw.errors import MapError, UnknownNameError
-from navfw.papfis.costs import CostParams
+from navfw.papfis.edge_costs import CostParams
 from navfw.papfis.routes import Route, Router, Spot
 from navfw.robot import RobotModel
-from navfw.topomap.model import Passage, TopoMap
+from navfw.topomap import Passage, TopoMap
 
 __all__ = ["Plan", "make_plan", "passage_named", "spot_named"]
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from navfw.errors import InputError
 from navfw.signals import Array, Pose, position_sigma
-from navfw.topomap.model import TopoMap
+from navfw.topomap import TopoMap
 
 __all__ = [
     "AT_PLACE",

@@ -12,7 +12,7 @@ from navfw.features.posters import Posters
 from navfw.interfaces import FeatureRecognizer
 from navfw.robot import RobotModel
 from navfw.signals import Frame, LandmarkDetection
-from navfw.topomap.model import TopoMap
+from navfw.topomap import TopoMap
 
 __all__ = ["Landmarks"]
 

@@ -6,8 +6,9 @@ from typing import Any
 
 from navfw.config.document import KeyPath, Origin, YamlDocument
 from navfw.errors import MapError
-from navfw.topomap.files import EdgeSpec, LandmarkSpec, PlaceSpec, read_map
-from navfw.topomap.model import TopoMap
+from navfw.topomap.mapfile import read_map
+from navfw.topomap.mapspec import EdgeSpec, LandmarkSpec, PlaceSpec
+from navfw.topomap.topological_map import TopoMap
 
 __all__ = ["EDGE_KEYS", "PLACE_KEYS", "Draft"]
 

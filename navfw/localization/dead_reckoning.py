@@ -10,9 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from navfw.interfaces import Localizer
-from navfw.signals import Array, Belief, LandmarkDetection, Odometry, Percept, Pose, wrap_angle
-from navfw.topomap.model import TopoMap
-from navfw.topomap.place_posterior import (
+from navfw.localization.place_posterior import (
     AT_PLACE,
     COUNT,
     REFRESH,
@@ -20,6 +18,8 @@ from navfw.topomap.place_posterior import (
     known_start,
     within,
 )
+from navfw.signals import Array, Belief, LandmarkDetection, Odometry, Percept, Pose, wrap_angle
+from navfw.topomap import TopoMap
 
 __all__ = ["DeadReckoning"]
 

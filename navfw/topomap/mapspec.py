@@ -1,0 +1,71 @@
+"""The keys of a map file, as pydantic models: what ``mapfile`` reads and writes."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from navfw.topomap.elements import LandmarkKind, PlaceKind
+
+__all__ = ["EdgeSpec", "LandmarkSpec", "MapSpec", "PlaceSpec"]
+
+Share = Annotated[float, Field(ge=0.0, le=1.0)]
+Coordinate = Annotated[float, Field(ge=-1e6, le=1e6)]
+
+
+class _Spec(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class PlaceSpec(_Spec):
+    """A place as the file has it."""
+
+    x: Annotated[Coordinate, Field(description="in the map frame [m]")]
+    y: Annotated[Coordinate, Field(description="in the map frame [m]")]
+    kind: Annotated[PlaceKind, Field(description="what a robot finds there")] = "room"
+
+
+class EdgeSpec(_Spec):
+    """A passage as the file has it; lengths that are wrong are found with the places known."""
+
+    from_: Annotated[str, Field(alias="from", description="a place")]
+    to: Annotated[str, Field(description="another place")]
+    length: Annotated[
+        float | None, Field(description="[m]; the straight distance when left out")
+    ] = None
+    width: Annotated[
+        float | None, Field(description="free width at the narrowest point [m]; wide open if none")
+    ] = None
+    danger: Annotated[
+        Share | None, Field(description="0 to 1; 1 at danger places, else 0, when left out")
+    ] = None
+    doorness: Annotated[
+        Share | None, Field(description="0 to 1; 1 at door places, else 0, when left out")
+    ] = None
+    uncertainty: Annotated[Share, Field(description="0 to 1: is it open at all?")] = 0.0
+
+
+class LandmarkSpec(_Spec):
+    """A landmark as the file has it: a flat upright square."""
+
+    kind: Annotated[LandmarkKind, Field(description="how it is recognised")] = "aruco"
+    id: Annotated[int, Field(ge=0, le=1_000_000, description="its own among those of its kind")]
+    x: Annotated[Coordinate, Field(description="of the centre, in the map frame [m]")]
+    y: Annotated[Coordinate, Field(description="of the centre, in the map frame [m]")]
+    z: Annotated[float, Field(ge=0.0, le=100.0, description="centre above the floor [m]")] = 0.5
+    yaw: Annotated[
+        float, Field(ge=-6.3, le=6.3, description="where it faces, counter-clockwise from x [rad]")
+    ]
+    size: Annotated[float, Field(gt=0.0, le=10.0, description="length of its side [m]")] = 0.25
+
+
+class MapSpec(_Spec):
+    """A whole map file."""
+
+    name: Annotated[str, Field(min_length=1, description="of the map")]
+    places: Annotated[dict[str, PlaceSpec], Field(description="by name")]
+    edges: Annotated[list[EdgeSpec], Field(description="passages between places")] = []
+    landmarks: Annotated[
+        dict[str, LandmarkSpec], Field(description="what a camera can recognise, by name")
+    ] = {}
