@@ -80,9 +80,8 @@ def suite(
     if resume and out is None:
         raise typer.BadParameter("needs --out, the folder to go on with", param_hint="--resume")
     with quiet_stdout():
-        from navfw.config.lookup import project_folder
-        from navfw.missions.report import git_revision
         from navfw.plugins import default_registry
+        from navfw.recording.provenance import code_revision
         from navfw.suite.cases import plan_runs
         from navfw.suite.evaluation import evaluate
         from navfw.suite.outfolder import OutFolder
@@ -101,7 +100,7 @@ def suite(
         for name, reason in plan.skipped.items():
             typer.echo(f"navfw: skips the variant {name}: {reason}", err=True)
         folder = OutFolder.choose(out, plan, span)
-        have = folder.open(plan, git_revision(project_folder() or Path.cwd()), resume=resume)
+        have = folder.open(plan, code_revision(), resume=resume)
         with _Bar(plan.suite, plan.cases, have, quiet=quiet) as bar:
             done = evaluate(
                 plan,

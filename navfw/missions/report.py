@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import platform
-import shutil
-import subprocess
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from navfw.config.lookup import project_folder
 from navfw.missions.session import MissionResult, Session
 from navfw.recording.drawing import Disc, Outline
+from navfw.recording.provenance import code_revision, machine_kind
 from navfw.recording.runfolder import RESULT, RunFolder
 from navfw.recording.trajectory import Picture, draw_trajectory
 from navfw.sim.floorplan import FloorPlan
@@ -39,7 +37,9 @@ def write_run(result: MissionResult, target: RunFolder) -> None:
             "config": resolved_config(session),
             "overrides": session.overrides,
             "versions": versions(),
-            "git_revision": git_revision(project_folder() or Path.cwd()),
+            "stack": session.stack_file.stem,
+            "revision": code_revision(),
+            "machine": machine_kind(),
         },
     )
     draw(result, target.path / "trajectory.png")
@@ -111,27 +111,3 @@ def versions() -> dict[str, str]:
         except metadata.PackageNotFoundError:
             found[library] = "not installed"
     return found
-
-
-def git_revision(folder: Path) -> str | None:
-    """The commit checked out around ``folder``, ``+`` after it when files differ; None without."""
-    git = shutil.which("git")
-    if git is None:
-        return None
-
-    def ask(*words: str) -> str:
-        done = subprocess.run(  # noqa: S603 - fixed words, no shell
-            [git, "-C", str(folder), *words],
-            capture_output=True,
-            text=True,
-            timeout=5.0,
-            check=True,
-        )
-        return done.stdout.strip()
-
-    try:
-        revision = ask("rev-parse", "HEAD")
-        changed = ask("status", "--porcelain", "--untracked-files=no")
-    except (OSError, subprocess.SubprocessError):
-        return None
-    return revision + ("+" if changed else "")

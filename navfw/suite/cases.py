@@ -36,7 +36,8 @@ class Plan:
 
     ``content`` has a fingerprint for each thing that a result depends on, by its name: entries,
     world and mission files, resolved stacks. Seeds are none of it: a table may grow by seeds.
-    ``expect`` is what passes, by the entries that say so.
+    ``expect`` is what passes, by the entries that say so. ``suite_hash`` is the SHA-256 of the
+    suite's file, ``options`` the options of ``navfw suite`` that change what is run.
     """
 
     suite: str
@@ -44,6 +45,8 @@ class Plan:
     content: Mapping[str, str] = field(default_factory=dict)
     expect: Mapping[str, Expect] = field(default_factory=dict)
     skipped: Mapping[str, str] = field(default_factory=dict)
+    suite_hash: str = ""
+    options: tuple[str, ...] = ()
 
 
 def plan_runs(
@@ -106,7 +109,17 @@ def plan_runs(
         raise InputError(f"nothing is left to run: {'; '.join(skipped.values())}", key="variants")
     cases = tuple(replace(case, index=number) for number, case in enumerate(draft))
     expect = {e.title: e.expect for e in suite.spec.entries if e.expect is not None}
-    return Plan(suite.name, cases, content, expect, skipped)
+    options = [("--stack", name) for name in stacks] + [("--set", text) for text in overrides]
+    options += [("--worlds", "DIR")] if worlds is not None else []
+    return Plan(
+        suite.name,
+        cases,
+        content,
+        expect,
+        skipped,
+        suite_hash=hashlib.sha256(suite.file.read_bytes()).hexdigest(),
+        options=tuple(word for option in options for word in option),
+    )
 
 
 def _ways(suite: Suite, wanted: Sequence[str], stacks: Sequence[str]) -> dict[str, VariantSpec]:

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from navfw.errors import ConfigError, InputError
+from navfw.recording.provenance import machine_kind
 from navfw.recording.runfolder import plain_json
 from navfw.suite.cases import Plan
 from navfw.suite.markdown import markdown_table
@@ -54,7 +55,7 @@ class OutFolder:
             place = first.with_name(f"{first.name}-{number}")
         return cls(place)
 
-    def open(self, plan: Plan, revision: str | None, *, resume: bool) -> list[RunRow]:
+    def open(self, plan: Plan, revision: str, *, resume: bool) -> list[RunRow]:
         """Make the folder, or go on with what is in it; the rows it already has.
 
         Raises:
@@ -64,12 +65,15 @@ class OutFolder:
         """
         rows: list[RunRow] = []
         revisions = [revision]
+        machines = [machine_kind()]
         if resume and self.table.is_file():
-            known = self._about()
+            known = self.about()
             self._compare(known.get("content", {}), plan.content)
             rows = [row for row in read_table(self.table) if row.outcome != "cancelled"]
             before = known.get("revisions", [])
             revisions = list(dict.fromkeys([*before, revision]))
+            others = known.get("machines", [])
+            machines = [*others, *(machine for machine in machines if machine not in others)]
         else:
             self._refuse_foreign()
         try:
@@ -77,8 +81,15 @@ class OutFolder:
         except OSError as error:
             what = f"cannot be written: {error.strerror or error}"
             raise InputError(what, file=self.path) from error
-        content = {**plan.content}
-        self._write(ABOUT, {"suite": plan.suite, "content": content, "revisions": revisions})
+        about = {
+            "suite": plan.suite,
+            "suite_hash": plan.suite_hash,
+            "options": plan.options,
+            "content": {**plan.content},
+            "revisions": revisions,
+            "machines": machines,
+        }
+        self._write(ABOUT, about)
         write_table(self.table, rows)
         return rows
 
@@ -94,11 +105,17 @@ class OutFolder:
             self.pictures.rmdir()
 
     @property
-    def revisions(self) -> list[str | None]:
+    def revisions(self) -> list[str]:
         """The revisions of the code that made the table."""
-        return list(self._about().get("revisions", []))
+        return list(self.about().get("revisions", []))
 
-    def _about(self) -> dict[str, Any]:
+    def about(self) -> dict[str, Any]:
+        """What ``suite.json`` holds: suite, its hash, options, content, revisions, machines.
+
+        Raises:
+            ConfigError: there is no such file, or it is damaged.
+
+        """
         file = self.path / ABOUT
         try:
             about = json.loads(file.read_text(encoding="utf-8"))

@@ -10,6 +10,7 @@ import pytest
 import suite_samples as samples
 
 from navfw.errors import InputError
+from navfw.recording.provenance import machine_kind
 from navfw.suite.case import Case
 from navfw.suite.cases import Plan
 from navfw.suite.evaluation import Evaluation, evaluate
@@ -99,25 +100,26 @@ def test_resuming_with_another_configuration_is_refused(tmp_path: Path) -> None:
 def test_revisions_are_remembered(tmp_path: Path) -> None:
     out = OutFolder(tmp_path / "out")
     run(plan(2), out)
-    out.open(plan(2), "def+", resume=True)
-    assert out.revisions == ["abc", "def+"]
+    out.open(plan(2), "def-dirty", resume=True)
+    assert out.revisions == ["abc", "def-dirty"]
+    assert out.about()["machines"] == [machine_kind()]
 
 
 def test_nothing_is_overwritten(tmp_path: Path) -> None:
     out = OutFolder(tmp_path / "out")
     run(plan(2), out)
     with pytest.raises(InputError, match="--resume"):
-        out.open(plan(2), None, resume=False)
+        out.open(plan(2), "abc", resume=False)
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "notes.txt").touch()
     with pytest.raises(InputError, match="is not empty"):
-        OutFolder(tmp_path / "mine").open(plan(2), None, resume=False)
+        OutFolder(tmp_path / "mine").open(plan(2), "abc", resume=False)
     with pytest.raises(InputError, match="is not empty"):
-        OutFolder(tmp_path / "mine").open(plan(2), None, resume=True)
+        OutFolder(tmp_path / "mine").open(plan(2), "abc", resume=True)
     (tmp_path / "file").touch()
     for where in (tmp_path / "file", tmp_path / "file" / "below"):
         with pytest.raises(InputError):
-            OutFolder(where).open(plan(2), None, resume=False)
+            OutFolder(where).open(plan(2), "abc", resume=False)
 
 
 def test_a_damaged_folder_is_not_continued(tmp_path: Path) -> None:
@@ -125,7 +127,7 @@ def test_a_damaged_folder_is_not_continued(tmp_path: Path) -> None:
     run(plan(2), out)
     (out.path / "suite.json").write_text("{")
     with pytest.raises(InputError, match=r"suite\.json"):
-        out.open(plan(2), None, resume=True)
+        out.open(plan(2), "abc", resume=True)
 
 
 def test_default_folders_are_numbered(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -133,6 +135,6 @@ def test_default_folders_are_numbered(tmp_path: Path, monkeypatch: pytest.Monkey
     names = []
     for _ in range(2):
         out = OutFolder.choose(None, plan(2), range(2, 3))
-        out.open(plan(2), None, resume=False)
+        out.open(plan(2), "abc", resume=False)
         names.append(str(out.path))
     assert names == ["runs/rooms-2-3", "runs/rooms-2-3-2"]

@@ -1,0 +1,99 @@
+"""What a result was measured with: the revision of the code, and the kind of machine."""
+
+from __future__ import annotations
+
+import os
+import platform
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import navfw
+from navfw.config.lookup import project_folder
+
+__all__ = ["DIRTY", "code_revision", "git_revision", "machine_kind", "usable_cores"]
+
+DIRTY = "-dirty"
+"""Suffix of a revision whose tracked files have uncommitted changes."""
+
+
+def code_revision() -> str:
+    """The git revision of the project around the working folder, else of navfw's own source.
+
+    Without git, navfw's version, as in ``navfw 0.1.0``.
+    """
+    source = Path(navfw.__file__)
+    project = project_folder()
+    if project is not None:
+        found = git_revision(project)
+    else:
+        # an installed copy may lie inside another repository, which does not track it
+        tracked = _git(source.parent, "ls-files", "--error-unmatch", source.name) is not None
+        found = git_revision(source.parent) if tracked else None
+    return found or f"navfw {_version()}"
+
+
+def git_revision(folder: Path) -> str | None:
+    """The commit checked out around ``folder``; None without git.
+
+    ``-dirty`` is appended when tracked files have uncommitted changes, except those in ``docs`` at
+    the top of the repository: no run reads them, and results are written there between runs.
+    """
+    revision = _git(folder, "rev-parse", "HEAD")
+    where = (":(top)", ":(top,exclude)docs")
+    changed = _git(folder, "status", "--porcelain", "--untracked-files=no", "--", *where)
+    if revision is None or changed is None:
+        return None
+    return revision + (DIRTY if changed else "")
+
+
+def machine_kind() -> dict[str, Any]:
+    """Processor model, usable cores, Python version and operating system; no host name."""
+    return {
+        "processor": _processor(),
+        "cores": usable_cores(),
+        "python": platform.python_version(),
+        "system": f"{platform.system()} {platform.machine()}",
+    }
+
+
+def usable_cores() -> int:
+    """Number of cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def _processor() -> str:
+    """The model name that the operating system reports; else the architecture."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        lines = []
+    models = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return (models or [platform.processor()])[0] or platform.machine()
+
+
+def _version() -> str:
+    from importlib import metadata
+
+    return metadata.version("navfw")
+
+
+def _git(folder: Path, *words: str) -> str | None:
+    """What ``git`` prints when called in ``folder``; None if there is no git or it fails."""
+    git = shutil.which("git")
+    if git is None:
+        return None
+    try:
+        done = subprocess.run(  # noqa: S603 - fixed words, no shell
+            [git, "-C", str(folder), *words],
+            capture_output=True,
+            text=True,
+            timeout=5.0,
+            check=True,
+        )
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return done.stdout.strip()
