@@ -17,9 +17,9 @@ import numpy as np
 
 from navfw.bench.flow_accuracy import match_template_ratio
 from navfw.bench.samples import samples_of_world
-from navfw.fuzzy import RuleBase
-from navfw.fuzzy.benchmark import Comparison, compare
-from navfw.fuzzy.reference import ReferenceFis
+from navfw.fuzzy import load_rule_base
+from navfw.fuzzy.fis_benchmark import FisComparison, compare
+from navfw.fuzzy.reference_fis import ReferenceFis
 from navfw.offis.explanation import Explanation
 from navfw.offis.inference import RULES, Evaluation, infer
 from navfw.offis.offis import Offis
@@ -105,7 +105,7 @@ def _by_reference(evaluations: Sequence[Evaluation], references: dict[str, Refer
             reference.compute({name: float(x[k]) for name, x in evaluation.inputs.items()})
 
 
-def compare_rule_bases(samples: int, workers: int = 1) -> list[Comparison]:
+def compare_rule_bases(samples: int, workers: int = 1) -> list[FisComparison]:
     """Every rule base of OFFIS against scikit-fuzzy on ``samples`` random inputs each."""
     jobs = [(path.stem, samples) for path in sorted(RULES.glob("*.yaml"))]
     if workers <= 1:
@@ -114,9 +114,9 @@ def compare_rule_bases(samples: int, workers: int = 1) -> list[Comparison]:
         return pool.map(_compare, jobs, chunksize=1)
 
 
-def _compare(job: tuple[str, int]) -> Comparison:
+def _compare(job: tuple[str, int]) -> FisComparison:
     name, samples = job
-    return compare(RuleBase.load(RULES / f"{name}.yaml"), samples, np.random.default_rng(_SEED))
+    return compare(load_rule_base(RULES / f"{name}.yaml"), samples, np.random.default_rng(_SEED))
 
 
 def time_flow(repeats: int = 200) -> dict[str, float]:

@@ -1,11 +1,17 @@
-"""Fuzzy inference: rule bases as data, a fast evaluator, scikit-fuzzy as its reference."""
+"""Fuzzy inference: rule bases as data, a compiled evaluator, and scikit-fuzzy as its reference.
+
+``rulebase`` is the plain data, ``rulespec`` the schema of its file, ``coverage`` the check that
+rules cover all inputs, and ``rulefile`` loads. ``compiled_fis`` evaluates in missions;
+``reference_fis`` evaluates the same rule base through scikit-fuzzy, in tests and benchmarks.
+"""
 
 from __future__ import annotations
 
-from navfw.fuzzy.compiled import CompiledFis, Inference, compile_rule_base
-from navfw.fuzzy.explain import FiredRule, explain
-from navfw.fuzzy.reference import ReferenceFis
+from navfw.fuzzy.compiled_fis import CompiledFis, Inference
+from navfw.fuzzy.fired_rules import FiredRule, explain
+from navfw.fuzzy.reference_fis import ReferenceFis
 from navfw.fuzzy.rulebase import Rule, RuleBase, Variable
+from navfw.fuzzy.rulefile import load_rule_base, parse_rule_base, rule_base_from_mapping
 
 __all__ = [
     "CompiledFis",
@@ -15,6 +21,8 @@ __all__ = [
     "Rule",
     "RuleBase",
     "Variable",
-    "compile_rule_base",
     "explain",
+    "load_rule_base",
+    "parse_rule_base",
+    "rule_base_from_mapping",
 ]

@@ -1,9 +1,10 @@
-"""Coverage: wherever the inputs are within their ranges, some rule must speak about each output.
+"""Coverage check: for all inputs within their ranges, some rule must conclude about each output.
 
-A rule fires (strength above zero) or not depending only on whether each of its literals has degree
-0, 1, or something between. Along one input these classes change only at samples of its universe, so
-the input falls into finitely many cells (samples, and the open intervals between them), and the
-search over all combinations of cells is exact. Cells in which less can fire than in others decide.
+Whether a rule fires (strength above zero) depends only on whether each of its literals has degree
+0, 1, or something between. Along one input these classes change only at samples of its universe.
+Each input therefore divides into finitely many cells (the samples, and the open intervals between
+them), and the search over all combinations of cells is exact. Of the cells of an input, only those
+in which the least can fire need to be searched.
 
 An output with an explicit ``default: <value>`` in its declaration is not checked: where no rule
 fires, it takes that value.
@@ -14,7 +15,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -22,22 +22,20 @@ import numpy.typing as npt
 from navfw.errors import RuleBaseError
 from navfw.fuzzy.grammar import And, Clause, Is, Not, Or
 from navfw.fuzzy.inference_kernels import FIRING_FLOOR
+from navfw.fuzzy.rulebase import RuleBase, Variable
 
-if TYPE_CHECKING:
-    from navfw.fuzzy.rulebase import RuleBase, Variable
-
-__all__ = ["Interval", "check_coverage", "uncovered_region"]
+__all__ = ["InputInterval", "check_coverage", "uncovered_region"]
 
 Classes = npt.NDArray[np.int8]
-# Degrees by class: zero, between, one. Ordered, so AND is min, OR is max, NOT is 2 - class.
+# Classes of degrees. They are ordered, so AND is min, OR is max, and NOT is 2 - class.
 _ZERO, _BETWEEN, _ONE = 0, 1, 2
-# More combinations of cells than this would take seconds to search.
 MAX_COMBINATIONS = 4_000_000
+"""Largest number of combinations of cells to search; more would take seconds."""
 
 
 @dataclass(frozen=True, slots=True)
-class Interval:
-    """A stretch of one input: its ends, whether they belong to it, the terms that hold on it."""
+class InputInterval:
+    """An interval of one input: bounds [unit of the input], whether closed, terms above zero."""
 
     variable: Variable
     low: float
@@ -58,10 +56,10 @@ class Interval:
 
 
 def check_coverage(rule_base: RuleBase) -> None:
-    """Make sure that every output without a ``default`` is concluded for all inputs.
+    """Raise unless every output without a ``default`` has a rule that fires, for all inputs.
 
     Raises:
-        RuleBaseError: names, for each such output, a region in which no rule fires for it.
+        RuleBaseError: names, for each uncovered output, a region in which no rule fires.
 
     """
     problems = []
@@ -70,7 +68,7 @@ def check_coverage(rule_base: RuleBase) -> None:
             continue
         region = uncovered_region(rule_base, output.name)
         if region is not None:
-            where = " and ".join(map(str, region)) or "the inputs are anything"
+            where = " and ".join(map(str, region)) or "the inputs have any value"
             problems.append((output, f"no rule concludes about {output.name!r} where {where}"))
     if problems:
         first = problems[0][0]
@@ -81,13 +79,13 @@ def check_coverage(rule_base: RuleBase) -> None:
         )
 
 
-def uncovered_region(rule_base: RuleBase, output: str) -> tuple[Interval, ...] | None:
+def uncovered_region(rule_base: RuleBase, output: str) -> tuple[InputInterval, ...] | None:
     """A region in which no rule for ``output`` fires, or None if there is none.
 
-    It is given by the inputs that bound it; over the whole range of the others nothing fires.
+    The region is an interval of each input that bounds it; the other inputs may have any value.
 
     Raises:
-        RuleBaseError: the rules combine too many inputs and terms to be searched.
+        RuleBaseError: the inputs and terms have more than ``MAX_COMBINATIONS`` combinations.
 
     """
     clauses = [
@@ -100,19 +98,19 @@ def uncovered_region(rule_base: RuleBase, output: str) -> tuple[Interval, ...] |
     combinations = math.prod(len(cells) for cells in minimal)
     if combinations > MAX_COMBINATIONS:
         raise RuleBaseError(
-            f"the rules about {output!r} combine too many inputs and terms to check that they "
-            f"cover everything ({combinations} cases); split the rule base, or give the output a "
-            "'default: <value>'",
+            f"the rules about {output!r} combine too many inputs and terms for the coverage check "
+            f"({combinations} cases, at most {MAX_COMBINATIONS}); split the rule base, or give the "
+            "output a 'default: <value>'",
             file=rule_base.file,
             line=rule_base.outputs[output].line,
             key=f"outputs.{output}",
         )
-    silent = _silent(clauses, axes, minimal)
-    if not silent.any():
+    uncovered = _uncovered(clauses, axes, minimal)
+    if not uncovered.any():
         return None
-    first = np.unravel_index(int(np.argmax(silent)), silent.shape)
+    first = np.unravel_index(int(np.argmax(uncovered)), uncovered.shape)
     seed = [int(cells[k]) for cells, k in zip(minimal, first, strict=True)]
-    box = _grown(clauses, axes, seed)
+    box = _widened(clauses, axes, seed)
     return tuple(
         axis.interval(cells[0], cells[-1])
         for axis, cells in zip(axes, box, strict=True)
@@ -121,7 +119,10 @@ def uncovered_region(rule_base: RuleBase, output: str) -> tuple[Interval, ...] |
 
 
 class _Axis:
-    """One input cut into cells: cell 2i is sample i, cell 2i + 1 the open interval after it."""
+    """The cells of one input: cell 2i is sample i, cell 2i + 1 the open interval after it.
+
+    ``depths`` are the numbers of NOTs around each literal about this input.
+    """
 
     def __init__(self, variable: Variable, depths: Mapping[Is, set[int]]) -> None:
         self.variable = variable
@@ -139,29 +140,33 @@ class _Axis:
         ).T
 
     def extreme_cells(self, cells: Sequence[int], most: bool) -> list[int]:
-        """Of ``cells``, one (the widest) of each kind than which in no other more (less) fires."""
+        """The cells of ``cells`` in which the most (least) can fire: one, the widest, of each kind.
+
+        Cells are of one kind when all literals have the same classes in them. A kind counts unless
+        another one has classes at least (at most) as high for every literal.
+        """
         chosen = np.asarray(cells)
         kinds, kind_of = np.unique(self._oriented[chosen], axis=0, return_inverse=True)
         kind_of = kind_of.reshape(-1)
-        beside = kinds if most else -kinds
-        beaten = np.asarray((beside[:, None, :] <= beside[None, :, :]).all(axis=2))
-        np.fill_diagonal(beaten, False)
+        signed = kinds if most else -kinds
+        dominated = np.asarray((signed[:, None, :] <= signed[None, :, :]).all(axis=2))
+        np.fill_diagonal(dominated, False)
         width = np.zeros(self.cells)
         width[1::2] = np.diff(self.variable.universe)
         return [
             int(chosen[np.argmax(np.where(kind_of == kind, width[chosen], -1.0))])
-            for kind in np.flatnonzero(~beaten.any(axis=1))
+            for kind in np.flatnonzero(~dominated.any(axis=1))
         ]
 
-    def interval(self, first: int, last: int) -> Interval:
-        """The cells ``first`` to ``last`` as numbers and words."""
+    def interval(self, first: int, last: int) -> InputInterval:
+        """The interval that the cells ``first`` to ``last`` (inclusive) make up."""
         xs = self.variable.universe
         terms = [
             term
             for term in self.variable.terms
             if _cell_classes(self.variable.sampled(term))[first : last + 1].any()
         ]
-        return Interval(
+        return InputInterval(
             self.variable,
             low=float(xs[first // 2]),
             high=float(xs[(last + 1) // 2]),
@@ -196,40 +201,40 @@ def _negations(clause: Clause, depth: int = 0) -> Iterator[tuple[Is, int]]:
 
 
 def _cell_classes(degrees: npt.NDArray[np.float64]) -> Classes:
-    """Classes of a sampled term over the cells of its universe."""
+    """Classes of a sampled term, (M,) degrees, over the cells of its universe, (2M - 1,)."""
     points = np.full(degrees.size, _BETWEEN, dtype=np.int8)
     points[degrees <= FIRING_FLOOR] = _ZERO
     points[degrees >= 1.0 - FIRING_FLOOR] = _ONE
     cells = np.empty(2 * degrees.size - 1, dtype=np.int8)
     cells[::2] = points
-    # Straight between samples: zero or one only where it is so at both ends.
+    # Linear between samples: zero or one only where both ends are.
     cells[1::2] = np.where(points[:-1] == points[1:], points[1:], _BETWEEN)
     return cells
 
 
 def _collapse(classes: Classes, depths: set[int]) -> Classes:
-    """Forget distinctions that cannot matter: fewer kinds of cells remain to be combined."""
-    if depths == {0}:  # only zero or not
+    """Merge classes that make no difference, so that fewer kinds of cells have to be combined."""
+    if depths == {0}:  # never negated: only zero differs
         return np.minimum(classes, _BETWEEN)
-    if depths == {1}:  # only one or not
+    if depths == {1}:  # always negated: only one differs
         return np.maximum(classes, _BETWEEN)
     return classes
 
 
-def _silent(
+def _uncovered(
     clauses: Sequence[Clause], axes: Sequence[_Axis], cells: Sequence[Sequence[int]]
 ) -> npt.NDArray[np.bool_]:
-    """Where in the product of the given cells (one list an axis) no clause is above zero."""
+    """Whether no clause is above zero, over the product of the given cells (one list per axis)."""
     table: dict[Is, Classes] = {}
     for number, (axis, chosen) in enumerate(zip(axes, cells, strict=True)):
         shape = [1] * len(axes)
         shape[number] = len(chosen)
         for literal, classes in axis.literals.items():
             table[literal] = classes[list(chosen)].reshape(shape)
-    silent = np.ones([len(chosen) for chosen in cells], dtype=np.bool_)
+    uncovered = np.ones([len(chosen) for chosen in cells], dtype=np.bool_)
     for clause in clauses:
-        silent &= _class_of(clause, table) == _ZERO
-    return silent
+        uncovered &= _class_of(clause, table) == _ZERO
+    return uncovered
 
 
 def _class_of(clause: Clause, table: Mapping[Is, Classes]) -> Classes:
@@ -244,16 +249,16 @@ def _class_of(clause: Clause, table: Mapping[Is, Classes]) -> Classes:
             return np.maximum(_class_of(left, table), _class_of(right, table))
 
 
-def _grown(
+def _widened(
     clauses: Sequence[Clause], axes: Sequence[_Axis], seed: Sequence[int]
 ) -> list[list[int]]:
-    """The silent combination ``seed`` widened, one input after the other, as far as it goes."""
+    """The uncovered cell ``seed`` widened to a box, one input after the other."""
     box = [[cell] for cell in seed]
-    # Inputs that do not matter there come first, so that they do not appear as bounds.
-    reach = [
+    # Inputs that make no difference there come first, so that they do not bound the box.
+    share = [
         len(_span(clauses, axes, box, number)) / axis.cells for number, axis in enumerate(axes)
     ]
-    for number in sorted(range(len(axes)), key=lambda number: -reach[number]):
+    for number in sorted(range(len(axes)), key=lambda number: -share[number]):
         box[number] = _span(clauses, axes, box, number)
     return box
 
@@ -261,12 +266,12 @@ def _grown(
 def _span(
     clauses: Sequence[Clause], axes: Sequence[_Axis], box: Sequence[Sequence[int]], number: int
 ) -> list[int]:
-    """The longest run of cells of one input, around its cell in ``box``, that stays silent."""
-    # The box is silent if it is so where most fires; that spares its product of cells.
+    """The longest run of cells of input ``number``, around its cell in ``box``, all uncovered."""
+    # The box is uncovered if the cells in which the most can fire are: no need to search all of it.
     trial = [axis.extreme_cells(cells, most=True) for axis, cells in zip(axes, box, strict=True)]
     trial[number] = list(range(axes[number].cells))
-    silent = _silent(clauses, axes, trial)
-    free = np.asarray(silent.all(axis=tuple(k for k in range(len(axes)) if k != number)))
+    uncovered = _uncovered(clauses, axes, trial)
+    free = np.asarray(uncovered.all(axis=tuple(k for k in range(len(axes)) if k != number)))
     first = last = box[number][0]
     while first > 0 and free[first - 1]:
         first -= 1

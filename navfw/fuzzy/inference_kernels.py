@@ -340,7 +340,7 @@ def infer(
     defaults: Array,
     modes: Indices,
 ) -> Array:
-    """Evaluate a flattened rule base (``navfw.fuzzy.compiled.Tables``) on x (inputs, N).
+    """Evaluate the rule base in ``navfw.fuzzy.compiled_fis.InferenceTables`` on x (inputs, N).
 
     Returns a table (N, rules + terms + outputs): firing strengths, activations of the concluding
     terms, crisp outputs.

@@ -1,84 +1,207 @@
-"""The schema of a rule base file: what its keys are, before its sentences are read."""
+"""Loading a rule base from YAML: schema, names, terms, sentences, and coverage are checked."""
 
 from __future__ import annotations
 
-import re
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator
+from navfw.config.document import KeyPath, YamlDocument, load_yaml, parse_yaml
+from navfw.config.problems import Problem, config_error
+from navfw.config.yamlfile import check
+from navfw.errors import ConfigError, RuleBaseError, did_you_mean
+from navfw.fuzzy.coverage import check_coverage
+from navfw.fuzzy.grammar import SentenceError, atoms, parse_rule
+from navfw.fuzzy.membership import SHAPES, Shape, make_shape
+from navfw.fuzzy.rulebase import Rule, RuleBase, Variable
+from navfw.fuzzy.rulespec import InputSpec, OutputSpec, RuleBaseSpec, check_name
 
-from navfw.fuzzy.grammar import KEYWORDS, NAME_PATTERN
-from navfw.fuzzy.membership import HEDGES
-
-__all__ = ["InputSpec", "OutputSpec", "RuleBaseSpec"]
-
-# A universe below 1e-6 wide or beyond 1e12 would lose its samples to rounding.
-_MIN_WIDTH = 1e-6
-_MAX_SIZE = 1e12
-
-
-class _Spec(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+__all__ = ["load_rule_base", "parse_rule_base", "rule_base_from_mapping"]
 
 
-def _check_name(name: str) -> str:
-    if not re.fullmatch(NAME_PATTERN, name):
-        raise ValueError(f"expected a name of letters, digits and '_', got {name!r}")
-    if name.upper() in KEYWORDS or name in HEDGES:
-        raise ValueError(f"expected a name, got {name!r}, which has a meaning in rules")
-    return name
+def load_rule_base(path: str | Path) -> RuleBase:
+    """The rule base in the YAML file ``path``.
+
+    Raises:
+        RuleBaseError: the file cannot be read, breaks the schema, a sentence cannot be parsed, or
+            no rule covers a region of the inputs. The message lists every problem with file, line
+            and expected value.
+
+    """
+    try:
+        document = load_yaml(path)
+    except ConfigError as error:
+        raise _as_rule_base_error(error) from None
+    return _checked(document)
 
 
-class InputSpec(_Spec):
-    """An input variable: its range, and the terms that rules may use of it."""
+def parse_rule_base(text: str, source: str | None = None) -> RuleBase:
+    """The rule base in YAML ``text``; error messages name ``source`` as the file.
 
-    range: tuple[float, float] = Field(description="lowest and highest value; inputs are clipped")
-    unit: str = Field("1", description="unit of the range; 1 for none")
-    description: str = Field("", description="what it measures")
-    points: int = Field(101, ge=3, le=10_001, description="even samples over the range")
-    terms: dict[str, dict[str, list[float]]] = Field(
-        min_length=1, description="term name: {shape: [parameters]}"
-    )
+    Raises:
+        RuleBaseError: as ``load_rule_base``.
 
-    @field_validator("range")
-    @classmethod
-    def _check_range(cls, value: tuple[float, float]) -> tuple[float, float]:
-        low, high = value
-        if not high - low >= _MIN_WIDTH:
-            raise ValueError(f"expected [low, high] with high > low, got [{low:g}, {high:g}]")
-        if max(abs(low), abs(high)) > _MAX_SIZE * min(1.0, high - low):
-            raise ValueError(f"expected a range of ordinary size, got [{low:g}, {high:g}]")
-        return value
+    """
+    try:
+        document = parse_yaml(text, source)
+    except ConfigError as error:
+        raise _as_rule_base_error(error) from None
+    return _checked(document)
 
 
-class OutputSpec(InputSpec):
-    """An output variable; ``default`` says what it is where no rule fires."""
+def rule_base_from_mapping(data: Mapping[str, Any], source: str | None = None) -> RuleBase:
+    """The rule base in ``data``, a mapping with the keys of the YAML file.
 
-    default: float | None = Field(
-        None,
-        description=(
-            "value where no rule fires; giving it switches the coverage check of this output off"
-        ),
-    )
+    Raises:
+        RuleBaseError: as ``load_rule_base``.
 
-
-class RuleBaseSpec(_Spec):
-    """One inference system as its file says it."""
-
-    name: str = Field(min_length=1, description="name of the inference system")
-    description: str = Field("", description="what it infers, and where it comes from")
-    and_: Literal["min", "prod"] = Field("min", alias="and", description="conjunction")
-    implication: Literal["min", "prod"] = Field(
-        "min", description="how a rule cuts its conclusion: min clips it (Mamdani), prod scales it"
-    )
-    defuzzify: Literal["centroid", "bisector", "mom", "som", "lom"] = Field(
-        "centroid", description="how the joined conclusions become one number"
-    )
-    inputs: dict[str, InputSpec] = Field(min_length=1, description="input variables by name")
-    outputs: dict[str, OutputSpec] = Field(min_length=1, description="output variables by name")
-    rules: list[Annotated[str, Field(min_length=1)]] = Field(
-        min_length=1, description="sentences IF ... THEN ..."
-    )
+    """
+    return _checked(YamlDocument(source, dict(data)))
 
 
-check_name = _check_name
+def _checked(document: YamlDocument) -> RuleBase:
+    rule_base = _RuleBaseBuilder(document).build()
+    check_coverage(rule_base)
+    return rule_base
+
+
+class _RuleBaseBuilder:
+    """Turns a document into a rule base; collects problems, so that one error lists them all."""
+
+    def __init__(self, document: YamlDocument) -> None:
+        self._document = document
+        self._problems: list[Problem] = []
+
+    def build(self) -> RuleBase:
+        spec, problems = check(self._document, RuleBaseSpec)
+        self._problems += problems
+        if spec is None:
+            raise self._error()
+        inputs = self._variables("inputs", spec.inputs)
+        outputs = self._variables("outputs", spec.outputs)
+        for name in inputs.keys() & outputs.keys():
+            self._problem(("outputs", name), "expected a name that no input has")
+        if self._problems:
+            raise self._error()
+        rules = self._rules(spec.rules, inputs, outputs)
+        if not self._problems:
+            self._check_use(rules, inputs, outputs)
+        if self._problems:
+            raise self._error()
+        return RuleBase(
+            name=spec.name,
+            inputs=inputs,
+            outputs=outputs,
+            rules=rules,
+            conjunction=spec.and_,
+            implication=spec.implication,
+            defuzzify=spec.defuzzify,
+            description=spec.description,
+            file=self._document.file,
+        )
+
+    def _problem(self, path: KeyPath, message: str) -> None:
+        self._problems.append(Problem(path, message, self._document.origin_of(path)))
+
+    def _error(self) -> RuleBaseError:
+        return _as_rule_base_error(config_error(self._problems))
+
+    def _variables(
+        self, section: str, specs: Mapping[str, InputSpec | OutputSpec]
+    ) -> dict[str, Variable]:
+        return {name: self._variable((section, name), name, spec) for name, spec in specs.items()}
+
+    def _variable(self, path: KeyPath, name: str, spec: InputSpec | OutputSpec) -> Variable:
+        self._check_name(path, name)
+        low, high = spec.range
+        default = spec.default if isinstance(spec, OutputSpec) else None
+        if default is not None and not low <= default <= high:
+            self._problem(
+                (*path, "default"),
+                f"expected a value within the range [{low:g}, {high:g}], got {default:g}",
+            )
+        terms: dict[str, Shape] = {}
+        for term, form in spec.terms.items():
+            shape = self._shape((*path, "terms", term), term, form)
+            if shape is not None:
+                terms[term] = shape
+        variable = Variable(
+            name=name,
+            low=low,
+            high=high,
+            terms=terms,
+            unit=spec.unit,
+            description=spec.description,
+            points=spec.points,
+            default=default,
+            line=self._document.line_of(path),
+        )
+        for term in terms:
+            if not variable.sampled(term).any():
+                self._problem(
+                    (*path, "terms", term),
+                    f"expected a term above 0 somewhere in the range [{low:g}, {high:g}]: "
+                    "it is 0 all over it",
+                )
+        return variable
+
+    def _check_name(self, path: KeyPath, name: str) -> None:
+        try:
+            check_name(name)
+        except ValueError as error:
+            self._problem(path, str(error))
+
+    def _shape(self, path: KeyPath, term: str, form: Mapping[str, list[float]]) -> Shape | None:
+        self._check_name(path, term)
+        if len(form) != 1:
+            self._problem(path, f"expected one shape ({', '.join(SHAPES)}), got {len(form)}")
+            return None
+        ((kind, parameters),) = form.items()
+        if kind not in SHAPES:
+            self._problem((*path, kind), f"unknown shape {kind!r}: {did_you_mean(kind, SHAPES)}")
+            return None
+        try:
+            return make_shape(kind, parameters)
+        except ValueError as error:
+            self._problem((*path, kind), str(error))
+            return None
+
+    def _rules(
+        self,
+        sentences: list[str],
+        inputs: Mapping[str, Variable],
+        outputs: Mapping[str, Variable],
+    ) -> tuple[Rule, ...]:
+        known_inputs = {name: tuple(variable.terms) for name, variable in inputs.items()}
+        known_outputs = {name: tuple(variable.terms) for name, variable in outputs.items()}
+        rules: list[Rule] = []
+        for index, text in enumerate(sentences):
+            sentence = " ".join(text.split())
+            try:
+                parsed = parse_rule(sentence, known_inputs, known_outputs)
+            except SentenceError as error:
+                self._problem(("rules", index), str(error))
+                continue
+            line = self._document.line_of(("rules", index))
+            rules.append(Rule(sentence, *parsed, line=line))
+        return tuple(rules)
+
+    def _check_use(
+        self,
+        rules: tuple[Rule, ...],
+        inputs: Mapping[str, Variable],
+        outputs: Mapping[str, Variable],
+    ) -> None:
+        used = {atom.variable for rule in rules for atom in atoms(rule.antecedent)}
+        concluded = {output for rule in rules for output, _ in rule.conclusions}
+        for name in inputs.keys() - used:
+            self._problem(("inputs", name), f"expected a rule with {name!r} in its IF part")
+        for name in outputs.keys() - concluded:
+            self._problem(("outputs", name), f"expected a rule with {name!r} in its THEN part")
+
+
+def _as_rule_base_error(error: ConfigError) -> RuleBaseError:
+    """``error`` as a RuleBaseError; its message begins with file, line and key already."""
+    converted = RuleBaseError(str(error))
+    converted.file, converted.line, converted.key = error.file, error.line, error.key
+    return converted

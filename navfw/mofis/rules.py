@@ -8,7 +8,7 @@ from typing import Any
 import numba
 import numpy as np
 
-from navfw.fuzzy import CompiledFis, Inference, RuleBase
+from navfw.fuzzy import CompiledFis, Inference, RuleBase, load_rule_base, parse_rule_base
 from navfw.mofis.command_grid import CommandGrid
 from navfw.signals import Array
 
@@ -86,7 +86,7 @@ class BehaviorRules:
     """
 
     def __init__(self, base: RuleBase | str | Path) -> None:
-        self.base = base if isinstance(base, RuleBase) else RuleBase.load(Path(base))
+        self.base = base if isinstance(base, RuleBase) else load_rule_base(Path(base))
         self.fis = CompiledFis(self.base)
         self._terms: dict[tuple[str, bytes], Array] = {}
         self._peaks: dict[str, tuple[float, ...]] = {}
@@ -99,7 +99,7 @@ class BehaviorRules:
     @classmethod
     def parse(cls, text: str, source: str | None = None) -> BehaviorRules:
         """The rule base written as YAML in ``text``; ``source`` is what errors call it."""
-        return cls(RuleBase.parse(text, source))
+        return cls(parse_rule_base(text, source))
 
     @property
     def outputs(self) -> tuple[str, ...]:

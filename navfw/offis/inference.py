@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from navfw.fuzzy import CompiledFis, RuleBase
+from navfw.fuzzy import CompiledFis, load_rule_base
 from navfw.fuzzy import Inference as Result
 from navfw.signals import Array
 
@@ -23,7 +23,7 @@ RULES = Path(__file__).parent / "rules"
 @cache
 def load_system(name: str) -> CompiledFis:
     """The compiled inference system ``rules/<name>.yaml``; raises RuleBaseError when malformed."""
-    return CompiledFis(RuleBase.load(RULES / f"{name}.yaml"))
+    return CompiledFis(load_rule_base(RULES / f"{name}.yaml"))
 
 
 @dataclass(frozen=True, slots=True)

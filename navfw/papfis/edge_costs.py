@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from navfw.fuzzy import CompiledFis, Inference, RuleBase
+from navfw.fuzzy import CompiledFis, Inference, load_rule_base
 from navfw.robot import RobotModel
 from navfw.signals import Array, Mask
 from navfw.topomap import Passage, TopoMap
@@ -166,7 +166,7 @@ def inputs_of(passages: Sequence[Passage], robot: RobotModel) -> dict[str, Array
 @functools.cache
 def _inference() -> tuple[CompiledFis, Array]:
     """The inference system, and for each rule the peak of the penalty term that it concludes."""
-    rule_base = RuleBase.load(RULE_BASE)
+    rule_base = load_rule_base(RULE_BASE)
     penalty = rule_base.outputs["penalty"]
     peaks = {}
     for term in penalty.terms:

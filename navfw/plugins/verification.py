@@ -68,7 +68,10 @@ def _problems(cls: type[Any]) -> Iterator[str]:
     base_names = ", ".join(sorted(base.__name__ for base in interfaces.KINDS.values()))
     found = [base for base in interfaces.KINDS.values() if issubclass(cls, base)]
     if not found:
-        yield f"not derived from a kind of plugin; derive it from one of navfw.interfaces: {base_names}"
+        yield (
+            "not derived from a base class of plugins; "
+            f"derive it from one of navfw.interfaces: {base_names}"
+        )
         return
     if len(found) > 1:
         names = " and ".join(base.__name__ for base in found)

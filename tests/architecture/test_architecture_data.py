@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from architecture_sources import ROOT, shown
 
-from navfw.fuzzy import RuleBase
+from navfw.fuzzy import load_rule_base
 from navfw.localization.situation_model import load_table
 from navfw.missions.missionfile import load_mission
 from navfw.plugins import default_registry
@@ -19,9 +19,9 @@ from navfw.suite.suitefile import load_suite
 from navfw.topomap import load_map
 
 READERS: dict[str, Callable[[Path], Any]] = {
-    "behaviors/*.yaml": RuleBase.load,
+    "behaviors/*.yaml": load_rule_base,
     "maps/*.yaml": load_map,
-    "navfw/*/rules/*.yaml": RuleBase.load,
+    "navfw/*/rules/*.yaml": load_rule_base,
     "navfw/localization/situations.yaml": load_table,
     "navfw/stacks/*.yaml": lambda path: load_stack(path, default_registry()),
     "worlds/*/missions/*.yaml": load_mission,

@@ -110,7 +110,7 @@ def test_the_stack_asks_for_no_truth() -> None:
 def test_no_decision_reads_the_clock_or_the_environment() -> None:
     # a stopwatch accounts for the time of stages, and a benchmark measures: neither decides; the
     # watchdog ends calls that would never end, which is a fault of the run and recorded as one
-    exempt = {"stopwatch.py", "benchmark.py", "watchdog.py"}
+    exempt = {"stopwatch.py", "fis_benchmark.py", "watchdog.py"}
     decided = [path for path in DECIDING if path.name not in exempt]
     used = {shown(path): OUTSIDE & {m for m, _ in imports(tree_of(path))} for path in decided}
     assert {name: what for name, what in used.items() if what} == {}

@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from navfw.errors import RuleBaseError, UnknownNameError
-from navfw.fuzzy import CompiledFis, RuleBase, compile_rule_base
+from navfw.fuzzy import CompiledFis, RuleBase, rule_base_from_mapping
 
 SLOW = [HealthCheck.too_slow, HealthCheck.data_too_large]
 bounded = settings(max_examples=20, derandomize=True, deadline=None, suppress_health_check=SLOW)
@@ -17,7 +17,7 @@ bounded = settings(max_examples=20, derandomize=True, deadline=None, suppress_he
 
 @pytest.fixture(scope="module")
 def fis() -> CompiledFis:
-    return compile_rule_base(RuleBase.from_mapping(small()))
+    return CompiledFis(rule_base_from_mapping(small()))
 
 
 @bounded
@@ -97,7 +97,7 @@ def test_one_sample_needs_every_input_by_its_name(fis):
 @given(st.floats(0.0, 2.0), st.floats(0.0, 2.0), st.floats(-1.0, 1.0))
 def test_firing_is_monotone_in_an_input_whose_term_is(near, far, side):
     near, far = min(near, far), max(near, far)
-    fis = CompiledFis(RuleBase.from_mapping(small()))
+    fis = CompiledFis(rule_base_from_mapping(small()))
     firing = fis.evaluate({"distance": [near, far], "side": side}).firing
     assert (firing[0, :2] >= firing[1, :2]).all()
     assert firing[0, 2] <= firing[1, 2]
@@ -120,7 +120,7 @@ def test_hedges_and_weights(hedge, expected):
         "IF distance IS NOT near AND side IS left THEN turn IS left",
     ]
     outputs = {"turn": {**small()["outputs"]["turn"], "default": 0}}
-    fis = CompiledFis(RuleBase.from_mapping(small(rules=rules, outputs=outputs)))
+    fis = CompiledFis(rule_base_from_mapping(small(rules=rules, outputs=outputs)))
     firing = fis.evaluate({"distance": 0.75, "side": -1.0}).firing[0]
     np.testing.assert_allclose(firing, [0.8 * expected, 0.5], atol=1e-3)
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from navfw.fuzzy import RuleBase
+from navfw.fuzzy import RuleBase, rule_base_from_mapping
 from navfw.fuzzy.grammar import And, Clause, Is, Not, Or, atoms
 
 SMALL = {
@@ -128,7 +128,7 @@ def rule_bases(draw: st.DrawFn, **fixed: Any) -> RuleBase:
         "outputs": {name: outputs[name] for name in sorted(concluded)},
         "rules": rules,
     }
-    return RuleBase.from_mapping({**spec, **fixed})
+    return rule_base_from_mapping({**spec, **fixed})
 
 
 def corner_values(rule_base: RuleBase) -> Iterator[tuple[str, list[float]]]:

@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navfw.fuzzy import CompiledFis, RuleBase
+from navfw.fuzzy import CompiledFis, load_rule_base
 from navfw.papfis.edge_costs import RULE_BASE, CostParams, EdgeCosts, inputs_of
 from navfw.robot import RobotModel
 from navfw.topomap import Passage, Place, TopoMap
 
 ROBOT = RobotModel()
-FIS = CompiledFis(RuleBase.load(RULE_BASE))
+FIS = CompiledFis(load_rule_base(RULE_BASE))
 shares = st.floats(0.0, 1.0)
 qualities = st.fixed_dictionaries(
     {
@@ -116,7 +116,7 @@ def test_explanations_name_the_rules_and_add_up() -> None:
     assert told["cost"] == pytest.approx(costs.of(passage))
     assert told["cost"] == pytest.approx(2.0 * (1.0 + 4.0 * told["penalty"]))
     assert told["inputs"]["clearance"] == pytest.approx(0.295)
-    sentences = {rule.sentence for rule in RuleBase.load(RULE_BASE).rules}
+    sentences = {rule.sentence for rule in load_rule_base(RULE_BASE).rules}
     strengths = [rule["strength"] for rule in told["rules"]]
     assert strengths == sorted(strengths, reverse=True)
     assert len(strengths) >= 2

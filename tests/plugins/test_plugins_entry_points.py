@@ -50,7 +50,7 @@ def test_entry_points_are_loaded_when_asked_for(
     [
         ("{}:Hoover", "elsewhere_plugins has no 'Hoover'; did you mean 'Hover'?"),
         ("{}_none:Hover", "cannot be imported: ModuleNotFoundError"),
-        ("{}:Deep", "not derived from a kind of plugin"),
+        ("{}:Deep", "not derived from a base class of plugins"),
         ("{}", "expected a class"),
     ],
 )

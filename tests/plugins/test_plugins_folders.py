@@ -57,12 +57,13 @@ BROKEN = {
         "class Turn: no name; write",
     ),
     "incomplete": (
-        "from navfw.interfaces import Behavior\nclass T(Behavior):\n    'T.'\n    name = 'incomplete'\n",
+        "from navfw.interfaces import Behavior\n"
+        "class T(Behavior):\n    'T.'\n    name = 'incomplete'\n",
         "incomplete.py:2: class T: missing propose(self, context)",
     ),
     "decorated": (
         "from navfw.plugins import plugin\n\n@plugin\nclass Turn:\n    name = 'decorated'\n",
-        "class Turn: not derived from a kind of plugin",
+        "class Turn: not derived from a base class of plugins",
     ),
     "not_utf8": (b"a = '\xff'\n", "cannot be imported: SyntaxError"),
     "nulls": (b"a = 1\0\n", "cannot be imported: "),

@@ -42,7 +42,7 @@ def test_registering_the_same_class_again_is_no_matter() -> None:
 
 def test_a_bad_class_is_refused_at_once() -> None:
     registry = Registry()
-    with pytest.raises(PluginError, match="not derived from a kind of plugin"):
+    with pytest.raises(PluginError, match="not derived from a base class of plugins"):
         registry.register(int)  # type: ignore[arg-type]
     assert registry.listing() == []
 

@@ -1,28 +1,28 @@
-"""The reference evaluator: the same rule base built and computed by scikit-fuzzy, slow.
+"""The reference evaluator: a rule base built and computed by scikit-fuzzy, slow.
 
-``navfw.fuzzy.compiled`` must agree with this one. What scikit-fuzzy 0.5.0 does in its own way, and
-how both evaluators treat it alike:
+``navfw.fuzzy.compiled_fis`` must agree with it. Peculiarities of scikit-fuzzy 0.5.0, and how both
+evaluators handle them:
 
 - The universe of an output is widened by the points where a term crosses its activation, and the
   mean of maximum is the mean of the *samples* at the maximum, not the middle of the plateau. It
   depends on where samples lie, down to rounding; smallest and largest of maximum are sharper.
-- Where nothing fires, centroid and bisector raise inside (and the output is left out), while
-  mom / som / lom answer the middle / ends of the universe. Here: the output's default, or NaN,
+- Where no rule fires, centroid and bisector raise inside (and the output is missing), while
+  mom / som / lom return the middle / ends of the universe. Here: the output's default, or NaN,
   whenever no term is activated above ``FIRING_FLOOR``.
-- The area is guarded by ``max(area, 2.2e-16)``, so almost empty conclusions have their centroid
-  drawn to zero, out of the range even. The floor keeps away from that.
-- The bisector is wrong when the conclusion has a gap right before the piece that is bisected: the
-  area counted up to there is taken as 0 (``accum_area`` is not carried over empty pieces). Here it
-  is given the conclusion lifted by 1e-300, which leaves no piece empty and changes nothing else.
-- The bisector's formula can cancel on an almost flat piece and leave the range, or come out as
-  NaN from a root of a number just below 0; results are clipped to the range, NaN stays NaN here
-  (the compiled evaluator takes the root of 0).
-- Only terms that some rule concludes take part. ``NOT`` is 1 - degree; ``AND`` / ``OR`` are fmin /
-  fmax, which would overlook a NaN: a sample with a NaN input is not computed at all.
+- The area is guarded by ``max(area, 2.2e-16)``, so the centroid of an almost empty conclusion
+  moves toward zero, even out of the range. ``FIRING_FLOOR`` excludes such conclusions.
+- The bisector is wrong when the conclusion has a gap right before the segment that is bisected: the
+  area up to there is taken as 0 (``accum_area`` is not carried over empty segments). Here the
+  conclusion is raised by 1e-300, which leaves no segment empty and changes nothing else.
+- The bisector's formula loses its digits on an almost flat segment: the result can leave the range,
+  or be NaN, the root of a number just below 0. Results are clipped to the range; NaN stays NaN
+  here, and the compiled evaluator takes the root of 0.
+- Only terms that a rule concludes take part. ``NOT`` is 1 - degree; ``AND`` / ``OR`` are fmin /
+  fmax, which ignore a NaN: a sample with a NaN input is not computed at all.
 - Only clipping (min implication) exists; for ``implication: prod`` the activations come from the
   simulation, and the scaled terms are joined here and given to ``skfuzzy.defuzz``.
 - Simulations keep every past result, and terms are never freed (class-level dictionaries keyed by
-  instance): this class is for tests and benchmarks, not for missions.
+  instance): ``ReferenceFis`` is for tests and benchmarks, not for missions.
 """
 
 from __future__ import annotations
@@ -42,11 +42,14 @@ from navfw.signals import Array
 __all__ = ["ReferenceFis", "ReferenceInference"]
 
 _RESET_EVERY = 500
+"""Samples after which the past results of the simulation are dropped, to bound its memory."""
+
 _LIFT = 1e-300
+"""Least degree of a joined conclusion given to ``skfuzzy.defuzz``; see the bisector above."""
 
 
 class ReferenceInference:
-    """Like ``Inference`` of the compiled evaluator, for one sample: arrays of length 1."""
+    """``Inference`` of the compiled evaluator, for one sample: arrays of length 1."""
 
     def __init__(
         self, outputs: dict[str, Array], firing: Array, degrees: dict[str, dict[str, Array]]
@@ -60,7 +63,7 @@ class ReferenceFis:
     """A rule base as a ``skfuzzy.control.ControlSystemSimulation``."""
 
     def __init__(self, rule_base: RuleBase) -> None:
-        with _silence():
+        with _without_warnings():
             from skfuzzy import control, defuzz
             from skfuzzy.control.controlsystem import CrispValueCalculator
 
@@ -84,16 +87,16 @@ class ReferenceFis:
 
         """
         if any(np.isnan(value) for value in inputs.values()):
-            return self._nothing()
+            return self._nothing_fired()
         self.compute(inputs)
         return self.read()
 
     def compute(self, inputs: Mapping[str, float]) -> Mapping[str, float]:
-        """What a user of scikit-fuzzy would call: set the inputs, compute, crisp outputs."""
+        """Set the inputs and compute, as a user of scikit-fuzzy does; the crisp outputs."""
         self._runs += 1
         if self._runs % _RESET_EVERY == 0:
             self.simulation.reset()
-        with _silence():
+        with _without_warnings():
             self.simulation.inputs({name: float(value) for name, value in inputs.items()})
             self.simulation.compute()
         crisp: Mapping[str, float] = self.simulation.output
@@ -141,7 +144,7 @@ class ReferenceFis:
                 return self._clause(left) | self._clause(right)
 
     def read(self) -> ReferenceInference:
-        """The result of the last ``compute``, in our form."""
+        """The result of the last ``compute``."""
         sim = self.simulation
         firing = np.array(
             [
@@ -168,10 +171,10 @@ class ReferenceFis:
         if self.rule_base.implication == "prod":
             scaled = [float(cut[0]) * variable.sampled(term) for term, cut in degrees.items()]
             joined = np.maximum(np.max(scaled, axis=0), _LIFT)
-            with _silence():
+            with _without_warnings():
                 crisp = self._defuzz(variable.universe, joined, self.rule_base.defuzzify)
         elif self.rule_base.defuzzify == "bisector":
-            with _silence():
+            with _without_warnings():
                 calculator = self._calculator(self._outputs[name], self.simulation)
                 universe, joined, _ = calculator.find_memberships()
                 crisp = self._defuzz(universe, np.maximum(joined, _LIFT), "bisector")
@@ -179,7 +182,7 @@ class ReferenceFis:
             crisp = self.simulation.output[name]
         return float(np.clip(crisp, variable.low, variable.high))
 
-    def _nothing(self) -> ReferenceInference:
+    def _nothing_fired(self) -> ReferenceInference:
         outputs = {
             name: np.array([np.nan if variable.default is None else variable.default])
             for name, variable in self.rule_base.outputs.items()
@@ -192,8 +195,8 @@ class ReferenceFis:
 
 
 @contextmanager
-def _silence() -> Iterator[None]:
-    """Keep scikit-fuzzy's warnings (deprecated calls, divisions by zero) to itself."""
+def _without_warnings() -> Iterator[None]:
+    """Ignore scikit-fuzzy's warnings (deprecated calls, divisions by zero)."""
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore")
         yield

@@ -1,7 +1,8 @@
-"""The compiled evaluator: a rule base flattened into arrays and run by one kernel, many samples.
+"""The compiled evaluator: a rule base as arrays, evaluated for many samples by one kernel.
 
-Costs some 10 microseconds a call plus about one a sample, where scikit-fuzzy needs milliseconds a
-sample; equal to it (``ReferenceFis``) to 1e-6, which ``navfw.fuzzy.benchmark`` and the tests show.
+A call costs some 10 microseconds plus about one per sample; scikit-fuzzy needs milliseconds per
+sample. Results equal those of scikit-fuzzy (``ReferenceFis``) to 1e-6, as
+``navfw.fuzzy.fis_benchmark`` and the tests show.
 """
 
 from __future__ import annotations
@@ -15,12 +16,12 @@ import numpy.typing as npt
 
 from navfw.errors import RuleBaseError, UnknownNameError
 from navfw.fuzzy import inference_kernels
-from navfw.fuzzy.explain import FiredRule, explain
+from navfw.fuzzy.fired_rules import FiredRule, explain
 from navfw.fuzzy.grammar import And, Clause, Is, Not, Or, atoms
 from navfw.fuzzy.rulebase import RuleBase, Variable
 from navfw.signals import Array
 
-__all__ = ["CompiledFis", "Inference", "compile_rule_base"]
+__all__ = ["CompiledFis", "Inference"]
 
 Indices = npt.NDArray[np.int64]
 
@@ -33,22 +34,22 @@ _METHODS = {
 }
 
 
-class Layout(NamedTuple):
-    """Which column of the result table is which; shared by all results of one evaluator."""
+class ResultLayout(NamedTuple):
+    """The columns of a result table; shared by all results of one evaluator."""
 
-    rules: int
-    terms: Mapping[str, Mapping[str, int | None]]  # None: a term that no rule concludes
-    outputs: Mapping[str, int]
+    rules: int  # number of rules; their strengths are the first columns
+    terms: Mapping[str, Mapping[str, int | None]]  # activations; None: no rule concludes the term
+    outputs: Mapping[str, int]  # crisp values
 
 
 class Inference:
-    """What an evaluation of N samples found; arrays are views of one table (N, columns).
+    """The results for N samples; arrays are views of one table (N, columns).
 
-    Where no rule speaks about an output (its terms all at or below ``inference_kernels.FIRING_FLOOR``), and
-    where an input is NaN, the crisp output is the output's ``default``, or NaN.
+    A crisp output is the output's ``default``, or NaN, where an input is NaN, and where no rule
+    concludes about it (all its terms at or below ``inference_kernels.FIRING_FLOOR``).
     """
 
-    def __init__(self, table: Array, layout: Layout) -> None:
+    def __init__(self, table: Array, layout: ResultLayout) -> None:
         self._table = table
         self._layout = layout
 
@@ -64,14 +65,14 @@ class Inference:
 
     @cached_property
     def degrees(self) -> dict[str, dict[str, Array]]:
-        """Activation of every term of every output, (N,): the largest strength of its rules."""
+        """Activation of every term of every output, (N,): the largest strength among its rules."""
         return {
             output: {term: self._column(column) for term, column in columns.items()}
             for output, columns in self._layout.terms.items()
         }
 
     def degree(self, output: str, term: str) -> Array:
-        """``degrees[output][term]`` (N,), without making the rest of them."""
+        """``degrees[output][term]`` (N,), without building the other ones."""
         column = self._layout.terms[output][term]
         return self._column(None) if column is None else self._table[:, column]
 
@@ -80,13 +81,13 @@ class Inference:
         return dict(zip(self._layout.terms[output], self.activations(output), strict=True))
 
     def activations(self, output: str) -> list[float]:
-        """``degrees[output]`` of the first sample, term by term as they are declared."""
+        """``degrees[output]`` of the first sample, in the order of declaration."""
         row: list[float] = self._table[0].tolist()
         columns = self._layout.terms[output].values()
         return [0.0 if column is None else row[column] for column in columns]
 
     def crisp(self, output: str) -> Array:
-        """``outputs[output]`` (N,), without making the rest of them."""
+        """``outputs[output]`` (N,), without building the other ones."""
         return self._table[:, self._layout.outputs[output]]
 
     def _column(self, column: int | None) -> Array:
@@ -96,7 +97,7 @@ class Inference:
         return int(self._table.shape[0])
 
 
-class Tables(NamedTuple):
+class InferenceTables(NamedTuple):
     """A rule base as arrays: the arguments of ``inference_kernels.infer`` after x, in its order."""
 
     input_xs: Array  # universes of all inputs, one after the other
@@ -117,9 +118,9 @@ class Tables(NamedTuple):
 
 
 class CompiledFis:
-    """Evaluates one rule base; holds no state, so one instance may serve many callers.
+    """Evaluates one rule base; stateless, so that one instance can be shared.
 
-    >>> fis = CompiledFis(RuleBase.load("slope.yaml"))  # doctest: +SKIP
+    >>> fis = CompiledFis(load_rule_base("slope.yaml"))  # doctest: +SKIP
     >>> fis.evaluate({"ratio": np.array([0.5, -0.5])}).outputs["slope"]  # doctest: +SKIP
     """
 
@@ -134,12 +135,12 @@ class CompiledFis:
         return tuple(self._row_of)
 
     def evaluate(self, inputs: Mapping[str, npt.ArrayLike]) -> Inference:
-        """Infer from every input by name: scalars or arrays (N,), clipped to the ranges.
+        """Infer from all inputs by name: scalars or arrays (N,), clipped to their ranges.
 
         Raises:
             UnknownNameError: the rule base has no such input.
             RuleBaseError: an input is missing.
-            ValueError: arrays of different length, or not one-dimensional.
+            ValueError: the arrays differ in length, or are not one-dimensional.
 
         """
         row_of = self._row_of
@@ -159,7 +160,7 @@ class CompiledFis:
         return self.evaluate_rows(rows)
 
     def evaluate_one(self, inputs: Mapping[str, float]) -> Inference:
-        """The same for a single sample of numbers, at less cost.
+        """``evaluate`` for a single sample of numbers, at less cost.
 
         Raises:
             UnknownNameError: the rule base has no such input.
@@ -174,13 +175,13 @@ class CompiledFis:
         )
 
     def evaluate_rows(self, rows: Array) -> Inference:
-        """The same without names: ``rows`` (inputs, N), one input a row as in ``input_names``.
+        """``evaluate`` for ``rows`` (inputs, N), one row per input as in ``input_names``.
 
         Raises:
             ValueError: the number of rows is not the number of inputs.
 
         """
-        # Another type or layout would have numba compile the kernel again, for seconds.
+        # For another type or memory layout numba would compile the kernel again, for seconds.
         rows = np.ascontiguousarray(rows, dtype=np.float64)
         if rows.ndim != 2 or rows.shape[0] != len(self._row_of):
             raise ValueError(
@@ -228,12 +229,7 @@ class CompiledFis:
         )
 
 
-def compile_rule_base(rule_base: RuleBase) -> CompiledFis:
-    """``CompiledFis(rule_base)``, for use as a function."""
-    return CompiledFis(rule_base)
-
-
-def _flatten(rule_base: RuleBase) -> tuple[Tables, Layout]:
+def _flatten(rule_base: RuleBase) -> tuple[InferenceTables, ResultLayout]:
     inputs = list(rule_base.inputs.values())
     outputs = list(rule_base.outputs.values())
     literals = _group(
@@ -254,7 +250,7 @@ def _flatten(rule_base: RuleBase) -> tuple[Tables, Layout]:
     term_ys = _padded([output.sampled(term) for output, term in pairs])
     longest = max(output.universe.size for output in outputs)
     workspace = longest * (1 + max(len(names) for names in terms))
-    tables = Tables(
+    tables = InferenceTables(
         input_xs=np.concatenate([variable.universe for variable in inputs]),
         input_starts=_starts([variable.universe.size for variable in inputs]),
         literal_ys=_padded(
@@ -302,12 +298,12 @@ def _flatten(rule_base: RuleBase) -> tuple[Tables, Layout]:
         for output in outputs
     }
     first = rules + len(pairs)
-    layout = Layout(rules, columns, {v.name: first + k for k, v in enumerate(outputs)})
+    layout = ResultLayout(rules, columns, {v.name: first + k for k, v in enumerate(outputs)})
     return tables, layout
 
 
 def _group(variables: Sequence[Variable], items: Any) -> list[list[Any]]:
-    """The distinct second parts of ``items``, by the variable that the first part names."""
+    """The distinct values of ``items`` (variable name, value), grouped by variable."""
     groups: dict[str, dict[Any, None]] = {variable.name: {} for variable in variables}
     for name, item in items:
         groups[name][item] = None
@@ -332,7 +328,7 @@ def _starts(lengths: Sequence[int]) -> Indices:
 
 
 def _padded(rows: Sequence[Array]) -> Array:
-    """Rows of different length as one array, zeros behind the shorter ones."""
+    """Rows of different length as one array, the shorter ones padded with zeros."""
     table = np.zeros((len(rows), max(row.size for row in rows)))
     for target, row in zip(table, rows, strict=True):
         target[: row.size] = row

@@ -1,4 +1,4 @@
-"""How fast the compiled evaluator is beside scikit-fuzzy, and how equal, on random inputs."""
+"""Compare the compiled evaluator with scikit-fuzzy on random inputs: time and difference."""
 
 from __future__ import annotations
 
@@ -9,18 +9,19 @@ from typing import TypedDict
 
 import numpy as np
 
-from navfw.fuzzy.compiled import CompiledFis
-from navfw.fuzzy.reference import ReferenceFis
+from navfw.fuzzy.compiled_fis import CompiledFis
+from navfw.fuzzy.reference_fis import ReferenceFis
 from navfw.fuzzy.rulebase import RuleBase
 from navfw.signals import Array
 
-__all__ = ["Comparison", "compare", "random_inputs"]
+__all__ = ["FisComparison", "compare", "random_inputs"]
 
-_BATCH = 16  # samples in one call, about what a frame has regions
+_BATCH = 16
+"""Samples in one call: about the number of regions in a frame."""
 
 
-class Comparison(TypedDict):
-    """What ``compare`` measured; times are medians [ms] on this machine, now."""
+class FisComparison(TypedDict):
+    """The result of ``compare``; times are medians [ms] on the present machine."""
 
     name: str
     samples: int
@@ -28,14 +29,14 @@ class Comparison(TypedDict):
     compiled_batch_ms: float  # one call with ``batch`` samples
     batch: int
     reference_ms: float  # one set of inputs and compute() of scikit-fuzzy
-    ratio: float  # reference_ms / compiled_ms: both answer one sample
-    batch_ratio: float  # the same for every sample of a batch
+    ratio: float  # reference_ms / compiled_ms, one sample each
+    batch_ratio: float  # the same per sample of a batch
     max_abs_diff: float  # over all crisp outputs and firing strengths
-    undecided: int  # samples where just one of the two gave a number
+    undecided: int  # samples for which exactly one evaluator gave a number
 
 
 def random_inputs(rule_base: RuleBase, samples: int, rng: np.random.Generator) -> Array:
-    """Rows (inputs, samples): half uniform over the ranges, half at or beside terms' corners."""
+    """Rows (inputs, samples): half uniform in the ranges, half at or next to terms' corners."""
     rows = []
     for variable in rule_base.inputs.values():
         corners = [c for shape in variable.terms.values() for c in shape.corners]
@@ -48,11 +49,11 @@ def random_inputs(rule_base: RuleBase, samples: int, rng: np.random.Generator) -
     return np.asarray(np.clip(rows, low, high))
 
 
-def compare(rule_base: RuleBase, samples: int, rng: np.random.Generator) -> Comparison:
+def compare(rule_base: RuleBase, samples: int, rng: np.random.Generator) -> FisComparison:
     """Evaluate ``samples`` random inputs by both evaluators; times and largest difference.
 
-    The reference takes milliseconds a sample. Where scikit-fuzzy's bisector answers NaN although
-    rules fired, or only one evaluator answers at all, the sample counts as ``undecided``.
+    The reference takes milliseconds per sample. A sample counts as ``undecided`` where exactly one
+    of the evaluators gives NaN, as scikit-fuzzy's bisector does at times although rules fired.
 
     Raises:
         ValueError: ``samples`` is not positive.
@@ -85,7 +86,7 @@ def compare(rule_base: RuleBase, samples: int, rng: np.random.Generator) -> Comp
     batch = {name: np.resize(row, _BATCH) for name, row in zip(rule_base.inputs, rows, strict=True)}
     together = _median_ms(lambda _: compiled.evaluate(batch), 200)
     one = statistics.median(seconds) * 1e3
-    return Comparison(
+    return FisComparison(
         name=rule_base.name,
         samples=samples,
         compiled_ms=single,

@@ -1,4 +1,4 @@
-"""Which rules fired, and how strongly: the sentences behind a result."""
+"""The rules that fired for a result, with their strengths."""
 
 from __future__ import annotations
 
@@ -11,17 +11,16 @@ __all__ = ["FiredRule", "explain"]
 
 
 class FiredRule(TypedDict):
-    """A rule's sentence as its file says it, and its strength in [0, 1], weight included."""
+    """A rule's sentence as in its file, and its strength in [0, 1], weight included."""
 
     rule: str
     strength: float
 
 
 def explain(rule_base: RuleBase, firing: Array, minimum: float = 0.05) -> list[FiredRule]:
-    """The rules with strength of at least ``minimum`` in ``firing`` (rules,), strongest first.
+    """The rules with a strength of at least ``minimum`` in ``firing`` (rules,), strongest first.
 
-    Rules of equal strength keep the order of the rule base; a rule that did not fire at all is
-    never listed.
+    Rules of equal strength keep the order of the rule base. A rule of strength 0 is never listed.
     """
     found = [
         FiredRule(rule=rule.sentence, strength=float(strength))

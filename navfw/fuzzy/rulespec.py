@@ -1,0 +1,89 @@
+"""The schema of a rule base file: its keys and their values; sentences are parsed elsewhere."""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, field_validator
+
+from navfw.fuzzy.grammar import KEYWORDS, NAME_PATTERN
+from navfw.fuzzy.membership import HEDGES
+
+__all__ = ["InputSpec", "OutputSpec", "RuleBaseSpec", "check_name"]
+
+_MIN_WIDTH = 1e-6
+"""Least width of a range, in its unit: rounding would merge the samples of a narrower one."""
+
+_MAX_SIZE = 1e12
+"""Largest magnitude of a bound, and of a bound over the width of the range, for that reason."""
+
+
+class _Spec(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+def check_name(name: str) -> None:
+    """Raise ValueError unless ``name`` can stand for a variable or term in a rule."""
+    if not re.fullmatch(NAME_PATTERN, name):
+        raise ValueError(f"expected a name of letters, digits and '_', got {name!r}")
+    if name.upper() in KEYWORDS or name in HEDGES:
+        raise ValueError(f"expected a name, got {name!r}, which is a keyword or hedge of the rules")
+
+
+class InputSpec(_Spec):
+    """An input variable: its range, and its terms."""
+
+    range: tuple[float, float] = Field(description="lowest and highest value; inputs are clipped")
+    unit: str = Field("1", description="unit of the range; 1 for none")
+    description: str = Field("", description="what it measures")
+    points: int = Field(101, ge=3, le=10_001, description="even samples over the range")
+    terms: dict[str, dict[str, list[float]]] = Field(
+        min_length=1, description="term name: {shape: [parameters]}"
+    )
+
+    @field_validator("range")
+    @classmethod
+    def _check_range(cls, value: tuple[float, float]) -> tuple[float, float]:
+        low, high = value
+        if not high - low >= _MIN_WIDTH:
+            raise ValueError(f"expected [low, high] with high > low, got [{low:g}, {high:g}]")
+        if max(abs(low), abs(high)) > _MAX_SIZE * min(1.0, high - low):
+            raise ValueError(
+                f"expected bounds of at most {_MAX_SIZE:g} and {_MAX_SIZE:g} times the width, "
+                f"got [{low:g}, {high:g}]"
+            )
+        return value
+
+
+class OutputSpec(InputSpec):
+    """An output variable; ``default`` is its value where no rule fires."""
+
+    default: float | None = Field(
+        None,
+        description=(
+            "value where no rule fires; an output with a default is not checked for coverage"
+        ),
+    )
+
+
+class RuleBaseSpec(_Spec):
+    """One inference system, as its file declares it."""
+
+    name: str = Field(min_length=1, description="name of the inference system")
+    description: str = Field("", description="what it infers, and where it comes from")
+    and_: Literal["min", "prod"] = Field("min", alias="and", description="conjunction")
+    implication: Literal["min", "prod"] = Field(
+        "min",
+        description=(
+            "how the firing strength limits a conclusion: min clips it (Mamdani), prod scales it"
+        ),
+    )
+    defuzzify: Literal["centroid", "bisector", "mom", "som", "lom"] = Field(
+        "centroid", description="how the union of the conclusions becomes one number"
+    )
+    inputs: dict[str, InputSpec] = Field(min_length=1, description="input variables by name")
+    outputs: dict[str, OutputSpec] = Field(min_length=1, description="output variables by name")
+    rules: list[Annotated[str, Field(min_length=1)]] = Field(
+        min_length=1, description="sentences IF ... THEN ..."
+    )
