@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import itertools
 import json
 import re
@@ -10,10 +9,11 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from types import ModuleType
 
 import pytest
+from docs_pages import PAGES, ROOT, commands, files_of, load_module, table
 
+from navfw import Behavior, Composite
 from navfw.config.overrides import parse_override
 from navfw.config.yamlfile import load_yaml
 from navfw.missions.outcome import Outcome
@@ -21,19 +21,6 @@ from navfw.missions.session import MissionResult, prepare
 from navfw.plugins import default_registry
 from navfw.stackfile import load_stack
 from navfw.testing import check_behavior, check_composite
-
-ROOT = Path(__file__).parents[2]
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md"]
-PAGES += sorted((ROOT / "docs").glob("*.md"))
-
-# **`path/of/file`** with words behind it or not, then (perhaps after a paragraph) its fenced text
-FILE = re.compile(r"^\*\*`([\w./-]+)`\*\*[^`]*?^```\w+\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-LINK = re.compile(r"\]\(([^)\s]+)\)")
-COMMAND = re.compile(r"^\$ (?:uv run )?navfw (.+?)(?:  +#.*)?$", re.MULTILINE)
-
-
-def files_of(page: Path) -> dict[str, str]:
-    return dict(FILE.findall(page.read_text(encoding="utf-8")))
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +57,9 @@ def test_the_readme_has_all_the_files_it_speaks_of() -> None:
 @pytest.mark.usefixtures("project")
 def test_the_behaviour_is_found_and_keeps_the_contract() -> None:
     registry = default_registry()
-    check_behavior(registry.get("behavior", "cautious"))
+    behavior = registry.get("behavior", "cautious")
+    assert issubclass(behavior, Behavior)
+    check_behavior(behavior)
     (listed,) = (row for row in registry.listing("behavior") if row["name"] == "cautious")
     assert [parameter["name"] for parameter in listed["parameters"]] == ["weight"]
     # the README's files must not hide that a shipped one is broken, nor break one
@@ -80,7 +69,9 @@ def test_the_behaviour_is_found_and_keeps_the_contract() -> None:
 @pytest.mark.usefixtures("project")
 @pytest.mark.parametrize("name", ["timid", "wary"])
 def test_the_composites_are_found_and_keep_the_contract(name: str) -> None:
-    check_composite(default_registry().get("composite", name))
+    composite = default_registry().get("composite", name)
+    assert issubclass(composite, Composite)
+    check_composite(composite)
 
 
 @pytest.fixture(scope="module")
@@ -92,14 +83,15 @@ def driven(project: Path) -> MissionResult:
 def test_the_behaviour_drives_and_explains_itself(driven: MissionResult) -> None:
     assert driven.outcome is Outcome.REACHED, driven.reason
     assert not list(driven.run.faults)
-    said = driven.session.stack.state.proposals["cautious"]
-    assert "known to be free" in said.reason
-    assert said.explain(0, 0)[0]["rule"].startswith("IF ahead IS ")
+    proposals = driven.session.stack.state.proposals
+    assert proposals is not None
+    assert "known to be free" in proposals["cautious"].reason
+    assert proposals["cautious"].explain(0, 0)[0]["rule"].startswith("IF ahead IS ")
 
 
 def test_the_readme_has_all_keys_of_the_json(driven: MissionResult) -> None:
-    table = set(re.findall(r"`(\w+)`", _table("### The keys of `navfw run --json`")))
-    missing = {"run_folder", *driven.summary()} - table
+    rows = table(ROOT / "README.md", "### The keys of `navfw run --json`")
+    missing = {"run_folder", *driven.summary()} - set(re.findall(r"`(\w+)`", rows))
     assert not missing, f"the README's table of JSON keys lacks {sorted(missing)}"
 
 
@@ -119,7 +111,7 @@ def test_the_tests_of_the_behaviour_pass(project: Path) -> None:
     for name in ("test_cautious", "test_slow_before_a_wall"):
         tests = {
             key: value
-            for key, value in vars(_load(project / "tests" / f"{name}.py")).items()
+            for key, value in vars(load_module(project / "tests" / f"{name}.py")).items()
             if key.startswith("test_")
         }
         assert len(tests) == 1
@@ -128,7 +120,7 @@ def test_the_tests_of_the_behaviour_pass(project: Path) -> None:
 
 
 def test_the_mission_test_asks_for_the_mission_of_the_readme(project: Path) -> None:
-    test = _load(project / "tests" / "test_den.py").test_the_robot_gets_to_the_next_room
+    test = load_module(project / "tests" / "test_den.py").test_the_robot_gets_to_the_next_room
     (marker,) = test.pytestmark
     assert marker.name == "mission"
     assert marker.kwargs == {"world": "den", "mission": "next-room", "seeds": [0, 1]}
@@ -156,9 +148,7 @@ def test_the_code_that_asks_why_runs(capsys: pytest.CaptureFixture[str]) -> None
 @pytest.mark.usefixtures("project")
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_worlds_missions_stacks_and_values_of_commands_exist(page: Path) -> None:
-    for words in (line.split() for line in COMMAND.findall(page.read_text(encoding="utf-8"))):
-        if words[0] != "run":
-            continue
+    for words in (words for words in commands(page) if words[0] == "run"):
         world, mission = words[1:3]
         options = list(itertools.pairwise(words[3:]))
         overrides = [value for option, value in options if option == "--set"]
@@ -179,62 +169,8 @@ def test_the_stack_of_the_readme_lists_what_it_says(project: Path) -> None:
     assert json.dumps(config.behaviors["cautious"].as_data()) == '{"cautious": {"weight": 0.7}}'
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_every_link_leads_somewhere(page: Path) -> None:
-    text = _without_code(page.read_text(encoding="utf-8"))
-    broken = [link for link in LINK.findall(text) if not _leads_somewhere(page, link)]
-    assert not broken
-
-
-def test_the_tables_of_keys_are_those_of_the_models() -> None:
-    tables = _load(ROOT / "docs" / "update_tables.py")
-    for page in sorted((ROOT / "docs").glob("*.md")):
-        text = page.read_text(encoding="utf-8")
-        assert tables.renewed(text) == text, "run: uv run python docs/update_tables.py"
-
-
 def test_the_folders_of_the_readme_exist() -> None:
-    rows = _table("## Where things are").splitlines()
+    rows = table(ROOT / "README.md", "## Where things are").splitlines()
     named = re.findall(r"`([\w/.]+)`", "\n".join(row.split("|")[1] for row in rows))
     assert len(named) > 20
     assert [name for name in named if not (ROOT / name).exists()] == []
-
-
-# --- helpers -------------------------------------------------------------------------------------
-
-
-def _table(heading: str) -> str:
-    """The rows of the table under a heading of the README."""
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    body = re.split(r"\n##+ ", text.split(f"\n{heading}\n", 1)[1])[0]
-    return "\n".join(line for line in body.splitlines() if line.startswith("| `"))
-
-
-def _without_code(text: str) -> str:
-    return re.sub(r"^```.*?^```$", "", text, flags=re.MULTILINE | re.DOTALL)
-
-
-def _leads_somewhere(page: Path, link: str) -> bool:
-    if "://" in link:
-        return link.startswith("https://")
-    path, _, anchor = link.partition("#")
-    target = (page.parent / path).resolve() if path else page
-    if not target.exists() or ROOT not in target.parents:
-        return False
-    return not anchor or anchor in set(_anchors(target))
-
-
-def _anchors(page: Path) -> Iterator[str]:
-    for line in _without_code(page.read_text(encoding="utf-8")).splitlines():
-        if line.startswith("#"):
-            words = re.sub(r"[^\w\s-]", "", line.lstrip("#").strip().lower())
-            yield re.sub(r"\s", "-", words)
-
-
-def _load(file: Path) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(file.stem, file)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module

@@ -1,0 +1,68 @@
+"""The pages of the README and the docs: links, tables, lengths, decisions, glossary."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from docs_pages import PAGES, ROOT, anchors, links, load_module, without_code
+
+DOCS = ROOT / "docs"
+DECISIONS = sorted((DOCS / "decisions").glob("[0-9]*.md"))
+PARTS = ("Context", "Decision", "Rejected", "Measured")
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_link_leads_somewhere(page: Path) -> None:
+    broken = [link for link in links(page) if not _leads_somewhere(page, link)]
+    assert not broken
+
+
+def test_the_tables_of_keys_are_those_of_the_models() -> None:
+    tables = load_module(DOCS / "update_tables.py")
+    for page in sorted(DOCS.glob("*.md")):
+        text = page.read_text(encoding="utf-8")
+        assert tables.renewed(text) == text, "run: uv run python docs/update_tables.py"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_path_that_a_page_names_exists(page: Path) -> None:
+    text = without_code(page.read_text(encoding="utf-8"))
+    named = re.findall(r"`(navfw/[\w./-]*)`", text)
+    assert [name for name in named if not (ROOT / name).exists()] == []
+
+
+# --- decisions -----------------------------------------------------------------------------------
+
+
+def test_every_decision_is_in_the_index_by_its_title() -> None:
+    index = (DOCS / "decisions" / "README.md").read_text(encoding="utf-8")
+    listed = re.findall(r"^- \[(\d{4})\]\((\S+)\) (.+)$", index, re.MULTILINE)
+    found = []
+    for number, page in enumerate(DECISIONS, start=1):
+        title = page.read_text(encoding="utf-8").splitlines()[0]
+        assert title.startswith(f"# {number}. ")
+        found.append((f"{number:04d}", page.name, title.split(". ", 1)[1]))
+    assert len(found) > 70
+    assert listed == found
+
+
+@pytest.mark.parametrize("page", DECISIONS, ids=lambda page: page.name)
+def test_a_decision_is_short_and_has_all_its_parts(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    assert tuple(re.findall(r"^\*\*(\w+)\.\*\* ", text, re.MULTILINE)) == PARTS
+    assert len(text.split()) <= 270
+
+
+# --- helpers -------------------------------------------------------------------------------------
+
+
+def _leads_somewhere(page: Path, link: str) -> bool:
+    if "://" in link:
+        return link.startswith("https://")
+    path, _, anchor = link.partition("#")
+    target = (page.parent / path).resolve() if path else page
+    if not target.exists() or ROOT not in target.parents:
+        return False
+    return not anchor or anchor in set(anchors(target))
