@@ -16,11 +16,11 @@ from navfw.errors import InputError
 from navfw.localization.discrete_filter import DiscreteFilter, DiscreteParams
 from navfw.localization.landmark_existence import LandmarkExistence
 from navfw.localization.situation_model import SITUATIONS, SituationTable, learn_table
-from navfw.missions.situation_samples import SituationDrive, listen
+from navfw.missions.situation_samples import SituationDrive, record_situations
 
 if TYPE_CHECKING:
     from navfw.plugins import Registry
-    from navfw.suite.cases import Plan
+    from navfw.suite.suite_plan import SuitePlan
 
 __all__ = ["Learnt", "learn_situations", "place_accuracy", "tables"]
 
@@ -52,7 +52,7 @@ class Learnt:
         }
 
 
-def learn_situations(plan: Plan, registry: Registry, say: Callable[[str], None]) -> Learnt:
+def learn_situations(plan: SuitePlan, registry: Registry, say: Callable[[str], None]) -> Learnt:
     """Drive all runs of a suite, and learn from them.
 
     Raises:
@@ -61,7 +61,7 @@ def learn_situations(plan: Plan, registry: Registry, say: Callable[[str], None])
     """
     drives: dict[str, list[SituationDrive]] = {}
     for case in plan.cases:
-        drive = listen(case.session(registry))
+        drive = record_situations(case.session(registry))
         drives.setdefault(case.entry, []).append(drive)
         where = f"{case.world_name} {case.mission_name} {case.seed}"
         say(f"{case.index + 1} of {len(plan.cases)}: {where}: {drive.outcome}")

@@ -91,7 +91,7 @@ def perception(
             tables,
             write_page,
         )
-        from navfw.recording.runfolder import plain_json
+        from navfw.recording.run_folder import plain_json
 
         recorded = None if data is None else find_data(data)
         folder = None if out is None else page_folder(out)

@@ -24,7 +24,7 @@ def explain(
 ) -> None:
     """Say why the robot did what it did at one moment: which rules fired, how strongly."""
     with quiet_stdout():
-        from navfw.recording.replay import explain_at
+        from navfw.recording.run_replay import explain_at
 
         explanation = explain_at(folder, at)
     if json:

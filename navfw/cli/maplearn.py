@@ -26,9 +26,9 @@ def learn(
 ) -> None:
     """Drive a mission, and write the landmarks that were seen into its map."""
     with quiet_stdout():
-        from navfw.missions.learning import learn_landmarks
+        from navfw.missions.landmark_learning_drive import learn_landmarks
         from navfw.missions.session import prepare
-        from navfw.recording.runfolder import plain_json
+        from navfw.recording.run_folder import plain_json
         from navfw.topomap.map_formats import save_map
 
         session = prepare(world, mission, seed=seed, stack=stack)

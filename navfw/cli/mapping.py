@@ -38,7 +38,7 @@ def show(
 ) -> None:
     """Draw a map over its world's floor plan, and say what is in it."""
     from navfw.cli.maptools import find_map, outline_for
-    from navfw.recording.mappicture import draw_map
+    from navfw.recording.map_picture import draw_map
 
     with quiet_stdout():
         topo_map = find_map(map_)

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from navfw.recording.drawing import Outline
+    from navfw.recording.top_view import WorldOutline
     from navfw.sim.floorplan import FloorPlan
     from navfw.topomap import TopoMap
 
@@ -47,9 +47,9 @@ def floor_plan(topo_map: TopoMap, world: str | None) -> FloorPlan | None:
     return None if file is None else FloorPlan.from_world(load_world(file))
 
 
-def outline_for(topo_map: TopoMap, world: str | None) -> Outline | None:
+def outline_for(topo_map: TopoMap, world: str | None) -> WorldOutline | None:
     """The world seen from above, where ``floor_plan`` finds one."""
-    from navfw.missions.report import outline_of
+    from navfw.missions.run_report import outline_of
 
     plan = floor_plan(topo_map, world)
     return None if plan is None else outline_of(plan)

@@ -43,7 +43,7 @@ def plan(
         made = make_plan(topo_map, start, goal, avoid=avoid or [])
         told: dict[str, Any] = {"map": topo_map.name, **made.explain()}
         if plot is not None:
-            from navfw.recording.mappicture import draw_map
+            from navfw.recording.map_picture import draw_map
 
             draw_map(plot, topo_map, outline_for(topo_map, world), made.route, avoid=told["closed"])
             told["plot"] = str(plot)

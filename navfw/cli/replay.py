@@ -21,7 +21,7 @@ def replay(
 ) -> None:
     """Run the stack on recorded sensor readings; exit with 0 if it gives the same commands."""
     with quiet_stdout():
-        from navfw.recording.replay import replay as run_again
+        from navfw.recording.run_replay import replay as run_again
 
         result = run_again(folder)
     if json:

@@ -75,7 +75,7 @@ def run(
         )
     summary = {**result.summary(), "run_folder": str(folder)}
     if json:
-        from navfw.recording.runfolder import plain_json
+        from navfw.recording.run_folder import plain_json
 
         print_json(plain_json(summary))
     else:
@@ -96,9 +96,9 @@ def _drive(
     quiet: bool,
 ) -> tuple[MissionResult, Path]:
     """Run the mission and write its folder; nothing is written before all input is checked."""
-    from navfw.missions.report import default_folder, write_run
+    from navfw.missions.run_report import default_folder, write_run
     from navfw.missions.session import prepare
-    from navfw.recording.runfolder import RunFolder
+    from navfw.recording.run_folder import RunFolder
 
     if gui and sys.platform == "linux" and not os.environ.get("DISPLAY"):
         # PyBullet would end the process without a word

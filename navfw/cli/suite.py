@@ -17,8 +17,8 @@ from navfw.cli.output import print_json, print_table, quiet_stdout
 
 if TYPE_CHECKING:
     from navfw.suite.case import Case
-    from navfw.suite.evaluation import Evaluation
-    from navfw.suite.table import RunRow
+    from navfw.suite.run_table import RunRow
+    from navfw.suite.suite_run import SuiteResult
 
 __all__ = ["add_to"]
 
@@ -82,10 +82,10 @@ def suite(
     with quiet_stdout():
         from navfw.plugins import default_registry
         from navfw.recording.provenance import code_revision
-        from navfw.suite.cases import plan_runs
-        from navfw.suite.evaluation import evaluate
-        from navfw.suite.outfolder import OutFolder
-        from navfw.suite.suitefile import load_suite, parse_seeds
+        from navfw.suite.suite_file import load_suite, parse_seeds
+        from navfw.suite.suite_folder import SuiteFolder
+        from navfw.suite.suite_plan import plan_runs
+        from navfw.suite.suite_run import run_suite
 
         span = parse_seeds(seeds)
         plan = plan_runs(
@@ -99,10 +99,10 @@ def suite(
         )
         for name, reason in plan.skipped.items():
             typer.echo(f"navfw: skips the variant {name}: {reason}", err=True)
-        folder = OutFolder.choose(out, plan, span)
+        folder = SuiteFolder.choose(out, plan, span)
         have = folder.open(plan, code_revision(), resume=resume)
         with _Bar(plan.suite, plan.cases, have, quiet=quiet) as bar:
-            done = evaluate(
+            done = run_suite(
                 plan,
                 folder,
                 workers=workers,
@@ -127,9 +127,8 @@ def compare(
     json: Json = False,
 ) -> None:
     """Compare two tables run by run: whether B is better than A."""
-    from navfw.suite.compare import compare as compare_tables
-    from navfw.suite.compare import of_variant
-    from navfw.suite.table import read_table
+    from navfw.suite.paired_comparison import compare_tables, of_variant
+    from navfw.suite.run_table import read_table
 
     first, second = (read_table(path / "table.csv" if path.is_dir() else path) for path in (a, b))
     found = compare_tables(of_variant(first, variant_a), of_variant(second, variant_b))
@@ -142,9 +141,9 @@ def compare(
 # --- what is printed -----------------------------------------------------------------------------
 
 
-def _print_json(done: Evaluation, table: Path) -> None:
-    from navfw.recording.runfolder import plain_json
-    from navfw.suite.table import columns_of
+def _print_json(done: SuiteResult, table: Path) -> None:
+    from navfw.recording.run_folder import plain_json
+    from navfw.suite.run_table import columns_of
 
     columns = columns_of(done.rows)
     runs = [{name: getattr(row, name) for name in columns} for row in done.rows]

@@ -47,8 +47,8 @@ __all__ = [
     "EventClock",
     "EventRecord",
     "EventSpec",
-    "Near",
-    "Stage",
+    "EventTarget",
+    "NearTrigger",
     "resolve_events",
     "with_doors_open",
 ]
@@ -60,11 +60,11 @@ Seconds = Annotated[float, Field(ge=0.0, le=7200.0)]
 Duration = Annotated[float, Field(gt=0.0, le=7200.0)]
 
 
-class _Spec(BaseModel):
+class _EventModel(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
-class Near(_Spec):
+class NearTrigger(_EventModel):
     """The robot comes near to a place of the map, or to a point."""
 
     place: Annotated[str | None, Field(description="a place of the map")] = None
@@ -80,18 +80,20 @@ class Near(_Spec):
         return self
 
 
-class BehaviorFault(_Spec):
+class BehaviorFault(_EventModel):
     """A behaviour of the stack that fails whenever it is asked."""
 
     name: Annotated[str, Field(description="of a behaviour of the stack")]
     does: Annotated[Failure, Field(description="how it fails")]
 
 
-class EventSpec(_Spec):
+class EventSpec(_EventModel):
     """One thing that happens during a mission: a trigger and an action."""
 
     at: Annotated[Seconds | None, Field(description="when [s], simulated")] = None
-    near: Annotated[Near | None, Field(description="or when the robot first is so near")] = None
+    near: Annotated[NearTrigger | None, Field(description="or when the robot first is so near")] = (
+        None
+    )
     lasting: Annotated[Duration | None, Field(description="[s]; left out: to the end")] = None
     camera: Annotated[CameraFault | None, Field(description="wrong pictures")] = None
     gyro: Annotated[GyroFault | None, Field(description="wrong turning rates")] = None
@@ -162,7 +164,7 @@ class EventRecord:
         return {"event": dict(self.given), "began_s": self.began, "ended_s": self.ended}
 
 
-class Stage(Protocol):
+class EventTarget(Protocol):
     """Where events happen: a simulation for most, a stack's behaviour for some."""
 
     def begin(self, action: Any) -> None:
@@ -177,9 +179,9 @@ class Stage(Protocol):
 class EventClock:
     """Begins and ends the events of one run, and keeps when that was."""
 
-    def __init__(self, events: Iterable[tuple[Event, Stage]]) -> None:
+    def __init__(self, events: Iterable[tuple[Event, EventTarget]]) -> None:
         self._waiting = list(events)
-        self._running: list[tuple[Event, Stage, int]] = []
+        self._running: list[tuple[Event, EventTarget, int]] = []
         self._log: list[EventRecord] = []
 
     @property
@@ -278,7 +280,7 @@ class _Checker:
         point = self._point(spec.near, (*path, "near"))
         return Event(action, given, point=point, within=spec.near.within, lasting=lasting)
 
-    def _point(self, near: Near, path: KeyPath) -> tuple[float, float]:
+    def _point(self, near: NearTrigger, path: KeyPath) -> tuple[float, float]:
         if near.place is None:
             return near.x or 0.0, near.y or 0.0
         self._known("place", near.place, self.topo_map.places, (*path, "place"))

@@ -19,7 +19,7 @@ import numpy as np
 
 from navfw.missions.runner import run_task
 from navfw.missions.session import Session
-from navfw.recording.track import Track
+from navfw.recording.run_log import RunLog
 from navfw.signals import Pose
 from navfw.sim.movers import MoverTrack
 from navfw.sim.reference import Reference
@@ -103,7 +103,7 @@ class _Drive:
     """A lap without what PyBullet takes for its frames, and where everybody was meanwhile."""
 
     lap: Lap
-    track: Track
+    track: RunLog
     movers: MoverTrack
 
 

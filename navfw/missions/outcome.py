@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
-__all__ = ["Outcome", "Verdict"]
+__all__ = ["MissionVerdict", "Outcome"]
 
 
 class Outcome(StrEnum):
@@ -39,7 +39,7 @@ class Outcome(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class MissionVerdict:
     """The outcome with its ``reason``, the behaviour that led last, the control tick and time [s].
 
     ``trace`` is the Python traceback of a fault, for whoever has to mend it.

@@ -11,14 +11,14 @@ from typing import Protocol
 
 from navfw.errors import InputError
 from navfw.missions.events import EventClock, EventRecord
-from navfw.missions.outcome import Outcome, Verdict
-from navfw.missions.watches import Stall, Visits, goal_name
-from navfw.recording.readings import ReadingsRecorder
-from navfw.recording.track import Contact, Track, TrackRecorder
+from navfw.missions.outcome import MissionVerdict, Outcome
+from navfw.missions.progress_checkers import GoalChecker, ProgressChecker, goal_name
+from navfw.recording.run_log import Contact, RunLog, RunLogger
+from navfw.recording.sensor_recording import SensorRecorder
 from navfw.robot import RobotModel
 from navfw.signals import Belief, Command, Percept, Pose, SensorReading, Twist, Waypoint
 
-__all__ = ["Pilot", "PilotState", "Progress", "Run", "Simulator", "Task", "run_task"]
+__all__ = ["Pilot", "PilotState", "Progress", "RunResult", "Simulator", "Task", "run_task"]
 
 PROGRESS_PERIOD = 0.1
 """Simulated time [s] between two calls of the progress callback."""
@@ -151,14 +151,14 @@ class Progress:
 
 
 @dataclass(frozen=True, slots=True)
-class Run:
+class RunResult:
     """What a run gave. ``faults`` are those of plugins, which the stack survived.
 
     ``events`` are those of the mission that happened.
     """
 
-    verdict: Verdict
-    track: Track
+    verdict: MissionVerdict
+    track: RunLog
     sim_time: float
     wall_time: float
     faults: tuple[str, ...]
@@ -175,9 +175,9 @@ def run_task(
     pilot: Pilot,
     simulator: Simulator,
     progress: Callable[[Progress], None] | None = None,
-    readings: ReadingsRecorder | None = None,
+    readings: SensorRecorder | None = None,
     events: EventClock | None = None,
-) -> Run:
+) -> RunResult:
     """Drive until the mission ends, whichever way; a KeyboardInterrupt ends it as cancelled.
 
     ``readings`` collects what the sensors gave, for a replay; ``events`` is asked at every tick
@@ -189,10 +189,10 @@ def run_task(
             robot has moved. Whatever it raises later ends the run as a fault.
 
     """
-    return _Loop(task, pilot, simulator, progress, readings, events).run()
+    return _MissionLoop(task, pilot, simulator, progress, readings, events).run()
 
 
-class _Loop:
+class _MissionLoop:
     """One run in the making."""
 
     def __init__(
@@ -201,7 +201,7 @@ class _Loop:
         pilot: Pilot,
         simulator: Simulator,
         progress: Callable[[Progress], None] | None,
-        readings: ReadingsRecorder | None,
+        readings: SensorRecorder | None,
         events: EventClock | None,
     ) -> None:
         self.task = task
@@ -210,10 +210,10 @@ class _Loop:
         self.progress = progress
         self.readings = readings
         self.events = events
-        self.recorder = TrackRecorder()
+        self.recorder = RunLogger()
         self.dt = 1.0 / task.robot.control_rate
-        self.visits = Visits(task.goals, task.success_radius)
-        self.stall = Stall(task.stuck_after, task.stall_radius)
+        self.visits = GoalChecker(task.goals, task.success_radius)
+        self.stall = ProgressChecker(task.stuck_after, task.stall_radius)
         self.finished_at: float | None = None
         self.faults: tuple[str, ...] = ()
         self.path: tuple[Waypoint, ...] = ()
@@ -222,11 +222,11 @@ class _Loop:
         self.began = 0.0
         self.next_progress = 0.0
 
-    def run(self) -> Run:
+    def run(self) -> RunResult:
         self.began = time.perf_counter()
         first = self.simulator.time
         verdict = self._drive()
-        return Run(
+        return RunResult(
             verdict=verdict,
             track=self.recorder.track(),
             sim_time=self.simulator.time - first,
@@ -235,8 +235,8 @@ class _Loop:
             events=() if self.events is None else self.events.log,
         )
 
-    def _drive(self) -> Verdict:
-        verdict: Verdict | None = None
+    def _drive(self) -> MissionVerdict:
+        verdict: MissionVerdict | None = None
         try:
             told = self.task.start if self.task.start_known else None
             self.pilot.start(told, self.task.goals)
@@ -252,7 +252,7 @@ class _Loop:
             verdict = self._verdict(Outcome.FAULT, f"an exception stopped it: {what}", trace)
         return verdict
 
-    def _tick(self) -> Verdict | None:
+    def _tick(self) -> MissionVerdict | None:
         pose = self.simulator.true_pose()
         if self.events is not None:
             self.events.tick(self.simulator.time, pose)
@@ -301,7 +301,7 @@ class _Loop:
             waypoint=state.path[0].place if state.path else "",
         )
 
-    def _judge(self, now: float, pose: Pose, twist: Twist) -> Verdict | None:
+    def _judge(self, now: float, pose: Pose, twist: Twist) -> MissionVerdict | None:
         """The verdict, if the mission has just ended. A touch outweighs everything else."""
         self.visits.see(pose)
         if contacts := self.simulator.contacts:
@@ -323,7 +323,7 @@ class _Loop:
             return self._verdict(Outcome.STUCK, f"stayed within {limit}")
         return self._time_is_up(pose) if now >= self.task.timeout else None
 
-    def _time_is_up(self, pose: Pose) -> Verdict:
+    def _time_is_up(self, pose: Pose) -> MissionVerdict:
         """Lost, if it says so itself; otherwise it was too slow."""
         left = f"{self.visits.distance(pose):.1f} m from {self.visits.next_name}"
         reason = f"{self.task.timeout:g} s are up, {left}"
@@ -332,7 +332,7 @@ class _Loop:
             return self._verdict(Outcome.LOST, f"{reason}, and it does not know where it is")
         return self._verdict(Outcome.TIMEOUT, reason)
 
-    def _finish(self, now: float, pose: Pose, twist: Twist) -> Verdict | None:
+    def _finish(self, now: float, pose: Pose, twist: Twist) -> MissionVerdict | None:
         """The stack says it is there: let it come to rest, then look where it is."""
         if self.finished_at is None:
             self.finished_at = now
@@ -346,8 +346,8 @@ class _Loop:
             return self._verdict(Outcome.REACHED, f"stands {off:.2f} m from {goal_name(goal)}")
         return self._verdict(Outcome.LOST, missed)
 
-    def _verdict(self, outcome: Outcome, reason: str, trace: str = "") -> Verdict:
-        return Verdict(
+    def _verdict(self, outcome: Outcome, reason: str, trace: str = "") -> MissionVerdict:
+        return MissionVerdict(
             outcome=outcome,
             reason=reason,
             behavior=self.last_leader,

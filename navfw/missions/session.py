@@ -23,16 +23,16 @@ from navfw.missions.events import (
     BehaviorFault,
     Event,
     EventClock,
-    Stage,
+    EventTarget,
     resolve_events,
     with_doors_open,
 )
-from navfw.missions.metrics import Metrics, measure
-from navfw.missions.missionfile import MissionFile, load_mission
+from navfw.missions.mission_file import MissionFile, load_mission
 from navfw.missions.oracle import reveal
 from navfw.missions.outcome import Outcome
-from navfw.missions.runner import Progress, Run, Task, run_task
-from navfw.recording.readings import ReadingsRecorder
+from navfw.missions.run_metrics import RunMetrics, measure
+from navfw.missions.runner import Progress, RunResult, Task, run_task
+from navfw.recording.sensor_recording import SensorRecorder
 from navfw.signals import Array
 from navfw.sim.changes import ChangeTrack
 from navfw.sim.floorplan import FloorPlan
@@ -115,7 +115,7 @@ class Session:
             InputError: the stack refuses the mission before the robot has moved.
 
         """
-        readings = ReadingsRecorder() if record else None
+        readings = SensorRecorder() if record else None
         with self.simulation(gui) as simulator:
             clock = EventClock((event, self._stage(event, simulator)) for event in self.events)
             run = run_task(self.task, self.stack, simulator, progress, readings, clock)
@@ -129,15 +129,15 @@ class Session:
         timings |= self.stack.timings
         return MissionResult(self, run, timings, readings, cause, movers, changes)
 
-    def _stage(self, event: Event, simulator: Simulation) -> Stage:
+    def _stage(self, event: Event, simulator: Simulation) -> EventTarget:
         """Where the event happens."""
         action = event.action
         if isinstance(action, BehaviorFault):
-            return _Behind(inject_faults(self.stack.mofis.behaviors, action.name))
+            return _BehaviorFaultTarget(inject_faults(self.stack.mofis.behaviors, action.name))
         return simulator
 
 
-class _Behind:
+class _BehaviorFaultTarget:
     """Lets a saboteur act on behalf of events."""
 
     def __init__(self, saboteur: FaultInjector) -> None:
@@ -160,9 +160,9 @@ class MissionResult:
     """
 
     session: Session
-    run: Run
+    run: RunResult
     timings: dict[str, float] = field(default_factory=dict)
-    readings: ReadingsRecorder | None = None
+    readings: SensorRecorder | None = None
     collision_cause: str | None = None
     movers: MoverTrack | None = None
     changes: ChangeTrack | None = None
@@ -178,7 +178,7 @@ class MissionResult:
         return self.run.verdict.reason
 
     @cached_property
-    def metrics(self) -> Metrics:
+    def metrics(self) -> RunMetrics:
         """The run's numbers."""
         session, run = self.session, self.run
         frames = max(1.0, run.sim_time * session.mission.spec.robot.camera.rate)
@@ -192,7 +192,7 @@ class MissionResult:
             radius=session.mission.spec.robot.radius,
             succeeded=self.outcome.succeeded,
             stage_ms={name: 1e3 * t / frames for name, t in self.timings.items()},
-            moving=_Nearest(self.movers, self.changes),
+            moving=_CombinedClearance(self.movers, self.changes),
         )
 
     def summary(self) -> dict[str, Any]:
@@ -230,7 +230,7 @@ class MissionResult:
         }
 
 
-class _Nearest:
+class _CombinedClearance:
     """Walkers and what came and went together, for clearances."""
 
     def __init__(self, *parts: MoverTrack | ChangeTrack | None) -> None:

@@ -9,21 +9,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from navfw.localization.situation_model import heard
-from navfw.missions.listener import Listener
 from navfw.missions.runner import Simulator, run_task
 from navfw.missions.session import Session
+from navfw.missions.stack_observer import StackObserver
 from navfw.signals import Odometry, Percept, Pose, SensorReading
 from navfw.stack import Stack, StackState
 from navfw.topomap import TopoMap
 
-__all__ = ["Moment", "SituationDrive", "listen"]
+__all__ = ["SituationDrive", "SituationSample", "record_situations"]
 
 SPACING = 0.25
 """One look is taken in so much of the way [m]."""
 
 
 @dataclass(frozen=True, slots=True)
-class Moment:
+class SituationSample:
     """A camera frame: odometry, what OFFIS said (degrees; None: nothing), and the true pose."""
 
     odometry: Odometry
@@ -37,7 +37,7 @@ class SituationDrive:
 
     topo_map: TopoMap
     start: Pose
-    moments: tuple[Moment, ...]
+    moments: tuple[SituationSample, ...]
     outcome: str
 
     def looks(self) -> Iterator[tuple[str, Mapping[str, float]]]:
@@ -58,25 +58,25 @@ class SituationDrive:
         return int(np.argmin([place.distance(pose.x, pose.y) for place in places]))
 
 
-class _Witness(Listener):
+class _SituationRecorder(StackObserver):
     """Writes down what OFFIS says, and knows the truth."""
 
     def __init__(self, stack: Stack, simulator: Simulator) -> None:
         super().__init__(stack)
         self._simulator = simulator
         self._percept: Percept | None = None
-        self.moments: list[Moment] = []
+        self.moments: list[SituationSample] = []
 
     def hear(self, reading: SensorReading, state: StackState) -> None:
         if reading.frame is None or state.odometry is None:
             return
         new = state.percept if state.percept is not self._percept else None
         self._percept = state.percept
-        moment = Moment(state.odometry, heard(new), self._simulator.true_pose())
+        moment = SituationSample(state.odometry, heard(new), self._simulator.true_pose())
         self.moments.append(moment)
 
 
-def listen(session: Session) -> SituationDrive:
+def record_situations(session: Session) -> SituationDrive:
     """Drive the session's mission (without its events), and note what OFFIS says.
 
     Raises:
@@ -84,7 +84,7 @@ def listen(session: Session) -> SituationDrive:
 
     """
     with session.simulation() as simulator:
-        witness = _Witness(session.stack, simulator)
+        witness = _SituationRecorder(session.stack, simulator)
         run = run_task(session.task, witness, simulator)
     return SituationDrive(
         session.mission.topo_map,

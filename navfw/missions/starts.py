@@ -13,7 +13,7 @@ from navfw.errors import WorldError
 from navfw.signals import Pose
 from navfw.topomap import Place, TopoMap
 
-__all__ = ["Unknown", "UnknownStart", "candidates", "draw_start"]
+__all__ = ["Unknown", "UnknownStart", "draw_start", "start_candidates"]
 
 Unknown = Literal["unknown"]
 """What a mission file says when the robot may begin anywhere in the map."""
@@ -32,7 +32,7 @@ class UnknownStart(BaseModel):
     ]
 
 
-def candidates(topo_map: TopoMap, goals: Sequence[str]) -> list[Place]:
+def start_candidates(topo_map: TopoMap, goals: Sequence[str]) -> list[Place]:
     """Where a robot may be put down that may begin anywhere: no door, danger or goal."""
     return [
         place

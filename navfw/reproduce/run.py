@@ -13,7 +13,7 @@ import cv2
 
 from navfw.atomic import AtomicFolder
 from navfw.config.lookup import find
-from navfw.recording.runfolder import plain_json
+from navfw.recording.run_folder import plain_json
 from navfw.reproduce.metrics import compare_metrics
 from navfw.reproduce.page import PAPER_TIMES, write_page
 from navfw.reproduce.pictures import draw_map, scene_picture, waypoint_picture

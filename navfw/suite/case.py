@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from navfw.suite.table import Key
+from navfw.suite.run_table import RunKey
 
 if TYPE_CHECKING:
     from navfw.missions.session import Session
@@ -41,10 +41,10 @@ class Case:
     variant: str = ""
 
     @property
-    def key(self) -> Key:
+    def key(self) -> RunKey:
         """Which run it is."""
         where = (self.entry, self.world_name, self.mission_name)
-        return Key(*where, self.seed, self.stack_name, self.variant)
+        return RunKey(*where, self.seed, self.stack_name, self.variant)
 
     def session(self, registry: Registry) -> Session:
         """Everything the run needs, found and checked.
@@ -53,7 +53,7 @@ class Case:
             InputError: something does not exist, or cannot be.
 
         """
-        from navfw.suite.compose import generated_session, prepared_session
+        from navfw.suite.case_session import generated_session, prepared_session
 
         if self.family:
             return generated_session(

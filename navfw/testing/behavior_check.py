@@ -14,10 +14,10 @@ import numpy as np
 from navfw.errors import PluginError
 from navfw.interfaces import Behavior, Composite, Plugin
 from navfw.plugins.verification import source_file, verify
-from navfw.recording.runfolder import plain_json
+from navfw.recording.run_folder import plain_json
 from navfw.robot import RobotModel
 from navfw.signals import Proposal
-from navfw.testing.scenes import SCENES, Scene, contexts_of
+from navfw.testing.behavior_scenes import SCENES, BehaviorScene, contexts_of
 
 if TYPE_CHECKING:
     from navfw.mofis.context import Context
@@ -40,10 +40,10 @@ def check_behavior(
     """Try a behaviour in many situations; return if it keeps the contract.
 
     Beyond what registering verifies: that every parameter has a description; that the behaviour can
-    be built (with ``params``, or its defaults); that in each scene of ``navfw.testing.scenes`` it
-    proposes something usable, leaves the context alone, gives a reason of one line and an
-    explanation that is plain data; that it proposes the same again in a fresh instance and after
-    ``reset()``; and that it usually takes less than ``budget`` [s].
+    be built (with ``params``, or its defaults); that in each scene of
+    ``navfw.testing.behavior_scenes`` it proposes something usable, leaves the context alone, gives
+    a reason of one line and an explanation that is plain data; that it proposes the same again in a
+    fresh instance and after ``reset()``; and that it usually takes less than ``budget`` [s].
 
     >>> def test_my_behavior():
     ...     check_behavior(MyBehavior)
@@ -174,7 +174,7 @@ def _problems(
 
 
 def _drive(
-    behavior: Behavior, scene: Scene, contexts: Sequence[Context], durations: list[float]
+    behavior: Behavior, scene: BehaviorScene, contexts: Sequence[Context], durations: list[float]
 ) -> tuple[list[str], str]:
     """What went wrong in one scene, and a digest of all that was proposed."""
     problems: dict[str, None] = {}

@@ -23,10 +23,10 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import pytest
 
 if TYPE_CHECKING:
-    from navfw.missions.metrics import Metrics
     from navfw.missions.outcome import Outcome
+    from navfw.missions.run_metrics import RunMetrics
     from navfw.missions.session import MissionResult
-    from navfw.recording.track import Track
+    from navfw.recording.run_log import RunLog
     from navfw.signals import Array
 
 __all__ = ["MissionRun"]
@@ -63,12 +63,12 @@ class MissionRun:
         return self.result.reason
 
     @property
-    def metrics(self) -> Metrics:
+    def metrics(self) -> RunMetrics:
         """The numbers of the run."""
         return self.result.metrics
 
     @property
-    def track(self) -> Track:
+    def track(self) -> RunLog:
         """The whole run, tick by tick."""
         return self.result.run.track
 
@@ -94,8 +94,8 @@ class MissionRun:
 
     def save(self) -> Path:
         """Write the run folder, if that has not been done; returns it."""
-        from navfw.missions.report import write_run
-        from navfw.recording.runfolder import RunFolder
+        from navfw.missions.run_report import write_run
+        from navfw.recording.run_folder import RunFolder
 
         if not self._folder.exists():
             with RunFolder(self._folder) as target:

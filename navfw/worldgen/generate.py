@@ -10,7 +10,7 @@ from types import MappingProxyType
 import numpy as np
 
 from navfw.errors import InputError, UnknownNameError, WorldError
-from navfw.missions.missionfile import MissionSpec, goals_map
+from navfw.missions.mission_file import MissionSpec, goals_map
 from navfw.sim.worldcheck import check_world
 from navfw.worldgen.draft import ROBOT, Draft, Unsuitable
 from navfw.worldgen.model import MAP_FILE, GeneratedWorld

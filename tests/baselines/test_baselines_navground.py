@@ -15,10 +15,10 @@ from navfw.errors import MissingExtraError, PluginError
 from navfw.mofis.context import Context
 from navfw.robot import RobotModel
 from navfw.signals import Proposal, Twist
-from navfw.testing.scenes import Scene, contexts_of
+from navfw.testing.behavior_scenes import BehaviorScene, contexts_of
 
 ROBOT = RobotModel()
-OPEN = contexts_of(Scene("open", Twist(0.3, 0.0), waypoint=(4.0, 0.0), ticks=3))[-1]
+OPEN = contexts_of(BehaviorScene("open", Twist(0.3, 0.0), waypoint=(4.0, 0.0), ticks=3))[-1]
 
 
 class Told:

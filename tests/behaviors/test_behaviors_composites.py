@@ -17,12 +17,14 @@ from navfw.plugins import Registry, default_registry
 from navfw.robot import RobotModel
 from navfw.signals import Belief, Proposal, Twist, Waypoint
 from navfw.stackfile import load_stack
-from navfw.testing.scenes import Scene, contexts_of
+from navfw.testing.behavior_scenes import BehaviorScene, contexts_of
 
 ROBOT = RobotModel()
 REGISTRY = default_registry()
-OPEN = contexts_of(Scene("open", Twist(0.3, 0.0), ticks=20))[-1]
-CORRIDOR = contexts_of(Scene("corridor", Twist(0.3, 0.0), left=0.7, right=0.7, ticks=20))[-1]
+OPEN = contexts_of(BehaviorScene("open", Twist(0.3, 0.0), ticks=20))[-1]
+CORRIDOR = contexts_of(BehaviorScene("corridor", Twist(0.3, 0.0), left=0.7, right=0.7, ticks=20))[
+    -1
+]
 DOOR = Waypoint(OPEN.pose.x + 0.7, 0.0, 0.25, "door", "door", final=False, width=0.9)
 
 
@@ -58,7 +60,7 @@ def test_patrol_cruises_and_is_cautious_at_doors_and_beside_things() -> None:
     calm = patrol.weigh(OPEN)
     assert calm["cruise"] == pytest.approx(0.3)
     assert patrol.weigh(replace(OPEN, waypoint=DOOR))["cruise"] == 1.0
-    close = contexts_of(Scene("beside", Twist(0.3, 0.0), left=0.45, ticks=20))[-1]
+    close = contexts_of(BehaviorScene("beside", Twist(0.3, 0.0), left=0.45, ticks=20))[-1]
     assert patrol.weigh(close)["cruise"] > 0.9
     assert patrol.weigh(CORRIDOR)["centre_corridor"] > 0.9
     assert "IF" in str(patrol.explain()[0]["rule"])
@@ -196,7 +198,7 @@ def test_explore_creeps_where_nothing_ahead_has_been_seen() -> None:
 
 def test_react_follows_walls_only_where_it_gets_no_nearer() -> None:
     react = composite("react")
-    wall = contexts_of(Scene("wall", Twist(0.3, 0.0), ahead=0.9))[-1]
+    wall = contexts_of(BehaviorScene("wall", Twist(0.3, 0.0), ahead=0.9))[-1]
     moving = react.weigh(replace(wall, idle=0.0))
     assert moving["follow_wall_quadrants"] == 0.0
     assert moving["go_to_xy"] < 0.5 < moving["avoid_quadrants"]

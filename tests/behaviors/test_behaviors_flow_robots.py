@@ -14,11 +14,11 @@ from navfw.mofis.context import Context
 from navfw.plugins import default_registry
 from navfw.robot import RobotModel
 from navfw.signals import Pose, Proposal, Twist
-from navfw.testing.scenes import Scene, contexts_of, wall_flow
+from navfw.testing.behavior_scenes import BehaviorScene, contexts_of, wall_flow
 
 ROBOT = RobotModel()
 REGISTRY = default_registry()
-OPEN = contexts_of(Scene("open", Twist(0.3, 0.0), waypoint=(9.0, 0.0), ticks=3))[-1]
+OPEN = contexts_of(BehaviorScene("open", Twist(0.3, 0.0), waypoint=(9.0, 0.0), ticks=3))[-1]
 
 
 def built(name: str) -> Behavior:

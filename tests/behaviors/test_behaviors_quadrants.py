@@ -13,13 +13,13 @@ from navfw.mofis.quadrant_distances import quadrant_distances
 from navfw.plugins import default_registry
 from navfw.robot import RobotModel
 from navfw.signals import Pose, Proposal, Twist
-from navfw.testing.scenes import Scene, contexts_of
+from navfw.testing.behavior_scenes import BehaviorScene, contexts_of
 
 ROBOT = RobotModel()
 REGISTRY = default_registry()
 
 
-def last(scene: Scene) -> Context:
+def last(scene: BehaviorScene) -> Context:
     return contexts_of(scene)[-1]
 
 
@@ -40,20 +40,20 @@ def wanted(context: Context, proposal: Proposal) -> Twist:
 
 
 def test_sight_is_near_on_the_side_of_a_wall_and_far_elsewhere() -> None:
-    sight = last(Scene("left", Twist(0.3, 0.0), left=0.5)).sight
+    sight = last(BehaviorScene("left", Twist(0.3, 0.0), left=0.5)).sight
     assert sight is not None
     assert (sight.left, sight.right, sight.ahead) == (0.0, 1.0, 1.0)
-    ahead = last(Scene("ahead", Twist(0.3, 0.0), ahead=0.9)).sight
+    ahead = last(BehaviorScene("ahead", Twist(0.3, 0.0), ahead=0.9)).sight
     assert ahead is not None
     assert max(ahead.left, ahead.right, ahead.ahead) < 0.2
-    corridor = last(Scene("corridor", Twist(0.3, 0.0), left=0.7, right=0.7)).sight
+    corridor = last(BehaviorScene("corridor", Twist(0.3, 0.0), left=0.7, right=0.7)).sight
     assert corridor is not None
     assert corridor.ahead == 1.0, "walls beside a corridor are not ahead"
     assert max(corridor.left, corridor.right) < 0.2
 
 
 def test_what_is_unknown_is_neither_near_nor_free() -> None:
-    percept = last(Scene("open", Twist(0.3, 0.0))).percept
+    percept = last(BehaviorScene("open", Twist(0.3, 0.0))).percept
     assert percept is not None
     nothing = dict.fromkeys(("near", "middle", "far"), 0.0)
     blind = replace(percept, quadrants=dict.fromkeys(percept.quadrants, nothing))
@@ -63,7 +63,7 @@ def test_what_is_unknown_is_neither_near_nor_free() -> None:
 
 
 def test_with_one_layer_ahead_is_what_both_halves_show() -> None:
-    percept = last(Scene("ahead", Twist(0.3, 0.0), ahead=0.9)).percept
+    percept = last(BehaviorScene("ahead", Twist(0.3, 0.0), ahead=0.9)).percept
     assert percept is not None
     shallow = replace(percept, obstacles={"layer1": percept.obstacles["layer1"]})
     assert quadrant_distances(shallow, percept.time).ahead < 0.2
@@ -71,7 +71,7 @@ def test_with_one_layer_ahead_is_what_both_halves_show() -> None:
 
 @pytest.mark.parametrize(("side", "sign"), [("left", -1.0), ("right", 1.0)])
 def test_it_turns_away_from_the_nearer_half(side: str, sign: float) -> None:
-    scene = Scene("beside", Twist(0.3, 0.0))
+    scene = BehaviorScene("beside", Twist(0.3, 0.0))
     scene = replace(scene, left=0.5) if side == "left" else replace(scene, right=0.5)
     context = last(scene)
     proposal = built("avoid_quadrants").propose(context)
@@ -83,7 +83,7 @@ def test_it_turns_away_from_the_nearer_half(side: str, sign: float) -> None:
 def test_before_a_wall_it_turns_hard_to_the_waypoints_side_and_not_fast(
     goal: tuple[float, float], sign: float
 ) -> None:
-    context = last(Scene("wall", Twist(0.3, 0.0), waypoint=goal, ahead=0.9))
+    context = last(BehaviorScene("wall", Twist(0.3, 0.0), waypoint=goal, ahead=0.9))
     proposal = built("avoid_quadrants").propose(context)
     twist = wanted(context, proposal)
     assert twist.w * sign > 0.7
@@ -93,7 +93,7 @@ def test_before_a_wall_it_turns_hard_to_the_waypoints_side_and_not_fast(
 
 
 def test_what_was_seen_long_ago_counts_no_more() -> None:
-    context = last(Scene("wall", Twist(0.3, 0.0), ahead=0.9))
+    context = last(BehaviorScene("wall", Twist(0.3, 0.0), ahead=0.9))
     late = replace(context, time=context.time + 1.0)
     for name in ("avoid_quadrants", "follow_wall_quadrants"):
         assert built(name).propose(late).applicability == 0.0
@@ -102,7 +102,7 @@ def test_what_was_seen_long_ago_counts_no_more() -> None:
 @pytest.mark.parametrize(("side", "sign"), [("left", 1.0), ("right", -1.0)])
 def test_following_a_wall_keeps_it_between_near_and_middle(side: str, sign: float) -> None:
     def turn(gap: float) -> float:
-        scene = Scene("beside", Twist(0.2, 0.0))
+        scene = BehaviorScene("beside", Twist(0.2, 0.0))
         scene = replace(scene, left=gap) if side == "left" else replace(scene, right=gap)
         context = last(scene)
         return wanted(context, built("follow_wall_quadrants").propose(context)).w * sign
@@ -113,7 +113,7 @@ def test_following_a_wall_keeps_it_between_near_and_middle(side: str, sign: floa
 
 def test_an_emergency_turns_on_the_spot_to_its_end() -> None:
     behavior = built("emergency_quadrants")
-    drive = contexts_of(Scene("late", Twist(0.3, 0.0), waypoint=(3.0, 2.0), ahead=0.6))
+    drive = contexts_of(BehaviorScene("late", Twist(0.3, 0.0), waypoint=(3.0, 2.0), ahead=0.6))
     context = drive[-1]
     assert context.sight is not None and context.sight.floor < 0.2
     proposal = behavior.propose(context)
@@ -132,5 +132,5 @@ def test_an_emergency_turns_on_the_spot_to_its_end() -> None:
 
 
 def test_an_emergency_is_none_on_open_floor() -> None:
-    context = last(Scene("open", Twist(0.3, 0.0)))
+    context = last(BehaviorScene("open", Twist(0.3, 0.0)))
     assert built("emergency_quadrants").propose(context).applicability == 0.0

@@ -18,7 +18,7 @@ from navfw.plugins import Registry, default_registry
 from navfw.robot import RobotModel
 from navfw.signals import Pose, Proposal, Twist, Waypoint
 from navfw.testing import check_behavior
-from navfw.testing.scenes import Scene, contexts_of
+from navfw.testing.behavior_scenes import BehaviorScene, contexts_of
 
 ROBOT = RobotModel()
 SHIPPED = (
@@ -50,7 +50,7 @@ def test_keeps_the_contract(registry: Registry, name: str) -> None:
     check_behavior(behavior_class(registry, name))
 
 
-def propose(registry: Registry, name: str, scene: Scene) -> tuple[Context, Proposal]:
+def propose(registry: Registry, name: str, scene: BehaviorScene) -> tuple[Context, Proposal]:
     """The context and the behaviour's proposal at the end of a scene."""
     behavior = behavior_class(registry, name)(ROBOT)
     behavior.reset()
@@ -73,17 +73,21 @@ def wanted(context: Context, proposal: Proposal) -> Twist:
 def test_go_to_xy_turns_toward_the_waypoint(
     registry: Registry, waypoint: tuple[float, float], sign: float
 ) -> None:
-    scene = Scene("goal aside", Twist(0.1, 0.0), waypoint=waypoint, ticks=2)
+    scene = BehaviorScene("goal aside", Twist(0.1, 0.0), waypoint=waypoint, ticks=2)
     context, proposal = propose(registry, "go_to_xy", scene)
     assert wanted(context, proposal).w * sign > 0.15
 
 
 def test_go_to_xy_drives_fast_straight_on_and_slowly_at_the_goal(registry: Registry) -> None:
     far = wanted(
-        *propose(registry, "go_to_xy", Scene("far", Twist(0.3, 0.0), waypoint=(4.0, 0.0), ticks=25))
+        *propose(
+            registry,
+            "go_to_xy",
+            BehaviorScene("far", Twist(0.3, 0.0), waypoint=(4.0, 0.0), ticks=25),
+        )
     )
     near = wanted(
-        *propose(registry, "go_to_xy", Scene("near", Twist(0.1, 0.0), waypoint=(0.25, 0.0)))
+        *propose(registry, "go_to_xy", BehaviorScene("near", Twist(0.1, 0.0), waypoint=(0.25, 0.0)))
     )
     assert far.v > 0.3
     assert near.v < 0.6 * far.v
@@ -91,13 +95,15 @@ def test_go_to_xy_drives_fast_straight_on_and_slowly_at_the_goal(registry: Regis
 
 
 def test_go_to_xy_wants_nothing_without_a_waypoint(registry: Registry) -> None:
-    _, proposal = propose(registry, "go_to_xy", Scene("nowhere", Twist(0.1, 0.0), waypoint=None))
+    _, proposal = propose(
+        registry, "go_to_xy", BehaviorScene("nowhere", Twist(0.1, 0.0), waypoint=None)
+    )
     assert proposal.applicability == 0.0
 
 
 def test_avoid_forbids_what_cannot_stop_before_the_wall(registry: Registry) -> None:
     context, proposal = propose(
-        registry, "avoid", Scene("wall", Twist(0.2, 0.0), ahead=0.75, ticks=14)
+        registry, "avoid", BehaviorScene("wall", Twist(0.2, 0.0), ahead=0.75, ticks=14)
     )
     straight = context.commands.w.size // 2
     assert context.ranges.front < 0.4
@@ -109,13 +115,13 @@ def test_avoid_forbids_what_cannot_stop_before_the_wall(registry: Registry) -> N
 
 
 def test_avoid_allows_the_open_floor_that_it_has_seen(registry: Registry) -> None:
-    context, proposal = propose(registry, "avoid", Scene("open", Twist(0.3, 0.0), ticks=14))
+    context, proposal = propose(registry, "avoid", BehaviorScene("open", Twist(0.3, 0.0), ticks=14))
     straight = context.commands.w.size // 2
     assert proposal.prohibition[-1, straight] < 0.5
 
 
 def test_avoid_doubts_what_it_has_not_seen(registry: Registry) -> None:
-    scene = Scene("blind", Twist(0.0, 0.0), sees=False, ticks=2)
+    scene = BehaviorScene("blind", Twist(0.0, 0.0), sees=False, ticks=2)
     context, proposal = propose(registry, "avoid", scene)
     straight = context.commands.w.size // 2
     slow = int(np.searchsorted(context.commands.v, 0.05))
@@ -124,8 +130,8 @@ def test_avoid_doubts_what_it_has_not_seen(registry: Registry) -> None:
 
 @pytest.mark.parametrize(("side", "sign"), [("left", 1.0), ("right", -1.0)])
 def test_follow_wall_keeps_its_distance(registry: Registry, side: str, sign: float) -> None:
-    def beside(gap: float) -> Scene:
-        scene = Scene("beside a wall", Twist(0.2, 0.0), ticks=16)
+    def beside(gap: float) -> BehaviorScene:
+        scene = BehaviorScene("beside a wall", Twist(0.2, 0.0), ticks=16)
         return replace(scene, left=gap) if side == "left" else replace(scene, right=gap)
 
     near, far = beside(0.32), beside(0.8)
@@ -133,7 +139,7 @@ def test_follow_wall_keeps_its_distance(registry: Registry, side: str, sign: flo
     assert wanted(*propose(registry, "follow_wall", far)).w * sign > 0.05
 
 
-def weigh(registry: Registry, scene: Scene, **changes: object) -> dict[str, float]:
+def weigh(registry: Registry, scene: BehaviorScene, **changes: object) -> dict[str, float]:
     """What `travel` gives its primitives at the end of a scene."""
     cls = registry.get("composite", "travel")
     assert issubclass(cls, Composite)
@@ -142,7 +148,7 @@ def weigh(registry: Registry, scene: Scene, **changes: object) -> dict[str, floa
 
 
 def test_travel_follows_walls_only_when_nothing_else_gets_on(registry: Registry) -> None:
-    scene = Scene("moving", Twist(0.2, 0.0), left=0.5, ticks=10)
+    scene = BehaviorScene("moving", Twist(0.2, 0.0), left=0.5, ticks=10)
     moving = weigh(registry, scene)
     assert moving["follow_wall"] == 0.0
     assert moving["go_to_xy"] == 1.0
@@ -152,9 +158,9 @@ def test_travel_follows_walls_only_when_nothing_else_gets_on(registry: Registry)
 
 
 def test_travel_centres_in_corridors_and_not_in_doors(registry: Registry) -> None:
-    corridor = Scene("corridor", Twist(0.3, 0.0), left=0.7, right=0.7, ticks=20)
+    corridor = BehaviorScene("corridor", Twist(0.3, 0.0), left=0.7, right=0.7, ticks=20)
     assert weigh(registry, corridor)["centre_corridor"] > 0.9
-    assert weigh(registry, Scene("open", Twist(0.3, 0.0)))["centre_corridor"] == 0.0
+    assert weigh(registry, BehaviorScene("open", Twist(0.3, 0.0)))["centre_corridor"] == 0.0
     door = Waypoint(0.9, 0.0, 0.25, "door", "door", final=False, width=0.9)
     at_door = weigh(registry, corridor, waypoint=door)
     assert at_door["centre_corridor"] == 0.0
@@ -165,7 +171,7 @@ def test_travel_centres_in_corridors_and_not_in_doors(registry: Registry) -> Non
 def test_centre_corridor_turns_away_from_the_nearer_wall(
     registry: Registry, nearer: str, sign: float
 ) -> None:
-    scene = Scene("corridor", Twist(0.3, 0.0), left=0.7, right=0.7, ticks=20)
+    scene = BehaviorScene("corridor", Twist(0.3, 0.0), left=0.7, right=0.7, ticks=20)
     scene = replace(scene, left=0.45) if nearer == "left" else replace(scene, right=0.45)
     context, proposal = propose(registry, "centre_corridor", scene)
     assert proposal.applicability > 0.2
@@ -174,7 +180,7 @@ def test_centre_corridor_turns_away_from_the_nearer_wall(
 
 def test_traverse_door_only_at_doors_and_slowly_in_narrow_ones(registry: Registry) -> None:
     cls = behavior_class(registry, "traverse_door")
-    context = contexts_of(Scene("open", Twist(0.3, 0.0), ticks=20))[-1]
+    context = contexts_of(BehaviorScene("open", Twist(0.3, 0.0), ticks=20))[-1]
     assert cls(ROBOT).propose(context).applicability == 0.0
 
     def through(width: float) -> Twist:
@@ -186,18 +192,18 @@ def test_traverse_door_only_at_doors_and_slowly_in_narrow_ones(registry: Registr
 
 
 def test_peek_creeps_into_the_unseen_only(registry: Registry) -> None:
-    blind = Scene("blind", Twist(0.0, 0.0), sees=False, ticks=2)
+    blind = BehaviorScene("blind", Twist(0.0, 0.0), sees=False, ticks=2)
     context, proposal = propose(registry, "peek", blind)
     assert proposal.applicability > 0.4
     assert 0.0 < wanted(context, proposal).v < 0.4 * context.commands.max_v
-    _, seeing = propose(registry, "peek", Scene("open", Twist(0.3, 0.0), ticks=20))
+    _, seeing = propose(registry, "peek", BehaviorScene("open", Twist(0.3, 0.0), ticks=20))
     assert seeing.applicability < 0.05
 
 
 def test_escape_backs_out_and_then_turns(registry: Registry) -> None:
     escape = behavior_class(registry, "escape")(ROBOT)
     escape.reset()
-    scene = Scene("dead end", Twist(0.2, 0.0), ahead=1.0, left=0.5, right=0.5, ticks=24)
+    scene = BehaviorScene("dead end", Twist(0.2, 0.0), ahead=1.0, left=0.5, right=0.5, ticks=24)
     drive = contexts_of(scene)
     for context in drive:
         assert escape.propose(context).applicability == 0.0
@@ -218,14 +224,16 @@ def test_escape_backs_out_and_then_turns(registry: Registry) -> None:
 
 
 def test_emergency_sleeps_while_all_is_well(registry: Registry) -> None:
-    context, proposal = propose(registry, "emergency", Scene("open", Twist(0.3, 0.0), ticks=10))
+    context, proposal = propose(
+        registry, "emergency", BehaviorScene("open", Twist(0.3, 0.0), ticks=10)
+    )
     assert proposal.applicability == 0.0
     assert not proposal.prohibition.any()
     assert context.stalled == 0.0
 
 
 def test_emergency_stops_a_robot_that_is_held(registry: Registry) -> None:
-    held = Scene("held", Twist(0.3, 0.0), wheels_turn=False, ticks=30)
+    held = BehaviorScene("held", Twist(0.3, 0.0), wheels_turn=False, ticks=30)
     context, proposal = propose(registry, "emergency", held)
     assert proposal.applicability == 1.0
     assert np.all(proposal.prohibition[context.commands.v > 0.0] == 1.0)
@@ -233,7 +241,7 @@ def test_emergency_stops_a_robot_that_is_held(registry: Registry) -> None:
 
 
 def test_emergency_stops_before_a_wall_that_is_too_near(registry: Registry) -> None:
-    scene = Scene("late", Twist(0.5, 0.0), ahead=0.95, ticks=12)
+    scene = BehaviorScene("late", Twist(0.5, 0.0), ahead=0.95, ticks=12)
     _, proposal = propose(registry, "emergency", scene)
     assert proposal.applicability == 1.0
 
@@ -254,7 +262,7 @@ def walker(context: Context, x: float, y: float, vx: float, vy: float) -> Track:
 
 def judged(registry: Registry, *tracks: tuple[float, float, float, float], v: float) -> Proposal:
     behavior = behavior_class(registry, "give_way")(ROBOT)
-    context = list(contexts_of(Scene("open floor", Twist(0.3, 0.0))))[-1]
+    context = list(contexts_of(BehaviorScene("open floor", Twist(0.3, 0.0))))[-1]
     walkers = [walker(context, *track) for track in tracks]
     return behavior.propose(met(context, *walkers, twist=Twist(v, 0.0)))
 
@@ -300,7 +308,7 @@ def test_give_way_does_not_drive_at_who_is_at_hand(registry: Registry) -> None:
 
 def test_a_turn_to_drive_off_lasts_as_long_as_suits(registry: Registry) -> None:
     # straight on at a robot that stands: a quarter turn and away is better than half of one
-    context = list(contexts_of(Scene("open floor", Twist(0.3, 0.0))))[-1]
+    context = list(contexts_of(BehaviorScene("open floor", Twist(0.3, 0.0))))[-1]
     context = met(context, walker(context, 1.6, 0.0, -0.4, 0.0), twist=Twist(0.0, 0.0))
     assert context.encounters is not None
     gap, commands = context.encounters.gap, context.commands

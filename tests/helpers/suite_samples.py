@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from navfw.suite.case import Case, Job
-from navfw.suite.rows import identity
-from navfw.suite.table import RunRow
+from navfw.suite.case_rows import case_columns
+from navfw.suite.run_table import RunRow
 
 
 def row(seed: int = 0, outcome: str = "reached", **values: Any) -> RunRow:
@@ -99,7 +99,7 @@ def fake_run(job: Job) -> RunRow:
     good = job.case.seed % 2 == 0
     outcome, cause = ("reached", "") if good else ("timeout", "slow")
     return RunRow(
-        **identity(job.case),
+        **case_columns(job.case),
         outcome=outcome,
         cause=cause,
         spl=float(good),

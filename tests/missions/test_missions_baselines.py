@@ -10,7 +10,7 @@ import pytest
 
 from navfw.errors import WorldError
 from navfw.flow.horizon import above_horizon
-from navfw.missions.missionfile import load_mission
+from navfw.missions.mission_file import load_mission
 from navfw.missions.oracle import SimulatorTruth
 from navfw.missions.session import MissionResult, prepare
 from navfw.robot import RobotModel
@@ -18,7 +18,7 @@ from navfw.signals import Pose
 from navfw.sim.floorplan import FloorPlan
 from navfw.sim.simulation import Simulation
 from navfw.sim.worldfile import WorldSpec
-from navfw.testing.scenes import wall_flow
+from navfw.testing.behavior_scenes import wall_flow
 
 
 def drive(stack: str, *overrides: str) -> MissionResult:

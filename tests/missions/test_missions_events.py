@@ -11,10 +11,10 @@ from typer.testing import CliRunner
 from navfw.cli import app
 from navfw.errors import InputError
 from navfw.missions.events import Event, EventClock
-from navfw.missions.report import write_run
+from navfw.missions.run_report import write_run
 from navfw.missions.session import MissionResult, prepare
-from navfw.recording.replay import explain_at, replay
-from navfw.recording.runfolder import RunFolder, read_result
+from navfw.recording.run_folder import RunFolder, read_result
+from navfw.recording.run_replay import explain_at, replay
 from navfw.signals import Pose
 from navfw.sim.actions import CameraFault, GyroFault
 

@@ -10,12 +10,12 @@ from typer.testing import CliRunner
 
 from navfw.cli import app
 from navfw.errors import MapError
-from navfw.missions.learning import learn_landmarks
-from navfw.missions.report import write_run
+from navfw.missions.landmark_learning_drive import learn_landmarks
+from navfw.missions.run_report import write_run
 from navfw.missions.session import prepare
-from navfw.recording.readings import load_recording
-from navfw.recording.replay import replay
-from navfw.recording.runfolder import RunFolder
+from navfw.recording.run_folder import RunFolder
+from navfw.recording.run_replay import replay
+from navfw.recording.sensor_recording import load_recording
 from navfw.topomap import load_map
 
 SHORT = ["mission.timeout=9"]

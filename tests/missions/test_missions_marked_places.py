@@ -9,7 +9,7 @@ import pytest
 
 from navfw.config.lookup import find
 from navfw.features.aruco import Aruco
-from navfw.missions.starts import candidates
+from navfw.missions.starts import start_candidates
 from navfw.robot import RobotModel
 from navfw.signals import Frame, Pose
 from navfw.sim.sensors import SensorParams
@@ -61,6 +61,6 @@ def test_corners_behind_furniture_have_markers_of_their_own(
 def test_a_marker_is_seen_from_wherever_the_robot_may_be_put_down(
     simulation: Simulation, hospital: TopoMap
 ) -> None:
-    places = candidates(hospital, [])
+    places = start_candidates(hospital, [])
     blind = [p.name for p in places if not seen_around(simulation, hospital, p)]
     assert blind == []

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from navfw.missions.metrics import Metrics, count_collisions, measure, path_length
-from navfw.recording.track import Contact, Track, TrackRecorder
+from navfw.missions.run_metrics import RunMetrics, count_collisions, measure, path_length
+from navfw.recording.run_log import Contact, RunLog, RunLogger
 from navfw.signals import Array, Pose, Twist
 
 RADIUS = 0.18
@@ -26,9 +26,9 @@ class WallAt:
         return np.abs(points[:, 1] - self.y)
 
 
-def straight(length: float, seconds: float, drift: float = 0.0) -> Track:
+def straight(length: float, seconds: float, drift: float = 0.0) -> RunLog:
     """Along x, with an estimate that ends ``drift`` [m] aside."""
-    recorder = TrackRecorder()
+    recorder = RunLogger()
     ticks = round(60 * seconds)
     for tick in range(ticks + 1):
         share = tick / ticks
@@ -39,7 +39,7 @@ def straight(length: float, seconds: float, drift: float = 0.0) -> Track:
     return recorder.track()
 
 
-def metrics(track: Track, shortest: float = 2.0, succeeded: bool = True) -> Metrics:
+def metrics(track: RunLog, shortest: float = 2.0, succeeded: bool = True) -> RunMetrics:
     return measure(
         track,
         WallAt(0.5),
@@ -72,7 +72,7 @@ def test_failure_earns_nothing_and_shortcuts_no_more_than_one() -> None:
 
 
 def test_a_run_that_never_began_has_numbers_too() -> None:
-    found = metrics(TrackRecorder().track(), succeeded=False)
+    found = metrics(RunLogger().track(), succeeded=False)
     assert (found.path_length_m, found.mean_speed, found.spl) == (0.0, 0.0, 0.0)
     assert found.distance_to_goal_m == pytest.approx(math.hypot(3.0, 0.4))
 
@@ -90,7 +90,7 @@ def test_in_the_open_the_clearance_is_infinite_and_no_nan() -> None:
 
 
 def test_each_emergency_counts_once() -> None:
-    recorder = TrackRecorder()
+    recorder = RunLogger()
     pose = Pose(0.0, 0.0, 0.0)
     for tick, urgent in enumerate("..!!!..!...!!"):
         recorder.add(tick / 60, pose, pose, Twist(0.0, 0.0), "", urgent == "!")

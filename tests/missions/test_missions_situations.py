@@ -14,11 +14,11 @@ from navfw.cli import app
 from navfw.errors import InputError
 from navfw.localization.situation_model import learn_table, load_table, situation_table
 from navfw.missions.session import prepare
-from navfw.missions.situation_samples import SituationDrive, listen
+from navfw.missions.situation_samples import SituationDrive, record_situations
 from navfw.plugins import default_registry
 from navfw.signals import Pose
-from navfw.suite.cases import plan_runs
-from navfw.suite.suitefile import load_suite
+from navfw.suite.suite_file import load_suite
+from navfw.suite.suite_plan import plan_runs
 
 SUITE = """\
 entries:
@@ -29,7 +29,9 @@ entries:
 
 @pytest.fixture(scope="module")
 def drive() -> SituationDrive:
-    return listen(prepare("office", "lobby-to-lab", seed=3, overrides=["mission.timeout=12"]))
+    return record_situations(
+        prepare("office", "lobby-to-lab", seed=3, overrides=["mission.timeout=12"])
+    )
 
 
 def test_a_drive_has_a_moment_for_each_frame_and_a_look_for_each_quarter_metre(

@@ -11,13 +11,13 @@ import pytest
 
 from navfw.config.lookup import find
 from navfw.errors import ConfigError, InputError, UnknownNameError, WorldError
-from navfw.missions.localization import measure_localization
-from navfw.missions.missionfile import MissionFile, load_mission
+from navfw.missions.localization_metrics import measure_localization
+from navfw.missions.mission_file import MissionFile, load_mission
 from navfw.missions.outcome import Outcome
 from navfw.missions.runner import Task, run_task
 from navfw.missions.session import prepare
 from navfw.missions.starts import draw_start
-from navfw.recording.track import TrackRecorder
+from navfw.recording.run_log import RunLogger
 from navfw.robot import RobotModel
 from navfw.signals import Belief, Pose, SensorReading, Twist, Waypoint
 from navfw.sim.floorplan import FloorPlan
@@ -139,7 +139,7 @@ def test_who_does_not_know_where_he_is_when_the_time_is_up_is_lost() -> None:
 
 def test_the_numbers_tell_when_it_knew_and_how_long_it_was_wrong() -> None:
     """Lost for 2 s, sure of a wrong place for 1 s, then right, 0.2 m off; 0.5 m/s all the time."""
-    recorder = TrackRecorder()
+    recorder = RunLogger()
     for tick in range(601):
         time = tick / 60.0
         lost, wrong = time < 2.0, 2.0 <= time < 3.0

@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navfw.signals import Belief, Pose, Twist, Waypoint
-from navfw.testing.scenes import Scene, contexts_of
+from navfw.testing.behavior_scenes import BehaviorScene, contexts_of
 
-OPEN = contexts_of(Scene("open", Twist(0.3, 0.0), ticks=8))[-1]
+OPEN = contexts_of(BehaviorScene("open", Twist(0.3, 0.0), ticks=8))[-1]
 
 
 def test_only_a_door_that_is_the_waypoint_has_a_distance() -> None:

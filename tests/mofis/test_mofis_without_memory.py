@@ -14,7 +14,7 @@ from navfw.mofis.mofis import Mofis, MofisParams
 from navfw.offis.offis import Offis
 from navfw.robot import RobotModel
 from navfw.signals import Belief, Odometry, Pose, Proposal, Twist, Waypoint
-from navfw.testing.scenes import wall_flow
+from navfw.testing.behavior_scenes import wall_flow
 
 ROBOT = RobotModel()
 GOAL = Waypoint(3.0, 1.0, 0.3, "there", "goal", final=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from navfw.recording.drawing import draw_names
+from navfw.recording.top_view import draw_names
 
 
 def test_a_name_that_finds_no_room_is_left_out() -> None:

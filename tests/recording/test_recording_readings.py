@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from navfw.errors import ConfigError
-from navfw.recording.readings import MAX_BYTES, ReadingsRecorder, load_recording
-from navfw.recording.replay import compare, drive_again
+from navfw.recording.run_replay import compare_commands, replay_commands
+from navfw.recording.sensor_recording import MAX_BYTES, SensorRecorder, load_recording
 from navfw.robot import RobotModel
 from navfw.signals import Encoders, Frame, Inertial, Pose, SensorReading, Waypoint
 from navfw.testing.fakes import FakePilot, FakeSimulator
@@ -42,7 +42,7 @@ def random_readings(seed: int) -> list[SensorReading]:
 
 
 def recorded(readings: list[SensorReading], path: Path, max_bytes: int = MAX_BYTES) -> None:
-    recorder = ReadingsRecorder(max_bytes)
+    recorder = SensorRecorder(max_bytes)
     for number, reading in enumerate(readings):
         recorder.add(reading, 0.1 * number, -0.1 * number)
     recorder.save(path)
@@ -132,7 +132,7 @@ def test_whatever_is_no_recording_is_refused_with_its_name(tmp_path: Path) -> No
 def test_a_pilot_gives_the_same_commands_to_recorded_readings(tmp_path: Path) -> None:
     robot, start = RobotModel(), Pose(0.0, 0.0, 0.3)
     goals = [Waypoint(1.0, 0.5, 0.2, "there", "goal", True)]
-    simulator, pilot, recorder = FakeSimulator(start), FakePilot(), ReadingsRecorder()
+    simulator, pilot, recorder = FakeSimulator(start), FakePilot(), SensorRecorder()
     pilot.start(start, goals)
     while not pilot.state.finished:
         reading = simulator.read()
@@ -143,9 +143,11 @@ def test_a_pilot_gives_the_same_commands_to_recorded_readings(tmp_path: Path) ->
     recorder.save(tmp_path / "recording.npz")
     recording = load_recording(tmp_path / "recording.npz")
 
-    again = compare(recording, drive_again(FakePilot(), recording, start, goals))
+    again = compare_commands(recording, replay_commands(FakePilot(), recording, start, goals))
     assert again.same
     assert again.first_difference is None
-    misled = compare(recording, drive_again(FakePilot(yaw_error=0.2), recording, start, goals))
+    misled = compare_commands(
+        recording, replay_commands(FakePilot(yaw_error=0.2), recording, start, goals)
+    )
     assert not misled.same
     assert misled.first_difference == 0

@@ -12,10 +12,10 @@ from typer.testing import CliRunner
 
 from navfw.cli import app
 from navfw.errors import ConfigError, InputError
-from navfw.missions.report import write_run
+from navfw.missions.run_report import write_run
 from navfw.missions.session import MissionResult, prepare
-from navfw.recording.replay import explain_at, replay
-from navfw.recording.runfolder import RESULT, RunFolder, read_result
+from navfw.recording.run_folder import RESULT, RunFolder, read_result
+from navfw.recording.run_replay import explain_at, replay
 
 # The stack runs where PyBullet cannot even be imported: None in sys.modules makes import fail.
 ALONE = """

@@ -12,9 +12,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navfw.recording.drawing import Disc, Outline
-from navfw.recording.track import Contact, Track, TrackRecorder, hash_commands
-from navfw.recording.trajectory import Picture, draw_trajectory
+from navfw.recording.run_log import Contact, RunLog, RunLogger, hash_commands
+from navfw.recording.top_view import OutlineDisc, WorldOutline
+from navfw.recording.trajectory_picture import TrajectoryPicture, draw_trajectory
 from navfw.signals import Array, Pose, Twist, Waypoint
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
@@ -26,8 +26,8 @@ def test_the_hash_is_of_little_endian_doubles(rows: list[tuple[float, float, flo
     assert hash_commands(np.array(rows, dtype=np.float64).reshape(-1, 3)) == expected
 
 
-def curved_track(ticks: int = 300) -> Track:
-    recorder = TrackRecorder()
+def curved_track(ticks: int = 300) -> RunLog:
+    recorder = RunLogger()
     for tick in range(ticks):
         x, y = 0.01 * tick, 0.5 * np.sin(0.02 * tick)
         leader = "avoid" if 100 <= tick < 200 else "go_to_xy"
@@ -60,7 +60,7 @@ def test_thinned_out_indices_keep_both_ends(ticks: int) -> None:
         assert np.diff(picked[:-1]).tolist() == [6] * (len(picked) - 2)
 
 
-def picture(**changes: object) -> Picture:
+def picture(**changes: object) -> TrajectoryPicture:
     square = np.array([[0.0, 0.0], [0.4, 0.0], [0.4, 0.4], [0.0, 0.4]])
     wall, table = square + np.array([1.5, 1.0]), square + np.array([0.5, -1.2])
     values: dict[str, object] = {
@@ -68,17 +68,17 @@ def picture(**changes: object) -> Picture:
         "reason": "stands 0.1 m from 'there'",
         "numbers": "3.1 m in 5.0 s",
         "good": True,
-        "outline": Outline([wall], [table], [Disc(2.5, 1.0, 0.2)]),
+        "outline": WorldOutline([wall], [table], [OutlineDisc(2.5, 1.0, 0.2)]),
         "start": Pose(0.0, 0.0, 0.0),
         "goals": [(3.0, 0.2)],
         "zone": 0.5,
         "robot_radius": 0.18,
         "places": {"there": (3.0, 0.2), "door": (1.0, 0.0), "doorway": (1.01, 0.0)},
     }
-    return Picture(**(values | changes))  # type: ignore[arg-type]
+    return TrajectoryPicture(**(values | changes))  # type: ignore[arg-type]
 
 
-def drawn(path: Path, track: Track, shown: Picture) -> Array:
+def drawn(path: Path, track: RunLog, shown: TrajectoryPicture) -> Array:
     draw_trajectory(path, track, shown)
     image = cv2.imread(str(path))
     assert image is not None
@@ -96,7 +96,7 @@ def test_the_picture_shows_who_led_where(tmp_path: Path) -> None:
     for color in ("#0072B2", "#E69F00", "#4A4A4A", "#D9D2C5", "#D00000"):
         assert share_of(image, color) > 1e-4, color
     # the same picture without the track has none of the leaders' colours
-    bare = drawn(tmp_path / "b.png", TrackRecorder().track(), picture())
+    bare = drawn(tmp_path / "b.png", RunLogger().track(), picture())
     assert share_of(bare, "#E69F00") < 1e-5
 
 
@@ -107,20 +107,22 @@ def test_the_same_run_gives_the_same_picture(tmp_path: Path) -> None:
 
 
 def test_a_world_without_anything_can_be_drawn(tmp_path: Path) -> None:
-    empty = picture(outline=Outline(), places={}, good=False)
+    empty = picture(outline=WorldOutline(), places={}, good=False)
     image = drawn(tmp_path / "a.png", curved_track(1), empty)
     assert share_of(image, "#B0004E") > 0.0
 
 
 def test_the_legend_of_many_behaviours_is_whole(tmp_path: Path) -> None:
-    recorder = TrackRecorder()
+    recorder = RunLogger()
     leaders = ("", "centre_corridor", "traverse_door", "follow_wall", "emergency", "give_way")
     for tick in range(600):
         here = Pose(0.01 * tick, 0.0, 0.0)
         recorder.add(tick / 60, here, here, Twist(0.3, 0.0), leaders[tick // 100], False)
     recorder.contacts.append(Contact(5.0, 5.99, 0.0, "column"))
     tall = [np.array([[0.0, -5.0], [7.0, -5.0], [7.0, 5.0], [0.0, 5.0]])]
-    image = drawn(tmp_path / "many.png", recorder.track(), picture(outline=Outline(tall, [], [])))
+    image = drawn(
+        tmp_path / "many.png", recorder.track(), picture(outline=WorldOutline(tall, [], []))
+    )
     height = image.shape[0]
     legend = image[height - 100 :]
     assert legend.min() < 100.0, "there is a legend"

@@ -4,7 +4,7 @@ import numpy as np
 
 from navfw.reproduce.metrics import _discriminate, _features, compare_metrics
 from navfw.robot import RobotModel
-from navfw.testing.scenes import wall_flow
+from navfw.testing.behavior_scenes import wall_flow
 
 
 def test_discriminant_tells_what_can_be_told() -> None:

@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 
 from navfw.cli import app
 from navfw.missions.session import prepare
-from navfw.suite.table import columns_of, read_table, write_table
+from navfw.suite.run_table import columns_of, read_table, write_table
 
 TINY = """
 entries:
@@ -145,8 +145,8 @@ def test_bad_input_is_told_in_one_message_and_leaves_nothing(
 
 def test_a_folder_of_worlds_gives_each_world_with_its_missions(folder: Path) -> None:
     from navfw.plugins import default_registry
-    from navfw.suite.cases import plan_runs
-    from navfw.suite.suitefile import load_suite
+    from navfw.suite.suite_file import load_suite
+    from navfw.suite.suite_plan import plan_runs
 
     for name in ("world-10", "world-2"):
         (folder / "imported" / name / "missions").mkdir(parents=True)

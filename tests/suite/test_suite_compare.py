@@ -7,8 +7,8 @@ from scipy.stats import binomtest
 from suite_samples import row
 
 from navfw.errors import InputError
-from navfw.suite.compare import compare
-from navfw.suite.summary import summarize
+from navfw.suite.paired_comparison import compare_tables
+from navfw.suite.suite_summary import summarize
 
 
 def test_a_summary_counts_every_run() -> None:
@@ -50,7 +50,7 @@ def test_a_summary_of_nothing_knows_nothing() -> None:
 def test_a_comparison_pairs_by_seed() -> None:
     a = [row(seed, "reached" if seed < 4 else "stuck", stack="paper") for seed in range(10)]
     b = [row(s, "stuck" if s == 0 else "reached", sim_time_s=15.0) for s in range(9, -1, -1)]
-    found = compare(a, [*b, row(77)])
+    found = compare_tables(a, [*b, row(77)])
     assert (found["pairs"], found["unpaired"]) == (10, 1)
     assert found["success_a"] == pytest.approx(0.4)
     assert found["success_difference"] == pytest.approx(0.5)
@@ -65,23 +65,23 @@ def test_a_comparison_pairs_by_seed() -> None:
 
 def test_tables_of_several_stacks_are_paired_by_stack() -> None:
     both = [row(1, stack="default"), row(1, "stuck", stack="paper")]
-    found = compare(both, both)
+    found = compare_tables(both, both)
     assert (found["pairs"], found["success_difference"], found["p"]) == (2, 0.0, 1.0)
 
 
 def test_missions_with_stacks_of_their_own_are_paired_with_those_of_one_stack() -> None:
     own = [row(1, mission="near", stack="default"), row(1, mission="far", stack="landmarks")]
     one = [row(1, mission="near", stack="paper"), row(1, "lost", mission="far", stack="paper")]
-    found = compare(own, one)
+    found = compare_tables(own, one)
     assert (found["pairs"], found["unpaired"]) == (2, 0)
     assert [run["mission"] for run in found["lost"]] == ["far"]
 
 
 def test_cancelled_runs_have_no_say() -> None:
-    found = compare([row(1, "cancelled"), row(2)], [row(1), row(2)])
+    found = compare_tables([row(1, "cancelled"), row(2)], [row(1), row(2)])
     assert found["pairs"] == 1
 
 
 def test_tables_without_a_common_run_are_refused() -> None:
     with pytest.raises(InputError, match="no run in common"):
-        compare([row(1)], [row(2)])
+        compare_tables([row(1)], [row(2)])

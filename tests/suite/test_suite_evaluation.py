@@ -12,26 +12,28 @@ import suite_samples as samples
 from navfw.errors import InputError
 from navfw.recording.provenance import machine_kind
 from navfw.suite.case import Case
-from navfw.suite.cases import Plan
-from navfw.suite.evaluation import Evaluation, evaluate
-from navfw.suite.outfolder import OutFolder
-from navfw.suite.table import RunRow, read_table
+from navfw.suite.run_table import RunRow, read_table
+from navfw.suite.suite_folder import SuiteFolder
+from navfw.suite.suite_plan import SuitePlan
+from navfw.suite.suite_run import SuiteResult, run_suite
 
 CONTENT = {"entry rooms": "1234", "stack default of entry rooms": "5678"}
 
 
-def plan(*seeds: int) -> Plan:
+def plan(*seeds: int) -> SuitePlan:
     cases = tuple(samples.case(seed, index) for index, seed in enumerate(seeds))
-    return Plan("rooms", cases, CONTENT)
+    return SuitePlan("rooms", cases, CONTENT)
 
 
-def run(wanted: Plan, out: OutFolder, *, resume: bool = False, **options: object) -> Evaluation:
+def run(
+    wanted: SuitePlan, out: SuiteFolder, *, resume: bool = False, **options: object
+) -> SuiteResult:
     have = out.open(wanted, "abc", resume=resume)
-    return evaluate(wanted, out, have=have, **{"work": samples.fake_run, **options})  # type: ignore[arg-type]
+    return run_suite(wanted, out, have=have, **{"work": samples.fake_run, **options})  # type: ignore[arg-type]
 
 
 def test_the_table_is_complete_and_in_order(tmp_path: Path) -> None:
-    out = OutFolder(tmp_path / "out")
+    out = SuiteFolder(tmp_path / "out")
     told: list[int] = []
     done = run(plan(5, 4, 3, 2), out, workers=2, tell=lambda case, row: told.append(row.seed))
     assert done.complete
@@ -49,7 +51,7 @@ def test_the_table_is_complete_and_in_order(tmp_path: Path) -> None:
 
 
 def test_a_run_whose_process_dies_is_a_fault_with_its_reason(tmp_path: Path) -> None:
-    out = OutFolder(tmp_path / "out")
+    out = SuiteFolder(tmp_path / "out")
     done = run(plan(2, 3, 4), out, work=samples.fake_run_that_dies_on_3)
     fault = done.rows[1]
     assert (fault.seed, fault.outcome, fault.cause) == (3, "fault", "process_died")
@@ -59,7 +61,7 @@ def test_a_run_whose_process_dies_is_a_fault_with_its_reason(tmp_path: Path) -> 
 
 
 def test_ctrl_c_leaves_what_has_ended_and_resume_does_the_rest(tmp_path: Path) -> None:
-    out = OutFolder(tmp_path / "out")
+    out = SuiteFolder(tmp_path / "out")
 
     def press(case: Case, row: RunRow) -> None:
         if row.seed == 3:
@@ -80,7 +82,7 @@ def test_ctrl_c_leaves_what_has_ended_and_resume_does_the_rest(tmp_path: Path) -
 
 
 def test_a_table_may_grow_by_seeds(tmp_path: Path) -> None:
-    out = OutFolder(tmp_path / "out")
+    out = SuiteFolder(tmp_path / "out")
     run(plan(2, 3), out)
     grown = run(plan(3, 4), out, resume=True)
     assert grown.complete
@@ -88,7 +90,7 @@ def test_a_table_may_grow_by_seeds(tmp_path: Path) -> None:
 
 
 def test_resuming_with_another_configuration_is_refused(tmp_path: Path) -> None:
-    out = OutFolder(tmp_path / "out")
+    out = SuiteFolder(tmp_path / "out")
     run(plan(2), out)
     before = out.table.read_text()
     other = replace(plan(2, 4), content={**CONTENT, "stack default of entry rooms": "other"})
@@ -98,7 +100,7 @@ def test_resuming_with_another_configuration_is_refused(tmp_path: Path) -> None:
 
 
 def test_revisions_are_remembered(tmp_path: Path) -> None:
-    out = OutFolder(tmp_path / "out")
+    out = SuiteFolder(tmp_path / "out")
     run(plan(2), out)
     out.open(plan(2), "def-dirty", resume=True)
     assert out.revisions == ["abc", "def-dirty"]
@@ -106,24 +108,24 @@ def test_revisions_are_remembered(tmp_path: Path) -> None:
 
 
 def test_nothing_is_overwritten(tmp_path: Path) -> None:
-    out = OutFolder(tmp_path / "out")
+    out = SuiteFolder(tmp_path / "out")
     run(plan(2), out)
     with pytest.raises(InputError, match="--resume"):
         out.open(plan(2), "abc", resume=False)
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "notes.txt").touch()
     with pytest.raises(InputError, match="is not empty"):
-        OutFolder(tmp_path / "mine").open(plan(2), "abc", resume=False)
+        SuiteFolder(tmp_path / "mine").open(plan(2), "abc", resume=False)
     with pytest.raises(InputError, match="is not empty"):
-        OutFolder(tmp_path / "mine").open(plan(2), "abc", resume=True)
+        SuiteFolder(tmp_path / "mine").open(plan(2), "abc", resume=True)
     (tmp_path / "file").touch()
     for where in (tmp_path / "file", tmp_path / "file" / "below"):
         with pytest.raises(InputError):
-            OutFolder(where).open(plan(2), "abc", resume=False)
+            SuiteFolder(where).open(plan(2), "abc", resume=False)
 
 
 def test_a_damaged_folder_is_not_continued(tmp_path: Path) -> None:
-    out = OutFolder(tmp_path / "out")
+    out = SuiteFolder(tmp_path / "out")
     run(plan(2), out)
     (out.path / "suite.json").write_text("{")
     with pytest.raises(InputError, match=r"suite\.json"):
@@ -134,7 +136,7 @@ def test_default_folders_are_numbered(tmp_path: Path, monkeypatch: pytest.Monkey
     monkeypatch.chdir(tmp_path)
     names = []
     for _ in range(2):
-        out = OutFolder.choose(None, plan(2), range(2, 3))
+        out = SuiteFolder.choose(None, plan(2), range(2, 3))
         out.open(plan(2), "abc", resume=False)
         names.append(str(out.path))
     assert names == ["runs/rooms-2-3", "runs/rooms-2-3-2"]

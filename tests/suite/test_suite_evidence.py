@@ -9,17 +9,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from navfw.missions.outcome import Outcome, Verdict
-from navfw.missions.runner import Run
+from navfw.missions.outcome import MissionVerdict, Outcome
+from navfw.missions.runner import RunResult
 from navfw.missions.session import MissionResult, Session, prepare
 from navfw.plugins import default_registry
-from navfw.recording.track import Contact, Track
+from navfw.recording.run_log import Contact, RunLog
 from navfw.signals import Belief, Odometry, Pose, Twist
 from navfw.sim.floorplan import FloorPlan
 from navfw.sim.movers import MoverTrack
 from navfw.sim.worldfile import BoxSpec, CylinderSpec, WorldSpec
-from navfw.suite.causes import Cause, classify
-from navfw.suite.evidence import gather
+from navfw.suite.failure_causes import Cause, classify
+from navfw.suite.failure_symptoms import collect_symptoms
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +33,7 @@ def session_with(empty: Session, **things: Any) -> Session:
     return replace(empty, world=world, plan=FloorPlan.from_world(world))
 
 
-def track_to(x: float, y: float, yaw: float, contact: str = "", speed: float = 0.4) -> Track:
+def track_to(x: float, y: float, yaw: float, contact: str = "", speed: float = 0.4) -> RunLog:
     """Four seconds straight to (x, y), at the end of which ``contact`` is touched."""
     time = np.arange(240) / 60.0
     back = speed * (time[-1] - time)
@@ -41,7 +41,7 @@ def track_to(x: float, y: float, yaw: float, contact: str = "", speed: float = 0
         [x - back * math.cos(yaw), y - back * math.sin(yaw), np.full_like(time, yaw)]
     )
     contacts = (Contact(float(time[-1]), x, y, contact),) if contact else ()
-    return Track(
+    return RunLog(
         time=time,
         true=true,
         estimate=true.copy(),
@@ -58,10 +58,10 @@ OFFSET = Pose(0.7, -0.4, 0.3)
 
 
 def result_of(
-    session: Session, outcome: Outcome, track: Track, things: list[tuple[float, float]]
+    session: Session, outcome: Outcome, track: RunLog, things: list[tuple[float, float]]
 ) -> MissionResult:
     """A run that ended so; the ego map remembers things at these points of the map frame."""
-    verdict = Verdict(outcome, "so it ended", "go_to_xy", track.ticks, float(track.time[-1]))
+    verdict = MissionVerdict(outcome, "so it ended", "go_to_xy", track.ticks, float(track.time[-1]))
     stack = session.stack
     stack.start(session.mission.start, session.mission.goals)
     now = Pose(*track.true[-1])
@@ -75,7 +75,7 @@ def result_of(
     belief = Belief(odometry.time, now, np.zeros((3, 3)))
     stack.mofis.decide(odometry, belief, [], session.mission.goals[-1])
     stack.state = replace(stack.state, time=odometry.time, odometry=odometry, belief=belief)
-    return MissionResult(session, Run(verdict, track, 4.0, 1.0, ()))
+    return MissionResult(session, RunResult(verdict, track, 4.0, 1.0, ()))
 
 
 @pytest.mark.parametrize("remembered", [True, False])
@@ -85,7 +85,9 @@ def test_what_was_driven_into_head_on(empty: Session, remembered: bool, yaw: flo
     session = session_with(empty, cylinders=(CylinderSpec(name="post", at=(x, y), radius=0.2),))
     rim = (0.18 * math.cos(yaw), 0.18 * math.sin(yaw))
     track = track_to(0.0, 0.0, yaw, "post")
-    evidence = gather(result_of(session, Outcome.COLLIDED, track, [rim] if remembered else []))
+    evidence = collect_symptoms(
+        result_of(session, Outcome.COLLIDED, track, [rim] if remembered else [])
+    )
     assert evidence.touch is not None
     assert evidence.touch.bearing == pytest.approx(0.0, abs=0.01)
     assert evidence.touch.speed == pytest.approx(0.4, abs=0.01)
@@ -95,7 +97,7 @@ def test_what_was_driven_into_head_on(empty: Session, remembered: bool, yaw: flo
 def test_what_was_backed_into(empty: Session) -> None:
     session = session_with(empty, boxes=(BoxSpec(name="crate", at=(-0.68, 0.1), size=(1, 1, 1)),))
     track = track_to(0.0, 0.0, 0.0, "crate", speed=-0.15)
-    evidence = gather(result_of(session, Outcome.COLLIDED, track, []))
+    evidence = collect_symptoms(result_of(session, Outcome.COLLIDED, track, []))
     assert evidence.touch is not None
     assert abs(evidence.touch.bearing) == pytest.approx(math.pi, abs=0.01)
     assert classify(evidence) is Cause.REVERSED_INTO
@@ -112,7 +114,7 @@ def test_a_mover_is_met_where_it_was_then(empty: Session) -> None:
     )
     for cause, expected in (("mover", Cause.MOVER), ("robot", Cause.TURNED_INTO)):
         ended = result_of(empty, Outcome.COLLIDED, track_to(0, 0, 0, "walker"), [(0.0, 0.18)])
-        evidence = gather(replace(ended, movers=movers, collision_cause=cause))
+        evidence = collect_symptoms(replace(ended, movers=movers, collision_cause=cause))
         assert evidence.touch is not None
         assert evidence.touch.bearing == pytest.approx(0.5 * math.pi, abs=0.01)
         assert classify(evidence) is expected
@@ -123,7 +125,7 @@ WALL = [(1.0, 0.05 * i) for i in range(-75, 76)]
 
 
 def test_a_remembered_wall_that_is_not_there_is_a_ghost(empty: Session) -> None:
-    evidence = gather(result_of(empty, Outcome.STUCK, track_to(0.0, 0.0, 0.0), WALL))
+    evidence = collect_symptoms(result_of(empty, Outcome.STUCK, track_to(0.0, 0.0, 0.0), WALL))
     assert evidence.aiming is not None
     assert evidence.aiming.without_ghosts == evidence.aiming.sharp < 6.0  # 3 m of unknown floor
     assert classify(evidence) is Cause.GHOSTS
@@ -138,7 +140,7 @@ def test_a_remembered_wall_that_is_there_is_none(empty: Session) -> None:
     session = session_with(empty, boxes=walls)
     line = [-1.0 + 0.05 * i for i in range(41)]
     square = [point for a in line for point in ((a, 1.0), (a, -1.0), (1.0, a), (-1.0, a))]
-    evidence = gather(result_of(session, Outcome.STUCK, track_to(0.0, 0.0, 0.0), square))
+    evidence = collect_symptoms(result_of(session, Outcome.STUCK, track_to(0.0, 0.0, 0.0), square))
     assert evidence.aiming is not None
     assert evidence.aiming.without_ghosts == math.inf
     assert classify(evidence) is Cause.AIM_UNREACHABLE
@@ -153,7 +155,7 @@ def test_two_posts_remembered_too_thick_leave_no_gap_but_there_is_one(empty: Ses
     session = session_with(empty, boxes=walls)
     line = [-4.5 + 0.05 * i for i in range(181)]
     thick = [(1.0, y) for y in line if abs(y) > 0.2]
-    evidence = gather(result_of(session, Outcome.STUCK, track_to(0.0, 0.0, 0.0), thick))
+    evidence = collect_symptoms(result_of(session, Outcome.STUCK, track_to(0.0, 0.0, 0.0), thick))
     assert evidence.aiming is not None
     assert evidence.aiming.without_ghosts > 1.5 * evidence.aiming.sharp
     assert classify(evidence) is Cause.BLURRED
@@ -161,11 +163,11 @@ def test_two_posts_remembered_too_thick_leave_no_gap_but_there_is_one(empty: Ses
 
 def test_ground_gained_is_measured_along_the_shortest_way(empty: Session) -> None:
     """From 1.6 m behind the start to 0.5 m ahead of it; the goal is at 3 m."""
-    evidence = gather(result_of(empty, Outcome.TIMEOUT, track_to(0.5, 0.0, 0.0), []))
+    evidence = collect_symptoms(result_of(empty, Outcome.TIMEOUT, track_to(0.5, 0.0, 0.0), []))
     assert evidence.driving is not None
     assert evidence.driving.driven == pytest.approx(1.59, abs=0.02)
     assert evidence.driving.gained == pytest.approx(0.5, abs=0.01)
     assert evidence.driving.recent_turned == pytest.approx(0.0)
     assert classify(evidence) is Cause.OSCILLATING
-    slow = gather(result_of(empty, Outcome.TIMEOUT, track_to(1.5, 0.0, 0.0), []))
+    slow = collect_symptoms(result_of(empty, Outcome.TIMEOUT, track_to(1.5, 0.0, 0.0), []))
     assert classify(slow) is Cause.SLOW

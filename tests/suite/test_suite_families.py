@@ -8,14 +8,14 @@ from pathlib import Path
 import pytest
 
 from navfw.errors import InputError, UnknownNameError, WorldError
-from navfw.missions.missionfile import MissionSpec
+from navfw.missions.mission_file import MissionSpec
 from navfw.plugins import default_registry
 from navfw.sim.worldfile import BoxSpec, WorldSpec
 from navfw.suite import compose
 from navfw.suite.case import Job
-from navfw.suite.cases import Plan, plan_runs
-from navfw.suite.suitefile import load_suite
-from navfw.suite.work import run_job
+from navfw.suite.case_worker import run_job
+from navfw.suite.suite_file import load_suite
+from navfw.suite.suite_plan import SuitePlan, plan_runs
 from navfw.topomap import Passage, Place, TopoMap
 
 
@@ -46,7 +46,7 @@ def _generator(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(compose, "generate", fake_generate)
 
 
-def planned(folder: Path, entry: str, seeds: range) -> Plan:
+def planned(folder: Path, entry: str, seeds: range) -> SuitePlan:
     file = folder / "mine.yaml"
     file.write_text(f"entries:\n  - {entry}\n")
     return plan_runs(load_suite(file), seeds, default_registry())

@@ -10,7 +10,7 @@ import pytest
 import suite_samples as samples
 
 from navfw.errors import SimulationError
-from navfw.suite.pool import Died, WorkerPool
+from navfw.suite.worker_pool import WorkerFailure, WorkerPool
 
 
 def test_jobs_run_side_by_side_in_processes_of_their_own(tmp_path: Path) -> None:
@@ -33,7 +33,7 @@ def test_a_job_that_fails_is_reported_and_stops_no_other(
     with WorkerPool(work, workers=2, limit=limit) as pool:  # type: ignore[type-var,arg-type]
         results = dict(pool.run([1, 13, 2, 3]))
     bad = results.pop(13)
-    assert isinstance(bad, Died)
+    assert isinstance(bad, WorkerFailure)
     assert says in bad.reason
     assert bad.too_long == (work is samples.sleep_on_13)
     assert results == {1: 1, 2: 2, 3: 3}

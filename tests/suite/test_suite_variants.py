@@ -12,14 +12,14 @@ from suite_samples import row
 from navfw.baselines import navground
 from navfw.errors import InputError, MissingExtraError, UnknownNameError
 from navfw.plugins import default_registry
-from navfw.suite.cases import Plan, plan_runs
-from navfw.suite.compare import compare, of_variant
-from navfw.suite.evaluation import evaluate
-from navfw.suite.markdown import markdown_table
-from navfw.suite.outfolder import OutFolder
-from navfw.suite.suitefile import find_suite, load_suite
-from navfw.suite.summary import summarize
-from navfw.suite.table import RunRow, read_table, write_table
+from navfw.suite.markdown_table import markdown_table
+from navfw.suite.paired_comparison import compare_tables, of_variant
+from navfw.suite.run_table import RunRow, read_table, write_table
+from navfw.suite.suite_file import find_suite, load_suite
+from navfw.suite.suite_folder import SuiteFolder
+from navfw.suite.suite_plan import SuitePlan, plan_runs
+from navfw.suite.suite_run import run_suite
+from navfw.suite.suite_summary import summarize
 
 SUITE = """\
 entries:
@@ -31,7 +31,7 @@ variants:
 """
 
 
-def plan_of(text: str, folder: Path, **options: object) -> Plan:
+def plan_of(text: str, folder: Path, **options: object) -> SuitePlan:
     file = folder / "mine.yaml"
     file.write_text(text)
     return plan_runs(load_suite(file), range(2), default_registry(), **options)  # type: ignore[arg-type]
@@ -135,19 +135,19 @@ def test_the_markdown_table_has_a_line_for_each_variant_and_a_column_for_each_en
 
 def test_variants_are_compared_with_each_other() -> None:
     table = rows()
-    found = compare(of_variant(table, "default"), of_variant(table, "paper"))
+    found = compare_tables(of_variant(table, "default"), of_variant(table, "paper"))
     assert found["pairs"] == 8
     assert len(found["lost"]) == 6
-    assert compare(table, table)["pairs"] == 16
+    assert compare_tables(table, table)["pairs"] == 16
     with pytest.raises(UnknownNameError, match="did you mean 'paper'"):
         of_variant(table, "papre")
 
 
 def test_an_evaluation_writes_the_variants_table(tmp_path: Path) -> None:
-    out = OutFolder(tmp_path / "out")
+    out = SuiteFolder(tmp_path / "out")
     plan = plan_of(SUITE, tmp_path)
     have = out.open(plan, "abc", resume=False)
-    done = evaluate(plan, out, have=have, work=samples.fake_run, keep="none")
+    done = run_suite(plan, out, have=have, work=samples.fake_run, keep="none")
     assert done.complete
     assert [found.variant for found in read_table(out.table)][::2] == [
         "default",

@@ -19,7 +19,7 @@ from navfw.plugins import default_registry
 from navfw.robot import RobotModel
 from navfw.signals import Label, Proposal, Twist
 from navfw.testing import check_behavior, check_composite
-from navfw.testing.scenes import SCENES, Scene, contexts_of, wall_flow
+from navfw.testing.behavior_scenes import SCENES, BehaviorScene, contexts_of, wall_flow
 
 REGISTRY = default_registry()
 # one that needs truth has nothing to say in a scene, where nobody gives it
@@ -211,7 +211,7 @@ def test_what_the_registry_would_refuse_is_refused() -> None:
 
 
 @pytest.mark.parametrize("scene", SCENES, ids=lambda scene: str(scene.name))
-def test_scenes_are_what_they_say(scene: Scene) -> None:
+def test_scenes_are_what_they_say(scene: BehaviorScene) -> None:
     robot = RobotModel()
     last = contexts_of(scene, robot)[-1]
     assert (last.waypoint is None) == (scene.waypoint is None)

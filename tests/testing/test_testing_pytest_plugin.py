@@ -18,7 +18,7 @@ SHORT = 'set=["mission.timeout=1.5"]'  # every run ends after 1.5 s, as a timeou
 @pytest.fixture(scope="module", autouse=True)
 def _everything_imported(tmp_path_factory: pytest.TempPathFactory) -> None:
     """Pytester forgets modules imported inside it, and numpy does not stand a second import."""
-    from navfw.missions.report import draw
+    from navfw.missions.run_report import draw
     from navfw.missions.session import prepare
 
     result = prepare("empty", "straight", overrides=["mission.timeout=1.5"]).run()

@@ -31,7 +31,7 @@ from navfw.signals import (
     Waypoint,
 )
 
-__all__ = ["SCENES", "Scene", "contexts_of", "wall_flow"]
+__all__ = ["SCENES", "BehaviorScene", "contexts_of", "wall_flow"]
 
 PERIOD = 0.1
 """Time [s] from frame to frame."""
@@ -41,7 +41,7 @@ _GRID = (12, 16)
 
 
 @dataclass(frozen=True, slots=True)
-class Scene:
+class BehaviorScene:
     """A drive of ``ticks`` frames at constant ``twist``, from the middle of nowhere along x.
 
     ``ahead``, ``left``, ``right`` are distances [m] of walls from the start, ``waypoint`` is where
@@ -60,27 +60,27 @@ class Scene:
     sees: bool = True
 
 
-SCENES: tuple[Scene, ...] = (
-    Scene("before the first look", Twist(0.0, 0.0), sees=False, ticks=2),
-    Scene("nowhere to go", Twist(0.0, 0.0), waypoint=None),
-    Scene("open floor", Twist(0.3, 0.0)),
-    Scene("goal on the left", Twist(0.2, 0.3), waypoint=(1.0, 2.0)),
-    Scene("goal behind", Twist(0.2, 0.0), waypoint=(-2.0, 0.1)),
-    Scene("goal at hand", Twist(0.1, 0.0), waypoint=(0.2, 0.0)),
-    Scene("wall ahead", Twist(0.3, 0.0), ahead=1.0),
-    Scene("wall very near", Twist(0.2, 0.0), ahead=0.45),
-    Scene("wall on the left", Twist(0.3, 0.0), left=0.5),
-    Scene("wall on the right", Twist(0.3, 0.0), right=0.5),
-    Scene("corridor", Twist(0.3, 0.0), left=0.7, right=0.7),
-    Scene("dead end", Twist(0.1, 0.0), ahead=0.6, left=0.4, right=0.4),
-    Scene("held fast", Twist(0.3, 0.0), wheels_turn=False, ticks=30),
-    Scene("backing out", Twist(-0.1, 0.0), ahead=0.5, left=0.6),
-    Scene("turning on the spot", Twist(0.0, 1.0), left=1.0),
+SCENES: tuple[BehaviorScene, ...] = (
+    BehaviorScene("before the first look", Twist(0.0, 0.0), sees=False, ticks=2),
+    BehaviorScene("nowhere to go", Twist(0.0, 0.0), waypoint=None),
+    BehaviorScene("open floor", Twist(0.3, 0.0)),
+    BehaviorScene("goal on the left", Twist(0.2, 0.3), waypoint=(1.0, 2.0)),
+    BehaviorScene("goal behind", Twist(0.2, 0.0), waypoint=(-2.0, 0.1)),
+    BehaviorScene("goal at hand", Twist(0.1, 0.0), waypoint=(0.2, 0.0)),
+    BehaviorScene("wall ahead", Twist(0.3, 0.0), ahead=1.0),
+    BehaviorScene("wall very near", Twist(0.2, 0.0), ahead=0.45),
+    BehaviorScene("wall on the left", Twist(0.3, 0.0), left=0.5),
+    BehaviorScene("wall on the right", Twist(0.3, 0.0), right=0.5),
+    BehaviorScene("corridor", Twist(0.3, 0.0), left=0.7, right=0.7),
+    BehaviorScene("dead end", Twist(0.1, 0.0), ahead=0.6, left=0.4, right=0.4),
+    BehaviorScene("held fast", Twist(0.3, 0.0), wheels_turn=False, ticks=30),
+    BehaviorScene("backing out", Twist(-0.1, 0.0), ahead=0.5, left=0.6),
+    BehaviorScene("turning on the spot", Twist(0.0, 1.0), left=1.0),
 )
 """Situations that every behaviour should live through."""
 
 
-def contexts_of(scene: Scene, robot: RobotModel | None = None) -> list[Context]:
+def contexts_of(scene: BehaviorScene, robot: RobotModel | None = None) -> list[Context]:
     """The context of every frame of ``scene``, as MOFIS gives it to its behaviours."""
     robot = robot or RobotModel()
     mofis = Mofis(robot, {}, _Scripted(robot, scene.twist))

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 
 from navfw.signals import Pose, Waypoint
 
-__all__ = ["Stall", "Visits", "goal_name"]
+__all__ = ["GoalChecker", "ProgressChecker", "goal_name"]
 
 
-class Visits:
+class GoalChecker:
     """Which goals the robot has truly visited, in order."""
 
     def __init__(self, goals: Sequence[Waypoint], radius: float) -> None:
@@ -54,7 +54,7 @@ class Visits:
         return f"the stack believes it is at {goal_name(last)}, but is {off:.2f} m away from it"
 
 
-class Stall:
+class ProgressChecker:
     """Notices when a robot stays in one place, turning or twitching perhaps."""
 
     def __init__(self, limit: float, radius: float) -> None:

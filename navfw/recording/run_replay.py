@@ -16,16 +16,16 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from navfw.errors import ConfigError, InputError
 from navfw.fault_injection import Failure, inject_faults
-from navfw.recording.readings import Recording, load_recording
-from navfw.recording.runfolder import RESULT, read_result
-from navfw.recording.track import hash_commands
+from navfw.recording.run_folder import RESULT, read_result
+from navfw.recording.run_log import hash_commands
+from navfw.recording.sensor_recording import SensorRecording, load_recording
 from navfw.robot import RobotModel
 from navfw.signals import Array, Pose, SensorReading, Twist, Waypoint
 
 if TYPE_CHECKING:
     from navfw.stack import Stack
 
-__all__ = ["Replay", "drive_again", "explain_at", "replay"]
+__all__ = ["ReplayResult", "explain_at", "replay", "replay_commands"]
 
 
 class Driver(Protocol):
@@ -41,7 +41,7 @@ class Driver(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Replay:
+class ReplayResult:
     """What a replay gave: both command streams' hashes, and where they part.
 
     ``first_difference`` is the first tick with another command, or None; ``complete`` is false when
@@ -60,45 +60,45 @@ class Replay:
         return self.command_hash == self.recorded_hash
 
 
-class _Goal(BaseModel):
+class _RecordedGoal(BaseModel):
     model_config = ConfigDict(extra="ignore", allow_inf_nan=False)
     place: str
     x: float
     y: float
 
 
-class _BehaviorFault(BaseModel):
+class _RecordedBehaviorFault(BaseModel):
     model_config = ConfigDict(extra="ignore")
     name: str
     does: Failure
 
 
-class _Happening(BaseModel):
+class _RecordedAction(BaseModel):
     model_config = ConfigDict(extra="ignore")
-    behavior: _BehaviorFault | None = None
+    behavior: _RecordedBehaviorFault | None = None
 
 
-class _Happened(BaseModel):
+class _RecordedEvent(BaseModel):
     """An event of the run. Of all kinds, only those that befell the stack itself play a part."""
 
     model_config = ConfigDict(extra="ignore", allow_inf_nan=False)
-    event: _Happening
+    event: _RecordedAction
     began_s: float
     ended_s: float | None = None
 
 
-class _Mission(BaseModel):
+class _RecordedMission(BaseModel):
     """What a replay needs of a mission; the rest of the record is for people."""
 
     model_config = ConfigDict(extra="ignore", allow_inf_nan=False)
     start: tuple[float, float, float]
     start_known: bool = True
-    goals: tuple[_Goal, ...]
+    goals: tuple[_RecordedGoal, ...]
     tolerance: float
     robot: RobotModel
 
 
-def replay(folder: str | Path) -> Replay:
+def replay(folder: str | Path) -> ReplayResult:
     """Run the stack again on what was recorded in a run folder.
 
     Raises:
@@ -106,8 +106,8 @@ def replay(folder: str | Path) -> Replay:
 
     """
     stack, recording, start, goals = _load(Path(folder))
-    failures = _Failures(Path(folder), stack)
-    return compare(recording, drive_again(stack, recording, start, goals, failures.at))
+    failures = _FaultReplay(Path(folder), stack)
+    return compare_commands(recording, replay_commands(stack, recording, start, goals, failures.at))
 
 
 def explain_at(folder: str | Path, time: float) -> dict[str, Any]:
@@ -122,7 +122,7 @@ def explain_at(folder: str | Path, time: float) -> dict[str, Any]:
 
     """
     stack, recording, start, goals = _load(Path(folder))
-    failures = _Failures(Path(folder), stack)
+    failures = _FaultReplay(Path(folder), stack)
     stack.start(start, goals)
     last = float(recording.sensors[-1, 0]) if len(recording) else 0.0
     for reading in recording.readings():
@@ -141,7 +141,7 @@ def explain_at(folder: str | Path, time: float) -> dict[str, Any]:
     return explanation
 
 
-def _load(folder: Path) -> tuple[Stack, Recording, Pose | None, list[Waypoint]]:
+def _load(folder: Path) -> tuple[Stack, SensorRecording, Pose | None, list[Waypoint]]:
     """The stack, the readings, the start (None: not told) and the goals of a recorded run."""
     from navfw.plugins import default_registry
     from navfw.stack import Stack
@@ -161,7 +161,7 @@ def _load(folder: Path) -> tuple[Stack, Recording, Pose | None, list[Waypoint]]:
     return stack, recording, Pose(*mission.start) if mission.start_known else None, goals
 
 
-class _Failures:
+class _FaultReplay:
     """Lets the stack's behaviours fail again when they were made to fail in the run."""
 
     def __init__(self, folder: Path, stack: Stack) -> None:
@@ -182,20 +182,20 @@ class _Failures:
             self._waiting.remove(due)
 
 
-def _happened(folder: Path) -> list[_Happened]:
+def _happened(folder: Path) -> list[_RecordedEvent]:
     events = read_result(folder).get("events", [])
     if not isinstance(events, list):
         raise ConfigError("expected a list", file=folder / RESULT, key="events")
     try:
-        return [_Happened.model_validate(event) for event in events]
+        return [_RecordedEvent.model_validate(event) for event in events]
     except ValidationError as error:
         where = ".".join(["events", *map(str, error.errors()[0]["loc"])])
         raise ConfigError(error.errors()[0]["msg"], file=folder / RESULT, key=where) from None
 
 
-def drive_again(
+def replay_commands(
     driver: Driver,
-    recording: Recording,
+    recording: SensorRecording,
     start: Pose | None,
     goals: Sequence[Waypoint],
     before: Callable[[float], None] | None = None,
@@ -213,11 +213,11 @@ def drive_again(
     return np.array([(twist.v, twist.w) for twist in twists], dtype=np.float64).reshape(-1, 2)
 
 
-def compare(recording: Recording, commands: Array) -> Replay:
+def compare_commands(recording: SensorRecording, commands: Array) -> ReplayResult:
     """How ``commands`` (n, 2) agree with the recorded ones, to the last bit."""
     times = recording.sensors[:, :1]
     differ = np.flatnonzero((commands != recording.commands).any(axis=1))
-    return Replay(
+    return ReplayResult(
         command_hash=hash_commands(np.hstack([times, commands])),
         recorded_hash=hash_commands(np.hstack([times, recording.commands])),
         ticks=len(recording),
@@ -226,11 +226,11 @@ def compare(recording: Recording, commands: Array) -> Replay:
     )
 
 
-def _mission(result: dict[str, Any], folder: Path) -> _Mission:
+def _mission(result: dict[str, Any], folder: Path) -> _RecordedMission:
     config = result.get("config")
     data = config.get("mission") if isinstance(config, dict) else None
     try:
-        return _Mission.model_validate(data)
+        return _RecordedMission.model_validate(data)
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(["config", "mission", *map(str, first["loc"])])

@@ -16,19 +16,19 @@ from typing import Any
 
 from navfw.errors import ConfigError, InputError
 from navfw.recording.provenance import machine_kind
-from navfw.recording.runfolder import plain_json
-from navfw.suite.cases import Plan
-from navfw.suite.markdown import markdown_table
-from navfw.suite.table import RunRow, read_table, write_table, write_text
+from navfw.recording.run_folder import plain_json
+from navfw.suite.markdown_table import markdown_table
+from navfw.suite.run_table import RunRow, read_table, write_table, write_text
+from navfw.suite.suite_plan import SuitePlan
 
-__all__ = ["OutFolder"]
+__all__ = ["SuiteFolder"]
 
 TABLE, SUMMARY, ABOUT, PICTURES = "table.csv", "summary.json", "suite.json", "pictures"
 MARKDOWN = "table.md"
 
 
 @dataclass(frozen=True)
-class OutFolder:
+class SuiteFolder:
     """Where a suite's results go; see ``open_folder``."""
 
     path: Path
@@ -44,7 +44,7 @@ class OutFolder:
         return self.path / PICTURES
 
     @classmethod
-    def choose(cls, given: Path | None, plan: Plan, seeds: range) -> OutFolder:
+    def choose(cls, given: Path | None, plan: SuitePlan, seeds: range) -> SuiteFolder:
         """The folder ``given``, or the first free one of ``runs/SUITE-A-B``, ``runs/...-2``."""
         if given is not None:
             return cls(given)
@@ -55,7 +55,7 @@ class OutFolder:
             place = first.with_name(f"{first.name}-{number}")
         return cls(place)
 
-    def open(self, plan: Plan, revision: str, *, resume: bool) -> list[RunRow]:
+    def open(self, plan: SuitePlan, revision: str, *, resume: bool) -> list[RunRow]:
         """Make the folder, or go on with what is in it; the rows it already has.
 
         Raises:

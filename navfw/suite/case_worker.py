@@ -14,12 +14,12 @@ from navfw.errors import InputError
 from navfw.missions.outcome import Outcome
 from navfw.missions.session import MissionResult
 from navfw.suite.case import Case, Job
-from navfw.suite.causes import Cause, classify
-from navfw.suite.evidence import gather
-from navfw.suite.pool import stop_requested
-from navfw.suite.rows import fault_row, identity
-from navfw.suite.statistics import barn_score, sct
-from navfw.suite.table import RunRow
+from navfw.suite.case_rows import case_columns, fault_row
+from navfw.suite.failure_causes import Cause, classify
+from navfw.suite.failure_symptoms import collect_symptoms
+from navfw.suite.run_statistics import barn_score, sct
+from navfw.suite.run_table import RunRow
+from navfw.suite.worker_pool import stop_requested
 
 if TYPE_CHECKING:
     from navfw.missions.runner import Progress
@@ -73,7 +73,7 @@ def row_of(case: Case, result: MissionResult) -> RunRow:
         )
     }
     return RunRow(
-        **identity(case),
+        **case_columns(case),
         **same,
         cause=_why(result),
         collision_cause=summary["collision_cause"] or "",
@@ -87,7 +87,7 @@ def _why(result: MissionResult) -> str:
     if result.outcome.succeeded or result.outcome is Outcome.CANCELLED:
         return ""
     try:
-        return str(classify(gather(result)) or "")
+        return str(classify(collect_symptoms(result)) or "")
     except Exception:  # the result stands, even if nobody can say how it came about
         traceback.print_exc(file=sys.stderr)
         return str(Cause.UNKNOWN)
@@ -105,7 +105,7 @@ def _with_picture(row: RunRow, job: Job, result: MissionResult) -> RunRow:
     wanted = job.keep == "all" or (job.keep == "failed" and not row.succeeded)
     if not wanted or row.outcome == Outcome.CANCELLED:
         return row
-    from navfw.missions.report import draw
+    from navfw.missions.run_report import draw
 
     file = job.pictures / picture_name(job.case)
     try:

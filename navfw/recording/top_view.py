@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.transforms import Bbox
 
-__all__ = ["Disc", "Outline", "Point", "draw_names", "draw_outline", "make_bare"]
+__all__ = ["OutlineDisc", "Point", "WorldOutline", "draw_names", "draw_outline", "make_bare"]
 
 Point = tuple[float, float]
 
@@ -20,7 +20,7 @@ _WALL, _FURNITURE, _EDGE, _FLOOR = "#4A4A4A", "#D9D2C5", "#8C8577", "#FBFAF7"
 
 
 @dataclass(frozen=True, slots=True)
-class Disc:
+class OutlineDisc:
     """A round thing seen from above: centre x, y and radius [m]."""
 
     x: float
@@ -29,12 +29,12 @@ class Disc:
 
 
 @dataclass(frozen=True, slots=True)
-class Outline:
+class WorldOutline:
     """A world seen from above; polygons are (k, 2) [m] in ``map``."""
 
     walls: Sequence[Array] = ()
     furniture: Sequence[Array] = ()
-    discs: Sequence[Disc] = ()
+    discs: Sequence[OutlineDisc] = ()
 
 
 def make_bare(axes: Axes) -> None:
@@ -45,7 +45,7 @@ def make_bare(axes: Axes) -> None:
         spine.set_visible(False)
 
 
-def draw_outline(axes: Axes, outline: Outline, edge: float, wall_edge: float) -> None:
+def draw_outline(axes: Axes, outline: WorldOutline, edge: float, wall_edge: float) -> None:
     """Furniture and walls, below all else, with edges so wide [points]."""
     from matplotlib.patches import Circle, Polygon
 

@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from navfw.recording.drawing import Outline, Point, draw_names, draw_outline, make_bare
-from navfw.recording.track import Track
+from navfw.recording.run_log import RunLog
+from navfw.recording.top_view import Point, WorldOutline, draw_names, draw_outline, make_bare
 from navfw.signals import Array, Pose
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["Picture", "draw_trajectory"]
+__all__ = ["TrajectoryPicture", "draw_trajectory"]
 
 # Okabe and Ito's colours: told apart by colour-blind readers too. Known behaviours keep theirs.
 _PALETTE = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#B8A800", "#6A51A3")
@@ -38,7 +38,7 @@ _LEGEND_WIDTH = 1.25
 
 
 @dataclass(frozen=True, slots=True)
-class Picture:
+class TrajectoryPicture:
     """What the picture of one run shows besides its track.
 
     ``title``, ``reason`` and ``numbers`` open it, a line each; ``good`` colours the title.
@@ -50,7 +50,7 @@ class Picture:
     reason: str
     numbers: str
     good: bool
-    outline: Outline
+    outline: WorldOutline
     start: Pose
     goals: Sequence[Point]
     zone: float
@@ -58,7 +58,7 @@ class Picture:
     places: Mapping[str, Point]
 
 
-def draw_trajectory(path: Path, track: Track, picture: Picture) -> None:
+def draw_trajectory(path: Path, track: RunLog, picture: TrajectoryPicture) -> None:
     """Write the picture of ``track`` as PNG to ``path``."""
     # The object interface with the Agg canvas: no window system, and pyplot's global state stays
     # untouched, whatever the caller's program does with it.
@@ -87,7 +87,7 @@ def draw_trajectory(path: Path, track: Track, picture: Picture) -> None:
     figure.savefig(path, dpi=130, format="png", metadata={"Software": "navfw"})
 
 
-def _write_header(figure: Figure, picture: Picture, inches: float) -> None:
+def _write_header(figure: Figure, picture: TrajectoryPicture, inches: float) -> None:
     color = _GOOD_OUTCOME if picture.good else _BAD_OUTCOME
     lines = ((picture.title, 13, color), (picture.reason, 9.5, "#222222"))
     for number, (text, size, ink) in enumerate((*lines, (picture.numbers, 9, "#666666"))):
@@ -110,7 +110,7 @@ def _write_legend(figure: Figure, axes: Axes) -> None:
     )
 
 
-def _bounds(track: Track, picture: Picture) -> tuple[Array, Array]:
+def _bounds(track: RunLog, picture: TrajectoryPicture) -> tuple[Array, Array]:
     points = [track.true[:, :2], track.estimate[:, :2], np.array(picture.goals).reshape(-1, 2)]
     points += [np.array([[picture.start.x, picture.start.y]])]
     points += [*picture.outline.walls, *picture.outline.furniture]
@@ -123,13 +123,13 @@ def _bounds(track: Track, picture: Picture) -> tuple[Array, Array]:
     return together.min(axis=0) - margin, together.max(axis=0) + margin
 
 
-def _draw_world(axes: Axes, picture: Picture) -> None:
+def _draw_world(axes: Axes, picture: TrajectoryPicture) -> None:
     draw_outline(axes, picture.outline, edge=0.8, wall_edge=0.6)
     for x, y in picture.places.values():
         axes.plot(x, y, marker="o", ms=2.5, color=_PLACE, zorder=3)
 
 
-def _draw_names(axes: Axes, track: Track, picture: Picture) -> None:
+def _draw_names(axes: Axes, track: RunLog, picture: TrajectoryPicture) -> None:
     """Names of places, those that matter to this run first."""
     passed = {waypoint.place for waypoint in track.waypoints}
 
@@ -140,7 +140,7 @@ def _draw_names(axes: Axes, track: Track, picture: Picture) -> None:
     draw_names(axes, places, _PLACE, zorder=7)
 
 
-def _draw_paths(axes: Axes, track: Track) -> None:
+def _draw_paths(axes: Axes, track: RunLog) -> None:
     from matplotlib.collections import LineCollection
 
     shown = track.every(0.1)
@@ -169,7 +169,7 @@ def _colors(leaders: Sequence[str]) -> dict[str, str]:
     return colors
 
 
-def _draw_marks(axes: Axes, track: Track, picture: Picture) -> None:
+def _draw_marks(axes: Axes, track: RunLog, picture: TrajectoryPicture) -> None:
     from matplotlib.patches import Circle
 
     start = picture.start

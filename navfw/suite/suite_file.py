@@ -67,11 +67,11 @@ def _ascending(interval: tuple[float, float]) -> tuple[float, float]:
     return interval
 
 
-class _Spec(BaseModel):
+class _SuiteModel(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
-class EntrySpec(_Spec):
+class EntrySpec(_SuiteModel):
     """One line of a suite: a world, a folder of worlds, or a family of generated ones."""
 
     name: Annotated[Name | None, Field(description="in the table [default: world or family]")] = (
@@ -136,7 +136,7 @@ class EntrySpec(_Spec):
         return _options(given)
 
 
-class VariantSpec(_Spec):
+class VariantSpec(_SuiteModel):
     """One way to run all of a suite, to be compared with the others."""
 
     stack: Annotated[
@@ -156,7 +156,7 @@ def _options(given: Mapping[str, Any]) -> tuple[str, ...]:
     return tuple(f"{key}={json.dumps(value)}" for key, value in given.items())
 
 
-class SuiteSpec(_Spec):
+class SuiteSpec(_SuiteModel):
     """A suite as its file has it."""
 
     description: Annotated[str, Field(description="one line for a person")] = ""
@@ -200,7 +200,7 @@ class Suite:
 
 
 def load_suite(name: str | Path) -> Suite:
-    """The suite of that name or file, checked by itself (see ``navfw.suite.cases`` for the rest).
+    """The suite of that name or file; ``navfw.suite.suite_plan`` checks the worlds it names.
 
     Raises:
         UnknownNameError: there is no suite of that name.

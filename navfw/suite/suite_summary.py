@@ -8,10 +8,10 @@ from statistics import fmean, median
 from typing import Any
 
 from navfw.missions.outcome import Outcome
-from navfw.suite.causes import Cause
-from navfw.suite.statistics import mcnemar_exact, wilson
-from navfw.suite.suitefile import Expect
-from navfw.suite.table import RunRow
+from navfw.suite.failure_causes import Cause
+from navfw.suite.run_statistics import mcnemar_exact, wilson
+from navfw.suite.run_table import RunRow
+from navfw.suite.suite_file import Expect
 
 __all__ = ["summarize"]
 

@@ -12,11 +12,18 @@ from typing import Protocol
 
 import numpy as np
 
-from navfw.missions.localization import LocalizationMetrics, measure_localization
-from navfw.recording.track import Contact, Track
+from navfw.missions.localization_metrics import LocalizationMetrics, measure_localization
+from navfw.recording.run_log import Contact, RunLog
 from navfw.signals import Array
 
-__all__ = ["Geometry", "Metrics", "MovingGeometry", "count_collisions", "measure", "path_length"]
+__all__ = [
+    "ClearanceSource",
+    "RunMetrics",
+    "TimedClearanceSource",
+    "count_collisions",
+    "measure",
+    "path_length",
+]
 
 Point = tuple[float, float]
 
@@ -27,7 +34,7 @@ DEBOUNCE = 1.0
 """Contacts less than this [s] apart are one collision."""
 
 
-class Geometry(Protocol):
+class ClearanceSource(Protocol):
     """What metrics ask of a world's floor plan (``navfw.sim.floorplan.FloorPlan``)."""
 
     def clearances(self, points: Array) -> Array:
@@ -35,7 +42,7 @@ class Geometry(Protocol):
         ...
 
 
-class MovingGeometry(Protocol):
+class TimedClearanceSource(Protocol):
     """What metrics ask about those who walk (``navfw.sim.movers.MoverTrack``)."""
 
     def clearances(self, points: Array, times: Array) -> Array:
@@ -44,7 +51,7 @@ class MovingGeometry(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Metrics:
+class RunMetrics:
     """The numbers of one run; lengths in metres, times in seconds.
 
     ``spl`` is success times shortest over driven length (Anderson et al. 2018). Clearances are from
@@ -89,8 +96,8 @@ def count_collisions(contacts: Sequence[Contact], debounce: float = DEBOUNCE) ->
 
 
 def measure(
-    track: Track,
-    plan: Geometry,
+    track: RunLog,
+    plan: ClearanceSource,
     *,
     start: Point,
     goal: Point,
@@ -98,8 +105,8 @@ def measure(
     radius: float,
     succeeded: bool,
     stage_ms: Mapping[str, float] | None = None,
-    moving: MovingGeometry | None = None,
-) -> Metrics:
+    moving: TimedClearanceSource | None = None,
+) -> RunMetrics:
     """The metrics of a run from ``start`` to ``goal`` by a robot of this ``radius`` [m].
 
     ``shortest`` [m] is the length of the shortest way past all goals of the mission. ``moving``
@@ -117,7 +124,7 @@ def measure(
     duration = float(track.time[-1] - track.time[0]) if track.ticks else 0.0
     started = np.flatnonzero(np.diff(track.emergency.astype(np.int8), prepend=0) == 1)
     longest = max(driven, shortest)
-    return Metrics(
+    return RunMetrics(
         path_length_m=driven,
         shortest_path_m=shortest,
         spl=shortest / longest if succeeded and longest > 0.0 else float(succeeded),

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from navfw.signals import Array, Belief, Pose, Twist, Waypoint
 
-__all__ = ["Contact", "Track", "TrackRecorder", "hash_commands"]
+__all__ = ["Contact", "RunLog", "RunLogger", "hash_commands"]
 
 
 def hash_commands(commands: Array) -> str:
@@ -38,7 +38,7 @@ class Contact:
 
 
 @dataclass(frozen=True, slots=True)
-class Track:
+class RunLog:
     """A whole run, one row per control tick (n rows); poses are x, y [m], yaw [rad] in ``map``.
 
     ``true`` (n, 3) comes from the simulator and ``estimate`` (n, 3) from the stack's localiser.
@@ -87,8 +87,8 @@ class Track:
 
 
 @dataclass(slots=True)
-class TrackRecorder:
-    """Collects a ``Track`` tick by tick."""
+class RunLogger:
+    """Collects a ``RunLog`` tick by tick."""
 
     contacts: list[Contact] = field(default_factory=list)
     _rows: array[float] = field(init=False, default_factory=lambda: array("d"))
@@ -129,10 +129,10 @@ class TrackRecorder:
         for waypoint in waypoints:
             self._waypoints.setdefault((waypoint.x, waypoint.y, waypoint.place), waypoint)
 
-    def track(self) -> Track:
+    def track(self) -> RunLog:
         """All that has been added so far."""
         rows = np.array(self._rows, dtype=np.float64).reshape(-1, 9)
-        return Track(
+        return RunLog(
             time=rows[:, 0],
             true=rows[:, 1:4],
             estimate=rows[:, 4:7],

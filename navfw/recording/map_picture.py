@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from navfw.recording.drawing import Outline, draw_names, draw_outline, make_bare
+from navfw.recording.top_view import WorldOutline, draw_names, draw_outline, make_bare
 from navfw.topomap import TopoMap
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ class MarkedRoute(Protocol):
 def draw_map(
     path: Path,
     topo_map: TopoMap,
-    outline: Outline | None = None,
+    outline: WorldOutline | None = None,
     route: MarkedRoute | None = None,
     avoid: Sequence[Sequence[str]] = (),
 ) -> None:

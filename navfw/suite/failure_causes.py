@@ -1,7 +1,7 @@
 """Why a run failed, in a word: the classification alone, from numbers gathered elsewhere.
 
-``navfw.suite.evidence`` gathers the numbers from a run's record, the true geometry and the stack's
-own memory. No rule here says more than they show; where they show nothing, the cause is unknown.
+``navfw.suite.failure_symptoms`` gathers the numbers from a run's log, the true geometry and the
+stack's own local map. Where they show nothing, the cause is ``unknown``.
 """
 
 from __future__ import annotations
@@ -13,7 +13,14 @@ from typing import Literal
 
 from navfw.missions.outcome import Outcome
 
-__all__ = ["Aiming", "Cause", "Driving", "Evidence", "Touch", "classify"]
+__all__ = [
+    "Cause",
+    "CollisionSymptoms",
+    "FailureSymptoms",
+    "MotionSymptoms",
+    "PathSymptoms",
+    "classify",
+]
 
 CREEP = 0.05
 """Speed [m/s] below which a robot counts as standing."""
@@ -75,7 +82,7 @@ class Cause(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Touch:
+class CollisionSymptoms:
     """How the robot met the thing it touched.
 
     ``by_mover``: something that moves came into a robot that was not driving towards it.
@@ -91,7 +98,7 @@ class Touch:
 
 
 @dataclass(frozen=True, slots=True)
-class Aiming:
+class PathSymptoms:
     """What the stack's remembered way to its waypoint costs at the end; infinite: there is none.
 
     ``without_ghosts`` is the same with everything forgotten that is far from all there is, and
@@ -104,7 +111,7 @@ class Aiming:
 
 
 @dataclass(frozen=True, slots=True)
-class Driving:
+class MotionSymptoms:
     """How it drove: ``driven`` [m] and the ground ``gained`` [m] on the shortest way.
 
     ``recent_driven`` [m] and ``recent_turned`` [rad] are of the last ``recent`` [s].
@@ -118,21 +125,21 @@ class Driving:
 
 
 @dataclass(frozen=True, slots=True)
-class Evidence:
+class FailureSymptoms:
     """What a failed run's record shows. ``slack`` [m] is how far the estimate may be off."""
 
     outcome: Outcome
     estimate_error: float = 0.0
     estimate_error_max: float = 0.0
     slack: float = 0.1
-    touch: Touch | None = None
-    aiming: Aiming | None = None
-    driving: Driving | None = None
+    touch: CollisionSymptoms | None = None
+    aiming: PathSymptoms | None = None
+    driving: MotionSymptoms | None = None
     exception: bool = False
     sensor_failed: bool = False
 
 
-def classify(evidence: Evidence) -> Cause | None:
+def classify(evidence: FailureSymptoms) -> Cause | None:
     """The cause of a failure; None when the run did not fail, or a person stopped it."""
     match evidence.outcome:
         case Outcome.COLLIDED:
@@ -149,7 +156,7 @@ def classify(evidence: Evidence) -> Cause | None:
             return None
 
 
-def _of_collision(touch: Touch | None) -> Cause:
+def _of_collision(touch: CollisionSymptoms | None) -> Cause:
     if touch is None:
         return Cause.UNKNOWN
     if touch.by_mover:
@@ -170,14 +177,14 @@ _BY_MEMORY = {
 }
 
 
-def _of_delay(evidence: Evidence) -> Cause:
+def _of_delay(evidence: FailureSymptoms) -> Cause:
     """Of a robot that is stuck or out of time: what it believes first, then how it drove."""
     if evidence.estimate_error > max(0.5, evidence.slack):
         return Cause.ESTIMATE_ERROR
     return _of_aiming(evidence.aiming) or _of_driving(evidence)
 
 
-def _of_aiming(aiming: Aiming | None) -> Cause | None:
+def _of_aiming(aiming: PathSymptoms | None) -> Cause | None:
     if aiming is None:
         return None
     if aiming.cost > DETOUR * aiming.without_ghosts:
@@ -187,7 +194,7 @@ def _of_aiming(aiming: Aiming | None) -> Cause | None:
     return Cause.AIM_UNREACHABLE if math.isinf(aiming.cost) else None
 
 
-def _of_driving(evidence: Evidence) -> Cause:
+def _of_driving(evidence: FailureSymptoms) -> Cause:
     driving = evidence.driving
     if driving is None:
         return Cause.UNKNOWN

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from navfw.recording.track import Track
+from navfw.recording.run_log import RunLog
 
 __all__ = ["RIGHT", "SURE", "LocalizationMetrics", "measure_localization"]
 
@@ -39,7 +39,7 @@ class LocalizationMetrics:
     landmark_updates: int
 
 
-def measure_localization(track: Track, sampled: npt.NDArray[np.intp]) -> LocalizationMetrics:
+def measure_localization(track: RunLog, sampled: npt.NDArray[np.intp]) -> LocalizationMetrics:
     """The numbers of a run, at the ticks ``sampled``."""
     if not track.ticks:
         return LocalizationMetrics(None, None, None, None, 0.0, 0.0, track.updates)

@@ -8,10 +8,10 @@ from collections.abc import Mapping, Sequence
 from navfw.signals import Pose, SensorReading, Twist, Waypoint
 from navfw.stack import Stack, StackState
 
-__all__ = ["Listener"]
+__all__ = ["StackObserver"]
 
 
-class Listener(ABC):
+class StackObserver(ABC):
     """Passes everything on to ``stack``; after each step, ``hear`` may write down what was said."""
 
     def __init__(self, stack: Stack) -> None:

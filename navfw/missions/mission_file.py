@@ -34,7 +34,7 @@ from navfw.config.overrides import Override, apply_overrides
 from navfw.config.yamlfile import validate
 from navfw.errors import ConfigError, UnknownNameError, WorldError
 from navfw.missions.events import EventSpec
-from navfw.missions.starts import Unknown, UnknownStart, candidates, draw_start
+from navfw.missions.starts import Unknown, UnknownStart, draw_start, start_candidates
 from navfw.robot import RobotModel
 from navfw.signals import Array, Pose, Waypoint
 from navfw.sim.sensors import SensorParams
@@ -48,34 +48,34 @@ __all__ = [
     "PointGoal",
     "SensorsSpec",
     "SuccessSpec",
-    "check_spec",
     "goals_map",
     "load_mission",
+    "mission_spec",
 ]
 
 Coordinate = Annotated[float, Field(ge=-500.0, le=500.0)]
 Yaw = Annotated[float, Field(ge=-2.0 * math.pi, le=2.0 * math.pi)]
 
 
-class _Spec(BaseModel):
+class _MissionModel(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
-class PlaceStart(_Spec):
+class PlaceStart(_MissionModel):
     """A start at a place of the map."""
 
     place: Annotated[str, Field(description="a place of the map")]
     yaw: Annotated[Yaw, Field(description="counter-clockwise from x [rad]")] = 0.0
 
 
-class PointGoal(_Spec):
+class PointGoal(_MissionModel):
     """A goal that is no place of the map."""
 
     x: Annotated[Coordinate, Field(description="in the map frame [m]")]
     y: Annotated[Coordinate, Field(description="in the map frame [m]")]
 
 
-class SuccessSpec(_Spec):
+class SuccessSpec(_MissionModel):
     """What counts as success, in truth: the robot has to come this near to every goal."""
 
     within: Annotated[float, Field(gt=0.0, le=5.0, description="of a goal [m]")] = 0.5
@@ -95,7 +95,7 @@ class SensorsSpec(SensorParams):
         return SensorParams.preset(self.base, **given)
 
 
-class MissionSpec(_Spec):
+class MissionSpec(_MissionModel):
     """A mission as its file has it."""
 
     description: Annotated[str, Field(description="one line for a person")] = ""
@@ -142,7 +142,7 @@ class MissionSpec(_Spec):
     ] = ()
 
 
-class Plan(Protocol):
+class FloorPlanQueries(Protocol):
     """What the check asks of a floor plan (``navfw.sim.floorplan.FloorPlan``)."""
 
     def check_free(self, x: float, y: float, radius: float, what: str) -> None:
@@ -177,7 +177,7 @@ class MissionFile:
         """Whether the robot is told where it begins."""
         return not self.starts
 
-    def placed(self, seed: int, plan: Plan) -> MissionFile:
+    def placed(self, seed: int, plan: FloorPlanQueries) -> MissionFile:
         """The mission with its start drawn by ``seed``, where that is left open.
 
         Raises:
@@ -194,7 +194,7 @@ class MissionFile:
         with self._blaming(("start",)):
             return replace(self, start=draw_start(self.starts, seed, check))
 
-    def check(self, plan: Plan) -> float:
+    def check(self, plan: FloorPlanQueries) -> float:
         """The length [m] of the shortest way past all goals, in the world of this floor plan.
 
         Raises:
@@ -229,7 +229,7 @@ class MissionFile:
             raise WorldError(str(error), file=origin.file, line=origin.line, key=key) from None
 
 
-def check_spec(document: YamlDocument) -> MissionSpec:
+def mission_spec(document: YamlDocument) -> MissionSpec:
     """A mission as its document has it; its robot knows the data sheets of its sensors' preset.
 
     What the mission itself says of the data sheets stays.
@@ -257,7 +257,7 @@ def load_mission(path: str | Path, overrides: Sequence[str | Override] = ()) -> 
     """
     path = Path(path)
     document = apply_overrides(load_yaml(path), overrides)
-    spec = check_spec(document)
+    spec = mission_spec(document)
     if spec.map is None:
         topo_map = _map_of_goals(document, spec)
     else:
@@ -300,7 +300,7 @@ def _starts(document: YamlDocument, spec: MissionSpec, topo_map: TopoMap) -> tup
         )
     if not isinstance(spec.start, str):
         return ()
-    found = candidates(topo_map, [goal for goal in spec.goals if isinstance(goal, str)])
+    found = start_candidates(topo_map, [goal for goal in spec.goals if isinstance(goal, str)])
     if not found:
         origin = document.origin_of(("start",))
         raise ConfigError(

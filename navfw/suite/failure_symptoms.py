@@ -1,4 +1,4 @@
-"""What a failed run's record shows: numbers for ``navfw.suite.causes``.
+"""What a failed run's record shows: numbers for ``navfw.suite.failure_causes``.
 
 After the run, and for evaluation only, the true geometry is laid beside what the stack remembered
 in its ego map.
@@ -14,16 +14,21 @@ import numpy as np
 
 from navfw.errors import WorldError
 from navfw.localmap.occupancy_grid import OccupancyGrid
-from navfw.missions.metrics import path_length
+from navfw.missions.run_metrics import path_length
 from navfw.missions.session import MissionResult
 from navfw.mofis.mofis import Mofis
-from navfw.recording.track import Contact, Track
+from navfw.recording.run_log import Contact, RunLog
 from navfw.signals import Array, Odometry, Pose, wrap_angle
 from navfw.sim.floorplan import FloorPlan, NamedShape
 from navfw.sim.shapes import Disc
-from navfw.suite.causes import Aiming, Driving, Evidence, Touch
+from navfw.suite.failure_causes import (
+    CollisionSymptoms,
+    FailureSymptoms,
+    MotionSymptoms,
+    PathSymptoms,
+)
 
-__all__ = ["gather"]
+__all__ = ["collect_symptoms"]
 
 RECENT = 30.0
 """What "recently" means [s]."""
@@ -38,7 +43,7 @@ REACH = 0.12
 """How far [m] about a point of contact the memory is asked."""
 
 
-def gather(result: MissionResult) -> Evidence:
+def collect_symptoms(result: MissionResult) -> FailureSymptoms:
     """The evidence of how ``result`` came about. It corrects the stack's memory on the way."""
     session, track, metrics = result.session, result.run.track, result.metrics
     spec = session.mission.spec
@@ -50,7 +55,7 @@ def gather(result: MissionResult) -> Evidence:
         touch = _touch(result, now)
     elif odometry is not None and now is not None:
         aiming = _aiming(result, odometry, now)
-    return Evidence(
+    return FailureSymptoms(
         outcome=result.outcome,
         estimate_error=metrics.estimate_error_m,
         estimate_error_max=metrics.estimate_error_max_m,
@@ -63,7 +68,7 @@ def gather(result: MissionResult) -> Evidence:
     )
 
 
-def _true_at(track: Track, time: float) -> Pose | None:
+def _true_at(track: RunLog, time: float) -> Pose | None:
     """The true pose at the stack's last decision."""
     index = int(np.searchsorted(track.time, time - 1e-9))
     return Pose(*track.true[index]) if index < track.ticks else None
@@ -72,7 +77,7 @@ def _true_at(track: Track, time: float) -> Pose | None:
 # --- collisions ----------------------------------------------------------------------------------
 
 
-def _touch(result: MissionResult, now: Pose) -> Touch:
+def _touch(result: MissionResult, now: Pose) -> CollisionSymptoms:
     session, track = result.session, result.run.track
     contact = track.contacts[0]
     since = min(int(np.searchsorted(track.time, contact.time - APPROACH)), track.ticks - 1)
@@ -81,7 +86,7 @@ def _touch(result: MissionResult, now: Pose) -> Touch:
     elapsed = max(contact.time - float(track.time[since]), 1e-3)
     point = _touched_point(result, contact)
     toward = point - (contact.x, contact.y)
-    return Touch(
+    return CollisionSymptoms(
         by_mover=result.collision_cause == "mover",
         bearing=wrap_angle(math.atan2(toward[1], toward[0]) - yaw),
         speed=float(moved @ (math.cos(yaw), math.sin(yaw))) / elapsed,
@@ -150,7 +155,7 @@ def _cells(occupancy: OccupancyGrid) -> tuple[Array, Array]:
 # --- the way ahead -------------------------------------------------------------------------------
 
 
-def _aiming(result: MissionResult, odometry: Odometry, now: Pose) -> Aiming | None:
+def _aiming(result: MissionResult, odometry: Odometry, now: Pose) -> PathSymptoms | None:
     """The remembered way as it is, and with what is wrong in the memory forgotten."""
     mofis = result.session.stack.mofis
     context = mofis.context
@@ -165,7 +170,7 @@ def _aiming(result: MissionResult, odometry: Odometry, now: Pose) -> Aiming | No
         occupancy.move(pose, odometry.time)  # makes it forget what it had derived from them
         aim = mofis.lookahead.aim(occupancy, pose, *goal)
         costs.append(aim.cost if aim.reachable else math.inf)
-    return Aiming(*costs)
+    return PathSymptoms(*costs)
 
 
 def _distance_from_truth(
@@ -197,7 +202,7 @@ def _distance_from_truth(
 # --- how it drove --------------------------------------------------------------------------------
 
 
-def _driving(result: MissionResult) -> Driving:
+def _driving(result: MissionResult) -> MotionSymptoms:
     session, track = result.session, result.run.track
     sampled = track.every(0.1)
     true, time = track.true[sampled], track.time[sampled]
@@ -206,7 +211,7 @@ def _driving(result: MissionResult) -> Driving:
     turned = np.abs([wrap_angle(step) for step in np.diff(recent[:, 2])]).sum()
     goals = [(goal.x, goal.y) for goal in session.mission.goals]
     left = _left(session.plan, true, goals, session.task.success_radius, session.task.robot.radius)
-    return Driving(
+    return MotionSymptoms(
         driven=path_length(true),
         gained=session.shortest - left,
         recent=float(time[-1] - time[late][0]),

@@ -6,23 +6,23 @@ from typing import Any
 
 from navfw.missions.outcome import Outcome
 from navfw.suite.case import Case
-from navfw.suite.causes import Cause
-from navfw.suite.table import RunRow
+from navfw.suite.failure_causes import Cause
+from navfw.suite.run_table import RunRow
 
-__all__ = ["fault_row", "identity"]
+__all__ = ["case_columns", "fault_row"]
 
 
 def fault_row(case: Case, reason: str, cause: Cause) -> RunRow:
     """The row of a run that gave no result."""
     return RunRow(
-        **identity(case),
+        **case_columns(case),
         outcome=Outcome.FAULT.value,
         reason=" ".join(reason.split()),
         cause=cause.value,
     )
 
 
-def identity(case: Case) -> dict[str, Any]:
+def case_columns(case: Case) -> dict[str, Any]:
     """The columns that are known before the run."""
     return {
         "entry": case.entry,

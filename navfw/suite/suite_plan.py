@@ -17,12 +17,12 @@ from navfw.config.lookup import find, find_mission, list_missions
 from navfw.errors import ConfigError, InputError, MissingExtraError, UnknownNameError
 from navfw.missions.session import Session
 from navfw.suite.case import Case
-from navfw.suite.suitefile import EntrySpec, Expect, Suite, VariantSpec
+from navfw.suite.suite_file import EntrySpec, Expect, Suite, VariantSpec
 
 if TYPE_CHECKING:
     from navfw.plugins import Registry
 
-__all__ = ["Plan", "draw_difficulty", "plan_runs"]
+__all__ = ["SuitePlan", "draw_difficulty", "plan_runs"]
 
 MAX_RUNS = 200_000
 
@@ -31,7 +31,7 @@ _DIFFICULTY_STREAM = 0xD1F
 
 
 @dataclass(frozen=True)
-class Plan:
+class SuitePlan:
     """All runs of a suite in the order of the table, and what determines them.
 
     ``content`` has a fingerprint for each thing that a result depends on, by its name: entries,
@@ -58,7 +58,7 @@ def plan_runs(
     overrides: Sequence[str] = (),
     worlds: Path | None = None,
     variants: Sequence[str] = (),
-) -> Plan:
+) -> SuitePlan:
     """Expand and check a suite.
 
     ``stacks``, where given, go before the entries' own: every entry is run with each of them. An
@@ -111,7 +111,7 @@ def plan_runs(
     expect = {e.title: e.expect for e in suite.spec.entries if e.expect is not None}
     options = [("--stack", name) for name in stacks] + [("--set", text) for text in overrides]
     options += [("--worlds", "DIR")] if worlds is not None else []
-    return Plan(
+    return SuitePlan(
         suite.name,
         cases,
         content,

@@ -12,12 +12,12 @@ from navfw.config.lookup import find
 from navfw.config.overrides import apply_overrides
 from navfw.errors import ConfigError, WorldError
 from navfw.missions.events import resolve_events
-from navfw.missions.missionfile import (
+from navfw.missions.mission_file import (
     MissionFile,
     MissionSpec,
     PlaceStart,
     PointGoal,
-    check_spec,
+    mission_spec,
 )
 from navfw.missions.session import Session, mission_stack, prepare, split_overrides
 from navfw.signals import Pose, Waypoint
@@ -89,7 +89,7 @@ def generated_session(
     for_mission, for_stack = split_overrides(overrides)
     text = json.dumps(made.mission.model_dump(mode="json", by_alias=True, exclude_unset=True))
     document = apply_overrides(parse_yaml(text, world_name), for_mission)
-    spec = check_spec(document)
+    spec = mission_spec(document)
     mission = MissionFile(
         file=Path(world_name),
         document=document,

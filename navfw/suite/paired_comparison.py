@@ -8,14 +8,14 @@ from statistics import median
 from typing import Any
 
 from navfw.errors import InputError, UnknownNameError
-from navfw.suite.statistics import mcnemar_exact
-from navfw.suite.table import Key, RunRow
+from navfw.suite.run_statistics import mcnemar_exact
+from navfw.suite.run_table import RunKey, RunRow
 
-__all__ = ["Pair", "compare", "of_variant", "pair_up"]
+__all__ = ["RunPair", "compare_tables", "of_variant", "pair_up"]
 
 
 @dataclass(frozen=True, slots=True)
-class Pair:
+class RunPair:
     """The same entry, world, mission and seed in both tables."""
 
     a: RunRow
@@ -37,7 +37,7 @@ def of_variant(rows: Sequence[RunRow], name: str | None) -> Sequence[RunRow]:
     return chosen
 
 
-def pair_up(first: Sequence[RunRow], second: Sequence[RunRow]) -> list[Pair]:
+def pair_up(first: Sequence[RunRow], second: Sequence[RunRow]) -> list[RunPair]:
     """The runs that both tables have, in the order of the first.
 
     Tables with one stack for each run are paired whatever the stacks are called, and so are those
@@ -50,19 +50,19 @@ def pair_up(first: Sequence[RunRow], second: Sequence[RunRow]) -> list[Pair]:
     """
     by_variant = any(len({row.variant for row in rows}) > 1 for rows in (first, second))
 
-    def bare(row: RunRow) -> Key:
+    def bare(row: RunRow) -> RunKey:
         kept = row.key._replace(stack="")
         return kept if by_variant else kept._replace(variant="")
 
     # missions may each have a stack of their own; only the same mission with two needs telling
     by_stack = any(len({bare(row) for row in rows}) < len(rows) for rows in (first, second))
 
-    def key(row: RunRow) -> Key:
+    def key(row: RunRow) -> RunKey:
         return bare(row)._replace(stack=row.stack) if by_stack else bare(row)
 
     others = {key(row): row for row in second if row.outcome != "cancelled"}
     pairs = [
-        Pair(row, others[key(row)])
+        RunPair(row, others[key(row)])
         for row in first
         if row.outcome != "cancelled" and key(row) in others
     ]
@@ -73,7 +73,7 @@ def pair_up(first: Sequence[RunRow], second: Sequence[RunRow]) -> list[Pair]:
     return pairs
 
 
-def compare(first: Sequence[RunRow], second: Sequence[RunRow]) -> dict[str, Any]:
+def compare_tables(first: Sequence[RunRow], second: Sequence[RunRow]) -> dict[str, Any]:
     """The paired comparison of two tables, B minus A; plain data.
 
     ``p`` is of McNemar's exact test on success. ``spl_difference`` is the median over all pairs;

@@ -19,7 +19,7 @@ import numpy.typing as npt
 from navfw.errors import ConfigError
 from navfw.signals import Array, Encoders, Frame, Image, Inertial, SensorReading
 
-__all__ = ["MAX_BYTES", "ReadingsRecorder", "Recording", "load_recording"]
+__all__ = ["MAX_BYTES", "SensorRecorder", "SensorRecording", "load_recording"]
 
 MAX_BYTES = 1 << 30
 """Most bytes a recording may hold, unpacked: an hour of 160x120 images at 10 Hz is 0.7 GB."""
@@ -44,7 +44,7 @@ class _Frames:
 
 
 @dataclass(frozen=True, slots=True)
-class Recording:
+class SensorRecording:
     """What a run's sensors gave and what its stack answered, tick by tick (n ticks).
 
     ``commands`` (n, 2): v [m/s] and w [rad/s] as driven. ``complete`` is false when the recorder
@@ -111,7 +111,7 @@ class _FrameList:
 
 
 @dataclass(slots=True)
-class ReadingsRecorder:
+class SensorRecorder:
     """Keeps readings and commands in memory (at most ``max_bytes``) until ``save``."""
 
     max_bytes: int = MAX_BYTES
@@ -177,7 +177,7 @@ _LAYOUT: dict[str, tuple[str, int]] = {
 _SIDE_FILES = {f"{name}.npy" for name in _LAYOUT if name.startswith("sides")}
 
 
-def load_recording(path: str | Path, max_bytes: int = MAX_BYTES) -> Recording:
+def load_recording(path: str | Path, max_bytes: int = MAX_BYTES) -> SensorRecording:
     """Read what ``ReadingsRecorder.save`` wrote.
 
     Raises:
@@ -189,7 +189,7 @@ def load_recording(path: str | Path, max_bytes: int = MAX_BYTES) -> Recording:
         arrays = _read_arrays(path, max_bytes)
     except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
         raise ConfigError(f"not a recording of sensor readings: {error}", file=path) from error
-    recording = Recording(
+    recording = SensorRecording(
         sensors=arrays["sensors"],
         ticks=arrays["ticks"],
         commands=arrays["commands"],
@@ -234,7 +234,7 @@ def _frames(arrays: dict[str, npt.NDArray[Any]], name: str) -> _Frames:
     return _Frames(arrays[f"{name}_at"], arrays[f"{name}_time"], arrays[f"{name}_image"])
 
 
-def _check(recording: Recording, path: Path) -> None:
+def _check(recording: SensorRecording, path: Path) -> None:
     ticks = len(recording)
     wide = recording.sensors.shape == (ticks, _SENSOR_COLUMNS)
     pairs = recording.ticks.shape == recording.commands.shape == (ticks, 2)

@@ -17,12 +17,12 @@ from navfw.config.document import no_such_file, shown_path
 from navfw.errors import ConfigError, InputError
 from navfw.missions.outcome import Outcome
 
-__all__ = ["COLUMNS", "Key", "RunRow", "columns_of", "read_table", "write_table", "write_text"]
+__all__ = ["COLUMNS", "RunKey", "RunRow", "columns_of", "read_table", "write_table", "write_text"]
 
 _MAX_TABLE = 500_000_000
 
 
-class Key(NamedTuple):
+class RunKey(NamedTuple):
     """What makes a run of a suite this one and no other."""
 
     entry: str
@@ -37,7 +37,7 @@ class Key(NamedTuple):
 class RunRow:
     """One run. Lengths in metres, times in seconds; None where a run gave no such number.
 
-    ``cause`` says why a failed run failed (``navfw.suite.causes``); ``collision_cause`` who
+    ``cause`` says why a failed run failed (``navfw.suite.failure_causes``); ``collision_cause`` who
     moved into whom: robot or mover. ``picture`` is a file beside the table. ``variant`` is empty
     in suites without variants, and their tables have no such column.
     """
@@ -73,9 +73,9 @@ class RunRow:
     picture: str = ""
 
     @property
-    def key(self) -> Key:
+    def key(self) -> RunKey:
         """Which run it is."""
-        return Key(self.entry, self.world, self.mission, self.seed, self.stack, self.variant)
+        return RunKey(self.entry, self.world, self.mission, self.seed, self.stack, self.variant)
 
     @property
     def succeeded(self) -> bool:
@@ -151,7 +151,7 @@ def read_table(path: str | Path) -> list[RunRow]:
             rows = [_row(cells, name, reader.line_num) for cells in reader]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise ConfigError(f"cannot be read as CSV: {error}", file=name) from None
-    seen: set[Key] = set()
+    seen: set[RunKey] = set()
     for row in rows:
         if row.key in seen:
             raise ConfigError(f"holds the run {tuple(row.key)} twice", file=name)

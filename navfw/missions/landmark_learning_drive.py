@@ -9,9 +9,9 @@ from typing import Any
 
 from navfw.errors import MapError
 from navfw.features.combined_landmarks import Landmarks
-from navfw.missions.listener import Listener
-from navfw.missions.runner import Progress, Run, run_task
+from navfw.missions.runner import Progress, RunResult, run_task
 from navfw.missions.session import Session
+from navfw.missions.stack_observer import StackObserver
 from navfw.signals import SensorReading
 from navfw.stack import Stack, StackState
 from navfw.topomap import TopoMap
@@ -24,7 +24,7 @@ __all__ = ["LearningDrive", "learn_landmarks"]
 class LearningDrive:
     """What came of it: the mission's run, the landmarks found, the map with them."""
 
-    run: Run
+    run: RunResult
     learnt: tuple[Learnt, ...]
     topo_map: TopoMap
 
@@ -56,7 +56,7 @@ class LearningDrive:
         }
 
 
-class _Looker(Listener):
+class _LandmarkRecorder(StackObserver):
     """Writes down which landmarks the stack sees."""
 
     def __init__(self, stack: Stack, learner: LandmarkLearner) -> None:
@@ -94,7 +94,7 @@ def learn_landmarks(
         stack.features = Landmarks(stack.robot)
     learner = LandmarkLearner(session.mission.start)
     with session.simulation() as simulator:
-        run = run_task(session.task, _Looker(stack, learner), simulator, progress)
+        run = run_task(session.task, _LandmarkRecorder(stack, learner), simulator, progress)
     learnt = learner.learn(least)
     if not learnt:
         raise MapError(

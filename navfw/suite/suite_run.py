@@ -9,16 +9,16 @@ from typing import Any
 
 from navfw.missions.outcome import Outcome
 from navfw.suite.case import Case, Job, Keep
-from navfw.suite.cases import Plan
-from navfw.suite.causes import Cause
-from navfw.suite.outfolder import OutFolder
-from navfw.suite.pool import Died, WorkerPool
-from navfw.suite.rows import fault_row
-from navfw.suite.summary import summarize
-from navfw.suite.table import Key, RunRow
-from navfw.suite.work import run_job
+from navfw.suite.case_rows import fault_row
+from navfw.suite.case_worker import run_job
+from navfw.suite.failure_causes import Cause
+from navfw.suite.run_table import RunKey, RunRow
+from navfw.suite.suite_folder import SuiteFolder
+from navfw.suite.suite_plan import SuitePlan
+from navfw.suite.suite_summary import summarize
+from navfw.suite.worker_pool import WorkerFailure, WorkerPool
 
-__all__ = ["Evaluation", "evaluate"]
+__all__ = ["SuiteResult", "run_suite"]
 
 SAVE_PERIOD = 2.0
 """Seconds between two writings of the table: what a power cut can cost."""
@@ -28,7 +28,7 @@ LIMIT = 900.0
 
 
 @dataclass(frozen=True)
-class Evaluation:
+class SuiteResult:
     """What a suite gave: its rows in the plan's order, and whether any run is missing."""
 
     rows: tuple[RunRow, ...]
@@ -36,9 +36,9 @@ class Evaluation:
     complete: bool
 
 
-def evaluate(
-    plan: Plan,
-    out: OutFolder,
+def run_suite(
+    plan: SuitePlan,
+    out: SuiteFolder,
     *,
     workers: int = 1,
     keep: Keep = "failed",
@@ -46,7 +46,7 @@ def evaluate(
     limit: float = LIMIT,
     work: Callable[[Job], RunRow] = run_job,
     tell: Callable[[Case, RunRow], None] | None = None,
-) -> Evaluation:
+) -> SuiteResult:
     """Run all cases of ``plan`` that are not among the rows it may already ``have``.
 
     ``tell`` hears of every run as it ends. A KeyboardInterrupt ends the evaluation early: the
@@ -57,13 +57,13 @@ def evaluate(
         SimulationError: no worker process stays alive.
 
     """
-    keeper = _Keeper(plan, out, have)
+    keeper = _TableKeeper(plan, out, have)
     jobs = [Job(case, out.pictures, keep) for case in plan.cases if case.key not in keeper.rows]
     interrupted = False
     try:
         with WorkerPool(work, max(1, min(workers, len(jobs))), limit) as pool:
             for job, result in pool.run(jobs):
-                row = _dead(job.case, result) if isinstance(result, Died) else result
+                row = _dead(job.case, result) if isinstance(result, WorkerFailure) else result
                 if row.outcome == Outcome.CANCELLED:
                     continue
                 keeper.add(row)
@@ -77,17 +77,17 @@ def evaluate(
     return done
 
 
-def _dead(case: Case, died: Died) -> RunRow:
+def _dead(case: Case, died: WorkerFailure) -> RunRow:
     return fault_row(case, died.reason, Cause.TOO_LONG if died.too_long else Cause.PROCESS_DIED)
 
 
-class _Keeper:
+class _TableKeeper:
     """Keeps the rows, and every now and then the files."""
 
-    def __init__(self, plan: Plan, out: OutFolder, have: Sequence[RunRow]) -> None:
+    def __init__(self, plan: SuitePlan, out: SuiteFolder, have: Sequence[RunRow]) -> None:
         self.plan = plan
         self.out = out
-        self.rows: dict[Key, RunRow] = {row.key: row for row in have}
+        self.rows: dict[RunKey, RunRow] = {row.key: row for row in have}
         self._saved = time.monotonic()
 
     def add(self, row: RunRow) -> None:
@@ -95,12 +95,12 @@ class _Keeper:
         if time.monotonic() - self._saved >= SAVE_PERIOD:
             self._save()
 
-    def finish(self) -> Evaluation:
+    def finish(self) -> SuiteResult:
         done = self._save()
         self.out.tidy()
         return done
 
-    def _save(self) -> Evaluation:
+    def _save(self) -> SuiteResult:
         order = {case.key: case.index for case in self.plan.cases}
         # rows of other seeds, from an earlier evaluation into the same table, come last
         rows = sorted(self.rows.values(), key=lambda row: order.get(row.key, len(order)))
@@ -114,4 +114,4 @@ class _Keeper:
         }
         self.out.save(rows, summary)
         self._saved = time.monotonic()
-        return Evaluation(tuple(rows), summary, complete)
+        return SuiteResult(tuple(rows), summary, complete)

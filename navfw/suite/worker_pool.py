@@ -24,7 +24,7 @@ from typing import Any, Generic, Protocol, Self, TypeVar
 
 from navfw.errors import SimulationError
 
-__all__ = ["Died", "WorkerPool", "stop_requested"]
+__all__ = ["WorkerFailure", "WorkerPool", "stop_requested"]
 
 RECYCLE = 100
 """Jobs after which a process is replaced: the simulator and its libraries leak a little."""
@@ -48,7 +48,7 @@ _stop: _Flag | None = None
 
 
 @dataclass(frozen=True, slots=True)
-class Died:
+class WorkerFailure:
     """The process of a job ended without an answer; ``too_long`` when its time [s] was up."""
 
     reason: str
@@ -72,7 +72,7 @@ class WorkerPool(Generic[JobT, ResultT]):
     workers: int
     limit: float
     recycle: int = RECYCLE
-    _slots: list[_Slot] = field(init=False, default_factory=list)
+    _slots: list[_WorkerSlot] = field(init=False, default_factory=list)
     _cleanup: contextlib.ExitStack = field(init=False, default_factory=contextlib.ExitStack)
 
     def __enter__(self) -> Self:
@@ -80,7 +80,7 @@ class WorkerPool(Generic[JobT, ResultT]):
         stop: _Flag = context.RawValue("b", 0)
         self._cleanup.enter_context(_single_threaded())
         self._cleanup.callback(setattr, stop, "value", 1)
-        self._slots = [_Slot(context, stop, self.recycle) for _ in range(self.workers)]
+        self._slots = [_WorkerSlot(context, stop, self.recycle) for _ in range(self.workers)]
         return self
 
     def __exit__(
@@ -93,7 +93,7 @@ class WorkerPool(Generic[JobT, ResultT]):
         for slot in self._slots:
             slot.close()
 
-    def run(self, jobs: Iterable[JobT]) -> Iterator[tuple[JobT, ResultT | Died]]:
+    def run(self, jobs: Iterable[JobT]) -> Iterator[tuple[JobT, ResultT | WorkerFailure]]:
         """Do all jobs.
 
         Raises:
@@ -101,7 +101,7 @@ class WorkerPool(Generic[JobT, ResultT]):
 
         """
         waiting = deque(jobs)
-        busy: dict[Future[ResultT], tuple[_Slot, JobT]] = {}
+        busy: dict[Future[ResultT], tuple[_WorkerSlot, JobT]] = {}
         idle = list(self._slots)
         deaths, done = 0, 0
         while waiting or busy:
@@ -113,15 +113,15 @@ class WorkerPool(Generic[JobT, ResultT]):
                 slot, job = busy.pop(future)
                 idle.append(slot)
                 result = slot.result(future, self.limit)
-                deaths += isinstance(result, Died)
-                done += not isinstance(result, Died)
+                deaths += isinstance(result, WorkerFailure)
+                done += not isinstance(result, WorkerFailure)
                 if not done and deaths > self.workers + 2:
-                    assert isinstance(result, Died)  # noqa: S101 - nothing else has come yet
+                    assert isinstance(result, WorkerFailure)  # noqa: S101 - nothing else has come yet
                     raise SimulationError(f"no worker process stays alive: {result.reason}")
                 yield job, result
 
 
-class _Slot:
+class _WorkerSlot:
     """A place for one process at a time."""
 
     def __init__(self, context: SpawnContext, stop: _Flag, recycle: int) -> None:
@@ -150,10 +150,10 @@ class _Slot:
         except BrokenProcessPool:
             self.close()
             if time.monotonic() - self._began >= limit:
-                return Died(f"took longer than {limit:g} s of the clock on the wall", True)
-            return Died("the process of the run ended without a word")
+                return WorkerFailure(f"took longer than {limit:g} s of the clock on the wall", True)
+            return WorkerFailure("the process of the run ended without a word")
         except Exception as error:  # what the job raised, or what would not travel back
-            return Died(f"{type(error).__name__}: {error}")
+            return WorkerFailure(f"{type(error).__name__}: {error}")
 
     def close(self) -> None:
         if self._executor is not None:

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from navfw.missions.session import MissionResult, Session
-from navfw.recording.drawing import Disc, Outline
 from navfw.recording.provenance import code_revision, machine_kind
-from navfw.recording.runfolder import RESULT, RunFolder
-from navfw.recording.trajectory import Picture, draw_trajectory
+from navfw.recording.run_folder import RESULT, RunFolder
+from navfw.recording.top_view import OutlineDisc, WorldOutline
+from navfw.recording.trajectory_picture import TrajectoryPicture, draw_trajectory
 from navfw.sim.floorplan import FloorPlan
 from navfw.topomap.mapfile import map_data
 
@@ -59,7 +59,7 @@ def draw(result: MissionResult, path: Path) -> None:
         f"clearance at least {metrics.min_clearance_m:.2f} m",
         f"estimate off by {metrics.estimate_error_m:.2f} m at the end",
     ]
-    picture = Picture(
+    picture = TrajectoryPicture(
         title=title,
         reason=verdict.reason,
         numbers="  ·  ".join(numbers),
@@ -74,13 +74,13 @@ def draw(result: MissionResult, path: Path) -> None:
     draw_trajectory(path, result.run.track, picture)
 
 
-def outline_of(plan: FloorPlan) -> Outline:
+def outline_of(plan: FloorPlan) -> WorldOutline:
     """The world seen from above: what the robot may run into."""
     rectangles = list(plan.rectangles())
-    return Outline(
+    return WorldOutline(
         walls=[corners for solid, corners in rectangles if solid.kind in {"wall", "door"}],
         furniture=[corners for solid, corners in rectangles if solid.kind in {"box", "drop"}],
-        discs=[Disc(disc.x, disc.y, disc.radius) for _, disc in plan.discs()],
+        discs=[OutlineDisc(disc.x, disc.y, disc.radius) for _, disc in plan.discs()],
     )
 
 
