@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, cast
 
-from navfw.egomotion.history import OdometryHistory
 from navfw.egomotion.odometer import Odometer
+from navfw.egomotion.odometry_history import OdometryHistory
 from navfw.interfaces import (
     Behavior,
     Composite,

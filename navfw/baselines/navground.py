@@ -61,7 +61,7 @@ class Navground(Behavior):
         self._core = _navground("navground.core")
         self._truth: SurroundingsSource | None = None
 
-    def trust(self, truth: SurroundingsSource) -> None:
+    def set_truth(self, truth: SurroundingsSource) -> None:
         """Take the surroundings from ``truth`` from now on."""
         self._truth = truth
 

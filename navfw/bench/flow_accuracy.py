@@ -149,7 +149,7 @@ def measure(
     motions, world_names = list(MOTIONS), list(worlds)
     truth = PairTruth()
     if isinstance(processor, Ideal):
-        processor.trust(truth)
+        processor.set_truth(truth)
     parts: list[tuple[Array, ...]] = []
     cells = np.zeros(len(motions), np.int64)
     costs: list[float] = []

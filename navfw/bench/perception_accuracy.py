@@ -28,9 +28,9 @@ from navfw.bench.samples import VIEWS_PER_WORLD, Sample, samples_of_world
 from navfw.bench.truth import Truth, true_term
 from navfw.interfaces import Perception
 from navfw.offis.distances import TERMS
+from navfw.offis.elementary_situations import ELEMENTARY, TABLE
 from navfw.offis.offis import Offis
 from navfw.offis.pyramid import QUADRANTS
-from navfw.offis.situations import ELEMENTARY, TABLE
 from navfw.robot import RobotModel
 from navfw.signals import FlowField, Percept, Twist
 

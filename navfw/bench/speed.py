@@ -20,9 +20,9 @@ from navfw.bench.samples import samples_of_world
 from navfw.fuzzy import load_rule_base
 from navfw.fuzzy.fis_benchmark import FisComparison, compare
 from navfw.fuzzy.reference_fis import ReferenceFis
-from navfw.offis.explanation import Explanation
-from navfw.offis.inference import RULES, Evaluation, infer
+from navfw.offis.fuzzy_systems import RULES, FuzzyEvaluation, infer
 from navfw.offis.offis import Offis
+from navfw.offis.percept_explanation import PerceptExplanation
 from navfw.robot import RobotModel
 from navfw.signals import CameraMotion, FlowField, Frame, FramePair, Twist
 
@@ -82,23 +82,25 @@ def time_offis(repeats: int = 1000) -> dict[str, Any]:
     }
 
 
-def _evaluations(offis: Offis, flow: FlowField, twist: Twist) -> tuple[Evaluation, ...]:
+def _evaluations(offis: Offis, flow: FlowField, twist: Twist) -> tuple[FuzzyEvaluation, ...]:
     explanation = offis.perceive(flow, twist).explanation
-    if not isinstance(explanation, Explanation):
+    if not isinstance(explanation, PerceptExplanation):
         raise TypeError(f"expected OFFIS to explain itself, got {type(explanation).__name__}")
     return explanation.evaluations
 
 
-def _samples(evaluation: Evaluation) -> int:
+def _samples(evaluation: FuzzyEvaluation) -> int:
     return len(evaluation.result)
 
 
-def _repeat(evaluations: Sequence[Evaluation]) -> None:
+def _repeat(evaluations: Sequence[FuzzyEvaluation]) -> None:
     for evaluation in evaluations:
         infer(evaluation.system, evaluation.inputs)
 
 
-def _by_reference(evaluations: Sequence[Evaluation], references: dict[str, ReferenceFis]) -> None:
+def _by_reference(
+    evaluations: Sequence[FuzzyEvaluation], references: dict[str, ReferenceFis]
+) -> None:
     for evaluation in evaluations:
         reference = references[evaluation.system.rule_base.name]
         for k in range(_samples(evaluation)):

@@ -12,8 +12,8 @@ from navfw.cli.output import print_json, quiet_stdout
 from navfw.errors import InputError
 
 if TYPE_CHECKING:
-    from navfw.perceive.perceiver import Options, View
-    from navfw.perceive.sources import Source
+    from navfw.perceive.image_sources import ImageSource
+    from navfw.perceive.perceiver import PairResult, PerceiverOptions
 
 __all__ = ["add_to"]
 
@@ -86,12 +86,12 @@ def perceive(
 ) -> None:
     """Say what a camera that moves straight on sees: obstacles, distances, the situation."""
     with quiet_stdout():
-        from navfw.perceive.gyro import load_gyro
-        from navfw.perceive.perceiver import Options
-        from navfw.perceive.sources import open_source
+        from navfw.perceive.gyro_record import load_gyro_record
+        from navfw.perceive.image_sources import open_source
+        from navfw.perceive.perceiver import PerceiverOptions
 
         rows, cols = _grid(grid)
-        options = Options(
+        options = PerceiverOptions(
             hfov=hfov,
             speed=speed,
             height=height,
@@ -100,45 +100,47 @@ def perceive(
             rows=rows,
             cols=cols,
             stride=stride,
-            gyro=None if gyro is None else load_gyro(gyro),
+            gyro=None if gyro is None else load_gyro_record(gyro),
         )
         images = open_source(source, fps)
-        views = _look(options, images, overlay)
-    notes = [*_notes(options, views), *images.notes]
+        results = _perceive_all(options, images, overlay)
+    notes = [*_notes(options, results), *images.notes]
     if json:
-        from navfw.perceive.report import as_data
+        from navfw.perceive.pair_report import as_data
 
-        print_json([as_data(view) for view in views])
+        print_json([as_data(result) for result in results])
     else:
-        from navfw.perceive.report import as_line
+        from navfw.perceive.pair_report import as_line
 
         typer.echo("    time    sure  contact  what is seen")
-        for view in views:
-            typer.echo(as_line(view))
+        for result in results:
+            typer.echo(as_line(result))
         if overlay is not None:
             typer.echo(f"drawn to {overlay}")
     for note in notes:
         typer.echo(f"note: {note}", err=True)
 
 
-def _look(options: Options, images: Source, overlay: Path | None) -> list[View]:
-    """All views; drawn to ``overlay`` on the way."""
-    from navfw.perceive.output import open_output
+def _perceive_all(
+    options: PerceiverOptions, images: ImageSource, overlay: Path | None
+) -> list[PairResult]:
+    """All results; drawn to ``overlay`` on the way."""
+    from navfw.perceive.overlay_output import open_output
     from navfw.perceive.perceiver import Perceiver
     from navfw.plugins import default_registry
 
     perceiver = Perceiver(options, images, default_registry())
     if overlay is None:
-        return [view for _, view in perceiver.views()]
+        return [result for _, result in perceiver.results()]
     from navfw.perceive.overlay import draw
 
-    views = []
+    results = []
     with open_output(overlay, images) as output:
-        for shot, view in perceiver.views():
+        for item, result in perceiver.results():
             assert perceiver.size is not None  # noqa: S101 - known from the first image on
-            output.add(draw(shot.image, view, perceiver.size))
-            views.append(view)
-    return views
+            output.add(draw(item.image, result, perceiver.size))
+            results.append(result)
+    return results
 
 
 def _grid(text: str) -> tuple[int, int]:
@@ -148,21 +150,21 @@ def _grid(text: str) -> tuple[int, int]:
     return int(found[1]), int(found[2])
 
 
-def _notes(options: Options, views: list[View]) -> list[str]:
+def _notes(options: PerceiverOptions, results: list[PairResult]) -> list[str]:
     """What a person should know about how the answers came about."""
     notes = []
-    if not options.speed and not any(view.scale.metric for view in views):
+    if not options.speed and not any(result.scale.metric for result in results):
         zero = "--speed 0 is taken as unknown" if options.speed == 0.0 else "no --speed given"
         notes.append(f"{zero}: near, middle and far go by the time to contact; no metres")
     if options.gyro is not None:
         if options.gyro.note is not None:
             notes.append(options.gyro.note)
-        gaps = sum(view.turn_source != "gyro" for view in views)
-        if gaps == len(views):
+        gaps = sum(result.turn_source != "gyro" for result in results)
+        if gaps == len(results):
             raise InputError("covers none of the images' time", key="--gyro")
         if gaps:
-            notes.append(f"the gyro's record has gaps in {gaps} of {len(views)} pairs")
-    unknown = sum(not view.known for view in views)
+            notes.append(f"the gyro's record has gaps in {gaps} of {len(results)} pairs")
+    unknown = sum(not result.known for result in results)
     if unknown:
-        notes.append(f"{unknown} of {len(views)} pairs say nothing")
+        notes.append(f"{unknown} of {len(results)} pairs say nothing")
     return notes

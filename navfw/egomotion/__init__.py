@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from navfw.egomotion.camera_motion import camera_motion
-from navfw.egomotion.history import OdometryHistory
 from navfw.egomotion.odometer import Odometer
+from navfw.egomotion.odometry_history import OdometryHistory
 from navfw.egomotion.pairing import FrameBuffer, PairingParams
 
 __all__ = ["FrameBuffer", "Odometer", "OdometryHistory", "PairingParams", "camera_motion"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from navfw.egomotion.wheels import WheelWatch
+from navfw.egomotion.encoder_fault import EncoderFaultDetector
 from navfw.robot import RobotModel
 from navfw.signals import CameraMotion, Encoders, Inertial, Odometry, Pose, Twist, wrap_angle
 
@@ -55,7 +55,7 @@ class Odometer:
 
     def __init__(self, robot: RobotModel) -> None:
         self._robot = robot
-        self._wheels = WheelWatch(robot)
+        self._wheels = EncoderFaultDetector(robot)
         self._way_per_tick = 2.0 * math.pi * robot.wheel_radius / robot.ticks_per_turn
         self.reset()
 
@@ -83,7 +83,7 @@ class Odometer:
         ``asked`` is the twist that the drive was told meanwhile, where that is known.
         """
         asked = Twist(0.0, 0.0) if asked is None else asked
-        self._wheels.hear(encoders, asked)
+        self._wheels.update(encoders, asked)
         if self._last is None:
             self._rest_ticks = (encoders.left, encoders.right)
             rate = inertial.yaw_rate if math.isfinite(inertial.yaw_rate) else 0.0

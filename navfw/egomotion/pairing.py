@@ -15,7 +15,7 @@ from navfw.interfaces import Params
 from navfw.robot import RobotModel
 from navfw.signals import Frame, FramePair, Odometry, Pose, wrap_angle
 
-__all__ = ["FrameBuffer", "PairingParams", "PlacedFrame"]
+__all__ = ["FrameBuffer", "PairingParams", "PosedFrame"]
 
 Length = Annotated[float, Field(gt=0.0, le=1.0)]
 
@@ -63,15 +63,15 @@ class PairingParams(Params):
 
 
 @dataclass(frozen=True, slots=True)
-class PlacedFrame:
+class PosedFrame:
     """A frame, the base's pose when it was taken, and where the camera was then (x, y) [m]."""
 
     frame: Frame
     pose: Pose
-    eye: tuple[float, float]
+    camera_position: tuple[float, float]
 
     @classmethod
-    def of(cls, frame: Frame, odometry: Odometry, robot: RobotModel) -> PlacedFrame:
+    def from_odometry(cls, frame: Frame, odometry: Odometry, robot: RobotModel) -> PosedFrame:
         """``frame`` with the odometry of (about) the same time.
 
         One taken a little before or after ``odometry.time`` is placed by the measured twist.
@@ -79,19 +79,19 @@ class PlacedFrame:
         pose = _pose_at(frame.time, odometry)
         return cls(frame, pose, pose.to_parent(robot.camera.mount_forward, 0.0))
 
-    def baseline(self, past: PlacedFrame) -> float:
+    def baseline(self, past: PosedFrame) -> float:
         """How far [m] the camera has come since ``past``."""
-        return math.dist(self.eye, past.eye)
+        return math.dist(self.camera_position, past.camera_position)
 
-    def age(self, past: PlacedFrame) -> float:
+    def age(self, past: PosedFrame) -> float:
         """How long [s] before this one ``past`` was taken."""
         return self.frame.time - past.frame.time
 
-    def turn(self, past: PlacedFrame) -> float:
+    def turn(self, past: PosedFrame) -> float:
         """By how much [rad] the robot has turned since ``past``, whichever way."""
         return abs(wrap_angle(self.pose.yaw - past.pose.yaw))
 
-    def pair(self, past: PlacedFrame, robot: RobotModel, params: PairingParams) -> FramePair:
+    def pair(self, past: PosedFrame, robot: RobotModel, params: PairingParams) -> FramePair:
         """The frame with a ``past`` one, and how ``robot``'s camera moved between them."""
         motion = camera_motion(
             robot,
@@ -119,13 +119,13 @@ class FrameBuffer:
 
     def reset(self) -> None:
         """Forget all frames."""
-        self._views: deque[PlacedFrame] = deque()
+        self._views: deque[PosedFrame] = deque()
         self._pairs: tuple[FramePair, ...] = ()
         self._last_paired: Pose | None = None
 
     def add(self, frame: Frame, odometry: Odometry) -> None:
         """Take in the newest ``frame`` with the odometry of (about) the same time."""
-        view = PlacedFrame.of(frame, odometry, self._robot)
+        view = PosedFrame.from_odometry(frame, odometry, self._robot)
         while self._views and view.age(self._views[0]) > self.params.max_age:
             self._views.popleft()
         self._pairs = tuple(self._make_pairs(view))
@@ -141,7 +141,7 @@ class FrameBuffer:
         """
         return self._pairs
 
-    def _make_pairs(self, now: PlacedFrame) -> Iterable[FramePair]:
+    def _make_pairs(self, now: PosedFrame) -> Iterable[FramePair]:
         last = self._last_paired
         if last is not None and self._nothing_new(last, now.pose):
             return
@@ -162,7 +162,7 @@ class FrameBuffer:
         turn = abs(wrap_angle(now.yaw - last.yaw))
         return step < self.params.min_step and turn < 0.1 * self.params.max_rotation
 
-    def _useful(self, now: PlacedFrame) -> Iterator[tuple[float, PlacedFrame]]:
+    def _useful(self, now: PosedFrame) -> Iterator[tuple[float, PosedFrame]]:
         """The past frames that make a useful pair with ``now``, each with the baseline [m]."""
         least, most = self.params.min_baseline, self.params.max_baseline
         for past in self._views:

@@ -11,7 +11,7 @@ from pydantic import Field
 
 from navfw.flow.confidence import local_spread, match_sigma, ramp
 from navfw.flow.correlation_kernels import correlate, find_peaks
-from navfw.flow.processor import MatchedFlow
+from navfw.flow.grid_flow import MatchedFlow
 from navfw.flow.registration import register_windows
 from navfw.robot import RobotModel
 from navfw.signals import Array, FramePair, Image

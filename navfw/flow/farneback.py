@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from pydantic import Field
 
-from navfw.flow.dense import Dense, DenseFlow
+from navfw.flow.dense_flow import Dense, DenseFlow
 from navfw.signals import Image
 
 __all__ = ["Farneback"]

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from navfw.flow.cell_kernels import match_cells, unwarp_cells
-from navfw.flow.dense import Dense
+from navfw.flow.dense_flow import Dense
 from navfw.flow.grid import check_frame
 from navfw.robot import RobotModel
 from navfw.signals import Array, CameraMotion, FlowField, FramePair, Image
@@ -35,8 +35,8 @@ DIFFERENCE = 8.0
 """Mean difference [grey levels] of a cell to its match from which on it is no match."""
 GRADIENT = 1.5
 """Least gradient [grey levels/px] that a match can be told by."""
-APART = 8
-"""Patches that are matched begin so far apart for a glance [px]: they do not overlap."""
+COARSE_STRIDE = 8
+"""Distance [px] between matched patches in coarse mode: the patches do not overlap."""
 SIGMA = 0.2
 """Standard deviation of a cell's mean flow [px], measured on rendered frames."""
 
@@ -76,18 +76,18 @@ class FloorAlignedFlow:
         self._rays = np.linalg.inv(self._intrinsics)
         self._down = -camera.base_from_camera[2]
         self._corner = np.array([[1.0, 0.0, self._left], [0.0, 1.0, self._top], [0.0, 0.0, 1.0]])
-        self._dis, self._glance = _matcher(), _matcher()
-        self._glance.setPatchStride(APART)
+        self._dis, self._coarse_dis = _matcher(), _matcher()
+        self._coarse_dis.setPatchStride(COARSE_STRIDE)
 
     @property
-    def sees_floor(self) -> bool:
+    def floor_visible(self) -> bool:
         """Whether the camera looks down far enough to see any."""
         return self._rows - CELLS_ABOVE >= LEAST_ROWS
 
-    def compute(self, pair: FramePair, glance: bool = False) -> FlowField:
+    def compute(self, pair: FramePair, coarse: bool = False) -> FlowField:
         """Flow of ``pair.now`` against ``pair.past``, not derotated; confidence is 0 or 1.
 
-        A ``glance`` takes less than half the time, and misses some of what moves.
+        ``coarse`` matching takes less than half the time and misses some moving objects.
 
         Raises:
             ConfigError: a frame is not the camera's.
@@ -108,7 +108,7 @@ class FloorAlignedFlow:
         now = np.ascontiguousarray(pair.now.image[self._top :, self._left : self._left + cols])
         past = np.asarray(warped, dtype=np.uint8)
         start: Dense = np.zeros((rows, cols, 2), dtype=np.float32)
-        dis = self._glance if glance else self._dis
+        dis = self._coarse_dis if coarse else self._dis
         back: Dense = np.asarray(dis.calc(now, past, start), dtype=np.float32)
         good = self._matches(now, past, back)
         vectors = np.empty_like(self._centres)

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from navfw.errors import PluginError
 from navfw.flow.confidence import SIGMA_UNKNOWN
 from navfw.flow.grid import check_frame
-from navfw.flow.processor import GridFlow
+from navfw.flow.grid_flow import GridFlow
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Array, CameraMotion, FlowField, Frame, FramePair
 
@@ -54,7 +54,7 @@ class Ideal(GridFlow):
         super().__init__(robot, params)
         self._truth: TruthSource | None = None
 
-    def trust(self, truth: TruthSource) -> None:
+    def set_truth(self, truth: TruthSource) -> None:
         """Take truth from ``truth`` from now on."""
         self._truth = truth
 

@@ -12,7 +12,7 @@ from navfw.flow.confidence import SIGMA_UNKNOWN, local_spread, ramp
 from navfw.flow.derotation import is_visible
 from navfw.flow.gradient import gradient_products, weakest
 from navfw.flow.grid import grid_points
-from navfw.flow.processor import MatchedFlow
+from navfw.flow.grid_flow import MatchedFlow
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Array, Image
 

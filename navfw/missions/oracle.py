@@ -83,7 +83,7 @@ def reveal(simulation: Simulation, stack: Stack) -> None:
         return
     truth = SimulatorTruth(simulation)
     if isinstance(stack.vision.flow, Ideal):
-        stack.vision.flow.trust(truth)
+        stack.vision.flow.set_truth(truth)
     for behavior in stack.mofis.behaviors.values():
         if isinstance(behavior, Navground):
-            behavior.trust(truth)
+            behavior.set_truth(truth)

@@ -52,7 +52,7 @@ class MovingObjectDetector:
     def look(self, frame: Frame, odometry: Odometry) -> tuple[MovingObject, ...]:
         """What moves by itself in ``frame``, taken at (about) the time of ``odometry``."""
         self.flow = None
-        if not self._floor_aligned.sees_floor:
+        if not self._floor_aligned.floor_visible:
             return ()
         self._frames.add(frame, odometry)
         if not self._vigilance.searches(frame.time):

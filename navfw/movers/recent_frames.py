@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 
-from navfw.egomotion.pairing import PairingParams, PlacedFrame
+from navfw.egomotion.pairing import PairingParams, PosedFrame
 from navfw.robot import RobotModel
 from navfw.signals import Frame, FramePair, Odometry
 
@@ -33,11 +33,11 @@ class RecentFrames:
 
     def reset(self) -> None:
         """Forget all frames."""
-        self._frames: deque[PlacedFrame] = deque()
+        self._frames: deque[PosedFrame] = deque()
 
     def add(self, frame: Frame, odometry: Odometry) -> None:
         """Take in the newest ``frame`` with the odometry of (about) the same time."""
-        now = PlacedFrame.of(frame, odometry, self._robot)
+        now = PosedFrame.from_odometry(frame, odometry, self._robot)
         while self._frames and now.age(self._frames[0]) > LONGEST_LAPSE:
             self._frames.popleft()
         self._frames.append(now)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from navfw.offis.inference import Evaluation, infer, load_system
+from navfw.offis.fuzzy_systems import FuzzyEvaluation, infer, load_system
 from navfw.signals import Array
 
 __all__ = ["TERMS", "Distances", "find_distances"]
@@ -23,7 +23,7 @@ class Distances:
 
     degrees: Array
     term: np.ndarray
-    evaluation: Evaluation
+    evaluation: FuzzyEvaluation
 
 
 def find_distances(nearness: Array, known: Array, speed: float) -> Distances:

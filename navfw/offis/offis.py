@@ -8,18 +8,18 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from navfw.interfaces import Perception
-from navfw.offis.borders import find_borders
+from navfw.offis.blind_borders import find_blind_borders
 from navfw.offis.distances import TERMS, find_distances
-from navfw.offis.explanation import Explanation
+from navfw.offis.elementary_situations import FLOOR_IN_FRONT, find_situations, front_features
 from navfw.offis.floor import FloorModel
-from navfw.offis.geometry import GridGeometry
+from navfw.offis.grid_geometry import GridGeometry
+from navfw.offis.nearest_objects import nearest_objects
 from navfw.offis.nearness import triangulate
-from navfw.offis.objects import find_objects, object_channels, raw_channels
-from navfw.offis.obstacles import nearest_objects
+from navfw.offis.object_cells import find_objects, object_channels, raw_channels
+from navfw.offis.percept_explanation import PerceptExplanation
 from navfw.offis.planes import find_planes, pairs_of
 from navfw.offis.pyramid import NEIGHBOURS, QUADRANTS, RegionStatistics
-from navfw.offis.report import report
-from navfw.offis.situations import FLOOR_IN_FRONT, find_situations, look_ahead
+from navfw.offis.report_sentence import report
 from navfw.offis.slopes import SIDES, slopes_of_means, slopes_of_walls
 from navfw.offis.walls import find_walls
 from navfw.robot import RobotModel
@@ -126,7 +126,7 @@ class Offis(Perception):
         camera, params = self.robot.camera, self.params
         objects = find_objects(geometry, seen, label, params.minimum_confidence)
         walls = find_walls(geometry, seen, objects.wall_weight, camera.mount_height)
-        borders = find_borders(flow, geometry, camera.focal, params.longest_flow)
+        borders = find_blind_borders(flow, geometry, camera.focal, params.longest_flow)
         paper = params.mode == "paper"
         if paper:
             channels = raw_channels(flow, camera.focal, params.minimum_baseline)
@@ -151,7 +151,7 @@ class Offis(Perception):
         obstacles = nearest_objects(pyramid, size, present, planes, distances)
 
         slopes = slopes_of_means(regions) if paper else slopes_of_walls(walls)
-        situations = find_situations(slopes, look_ahead(geometry, walls, objects))
+        situations = find_situations(slopes, front_features(geometry, walls, objects))
 
         return Percept(
             time=flow.time,
@@ -179,7 +179,7 @@ class Offis(Perception):
                 situations.floor_in_front >= FLOOR_IN_FRONT,
                 bool(distances.degrees[:, :4].any()),
             ),
-            explanation=Explanation(
+            explanation=PerceptExplanation(
                 self.params.mode,
                 pyramid,
                 regions,

@@ -16,8 +16,8 @@ __all__ = [
     "compare_pairs",
     "label_cells",
     "object_cells",
+    "object_nearness",
     "region_moments",
-    "stand_out",
     "triangulate_cells",
 ]
 
@@ -272,7 +272,7 @@ def blind_border(
 
 
 @numba.njit(cache=True)
-def stand_out(
+def object_nearness(
     lateral_edge: Array,
     lateral: Array,
     ahead: Array,

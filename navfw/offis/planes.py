@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from navfw.offis.inference import Evaluation, infer_rows, load_system
+from navfw.offis.fuzzy_systems import FuzzyEvaluation, infer_rows, load_system
 from navfw.offis.percept_kernels import compare_pairs
 from navfw.offis.pyramid import NEIGHBOURS, Pyramid, RegionStatistics
 from navfw.signals import Array
@@ -26,7 +26,7 @@ class Planes:
     pairs: np.ndarray
     plane: Array
     same: Array
-    evaluation: Evaluation
+    evaluation: FuzzyEvaluation
 
 
 def pairs_of(pyramid: Pyramid) -> np.ndarray:

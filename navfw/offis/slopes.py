@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from navfw.offis.inference import Evaluation, infer, load_system
+from navfw.offis.fuzzy_systems import FuzzyEvaluation, infer, load_system
 from navfw.offis.pyramid import RegionStatistics
 from navfw.offis.walls import Walls
 from navfw.signals import Array
@@ -43,7 +43,7 @@ class Slopes:
     value: Array
     support: Array
     codes: tuple[str, str]
-    evaluation: Evaluation
+    evaluation: FuzzyEvaluation
 
 
 def slopes_of_walls(walls: Walls) -> Slopes:

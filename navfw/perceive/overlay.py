@@ -1,4 +1,4 @@
-"""The picture of a view: the image, its flow, the quadrants by distance, planes, the sentence."""
+"""The picture of a result: the image, its flow, the quadrants by distance, planes, the sentence."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 
 from navfw.perceive.lettering import Colour, text_width, wrap, write
-from navfw.perceive.perceiver import View
-from navfw.perceive.report import term_of
+from navfw.perceive.pair_report import strongest_term
+from navfw.perceive.perceiver import PairResult
 from navfw.perceive.working_size import WorkingSize
 from navfw.signals import Array, FlowField, Image, Percept
 
@@ -32,8 +32,8 @@ _LINES = 6
 _SHIFT = 4
 
 
-def draw(image: Image, view: View, size: WorkingSize) -> Image:
-    """``image`` (height, width, 3) as it came, enlarged, with what ``view`` sees in it.
+def draw(image: Image, result: PairResult, size: WorkingSize) -> Image:
+    """``image`` (height, width, 3) as it came, enlarged, with what ``result`` sees in it.
 
     All pictures of a sequence have the same, even size.
     """
@@ -48,14 +48,14 @@ def draw(image: Image, view: View, size: WorkingSize) -> Image:
     middle = np.array([0.5 * width, 0.5 * height])
     half = 0.5 * gain * np.array([size.cut_width, size.cut_height])
     corners = middle - half, middle + half
-    _draw_quadrants(scene, view, corners)
-    if view.known:
-        _draw_planes(scene, view.percept, corners)
-        draw_flow(scene, view.flow, gain)
-        if view.focus is not None:
-            _draw_focus(scene, np.array(view.focus) * scale)
-    _label_quadrants(scene, view, corners)
-    return np.concatenate([scene, _caption(view, width)])
+    _draw_quadrants(scene, result, corners)
+    if result.known:
+        _draw_planes(scene, result.percept, corners)
+        draw_flow(scene, result.flow, gain)
+        if result.focus is not None:
+            _draw_focus(scene, np.array(result.focus) * scale)
+    _label_quadrants(scene, result, corners)
+    return np.concatenate([scene, _caption(result, width)])
 
 
 def draw_flow(scene: Image, flow: FlowField, gain: float) -> None:
@@ -80,12 +80,12 @@ def draw_flow(scene: Image, flow: FlowField, gain: float) -> None:
             )
 
 
-def _draw_quadrants(scene: Image, view: View, corners: tuple[Array, Array]) -> None:
+def _draw_quadrants(scene: Image, result: PairResult, corners: tuple[Array, Array]) -> None:
     """Tint by distance; the nearest quadrants stronger, their nearest parts framed."""
-    percept = view.percept
+    percept = result.percept
     nearest = next(iter(percept.obstacles.values()), {})
     for name, degrees in percept.quadrants.items():
-        colour = COLOURS[term_of(degrees) if view.known else "unknown"]
+        colour = COLOURS[strongest_term(degrees) if result.known else "unknown"]
         share = 0.34 if name in nearest else 0.14
         low, high = _region(name, corners)
         x0, y0, x1, y1 = (round(v) for v in (*low, *high))
@@ -106,15 +106,15 @@ def _draw_quadrants(scene: Image, view: View, corners: tuple[Array, Array]) -> N
         cv2.line(scene, _fixed(begin), _fixed(end), (235, 235, 235), 1, cv2.LINE_AA, _SHIFT)
 
 
-def _label_quadrants(scene: Image, view: View, corners: tuple[Array, Array]) -> None:
-    for name, degrees in view.percept.quadrants.items():
-        term = term_of(degrees) if view.known else "unknown"
+def _label_quadrants(scene: Image, result: PairResult, corners: tuple[Array, Array]) -> None:
+    for name, degrees in result.percept.quadrants.items():
+        term = strongest_term(degrees) if result.known else "unknown"
         low, high = _region(name, corners)
         text = term
-        contact = view.quadrant_contact[name]
-        if view.known and term != "unknown" and math.isfinite(contact) and contact < 100.0:
-            nearness = 1.0 / (contact * view.scale.speed)
-            text += f" {1.0 / nearness:.1f} m" if view.scale.metric else ""
+        contact = result.quadrant_contact[name]
+        if result.known and term != "unknown" and math.isfinite(contact) and contact < 100.0:
+            nearness = 1.0 / (contact * result.scale.speed)
+            text += f" {1.0 / nearness:.1f} m" if result.scale.metric else ""
             text += f" {contact:.1f} s"
         x = low[0] + 8 if name in ("P2", "P3") else high[0] - 8 - text_width(text, 15.0)
         y = low[1] + 21 if name in ("P1", "P2") else high[1] - 10
@@ -157,12 +157,12 @@ def _draw_focus(scene: Image, at: Array) -> None:
             cv2.line(scene, _fixed(inner), _fixed(at + step), colour, thick, cv2.LINE_AA, _SHIFT)
 
 
-def _caption(view: View, width: int) -> Image:
-    """What is said of the view, in a strip of fixed height."""
+def _caption(result: PairResult, width: int) -> Image:
+    """What is said of the result, in a strip of fixed height."""
     strip = np.full((_LINES * _LINE + 2 * _MARGIN, width, 3), _INK, dtype=np.uint8)
-    parts = view.percept.sentence.split("; ")
+    parts = result.percept.sentence.split("; ")
     front = [part for part in parts if not part.startswith("Layer")]
-    right = _meters(view)
+    right = _meters(result)
     room = width - 2 * _MARGIN
     y = _MARGIN + 15.0
     write(strip, "; ".join(front), (_MARGIN, y), _LETTERS + 3, _PAPER, bold=True)
@@ -174,21 +174,21 @@ def _caption(view: View, width: int) -> Image:
     for part in parts:
         if part.startswith("Layer"):
             lines += [(line, _PAPER) for line in wrap(part, _LETTERS - 2, room_left)]
-    if view.notes:
-        lines += [(line, _WARNING) for line in wrap("; ".join(view.notes), _LETTERS - 2, room)]
+    if result.notes:
+        lines += [(line, _WARNING) for line in wrap("; ".join(result.notes), _LETTERS - 2, room)]
     for k, (line, colour) in enumerate(lines[: _LINES - 1]):
         write(strip, line, (_MARGIN, y + _LINE * (k + 1)), _LETTERS - 2, colour)
     return strip
 
 
-def _meters(view: View) -> list[str]:
-    contact = f"{view.contact:.1f} s" if math.isfinite(view.contact) else "-"
+def _meters(result: PairResult) -> list[str]:
+    contact = f"{result.contact:.1f} s" if math.isfinite(result.contact) else "-"
     lines = [
-        f"{view.time:.2f} s   {view.now}",
+        f"{result.time:.2f} s   {result.now}",
         f"contact ahead in {contact}",
-        f"confidence {view.confidence:.2f}",
+        f"confidence {result.confidence:.2f}",
     ]
-    codes = view.percept.slopes
+    codes = result.percept.slopes
     lines.append("planes " + "  ".join(f"{side} {code}" for side, code in codes.items()))
     return lines
 

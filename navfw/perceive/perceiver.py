@@ -1,4 +1,4 @@
-"""From images to what OFFIS makes of them: one view a pair of images."""
+"""From images to what OFFIS makes of them: one result a pair of images."""
 
 from __future__ import annotations
 
@@ -14,25 +14,30 @@ from navfw.errors import InputError
 from navfw.flow.derotation import derotate
 from navfw.interfaces import FlowProcessor
 from navfw.offis.offis import Offis
-from navfw.perceive.gyro import Gyro
-from navfw.perceive.motion import assumed_motion, expansion_focus, forward_share, refined
-from navfw.perceive.scale import FloorMemory, Scale, floor_ratio
-from navfw.perceive.sources import Shot, Source
+from navfw.perceive.gyro_record import GyroRecord
+from navfw.perceive.image_sources import ImageSource, SourceImage
+from navfw.perceive.pair_motion import (
+    assumed_motion,
+    estimate_rotation,
+    expansion_focus,
+    forward_share,
+)
+from navfw.perceive.scale import Scale, ScaleEstimator, floor_ratio
 from navfw.perceive.working_size import HFOV, WorkingSize
 from navfw.plugins import Registry
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Array, CameraMotion, FlowField, Frame, FramePair, Label, Percept, Twist
 
-__all__ = ["Options", "Perceiver", "View"]
+__all__ = ["PairResult", "Perceiver", "PerceiverOptions"]
 
 LEAST_MOTION = 0.25
 """Where the fastest tenth of the flow is slower than this, nothing moves [px]."""
 LEAST_CONFIDENCE = 0.08
-"""Below this confidence a view says nothing."""
+"""Below this confidence a result says nothing."""
 LEAST_TEXTURE = 0.08
 """Share of the cells that must have a flow at all."""
 LEAST_AGREEMENT = 0.6
-"""Share of the flow that must agree with the motion for the view to say anything."""
+"""Share of the flow that must agree with the motion for the result to say anything."""
 USEFUL_FLOW = (2.0, 5.0)
 """The fastest tenth of the flow is sought between these, by the choice of the pair [px]."""
 TEXTURELESS = "too little texture to see any motion"
@@ -47,7 +52,7 @@ BASELINE = 0.08
 
 
 @dataclass(frozen=True, slots=True)
-class Options:
+class PerceiverOptions:
     """What is known about the camera and its motion.
 
     ``hfov`` [deg] of the images as they come; ``speed`` [m/s] ahead, None or 0 when unknown;
@@ -68,7 +73,7 @@ class Options:
     rows: int = 12
     cols: int = 16
     stride: int | None = None
-    gyro: Gyro | None = None
+    gyro: GyroRecord | None = None
 
     def __post_init__(self) -> None:
         for option, value, low, high, unit in (
@@ -87,15 +92,16 @@ class Options:
 
 
 @dataclass(frozen=True, slots=True)
-class View:
-    """What one pair of images shows.
+class PairResult:
+    """Everything computed from one pair of images.
 
-    ``flow`` is derotated, on the working image; ``focus`` (x, y) [px from the top left of the
-    image as it came] is where the flow comes from. ``turned`` (3,) [rad] about base_link's x, y, z
-    (roll, pitch, yaw), as ``turn_source`` tells it: "gyro" or "flow". ``contact`` [s] is the time
-    to contact with what is straight ahead, ``quadrant_contact`` [s] with the nearest of each
-    quadrant; inf where nothing comes nearer. ``confidence`` in [0, 1]; where ``known`` is false
-    the percept says "unknown" and ``notes`` say why.
+    ``flow`` is derotated and refers to the working image. ``focus`` (x, y) is the focus of
+    expansion [px from the top left of the original image], None where it is unknown.
+    ``rotation_vector`` (3,) [rad] is the camera's rotation about base_link's x, y, z (roll, pitch,
+    yaw); ``turn_source`` tells whether "gyro" or "flow" measured it. ``contact`` [s] is the time to
+    contact with the surface straight ahead, ``quadrant_contact`` [s] that of the nearest part of
+    each quadrant; both are inf where nothing approaches. ``confidence`` is in [0, 1]. If ``known``
+    is false, the percept is "unknown" and ``notes`` give the reason.
     """
 
     number: int
@@ -106,7 +112,7 @@ class View:
     scale: Scale
     flow: FlowField
     percept: Percept
-    turned: Array
+    rotation_vector: Array
     turn_source: str
     focus: tuple[float, float] | None
     contact: float
@@ -130,15 +136,15 @@ class Perceiver:
 
     """
 
-    def __init__(self, options: Options, source: Source, registry: Registry) -> None:
+    def __init__(self, options: PerceiverOptions, source: ImageSource, registry: Registry) -> None:
         self.options = options
         self._source = source
         self._plugin = _flow_plugin(options, registry)
-        self._memory = FloorMemory(options.speed or None, options.height)
+        self._memory = ScaleEstimator(options.speed or None, options.height)
         self._stride = options.stride or self._first_stride()
         self.size: WorkingSize | None = None
 
-    def views(self) -> Iterator[tuple[Shot, View]]:
+    def results(self) -> Iterator[tuple[SourceImage, PairResult]]:
         """Every image but the first, with what it and an earlier one show together.
 
         Raises:
@@ -146,19 +152,19 @@ class Perceiver:
 
         """
         earlier: deque[_Prepared] = deque(maxlen=LONGEST)
-        for shot in self._source:
+        for item in self._source:
             if self.size is None:
-                self._look_at_first(shot)
+                self._look_at_first(item)
             assert self.size is not None  # noqa: S101 - set above
-            prepared = _Prepared(shot.name, Frame(shot.time, self.size.prepare(shot.image)))
+            prepared = _Prepared(item.name, Frame(item.time, self.size.prepare(item.image)))
             if earlier:
                 past = earlier[-min(self._stride, len(earlier))]
-                view = self._look(shot, past, prepared)
-                yield shot, view
+                result = self._look(item, past, prepared)
+                yield item, result
             earlier.append(prepared)
 
-    def _look_at_first(self, shot: Shot) -> None:
-        height, width = shot.image.shape[:2]
+    def _look_at_first(self, item: SourceImage) -> None:
+        height, width = item.image.shape[:2]
         o = self.options
         self.size = size = WorkingSize.of(width, height, o.rows, o.cols)
         rate = min(max(self._source.rate, 0.01), 1e4)
@@ -168,15 +174,15 @@ class Perceiver:
         self._number = 0
         self._rate = np.zeros(3)
 
-    def _look(self, shot: Shot, past: _Prepared, now: _Prepared) -> View:
+    def _look(self, item: SourceImage, past: _Prepared, now: _Prepared) -> PairResult:
         """Flow, its rotation, its scale, and what OFFIS makes of it."""
         self._number += 1
         begin, end = past.frame.time, now.frame.time
-        turned, measured, notes = self._turned(begin, end)
+        rotation_vector, measured, notes = self._predicted_rotation(begin, end)
 
         def assume(way: float) -> CameraMotion:
             # the way only says in which direction; its length follows when the scale is known
-            return assumed_motion(self._camera, way, end - begin, turned, bool(measured))
+            return assumed_motion(self._camera, way, end - begin, rotation_vector, bool(measured))
 
         raw = self._processor.compute(FramePair(past.frame, now.frame, assume(1.0)))
         flow, doubts = self._without_rotation(raw, measured)
@@ -186,15 +192,15 @@ class Perceiver:
             flow, doubts = self._without_rotation(replace(raw, motion=assume(-1.0)), measured)
             notes += [] if doubts else [BACKWARD]
         self._choose_stride(raw, flow)
-        self._rate = _turn_of(flow.motion, self._camera) / (end - begin)
+        self._rate = _rotation_vector(flow.motion, self._camera) / (end - begin)
         ratio = None if doubts else floor_ratio(flow, self._camera)
-        scale = self._memory.resolve(None if ratio is None else ratio / (end - begin))
+        scale = self._memory.update(None if ratio is None else ratio / (end - begin))
         flow = _scaled(flow, scale.speed * (end - begin))
         percept = self._interpret(flow, scale, silent=bool(doubts))
         if not doubts and _confidence(percept) < LEAST_CONFIDENCE:
             doubts = ["too little of the flow can be trusted"]
             percept = self._interpret(flow, scale, silent=True)
-        return self._view(past, now, scale, flow, percept, notes, doubts, bool(measured))
+        return self._result(past, now, scale, flow, percept, notes, doubts, bool(measured))
 
     def _interpret(self, flow: FlowField, scale: Scale, *, silent: bool) -> Percept:
         """What OFFIS makes of ``flow``; ``silent``: of nothing at all, which it calls unknown."""
@@ -203,16 +209,18 @@ class Perceiver:
         ahead = math.copysign(scale.speed, flow.motion.translation[2])
         return self._offis_at(scale.height).perceive(flow, Twist(ahead, 0.0))
 
-    def _turned(self, begin: float, end: float) -> tuple[Array, frozenset[str], list[str]]:
+    def _predicted_rotation(
+        self, begin: float, end: float
+    ) -> tuple[Array, frozenset[str], list[str]]:
         """The turn [rad] between two times, the names of the rates that are measured, and notes."""
         guess = self._rate * (end - begin)
         gyro = self.options.gyro
         if gyro is None:
             return guess, frozenset(), []
-        turned = gyro.turned(begin, end)
-        if turned is None:
+        rotation_vector = gyro.rotation_between(begin, end)
+        if rotation_vector is None:
             return guess, frozenset(), ["the gyro's record has a gap: turn taken from the flow"]
-        return turned, gyro.measured, []
+        return rotation_vector, gyro.measured, []
 
     def _without_rotation(
         self, raw: FlowField, measured: frozenset[str]
@@ -223,7 +231,7 @@ class Perceiver:
             return derotate(raw, camera), [TEXTURELESS]
         if _fastest(raw) < LEAST_MOTION:
             return derotate(raw, camera), [MOTIONLESS]
-        refinement = refined(raw, camera, measured)
+        refinement = estimate_rotation(raw, camera, measured)
         flow = refinement.apply(raw, camera)
         before, after = float(raw.confidence.sum()), float(flow.confidence.sum())
         if _fastest(flow) < LEAST_MOTION:
@@ -235,7 +243,7 @@ class Perceiver:
             return flow, ["the flow does not fit a camera that moves straight"]
         return flow, []
 
-    def _view(
+    def _result(
         self,
         past: _Prepared,
         now: _Prepared,
@@ -245,8 +253,8 @@ class Perceiver:
         notes: list[str],
         doubts: list[str],
         measured: bool,
-    ) -> View:
-        assert self.size is not None  # noqa: S101 - a view needs two images
+    ) -> PairResult:
+        assert self.size is not None  # noqa: S101 - a result needs two images
         known = not doubts
         focus = expansion_focus(flow) if known else None
         place: tuple[float, float] | None = None
@@ -256,7 +264,7 @@ class Perceiver:
         regions = percept.explanation["regions"]
         # backing out, nothing comes nearer
         closing = max(math.copysign(scale.speed, flow.motion.translation[2]), 0.0)
-        return View(
+        return PairResult(
             number=self._number,
             past=past.name,
             now=now.name,
@@ -265,7 +273,7 @@ class Perceiver:
             scale=scale,
             flow=flow,
             percept=percept,
-            turned=_turn_of(flow.motion, self._camera),
+            rotation_vector=_rotation_vector(flow.motion, self._camera),
             turn_source="gyro" if measured else "flow",
             focus=place,
             contact=_over(1.0, closing * _nearness_ahead(percept, flow, self._camera)),
@@ -311,7 +319,7 @@ class Perceiver:
         self._stride = min(max(round(wanted), 1), LONGEST)
 
 
-def _flow_plugin(options: Options, registry: Registry) -> Any:
+def _flow_plugin(options: PerceiverOptions, registry: Registry) -> Any:
     """A factory of the flow processor, with the grid that is wanted."""
     plugin = registry.get("flow", options.flow)
     if getattr(plugin, "oracle", False):
@@ -377,7 +385,7 @@ def _confidence(percept: Percept) -> float:
     return float(np.clip(percept.confidence.mean() / 0.7, 0.0, 1.0))
 
 
-def _turn_of(motion: CameraMotion, camera: CameraModel) -> Array:
+def _rotation_vector(motion: CameraMotion, camera: CameraModel) -> Array:
     """The turn (3,) [rad] about base_link's x, y, z that ``motion`` has."""
     base = camera.base_from_camera
     r = base @ motion.rotation.T @ base.T

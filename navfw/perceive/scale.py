@@ -14,7 +14,7 @@ import numpy as np
 from navfw.robot import CameraModel
 from navfw.signals import Array, FlowField
 
-__all__ = ["NO_FLOOR", "FloorMemory", "Scale", "floor_ratio"]
+__all__ = ["NO_FLOOR", "Scale", "ScaleEstimator", "floor_ratio"]
 
 NOMINAL_SPEED = 0.35
 """Speed taken where none is known [m/s]: then OFFIS's terms of distance follow from its terms of
@@ -52,14 +52,14 @@ class Scale:
 
 
 @dataclass
-class FloorMemory:
+class ScaleEstimator:
     """Completes speed and height from the floor seen now and before."""
 
     speed: float | None
     height: float | None
     _ratios: deque[float] = field(default_factory=lambda: deque(maxlen=31))
 
-    def resolve(self, ratio: float | None) -> Scale:
+    def update(self, ratio: float | None) -> Scale:
         """The scale, when the floor passes at ``ratio`` [1/s] = speed / height (None: no floor)."""
         if ratio is not None:
             self._ratios.append(ratio)

@@ -15,8 +15,8 @@ from navfw.flow.grid import grid_points
 from navfw.flow.ideal import SIGMA, nearness_at, true_vectors
 from navfw.flow.refinement import refine
 from navfw.offis.distances import TERMS
+from navfw.offis.elementary_situations import TABLE
 from navfw.offis.offis import Offis
-from navfw.offis.situations import TABLE
 from navfw.robot import RobotModel
 from navfw.signals import CameraMotion, FlowField, Frame, FramePair, Image, Percept, Pose, Twist
 from navfw.sim.camera import DepthImage

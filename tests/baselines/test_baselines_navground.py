@@ -52,7 +52,7 @@ def wanted(proposal: Proposal, context: Context) -> Twist:
 def drive(truth: Told, context: Context = OPEN) -> Twist:
     pytest.importorskip("navground", reason="the extra navground is not installed")
     behavior = Navground(ROBOT)
-    behavior.trust(truth)
+    behavior.set_truth(truth)
     proposal = behavior.propose(context)
     assert proposal.applicability == 1.0
     return wanted(proposal, context)

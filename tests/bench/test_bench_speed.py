@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from navfw.bench.speed import LARGEST_DIFFERENCE, compare_rule_bases, time_flow, time_offis
-from navfw.offis.inference import RULES
+from navfw.offis.fuzzy_systems import RULES
 
 
 def test_every_rule_base_of_offis_equals_scikit_fuzzy():

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navfw.egomotion import Odometer, OdometryHistory
-from navfw.egomotion.wheels import WheelWatch
+from navfw.egomotion.encoder_fault import EncoderFaultDetector
 from navfw.robot import RobotModel
 from navfw.signals import CameraMotion, Encoders, Inertial, Odometry, Pose, Twist
 
@@ -152,12 +152,12 @@ def test_without_gyro_the_flow_is_trusted_more_and_tells_of_unequal_wheels() -> 
 
 @given(st.lists(st.tuples(st.integers(1, 50), st.floats(-0.5, 0.5)), min_size=1, max_size=60))
 def test_a_wheel_that_counts_is_never_silent(steps: list[tuple[int, float]]) -> None:
-    watch, count = WheelWatch(ROBOT), 0
+    detector, count = EncoderFaultDetector(ROBOT), 0
     for tick, (marks, v) in enumerate(steps):
         count += marks
-        watch.hear(Encoders(tick * DT, count, count), Twist(v, 0.0))
-        assert watch.silent == (False, False)
-        assert not watch.doubtful
+        detector.update(Encoders(tick * DT, count, count), Twist(v, 0.0))
+        assert detector.silent == (False, False)
+        assert not detector.doubtful
 
 
 def test_late_frames_find_where_they_were_taken() -> None:

@@ -79,12 +79,12 @@ def floor_flow(points: Array, motion: CameraMotion, camera: CameraModel) -> Arra
         (Pose(-0.03, 0.0, 0.0), -0.1),
     ],
 )
-@pytest.mark.parametrize("glance", [False, True])
-def test_flow_of_the_floor_is_what_geometry_says(now: Pose, pitch: float, glance: bool) -> None:
+@pytest.mark.parametrize("coarse", [False, True])
+def test_flow_of_the_floor_is_what_geometry_says(now: Pose, pitch: float, coarse: bool) -> None:
     camera = CAMERA.model_copy(update={"pitch": pitch})
     robot = ROBOT.model_copy(update={"camera": camera})
     given = pair(now, camera)
-    flow = derotate(FloorAlignedFlow(robot).compute(given, glance), camera)
+    flow = derotate(FloorAlignedFlow(robot).compute(given, coarse), camera)
     expected = floor_flow(flow.points, given.motion, camera)
     down = flow.points[..., 1] > 14.0 - camera.focal * math.tan(pitch)
     good = (flow.confidence > 0.0) & down
@@ -106,8 +106,8 @@ def test_noise_and_darkness_are_not_taken_for_flow() -> None:
 
 def test_a_camera_that_looks_up_sees_no_floor() -> None:
     up = ROBOT.model_copy(update={"camera": CAMERA.model_copy(update={"pitch": -0.62})})
-    assert not FloorAlignedFlow(up).sees_floor
-    assert FloorAlignedFlow(ROBOT).sees_floor
+    assert not FloorAlignedFlow(up).floor_visible
+    assert FloorAlignedFlow(ROBOT).floor_visible
 
 
 def test_a_frame_of_another_camera_is_refused() -> None:

@@ -45,7 +45,7 @@ def test_it_is_the_true_flow(axis: int, angle: float, way: float) -> None:
     scene = room(CAMERA)
     pair, truth = scene.pair(motion)
     ideal = Ideal(ROBOT)
-    ideal.trust(Known(scene.look(np.eye(3), np.zeros(3), 1)[1], motion))
+    ideal.set_truth(Known(scene.look(np.eye(3), np.zeros(3), 1)[1], motion))
     flow = ideal.compute(pair)
     seen = flow.confidence > 0
     off = np.linalg.norm(flow.vectors - cell_truth(truth, flow.points, CAMERA), axis=-1)
@@ -58,7 +58,7 @@ def test_what_the_past_image_did_not_show_is_not_trusted() -> None:
     motion = CameraMotion(turn_about(1, 0.2), np.zeros(3), 0.1)
     pair, _ = room(CAMERA).pair(motion)
     ideal = Ideal(ROBOT)
-    ideal.trust(Known(np.full((120, 160), 2.0), motion))
+    ideal.set_truth(Known(np.full((120, 160), 2.0), motion))
     confidence = ideal.compute(pair).confidence
     assert not confidence[:, 0].any()
     assert confidence[2:-2, 4:].all()

@@ -24,7 +24,7 @@ from navfw.localization.situation_model import (
     weights_of,
 )
 from navfw.localization.topological import Topological
-from navfw.offis.situations import ELEMENTARY
+from navfw.offis.elementary_situations import ELEMENTARY
 from navfw.robot import RobotModel
 from navfw.signals import Odometry, Pose, Twist
 from navfw.topomap import PLACE_KINDS, Passage, Place, TopoMap

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from offis_scenes import Scene, ideal_flow, wall_ahead
 
-from navfw.offis.borders import find_borders
-from navfw.offis.geometry import GridGeometry
+from navfw.offis.blind_borders import find_blind_borders
+from navfw.offis.grid_geometry import GridGeometry
 from navfw.offis.offis import Offis
 from navfw.robot import RobotModel
 from navfw.signals import Twist
@@ -29,7 +29,7 @@ def blinded(flow, left=0, right=0):
 
 def hidden(flow):
     geometry = GridGeometry.of(flow.points, 2, ROBOT, 2.0, 2.2)
-    return find_borders(flow, geometry, CAMERA.focal, 8.0).hidden
+    return find_blind_borders(flow, geometry, CAMERA.focal, 8.0).hidden
 
 
 @pytest.mark.parametrize("side", ["left", "right"])

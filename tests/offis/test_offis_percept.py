@@ -22,8 +22,8 @@ from offis_scenes import (
 )
 from pydantic import ValidationError
 
+from navfw.offis.elementary_situations import ELEMENTARY, TABLE
 from navfw.offis.offis import Offis
-from navfw.offis.situations import ELEMENTARY, TABLE
 from navfw.robot import RobotModel
 from navfw.signals import FlowField, Label, Twist
 

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from offis_scenes import Scene, Wall, corner, corridor, door, grid_points, ideal_flow, wall_ahead
 
-from navfw.offis.geometry import GridGeometry
+from navfw.offis.grid_geometry import GridGeometry
 from navfw.offis.nearness import Nearness, triangulate
 from navfw.offis.slopes import slopes_of_walls
 from navfw.offis.walls import find_walls

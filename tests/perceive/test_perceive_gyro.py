@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navfw.errors import InputError
-from navfw.perceive.gyro import Gyro, load_gyro, turn
+from navfw.perceive.gyro_record import GyroRecord, load_gyro_record, rotation_from_vector
 
 
 def write(tmp_path: Path, text: str) -> Path:
@@ -24,47 +24,51 @@ def test_linear_rates_are_integrated_exactly(
     times = np.linspace(0.0, 10.0, 501)
     rates = np.zeros((501, 3))
     rates[:, 2] = rate + rise * times
-    turned = Gyro(times, rates, 0.05).turned(begin, begin + length)
-    assert turned is not None
+    rotation_vector = GyroRecord(times, rates, 0.05).rotation_between(begin, begin + length)
+    assert rotation_vector is not None
     expected = rate * length + rise * ((begin + length) ** 2 - begin**2) / 2
-    assert turned == pytest.approx([0.0, 0.0, expected], abs=1e-9)
+    assert rotation_vector == pytest.approx([0.0, 0.0, expected], abs=1e-9)
 
 
 @given(st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1))
 def test_turn_is_a_rotation(x: float, y: float, z: float) -> None:
-    rotation = turn(np.array([x, y, z]))
+    rotation = rotation_from_vector(np.array([x, y, z]))
     assert rotation @ rotation.T == pytest.approx(np.eye(3), abs=1e-9)
     assert rotation @ np.array([x, y, z]) == pytest.approx([x, y, z], abs=1e-9)
 
 
 def test_quarter_turn_to_the_left() -> None:
-    assert turn(np.array([0.0, 0.0, np.pi / 2])) @ [1.0, 0.0, 0.0] == pytest.approx([0, 1, 0])
+    assert rotation_from_vector(np.array([0.0, 0.0, np.pi / 2])) @ [1.0, 0.0, 0.0] == pytest.approx(
+        [0, 1, 0]
+    )
 
 
 def test_columns_by_name_in_any_order(tmp_path: Path) -> None:
-    gyro = load_gyro(
+    gyro = load_gyro_record(
         write(tmp_path, "# phone\nyaw [rad/s], time (s), Pitch rate\n0.5,0,0.1\n0.5,0.1,0.1\n")
     )
     assert gyro.measured == {"yaw_rate", "pitch_rate"}
-    assert gyro.turned(0.0, 0.1) == pytest.approx([0.0, 0.01, 0.05])
+    assert gyro.rotation_between(0.0, 0.1) == pytest.approx([0.0, 0.01, 0.05])
 
 
 def test_without_header(tmp_path: Path) -> None:
-    gyro = load_gyro(write(tmp_path, "0,0.5\n0.1,0.5\n0.2,0.5\n"))
+    gyro = load_gyro_record(write(tmp_path, "0,0.5\n0.1,0.5\n0.2,0.5\n"))
     assert gyro.measured == {"yaw_rate"}
-    assert gyro.turned(0.0, 0.2) == pytest.approx([0.0, 0.0, 0.1])
+    assert gyro.rotation_between(0.0, 0.2) == pytest.approx([0.0, 0.0, 0.1])
 
 
 def test_gaps_and_missing_numbers(tmp_path: Path) -> None:
     lines = [f"{0.01 * k:.2f},{'nan' if 300 <= k < 340 else 0.2}" for k in range(1000)]
     lines[700] = "7.00,"
-    gyro = load_gyro(write(tmp_path, "\n".join(lines)))
+    gyro = load_gyro_record(write(tmp_path, "\n".join(lines)))
     assert gyro.note == "41 of 1000 gyro samples have no number"
-    assert gyro.turned(2.9, 3.1) is None
-    assert gyro.turned(3.1, 3.2) is None
-    assert gyro.turned(6.95, 7.05) == pytest.approx([0.0, 0.0, 0.02])  # one sample is no gap
-    assert gyro.turned(9.5, 10.5) is None
-    assert gyro.turned(-1.0, 0.5) is None
+    assert gyro.rotation_between(2.9, 3.1) is None
+    assert gyro.rotation_between(3.1, 3.2) is None
+    assert gyro.rotation_between(6.95, 7.05) == pytest.approx(
+        [0.0, 0.0, 0.02]
+    )  # one sample is no gap
+    assert gyro.rotation_between(9.5, 10.5) is None
+    assert gyro.rotation_between(-1.0, 0.5) is None
 
 
 @pytest.mark.parametrize(
@@ -83,12 +87,12 @@ def test_gaps_and_missing_numbers(tmp_path: Path) -> None:
 )
 def test_what_is_wrong_is_said_with_its_line(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(InputError, match=message):
-        load_gyro(write(tmp_path, text))
+        load_gyro_record(write(tmp_path, text))
 
 
 def test_files_that_are_none(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="cannot be read"):
-        load_gyro(tmp_path / "nowhere.csv")
+        load_gyro_record(tmp_path / "nowhere.csv")
     (tmp_path / "gyro.csv").write_bytes(bytes(range(128, 256)))
     with pytest.raises(InputError, match="is no CSV file"):
-        load_gyro(tmp_path / "gyro.csv")
+        load_gyro_record(tmp_path / "gyro.csv")

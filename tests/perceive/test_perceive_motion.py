@@ -12,9 +12,14 @@ from hypothesis import strategies as st
 
 from navfw.flow.grid import grid_points
 from navfw.flow.ideal import true_vectors
-from navfw.perceive.gyro import RATES
-from navfw.perceive.motion import assumed_motion, expansion_focus, forward_share, refined
-from navfw.perceive.scale import FloorMemory, floor_ratio
+from navfw.perceive.gyro_record import RATES
+from navfw.perceive.pair_motion import (
+    assumed_motion,
+    estimate_rotation,
+    expansion_focus,
+    forward_share,
+)
+from navfw.perceive.scale import ScaleEstimator, floor_ratio
 from navfw.robot import CameraModel
 from navfw.signals import Array, CameraMotion, FlowField
 
@@ -47,19 +52,19 @@ def corridor(half: float = 0.9, end: float = 6.0) -> Array:
 def test_small_turns_are_found_in_the_flow(
     roll: float, pitch: float, yaw: float, way: float
 ) -> None:
-    turned = assumed_motion(CAMERA, 0.0, 0.1, np.array([roll, pitch, yaw]), True)
-    truth = replace(turned, translation=np.array([0.0, 0.0, way]))
-    found = refined(flow_of(corridor(), truth), CAMERA, frozenset()).motion
+    rotation_vector = assumed_motion(CAMERA, 0.0, 0.1, np.array([roll, pitch, yaw]), True)
+    truth = replace(rotation_vector, translation=np.array([0.0, 0.0, way]))
+    found = estimate_rotation(flow_of(corridor(), truth), CAMERA, frozenset()).motion
     # what is left moves no point of the image by as much as a quarter of a pixel
     left = found.rotation @ truth.rotation.T
     assert np.abs(left - np.eye(3)).max() < 0.25 / CAMERA.focal
 
 
 def test_roll_is_left_alone_where_a_gyro_measured_it() -> None:
-    turned = np.array([0.01, 0.0, 0.0])
-    truth = assumed_motion(CAMERA, 0.05, 0.1, turned, True)
+    rotation_vector = np.array([0.01, 0.0, 0.0])
+    truth = assumed_motion(CAMERA, 0.05, 0.1, rotation_vector, True)
     flow = replace(flow_of(corridor(), truth), motion=truth)
-    found = refined(flow, CAMERA, frozenset(RATES)).motion
+    found = estimate_rotation(flow, CAMERA, frozenset(RATES)).motion
     assert found.rotation == pytest.approx(truth.rotation, abs=2e-4)
 
 
@@ -116,14 +121,14 @@ def test_a_wall_is_no_floor(distance: float) -> None:
 
 
 def test_scale_from_what_is_known() -> None:
-    assert FloorMemory(0.5, 1.2).resolve(0.9).source == "speed"
-    assert FloorMemory(0.5, 1.2).resolve(0.9).height == 1.2
-    from_speed = FloorMemory(0.5, None)
-    assert not from_speed.resolve(None).floor
-    assert from_speed.resolve(0.4).height == pytest.approx(1.25)
-    assert from_speed.resolve(None).height == pytest.approx(1.25)  # remembered
-    from_height = FloorMemory(None, 1.2).resolve(0.5)
+    assert ScaleEstimator(0.5, 1.2).update(0.9).source == "speed"
+    assert ScaleEstimator(0.5, 1.2).update(0.9).height == 1.2
+    from_speed = ScaleEstimator(0.5, None)
+    assert not from_speed.update(None).floor
+    assert from_speed.update(0.4).height == pytest.approx(1.25)
+    assert from_speed.update(None).height == pytest.approx(1.25)  # remembered
+    from_height = ScaleEstimator(None, 1.2).update(0.5)
     assert (from_height.source, from_height.speed) == ("height", pytest.approx(0.6))
-    nothing = FloorMemory(None, None).resolve(None)
+    nothing = ScaleEstimator(None, None).update(None)
     assert not nothing.metric
     assert not nothing.floor

@@ -10,13 +10,13 @@ from hypothesis import strategies as st
 from perceive_images import save
 
 from navfw.errors import InputError
-from navfw.perceive.sources import natural_key, open_source
+from navfw.perceive.image_sources import natural_key, open_source
 
 GREY = np.full((48, 64, 3), 90, np.uint8)
 
 
 def names(source: object) -> list[str]:
-    return [shot.name for shot in source]  # type: ignore[attr-defined]
+    return [item.name for item in source]  # type: ignore[attr-defined]
 
 
 @given(st.lists(st.integers(0, 10_000), unique=True, min_size=1))
@@ -30,9 +30,9 @@ def test_folder_in_natural_order_without_what_is_no_image(tmp_path: Path) -> Non
     (tmp_path / "TTI.mat").write_bytes(b"x")
     (tmp_path / ".image_0.png").write_bytes(b"x")
     source = open_source([tmp_path])
-    shots = list(source)
-    assert [shot.name for shot in shots] == [f"image_{n}.png" for n in range(1, 12)]
-    assert [shot.time for shot in shots] == pytest.approx([0.1 * n for n in range(11)])
+    items = list(source)
+    assert [item.name for item in items] == [f"image_{n}.png" for n in range(1, 12)]
+    assert [item.time for item in items] == pytest.approx([0.1 * n for n in range(11)])
     assert source.notes == ["no --fps given: 10 images a second assumed"]
 
 
@@ -49,9 +49,9 @@ def test_time_stamps_in_names(tmp_path: Path) -> None:
     for stamp in ("1305031453.359684", "1305031453.391690", "1305031453.423683"):
         cv2.imwrite(str(tmp_path / f"{stamp}.png"), GREY)
     source = open_source([tmp_path])
-    assert [shot.time for shot in source] == pytest.approx([0.0, 0.032006, 0.063999], abs=1e-6)
+    assert [item.time for item in source] == pytest.approx([0.0, 0.032006, 0.063999], abs=1e-6)
     assert source.rate == pytest.approx(31.25, abs=0.01)
-    assert [shot.time for shot in open_source([tmp_path], 10.0)] == pytest.approx([0.0, 0.1, 0.2])
+    assert [item.time for item in open_source([tmp_path], 10.0)] == pytest.approx([0.0, 0.1, 0.2])
 
 
 def test_video_tells_its_rate(tmp_path: Path) -> None:
@@ -62,9 +62,9 @@ def test_video_tells_its_rate(tmp_path: Path) -> None:
         film.write(GREY)
     film.release()
     source = open_source([tmp_path / "film.avi"])
-    shots = list(source)
-    assert [shot.time for shot in shots] == pytest.approx([0.0, 0.04, 0.08, 0.12])
-    assert shots[0].image.shape == GREY.shape
+    items = list(source)
+    assert [item.time for item in items] == pytest.approx([0.0, 0.04, 0.08, 0.12])
+    assert items[0].image.shape == GREY.shape
     assert source.notes == []
 
 

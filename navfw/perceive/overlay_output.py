@@ -12,16 +12,16 @@ import cv2
 
 from navfw.atomic import AtomicFolder, AtomicTarget
 from navfw.errors import InputError
-from navfw.perceive.sources import Source
+from navfw.perceive.image_sources import ImageSource
 from navfw.signals import Image
 
-__all__ = ["Output", "open_output"]
+__all__ = ["OverlayOutput", "open_output"]
 
 _CODECS = {".mp4": "mp4v", ".m4v": "mp4v", ".avi": "MJPG"}
 _OURS = re.compile(r"view-[0-9]{5,}\.png")
 
 
-class Output(Protocol):
+class OverlayOutput(Protocol):
     """Takes pictures of one size; a context manager."""
 
     def add(self, picture: Image) -> None:
@@ -79,7 +79,7 @@ class _Film(AtomicTarget):
         (self.path / self.target.name).replace(self.target)
 
 
-def open_output(target: Path, source: Source) -> Output:
+def open_output(target: Path, source: ImageSource) -> OverlayOutput:
     """Where to draw: a new ``.mp4`` or ``.avi``, else a folder (pictures in it are replaced).
 
     Raises:

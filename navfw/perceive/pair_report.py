@@ -6,83 +6,83 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from navfw.offis.situations import ELEMENTARY, TABLE
-from navfw.perceive.perceiver import View
+from navfw.offis.elementary_situations import ELEMENTARY, TABLE
+from navfw.perceive.perceiver import PairResult
 
-__all__ = ["as_data", "as_line", "front_of", "term_of"]
+__all__ = ["as_data", "as_line", "front_situation", "strongest_term"]
 
 _DIGITS = 4
 
 
-def as_data(view: View) -> dict[str, Any]:
+def as_data(result: PairResult) -> dict[str, Any]:
     """One object for a pair of images; numbers that do not exist are None.
 
     Metres are there only where the scale is known; times to contact [s] always are, since they
     need none. Lengths in the image are in pixels of the images as they came, from their top left.
     """
-    percept, scale = view.percept, view.scale
+    percept, scale = result.percept, result.scale
     regions = percept.explanation["regions"]
-    focus = None if view.focus is None else {"x": _n(view.focus[0]), "y": _n(view.focus[1])}
-    roll, pitch, yaw = (math.degrees(angle) for angle in view.turned)
+    focus = None if result.focus is None else {"x": _n(result.focus[0]), "y": _n(result.focus[1])}
+    roll, pitch, yaw = (math.degrees(angle) for angle in result.rotation_vector)
     return {
-        "pair": view.number,
-        "time": _n(view.time),
-        "dt": _n(view.dt),
-        "frames": [view.past, view.now],
+        "pair": result.number,
+        "time": _n(result.time),
+        "dt": _n(result.dt),
+        "frames": [result.past, result.now],
         "sentence": percept.sentence,
-        "known": view.known,
-        "confidence": _n(view.confidence),
+        "known": result.known,
+        "confidence": _n(result.confidence),
         "obstacles": {layer: dict(parts) for layer, parts in percept.obstacles.items()},
         "distances": {
             name: {
-                "term": term_of(degrees),
+                "term": strongest_term(degrees),
                 **{term: _n(degree) for term, degree in degrees.items()},
                 "distance_m": _metres(regions[name]["nearest"]) if scale.metric else None,
-                "ttc_s": _n(view.quadrant_contact[name]),
+                "ttc_s": _n(result.quadrant_contact[name]),
             }
             for name, degrees in percept.quadrants.items()
         },
-        "situation": front_of(view),
+        "situation": front_situation(result),
         "situations": {name: _n(degree) for name, degree in percept.situations.items()},
         "floor_in_front": _n(percept.floor_in_front),
         "slopes": dict(percept.slopes),
         "planes": {pair: _n(degree) for pair, degree in percept.planes.items()},
-        "ttc_s": _n(view.contact),
+        "ttc_s": _n(result.contact),
         "focus_of_expansion": focus,
         "rotation_deg": {
             "yaw": _n(yaw),
             "pitch": _n(pitch),
             "roll": _n(roll),
-            "source": view.turn_source,
+            "source": result.turn_source,
         },
         "scale": {
             "source": scale.source,
             "speed_m_s": _n(scale.speed) if scale.metric else None,
             "camera_height_m": _n(scale.height) if scale.metric and scale.floor else None,
         },
-        "notes": list(view.notes),
+        "notes": list(result.notes),
     }
 
 
-def as_line(view: View) -> str:
+def as_line(result: PairResult) -> str:
     """Time, how sure, time to contact and the sentence, what lies in front first."""
-    contact = f"{view.contact:6.1f} s" if math.isfinite(view.contact) else "       -"
-    parts = view.percept.sentence.split("; ")
+    contact = f"{result.contact:6.1f} s" if math.isfinite(result.contact) else "       -"
+    parts = result.percept.sentence.split("; ")
     sentence = "; ".join(sorted(parts, key=lambda part: part.startswith("Layer")))
-    notes = f" ({'; '.join(view.notes)})" if view.notes else ""
-    return f"{view.time:8.2f} s  {view.confidence:4.2f}  {contact}  {sentence}{notes}"
+    notes = f" ({'; '.join(result.notes)})" if result.notes else ""
+    return f"{result.time:8.2f} s  {result.confidence:4.2f}  {contact}  {sentence}{notes}"
 
 
-def front_of(view: View) -> str:
+def front_situation(result: PairResult) -> str:
     """What the sentence says of the front: an entry of Table 1, or plain "door"."""
-    for part in view.percept.sentence.split("; "):
+    for part in result.percept.sentence.split("; "):
         if part.startswith("Front is "):
             front = part.removeprefix("Front is ").removeprefix("a ")
             return front if front in TABLE or front in ELEMENTARY else "unknown"
     return "unknown"
 
 
-def term_of(degrees: Mapping[str, float]) -> str:
+def strongest_term(degrees: Mapping[str, float]) -> str:
     """The strongest of the degrees of near, middle and far; "unknown" when all are 0."""
     best = max(degrees, key=degrees.__getitem__)
     return best if degrees[best] > 0.0 else "unknown"

@@ -18,7 +18,15 @@ import numpy as np
 from navfw.errors import InputError
 from navfw.signals import Image
 
-__all__ = ["FRAME_RATE", "IMAGES", "VIDEOS", "Shot", "Source", "natural_key", "open_source"]
+__all__ = [
+    "FRAME_RATE",
+    "IMAGES",
+    "VIDEOS",
+    "ImageSource",
+    "SourceImage",
+    "natural_key",
+    "open_source",
+]
 
 IMAGES = frozenset(
     {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm", ".pnm", ".webp"}
@@ -32,7 +40,7 @@ _FRAME_RATES = (0.01, 10_000.0)
 
 
 @dataclass(frozen=True, slots=True)
-class Shot:
+class SourceImage:
     """One image as it came: ``image`` (height, width, 3) uint8 BGR, at ``time`` [s]."""
 
     name: str
@@ -40,7 +48,7 @@ class Shot:
     image: Image
 
 
-class Source:
+class ImageSource:
     """Images of one size in the order they were taken; iterate once over it.
 
     ``rate`` [1/s] is that of the images; ``notes`` say what was assumed, or found on the way.
@@ -50,34 +58,34 @@ class Source:
         self.rate = rate
         self.notes = list(notes)
 
-    def __iter__(self) -> Iterator[Shot]:
+    def __iter__(self) -> Iterator[SourceImage]:
         """The images.
 
         Raises:
             InputError: an image cannot be read, sizes differ, there are fewer than two.
 
         """
-        first: Shot | None = None
+        first: SourceImage | None = None
         count = 0
-        for shot in self._shots():
+        for item in self._items():
             if first is None:
-                first = shot
-            elif shot.image.shape != first.image.shape:
+                first = item
+            elif item.image.shape != first.image.shape:
                 raise InputError(
-                    f"is {_size(shot.image)}, but {first.name} is {_size(first.image)}: "
+                    f"is {_size(item.image)}, but {first.name} is {_size(first.image)}: "
                     "all images must have one size",
-                    file=shot.name,
+                    file=item.name,
                 )
             count += 1
-            yield shot
+            yield item
         if count < 2:
             raise InputError(f"{self} gives {count or 'no'} image; flow needs at least two")
 
-    def _shots(self) -> Iterator[Shot]:
+    def _items(self) -> Iterator[SourceImage]:
         raise NotImplementedError
 
 
-class _Files(Source):
+class _Files(ImageSource):
     def __init__(self, paths: Sequence[Path], fps: float | None, named: str) -> None:
         notes: list[str] = []
         times = None if fps is not None else _times_in_names(paths)
@@ -95,12 +103,12 @@ class _Files(Source):
     def __str__(self) -> str:
         return self._named
 
-    def _shots(self) -> Iterator[Shot]:
+    def _items(self) -> Iterator[SourceImage]:
         for path, time in zip(self._paths, self._times, strict=True):
-            yield Shot(path.name, time, _read_image(path))
+            yield SourceImage(path.name, time, _read_image(path))
 
 
-class _Video(Source):
+class _Video(ImageSource):
     def __init__(self, path: Path, fps: float | None) -> None:
         self._path = path
         with _silent():
@@ -118,7 +126,7 @@ class _Video(Source):
     def __str__(self) -> str:
         return str(self._path)
 
-    def _shots(self) -> Iterator[Shot]:
+    def _items(self) -> Iterator[SourceImage]:
         promised = int(self._film.get(cv2.CAP_PROP_FRAME_COUNT))
         count = 0
         try:
@@ -127,7 +135,7 @@ class _Video(Source):
                     good, image = self._film.read()
                 if not good:
                     break
-                yield Shot(f"frame {count}", count / self.rate, np.asarray(image, np.uint8))
+                yield SourceImage(f"frame {count}", count / self.rate, np.asarray(image, np.uint8))
                 count += 1
         finally:
             self._film.release()
@@ -138,7 +146,7 @@ class _Video(Source):
             self.notes.append(f"only {count} of {promised} frames of the video could be read")
 
 
-def open_source(paths: Sequence[Path], fps: float | None = None) -> Source:
+def open_source(paths: Sequence[Path], fps: float | None = None) -> ImageSource:
     """The images that ``paths`` name: one folder, one video, or image files.
 
     Files are taken in natural order (``image_2`` before ``image_10``), unless they were named in

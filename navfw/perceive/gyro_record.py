@@ -13,7 +13,7 @@ import numpy as np
 from navfw.errors import InputError, did_you_mean
 from navfw.signals import Array
 
-__all__ = ["COLUMNS", "RATES", "Gyro", "load_gyro", "turn"]
+__all__ = ["COLUMNS", "RATES", "GyroRecord", "load_gyro_record", "rotation_from_vector"]
 
 COLUMNS = ("time", "yaw_rate", "pitch_rate", "roll_rate")
 """Columns of the record: [s], then [rad/s]; yaw left, pitch nose down, roll right side down."""
@@ -24,7 +24,7 @@ _MAX_BYTES = 200_000_000
 
 
 @dataclass(frozen=True, slots=True)
-class Gyro:
+class GyroRecord:
     """Samples in ascending order: ``times`` (n,) [s], ``rates`` (n, 3) [rad/s] roll, pitch, yaw.
 
     ``measured`` names the rates that the record has; the others are 0. Samples without a number
@@ -38,7 +38,7 @@ class Gyro:
     measured: frozenset[str] = frozenset(RATES)
     note: str | None = None
 
-    def turned(self, begin: float, end: float) -> Array | None:
+    def rotation_between(self, begin: float, end: float) -> Array | None:
         """The turn (3,) [rad] about base_link's x, y, z from ``begin`` to ``end`` [s].
 
         None where the record has a gap in that time, or does not cover it.
@@ -64,7 +64,7 @@ class Gyro:
         return np.asarray((middle * np.diff(knots)[:, None]).sum(axis=0))
 
 
-def turn(vector: Array) -> Array:
+def rotation_from_vector(vector: Array) -> Array:
     """(3, 3) rotation about ``vector`` by its length [rad] (Rodrigues)."""
     angle = float(np.linalg.norm(vector))
     x, y, z = vector
@@ -75,7 +75,7 @@ def turn(vector: Array) -> Array:
     return np.asarray(np.eye(3) + a * cross + b * (cross @ cross))
 
 
-def load_gyro(path: Path) -> Gyro:
+def load_gyro_record(path: Path) -> GyroRecord:
     """Read a CSV file of ``COLUMNS`` (the last two may be missing), with or without a header.
 
     Rows with a missing or NaN value are left out and make a gap.
@@ -120,7 +120,7 @@ def load_gyro(path: Path) -> Gyro:
     steps = np.diff(times)
     measured = frozenset(names or ()) & frozenset(RATES)
     longest_gap = 2.5 * float(np.median(steps))
-    return Gyro(np.array(times), np.array(rates), longest_gap, measured, note)
+    return GyroRecord(np.array(times), np.array(rates), longest_gap, measured, note)
 
 
 def _rows(path: Path) -> Iterator[tuple[int, list[str]]]:

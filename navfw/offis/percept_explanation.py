@@ -6,16 +6,16 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
-from navfw.offis.borders import Borders
+from navfw.offis.blind_borders import BlindBorders
 from navfw.offis.distances import Distances
-from navfw.offis.inference import Evaluation
+from navfw.offis.elementary_situations import FLOOR_IN_FRONT, Situations
+from navfw.offis.fuzzy_systems import FuzzyEvaluation
 from navfw.offis.planes import Planes
 from navfw.offis.pyramid import Pyramid, RegionStatistics
-from navfw.offis.situations import FLOOR_IN_FRONT, Situations
 from navfw.offis.slopes import SIDES, Slopes
 from navfw.offis.walls import Walls
 
-__all__ = ["Explanation"]
+__all__ = ["PerceptExplanation"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,13 +28,13 @@ class _Findings:
     planes: Planes
     distances: Distances
     obstacles: Mapping[str, Mapping[str, str]]
-    borders: Borders
+    borders: BlindBorders
     walls: Walls
     slopes: Slopes
     situations: Situations
 
 
-class Explanation(Mapping[str, Any]):
+class PerceptExplanation(Mapping[str, Any]):
     """A read-only mapping to plain data (dicts, lists, strings, floats), computed on access.
 
     ``mode``; ``report``: what the sentence says, as data; ``regions``: the numbers of every region
@@ -72,7 +72,7 @@ class Explanation(Mapping[str, Any]):
         return len(self._KEYS)
 
     @property
-    def evaluations(self) -> tuple[Evaluation, ...]:
+    def evaluations(self) -> tuple[FuzzyEvaluation, ...]:
         """All fuzzy inferences of the frame, for whoever wants to repeat them."""
         found = self._findings
         return (
@@ -85,7 +85,7 @@ class Explanation(Mapping[str, Any]):
         )
 
     def __repr__(self) -> str:
-        return f"Explanation({', '.join(self._KEYS)})"
+        return f"PerceptExplanation({', '.join(self._KEYS)})"
 
     def _mode(self) -> str:
         return self._findings.mode

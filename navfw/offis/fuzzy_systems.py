@@ -14,7 +14,7 @@ from navfw.fuzzy import CompiledFis, load_rule_base
 from navfw.fuzzy import Inference as Result
 from navfw.signals import Array
 
-__all__ = ["RULES", "Evaluation", "infer", "infer_rows", "load_system"]
+__all__ = ["RULES", "FuzzyEvaluation", "infer", "infer_rows", "load_system"]
 
 RULES = Path(__file__).parent / "rules"
 """The folder of the rule bases, one YAML file per inference system."""
@@ -27,7 +27,7 @@ def load_system(name: str) -> CompiledFis:
 
 
 @dataclass(frozen=True, slots=True)
-class Evaluation:
+class FuzzyEvaluation:
     """One evaluation of an inference system: ``rows`` (inputs, N) went in, ``result`` came out."""
 
     system: CompiledFis
@@ -51,11 +51,11 @@ class Evaluation:
         }
 
 
-def infer(system: CompiledFis, inputs: Mapping[str, Array]) -> Evaluation:
+def infer(system: CompiledFis, inputs: Mapping[str, Array]) -> FuzzyEvaluation:
     """Evaluate ``system`` on (N,) samples of every input."""
     return infer_rows(system, np.array([inputs[name] for name in system.input_names]))
 
 
-def infer_rows(system: CompiledFis, rows: Array) -> Evaluation:
+def infer_rows(system: CompiledFis, rows: Array) -> FuzzyEvaluation:
     """Evaluate ``system`` on ``rows`` (inputs, N), in the order of its rule base."""
-    return Evaluation(system, rows, system.evaluate_rows(rows))
+    return FuzzyEvaluation(system, rows, system.evaluate_rows(rows))

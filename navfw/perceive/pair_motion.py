@@ -9,11 +9,17 @@ import numpy as np
 
 from navfw.flow.derotation import derotate, rotate_points
 from navfw.flow.refinement import Refinement, RefinementParams, refine
-from navfw.perceive.gyro import RATES, turn
+from navfw.perceive.gyro_record import RATES, rotation_from_vector
 from navfw.robot import CameraModel
 from navfw.signals import Array, CameraMotion, FlowField
 
-__all__ = ["ExpansionFocus", "assumed_motion", "expansion_focus", "forward_share", "refined"]
+__all__ = [
+    "ExpansionFocus",
+    "assumed_motion",
+    "estimate_rotation",
+    "expansion_focus",
+    "forward_share",
+]
 
 UNKNOWN_TURN = 0.03
 """Standard deviation of the turn between two images that no gyro has measured [rad]."""
@@ -35,21 +41,21 @@ _OVERLAP = 4.0  # neighbouring windows overlap and share their errors
 
 
 def assumed_motion(
-    camera: CameraModel, way: float, dt: float, turned: Array, measured: bool
+    camera: CameraModel, way: float, dt: float, rotation_vector: Array, measured: bool
 ) -> CameraMotion:
-    """The camera's motion over ``way`` [m] straight ahead in ``dt`` [s]; backward below 0.
+    """Motion of a camera that travels ``way`` [m] straight ahead (backward below 0) in ``dt`` [s].
 
-    ``turned`` (3,) [rad] is the turn about base_link's x, y, z: ``measured``, or a guess. Halfway
-    through the turn the camera looks where it goes.
+    ``rotation_vector`` (3,) [rad] is the rotation about base_link's x, y, z, ``measured`` by a gyro
+    or predicted. The translation points along the optical axis as it is halfway through the turn.
     """
     base = camera.base_from_camera
-    rotation = base.T @ turn(-turned) @ base
-    translation = base.T @ turn(-0.5 * turned) @ np.array([way, 0.0, 0.0])
+    rotation = base.T @ rotation_from_vector(-rotation_vector) @ base
+    translation = base.T @ rotation_from_vector(-0.5 * rotation_vector) @ np.array([way, 0.0, 0.0])
     sigma = GYRO_SIGMA * dt if measured else UNKNOWN_TURN
     return CameraMotion(rotation, translation, dt, sigma, 0.1 * abs(way))
 
 
-def refined(flow: FlowField, camera: CameraModel, measured: frozenset[str]) -> Refinement:
+def estimate_rotation(flow: FlowField, camera: CameraModel, measured: frozenset[str]) -> Refinement:
     """The rotation that ``flow`` (not derotated) itself shows (METHOD 2.6), roll included.
 
     ``measured`` names the rates ("yaw_rate", ...) that a gyro told; the others are found first, all
@@ -58,11 +64,11 @@ def refined(flow: FlowField, camera: CameraModel, measured: frozenset[str]) -> R
     missing = [axis for axis in RATES if axis not in measured]
     motion = flow.motion
     for _ in range(PASSES if missing else 0):
-        motion = _turned_to_fit(replace(flow, motion=motion), camera, missing)
+        motion = _fit_rotation(replace(flow, motion=motion), camera, missing)
     return refine(replace(flow, motion=motion), camera, RefinementParams(pitch_sigma=PITCHING))
 
 
-def _turned_to_fit(flow: FlowField, camera: CameraModel, missing: list[str]) -> CameraMotion:
+def _fit_rotation(flow: FlowField, camera: CameraModel, missing: list[str]) -> CameraMotion:
     """``flow.motion``, turned further about the ``missing`` axes as the flow demands.
 
     As ``refine``: what lies across the epipolar lines is rotation. Robust least squares, with the
@@ -77,7 +83,7 @@ def _turned_to_fit(flow: FlowField, camera: CameraModel, missing: list[str]) -> 
     normal /= np.maximum(length, 1e-9)[..., None]
     slopes = []
     for name in missing:
-        step = turn(_STEP * camera.base_from_camera.T @ -_AXES[name])
+        step = rotation_from_vector(_STEP * camera.base_from_camera.T @ -_AXES[name])
         moved = rotate_points(past, step, camera.focal)
         slopes.append((normal * (moved - past)).sum(axis=-1) / _STEP)
     offset = (normal * vectors).sum(axis=-1)
@@ -93,7 +99,7 @@ def _turned_to_fit(flow: FlowField, camera: CameraModel, missing: list[str]) -> 
         matrix = (slope * robust[:, None]).T @ slope + np.eye(len(missing)) / UNKNOWN_TURN**2
         angles = np.linalg.solve(matrix, (slope * robust[:, None]).T @ offset)
     body = sum((angle * _AXES[name] for angle, name in zip(angles, missing, strict=True)), _NONE)
-    rotation = turn(camera.base_from_camera.T @ -body) @ motion.rotation
+    rotation = rotation_from_vector(camera.base_from_camera.T @ -body) @ motion.rotation
     # most of the doubt is gone: what is left is the refinement's to find
     return replace(motion, rotation=rotation, yaw_sigma=_AFTER_FIT)
 

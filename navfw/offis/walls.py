@@ -19,9 +19,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from navfw.offis.geometry import GridGeometry
+from navfw.offis.grid_geometry import GridGeometry
 from navfw.offis.nearness import Nearness
-from navfw.offis.walls.wall_kernels import find_wall_planes
+from navfw.offis.wall_kernels import find_wall_planes
 from navfw.signals import Array
 
 __all__ = ["Walls", "find_walls"]

@@ -13,7 +13,7 @@ from pydantic import Field
 from navfw.flow.confidence import match_sigma, ramp
 from navfw.flow.derotation import is_visible
 from navfw.flow.gradient import gradient_products, weakest
-from navfw.flow.processor import MatchedFlow
+from navfw.flow.grid_flow import MatchedFlow
 from navfw.robot import RobotModel
 from navfw.signals import Array, Image
 

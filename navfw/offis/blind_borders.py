@@ -12,12 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from navfw.offis.geometry import GridGeometry
-from navfw.offis.inference import Evaluation, infer_rows, load_system
+from navfw.offis.fuzzy_systems import FuzzyEvaluation, infer_rows, load_system
+from navfw.offis.grid_geometry import GridGeometry
 from navfw.offis.percept_kernels import blind_border
 from navfw.signals import Array, FlowField
 
-__all__ = ["Borders", "find_borders"]
+__all__ = ["BlindBorders", "find_blind_borders"]
 
 BEYOND = 1.4
 """How much nearer than the search can tell such a thing is, typically (measured)."""
@@ -28,14 +28,16 @@ SLACK = 1.5
 
 
 @dataclass(frozen=True, slots=True)
-class Borders:
+class BlindBorders:
     """``hidden`` (2, columns): nearness [1/m] of what must be there, and to what degree it is."""
 
     hidden: Array
-    evaluation: Evaluation
+    evaluation: FuzzyEvaluation
 
 
-def find_borders(flow: FlowField, geometry: GridGeometry, focal: float, longest: float) -> Borders:
+def find_blind_borders(
+    flow: FlowField, geometry: GridGeometry, focal: float, longest: float
+) -> BlindBorders:
     """Judge both borders of ``flow``; ``longest`` [px] is the longest vector it can measure."""
     motion = flow.motion
     found = blind_border(
@@ -58,4 +60,4 @@ def find_borders(flow: FlowField, geometry: GridGeometry, focal: float, longest:
         hidden[0, : last_left + 1], hidden[1, : last_left + 1] = BEYOND * found[0, 2], degree[0]
     if degree[1] > 0.0:
         hidden[0, first_right:], hidden[1, first_right:] = BEYOND * found[1, 2], degree[1]
-    return Borders(hidden, evaluation)
+    return BlindBorders(hidden, evaluation)

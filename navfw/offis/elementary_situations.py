@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from navfw.offis.geometry import GridGeometry
-from navfw.offis.inference import Evaluation, infer, load_system
-from navfw.offis.objects import Objects
+from navfw.offis.fuzzy_systems import FuzzyEvaluation, infer, load_system
+from navfw.offis.grid_geometry import GridGeometry
+from navfw.offis.object_cells import ObjectCells
 from navfw.offis.slopes import Slopes
 from navfw.offis.walls import Walls
 from navfw.signals import Array
@@ -22,10 +22,10 @@ __all__ = [
     "ELEMENTARY",
     "FLOOR_IN_FRONT",
     "TABLE",
-    "Front",
+    "FrontFeatures",
     "Situations",
     "find_situations",
-    "look_ahead",
+    "front_features",
 ]
 
 TABLE = (
@@ -60,7 +60,7 @@ ELEMENTARY = (
 
 
 @dataclass(frozen=True, slots=True)
-class Front:
+class FrontFeatures:
     """What the middle of the image shows: arrays of one sample.
 
     ``opening`` in [-1, 1]: how much farther the middle is than the planes, or how much nearer both
@@ -88,16 +88,16 @@ class Situations:
     degrees: dict[str, float]
     floor_in_front: float
     front: str
-    table_evaluation: Evaluation
-    front_evaluation: Evaluation
+    table_evaluation: FuzzyEvaluation
+    front_evaluation: FuzzyEvaluation
 
 
-def look_ahead(geometry: GridGeometry, walls: Walls, objects: Objects) -> Front:
+def front_features(geometry: GridGeometry, walls: Walls, objects: ObjectCells) -> FrontFeatures:
     """What the walls leave open ahead, and how much floor there is."""
     path = geometry.path_cells
     floor_share = float(geometry.path @ objects.floor) / path if path > 0.0 else 0.0
     support = min(float(geometry.middle @ objects.wall_weight) / 2.0, 1.0)
-    return Front(
+    return FrontFeatures(
         opening=np.array([walls.gap]),
         steepness=walls.incline.min(keepdims=True),
         fit=walls.explained.min(keepdims=True),
@@ -106,7 +106,7 @@ def look_ahead(geometry: GridGeometry, walls: Walls, objects: Objects) -> Front:
     )
 
 
-def find_situations(slopes: Slopes, ahead: Front) -> Situations:
+def find_situations(slopes: Slopes, ahead: FrontFeatures) -> Situations:
     """Degrees of all situations from the slopes and the look ahead."""
     support = float(slopes.support.min())
     in_table = infer(

@@ -7,20 +7,20 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from navfw.offis.borders import Borders
-from navfw.offis.geometry import GridGeometry
+from navfw.offis.blind_borders import BlindBorders
+from navfw.offis.grid_geometry import GridGeometry
 from navfw.offis.nearness import Nearness
-from navfw.offis.percept_kernels import object_cells, stand_out
+from navfw.offis.percept_kernels import object_cells, object_nearness
 from navfw.offis.pyramid import Channels
 from navfw.offis.walls import Walls
 from navfw.robot import CameraModel
 from navfw.signals import Array, FlowField
 
-__all__ = ["Objects", "find_objects", "object_channels", "raw_channels"]
+__all__ = ["ObjectCells", "find_objects", "object_channels", "raw_channels"]
 
 
 @dataclass(frozen=True, slots=True)
-class Objects:
+class ObjectCells:
     """Cells by what they show, flat (n,): ``weight`` is the confidence of those that show objects.
 
     Floor and drops are no objects (TRAP 2), nor is what might be either, nor what is surely higher
@@ -36,7 +36,7 @@ class Objects:
 
 def find_objects(
     geometry: GridGeometry, seen: Nearness, label: npt.NDArray[np.int8], minimum_confidence: float
-) -> Objects:
+) -> ObjectCells:
     """Sort the cells of ``seen`` by their ``label`` (rows, cols)."""
     cells = object_cells(
         seen.nearness.reshape(-1),
@@ -48,15 +48,15 @@ def find_objects(
         geometry.wall_share,
         minimum_confidence,
     )
-    return Objects(cells[0], cells[1], cells[2])
+    return ObjectCells(cells[0], cells[1], cells[2])
 
 
 def object_channels(
     geometry: GridGeometry,
     seen: Nearness,
-    objects: Objects,
+    objects: ObjectCells,
     walls: Walls,
-    borders: Borders,
+    borders: BlindBorders,
     camera: CameraModel,
     wall_height: float,
     minimum_confidence: float,
@@ -66,7 +66,7 @@ def object_channels(
     That makes a mean of |u| or |v| without the part that only tells where in the image the cell
     lies (TRAP 1).
     """
-    values, weights, known = stand_out(
+    values, weights, known = object_nearness(
         geometry.lateral_edge,
         geometry.lateral,
         geometry.ahead,

@@ -7,7 +7,7 @@ import math
 from navfw.robot import RobotModel
 from navfw.signals import Encoders, Twist
 
-__all__ = ["WheelWatch"]
+__all__ = ["EncoderFaultDetector"]
 
 #: Rim speeds below this [m/s] may well come to nothing: they prove no fault.
 LEAST_SPEED = 0.03
@@ -17,7 +17,7 @@ SILENT = 0.03
 DOUBT = 0.01
 
 
-class WheelWatch:
+class EncoderFaultDetector:
     """Compares what was asked of each wheel with what its encoder counts.
 
     A count that stands still although the wheel was told to turn means a dead encoder, or a wheel
@@ -33,14 +33,14 @@ class WheelWatch:
         self._unanswered = [0.0, 0.0]
         self._last: Encoders | None = None
 
-    def hear(self, encoders: Encoders, asked: Twist) -> None:
+    def update(self, encoders: Encoders, commanded: Twist) -> None:
         """Take note of a count, ``asked`` being what was driven since the last one."""
         last, self._last = self._last, encoders
         if last is None:
             return
         dt = encoders.time - last.time
         counted = (encoders.left - last.left, encoders.right - last.right)
-        for index, speed in enumerate(self._robot.wheel_speeds(asked)):
+        for index, speed in enumerate(self._robot.wheel_speeds(commanded)):
             way = abs(speed) * self._robot.wheel_radius
             if counted[index] != 0:
                 self._unanswered[index] = 0.0
