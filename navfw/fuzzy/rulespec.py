@@ -5,8 +5,9 @@ from __future__ import annotations
 import re
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator
+from pydantic import Field, field_validator
 
+from navfw.config.strict_model import StrictModel
 from navfw.fuzzy.grammar import KEYWORDS, NAME_PATTERN
 from navfw.fuzzy.membership import HEDGES
 
@@ -19,10 +20,6 @@ _MAX_SIZE = 1e12
 """Largest magnitude of a bound, and of a bound over the width of the range, for that reason."""
 
 
-class _Spec(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
 def check_name(name: str) -> None:
     """Raise ValueError unless ``name`` can stand for a variable or term in a rule."""
     if not re.fullmatch(NAME_PATTERN, name):
@@ -31,7 +28,7 @@ def check_name(name: str) -> None:
         raise ValueError(f"expected a name, got {name!r}, which is a keyword or hedge of the rules")
 
 
-class InputSpec(_Spec):
+class InputSpec(StrictModel):
     """An input variable: its range, and its terms."""
 
     range: tuple[float, float] = Field(description="lowest and highest value; inputs are clipped")
@@ -67,7 +64,7 @@ class OutputSpec(InputSpec):
     )
 
 
-class RuleBaseSpec(_Spec):
+class RuleBaseSpec(StrictModel):
     """One inference system, as its file declares it."""
 
     name: str = Field(min_length=1, description="name of the inference system")

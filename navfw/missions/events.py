@@ -18,9 +18,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, NoReturn, Protocol, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from navfw.config.document import KeyPath, YamlDocument, key_text
+from navfw.config.strict_model import StrictModel
 from navfw.errors import ConfigError, UnknownNameError
 from navfw.fault_injection import Failure
 from navfw.signals import Pose
@@ -60,11 +61,7 @@ Seconds = Annotated[float, Field(ge=0.0, le=7200.0)]
 Duration = Annotated[float, Field(gt=0.0, le=7200.0)]
 
 
-class _EventModel(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class NearTrigger(_EventModel):
+class NearTrigger(StrictModel):
     """The robot comes near to a place of the map, or to a point."""
 
     place: Annotated[str | None, Field(description="a place of the map")] = None
@@ -80,14 +77,14 @@ class NearTrigger(_EventModel):
         return self
 
 
-class BehaviorFault(_EventModel):
+class BehaviorFault(StrictModel):
     """A behaviour of the stack that fails whenever it is asked."""
 
     name: Annotated[str, Field(description="of a behaviour of the stack")]
     does: Annotated[Failure, Field(description="how it fails")]
 
 
-class EventSpec(_EventModel):
+class EventSpec(StrictModel):
     """One thing that happens during a mission: a trigger and an action."""
 
     at: Annotated[Seconds | None, Field(description="when [s], simulated")] = None

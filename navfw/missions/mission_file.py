@@ -26,11 +26,12 @@ from pathlib import Path
 from typing import Annotated, Literal, Protocol
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from navfw.config.document import KeyPath, YamlDocument, key_text, load_yaml
 from navfw.config.lookup import find
 from navfw.config.overrides import Override, apply_overrides
+from navfw.config.strict_model import StrictModel
 from navfw.config.yamlfile import validate
 from navfw.errors import ConfigError, UnknownNameError, WorldError
 from navfw.missions.events import EventSpec
@@ -57,25 +58,21 @@ Coordinate = Annotated[float, Field(ge=-500.0, le=500.0)]
 Yaw = Annotated[float, Field(ge=-2.0 * math.pi, le=2.0 * math.pi)]
 
 
-class _MissionModel(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class PlaceStart(_MissionModel):
+class PlaceStart(StrictModel):
     """A start at a place of the map."""
 
     place: Annotated[str, Field(description="a place of the map")]
     yaw: Annotated[Yaw, Field(description="counter-clockwise from x [rad]")] = 0.0
 
 
-class PointGoal(_MissionModel):
+class PointGoal(StrictModel):
     """A goal that is no place of the map."""
 
     x: Annotated[Coordinate, Field(description="in the map frame [m]")]
     y: Annotated[Coordinate, Field(description="in the map frame [m]")]
 
 
-class SuccessSpec(_MissionModel):
+class SuccessSpec(StrictModel):
     """What counts as success, in truth: the robot has to come this near to every goal."""
 
     within: Annotated[float, Field(gt=0.0, le=5.0, description="of a goal [m]")] = 0.5
@@ -95,7 +92,7 @@ class SensorsSpec(SensorParams):
         return SensorParams.preset(self.base, **given)
 
 
-class MissionSpec(_MissionModel):
+class MissionSpec(StrictModel):
     """A mission as its file has it."""
 
     description: Annotated[str, Field(description="one line for a person")] = ""

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
+from navfw.config.strict_model import StrictModel
 from navfw.errors import did_you_mean
 from navfw.sim.shapes import Disc, Rectangle, Shape
 
@@ -40,11 +41,7 @@ Length = Annotated[float, Field(ge=0.02, le=20.0)]
 Side = Literal["left", "right"]
 
 
-class _Spec(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class _OneOf(_Spec):
+class _OneOf(StrictModel):
     """Exactly one of its keys; a key that is only true or false may stand alone: ``black``."""
 
     alone: ClassVar[tuple[str, ...]] = ()
@@ -109,7 +106,7 @@ class GyroFault(_OneOf):
     ] = None
 
 
-class EncoderFault(_Spec):
+class EncoderFault(StrictModel):
     """Encoders that do not count."""
 
     dropout: Annotated[
@@ -117,14 +114,14 @@ class EncoderFault(_Spec):
     ]
 
 
-class WeakWheel(_Spec):
+class WeakWheel(StrictModel):
     """A wheel that does not reach the speed asked of it."""
 
     side: Side
     share: Annotated[Share, Field(description="of the speed asked that it reaches")]
 
 
-class Slippery(_Spec):
+class Slippery(StrictModel):
     """Floor on which the wheels turn further than the robot goes."""
 
     slip: Annotated[
@@ -132,13 +129,13 @@ class Slippery(_Spec):
     ]
 
 
-class Light(_Spec):
+class Light(StrictModel):
     """Lamps that go dim, or out."""
 
     share: Annotated[Share, Field(description="of the light that is left; 0: dark")]
 
 
-class Textureless(_Spec):
+class Textureless(StrictModel):
     """Walls or things that lose their texture: a stretch of wall within an area, or by name."""
 
     name: Annotated[str | None, Field(description="of a wall, box or cylinder")] = None
@@ -155,14 +152,14 @@ class Textureless(_Spec):
         return self
 
 
-class DoorChange(_Spec):
+class DoorChange(StrictModel):
     """A door of the world that opens or closes; it waits until the robot is out of its way."""
 
     name: Annotated[str, Field(description="of a door of the world")]
     state: Literal["open", "closed"]
 
 
-class Obstacle(_Spec):
+class Obstacle(StrictModel):
     """A box or a cylinder that stands there all at once; it waits until its place is free.
 
     Nothing stands over a hole in the floor: what is to appear ``ahead`` of the robot waits until it

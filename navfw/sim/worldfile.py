@@ -7,8 +7,9 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
+from navfw.config.strict_model import StrictModel
 from navfw.landmark_appearance import ARUCO_IDS
 
 __all__ = [
@@ -42,11 +43,7 @@ Name = Annotated[str, Field(min_length=1, max_length=60)]
 Channel = Annotated[float, Field(ge=0.0, le=1.0)]
 
 
-class _Spec(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class TextureSpec(_Spec):
+class TextureSpec(StrictModel):
     """A procedural texture: seeded smooth noise without detail finer than the camera resolves."""
 
     style: Annotated[
@@ -65,7 +62,7 @@ class TextureSpec(_Spec):
     ] = 0.035
 
 
-class RoomSpec(_Spec):
+class RoomSpec(StrictModel):
     """An axis-parallel part of the floor with textures of its own; it adds no solid."""
 
     name: Name
@@ -76,7 +73,7 @@ class RoomSpec(_Spec):
     ceiling: Annotated[str | None, Field(description="texture")] = None
 
 
-class OpeningSpec(_Spec):
+class OpeningSpec(StrictModel):
     """A door gap in a wall."""
 
     name: Name
@@ -85,7 +82,7 @@ class OpeningSpec(_Spec):
     height: Annotated[float, Field(ge=0.1, le=20.0, description="under the lintel [m]")] = 2.05
 
 
-class WallSpec(_Spec):
+class WallSpec(StrictModel):
     """A wall along a polyline (closed when the last point is the first), with openings."""
 
     name: Name
@@ -96,7 +93,7 @@ class WallSpec(_Spec):
     openings: tuple[OpeningSpec, ...] = ()
 
 
-class DoorSpec(_Spec):
+class DoorSpec(StrictModel):
     """A door leaf in an opening. Closed, it fills the gap; open, it has slid into the wall."""
 
     name: Name
@@ -105,7 +102,7 @@ class DoorSpec(_Spec):
     texture: str = "wood"
 
 
-class BoxSpec(_Spec):
+class BoxSpec(StrictModel):
     """A box standing on the floor, or ``base`` above it."""
 
     name: Name
@@ -118,7 +115,7 @@ class BoxSpec(_Spec):
     texture: str = "wood"
 
 
-class CylinderSpec(_Spec):
+class CylinderSpec(StrictModel):
     """An upright cylinder standing on the floor, or ``base`` above it."""
 
     name: Name
@@ -131,7 +128,7 @@ class CylinderSpec(_Spec):
     texture: str = "stone"
 
 
-class MoverSpec(_Spec):
+class MoverSpec(StrictModel):
     """An upright cylinder that walks along a path, whatever is in its way (kinematic).
 
     One that ``yields`` stands still while the robot is near in front of it; the others walk on.
@@ -162,7 +159,7 @@ class MoverSpec(_Spec):
         return self
 
 
-class LandmarkSpec(_Spec):
+class LandmarkSpec(StrictModel):
     """A plate that a camera can recognise: flat, upright, in nobody's way.
 
     It hangs on a wall or box, with its centre on that one's face, unless it is ``free``. A map
@@ -190,7 +187,7 @@ class LandmarkSpec(_Spec):
         return self
 
 
-class DropSpec(_Spec):
+class DropSpec(StrictModel):
     """An axis-parallel hole in the floor: a pit, or with ``steps`` stairs down."""
 
     name: Name
@@ -208,7 +205,7 @@ class DropSpec(_Spec):
     walls: Annotated[str, Field(description="texture of its sides and risers")] = "dark"
 
 
-class LightSpec(_Spec):
+class LightSpec(StrictModel):
     """One directional light and an even one; their sum is about 1 for a well exposed image."""
 
     direction: Annotated[
@@ -224,7 +221,7 @@ class LightSpec(_Spec):
         return self
 
 
-class WorldSpec(_Spec):
+class WorldSpec(StrictModel):
     """A world: its bounds, floor, walls, doors and furniture, who walks there, and how it looks.
 
     Every wall, door, box, cylinder, mover, landmark and drop has a name of its own; contacts and

@@ -29,10 +29,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from navfw.config.document import KeyPath, YamlDocument, key_text, load_yaml
 from navfw.config.lookup import project_folder, shipped_folder
+from navfw.config.strict_model import StrictModel
 from navfw.config.yamlfile import validate
 from navfw.errors import ConfigError, InputError, UnknownNameError
 from navfw.missions.events import EventSpec
@@ -67,11 +68,7 @@ def _ascending(interval: tuple[float, float]) -> tuple[float, float]:
     return interval
 
 
-class _SuiteModel(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class EntrySpec(_SuiteModel):
+class EntrySpec(StrictModel):
     """One line of a suite: a world, a folder of worlds, or a family of generated ones."""
 
     name: Annotated[Name | None, Field(description="in the table [default: world or family]")] = (
@@ -136,7 +133,7 @@ class EntrySpec(_SuiteModel):
         return _options(given)
 
 
-class VariantSpec(_SuiteModel):
+class VariantSpec(StrictModel):
     """One way to run all of a suite, to be compared with the others."""
 
     stack: Annotated[
@@ -156,7 +153,7 @@ def _options(given: Mapping[str, Any]) -> tuple[str, ...]:
     return tuple(f"{key}={json.dumps(value)}" for key, value in given.items())
 
 
-class SuiteSpec(_SuiteModel):
+class SuiteSpec(StrictModel):
     """A suite as its file has it."""
 
     description: Annotated[str, Field(description="one line for a person")] = ""

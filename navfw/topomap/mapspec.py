@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
+from navfw.config.strict_model import StrictModel
 from navfw.topomap.elements import LandmarkKind, PlaceKind
 
 __all__ = ["EdgeSpec", "LandmarkSpec", "MapSpec", "PlaceSpec"]
@@ -14,11 +15,7 @@ Share = Annotated[float, Field(ge=0.0, le=1.0)]
 Coordinate = Annotated[float, Field(ge=-1e6, le=1e6)]
 
 
-class _Spec(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class PlaceSpec(_Spec):
+class PlaceSpec(StrictModel):
     """A place as the file has it."""
 
     x: Annotated[Coordinate, Field(description="in the map frame [m]")]
@@ -26,7 +23,7 @@ class PlaceSpec(_Spec):
     kind: Annotated[PlaceKind, Field(description="what a robot finds there")] = "room"
 
 
-class EdgeSpec(_Spec):
+class EdgeSpec(StrictModel):
     """A passage as the file has it; lengths that are wrong are found with the places known."""
 
     from_: Annotated[str, Field(alias="from", description="a place")]
@@ -46,7 +43,7 @@ class EdgeSpec(_Spec):
     uncertainty: Annotated[Share, Field(description="0 to 1: is it open at all?")] = 0.0
 
 
-class LandmarkSpec(_Spec):
+class LandmarkSpec(StrictModel):
     """A landmark as the file has it: a flat upright square."""
 
     kind: Annotated[LandmarkKind, Field(description="how it is recognised")] = "aruco"
@@ -60,12 +57,12 @@ class LandmarkSpec(_Spec):
     size: Annotated[float, Field(gt=0.0, le=10.0, description="length of its side [m]")] = 0.25
 
 
-class MapSpec(_Spec):
+class MapSpec(StrictModel):
     """A whole map file."""
 
     name: Annotated[str, Field(min_length=1, description="of the map")]
     places: Annotated[dict[str, PlaceSpec], Field(description="by name")]
-    edges: Annotated[list[EdgeSpec], Field(description="passages between places")] = []
-    landmarks: Annotated[
-        dict[str, LandmarkSpec], Field(description="what a camera can recognise, by name")
-    ] = {}
+    edges: list[EdgeSpec] = Field(default_factory=list, description="passages between places")
+    landmarks: dict[str, LandmarkSpec] = Field(
+        default_factory=dict, description="what a camera can recognise, by name"
+    )

@@ -91,7 +91,10 @@ OK = "def propose(self, context): pass"
     ("cls", "message"),
     [
         (3, "expected a class, got 3"),
-        (build("class Thing: pass"), "not derived from a base class of plugins; derive it from one of"),
+        (
+            build("class Thing: pass"),
+            "not derived from a base class of plugins; derive it from one of",
+        ),
         (
             build("class Thing(Behavior, Planner): pass"),
             "derived from Behavior and Planner at once",

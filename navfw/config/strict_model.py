@@ -1,0 +1,13 @@
+"""The base class of the models that data files are validated against."""
+
+from __future__ import annotations
+
+from pydantic import BaseModel, ConfigDict
+
+__all__ = ["StrictModel"]
+
+
+class StrictModel(BaseModel):
+    """A frozen model that accepts neither unknown keys nor infinite or NaN numbers."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
