@@ -14,7 +14,7 @@ from navfw.egomotion.camera_motion import camera_motion, yaw_rotation
 from navfw.robot import RobotModel
 from navfw.signals import CameraMotion, Frame, FramePair, Image, Pose
 from navfw.sim import Simulation, WorldSpec, load_world
-from navfw.sim.worldfile import BoxSpec, CylinderSpec, WallSpec
+from navfw.sim.worldspec import BoxSpec, CylinderSpec, WallSpec
 
 __all__ = ["MOTIONS", "WORLDS", "TruePair", "corridor_world", "load_worlds", "rendered_pairs"]
 
@@ -128,11 +128,11 @@ def rendered_pairs(
         with Simulation(world, robot, _start(world, robot), 0) as simulation:
             for k in range(places):
                 here = _free_pose(simulation, rng)
-                after, depth = simulation.look_from(here)
+                after, depth = simulation.render_from(here)
                 for motion_name, variants in motions.items():
                     step = variants[k % len(variants)]
                     past = here.compose(step.relative(Pose(0.0, 0.0, 0.0)))
-                    before, _ = simulation.look_from(past)
+                    before, _ = simulation.render_from(past)
                     true = camera_motion(robot, past, here, PERIOD)
                     frames = (_exposed(image, noise, rng) for image in (before, after))
                     pair = FramePair(

@@ -14,9 +14,9 @@ from navfw.features.posters import Posters
 from navfw.interfaces import FeatureRecognizer
 from navfw.robot import RobotModel
 from navfw.signals import Frame, Image, LandmarkDetection, Pose
-from navfw.sim.sensors import SensorParams
+from navfw.sim.sensor_models import SensorParams
 from navfw.sim.simulation import Simulation
-from navfw.sim.worldfile import LandmarkSpec, WallSpec, WorldSpec
+from navfw.sim.worldspec import LandmarkPlateSpec, WallSpec, WorldSpec
 from navfw.topomap import Landmark, LandmarkKind, Place, TopoMap
 
 __all__ = ["ANGLES", "DISTANCES", "SIZES", "bench_landmarks", "tables", "view_of"]
@@ -35,7 +35,7 @@ _WIDEST = 0.55
 
 
 def view_of(
-    simulation: Simulation, mark: LandmarkSpec, distance: float, angle: float, aside: float
+    simulation: Simulation, mark: LandmarkPlateSpec, distance: float, angle: float, aside: float
 ) -> tuple[Image, float, float]:
     """The image of a landmark, and its true bearing [rad] and range [m] in base_link.
 
@@ -49,7 +49,7 @@ def view_of(
     pose = Pose(
         x - camera.mount_forward * math.cos(yaw), y - camera.mount_forward * math.sin(yaw), yaw
     )
-    image, _ = simulation.look_from(pose)
+    image, _ = simulation.render_from(pose)
     ahead, left = pose.to_local(*mark.at)
     return image, math.atan2(left, ahead), math.hypot(ahead, left)
 
@@ -149,7 +149,9 @@ def _rms(values: np.ndarray[Any, np.dtype[np.float64]]) -> float:
 def _hall(kind: LandmarkKind) -> WorldSpec:
     """A hall with one landmark in the middle of its end wall."""
     outline = ((0.05, 0.05), (9.95, 0.05), (9.95, 11.95), (0.05, 11.95), (0.05, 0.05))
-    mark = LandmarkSpec(name="mark", kind=kind, id=0, at=(9.9, 6.0), yaw=math.pi, size=SIZES[kind])
+    mark = LandmarkPlateSpec(
+        name="mark", kind=kind, id=0, at=(9.9, 6.0), yaw=math.pi, size=SIZES[kind]
+    )
     return WorldSpec(
         name="hall",
         x=(0.0, 10.0),

@@ -24,9 +24,9 @@ from navfw.flow.refinement import refine
 from navfw.robot import RobotModel
 from navfw.signals import Array, CameraMotion, FlowField, Frame, FramePair, Image, Pose, Twist
 from navfw.sim.camera import DepthImage
-from navfw.sim.sensors import Gyro, SensorParams, WheelEncoders
+from navfw.sim.sensor_models import GyroModel, SensorParams, WheelEncoderModel
 from navfw.sim.simulation import Simulation
-from navfw.sim.worldfile import WorldSpec
+from navfw.sim.worldspec import WorldSpec
 
 __all__ = ["VIEWS_PER_WORLD", "Sample", "ideal_flow", "samples_of_world"]
 
@@ -81,8 +81,8 @@ def _sample(
         return None
     motion, twist, past_time, now_time = found
     past_pose = view.before(now_time - past_time)
-    past, _ = sim.look_from(past_pose)
-    now, depth = sim.look_from(view.pose)
+    past, _ = sim.render_from(past_pose)
+    now, depth = sim.render_from(view.pose)
     frames = [
         Frame(t, _noisy(rng, image, sensors.image_noise))
         for t, image in ((past_time, past), (now_time, now))
@@ -114,8 +114,8 @@ def _pair(
     rng: np.random.Generator, robot: RobotModel, view: View, sensors: SensorParams
 ) -> tuple[CameraMotion, Twist, float, float] | None:
     """Measured motion, measured twist, and times of both frames of the pair; None when none is."""
-    gyro = Gyro(sensors, rng)
-    wheels = WheelEncoders(sensors, robot, rng)
+    gyro = GyroModel(sensors, rng)
+    wheels = WheelEncoderModel(sensors, robot, rng)
     odometer = Odometer(robot)
     buffer = FrameBuffer(robot, PairingParams(max_rotation=0.12))  # as navfw/stacks/default.yaml
     speeds = np.array(robot.wheel_speeds(view.twist))

@@ -18,9 +18,9 @@ import numpy as np
 from navfw.robot import RobotModel
 from navfw.signals import Pose, Twist, wrap_angle
 from navfw.sim.floorplan import FloorPlan
-from navfw.sim.layout import opening_segment, wall_segments
-from navfw.sim.shapes import Disc, Rectangle, Shape, overlap_depth
-from navfw.sim.worldfile import (
+from navfw.sim.shapes import Circle, Rectangle, Shape, overlap_depth
+from navfw.sim.solids import opening_segment, wall_segments
+from navfw.sim.worldspec import (
     BoxSpec,
     CylinderSpec,
     OpeningSpec,
@@ -137,7 +137,7 @@ def _furnished(rng: np.random.Generator, world: WorldSpec, boxes: dict[str, Box]
     """``world`` with up to seven boxes and cylinders a room, clear of doors and each other."""
     plan = FloorPlan.from_world(world)
     taken: list[Shape] = [solid.shape for solid in plan.solids]
-    doors = [Disc(*o.at, CLEAR_OF_DOORS) for wall in world.walls for o in wall.openings]
+    doors = [Circle(*o.at, CLEAR_OF_DOORS) for wall in world.walls for o in wall.openings]
     made: list[BoxSpec | CylinderSpec] = []
     for room, (x0, x1, y0, y1) in boxes.items():
         # a corridor stays passable: little things along its walls
@@ -152,7 +152,7 @@ def _furnished(rng: np.random.Generator, world: WorldSpec, boxes: dict[str, Box]
                 yaw = float(rng.uniform(-math.pi, math.pi))
                 shape = Rectangle(x, y, 0.5 * float(size[0]), 0.5 * float(size[1]), yaw)
             else:
-                shape = Disc(x, y, 0.5 * float(rng.uniform(0.2, largest)))
+                shape = Circle(x, y, 0.5 * float(rng.uniform(0.2, largest)))
             if any(overlap_depth(shape, other) > -0.02 for other in [*taken, *doors]):
                 continue
             taken.append(shape)
@@ -167,7 +167,7 @@ def _furnished(rng: np.random.Generator, world: WorldSpec, boxes: dict[str, Box]
 
 def _thing(shape: Shape, name: str, height: float, texture: str) -> BoxSpec | CylinderSpec:
     at = (shape.x, shape.y)
-    if isinstance(shape, Disc):
+    if isinstance(shape, Circle):
         return CylinderSpec(name=name, at=at, radius=shape.radius, height=height, texture=texture)
     size = (2.0 * shape.half_x, 2.0 * shape.half_y, height)
     return BoxSpec(name=name, at=at, size=size, yaw=shape.yaw, texture=texture)

@@ -43,9 +43,9 @@ from navfw.offis.pyramid import QUADRANTS
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Array, Pose
 from navfw.sim.camera import DepthImage
-from navfw.sim.layout import opening_segment, solids_of, wall_segments
 from navfw.sim.shapes import Rectangle
-from navfw.sim.worldfile import WorldSpec
+from navfw.sim.solids import opening_segment, solids_of, wall_segments
+from navfw.sim.worldspec import WorldSpec
 
 __all__ = ["Truth", "WallTruth", "true_term", "truth_of"]
 

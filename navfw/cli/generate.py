@@ -31,7 +31,7 @@ def generate(
 ) -> None:
     """Generate a world that can be crossed; drive it with navfw run FOLDER cross."""
     from navfw.worldgen import generate as make
-    from navfw.worldgen.model import MISSION
+    from navfw.worldgen.generated_world import MISSION
 
     with quiet_stdout():
         made = make(family, seed, difficulty)

@@ -36,8 +36,8 @@ def import_(
     json: Json = False,
 ) -> None:
     """Import a Gazebo world; drive it with navfw run FOLDER cross."""
-    from navfw.worldgen.gazebo import import_world
-    from navfw.worldgen.model import MISSION
+    from navfw.worldgen.gazebo_import import import_world
+    from navfw.worldgen.generated_world import MISSION
 
     with quiet_stdout():
         begin = _numbers("--start", start, ("X", "Y", "YAW"))

@@ -25,21 +25,21 @@ from navfw.config.strict_model import StrictModel
 from navfw.errors import ConfigError, UnknownNameError
 from navfw.fault_injection import Failure
 from navfw.signals import Pose
-from navfw.sim.actions import (
-    Action,
+from navfw.sim.drop_geometry import drop_under
+from navfw.sim.event_actions import (
     CameraFault,
     DoorChange,
     EncoderFault,
+    EventAction,
     GyroFault,
-    Light,
+    LightChange,
     Obstacle,
     Slippery,
     Textureless,
     WeakWheel,
 )
-from navfw.sim.drops import drop_under
 from navfw.sim.textures import STOCK
-from navfw.sim.worldfile import WorldSpec
+from navfw.sim.worldspec import WorldSpec
 from navfw.topomap import TopoMap
 
 __all__ = [
@@ -99,7 +99,7 @@ class EventSpec(StrictModel):
     )
     weak_wheel: Annotated[WeakWheel | None, Field(description="a wheel that lags behind")] = None
     slippery: Annotated[Slippery | None, Field(description="wheels that spin")] = None
-    light: Annotated[Light | None, Field(description="lamps that go dim or out")] = None
+    light: Annotated[LightChange | None, Field(description="lamps that go dim or out")] = None
     textureless: Annotated[Textureless | None, Field(description="walls that go blank")] = None
     behavior: Annotated[BehaviorFault | None, Field(description="a plugin that fails")] = None
     door: Annotated[DoorChange | None, Field(description="a door that opens or closes")] = None
@@ -133,7 +133,7 @@ class Event:
     ``lasting`` [s] may be infinite. ``given`` is the action as the file has it.
     """
 
-    action: Action | BehaviorFault
+    action: EventAction | BehaviorFault
     given: Mapping[str, Any]
     at: float | None = None
     point: tuple[float, float] | None = None
@@ -284,7 +284,7 @@ class _Checker:
         place = self.topo_map.places[near.place]
         return place.x, place.y
 
-    def _check(self, action: Action | BehaviorFault, path: KeyPath) -> None:
+    def _check(self, action: EventAction | BehaviorFault, path: KeyPath) -> None:
         match action:
             case BehaviorFault():
                 self._known("behavior", action.name, self.behaviors, (*path, "name"))

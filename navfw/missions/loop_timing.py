@@ -22,7 +22,7 @@ from navfw.missions.session import Session
 from navfw.recording.run_log import RunLog
 from navfw.signals import Pose
 from navfw.sim.movers import MoverTrack
-from navfw.sim.reference import Reference
+from navfw.sim.reference_renderer import ReferenceRenderer
 
 __all__ = ["Lap", "bench_loop", "one_core", "peak_memory_mb", "summarize"]
 
@@ -132,12 +132,12 @@ def _drive(session: Session, seconds: float) -> _Drive:
     return _Drive(lap, run.track, movers)
 
 
-def _reference(session: Session) -> Reference:
+def _reference(session: Session) -> ReferenceRenderer:
     spec = session.mission.spec
-    return Reference(session.world, spec.robot.camera, spec.sensors.resolved().supersample)
+    return ReferenceRenderer(session.world, spec.robot.camera, spec.sensors.resolved().supersample)
 
 
-def _pybullet_frame(drive: _Drive, reference: Reference) -> float:
+def _pybullet_frame(drive: _Drive, reference: ReferenceRenderer) -> float:
     """The median wall time [s] that PyBullet takes for a frame of this drive.
 
     It draws only what can be seen, as the simulation does; hiding the rest is not counted.

@@ -38,8 +38,8 @@ from navfw.missions.events import EventSpec
 from navfw.missions.starts import Unknown, UnknownStart, draw_start, start_candidates
 from navfw.robot import RobotModel
 from navfw.signals import Array, Pose, Waypoint
-from navfw.sim.sensors import SensorParams
-from navfw.sim.worldfile import DropSpec
+from navfw.sim.sensor_models import SensorParams
+from navfw.sim.worldspec import DropSpec
 from navfw.topomap import Passage, Place, TopoMap, load_map
 
 __all__ = [

@@ -12,7 +12,7 @@ from navfw.baselines.surroundings import Surroundings
 from navfw.errors import SimulationError
 from navfw.flow.ideal import Ideal
 from navfw.signals import Array, CameraMotion, Frame, FramePair
-from navfw.sim.shapes import Disc, Shape
+from navfw.sim.shapes import Circle, Shape
 from navfw.sim.simulation import Simulation
 from navfw.stack import Stack
 
@@ -45,10 +45,10 @@ class SimulatorTruth:
         robot = self._simulation.true_pose()
         here = np.array([[robot.x, robot.y]])
         near = [shape for shape in self._standing() if float(shape.distance(here)[0]) <= reach]
-        edges, discs, walkers = [], [], []
+        edges, circles, walkers = [], [], []
         for shape in near:
-            if isinstance(shape, Disc):
-                discs.append([*robot.to_local(shape.x, shape.y), shape.radius])
+            if isinstance(shape, Circle):
+                circles.append([*robot.to_local(shape.x, shape.y), shape.radius])
             else:
                 corners = [robot.to_local(x, y) for x, y in shape.corners]
                 edges += [[corners[i - 1], corners[i]] for i in range(4)]
@@ -60,7 +60,7 @@ class SimulatorTruth:
                 walkers.append([*robot.to_local(mover.x, mover.y), mover.spec.radius, *velocity])
         return Surroundings(
             _array(edges).reshape(-1, 2, 2),
-            _array(discs).reshape(-1, 3),
+            _array(circles).reshape(-1, 3),
             _array(walkers).reshape(-1, 5),
         )
 

@@ -80,7 +80,7 @@ def outline_of(plan: FloorPlan) -> WorldOutline:
     return WorldOutline(
         walls=[corners for solid, corners in rectangles if solid.kind in {"wall", "door"}],
         furniture=[corners for solid, corners in rectangles if solid.kind in {"box", "drop"}],
-        discs=[OutlineDisc(disc.x, disc.y, disc.radius) for _, disc in plan.discs()],
+        discs=[OutlineDisc(circle.x, circle.y, circle.radius) for _, circle in plan.circles()],
     )
 
 

@@ -34,12 +34,13 @@ from navfw.missions.run_metrics import RunMetrics, measure
 from navfw.missions.runner import Progress, RunResult, Task, run_task
 from navfw.recording.sensor_recording import SensorRecorder
 from navfw.signals import Array
-from navfw.sim.changes import ChangeTrack
 from navfw.sim.floorplan import FloorPlan
 from navfw.sim.movers import MoverTrack
 from navfw.sim.simulation import Simulation
-from navfw.sim.worldcheck import check_world
-from navfw.sim.worldfile import WorldSpec, load_world
+from navfw.sim.world_changes import ChangeTrack
+from navfw.sim.world_check import check_world
+from navfw.sim.worldfile import load_world
+from navfw.sim.worldspec import WorldSpec
 from navfw.stack import Stack
 
 if TYPE_CHECKING:

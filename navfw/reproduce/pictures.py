@@ -15,7 +15,7 @@ from navfw.reproduce.tables import FAST, SceneRow, WaypointRow
 from navfw.reproduce.trajectory import Moment
 from navfw.signals import FlowField, Image
 from navfw.sim.floorplan import FloorPlan
-from navfw.sim.worldfile import WorldSpec
+from navfw.sim.worldspec import WorldSpec
 
 __all__ = ["draw_map", "scene_picture", "waypoint_picture"]
 
@@ -85,7 +85,7 @@ def draw_map(path: Path, world: WorldSpec, way: list[Moment], rows: list[Waypoin
     for shape, corners in plan.rectangles():
         wall = "wall" in shape.name or "partition" in shape.name
         axes.add_patch(Polygon(corners, facecolor="#4A4A4A" if wall else "#D9D2C5"))
-    for _, disc in plan.discs():
+    for _, disc in plan.circles():
         axes.add_patch(Circle((disc.x, disc.y), disc.radius, facecolor="#D9D2C5"))
     axes.plot([m.pose.x for m in way], [m.pose.y for m in way], color="#0072B2", linewidth=1.5)
     for row in rows:

@@ -11,7 +11,14 @@ from dataclasses import dataclass
 
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Pose
-from navfw.sim.worldfile import BoxSpec, CylinderSpec, OpeningSpec, TextureSpec, WallSpec, WorldSpec
+from navfw.sim.worldspec import (
+    BoxSpec,
+    CylinderSpec,
+    OpeningSpec,
+    TextureSpec,
+    WallSpec,
+    WorldSpec,
+)
 
 __all__ = ["COLS", "IMAGE", "ROWS", "SCENES", "STEP", "OfficeScene", "hand_held"]
 

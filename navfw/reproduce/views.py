@@ -20,9 +20,9 @@ from navfw.offis.offis import Offis
 from navfw.robot import RobotModel
 from navfw.signals import CameraMotion, FlowField, Frame, FramePair, Image, Percept, Pose, Twist
 from navfw.sim.camera import DepthImage
-from navfw.sim.sensors import SensorParams
+from navfw.sim.sensor_models import SensorParams
 from navfw.sim.simulation import Simulation
-from navfw.sim.worldfile import WorldSpec
+from navfw.sim.worldspec import WorldSpec
 
 __all__ = ["Eye", "Reading", "Shot", "front_of", "judge", "read"]
 
@@ -79,8 +79,8 @@ class Eye:
     def look(self, past: Pose, now: Pose, dt: float) -> Shot:
         """The images from two poses ``dt`` [s] apart."""
         robot = self.robot
-        before, _ = self._sim.look_from(past)
-        after, depth = self._sim.look_from(now)
+        before, _ = self._sim.render_from(past)
+        after, depth = self._sim.render_from(now)
         motion = camera_motion(robot, past, now, dt, slip=0.0)
         step = past.relative(now)
         twist = Twist(float(np.hypot(step.x, step.y)) / dt, step.yaw / dt)

@@ -9,8 +9,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from navfw.sim.floorplan import FloorPlan
-from navfw.sim.sensors import SensorParams
-from navfw.sim.worldfile import WorldSpec, load_world
+from navfw.sim.sensor_models import SensorParams
+from navfw.sim.worldfile import load_world
+from navfw.sim.worldspec import WorldSpec
 
 if TYPE_CHECKING:
     from navfw.sim.simulation import Simulation

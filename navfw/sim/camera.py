@@ -14,9 +14,9 @@ from navfw.signals import Array, Image
 from navfw.sim.raster import Light, depth_buffer
 from navfw.sim.scenery import Scenery
 from navfw.sim.visibility import field_of_view
-from navfw.sim.worldfile import LightSpec
+from navfw.sim.worldspec import LightSpec
 
-__all__ = ["Camera", "DepthImage", "Shot", "projection_matrix"]
+__all__ = ["Camera", "DepthImage", "RenderRequest", "projection_matrix"]
 
 NEAR, FAR = 0.03, 40.0
 """Clipping planes [m]."""
@@ -30,7 +30,7 @@ _WIDEST = 2.8
 _RIGHT_UP_BACK = np.array([[1.0], [-1.0], [-1.0]])
 
 
-class Shot(NamedTuple):
+class RenderRequest(NamedTuple):
     """A picture to be taken: what renderers are told (see ``Raster.draw``).
 
     ``view`` and ``projection`` are (4, 4), ``eye`` (3,) [m], ``size`` (width, height) [px].
@@ -126,13 +126,13 @@ class Camera:
 
     def aim(
         self, position: tuple[float, float, float], turn: tuple[float, float, float, float]
-    ) -> Shot:
+    ) -> RenderRequest:
         """What is to be drawn, with the scenery ready for it."""
         scale = self._supersample
         eye, axes = self.placed(position, turn)
         self._scenery.look(eye, *field_of_view(axes, *self._reach))
         size = (self.model.width * scale, self.model.height * scale)
-        return Shot(_view(eye, axes), self._projection, eye, size, self._light)
+        return RenderRequest(_view(eye, axes), self._projection, eye, size, self._light)
 
     def expose(self, clean: Image) -> Image:
         """The image as the sensor delivers it: with noise."""

@@ -13,12 +13,12 @@ import numpy.typing as npt
 
 from navfw.errors import WorldError
 from navfw.signals import Array
-from navfw.sim.drops import drop_rectangle
-from navfw.sim.layout import solids_of
-from navfw.sim.shapes import Disc, Rectangle, Shape
-from navfw.sim.worldfile import WorldSpec
+from navfw.sim.drop_geometry import drop_rectangle
+from navfw.sim.shapes import Circle, Rectangle, Shape
+from navfw.sim.solids import solids_of
+from navfw.sim.worldspec import WorldSpec
 
-__all__ = ["FloorPlan", "NamedShape", "OccupancyGrid"]
+__all__ = ["ConfigurationSpaceGrid", "FloorPlan", "NamedShape"]
 
 CELL = 0.05
 """Edge [m] of the cells that shortest paths are searched on."""
@@ -36,7 +36,7 @@ class NamedShape:
 
 
 @dataclass(frozen=True, slots=True)
-class OccupancyGrid:
+class ConfigurationSpaceGrid:
     """``occupied`` (rows, cols) bool; row 0 at the lowest y, column 0 at the lowest x.
 
     Cell (i, j) has its middle at ``origin + (j + 0.5, i + 0.5) * cell`` [m].
@@ -91,10 +91,10 @@ class FloorPlan:
             if isinstance(solid.shape, Rectangle):
                 yield solid, solid.shape.corners
 
-    def discs(self) -> Iterator[tuple[NamedShape, Disc]]:
-        """Every disc."""
+    def circles(self) -> Iterator[tuple[NamedShape, Circle]]:
+        """Every circle."""
         for solid in self.solids:
-            if isinstance(solid.shape, Disc):
+            if isinstance(solid.shape, Circle):
                 yield solid, solid.shape
 
     # --- clearance ----------------------------------------------------------------------------
@@ -139,7 +139,7 @@ class FloorPlan:
                 f" the robot needs {radius:g} m: choose a freer place"
             )
 
-    def occupancy(self, radius: float = 0.0, cell: float = CELL) -> OccupancyGrid:
+    def occupancy(self, radius: float = 0.0, cell: float = CELL) -> ConfigurationSpaceGrid:
         """Where the middle of a robot of that radius [m] cannot be."""
         x0, y0, x1, y1 = self.bounds
         columns, rows = math.ceil((x1 - x0) / cell - 1e-9), math.ceil((y1 - y0) / cell - 1e-9)
@@ -153,7 +153,7 @@ class FloorPlan:
             & (grid[:, 1] <= y1 - radius)
         )
         occupied = (self.clearances(grid) < radius) | ~inside
-        return OccupancyGrid((x0, y0), cell, occupied.reshape(rows, columns))
+        return ConfigurationSpaceGrid((x0, y0), cell, occupied.reshape(rows, columns))
 
     # --- shortest paths -----------------------------------------------------------------------
 
@@ -199,10 +199,12 @@ class FloorPlan:
         return grid.middle(rows[cells], columns[cells])
 
     @cached_property
-    def _graphs(self) -> dict[float, tuple[OccupancyGrid, npt.NDArray[np.int64], object]]:
+    def _graphs(self) -> dict[float, tuple[ConfigurationSpaceGrid, npt.NDArray[np.int64], object]]:
         return {}
 
-    def _search_graph(self, radius: float) -> tuple[OccupancyGrid, npt.NDArray[np.int64], object]:
+    def _search_graph(
+        self, radius: float
+    ) -> tuple[ConfigurationSpaceGrid, npt.NDArray[np.int64], object]:
         """The grid, the number of each free cell (-1: occupied), and the graph between them."""
         if radius not in self._graphs:
             grid = self.occupancy(radius)
@@ -213,7 +215,7 @@ class FloorPlan:
         return self._graphs[radius]
 
     def _free_cell(
-        self, grid: OccupancyGrid, numbers: npt.NDArray[np.int64], x: float, y: float
+        self, grid: ConfigurationSpaceGrid, numbers: npt.NDArray[np.int64], x: float, y: float
     ) -> int:
         """Number of the free cell nearest to a free point."""
         rows, columns = np.nonzero(numbers >= 0)

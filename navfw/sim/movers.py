@@ -15,7 +15,7 @@ from itertools import pairwise
 import numpy as np
 
 from navfw.signals import Array, Pose
-from navfw.sim.worldfile import MoverSpec
+from navfw.sim.worldspec import MoverSpec
 
 __all__ = ["CLOSING", "POLITE_DISTANCE", "Mover", "MoverTrack", "Walkway", "caused_by_robot"]
 

@@ -19,7 +19,7 @@ from navfw.sim.meshes import Mesh
 from navfw.sim.raster_kernels import cover
 from navfw.sim.raster_shading import shade
 
-__all__ = ["Light", "Picture", "Raster", "depth_buffer"]
+__all__ = ["Light", "Raster", "RenderedImage", "depth_buffer"]
 
 Floats = npt.NDArray[np.float32]
 
@@ -40,7 +40,7 @@ class Light:
 
 
 @dataclass(frozen=True, slots=True)
-class Picture:
+class RenderedImage:
     """What was drawn: ``rgb`` (height, width, 3), and minus its clip ``depth`` (height, width)."""
 
     rgb: Image
@@ -58,7 +58,7 @@ class _Body:
 
 
 @dataclass(frozen=True, slots=True)
-class _Scene:
+class _PackedBodies:
     """All bodies' arrays, one after the other (see ``cover`` and ``shade``)."""
 
     points: Floats
@@ -92,7 +92,7 @@ class Raster:
         self._shown: Mask | None = None
         self._hidden: set[int] = set()
         self._images: list[Image] = []
-        self._scene: _Scene | None = None
+        self._scene: _PackedBodies | None = None
         self._texels: tuple[npt.NDArray[np.int64], Image] | None = None
         self._next = 0
 
@@ -154,7 +154,7 @@ class Raster:
         eye: Array,
         size: tuple[int, int],
         light: Light,
-    ) -> Picture:
+    ) -> RenderedImage:
         """What a camera at ``eye`` (3,) [m] sees, ``size`` (width, height) [px].
 
         ``view`` (4, 4) leads from the map to the camera's axes (right, up, back) and
@@ -197,11 +197,11 @@ class Raster:
             light.diffuse,
             rgb,
         )
-        return Picture(rgb, nearest[::-1])
+        return RenderedImage(rgb, nearest[::-1])
 
     # ------------------------------------------------------------------------------------------
 
-    def _compiled(self) -> _Scene:
+    def _compiled(self) -> _PackedBodies:
         if self._scene is None:
             bodies = list(self._bodies.values())
             points = np.cumsum([0, *(len(b.points) for b in bodies)])
@@ -210,7 +210,7 @@ class Raster:
             corners = [b.corners + first for b, first in zip(bodies, points[:-1], strict=True)]
             textures = np.repeat([b.texture for b in bodies], np.diff(faces)).astype(np.int64)
             tables, texels = self._all_texels()
-            self._scene = _Scene(
+            self._scene = _PackedBodies(
                 points=_joined([b.points for b in bodies], (3,)),
                 corners=np.concatenate([np.empty((0, 3), np.int64), *corners]).astype(np.int32),
                 runs=runs.astype(np.int32),

@@ -18,7 +18,7 @@ import numpy as np
 from navfw.robot import RobotModel
 from navfw.signals import Array, Pose, wrap_angle
 from navfw.sim.engine import bullet
-from navfw.sim.scene import BODY_GROUP, FLOOR_GROUP, SOLID_GROUP, WHEEL_GROUP
+from navfw.sim.physics_world import BODY_GROUP, FLOOR_GROUP, SOLID_GROUP, WHEEL_GROUP
 
 __all__ = ["BodyState", "RobotBody", "Touch", "pose_of", "robot_urdf"]
 

@@ -17,15 +17,15 @@ import numpy as np
 from navfw.landmark_appearance import plate_image
 from navfw.signals import Array, Image
 from navfw.sim.display import Display
-from navfw.sim.drops import Tread, drop_at, treads_of
-from navfw.sim.layout import Solid, solids_of
+from navfw.sim.drop_geometry import Tread, drop_at, treads_of
+from navfw.sim.landmark_plates import plate_bounds, plate_mesh
 from navfw.sim.meshes import Mesh, box_mesh, cylinder_mesh, smooth_sides, splits
-from navfw.sim.plates import plate_mesh, plate_outline
 from navfw.sim.raster import Raster
 from navfw.sim.shapes import Rectangle
+from navfw.sim.solids import Solid, solids_of
 from navfw.sim.textures import STOCK, stock_texture, synthesize
-from navfw.sim.visibility import Outline, Visibility
-from navfw.sim.worldfile import RoomSpec, TextureSpec, WorldSpec
+from navfw.sim.visibility import PartBounds, Visibility
+from navfw.sim.worldspec import RoomSpec, TextureSpec, WorldSpec
 
 __all__ = ["Scenery"]
 
@@ -86,13 +86,13 @@ class Scenery:
         walls = [s for s in solids if s.kind in ("wall", "lintel")]
         things = [s for s in solids if s.kind in ("box", "cylinder")]
         self._bodies: list[int] = []
-        outlines: list[Outline] = []
+        outlines: list[PartBounds] = []
         # what is in front first, so that the wall behind it is never shaded
         for mark in world.landmarks:
             grey = plate_image(mark.kind, mark.id)
             plate = self._load_image(np.repeat(grey[..., None], 3, axis=2))
             self._bodies.append(self._add(plate_mesh(mark), plate))
-            outlines.append(plate_outline(mark))
+            outlines.append(plate_bounds(mark))
         if len(things) <= _FEW:
             for thing in things:
                 self._bodies.append(self.show(thing))
@@ -267,7 +267,7 @@ class Scenery:
 
 
 def _visibility(
-    world: WorldSpec, solids: Sequence[Solid], outlines: Sequence[Outline]
+    world: WorldSpec, solids: Sequence[Solid], outlines: Sequence[PartBounds]
 ) -> Visibility:
     """Walls hide what is behind them if nothing at all looks over them."""
     highest = max([wall.height for wall in world.walls], default=0.0)
@@ -280,7 +280,7 @@ def _visibility(
     return Visibility(hiding, highest, outlines)
 
 
-def _parts_of(patches: Sequence[_Patch]) -> Iterable[tuple[str, Mesh, Outline]]:
+def _parts_of(patches: Sequence[_Patch]) -> Iterable[tuple[str, Mesh, PartBounds]]:
     """Patches of one texture put together: those on one plane if possible, else neighbours."""
     for key in _keys():
         parts: dict[tuple[object, ...], list[_Patch]] = {}
@@ -298,7 +298,7 @@ def _parts_of(patches: Sequence[_Patch]) -> Iterable[tuple[str, Mesh, Outline]]:
         if plane is not None:
             direction = math.atan2(plane[0], -plane[1]) if abs(plane[2]) < 0.5 else 0.0
             plane = (*plane[:3], plane[3] - _SLACK)
-        yield part[0].texture, mesh, Outline.around(np.array(mesh.vertices), direction, plane)
+        yield part[0].texture, mesh, PartBounds.around(np.array(mesh.vertices), direction, plane)
 
 
 def _keys() -> Iterator[Callable[[_Patch], tuple[object, ...]]]:
@@ -364,11 +364,11 @@ def _patch_of(thing: Solid) -> _Patch:
     return _Patch(thing.texture, mesh)
 
 
-def _outline_of(thing: Solid) -> Outline:
+def _outline_of(thing: Solid) -> PartBounds:
     shape = thing.shape
     if isinstance(shape, Rectangle):
-        return Outline(shape.corners)
-    return Outline(Rectangle(shape.x, shape.y, shape.radius, shape.radius).corners)
+        return PartBounds(shape.corners)
+    return PartBounds(Rectangle(shape.x, shape.y, shape.radius, shape.radius).corners)
 
 
 def _yaw_of(solid: Solid) -> float:

@@ -1,4 +1,4 @@
-"""Plane geometry of solids: rectangles and discs, distances to them, and whether they overlap."""
+"""Plane geometry of solids: rectangles and circles, distances to them, and whether they overlap."""
 
 from __future__ import annotations
 
@@ -9,7 +9,10 @@ import numpy as np
 
 from navfw.signals import Array
 
-__all__ = ["Disc", "Rectangle", "Shape", "gap_between", "overlap_depth"]
+__all__ = ["OVERLAP_TOLERANCE", "Circle", "Rectangle", "Shape", "gap_between", "overlap_depth"]
+
+OVERLAP_TOLERANCE = 0.002
+"""Two solids of a world file may overlap by this much [m]: coordinates are rounded."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,8 +53,8 @@ class Rectangle:
 
 
 @dataclass(frozen=True, slots=True)
-class Disc:
-    """A disc around (x, y) [m]."""
+class Circle:
+    """A circle around (x, y) [m]."""
 
     x: float
     y: float
@@ -69,14 +72,14 @@ class Disc:
         return result
 
 
-Shape = Rectangle | Disc
+Shape = Rectangle | Circle
 
 
 def overlap_depth(a: Shape, b: Shape) -> float:
     """How far [m] two shapes reach into each other; not positive when they do not overlap."""
-    if isinstance(a, Disc):
+    if isinstance(a, Circle):
         return a.radius - float(b.distance(np.array([[a.x, a.y]]))[0])
-    if isinstance(b, Disc):
+    if isinstance(b, Circle):
         return overlap_depth(b, a)
     # separating axes of two convex polygons: the edge normals of both
     depth = math.inf
@@ -90,9 +93,9 @@ def overlap_depth(a: Shape, b: Shape) -> float:
 
 def gap_between(a: Shape, b: Shape) -> float:
     """Free distance [m] between two shapes; not positive when they touch or overlap."""
-    if isinstance(a, Disc):
+    if isinstance(a, Circle):
         return float(b.distance(np.array([[a.x, a.y]]))[0]) - a.radius
-    if isinstance(b, Disc):
+    if isinstance(b, Circle):
         return gap_between(b, a)
     # a pair of circumscribed circles settles most cases
     circles = math.hypot(a.half_x, a.half_y) + math.hypot(b.half_x, b.half_y)

@@ -17,22 +17,22 @@ import numpy as np
 from navfw.errors import SimulationError, WorldError
 from navfw.robot import RobotModel
 from navfw.signals import Array, CameraMotion, Frame, Image, Pose, SensorReading, wrap_angle
-from navfw.sim.actions import Action, DoorChange, Obstacle, Textureless
 from navfw.sim.camera import DepthImage
-from navfw.sim.changes import Changes, ChangeTrack
+from navfw.sim.camera_rig import CameraRig, Dice, Timings
 from navfw.sim.display import Display
-from navfw.sim.drops import fallen_into
+from navfw.sim.drop_geometry import fallen_into
 from navfw.sim.engine import bullet
-from navfw.sim.faults import Faults
+from navfw.sim.event_actions import DoorChange, EventAction, Obstacle, Textureless
 from navfw.sim.floorplan import FloorPlan
+from navfw.sim.injected_faults import InjectedFaults
 from navfw.sim.movers import Mover, MoverTrack, caused_by_robot
-from navfw.sim.rig import CameraRig, Dice, Timings
+from navfw.sim.physics_world import PhysicsWorld
 from navfw.sim.robot_body import BodyState, RobotBody, Touch, pose_of
-from navfw.sim.scene import Scene
 from navfw.sim.scenery import Scenery
-from navfw.sim.sensors import Gyro, SensorParams, WheelEncoders
-from navfw.sim.worldcheck import check_world
-from navfw.sim.worldfile import WorldSpec
+from navfw.sim.sensor_models import GyroModel, SensorParams, WheelEncoderModel
+from navfw.sim.world_changes import ChangeTrack, WorldChanges
+from navfw.sim.world_check import check_world
+from navfw.sim.worldspec import WorldSpec
 
 __all__ = ["PHYSICS_RATE", "Simulation", "Timings"]
 
@@ -89,7 +89,7 @@ class Simulation:
         for_camera, for_gyro, for_encoders, for_faults, for_landmarks, for_their_faults = (
             np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(6)
         )
-        self._faults = Faults(for_faults)
+        self._faults = InjectedFaults(for_faults)
         try:
             bullet.setGravity(0.0, 0.0, -_GRAVITY, physicsClientId=self._client)
             bullet.setTimeStep(1.0 / PHYSICS_RATE, physicsClientId=self._client)
@@ -97,8 +97,8 @@ class Simulation:
                 deterministicOverlappingPairs=1, physicsClientId=self._client
             )
             scenery = Scenery(world, Display(self._client) if gui else None)
-            self._scene = Scene(world, self._client, scenery)
-            self._changes = Changes(world, self._scene)
+            self._scene = PhysicsWorld(world, self._client, scenery)
+            self._changes = WorldChanges(world, self._scene)
             self._body = RobotBody(robot, self._client, start)
             self._rig = CameraRig(
                 robot,
@@ -110,8 +110,8 @@ class Simulation:
                 self.timings,
                 landmark_frames,
             )
-            self._gyro = Gyro(sensors, for_gyro, _READINGS_AHEAD)
-            self._encoders = WheelEncoders(sensors, robot, for_encoders, _READINGS_AHEAD)
+            self._gyro = GyroModel(sensors, for_gyro, _READINGS_AHEAD)
+            self._encoders = WheelEncoderModel(sensors, robot, for_encoders, _READINGS_AHEAD)
             self._settle()
         except BaseException:
             self.close()
@@ -160,7 +160,7 @@ class Simulation:
             raise SimulationError(f"wheel speeds must be finite, got {left}, {right}")
         self._body.drive(*self._faults.wheels(left, right))
 
-    def begin(self, action: Action) -> None:
+    def begin(self, action: EventAction) -> None:
         """An event: from now on something is wrong, or the world is another."""
         if isinstance(action, DoorChange | Obstacle | Textureless):
             self._changes.begin(action, self.true_pose())
@@ -169,7 +169,7 @@ class Simulation:
             self._rig.landmark_faults.begin(action)
         self._settle_events()
 
-    def end(self, action: Action) -> None:
+    def end(self, action: EventAction) -> None:
         """The event is over: what ``begin`` changed is as it was."""
         if isinstance(action, DoorChange | Obstacle | Textureless):
             self._changes.end(action)
@@ -296,7 +296,7 @@ class Simulation:
         """
         return self._rig.true_motion(past, now)
 
-    def look_from(self, pose: Pose) -> tuple[Image, DepthImage]:
+    def render_from(self, pose: Pose) -> tuple[Image, DepthImage]:
         """Image without noise and depth [m] as the camera would see them from another pose."""
         turn = (0.0, 0.0, math.sin(0.5 * pose.yaw), math.cos(0.5 * pose.yaw))
         self._scene.show_movers()

@@ -18,7 +18,7 @@ import numpy as np
 from navfw.signals import Array, Image
 
 if TYPE_CHECKING:
-    from navfw.sim.worldfile import TextureSpec
+    from navfw.sim.worldspec import TextureSpec
 
 __all__ = ["RESOLUTION", "STOCK", "TILE", "luminance_pattern", "stock_texture", "synthesize"]
 
@@ -46,7 +46,7 @@ STOCK: Mapping[str, Mapping[str, object]] = MappingProxyType(
 
 def stock_texture(name: str) -> TextureSpec:
     """The stock texture of that name; KeyError when there is none."""
-    from navfw.sim.worldfile import TextureSpec
+    from navfw.sim.worldspec import TextureSpec
 
     return TextureSpec.model_validate(dict(STOCK[name]))
 

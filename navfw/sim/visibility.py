@@ -18,7 +18,7 @@ import numpy.typing as npt
 from navfw.signals import Array, Mask
 from navfw.sim.shapes import Rectangle
 
-__all__ = ["Outline", "Visibility", "field_of_view"]
+__all__ = ["PartBounds", "Visibility", "field_of_view"]
 
 _BEHIND = 1e-6
 """What lies less than this [m] behind a wall's face is that face itself."""
@@ -29,7 +29,7 @@ _WIDER = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
-class Outline:
+class PartBounds:
     """Where a part of the world is: within the convex polygon ``corners`` (4, 2) [m] of the plan.
 
     ``plane`` is given for parts that are seen from one side only: they face towards (x, y, z) with
@@ -45,7 +45,7 @@ class Outline:
         points: Array,
         direction: float = 0.0,
         plane: tuple[float, float, float, float] | None = None,
-    ) -> Outline:
+    ) -> PartBounds:
         """The rectangle with sides along ``direction`` [rad] that holds points (N, 2 or more)."""
         c, s = math.cos(direction), math.sin(direction)
         turn = np.array([[c, s], [-s, c]])
@@ -58,7 +58,7 @@ class Visibility:
     """Tells which of ``outlines`` are seen over, between and beside ``walls`` of a height [m]."""
 
     def __init__(
-        self, walls: Sequence[Rectangle], height: float, outlines: Sequence[Outline]
+        self, walls: Sequence[Rectangle], height: float, outlines: Sequence[PartBounds]
     ) -> None:
         self._height = height
         edges = [np.hstack([r.corners, np.roll(r.corners, -1, axis=0)]) for r in walls]

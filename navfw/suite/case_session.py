@@ -22,7 +22,7 @@ from navfw.missions.mission_file import (
 from navfw.missions.session import Session, mission_stack, prepare, split_overrides
 from navfw.signals import Pose, Waypoint
 from navfw.sim.floorplan import FloorPlan
-from navfw.sim.worldfile import WorldSpec
+from navfw.sim.worldspec import WorldSpec
 from navfw.stack import Stack
 from navfw.topomap import TopoMap
 

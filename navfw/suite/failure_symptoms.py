@@ -20,7 +20,7 @@ from navfw.mofis.mofis import Mofis
 from navfw.recording.run_log import Contact, RunLog
 from navfw.signals import Array, Odometry, Pose, wrap_angle
 from navfw.sim.floorplan import FloorPlan, NamedShape
-from navfw.sim.shapes import Disc
+from navfw.sim.shapes import Circle
 from navfw.suite.failure_causes import (
     CollisionSymptoms,
     FailureSymptoms,
@@ -103,7 +103,7 @@ def _touched_point(result: MissionResult, contact: Contact) -> Array:
     if movers is not None and contact.body in movers.names:
         index = movers.names.index(contact.body)
         x, y = movers.at(np.array([contact.time]))[0, index]
-        shapes = [NamedShape(contact.body, "mover", Disc(x, y, float(movers.radii[index])))]
+        shapes = [NamedShape(contact.body, "mover", Circle(x, y, float(movers.radii[index])))]
     else:
         shapes = [solid for solid in plan.solids if solid.name == contact.body]
         shapes += [

@@ -7,7 +7,7 @@
 
 from __future__ import annotations
 
-from navfw.worldgen.generate import FAMILIES, generate
-from navfw.worldgen.model import GeneratedWorld
+from navfw.worldgen.generated_world import GeneratedWorld
+from navfw.worldgen.generation import FAMILIES, generate
 
 __all__ = ["FAMILIES", "GeneratedWorld", "generate"]

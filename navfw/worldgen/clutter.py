@@ -6,15 +6,15 @@ import math
 
 import numpy as np
 
-from navfw.sim.shapes import Disc, Rectangle
-from navfw.worldgen.draft import WALL, Draft, blend
+from navfw.sim.shapes import Circle, Rectangle
+from navfw.worldgen.world_draft import WALL, WorldDraft, blend
 
 __all__ = ["build"]
 
 
-def build(rng: np.random.Generator, difficulty: float) -> Draft:
+def build(rng: np.random.Generator, difficulty: float) -> WorldDraft:
     """8 to 12 m square or oblong; the way leads from one side to the other."""
-    draft = Draft.begin(rng, rng.uniform(8.0, 12.0), rng.uniform(8.0, 12.0))
+    draft = WorldDraft.begin(rng, rng.uniform(8.0, 12.0), rng.uniform(8.0, 12.0))
     draft.enclose(draft.palette.draw("wall"))
     gap = blend(1.2, 0.75, difficulty)
     draft.description = f"A walled area with boxes and cylinders at least {gap:.2f} m apart."
@@ -29,7 +29,7 @@ def build(rng: np.random.Generator, difficulty: float) -> Draft:
     return draft
 
 
-def _set_ends(draft: Draft) -> None:
+def _set_ends(draft: WorldDraft) -> None:
     """Start and goal near opposite sides; the way runs along x or y, either way."""
     rng = draft.rng
     size = np.array([draft.x[1], draft.y[1]])
@@ -45,16 +45,16 @@ def _set_ends(draft: Draft) -> None:
     draft.start = (x, y, round(yaw + float(rng.uniform(-0.5, 0.5)), 3))
 
 
-def _try_thing(draft: Draft, gap: float, texture: str) -> None:
+def _try_thing(draft: WorldDraft, gap: float, texture: str) -> None:
     """One thing more at a random place, unless it leaves too narrow a gap."""
     rng = draft.rng
     number = len(draft.shapes) + 1
     height = rng.uniform(0.5, 1.8)
     x, y = rng.uniform(0.0, draft.x[1]), rng.uniform(0.0, draft.y[1])
     if rng.random() < 0.5:
-        disc = Disc(x, y, rng.uniform(0.1, 0.45))
-        if _off_walls(draft, disc.bounds, gap) and draft.has_room(disc, gap):
-            draft.add_cylinder(f"cylinder-{number}", disc, height, texture)
+        circle = Circle(x, y, rng.uniform(0.1, 0.45))
+        if _off_walls(draft, circle.bounds, gap) and draft.has_room(circle, gap):
+            draft.add_cylinder(f"cylinder-{number}", circle, height, texture)
         return
     half_x, half_y = rng.uniform(0.12, 0.5, 2)
     box = Rectangle(x, y, half_x, half_y, rng.uniform(0.0, math.pi))
@@ -62,7 +62,7 @@ def _try_thing(draft: Draft, gap: float, texture: str) -> None:
         draft.add_box(f"box-{number}", box, height, texture)
 
 
-def _off_walls(draft: Draft, bounds: tuple[float, float, float, float], gap: float) -> bool:
+def _off_walls(draft: WorldDraft, bounds: tuple[float, float, float, float], gap: float) -> bool:
     """Whether the gap to every wall is one to pass through, or so small that nobody will try."""
     x0, y0, x1, y1 = bounds
     distances = (x0, y0, draft.x[1] - x1, draft.y[1] - y1)

@@ -8,12 +8,12 @@ from itertools import pairwise
 import networkx as nx
 import numpy as np
 
-from navfw.sim.shapes import Disc, Rectangle
-from navfw.sim.worldfile import DoorSpec, RoomSpec
+from navfw.sim.shapes import Circle, Rectangle
+from navfw.sim.worldspec import DoorSpec, RoomSpec
 from navfw.topomap import PlaceKind
-from navfw.worldgen.draft import ROBOT, WALL, Draft, Point, Unsuitable, blend
 from navfw.worldgen.partition import Area, Gap, Line, boundary_lines, walls_along
 from navfw.worldgen.roadmap import Roadmap
+from navfw.worldgen.world_draft import ROBOT, WALL, Point, Unsuitable, WorldDraft, blend
 
 __all__ = ["build"]
 
@@ -27,7 +27,7 @@ _APPROACH = 0.65
 
 
 @dataclass(frozen=True)
-class Run:
+class CorridorSegment:
     """A straight corridor between two nodes, ``width`` [m] between wall middles."""
 
     a: Node
@@ -49,7 +49,7 @@ class SideDoor:
     out: Point
     width: float
     is_open: bool
-    run: Run
+    run: CorridorSegment
 
     def beside(self, off: float) -> Point:
         """The point ``off`` [m] out of the corridor (negative: into it), square to the wall."""
@@ -63,17 +63,17 @@ class Network:
     graph: nx.Graph
     way: list[Node]
     where: dict[Node, Point]
-    runs: list[Run]
+    runs: list[CorridorSegment]
     areas: list[Area] = field(default_factory=list)
     doors: list[SideDoor] = field(default_factory=list)
 
 
-def build(rng: np.random.Generator, difficulty: float) -> Draft:
+def build(rng: np.random.Generator, difficulty: float) -> WorldDraft:
     """Corridors 1.0 to 2.0 m wide; narrower, with more bends and obstacles, when difficult."""
     network = _plan_network(rng, difficulty)
     _add_side_doors(rng, network, difficulty)
     network, size = _shifted(network)
-    draft = Draft.begin(rng, *size)
+    draft = WorldDraft.begin(rng, *size)
     draft.description = "Bent and branching corridors 1.0 to 2.0 m wide with side doors."
     lines = boundary_lines(network.areas)
     _build_walls(draft, network, lines)
@@ -104,7 +104,9 @@ def _plan_network(rng: np.random.Generator, difficulty: float) -> Network:
             if other not in graph and rng.random() < 0.35:
                 graph.add_edge(node, other)
     low, high = blend(1.5, 1.1, difficulty), blend(2.1, 1.7, difficulty)
-    runs = [Run(a, b, _width(rng, low, high)) for a, b in sorted(map(sorted, graph.edges))]
+    runs = [
+        CorridorSegment(a, b, _width(rng, low, high)) for a, b in sorted(map(sorted, graph.edges))
+    ]
     runs = _same_width_straight_on(runs)
     network = Network(graph, way, {n: where[n] for n in graph}, runs)
     network.areas = [_area(network, run) for run in runs]
@@ -132,17 +134,17 @@ def _bent_walk(rng: np.random.Generator, lattice: nx.Graph, steps: int) -> list[
     raise Unsuitable("no bent way")
 
 
-def _same_width_straight_on(runs: list[Run]) -> list[Run]:
+def _same_width_straight_on(runs: list[CorridorSegment]) -> list[CorridorSegment]:
     """Corridors in one line have one width: a step in a wall would leave a sliver of wall."""
     widths: dict[tuple[int, int], float] = {}
     result = []
     for run in runs:
         line = (run.axis, run.a[1 - run.axis])
-        result.append(Run(run.a, run.b, widths.setdefault(line, run.width)))
+        result.append(CorridorSegment(run.a, run.b, widths.setdefault(line, run.width)))
     return result
 
 
-def _area(network: Network, run: Run) -> Area:
+def _area(network: Network, run: CorridorSegment) -> Area:
     """The floor of a corridor, as far as the far walls of those it meets."""
     half = 0.5 * run.width
     (ax, ay), (bx, by) = network.where[run.a], network.where[run.b]
@@ -154,7 +156,7 @@ def _area(network: Network, run: Run) -> Area:
     return Area((round(x[0], 3), round(x[1], 3)), (round(y[0], 3), round(y[1], 3)))
 
 
-def _reach(network: Network, run: Run, node: Node) -> float:
+def _reach(network: Network, run: CorridorSegment, node: Node) -> float:
     """How far the corridor goes on beyond a node's middle: half the width of what it meets."""
     others = [r.width for r in network.runs if node in (r.a, r.b) and r.axis != run.axis]
     return 0.5 * max(others, default=run.width)
@@ -245,7 +247,7 @@ def _shifted(network: Network) -> tuple[Network, tuple[float, float]]:
 # --- the world --------------------------------------------------------------------------------
 
 
-def _build_walls(draft: Draft, network: Network, lines: list[Line]) -> None:
+def _build_walls(draft: WorldDraft, network: Network, lines: list[Line]) -> None:
     palette = draft.palette
     draft.ceiling = palette.draw("ceiling")
     walls, floors = palette.draw_many("wall", 4), palette.draw_many("floor", 2)
@@ -275,7 +277,7 @@ def _build_walls(draft: Draft, network: Network, lines: list[Line]) -> None:
             )
 
 
-def _add_obstacles(draft: Draft, network: Network, difficulty: float) -> None:
+def _add_obstacles(draft: WorldDraft, network: Network, difficulty: float) -> None:
     """Things along the walls of wide corridors; what is left is wide enough to pass."""
     rng = draft.rng
     gap = blend(0.95, 0.78, difficulty)
@@ -292,7 +294,9 @@ def _add_obstacles(draft: Draft, network: Network, difficulty: float) -> None:
             _try_obstacle(draft, network, run, free - gap, draft.palette.pick(textures))
 
 
-def _try_obstacle(draft: Draft, network: Network, run: Run, deepest: float, texture: str) -> None:
+def _try_obstacle(
+    draft: WorldDraft, network: Network, run: CorridorSegment, deepest: float, texture: str
+) -> None:
     rng = draft.rng
     begin, end = network.where[run.a], network.where[run.b]
     reach = 0.5 * run.width + 0.3
@@ -308,9 +312,9 @@ def _try_obstacle(draft: Draft, network: Network, run: Run, deepest: float, text
     at = (along, off) if run.axis == 0 else (off, along)
     number = len(draft.shapes) + 1
     if rng.random() < 0.35:
-        disc = Disc(*at, 0.5 * depth)
-        if draft.has_room(disc, 1.1):
-            draft.add_cylinder(f"cylinder-{number}", disc, rng.uniform(0.5, 1.6), texture)
+        circle = Circle(*at, 0.5 * depth)
+        if draft.has_room(circle, 1.1):
+            draft.add_cylinder(f"cylinder-{number}", circle, rng.uniform(0.5, 1.6), texture)
         return
     half = (0.5 * length, 0.5 * depth) if run.axis == 0 else (0.5 * depth, 0.5 * length)
     box = Rectangle(*at, *half)
@@ -321,7 +325,7 @@ def _try_obstacle(draft: Draft, network: Network, run: Run, deepest: float, text
 # --- the map ----------------------------------------------------------------------------------
 
 
-def _chart(draft: Draft, network: Network) -> None:
+def _chart(draft: WorldDraft, network: Network) -> None:
     """Places at nodes and before side doors; along each corridor they are joined in a row."""
     road = Roadmap(draft.plan())
     names = {node: _add_node(road, network, node) for node in sorted(network.graph)}

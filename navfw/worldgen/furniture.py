@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from navfw.sim.shapes import Disc, Rectangle
-from navfw.worldgen.draft import Draft
+from navfw.sim.shapes import Circle, Rectangle
+from navfw.worldgen.world_draft import WorldDraft
 
 __all__ = ["furnish"]
 
@@ -39,7 +39,7 @@ _TO_WALL = 0.02
 
 
 def furnish(
-    draft: Draft,
+    draft: WorldDraft,
     rooms: Sequence[tuple[str, Interval, Interval]],
     density: float,
     gap: float,
@@ -67,7 +67,7 @@ def _pick(rng: np.random.Generator, interval: Interval) -> float:
     return float(rng.uniform(*interval))
 
 
-def _named(draft: Draft, kind: str, room: str) -> str:
+def _named(draft: WorldDraft, kind: str, room: str) -> str:
     taken = {box.name for box in draft.boxes} | {round_.name for round_ in draft.cylinders}
     stem = f"{room}-{kind}"
     number = 1
@@ -77,7 +77,7 @@ def _named(draft: Draft, kind: str, room: str) -> str:
 
 
 def _along_wall(
-    draft: Draft, room: str, x: Interval, y: Interval, gap: float, textures: tuple[str, ...]
+    draft: WorldDraft, room: str, x: Interval, y: Interval, gap: float, textures: tuple[str, ...]
 ) -> bool:
     """A box with its back to one of the four walls, in a corner or a passage away from it."""
     rng = draft.rng
@@ -104,16 +104,16 @@ def _along_wall(
 
 
 def _standing_free(
-    draft: Draft, room: str, x: Interval, y: Interval, gap: float, textures: tuple[str, ...]
+    draft: WorldDraft, room: str, x: Interval, y: Interval, gap: float, textures: tuple[str, ...]
 ) -> bool:
     """A box or a round thing in the middle, that can be passed on all sides."""
     rng = draft.rng
     at = float(rng.uniform(*x)), float(rng.uniform(*y))
     texture = draft.palette.pick(textures)
-    shape: Disc | Rectangle
+    shape: Circle | Rectangle
     if rng.random() < 0.6:
         kind, radii, heights = _FREE_ROUND[int(rng.integers(len(_FREE_ROUND)))]
-        shape = Disc(*at, _pick(rng, radii))
+        shape = Circle(*at, _pick(rng, radii))
     else:
         kind, lengths, depths, heights = _FREE_BOXES[int(rng.integers(len(_FREE_BOXES)))]
         yaw = _pick(rng, (0.0, math.pi))
@@ -122,7 +122,7 @@ def _standing_free(
     x0, y0, x1, y1 = shape.bounds
     if min(x0 - x[0], x[1] - x1, y0 - y[0], y[1] - y1) < gap or not draft.has_room(shape, gap):
         return False
-    if isinstance(shape, Disc):
+    if isinstance(shape, Circle):
         draft.add_cylinder(_named(draft, kind, room), shape, height, texture)
     else:
         draft.add_box(_named(draft, kind, room), shape, height, texture)

@@ -8,9 +8,9 @@ import networkx as nx
 import numpy as np
 
 from navfw.topomap import PlaceKind
-from navfw.worldgen.draft import WALL, Draft, Point, Unsuitable, blend
 from navfw.worldgen.partition import Line, walls_along
 from navfw.worldgen.roadmap import Roadmap
+from navfw.worldgen.world_draft import WALL, Point, Unsuitable, WorldDraft, blend
 
 __all__ = ["build"]
 
@@ -19,13 +19,13 @@ _LONGEST = 30.0
 """No way through a maze is longer than about this [m]."""
 
 
-def build(rng: np.random.Generator, difficulty: float) -> Draft:
+def build(rng: np.random.Generator, difficulty: float) -> WorldDraft:
     """5 to 8 cells a side, each 1.6 m wide when easy, 1.1 m when difficult."""
     cell = round(
         float(np.clip(blend(1.55, 1.15, difficulty) + rng.uniform(-0.05, 0.05), 1.1, 1.6)), 3
     )
     columns, rows = (int(n) for n in rng.integers(5, 7, 2) + round(2.0 * difficulty))
-    draft = Draft.begin(rng, columns * cell + WALL, rows * cell + WALL)
+    draft = WorldDraft.begin(rng, columns * cell + WALL, rows * cell + WALL)
     draft.enclose(draft.palette.draw("wall"))
     draft.ceiling = draft.palette.draw("ceiling")
     maze = _carve(rng, columns, rows, loops=blend(0.2, 0.06, difficulty))
@@ -93,7 +93,7 @@ def _ends(rng: np.random.Generator, maze: nx.Graph, cell: float) -> tuple[Cell, 
     return start, farthest[int(rng.integers(len(farthest)))]
 
 
-def _chart(draft: Draft, maze: nx.Graph, cell: float, goal: Cell) -> None:
+def _chart(draft: WorldDraft, maze: nx.Graph, cell: float, goal: Cell) -> None:
     """A place for every cell where the way bends, branches or ends."""
     road = Roadmap(draft.plan())
     names: dict[Cell, str] = {}

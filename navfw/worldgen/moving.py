@@ -9,9 +9,9 @@ import numpy as np
 
 from navfw.robot import SideViews
 from navfw.sim.floorplan import FloorPlan
-from navfw.sim.shapes import Disc, Rectangle
-from navfw.sim.worldfile import MoverSpec
-from navfw.worldgen.draft import ROBOT, Draft, Point, Unsuitable, blend
+from navfw.sim.shapes import Circle, Rectangle
+from navfw.sim.worldspec import MoverSpec
+from navfw.worldgen.world_draft import ROBOT, Point, Unsuitable, WorldDraft, blend
 
 __all__ = ["build"]
 
@@ -24,9 +24,9 @@ PEDESTRIANS = "pedestrians"
 """The stack for such places."""
 
 
-def build(rng: np.random.Generator, difficulty: float) -> Draft:
+def build(rng: np.random.Generator, difficulty: float) -> WorldDraft:
     """Two to seven people; the more difficult, the more of them do not yield."""
-    draft = Draft.begin(rng, rng.uniform(8.0, 12.0), rng.uniform(6.5, 9.5))
+    draft = WorldDraft.begin(rng, rng.uniform(8.0, 12.0), rng.uniform(6.5, 9.5))
     draft.enclose(draft.palette.draw("wall"))
     count = int(np.clip(round(blend(2, 6, difficulty) + rng.uniform(-1, 1)), 2, 7))
     _set_ends(draft)
@@ -43,7 +43,7 @@ def build(rng: np.random.Generator, difficulty: float) -> Draft:
     return draft
 
 
-def _set_ends(draft: Draft) -> None:
+def _set_ends(draft: WorldDraft) -> None:
     """From one end of the room to the other."""
     rng = draft.rng
     width, depth = draft.x[1], draft.y[1]
@@ -56,7 +56,7 @@ def _set_ends(draft: Draft) -> None:
     draft.set_ends(start, goal)
 
 
-def _stand_things(draft: Draft, count: int) -> None:
+def _stand_things(draft: WorldDraft, count: int) -> None:
     rng = draft.rng
     textures = draft.palette.draw_many("thing", 3)
     for _ in range(20 * count):
@@ -65,9 +65,9 @@ def _stand_things(draft: Draft, count: int) -> None:
         at = rng.uniform(1.5, draft.x[1] - 1.5), rng.uniform(1.5, draft.y[1] - 1.5)
         number, texture = len(draft.shapes) + 1, draft.palette.pick(textures)
         if rng.random() < 0.5:
-            disc = Disc(*at, rng.uniform(0.15, 0.4))
-            if draft.has_room(disc, 1.4):
-                draft.add_cylinder(f"column-{number}", disc, rng.uniform(0.7, 2.2), texture)
+            circle = Circle(*at, rng.uniform(0.15, 0.4))
+            if draft.has_room(circle, 1.4):
+                draft.add_cylinder(f"column-{number}", circle, rng.uniform(0.7, 2.2), texture)
             continue
         half_x, half_y = rng.uniform(0.2, 0.5, 2)
         box = Rectangle(*at, half_x, half_y, rng.uniform(0.0, math.pi))
@@ -75,7 +75,7 @@ def _stand_things(draft: Draft, count: int) -> None:
             draft.add_box(f"box-{number}", box, rng.uniform(0.5, 1.4), texture)
 
 
-def _add_person(draft: Draft, plan: FloorPlan, name: str, yields: bool, texture: str) -> None:
+def _add_person(draft: WorldDraft, plan: FloorPlan, name: str, yields: bool, texture: str) -> None:
     """Someone with a way of two to four points that leads through nothing.
 
     Start and goal are not walked over: a robot that waits there is left in peace.
@@ -109,7 +109,7 @@ def _add_person(draft: Draft, plan: FloorPlan, name: str, yields: bool, texture:
     raise Unsuitable("nowhere to walk")
 
 
-def _is_free(draft: Draft, plan: FloorPlan, legs: list[tuple[Point, Point]]) -> bool:
+def _is_free(draft: WorldDraft, plan: FloorPlan, legs: list[tuple[Point, Point]]) -> bool:
     ends = np.array([draft.start[:2], draft.goal])
     for a, b in legs:
         line = np.linspace(a, b, max(int(math.dist(a, b) / 0.05), 2))

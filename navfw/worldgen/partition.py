@@ -9,8 +9,8 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from navfw.sim.worldfile import OpeningSpec, WallSpec
-from navfw.worldgen.draft import WALL
+from navfw.sim.worldspec import OpeningSpec, WallSpec
+from navfw.worldgen.world_draft import WALL
 
 __all__ = ["Area", "Gap", "Line", "boundary_lines", "walls_along"]
 

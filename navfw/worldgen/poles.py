@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from navfw.sim.shapes import Disc
-from navfw.worldgen.draft import POLES, QUICK, ROBOT, WALL, Draft, blend
+from navfw.sim.shapes import Circle
+from navfw.worldgen.world_draft import POLES, QUICK, ROBOT, WALL, WorldDraft, blend
 
 __all__ = ["build"]
 
@@ -21,10 +21,10 @@ _RUN_UP = 1.6
 """Free floor [m] before and behind the field."""
 
 
-def build(rng: np.random.Generator, difficulty: float) -> Draft:
+def build(rng: np.random.Generator, difficulty: float) -> WorldDraft:
     """A field 4.5 m wide and 5.4 m long, crossed lengthwise."""
     width, length = _ROWS * CELL + 2 * WALL, _LENGTH * CELL + 2 * _RUN_UP
-    draft = Draft.begin(rng, length, width)
+    draft = WorldDraft.begin(rng, length, width)
     draft.enclose(draft.palette.draw("wall"), height=1.6)
     filled = _automaton(rng, blend(0.17, 0.235, difficulty))
     draft.description = "A field of thin poles between walls, clustered as in BARN worlds."
@@ -34,7 +34,7 @@ def build(rng: np.random.Generator, difficulty: float) -> Draft:
     textures = draft.palette.draw_many("thing", 4)
     for number, (x, y, radius) in enumerate(_poles(rng, filled), start=1):
         texture = draft.palette.pick(textures)
-        draft.add_cylinder(f"pole-{number}", Disc(x, y, radius), rng.uniform(0.8, 1.5), texture)
+        draft.add_cylinder(f"pole-{number}", Circle(x, y, radius), rng.uniform(0.8, 1.5), texture)
     return draft
 
 
@@ -68,7 +68,7 @@ def _poles(rng: np.random.Generator, filled: npt.NDArray[np.bool_]) -> list[list
     return poles
 
 
-def _set_ends(draft: Draft) -> None:
+def _set_ends(draft: WorldDraft) -> None:
     """From one end of the field to the other, either way."""
     rng = draft.rng
     y_start, y_goal = rng.uniform(0.3, 0.7, 2) * draft.y[1]

@@ -17,7 +17,7 @@ from navfw.errors import WorldError
 from navfw.signals import Array
 from navfw.sim.floorplan import FloorPlan
 from navfw.topomap import Passage, Place, PlaceKind, TopoMap
-from navfw.worldgen.draft import Point, Unsuitable
+from navfw.worldgen.world_draft import Point, Unsuitable
 
 __all__ = ["Roadmap"]
 

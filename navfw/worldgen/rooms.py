@@ -10,10 +10,10 @@ from itertools import combinations
 import networkx as nx
 import numpy as np
 
-from navfw.sim.worldfile import OpeningSpec, RoomSpec, WallSpec
-from navfw.worldgen.draft import WALL, Draft, Point, Unsuitable, blend
+from navfw.sim.worldspec import OpeningSpec, RoomSpec, WallSpec
 from navfw.worldgen.furniture import furnish
 from navfw.worldgen.roadmap import Roadmap
+from navfw.worldgen.world_draft import WALL, Point, Unsuitable, WorldDraft, blend
 
 __all__ = ["build"]
 
@@ -76,12 +76,12 @@ class House:
     doors: list[Door] = field(default_factory=list)
 
 
-def build(rng: np.random.Generator, difficulty: float) -> Draft:
+def build(rng: np.random.Generator, difficulty: float) -> WorldDraft:
     """Two to six rooms; more of them, more furniture and narrower doors when difficult."""
     count = int(np.clip(round(blend(2.5, 5.5, difficulty) + rng.uniform(-1.2, 1.2)), 2, 6))
     area = count * rng.uniform(14.0, 19.0)
     aspect = rng.uniform(1.0, 1.7)
-    draft = Draft.begin(rng, math.sqrt(area * aspect), math.sqrt(area / aspect))
+    draft = WorldDraft.begin(rng, math.sqrt(area * aspect), math.sqrt(area / aspect))
     house = _divide(draft, count)
     _add_doors(rng, house, difficulty)
     _build_walls(draft, house)
@@ -105,7 +105,7 @@ def build(rng: np.random.Generator, difficulty: float) -> Draft:
 # --- rooms and walls --------------------------------------------------------------------------
 
 
-def _divide(draft: Draft, count: int) -> House:
+def _divide(draft: WorldDraft, count: int) -> House:
     """Halve the largest room again and again, across its longer side."""
     rng = draft.rng
     parts = [(draft.x, draft.y)]
@@ -161,7 +161,7 @@ def _add_doors(rng: np.random.Generator, house: House, difficulty: float) -> Non
         raise Unsuitable("a room without a door")
 
 
-def _build_walls(draft: Draft, house: House) -> None:
+def _build_walls(draft: WorldDraft, house: House) -> None:
     palette = draft.palette
     draft.enclose(palette.draw("wall"))
     draft.ceiling = palette.draw("ceiling")
@@ -205,20 +205,20 @@ def _far_apart(house: House, rng: np.random.Generator) -> tuple[Room, Room]:
     return start, farthest[int(rng.integers(len(farthest)))]
 
 
-def _keep_doors_free(draft: Draft, house: House) -> None:
+def _keep_doors_free(draft: WorldDraft, house: House) -> None:
     for door in house.doors:
         draft.keep_free(*door.point(), 1.0)
         for off in (-_APPROACH, _APPROACH):
             draft.keep_free(*door.point(off), 0.5)
 
 
-def _free_point(draft: Draft, room: Room) -> Point:
+def _free_point(draft: WorldDraft, room: Room) -> Point:
     """Somewhere in the room, off its walls."""
     x, y = (draft.rng.uniform(low + 0.75, high - 0.75) for low, high in (room.x, room.y))
     return float(x), float(y)
 
 
-def _faces(draft: Draft, room: Room) -> tuple[tuple[float, float], tuple[float, float]]:
+def _faces(draft: WorldDraft, room: Room) -> tuple[tuple[float, float], tuple[float, float]]:
     """The room's x and y [m] between the faces of its walls; outer walls stand on its edge."""
 
     def inner(span: tuple[float, float], edge: tuple[float, float]) -> tuple[float, float]:
@@ -233,7 +233,7 @@ def _exit(house: House, room: Room) -> Point:
     return next(door.point() for door in house.doors if room.name in door.rooms)
 
 
-def _chart(draft: Draft, house: House, start_room: Room, goal_room: Room) -> None:
+def _chart(draft: WorldDraft, house: House, start_room: Room, goal_room: Room) -> None:
     """The map: doors with a place on either side, a middle for each room, start and goal."""
     road = Roadmap(draft.plan())
     members: dict[str, list[str]] = {room.name: [] for room in house.rooms}

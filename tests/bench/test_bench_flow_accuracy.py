@@ -21,7 +21,7 @@ from navfw.flow.ideal import Ideal
 from navfw.plugins import default_registry
 from navfw.robot import RobotModel
 from navfw.signals import CameraMotion, FramePair
-from navfw.sim.worldcheck import check_world
+from navfw.sim.world_check import check_world
 
 ROBOT = RobotModel()
 

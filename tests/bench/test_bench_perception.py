@@ -14,8 +14,8 @@ from navfw.offis.nearness import triangulate
 from navfw.robot import RobotModel
 from navfw.signals import Pose
 from navfw.sim import Simulation
-from navfw.sim.worldcheck import check_world
-from navfw.sim.worldfile import BoxSpec, OpeningSpec, WallSpec, WorldSpec
+from navfw.sim.world_check import check_world
+from navfw.sim.worldspec import BoxSpec, OpeningSpec, WallSpec, WorldSpec
 
 ROBOT = RobotModel()
 ROOM = WorldSpec(
@@ -67,7 +67,7 @@ def test_an_opening_beside_the_axis_or_too_far_is_no_door_ahead():
 
 def test_the_nearest_object_is_found_in_the_true_depth():
     with Simulation(ROOM, ROBOT, Pose(11.0, 1.0, 0.0), seed=0) as sim:
-        _, depth = sim.look_from(Pose(2.0, 5.75, RIGHT))
+        _, depth = sim.render_from(Pose(2.0, 5.75, RIGHT))
         truth = truth_of(WallTruth(ROOM), Pose(2.0, 5.75, RIGHT), 0.3, depth, ROBOT)
     # the box's face is 0.65 m before the camera, low and on the left
     assert truth.certain == {"P3"}

@@ -21,15 +21,15 @@ from navfw.features.square_localization import is_upright, locate, locate_with_c
 from navfw.landmark_appearance import marker_dictionary, plate_image, poster_image
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Array, Frame, Image, Pose
-from navfw.sim.sensors import SensorParams
+from navfw.sim.sensor_models import SensorParams
 from navfw.sim.simulation import Simulation
-from navfw.sim.worldfile import LandmarkSpec, WallSpec, WorldSpec
+from navfw.sim.worldspec import LandmarkPlateSpec, WallSpec, WorldSpec
 from navfw.topomap import Landmark, Place, TopoMap
 
 ROBOT = RobotModel()
 LARGE = ROBOT.model_copy(update={"camera": ROBOT.landmark_view})
-MARKER = LandmarkSpec(name="marker", id=7, at=(9.9, 4.0), yaw=math.pi)
-POSTER = LandmarkSpec(name="poster", kind="poster", id=3, at=(9.9, 8.0), yaw=math.pi, size=0.5)
+MARKER = LandmarkPlateSpec(name="marker", id=7, at=(9.9, 4.0), yaw=math.pi)
+POSTER = LandmarkPlateSpec(name="poster", kind="poster", id=3, at=(9.9, 8.0), yaw=math.pi, size=0.5)
 
 
 @pytest.fixture(scope="module")

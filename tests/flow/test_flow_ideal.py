@@ -17,7 +17,7 @@ from navfw.plugins import default_registry
 from navfw.robot import RobotModel
 from navfw.signals import Array, CameraMotion, Frame, FramePair, Pose
 from navfw.sim import Simulation, load_world
-from navfw.sim.sensors import SensorParams
+from navfw.sim.sensor_models import SensorParams
 from navfw.stackfile import load_stack
 
 ROBOT = RobotModel()

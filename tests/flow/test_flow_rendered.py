@@ -31,8 +31,8 @@ def office() -> Iterator[Simulation]:
 def rendered_pair(office: Simulation, step: Pose) -> tuple[FramePair, Array]:
     """Frames before and after ``step`` that ends at HERE, and the true flow."""
     past = HERE.compose(step.relative(Pose(0.0, 0.0, 0.0)))
-    before, _ = office.look_from(past)
-    after, depth = office.look_from(HERE)
+    before, _ = office.render_from(past)
+    after, depth = office.render_from(HERE)
     motion = camera_motion(ROBOT, past, HERE, 0.2)
     x, y = np.meshgrid(
         np.arange(CAMERA.width) + 0.5 - 0.5 * CAMERA.width,

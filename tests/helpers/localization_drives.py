@@ -24,7 +24,7 @@ from navfw.signals import (
     Twist,
     wrap_angle,
 )
-from navfw.sim.sensors import Gyro, SensorParams, WheelEncoders
+from navfw.sim.sensor_models import GyroModel, SensorParams, WheelEncoderModel
 from navfw.topomap import Landmark, TopoMap
 
 RATE = 60
@@ -72,7 +72,7 @@ def drive(
 ) -> Iterator[Moment]:
     """The camera frames of a drive with noisy gyro and encoders; the drive itself is exact."""
     robot, sensors = RobotModel(), sensors or SensorParams()
-    gyro, wheels = Gyro(sensors, rng), WheelEncoders(sensors, robot, rng)
+    gyro, wheels = GyroModel(sensors, rng), WheelEncoderModel(sensors, robot, rng)
     odometer = Odometer(robot)
     true, angles, driven, dt = start, [0.0, 0.0], 0.0, 1.0 / RATE
     twist = Twist(0.0, 0.0)

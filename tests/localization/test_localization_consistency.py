@@ -17,7 +17,7 @@ from navfw.localization import metric_filter
 from navfw.localization.ekf import Ekf
 from navfw.localization.motion_model import MotionParams, motion_noise
 from navfw.robot import RobotModel
-from navfw.sim.sensors import PRESETS, SensorParams
+from navfw.sim.sensor_models import PRESETS, SensorParams
 
 Trip = Callable[..., tuple[Report, list[float]]]
 

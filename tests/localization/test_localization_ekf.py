@@ -19,7 +19,7 @@ from navfw.errors import InputError
 from navfw.localization.ekf import Ekf
 from navfw.robot import RobotModel
 from navfw.signals import LandmarkDetection, Odometry, Pose, Twist
-from navfw.sim.sensors import SensorParams
+from navfw.sim.sensor_models import SensorParams
 from navfw.topomap import Landmark, Passage, Place, TopoMap
 
 RING = [(0.0, 0.0), (14.0, 0.0), (14.0, 8.0), (0.0, 8.0), (0.0, 0.0)]

@@ -17,7 +17,7 @@ from navfw.robot import RobotModel
 from navfw.signals import Pose
 from navfw.sim.floorplan import FloorPlan
 from navfw.sim.simulation import Simulation
-from navfw.sim.worldfile import WorldSpec
+from navfw.sim.worldspec import WorldSpec
 from navfw.testing.behavior_scenes import wall_flow
 
 

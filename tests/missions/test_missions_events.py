@@ -16,7 +16,7 @@ from navfw.missions.session import MissionResult, prepare
 from navfw.recording.run_folder import RunFolder, read_result
 from navfw.recording.run_replay import explain_at, replay
 from navfw.signals import Pose
-from navfw.sim.actions import CameraFault, GyroFault
+from navfw.sim.event_actions import CameraFault, GyroFault
 
 MISSION = """\
 start: [1, 1.5, 0.3]

@@ -12,7 +12,7 @@ from navfw.features.aruco import Aruco
 from navfw.missions.starts import start_candidates
 from navfw.robot import RobotModel
 from navfw.signals import Frame, Pose
-from navfw.sim.sensors import SensorParams
+from navfw.sim.sensor_models import SensorParams
 from navfw.sim.simulation import Simulation
 from navfw.sim.worldfile import load_world
 from navfw.topomap import Place, TopoMap, load_map
@@ -43,7 +43,7 @@ def seen_around(simulation: Simulation, hospital: TopoMap, place: Place) -> set[
     found: set[str] = set()
     for view in range(VIEWS):
         yaw = view * 2.0 * math.pi / VIEWS
-        image, _ = simulation.look_from(Pose(place.x, place.y, yaw))
+        image, _ = simulation.render_from(Pose(place.x, place.y, yaw))
         found |= {detection.identity for detection in recognizer.recognize(Frame(0.0, image))}
     return found & hospital.landmarks_by_identity.keys()
 

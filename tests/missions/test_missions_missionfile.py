@@ -13,7 +13,7 @@ from navfw.missions.mission_file import MissionFile, load_mission
 from navfw.missions.session import prepare
 from navfw.robot import RobotModel
 from navfw.sim.floorplan import FloorPlan
-from navfw.sim.sensors import PRESETS, SensorParams
+from navfw.sim.sensor_models import PRESETS, SensorParams
 from navfw.sim.worldfile import load_world
 
 GOOD = """\

@@ -11,9 +11,9 @@ import pytest
 
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Pose
-from navfw.sim.sensors import SensorParams
+from navfw.sim.sensor_models import SensorParams
 from navfw.sim.simulation import Simulation
-from navfw.sim.worldfile import BoxSpec, WallSpec, WorldSpec
+from navfw.sim.worldspec import BoxSpec, WallSpec, WorldSpec
 
 WORLD = WorldSpec(
     name="hall",
@@ -61,7 +61,7 @@ def test_points_fall_where_the_model_says(camera: CameraModel) -> None:
     """Floor points have height 0 and wall points lie on the wall: half a pixel would show."""
     pose = Pose(-1.0, 0.5, 0.6)
     with simulate(camera) as simulation:
-        _, depth = simulation.look_from(pose)
+        _, depth = simulation.render_from(pose)
     points = seen_points(camera, depth, pose)
     floor = (points[..., 2] < 0.05) & (points[..., 0] < 3.6)
     assert floor.mean() > 0.2
@@ -75,7 +75,7 @@ def test_edges_fall_where_the_model_says(sim: Simulation) -> None:
     """The box's left and upper edges, to the pixel."""
     camera = sim.robot.camera
     pose = Pose(0.0, -1.5, 0.0)
-    _, depth = sim.look_from(pose)
+    _, depth = sim.render_from(pose)
     z = 2.0 - camera.mount_forward
     box = np.abs(depth - z) < 0.01
     columns, rows = np.nonzero(box.any(axis=0))[0], np.nonzero(box.any(axis=1))[0]
@@ -90,7 +90,7 @@ def test_edges_fall_where_the_model_says(sim: Simulation) -> None:
 
 def test_texture_repeats_every_two_metres(sim: Simulation) -> None:
     """Two metres before a wall, with f = 80 px, a tile of 2 m is 80 px wide."""
-    image, depth = sim.look_from(Pose(3.9 - 2.0 - 0.1, 2.5, 0.0))
+    image, depth = sim.render_from(Pose(3.9 - 2.0 - 0.1, 2.5, 0.0))
     assert np.allclose(depth[:60], 2.0, atol=1e-3)
     upper = image[:60].astype(float)
     assert upper.std() > 25
@@ -99,7 +99,7 @@ def test_texture_repeats_every_two_metres(sim: Simulation) -> None:
 
 
 def test_walls_and_floors_have_contrast(sim: Simulation) -> None:
-    image, depth = sim.look_from(Pose(1.0, 2.0, 0.2))
+    image, depth = sim.render_from(Pose(1.0, 2.0, 0.2))
     assert 60 < image[np.isfinite(depth)].mean() < 190
     for row in range(0, 120, 24):
         for column in range(0, 144, 24):
@@ -121,9 +121,9 @@ def test_robot_does_not_see_itself(pitch: float) -> None:
 
 def test_supersampling_keeps_the_geometry(sim: Simulation) -> None:
     pose = Pose(0.5, 1.0, 0.4)
-    plain, depth = sim.look_from(pose)
+    plain, depth = sim.render_from(pose)
     with simulate(CameraModel(), PERFECT.model_copy(update={"supersample": 2})) as fine:
-        smooth, fine_depth = fine.look_from(pose)
+        smooth, fine_depth = fine.render_from(pose)
     assert smooth.shape == plain.shape
     shift, _ = cv2.phaseCorrelate(plain.astype(float), smooth.astype(float))
     assert np.abs(shift).max() < 0.1
@@ -135,7 +135,7 @@ def test_image_noise_has_its_spread() -> None:
     with simulate(CameraModel(), PERFECT.model_copy(update={"image_noise": 3.0})) as noisy:
         frame = noisy.read().frame
         assert frame is not None
-        clean, _ = noisy.look_from(noisy.true_pose())
+        clean, _ = noisy.render_from(noisy.true_pose())
     used = (clean > 20) & (clean < 235)
     difference = (frame.image.astype(float) - clean)[used]
     assert difference.std() == pytest.approx(3.0, rel=0.05)
@@ -147,7 +147,7 @@ def test_noise_differs_from_frame_to_frame() -> None:
         first = noisy.read().frame
         noisy.advance(0.1)
         second = noisy.read().frame
-        clean, _ = noisy.look_from(noisy.true_pose())
+        clean, _ = noisy.render_from(noisy.true_pose())
     assert first is not None
     assert second is not None
     used = (clean > 20) & (clean < 235)

@@ -14,11 +14,12 @@ from hypothesis import strategies as st
 from navfw.errors import InputError
 from navfw.robot import RobotModel
 from navfw.signals import Pose
-from navfw.sim.drops import floor_pieces, treads_of
+from navfw.sim.drop_geometry import floor_pieces, treads_of
 from navfw.sim.floorplan import FloorPlan
 from navfw.sim.simulation import Simulation
-from navfw.sim.worldcheck import check_world
-from navfw.sim.worldfile import DropSpec, WorldSpec, load_world
+from navfw.sim.world_check import check_world
+from navfw.sim.worldfile import load_world
+from navfw.sim.worldspec import DropSpec, WorldSpec
 
 PIT = {"name": "pit", "x": [3, 4], "y": [1, 2], "depth": 0.8}
 
@@ -71,7 +72,7 @@ def test_through_the_hole_one_sees_what_lies_below(steps: int, down: str, yaw: f
     robot = RobotModel()
     eye = Pose(2.0, 1.5 - 1.4 * math.sin(yaw), yaw)
     with Simulation(world, robot, Pose(1.0, 1.5, 0.0), seed=0) as simulation:
-        _, depth = simulation.look_from(eye)
+        _, depth = simulation.render_from(eye)
     camera = robot.camera
     v, u = np.mgrid[0 : camera.height, 0 : camera.width]
     x, y = u + 0.5 - camera.width / 2, v + 0.5 - camera.height / 2
@@ -135,8 +136,8 @@ def test_the_floor_plan_leads_around_drops() -> None:
 
 
 WRONG = [
-    ({"x": [5, 7]}, "reaches off the floor, x"),
-    ({"y": [0, 1]}, "'wall' would stand on nothing over 'pit'"),
+    ({"x": [5, 7]}, "extends beyond the floor, x"),
+    ({"y": [0, 1]}, "'wall' would have no floor under it at 'pit'"),
     ({"name": "wall"}, "the body name 'wall' is taken"),
     ({"texture": "ston"}, "did you mean 'stone'?"),
     ({"walls": "drak"}, "did you mean 'dark'?"),
@@ -153,7 +154,7 @@ def test_what_cannot_be_is_an_error(drop: dict[str, Any], says: str) -> None:
 def test_drops_must_not_overlap_nor_lie_in_a_walk() -> None:
     world = hall()
     twin = world.drops[0].model_copy(update={"name": "twin", "x": (3.5, 4.5)})
-    with pytest.raises(InputError, match="'twin' reaches into 'pit'"):
+    with pytest.raises(InputError, match="'twin' overlaps 'pit'"):
         check_world(world.model_copy(update={"drops": (*world.drops, twin)}))
     walk = {"name": "walker", "path": [[1, 1.5], [5, 1.5]]}
     data = world.model_dump(exclude_defaults=True) | {"movers": [walk]}

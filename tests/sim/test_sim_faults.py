@@ -12,23 +12,24 @@ import pytest
 from navfw.config.lookup import find
 from navfw.robot import RobotModel
 from navfw.signals import Frame, Image, Pose, SensorReading
-from navfw.sim.actions import (
-    Action,
+from navfw.sim.drop_geometry import drop_rectangle
+from navfw.sim.event_actions import (
     CameraFault,
     DoorChange,
     EncoderFault,
+    EventAction,
     GyroFault,
-    Light,
+    LightChange,
     Obstacle,
     Slippery,
     Textureless,
     WeakWheel,
 )
-from navfw.sim.changes import CLEAR_OF_ROBOT
-from navfw.sim.drops import drop_rectangle
-from navfw.sim.sensors import SensorParams
+from navfw.sim.sensor_models import SensorParams
 from navfw.sim.simulation import Simulation
-from navfw.sim.worldfile import DoorSpec, DropSpec, OpeningSpec, WallSpec, WorldSpec, load_world
+from navfw.sim.world_changes import CLEAR_OF_ROBOT
+from navfw.sim.worldfile import load_world
+from navfw.sim.worldspec import DoorSpec, DropSpec, OpeningSpec, WallSpec, WorldSpec
 
 ROBOT = RobotModel()
 START = Pose(1.0, 1.5, 0.3)
@@ -56,7 +57,7 @@ def frames(readings: list[SensorReading]) -> list[Frame]:
     return [reading.frame for reading in readings if reading.frame is not None]
 
 
-def look(simulation: Simulation, *actions: Action) -> Image:
+def look(simulation: Simulation, *actions: EventAction) -> Image:
     """The next frame, with ``actions`` in force."""
     for action in actions:
         simulation.begin(action)
@@ -138,8 +139,8 @@ def test_the_field_of_view_is_wider_than_the_robot_believes(room: Simulation) ->
 
 def test_lamps_go_dim_and_out(room: Simulation) -> None:
     clean = look(room).mean()
-    assert look(room, Light(share=0.3)).mean() == pytest.approx(0.3 * clean, rel=0.05)
-    assert look(room, Light(share=0.0)).max() == 0
+    assert look(room, LightChange(share=0.3)).mean() == pytest.approx(0.3 * clean, rel=0.05)
+    assert look(room, LightChange(share=0.0)).max() == 0
     assert look(room).mean() == pytest.approx(clean, abs=0.2)
 
 

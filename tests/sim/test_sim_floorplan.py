@@ -11,18 +11,18 @@ from hypothesis import strategies as st
 
 from navfw.errors import WorldError
 from navfw.sim.floorplan import FloorPlan
-from navfw.sim.shapes import Disc, Rectangle, Shape, overlap_depth
-from navfw.sim.worldfile import BoxSpec, CylinderSpec, OpeningSpec, WallSpec, WorldSpec
+from navfw.sim.shapes import Circle, Rectangle, Shape, overlap_depth
+from navfw.sim.worldspec import BoxSpec, CylinderSpec, OpeningSpec, WallSpec, WorldSpec
 
 RADIUS = 0.18
 places = st.floats(-2.0, 2.0)
 sizes = st.floats(0.1, 1.0)
 rectangles = st.builds(Rectangle, places, places, sizes, sizes, st.floats(-3.0, 3.0))
-discs = st.builds(Disc, places, places, sizes)
+circles = st.builds(Circle, places, places, sizes)
 
 
 def outline(shape: Shape) -> np.ndarray:
-    if isinstance(shape, Disc):
+    if isinstance(shape, Circle):
         angle = np.linspace(0, 2 * math.pi, 721)
         return np.stack(
             [shape.x + shape.radius * np.cos(angle), shape.y + shape.radius * np.sin(angle)], axis=1
@@ -33,7 +33,7 @@ def outline(shape: Shape) -> np.ndarray:
     return np.vstack([a + share * (b - a) for a, b in sides])
 
 
-@given(rectangles | discs, places, places)
+@given(rectangles | circles, places, places)
 @settings(max_examples=60, deadline=None)
 def test_distance_is_that_to_the_outline(shape: Shape, x: float, y: float) -> None:
     signed = float(shape.distance(np.array([[x, y]]))[0])
@@ -41,7 +41,7 @@ def test_distance_is_that_to_the_outline(shape: Shape, x: float, y: float) -> No
     assert abs(signed) == pytest.approx(nearest, abs=0.01)
 
 
-@given(rectangles | discs, rectangles | discs)
+@given(rectangles | circles, rectangles | circles)
 @settings(max_examples=80, deadline=None)
 def test_overlap_agrees_with_sampled_points(a: Shape, b: Shape) -> None:
     depth = overlap_depth(a, b)

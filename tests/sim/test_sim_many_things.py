@@ -9,10 +9,10 @@ from navfw.robot import RobotModel
 from navfw.signals import Pose, Twist
 from navfw.sim import scenery
 from navfw.sim.meshes import box_mesh, cylinder_mesh, smooth_sides
-from navfw.sim.sensors import SensorParams
-from navfw.sim.shapes import Disc, Rectangle, gap_between
+from navfw.sim.sensor_models import SensorParams
+from navfw.sim.shapes import Circle, Rectangle, gap_between
 from navfw.sim.simulation import Simulation
-from navfw.sim.worldfile import BoxSpec, CylinderSpec, OpeningSpec, WallSpec, WorldSpec
+from navfw.sim.worldspec import BoxSpec, CylinderSpec, OpeningSpec, WallSpec, WorldSpec
 
 ROBOT = RobotModel()
 PERFECT = SensorParams.preset("perfect")
@@ -50,7 +50,7 @@ def test_contacts_have_the_name_of_the_thing(start: Pose, name: str) -> None:
 def test_shared_and_separate_bodies_look_alike(monkeypatch: pytest.MonkeyPatch) -> None:
     def view() -> tuple[np.ndarray, np.ndarray]:
         with Simulation(FIELD, ROBOT, Pose(-0.6, 2.3, 0.2), 0, PERFECT) as sim:
-            return sim.look_from(Pose(-0.6, 2.3, 0.2))
+            return sim.render_from(Pose(-0.6, 2.3, 0.2))
 
     image, depth = view()
     monkeypatch.setattr(scenery, "_FEW", 1000)
@@ -116,14 +116,14 @@ def test_smooth_sides() -> None:
 @pytest.mark.parametrize(
     ("a", "b", "gap"),
     [
-        (Disc(0, 0, 0.5), Disc(2, 0, 0.5), 1.0),
-        (Disc(0, 0, 0.5), Rectangle(2, 0, 0.5, 3.0), 1.0),
+        (Circle(0, 0, 0.5), Circle(2, 0, 0.5), 1.0),
+        (Circle(0, 0, 0.5), Rectangle(2, 0, 0.5, 3.0), 1.0),
         (Rectangle(0, 0, 1, 1), Rectangle(3, 0, 1, 1), 1.0),
         (Rectangle(0, 0, 1, 1), Rectangle(3, 3, 1, 1), np.sqrt(2.0)),
         (Rectangle(0, 0, 1, 1), Rectangle(0, 3, 1, 1, np.pi / 4), 2.0 - np.sqrt(2.0)),
         (Rectangle(0, 0, 3, 0.1), Rectangle(0, 0, 0.1, 3), -3.1),
     ],
 )
-def test_gap_between(a: Disc | Rectangle, b: Disc | Rectangle, gap: float) -> None:
+def test_gap_between(a: Circle | Rectangle, b: Circle | Rectangle, gap: float) -> None:
     assert gap_between(a, b) == pytest.approx(gap)
     assert gap_between(b, a) == pytest.approx(gap)

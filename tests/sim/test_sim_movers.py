@@ -14,9 +14,10 @@ from navfw.errors import ConfigError, WorldError
 from navfw.robot import RobotModel
 from navfw.signals import Pose, Twist
 from navfw.sim.movers import Mover, MoverTrack, Walkway, caused_by_robot
-from navfw.sim.sensors import SensorParams
+from navfw.sim.sensor_models import SensorParams
 from navfw.sim.simulation import Simulation
-from navfw.sim.worldfile import BoxSpec, MoverSpec, WorldSpec, load_world
+from navfw.sim.worldfile import load_world
+from navfw.sim.worldspec import BoxSpec, MoverSpec, WorldSpec
 
 ROBOT = RobotModel()
 TICK = 1.0 / 60.0
@@ -99,7 +100,7 @@ def test_is_seen_where_it_is() -> None:
     with simulate(Pose(0, 3, 0), anna()) as sim:
         for _ in range(3):
             drive(sim, 0.0, 1.0)
-            depth = sim.look_from(Pose(-4, 0, 0))[1]
+            depth = sim.render_from(Pose(-4, 0, 0))[1]
             eye = -4 + ROBOT.camera.mount_forward
             surface = sim.movers[0].x - sim.movers[0].spec.radius
             assert depth[60, 80] == pytest.approx(surface - eye, abs=0.02)
@@ -182,7 +183,7 @@ def test_the_same_run_twice() -> None:
     def run() -> tuple[bytes, bytes]:
         with simulate(Pose(-1, 0.2, 0), anna(yields=True)) as sim:
             drive(sim, 0.2, 3.0)
-            return sim.mover_track().points.tobytes(), sim.look_from(Pose(-4, 0, 0))[0].tobytes()
+            return sim.mover_track().points.tobytes(), sim.render_from(Pose(-4, 0, 0))[0].tobytes()
 
     assert run() == run()
 

@@ -13,16 +13,17 @@ from navfw.config.lookup import find
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Pose
 from navfw.sim.floorplan import FloorPlan
-from navfw.sim.layout import solids_of
 from navfw.sim.raster import Raster, depth_buffer
-from navfw.sim.reference import Reference
-from navfw.sim.sensors import SensorParams
+from navfw.sim.reference_renderer import ReferenceRenderer
+from navfw.sim.sensor_models import SensorParams
 from navfw.sim.simulation import Simulation
-from navfw.sim.worldfile import MoverSpec, WorldSpec, load_world
+from navfw.sim.solids import solids_of
+from navfw.sim.worldfile import load_world
+from navfw.sim.worldspec import MoverSpec, WorldSpec
 from navfw.worldgen import FAMILIES, generate
 
 
-def agree(reference: Reference, pose: Pose) -> None:
+def agree(reference: ReferenceRenderer, pose: Pose) -> None:
     """Assert that the raster and PyBullet show the same from ``pose``."""
     shot = reference.aim(pose)
     picture = reference.scenery.raster.draw(*shot)
@@ -33,9 +34,9 @@ def agree(reference: Reference, pose: Pose) -> None:
 
 def everything(
     world: WorldSpec, camera: CameraModel | None = None, supersample: int = 1
-) -> Reference:
+) -> ReferenceRenderer:
     """What is hidden or out of sight is drawn by PyBullet all the same."""
-    return Reference(world, camera or CameraModel(), supersample, cull=False)
+    return ReferenceRenderer(world, camera or CameraModel(), supersample, cull=False)
 
 
 def world_of(name: str) -> WorldSpec:
@@ -65,7 +66,7 @@ def test_pictures_are_those_of_tiny_renderer(name: str) -> None:
 @pytest.mark.parametrize("name", ["office", "moving"])
 def test_they_are_when_tiny_renderer_leaves_out_what_is_out_of_sight(name: str) -> None:
     world = world_of(name)
-    with Reference(world, CameraModel()) as drawn:
+    with ReferenceRenderer(world, CameraModel()) as drawn:
         hidden = []
         for pose in free_poses(world, 6):
             agree(drawn, pose)
@@ -126,10 +127,10 @@ def test_the_reference_shows_what_a_simulation_shows() -> None:
     sensors = SensorParams.preset("perfect")
     with (
         Simulation(world, robot, pose, 0, sensors) as simulation,
-        Reference(world, robot.camera, sensors.supersample) as reference,
+        ReferenceRenderer(world, robot.camera, sensors.supersample) as reference,
     ):
         for _ in range(2):
-            seen = [simulation.look_from(p)[0] for p in (pose, Pose(1.5, 3.0, 0.6))]
+            seen = [simulation.render_from(p)[0] for p in (pose, Pose(1.5, 3.0, 0.6))]
             reference.put_walkers([(mover.x, mover.y) for mover in simulation.movers])
             for image, there in zip(seen, (pose, Pose(1.5, 3.0, 0.6)), strict=True):
                 rgb, _, _ = reference.draw(reference.aim(there))

@@ -1,4 +1,4 @@
-"""Gyro and encoders have the statistics that their parameters say."""
+"""GyroModel and encoders have the statistics that their parameters say."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from navfw.errors import UnknownNameError
 from navfw.robot import RobotModel
 from navfw.signals import Encoders, Inertial
-from navfw.sim.sensors import PRESETS, Gyro, SensorParams, WheelEncoders
+from navfw.sim.sensor_models import PRESETS, GyroModel, SensorParams, WheelEncoderModel
 
 ROBOT = RobotModel()
 DT = 1.0 / 60.0
@@ -19,12 +19,12 @@ QUIET = SensorParams.preset("perfect")
 
 
 def yaw_rates(params: SensorParams, seed: int, count: int, rate: float = 0.0) -> np.ndarray:
-    gyro = Gyro(params, np.random.default_rng(seed))
+    gyro = GyroModel(params, np.random.default_rng(seed))
     return np.array([gyro.read(i * DT, DT, (0.0, 0.0, rate)).yaw_rate for i in range(count)])
 
 
 def ticks(params: SensorParams, seed: int, turns: float, count: int = 600) -> tuple[int, int]:
-    encoders = WheelEncoders(params, ROBOT, np.random.default_rng(seed))
+    encoders = WheelEncoderModel(params, ROBOT, np.random.default_rng(seed))
     reading = None
     for angle in np.linspace(0.0, 2.0 * math.pi * turns, count + 1)[1:]:
         reading = encoders.read(0.0, DT, (angle, angle))
@@ -61,8 +61,8 @@ def test_noise_is_the_same_however_many_readings_ahead_it_is_drawn() -> None:
     params = SensorParams.preset("poor")
 
     def readings(ahead: int) -> list[tuple[Inertial, Encoders]]:
-        gyro = Gyro(params, np.random.default_rng(3), ahead)
-        wheels = WheelEncoders(params, ROBOT, np.random.default_rng(4), ahead)
+        gyro = GyroModel(params, np.random.default_rng(3), ahead)
+        wheels = WheelEncoderModel(params, ROBOT, np.random.default_rng(4), ahead)
         return [
             (gyro.read(i * DT, DT, (0.0, 0.0, 0.3)), wheels.read(i * DT, DT, (0.1 * i, 0.2 * i)))
             for i in range(20)

@@ -10,10 +10,10 @@ from pydantic import ValidationError
 
 from navfw.robot import CameraModel, RobotModel, SideViews
 from navfw.signals import Frame, Pose
-from navfw.sim.actions import CameraFault
-from navfw.sim.sensors import SensorParams
+from navfw.sim.event_actions import CameraFault
+from navfw.sim.sensor_models import SensorParams
 from navfw.sim.simulation import Simulation
-from navfw.sim.worldfile import BoxSpec, CylinderSpec, WorldSpec
+from navfw.sim.worldspec import BoxSpec, CylinderSpec, WorldSpec
 
 WORLD = WorldSpec(
     name="hall",

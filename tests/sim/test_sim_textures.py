@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from navfw.sim.textures import TILE, luminance_pattern, synthesize
-from navfw.sim.worldfile import TextureSpec
+from navfw.sim.worldspec import TextureSpec
 
 STYLES = ["plaster", "carpet", "wood", "stone", "panels"]
 

@@ -17,11 +17,12 @@ from navfw.signals import Pose
 from navfw.sim import simulation
 from navfw.sim.floorplan import FloorPlan
 from navfw.sim.scenery import Scenery
-from navfw.sim.sensors import SensorParams
+from navfw.sim.sensor_models import SensorParams
 from navfw.sim.shapes import Rectangle
 from navfw.sim.simulation import Simulation
-from navfw.sim.visibility import Outline, Visibility, field_of_view
-from navfw.sim.worldfile import WorldSpec, load_world
+from navfw.sim.visibility import PartBounds, Visibility, field_of_view
+from navfw.sim.worldfile import load_world
+from navfw.sim.worldspec import WorldSpec
 from navfw.worldgen import FAMILIES, generate
 
 ROBOT = RobotModel()
@@ -30,7 +31,7 @@ EYE = np.array([0.0, 0.0, 0.35])
 
 
 def seen(points: list[tuple[float, float]], *walls: Rectangle, half: float = math.pi) -> bool:
-    outline = Outline.around(np.array(points))
+    outline = PartBounds.around(np.array(points))
     return bool(Visibility(walls, 2.0, [outline]).seen(EYE, 0.0, half)[0])
 
 
@@ -57,7 +58,7 @@ def test_a_wall_does_not_hide_its_own_face() -> None:
 
 
 def test_a_low_wall_hides_nothing() -> None:
-    outline = Outline.around(np.array([(3.0, -0.5), (4.0, 0.5)]))
+    outline = PartBounds.around(np.array([(3.0, -0.5), (4.0, 0.5)]))
     assert Visibility([WALL], 0.3, [outline]).seen(EYE, 0.0, math.pi)[0]
 
 
@@ -71,7 +72,7 @@ def test_what_is_outside_the_field_of_view_is_not_seen() -> None:
 def test_one_sided_faces_are_not_seen_from_behind() -> None:
     points = np.array([(3.0, -1.0), (3.0, 1.0)])
     for towards, expected in ((-1.0, True), (1.0, False)):
-        outline = Outline.around(points, math.pi / 2, (towards, 0.0, 0.0, towards * 3.0))
+        outline = PartBounds.around(points, math.pi / 2, (towards, 0.0, 0.0, towards * 3.0))
         assert Visibility([], 2.0, [outline]).seen(EYE, 0.0, math.pi)[0] == expected
 
 
@@ -123,7 +124,7 @@ def test_images_and_depth_are_the_same_as_without_culling(
     def views() -> list[tuple[np.ndarray, np.ndarray]]:
         with Simulation(world, robot, poses[0], 0, SensorParams.preset("perfect")) as sim:
             sim.advance(0.5)  # those who walk are on their way
-            return [sim.look_from(pose) for pose in poses]
+            return [sim.render_from(pose) for pose in poses]
 
     culled = views()
     monkeypatch.setattr(simulation, "Scenery", functools.partial(Scenery, cull=False))

@@ -9,8 +9,9 @@ import pytest
 
 from navfw.errors import ConfigError, WorldError
 from navfw.sim.floorplan import FloorPlan
-from navfw.sim.layout import solids_of
-from navfw.sim.worldfile import WorldSpec, load_world
+from navfw.sim.solids import solids_of
+from navfw.sim.worldfile import load_world
+from navfw.sim.worldspec import WorldSpec
 
 WORLDS = Path(__file__).parents[2] / "worlds"
 
@@ -62,7 +63,7 @@ def test_closed_door_fills_its_gap(tmp_path: Path) -> None:
     [
         ("at: [2, 2], width", "at: [2.2, 2], width", 8, ["walls[0].openings[0].at", "gap"]),
         ("at: [2, 2], width", "at: [2, 3.8], width", 8, ["walls[0].openings[0].at", "divider"]),
-        ("at: [1, 1]", "at: [1.8, 1]", 11, ["boxes[0].at", "'crate' reaches into 'divider'"]),
+        ("at: [1, 1]", "at: [1.8, 1]", 11, ["boxes[0].at", "'crate' overlaps 'divider'"]),
         ("at: [1, 1]", "at: [5, 1]", 11, ["boxes[0].at", "lies off the floor"]),
         ("name: crate", "name: divider", 10, ["boxes[0].name", "taken by walls[0].name"]),
         ("points: [[2, 0], [2, 4]]", "points: [[2, 0], [2, 9]]", 6, ["walls[0].points[1]"]),
@@ -140,7 +141,7 @@ def test_lobby_to_lab_is_long_enough() -> None:
 
 
 def test_worlds_made_in_code_are_checked_too() -> None:
-    from navfw.sim.worldcheck import check_world
+    from navfw.sim.world_check import check_world
 
     with pytest.raises(WorldError, match="unknown texture"):
         check_world(WorldSpec(name="a", x=(0, 1), y=(0, 1), floor="lava"))

@@ -17,7 +17,7 @@ from navfw.recording.run_log import Contact, RunLog
 from navfw.signals import Belief, Odometry, Pose, Twist
 from navfw.sim.floorplan import FloorPlan
 from navfw.sim.movers import MoverTrack
-from navfw.sim.worldfile import BoxSpec, CylinderSpec, WorldSpec
+from navfw.sim.worldspec import BoxSpec, CylinderSpec, WorldSpec
 from navfw.suite.failure_causes import Cause, classify
 from navfw.suite.failure_symptoms import collect_symptoms
 

@@ -10,7 +10,7 @@ import pytest
 from navfw.errors import InputError, UnknownNameError, WorldError
 from navfw.missions.mission_file import MissionSpec
 from navfw.plugins import default_registry
-from navfw.sim.worldfile import BoxSpec, WorldSpec
+from navfw.sim.worldspec import BoxSpec, WorldSpec
 from navfw.suite import compose
 from navfw.suite.case import Job
 from navfw.suite.case_worker import run_job

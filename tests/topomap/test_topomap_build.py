@@ -16,7 +16,8 @@ from hypothesis import strategies as st
 
 from navfw.errors import MapError
 from navfw.sim.floorplan import FloorPlan
-from navfw.sim.worldfile import WorldSpec, load_world
+from navfw.sim.worldfile import load_world
+from navfw.sim.worldspec import WorldSpec
 from navfw.topomap import TopoMap
 from navfw.topomap.clearance_grid import Ground, thinned
 from navfw.topomap.map_builder import build_map

@@ -19,13 +19,13 @@ from navfw.missions.mission_file import load_mission
 from navfw.robot import RobotModel
 from navfw.signals import Pose
 from navfw.sim.floorplan import FloorPlan
-from navfw.sim.layout import solids_of
 from navfw.sim.shapes import gap_between
 from navfw.sim.simulation import Simulation
+from navfw.sim.solids import solids_of
 from navfw.sim.worldfile import load_world
 from navfw.topomap import load_map
 from navfw.worldgen import FAMILIES, GeneratedWorld, generate
-from navfw.worldgen.model import MAP_FILE
+from navfw.worldgen.generated_world import MAP_FILE
 
 ROBOT = RobotModel()
 CASES = [

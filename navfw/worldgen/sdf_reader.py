@@ -74,7 +74,7 @@ def read_sdf(path: str | Path) -> SdfWorld:
     worlds = root.findall("world")
     if len(worlds) != 1:
         raise ConfigError(f"expected one <world>, found {len(worlds)}", file=path, line=1)
-    return _Reader(path).read(worlds[0])
+    return _SdfReader(path).read(worlds[0])
 
 
 # --- XML --------------------------------------------------------------------------------------
@@ -146,7 +146,7 @@ def _transform(numbers: list[float]) -> Array:
     )
 
 
-class _Reader:
+class _SdfReader:
     """Collects the shapes of one world."""
 
     def __init__(self, path: Path) -> None:

@@ -18,12 +18,12 @@ from pydantic import ValidationError
 from navfw.errors import InputError, WorldError
 from navfw.missions.mission_file import MissionSpec
 from navfw.sim.floorplan import FloorPlan
-from navfw.sim.worldcheck import check_world
-from navfw.sim.worldfile import BoxSpec, CylinderSpec, WorldSpec
-from navfw.worldgen.draft import POLES, QUICK, ROBOT
-from navfw.worldgen.looks import Palette
-from navfw.worldgen.model import write_world
-from navfw.worldgen.sdf import SdfShape, SdfWorld, read_sdf
+from navfw.sim.world_check import check_world
+from navfw.sim.worldspec import BoxSpec, CylinderSpec, WorldSpec
+from navfw.worldgen.generated_world import write_world
+from navfw.worldgen.sdf_reader import SdfShape, SdfWorld, read_sdf
+from navfw.worldgen.texture_palette import Palette
+from navfw.worldgen.world_draft import POLES, QUICK, ROBOT
 
 __all__ = ["POLE_HEIGHT", "ImportedWorld", "import_world", "is_barn"]
 

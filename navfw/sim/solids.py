@@ -1,7 +1,7 @@
-"""A world file worked out: every solid with its shape, height and looks.
+"""Solids of a world: each wall piece, lintel, closed door, box and cylinder with shape and height.
 
-Walls become straight pieces between openings, and lintels above the openings. Scene, floor plan and
-the geometry check all start from here, so that they cannot disagree.
+Walls are cut into straight pieces between openings, with a lintel above each opening. Physics,
+rendering, floor plan and geometry checks all use these solids and therefore agree.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal
 
-from navfw.sim.shapes import Disc, Rectangle, Shape
-from navfw.sim.worldfile import OpeningSpec, WallSpec, WorldSpec
+from navfw.sim.shapes import Circle, Rectangle, Shape
+from navfw.sim.worldspec import OpeningSpec, WallSpec, WorldSpec
 
 __all__ = ["Segment", "Solid", "opening_segment", "solids_of", "wall_segments"]
 
@@ -109,9 +109,9 @@ def solids_of(world: WorldSpec) -> list[Solid]:
         top = box.base + box.size[2]
         solids.append(Solid(box.name, "box", rectangle, box.base, top, box.texture))
     for cylinder in world.cylinders:
-        disc = Disc(*cylinder.at, cylinder.radius)
-        top = cylinder.base + cylinder.height
-        solids.append(Solid(cylinder.name, "cylinder", disc, cylinder.base, top, cylinder.texture))
+        base, top = cylinder.base, cylinder.base + cylinder.height
+        circle = Circle(*cylinder.at, cylinder.radius)
+        solids.append(Solid(cylinder.name, "cylinder", circle, base, top, cylinder.texture))
     return solids
 
 

@@ -1,4 +1,4 @@
-"""Whether a world can be: names, openings on their walls, nothing inside anything else."""
+"""Checks of a world specification that its schema cannot make: names, references, geometry."""
 
 from __future__ import annotations
 
@@ -9,21 +9,18 @@ from pathlib import Path
 
 import numpy as np
 
+from navfw.config.document import KeyPath, key_text
 from navfw.errors import WorldError, did_you_mean
-from navfw.sim.drops import drop_problems
-from navfw.sim.layout import opening_segment, solids_of, wall_segments
-from navfw.sim.plates import plate_problems
-from navfw.sim.shapes import Disc, Rectangle, Shape, overlap_depth
+from navfw.sim.drop_check import drop_problems
+from navfw.sim.landmark_check import landmark_problems
+from navfw.sim.shapes import OVERLAP_TOLERANCE, Circle, Rectangle, Shape, overlap_depth
+from navfw.sim.solids import Solid, opening_segment, solids_of, wall_segments
 from navfw.sim.textures import STOCK
-from navfw.sim.worldfile import WorldSpec
+from navfw.sim.worldspec import WorldSpec
 
 __all__ = ["check_world"]
 
-KeyPath = tuple[str | int, ...]
 Problem = tuple[KeyPath, str]
-
-# solids may reach into each other this far [m]: furniture pushed against a wall, rounded figures
-TOUCH = 0.002
 
 
 def check_world(
@@ -32,17 +29,19 @@ def check_world(
     file: Path | None = None,
     line_of: Callable[[KeyPath], int | None] | None = None,
 ) -> None:
-    """Check what the schema cannot: names, references and geometry.
+    """Check names, references and geometry of a world.
+
+    ``line_of`` gives the line of a key in ``file``.
 
     Raises:
-        WorldError: at the first problem's file, line and key; further problems follow in its text.
+        WorldError: with file, line and key of the first problem; its message lists the others.
 
     """
     problems = [*_names(world), *_textures(world), *_bounds(world), *_walls(world), *_doors(world)]
-    if not problems:  # the solids can be worked out only when walls, openings and doors are right
+    if not problems:  # the solids are defined only when walls, openings and doors are valid
         problems = [] if world.may_overlap else list(_overlaps(world))
-        problems += _blocked_walks(world)
-        problems += plate_problems(world)
+        problems += _blocked_paths(world)
+        problems += landmark_problems(world)
         problems += drop_problems(world)
     if not problems:
         return
@@ -53,15 +52,8 @@ def check_world(
     (path, message), *others = problems
     for other_path, other in others:
         where = f"{file}:{line(other_path)}: " if file is not None else ""
-        message += f"\n{where}{_dotted(other_path)}: {other}"
-    raise WorldError(message, file=file, line=line(path), key=_dotted(path))
-
-
-def _dotted(path: KeyPath) -> str:
-    text = ""
-    for part in path:
-        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else part
-    return text
+        message += f"\n{where}{key_text(other_path)}: {other}"
+    raise WorldError(message, file=file, line=line(path), key=key_text(path))
 
 
 def _bodies(world: WorldSpec) -> Iterator[tuple[KeyPath, str]]:
@@ -86,7 +78,7 @@ def _names(world: WorldSpec) -> Iterator[Problem]:
         seen: dict[str, KeyPath] = {"floor": ("floor",)} if what == "body" else {}
         for path, name in items:
             if name in seen:
-                yield path, f"the {what} name {name!r} is taken by {_dotted(seen[name])}"
+                yield path, f"the {what} name {name!r} is taken by {key_text(seen[name])}"
             seen.setdefault(name, path)
 
 
@@ -166,45 +158,48 @@ def _doors(world: WorldSpec) -> Iterator[Problem]:
 def _overlaps(world: WorldSpec) -> Iterator[Problem]:
     solids = solids_of(world)
     paths = {name: path for path, name in _bodies(world)}
-    # boxes around all solids first: (N, 4) min x, min y, max x, max y
+    # bounding boxes (N, 4): min x, min y, max x, max y; they rule out most pairs
     bounds = np.array([solid.shape.bounds for solid in solids]).reshape(-1, 4)
     for i, solid in enumerate(solids):
         if solid.kind in ("wall", "lintel", "door"):
-            continue  # walls may cross and doors stand between their pieces
+            continue  # walls may cross; doors touch the pieces of their wall
         near = np.all(bounds[:i, 2:] >= bounds[i, :2], axis=1)
         near &= np.all(bounds[:i, :2] <= bounds[i, 2:], axis=1)
         for other in (solids[j] for j in np.flatnonzero(near)):
-            apart = solid.bottom >= other.top - TOUCH or other.bottom >= solid.top - TOUCH
-            if apart or overlap_depth(solid.shape, other.shape) <= TOUCH:
+            below = solid.top - OVERLAP_TOLERANCE <= other.bottom
+            above = other.top - OVERLAP_TOLERANCE <= solid.bottom
+            if below or above or overlap_depth(solid.shape, other.shape) <= OVERLAP_TOLERANCE:
                 continue
-            yield (*paths[solid.name], "at"), f"{solid.name!r} reaches into {other.name!r}"
+            yield (*paths[solid.name], "at"), f"{solid.name!r} overlaps {other.name!r}"
             break
 
 
-def _blocked_walks(world: WorldSpec) -> Iterator[Problem]:
-    """Movers whose way leads through something that stands."""
+def _blocked_paths(world: WorldSpec) -> Iterator[Problem]:
+    """Movers whose path leads through a solid: the area swept on each leg is tested."""
     solids = solids_of(world)
     for i, mover in enumerate(world.movers):
         legs = list(pairwise((*mover.path, mover.path[0])))
         if mover.walk != "loop":
             legs.pop()
+        low = [solid for solid in solids if solid.bottom < mover.height]
         for j, (a, b) in enumerate(legs):
-            middle = 0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])
-            yaw = math.atan2(b[1] - a[1], b[0] - a[0])
-            swept: tuple[Shape, ...] = (
-                Rectangle(*middle, 0.5 * math.dist(a, b), mover.radius, yaw),
-                Disc(*a, mover.radius),
-                Disc(*b, mover.radius),
-            )
             hit = next(
-                (
-                    solid.name
-                    for solid in solids
-                    if solid.bottom < mover.height
-                    and any(overlap_depth(shape, solid.shape) > TOUCH for shape in swept)
-                ),
-                None,
+                (solid.name for solid in low if _swept_over(a, b, mover.radius, solid)), None
             )
             if hit is not None:
                 yield ("movers", i, "path", j), f"{mover.name!r} would walk through {hit!r}"
                 break
+
+
+def _swept_over(
+    a: tuple[float, float], b: tuple[float, float], radius: float, solid: Solid
+) -> bool:
+    """Whether a circle of ``radius`` [m] that moves straight from a to b overlaps the solid."""
+    middle = 0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])
+    yaw = math.atan2(b[1] - a[1], b[0] - a[0])
+    swept: tuple[Shape, ...] = (
+        Rectangle(*middle, 0.5 * math.dist(a, b), radius, yaw),
+        Circle(*a, radius),
+        Circle(*b, radius),
+    )
+    return any(overlap_depth(shape, solid.shape) > OVERLAP_TOLERANCE for shape in swept)

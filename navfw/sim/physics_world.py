@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 
 from navfw.signals import Array
-from navfw.sim.drops import floor_pieces, treads_of
+from navfw.sim.drop_geometry import floor_pieces, treads_of
 from navfw.sim.engine import bullet
-from navfw.sim.layout import Solid, solids_of
 from navfw.sim.meshes import Mesh
 from navfw.sim.scenery import Scenery
 from navfw.sim.shapes import Rectangle
-from navfw.sim.worldfile import MoverSpec, WorldSpec
+from navfw.sim.solids import Solid, solids_of
+from navfw.sim.worldspec import MoverSpec, WorldSpec
 
-__all__ = ["BODY_GROUP", "FLOOR_GROUP", "SOLID_GROUP", "WHEEL_GROUP", "Scene"]
+__all__ = ["BODY_GROUP", "FLOOR_GROUP", "SOLID_GROUP", "WHEEL_GROUP", "PhysicsWorld"]
 
 FLOOR_GROUP = 1
 """Collision group of what one drives on."""
@@ -34,7 +34,7 @@ _TOUCH = 0.02
 """A contact point lies no more than this [m] above or below what is touched."""
 
 
-class Scene:
+class PhysicsWorld:
     """The bodies of a world in one PyBullet client, and how they look in another.
 
     ``movers`` are the bodies of those who walk, in the order of the world file. What ``scenery``

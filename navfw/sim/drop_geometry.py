@@ -9,21 +9,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from navfw.signals import Array
-from navfw.sim.layout import solids_of
-from navfw.sim.shapes import Disc, Rectangle, Shape, overlap_depth
-
-if TYPE_CHECKING:
-    from navfw.sim.worldfile import DropSpec, WorldSpec
+from navfw.sim.shapes import OVERLAP_TOLERANCE, Rectangle, Shape, overlap_depth
+from navfw.sim.worldspec import DropSpec, WorldSpec
 
 __all__ = [
     "Tread",
     "drop_at",
-    "drop_problems",
     "drop_rectangle",
     "drop_under",
     "fallen_into",
@@ -36,9 +31,6 @@ SUNK = 0.02
 
 _REACH = 0.1
 """A part that sinks so near a drop [m] has sunk into it."""
-
-_TOUCH = 0.002
-"""Solids may reach so far [m] over a drop's rim: rounded figures."""
 
 Corner = tuple[float, float]
 Level = tuple[float, float, float, float, float]
@@ -136,7 +128,7 @@ def drop_at(world: WorldSpec, x: float, y: float) -> DropSpec | None:
 def drop_under(world: WorldSpec, shape: Shape) -> DropSpec | None:
     """The drop that something with this outline would stand over, if any."""
     for drop in world.drops:
-        if overlap_depth(shape, drop_rectangle(drop)) > _TOUCH:
+        if overlap_depth(shape, drop_rectangle(drop)) > OVERLAP_TOLERANCE:
             return drop
     return None
 
@@ -151,32 +143,3 @@ def fallen_into(world: WorldSpec, points: Array) -> str | None:
         if bool((inside & (points[:, 2] < -SUNK)).any()):
             return drop.name
     return None
-
-
-def drop_problems(world: WorldSpec) -> Iterator[tuple[tuple[str | int, ...], str]]:
-    """What is wrong with the drops of a world: (key, message) of each."""
-    solids = [s for s in solids_of(world) if s.bottom < 0.05] if world.drops else []
-    for i, drop in enumerate(world.drops):
-        for axis, span, bounds in (("x", drop.x, world.x), ("y", drop.y, world.y)):
-            if span[0] < bounds[0] or span[1] > bounds[1]:
-                off = f"{drop.name!r} reaches off the floor, {axis} {list(bounds)} [m]"
-                yield ("drops", i, axis), off
-        shape = drop_rectangle(drop)
-        below = next((s for s in solids if overlap_depth(shape, s.shape) > _TOUCH), None)
-        if below is not None:
-            yield ("drops", i, "x"), f"{below.name!r} would stand on nothing over {drop.name!r}"
-        for other in world.drops[:i]:
-            if overlap_depth(shape, drop_rectangle(other)) > 0.0:
-                yield ("drops", i, "x"), f"{drop.name!r} reaches into {other.name!r}"
-        for j, mover in enumerate(world.movers):
-            discs = [Disc(*point, mover.radius) for point in _walked(mover.path, mover.walk)]
-            if any(overlap_depth(disc, shape) > _TOUCH for disc in discs):
-                yield ("movers", j, "path"), f"{mover.name!r} would walk into {drop.name!r}"
-
-
-def _walked(path: tuple[Corner, ...], walk: str) -> Iterator[Corner]:
-    """Points every 5 cm or less along a mover's way."""
-    for a, b in pairwise((*path, path[0]) if walk == "loop" else path):
-        count = max(int(np.hypot(b[0] - a[0], b[1] - a[1]) / 0.05) + 1, 1)
-        for share in np.linspace(0.0, 1.0, count + 1).tolist():
-            yield a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])

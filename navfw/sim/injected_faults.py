@@ -11,17 +11,17 @@ import cv2
 import numpy as np
 
 from navfw.signals import Encoders, Frame, Image, Inertial
-from navfw.sim.actions import (
-    Action,
+from navfw.sim.event_actions import (
     CameraFault,
     EncoderFault,
+    EventAction,
     GyroFault,
-    Light,
+    LightChange,
     Slippery,
     WeakWheel,
 )
 
-__all__ = ["Faults"]
+__all__ = ["InjectedFaults"]
 
 _OVER_EXPOSURE = 6.0
 """How many times too much light saturates every texture."""
@@ -29,7 +29,7 @@ _OVER_EXPOSURE = 6.0
 ActionT = TypeVar("ActionT")
 
 
-class Faults:
+class InjectedFaults:
     """The faults in force, in the order in which they came; without any, all passes unchanged.
 
     ``rng`` is drawn from by faults alone: a run without them has the noise it always had.
@@ -37,18 +37,18 @@ class Faults:
 
     def __init__(self, rng: np.random.Generator) -> None:
         self._rng = rng
-        self._active: list[Action] = []
+        self._active: list[EventAction] = []
         self._picture: Image | None = None
         self._waiting: deque[Frame] = deque()
         self._inertial: Inertial | None = None
         self._counted: Encoders | None = None
         self._missed = [0, 0]
 
-    def begin(self, fault: Action) -> None:
+    def begin(self, fault: EventAction) -> None:
         """From now on."""
         self._active.append(fault)
 
-    def end(self, fault: Action) -> None:
+    def end(self, fault: EventAction) -> None:
         """No longer; of two equal ones, one stays."""
         self._active.remove(fault)
 
@@ -61,7 +61,7 @@ class Faults:
     @property
     def light(self) -> float:
         """Share of the light that is left."""
-        return math.prod(fault.share for fault in self._of(Light))
+        return math.prod(fault.share for fault in self._of(LightChange))
 
     @property
     def hfov_error(self) -> float:
@@ -134,7 +134,7 @@ class Faults:
     def encoders(self, encoders: Encoders) -> Encoders:
         """What is counted of the wheels' marks; those that pass a dead encoder are lost for good.
 
-        >>> faults = Faults(np.random.default_rng(0))
+        >>> faults = InjectedFaults(np.random.default_rng(0))
         >>> dead = EncoderFault(dropout="left")
         >>> counts = [faults.encoders(Encoders(0.0, 0, 0))]
         >>> faults.begin(dead)

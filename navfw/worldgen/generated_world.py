@@ -12,7 +12,7 @@ from typing import Any
 
 from navfw.errors import InputError
 from navfw.missions.mission_file import MissionSpec
-from navfw.sim.worldfile import WorldSpec
+from navfw.sim.worldspec import WorldSpec
 from navfw.topomap import TopoMap
 
 __all__ = ["MAP_FILE", "MISSION", "GeneratedWorld", "write_world"]

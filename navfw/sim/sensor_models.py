@@ -1,4 +1,4 @@
-"""Gyro and wheel encoders as they are: bias that walks, noise, slip, steps of quantisation."""
+"""GyroModel and wheel encoders as they are: bias that walks, noise, slip, steps of quantisation."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from navfw.errors import UnknownNameError
 from navfw.robot import OdometrySheet, RobotModel
 from navfw.signals import Encoders, Inertial
 
-__all__ = ["PRESETS", "Gyro", "SensorParams", "WheelEncoders"]
+__all__ = ["PRESETS", "GyroModel", "SensorParams", "WheelEncoderModel"]
 
 Fraction = Annotated[float, Field(ge=0.0, le=0.5)]
 Sigma = Annotated[float, Field(ge=0.0)]
@@ -115,7 +115,7 @@ def _normals(rng: np.random.Generator, count: int, ahead: int) -> Iterator[list[
         yield from rng.standard_normal((ahead, count)).tolist()
 
 
-class Gyro:
+class GyroModel:
     """A three-axis rate gyro: every axis has its own bias and noise.
 
     The yaw rate is the mean over the time since the last reading, as integrating gyros give it.
@@ -138,7 +138,7 @@ class Gyro:
         return Inertial(time, roll, pitch, yaw)
 
 
-class WheelEncoders:
+class WheelEncoderModel:
     """Encoders on both wheels. A wheel that slips turns further than the robot goes.
 
     Slip is a share of the wheel's way, different for each wheel, that wanders around its mean with

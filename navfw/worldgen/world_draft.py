@@ -10,8 +10,8 @@ import numpy as np
 
 from navfw.robot import RobotModel
 from navfw.sim.floorplan import FloorPlan
-from navfw.sim.shapes import Disc, Rectangle, Shape, gap_between
-from navfw.sim.worldfile import (
+from navfw.sim.shapes import Circle, Rectangle, Shape, gap_between
+from navfw.sim.worldspec import (
     BoxSpec,
     CylinderSpec,
     DoorSpec,
@@ -21,9 +21,9 @@ from navfw.sim.worldfile import (
     WorldSpec,
 )
 from navfw.topomap import TopoMap
-from navfw.worldgen.looks import Palette
+from navfw.worldgen.texture_palette import Palette
 
-__all__ = ["MARGIN", "WALL", "Draft", "KeepFree", "Point", "Unsuitable", "blend", "rounded"]
+__all__ = ["MARGIN", "WALL", "KeepFree", "Point", "Unsuitable", "WorldDraft", "blend", "rounded"]
 
 Point = tuple[float, float]
 
@@ -66,7 +66,7 @@ class KeepFree:
 
 
 @dataclass
-class Draft:
+class WorldDraft:
     """A world in the making, within x and y [m]; ``start`` (x, y, yaw) and ``goal`` (x, y)."""
 
     rng: np.random.Generator
@@ -94,7 +94,7 @@ class Draft:
     stack: str | None = None
 
     @classmethod
-    def begin(cls, rng: np.random.Generator, width: float, depth: float) -> Draft:
+    def begin(cls, rng: np.random.Generator, width: float, depth: float) -> WorldDraft:
         """An empty floor of that size [m]."""
         palette = Palette(rng)
         width, depth = rounded(width, depth)
@@ -145,7 +145,7 @@ class Draft:
             BoxSpec(name=name, at=(x, y), size=size, yaw=yaw, texture=texture, **more)
         )
 
-    def add_cylinder(self, name: str, shape: Disc, height: float, texture: str) -> None:
+    def add_cylinder(self, name: str, shape: Circle, height: float, texture: str) -> None:
         """A cylinder of that outline."""
         self.shapes.append(shape)
         x, y, radius, tall = rounded(shape.x, shape.y, shape.radius, height)

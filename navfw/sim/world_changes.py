@@ -9,14 +9,21 @@ from typing import Literal
 import numpy as np
 
 from navfw.signals import Array, Pose
-from navfw.sim.actions import DoorChange, Obstacle, Textureless
-from navfw.sim.drops import drop_under
-from navfw.sim.layout import Solid, solids_of
-from navfw.sim.scene import Scene
+from navfw.sim.drop_geometry import drop_under
+from navfw.sim.event_actions import DoorChange, Obstacle, Textureless
+from navfw.sim.physics_world import PhysicsWorld
 from navfw.sim.shapes import Rectangle, Shape
-from navfw.sim.worldfile import WorldSpec
+from navfw.sim.solids import Solid, solids_of
+from navfw.sim.worldspec import WorldSpec
 
-__all__ = ["CLEAR_OF_ROBOT", "ChangeTrack", "Changes", "Presence", "all_doors", "stretch_within"]
+__all__ = [
+    "CLEAR_OF_ROBOT",
+    "ChangeTrack",
+    "Presence",
+    "WorldChanges",
+    "all_doors",
+    "stretch_within",
+]
 
 CLEAR_OF_ROBOT = 0.1
 """Nothing closes or appears nearer to the robot's body than this [m]: it waits."""
@@ -52,14 +59,14 @@ class ChangeTrack:
         return nearest
 
 
-class Changes:
+class WorldChanges:
     """Makes the changes in force true in a scene; the newest word on a door counts.
 
     ``settled`` is false while something has to wait for the robot to be out of the way, or for
     floor to stand on.
     """
 
-    def __init__(self, world: WorldSpec, scene: Scene) -> None:
+    def __init__(self, world: WorldSpec, scene: PhysicsWorld) -> None:
         self._world = world
         self._scene = scene
         self._doors = all_doors(world)

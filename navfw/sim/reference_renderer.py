@@ -12,17 +12,17 @@ import numpy.typing as npt
 
 from navfw.robot import CameraModel
 from navfw.signals import Image, Pose
-from navfw.sim.camera import Camera, Shot
+from navfw.sim.camera import Camera, RenderRequest
 from navfw.sim.display import Display
 from navfw.sim.engine import bullet
-from navfw.sim.layout import solids_of
 from navfw.sim.scenery import Scenery
-from navfw.sim.worldfile import WorldSpec
+from navfw.sim.solids import solids_of
+from navfw.sim.worldspec import WorldSpec
 
-__all__ = ["Reference"]
+__all__ = ["ReferenceRenderer"]
 
 
-class Reference:
+class ReferenceRenderer:
     """The scenery of a world in a PyBullet client of its own, drawn by its TinyRenderer.
 
     No shadows, no segmentation. What a simulation shows when its time begins is there: closed doors
@@ -58,7 +58,7 @@ class Reference:
         for (body, middle), (x, y) in zip(self._walkers, points, strict=True):
             self.scenery.place(body, (x, y, middle), (0.0, 0.0, 0.0, 1.0))
 
-    def aim(self, pose: Pose) -> Shot:
+    def aim(self, pose: Pose) -> RenderRequest:
         """What the camera of a robot at ``pose`` is to take; what is out of sight is hidden."""
         turn = (0.0, 0.0, math.sin(0.5 * pose.yaw), math.cos(0.5 * pose.yaw))
         shot = self.camera.aim((pose.x, pose.y, 0.0), turn)
@@ -66,7 +66,7 @@ class Reference:
             self._display.hide(self.scenery.out_of_sight)
         return shot
 
-    def draw(self, shot: Shot) -> tuple[Image, npt.NDArray[np.float32], float]:
+    def draw(self, shot: RenderRequest) -> tuple[Image, npt.NDArray[np.float32], float]:
         """RGB (height, width, 3), depth buffer (height, width), and the wall time it took [s]."""
         width, height = shot.size
         view, projection = (matrix.T.ravel().tolist() for matrix in (shot.view, shot.projection))
@@ -95,7 +95,7 @@ class Reference:
             bullet.disconnect(physicsClientId=self._client)
             self._client = -1
 
-    def __enter__(self) -> Reference:
+    def __enter__(self) -> ReferenceRenderer:
         return self
 
     def __exit__(

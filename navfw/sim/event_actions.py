@@ -1,7 +1,7 @@
 """What may happen to the robot and its world during a mission, as an event of its file says it.
 
 Each model is one kind of happening and belongs to one key of an event: ``camera: {noisy: 12}``.
-``navfw.sim.faults`` and ``navfw.sim.changes`` make them happen.
+``navfw.sim.injected_faults`` and ``navfw.sim.world_changes`` make them happen.
 """
 
 from __future__ import annotations
@@ -12,15 +12,15 @@ from pydantic import AfterValidator, Field, model_validator
 
 from navfw.config.strict_model import StrictModel
 from navfw.errors import did_you_mean
-from navfw.sim.shapes import Disc, Rectangle, Shape
+from navfw.sim.shapes import Circle, Rectangle, Shape
 
 __all__ = [
-    "Action",
     "CameraFault",
     "DoorChange",
     "EncoderFault",
+    "EventAction",
     "GyroFault",
-    "Light",
+    "LightChange",
     "Obstacle",
     "Slippery",
     "Textureless",
@@ -129,7 +129,7 @@ class Slippery(StrictModel):
     ]
 
 
-class Light(StrictModel):
+class LightChange(StrictModel):
     """Lamps that go dim, or out."""
 
     share: Annotated[Share, Field(description="of the light that is left; 0: dark")]
@@ -191,17 +191,17 @@ class Obstacle(StrictModel):
     def footprint(self, x: float, y: float) -> Shape:
         """Its outline in the plan with its centre at (x, y) [m]."""
         if self.size is None:
-            return Disc(x, y, self.radius or 0.0)
+            return Circle(x, y, self.radius or 0.0)
         return Rectangle(x, y, 0.5 * self.size[0], 0.5 * self.size[1], self.yaw)
 
 
-Action = (
+EventAction = (
     CameraFault
     | GyroFault
     | EncoderFault
     | WeakWheel
     | Slippery
-    | Light
+    | LightChange
     | Textureless
     | DoorChange
     | Obstacle

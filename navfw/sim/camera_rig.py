@@ -17,11 +17,11 @@ from navfw.errors import SimulationError
 from navfw.robot import RobotModel
 from navfw.signals import CameraMotion, Frame, Image
 from navfw.sim.camera import Camera, DepthImage
-from navfw.sim.faults import Faults
+from navfw.sim.injected_faults import InjectedFaults
 from navfw.sim.robot_body import BodyState
 from navfw.sim.scenery import Scenery
-from navfw.sim.sensors import SensorParams
-from navfw.sim.worldfile import LightSpec
+from navfw.sim.sensor_models import SensorParams
+from navfw.sim.worldspec import LightSpec
 
 __all__ = ["CameraRig", "Dice", "Timings"]
 
@@ -64,7 +64,7 @@ class CameraRig:
         scenery: Scenery,
         sensors: SensorParams,
         dice: Dice,
-        faults: Faults,
+        faults: InjectedFaults,
         timings: Timings,
         landmark_frames: bool,
     ) -> None:
@@ -79,7 +79,7 @@ class CameraRig:
             view = robot.landmark_view
             self._for_landmarks = Camera(view, light, scenery, dice.landmarks, noise, fine)
         self._faults = faults
-        self.landmark_faults = Faults(dice.landmark_faults)
+        self.landmark_faults = InjectedFaults(dice.landmark_faults)
         self._timings = timings
         self._frames = 0
         self._landmark_frames = 0

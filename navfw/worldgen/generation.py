@@ -11,9 +11,9 @@ import numpy as np
 
 from navfw.errors import InputError, UnknownNameError, WorldError
 from navfw.missions.mission_file import MissionSpec, goals_map
-from navfw.sim.worldcheck import check_world
-from navfw.worldgen.draft import ROBOT, Draft, Unsuitable
-from navfw.worldgen.model import MAP_FILE, GeneratedWorld
+from navfw.sim.world_check import check_world
+from navfw.worldgen.generated_world import MAP_FILE, GeneratedWorld
+from navfw.worldgen.world_draft import ROBOT, Unsuitable, WorldDraft
 
 __all__ = ["FAMILIES", "MAX_SEED", "SHORTEST_WAY", "generate"]
 
@@ -37,7 +37,7 @@ MAX_SEED = 2**63 - 1
 _ATTEMPTS = 60
 """Sub-seeds tried before a family gives up; none of the tested seeds needs more than a few."""
 
-Build = Callable[[np.random.Generator, float], Draft]
+Build = Callable[[np.random.Generator, float], WorldDraft]
 
 
 def generate(family: str, seed: int, difficulty: float = 0.5) -> GeneratedWorld:
@@ -71,7 +71,7 @@ def generate(family: str, seed: int, difficulty: float = 0.5) -> GeneratedWorld:
 
 
 def _finish(
-    draft: Draft, family: str, seed: int, difficulty: float, attempt: int
+    draft: WorldDraft, family: str, seed: int, difficulty: float, attempt: int
 ) -> GeneratedWorld:
     """Check the draft, and set its mission."""
     world = draft.world(f"{family}-{seed}")
@@ -102,7 +102,7 @@ def _finish(
     )
 
 
-def _mission(draft: Draft, family: str, difficulty: float, shortest: float) -> MissionSpec:
+def _mission(draft: WorldDraft, family: str, difficulty: float, shortest: float) -> MissionSpec:
     goal: object = draft.goal_place or {"x": draft.goal[0], "y": draft.goal[1]}
     data: dict[str, object] = {
         "description": f"Cross the {family} (difficulty {difficulty:g}), {shortest:.1f} m.",

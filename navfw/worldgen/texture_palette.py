@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from navfw.sim.worldfile import TextureSpec
+from navfw.sim.worldspec import TextureSpec
 
 __all__ = ["Palette", "Role"]
 
