@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import ast
 import re
 from pathlib import Path
 
 import pytest
-from docs_pages import PAGES, ROOT, anchors, links, load_module, without_code
+from docs_pages import PAGES, ROOT, anchors, links, load_module, table, without_code
 
 DOCS = ROOT / "docs"
 DECISIONS = sorted((DOCS / "decisions").glob("[0-9]*.md"))
@@ -31,6 +32,55 @@ def test_every_path_that_a_page_names_exists(page: Path) -> None:
     text = without_code(page.read_text(encoding="utf-8"))
     named = re.findall(r"`(navfw/[\w./-]*)`", text)
     assert [name for name in named if not (ROOT / name).exists()] == []
+
+
+def test_the_pages_for_newcomers_are_short() -> None:
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert len(readme.splitlines()) <= 250
+    architecture = (DOCS / "architecture.md").read_text(encoding="utf-8")
+    assert len(architecture.split()) <= 1200
+
+
+def test_the_architecture_has_every_room() -> None:
+    rows = table(DOCS / "architecture.md", "## The rooms").splitlines()
+    named = re.findall(r"`([\w/.]+)`", "\n".join(row.split("|")[1] for row in rows))
+    assert [name for name in named if not (ROOT / name).exists()] == []
+    rooms = {f"navfw/{path.parent.name}/" for path in (ROOT / "navfw").glob("*/__init__.py")}
+    assert rooms - set(named) == set()
+
+
+# --- glossary ------------------------------------------------------------------------------------
+
+
+def test_the_glossary_is_in_order_and_complete_in_every_line() -> None:
+    rows = [[cell.strip() for cell in row.split("|")[1:-1]] for row in _glossary()]
+    assert {len(row) for row in rows} == {4}
+    terms = [row[0].strip("`").lower() for row in rows]
+    assert terms == sorted(terms)
+    assert len(terms) == len(set(terms)) > 80
+    assert [term for term, meaning, *_ in rows if not meaning] == []
+
+
+def test_the_classes_and_functions_of_the_glossary_exist() -> None:
+    named = set(re.findall(r"\(`(\w+)`(?:, `(\w+)`)*\)", "\n".join(_glossary())))
+    names = {name for pair in named for name in pair if name}
+    assert len(names) > 40
+    assert names - _definitions() == set()
+
+
+def _glossary() -> list[str]:
+    text = (DOCS / "glossary.md").read_text(encoding="utf-8")
+    return re.findall(r"^\| (?!term |---)(?=.*\|).*$", text, re.MULTILINE)
+
+
+def _definitions() -> set[str]:
+    """The names of all classes and functions of navfw."""
+    return {
+        node.name
+        for file in (ROOT / "navfw").rglob("*.py")
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        if isinstance(node, ast.ClassDef | ast.FunctionDef)
+    }
 
 
 # --- decisions -----------------------------------------------------------------------------------

@@ -1,0 +1,95 @@
+"""The commands of the README and the docs: all can be typed, the quick ones do what is shown."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer.main
+from docs_pages import PAGES, ROOT
+from typer.testing import CliRunner, Result
+
+from navfw.cli import app
+
+QUICK = (
+    "plan ",
+    "map show",
+    "map check",
+    "map build",
+    "map convert",
+    "plugins",
+    "explain ",
+    "replay ",
+    "run empty straight --record",
+)
+"""Beginnings of the commands that are run here; the others take longer, or need files."""
+
+BLOCK = re.compile(r"^```console\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+
+
+def commands_and_output(page: Path) -> Iterator[tuple[str, list[str]]]:
+    """The commands of navfw on a page, each with the lines that are shown below it."""
+    for block in BLOCK.findall(page.read_text(encoding="utf-8")):
+        for command in re.split(r"^\$ ", block, flags=re.MULTILINE)[1:]:
+            line, *shown = command.splitlines()
+            words = re.match(r"(?:uv run )?navfw (.+?)(?:  +#.*)?$", line)
+            if words is not None:
+                yield words[1], [row for row in shown if row.strip() not in ("", "...")]
+
+
+ALL = [
+    pytest.param(command, shown, id=f"{page.name}: {command[:40]}")
+    for page in PAGES
+    for command, shown in commands_and_output(page)
+]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """The working folder of the commands; their /tmp/... is within it."""
+    path = tmp_path_factory.mktemp("commands")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(path)
+        invoke("run empty straight --record --out /tmp/straight", path)
+        yield path
+
+
+def invoke(command: str, folder: Path) -> Result:
+    words = shlex.split(command.replace("/tmp/", f"{folder}/"))  # noqa: S108 - replaced
+    return CliRunner().invoke(app, words)
+
+
+@pytest.mark.parametrize(("command", "shown"), ALL)
+def test_the_command_and_its_options_exist(command: str, shown: list[str]) -> None:
+    del shown
+    words = shlex.split(command)
+    found: Any = typer.main.get_command(app)
+    while hasattr(found, "commands"):
+        found = found.commands[words.pop(0)]
+    options = {option for parameter in found.params for option in parameter.opts}
+    assert [word for word in words if word.startswith("--") and word not in options] == []
+
+
+@pytest.mark.parametrize(
+    ("command", "shown"), [p for p in ALL if str(p.values[0]).startswith(QUICK)]
+)
+def test_a_quick_command_succeeds_and_prints_what_is_shown(
+    command: str, shown: list[str], folder: Path
+) -> None:
+    result = invoke(command, folder)
+    assert result.exit_code == 0, result.output
+    printed = [row.rstrip() for row in result.output.splitlines()]
+    assert [row for row in shown if row not in printed] == []
+
+
+def test_the_readme_shows_a_mistake_with_its_message() -> None:
+    ((command, shown),) = (
+        pair for pair in commands_and_output(ROOT / "README.md") if "latancy" in pair[0]
+    )
+    result = CliRunner().invoke(app, shlex.split(command))
+    assert result.exit_code == 2
+    assert result.stderr.splitlines() == shown
