@@ -18,7 +18,7 @@ from typing import Any, get_args
 
 from pydantic import BaseModel
 
-from navfw.config.describe import describe, is_model, parameters_of
+from navfw.config.type_descriptions import describe, is_model, parameters_of
 from navfw.interfaces import KINDS
 
 DOCS = Path(__file__).parent

@@ -208,7 +208,7 @@ def _on_its_base(document: YamlDocument, path: Path, above: tuple[Path, ...] = (
     seen = (*above, path.resolve())
     if file.resolve() in seen:
         raise ConfigError("the stack is based on itself; name another one", **where)
-    return layered(_on_its_base(load_yaml(file), file, seen), document, whole=STAGES)
+    return layered(_on_its_base(load_yaml(file), file, seen), document, replaced=STAGES)
 
 
 def resolve(

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from navfw.cli.benchlandmarks import landmarks
+from navfw.cli.bench_landmarks import landmarks
 from navfw.cli.options import Json, NoiseSeed, Stack
 from navfw.cli.output import print_json, print_table, print_tables, quiet_stdout, say
 

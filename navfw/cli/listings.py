@@ -11,7 +11,7 @@ from navfw.cli.options import World
 from navfw.cli.output import console, print_json, print_table, quiet_stdout
 
 if TYPE_CHECKING:
-    from navfw.config.lookup import Found
+    from navfw.config.lookup import NamedFile
 
 __all__ = ["add_to"]
 
@@ -32,7 +32,7 @@ def worlds(json: Json = False) -> None:
     """List the worlds that can be driven in, with their missions."""
     from navfw.config.lookup import list_missions, list_worlds
 
-    def read(found: Found) -> Row:
+    def read(found: NamedFile) -> Row:
         return {"missions": [mission.name for mission in list_missions(found.name)]}
 
     rows = _rows(list_worlds(), _describe, read)
@@ -43,8 +43,8 @@ def missions(world: World, json: Json = False) -> None:
     """List the missions of a world."""
     from navfw.config.lookup import list_missions
 
-    def read(found: Found) -> Row:
-        from navfw.cli.summaries import mission_summary
+    def read(found: NamedFile) -> Row:
+        from navfw.cli.file_summaries import mission_summary
 
         return mission_summary(found.path)
 
@@ -57,8 +57,8 @@ def maps(json: Json = False) -> None:
     """List the topological maps."""
     from navfw.config.lookup import list_maps
 
-    def read(found: Found) -> Row:
-        from navfw.cli.summaries import map_summary
+    def read(found: NamedFile) -> Row:
+        from navfw.cli.file_summaries import map_summary
 
         return map_summary(found.path)
 
@@ -71,8 +71,8 @@ def stacks(json: Json = False) -> None:
     """List the stacks: which plugins make up the robot's mind."""
     from navfw.config.lookup import list_stacks
 
-    def read(found: Found) -> Row:
-        from navfw.cli.summaries import stack_summary
+    def read(found: NamedFile) -> Row:
+        from navfw.cli.file_summaries import stack_summary
 
         return stack_summary(found.path)
 
@@ -99,13 +99,13 @@ def plugins(
         _print_plugins(rows)
 
 
-def _describe(found: Found) -> Row:
-    from navfw.cli.summaries import world_summary
+def _describe(found: NamedFile) -> Row:
+    from navfw.cli.file_summaries import world_summary
 
     return world_summary(found.path)
 
 
-def _rows(things: Iterable[Found], *readers: Callable[[Found], Row]) -> list[Row]:
+def _rows(things: Iterable[NamedFile], *readers: Callable[[NamedFile], Row]) -> list[Row]:
     """A row for each thing; one whose file is broken has the error and stops no other."""
     from navfw.config.document import shown_path
     from navfw.errors import InputError

@@ -35,7 +35,7 @@ def plan(
     json: Json = False,
 ) -> None:
     """Plan a way without driving it; tell what each passage costs, rule by rule."""
-    from navfw.cli.maptools import find_map, outline_for
+    from navfw.cli.map_inputs import find_map, outline_for
     from navfw.papfis.route_plan import make_plan
 
     with quiet_stdout():

@@ -1,4 +1,4 @@
-"""One YAML file read safely: plain data, and for every part of it the line it came from."""
+"""One YAML file as plain data, with the line of each of its parts."""
 
 from __future__ import annotations
 
@@ -29,23 +29,35 @@ __all__ = [
 ]
 
 KeyPath: TypeAlias = tuple[str | int, ...]
-"""Where something is in a document: mapping keys and list indices, outermost first."""
+"""The path of a value in a document: mapping keys and list indices, outermost first."""
 
 Data: TypeAlias = Any
-"""What YAML can say: None, bool, int, float, str, lists of these and dicts with str keys."""
+"""Data of a YAML file: None, bool, int, float, str, lists of these and dicts with str keys."""
 
-# A file of a megabyte can describe billions of nodes with nested aliases ("billion laughs"); the
-# budget counts a node again each time an alias repeats it.
 MAX_NODES = 300_000
+"""Largest number of values in a file; a value counts again for each alias that repeats it.
+
+With nested aliases, a file of a megabyte can describe billions of values ("billion laughs").
+"""
+
 MAX_DEPTH = 60
+"""Largest depth of nesting."""
+
 _TAG = "tag:yaml.org,2002:"
-# What ruamel answers some malformed input with, besides errors of its own
-_INSIDES = (ValueError, ArithmeticError, AssertionError, LookupError, AttributeError, TypeError)
+# Exceptions that ruamel raises for some malformed input, besides YAMLError
+_RUAMEL_ERRORS = (
+    ValueError,
+    ArithmeticError,
+    AssertionError,
+    LookupError,
+    AttributeError,
+    TypeError,
+)
 
 
 @dataclass(frozen=True)
 class Origin:
-    """Who said it: a line of a file, or an option of the command line."""
+    """Where a value comes from: a line of a file, or an option of the command line."""
 
     file: str | None = None
     line: int | None = None
@@ -92,7 +104,7 @@ class YamlDocument:
 
 
 def key_text(path: KeyPath) -> str:
-    """A path as people write it: ``rooms[3].name``."""
+    """``path`` as error messages show it: ``rooms[3].name``."""
     text = ""
     for step in path:
         text += f"[{step}]" if isinstance(step, int) else f".{step}" if text else step
@@ -150,7 +162,7 @@ def parse_yaml(text: str, file: str | None = None) -> YamlDocument:
     try:
         root = yaml.compose(text)
     except MarkedYAMLError as error:
-        # what is never closed is named where it was opened
+        # for an unclosed bracket or quote, the line where it was opened
         unclosed = "end" in str(error.problem) and error.context_mark is not None
         mark = error.context_mark if unclosed else error.problem_mark or error.context_mark
         line = None if mark is None else mark.line + 1
@@ -162,12 +174,12 @@ def parse_yaml(text: str, file: str | None = None) -> YamlDocument:
         ) from None
     except RecursionError:
         raise ConfigError("nested too deeply", file=file) from None
-    except (YAMLError, *_INSIDES) as error:
+    except (YAMLError, *_RUAMEL_ERRORS) as error:
         detail = str(error).splitlines() or [type(error).__name__]
         raise ConfigError(f"not valid YAML: {detail[0]}", file=file) from None
     if root is None:
         return YamlDocument(file, None)
-    builder = _Builder(yaml, file)
+    builder = _NodeConverter(yaml, file)
     data = builder.build(root, (), root.start_mark.line + 1)
     return YamlDocument(file, data, MappingProxyType(builder.origins))
 
@@ -181,7 +193,7 @@ def shown_path(path: Path) -> str:
 
 
 def no_such_file(path: Path) -> ConfigError:
-    """The error for a ``path`` that is no regular file; it names the nearest YAML file beside."""
+    """The error for a ``path`` that is no regular file; names the nearest YAML file."""
     name = shown_path(path)
     if path.is_dir():
         return ConfigError("expected a file, got a folder", file=name)
@@ -195,8 +207,8 @@ def no_such_file(path: Path) -> ConfigError:
     return ConfigError(f"there is no such file{hint}", file=name)
 
 
-class _Builder:
-    """Turns composed nodes into plain data, noting lines, refusing what is unsafe or ambiguous."""
+class _NodeConverter:
+    """Turns composed nodes into plain data; records lines and rejects unsafe or ambiguous input."""
 
     def __init__(self, yaml: YAML, file: str | None) -> None:
         self._constructor = yaml.constructor
@@ -264,7 +276,7 @@ class _Builder:
                     if math.isinf(number) and "inf" not in text.lower():
                         raise ValueError
                     return number
-                # "timestamp": no file of ours has dates; a name that looks like one stays a name
+                # "timestamp": no data file has dates, so a name that looks like one stays text
                 case "str" | "timestamp":
                     self._check_text(text, node, path)
                     return text
@@ -277,7 +289,7 @@ class _Builder:
         try:
             text.encode()
         except UnicodeEncodeError:
-            raise self._error("half of a surrogate pair is not text", node, path) from None
+            raise self._error("an unpaired surrogate is not valid text", node, path) from None
 
     def _error(self, message: str, node: Node, path: KeyPath) -> ConfigError:
         line = node.start_mark.line + 1

@@ -1,4 +1,4 @@
-"""One document on top of another: what the upper one says counts, the rest is the lower one's."""
+"""One document on top of another: values of the upper one replace those of the lower one."""
 
 from __future__ import annotations
 
@@ -11,10 +11,13 @@ from navfw.config.document import Data, KeyPath, Origin, YamlDocument
 __all__ = ["layered"]
 
 
-def layered(lower: YamlDocument, upper: YamlDocument, whole: Container[str] = ()) -> YamlDocument:
-    """``upper`` on ``lower``: mappings are joined key by key, all else is replaced.
+def layered(
+    lower: YamlDocument, upper: YamlDocument, replaced: Container[str] = ()
+) -> YamlDocument:
+    """``upper`` on ``lower``: mappings are merged key by key, other values are replaced.
 
-    The top-level keys in ``whole`` are replaced whole. Each part keeps its origin.
+    The mappings at the top-level keys ``replaced`` are not merged but replaced. Each part keeps its
+    origin.
 
     >>> from navfw.config.document import parse_yaml
     >>> lower, upper = parse_yaml("a: {x: 1, y: 2}"), parse_yaml("a: {y: 3}")
@@ -23,7 +26,7 @@ def layered(lower: YamlDocument, upper: YamlDocument, whole: Container[str] = ()
     """
     origins = {path: _named(origin, lower) for path, origin in lower.origins.items()}
     data = copy.deepcopy(lower.data)
-    _put(data, origins, upper, (), whole)
+    _put(data, origins, upper, (), replaced)
     return YamlDocument(upper.file, data, MappingProxyType(origins))
 
 
@@ -32,23 +35,23 @@ def _put(
     origins: dict[KeyPath, Origin],
     upper: YamlDocument,
     at: KeyPath,
-    whole: Container[str],
+    replaced: Container[str],
 ) -> None:
-    """Write what ``upper`` says at ``at`` into the mapping ``node``."""
+    """Write the part of ``upper`` at path ``at`` into the mapping ``node``, and its origins."""
     for key, value in upper.at(at).items() if at else upper.data.items():
         path = (*at, key)
-        deeper = not (len(path) == 1 and key in whole)
-        if deeper and isinstance(value, dict) and isinstance(node.get(key), dict):
+        merged = not (len(path) == 1 and key in replaced)
+        if merged and isinstance(value, dict) and isinstance(node.get(key), dict):
             origins[path] = _named(upper.origin_of(path), upper)
-            _put(node[key], origins, upper, path, whole)
+            _put(node[key], origins, upper, path, replaced)
             continue
         node[key] = copy.deepcopy(value)
         for known in [p for p in origins if p[: len(path)] == path]:
             del origins[known]
-        said = {p: o for p, o in upper.origins.items() if p[: len(path)] == path}
-        origins.update({p: _named(origin, upper) for p, origin in said.items()})
+        below = {p: o for p, o in upper.origins.items() if p[: len(path)] == path}
+        origins.update({p: _named(origin, upper) for p, origin in below.items()})
 
 
 def _named(origin: Origin, document: YamlDocument) -> Origin:
-    """``origin`` with its file, which documents of one file leave out."""
+    """``origin`` with the file of ``document`` where it names none."""
     return Origin(origin.file or document.file, origin.line, origin.option)

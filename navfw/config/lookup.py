@@ -1,9 +1,10 @@
-"""Where things are: a name such as ``office`` is a path, or of the user's project, or shipped.
+"""Find worlds, missions, maps, stacks and behaviours by name or path.
 
 A project is the nearest folder, from the working folder upwards, that has a ``navfw.toml`` or a
 ``pyproject.toml`` with a ``[tool.navfw]`` table. It has the same shape as navfw's repository:
 ``worlds/<world>/world.yaml``, ``worlds/<world>/missions/*.yaml``, ``maps/*.yaml``,
-``stacks/*.yaml``, ``behaviors/*.py``. What it has goes before what ships under the same name.
+``stacks/*.yaml``, ``behaviors/*.py``. A file of the project takes precedence over the shipped one
+of the same name.
 """
 
 from __future__ import annotations
@@ -19,8 +20,8 @@ from navfw.config.document import no_such_file
 from navfw.errors import ConfigError, UnknownNameError
 
 __all__ = [
-    "Found",
     "Kind",
+    "NamedFile",
     "behavior_folders",
     "find",
     "find_mission",
@@ -37,8 +38,8 @@ _SUFFIXES = {".yaml", ".yml"}
 
 
 @dataclass(frozen=True)
-class Found:
-    """One thing that has a name: its file, and whether it is the project's or shipped."""
+class NamedFile:
+    """A world, mission, map or stack: its name, its file, and whether the project's or shipped."""
 
     name: str
     path: Path
@@ -46,7 +47,9 @@ class Found:
 
 
 @dataclass(frozen=True)
-class _Layer:
+class _DataFolders:
+    """The data folders of the project, or the shipped ones."""
+
     source: Literal["project", "shipped"]
     worlds: Path
     maps: Path
@@ -58,7 +61,7 @@ def project_folder(start: Path | None = None) -> Path | None:
     """The user's project around ``start`` (default: the working folder), or None.
 
     Raises:
-        ConfigError: a ``pyproject.toml`` that mentions ``tool.navfw`` is not readable TOML.
+        ConfigError: a ``pyproject.toml`` that contains ``tool.navfw`` is not valid TOML.
 
     """
     try:
@@ -96,10 +99,10 @@ def shipped_folder() -> Path:
     return installed if installed.is_dir() else package.parent
 
 
-def _layers() -> list[_Layer]:
+def _data_folders() -> list[_DataFolders]:
     shipped = shipped_folder()
-    layers = [
-        _Layer(
+    found = [
+        _DataFolders(
             "shipped",
             shipped / "worlds",
             shipped / "maps",
@@ -110,38 +113,38 @@ def _layers() -> list[_Layer]:
     project = project_folder()
     if project is not None and project.resolve() != shipped.resolve():
         folders = (project / part for part in ("worlds", "maps", "stacks", "behaviors"))
-        layers.insert(0, _Layer("project", *folders))
-    return layers
+        found.insert(0, _DataFolders("project", *folders))
+    return found
 
 
 def behavior_folders() -> list[Path]:
-    """The folders whose Python files are behaviours: the shipped one, then the project's."""
-    return [layer.behaviors for layer in reversed(_layers()) if layer.behaviors.is_dir()]
+    """The folders with behaviour plugins: the shipped one, then the project's."""
+    return [part.behaviors for part in reversed(_data_folders()) if part.behaviors.is_dir()]
 
 
-def list_worlds() -> list[Found]:
+def list_worlds() -> list[NamedFile]:
     """All worlds by name; ``path`` is the world file."""
     return _first_of_each_name(
-        Found(file.parent.name, file, layer.source)
-        for layer in _layers()
-        for file in sorted(layer.worlds.glob("*/world.yaml"))
+        NamedFile(file.parent.name, file, part.source)
+        for part in _data_folders()
+        for file in sorted(part.worlds.glob("*/world.yaml"))
         if not file.parent.name.startswith((".", "_"))
     )
 
 
-def list_missions(world: str | Path) -> list[Found]:
+def list_missions(world: str | Path) -> list[NamedFile]:
     """All missions of a world (name or path); a project may add missions to a shipped world.
 
     Raises:
         UnknownNameError: there is no such world.
-        ConfigError: ``world`` is a path to nothing.
+        ConfigError: ``world`` is a path, and no such file exists.
 
     """
     file = find("world", world)
     folders: list[tuple[Literal["project", "shipped"], Path]] = []
-    in_layers = [(layer.source, layer.worlds / file.parent.name) for layer in _layers()]
-    if any(file.parent.resolve() == folder.resolve() for _, folder in in_layers):
-        folders += in_layers
+    by_name = [(part.source, part.worlds / file.parent.name) for part in _data_folders()]
+    if any(file.parent.resolve() == folder.resolve() for _, folder in by_name):
+        folders += by_name
     else:
         folders.append(("project", file.parent))
     return _first_of_each_name(
@@ -149,30 +152,30 @@ def list_missions(world: str | Path) -> list[Found]:
     )
 
 
-def list_maps() -> list[Found]:
+def list_maps() -> list[NamedFile]:
     """All topological maps by name."""
     return _first_of_each_name(
-        f for layer in _layers() for f in _yaml_files(layer.maps, layer.source)
+        f for part in _data_folders() for f in _yaml_files(part.maps, part.source)
     )
 
 
-def list_stacks() -> list[Found]:
+def list_stacks() -> list[NamedFile]:
     """All stack files by name."""
     return _first_of_each_name(
-        f for layer in _layers() for f in _yaml_files(layer.stacks, layer.source)
+        f for part in _data_folders() for f in _yaml_files(part.stacks, part.source)
     )
 
 
 def find(kind: Kind, name: str | Path, base: Path | None = None) -> Path:
     """The file of a world, map, stack or mission.
 
-    ``name`` is a path when it ends in ``.yaml`` or has a ``/`` in it (relative to ``base``, or to
-    the working folder); a world's folder will do for a world. A mission is named
+    ``name`` is a path (relative to ``base``, or to the working folder) when it ends in ``.yaml`` or
+    contains a ``/``; a world may be given by its folder. The name of a mission is
     ``world/mission``.
 
     Raises:
-        UnknownNameError: nothing of this kind has that name; the message names the nearest.
-        ConfigError: ``name`` is a path to nothing.
+        UnknownNameError: there is none of that name; the message gives the nearest name.
+        ConfigError: ``name`` is a path, and no such file exists.
 
     """
     text = str(name)
@@ -191,7 +194,7 @@ def find(kind: Kind, name: str | Path, base: Path | None = None) -> Path:
             known = list_stacks()
         case "mission":
             known = [
-                Found(f"{world.name}/{mission.name}", mission.path, mission.source)
+                NamedFile(f"{world.name}/{mission.name}", mission.path, mission.source)
                 for world in list_worlds()
                 for mission in list_missions(world.name)
             ]
@@ -203,12 +206,12 @@ def find_mission(world: str | Path, name: str | Path) -> Path:
 
     Raises:
         UnknownNameError: there is no such world, or it has no such mission.
-        ConfigError: one of both is a path to nothing.
+        ConfigError: ``world`` or ``name`` is a path, and no such file exists.
 
     """
     as_path = _as_path("mission", name, None)
     if as_path is not None:
-        find("world", world)  # a mission alone does not excuse an unknown world
+        find("world", world)  # raises for an unknown world
         return as_path
     return _pick("mission", str(name), list_missions(world))
 
@@ -226,21 +229,21 @@ def _as_path(kind: Kind, name: str | Path, base: Path | None) -> Path | None:
     return path
 
 
-def _pick(what: str, name: str, known: list[Found]) -> Path:
+def _pick(what: str, name: str, known: list[NamedFile]) -> Path:
     for found in known:
         if found.name == name:
             return found.path
     raise UnknownNameError(what, name, (found.name for found in known))
 
 
-def _yaml_files(folder: Path, source: Literal["project", "shipped"]) -> Iterator[Found]:
+def _yaml_files(folder: Path, source: Literal["project", "shipped"]) -> Iterator[NamedFile]:
     for file in sorted(folder.glob("*.yaml")):
         if not file.name.startswith((".", "_")):
-            yield Found(file.stem, file, source)
+            yield NamedFile(file.stem, file, source)
 
 
-def _first_of_each_name(found: Iterator[Found]) -> list[Found]:
-    by_name: dict[str, Found] = {}
+def _first_of_each_name(found: Iterator[NamedFile]) -> list[NamedFile]:
+    by_name: dict[str, NamedFile] = {}
     for item in found:
         by_name.setdefault(item.name, item)
     return sorted(by_name.values(), key=lambda item: item.name)

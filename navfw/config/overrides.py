@@ -15,7 +15,7 @@ __all__ = ["Override", "apply_overrides", "parse_override"]
 
 @dataclass(frozen=True)
 class Override:
-    """``value`` shall stand at ``path``; ``text`` is what the person typed."""
+    """Set ``path`` to ``value``; ``text`` is the option's argument as typed."""
 
     path: KeyPath
     value: Data
@@ -23,20 +23,20 @@ class Override:
 
     @property
     def option(self) -> str:
-        """How messages call it."""
+        """The option as error messages show it."""
         return f"--set {self.text}"
 
     def under(self, prefix: KeyPath) -> Override:
-        """The same override for a part that lies deeper: its path begins with ``prefix``."""
+        """The same override with ``prefix`` before its path."""
         return replace(self, path=(*prefix, *self.path))
 
     def error(self, message: str) -> ConfigError:
-        """An error that names this override as the culprit."""
+        """An error whose key is this override."""
         return ConfigError(message, key=self.option)
 
 
 def parse_override(text: str) -> Override:
-    """``a.b=c``: keys with dots between them, ``=``, a YAML value.
+    """Parse ``a.b=c``: keys separated by dots, ``=``, a YAML value.
 
     An item of a list is addressed by its index, counted from 0, or by its ``name``.
 
@@ -66,9 +66,9 @@ def apply_overrides(document: YamlDocument, overrides: Sequence[str | Override])
     """A copy of ``document`` with the overrides in it, later ones over earlier ones.
 
     Raises:
-        ConfigError: an override is malformed, or leads through something that is no mapping and
-            no list, or to an item that a list does not have. Keys that the file does not have are
-            added: whether they are allowed is the model's question.
+        ConfigError: an override is malformed, its path leads through a value that is neither a
+            mapping nor a list, or it names an item that a list does not have. Keys that the file
+            does not have are added; validation rejects unknown ones.
 
     """
     if not overrides:
@@ -92,7 +92,7 @@ def _step(text: str) -> str | int:
 
 
 def _put(data: Data, override: Override) -> tuple[KeyPath, list[KeyPath]]:
-    """Write into ``data``; the path as the data has it, and the mappings made on the way."""
+    """Write into ``data``; returns the path with indices for names, and the mappings created."""
     node = data
     done: KeyPath = ()
     created: list[KeyPath] = []
@@ -103,7 +103,7 @@ def _put(data: Data, override: Override) -> tuple[KeyPath, list[KeyPath]]:
             step = _index(node, raw, done, override)
         elif not isinstance(node, dict):
             raise override.error(
-                f"{key_text(done) or 'the file'} is {_shown(node)} and has no {step!r} in it"
+                f"{key_text(done) or 'the file'} is {_shown(node)} and contains no {step!r}"
             )
         done = (*done, step)
         if last:

@@ -1,4 +1,4 @@
-"""Pydantic's validation errors in our words: where, what was expected, what is there instead."""
+"""Pydantic's validation errors reworded: file, line, key, expected value, and actual value."""
 
 from __future__ import annotations
 
@@ -9,36 +9,36 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from navfw.config.describe import choices_of, members_of
 from navfw.config.document import KeyPath, Origin, YamlDocument, key_text
-from navfw.config.locate import Place, Wanted, locate
+from navfw.config.error_location import ErrorLocation, ExpectedType, locate
+from navfw.config.type_descriptions import choices_of, members_of
 from navfw.errors import ConfigError, did_you_mean
 
-__all__ = ["Problem", "config_error", "explain"]
+__all__ = ["FileProblem", "config_error", "problems_of", "shown"]
 
 
 @dataclass(frozen=True)
-class Problem:
-    """One thing wrong in a document."""
+class FileProblem:
+    """One error in a document: the path of the key, the message, and where the value came from."""
 
     path: KeyPath
     message: str
     origin: Origin
 
     def error(self) -> ConfigError:
-        """It alone as an error."""
+        """The error for this problem alone."""
         return ConfigError(
             self.message, file=self.origin.file, line=self.origin.line, key=self.key or None
         )
 
     @property
     def key(self) -> str:
-        """The key, after the option of the command line that it comes from, if any."""
+        """The option of the command line that set the value, or else the key in the file."""
         return self.origin.option or key_text(self.path)
 
 
-def config_error(problems: list[Problem]) -> ConfigError:
-    """One error for all ``problems`` (at least one), in the order of the file, one a line."""
+def config_error(problems: list[FileProblem]) -> ConfigError:
+    """One error for all ``problems`` (at least one), one per line, in the order of the file."""
     ordered = sorted(problems, key=lambda p: (p.origin.option is not None, p.origin.line or 0))
     first, *others = ordered
     message = "\n".join([first.message, *(str(other.error()) for other in others)])
@@ -47,71 +47,71 @@ def config_error(problems: list[Problem]) -> ConfigError:
     )
 
 
-def explain(
+def problems_of(
     error: ValidationError, document: YamlDocument, model: type[BaseModel], at: KeyPath = ()
-) -> list[Problem]:
-    """The problems of the part of ``document`` at ``at``, which failed to become a ``model``."""
+) -> list[FileProblem]:
+    """The problems in ``error``, from validating ``document`` at path ``at`` as ``model``."""
     data = document.at(at)
-    found: list[tuple[ErrorDetails, Place]] = [
+    found: list[tuple[ErrorDetails, ErrorLocation]] = [
         (detail, locate(detail["loc"], {} if data is None else data, model))
         for detail in error.errors(include_url=False)
         if not _is_echo(detail)
     ]
-    problems: list[Problem] = []
-    for detail, place in _decide_unions(found):
-        path = (*at, *place.path)
+    problems: list[FileProblem] = []
+    for detail, location in _resolve_unions(found):
+        path = (*at, *location.path)
         if detail["type"] == "union_tag_invalid":
-            path = (*path, place.tag_key)
-        message = _message(detail, place)
+            path = (*path, location.tag_key)
+        message = _message(detail, location)
         origin = document.origin_of(path)
         if origin.option is not None:
-            shown = key_text(path)
+            key = key_text(path)
             given = origin.option.removeprefix("--set ").partition("=")[0]
-            message = message if given == shown else f"{shown}: {message}"
+            message = message if given == key else f"{key}: {message}"
         else:
-            message += _blame(document, path, detail)
-        problem = Problem(path, message, origin)
+            message += _responsible_options(document, path, detail)
+        problem = FileProblem(path, message, origin)
         if problem not in problems:
             problems.append(problem)
     return problems
 
 
 def _is_echo(detail: ErrorDetails) -> bool:
-    """Whether a list is called short only since pydantic does not count its bad items."""
+    """Whether a list counts as too short only because pydantic leaves out its invalid items."""
     return (
         detail["type"] == "too_short"
         and len(detail["input"]) >= detail.get("ctx", {})["min_length"]
     )
 
 
-def _message(detail: ErrorDetails, place: Place) -> str:
+def _message(detail: ErrorDetails, location: ErrorLocation) -> str:
     given = detail["input"]
     context: Mapping[str, Any] = detail.get("ctx", {})
-    wanted = place.wanted
+    expected = location.expected
     match detail["type"]:
         case "missing":
-            text = f"missing; expected {wanted}"
+            text = f"missing; expected {expected}"
         case "extra_forbidden":
-            text = f"unknown key; {did_you_mean(str(place.path[-1]), place.known_keys)}"
+            text = f"unknown key; {did_you_mean(str(location.path[-1]), location.known_keys)}"
         case "union_tag_not_found":
-            text = f"missing {place.tag_key!r}; expected one of {', '.join(place.tags)}"
+            text = f"missing {location.tag_key!r}; expected one of {', '.join(location.tags)}"
         case "union_tag_invalid":
             tag = str(context.get("tag", ""))
-            text = f"unknown {place.tag_key} {tag!r}: {did_you_mean(tag, place.tags)}"
+            text = f"unknown {location.tag_key} {tag!r}: {did_you_mean(tag, location.tags)}"
         case "value_error" | "assertion_error":
             text = str(context.get("error") or detail["msg"])
-        case "too_short" | "too_long" if place.certain and isinstance(given, Sized):
-            text = f"expected {wanted}, got {len(given)} items"
-        case _ if not place.certain:
+        case "too_short" | "too_long" if location.certain and isinstance(given, Sized):
+            text = f"expected {expected}, got {len(given)} items"
+        case _ if not location.certain:
             text = f"{detail['msg'][:1].lower()}{detail['msg'][1:]}, got {shown(given)}"
         case _:
-            text = f"expected {wanted}, got {shown(given)}{_hint(detail, wanted)}"
+            text = f"expected {expected}, got {shown(given)}{_hint(detail, expected)}"
     return text
 
 
-def _hint(detail: ErrorDetails, wanted: Wanted) -> str:
+def _hint(detail: ErrorDetails, expected: ExpectedType) -> str:
     given = detail["input"]
-    choices = [c for member in members_of(wanted.annotation) for c in choices_of(member)]
+    choices = [c for member in members_of(expected.annotation) for c in choices_of(member)]
     if choices and isinstance(given, str):
         return f"; {did_you_mean(given, choices)}"
     if detail["type"] == "string_type" and isinstance(given, bool | int | float):
@@ -120,7 +120,7 @@ def _hint(detail: ErrorDetails, wanted: Wanted) -> str:
 
 
 def shown(value: object) -> str:
-    """A value as a person would call it; long ones shortened."""
+    """A value as error messages show it; long ones shortened."""
     if value is None:
         return "nothing"
     if isinstance(value, bool):
@@ -138,8 +138,8 @@ def _short(text: str) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
-def _blame(document: YamlDocument, path: KeyPath, detail: ErrorDetails) -> str:
-    """The options that reach into a part that is wrong as a whole."""
+def _responsible_options(document: YamlDocument, path: KeyPath, detail: ErrorDetails) -> str:
+    """The command line options inside a part that is invalid as a whole, as a suffix."""
     if detail["type"] not in {"value_error", "assertion_error"}:
         return ""
     options = {
@@ -150,20 +150,20 @@ def _blame(document: YamlDocument, path: KeyPath, detail: ErrorDetails) -> str:
     return f" (with {', '.join(sorted(options))})" if options else ""
 
 
-def _decide_unions(
-    found: list[tuple[ErrorDetails, Place]],
-) -> Iterator[tuple[ErrorDetails, Place]]:
-    """Pydantic tells the errors of every member of a union; keep those of the best-fitting one.
+def _resolve_unions(
+    found: list[tuple[ErrorDetails, ErrorLocation]],
+) -> Iterator[tuple[ErrorDetails, ErrorLocation]]:
+    """Keep, of the errors that pydantic reports for each member of a union, those of one member.
 
-    A member that accepts the outer form and fails deeper inside was meant, rather than one that
-    refuses the form at once. When all refuse at once, one error names all members.
+    A member that accepts the outer form and fails deeper inside is preferred; of several, the one
+    with the fewest errors. When all members fail at once, one error names them all.
     """
     unions: dict[KeyPath, dict[str, list[int]]] = {}
-    for index, (_, place) in enumerate(found):
-        for union, (label, _whole) in place.unions.items():
+    for index, (_, location) in enumerate(found):
+        for union, (label, _) in location.unions.items():
             unions.setdefault(union, {}).setdefault(label, []).append(index)
     dropped: set[int] = set()
-    merged: dict[int, Place] = {}
+    merged: dict[int, ErrorLocation] = {}
     for union, by_label in unions.items():
         deep = {
             label: indices
@@ -177,14 +177,14 @@ def _decide_unions(
         elif len(by_label) > 1:
             indices = sorted(i for group in by_label.values() for i in group)
             dropped.update(indices[1:])
-            place = found[indices[0]][1]
-            merged[indices[0]] = Place(union, place.unions[union][1], certain=True)
-    for index, (detail, place) in enumerate(found):
+            location = found[indices[0]][1]
+            merged[indices[0]] = ErrorLocation(union, location.unions[union][1], certain=True)
+    for index, (detail, location) in enumerate(found):
         if index in merged:
             yield {**detail, "type": "union"}, merged[index]
         elif index not in dropped:
-            yield detail, place
+            yield detail, location
 
 
-def _is_deep(detail: ErrorDetails, place: Place, union: KeyPath) -> bool:
-    return len(place.path) > len(union) or not detail["type"].endswith(("_type", "_parsing"))
+def _is_deep(detail: ErrorDetails, location: ErrorLocation, union: KeyPath) -> bool:
+    return len(location.path) > len(union) or not detail["type"].endswith(("_type", "_parsing"))

@@ -1,4 +1,4 @@
-"""A YAML file as a validated pydantic model; whatever is wrong in it is said in one error.
+"""A YAML file as a validated pydantic model; one error lists all its problems.
 
 >>> from navfw.config.yamlfile import load_model
 >>> world = load_model("worlds/office/world.yaml", WorldSpec)  # doctest: +SKIP
@@ -15,12 +15,12 @@ from pydantic import BaseModel, ValidationError
 
 from navfw.config.document import KeyPath, Origin, YamlDocument, key_text, load_yaml, parse_yaml
 from navfw.config.overrides import Override, apply_overrides
-from navfw.config.problems import Problem, config_error, explain
+from navfw.config.problems import FileProblem, config_error, problems_of
 
 __all__ = [
+    "FileProblem",
     "KeyPath",
     "Origin",
-    "Problem",
     "YamlDocument",
     "check",
     "config_error",
@@ -62,13 +62,13 @@ def validate(document: YamlDocument, model: type[ModelT], at: KeyPath = ()) -> M
 
 def check(
     document: YamlDocument, model: type[ModelT], at: KeyPath = ()
-) -> tuple[ModelT | None, list[Problem]]:
-    """Like ``validate``, but hands the problems back, for who wants to collect more of them."""
+) -> tuple[ModelT | None, list[FileProblem]]:
+    """Like ``validate``, but returns the problems, so that the caller can add further ones."""
     data = document.at(at)
     try:
-        # Strict, so that a text is no number and yes is no 1; by JSON, because only there does
-        # strict mean the data model of files (a list may fill a tuple, a text an enum).
+        # Strict: text is not converted to a number, nor a truth value to 1. Through JSON, because
+        # strict JSON mode accepts a list for a tuple and text for an enum.
         text = json.dumps({} if data is None else data)
         return model.model_validate_json(text, strict=True), []
     except ValidationError as error:
-        return None, explain(error, document, model, at)
+        return None, problems_of(error, document, model, at)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from navfw.config.document import KeyPath, YamlDocument, load_yaml, parse_yaml
-from navfw.config.problems import Problem, config_error
+from navfw.config.problems import FileProblem, config_error
 from navfw.config.yamlfile import check
 from navfw.errors import ConfigError, RuleBaseError, did_you_mean
 from navfw.fuzzy.coverage import check_coverage
@@ -70,7 +70,7 @@ class _RuleBaseBuilder:
 
     def __init__(self, document: YamlDocument) -> None:
         self._document = document
-        self._problems: list[Problem] = []
+        self._problems: list[FileProblem] = []
 
     def build(self) -> RuleBase:
         spec, problems = check(self._document, RuleBaseSpec)
@@ -101,7 +101,7 @@ class _RuleBaseBuilder:
         )
 
     def _problem(self, path: KeyPath, message: str) -> None:
-        self._problems.append(Problem(path, message, self._document.origin_of(path)))
+        self._problems.append(FileProblem(path, message, self._document.origin_of(path)))
 
     def _error(self) -> RuleBaseError:
         return _as_rule_base_error(config_error(self._problems))

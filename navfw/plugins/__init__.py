@@ -7,7 +7,7 @@
 
 from __future__ import annotations
 
-from navfw.plugins.importing import plugin
+from navfw.plugins.plugin_import import plugin
 from navfw.plugins.registry import BUILT_IN, GROUPS, Registry, default_registry
 from navfw.plugins.verification import find_problems, kind_of, verify
 

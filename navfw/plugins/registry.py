@@ -10,12 +10,12 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any, cast
 
-from navfw.config.describe import parameters_of
 from navfw.config.document import shown_path
 from navfw.config.lookup import behavior_folders
+from navfw.config.type_descriptions import parameters_of
 from navfw.errors import InputError, PluginError, UnknownNameError
 from navfw.interfaces import KINDS, Plugin
-from navfw.plugins import importing
+from navfw.plugins import plugin_import
 from navfw.plugins.verification import kind_of, source_file, verify
 
 __all__ = ["BUILT_IN", "GROUPS", "Registry", "check_kind", "default_registry"]
@@ -110,7 +110,7 @@ class Registry:
         """
         check_kind(kind)
         if isinstance(load, str):
-            load = partial(importing.import_object, load)
+            load = partial(plugin_import.import_object, load)
         self._add(_Entry(kind, name, source, load=load))
 
     def discover_folder(self, folder: str | Path, kind: str = "behavior") -> None:
@@ -145,7 +145,7 @@ class Registry:
                 GROUPS[point.group],
                 point.name,
                 f"entry point {point.group}{package}",
-                load=partial(importing.import_object, point.value.replace(" ", "")),
+                load=partial(plugin_import.import_object, point.value.replace(" ", "")),
             )
             self._attempt(entry, partial(self._add, entry))
 
@@ -194,13 +194,13 @@ class Registry:
     def _discover_file(self, file: Path, kind: str) -> None:
         source = shown_path(file)
         try:
-            module, decorated = importing.import_file(file)
+            module, decorated = plugin_import.import_file(file)
         except PluginError as error:
             self._record(_Entry(kind, file.stem, source, error=error))
             return
-        classes = importing.candidates_of(module, decorated)
+        classes = plugin_import.candidates_of(module, decorated)
         if not classes:
-            nothing = importing.nothing_found(module, file, kind)
+            nothing = plugin_import.nothing_found(module, file, kind)
             self._record(_Entry(kind, file.stem, source, error=nothing))
         for cls in classes:
             self._register_found(cls, source, kind, file.stem)
@@ -285,7 +285,7 @@ def default_registry(folders: Iterable[str | Path] = ()) -> Registry:
     for folder in (*behavior_folders(), *folders):
         registry.discover_folder(folder)
     registry.discover_entry_points()
-    for cls in importing.decorated_plugins():
+    for cls in plugin_import.decorated_plugins():
         registry._register_found(cls, _source(cls), "behavior", cls.__name__)
     return registry
 

@@ -45,7 +45,7 @@ def write(path: Path, text: str = "description: a thing\n") -> Path:
     return path
 
 
-def names(found: list[lookup.Found]) -> list[str]:
+def names(found: list[lookup.NamedFile]) -> list[str]:
     return [f"{item.name} ({item.source})" for item in found]
 
 

@@ -7,8 +7,8 @@ from typing import Annotated, Any, Literal
 import pytest
 from pydantic import BaseModel, ConfigDict, Field, RootModel, field_validator, model_validator
 
-from navfw.config.describe import parameters_of
 from navfw.config.overrides import apply_overrides
+from navfw.config.type_descriptions import parameters_of
 from navfw.config.yamlfile import check, load_model, parse_yaml, validate
 from navfw.errors import ConfigError
 from navfw.robot import RobotModel
@@ -278,7 +278,7 @@ def test_overrides_change_add_and_index(tmp_path: Path) -> None:
         ),
         (
             "rooms.0.name.x=1",
-            "--set rooms.0.name.x=1: rooms[0].name is 'lobby' and has no 'x' in it",
+            "--set rooms.0.name.x=1: rooms[0].name is 'lobby' and contains no 'x'",
         ),
         ("high", "--set high: expected key=value"),
         ("=3", "--set =3: expected key=value"),

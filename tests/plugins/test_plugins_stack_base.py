@@ -102,7 +102,7 @@ def test_layers_are_the_union_with_the_upper_ones_word(
     low: dict[str, object], high: dict[str, object]
 ) -> None:
     lower, upper = (parse_yaml(repr(tree), name) for tree, name in ((low, "l"), (high, "h")))
-    joined = layered(lower, upper, whole={"c"})
+    joined = layered(lower, upper, replaced={"c"})
     for key in low | high:
         one, other = low.get(key), high.get(key)
         both = isinstance(one, dict) and isinstance(other, dict) and key != "c"

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from navfw.cli.maplearn import learn
+from navfw.cli.map_learn import learn
 from navfw.cli.options import Json, Map, World
 from navfw.cli.output import print_json, print_table, quiet_stdout
 
@@ -37,7 +37,7 @@ def show(
     json: Json = False,
 ) -> None:
     """Draw a map over its world's floor plan, and say what is in it."""
-    from navfw.cli.maptools import find_map, outline_for
+    from navfw.cli.map_inputs import find_map, outline_for
     from navfw.recording.map_picture import draw_map
 
     with quiet_stdout():
@@ -69,7 +69,7 @@ def show(
 
 def check(map_: Map, world: OverWorld = None, json: Json = False) -> None:
     """Look for what is wrong with a map, alone and in its world; exit code 1 if anything is."""
-    from navfw.cli.maptools import find_map, floor_plan
+    from navfw.cli.map_inputs import find_map, floor_plan
     from navfw.topomap.map_check import check_map
 
     with quiet_stdout():
@@ -137,7 +137,7 @@ def convert(
     json: Json = False,
 ) -> None:
     """Convert a map between YAML, GraphML and the GeoJSON of Nav2's route server."""
-    from navfw.cli.maptools import find_map
+    from navfw.cli.map_inputs import find_map
     from navfw.topomap.map_formats import save_map
 
     with quiet_stdout():

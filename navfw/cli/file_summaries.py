@@ -13,26 +13,26 @@ from navfw.stackfile import read_stack
 __all__ = ["map_summary", "mission_summary", "stack_summary", "world_summary"]
 
 
-class _Summary(BaseModel):
+class _FileSummary(BaseModel):
     # the other keys are checked by those who use the file
     model_config = ConfigDict(extra="ignore")
 
     description: str = ""
 
 
-class _Mission(_Summary):
+class _MissionSummary(_FileSummary):
     map: str | None = None
     start: list[float] | dict[str, Any] | str
     goals: list[str | dict[str, Any]]
     timeout: float | None = None
 
 
-class _Map(_Summary):
+class _MapSummary(_FileSummary):
     places: dict[str, Any]
     edges: list[Any] = []
 
 
-class _Stack(_Summary):
+class _StackSummary(_FileSummary):
     flow: dict[str, Any]
     perception: dict[str, Any]
     features: dict[str, Any]
@@ -43,24 +43,24 @@ class _Stack(_Summary):
     controller: dict[str, Any]
 
 
-SummaryT = TypeVar("SummaryT", bound=_Summary)
+SummaryT = TypeVar("SummaryT", bound=_FileSummary)
 
 MAP_BYTES = 8_000_000
 
 
 def world_summary(path: Path) -> dict[str, Any]:
     """Its description."""
-    return {"description": _read(path, _Summary).description}
+    return {"description": _read(path, _FileSummary).description}
 
 
 def mission_summary(path: Path) -> dict[str, Any]:
     """Description, map, start, goals and timeout [s], as the file has them."""
-    return _read(path, _Mission).model_dump()
+    return _read(path, _MissionSummary).model_dump()
 
 
 def map_summary(path: Path) -> dict[str, Any]:
     """Its description, and how many places and edges it has."""
-    spec = _read(path, _Map, MAP_BYTES)
+    spec = _read(path, _MapSummary, MAP_BYTES)
     return {
         "description": spec.description,
         "places": len(spec.places),
@@ -70,7 +70,7 @@ def map_summary(path: Path) -> dict[str, Any]:
 
 def stack_summary(path: Path) -> dict[str, Any]:
     """Its description, and for each stage the names of its plugins."""
-    spec = validate(read_stack(path), _Stack)
+    spec = validate(read_stack(path), _StackSummary)
     stages = spec.model_dump(exclude={"description"})
     return {
         "description": spec.description,

@@ -1,4 +1,4 @@
-"""Pydantic fields in words: what type they want, within which bounds."""
+"""The types, bounds and defaults of pydantic fields in words."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ _PLAIN: Mapping[Any, str] = {
 
 
 class Parameter(NamedTuple):
-    """One field of a parameter model, as listings show it.
+    """One field of a parameter model, for listings.
 
-    ``type`` is as Python spells it, ``default`` plain JSON data, ``bounds`` in words.
+    ``type`` is in Python's notation, ``default`` plain JSON data, ``bounds`` in words.
     """
 
     name: str
@@ -68,7 +68,7 @@ def peel(annotation: Any) -> tuple[Any, tuple[Any, ...]]:
 
 
 def members_of(annotation: Any) -> tuple[Any, ...]:
-    """The members of a union, nested ones flattened; anything else is its own only member."""
+    """The members of a union, nested ones flattened; for another type, the type alone."""
     bare, _ = peel(annotation)
     if get_origin(bare) in {Union, types.UnionType}:
         return tuple(part for arg in get_args(bare) for part in members_of(arg))
@@ -76,7 +76,7 @@ def members_of(annotation: Any) -> tuple[Any, ...]:
 
 
 def is_model(annotation: Any) -> bool:
-    """Whether it is a pydantic model."""
+    """Whether ``annotation`` is a pydantic model."""
     return isinstance(annotation, type) and issubclass(annotation, BaseModel)
 
 
@@ -131,8 +131,8 @@ def _tuple(origin: type[tuple[Any, ...]], args: tuple[Any, ...]) -> str:
         return "a list"
     if args[-1] is Ellipsis:
         return f"a list of {_plural(args[0])}"
-    kinds = dict.fromkeys(_plural(arg) for arg in args)
-    return f"a list of {len(args)} {' and '.join(kinds)}"
+    parts = dict.fromkeys(_plural(arg) for arg in args)
+    return f"a list of {len(args)} {' and '.join(parts)}"
 
 
 def _plural(annotation: Any) -> str:
@@ -188,9 +188,9 @@ def _parameter(name: str, info: FieldInfo) -> Parameter:
     bare, own = peel(info.annotation)
     default: Any = None
     if not info.is_required():
-        # a factory that asks for the other fields' values has no default to show
-        asks = info.default_factory_takes_validated_data
-        default = _plain(info.default if asks else info.get_default(call_default_factory=True))
+        # a factory that computes from the other fields has no fixed default
+        computed = info.default_factory_takes_validated_data
+        default = _plain(info.default if computed else info.get_default(call_default_factory=True))
     metadata = (*own, *info.metadata)
     members = members_of(bare)
     if not metadata and len(members) > 1:
@@ -206,7 +206,7 @@ def _parameter(name: str, info: FieldInfo) -> Parameter:
 
 
 def _type_name(annotation: Any) -> str:
-    """A type as Python spells it: ``float``, ``tuple[float, float]``; choices as ``a | b``."""
+    """A type in Python's notation: ``float``, ``tuple[float, float]``; choices as ``a | b``."""
     bare, _ = peel(annotation)
     choices = choices_of(bare)
     if choices:
@@ -225,7 +225,7 @@ def _type_name(annotation: Any) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """``value`` as JSON data; what JSON does not know, as text."""
+    """``value`` as JSON data, or as text where JSON has no such type."""
     if value is PydanticUndefined:
         return None
     try:
