@@ -41,7 +41,7 @@ class Avoid(RuledBehavior):
         needed[v == 0.0] = 1e-3  # turning on the spot needs no room
         verdict = self.rules.evaluate_all(
             reserve=arcs.free / needed[:, None],
-            insight=arcs.known / needed[:, None],
+            insight=arcs.observed / needed[:, None],
             pace=commands.product(v, np.ones_like(commands.w)),
             clearance=arcs.clearance,
         )

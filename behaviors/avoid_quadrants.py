@@ -36,7 +36,7 @@ class AvoidQuadrants(RuledBehavior):
 
     def propose(self, context: Context) -> Proposal:
         """Desire the turn, and forbid the speeds, that the rules give for the quadrants."""
-        sight, commands = context.sight, context.commands
+        sight, commands = context.quadrant_distances, context.commands
         nothing = commands.zeros()
         if sight is None or sight.age > self.params.patience:
             return Proposal(0.0, nothing, nothing, "nothing seen just now")

@@ -29,7 +29,9 @@ class CentreCorridor(RuledBehavior):
     def propose(self, context: Context) -> Proposal:
         """Desire the turn that evens out the gaps at both sides."""
         ranges = context.ranges
-        along = context.aim is not None and abs(context.aim.bearing) < self.params.along
+        along = (
+            context.local_goal is not None and abs(context.local_goal.bearing) < self.params.along
+        )
         degree = ranges.corridor if along else 0.0
         balance = (ranges.left - ranges.right) / max(ranges.left + ranges.right, 1e-3)
         verdict = self.rules.evaluate(balance=balance)

@@ -46,7 +46,7 @@ class EmergencyQuadrants(RuledBehavior):
 
     def propose(self, context: Context) -> Proposal:
         """Forbid all forward commands until the turn is made, otherwise nothing."""
-        sight, commands = context.sight, context.commands
+        sight, commands = context.quadrant_distances, context.commands
         fresh = sight is not None and sight.age <= self.params.fresh
         verdict = self.rules.evaluate(
             ahead=sight.ahead if sight is not None and fresh else 1.0,
@@ -70,7 +70,7 @@ class EmergencyQuadrants(RuledBehavior):
     def _begin(self, context: Context) -> None:
         """Choose the side: as a moment ago, else the freer one, else the waypoint's."""
         if context.time - self._ended > self.params.again:
-            sight = context.sight
+            sight = context.quadrant_distances
             freer = 0.0 if sight is None else sight.left - sight.right
             side = freer if abs(freer) > 0.1 else context.waypoint_bearing
             self._way = 1.0 if side >= 0.0 else -1.0

@@ -100,7 +100,7 @@ class Escape(RuledBehavior):
     def _freest(self, context: Context) -> float:
         """Turn [rad] toward the freest direction, the nearer to the aim the better."""
         ranges = context.ranges
-        aim = 0.0 if context.aim is None else context.aim.bearing
+        aim = 0.0 if context.local_goal is None else context.local_goal.bearing
         away = np.abs((ranges.bearings - aim + math.pi) % (2 * math.pi) - math.pi)
         best = float(ranges.bearings[int(np.argmax(ranges.free - 0.3 * away))])
         least = min(self.params.turn * self._tries, math.pi)

@@ -47,7 +47,7 @@ class Explore(RuledBehavior):
         free = context.ranges.nearest(bearing - 0.2, bearing + 0.2)
         # who has only turned so far has seen nothing, and may but creep
         toward = np.cos(bearings - bearing) > 0.98
-        seen = float(context.ranges.seen[toward].min(initial=2.0))
+        seen = float(context.ranges.observed[toward].min(initial=2.0))
         verdict = self.rules.evaluate(bearing=math.degrees(bearing), free=free, seen=min(seen, 2.0))
         return Proposal(
             applicability=self.params.weight,
@@ -63,7 +63,7 @@ class Explore(RuledBehavior):
         # a gap narrower than the body leads nowhere: each direction is as free as its neighbours
         around = [np.roll(ranges.free, shift) for shift in (-1, 0, 1)]
         free = np.min(around, axis=0)
-        unseen = np.maximum(free - ranges.seen, 0.0)
+        unseen = np.maximum(free - ranges.observed, 0.0)
         worth = free + p.novelty * unseen - p.turning * np.abs(ranges.bearings)
         if self._heading is not None:
             off = ranges.bearings - (self._heading - context.pose.yaw)

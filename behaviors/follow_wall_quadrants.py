@@ -33,7 +33,7 @@ class FollowWallQuadrants(RuledBehavior):
 
     def propose(self, context: Context) -> Proposal:
         """Desire to turn toward or away from the wall, by the fuzzy distances beside and ahead."""
-        sight, commands = context.sight, context.commands
+        sight, commands = context.quadrant_distances, context.commands
         nothing = commands.zeros()
         if context.waypoint is None or sight is None or sight.age > self.params.patience:
             return Proposal(0.0, nothing, nothing, "no wall to follow")

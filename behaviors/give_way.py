@@ -23,10 +23,10 @@ class GiveWay(RuledBehavior):
     class Params(RuledBehavior.Params):
         """When movers matter."""
 
-        wide: Annotated[
+        clear: Annotated[
             float, Field(gt=0.0, le=3.0, description="a gap from which nobody minds [m]")
         ] = 0.5
-        closing: Annotated[
+        approach: Annotated[
             float,
             Field(ge=0.0, le=0.2, description="so much nearer to who is at hand is at them [m]"),
         ] = 0.02
@@ -38,24 +38,24 @@ class GiveWay(RuledBehavior):
 
     def propose(self, context: Context) -> Proposal:
         """Desire and forbid commands by the gap they leave to movers."""
-        meeting = context.encounters
-        if meeting is None:
+        conflicts = context.conflicts
+        if conflicts is None:
             nothing = context.commands.zeros()
             return Proposal(0.0, nothing, nothing, "nobody walks here")
         # where somebody is at hand, driving at them is no way out: standing never is that
-        best = float(meeting.gap[meeting.closing <= self.params.closing].max())
+        best = float(conflicts.distance[conflicts.approach <= self.params.approach].max())
         verdict = self.rules.evaluate_all(
-            gap=meeting.gap,
-            worse=np.maximum(best - meeting.gap, 0.0),
-            after=meeting.after,
-            near=np.full(meeting.gap.shape, meeting.nearest),
-            closing=meeting.closing,
+            distance=conflicts.distance,
+            worse=np.maximum(best - conflicts.distance, 0.0),
+            time=conflicts.time,
+            near=np.full(conflicts.distance.shape, conflicts.nearest),
+            approach=conflicts.approach,
         )
-        least = float(meeting.gap.min())
+        least = float(conflicts.distance.min())
         return Proposal(
-            applicability=self.params.weight * max(0.0, min(1.0, 1.0 - least / self.params.wide)),
+            applicability=self.params.weight * max(0.0, min(1.0, 1.0 - least / self.params.clear)),
             desirability=verdict.values("desire"),
             prohibition=verdict.values("forbid"),
-            reason=f"somebody walks {meeting.nearest:.2f} m off; the best gap is {best:.2f} m",
+            reason=f"somebody walks {conflicts.nearest:.2f} m off; the best gap is {best:.2f} m",
             explain=verdict.explain,
         )

@@ -25,9 +25,9 @@ class GoToXY(RuledBehavior):
     def propose(self, context: Context) -> Proposal:
         """Desire the turn and the speed that the rules give for the aim."""
         nothing = context.commands.zeros()
-        if context.aim is None or context.waypoint is None:
+        if context.local_goal is None or context.waypoint is None:
             return Proposal(0.0, nothing, nothing, "nowhere to go")
-        bearing = math.degrees(context.aim.bearing)
+        bearing = math.degrees(context.local_goal.bearing)
         left = context.waypoint_distance if context.waypoint.final else math.inf
         verdict = self.rules.evaluate(bearing=bearing, distance=min(left, 2.0))
         return Proposal(

@@ -29,12 +29,12 @@ class Peek(RuledBehavior):
 
     def propose(self, context: Context) -> Proposal:
         """Desire to creep where the next stretch toward the aim has not been seen."""
-        aim, ranges = context.aim, context.ranges
+        aim, ranges = context.local_goal, context.ranges
         nothing = context.commands.zeros()
         if aim is None:
             return Proposal(0.0, nothing, nothing, "nowhere to look")
         toward = int(np.cos(ranges.bearings - aim.bearing).argmax())
-        seen = float(ranges.seen[toward])
+        seen = float(ranges.observed[toward])
         verdict = self.rules.evaluate(seen=min(seen, 2.0), bearing=math.degrees(aim.bearing))
         applicability = self.params.weight * verdict.degree("applicability")
         reason = f"seen {seen:.2f} m toward the aim"

@@ -19,7 +19,7 @@ class React(RuledComposite):
 
     def inputs(self, context: Context) -> Mapping[str, float]:
         """What the rules judge by; where nothing has been seen, nothing is near."""
-        sight = context.sight
+        sight = context.quadrant_distances
         return {
             "idle": context.idle,
             "nearest": 1.0 if sight is None else min(sight.left, sight.right, sight.ahead),

@@ -27,7 +27,7 @@ class TraverseDoor(RuledBehavior):
 
     def propose(self, context: Context) -> Proposal:
         """Desire to turn toward the gap, and to drive when it is ahead."""
-        waypoint, aim = context.waypoint, context.aim
+        waypoint, aim = context.waypoint, context.local_goal
         nothing = context.commands.zeros()
         if waypoint is None or aim is None or waypoint.kind != "door":
             return Proposal(0.0, nothing, nothing, "no door to go through")

@@ -1,4 +1,4 @@
-"""The robot as its builder knows it: dimensions, limits, camera; for stack and simulator alike."""
+"""The model of the robot: dimensions, limits, camera; shared by stack and simulator."""
 
 from __future__ import annotations
 
@@ -52,9 +52,17 @@ class CameraModel(BaseModel):
         # columns: the camera's x (right), y (down) and z (forward) axes, in base_link
         return np.array([[0.0, -s, c], [-1.0, 0.0, 0.0], [0.0, -c, -s]])
 
+    def fall_per_depth(self, points: Array) -> Array:
+        """How far [m] the rays through ``points`` (..., 2) [px] fall per metre of depth along z."""
+        focal = self.focal
+        result: Array = (
+            points[..., 1] * math.cos(self.pitch) + focal * math.sin(self.pitch)
+        ) / focal
+        return result
+
     @property
     def bearing(self) -> float:
-        """Where the optical axis points, seen from above [rad from ahead, left positive]."""
+        """Bearing of the optical axis [rad from ahead, left positive]."""
         x, y = self.base_from_camera[:2, 2].tolist()
         return math.atan2(y, x)
 
@@ -74,8 +82,8 @@ class SideCamera(CameraModel):
 class SideViews(BaseModel):
     """What the camera's lens shows beside its image: two more images, left and right of it.
 
-    They are as high as the camera's image, with its focal length, taken at the same moments. Who
-    comes from the side is seen there; OFFIS looks at the camera's image alone.
+    They are as high as the camera's image, with its focal length, taken at the same times. They
+    serve the detection of moving objects; OFFIS takes the camera's image alone.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -100,9 +108,9 @@ class LandmarkCamera(BaseModel):
 
 
 class OdometrySheet(BaseModel):
-    """What the data sheets promise of gyro and wheels: how large their errors usually are.
+    """Error model of gyro and wheels by their data sheets.
 
-    The robot knows this of itself, never the errors that it really has.
+    The stack knows these figures, never the errors of the simulated sensors.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -150,7 +158,7 @@ class RobotModel(BaseModel):
     landmark_camera: Annotated[
         LandmarkCamera, Field(description="how the camera is read out for landmarks")
     ] = LandmarkCamera()
-    odometry: Annotated[OdometrySheet, Field(description="what is promised of gyro and wheels")] = (
+    odometry: Annotated[OdometrySheet, Field(description="error model of gyro and wheels")] = (
         OdometrySheet()
     )
 

@@ -20,9 +20,12 @@ from navfw.interfaces import (
     Perception,
     Planner,
 )
+from navfw.localmap import LocalMap
 from navfw.locom.trim import WheelTrim
+from navfw.mofis.command_grid import CommandGrid
 from navfw.mofis.explanation import explain_command
-from navfw.mofis.mofis import Mofis
+from navfw.mofis.mofis import DecisionInputs, Mofis
+from navfw.movers import ConflictPredictor, Tracker
 from navfw.robot import RobotModel
 from navfw.safety import SafetyMonitor, SafetyVerdict
 from navfw.signals import (
@@ -32,6 +35,7 @@ from navfw.signals import (
     Frame,
     LandmarkDetection,
     MovingObject,
+    OccupiedDisc,
     Odometry,
     PassageReport,
     Percept,
@@ -50,10 +54,10 @@ from navfw.vision import View, Vision
 __all__ = ["Stack", "StackState"]
 
 STUCK_AFTER = 60.0
-"""Seconds without any progress toward a waypoint after which the stack gives up."""
+"""Time without progress toward a waypoint [s] after which the stack gives up."""
 
-SHUT_AFTER = 20.0
-"""Seconds that the only way has to stay shut before the stack gives up: it may have looked so."""
+BLOCKED_AFTER = 20.0
+"""Time without a route [s] after which the stack gives up; a passage may have been misjudged."""
 
 
 TIMED = (
@@ -71,11 +75,11 @@ TIMED = (
 
 @dataclass(frozen=True, slots=True)
 class StackState:
-    """What the stack knows and decided at its last step; read only, for displays and records.
+    """State and decision of the stack at its last step; read only, for displays and records.
 
-    ``flows`` are the newest derotated flow fields; ``stuck`` says why the stack gave up, ``fault``
-    which sensor has failed for good, or None. ``detections`` are the landmarks just
-    recognised, known to the map or not; ``seen`` counts all of them so far, by identity.
+    ``flows`` are the newest derotated flow fields; ``stuck`` is why the stack gave up, ``fault``
+    which sensor has failed for good, or None. ``landmark_detections`` are those of the last frame,
+    known to the map or not; ``detection_counts`` counts all so far, by identity.
     """
 
     time: float
@@ -83,8 +87,8 @@ class StackState:
     belief: Belief | None = None
     flows: tuple[FlowField, ...] = ()
     percept: Percept | None = None
-    movers: tuple[MovingObject, ...] = ()
-    standing: Stixels | None = None
+    moving_objects: tuple[MovingObject, ...] = ()
+    stixels: Stixels | None = None
     waypoint: Waypoint | None = None
     path: tuple[Waypoint, ...] = ()
     proposals: Mapping[str, Proposal] | None = None
@@ -93,18 +97,19 @@ class StackState:
     stuck: str | None = None
     fault: str | None = None
     faults: tuple[str, ...] = ()
-    detections: tuple[LandmarkDetection, ...] = ()
-    seen: Mapping[str, int] = field(default_factory=dict)
+    landmark_detections: tuple[LandmarkDetection, ...] = ()
+    detection_counts: Mapping[str, int] = field(default_factory=dict)
 
 
 class Stack:
-    """Composes the stages. It sees sensor readings and the map file, nothing else."""
+    """Composes the stages of one robot. Its inputs are sensor readings and the map file, no more."""
 
     def __init__(self, config: StackConfig, robot: RobotModel, topo_map: TopoMap) -> None:
         def build(stage: str) -> Any:
             choice = config.stages[stage]
             return choice.plugin(robot, choice.params)
 
+        settings = config.settings
         self.resolved = config
         self.robot = robot
         self.topo_map = topo_map
@@ -113,10 +118,9 @@ class Stack:
         self.timings: dict[str, float] = dict.fromkeys(TIMED, 0.0)
         self.vision = Vision(
             robot,
-            config,
+            settings,
             cast(FlowProcessor, build("flow")),
             cast(Perception, build("perception")),
-            self.odometer,
             self.timings,
         )
         self.features = cast(FeatureRecognizer, build("features"))
@@ -127,23 +131,29 @@ class Stack:
             name: cast(Behavior, choice.plugin(robot, choice.params))
             for name, choice in config.behaviors.items()
         }
-        self.safety = SafetyMonitor(robot, config.safety)
-        self.verdict = SafetyVerdict(Twist(0.0, 0.0))
-        self.trim = WheelTrim(robot)
+        self.local_map = LocalMap(robot, settings.local_map)
+        self.tracker = Tracker(robot, settings.movers.tracking)
+        self.conflicts = ConflictPredictor(robot, settings.movers.conflicts)
         self.mofis = Mofis(
             robot,
             behaviors,
             cast(Fusion, build("fusion")),
-            config.motion,
+            CommandGrid(robot, settings.commands),
+            self.local_map,
             cast(Composite, build("composite")),
         )
+        self.safety = SafetyMonitor(robot, self.local_map, settings.safety)
+        self.verdict = SafetyVerdict(Twist(0.0, 0.0))
+        self.trim = WheelTrim(robot)
         self.state = StackState(time=0.0)
         self._start_pose: Pose | None = None
         self._began: float | None = None
         self._localized = False
         self._decided: StackState | None = None
-        self._outlook: PassageReport | None = None
-        self._shut_since: float | None = None
+        self._percept: Percept | None = None
+        self._flow: FlowField | None = None
+        self._passage_report: PassageReport | None = None
+        self._blocked_since: float | None = None
 
     @classmethod
     def load(
@@ -163,7 +173,7 @@ class Stack:
         return self.resolved.as_data()
 
     def explain(self) -> dict[str, Any]:
-        """Why the last command was given: what OFFIS saw, what each behaviour said, which rules.
+        """Why the last command was given: percept, proposals, weights, and the rules that fired.
 
         Plain data, made on request; empty before the first command.
         """
@@ -179,8 +189,8 @@ class Stack:
                 "sentence": state.percept.sentence,
                 "inference": dict(state.percept.explanation),
             }
-        if state.standing is not None:
-            explanation["standing"] = state.standing.explain()
+        if state.stixels is not None:
+            explanation["stixels"] = state.stixels.explain()
         return explanation
 
     def start(self, pose: Pose | None, goals: Sequence[Waypoint]) -> None:
@@ -189,16 +199,18 @@ class Stack:
         self.history.reset()
         self.trim.reset()
         self.verdict = SafetyVerdict(Twist(0.0, 0.0))
-        for plugin in (
+        for part in (
             self.vision,
             self.features,
             self.localizer,
             self.planner,
             self.controller,
+            self.local_map,
+            self.tracker,
+            self.mofis,
+            self.safety,
         ):
-            plugin.reset()
-        self.mofis.reset()
-        self.safety.reset()
+            part.reset()
         self.features.study(self.topo_map)
         self.planner.start(self.topo_map, goals)
         self.timings.update(dict.fromkeys(TIMED, 0.0))
@@ -207,17 +219,17 @@ class Stack:
         self._began = None
         self._decided = None
         self._localized = False
-        self._outlook = None
-        self._shut_since = None
+        self._percept = self._flow = None
+        self._passage_report = None
+        self._blocked_since = None
 
     def step(self, reading: SensorReading) -> Twist:
         """One control tick: the twist to drive until the next reading."""
-        asked = self.verdict.twist
-        odometry = self.odometer.update(reading.inertial, reading.encoders, asked)
+        odometry = self.odometer.update(reading.inertial, reading.encoders, self.verdict.twist)
         self.history.add(odometry)
-        self.trim.hear(reading.encoders)
+        self.trim.update(reading.encoders)
         with timed(self.timings, "safety"):
-            self.safety.hear(reading, odometry)
+            self.safety.update(reading, odometry)
         if self._began is None:
             self._began = reading.time
         if reading.frame is not None:
@@ -226,98 +238,145 @@ class Stack:
             dt = 1.0 / self.robot.control_rate
             twist = self.controller.control(self.state.command, odometry, dt)
         with timed(self.timings, "safety"):
-            verdict = self.safety.limit(
-                twist, reading.time, lambda twist: self.mofis.room(odometry.pose, twist)
-            )
-        self.verdict = verdict
+            self.verdict = self.safety.limit(twist, reading.time, odometry.pose)
         if self.safety.failure is not None:
             self.state = replace(self.state, fault=self.safety.failure)
-        return self.trim.apply(verdict.twist)
+        return self.trim.apply(self.verdict.twist)
 
-    # --- once per camera frame -------------------------------------------------------------------
+    # --- once per camera frame, in the order of the paper's Fig. 2 ---------------------------------
 
     def _decide(self, reading: SensorReading, frame: Frame, odometry: Odometry) -> None:
-        """Look, locate, plan and decide; the result is the new state."""
-        then = self.history.at(frame.time)
-        view, percept = View(), None
-        detections: tuple[LandmarkDetection, ...] = ()
-        # a frozen picture without flow would say that all the world is far away
-        if self.safety.senses.seeing:
-            view = self.vision.look(frame, then)
-            percept = view.percept
-            shown = reading.landmark_frame if self.features.landmark_frames else frame
-            if shown is not None:
-                with timed(self.timings, "features"):
-                    detections = tuple(self.features.recognize(shown))
-        if not self._localized:
-            self.localizer.start(self.topo_map, self._start_pose, odometry)
-            self._localized = True
-        with timed(self.timings, "localizer"):
-            belief = self.localizer.update(odometry, percept, detections)
-        with timed(self.timings, "planner"):
-            waypoint = self._plan(belief)
-            path = tuple(self.planner.path)
-        warming = self._began is None or reading.time - self._began < self.resolved.warmup
+        """Perceive, localise, plan and decide; the result is the new state."""
+        seen_from = self.history.at(frame.time)
+        view, detections = self._perceive(reading, frame, seen_from)
+        for correction in view.yaw_corrections:
+            self.odometer.correct(correction)
+        belief = self._localize(odometry, view.percept, detections)
+        waypoint = self._plan(belief)
         finished = waypoint is None and not belief.lost
         command, idle = None, 0.0
-        if not finished and not warming:
+        if not finished and not self._warming_up(reading.time):
+            moving_obstacles = self._map(view, odometry, seen_from.pose)
+            inputs = self._inputs(odometry, belief, waypoint, moving_obstacles)
             with timed(self.timings, "motion"):
-                command = self.mofis.decide(
-                    odometry,
-                    belief,
-                    view.percepts,
-                    waypoint,
-                    view.flows,
-                    then.pose,
-                    view.movers,
-                    view.standing,
-                )
-                # the planner hears of it at the next frame: data flow one way
-                queries = () if belief.lost else self.planner.queries
-                self._outlook = self.mofis.outlook(queries, odometry, belief)
-            idle = 0.0 if self.mofis.context is None else self.mofis.context.idle
-        stuck = self._stuck(reading.time, waypoint, idle)
+                command = self.mofis.decide(inputs)
+            idle = self.mofis.idle
+            self._check_passages(odometry, belief)
         self.state = StackState(
             time=reading.time,
             odometry=odometry,
             belief=belief,
             flows=view.flows,
-            percept=percept or self.state.percept,
-            movers=view.movers,
-            standing=view.standing,
+            percept=view.percept or self.state.percept,
+            moving_objects=view.moving_objects,
+            stixels=view.stixels,
             waypoint=waypoint,
-            path=path,
+            path=tuple(self.planner.path),
             proposals=self.mofis.proposals,
             command=command,
             finished=finished,
-            stuck=stuck,
+            stuck=self._stuck(reading.time, waypoint, idle),
             faults=tuple(str(fault) for fault in self.mofis.faults),
-            detections=detections,
-            seen=_counted(self.state.seen, detections),
+            landmark_detections=detections,
+            detection_counts=_counted(self.state.detection_counts, detections),
         )
         if command is not None:
             self._decided = self.state
 
-    def _plan(self, belief: Belief) -> Waypoint | None:
-        """The waypoint to head for; None at the end, and as long as nobody knows where it is.
+    def _perceive(
+        self, reading: SensorReading, frame: Frame, odometry: Odometry
+    ) -> tuple[View, tuple[LandmarkDetection, ...]]:
+        """Flow, OFFIS, moving objects and landmarks; nothing from an invalid frame.
 
-        A planner that took a guess for the pose would pass waypoints that the robot never saw.
+        A frozen image has no flow, which would mean that everything is far away.
         """
-        if belief.lost:
-            return None
-        if self._outlook is not None:
-            self.planner.observe(self._outlook)
-            self._outlook = None
-        return self.planner.update(belief)
+        if not self.safety.senses.seeing:
+            return View(), ()
+        view = self.vision.process(frame, odometry)
+        shown = reading.landmark_frame if self.features.landmark_frames else frame
+        if shown is None:
+            return view, ()
+        with timed(self.timings, "features"):
+            return view, tuple(self.features.recognize(shown))
+
+    def _localize(
+        self,
+        odometry: Odometry,
+        percept: Percept | None,
+        detections: Sequence[LandmarkDetection],
+    ) -> Belief:
+        """The belief after this frame."""
+        if not self._localized:
+            self.localizer.start(self.topo_map, self._start_pose, odometry)
+            self._localized = True
+        with timed(self.timings, "localizer"):
+            return self.localizer.update(odometry, percept, detections)
+
+    def _plan(self, belief: Belief) -> Waypoint | None:
+        """The waypoint to head for; None at the end, and as long as the robot is lost.
+
+        From a pose that is a guess the planner would pass waypoints that the robot never reached.
+        """
+        with timed(self.timings, "planner"):
+            if belief.lost:
+                return None
+            if self._passage_report is not None:
+                self.planner.observe(self._passage_report)
+                self._passage_report = None
+            return self.planner.update(belief)
+
+    def _map(self, view: View, odometry: Odometry, seen_from: Pose) -> tuple[OccupiedDisc, ...]:
+        """Update local map and tracks; the discs that bar only the way to the local goal.
+
+        While no behaviour handles moving obstacles, the local map counts them as occupied.
+        """
+        with timed(self.timings, "motion"):
+            self.local_map.update(odometry, view.percepts, view.stixels, seen_from)
+        self._percept = view.percept or self._percept
+        self._flow = view.flows[-1] if view.flows else self._flow
+        with timed(self.timings, "movers"):
+            self.tracker.update(view.moving_objects, seen_from)
+            self.tracker.prune(odometry.time, odometry.pose)
+            occupied = self.tracker.occupied_discs(odometry.time)
+        if self.mofis.handles_moving_obstacles:
+            self.local_map.set_obstacles(())
+            return occupied
+        self.local_map.set_obstacles(occupied)
+        return ()
+
+    def _inputs(
+        self,
+        odometry: Odometry,
+        belief: Belief,
+        waypoint: Waypoint | None,
+        moving_obstacles: tuple[OccupiedDisc, ...],
+    ) -> DecisionInputs:
+        """What MOFIS decides from, conflicts with moving obstacles included."""
+        with timed(self.timings, "movers"):
+            conflicts = self.conflicts.predict(
+                self.tracker.confirmed, odometry, self.mofis.commands.v, self.mofis.commands.w
+            )
+        return DecisionInputs(
+            odometry, belief, waypoint, self._percept, self._flow, conflicts, moving_obstacles
+        )
+
+    def _check_passages(self, odometry: Odometry, belief: Belief) -> None:
+        """Check the passages ahead; the planner receives the report at the next frame."""
+        queries = () if belief.lost else self.planner.queries
+        with timed(self.timings, "motion"):
+            self._passage_report = self.local_map.passage_report(queries, odometry, belief)
+
+    def _warming_up(self, time: float) -> bool:
+        return self._began is None or time - self._began < self.resolved.settings.warmup
 
     def _stuck(self, now: float, waypoint: Waypoint | None, idle: float) -> str | None:
-        """Why there is no point in going on; None while there is one."""
+        """Why the robot gives up; None while it does not."""
         shut = self.planner.shut
         if shut is None or waypoint is None:
-            self._shut_since = None
-        elif self._shut_since is None:
-            self._shut_since = now
-        if self._shut_since is not None and now - self._shut_since >= SHUT_AFTER:
+            self._blocked_since = None
+        elif self._blocked_since is None:
+            self._blocked_since = now
+        if self._blocked_since is not None and now - self._blocked_since >= BLOCKED_AFTER:
             return shut
         if idle > STUCK_AFTER and waypoint is not None:
             because = "" if shut is None else f"; {shut}"
@@ -325,11 +384,13 @@ class Stack:
         return None
 
 
-def _counted(seen: Mapping[str, int], detections: Sequence[LandmarkDetection]) -> Mapping[str, int]:
-    """``seen`` with these detections on top."""
+def _counted(
+    counts: Mapping[str, int], detections: Sequence[LandmarkDetection]
+) -> Mapping[str, int]:
+    """``counts`` with these detections added."""
     if not detections:
-        return seen
-    more = dict(seen)
+        return counts
+    more = dict(counts)
     for detection in detections:
         more[detection.identity] = more.get(detection.identity, 0) + 1
     return more

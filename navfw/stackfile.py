@@ -1,7 +1,7 @@
-"""Stack files: which plugin of each kind, with which parameters; and their ``--set`` overrides.
+"""Stack files: the plugin of each kind with its parameters, settings, and ``--set`` overrides.
 
-A stack may say ``base: default`` and then only what differs from that stack: its stages replace
-those of the base, its behaviours come on top, its settings change single values.
+A stack with ``base: default`` lists only its differences from that stack: its stages replace those
+of the base, its behaviours are added, its settings change single values.
 """
 
 from __future__ import annotations
@@ -21,7 +21,9 @@ from navfw.config.yamlfile import validate
 from navfw.egomotion.pairing import PairingParams
 from navfw.errors import ConfigError, UnknownNameError, did_you_mean
 from navfw.interfaces import Plugin
-from navfw.mofis.mofis import MofisParams
+from navfw.localmap import LocalMapParams
+from navfw.mofis.command_grid import CommandGridParams
+from navfw.movers import MoverParams
 from navfw.safety import SafetyParams
 
 __all__ = ["Choice", "PluginSource", "StackConfig", "StackSpec", "load_stack", "read_stack"]
@@ -45,14 +47,47 @@ _Plugins = dict[str, dict[str, Any] | None]
 Chosen = Annotated[_Plugins, BeforeValidator(_one_plugin), Field(min_length=1, max_length=1)]
 
 
-class StackSpec(BaseModel):
-    """The shape of a stack file: each stage is ``plugin name: {parameters}``."""
+class StackSettings(BaseModel):
+    """Settings of the stack beside those of its plugins."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
+    pairing: PairingParams = PairingParams()
+    local_map: LocalMapParams = LocalMapParams()
+    movers: MoverParams = MoverParams()
+    commands: CommandGridParams = CommandGridParams()
+    safety: SafetyParams = SafetyParams()
+    derotate: Annotated[
+        bool, Field(description="remove the camera's rotation from the flow (paper sec 3)")
+    ] = True
+    refine: Annotated[
+        bool, Field(description="refine the gyro's rotation by the flow (METHOD 2.6)")
+    ] = True
+    stixels: Annotated[
+        bool, Field(description="detect thin upright obstacles by image columns")
+    ] = False
+    floor_model: Annotated[
+        bool,
+        Field(
+            description="tell floor from obstacles by height (METHOD 2.8); false: flow below the "
+            "horizon counts as unknown"
+        ),
+    ] = True
+    warmup: Annotated[
+        float, Field(ge=0.0, le=30.0, description="standstill first, for the gyro's bias [s]")
+    ] = 1.0
+    oracle: Annotated[
+        bool,
+        Field(description="allow plugins that need the simulator's truth; results are marked"),
+    ] = False
+
+
+class StackSpec(StackSettings):
+    """The schema of a stack file: settings, and each stage as ``plugin name: {parameters}``."""
+
     description: str = ""
     base: Annotated[
-        str | None, Field(description="a stack's name or file, from which this one differs")
+        str | None, Field(description="name or file of a stack from which this one differs")
     ] = None
     flow: Chosen
     perception: Chosen
@@ -63,35 +98,6 @@ class StackSpec(BaseModel):
     behaviors: Annotated[_Plugins, BeforeValidator(_some_plugins), Field(min_length=1)]
     fusion: Chosen
     controller: Chosen
-    pairing: PairingParams = PairingParams()
-    motion: MofisParams = MofisParams()
-    safety: SafetyParams = SafetyParams()
-    derotate: Annotated[
-        bool, Field(description="take the camera's rotation out of the flow (paper sec 3)")
-    ] = True
-    refine: Annotated[
-        bool, Field(description="correct the gyro's rotation by the flow itself (METHOD 2.6)")
-    ] = True
-    movers: Annotated[
-        bool, Field(description="look for what moves by itself, and keep out of its way")
-    ] = False
-    standing: Annotated[
-        bool, Field(description="look for thin things that stand on the floor, in small columns")
-    ] = False
-    floor_model: Annotated[
-        bool,
-        Field(
-            description="tell the floor from things by height (METHOD 2.8); false: what is seen "
-            "below the horizon may be either, and counts as unknown"
-        ),
-    ] = True
-    warmup: Annotated[
-        float, Field(ge=0.0, le=30.0, description="standing still first, for the gyro's bias [s]")
-    ] = 1.0
-    oracle: Annotated[
-        bool,
-        Field(description="allow plugins that need truth no robot has; results are marked by it"),
-    ] = False
 
 
 STAGES = (
@@ -133,16 +139,7 @@ class StackConfig:
 
     stages: Mapping[str, Choice]
     behaviors: Mapping[str, Choice]
-    pairing: PairingParams
-    motion: MofisParams
-    safety: SafetyParams
-    refine: bool
-    warmup: float
-    oracle: bool = False
-    derotate: bool = True
-    floor_model: bool = True
-    movers: bool = False
-    standing: bool = False
+    settings: StackSettings
 
     def as_data(self) -> dict[str, Any]:
         """The resolved configuration as plain data; written as YAML it is a stack file again."""
@@ -152,16 +149,7 @@ class StackConfig:
                 name: choice.params.model_dump(mode="json")
                 for name, choice in self.behaviors.items()
             },
-            "pairing": self.pairing.model_dump(mode="json"),
-            "motion": self.motion.model_dump(mode="json"),
-            "safety": self.safety.model_dump(mode="json"),
-            "derotate": self.derotate,
-            "refine": self.refine,
-            "floor_model": self.floor_model,
-            "movers": self.movers,
-            "standing": self.standing,
-            "warmup": self.warmup,
-            "oracle": self.oracle,
+            **self.settings.model_dump(mode="json"),
         }
 
 
@@ -226,20 +214,8 @@ def resolve(
     }
     if not spec.oracle:
         _refuse_oracles(document, {**stages, **{f"behaviors.{n}": c for n, c in behaviors.items()}})
-    return StackConfig(
-        stages,
-        behaviors,
-        spec.pairing,
-        spec.motion,
-        spec.safety,
-        spec.refine,
-        spec.warmup,
-        spec.oracle,
-        spec.derotate,
-        spec.floor_model,
-        spec.movers,
-        spec.standing,
-    )
+    settings = StackSettings(**{name: getattr(spec, name) for name in StackSettings.model_fields})
+    return StackConfig(stages, behaviors, settings)
 
 
 def _refuse_oracles(document: YamlDocument, choices: Mapping[str, Choice]) -> None:
@@ -272,23 +248,30 @@ def _choose(
 
 
 def _placed(override: Override, document: YamlDocument) -> Override:
-    """``override`` with its path completed: plugins and motion settings may be named directly."""
-    head = override.path[0]
+    """``override`` with its path completed: plugins and parts of settings may be named directly."""
+    head = str(override.path[0])
     data = document.data if isinstance(document.data, dict) else {}
     if head in StackSpec.model_fields:
         return override
     homes = {
-        name: stage
+        str(name): stage
         for stage in (*STAGES, "behaviors")
         if isinstance(data.get(stage), dict)
         for name in data[stage]
     }
+    homes = {**_PARTS, **homes}
     if head in homes:
-        return override.under((homes[str(head)],))
-    if head in MofisParams.model_fields:
-        return override.under(("motion",))
-    known = [*StackSpec.model_fields, *homes, *MofisParams.model_fields]
+        return override.under((homes[head],))
+    known = [*StackSpec.model_fields, *homes]
     raise ConfigError(
-        f"nothing in this stack is called {str(head)!r}: {did_you_mean(str(head), known)}",
+        f"nothing in this stack is called {head!r}: {did_you_mean(head, known)}",
         key=override.option,
     )
+
+
+_PARTS = {
+    part: section
+    for section, model in (("local_map", LocalMapParams), ("movers", MoverParams))
+    for part in model.model_fields
+}
+"""Keys of the settings' sections that an override may begin with, and their section."""

@@ -1,138 +1,120 @@
-"""From camera frames to what they show: pairs of frames, flow, OFFIS' percepts, and movers."""
+"""From camera frames to a view: frame pairs, flow, derotation, percepts, moving objects."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from navfw.egomotion.odometer import Odometer
+from navfw.egomotion.camera_motion import with_yaw_sigma
 from navfw.egomotion.pairing import FrameBuffer
 from navfw.flow.derotation import derotate
 from navfw.flow.horizon import above_horizon
 from navfw.flow.refinement import refine
 from navfw.interfaces import FlowProcessor, Perception
-from navfw.movers.detector import MovingObjectDetector
-from navfw.movers.stixels import find_stixels
-from navfw.movers.view_merging import merge_views
+from navfw.movers import MultiViewDetector
 from navfw.robot import RobotModel
-from navfw.signals import FlowField, Frame, MovingObject, Odometry, Percept, Stixels
-from navfw.stackfile import StackConfig
+from navfw.signals import (
+    FlowField,
+    Frame,
+    MovingObject,
+    Odometry,
+    Percept,
+    Stixels,
+    YawCorrection,
+)
+from navfw.stackfile import StackSettings
 from navfw.stopwatch import timed
 
 __all__ = ["View", "Vision"]
 
-FAR_ENOUGH = 0.05
-"""Baseline [m] from which the frames that movers are looked for in show standing things, too."""
-
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """What one frame shows, held against those before it.
+    """What one frame shows, compared with earlier frames.
 
-    ``flows`` are the derotated flow fields of all useful pairs, ``percepts`` what OFFIS makes of
-    each; none while the robot has not moved. ``movers`` move by themselves, ``standing`` is what
-    stands in small columns.
+    ``flows`` are the derotated flow fields of all useful pairs and ``percepts`` what OFFIS makes of
+    each; empty while the robot has not moved. ``moving_objects`` are detections in all views,
+    ``stixels`` upright obstacles by image columns. ``yaw_corrections`` are for the odometer.
     """
 
     flows: tuple[FlowField, ...] = ()
     percepts: tuple[Percept, ...] = ()
-    movers: tuple[MovingObject, ...] = ()
-    standing: Stixels | None = None
+    moving_objects: tuple[MovingObject, ...] = ()
+    stixels: Stixels | None = None
+    yaw_corrections: tuple[YawCorrection, ...] = ()
 
     @property
     def percept(self) -> Percept | None:
-        """The newest percept that knows any depth."""
+        """The newest percept with any depth."""
         return next((p for p in reversed(self.percepts) if p.sees_depth), None)
 
 
 class Vision:
-    """The stages flow and perception, and what goes on before and between them."""
+    """The stages flow and perception, and what comes before and between them."""
 
     def __init__(
         self,
         robot: RobotModel,
-        config: StackConfig,
+        settings: StackSettings,
         flow: FlowProcessor,
         perception: Perception,
-        odometer: Odometer,
         timings: dict[str, float],
     ) -> None:
         self.flow = flow
         self.perception = perception
         self.timings = timings
-        self._robot = robot
-        self._config = config
-        self._odometer = odometer
-        self._frames = FrameBuffer(robot, config.pairing)
-        self._stands = config.standing and config.floor_model and config.derotate
-        eyes = (robot, *(robot.with_camera(side) for side in robot.side_cameras))
-        self._lookouts = tuple(
-            MovingObjectDetector(
-                eye, config.pairing, odometer, closely=len(eyes) > 1 or self._stands
-            )
-            for eye in eyes
-            if config.movers or self._stands
+        self._camera = robot.camera
+        self._settings = settings
+        self._frames = FrameBuffer(robot, settings.pairing)
+        self._detector = MultiViewDetector(
+            robot,
+            settings.pairing,
+            moving_objects=settings.movers.detect,
+            stixels=settings.stixels and settings.floor_model and settings.derotate,
         )
-        self._cameras = tuple(lookout.camera for lookout in self._lookouts)
 
     def reset(self) -> None:
-        """Forget all frames."""
+        """Drop all frames."""
         self._frames.reset()
         self.flow.reset()
         self.perception.reset()
-        for lookout in self._lookouts:
-            lookout.reset()
+        self._detector.reset()
 
-    def look(self, frame: Frame, odometry: Odometry) -> View:
-        """What ``frame`` shows, taken at (about) the time of ``odometry``."""
+    def process(self, frame: Frame, odometry: Odometry) -> View:
+        """The view of ``frame``; ``odometry`` is of (about) the same time."""
         flows: list[FlowField] = []
         percepts: list[Percept] = []
+        corrections: list[YawCorrection] = []
         self._frames.add(frame, odometry)
         for pair in self._frames.pairs():
             with timed(self.timings, "flow"):
-                flow = self._derotated(self.flow.compute(pair))
+                flow, correction = self._derotated(self.flow.compute(pair), odometry)
             with timed(self.timings, "perception"):
                 percepts.append(self.perception.perceive(flow, odometry.twist))
             flows.append(flow)
+            if correction is not None:
+                corrections.append(correction)
         with timed(self.timings, "movers"):
-            movers = self._movers(frame, odometry)
-            standing = self._standing() if self._stands else None
-        return View(tuple(flows), tuple(percepts), movers, standing)
+            moving_objects = self._detector.detect(frame, odometry)
+            stixels = self._detector.stixels(self._frames.pairs(), odometry)
+        return View(tuple(flows), tuple(percepts), moving_objects, stixels, tuple(corrections))
 
-    def _movers(self, frame: Frame, odometry: Odometry) -> tuple[MovingObject, ...]:
-        """What moves by itself, ahead and in the side views."""
-        images = (frame.image, *frame.sides)
-        views = [
-            lookout.look(Frame(frame.time, image), odometry)
-            for lookout, image in zip(self._lookouts, images, strict=False)
-        ]
-        if not self._config.movers:
-            return ()
-        return merge_views(views, self._cameras[: len(views)])
+    def _derotated(
+        self, flow: FlowField, odometry: Odometry
+    ) -> tuple[FlowField, YawCorrection | None]:
+        """``flow`` without its rotational part, and the yaw by which the gyro was refined.
 
-    def _standing(self) -> Stixels | None:
-        """What stands in the newest frame, in small columns."""
-        ahead = self._lookouts[0]
-        flow = ahead.flow
-        if flow is None or flow.motion.baseline < FAR_ENOUGH:
-            # too little way since a moment ago to tell distances by
-            pairs = self._frames.pairs()
-            flow = ahead.aligned(pairs[0]) if pairs else None
-        return None if flow is None else find_stixels(flow, self._robot.camera)
-
-    def _derotated(self, flow: FlowField) -> FlowField:
-        """``flow`` without its rotational part, the gyro's word refined by the flow itself.
-
-        A stack that says ``derotate: false`` takes all of it for translation, as a robot without a
-        gyro would; one that says ``floor_model: false`` looks above the horizon only.
+        With ``derotate: false`` all flow counts as translational, as for a robot without a gyro;
+        with ``floor_model: false`` only the flow above the horizon is kept.
         """
-        camera = self._robot.camera
-        if not self._config.floor_model:
+        camera, settings = self._camera, self._settings
+        if not settings.floor_model:
             flow = above_horizon(flow, camera)
-        if not self._config.derotate:
-            return replace(flow, derotated=True)
-        if not self._config.refine:
-            return derotate(flow, camera)
-        flow = replace(flow, motion=self._odometer.trusted(flow.motion))
+        if not settings.derotate:
+            return replace(flow, derotated=True), None
+        if not settings.refine:
+            return derotate(flow, camera), None
+        motion = with_yaw_sigma(flow.motion, odometry)
+        flow = replace(flow, motion=motion)
         refinement = refine(flow, camera)
-        self._odometer.contradict(refinement.yaw, flow.motion)
-        return refinement.apply(flow, camera)
+        correction = YawCorrection(refinement.yaw, refinement.yaw_sigma, motion)
+        return refinement.apply(flow, camera), correction

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
 from navfw.robot import RobotModel
-from navfw.signals import Array, CameraMotion, Pose, wrap_angle
+from navfw.signals import Array, CameraMotion, Odometry, Pose, wrap_angle
 
-__all__ = ["SLIP", "YAW_RATE_SIGMA", "camera_motion", "yaw_rotation"]
+__all__ = ["SLIP", "YAW_RATE_SIGMA", "camera_motion", "with_yaw_sigma", "yaw_rotation"]
 
 #: What is left of the gyro's error once its bias is removed, as a constant rate [rad/s].
 YAW_RATE_SIGMA = 0.003
@@ -17,6 +18,9 @@ YAW_RATE_SIGMA = 0.003
 SLIP = 0.03
 #: One standard deviation of a baseline however short: encoder steps and play in the wheels [m].
 TRANSLATION_FLOOR = 5e-4
+
+#: One standard deviation of a turn measured by the wheels, through slip and unequal radii [rad/m].
+WHEELS_YAW_SIGMA = 0.1
 
 
 def yaw_rotation(angle: float) -> Array:
@@ -57,3 +61,11 @@ def camera_motion(
         yaw_sigma=yaw_rate_sigma * abs(dt),
         translation_sigma=math.hypot(TRANSLATION_FLOOR, slip * way),
     )
+
+
+def with_yaw_sigma(motion: CameraMotion, odometry: Odometry) -> CameraMotion:
+    """``motion`` with the larger yaw sigma that is due while wheels stand in for a stale gyro."""
+    if not odometry.gyro_stale:
+        return motion
+    sigma = max(motion.yaw_sigma, WHEELS_YAW_SIGMA * motion.baseline)
+    return replace(motion, yaw_sigma=sigma)

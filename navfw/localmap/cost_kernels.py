@@ -1,7 +1,7 @@
-"""Compiled inner loops of the way ahead: prices of cells, cost to go, and the way down it.
+"""Compiled kernels of the local planner: prices of cells, cost-to-go, and descent along it.
 
-All work on square grids indexed [row, column] = [y, x] in the odom frame's directions;
-distances along the way are in cells.
+All work on square grids indexed [row, column] = [y, x] in the odom frame's directions; distances
+along a way are in cells.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ __all__ = ["cost_to_go", "descend", "first_leg", "price_cells"]
 @numba.njit(cache=True)
 def price_cells(
     clearance: Array,
-    seen: npt.NDArray[np.uint8],
+    observed: npt.NDArray[np.uint8],
     radius: float,
     clear: float,
     margin: float,
-    squeeze: float,
-    unknown: float,
+    narrow_price: float,
+    unobserved_price: float,
 ) -> Array:
-    """Price (m, m) of crossing each second cell of the map (n, n); infinite where barred.
+    """Price (m, m) of crossing each second cell of the grid (n, n); infinite where barred.
 
-    Barred is what lies nearer to something than a disc of ``radius`` and its ``margin`` [m]. From
-    there to a rim's clearance of ``clear`` [m] the extra price falls from ``squeeze`` to nothing
-    with the square; a cell that is not ``seen`` costs ``unknown`` more.
+    Barred is a cell nearer to an obstacle than ``radius`` plus ``margin`` [m]. From there up to a
+    rim clearance of ``clear`` [m] the extra price falls quadratically from ``narrow_price`` to 0; a
+    cell that is not ``observed`` costs ``unobserved_price`` more.
     """
     n = clearance.shape[0]
     m = (n + 1) // 2
@@ -46,9 +46,9 @@ def price_cells(
             cost[i, j] = 1.0
             if rim < clear:
                 tight = min((clear - rim) / max(clear - margin, 1e-6), 1.0)
-                cost[i, j] += squeeze * (tight * tight)
-            if not seen[row, column]:
-                cost[i, j] += unknown
+                cost[i, j] += narrow_price * (tight * tight)
+            if not observed[row, column]:
+                cost[i, j] += unobserved_price
     return cost
 
 
@@ -58,11 +58,11 @@ def cost_to_go(cost: Array, value: Array, sweeps: int) -> int:
 
     ``cost`` (n, n) is the price of a cell's width, infinite where impassable; ``value`` (n, n)
     holds the boundary values at the sources and infinity elsewhere. Returns the sweeps used
-    (Zhao 2005). A cell is looked at again only after one of its neighbours has fallen (locking;
+    (Zhao 2005). A cell is updated again only after the value of a neighbour has fallen (locking;
     Bak, McLaughlin and Renzi 2010), which changes no result.
     """
     n = value.shape[0]
-    # a frame of infinity all around, so that no cell lacks a neighbour
+    # padded with infinity, so that every cell has four neighbours
     known = np.full((n + 2, n + 2), np.inf)
     known[1:-1, 1:-1] = value
     stale = np.zeros((n + 2, n + 2), np.bool_)
@@ -106,7 +106,7 @@ def cost_to_go(cost: Array, value: Array, sweeps: int) -> int:
 
 @numba.njit(cache=True)
 def _unlock(stale: npt.NDArray[np.bool_], row: int, column: int) -> None:
-    """The four neighbours of a cell have to be looked at again."""
+    """Mark the four neighbours of a cell for another update."""
     stale[row - 1, column] = stale[row + 1, column] = True
     stale[row, column - 1] = stale[row, column + 1] = True
 
@@ -137,10 +137,10 @@ def _downhill(value: Array, row: float, column: float) -> tuple[float, float]:
 
 @numba.njit(cache=True)
 def _lowest_around(value: Array, row: float, column: float) -> tuple[float, float]:
-    """Unit direction (row, column) to the best of the cells up to two away; (0, 0) if none is.
+    """Unit direction (row, column) to the lowest of the cells up to two away; (0, 0) if none is.
 
-    For places beside barred cells, where there is no gradient. From within a barred cell it leads
-    out by the nearest exit.
+    Used beside barred cells, where there is no gradient. From within a barred cell it points to
+    the nearest passable cell.
     """
     n = value.shape[0]
     r0, c0 = int(round(row)), int(round(column))
@@ -178,12 +178,12 @@ def first_leg(
     yaw: float,
     bearings: Array,
     length: float,
-    turning: float,
+    turn_price: float,
 ) -> tuple[float, float, float]:
-    """The best straight leg of ``length`` [cells] from (row, column), turning counted.
+    """The cheapest straight leg of ``length`` [cells] from (row, column).
 
     Of all ``bearings`` [rad, from ``yaw``], the one with the least sum of the prices on the leg,
-    the value at its end and ``turning`` [cells/rad] for the turn to it. Returns its end (row,
+    the cost-to-go at its end and ``turn_price`` [cells/rad] for the turn to it. Returns its end (row,
     column) and its bearing; a row of -1 where every leg is barred.
     """
     n = value.shape[0]
@@ -192,7 +192,7 @@ def first_leg(
     for k in range(bearings.size):
         dr, dc = 0.5 * math.sin(yaw + bearings[k]), 0.5 * math.cos(yaw + bearings[k])
         r, c = row, column
-        total = turning * abs(bearings[k])
+        total = turn_price * abs(bearings[k])
         for i in range(steps):
             r += dr
             c += dc
@@ -202,7 +202,7 @@ def first_leg(
                 break
             price = cost[cell_r, cell_c]
             if price == np.inf and i < 3:
-                price = 5.0  # a robot that stands too near to something may leave
+                price = 5.0  # a robot that stands too close may drive off
             total += 0.5 * price
             if total >= best:
                 break
@@ -215,9 +215,9 @@ def first_leg(
 
 @numba.njit(cache=True)
 def descend(value: Array, row: float, column: float, steps: int, path: Array) -> int:
-    """Walk down ``value`` from (row, column) in half-cell steps; fills ``path`` (steps, 2).
+    """Descend ``value`` from (row, column) in half-cell steps; fills ``path`` (steps, 2).
 
-    Returns the number of points written: fewer than ``steps`` where it comes to the bottom.
+    Returns the number of points written: fewer than ``steps`` at a minimum.
     """
     count = 0
     before_r, before_c = 0.0, 0.0
@@ -228,7 +228,7 @@ def descend(value: Array, row: float, column: float, steps: int, path: Array) ->
         if step_r == 0.0 and step_c == 0.0:
             break
         if step_r * before_r + step_c * before_c < -0.5:
-            break  # turned back: this was the bottom
+            break  # turned back: this was the minimum
         before_r, before_c = step_r, step_c
         row += 0.5 * step_r
         column += 0.5 * step_c

@@ -1,8 +1,8 @@
-"""Where the floor is missing: points seen below it, collected over many looks (METHOD 2.8).
+"""The drop map: spots of missing floor, by votes over many observations (METHOD 2.8).
 
-One cell of one image that seems to lie below the floor says little, as block matching errs by a few
-standard deviations at times; one that falls short of the floor's flow by far says more. A spot of
-floor counts as missing when looks through it outweigh those at it.
+A single flow vector below the floor is weak evidence: block matching is off by several standard
+deviations at times. One that falls short of the floor's flow by far is stronger. A spot of floor
+counts as missing when the votes against it outweigh those for it.
 """
 
 from __future__ import annotations
@@ -13,55 +13,54 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from navfw.movers.tracking import Disc
 from navfw.robot import RobotModel
-from navfw.signals import Array, Label, Percept, Pose
+from navfw.signals import Array, Label, OccupiedDisc, Percept, Pose
 
 __all__ = ["DropMap"]
 
 SPOT = 0.25
-"""Edge of a spot [m]."""
+"""Side of a square spot of floor [m]."""
 
 RANGE = 1.6
-"""Spots farther away are not judged [m]: the floor is seen too flat."""
+"""Largest distance of a spot that is judged [m]; farther off the floor is seen at too flat an angle."""
 
 CONFIDENCE = 0.3
-"""Least confidence of what counts."""
+"""Least confidence of a flow cell that counts."""
 
 INTERVAL = 0.1
-"""Looks nearer in time count as one [s]: they see the same flow."""
+"""Least time between two votes [s]: nearer observations share their flow."""
 
 _ROUNDING = 1e-6
-"""Frames come in step with the interval, but for rounding [s]."""
+"""Tolerance [s] for frames that come exactly at the interval."""
 
 CLEAR_SIGMAS = 5.0
 CLEAR_SHARE = 0.85
-"""A point is clearly below the floor when its nearness falls short of the floor's by so many
-standard deviations, to less than that share. Hardly any floor that is there ever looks like it."""
+"""A point is clearly below the floor when its nearness is CLEAR_SIGMAS standard deviations and a
+factor of CLEAR_SHARE below the floor's. False positives on existing floor are very rare."""
 
-_SHARPEST = 0.02
-"""Sigma [1/m] below which no reading is taken at its word."""
+_LEAST_SIGMA = 0.02
+"""Lower bound of the sigma of nearness [1/m]."""
 
 CLEAR_VOTES = 2
-"""A look that is clear weighs as much as so many others."""
+"""Votes of an observation that is clearly below the floor."""
 
 CERTAIN = 4
-"""Votes, net, after which the floor is taken for missing."""
+"""Net votes from which the floor of a spot counts as missing."""
 
-FIRM = 2
-"""Looks at the floor add up to no more than this: from afar a drop may pass for floor."""
+MAX_FLOOR_VOTES = 2
+"""Bound of the votes for existing floor: from far away a drop may look like floor."""
 
 FLOOR, DROP = int(Label.FLOOR), int(Label.DROP)
 
-_FLATTEST = 1e-3
-"""Fall per metre of depth of the flattest ray that meets any floor."""
+_MIN_FALL = 1e-3
+"""Least fall of a ray per metre of depth [m] at which its floor point is computed."""
 
-_RIM = 0.6
-"""Radius of what a missing spot takes from the ego map, in its edges: nearly up to its corners."""
+_DISC_RADIUS = 0.6
+"""Radius of a missing spot as an obstacle, in sides of the spot: nearly up to its corners."""
 
 
 class DropMap:
-    """Counts, for spots of floor in the odom frame, looks that went through and that did not."""
+    """Votes for and against missing floor, by spots of floor in the odom frame."""
 
     def __init__(self, robot: RobotModel) -> None:
         camera = robot.camera
@@ -70,14 +69,14 @@ class DropMap:
         self.reset()
 
     def reset(self) -> None:
-        """Forget everything."""
+        """Back to no votes."""
         self._votes: dict[tuple[int, int], int] = {}
-        # asked for at every frame, but changing seldom
+        # read at every frame, but changing seldom
         self._points: list[tuple[float, float]] = []
         self._time = -math.inf
 
-    def enter(self, percept: Percept, pose: Pose) -> None:
-        """Count what ``percept`` shows, seen from odom ``pose``."""
+    def integrate(self, percept: Percept, pose: Pose) -> None:
+        """Count the votes of ``percept``, observed from odom ``pose``."""
         if percept.time - self._time < INTERVAL - _ROUNDING:
             return
         self._time = percept.time
@@ -95,7 +94,7 @@ class DropMap:
         for (i, j), vote in zip(spots.tolist(), votes.tolist(), strict=True):
             if vote != 0:
                 before = self._votes.get((i, j), 0)
-                after = min(max(before + vote, -FIRM), 2 * CERTAIN)
+                after = min(max(before + vote, -MAX_FLOOR_VOTES), 2 * CERTAIN)
                 self._votes[i, j] = after
                 decided = decided or (before >= CERTAIN) != (after >= CERTAIN)
         if decided:
@@ -106,12 +105,12 @@ class DropMap:
             ]
 
     def points(self) -> list[tuple[float, float]]:
-        """The middles (x, y) [m] in odom of the spots whose floor is missing."""
+        """The centres (x, y) [m] in odom of the spots whose floor is missing."""
         return list(self._points)
 
-    def discs(self) -> tuple[Disc, ...]:
-        """What the missing spots take from the floor, in odom: nobody can be there."""
-        return tuple(Disc(x, y, _RIM * SPOT) for x, y in self._points)
+    def discs(self) -> tuple[OccupiedDisc, ...]:
+        """The missing spots as obstacles, in odom."""
+        return tuple(OccupiedDisc(x, y, _DISC_RADIUS * SPOT) for x, y in self._points)
 
 
 @numba.njit(cache=True)
@@ -125,25 +124,25 @@ def _votes(
     camera: tuple[float, float, float],
     pose: tuple[float, float, float, float],
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Spots (k, 2) of floor that cells of a percept show, and one vote (k,) for each.
+    """Spots (k, 2) of floor that the cells of a percept show, and one vote (k,) for each.
 
-    A vote is what most of the spot's cells say, and how clearly; 0 where they are at odds. ``turn``
+    The vote follows the majority of the spot's cells; a tie is 0. ``turn``
     is ``base_from_camera``; ``camera`` its focal length [px], height and place ahead [m]; ``pose``
     is (x, y, cos yaw, sin yaw).
     """
     focal, height, forward = camera
     x, y, c, s = pose
     spots = np.empty((label.size, 2), np.int64)
-    # of each spot: cells, those that look through the floor, those of them that are clear about it
-    said = np.zeros((label.size, 3), np.int64)
+    # of each spot: its cells, those below the floor, those of them clearly below
+    counts = np.zeros((label.size, 3), np.int64)
     count = 0
     for n in range(label.size):
-        through = label[n] == DROP
-        if not confidence[n] >= CONFIDENCE or not (through or label[n] == FLOOR):
+        below = label[n] == DROP
+        if not confidence[n] >= CONFIDENCE or not (below or label[n] == FLOOR):
             continue
         u, v = points[n, 0] / focal, points[n, 1] / focal
         fall = -(turn[2, 0] * u + turn[2, 1] * v + turn[2, 2])
-        if not fall > _FLATTEST:
+        if not fall > _MIN_FALL:
             continue
         # where the ray meets the floor, if there is one
         depth = height / fall
@@ -159,15 +158,15 @@ def _votes(
         if k == count:
             spots[k, 0], spots[k, 1] = i, j
             count += 1
-        said[k, 0] += 1
-        if through:
-            said[k, 1] += 1
-            clear = 1.0 / depth - nearness[n] > CLEAR_SIGMAS * max(sigma[n], _SHARPEST)
+        counts[k, 0] += 1
+        if below:
+            counts[k, 1] += 1
+            clear = 1.0 / depth - nearness[n] > CLEAR_SIGMAS * max(sigma[n], _LEAST_SIGMA)
             if clear and nearness[n] < CLEAR_SHARE / depth:
-                said[k, 2] += 1
+                counts[k, 2] += 1
     votes = np.zeros(count, np.int64)
     for k in range(count):
-        cells, drops, clear_ones = said[k]
+        cells, drops, clear_ones = counts[k]
         if 2 * drops > cells:
             votes[k] = CLEAR_VOTES if 2 * clear_ones > drops else 1
         elif 2 * drops < cells:

@@ -1,20 +1,27 @@
-"""Where each command would lead: free arcs through the ego map, and ranges around the robot."""
+"""Free distance: along the arc of each command, along one twist, and all around the robot."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from navfw.localmap.occupancy_grid import OccupancyGrid
-from navfw.localmap.ray_kernels import cast_ranges, follow_arc, least_within, sweep_arcs
-from navfw.mofis.command_grid import CommandGrid
+from navfw.localmap.ray_kernels import (
+    Ground,
+    Start,
+    cast_ranges,
+    follow_arc,
+    least_within,
+    sweep_arcs,
+)
 from navfw.signals import Array, Pose, Twist
 
-__all__ = ["Arcs", "Ranges", "look_around", "room_along", "sweep"]
+__all__ = ["Arcs", "FreeDistance", "Ranges", "arcs_of", "free_distance", "ranges_around"]
 
 SECTORS = 48
 _BEARINGS = np.linspace(-math.pi, math.pi, SECTORS + 1)[1:]
@@ -23,94 +30,104 @@ _BEARINGS.flags.writeable = False
 
 @dataclass(frozen=True, slots=True)
 class Arcs:
-    """What lies along every command's arc; arrays (n_v, n_w) [m].
+    """Free distance along the arc of every command; arrays (n_v, n_w) [m].
 
-    ``free`` is the length until the body would touch something, ``known`` the length until its
-    centre would enter what has never been seen free, both at most ``reach``; ``clearance`` is the
-    least distance from the body's rim to anything, over the next stretch.
+    ``free`` is the length until the body would touch something, ``observed`` the length until its
+    centre would enter a cell not observed free, both at most ``reach``; ``clearance`` is the least
+    distance from the body's rim to anything over the first stretch.
     """
 
     free: Array
-    known: Array
+    observed: Array
     clearance: Array
     reach: float
 
 
-def sweep(
+class FreeDistance(NamedTuple):
+    """Distance [m] along one twist until ``contact``, and until the first cell ``unobserved``."""
+
+    contact: float
+    unobserved: float
+
+
+def arcs_of(
     occupancy: OccupancyGrid,
     pose: Pose,
-    commands: CommandGrid,
+    speeds: Array,
+    turns: Array,
     margin: float,
     reach: float = 1.6,
     horizon: float = 0.6,
 ) -> Arcs:
-    """Sweep the robot's disc, widened by ``margin`` [m], along every command's arc."""
-    free, known, clearance = np.empty((3, *commands.shape))
+    """Sweep the robot's disc, widened by ``margin`` [m], along the arc of every command.
+
+    ``speeds`` (n_v,) [m/s] ascending and ``turns`` (n_w,) [rad/s] span the commands; clearances are
+    taken over the first ``horizon`` [m].
+    """
+    free, observed, clearance = np.empty((3, speeds.size, turns.size))
+    radius = occupancy.robot.radius
     sweep_arcs(
-        *_ground(occupancy, pose),
-        commands.v,
-        commands.w,
-        occupancy.robot.radius + margin,
+        _ground(occupancy, occupancy.footprint_observed),
+        _start(pose),
+        speeds,
+        turns,
+        radius + margin,
         reach,
         horizon,
         free,
-        known,
+        observed,
         clearance,
     )
-    backward = commands.backward_rows
-    # No eyes at the back: there, what has never been seen free counts as taken. (The robot's own
-    # place is known, so its rim and not its centre must not pass into the unseen.)
-    behind = np.maximum(known[backward] - occupancy.robot.radius - margin, 0.0)
-    behind[known[backward] >= reach] = reach
+    # The camera does not look back: behind the robot, unobserved cells count as occupied. (Its own
+    # footprint is observed, so its rim and not its centre must stay out of the unobserved.)
+    backward = slice(0, int(np.searchsorted(speeds, 0.0)))
+    behind = np.maximum(observed[backward] - radius - margin, 0.0)
+    behind[observed[backward] >= reach] = reach
     free[backward] = np.minimum(free[backward], behind)
-    return Arcs(free, known, clearance + margin, reach)
+    return Arcs(free, observed, clearance + margin, reach)
 
 
-def room_along(
+def free_distance(
     occupancy: OccupancyGrid, pose: Pose, twist: Twist, reach: float = 1.0
-) -> tuple[float, float]:
-    """How far [m] ``twist`` leads from odom ``pose``: (until a touch, until the unseen).
+) -> FreeDistance:
+    """Free distance [m] of ``twist`` from odom ``pose``, at most ``reach``.
 
-    Both at most ``reach``; a robot that only turns has all the room it needs.
+    Zero while the grid has no position, and where ``pose`` is outside it: an unknown map offers no
+    room. A turn on the spot needs none, so its free distance is ``reach``.
     """
-    free, known, _ = follow_arc(
-        *_ground(occupancy, pose),
-        float(twist.v),
-        float(twist.w),
-        occupancy.robot.radius,
-        reach,
-        0.0,
+    if not occupancy.located:
+        return FreeDistance(0.0, 0.0)
+    row, column = occupancy.index(pose.x, pose.y)
+    if not (0 <= row < occupancy.size and 0 <= column < occupancy.size):
+        return FreeDistance(0.0, 0.0)
+    ground = _ground(occupancy, occupancy.footprint_observed)
+    v, w = float(twist.v), float(twist.w)
+    contact, unobserved, _ = follow_arc(
+        ground, _start(pose), v, w, occupancy.robot.radius, reach, 0.0
     )
-    return free, known
+    return FreeDistance(contact, unobserved)
 
 
-def _ground(
-    occupancy: OccupancyGrid, pose: Pose
-) -> tuple[Array, npt.NDArray[np.uint8], float, float, float, float, float, float]:
-    """What arcs are followed over, and from where: the first arguments of the kernels."""
-    cell = occupancy.params.cell
-    return (
-        occupancy.clearance,
-        occupancy.familiar,
-        *occupancy.origin,
-        cell,
-        pose.x,
-        pose.y,
-        pose.yaw,
-    )
+def _ground(occupancy: OccupancyGrid, observed: npt.NDArray[np.uint8]) -> Ground:
+    """The arrays that rays are cast through; ``observed`` (n, n) says where floor was seen."""
+    return Ground(occupancy.clearance, observed, *occupancy.origin, occupancy.params.cell)
 
 
-@dataclass(frozen=True)  # without slots: sides are kept, many behaviours ask for them
+def _start(pose: Pose) -> Start:
+    return Start(float(pose.x), float(pose.y), float(pose.yaw))
+
+
+@dataclass(frozen=True)  # without slots: the cached properties serve many behaviours
 class Ranges:
-    """Distance [m] from the robot's rim to the nearest remembered thing, all around.
+    """Distance [m] from the robot's rim to the nearest obstacle, all around.
 
-    ``bearings`` (n,) [rad, left positive] in (-pi, pi]; ``free`` (n,) [m] to what blocks, ``seen``
-    (n,) [m] to what has never been seen free; both at most ``limit``.
+    ``bearings`` (n,) [rad, left positive] in (-pi, pi]; ``free`` (n,) [m] to what is occupied,
+    ``observed`` (n,) [m] to the first cell not observed free; both at most ``limit``.
     """
 
     bearings: Array
     free: Array
-    seen: Array
+    observed: Array
     limit: float
 
     def nearest(self, low: float, high: float) -> float:
@@ -119,7 +136,7 @@ class Ranges:
 
     @cached_property
     def corridor(self) -> float:
-        """Degree in [0, 1] to which there is a wall at each side and room ahead."""
+        """Degree in [0, 1] to which there is a wall at each side and free space ahead."""
         side = max(self.left, self.right)
         return max(0.0, min(1.0, (1.6 - side) / 0.8)) * max(0.0, min(1.0, self.front / 0.8))
 
@@ -139,21 +156,12 @@ class Ranges:
         return self.nearest(-math.radians(120), -math.radians(30))
 
 
-def look_around(occupancy: OccupancyGrid, pose: Pose, limit: float = 3.0) -> Ranges:
-    """Ranges in ``SECTORS`` directions around ``pose``, from the ego map."""
-    free, seen = np.empty((2, SECTORS))
-    cast_ranges(
-        occupancy.clearance,
-        occupancy.known,
-        occupancy.origin[0],
-        occupancy.origin[1],
-        occupancy.params.cell,
-        pose.x,
-        pose.y,
-        _BEARINGS + pose.yaw,
-        limit,
-        free,
-        seen,
-    )
+def ranges_around(occupancy: OccupancyGrid, pose: Pose, limit: float = 3.0) -> Ranges:
+    """Ranges in ``SECTORS`` directions around odom ``pose``, at most ``limit`` [m]."""
+    free, observed = np.empty((2, SECTORS))
+    ground = _ground(occupancy, occupancy.observed)
+    cast_ranges(ground, _start(pose), _BEARINGS, limit, free, observed)
     radius = occupancy.robot.radius
-    return Ranges(_BEARINGS, np.maximum(free - radius, 0.0), np.maximum(seen - radius, 0.0), limit)
+    return Ranges(
+        _BEARINGS, np.maximum(free - radius, 0.0), np.maximum(observed - radius, 0.0), limit
+    )

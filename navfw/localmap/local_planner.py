@@ -1,7 +1,7 @@
-"""The local aim: a point a little ahead on the cheapest way through the ego map to the waypoint.
+"""The local planner: a local goal on the cheapest way through the occupancy grid to the waypoint.
 
-Arcs alone stick in local minima, with true depth as often as with flow (METHOD 0); the cost to go
-over the remembered surroundings does not. Unknown space is passable at a price, near misses cost.
+Arcs alone stick in local minima, with true depth as often as with flow (METHOD 0); the cost-to-go
+over the grid does not. Unobserved cells are passable at a price, small clearances cost.
 """
 
 from __future__ import annotations
@@ -16,47 +16,50 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from navfw.localmap.cost_kernels import cost_to_go, descend, first_leg, price_cells
 from navfw.localmap.occupancy_grid import OccupancyGrid
-from navfw.movers.tracking import Disc
-from navfw.signals import Array, Pose, wrap_angle
+from navfw.signals import Array, OccupiedDisc, Pose, wrap_angle
 
 __all__ = ["LocalGoal", "LocalPlanner", "LocalPlannerParams"]
 
 
 _LEG = 0.4
-"""Length [m] of the first leg, by which one of several ways is chosen."""
-_ASIDE = math.radians(40.0)
-"""A leg that leads aside of the cheapest way by more than this [rad] is another way."""
+"""Length [m] of the first leg, by which one of several ways of similar cost is chosen."""
+_OTHER_WAY = math.radians(40.0)
+"""Angle [rad] between a first leg and the cheapest way beyond which the leg is another way."""
 _BEARINGS = np.linspace(-math.pi, math.pi, 49)[:-1]
 _AROUND = np.ones((3, 3), np.uint8)
 
 
 class LocalPlannerParams(BaseModel):
-    """How the way through the ego map is priced."""
+    """Prices of the cells of the grid."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    distance: Annotated[float, Field(gt=0.1, le=3.0, description="how far ahead to aim [m]")] = 0.8
+    distance: Annotated[
+        float, Field(gt=0.1, le=3.0, description="distance of the local goal [m]")
+    ] = 0.8
     clear: Annotated[
-        float, Field(ge=0.0, le=1.0, description="clearance of the rim that costs nothing [m]")
+        float, Field(ge=0.0, le=1.0, description="clearance from which a cell costs no more [m]")
     ] = 0.25
-    squeeze: Annotated[
-        float, Field(ge=0.0, le=50.0, description="extra price of a way that just fits")
+    narrow_price: Annotated[
+        float, Field(ge=0.0, le=50.0, description="extra price of a cell that just fits")
     ] = 4.0
-    unknown: Annotated[float, Field(ge=0.0, le=20.0, description="extra price of the unseen")] = 0.2
-    turning: Annotated[
-        float, Field(ge=0.0, le=2.0, description="extra price of a turn to set out [m/rad]")
+    unobserved_price: Annotated[
+        float, Field(ge=0.0, le=20.0, description="extra price of an unobserved cell")
+    ] = 0.2
+    turn_price: Annotated[
+        float, Field(ge=0.0, le=2.0, description="extra price of the first turn [m/rad]")
     ] = 0.25
     margin: Annotated[
-        float, Field(ge=0.0, le=0.3, description="clearance of the rim below which none passes [m]")
+        float, Field(ge=0.0, le=0.3, description="least clearance of a passable cell [m]")
     ] = 0.04
 
 
 @dataclass(frozen=True, slots=True)
 class LocalGoal:
-    """Where to head now, in base_link: x, y [m]; ``cost`` of the way to the waypoint [m, priced].
+    """The point to head for now, in base_link: x, y [m]; ``cost`` [m, priced] to the waypoint.
 
-    ``reachable`` is false when everything remembered bars the way: then the aim is the waypoint's
-    own direction. ``detour`` is the way's cost over the straight distance, at least 1.
+    ``reachable`` is false when occupied cells bar every way; the goal then lies straight toward the
+    waypoint. ``detour`` is the way's cost over the straight distance, at least 1.
     """
 
     x: float
@@ -67,34 +70,37 @@ class LocalGoal:
 
     @property
     def distance(self) -> float:
-        """Distance [m] of the aim."""
+        """Distance [m] of the local goal."""
         return math.hypot(self.x, self.y)
 
     @property
     def bearing(self) -> float:
-        """Bearing [rad, left positive] of the aim."""
+        """Bearing [rad, left positive] of the local goal."""
         return math.atan2(self.y, self.x)
 
 
 class LocalPlanner:
-    """Finds the aim for a waypoint in the odom frame."""
+    """Finds the local goal for a waypoint in the odom frame."""
 
     def __init__(self, params: LocalPlannerParams | None = None) -> None:
         self.params = params or LocalPlannerParams()
 
-    def aim(
+    def plan(
         self,
         occupancy: OccupancyGrid,
         pose: Pose,
         x: float,
         y: float,
-        moving_obstacles: tuple[Disc, ...] = (),
+        moving_obstacles: tuple[OccupiedDisc, ...] = (),
     ) -> LocalGoal:
-        """The aim for the odom point (x, y) from odom ``pose``, past the floor ``moving_obstacles``."""
+        """The local goal for the odom point (x, y) [m] from odom ``pose``.
+
+        ``moving_obstacles`` count as occupied beside the grid's own cells.
+        """
         cell = 2.0 * occupancy.params.cell
         cost = self._prices(occupancy, moving_obstacles)
         value = _sources(cost.shape[0], occupancy.origin, cell, x, y)
-        # what stands on the very waypoint must not hide it: its direction still counts
+        # an obstacle on the waypoint itself must not hide it: its direction still counts
         cost_to_go(cost, value, 24)
 
         column = (pose.x - occupancy.origin[0]) / cell
@@ -127,10 +133,10 @@ class LocalPlanner:
         steps: int,
         cell: float,
     ) -> tuple[Array, int]:
-        """The way ahead (steps, 2) [cells] and how much of it there is.
+        """The way ahead (steps, 2) [cells], and the number of its valid rows.
 
-        The cheapest way of all, unless it begins with a turn that another way is spared: of two
-        ways round a thing that cost about the same, a robot keeps to the one that it faces.
+        The cheapest way, unless another one is cheaper once the first turn is priced: of two ways
+        round an obstacle at about equal cost the robot keeps to the one it faces.
         """
         path = np.empty((steps, 2))
         count = descend(value, row, column, steps, path)
@@ -138,11 +144,11 @@ class LocalPlanner:
             return path, count
         leg = _LEG / cell
         r, c, bearing = first_leg(
-            value, cost, row, column, yaw, _BEARINGS, leg, self.params.turning / cell
+            value, cost, row, column, yaw, _BEARINGS, leg, self.params.turn_price / cell
         )
         ahead = path[min(count, round(2.0 * leg)) - 1]
         cheapest = math.atan2(ahead[0] - row, ahead[1] - column)
-        if r < 0.0 or abs(wrap_angle(yaw + bearing - cheapest)) <= _ASIDE:
+        if r < 0.0 or abs(wrap_angle(yaw + bearing - cheapest)) <= _OTHER_WAY:
             return path, count
         count = descend(value, r, c, steps - round(2.0 * leg), path)
         if count == 0:
@@ -150,18 +156,22 @@ class LocalPlanner:
             count = 1
         return path, count
 
-    def _prices(self, occupancy: OccupancyGrid, moving_obstacles: tuple[Disc, ...]) -> Array:
-        """(m, m) price of crossing each cell of twice the map's size; infinite where barred."""
+    def _prices(
+        self, occupancy: OccupancyGrid, moving_obstacles: tuple[OccupiedDisc, ...]
+    ) -> Array:
+        """(m, m) price of each cell of twice the grid's cell size; infinite where barred."""
         p = self.params
         radius = occupancy.robot.radius
-        # far away the rays of a sparse grid leave gaps: what has a seen neighbour counts as seen
-        seen = cv2.dilate(occupancy.known, _AROUND).astype(np.uint8, copy=False)
-        clearance = occupancy.beside(moving_obstacles)
-        return price_cells(clearance, seen, radius, p.clear, p.margin, p.squeeze, p.unknown)
+        # rays diverge with distance and leave gaps: a cell with an observed neighbour is observed
+        observed = cv2.dilate(occupancy.observed, _AROUND).astype(np.uint8, copy=False)
+        clearance = occupancy.clearance_with(moving_obstacles)
+        return price_cells(
+            clearance, observed, radius, p.clear, p.margin, p.narrow_price, p.unobserved_price
+        )
 
 
 def _sources(n: int, origin: tuple[float, float], cell: float, x: float, y: float) -> Array:
-    """(n, n) boundary values [cells]: 0 at the waypoint, or its distance along the map's border."""
+    """(n, n) boundary values [cells]: 0 at the waypoint, or its distance on the grid's border."""
     value = np.full((n, n), np.inf)
     column, row = (x - origin[0]) / cell, (y - origin[1]) / cell
     if 0 <= round(row) < n and 0 <= round(column) < n:

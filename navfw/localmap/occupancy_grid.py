@@ -1,8 +1,8 @@
-"""The ego map: short-term memory of what stands where around the robot (METHOD 2.11, 2.14).
+"""The rolling occupancy grid around the robot (METHOD 2.11, 2.14).
 
-A square evidence grid in the odom frame that moves along with the robot. Each seen point speaks for
-something standing within its uncertainty, and for nothing standing on the way there; evidence fades
-with time. It knows only flow and odometry.
+A square grid of log-odds in the odom frame that moves along with the robot. Each observed point is
+evidence for an obstacle within its uncertainty, and for free space on the way there. Evidence
+decays with time. The grid is built from flow and odometry alone.
 """
 
 from __future__ import annotations
@@ -15,75 +15,85 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from navfw.localmap.sensor_kernels import cast_evidence, forget_view, merge_evidence, rays_of
-from navfw.movers.tracking import Disc
+from navfw.localmap.sensor_kernels import cast_evidence, decay_view, merge_evidence, rays_of
 from navfw.robot import RobotModel
-from navfw.signals import Array, Mask, Percept, Pose, Stixels
+from navfw.signals import Array, Mask, OccupiedDisc, Percept, Pose, Stixels
 
 __all__ = ["OccupancyGrid", "OccupancyParams"]
 
 Positive = Annotated[float, Field(gt=0.0)]
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
 
-_SHARPEST = 0.02
-"""Sigma [1/m] below which no reading is taken at its word."""
-_FREES = np.array([1.0, 1.0, 1.0, 1.0, 0.5])
-"""How much is seen through, by ``Label``: up to just before the thing, or the floor, that was seen.
-That holds for a point of unknown height, too."""
+_LEAST_SIGMA = 0.02
+"""Lower bound of the sigma of nearness [1/m]: no measurement is taken to be more exact."""
+_FREE_WEIGHTS = np.array([1.0, 1.0, 1.0, 1.0, 0.5])
+"""Weight of the free evidence along a ray, by ``Label`` of its end point. The ray is free up to the
+point whatever its height, so UNKNOWN counts in full; ABOVE passes over much of the floor."""
 _GAP = np.ones((3, 3), np.uint8)
-_BESIDE = 0.1
-"""How far [m] beside the robot's middle the floor has to be known."""
-_SEEN_OVER = 0.15
-"""Height [m] below which a ray that passes tells all about a cell."""
+"""Structuring element that closes gaps of one cell between the rays of a sparse flow grid."""
+_SIDE_MARGIN = 0.1
+"""Distance [m] beside a path within which the floor has to be observed. Wider margins were
+tried: the robot then creeps."""
+_LOW_PASS = 0.15
+"""Height [m] below which a passing ray is full evidence for a free cell."""
+_SHIFT = 0.4
+"""Distance [m] from the grid's centre at which the grid is shifted; shifting costs a copy."""
 
 
 class OccupancyParams(BaseModel):
-    """How much is remembered, and how evidence is weighed (log-odds)."""
+    """Size of the grid, and how evidence is weighed (log-odds)."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     extent: Annotated[Positive, Field(le=30.0, description="side of the square [m]")] = 8.0
     cell: Annotated[float, Field(ge=0.02, le=0.2, description="cell size [m]")] = 0.05
-    hit: Annotated[Positive, Field(description="log-odds of one confident detection")] = 0.6
-    free: Annotated[Positive, Field(description="log-odds of one look through")] = 0.33
-    least: Annotated[float, Field(lt=0.0, description="lower bound of evidence")] = -1.5
-    most: Annotated[Positive, Field(description="upper bound of evidence")] = 3.0
-    occupied: Annotated[Positive, Field(description="evidence from which a cell blocks")] = 0.7
-    seen_free: Annotated[
-        float, Field(lt=0.0, description="evidence below which it is free")
+    hit: Annotated[Positive, Field(description="log-odds added by one certain hit")] = 0.6
+    miss: Annotated[Positive, Field(description="log-odds removed by one ray that passes")] = 0.33
+    clamp_min: Annotated[float, Field(lt=0.0, description="lower bound of the log-odds")] = -1.5
+    clamp_max: Annotated[Positive, Field(description="upper bound of the log-odds")] = 3.0
+    occupied: Annotated[Positive, Field(description="log-odds from which a cell is occupied")] = 0.7
+    observed_free: Annotated[
+        float, Field(lt=0.0, description="log-odds up to which a cell is observed free")
     ] = -0.25
-    range: Annotated[Positive, Field(description="farthest detection entered [m]")] = 3.0
-    width: Annotated[
-        float, Field(gt=0.0, le=3.0, description="part of a reading that hits, each side [sigma]")
+    range: Annotated[Positive, Field(description="largest range of a hit [m]")] = 3.0
+    hit_width: Annotated[
+        float,
+        Field(gt=0.0, le=3.0, description="depth interval that a hit covers, each side [sigma]"),
     ] = 0.7
-    share: Annotated[
+    cell_share: Annotated[
         tuple[Share, Share],
-        Field(description="a cell's share of a reading that says nothing, and that says all"),
+        Field(description="probability within one cell that gives no hit, and a full hit"),
     ] = (0.08, 0.3)
-    fade: Annotated[Positive, Field(description="time constant of forgetting [s]")] = 30.0
-    glance: Annotated[
-        Positive, Field(description="time constant of forgetting free floor within view [s]")
+    decay: Annotated[Positive, Field(description="time constant of the decay of evidence [s]")] = (
+        30.0
+    )
+    view_decay: Annotated[
+        Positive, Field(description="time constant of free evidence within the view [s]")
     ] = 1.0
-    certainty: Annotated[Share, Field(description="least confidence entered")] = 0.15
-    over_share: Annotated[
-        Share, Field(description="weight of a free look that passes at camera height")
+    min_confidence: Annotated[Share, Field(description="least confidence integrated")] = 0.15
+    over_weight: Annotated[
+        Share, Field(description="weight of free evidence of a ray at camera height")
     ] = 0.2
-    drop: Annotated[
-        Share, Field(description="weight of a point that seems to lie below the floor")
+    drop_weight: Annotated[
+        Share, Field(description="weight as a hit of a point below the floor")
     ] = 0.2
-    top: Annotated[Positive, Field(description="things higher than this are ignored [m]")] = 1.5
+    max_height: Annotated[
+        Positive, Field(description="height above which points are ignored [m]")
+    ] = 1.5
 
     @model_validator(mode="after")
     def _shares_rise(self) -> OccupancyParams:
-        if self.share[0] >= self.share[1]:
-            raise ValueError(f"share must rise: {self.share[0]:g} is not below {self.share[1]:g}")
+        low, high = self.cell_share
+        if low >= high:
+            raise ValueError(f"cell_share must rise: {low:g} is not below {high:g}")
         return self
 
 
 class OccupancyGrid:
-    """Evidence around the robot; clearances derived from it on demand.
+    """Log-odds of occupancy around the robot; clearances are derived from it on demand.
 
-    ``origin`` is the odom position [m] of the centre of cell [0, 0]; arrays are (n, n), [y, x].
+    ``log_odds`` and all other arrays are (n, n), indexed [row, column] = [y, x]; ``origin`` is the
+    odom position [m] of the centre of cell [0, 0].
     """
 
     def __init__(self, robot: RobotModel, params: OccupancyParams | None = None) -> None:
@@ -92,30 +102,30 @@ class OccupancyGrid:
         self.size = 2 * round(0.5 * self.params.extent / self.params.cell) + 1
         self._base_from_camera = robot.camera.base_from_camera
         p = self.params
-        # wider by a gap: what shrinks by both is shrunk at once
-        self._beside = np.ones((2 * round(_BESIDE / p.cell) + len(_GAP),) * 2, np.uint8)
-        self._limits = np.array([p.range, p.width, *p.share, _SEEN_OVER, p.over_share])
-        self._hits = np.array([0.0, 0.0, 1.0, p.drop, 1.0])  # in the order of Label
-        self._body = _disc(round(robot.radius / p.cell))
-        # the layers of one frame, empty between frames
+        # wider by the gap that was closed: one erosion takes back both
+        self._margin = np.ones((2 * round(_SIDE_MARGIN / p.cell) + len(_GAP),) * 2, np.uint8)
+        self._limits = np.array([p.range, p.hit_width, *p.cell_share, _LOW_PASS, p.over_weight])
+        self._hit_weights = np.array([0.0, 0.0, 1.0, p.drop_weight, 1.0])  # in the order of Label
+        self._footprint = _disc(round(robot.radius / p.cell))
+        # the evidence of one frame; zero between frames
         self._hit, self._free = np.zeros((2, self.size, self.size))
         self.reset()
 
     def reset(self) -> None:
-        """Forget everything."""
-        self.evidence: Array = np.zeros((self.size, self.size))
+        """Back to an empty grid without a position."""
+        self.log_odds: Array = np.zeros((self.size, self.size))
         self._origin: tuple[float, float] | None = None
         self._time: float | None = None
-        self._looked: float | None = None
-        self._taken: tuple[Disc, ...] = ()
+        self._last_view: float | None = None
+        self._obstacles: tuple[OccupiedDisc, ...] = ()
         self._clearance: Array | None = None
-        self._known: npt.NDArray[np.uint8] | None = None
-        self._familiar: npt.NDArray[np.uint8] | None = None
+        self._observed: npt.NDArray[np.uint8] | None = None
+        self._footprint_observed: npt.NDArray[np.uint8] | None = None
 
     # --- writing ---------------------------------------------------------------------------------
 
-    def move(self, pose: Pose, time: float) -> None:
-        """Follow the robot (odom ``pose``), let old evidence fade, mark the robot's own place."""
+    def update(self, pose: Pose, time: float) -> None:
+        """Follow the robot to odom ``pose``, decay the evidence, mark the footprint as free."""
         cell = self.params.cell
         half = self.size // 2
         corner = (
@@ -128,62 +138,66 @@ class OccupancyGrid:
             shift = [
                 round((new - old) / cell) for new, old in zip(corner, self.origin, strict=True)
             ]
-            if max(abs(s) for s in shift) > round(0.4 / cell):
-                self.evidence = _shifted(self.evidence, *shift)
+            if max(abs(s) for s in shift) > round(_SHIFT / cell):
+                self.log_odds = _shifted(self.log_odds, *shift)
                 self._origin = corner
         if self._time is not None and time > self._time:
-            self.evidence *= math.exp((self._time - time) / self.params.fade)
+            self.log_odds *= math.exp((self._time - time) / self.params.decay)
         self._time = time
-        self._mark_body(pose)
-        self._clearance = self._known = self._familiar = None
+        self._mark_footprint(pose)
+        self._clearance = self._observed = self._footprint_observed = None
 
-    def _mark_body(self, pose: Pose) -> None:
-        """Where the robot stands, nothing else does."""
+    def _mark_footprint(self, pose: Pose) -> None:
+        """Mark the cells under the robot as free."""
         row, column = self.index(pose.x, pose.y)
-        reach = len(self._body) // 2
+        reach = len(self._footprint) // 2
         window = np.s_[row - reach : row + reach + 1, column - reach : column + reach + 1]
-        self.evidence[window][self._body] = self.params.least
+        self.log_odds[window][self._footprint] = self.params.clamp_min
 
-    def enter(self, percept: Percept, pose: Pose) -> None:
-        """Enter what ``percept`` saw from odom ``pose`` (call ``move`` first)."""
+    def integrate(self, percept: Percept, pose: Pose) -> None:
+        """Add the evidence of ``percept``, observed from odom ``pose`` (call ``update`` first)."""
         p, camera = self.params, self.robot.camera
         confidence = percept.confidence.ravel()
         nearness = percept.nearness.ravel()
         label = percept.label.ravel()
-        kept = (confidence >= p.certainty) & (nearness > 1e-3) & (percept.height.ravel() < p.top)
+        kept = (
+            (confidence >= p.min_confidence)
+            & (nearness > 1e-3)
+            & (percept.height.ravel() < p.max_height)
+        )
         if not kept.any():
             return
-        confidence = np.where(kept, confidence, 0.0)  # what has none leaves no evidence
-        sigma = np.maximum(percept.sigma.ravel(), _SHARPEST)
+        confidence = np.where(kept, confidence, 0.0)  # zero weight: no evidence
+        sigma = np.maximum(percept.sigma.ravel(), _LEAST_SIGMA)
         points = percept.points
-        # A cell stands for all that its column shows: rays at its middle and toward both its sides
-        # keep far walls from falling apart into dots.
+        # A flow cell stands for its whole width: three rays, at its centre and a third of its width
+        # to either side, keep distant walls from falling apart into dots.
         third = (points[0, -1, 0] - points[0, 0, 0]) / max(points.shape[1] - 1, 1) / 3.0
         rays = rays_of(points.reshape(-1, 2), third, camera.focal, self._base_from_camera, pose.yaw)
-        at = self._eye(pose)
-        self._forget_view(at, pose.yaw, percept.time)
-        hit, free = confidence * self._hits[label], confidence * _FREES[label]
+        at = self._camera_position(pose)
+        self._decay_view(at, pose.yaw, percept.time)
+        hit, free = confidence * self._hit_weights[label], confidence * _FREE_WEIGHTS[label]
         self._cast(at, rays, nearness, sigma, hit, free)
 
-    def integrate_stixels(self, standing: Stixels, pose: Pose) -> None:
-        """Enter what stands in small columns, seen from odom ``pose``: it says hit, never free."""
-        kept = (standing.confidence > 0.0) & (standing.nearness > 1e-3)
+    def integrate_stixels(self, stixels: Stixels, pose: Pose) -> None:
+        """Add the evidence of ``stixels``, observed from odom ``pose``: hits, no free space."""
+        kept = (stixels.confidence > 0.0) & (stixels.nearness > 1e-3)
         if not kept.any():
             return
-        slope = standing.slope[kept]
+        slope = stixels.slope[kept]
         c, s = math.cos(pose.yaw), math.sin(pose.yaw)
         rays = np.stack([c - s * slope, s + c * slope, np.zeros(slope.size)], axis=1)
         self._cast(
-            self._eye(pose),
+            self._camera_position(pose),
             rays,
-            standing.nearness[kept],
-            np.maximum(standing.sigma[kept], _SHARPEST),
-            standing.confidence[kept],
+            stixels.nearness[kept],
+            np.maximum(stixels.sigma[kept], _LEAST_SIGMA),
+            stixels.confidence[kept],
             np.zeros(slope.size),
         )
 
-    def _eye(self, pose: Pose) -> tuple[float, float]:
-        """Where the camera is in odom [m]."""
+    def _camera_position(self, pose: Pose) -> tuple[float, float]:
+        """(x, y) [m] of the camera in odom."""
         return pose.to_parent(self.robot.camera.mount_forward, 0.0)
 
     def _cast(
@@ -195,7 +209,7 @@ class OccupancyGrid:
         hit: Array,
         free: Array,
     ) -> None:
-        """Join a frame's detections with what is remembered; see ``cast_evidence``."""
+        """Cast a frame's rays and merge their evidence into the grid; see ``cast_evidence``."""
         p = self.params
         cast_evidence(
             self._hit,
@@ -212,55 +226,60 @@ class OccupancyGrid:
             free,
             self._limits,
         )
-        merge_evidence(self.evidence, self._hit, self._free, p.hit, p.free, p.least, p.most)
-        self._clearance = self._known = self._familiar = None
+        clamps = p.clamp_min, p.clamp_max
+        merge_evidence(self.log_odds, self._hit, self._free, p.hit, p.miss, *clamps)
+        self._clearance = self._observed = self._footprint_observed = None
 
-    def _forget_view(self, at: tuple[float, float], yaw: float, time: float) -> None:
-        """Doubt the free floor within view; see ``forget_view``."""
-        since = 0.0 if self._looked is None else max(0.0, time - self._looked)
-        self._looked = time
-        forget_view(
-            self.evidence,
+    def _decay_view(self, at: tuple[float, float], yaw: float, time: float) -> None:
+        """Decay the free evidence within the view; see ``decay_view``."""
+        since = 0.0 if self._last_view is None else max(0.0, time - self._last_view)
+        self._last_view = time
+        decay_view(
+            self.log_odds,
             (at[1] - self.origin[1]) / self.params.cell,
             (at[0] - self.origin[0]) / self.params.cell,
             yaw,
             math.tan(0.5 * self.robot.camera.hfov),
             self.params.range / self.params.cell,
-            math.exp(-since / self.params.glance),
+            math.exp(-since / self.params.view_decay),
         )
 
-    def take(self, discs: tuple[Disc, ...]) -> None:
-        """Floor that counts as occupied until the next call."""
-        if discs or self._taken:
+    def set_obstacles(self, discs: tuple[OccupiedDisc, ...]) -> None:
+        """Count ``discs`` as occupied until the next call, whatever the log-odds."""
+        if discs or self._obstacles:
             self._clearance = None
-        self._taken = discs
-
-    def beside(self, discs: tuple[Disc, ...]) -> Array:
-        """(n, n) ``clearance``, were ``discs`` taken as well."""
-        if not discs:
-            return self.clearance
-        return self._distance(self._painted(self.occupied, discs))
+        self._obstacles = discs
 
     # --- reading ---------------------------------------------------------------------------------
 
     @property
     def origin(self) -> tuple[float, float]:
-        """Odom position [m] of the centre of cell [0, 0]; there is none before ``move``."""
+        """Odom position [m] of the centre of cell [0, 0].
+
+        Raises:
+            RuntimeError: there is none before the first ``update``.
+
+        """
         if self._origin is None:
-            raise RuntimeError("the ego map has no place yet; call move first")
+            raise RuntimeError("the occupancy grid has no position yet; call update first")
         return self._origin
 
+    @property
+    def located(self) -> bool:
+        """Whether the grid has a position: false until the first ``update``."""
+        return self._origin is not None
+
     def index(self, x: float, y: float) -> tuple[int, int]:
-        """(row, column) of the odom point (x, y); may lie outside the grid."""
+        """(row, column) of the odom point (x, y) [m]; may lie outside the grid."""
         cell = self.params.cell
         return round((y - self.origin[1]) / cell), round((x - self.origin[0]) / cell)
 
     @property
     def occupied(self) -> Mask:
-        """(n, n) True where evidence says that something stands."""
-        return self._painted(self.evidence >= self.params.occupied, self._taken)
+        """(n, n) True where a cell is occupied, by its log-odds or by an obstacle that was set."""
+        return self._painted(self.log_odds >= self.params.occupied, self._obstacles)
 
-    def _painted(self, occupied: Mask, discs: tuple[Disc, ...]) -> Mask:
+    def _painted(self, occupied: Mask, discs: tuple[OccupiedDisc, ...]) -> Mask:
         """``occupied`` (n, n) and all cells within ``discs``."""
         if not discs:
             return occupied
@@ -271,23 +290,23 @@ class OccupancyGrid:
         return painted.astype(np.bool_)
 
     @property
-    def known(self) -> npt.NDArray[np.uint8]:
-        """(n, n) 1 where the cell has been seen free, else 0."""
-        if self._known is None:
-            self._known = (self.evidence <= self.params.seen_free).view(np.uint8)
-        return self._known
+    def observed(self) -> npt.NDArray[np.uint8]:
+        """(n, n) 1 where the cell has been observed free, else 0."""
+        if self._observed is None:
+            self._observed = (self.log_odds <= self.params.observed_free).view(np.uint8)
+        return self._observed
 
     @property
-    def familiar(self) -> npt.NDArray[np.uint8]:
-        """(n, n) 1 where the cell and what lies beside it has been seen free, else 0.
+    def footprint_observed(self) -> npt.NDArray[np.uint8]:
+        """(n, n) 1 where the cell and its surroundings have been observed free, else 0.
 
-        Gaps of one cell between the rays of a sparse grid are closed; a robot whose middle keeps to
-        such cells brushes past nothing that it has never seen.
+        Gaps of one cell between the rays of a sparse flow grid are closed first. A robot whose
+        centre keeps to such cells passes nothing unobserved within the side margin.
         """
-        if self._familiar is None:
-            widened = cv2.dilate(self.known, _GAP)
-            self._familiar = cv2.erode(widened, self._beside).astype(np.uint8, copy=False)
-        return self._familiar
+        if self._footprint_observed is None:
+            closed = cv2.dilate(self.observed, _GAP)
+            self._footprint_observed = cv2.erode(closed, self._margin).astype(np.uint8, copy=False)
+        return self._footprint_observed
 
     @property
     def clearance(self) -> Array:
@@ -295,6 +314,12 @@ class OccupancyGrid:
         if self._clearance is None:
             self._clearance = self._distance(self.occupied)
         return self._clearance
+
+    def clearance_with(self, discs: tuple[OccupiedDisc, ...]) -> Array:
+        """(n, n) ``clearance`` if ``discs`` were occupied as well."""
+        if not discs:
+            return self.clearance
+        return self._distance(self._painted(self.occupied, discs))
 
     def _distance(self, occupied: Mask) -> Array:
         """(n, n) distance [m] from each cell to the nearest of ``occupied`` (n, n)."""
@@ -305,14 +330,14 @@ class OccupancyGrid:
 
 
 def _disc(radius: int) -> Mask:
-    """(2 radius + 1, 2 radius + 1) True within ``radius`` [cells] of the middle."""
+    """(2 radius + 1, 2 radius + 1) True within ``radius`` [cells] of the centre."""
     offsets = np.arange(-radius, radius + 1)
     disc: Mask = offsets[:, None] ** 2 + offsets[None, :] ** 2 <= radius**2
     return disc
 
 
 def _shifted(grid: Array, columns: int, rows: int) -> Array:
-    """``grid`` seen from an origin moved by (columns, rows); what comes into view is unknown."""
+    """``grid`` with its origin moved by (columns, rows); cells that come in are zero (unknown)."""
     n = grid.shape[0]
     moved = np.zeros_like(grid)
     if abs(columns) >= n or abs(rows) >= n:

@@ -1,12 +1,12 @@
-"""Compiled inner loops over the ego map: arcs and rays through it.
+"""Compiled ray casting through the occupancy grid: arcs of commands, and ranges all around.
 
-All work on square grids indexed [row, column] = [y, x] in the odom frame's directions; ``origin``
-is the odom coordinate [m] of the centre of cell [0, 0], ``cell`` the cell size [m].
+All work on square grids indexed [row, column] = [y, x] in the odom frame's directions.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -14,78 +14,75 @@ import numpy.typing as npt
 
 from navfw.signals import Array
 
-__all__ = [
-    "are_degrees",
-    "cast_ranges",
-    "follow_arc",
-    "least_within",
-    "sweep_arcs",
-]
+__all__ = ["Ground", "Start", "cast_ranges", "follow_arc", "least_within", "sweep_arcs"]
+
+
+class Ground(NamedTuple):
+    """What rays are cast through.
+
+    ``clearance`` (n, n) [m] is the distance of each cell to the nearest occupied one, ``observed``
+    (n, n) > 0 where the cell has been observed free; (``origin_x``, ``origin_y``) [m, odom] is the
+    centre of cell [0, 0], ``cell`` the cell size [m].
+    """
+
+    clearance: Array
+    observed: npt.NDArray[np.uint8]
+    origin_x: float
+    origin_y: float
+    cell: float
+
+
+class Start(NamedTuple):
+    """Where rays and arcs begin: x, y [m] and yaw [rad] in odom."""
+
+    x: float
+    y: float
+    yaw: float
 
 
 @numba.njit(cache=True)
 def sweep_arcs(
-    clearance: Array,
-    known: npt.NDArray[np.uint8],
-    origin_x: float,
-    origin_y: float,
-    cell: float,
-    x: float,
-    y: float,
-    yaw: float,
+    ground: Ground,
+    start: Start,
     speeds: Array,
     turns: Array,
     radius: float,
     reach: float,
     horizon: float,
     free_length: Array,
-    known_length: Array,
+    observed_length: Array,
     arc_clearance: Array,
 ) -> None:
-    """Drive a disc of ``radius`` along every command's arc through the map.
+    """Sweep a disc of ``radius`` [m] along the arc of every command (speed, turn).
 
-    ``clearance`` [m] is the distance of each cell to the nearest occupied one, ``known`` > 0 where
-    the cell has been seen free. Out come, for each (speed, turn): the length [m] up to ``reach``
-    until the disc would touch (``free_length``), until its centre would enter the unknown
-    (``known_length``), and the least clearance [m] from the disc's rim met within ``horizon`` [m]
-    (``arc_clearance``). An arc that starts too close is free as long as it leads away. For a
-    standing robot the lengths are ``reach``.
+    Fills (n_v, n_w) arrays: ``free_length`` [m], up to ``reach``, until the disc would touch
+    something; ``observed_length`` [m] until its centre would enter a cell not observed free;
+    ``arc_clearance`` [m], the least clearance of the disc's rim within ``horizon`` [m]. An arc that
+    starts too close is free as long as it leads away. At speed 0 the lengths are ``reach``.
     """
     for i in range(speeds.shape[0]):
         for j in range(turns.shape[0]):
-            free_length[i, j], known_length[i, j], arc_clearance[i, j] = follow_arc(
-                *(clearance, known, origin_x, origin_y, cell, x, y, yaw),
-                *(speeds[i], turns[j], radius, reach, horizon),
+            free_length[i, j], observed_length[i, j], arc_clearance[i, j] = follow_arc(
+                ground, start, speeds[i], turns[j], radius, reach, horizon
             )
 
 
 @numba.njit(cache=True)
 def follow_arc(
-    clearance: Array,
-    known: npt.NDArray[np.uint8],
-    origin_x: float,
-    origin_y: float,
-    cell: float,
-    x: float,
-    y: float,
-    yaw: float,
-    v: float,
-    w: float,
-    radius: float,
-    reach: float,
-    horizon: float,
+    ground: Ground, start: Start, v: float, w: float, radius: float, reach: float, horizon: float
 ) -> tuple[float, float, float]:
-    """Free length, known length and clearance [m] of one command; see ``sweep_arcs``."""
+    """Free length, observed length and clearance [m] of one command; see ``sweep_arcs``."""
+    clearance, observed, origin_x, origin_y, cell = ground
+    px, py, yaw = start
     size = clearance.shape[0]
-    column = int(math.floor((x - origin_x) / cell + 0.5))
-    row = int(math.floor((y - origin_y) / cell + 0.5))
+    column = int(math.floor((px - origin_x) / cell + 0.5))
+    row = int(math.floor((py - origin_y) / cell + 0.5))
     here = clearance[row, column]
     if v == 0.0:
         return reach, reach, here - radius
     step = 0.5 * cell
     curvature = w / v
     sign = 1.0 if v > 0.0 else -1.0
-    px, py = x, y
     # the heading in the middle of each step, as a unit vector that is turned by the step
     turn = sign * step * curvature
     c_turn, s_turn = math.cos(turn), math.sin(turn)
@@ -94,7 +91,7 @@ def follow_arc(
     least = here
     floor = min(radius, here - 0.02)
     blocked = False
-    known_until = -1.0
+    observed_until = -1.0
     # an arc that closes half a turn is as good as its first half
     longest = min(reach, math.pi / max(abs(curvature), 1e-6))
     while length < longest:
@@ -113,36 +110,28 @@ def follow_arc(
             floor = min(radius, c - 0.02)  # moving away: from now on no nearer than this
         if length < horizon and c < least:
             least = c
-        if known_until < 0.0 and known[row, column] == 0:
-            known_until = length
+        if observed_until < 0.0 and observed[row, column] == 0:
+            observed_until = length
         length += step
     if not blocked and length >= longest - step:
         length = reach
-    return length, length if known_until < 0.0 else known_until, least - radius
+    return length, length if observed_until < 0.0 else observed_until, least - radius
 
 
 @numba.njit(cache=True)
 def cast_ranges(
-    clearance: Array,
-    known: npt.NDArray[np.uint8],
-    origin_x: float,
-    origin_y: float,
-    cell: float,
-    x: float,
-    y: float,
-    angles: Array,
-    limit: float,
-    free: Array,
-    seen: Array,
+    ground: Ground, start: Start, bearings: Array, limit: float, free: Array, seen: Array
 ) -> None:
-    """March from (x, y) along each of ``angles`` (n,) [rad, odom] up to ``limit`` [m].
+    """Cast a ray along each of ``bearings`` (n,) [rad, from ``start.yaw``] up to ``limit`` [m].
 
-    ``free`` (n,) [m] is the distance to the first occupied cell, ``seen`` (n,) [m] that to the
-    first cell never seen free. Steps as long as the clearance allows.
+    Fills ``free`` (n,) [m], the distance to the first occupied cell, and ``seen`` (n,) [m], that to
+    the first cell not observed free. Steps are as long as the clearance allows.
     """
+    clearance, observed, origin_x, origin_y, cell = ground
+    x, y, yaw = start
     size = clearance.shape[0]
-    for i in range(angles.shape[0]):
-        c, s = math.cos(angles[i]), math.sin(angles[i])
+    for i in range(bearings.shape[0]):
+        c, s = math.cos(bearings[i] + yaw), math.sin(bearings[i] + yaw)
         free[i] = limit
         seen[i] = limit
         distance = 0.0
@@ -151,12 +140,12 @@ def cast_ranges(
             row = int(math.floor((y + distance * s - origin_y) / cell + 0.5))
             if row < 0 or column < 0 or row >= size or column >= size:
                 break
-            if known[row, column] == 0 and seen[i] == limit:
+            if observed[row, column] == 0 and seen[i] == limit:
                 seen[i] = distance
             if clearance[row, column] < cell:
                 free[i] = distance
                 break
-            # unknown cells do not show in the clearance, so do not leap over them
+            # unobserved cells do not show in the clearance: no long steps before the first of them
             distance += (
                 0.7 * cell
                 if seen[i] == limit
@@ -173,12 +162,3 @@ def least_within(bearings: Array, ranges: Array, low: float, high: float, defaul
         if low <= bearings[i] <= high:
             least = min(least, ranges[i])
     return default if least == np.inf else least
-
-
-@numba.njit(cache=True)
-def are_degrees(layer: Array) -> bool:
-    """Whether all of ``layer`` (n_v, n_w) is in [0, 1], but for rounding; what is NaN is not."""
-    sound = True
-    for value in layer.flat:
-        sound = sound and bool(0.0 <= value <= 1.0 + 1e-9)
-    return sound

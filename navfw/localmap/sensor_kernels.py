@@ -1,8 +1,8 @@
-"""What one look says about each cell of the ego map: the sensor model of flow (METHOD 2.11).
+"""Compiled sensor model of flow: the evidence of one frame for each cell (METHOD 2.11).
 
-Nearness 1/Z is what flow measures, with an error that is Gaussian in nearness and therefore long in
-depth. A reading that is spread over many cells says of none of them that it is taken: only what a
-cell's own share of the reading is worth counts.
+Flow measures nearness 1/Z with a Gaussian error, so the error in depth has a long tail. The
+evidence of a hit is the probability that the reading lies within the cell: a reading spread over
+many cells is evidence for none of them.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 
 from navfw.signals import Array
 
-__all__ = ["cast_evidence", "forget_view", "merge_evidence", "rays_of"]
+__all__ = ["cast_evidence", "decay_view", "merge_evidence", "rays_of"]
 
 _PEAK = 1.0 / math.sqrt(2.0 * math.pi)
 
@@ -25,8 +25,8 @@ def rays_of(
 ) -> Array:
     """(3 N, 3): advance in odom x, y and height per metre of depth, for three rays a point.
 
-    ``points`` (N, 2) [px] are met at their middle and ``aside`` [px] to the left and right of it;
-    the robot heads to ``yaw`` [rad, odom].
+    The rays go through ``points`` (N, 2) [px] and through points ``aside`` [px] to the left and
+    right of them; the robot heads to ``yaw`` [rad, odom].
     """
     n = points.shape[0]
     rays = np.empty((3 * n, 3))
@@ -61,17 +61,16 @@ def cast_evidence(
     free_weight: Array,
     limits: Array,
 ) -> None:
-    """Enter each ray's evidence into the frame's layers ``hit`` and ``free`` (max, not sum).
+    """Write the evidence of all rays into the frame's layers ``hit`` and ``free`` (maximum).
 
-    ``direction`` (k N, 3): what the ray advances in odom x, y and height per metre of depth;
-    ``nearness`` and ``sigma`` (N,) [1/m] of what it met, as every N-th ray does. The ray
-    says free up to where the reading begins, one sigma before its middle. Around its middle it says
-    hit, by the share of the reading that falls into each cell: nothing below a share of
-    ``nothing``, fully from ``all`` on.
+    ``direction`` (k N, 3) is the advance in odom x, y and height per metre of depth; ray i measured
+    ``nearness`` and ``sigma`` (N,) [1/m] number i modulo N. A ray is free evidence up to one sigma
+    before the reading. Around the reading it is hit evidence, by the probability within each cell:
+    none below ``nothing``, full from ``everything`` on.
 
-    A ray passes OVER what is lower than itself: its word for free counts fully below height ``low``
-    and only ``over`` from the camera's height upwards. ``limits`` are (range [m], sigmas either
-    side that may be hit, nothing, all, low [m], over).
+    A ray passes over obstacles lower than itself: its free evidence counts fully below height
+    ``low`` and only with weight ``over`` at camera height. ``limits`` are (range [m], sigmas either
+    side that may be hit, nothing, everything, low [m], over).
     """
     size = hit.shape[0]
     reach, width, nothing, everything, low, over = limits
@@ -98,7 +97,7 @@ def cast_evidence(
                 free[row, column] = max(free[row, column], free_weight[i] * share)
                 depth += step
         if hit_weight[i] > 0.0:
-            # the middle cell is always asked, however sharp the reading
+            # at least the cell of the reading itself, however small its sigma
             near = min(1.0 / (q + width * s), 1.0 / q - 0.5 * cell / horizontal)
             far = max(1.0 / max(q - width * s, 0.4 * q), 1.0 / q + 0.5 * cell / horizontal)
             if near > reach:
@@ -112,15 +111,15 @@ def cast_evidence(
                 off = (1.0 / depth - q) / s
                 spread = max(s * depth * depth * horizontal, 0.5 * cell)
                 share = _PEAK * math.exp(-0.5 * off * off) * cell / spread
-                word = min((share - nothing) / (everything - nothing), 1.0)
-                if word > 0.0:
-                    hit[row, column] = max(hit[row, column], hit_weight[i] * word)
+                weight = min((share - nothing) / (everything - nothing), 1.0)
+                if weight > 0.0:
+                    hit[row, column] = max(hit[row, column], hit_weight[i] * weight)
                 depth += step
 
 
 @numba.njit(cache=True)
 def merge_evidence(
-    evidence: Array,
+    log_odds: Array,
     hit: Array,
     free: Array,
     hit_weight: float,
@@ -128,37 +127,37 @@ def merge_evidence(
     least: float,
     most: float,
 ) -> None:
-    """Add a frame's layers to ``evidence``, within [``least``, ``most``], and empty them.
+    """Add a frame's layers to ``log_odds``, within [``least``, ``most``], and clear the layers.
 
-    A doubtful hit leaves room for those who have seen through the cell.
+    Free evidence is scaled by one minus the hit: an uncertain hit leaves room for rays that pass.
     """
-    for i in range(evidence.shape[0]):
-        for j in range(evidence.shape[1]):
+    for i in range(log_odds.shape[0]):
+        for j in range(log_odds.shape[1]):
             if hit[i, j] != 0.0 or free[i, j] != 0.0:
-                word = hit_weight * hit[i, j] - free_weight * free[i, j] * (1.0 - hit[i, j])
-                evidence[i, j] = min(max(evidence[i, j] + word, least), most)
+                change = hit_weight * hit[i, j] - free_weight * free[i, j] * (1.0 - hit[i, j])
+                log_odds[i, j] = min(max(log_odds[i, j] + change, least), most)
                 hit[i, j] = free[i, j] = 0.0
 
 
 @numba.njit(cache=True)
-def forget_view(
-    evidence: Array, row: float, column: float, yaw: float, slope: float, reach: float, keep: float
+def decay_view(
+    log_odds: Array, row: float, column: float, yaw: float, slope: float, reach: float, keep: float
 ) -> None:
-    """Leave only ``keep`` of what speaks for free floor within view, in place.
+    """Scale the free evidence within the view by ``keep``, in place.
 
     The view is a wedge from the camera at (row, column) [cells] along ``yaw`` [rad], ``slope``
-    (tangent) to either side and ``reach`` [cells] deep. What is looked at and free is confirmed by
-    every look; what is not may have been walked into by someone.
+    (tangent) to either side and ``reach`` [cells] deep. Free floor in view is confirmed by every
+    frame; where it is not, a moving object may have entered it.
     """
-    size = evidence.shape[0]
+    size = log_odds.shape[0]
     c, s = math.cos(yaw), math.sin(yaw)
     farthest = reach * math.hypot(1.0, slope)
     top, bottom = max(0, int(row - farthest)), min(size, int(row + farthest) + 2)
     first, end = max(0, int(column - farthest)), min(size, int(column + farthest) + 2)
     for i in range(top, bottom):
         for j in range(first, end):
-            if evidence[i, j] < 0.0:
+            if log_odds[i, j] < 0.0:
                 ahead = (j - column) * c + (i - row) * s
                 aside = (i - row) * c - (j - column) * s
                 if 0.0 < ahead < reach and abs(aside) <= slope * ahead:
-                    evidence[i, j] *= keep
+                    log_odds[i, j] *= keep

@@ -1,9 +1,9 @@
-"""What the ego map says of the way that the planner means to take (METHOD 4.3).
+"""Traversability of the passages ahead, by the occupancy grid (METHOD 4.3).
 
-A leg of the way is closed when nothing that has been seen leaves the robot a path to its end, even
-if all that has not been seen were free; it is open when a path leads there over ground that has
-been seen free. Between the two nobody knows. Only the strip along the leg counts: as wide as the
-passage, and a little more for what the estimated position is off.
+A leg of the route is closed when no free path leads to its end even if all unobserved cells were
+free; it is open when a path leads there over cells observed free; otherwise its status is unknown.
+Only a strip along the leg counts: as wide as the passage, and wider by the uncertainty of the
+estimated position.
 """
 
 from __future__ import annotations
@@ -17,144 +17,141 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field
 
-from navfw.localmap.drop_map import DropMap
 from navfw.localmap.occupancy_grid import OccupancyGrid
-from navfw.signals import Belief, PassageQuery, PassageReport, PassageStatus, Percept, Pose
+from navfw.signals import Belief, PassageQuery, PassageStatus, Pose
 
-__all__ = ["TraversabilityCheck", "TraversabilityParams", "judge"]
+__all__ = ["TraversabilityCheck", "TraversabilityParams", "passage_statuses"]
 
 Bits = npt.NDArray[np.uint8]
 Cells = npt.NDArray[np.intp]
-"""(k,) where cells are in the map's flat order."""
+"""(k,) flat indices of cells."""
 Metres = Annotated[float, Field(ge=0.0, le=5.0)]
 
-_SHORTEST = 0.3
-"""Of less than this [m] of a leg nothing is said."""
+_MIN_LENGTH = 0.3
+"""Length of a leg [m] below which its status is unknown: too few cells to judge."""
 
-_OPENNESS = 0.03
-"""A path counts as closed only if it would be even for a robot so much smaller [m]."""
+_RADIUS_TOLERANCE = 0.03
+"""A leg is closed only if it is so for a robot with a radius smaller by this [m]."""
 
 _ROUNDING = 1e-6
-"""Frames come in step with the interval, but for rounding [s]."""
+"""Tolerance [s] for frames that come exactly at the interval."""
 
-_BESIDE = 0.5
-"""A path begins so near the robot [m]: it may stand in a corner of its own ghosts."""
+_START_RADIUS = 0.5
+"""Radius [m] around the robot within which a path may begin: false obstacles beside the robot must
+not close every leg."""
 
 
 class TraversabilityParams(BaseModel):
-    """How the way ahead is judged."""
+    """Which legs are checked, how wide and how often."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     range: Annotated[
-        float, Field(gt=0.3, le=10.0, description="how far ahead legs are judged [m]")
+        float, Field(gt=0.3, le=10.0, description="distance up to which legs are checked [m]")
     ] = 2.5
     slack: Annotated[
-        Metres, Field(description="the strip is so much wider at each side, beside a sigma [m]")
+        Metres, Field(description="added to the strip at each side, beside one sigma [m]")
     ] = 0.2
-    surest: Annotated[
-        Metres, Field(description="sigma of the position above which nothing is judged [m]")
+    max_sigma: Annotated[
+        Metres, Field(description="sigma of the position above which nothing is checked [m]")
     ] = 0.4
-    widest: Annotated[Metres, Field(description="of the strip, half, before slack [m]")] = 1.0
+    max_half_width: Annotated[
+        Metres, Field(description="largest half width of the strip, before slack [m]")
+    ] = 1.0
     interval: Annotated[
-        float, Field(ge=0.0, le=60.0, description="time between two judgements [s]")
+        float, Field(ge=0.0, le=60.0, description="time between two checks [s]")
     ] = 0.5
 
 
 class TraversabilityCheck:
-    """Judges the legs that the planner asks about, now and then."""
+    """Checks the legs that the planner queries, once per interval."""
 
-    def __init__(
-        self, occupancy: OccupancyGrid, params: TraversabilityParams | None = None
-    ) -> None:
-        self.occupancy = occupancy
+    def __init__(self, params: TraversabilityParams | None = None) -> None:
         self.params = params or TraversabilityParams()
-        self.drops = DropMap(occupancy.robot)
         self.reset()
 
     def reset(self) -> None:
-        """Forget the last run."""
-        self.drops.reset()
+        """Back to the state before the first check."""
         self._last = -math.inf
 
-    def enter(self, percept: Percept, pose: Pose) -> None:
-        """Note the drops that ``percept`` shows, seen from odom ``pose``."""
-        self.drops.enter(percept, pose)
+    def due(self, time: float) -> bool:
+        """Whether the interval has passed at ``time`` [s]."""
+        return not time - self._last < self.params.interval - _ROUNDING
 
-    def look(
-        self, queries: Sequence[PassageQuery], pose: Pose, belief: Belief, time: float
-    ) -> PassageReport | None:
-        """The judgement for odom ``pose`` at ``time`` [s]; None when the last one is still fresh.
+    def check(
+        self,
+        occupancy: OccupancyGrid,
+        queries: Sequence[PassageQuery],
+        pose: Pose,
+        belief: Belief,
+        time: float,
+    ) -> tuple[tuple[PassageQuery, PassageStatus], ...]:
+        """Status of each of the ``queries`` that could be judged, in order.
 
-        ``queries`` are the legs of the way ahead, in order, the first one from the robot on.
+        ``queries`` are the legs of the route, the first from the robot on; ``pose`` (odom) and
+        ``belief`` (map) are of the same ``time`` [s]. With a position less certain than
+        ``max_sigma`` nothing is judged: it is not known which passage is in view.
         """
-        if time - self._last < self.params.interval - _ROUNDING:
-            return None
         self._last = time
+        sigma = belief.sigma
+        if sigma > self.params.max_sigma:
+            return ()
 
         def to_odom(x: float, y: float) -> tuple[float, float]:
             return pose.to_parent(*belief.pose.to_local(x, y))
 
-        def to_map(x: float, y: float) -> tuple[float, float]:
-            return belief.pose.to_parent(*pose.to_local(x, y))
-
-        sigma = belief.sigma
-        if sigma > self.params.surest:
-            queries = ()  # who does not know where he stands cannot tell which passage he sees
+        widest = self.params.max_half_width
         legs = [
-            (to_odom(*query.start), to_odom(*query.end), min(0.5 * query.width, self.params.widest))
+            (to_odom(*query.start), to_odom(*query.end), min(0.5 * query.width, widest))
             for query in queries
         ]
-        states = judge(self.occupancy, pose, legs, self.params.range, self.params.slack + sigma)
-        return PassageReport(
-            time=time,
-            passages=tuple(zip(queries, states, strict=False)),
-            drops=tuple(to_map(*point) for point in self.drops.points()),
-        )
+        slack = self.params.slack + sigma
+        statuses = passage_statuses(occupancy, pose, legs, self.params.range, slack)
+        return tuple(zip(queries, statuses, strict=False))
 
 
 Leg = tuple[tuple[float, float], tuple[float, float], float]
 
 
-def judge(
+def passage_statuses(
     occupancy: OccupancyGrid, pose: Pose, legs: Sequence[Leg], reach: float, slack: float
 ) -> list[PassageStatus]:
-    """The state of each leg (start, end in odom [m], half width [m]), as far as it can be told.
+    """The status of each leg (start, end in odom [m], half width [m]) that can be judged.
 
-    Legs are judged up to ``reach`` [m] from odom ``pose``; the first that is closed is the last of
-    the list, as nothing is seen behind it.
+    Legs are judged up to ``reach`` [m] from odom ``pose``; the first closed one is the last of the
+    list, as the camera does not see behind it.
     """
     radius = occupancy.robot.radius
-    passable = (occupancy.clearance >= radius - _OPENNESS).astype(np.uint8)
-    seen = ((occupancy.clearance >= radius) & (occupancy.known > 0)).astype(np.uint8)
+    passable = (occupancy.clearance >= radius - _RADIUS_TOLERANCE).astype(np.uint8)
+    observed = ((occupancy.clearance >= radius) & (occupancy.observed > 0)).astype(np.uint8)
     strip = np.zeros_like(passable)
     row, column = occupancy.index(pose.x, pose.y)
-    cv2.circle(strip, (column, row), round(_BESIDE / occupancy.params.cell), 1, -1)
+    cv2.circle(strip, (column, row), round(_START_RADIUS / occupancy.params.cell), 1, -1)
     near = _cells_of(strip)
-    states: list[PassageStatus] = []
+    statuses: list[PassageStatus] = []
     for start, end, half in legs:
         stop = _cut(pose, start, end, reach)
         if stop is None:
             break
         _draw(occupancy, strip, start, stop, half + slack)
-        if math.dist(start, stop) < _SHORTEST:
-            states.append("unknown")
+        if math.dist(start, stop) < _MIN_LENGTH:
+            statuses.append("unknown")
             continue
         gate = _gate(occupancy, strip, start, stop, half + slack)
-        if _joined(seen & strip, near, gate):
-            states.append("open")
-        elif passable.ravel()[near].any() and not _joined(passable & strip, near, gate):
-            states.append("closed")
+        if _connected(observed & strip, near, gate):
+            statuses.append("open")
+        elif passable.ravel()[near].any() and not _connected(passable & strip, near, gate):
+            statuses.append("closed")
             break
         else:
-            states.append("unknown")
-    return states
+            statuses.append("unknown")
+    return statuses
 
 
 def _cut(
     pose: Pose, start: tuple[float, float], end: tuple[float, float], reach: float
 ) -> tuple[float, float] | None:
-    """The leg's end, or where the leg leaves the circle around the robot; None if it is outside."""
+    """The leg's end, or where it leaves the circle of ``reach`` [m]; None if it starts outside."""
     ax, ay = start[0] - pose.x, start[1] - pose.y
     if math.hypot(ax, ay) > reach:
         return None
@@ -185,7 +182,7 @@ def _gate(
     end: tuple[float, float],
     half: float,
 ) -> Cells:
-    """The cells of the strip around the leg's end and across it: who is there has passed."""
+    """The cells of the strip across the leg's end: a path that reaches one of them has passed."""
     cell = occupancy.params.cell
     cells = _cells_of(strip)
     rows, columns = np.divmod(cells, occupancy.size)
@@ -198,12 +195,12 @@ def _gate(
     return cells[(along >= -cell) & (along <= 2.0 * cell) & (np.abs(aside) <= half)]
 
 
-def _joined(free: Bits, near: Cells, gate: Cells) -> bool:
+def _connected(free: Bits, near: Cells, gate: Cells) -> bool:
     """Whether one connected free area reaches from near the robot to the gate."""
     areas, labels = cv2.connectedComponents(free, connectivity=4)
     reached = np.zeros(areas, np.bool_)
     reached[labels.ravel()[near]] = True
-    reached[0] = False  # what is not free
+    reached[0] = False  # label 0 is what is not free
     return bool(reached[labels.ravel()[gate]].any())
 
 

@@ -47,7 +47,7 @@ class WheelTrim:
         left, right = self._shares
         return left, right
 
-    def hear(self, encoders: Encoders) -> None:
+    def update(self, encoders: Encoders) -> None:
         """Take note of what the wheels have done."""
         done = (
             encoders.left * self._radians_per_tick,

@@ -66,10 +66,10 @@ class _LandmarkRecorder(StackObserver):
 
     def hear(self, reading: SensorReading, state: StackState) -> None:
         del reading
-        if state.detections and state.time > self._heard:
+        if state.landmark_detections and state.time > self._heard:
             self._heard = state.time
-            seen = state.detections[0].time  # the image may be older than the decision
-            self._learner.add(self.stack.history.at(seen), state.detections)
+            seen = state.landmark_detections[0].time  # the image may be older than the decision
+            self._learner.add(self.stack.history.at(seen), state.landmark_detections)
 
 
 def learn_landmarks(

@@ -79,7 +79,7 @@ def _array(rows: object) -> Array:
 
 def reveal(simulation: Simulation, stack: Stack) -> None:
     """Give ``stack`` the truth of ``simulation``, if its stack file admits to using it."""
-    if not stack.resolved.oracle:
+    if not stack.resolved.settings.oracle:
         return
     truth = SimulatorTruth(simulation)
     if isinstance(stack.vision.flow, Ideal):

@@ -224,7 +224,7 @@ class MissionResult:
             "mean_speed_m_s": metrics.mean_speed,
             "emergencies": metrics.emergencies,
             "command_hash": run.track.command_hash,
-            "oracle": self.session.stack.resolved.oracle,
+            "oracle": self.session.stack.resolved.settings.oracle,
             "faults": run.faults,
             "events": [event.as_data() for event in run.events],
             "stage_ms": metrics.stage_ms,

@@ -1,32 +1,39 @@
-"""What a behaviour may know when it makes its proposal."""
+"""The context of a decision: everything a behaviour may know."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 
-from navfw.localmap.free_distance import Arcs, Ranges
-from navfw.localmap.local_planner import LocalGoal
+from navfw.localmap import Arcs, LocalGoal, Ranges
 from navfw.mofis.command_grid import CommandGrid
 from navfw.mofis.quadrant_distances import QuadrantDistances, quadrant_distances
-from navfw.movers.conflict_prediction import Conflicts
 from navfw.robot import RobotModel
-from navfw.signals import Belief, Command, FlowField, Percept, Pose, Twist, Waypoint
+from navfw.signals import (
+    Belief,
+    Command,
+    Conflicts,
+    FlowField,
+    Percept,
+    Pose,
+    Twist,
+    Waypoint,
+)
 
 __all__ = ["Context"]
 
 
 @dataclass(frozen=True, slots=True)
 class Context:
-    """The present moment, seen from the robot (base_link: x ahead, y left), read only.
+    """The present state as seen from the robot (base_link: x ahead, y left), read only.
 
-    ``percept`` is OFFIS' newest (None before the robot has moved); it may be older than ``time``,
-    as a robot that only turns sees no depth. ``flow`` is the derotated flow field it was made
-    from. ``arcs`` and ``ranges`` come from the ego map, the memory of the last seconds;
-    ``encounters`` say where commands would meet movers (None without any). ``aim`` is the next
-    point on the cheapest remembered way to ``waypoint`` (None when there is nowhere to go).
-    ``pose`` is in odom, ``belief`` in the map. ``stalled`` [s] is how long the wheels have not
-    followed commands, ``idle`` [s] how long no progress toward the waypoint has been made.
+    ``percept`` is OFFIS' newest with any depth (None before the robot has moved); it may be older
+    than ``time``, as a turn on the spot shows no depth. ``flow`` is the derotated flow field it was
+    made from. ``arcs`` and ``ranges`` are free distances by the local map; ``conflicts`` are those
+    of all commands with moving obstacles (None without any). ``local_goal`` is the next point on
+    the cheapest way through the local map to ``waypoint`` (None without a waypoint). ``pose`` is in
+    odom, ``belief`` in the map. ``stalled`` [s] is how long the wheels have not followed commands,
+    ``idle`` [s] how long no progress toward the waypoint has been made.
     """
 
     time: float
@@ -39,15 +46,15 @@ class Context:
     arcs: Arcs
     ranges: Ranges
     waypoint: Waypoint | None
-    aim: LocalGoal | None
+    local_goal: LocalGoal | None
     previous: Command | None
     stalled: float
     idle: float
     flow: FlowField | None = None
-    encounters: Conflicts | None = None
+    conflicts: Conflicts | None = None
 
     @property
-    def sight(self) -> QuadrantDistances | None:
+    def quadrant_distances(self) -> QuadrantDistances | None:
         """The percept's fuzzy distances left, right and ahead; None before the first percept."""
         return None if self.percept is None else quadrant_distances(self.percept, self.time)
 
@@ -81,5 +88,5 @@ class Context:
 
     @property
     def barred(self) -> bool:
-        """Whether there is somewhere to go, and no remembered way leads there."""
-        return self.aim is not None and not self.aim.reachable
+        """Whether occupied cells of the local map bar every way to the waypoint."""
+        return self.local_goal is not None and not self.local_goal.reachable

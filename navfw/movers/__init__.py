@@ -1,1 +1,39 @@
-"""What moves by itself."""
+"""Moving objects: detection and tracking (DATMO), and prediction of conflicts with commands.
+
+The data flow one way, from image cells to predicted conflicts:
+
+1. ``recent_frames`` pairs the newest frame with one 0.2 s older (0.1 s for near objects), and
+   ``navfw.flow.floor_aligned`` gives dense flow of the image below the horizon.
+2. ``motion_segmentation`` marks cells whose flow no static point can have.
+3. ``localization`` makes one detection of each connected region: bearing, distance by the foot point
+   on the floor, velocity by the flow.
+4. ``detector`` runs 1 to 3 for one camera as its ``detection_schedule`` asks: full, coarse or idle.
+   ``multi_view`` does so for all views of the lens, and ``view_merging`` joins an object that shows
+   in two of them.
+5. ``tracking`` associates detections with tracks in the odom frame (gated cost, Kalman filter with
+   constant velocity) and confirms them.
+6. ``conflict_prediction`` moves robot and tracks on together and gives, for every command, distance
+   and time at closest approach.
+
+``stixels`` uses the same dense flow for static obstacles: thin poles, by image columns.
+
+Vision runs 1 to 4; the stack owns the tracker and the predictor and hands their result to MOFIS,
+the discs that tracks occupy to the local map.
+"""
+
+from __future__ import annotations
+
+from navfw.movers.conflict_prediction import ConflictParams, ConflictPredictor
+from navfw.movers.multi_view import MultiViewDetector
+from navfw.movers.params import MoverParams
+from navfw.movers.tracking import Track, Tracker, TrackerParams
+
+__all__ = [
+    "ConflictParams",
+    "ConflictPredictor",
+    "MoverParams",
+    "MultiViewDetector",
+    "Track",
+    "Tracker",
+    "TrackerParams",
+]

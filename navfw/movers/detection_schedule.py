@@ -1,52 +1,57 @@
-"""How closely to look out for movers: the search for them is the dearest part of the loop."""
+"""Detection schedule: when to look for moving objects, as the search is the dearest stage."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Literal
 
 from navfw.signals import MovingObject
 
-__all__ = ["DetectionSchedule"]
+__all__ = ["DetectionMode", "DetectionSchedule"]
 
-CALM = 2.0
-"""When nothing has moved by itself for so long [s], all is calm."""
+DetectionMode = Literal["full", "coarse", "idle"]
+"""``full``: search the frame; ``coarse``: search it at low resolution first, and fully only if that
+finds something; ``idle``: leave it out."""
+
+QUIET_TIME = 2.0
+"""Time without a detection [s] after which frames are searched coarsely, and every other one not."""
 NEAR = 0.9
-"""Movers nearer than this [m] are looked for over a shorter time."""
+"""Distance [m] below which moving objects are searched for over a shorter time between frames."""
 
 
 class DetectionSchedule:
-    """Every frame is searched while something moves; while all is calm, every other at a glance.
+    """Searches every frame fully while something moves; else every other frame, coarsely.
 
-    Who comes into view is then met with some frames later. ``closely`` it is never calm.
+    The price is a delay of a few frames when an object enters the view. With ``always_full`` every
+    frame is searched fully.
     """
 
-    def __init__(self, closely: bool = False) -> None:
-        self._closely = closely
+    def __init__(self, always_full: bool = False) -> None:
+        self._always_full = always_full
         self.reset()
 
     def reset(self) -> None:
-        """As if nothing had ever moved."""
-        self._moved_at = -math.inf
-        self._spared = False
+        """Back to the state before the first detection."""
+        self._last_detection = -math.inf
+        self._skipped = False
         self._nearest = math.inf
 
     @property
     def near(self) -> bool:
-        """Whether the last frame searched showed a mover that is near."""
+        """Whether the frame searched last showed a moving object that is near."""
         return self._nearest < NEAR
 
-    def calm(self, now: float) -> bool:
-        """Whether a glance at the frame of ``now`` [s] will do, unless it shows something."""
-        return not self._closely and now - self._moved_at > CALM
+    def next_mode(self, time: float) -> DetectionMode:
+        """How to search the next frame, of ``time`` [s]; to be called once a frame."""
+        quiet = not self._always_full and time - self._last_detection > QUIET_TIME
+        self._skipped = quiet and not self._skipped
+        if self._skipped:
+            return "idle"
+        return "coarse" if quiet else "full"
 
-    def searches(self, now: float) -> bool:
-        """Whether to search the frame of ``now`` [s], the next one."""
-        self._spared = self.calm(now) and not self._spared
-        return not self._spared
-
-    def saw(self, movers: Sequence[MovingObject], now: float) -> None:
-        """Take note of the ``movers`` found in the frame of ``now`` [s]."""
-        if movers:
-            self._moved_at = now
-        self._nearest = min((mover.distance for mover in movers), default=math.inf)
+    def update(self, detections: Sequence[MovingObject], time: float) -> None:
+        """Set what the search of the frame of ``time`` [s] found."""
+        if detections:
+            self._last_detection = time
+        self._nearest = min((detection.distance for detection in detections), default=math.inf)

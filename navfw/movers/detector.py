@@ -1,10 +1,10 @@
-"""On the lookout for what moves by itself: from the frames of one camera to movers."""
+"""Detection of moving objects in the frames of one camera."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-from navfw.egomotion.odometer import Odometer
+from navfw.egomotion.camera_motion import with_yaw_sigma
 from navfw.egomotion.pairing import PairingParams
 from navfw.flow.floor_aligned import FloorAlignedFlow
 from navfw.flow.refinement import RefinementParams, refine
@@ -17,72 +17,74 @@ from navfw.signals import FlowField, Frame, FramePair, MovingObject, Odometry
 
 __all__ = ["MovingObjectDetector"]
 
-ASIDE = 0.05
-"""Where the camera has gone farther to its side [m], what is at hand has gone too far to match."""
+SIDEWAYS = 0.05
+"""Sideways displacement of the camera [m] beyond which near points leave the search range."""
 
-SMALL_CELLS = 25.0
-"""So many of the small cells that movers are looked for in share one error of the flow."""
+SHARED_ERRORS = 25.0
+"""Number of neighbouring cells of the dense flow that share one error: cells are small."""
 
-_REFINEMENT = RefinementParams(overlap=SMALL_CELLS)
+_REFINEMENT = RefinementParams(overlap=SHARED_ERRORS)
 
 
 class MovingObjectDetector:
-    """Finds movers in the frames of ``robot``'s camera, one after the other.
+    """Detects moving objects in the frames of ``robot``'s camera.
 
-    ``closely`` every frame is searched, or else only while something moves. ``flow`` is what the
-    newest frame was searched by, the dense flow of its lower part, derotated; None if it was not.
+    With ``always_full`` every frame is searched fully, else by the detection schedule. ``flow`` is
+    the dense, derotated flow of the image's lower part in the newest frame; None if that frame was
+    not searched fully.
     """
 
     def __init__(
-        self, robot: RobotModel, pairing: PairingParams, odometer: Odometer, closely: bool = False
+        self, robot: RobotModel, pairing: PairingParams, *, always_full: bool = False
     ) -> None:
         self.camera = robot.camera
-        self._odometer = odometer
         self._frames = RecentFrames(robot, pairing)
         self._floor_aligned = FloorAlignedFlow(robot)
-        self._vigilance = DetectionSchedule(closely)
+        self._schedule = DetectionSchedule(always_full)
         self.flow: FlowField | None = None
 
     def reset(self) -> None:
-        """Forget all frames."""
+        """Drop all frames."""
         self._frames.reset()
-        self._vigilance.reset()
+        self._schedule.reset()
         self.flow = None
 
-    def look(self, frame: Frame, odometry: Odometry) -> tuple[MovingObject, ...]:
-        """What moves by itself in ``frame``, taken at (about) the time of ``odometry``."""
+    def detect(self, frame: Frame, odometry: Odometry) -> tuple[MovingObject, ...]:
+        """The moving objects in ``frame``; ``odometry`` is of (about) the same time."""
         self.flow = None
         if not self._floor_aligned.floor_visible:
             return ()
         self._frames.add(frame, odometry)
-        if not self._vigilance.searches(frame.time):
+        mode = self._schedule.next_mode(frame.time)
+        if mode == "idle":
             return ()
-        movers: tuple[MovingObject, ...] = ()
+        detections: tuple[MovingObject, ...] = ()
         pair = self._pair()
-        if pair is not None and (not self._vigilance.calm(frame.time) or self._glance(pair)):
-            self.flow = self.aligned(pair)
-            movers = locate_moving_objects(self.flow, self.camera)
-        self._vigilance.saw(movers, frame.time)
-        return movers
+        if pair is not None and (mode == "full" or self._coarse_search(pair, odometry)):
+            self.flow = self.dense_flow(pair, odometry)
+            detections = locate_moving_objects(self.flow, self.camera)
+        self._schedule.update(detections, frame.time)
+        return detections
 
-    def aligned(self, pair: FramePair, glance: bool = False) -> FlowField:
-        """Dense flow of the lower image, derotated."""
-        flow = self._floor_aligned.compute(pair, glance)
-        flow = replace(flow, motion=self._odometer.trusted(flow.motion))
-        # a copy, for speed: nothing of it has to be checked again
+    def dense_flow(self, pair: FramePair, odometry: Odometry, *, coarse: bool = False) -> FlowField:
+        """Dense flow of the lower image between the frames of ``pair``, refined and derotated."""
+        flow = self._floor_aligned.compute(pair, coarse)
+        flow = replace(flow, motion=with_yaw_sigma(flow.motion, odometry))
+        # a copy, as validating the parameters again for every frame is slow
         params = _REFINEMENT.model_copy(
             update={"direction_sigma": direction_sigma(flow.motion.baseline)}
         )
         return refine(flow, self.camera, params).apply(flow, self.camera)
 
-    def _glance(self, pair: FramePair) -> bool:
-        """Whether anything seems to move by itself between these frames."""
-        return bool(locate_moving_objects(self.aligned(pair, glance=True), self.camera))
+    def _coarse_search(self, pair: FramePair, odometry: Odometry) -> bool:
+        """Whether anything is detected between these frames at low resolution."""
+        flow = self.dense_flow(pair, odometry, coarse=True)
+        return bool(locate_moving_objects(flow, self.camera))
 
     def _pair(self) -> FramePair | None:
-        """Two frames a moment apart; a shorter one where much moves through the image."""
-        near = self._vigilance.near
+        """The pair of frames to search; over a shorter time where image motion is large."""
+        near = self._schedule.near
         pair = self._frames.pair(near)
-        if near or pair is None or abs(pair.motion.translation[0]) <= ASIDE:
+        if near or pair is None or abs(pair.motion.translation[0]) <= SIDEWAYS:
             return pair
         return self._frames.pair(near=True)

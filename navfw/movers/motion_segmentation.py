@@ -1,16 +1,15 @@
-"""Which vectors nothing at rest can have, in a dense flow field of the lower image.
+"""Motion segmentation: flow vectors that no static point can have, in dense lower-image flow.
 
-With the camera's rotation gone, things at rest move away from the focus of expansion, and what
-stands on the floor hides it: so they
+Once the camera's rotation is removed, the image of a static point moves away from the focus of
+expansion, and a point above the floor hides it. So the flow of a static point
 
-- never move across that line;
-- move at least as fast as the floor they hide;
-- are no nearer than the floor right below them, where they stand. What comes towards the camera,
-  or goes against its way at its side, grows as if it were. (So does what hangs in the air, below
-  the camera's height; nothing tells the one from the other in one look.)
+- never crosses its epipolar line;
+- is at least as long as that of the floor behind it;
+- gives no larger nearness than the floor right below it, where it stands. An object that approaches
+  seems nearer. (So does one that hangs below the camera's height: a single pair cannot tell.)
 
-Single vectors must contradict clearly. Where whole patches do, less of it is convincing: mismatches
-at the outlines of near things are thin.
+Single vectors need a large residual. Patches of vectors need less: mismatches at the outlines of
+near obstacles are thin.
 """
 
 from __future__ import annotations
@@ -26,37 +25,37 @@ from navfw.signals import Array, FlowField, Mask
 
 __all__ = ["direction_sigma", "segment_motion"]
 
-CERTAIN, DOUBT = 3.0, 0.05
-"""A vector contradicts beyond so many standard deviations, with so much [px] added."""
+GATE, GATE_SIGMA = 3.0, 0.05
+"""Residual of a single vector from which it is moving [sigma], and the sigma [px] added to its own."""
 SLIP = 0.05
-"""The way driven may be wrong by so much, and the floor's flow with it."""
-STANDING = 0.002
-"""Baseline [m] below which the camera stands, and nothing at rest shows any flow."""
-PATCH_CERTAIN, PATCH_DOUBT, PATCH_AIM = 2.5, 0.1, 0.04
-"""Likewise for a patch; the direction of its line is wrong by no more than the third [rad]."""
+"""Relative error of the way driven by the wheels, and so of the floor's flow."""
+MIN_BASELINE = 0.002
+"""Baseline [m] below which the camera counts as standing: static points then have no flow."""
+PATCH_GATE, PATCH_SIGMA, PATCH_DIRECTION_SIGMA = 2.5, 0.1, 0.04
+"""The same for patches [sigma, px], and the error of their epipolar direction [rad]."""
 PATCH = np.ones((3, 3), np.uint8)
-"""So many cells have to agree to be a patch: an odd number, or it would be shifted."""
-HOLE = 4.0
-"""Nearer to the focus of expansion than this [px] lines point anywhere."""
-GROWN, GROWN_CERTAIN = 1.1, 3.0
-"""Nearer than the floor below by more than this factor, and so many standard deviations."""
-FLOORLIKE = 0.2
-"""A cell is the floor if its nearness is the floor's but for this share."""
+"""Structuring element of a patch; sides are odd, or the result would be shifted."""
+FOE_RADIUS = 4.0
+"""Distance from the focus of expansion [px] within which epipolar directions are undefined."""
+NEARER, NEARER_GATE = 1.1, 3.0
+"""Factor on the nearness of the floor below, and sigmas, from which a cell cannot stand there."""
+FLOOR_TOLERANCE = 0.2
+"""Relative difference from the floor's nearness up to which a cell is the floor."""
 
 
 def direction_sigma(baseline: float) -> float:
-    """Error [rad] of the direction the camera moved in; large where ``baseline`` [m] is short."""
+    """Sigma [rad] of the camera's direction of motion; large for a short ``baseline`` [m]."""
     return min(0.03 + 0.003 / max(baseline, 1e-4), 1.0)
 
 
 def segment_motion(flow: FlowField, fall: Array, camera: CameraModel) -> Mask:
-    """(rows, cols) cells of ``flow`` (derotated) that contradict a world at rest.
+    """(rows, cols) cells of ``flow`` (derotated) that no static point can explain.
 
-    ``fall`` (rows, cols) is ``navfw.offis.floor.fall_per_depth`` there. ``flow.inconsistency``
+    ``fall`` (rows, cols) is ``camera.fall_per_depth`` there. ``flow.inconsistency``
     marks vectors off their epipolar lines already (``navfw.flow.refinement``).
     """
     motion = flow.motion
-    standing = motion.baseline < STANDING
+    standing = motion.baseline < MIN_BASELINE
     field = (
         np.ascontiguousarray(flow.points, dtype=np.float64),
         np.ascontiguousarray(flow.vectors, dtype=np.float64),
@@ -66,25 +65,25 @@ def segment_motion(flow: FlowField, fall: Array, camera: CameraModel) -> Mask:
         camera.focal,
     )
     nearness = np.ascontiguousarray(np.maximum(fall, 0.0) / camera.mount_height)
-    aim = direction_sigma(motion.baseline)
-    odd = _short(*field, nearness, standing, (float(motion.yaw_sigma), aim))
+    direction = direction_sigma(motion.baseline)
+    moving = _below_floor_flow(*field, nearness, standing, (float(motion.yaw_sigma), direction))
     if flow.inconsistency is not None:
-        odd |= flow.inconsistency > 0.0
+        moving |= flow.inconsistency > 0.0
     if not standing:
-        odd |= _patches(_across(*field))
-        odd |= _patches(_grown(*field, nearness))
-    return odd
+        moving |= _patches(_off_epipolar(*field))
+        moving |= _patches(_nearer_than_foot(*field, nearness))
+    return moving
 
 
-def _patches(odd: Mask) -> Mask:
-    """Those of the ``odd`` cells (rows, cols) that lie in whole patches."""
-    opened = cv2.morphologyEx(odd.view(np.uint8), cv2.MORPH_OPEN, PATCH)
+def _patches(moving: Mask) -> Mask:
+    """Those of the ``moving`` cells (rows, cols) that fill whole patches."""
+    opened = cv2.morphologyEx(moving.view(np.uint8), cv2.MORPH_OPEN, PATCH)
     return np.asarray(opened).view(np.bool_)
 
 
 @numba.njit(cache=True)
 def _lever(point: Array, translation: Array, focal: float) -> tuple[float, float, float]:
-    """Unit vector away from the focus of expansion, and how far a near thing moves [px m]."""
+    """Unit vector away from the focus of expansion, and its length: flow times depth [px m]."""
     x = point[0] * translation[2] - focal * translation[0]
     y = point[1] * translation[2] - focal * translation[1]
     length = max(math.hypot(x, y), 1e-9)
@@ -92,7 +91,7 @@ def _lever(point: Array, translation: Array, focal: float) -> tuple[float, float
 
 
 @numba.njit(cache=True)
-def _short(
+def _below_floor_flow(
     points: Array,
     vectors: Array,
     sigma: Array,
@@ -101,15 +100,15 @@ def _short(
     focal: float,
     floor: Array,
     standing: bool,
-    astray: tuple[float, float],
+    sigmas: tuple[float, float],
 ) -> Mask:
-    """(rows, cols) which trusted vectors fall short of those of a floor of that nearness [1/m].
+    """(rows, cols) which valid vectors fall short of those of a floor of that nearness [1/m].
 
-    ``astray`` are the errors of the yaw and of the direction driven [rad]. While ``standing`` any
-    vector does that is not explained by the yaw's error.
+    ``sigmas`` are those of the yaw and of the direction of motion [rad]. While ``standing``, any
+    vector counts that the error of the yaw does not explain.
     """
-    yaw_sigma, direction = astray
-    odd = np.zeros(sigma.shape, np.bool_)
+    yaw_sigma, direction = sigmas
+    moving = np.zeros(sigma.shape, np.bool_)
     for r, c in np.ndindex(sigma.shape):
         if not confidence[r, c] > 0.0:
             continue
@@ -117,20 +116,20 @@ def _short(
         length = math.hypot(u, v)
         if standing:
             turning = yaw_sigma * (focal + points[r, c, 0] * points[r, c, 0] / focal)
-            odd[r, c] = length > CERTAIN * (math.hypot(sigma[r, c], turning) + 2.0 * DOUBT)
+            moving[r, c] = length > GATE * (math.hypot(sigma[r, c], turning) + 2.0 * GATE_SIGMA)
             continue
         near = floor[r, c]
         if not near > 0.0:
             continue
         ex, ey, lever = _lever(points[r, c], translation, focal)
         least = lever * near / (1.0 + translation[2] * near)
-        unsure = math.hypot(sigma[r, c], direction * (length - least)) + DOUBT
-        odd[r, c] = ex * u + ey * v < least * (1.0 - SLIP) - CERTAIN * unsure
-    return odd
+        sigma_px = math.hypot(sigma[r, c], direction * (length - least)) + GATE_SIGMA
+        moving[r, c] = ex * u + ey * v < least * (1.0 - SLIP) - GATE * sigma_px
+    return moving
 
 
 @numba.njit(cache=True)
-def _across(
+def _off_epipolar(
     points: Array,
     vectors: Array,
     sigma: Array,
@@ -138,9 +137,9 @@ def _across(
     translation: Array,
     focal: float,
 ) -> Mask:
-    """(rows, cols) which trusted vectors lead across their lines, if a patch of them do."""
-    nearest = HOLE * math.sqrt(np.sum(translation * translation))
-    odd = np.zeros(sigma.shape, np.bool_)
+    """(rows, cols) which valid vectors point across their epipolar lines; for patches."""
+    nearest = FOE_RADIUS * math.sqrt(np.sum(translation * translation))
+    moving = np.zeros(sigma.shape, np.bool_)
     for r, c in np.ndindex(sigma.shape):
         if not confidence[r, c] > 0.0:
             continue
@@ -148,13 +147,13 @@ def _across(
         if lever <= nearest:
             continue
         u, v = vectors[r, c, 0], vectors[r, c, 1]
-        allowed = math.hypot(sigma[r, c], PATCH_AIM * math.hypot(u, v))
-        odd[r, c] = abs(ex * v - ey * u) > PATCH_CERTAIN * math.hypot(allowed, PATCH_DOUBT)
-    return odd
+        allowed = math.hypot(sigma[r, c], PATCH_DIRECTION_SIGMA * math.hypot(u, v))
+        moving[r, c] = abs(ex * v - ey * u) > PATCH_GATE * math.hypot(allowed, PATCH_SIGMA)
+    return moving
 
 
 @numba.njit(cache=True)
-def _grown(
+def _nearer_than_foot(
     points: Array,
     vectors: Array,
     sigma: Array,
@@ -163,12 +162,12 @@ def _grown(
     focal: float,
     floor: Array,
 ) -> Mask:
-    """(rows, cols) what seems nearer [1/m] than the ``floor`` below it, up every column.
+    """(rows, cols) which cells seem nearer [1/m] than the ``floor`` below them, up every column.
 
-    A cell of the floor may be half hidden: what stands may stand one row nearer than the farthest.
+    The farthest floor cell of a column may be half hidden, so an object may stand one row nearer.
     """
     rows, cols = sigma.shape
-    odd = np.zeros((rows, cols), np.bool_)
+    moving = np.zeros((rows, cols), np.bool_)
     for c in range(cols):
         stands = np.inf
         for r in range(rows - 1, -1, -1):
@@ -177,10 +176,10 @@ def _grown(
             ex, ey, lever = _lever(points[r, c], translation, focal)
             along = ex * vectors[r, c, 0] + ey * vectors[r, c, 1]
             nearness = along / max(lever - translation[2] * along, 1e-9)
-            unsure = math.hypot(sigma[r, c], SLIP * along) / lever
-            like = max(FLOORLIKE * floor[r, c], 2.0 * unsure)
+            nearness_sigma = math.hypot(sigma[r, c], SLIP * along) / lever
+            like = max(FLOOR_TOLERANCE * floor[r, c], 2.0 * nearness_sigma)
             if floor[r, c] > 0.0 and abs(nearness - floor[r, c]) < like:
                 stands = floor[min(r + 1, rows - 1), c]
             else:
-                odd[r, c] = nearness - GROWN_CERTAIN * unsure > GROWN * stands
-    return odd
+                moving[r, c] = nearness - NEARER_GATE * nearness_sigma > NEARER * stands
+    return moving

@@ -1,4 +1,4 @@
-"""Which two frames show what moves by itself: those a moment apart, whatever way the robot came."""
+"""Pairs of frames over a fixed time, in which moving objects show (``FrameBuffer``: over a way)."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from navfw.signals import Frame, FramePair, Odometry
 
 __all__ = ["RecentFrames"]
 
-LAPSE = 0.2
-"""Time [s] between two frames in which what walks comes far enough to be told from what stands."""
-NEAR_LAPSE = 0.1
-"""The same for what is near, which would come too far in the image to be matched [s]."""
-LONGEST_LAPSE = 0.4
-"""What has gone on for longer [s] looks too different."""
-LARGEST_TURN = 0.35
-"""Frames a larger turn [rad] apart show too little in common."""
+INTERVAL = 0.2
+"""Time between the frames of a pair [s]: a walking person moves far enough to be segmented."""
+NEAR_INTERVAL = 0.1
+"""The same for near objects [s], whose image motion would leave the search range."""
+MAX_INTERVAL = 0.4
+"""Age [s] from which frames are dropped: images differ too much to be matched."""
+MAX_TURN = 0.35
+"""Largest turn between the frames of a pair [rad]: beyond it they share too little."""
 
 
 class RecentFrames:
-    """Keeps the frames of the last moment and pairs the newest with one of them.
+    """Keeps the frames of the last MAX_INTERVAL s and pairs the newest with one of them.
 
-    Of ``params`` only the errors of gyro and wheels count.
+    Of ``params`` only the errors of gyro and wheels are used.
     """
 
     def __init__(self, robot: RobotModel, params: PairingParams | None = None) -> None:
@@ -32,26 +32,26 @@ class RecentFrames:
         self.reset()
 
     def reset(self) -> None:
-        """Forget all frames."""
+        """Drop all frames."""
         self._frames: deque[PosedFrame] = deque()
 
     def add(self, frame: Frame, odometry: Odometry) -> None:
-        """Take in the newest ``frame`` with the odometry of (about) the same time."""
+        """Add the newest ``frame`` with the odometry of (about) the same time."""
         now = PosedFrame.from_odometry(frame, odometry, self._robot)
-        while self._frames and now.age(self._frames[0]) > LONGEST_LAPSE:
+        while self._frames and now.age(self._frames[0]) > MAX_INTERVAL:
             self._frames.popleft()
         self._frames.append(now)
 
     def pair(self, near: bool = False) -> FramePair | None:
-        """The newest frame with that of a moment ago: for what is ``near`` a shorter one.
+        """The newest frame with one INTERVAL s older, or NEAR_INTERVAL s for ``near`` objects.
 
-        None if there is none, or if it shows too little of what is seen now.
+        None if there is none, or if the robot has turned too far in between.
         """
-        lapse = NEAR_LAPSE if near else LAPSE
+        interval = NEAR_INTERVAL if near else INTERVAL
         if len(self._frames) < 2:
             return None
         *earlier, now = self._frames
-        past = min(earlier, key=lambda past: abs(now.age(past) - lapse))
-        if now.turn(past) > LARGEST_TURN:
+        past = min(earlier, key=lambda past: abs(now.age(past) - interval))
+        if now.turn(past) > MAX_TURN:
             return None
         return now.pair(past, self._robot, self.params)

@@ -1,11 +1,11 @@
-"""What stands on the floor, column by column of small cells: thin poles that windows look past.
+"""Stixels from dense flow: the nearest upright obstacle in each image column (thin poles, too).
 
-With the floor at rest in the image (``navfw.flow.floor_aligned``), a column of cells that shows a
-standing thing obeys one number: below its foot the flow is the floor's, above it is that of one
-distance, all the way up ("stixels": Badino, Franke and Pfeiffer 2009, there from stereo). So a
-whole column is held against each distance. That finds poles a few cells wide, which a window of 24
-px mixes with what is behind them, and finds them straight ahead, where single vectors are short: a
-pole ahead still outruns the floor that it hides.
+In flow aligned with the floor (``navfw.flow.floor_aligned``) a column that shows an upright obstacle
+has one parameter: below the foot point the flow is the floor's, above it is that of one distance
+(stixels: Badino, Franke and Pfeiffer 2009, there from stereo). So whole columns are fitted, over a
+set of candidate distances. This finds poles a few cells wide, which a 24 px window mixes with their
+background, also straight ahead, where single vectors are short: the pole still moves faster than
+the floor that it hides.
 """
 
 from __future__ import annotations
@@ -15,45 +15,44 @@ import math
 import numba
 import numpy as np
 
-from navfw.offis.floor import fall_per_depth
 from navfw.robot import CameraModel
 from navfw.signals import Array, FlowField, Stixels
 
-__all__ = ["STEEPEST", "find_stixels"]
+__all__ = ["MAX_PITCH", "find_stixels"]
 
-STEEPEST = 0.15
-"""Pitch [rad] of the camera beyond which upright things lean in the image, across columns."""
+MAX_PITCH = 0.15
+"""Pitch [rad] of the camera beyond which upright edges cross image columns."""
 NEARNESS = np.geomspace(0.3, 5.0, 57)
-"""The nearness [1/m, ahead of the camera] of all the places that a column is held against."""
+"""Candidates of nearness [1/m, ahead of the camera] that every column is fitted with."""
 FARTHER = 0.7
-"""A thing has to explain its column better than any that is at most so near, in proportion."""
+"""The fit is compared with the best candidate of at most this share of its nearness."""
 OUTLIER = 9.0
-"""A cell counts at most so much: three standard deviations, squared."""
-UNEVEN = 0.1
-"""Error of a cell [px] beside its flow's own: floor is not quite even, cells mix two depths."""
-LEAST_CELLS = 5
-"""A column of fewer cells says nothing."""
-EVIDENCE = 6.0, 14.0
-"""Gain in squared standard deviations that says nothing yet, and that says all."""
-ALIKE = 0.2
-"""Columns whose nearness differs by more than this, in proportion, do not confirm each other."""
-ERROR = 0.08
-"""Error of nearness in proportion, held against the floor plan in rendered drives."""
-SHORTEST = 0.03
-"""Baseline [m] below which flow tells no distances."""
+"""Bound of one cell's squared residual: three standard deviations."""
+MODEL_SIGMA = 0.1
+"""Model error of a cell [px] beside its flow's sigma: uneven floor, cells with two depths."""
+MIN_CELLS = 5
+"""Least number of valid cells in a column that is fitted."""
+GAIN_RANGE = 6.0, 14.0
+"""Gain of the fit [sigma^2] at which confidence begins to rise from 0, and where it reaches 1."""
+MAX_DIFFERENCE = 0.2
+"""Largest relative difference in nearness of neighbouring columns that support each other."""
+RELATIVE_SIGMA = 0.08
+"""Relative sigma of nearness, measured against the floor plan in rendered drives."""
+MIN_BASELINE = 0.03
+"""Baseline [m] below which flow gives no usable distances."""
 
 
 def find_stixels(flow: FlowField, camera: CameraModel) -> Stixels | None:
-    """What stands in each column of ``flow`` (derotated, dense, floor below); None if unknown.
+    """The stixel of each column of ``flow`` (derotated, dense, floor-aligned); None if unknown.
 
     Raises ValueError when ``flow`` still contains rotation.
     """
     if not flow.derotated:
-        raise ValueError("standing things need derotated flow (navfw.flow.derotation.derotate)")
+        raise ValueError("stixels need derotated flow (navfw.flow.derotation.derotate)")
     motion = flow.motion
-    if motion.baseline < SHORTEST or abs(camera.pitch) > STEEPEST:
+    if motion.baseline < MIN_BASELINE or abs(camera.pitch) > MAX_PITCH:
         return None
-    fall = fall_per_depth(flow.points, camera)
+    fall = camera.fall_per_depth(flow.points)
     ahead = math.cos(camera.pitch) - flow.points[..., 1] / camera.focal * math.sin(camera.pitch)
     nearness, gain = _columns(
         np.ascontiguousarray(flow.points, dtype=np.float64),
@@ -67,26 +66,28 @@ def find_stixels(flow: FlowField, camera: CameraModel) -> Stixels | None:
         float(motion.yaw_sigma),
         NEARNESS,
     )
-    low, high = EVIDENCE
+    low, high = GAIN_RANGE
     confidence = np.clip((gain - low) / (high - low), 0.0, 1.0)
-    confidence[~_confirmed(nearness, gain)] = 0.0
+    confidence[~_supported(nearness, gain)] = 0.0
     return Stixels(
         time=flow.time,
         slope=-flow.points[0, :, 0] / camera.focal * math.cos(camera.pitch),
         nearness=nearness,
-        sigma=np.hypot(ERROR * nearness, motion.translation_sigma / motion.baseline * nearness),
+        sigma=np.hypot(
+            RELATIVE_SIGMA * nearness, motion.translation_sigma / motion.baseline * nearness
+        ),
         confidence=confidence,
     )
 
 
-def _confirmed(nearness: Array, gain: Array) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    """(n,) which columns have a neighbour that says about the same."""
-    alike = np.abs(np.diff(nearness)) < ALIKE * np.minimum(nearness[1:], nearness[:-1])
-    alike &= np.minimum(gain[1:], gain[:-1]) > 0.5 * EVIDENCE[0]
-    confirmed = np.zeros(nearness.size, np.bool_)
-    confirmed[1:] |= alike
-    confirmed[:-1] |= alike
-    return confirmed
+def _supported(nearness: Array, gain: Array) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """(n,) which columns have a neighbour of similar nearness and some gain."""
+    alike = np.abs(np.diff(nearness)) < MAX_DIFFERENCE * np.minimum(nearness[1:], nearness[:-1])
+    alike &= np.minimum(gain[1:], gain[:-1]) > 0.5 * GAIN_RANGE[0]
+    supported = np.zeros(nearness.size, np.bool_)
+    supported[1:] |= alike
+    supported[:-1] |= alike
+    return supported
 
 
 @numba.njit(cache=True)
@@ -100,17 +101,17 @@ def _columns(
     translation: Array,
     focal: float,
     yaw_sigma: float,
-    places: Array,
+    candidates: Array,
 ) -> tuple[Array, Array]:
-    """Nearness (cols,) [1/m] of the place that explains each column best, and what it gains.
+    """Nearness (cols,) [1/m] of the candidate that fits each column best, and its gain [sigma^2].
 
-    ``floor`` (rows, cols) [1/m] is the nearness of the empty floor, ``ahead`` (rows, cols) what a
-    ray advances ahead per metre of depth. The gain is over the best of all places farther away.
+    ``floor`` (rows, cols) [1/m] is the nearness of the empty floor, ``ahead`` (rows, cols) the
+    advance of a ray ahead per metre of depth. The gain is over the best of the farther candidates.
     """
     rows, cols = sigma.shape
     tx, ty, tz = translation
     best, gain = np.zeros(cols), np.zeros(cols)
-    cost = np.empty(places.size)
+    cost = np.empty(candidates.size)
     for j in range(cols):
         cost[:] = 0.0
         cells = 0
@@ -126,19 +127,19 @@ def _columns(
             away_x, away_y = away_x / lever, away_y / lever
             along = vectors[i, j, 0] * away_x + vectors[i, j, 1] * away_y
             turning = yaw_sigma * ((focal + x * x / focal) * away_x + x * y / focal * away_y)
-            variance = sigma[i, j] ** 2 + turning**2 + UNEVEN**2
-            for k in range(places.size):
-                q = max(places[k] * ahead[i, j], floor[i, j])
+            variance = sigma[i, j] ** 2 + turning**2 + MODEL_SIGMA**2
+            for k in range(candidates.size):
+                q = max(candidates[k] * ahead[i, j], floor[i, j])
                 off = along - lever * q / (1.0 + tz * q)
                 cost[k] += min(off * off / variance, OUTLIER)
-        if cells < LEAST_CELLS:
+        if cells < MIN_CELLS:
             continue
-        place = int(np.argmin(cost))
-        best[j] = places[place]
+        chosen = int(np.argmin(cost))
+        best[j] = candidates[chosen]
         farther = math.inf
-        for k in range(place):
-            if places[k] < FARTHER * places[place]:
+        for k in range(chosen):
+            if candidates[k] < FARTHER * candidates[chosen]:
                 farther = min(farther, cost[k])
         if farther < math.inf:
-            gain[j] = farther - cost[place]
+            gain[j] = farther - cost[chosen]
     return best, gain

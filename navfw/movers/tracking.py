@@ -1,8 +1,8 @@
-"""Where movers are and where they go: short tracks of what moves by itself, in the odom frame.
+"""Multi-object tracking: moving objects in the odom frame, from detection to detection.
 
-A detection gives a bearing, by the floor a distance, and by its vectors a velocity. Detections that
-lie near each other are one mover; a Kalman filter with constant velocity follows it. What is not
-seen again is soon forgotten, but not what has only left the view.
+A detection gives a bearing, a distance by the floor, and by its vectors a velocity. Detections are
+associated with tracks by a gated cost; a Kalman filter with a constant-velocity model follows each
+track. A track that is not detected again in view is dropped soon, one that has left the view later.
 """
 
 from __future__ import annotations
@@ -15,89 +15,85 @@ from typing import Annotated
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
+from navfw.movers.view_merging import BORDER_ANGLE
 from navfw.robot import RobotModel
-from navfw.signals import Array, MovingObject, Pose
+from navfw.signals import Array, MovingObject, OccupiedDisc, Pose
 
-__all__ = ["Disc", "Track", "TrackParams", "Tracks"]
+__all__ = ["Track", "Tracker", "TrackerParams"]
 
 Positive = Annotated[float, Field(gt=0.0)]
 
-EDGE = math.radians(7.0)
-"""At the border of the view movers are seen in part, or not at all [rad]."""
-TWINS = 0.3
-"""Two people do not come nearer to each other than this [m]."""
-AGO, OVERLAP = 0.25, 0.03
-"""Who was seen so long ago [s] and would by now be so deep [m] in the robot has gone elsewhere."""
-STRAY = 0.8
-"""Who is seen farther off [m] than somebody is expected is another, however long ago that was."""
-CHANGE = 0.2
-"""Change of velocity [m/s] that makes a detection as unlikely as one sigma of place."""
-ROUGH = 0.06
-"""A mover is no disc, and seen in part from near [m]."""
-FARTHEST = 2.0
-"""Farther off [m] movers are often overlooked."""
+MERGE_DISTANCE = 0.3
+"""Tracks nearer to each other than this [m] are one object: people keep farther apart."""
+MAX_AGE, OVERLAP = 0.25, 0.03
+"""A track not updated for MAX_AGE s whose predicted place overlaps the robot by more than OVERLAP m
+is dropped: the object has gone elsewhere."""
+GATE_DISTANCE = 0.8
+"""Largest distance [m] between a detection and the predicted place of its track. The covariance of
+an old track alone would admit detections from anywhere."""
+VELOCITY_SIGMA = 0.2
+"""Change of velocity [m/s] that costs as much in association as one sigma of position."""
+SHAPE_SIGMA = 0.06
+"""Error of a position [m] because the body is no disc and is seen in part from near."""
+MAX_RANGE = 2.0
+"""Distance [m] up to which a moving object in view is expected to be detected."""
 
 
-class TrackParams(BaseModel):
-    """How movers are followed from look to look."""
+class TrackerParams(BaseModel):
+    """Association, motion model and life time of tracks."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    linger: Annotated[
-        Positive, Field(le=30.0, description="a mover not seen again in view is kept so long [s]")
+    max_age_in_view: Annotated[
+        Positive, Field(le=30.0, description="life of a track not detected again in view [s]")
     ] = 1.0
-    memory: Annotated[
-        Positive, Field(le=30.0, description="one that has left the view is kept so long [s]")
+    max_age_out_of_view: Annotated[
+        Positive, Field(le=30.0, description="life of a track that has left the view [s]")
     ] = 4.0
     gate: Annotated[
-        Positive, Field(description="a detection farther off is of another mover [sigma]")
+        Positive, Field(description="largest distance of a detection from its track [sigma]")
     ] = 3.0
-    bearing_sigma: Annotated[
-        Positive, Field(description="error of a detection's bearing [rad]")
-    ] = 0.06
+    bearing_sigma: Annotated[Positive, Field(description="error of a detected bearing [rad]")] = (
+        0.06
+    )
     distance_sigma: Annotated[
-        Positive, Field(description="error of a detection's distance, relative [1]")
+        Positive, Field(description="error of a detected distance, relative [1]")
     ] = 0.2
-    walking: Annotated[Positive, Field(description="how fast movers go, one sigma [m/s]")] = 0.4
-    swerve: Annotated[
-        Positive, Field(description="how soon they turn, one sigma of acceleration [m/s^2]")
+    speed_sigma: Annotated[
+        Positive, Field(description="prior of the speed, one sigma per axis [m/s]")
+    ] = 0.4
+    acceleration_sigma: Annotated[
+        Positive, Field(description="process noise: acceleration, one sigma [m/s^2]")
     ] = 0.5
-    believed: Annotated[
-        int, Field(ge=1, le=50, description="detections before a mover takes any floor")
+    min_hits: Annotated[
+        int, Field(ge=1, le=50, description="detections from which a track is confirmed")
     ] = 2
-    fastest: Annotated[Positive, Field(description="no mover is taken to be faster [m/s]")] = 1.0
-    foresight: Annotated[
-        float, Field(ge=0.0, le=5.0, description="how far ahead its way is kept free [s]")
+    max_speed: Annotated[Positive, Field(description="speed to which tracks are clipped [m/s]")] = (
+        1.0
+    )
+    path_time: Annotated[
+        float, Field(ge=0.0, le=5.0, description="time over which a track's path is occupied [s]")
     ] = 0.6
     radius: Annotated[
-        tuple[Positive, Positive], Field(description="least and largest radius of a mover [m]")
+        tuple[Positive, Positive], Field(description="least and largest radius of an object [m]")
     ] = (0.22, 0.35)
-
-
-@dataclass(frozen=True, slots=True)
-class Disc:
-    """A round piece of floor that is taken: centre in odom and radius [m]."""
-
-    x: float
-    y: float
-    radius: float
 
 
 @dataclass(slots=True, eq=False)
 class Track:
-    """One mover: ``state`` (x, y, vx, vy) [m, m/s] in odom at ``time`` [s], with its covariance.
+    """One moving object: ``state`` (x, y, vx, vy) [m, m/s] in odom at ``time`` [s].
 
-    It was ``seen`` so many times.
+    ``covariance`` (4, 4) is that of the state; ``hits`` counts the detections associated with it.
     """
 
     state: Array
     covariance: Array
     radius: float
     time: float
-    seen: int = 1
+    hits: int = 1
 
-    def at(self, time: float) -> tuple[float, float]:
-        """Where it is expected at ``time`` [s]."""
+    def predict(self, time: float) -> tuple[float, float]:
+        """Predicted position (x, y) [m] at ``time`` [s]."""
         dt = time - self.time
         x, y, vx, vy = self.state.tolist()
         return x + vx * dt, y + vy * dt
@@ -109,195 +105,202 @@ class Track:
 
 
 @dataclass(frozen=True, slots=True)
-class _Sighting:
-    """A mover in odom: its centre with information (2, 2); information and evidence of velocity.
+class _Measurement:
+    """A detection in odom: position with information (2, 2); information and evidence of velocity.
 
-    ``velocity`` (2,) is what they make likely [m/s].
+    ``velocity`` (2,) [m/s] is the velocity's estimate under the prior of the speed.
     """
 
     time: float
-    place: Array
-    place_information: Array
+    position: Array
+    position_information: Array
     velocity_information: Array
     velocity_evidence: Array
     velocity: Array
     radius: float
 
 
-class Tracks:
-    """All movers of the last moments."""
+class Tracker:
+    """All tracks of the last seconds."""
 
-    def __init__(self, robot: RobotModel, params: TrackParams | None = None) -> None:
-        self.params = params or TrackParams()
+    def __init__(self, robot: RobotModel, params: TrackerParams | None = None) -> None:
+        self.params = params or TrackerParams()
         camera = self._camera = robot.camera
-        self._aside = robot.seen_aside
+        self._half_view = robot.seen_aside
         self._radius = robot.radius
         lowest = math.atan(0.5 * camera.height / camera.focal) + camera.pitch
-        # nearer than this the feet are below the image
+        # nearer than this the foot point is below the image
         self._reach = (
             camera.mount_height / math.tan(lowest) if lowest > 0.0 else math.inf,
-            FARTHEST,
+            MAX_RANGE,
         )
         self.reset()
 
     def reset(self) -> None:
-        """Forget all."""
+        """Back to no tracks."""
         self.tracks: list[Track] = []
 
-    def see(self, movers: Iterable[MovingObject], pose: Pose) -> None:
-        """Enter the ``movers`` seen from odom ``pose``."""
-        detections = [self._place(mover, pose) for mover in movers]
-        known = self._recognise(detections)
-        for index, detection in enumerate(detections):
-            if index in known:
-                self._update(known[index], detection)
+    def update(self, detections: Iterable[MovingObject], pose: Pose) -> None:
+        """Associate ``detections``, made from odom ``pose``, with tracks; begin new ones."""
+        measurements = [self._measure(detection, pose) for detection in detections]
+        associated = self._associate(measurements)
+        for index, measurement in enumerate(measurements):
+            if index in associated:
+                self._correct(associated[index], measurement)
             else:
-                known[index] = self._begin(detection)
-                self.tracks.append(known[index])
-        for track in known.values():
-            self._drop_twins(track)
+                associated[index] = self._begin(measurement)
+                self.tracks.append(associated[index])
+        for track in associated.values():
+            self._merge_into(track)
 
-    def _recognise(self, detections: Sequence[_Sighting]) -> dict[int, Track]:
-        """Who is seen in which detection, by its index: whoever fits best comes first."""
-        fits = [
-            (self._misfit(track, detection), index, number)
-            for index, detection in enumerate(detections)
+    def _associate(self, measurements: Sequence[_Measurement]) -> dict[int, Track]:
+        """The track of each measurement, by its index: greedy, least association cost first."""
+        costs = [
+            (self._association_cost(track, measurement), index, number)
+            for index, measurement in enumerate(measurements)
             for number, track in enumerate(self.tracks)
         ]
-        recognised: dict[int, Track] = {}
-        for misfit, index, number in sorted(fits):
+        associated: dict[int, Track] = {}
+        for cost, index, number in sorted(costs):
             track = self.tracks[number]
-            if misfit == math.inf:
+            if cost == math.inf:
                 break
-            if index not in recognised and track not in recognised.values():
-                recognised[index] = track
-        return recognised
+            if index not in associated and track not in associated.values():
+                associated[index] = track
+        return associated
 
-    def _drop_twins(self, track: Track) -> None:
-        """Drop what was taken for somebody else and stands where this ``track`` was just seen.
+    def _merge_into(self, track: Track) -> None:
+        """Drop older tracks within the merge distance of ``track``, which was just updated.
 
-        Both are the same mover, who was seen as often as the one of them that was seen oftener.
+        They are the same object; the track takes over the largest number of hits.
         """
-        here = track.at(track.time)
-        twins = [
+        here = track.predict(track.time)
+        duplicates = [
             other
             for other in self.tracks
-            if other.time != track.time and math.dist(other.at(track.time), here) <= TWINS
+            if other.time != track.time
+            and math.dist(other.predict(track.time), here) <= MERGE_DISTANCE
         ]
-        track.seen = max((track.seen, *(twin.seen for twin in twins)))
-        self.tracks = [other for other in self.tracks if other not in twins]
+        track.hits = max((track.hits, *(duplicate.hits for duplicate in duplicates)))
+        self.tracks = [other for other in self.tracks if other not in duplicates]
 
-    def forget(self, time: float, pose: Pose) -> None:
-        """Drop those not seen for long, where a robot at odom ``pose`` would see them or not."""
+    def prune(self, time: float, pose: Pose) -> None:
+        """Drop tracks past their life time, and those that the robot at odom ``pose`` overlaps."""
         p = self.params
         self.tracks = [
             track
             for track in self.tracks
-            if time - track.time <= (p.linger if self._in_view(track, time, pose) else p.memory)
-            and self._may_be(track, time, pose)
+            if time - track.time
+            <= (p.max_age_in_view if self._in_view(track, time, pose) else p.max_age_out_of_view)
+            and self._plausible(track, time, pose)
         ]
 
-    def _may_be(self, track: Track, time: float, pose: Pose) -> bool:
-        """Whether it can be where it is expected: not, some time after, where the robot stands."""
-        away = math.dist(track.at(time), (pose.x, pose.y))
-        return time - track.time <= AGO or away > self._radius + track.radius - OVERLAP
+    def _plausible(self, track: Track, time: float, pose: Pose) -> bool:
+        """Whether the track is recent or its predicted place does not overlap the robot."""
+        away = math.dist(track.predict(time), (pose.x, pose.y))
+        return time - track.time <= MAX_AGE or away > self._radius + track.radius - OVERLAP
 
     @property
-    def believed(self) -> tuple[Track, ...]:
-        """Those seen often enough to be taken for real."""
-        return tuple(track for track in self.tracks if track.seen >= self.params.believed)
+    def confirmed(self) -> tuple[Track, ...]:
+        """Tracks with enough hits to be taken for real objects."""
+        return tuple(track for track in self.tracks if track.hits >= self.params.min_hits)
 
-    def discs(self, time: float) -> tuple[Disc, ...]:
-        """The floor that movers take, or are going to take within the foresight."""
-        return tuple(disc for track in self.believed for disc in self._way(track, time))
+    def occupied_discs(self, time: float) -> tuple[OccupiedDisc, ...]:
+        """The floor that confirmed tracks occupy now and over the path time."""
+        return tuple(disc for track in self.confirmed for disc in self._path(track, time))
 
     def _in_view(self, track: Track, time: float, pose: Pose) -> bool:
-        """Whether it should be seen if it were where it is expected."""
-        ahead, left = pose.to_local(*track.at(time))
+        """Whether the object should be detected if it is where the track predicts it."""
+        ahead, left = pose.to_local(*track.predict(time))
         ahead -= self._camera.mount_forward
         near, far = self._reach
         return near <= math.hypot(ahead, left) <= far and (
-            abs(math.atan2(left, ahead)) <= self._aside - EDGE
+            abs(math.atan2(left, ahead)) <= self._half_view - BORDER_ANGLE
         )
 
-    def _place(self, mover: MovingObject, pose: Pose) -> _Sighting:
-        """One detection in odom: the mover's visible front is at its distance."""
+    def _measure(self, detection: MovingObject, pose: Pose) -> _Measurement:
+        """The detection in odom; its distance is that of the object's visible front."""
         p = self.params
-        radius = min(max(mover.distance * math.tan(mover.width), p.radius[0]), p.radius[1])
-        away = mover.distance + radius
-        ahead, aside = math.cos(mover.bearing), math.sin(mover.bearing)
-        place = pose.to_parent(self._camera.mount_forward + away * ahead, away * aside)
+        radius = min(max(detection.distance * math.tan(detection.width), p.radius[0]), p.radius[1])
+        away = detection.distance + radius
+        ahead, aside = math.cos(detection.bearing), math.sin(detection.bearing)
+        position = pose.to_parent(self._camera.mount_forward + away * ahead, away * aside)
         c, s = math.cos(pose.yaw), math.sin(pose.yaw)
         turn = np.array([[c, -s], [s, c]])
-        sight = turn @ np.array([[ahead, -aside], [aside, ahead]])
-        spread = np.hypot([p.distance_sigma * mover.distance, p.bearing_sigma * away], ROUGH)
-        return _Sighting(
-            mover.time,
-            np.array(place),
-            sight @ np.diag(spread**-2.0) @ sight.T,
-            turn @ mover.information @ turn.T,
-            turn @ mover.evidence,
-            turn @ np.array(mover.velocity(p.walking)),
+        ray = turn @ np.array([[ahead, -aside], [aside, ahead]])
+        spread = np.hypot(
+            [p.distance_sigma * detection.distance, p.bearing_sigma * away], SHAPE_SIGMA
+        )
+        return _Measurement(
+            detection.time,
+            np.array(position),
+            ray @ np.diag(spread**-2.0) @ ray.T,
+            turn @ detection.information @ turn.T,
+            turn @ detection.evidence,
+            turn @ np.array(detection.velocity(p.speed_sigma)),
             radius,
         )
 
-    def _begin(self, detection: _Sighting) -> Track:
-        """A new track; of its velocity nothing is known but how fast movers go."""
+    def _begin(self, measurement: _Measurement) -> Track:
+        """A new track; the prior of its velocity is that of the speed alone."""
         prior = np.zeros((4, 4))
-        prior[2:, 2:] = np.eye(2) / self.params.walking**2
-        state, covariance = _joined(prior, np.zeros(4), detection)
-        return Track(state, covariance, detection.radius, detection.time)
+        prior[2:, 2:] = np.eye(2) / self.params.speed_sigma**2
+        state, covariance = _joined(prior, np.zeros(4), measurement)
+        return Track(state, covariance, measurement.radius, measurement.time)
 
-    def _expected(self, track: Track, time: float) -> tuple[Array, Array]:
-        """State and covariance at ``time`` [s], from what was seen until now."""
+    def _predicted(self, track: Track, time: float) -> tuple[Array, Array]:
+        """Predicted state and covariance at ``time`` [s]."""
         dt = time - track.time
         step = np.eye(4)
         step[0, 2] = step[1, 3] = dt
         push = np.vstack([0.5 * dt * dt * np.eye(2), dt * np.eye(2)])
         covariance = step @ track.covariance @ step.T
-        covariance += self.params.swerve**2 * push @ push.T + 1e-9 * np.eye(4)
+        covariance += self.params.acceleration_sigma**2 * push @ push.T + 1e-9 * np.eye(4)
         return step @ track.state, covariance
 
-    def _misfit(self, track: Track, detection: _Sighting) -> float:
-        """How little [sigma] ``detection`` fits ``track``, by place and velocity; inf: not at all.
+    def _association_cost(self, track: Track, measurement: _Measurement) -> float:
+        """Cost [sigma] of associating ``measurement`` with ``track``; inf outside the gates.
 
-        Its place must be within the gate (Mahalanobis). Velocities only tell people apart that pass
-        each other: somebody who turns round stays who he is.
+        The Mahalanobis distance of the positions, plus the change of velocity in units of
+        VELOCITY_SIGMA. The latter tells objects apart that pass each other; it is bounded by the
+        gate, so an object that turns round keeps its track.
         """
-        state, covariance = self._expected(track, detection.time)
-        off = detection.place - state[:2]
-        spread = covariance[:2, :2] + np.linalg.inv(detection.place_information)
+        state, covariance = self._predicted(track, measurement.time)
+        off = measurement.position - state[:2]
+        spread = covariance[:2, :2] + np.linalg.inv(measurement.position_information)
         distance = math.sqrt(float(off @ np.linalg.solve(spread, off)))
-        if distance > self.params.gate or math.hypot(*off) > STRAY:
+        if distance > self.params.gate or math.hypot(*off) > GATE_DISTANCE:
             return math.inf
-        change = math.dist(detection.velocity, track.velocity)
-        return distance + min(change / CHANGE, self.params.gate)
+        change = math.dist(measurement.velocity, track.velocity)
+        return distance + min(change / VELOCITY_SIGMA, self.params.gate)
 
-    def _update(self, track: Track, detection: _Sighting) -> None:
-        state, covariance = self._expected(track, detection.time)
+    def _correct(self, track: Track, measurement: _Measurement) -> None:
+        """The Kalman filter's correction of ``track`` by ``measurement``."""
+        state, covariance = self._predicted(track, measurement.time)
         prior: Array = np.asarray(np.linalg.inv(covariance), dtype=np.float64)
-        track.state, track.covariance = _joined(prior, prior @ state, detection)
-        excess = math.hypot(*track.velocity) / self.params.fastest
+        track.state, track.covariance = _joined(prior, prior @ state, measurement)
+        excess = math.hypot(*track.velocity) / self.params.max_speed
         if excess > 1.0:
             track.state[2:] /= excess
-        track.radius += 0.5 * (detection.radius - track.radius)
-        track.time = detection.time
-        track.seen += 1
+        track.radius += 0.5 * (measurement.radius - track.radius)
+        track.time = measurement.time
+        track.hits += 1
 
-    def _way(self, track: Track, time: float) -> Iterable[Disc]:
-        """Discs along the track's way, from now to the foresight's end."""
-        length = math.hypot(*track.velocity) * self.params.foresight
+    def _path(self, track: Track, time: float) -> Iterable[OccupiedDisc]:
+        """Discs along the track's predicted path, from ``time`` over the path time."""
+        length = math.hypot(*track.velocity) * self.params.path_time
         steps = max(1, math.ceil(length / max(track.radius, 0.05)))
         for k in range(steps + 1):
-            yield Disc(*track.at(time + self.params.foresight * k / steps), track.radius)
+            x, y = track.predict(time + self.params.path_time * k / steps)
+            yield OccupiedDisc(x, y, track.radius)
 
 
-def _joined(information: Array, evidence: Array, detection: _Sighting) -> tuple[Array, Array]:
-    """State and covariance from what was known (information form) and one detection."""
+def _joined(information: Array, evidence: Array, measurement: _Measurement) -> tuple[Array, Array]:
+    """State and covariance from a prior in information form and one measurement."""
     information, evidence = information.copy(), evidence.copy()
-    information[:2, :2] += detection.place_information
-    information[2:, 2:] += detection.velocity_information
-    evidence[:2] += detection.place_information @ detection.place
-    evidence[2:] += detection.velocity_evidence
+    information[:2, :2] += measurement.position_information
+    information[2:, 2:] += measurement.velocity_information
+    evidence[:2] += measurement.position_information @ measurement.position
+    evidence[2:] += measurement.velocity_evidence
     covariance: Array = np.asarray(np.linalg.inv(information), dtype=np.float64)
     return covariance @ evidence, covariance

@@ -1,4 +1,4 @@
-"""Who walks where two images meet shows one half in each: the halves are put together."""
+"""View merging: one detection for an object that shows in two adjacent images."""
 
 from __future__ import annotations
 
@@ -8,40 +8,47 @@ from collections.abc import Sequence
 from navfw.robot import CameraModel
 from navfw.signals import MovingObject
 
-__all__ = ["merge_views"]
+__all__ = ["BORDER_ANGLE", "merge_views"]
 
-EDGE = math.radians(7.0)
-"""Flow ends so far from an image's border, and what is seen of a mover with it [rad]."""
-ALIKE = 2.0
-"""Halves whose distances differ by more than this factor are of two movers."""
+BORDER_ANGLE = math.radians(7.0)
+"""Angle [rad] from an image's border within which flow is not computed: a detection that ends there
+may be cut off."""
+MAX_RATIO = 2.0
+"""Largest ratio of the distances of two parts of one object."""
 
 
 def merge_views(
     views: Sequence[Sequence[MovingObject]], cameras: Sequence[CameraModel]
 ) -> tuple[MovingObject, ...]:
-    """All movers of ``views``, one for each of ``cameras`` (at one place); left to right."""
+    """All detections of ``views``, one for each of ``cameras`` (at one place); left to right.
+
+    Two detections that end at the border between adjacent views, at similar distances, become one.
+    """
     bearings = [camera.bearing for camera in cameras]
     order = sorted(range(len(cameras)), key=lambda k: -bearings[k])
-    joined: list[MovingObject] = []
+    merged: list[MovingObject] = []
     border = math.inf
     for k in order:
         axis, half = bearings[k], 0.5 * cameras[k].hfov
-        fresh = sorted(views[k], key=lambda mover: -mover.bearing)
-        if joined and fresh and border <= axis + half:
-            left, right = joined[-1], fresh[0]
-            touching = _right(left) < border + EDGE and _left(right) > axis + half - EDGE
-            if touching and max(left.distance, right.distance) < ALIKE * min(
+        fresh = sorted(views[k], key=lambda detection: -detection.bearing)
+        if merged and fresh and border <= axis + half:
+            left, right = merged[-1], fresh[0]
+            touching = (
+                _right_edge(left) < border + BORDER_ANGLE
+                and _left_edge(right) > axis + half - BORDER_ANGLE
+            )
+            if touching and max(left.distance, right.distance) < MAX_RATIO * min(
                 left.distance, right.distance
             ):
-                joined[-1:], fresh = [_join(left, right)], fresh[1:]
-        joined += fresh
+                merged[-1:], fresh = [_merge(left, right)], fresh[1:]
+        merged += fresh
         border = axis - half
-    return tuple(joined)
+    return tuple(merged)
 
 
-def _join(left: MovingObject, right: MovingObject) -> MovingObject:
-    """The mover whose halves these are; of its distance the wider half says more."""
-    edges = _left(left), min(_right(left), _right(right))
+def _merge(left: MovingObject, right: MovingObject) -> MovingObject:
+    """The object of two adjacent parts; its distance is their mean, weighted by width."""
+    edges = _left_edge(left), min(_right_edge(left), _right_edge(right))
     share = left.width / max(left.width + right.width, 1e-9)
     return MovingObject(
         left.time,
@@ -53,9 +60,9 @@ def _join(left: MovingObject, right: MovingObject) -> MovingObject:
     )
 
 
-def _left(mover: MovingObject) -> float:
-    return mover.bearing + mover.width
+def _left_edge(detection: MovingObject) -> float:
+    return detection.bearing + detection.width
 
 
-def _right(mover: MovingObject) -> float:
-    return mover.bearing - mover.width
+def _right_edge(detection: MovingObject) -> float:
+    return detection.bearing - detection.width

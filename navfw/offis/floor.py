@@ -7,7 +7,6 @@ A ray through image point (x, y) of a camera pitched down by ``a`` at height ``h
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -19,21 +18,12 @@ from navfw.offis.percept_kernels import label_cells
 from navfw.robot import CameraModel
 from navfw.signals import Array
 
-__all__ = ["FloorModel", "fall_per_depth", "floor_nearness"]
-
-
-def fall_per_depth(points: Array, camera: CameraModel) -> Array:
-    """How far [m] the rays through ``points`` (..., 2) [px] fall per metre of depth along z."""
-    focal = camera.focal
-    result: Array = (
-        points[..., 1] * math.cos(camera.pitch) + focal * math.sin(camera.pitch)
-    ) / focal
-    return result
+__all__ = ["FloorModel", "floor_nearness"]
 
 
 def floor_nearness(points: Array, camera: CameraModel) -> Array:
     """Nearness [1/m] of the empty floor at ``points`` (..., 2) [px]; 0 at and above the horizon."""
-    return np.maximum(fall_per_depth(points, camera), 0.0) / camera.mount_height
+    return np.maximum(camera.fall_per_depth(points), 0.0) / camera.mount_height
 
 
 @dataclass(frozen=True)
@@ -79,10 +69,10 @@ class FloorModel:
         """(height [m] above the floor, label) of each cell, both (rows, cols).
 
         Where nearness is not known the height is that of a point 1 km away: use it only with the
-        label, or the confidence. ``fall`` (n,) is ``fall_per_depth(points, camera)``, if known.
+        label, or the confidence. ``fall`` (n,) is ``camera.fall_per_depth(points)``, if known.
         """
         if fall is None:
-            fall = fall_per_depth(points, self.camera).flatten()
+            fall = self.camera.fall_per_depth(points).flatten()
         shape = seen.nearness.shape
         height, label = label_cells(
             seen.nearness.reshape(-1),

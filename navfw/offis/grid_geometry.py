@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from navfw.offis.floor import fall_per_depth, floor_nearness
+from navfw.offis.floor import floor_nearness
 from navfw.offis.pyramid import Pyramid
 from navfw.robot import RobotModel
 from navfw.signals import Array
@@ -64,7 +64,7 @@ class GridGeometry:
         camera = robot.camera
         focal = camera.focal
         rows, cols = points.shape[:2]
-        fall = fall_per_depth(points, camera)
+        fall = camera.fall_per_depth(points)
         x, y = points[..., 0] / focal, points[..., 1] / focal
         ahead = math.cos(camera.pitch) - y * math.sin(camera.pitch)
 

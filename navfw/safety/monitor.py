@@ -1,75 +1,76 @@
-"""Stops, slows down, limits: the last word on every twist, whatever plugins decided.
+"""The safety monitor: limits every twist, whatever the plugins decided.
 
-After Nav2's collision monitor: fusion, then smoothing, then safety. It stops on stale sources,
-keeps the stopping distance within what is remembered to be free, and still lets the robot rotate,
-and back along the way it has just come.
+Like Nav2's collision monitor it comes last, after fusion and control. It stops on stale sensors,
+keeps the stopping distance within the free distance of the local map, and still lets the robot
+rotate, and reverse over floor that was observed free.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from navfw.localmap import LocalMap
 from navfw.robot import RobotModel
 from navfw.safety.senses import Senses
-from navfw.signals import Odometry, SensorReading, Twist
+from navfw.signals import Odometry, Pose, SensorReading, Twist
 
 __all__ = ["SafetyMonitor", "SafetyParams", "SafetyVerdict"]
 
 Seconds = Annotated[float, Field(gt=0.0, le=60.0)]
 
 _PROBE_PERIOD, _PROBE_TIME = 3.0, 0.3
-"""How often, and how long [s], the drive tries whether its encoders answer."""
-
-Room = Callable[[Twist], tuple[float, float]]
-"""How far [m] a twist leads until the body touches something remembered, and until the unseen."""
+"""Period and duration [s] of the probes whether silent encoders count again."""
 
 
 class SafetyParams(BaseModel):
-    """When the monitor steps in."""
+    """Thresholds of the monitor."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     latency: Annotated[
-        float, Field(ge=0.0, le=1.0, description="from here to the wheels' braking [s]")
+        float, Field(ge=0.0, le=1.0, description="delay until the wheels brake [s]")
     ] = 0.1
     gap: Annotated[
-        float, Field(ge=0.0, le=0.3, description="rest left before a thing when stopped [m]")
+        float, Field(ge=0.0, le=0.3, description="distance kept from an obstacle at standstill [m]")
     ] = 0.02
     slow: Annotated[
-        float, Field(gt=0.0, le=1.0, description="speed while a source is ageing [m/s]")
+        float, Field(gt=0.0, le=1.0, description="speed while a sensor is late [m/s]")
     ] = 0.12
     creep: Annotated[
-        float, Field(gt=0.0, le=0.5, description="speed into what has not been seen [m/s]")
+        float, Field(gt=0.0, le=0.5, description="speed into unobserved space [m/s]")
     ] = 0.15
-    camera_slow: Annotated[Seconds, Field(description="age of the last useful frame: slow [s]")] = (
+    camera_slow: Annotated[Seconds, Field(description="age of the last valid frame: slow [s]")] = (
         0.45
     )
-    camera_stop: Annotated[Seconds, Field(description="age of it: stop driving forward [s]")] = 1.2
+    camera_stop: Annotated[Seconds, Field(description="age of the last valid frame: stop [s]")] = (
+        1.2
+    )
     blind_reverse: Annotated[
-        float, Field(ge=0.0, le=2.0, description="way back without a useful frame, at most [m]")
+        float, Field(ge=0.0, le=2.0, description="longest reverse without a valid frame [m]")
     ] = 0.3
-    gyro_slow: Annotated[Seconds, Field(description="age of the gyro's last word: slow [s]")] = 0.2
-    encoder_stop: Annotated[Seconds, Field(description="age of the encoders' word: stop [s]")] = 0.5
-    stall: Annotated[Seconds, Field(description="wheels not following for so long: stop [s]")] = 0.8
-    stall_rest: Annotated[Seconds, Field(description="rest after a stall [s]")] = 1.0
+    gyro_slow: Annotated[Seconds, Field(description="age of the last gyro reading: slow [s]")] = 0.2
+    encoder_stop: Annotated[
+        Seconds, Field(description="age of the last encoder reading: stop [s]")
+    ] = 0.5
+    stall: Annotated[Seconds, Field(description="time of wheels not following: stop [s]")] = 0.8
+    stall_rest: Annotated[Seconds, Field(description="standstill after a stall [s]")] = 1.0
     probe: Annotated[
-        float, Field(gt=0.0, le=0.5, description="speed to try whether encoders answer again [m/s]")
+        float, Field(gt=0.0, le=0.5, description="speed of a probe of silent encoders [m/s]")
     ] = 0.05
     give_up: Annotated[
-        Seconds, Field(description="a sensor out for so long ends the mission [s]")
+        Seconds, Field(description="failure time of a sensor that ends the run [s]")
     ] = 20.0
 
 
 @dataclass(frozen=True, slots=True)
 class SafetyVerdict:
-    """The twist that may be driven; ``reason`` says why it differs from the one asked, or is empty.
+    """The twist that may be driven; ``reason`` is why it differs from the one given, or empty.
 
-    ``stopped`` is true when driving forward was refused altogether.
+    ``stopped`` is true when a forward speed was reduced to zero.
     """
 
     twist: Twist
@@ -78,82 +79,89 @@ class SafetyVerdict:
 
 
 class SafetyMonitor:
-    """Watches readings and commands at the control rate; has no opinion on where to go."""
+    """Checks readings and limits twists at the control rate; it may only take speed away.
 
-    def __init__(self, robot: RobotModel, params: SafetyParams | None = None) -> None:
+    Free distances come from ``local_map``. While that knows nothing there is no room to drive: the
+    monitor fails closed.
+    """
+
+    def __init__(
+        self, robot: RobotModel, local_map: LocalMap, params: SafetyParams | None = None
+    ) -> None:
         self.robot = robot
+        self.local_map = local_map
         self.params = params or SafetyParams()
         self.senses = Senses()
         self.reset()
 
     def reset(self) -> None:
-        """A new run: nothing heard, nothing held."""
+        """Back to the start of a run."""
         self.senses.reset()
-        self._asked = Twist(0.0, 0.0)
+        self._last_twist = Twist(0.0, 0.0)
         self._stalled_since: float | None = None
         self._rest_until = -math.inf
-        self._heard: float | None = None
-        self._backed = 0.0
+        self._last_time: float | None = None
+        self._blind_reverse = 0.0
 
-    def hear(self, reading: SensorReading, odometry: Odometry) -> None:
-        """Take note of the newest reading."""
-        self.senses.hear(reading, odometry)
+    def update(self, reading: SensorReading, odometry: Odometry) -> None:
+        """Take in the newest reading."""
+        self.senses.update(reading, odometry)
         self._watch_wheels(odometry)
-        self._watch_way_back(odometry)
+        self._watch_reverse(odometry)
 
-    def limit(self, twist: Twist, time: float, room: Room) -> SafetyVerdict:
-        """``twist`` as far as it is safe; ``room`` tells how far a twist leads in the free."""
-        verdict = self._limited(twist, time, room)
-        self._asked = verdict.twist
+    def limit(self, twist: Twist, time: float, pose: Pose) -> SafetyVerdict:
+        """``twist`` as far as it is safe at ``time`` [s] from odom ``pose``."""
+        verdict = self._limited(twist, time, pose)
+        self._last_twist = verdict.twist
         return verdict
 
-    def _limited(self, twist: Twist, time: float, room: Room) -> SafetyVerdict:
+    def _limited(self, twist: Twist, time: float, pose: Pose) -> SafetyVerdict:
         if not (math.isfinite(twist.v) and math.isfinite(twist.w)):
-            return SafetyVerdict(Twist(0.0, 0.0), "the command is not a number", stopped=True)
+            return SafetyVerdict(Twist(0.0, 0.0), "the command is not finite", stopped=True)
         robot = self.robot
         silent = self._silence_cap()
         v = min(max(twist.v, -min(robot.max_reverse, silent)), robot.max_v)
         w = min(max(twist.w, -robot.max_w), robot.max_w)
         reason = "" if (v, w) == (twist.v, twist.w) else "the command exceeds the drive's limits"
-        answer = (silent, "the wheel encoders do not answer")
-        for cap, why in (answer, self._source_cap(), self._stall_cap(time)):
+        encoders = (silent, "the wheel encoders do not count")
+        for cap, why in (encoders, self._source_cap(), self._stall_cap(time)):
             if v > cap:
                 v, reason = cap, why
         if v > 0.0:
-            free, known = room(Twist(v, w))
+            free, observed = self.local_map.free_distance(pose, Twist(v, w))
             for allowed, why in (
-                (self._braking_speed(free), "no room to stop in"),
-                (max(self._braking_speed(known), self.params.creep), "it has not been seen"),
+                (self._braking_speed(free), "no room to stop"),
+                (max(self._braking_speed(observed), self.params.creep), "unobserved space ahead"),
             ):
                 if allowed < v:
                     v, reason = allowed, why
         elif v < 0.0:
-            free, known = room(Twist(v, w))
-            # the robot's own place is known: its rim must stay out of the unseen
-            if min(free, known - robot.radius) <= self.params.gap:
-                v, reason = 0.0, "no known way back"
-            # what was seen is forgotten, walls too: a blind robot's map is no better than its age
-            if self._backed >= self.params.blind_reverse:
-                v, reason = 0.0, "it has backed far enough without seeing"
+            free, observed = self.local_map.free_distance(pose, Twist(v, w))
+            # the footprint itself is observed: the rim must stay out of the unobserved
+            if min(free, observed - robot.radius) <= self.params.gap:
+                v, reason = 0.0, "no observed free space behind"
+            # evidence decays, walls too: without frames the map gets worse with time
+            if self._blind_reverse >= self.params.blind_reverse:
+                v, reason = 0.0, "longest reverse without a valid frame"
         stopped = twist.v > 0.0 and v <= 0.0
         return SafetyVerdict(Twist(v, w), reason, stopped)
 
     @property
     def failure(self) -> str | None:
-        """Why the robot cannot go on: a sensor that has said nothing of use for too long."""
+        """Why the robot cannot go on: a sensor that has failed for too long; None while none has."""
         senses, patience = self.senses, self.params.give_up
         if senses.camera_age > patience:
             trouble = senses.trouble or "the camera is silent"
             return f"{trouble}, for {senses.camera_age:.0f} s"
         if max(senses.silence, senses.encoder_age) > patience:
-            return f"the wheel encoders do not answer, for {patience:.0f} s"
+            return f"the wheel encoders do not count, for {patience:.0f} s"
         return None
 
     def _silence_cap(self) -> float:
-        """Top speed either way [m/s] while encoders do not answer: nearly always none.
+        """Top speed either way [m/s] while encoders are silent: zero but for short probes.
 
-        Only a wheel that is told to turn can show that it is counted again: now and then one goes
-        a few millimetres, and no farther.
+        Only a turning wheel can show that its encoder counts again, so the robot moves by a few
+        millimetres now and then.
         """
         silence = self.senses.silence
         if silence <= 0.0:
@@ -174,29 +182,30 @@ class SafetyMonitor:
         return math.inf, ""
 
     def _stall_cap(self, time: float) -> tuple[float, str]:
-        """Stand still for a moment after the wheels did not follow."""
+        """Standstill for a moment after the wheels did not follow."""
         if self._stalled_since is not None and time - self._stalled_since > self.params.stall:
             self._rest_until = time + self.params.stall_rest
             self._stalled_since = None
         return (0.0, "the wheels do not follow") if time < self._rest_until else (math.inf, "")
 
     def _watch_wheels(self, odometry: Odometry) -> None:
-        asked, got = self._asked.v, odometry.twist.v
-        if asked > 0.08 and got < 0.2 * asked:
+        commanded, measured = self._last_twist.v, odometry.twist.v
+        if commanded > 0.08 and measured < 0.2 * commanded:
             if self._stalled_since is None:
                 self._stalled_since = odometry.time
         else:
             self._stalled_since = None
 
-    def _watch_way_back(self, odometry: Odometry) -> None:
-        """How far it has backed since the camera was last of use."""
-        since = 0.0 if self._heard is None else odometry.time - self._heard
-        self._heard = odometry.time
+    def _watch_reverse(self, odometry: Odometry) -> None:
+        """Add up the reverse driven since the last valid frame."""
+        since = 0.0 if self._last_time is None else odometry.time - self._last_time
+        self._last_time = odometry.time
         blind = self.senses.camera_age > self.params.camera_stop
-        self._backed = self._backed + max(-odometry.twist.v, 0.0) * since if blind else 0.0
+        reverse = max(-odometry.twist.v, 0.0) * since
+        self._blind_reverse = self._blind_reverse + reverse if blind else 0.0
 
     def _braking_speed(self, room: float) -> float:
-        """Top speed [m/s] from which braking at the hardest ends within ``room`` [m] (METHOD 2.13).
+        """Top speed [m/s] from which full braking ends within ``room`` [m] (METHOD 2.13).
 
         Solves ``v latency + v^2 / (2 brake) = room - gap``.
         """

@@ -1,4 +1,4 @@
-"""Which sensors can be believed right now: ages of their last useful word."""
+"""Validity of the sensors: the age of the last valid reading of each."""
 
 from __future__ import annotations
 
@@ -10,59 +10,63 @@ from navfw.signals import Frame, Image, Odometry, SensorReading, wrap_angle
 __all__ = ["Senses"]
 
 DARK, BRIGHT = 8.0, 247.0
-"""Mean grey levels beyond which a picture shows nothing."""
+"""Mean grey levels below and above which an image is invalid."""
 FLAT = 2.5
-"""Standard deviation [grey levels] below which a picture shows nothing (noise alone has some)."""
+"""Standard deviation [grey levels] below which an image has no contrast (noise alone has some)."""
 MOVED = (0.02, 0.035)
-"""Way [m] and turn [rad] after which a picture must have changed."""
-STIRRED = 0.002
-"""Way [m] or turn [rad] after which a picture that is still the same tells nothing new."""
+"""Displacement [m] and turn [rad] after which an unchanged image is frozen."""
+MOVED_SLIGHTLY = 0.002
+"""Displacement [m] or turn [rad] after which an unchanged image is not used for flow."""
 
 
 class Senses:
-    """Follows the readings and keeps how old [s] each sensor's last useful word is.
+    """The age [s] of the last valid reading of each sensor.
 
-    A frame that is missing, dark, over-exposed, without contrast, or equal to the one before
-    although the robot has moved is no useful word. A gyro or encoder reading that carries an old
-    time stamp is none either. A frame is as old as its own time says, however late it comes.
+    A frame is invalid if it is missing, dark, over-exposed, without contrast, or equal to the one
+    before although the robot has moved. A gyro or encoder reading with an old time stamp is invalid.
+    A frame's age counts from its own time stamp, however late it arrives.
 
-    ``seeing`` is whether the newest frame may be looked at: already the slightest motion must
-    change a picture, although only a clear one counts as trouble.
+    ``seeing`` tells whether the newest frame may be used for flow: the slightest motion must change
+    an image, although only a clear one counts as ``trouble``.
     """
 
     def __init__(self) -> None:
         self.reset()
 
     def reset(self) -> None:
-        """Nothing heard yet."""
+        """Back to the start of a run."""
         self.camera_age = 0.0
         self.gyro_age = 0.0
         self.encoder_age = 0.0
         self.silence = 0.0
-        self._answered = 0.0
+        self._last_count = 0.0
         self.trouble = ""
         self.seeing = True
         self._began: float | None = None
         self._last_useful: float | None = None
-        self._picture: Image | None = None
-        self._way = 0.0
+        self._image: Image | None = None
+        self._displacement = 0.0
         self._turn = 0.0
         self._pose: Odometry | None = None
 
-    def hear(self, reading: SensorReading, odometry: Odometry) -> None:
-        """Take note of one reading, made while ``odometry`` says how the robot moves."""
+    def update(self, reading: SensorReading, odometry: Odometry) -> None:
+        """Take in one reading, and the ``odometry`` made of it."""
         time = reading.time
         if self._began is None:
-            self._began = self._last_useful = self._answered = time
+            self._began = self._last_useful = self._last_count = time
         self.gyro_age = time - reading.inertial.time
         self.encoder_age = time - reading.encoders.time
         if not odometry.silent:
-            self._answered = time
-        self.silence = time - self._answered
+            self._last_count = time
+        self.silence = time - self._last_count
         self._move(odometry)
         if reading.frame is not None:
             self.trouble = self._fault_of(reading.frame)
-            self.seeing = not self.trouble and self._way <= STIRRED and self._turn <= STIRRED
+            self.seeing = (
+                not self.trouble
+                and self._displacement <= MOVED_SLIGHTLY
+                and self._turn <= MOVED_SLIGHTLY
+            )
             if not self.trouble:
                 self._last_useful = reading.frame.time
         last = self._last_useful if self._last_useful is not None else time
@@ -72,25 +76,25 @@ class Senses:
         if self._pose is not None:
             before, now = self._pose.pose, odometry.pose
             ahead, aside = before.to_local(now.x, now.y)
-            self._way += abs(ahead) + abs(aside)
+            self._displacement += abs(ahead) + abs(aside)
             self._turn += abs(wrap_angle(now.yaw - before.yaw))
         self._pose = odometry
 
     def _fault_of(self, frame: Frame) -> str:
-        """Why ``frame`` shows nothing new, or an empty text."""
+        """Why ``frame`` is invalid; an empty text if it is valid."""
         image = frame.image
-        # every fourth pixel is plenty to tell light from dark
+        # every fourth pixel is enough for mean and spread
         mean, spread = (value.item() for value in cv2.meanStdDev(image[::4, ::4]))
         if mean < DARK:
-            return "the camera sees only dark"
+            return "the camera image is dark"
         if mean > BRIGHT:
             return "the camera is over-exposed"
         if spread < FLAT:
-            return "the camera sees no contrast"
-        moved = self._way > MOVED[0] or self._turn > MOVED[1]
-        frozen = self._picture is not None and np.array_equal(image, self._picture)
+            return "the camera image has no contrast"
+        moved = self._displacement > MOVED[0] or self._turn > MOVED[1]
+        frozen = self._image is not None and np.array_equal(image, self._image)
         if frozen and moved:
-            return "the camera's picture is frozen"
+            return "the camera image is frozen"
         if not frozen:
-            self._picture, self._way, self._turn = image, 0.0, 0.0
+            self._image, self._displacement, self._turn = image, 0.0, 0.0
         return ""

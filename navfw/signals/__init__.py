@@ -19,6 +19,7 @@ from navfw.signals.flow import (
     FlowField,
     FramePair,
     Odometry,
+    YawCorrection,
 )
 from navfw.signals.geometry import (
     Array,
@@ -29,6 +30,7 @@ from navfw.signals.geometry import (
     position_sigma,
     wrap_angle,
 )
+from navfw.signals.obstacles import Conflicts, OccupiedDisc
 from navfw.signals.percepts import (
     Label,
     MovingObject,
@@ -55,6 +57,7 @@ __all__ = [
     "Belief",
     "CameraMotion",
     "Command",
+    "Conflicts",
     "Encoders",
     "Explain",
     "FlowField",
@@ -66,6 +69,7 @@ __all__ = [
     "LandmarkDetection",
     "Mask",
     "MovingObject",
+    "OccupiedDisc",
     "Odometry",
     "PassageQuery",
     "PassageReport",
@@ -77,6 +81,7 @@ __all__ = [
     "Stixels",
     "Twist",
     "Waypoint",
+    "YawCorrection",
     "position_sigma",
     "wrap_angle",
 ]

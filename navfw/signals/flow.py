@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from navfw.signals.geometry import Array, Pose, Twist
 from navfw.signals.sensors import Frame
 
-__all__ = ["CameraMotion", "FlowField", "FramePair", "Odometry"]
+__all__ = ["CameraMotion", "FlowField", "FramePair", "Odometry", "YawCorrection"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,7 +17,8 @@ class Odometry:
 
     ``still`` is true while neither wheel has turned for a moment: then the gyro's bias is estimated
     (``yaw_bias`` [rad/s], already removed from the pose and twist). ``silent`` is true while the
-    encoders do not answer what the wheels are told, so that the way driven is a guess.
+    encoders do not follow the commanded wheel speeds, so that the distance driven is a guess.
+    ``gyro_stale`` is true while the wheels stand in for a gyro without a fresh reading.
     """
 
     time: float
@@ -26,6 +27,7 @@ class Odometry:
     yaw_bias: float
     still: bool
     silent: bool = False
+    gyro_stale: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +58,19 @@ class FramePair:
 
     past: Frame
     now: Frame
+    motion: CameraMotion
+
+
+@dataclass(frozen=True, slots=True)
+class YawCorrection:
+    """Yaw that the flow found beside the measured ``motion`` of one pair of frames.
+
+    ``yaw`` and ``sigma`` [rad]: the robot turned by ``yaw`` more, counter-clockwise, than ``motion``
+    has it. The stack applies it to the odometer.
+    """
+
+    yaw: float
+    sigma: float
     motion: CameraMotion
 
 

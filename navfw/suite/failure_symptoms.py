@@ -13,10 +13,10 @@ from typing import Literal
 import numpy as np
 
 from navfw.errors import WorldError
+from navfw.localmap import LocalMap
 from navfw.localmap.occupancy_grid import OccupancyGrid
 from navfw.missions.run_metrics import path_length
 from navfw.missions.session import MissionResult
-from navfw.mofis.mofis import Mofis
 from navfw.recording.run_log import Contact, RunLog
 from navfw.signals import Array, Odometry, Pose, wrap_angle
 from navfw.sim.floorplan import FloorPlan, NamedShape
@@ -90,7 +90,7 @@ def _touch(result: MissionResult, now: Pose) -> CollisionSymptoms:
         by_mover=result.collision_cause == "mover",
         bearing=wrap_angle(math.atan2(toward[1], toward[0]) - yaw),
         speed=float(moved @ (math.cos(yaw), math.sin(yaw))) / elapsed,
-        memory=_remembered(session.stack.mofis, session.stack.state.odometry, now, point),
+        memory=_remembered(session.stack.local_map, session.stack.state.odometry, now, point),
     )
 
 
@@ -127,22 +127,22 @@ def _nearest_point(plan: FloorPlan, x: float, y: float) -> Array:
 
 
 def _remembered(
-    mofis: Mofis, odometry: Odometry | None, now: Pose, point: Array
+    local_map: LocalMap, odometry: Odometry | None, now: Pose, point: Array
 ) -> Literal["occupied", "free", "unknown", ""]:
     """What the ego map says about a true ``point`` (map frame), the body's own place left out."""
     if odometry is None:
         return ""
-    occupancy, pose = mofis.occupancy, odometry.pose
+    occupancy, pose = local_map.occupancy, odometry.pose
     x, y = pose.to_parent(*now.to_local(*point))
     columns, rows = _cells(occupancy)
     away = np.hypot(columns - x, rows - y)
-    outside = np.hypot(columns - pose.x, rows - pose.y) > mofis.robot.radius
+    outside = np.hypot(columns - pose.x, rows - pose.y) > occupancy.robot.radius
     near = (away <= REACH) & outside
     if not near.any():
         return "unknown"
     if occupancy.occupied[near].any():
         return "occupied"
-    return "free" if occupancy.known[near].mean() > 0.5 else "unknown"
+    return "free" if occupancy.observed[near].mean() > 0.5 else "unknown"
 
 
 def _cells(occupancy: OccupancyGrid) -> tuple[Array, Array]:
@@ -157,19 +157,19 @@ def _cells(occupancy: OccupancyGrid) -> tuple[Array, Array]:
 
 def _aiming(result: MissionResult, odometry: Odometry, now: Pose) -> PathSymptoms | None:
     """The remembered way as it is, and with what is wrong in the memory forgotten."""
-    mofis = result.session.stack.mofis
-    context = mofis.context
-    if context is None or context.waypoint is None or context.aim is None:
+    stack = result.session.stack
+    local_map, context = stack.local_map, stack.mofis.context
+    if context is None or context.waypoint is None or context.local_goal is None:
         return None
-    occupancy, pose = mofis.occupancy, odometry.pose
-    goal = pose.to_parent(*context.waypoint_local)
+    occupancy, pose = local_map.occupancy, odometry.pose
+    x, y = pose.to_parent(*context.waypoint_local)
     off = _distance_from_truth(result, occupancy, pose, now)
     costs = []
     for limit in (math.inf, GHOST, BLUR):
-        occupancy.evidence[off > limit] = 0.0
-        occupancy.move(pose, odometry.time)  # makes it forget what it had derived from them
-        aim = mofis.lookahead.aim(occupancy, pose, *goal)
-        costs.append(aim.cost if aim.reachable else math.inf)
+        occupancy.log_odds[off > limit] = 0.0
+        occupancy.update(pose, odometry.time)  # drops what was derived from the log-odds
+        goal = local_map.local_planner.plan(occupancy, pose, x, y)
+        costs.append(goal.cost if goal.reachable else math.inf)
     return PathSymptoms(*costs)
 
 

@@ -13,8 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from navfw.interfaces import Fusion
+from navfw.localmap import LocalMap
+from navfw.mofis.command_grid import CommandGrid
 from navfw.mofis.context import Context
-from navfw.mofis.mofis import Mofis
+from navfw.mofis.mofis import DecisionInputs, Mofis
 from navfw.offis.offis import Offis
 from navfw.robot import RobotModel
 from navfw.signals import (
@@ -83,11 +85,14 @@ SCENES: tuple[BehaviorScene, ...] = (
 def contexts_of(scene: BehaviorScene, robot: RobotModel | None = None) -> list[Context]:
     """The context of every frame of ``scene``, as MOFIS gives it to its behaviours."""
     robot = robot or RobotModel()
-    mofis = Mofis(robot, {}, _Scripted(robot, scene.twist))
+    local_map = LocalMap(robot)
+    mofis = Mofis(robot, {}, _Scripted(robot, scene.twist), CommandGrid(robot), local_map)
     offis = Offis(robot)
     pose = Pose(0.0, 0.0, 0.0)
     moves = scene.wheels_turn
     twist = scene.twist if moves else Twist(0.0, 0.0)
+    flow: FlowField | None = None
+    percept: Percept | None = None
     contexts = []
     for tick in range(1, scene.ticks + 1):
         time = tick * PERIOD
@@ -95,13 +100,15 @@ def contexts_of(scene: BehaviorScene, robot: RobotModel | None = None) -> list[C
             pose = pose.compose(Pose(twist.v * PERIOD, 0.0, twist.w * PERIOD))
         odometry = Odometry(time, pose, twist, 0.0, still=twist == Twist(0.0, 0.0))
         percepts: Sequence[Percept] = ()
-        flows: Sequence[FlowField] = ()
         if scene.sees and moves and twist.v:
             walls = (scene.ahead - pose.x, scene.left - pose.y, scene.right + pose.y)
-            flows = [wall_flow(robot, time, *walls)]
-            percepts = [offis.perceive(flow, twist) for flow in flows]
+            flow = wall_flow(robot, time, *walls)
+            percepts = [offis.perceive(flow, twist)]
+            percept = percepts[0] if percepts[0].sees_depth else percept
         belief = Belief(time, pose, np.zeros((3, 3)))
-        mofis.decide(odometry, belief, percepts, _waypoint(scene.waypoint), flows)
+        local_map.update(odometry, percepts, None, pose)
+        waypoint = _waypoint(scene.waypoint)
+        mofis.decide(DecisionInputs(odometry, belief, waypoint, percept, flow))
         if mofis.context is not None:
             contexts.append(mofis.context)
     return contexts

@@ -68,7 +68,7 @@ def test_patrol_cruises_and_is_cautious_at_doors_and_beside_things() -> None:
 
 def test_patrol_does_as_travel_when_nothing_gets_on() -> None:
     barred = LocalGoal(0.8, 0.0, math.inf, reachable=False, detour=math.inf)
-    caught = composite("patrol").weigh(replace(OPEN, idle=20.0, aim=barred))
+    caught = composite("patrol").weigh(replace(OPEN, idle=20.0, local_goal=barred))
     assert caught["follow_wall"] == 1.0
     assert caught["cruise"] == 0.0
     assert caught["go_to_xy"] < 0.5
@@ -105,7 +105,7 @@ def test_search_travels_while_it_is_sure() -> None:
 @pytest.mark.parametrize("at", [OPEN, CORRIDOR, replace(OPEN, waypoint=DOOR)])
 def test_search_weighs_as_travel_does_while_it_is_sure(at: Context, idle: float) -> None:
     barred = LocalGoal(1.0, 0.0, 5.0, reachable=False, detour=3.0)
-    for context in (replace(at, idle=idle), replace(at, idle=idle, aim=barred)):
+    for context in (replace(at, idle=idle), replace(at, idle=idle, local_goal=barred)):
         sure = replace(context, belief=replace(context.belief, covariance=np.diag([0.01] * 3)))
         weights = dict(composite("search").weigh(sure))
         for name, weight in composite("travel").weigh(sure).items():
@@ -117,7 +117,7 @@ def test_search_never_gives_up_while_the_belief_is_lost() -> None:
     search = composite("search")
     for k in range(140):
         belief = Belief(1.0 + k, OPEN.pose, np.diag([0.01] * 3), confidence=0.1, lost=True)
-        context = replace(OPEN, time=1.0 + k, belief=belief, waypoint=None, aim=None)
+        context = replace(OPEN, time=1.0 + k, belief=belief, waypoint=None, local_goal=None)
         assert leader(dict(search.weigh(replace(context, twist=Twist(0.0, 0.1))))) != "go_to_xy"
 
 

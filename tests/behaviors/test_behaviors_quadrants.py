@@ -115,7 +115,7 @@ def test_an_emergency_turns_on_the_spot_to_its_end() -> None:
     behavior = built("emergency_quadrants")
     drive = contexts_of(BehaviorScene("late", Twist(0.3, 0.0), waypoint=(3.0, 2.0), ahead=0.6))
     context = drive[-1]
-    assert context.sight is not None and context.sight.floor < 0.2
+    assert context.quadrant_distances is not None and context.quadrant_distances.floor < 0.2
     proposal = behavior.propose(context)
     assert proposal.applicability == 1.0
     assert np.all(proposal.prohibition[context.commands.v > 0.0] == 1.0)

@@ -152,7 +152,9 @@ def test_travel_follows_walls_only_when_nothing_else_gets_on(registry: Registry)
     moving = weigh(registry, scene)
     assert moving["follow_wall"] == 0.0
     assert moving["go_to_xy"] == 1.0
-    caught = weigh(registry, scene, idle=20.0, aim=LocalGoal(0.8, 0.0, np.inf, False, np.inf))
+    caught = weigh(
+        registry, scene, idle=20.0, local_goal=LocalGoal(0.8, 0.0, np.inf, False, np.inf)
+    )
     assert caught["follow_wall"] == 1.0
     assert caught["go_to_xy"] < 0.5
 
@@ -251,7 +253,7 @@ def met(context: Context, *tracks: Track, twist: Twist) -> Context:
     encounters = predict_conflicts(
         tracks, ROBOT, context.commands, context.pose, twist, 0.0, ConflictParams(doubt=0.0)
     )
-    return replace(context, encounters=encounters, twist=twist)
+    return replace(context, conflicts=encounters, twist=twist)
 
 
 def walker(context: Context, x: float, y: float, vx: float, vy: float) -> Track:
@@ -310,11 +312,11 @@ def test_a_turn_to_drive_off_lasts_as_long_as_suits(registry: Registry) -> None:
     # straight on at a robot that stands: a quarter turn and away is better than half of one
     context = list(contexts_of(BehaviorScene("open floor", Twist(0.3, 0.0))))[-1]
     context = met(context, walker(context, 1.6, 0.0, -0.4, 0.0), twist=Twist(0.0, 0.0))
-    assert context.encounters is not None
-    gap, commands = context.encounters.gap, context.commands
+    assert context.conflicts is not None
+    gap, commands = context.conflicts.gap, context.commands
     off = gap[commands.nearest(Twist(0.0, 1.2))]
     assert off > 0.1 > gap[commands.nearest(Twist(0.0, 0.0))]
-    assert context.encounters.closing.max() == 0.0  # nobody is at hand yet
+    assert context.conflicts.closing.max() == 0.0  # nobody is at hand yet
 
 
 def test_give_way_leaves_the_least_bad_way_out(registry: Registry) -> None:

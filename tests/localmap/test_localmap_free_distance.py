@@ -26,13 +26,13 @@ FAST = GRID.v.size - 1
 def world(*things: tuple[float, float, float, float], seen: bool = True) -> OccupancyGrid:
     """An ego map around the origin with boxes (x from, x to, y from, y to) standing in it."""
     occupancy = OccupancyGrid(ROBOT)
-    occupancy.move(Pose(0, 0, 0), 0.0)
+    occupancy.update(Pose(0, 0, 0), 0.0)
     if seen:
-        occupancy.evidence[:] = -1.0
+        occupancy.log_odds[:] = -1.0
     for x0, x1, y0, y1 in things:
         r0, c0 = occupancy.index(x0, y0)
         r1, c1 = occupancy.index(x1, y1)
-        occupancy.evidence[r0 : r1 + 1, c0 : c1 + 1] = 3.0
+        occupancy.log_odds[r0 : r1 + 1, c0 : c1 + 1] = 3.0
     return occupancy
 
 
@@ -67,7 +67,7 @@ def test_the_unseen_ends_what_is_known() -> None:
     arcs = sweep(occupancy, Pose(0, 0, 0), GRID, margin=0.0)
     assert arcs.free[FAST, STRAIGHT] == arcs.reach
     # the robot knows no more than its own place, and wants 0.1 m known beside its middle
-    assert arcs.known[FAST, STRAIGHT] == pytest.approx(ROBOT.radius - 0.1, abs=0.08)
+    assert arcs.observed[FAST, STRAIGHT] == pytest.approx(ROBOT.radius - 0.1, abs=0.08)
 
 
 def test_backwards_only_where_it_has_been_seen() -> None:
@@ -75,7 +75,7 @@ def test_backwards_only_where_it_has_been_seen() -> None:
     assert arcs.free[0, STRAIGHT] == pytest.approx(0.0, abs=0.06)
     occupancy = world(seen=False)
     for k in range(1, 60):  # the trail behind is known
-        occupancy.move(Pose(0.01 * k, 0, 0), 0.1 * k)
+        occupancy.update(Pose(0.01 * k, 0, 0), 0.1 * k)
     arcs = sweep(occupancy, Pose(0.59, 0, 0), GRID, margin=0.0)
     assert 0.4 < arcs.free[0, STRAIGHT] < 0.7
 

@@ -24,7 +24,7 @@ HERE = Pose(0, 0, 0)
 def corridor(pose: Pose = HERE, half: float = 0.5, ahead: float = 3.0) -> OccupancyGrid:
     """A corridor along x of the pose's frame, walls at both sides, all of it seen."""
     occupancy = OccupancyGrid(ROBOT)
-    occupancy.move(pose, 0.0)
+    occupancy.update(pose, 0.0)
     paint(occupancy, pose, (-0.5, ahead), (-half, half), FREE)
     for side in (-1, 1):
         paint(
@@ -39,7 +39,7 @@ def paint(
     """Put evidence on a rectangle given in the pose's frame [m]."""
     for ahead in np.arange(x[0], x[1] + 1e-9, 0.02):
         for left in np.arange(y[0], y[1] + 1e-9, 0.02):
-            occupancy.evidence[occupancy.index(*pose.to_parent(float(ahead), float(left)))] = value
+            occupancy.log_odds[occupancy.index(*pose.to_parent(float(ahead), float(left)))] = value
     occupancy._clearance = occupancy._known = None
 
 
@@ -175,9 +175,9 @@ def test_clear_looks_make_a_drop_sooner_that_nobody_may_enter() -> None:
         drops.enter(replace(clear, time=INTERVAL * k), Pose(0, 0, 0))
     ((x, y),) = drops.points()
     occupancy = OccupancyGrid(ROBOT)
-    occupancy.move(Pose(0, 0, 0), 0.0)
+    occupancy.update(Pose(0, 0, 0), 0.0)
     before = occupancy.occupied.copy()
-    occupancy.take(drops.discs())
+    occupancy.set_obstacles(drops.discs())
     row, column = occupancy.index(x, y)
     assert occupancy.occupied[row, column]
     assert not before.any()

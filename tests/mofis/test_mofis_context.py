@@ -27,10 +27,10 @@ def test_only_a_door_that_is_the_waypoint_has_a_distance() -> None:
 
 
 def test_barred_takes_an_aim_that_cannot_be_reached() -> None:
-    assert OPEN.aim is not None
-    assert not replace(OPEN, aim=replace(OPEN.aim, reachable=True)).barred
-    assert replace(OPEN, aim=replace(OPEN.aim, reachable=False)).barred
-    assert not replace(OPEN, aim=None).barred
+    assert OPEN.local_goal is not None
+    assert not replace(OPEN, local_goal=replace(OPEN.local_goal, reachable=True)).barred
+    assert replace(OPEN, local_goal=replace(OPEN.local_goal, reachable=False)).barred
+    assert not replace(OPEN, local_goal=None).barred
 
 
 @given(st.floats(-math.pi, math.pi), st.floats(-3.1, 3.1))

@@ -65,9 +65,9 @@ def test_movers_bar_arcs_unless_a_behaviour_heeds_them(
     barred = context.arcs.free[straight] < 0.8
     assert bool(barred) == (Heedful not in behaviors)
     # all know of the meeting, and the way ahead leads past
-    assert context.encounters is not None
-    assert context.aim is not None
-    assert abs(context.aim.bearing) > 0.1
+    assert context.conflicts is not None
+    assert context.local_goal is not None
+    assert abs(context.local_goal.bearing) > 0.1
 
 
 def test_one_that_fails_heeds_nobody() -> None:

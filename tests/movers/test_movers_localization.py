@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from navfw.egomotion.camera_motion import camera_motion
 from navfw.movers.localization import _quantile, locate_moving_objects
 from navfw.movers.motion_segmentation import direction_sigma, segment_motion
-from navfw.offis.floor import fall_per_depth
 from navfw.robot import RobotModel, SideViews
 from navfw.signals import Array, CameraMotion, FlowField, Pose
 
@@ -161,13 +160,13 @@ def test_what_stands_at_any_place_does_not_outgrow_the_floor(
     depth: float, left: float, way: float
 ) -> None:
     flow = scene(way, (depth, left, 0.5), (0.0, 0.0), noise=0.1)
-    assert not segment_motion(flow, fall_per_depth(flow.points, CAMERA), CAMERA).any()
+    assert not segment_motion(flow, CAMERA.fall_per_depth(flow.points), CAMERA).any()
 
 
 def test_patches_are_found_where_they_are() -> None:
     # walks across: every cell that contradicts is the walker's
     flow = scene(0.05, (1.2, 0.0, 0.5), (0.0, 0.4))
-    odd = segment_motion(flow, fall_per_depth(flow.points, CAMERA), CAMERA)
+    odd = segment_motion(flow, CAMERA.fall_per_depth(flow.points), CAMERA)
     body = (np.abs(X * 1.2 / CAMERA.focal) < 0.25) & (1.2 * CAMERA.focal > Y)
     assert odd.any()
     assert not (odd & ~body).any()

@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 
 from navfw.egomotion.camera_motion import camera_motion
 from navfw.movers.stixels import find_stixels
-from navfw.offis.floor import fall_per_depth
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import FlowField, Pose, Stixels
 
@@ -31,7 +30,7 @@ def scene(
     robot = RobotModel(camera=CameraModel(pitch=pitch))
     camera = robot.camera
     motion = camera_motion(robot, Pose(0, 0, 0), Pose(way, 0, 0), 0.2)
-    nearness = np.maximum(fall_per_depth(POINTS, camera), 0.0) / camera.mount_height
+    nearness = np.maximum(camera.fall_per_depth(POINTS), 0.0) / camera.mount_height
     ahead = math.cos(pitch) - Y / camera.focal * math.sin(pitch)
     for distance, left, width in things:
         depth = distance / ahead
