@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from navfw.localmap.occupancy_grid import OccupancyGrid
-from navfw.movers.tracking import OccupiedDisc, TrackerParams, Tracker
+from navfw.movers.tracking import OccupiedDisc, Tracker, TrackerParams
 from navfw.robot import RobotModel
 from navfw.signals import MovingObject, Pose
 
@@ -81,7 +81,9 @@ def test_who_walks_takes_the_floor_ahead_and_who_stands_does_not(certainty: floa
     assert vy == pytest.approx(0.5, abs=0.1)
     assert abs(vx) < 0.15
     farthest = max(disc.y for disc in walking.discs(time))
-    assert farthest == pytest.approx(track.predict(time)[1] + vy * walking.params.path_time, abs=0.05)
+    assert farthest == pytest.approx(
+        track.predict(time)[1] + vy * walking.params.path_time, abs=0.05
+    )
     spread = [disc.y for disc in standing.discs(time)]
     assert max(spread) - min(spread) < 0.05
 
