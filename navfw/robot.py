@@ -22,7 +22,7 @@ __all__ = [
 Positive = Annotated[float, Field(gt=0.0)]
 
 _WIDEST_LENS = math.radians(110.0)
-"""Fisheye lenses see up to 220 degrees."""
+"""Largest half angle of view [rad]: fisheye lenses reach 220 degrees in all."""
 
 
 class CameraModel(BaseModel):
@@ -190,7 +190,7 @@ class RobotModel(BaseModel):
 
     @property
     def seen_aside(self) -> float:
-        """How far [rad] to either side of ahead the robot sees."""
+        """Half angle [rad] of the view, side views included."""
         if self.side_views is None:
             return 0.5 * self.camera.hfov
         left = self.side_cameras[0]

@@ -102,7 +102,7 @@ class StackState:
 
 
 class Stack:
-    """Composes the stages of one robot. Its inputs are sensor readings and the map file, no more."""
+    """Composes the stages. Its only inputs are sensor readings and the map file."""
 
     def __init__(self, config: StackConfig, robot: RobotModel, topo_map: TopoMap) -> None:
         def build(stage: str) -> Any:
@@ -243,7 +243,7 @@ class Stack:
             self.state = replace(self.state, fault=self.safety.failure)
         return self.trim.apply(self.verdict.twist)
 
-    # --- once per camera frame, in the order of the paper's Fig. 2 ---------------------------------
+    # --- once per camera frame, in the order of the paper's Fig. 2 -------------------------------
 
     def _decide(self, reading: SensorReading, frame: Frame, odometry: Odometry) -> None:
         """Perceive, localise, plan and decide; the result is the new state."""

@@ -1,4 +1,4 @@
-"""Dead reckoning: distance from the wheels, heading from the gyro, gyro bias from standing still."""
+"""Dead reckoning: distance from the wheels, heading from the gyro, whose bias is estimated."""
 
 from __future__ import annotations
 

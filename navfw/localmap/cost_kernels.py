@@ -183,8 +183,8 @@ def first_leg(
     """The cheapest straight leg of ``length`` [cells] from (row, column).
 
     Of all ``bearings`` [rad, from ``yaw``], the one with the least sum of the prices on the leg,
-    the cost-to-go at its end and ``turn_price`` [cells/rad] for the turn to it. Returns its end (row,
-    column) and its bearing; a row of -1 where every leg is barred.
+    the cost-to-go at its end and ``turn_price`` [cells/rad] for the turn to it. Returns its end
+    (row, column) and its bearing; a row of -1 where every leg is barred.
     """
     n = value.shape[0]
     steps = int(2.0 * length)

@@ -22,7 +22,8 @@ SPOT = 0.25
 """Side of a square spot of floor [m]."""
 
 RANGE = 1.6
-"""Largest distance of a spot that is judged [m]; farther off the floor is seen at too flat an angle."""
+"""Largest distance of a spot that is judged [m]; farther off the floor is seen at too flat an
+angle."""
 
 CONFIDENCE = 0.3
 """Least confidence of a flow cell that counts."""

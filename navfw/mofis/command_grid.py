@@ -1,4 +1,4 @@
-"""The command grid: the finite set of (v, w) that behaviours judge and fusion chooses from."""
+"""The command grid: the finite set of (v, w) that behaviours rate and fusion chooses from."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["CommandGrid", "CommandGridParams", "peak"]
 
 
 class CommandGridParams(BaseModel):
-    """How finely the commands are divided (METHOD 3.6)."""
+    """Resolution and limits of the command grid (METHOD 3.6)."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -38,15 +38,15 @@ class CommandGrid:
     """Speeds ``v`` (n_v,) [m/s] ascending and turning rates ``w`` (n_w,) [rad/s] ascending.
 
     ``relative_v`` and ``relative_w`` are the same in units of the top speed and top turning rate:
-    the units in which behaviours' rule bases speak of ``speed`` and ``turn``. ``backward_rows`` and
-    ``forward_rows`` are the slices of ``v`` that drive so; one speed between them is zero.
+    the units of ``speed`` and ``turn`` in behaviours' rule bases. ``backward_rows`` and
+    ``forward_rows`` are the slices of ``v`` with that sign; the one speed between them is zero.
     """
 
     def __init__(self, robot: RobotModel, params: CommandGridParams | None = None) -> None:
         params = params or CommandGridParams()
         self.max_v = min(params.cruise, robot.max_v)
         self.max_w = min(params.turn_rate, robot.max_w)
-        turns = params.turns | 1  # an even count would have no straight ahead
+        turns = params.turns | 1  # an odd count contains zero
         backward = np.linspace(-robot.max_reverse, 0.0, params.reverse + 1)[:-1]
         self.v: Array = np.concatenate([backward, np.linspace(0.0, self.max_v, params.forward)])
         self.w: Array = np.linspace(-self.max_w, self.max_w, turns)
@@ -57,7 +57,7 @@ class CommandGrid:
         self.forward_rows = slice(backward.size + 1, self.v.size)
 
     def zeros(self) -> Array:
-        """An empty (n_v, n_w) layer: nothing desired, nothing forbidden."""
+        """A (n_v, n_w) layer of zeros: nothing desired, nothing prohibited."""
         return np.zeros(self.shape)
 
     def product(self, speed: Array, turn: Array) -> Array:
@@ -65,14 +65,14 @@ class CommandGrid:
         return speed[:, None] * turn
 
     def around(self, speed: float, turn: float) -> Array:
-        """Desirability (n_v, n_w) of one command alone, and of those of the grid next to it.
+        """Desirability (n_v, n_w) of one command and of its neighbours on the grid.
 
         ``speed`` and ``turn`` are in units of the top speed and top turning rate.
         """
         return self.product(peak(speed, self.relative_v), peak(turn, self.relative_w))
 
     def turning(self, turn: float, width: float = 0.3) -> Array:
-        """A set over turns (n_w,): a triangle about ``turn`` that ends ``width`` off.
+        """A set over turns (n_w,): a triangle about ``turn`` of half width ``width``.
 
         Both are in units of the top turning rate.
         """
@@ -83,7 +83,7 @@ class CommandGrid:
         return self.product(1.0 * (self.v == 0.0), self.turning(turn, width))
 
     def forward(self) -> Array:
-        """A layer (n_v, n_w) of all commands that drive forward, for those who forbid that."""
+        """A layer (n_v, n_w) that is 1 for forward commands: a prohibition of driving forward."""
         layer = self.zeros()
         layer[self.forward_rows] = 1.0
         return layer
@@ -97,9 +97,9 @@ class CommandGrid:
 
 
 def peak(value: float, values: Array, steps: float = 1.5) -> Array:
-    """A triangle about ``value`` at ``values`` (n,) ascending; it ends ``steps`` of theirs off.
+    """A triangle about ``value`` at ``values`` (n,) ascending, of half width ``steps`` steps.
 
-    With more than half a step it holds at least one of them, wherever between them it lies.
+    With more than half a step its support always contains at least one of them.
     """
     return triangle(value, values, steps * float(np.diff(values).max()))
 

@@ -1,4 +1,4 @@
-"""Why this command: each behaviour's share in it, and the rules that spoke for and against."""
+"""The explanation of a command: each behaviour's share in it, and the rules that fired."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ def explain_command(
     composite: Composite | None = None,
     weights: Mapping[str, float] | None = None,
 ) -> dict[str, Any]:
-    """The command as plain data, with what every behaviour said of it.
+    """The command as plain data, with the rating of it by every behaviour.
 
-    For each behaviour: its applicability, how much it desired this command, how much it forbade
-    it, its reason, and the rules that fired for it with their strengths, strongest first. With a
-    ``composite``, the ``weights`` it gave the primitives, and why.
+    For each behaviour: applicability, desirability and prohibition of this command, the reason, and
+    the rules that fired for it, strongest first. With a ``composite``: the ``weights`` of the
+    primitives, and the rules that fired for them.
     """
     row, column = grid.nearest(command.twist)
     explanation = {

@@ -1,4 +1,4 @@
-"""OFFIS' fuzzy distances as a behaviour reads them: left, right and ahead, from near to far."""
+"""OFFIS' fuzzy distances of the quadrants, summed up to left, right and ahead (paper sec 4.5)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from navfw.signals import Percept
 __all__ = ["QuadrantDistances", "quadrant_distances"]
 
 _LEFT, _RIGHT = ("P2", "P3"), ("P1", "P4")
-# the parts of each quadrant that lie toward the middle of the image (see navfw.offis.pyramid)
+# the inner parts of each quadrant (see navfw.offis)
 _INNER = ("sP12", "sP13", "sP21", "sP24", "sP31", "sP34", "sP42", "sP43")
 _UNKNOWN = 0.5
 
@@ -19,9 +19,9 @@ _UNKNOWN = 0.5
 class QuadrantDistances:
     """Fuzzy distances in [0, 1]: 0 is near, 0.5 middle, 1 far (paper sec 4.5).
 
-    ``left`` and ``right`` are of the nearest thing in that half of the image; ``ahead`` of the
-    nearest thing, if it lies toward the middle. Where nothing is known it is middle: not near, but
-    not free either. ``floor`` is the degree of "Floor in front", ``age`` [s] that of the percept.
+    ``left`` and ``right`` are of the nearest object in that half of the image; ``ahead`` of the
+    nearest object, if it is in the inner part of the image. An unknown distance is 0.5: neither
+    near nor free. ``floor`` is the degree of "Floor in front", ``age`` [s] that of the percept.
     """
 
     left: float
@@ -32,10 +32,10 @@ class QuadrantDistances:
 
 
 def quadrant_distances(percept: Percept, time: float) -> QuadrantDistances:
-    """What ``percept`` says at ``time`` [s]; needs no more than the paper's report."""
+    """The distances of ``percept`` at ``time`` [s], from the contents of the paper's report."""
     left, right = _side(percept, _LEFT), _side(percept, _RIGHT)
     deeper = [names for layer, names in percept.obstacles.items() if layer != "layer1"]
-    # with one layer only: what both halves show
+    # one layer has no inner parts: an object is ahead if it is near on both sides
     ahead = _ahead(percept, deeper) if deeper else max(left, right)
     return QuadrantDistances(left, right, ahead, percept.floor_in_front, time - percept.time)
 

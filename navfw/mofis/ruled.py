@@ -1,4 +1,4 @@
-"""The bases of behaviours, primitive and composite, that decide by a rule base in a file."""
+"""Base classes of behaviours and composites that decide by a rule base in a file."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["RuledBehavior", "RuledComposite"]
 
 
 class _Ruled(Plugin):
-    """Has the rule base of the YAML file beside the class' own file; begins as after ``reset``."""
+    """Loads the rule base from the YAML file beside the class' file, then resets."""
 
     def __init__(self, robot: RobotModel, params: Plugin.Params | None = None) -> None:
         super().__init__(robot, params)
@@ -25,7 +25,7 @@ class _Ruled(Plugin):
         self.reset()
 
     def load_rules(self) -> BehaviorRules:
-        """The rules; override it where they are not in the YAML file beside the class.
+        """The rules; override it if they are not in the YAML file beside the class.
 
         Raises:
             InputError: they cannot be read, or do not cover their inputs.
@@ -39,21 +39,21 @@ class RuledBehavior(_Ruled, Behavior):
 
 
 class RuledComposite(_Ruled, Composite):
-    """A composite whose rules weigh the primitives; one of your own gives their ``inputs``.
+    """A composite whose rules weigh the primitives; a subclass gives their ``inputs``.
 
     The rule base is the YAML file beside the class' own file. Each output is named after a
     primitive, ranges over [0, 1], and its degree (``Verdict.degree``) is that primitive's weight.
     """
 
     def reset(self) -> None:
-        """Nothing weighed yet; one that overrides it calls this as well."""
+        """Back to the state before the first ``weigh``; overrides must call it."""
         self._fired: Explain | None = None
 
     @abstractmethod
     def inputs(self, context: Context) -> Mapping[str, float]:
-        """A value for each input of the rules; asked once per camera frame.
+        """A value for each input of the rules; called once per camera frame.
 
-        A value beyond an input's range, an infinite one too, counts as the range's end.
+        A value beyond an input's range, an infinite one too, is clipped to the range.
         """
 
     def weigh(self, context: Context) -> Mapping[str, float]:

@@ -14,8 +14,8 @@ from navfw.signals import Array
 
 __all__ = ["BehaviorRules", "Verdict"]
 
-_KEPT = 64
-"""So many sets of terms are remembered."""
+_CACHE_SIZE = 64
+"""Number of sets of terms kept for the next call."""
 
 
 @numba.njit(cache=True)
@@ -29,7 +29,7 @@ def _cut_and_joined(terms: Array, cuts: Array) -> Array:
 
 
 class Verdict:
-    """What a rule base says to one set of inputs, or (``evaluate_all``) to many at once."""
+    """The result of a rule base for one set of inputs, or (``evaluate_all``) for many at once."""
 
     def __init__(self, rules: BehaviorRules, result: Inference, shape: tuple[int, ...]) -> None:
         self._rules = rules
@@ -41,9 +41,9 @@ class Verdict:
         return float(self._result.crisp(output)[0])
 
     def degree(self, output: str) -> float:
-        """``output`` as the mean of its terms' peaks, weighted by how much each is concluded.
+        """``output`` as the mean of its terms' peaks, weighted by their activations.
 
-        Unlike the centroid this reaches the ends of the range: what the rules call none is 0.
+        Unlike the centroid it reaches the ends of the range: the term ``none`` alone gives 0.
         """
         peaks = self._rules.peaks(output)
         degrees = self._result.activations(output)
@@ -63,14 +63,14 @@ class Verdict:
     def command(self, commands: CommandGrid) -> Array:
         """Desirability (n_v, n_w): the sets of the outputs ``speed`` and ``turn``, multiplied.
 
-        Scaled so that what is wanted most is wanted fully: how much it counts beside others is
-        said by the applicability. Between two terms both sets are cut low, and without the scaling
-        a behaviour would lose its say there to others that are indifferent.
+        Scaled to a maximum of 1, as the weight beside other behaviours is the applicability's.
+        Between two terms both sets are cut low; without the scaling a behaviour would there be
+        outweighed by behaviours without a preference.
         """
         speed = self.over("speed", commands.relative_v)
         turn = self.over("turn", commands.relative_w)
-        wanted = commands.product(speed, turn)
-        return wanted / max(float(wanted.max()), 1e-3)
+        desired = commands.product(speed, turn)
+        return desired / max(float(desired.max()), 1e-3)
 
     def explain(self, row: int = 0, column: int = 0) -> list[dict[str, Any]]:
         """The rules that fired, strongest first; for one of the inputs of ``evaluate_all``."""
@@ -98,7 +98,7 @@ class BehaviorRules:
 
     @classmethod
     def parse(cls, text: str, source: str | None = None) -> BehaviorRules:
-        """The rule base written as YAML in ``text``; ``source`` is what errors call it."""
+        """The rule base written as YAML in ``text``; ``source`` is its name in errors."""
         return cls(parse_rule_base(text, source))
 
     @property
@@ -116,7 +116,7 @@ class BehaviorRules:
         return Verdict(self, self.fis.evaluate({k: v.ravel() for k, v in inputs.items()}), shape)
 
     def peaks(self, output: str) -> tuple[float, ...]:
-        """Where each term of ``output`` is fullest, within the range."""
+        """Position of the peak of each term of ``output``, within the range."""
         if output not in self._peaks:
             universe = self.base.outputs[output].universe
             self._peaks[output] = tuple(
@@ -129,7 +129,7 @@ class BehaviorRules:
         """Each term of ``output`` at ``values`` (n,): (terms, n), kept for the next call."""
         key = (output, values.tobytes())
         if key not in self._terms:
-            if len(self._terms) >= _KEPT:  # somebody asks for other values each time
+            if len(self._terms) >= _CACHE_SIZE:  # the values differ at every call
                 self._terms.clear()
             terms = self.base.outputs[output].terms.values()
             self._terms[key] = np.array([term(values) for term in terms], dtype=np.float64)

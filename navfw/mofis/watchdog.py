@@ -1,8 +1,8 @@
-"""Ends questions that are not answered: a behaviour that hangs must not stop the robot's decisions.
+"""The watchdog: a time limit for every call of a behaviour.
 
-The clock on the wall cannot decide what the robot does from tick to tick, or runs would not repeat.
-So the patience here is far beyond what any sound behaviour takes, a behaviour that exhausts it has
-failed like one that raises, and it rests in simulated time before it is asked again.
+Wall time must not decide what the robot does from tick to tick, or runs would not repeat. So the
+limit is far above the run time of any correct behaviour. A behaviour that exceeds it has failed,
+and is suspended for some simulated time before it is called again.
 """
 
 from __future__ import annotations
@@ -15,44 +15,45 @@ from contextlib import contextmanager
 
 __all__ = ["BehaviorTimeout", "Watchdog", "time_limit"]
 
-FIRST_PATIENCE = 60.0
-"""Wall time [s] for the first answer of a run, which may have to compile kernels."""
+FIRST_LIMIT = 60.0
+"""Wall time limit of the first call in a run [s]: it may have to compile kernels."""
 
-PATIENCE = 10.0
-"""Wall time [s] for every other answer: some ten thousand times what one usually takes."""
+LIMIT = 10.0
+"""Wall time limit of every other call [s]: some ten thousand times the usual run time."""
 
-REST, LONGEST_REST = 0.5, 16.0
-"""Simulated time [s] without questions after the first failure to answer, doubled each time."""
+SUSPENSION, LONGEST_SUSPENSION = 0.5, 16.0
+"""Simulated time [s] of the suspension after the first time-out, doubled each time, and its
+bound."""
 
 
 class BehaviorTimeout(BaseException):
-    """A behaviour gave no answer in time.
+    """A behaviour exceeded its time limit.
 
-    Not an Exception, so that a behaviour that swallows whatever it raises cannot swallow this.
+    Not an Exception, so that a behaviour that catches all exceptions does not catch this one.
     """
 
 
 class Watchdog:
-    """Watches the answers of behaviours by name, and lets those rest that gave none."""
+    """Limits the time of calls by the behaviour's name, and suspends behaviours that exceed it."""
 
-    def __init__(self, patience: float = PATIENCE, first: float = FIRST_PATIENCE) -> None:
-        self._patience = patience
-        self._first = first
+    def __init__(self, limit: float = LIMIT, first_limit: float = FIRST_LIMIT) -> None:
+        self._limit = limit
+        self._first_limit = first_limit
         self._arm: Callable[[float], object] = _unarmed
         self.reset()
 
     def reset(self) -> None:
-        """A new run: everybody is asked."""
-        self._answered: set[str] = set()
-        self._rests: dict[str, tuple[float, float]] = {}
+        """Back to the start of a run: nothing is suspended."""
+        self._called: set[str] = set()
+        self._suspended: dict[str, tuple[float, float]] = {}
 
     def admits(self, name: str, time: float) -> bool:
-        """Whether ``name`` is to be asked at simulated ``time`` [s]."""
-        return name not in self._rests or time >= self._rests[name][0]
+        """Whether ``name`` may be called at simulated ``time`` [s]."""
+        return name not in self._suspended or time >= self._suspended[name][0]
 
     @contextmanager
     def on_duty(self) -> Iterator[None]:
-        """What is asked within this is given its limit in time; outside nobody is hurried."""
+        """Within this context ``watching`` limits the time of calls."""
         with _alarm() as arm:
             self._arm = arm
             try:
@@ -62,27 +63,34 @@ class Watchdog:
 
     @contextmanager
     def watching(self, name: str, time: float) -> Iterator[None]:
-        """Ask within this; raises BehaviorTimeout when there is no answer in time."""
+        """Limit the time of a call within this context.
+
+        Raises:
+            BehaviorTimeout: the call exceeded the limit; ``name`` is then suspended.
+
+        """
         try:
-            self._arm(self._patience if name in self._answered else self._first)
+            self._arm(self._limit if name in self._called else self._first_limit)
             try:
                 yield
             finally:
                 self._arm(0.0)
         except BehaviorTimeout:
-            rest = min(2.0 * self._rests[name][1], LONGEST_REST) if name in self._rests else REST
-            self._rests[name] = (time + rest, rest)
+            duration = SUSPENSION
+            if name in self._suspended:
+                duration = min(2.0 * self._suspended[name][1], LONGEST_SUSPENSION)
+            self._suspended[name] = (time + duration, duration)
             raise
-        self._answered.add(name)
+        self._called.add(name)
 
 
 @contextmanager
 def time_limit(seconds: float) -> Iterator[None]:
     """Raise BehaviorTimeout in what is done within this, once it takes longer [s, wall].
 
-    Only in the main thread of a system with interval timers (not Windows), and only between two
-    steps of Python: one call that never returns from C cannot be ended. A timer that somebody else
-    has set goes on afterwards.
+    Works only in the main thread of a system with interval timers (not Windows), and only between
+    two steps of the interpreter: a call of compiled code that does not return cannot be ended. A
+    timer that was set before goes on afterwards.
     """
     with _alarm() as arm:
         arm(seconds)
@@ -91,24 +99,24 @@ def time_limit(seconds: float) -> Iterator[None]:
 
 @contextmanager
 def _alarm() -> Iterator[Callable[[float], object]]:
-    """What is given raises BehaviorTimeout so many seconds after its last call; 0 means never.
+    """A function that arms the alarm: BehaviorTimeout after that many seconds; 0 disarms it.
 
-    One alarm serves many questions: to put up the handler costs more than most answers.
+    One handler serves many calls: installing it costs more than most calls take.
     """
     if not hasattr(signal, "setitimer") or (
         threading.current_thread() is not threading.main_thread()
     ):
         yield _unarmed
         return
-    patience = 0.0
+    limit = 0.0
 
     def ring(number: int, frame: object) -> None:
         del number, frame
-        raise BehaviorTimeout(f"no answer within {patience:g} s")
+        raise BehaviorTimeout(f"no result within {limit:g} s")
 
     def arm(seconds: float) -> None:
-        nonlocal patience
-        patience = seconds
+        nonlocal limit
+        limit = seconds
         signal.setitimer(signal.ITIMER_REAL, seconds)
 
     left, interval = signal.setitimer(signal.ITIMER_REAL, 0.0)
@@ -125,5 +133,5 @@ def _alarm() -> Iterator[Callable[[float], object]]:
 
 
 def _unarmed(seconds: float) -> None:
-    """No alarm is there to be set."""
+    """There is no alarm to arm."""
     del seconds

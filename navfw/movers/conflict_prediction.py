@@ -140,7 +140,7 @@ def _predict(
 def _follow(
     moving: Array, start: Array, way: Array, heading: Array, radius: float, uncertainty: float
 ) -> tuple[float, float]:
-    """Distance [m] and time [s] at closest approach on one way; the time of contact if there is one."""
+    """Distance [m] and time [s] at closest approach on one way; at contact, its time."""
     x, y = start
     least, when = math.inf, 0.0
     for k in range(way.size):

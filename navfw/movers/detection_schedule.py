@@ -15,7 +15,8 @@ DetectionMode = Literal["full", "coarse", "idle"]
 finds something; ``idle``: leave it out."""
 
 QUIET_TIME = 2.0
-"""Time without a detection [s] after which frames are searched coarsely, and every other one not."""
+"""Time without a detection [s] after which frames are searched coarsely, and every other one
+not."""
 NEAR = 0.9
 """Distance [m] below which moving objects are searched for over a shorter time between frames."""
 

@@ -2,8 +2,8 @@
 
 Connected cells that the motion segmentation (``navfw.movers.motion_segmentation``) marks are one
 object. Its depth cannot be triangulated, but its foot point is on the floor: a ray that falls by
-``g`` per metre of depth (``CameraModel.fall_per_depth``) meets the floor at depth ``h / g``. With the
-distance known, the vectors give the velocity.
+``g`` per metre of depth (``CameraModel.fall_per_depth``) meets the floor at depth ``h / g``. With
+the distance known, the vectors give the velocity.
 """
 
 from __future__ import annotations
@@ -22,13 +22,14 @@ __all__ = ["locate_moving_objects"]
 MIN_CELLS = 6
 """Least number of connected cells of one object; fewer are mismatches."""
 MIN_FALL = 0.10
-"""Least fall per metre of depth of the ray to a foot point; flatter rays give no usable distance."""
+"""Least fall per metre of depth of the ray to a foot point; flatter rays give no usable
+distance."""
 BORDER = 9.0
 """Distance of cells from the lower image border [px] below which the foot point may be out of view:
 flow is not computed there."""
 BELOW_IMAGE = 0.8
-"""Factor on the distance of an object whose foot point is below the image: it stands nearer than the
-nearest floor in view."""
+"""Factor on the distance of an object whose foot point is below the image: it stands nearer than
+the nearest floor in view."""
 SPEEDS = 0.08, 1.5
 """Least and largest speed of a moving object [m/s]: slower ones are left to the occupancy grid,
 faster ones are mismatches."""

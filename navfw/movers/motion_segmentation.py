@@ -26,7 +26,8 @@ from navfw.signals import Array, FlowField, Mask
 __all__ = ["direction_sigma", "segment_motion"]
 
 GATE, GATE_SIGMA = 3.0, 0.05
-"""Residual of a single vector from which it is moving [sigma], and the sigma [px] added to its own."""
+"""Residual of a single vector from which it is moving [sigma], and the sigma [px] added to its
+own."""
 SLIP = 0.05
 """Relative error of the way driven by the wheels, and so of the floor's flow."""
 MIN_BASELINE = 0.002

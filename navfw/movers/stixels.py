@@ -1,11 +1,11 @@
 """Stixels from dense flow: the nearest upright obstacle in each image column (thin poles, too).
 
-In flow aligned with the floor (``navfw.flow.floor_aligned``) a column that shows an upright obstacle
-has one parameter: below the foot point the flow is the floor's, above it is that of one distance
-(stixels: Badino, Franke and Pfeiffer 2009, there from stereo). So whole columns are fitted, over a
-set of candidate distances. This finds poles a few cells wide, which a 24 px window mixes with their
-background, also straight ahead, where single vectors are short: the pole still moves faster than
-the floor that it hides.
+In flow aligned with the floor (``navfw.flow.floor_aligned``) a column that shows an upright
+obstacle has one parameter: below the foot point the flow is the floor's, above it is that of one
+distance (stixels: Badino, Franke and Pfeiffer 2009, there from stereo). So whole columns are
+fitted, over a set of candidate distances. This finds poles a few cells wide, which a 24 px window
+mixes with their background, also straight ahead, where single vectors are short: the pole still
+moves faster than the floor that it hides.
 """
 
 from __future__ import annotations

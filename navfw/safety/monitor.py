@@ -148,7 +148,7 @@ class SafetyMonitor:
 
     @property
     def failure(self) -> str | None:
-        """Why the robot cannot go on: a sensor that has failed for too long; None while none has."""
+        """The sensor that has failed for too long for the run to go on; None without one."""
         senses, patience = self.senses, self.params.give_up
         if senses.camera_age > patience:
             trouble = senses.trouble or "the camera is silent"

@@ -23,8 +23,8 @@ class Senses:
     """The age [s] of the last valid reading of each sensor.
 
     A frame is invalid if it is missing, dark, over-exposed, without contrast, or equal to the one
-    before although the robot has moved. A gyro or encoder reading with an old time stamp is invalid.
-    A frame's age counts from its own time stamp, however late it arrives.
+    before although the robot has moved. A gyro or encoder reading with an old time stamp is
+    invalid. A frame's age counts from its own time stamp, however late it arrives.
 
     ``seeing`` tells whether the newest frame may be used for flow: the slightest motion must change
     an image, although only a clear one counts as ``trouble``.

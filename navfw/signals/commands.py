@@ -1,4 +1,4 @@
-"""What behaviours propose and what is decided."""
+"""Proposals of behaviours, and the fused command."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from navfw.signals.geometry import Array, Twist
 __all__ = ["Command", "Explain", "Proposal"]
 
 Explain = Callable[[int, int], Sequence[Mapping[str, Any]]]
-"""Gives the rules that fired for the command at (row, column) of the grid, strongest first."""
+"""Returns the rules that fired for the command at (row, column) of the grid, strongest first."""
 
 
 def _no_rules(row: int, column: int) -> Sequence[Mapping[str, Any]]:
@@ -20,10 +20,10 @@ def _no_rules(row: int, column: int) -> Sequence[Mapping[str, Any]]:
 
 @dataclass(frozen=True, slots=True)
 class Proposal:
-    """What one behaviour asks for, over the command grid (METHOD 3.6).
+    """The rating of all commands of the grid by one behaviour (METHOD 3.6).
 
     ``applicability`` in [0, 1]; ``desirability`` and ``prohibition`` are (n_v, n_w) in [0, 1];
-    ``reason`` is one line for a person. ``explain`` tells, when somebody asks, which rules fired.
+    ``reason`` is one line for a person. ``explain`` gives the rules that fired, on request.
     """
 
     applicability: float
@@ -33,7 +33,7 @@ class Proposal:
     explain: Explain = _no_rules
 
     def weighted(self, weight: float) -> Proposal:
-        """The same, applicable to that share."""
+        """The same proposal with its applicability scaled by ``weight``."""
         if weight == 1.0:
             return self
         degree = weight * self.applicability
@@ -42,9 +42,9 @@ class Proposal:
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """The fused command: ``twist``, the behaviour that led it, and why.
+    """The fused command: ``twist``, the leading behaviour, and its reason.
 
-    ``emergency`` asks LOCOM to brake as hard as it can. ``weights`` gives each behaviour's share.
+    ``emergency`` makes LOCOM brake fully. ``weights`` gives each behaviour's share.
     """
 
     time: float

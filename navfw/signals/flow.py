@@ -1,4 +1,4 @@
-"""Egomotion and flow: how the camera moved, and how the image did."""
+"""Egomotion and optical flow."""
 
 from __future__ import annotations
 
@@ -65,8 +65,8 @@ class FramePair:
 class YawCorrection:
     """Yaw that the flow found beside the measured ``motion`` of one pair of frames.
 
-    ``yaw`` and ``sigma`` [rad]: the robot turned by ``yaw`` more, counter-clockwise, than ``motion``
-    has it. The stack applies it to the odometer.
+    ``yaw`` and ``sigma`` [rad]: the robot turned by ``yaw`` more, counter-clockwise, than
+    ``motion`` has it. The stack applies it to the odometer.
     """
 
     yaw: float

@@ -1,4 +1,4 @@
-"""Poses and velocities in the plane, and what arrays are called."""
+"""Poses and velocities in the plane, and array types."""
 
 from __future__ import annotations
 

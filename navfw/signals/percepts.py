@@ -1,4 +1,4 @@
-"""What OFFIS says of the world: nearness, labels, situations, and who moves by itself."""
+"""Results of vision: percepts of OFFIS, moving objects, stixels."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ __all__ = ["Label", "MovingObject", "Percept", "Stixels"]
 
 
 class Label(IntEnum):
-    """What a grid cell shows, as far as its height above the floor tells (METHOD 2.8)."""
+    """What a flow cell shows, by its height above the floor (METHOD 2.8)."""
 
     UNKNOWN = 0
-    """Too uncertain to say: never to be taken for free space."""
+    """Too uncertain; never to be taken for free space."""
     FLOOR = 1
     """The floor the robot drives on."""
     OBSTACLE = 2
@@ -33,14 +33,13 @@ class Label(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class MovingObject:
-    """Something that moves by itself, seen at ``time`` [s]: its flow contradicts a world at rest.
+    """A detection of an object that moves by itself, at ``time`` [s].
 
-    ``bearing`` (from ahead) and half its angular ``width`` [rad, left positive], as the camera sees
-    it;
-    ``distance`` [m] along the floor to where it stands, by its lowest seen part. What its vectors
-    say of its velocity over the floor, along base_link's axes (ahead, left), is in information
-    form: ``information`` (2, 2) [s^2/m^2] is the inverse of a covariance, singular where they say
-    nothing, ``evidence`` (2,) [s/m] its product with the velocity.
+    ``bearing`` [rad from ahead, left positive] and half the angular ``width`` [rad] are seen from
+    the camera; ``distance`` [m] is that of the foot point on the floor. The velocity over the
+    floor, along base_link's axes (ahead, left), is in information form: ``information`` (2, 2)
+    [s^2/m^2] is the inverse covariance, singular where it is not observable, ``evidence`` (2,)
+    [s/m] its product with the velocity.
     """
 
     time: float
@@ -51,7 +50,7 @@ class MovingObject:
     evidence: Array
 
     def velocity(self, usual: float = 0.4) -> tuple[float, float]:
-        """(ahead, left) [m/s], given that things move as fast as ``usual`` [m/s, one sigma]."""
+        """(ahead, left) [m/s] under a prior of zero mean and sigma ``usual`` [m/s] per axis."""
         prior = np.eye(2) / usual**2
         ahead, left = np.linalg.solve(self.information + prior, self.evidence).tolist()
         return ahead, left
@@ -59,12 +58,12 @@ class MovingObject:
 
 @dataclass(frozen=True, slots=True)
 class Percept:
-    """What OFFIS makes of one flow field (paper sec 4 and 5).
+    """OFFIS' interpretation of one flow field (paper sec 4 and 5).
 
     Metric part, arrays (rows, cols) on the flow's grid: ``nearness`` [1/m], ``sigma`` [1/m],
     ``confidence`` in [0, 1] and ``height`` [m above floor] of the seen point; ``points`` as in
-    FlowField. ``label`` (rows, cols) int8: the values of ``Label``. A robot that does not translate
-    sees nothing (``sees_depth`` is false).
+    FlowField. ``label`` (rows, cols) int8: the values of ``Label``. Without
+    translation no depth is observable (``sees_depth`` is false).
 
     Fuzzy part: ``obstacles`` names per layer the region(s) of the nearest object with their
     distance term; ``quadrants`` holds for each of P1..P4 the degrees of near / middle / far;
@@ -95,20 +94,17 @@ class Percept:
         return bool(self.confidence.any())
 
     def explain(self) -> dict[str, Any]:
-        """Why it says so, as plain data: rules that fired, how strongly, from which numbers.
-
-        Made on request: a percept that nobody asks costs nothing.
-        """
+        """The explanation as plain data, made on request: rules that fired, strengths, inputs."""
         return {"sentence": self.sentence, **self.explanation}
 
 
 @dataclass(frozen=True, slots=True)
 class Stixels:
-    """What stands upright on the floor, seen at ``time`` [s] in columns of small cells.
+    """The nearest upright obstacle in each image column (stixel), at ``time`` [s].
 
-    Arrays (n,), by column: ``slope`` [m/m] is how far left its ray leads per metre ahead,
+    Arrays (n,), by column: ``slope`` [m/m] is the advance of the ray to the left per metre ahead,
     ``nearness`` [1/m] the inverse of the distance ahead of the camera, ``sigma`` [1/m] one standard
-    deviation, ``confidence`` in [0, 1] is 0 where nothing is known to stand.
+    deviation, ``confidence`` in [0, 1] is 0 where no obstacle is known.
     """
 
     time: float
@@ -118,7 +114,7 @@ class Stixels:
     confidence: Array
 
     def explain(self) -> list[dict[str, float]]:
-        """The columns that say anything, from left to right, as plain data."""
+        """The stixels with any confidence, from left to right, as plain data."""
         return [
             {
                 "bearing_deg": math.degrees(math.atan(slope)),

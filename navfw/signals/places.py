@@ -1,4 +1,4 @@
-"""Between map, localiser and planner: where the robot is, where it goes, what is passable."""
+"""Between map, localiser and planner: belief, waypoints, landmark detections, passage status."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ class LandmarkDetection:
 
 @dataclass(frozen=True, slots=True)
 class Belief:
-    """Where the robot thinks it is: ``pose`` in ``map`` with ``covariance`` (3, 3) of (x, y, yaw).
+    """The localiser's estimate: ``pose`` in ``map`` with ``covariance`` (3, 3) of (x, y, yaw).
 
     ``places`` gives the probability of each place of the topological map (may be empty).
-    ``confidence`` in [0, 1] is the probability that the robot truly is within a metre of ``pose``.
-    Where it is ``lost``, the localiser itself does not trust ``pose``: nothing should be planned
-    from it. ``updates`` counts the landmark detections that have gone into it so far.
+    ``confidence`` in [0, 1] is the probability that the true position is within 1 m of ``pose``.
+    While ``lost``, ``pose`` is not valid and must not be used for planning. ``updates`` counts the
+    landmark detections used so far.
     """
 
     time: float
@@ -77,13 +77,13 @@ class Waypoint:
 
     @property
     def label(self) -> str:
-        """What messages call it: the place's name, or the coordinates."""
+        """Its name in messages: the place's, or the coordinates."""
         return self.place or f"({self.x:g}, {self.y:g})"
 
 
 @dataclass(frozen=True, slots=True)
 class PassageQuery:
-    """A leg of the way ahead of which the planner wants to know whether it is open.
+    """A leg of the route whose traversability the planner queries.
 
     ``passage`` are the names of the two places that it joins; the leg goes straight from ``start``
     to ``end`` (x, y) [m] in ``map`` through a passage ``width`` [m] wide.
@@ -100,11 +100,11 @@ PassageStatus = Literal["open", "closed", "unknown"]
 
 @dataclass(frozen=True, slots=True)
 class PassageReport:
-    """What the short-term memory says of the way ahead, up to a few metres (METHOD 4.3).
+    """Traversability of the route ahead by the local map, up to a few metres (METHOD 4.3).
 
-    ``passages`` are the queries that could be judged, in their order: "open" when a free way
-    through the leg has been seen, "closed" when what has been seen leaves none, "unknown"
-    otherwise. ``drops`` are points (x, y) [m] in ``map`` where the floor is missing.
+    ``passages`` are the queries that could be judged, in their order: "open" if a path through the
+    leg was observed free, "closed" if observed obstacles leave none, "unknown" otherwise. ``drops``
+    are points (x, y) [m] in ``map`` where the floor is missing.
     """
 
     time: float

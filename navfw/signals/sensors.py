@@ -1,4 +1,4 @@
-"""What the sensors give: all that a stack may see."""
+"""Sensor readings: the only input of a stack beside the map file."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ __all__ = ["Encoders", "Frame", "Inertial", "SensorReading"]
 class Frame:
     """One camera image: ``image`` (height, width) uint8 luminance, taken at ``time`` [s].
 
-    ``sides`` are what a wider lens shows left and right of it at that moment, when the robot has
-    such a lens (``navfw.robot.SideViews``), else nothing.
+    ``sides`` are the left and right side views of the same time, if the robot has a wider lens
+    (``navfw.robot.SideViews``).
     """
 
     time: float
@@ -43,7 +43,7 @@ class Encoders:
 
 @dataclass(frozen=True, slots=True)
 class SensorReading:
-    """All that the stack may see at one control tick; ``frame`` only when the camera delivered.
+    """All sensor readings of one control tick; ``frame`` only when the camera delivered one.
 
     ``landmark_frame`` is a larger image at a lower rate for landmark recognition, when configured.
     """

@@ -98,7 +98,8 @@ def drive(
 class FakeRecognizer:
     """Sees landmarks within range, in front of the camera and not from behind, with noise.
 
-    ``misses`` is the share of detections that fail, ``confused`` the share read as another landmark.
+    ``misses`` is the share of detections that fail, ``confused`` the share read as another
+    landmark.
     """
 
     def __init__(

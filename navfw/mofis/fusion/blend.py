@@ -1,4 +1,4 @@
-"""Superposition (motor schemas, Arkin): the mean of what each behaviour would command alone."""
+"""Superposition (motor schemas, Arkin): the mean of the commands of all behaviours."""
 
 from __future__ import annotations
 
@@ -17,8 +17,7 @@ __all__ = ["BlendFusion"]
 class BlendFusion(Fusion):
     """Averages the behaviours' own crisp commands, weighted by applicability.
 
-    A baseline: two ways around an obstacle do average into it here, which is what fuzzy fusion
-    avoids.
+    A baseline: two ways around an obstacle are averaged into it, which fuzzy fusion avoids.
     """
 
     name: ClassVar[str] = "blend"

@@ -1,4 +1,4 @@
-"""What all fusions share: joint prohibition, shares, who led, and the command they end in."""
+"""Shared by all fusions: joint prohibition, shares, the leader, and the resulting command."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def shares_of(proposals: Proposals) -> dict[str, float]:
 
 
 def leader_at(proposals: Proposals, row: int, column: int) -> str:
-    """The behaviour that wanted the command at (row, column) most."""
+    """The behaviour with the largest weighted desire for the command at (row, column)."""
     return max(
         proposals,
         key=lambda name: proposals[name].applicability * proposals[name].desirability[row, column],
@@ -60,8 +60,8 @@ def command_at(
 ) -> Command:
     """The command at a (row, column) of the grid, which may be fractional.
 
-    ``forbidden`` (n_v, n_w) marks commands that are out: with every way forward among them it is an
-    emergency, and LOCOM must not coast.
+    ``forbidden`` (n_v, n_w) marks excluded commands. If all forward commands are excluded it is an
+    emergency, and LOCOM brakes fully.
     """
     row, column = position
     grid = context.commands
@@ -71,23 +71,23 @@ def command_at(
         twist=Twist(at_fraction(grid.v, row), at_fraction(grid.w, column)),
         leader=leader,
         reason=proposals[leader].reason,
-        emergency=_nowhere_forward(context, forbidden),
+        emergency=_forward_excluded(context, forbidden),
         weights=shares_of(proposals),
         explanation=explanation or {},
     )
 
 
 def no_command(context: Context, proposals: Proposals, forbidden: Mask) -> Command:
-    """Stand still: nothing is both desired and allowed."""
+    """Stand still: no command is both desired and allowed."""
     return Command(
         time=context.time,
         twist=Twist(0.0, 0.0),
         leader="none",
         reason="no command is both desired and allowed",
-        emergency=_nowhere_forward(context, forbidden),
+        emergency=_forward_excluded(context, forbidden),
         weights=shares_of(proposals),
     )
 
 
-def _nowhere_forward(context: Context, forbidden: Mask) -> bool:
+def _forward_excluded(context: Context, forbidden: Mask) -> bool:
     return bool(forbidden[context.commands.forward_rows].all())

@@ -19,7 +19,7 @@ __all__ = ["DamnFusion"]
 class DamnFusion(Fusion):
     """Adds up all votes for and against, weighted by applicability, smooths them, takes the best.
 
-    Prohibitions are votes like any other here: enough desire outvotes them (METHOD 3.5).
+    Prohibitions are votes like any other: enough desire outvotes them (METHOD 3.5).
     """
 
     name: ClassVar[str] = "damn"
@@ -29,7 +29,7 @@ class DamnFusion(Fusion):
 
         against: Annotated[
             float,
-            Field(ge=0.0, le=10.0, description="how much a prohibition counts against a desire"),
+            Field(ge=0.0, le=10.0, description="weight of a prohibition against a desire"),
         ] = 1.0
         smoothing: Annotated[
             float, Field(ge=0.0, le=5.0, description="standard deviation [cells of the grid]")
@@ -38,7 +38,7 @@ class DamnFusion(Fusion):
     params: Params
 
     def fuse(self, context: Context, proposals: Proposals) -> Command:
-        """The command with most votes."""
+        """The command with the most votes."""
         votes = context.commands.zeros()
         for name, share in shares_of(proposals).items():
             proposal = proposals[name]

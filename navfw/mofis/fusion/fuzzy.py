@@ -1,4 +1,4 @@
-"""Fuzzy command fusion: desires are blended, prohibitions are never averaged away (METHOD 3.6)."""
+"""Fuzzy command fusion: desires are blended, prohibitions are not averaged (METHOD 3.6)."""
 
 from __future__ import annotations
 
@@ -23,37 +23,41 @@ __all__ = ["FuzzyFusion"]
 
 
 class FuzzyFusion(Fusion):
-    """Blends desires by applicability, subtracts prohibitions, takes the centre of the best region.
+    """Blends desires by applicability, removes prohibitions, takes the centroid of one region.
 
-    The desirability of each (v, w) is the applicability-weighted mean of the behaviours' (``blend:
-    sum``) or their context-dependent maximum (``blend: max``, Saffiotti); what any behaviour
-    forbids is taken away from it whole. Of the connected regions left, the largest decides, so that
-    two ways around an obstacle are never averaged into it (Yen and Pfluger's centroid of largest
-    area).
+    The desirability of each (v, w) is the applicability-weighted mean over the behaviours (``blend:
+    sum``) or their context-dependent maximum (``blend: max``, Saffiotti). Any behaviour's
+    prohibition counts in full. Of the connected regions left, the one with the largest mass
+    decides, so that two ways around an obstacle are not averaged into it (centroid of largest area,
+    Yen and Pfluger).
     """
 
     name: ClassVar[str] = "fuzzy"
 
     class Params(Fusion.Params):
-        """How desires meet prohibitions."""
+        """How desires and prohibitions are combined."""
 
         blend: Annotated[
             Literal["sum", "max"], Field(description="sum: weighted mean; max: fuzzy union")
         ] = "sum"
         cut: Annotated[
-            float, Field(gt=0.0, le=1.0, description="prohibition from which a command is out")
+            float, Field(gt=0.0, le=1.0, description="prohibition from which a command is excluded")
         ] = 0.5
         level: Annotated[
-            float, Field(gt=0.0, lt=1.0, description="share of the best that joins its region")
+            float,
+            Field(
+                gt=0.0, lt=1.0, description="share of the maximum from which commands form regions"
+            ),
         ] = 0.8
         loyalty: Annotated[
-            float, Field(ge=0.0, le=2.0, description="bonus of the region chosen last time")
+            float,
+            Field(ge=0.0, le=2.0, description="bonus of the region with the previous command"),
         ] = 0.3
 
     params: Params
 
     def fuse(self, context: Context, proposals: Proposals) -> Command:
-        """The centre of the most desired region that nobody forbids."""
+        """The centroid of the allowed region with the largest desire."""
         prohibition = prohibition_of(context, proposals)
         forbidden = prohibition > self.params.cut
         desire = self._desire(context, proposals)
@@ -71,8 +75,8 @@ class FuzzyFusion(Fusion):
         desire = context.commands.zeros()
         if self.params.blend == "max":
             for proposal in proposals.values():
-                wish = np.minimum(proposal.applicability, proposal.desirability)
-                np.maximum(desire, wish, out=desire)
+                desired = np.minimum(proposal.applicability, proposal.desirability)
+                np.maximum(desire, desired, out=desire)
             return desire
         for name, share in shares_of(proposals).items():
             if share > 0.0:
@@ -96,7 +100,7 @@ class FuzzyFusion(Fusion):
         row = np.arange(support.shape[0]) @ inside.sum(axis=1) / weight
         column = np.arange(support.shape[1]) @ inside.sum(axis=0) / weight
         if forbidden[round(row), round(column)]:
-            # the centre of a region with a hole or a bend may lie outside it
+            # the centroid of a concave region may lie outside it
             top = np.unravel_index(int(inside.argmax()), support.shape)
             return float(top[0]), float(top[1])
         return float(row), float(column)

@@ -17,11 +17,10 @@ __all__ = ["ParetoFusion"]
 
 
 class ParetoFusion(Fusion):
-    """Takes each behaviour's membership function as an objective of its own.
+    """Takes each behaviour's membership function as an objective.
 
-    Commands that another one beats in every objective are dropped; of those left, the one nearest
-    to the ideal (all objectives at their best at once) is taken, distances weighted by
-    applicability.
+    Dominated commands are dropped. Of those left, the one nearest to the ideal (all objectives at
+    their maximum) is taken; distances are weighted by applicability.
     """
 
     name: ClassVar[str] = "pareto"
@@ -33,13 +32,13 @@ class ParetoFusion(Fusion):
             float, Field(ge=1.0, le=10.0, description="exponent of the distance to the ideal")
         ] = 2.0
         cut: Annotated[
-            float, Field(gt=0.0, le=1.0, description="prohibition from which a command is out")
+            float, Field(gt=0.0, le=1.0, description="prohibition from which a command is excluded")
         ] = 0.5
 
     params: Params
 
     def fuse(self, context: Context, proposals: Proposals) -> Command:
-        """The best compromise on the Pareto front of the commands that nobody forbids."""
+        """The best compromise on the Pareto front of the allowed commands."""
         prohibition = prohibition_of(context, proposals)
         forbidden = prohibition > self.params.cut
         active = [p for p in proposals.values() if p.applicability > 1e-3]
@@ -47,8 +46,8 @@ class ParetoFusion(Fusion):
         if not active or allowed.size == 0:
             return no_command(context, proposals, forbidden)
         weights = np.array([p.applicability for p in active])
-        wishes = np.stack([(p.desirability * (1.0 - prohibition)).ravel() for p in active])
-        objectives = wishes[:, allowed]
+        desires = np.stack([(p.desirability * (1.0 - prohibition)).ravel() for p in active])
+        objectives = desires[:, allowed]
         if float(objectives.max()) <= 1e-6:
             return no_command(context, proposals, forbidden)
         front = pareto_front(objectives)

@@ -1,4 +1,4 @@
-"""Priority arbitration: the first applicable behaviour of a fixed order has it all."""
+"""Priority arbitration: the first applicable behaviour of a fixed order decides alone."""
 
 from __future__ import annotations
 
@@ -18,26 +18,26 @@ __all__ = ["PriorityFusion"]
 class PriorityFusion(Fusion):
     """Gives the command to one behaviour: the first of ``order`` that is applicable enough.
 
-    A baseline: the others are not heard, so their prohibitions do not count either. Behaviours that
-    ``order`` does not name come last, in the order of the stack file.
+    A baseline: the prohibitions of the other behaviours do not count. Behaviours not named in
+    ``order`` come last, in the order of the stack file.
     """
 
     name: ClassVar[str] = "priority"
 
     class Params(Fusion.Params):
-        """Who comes first."""
+        """The order of behaviours."""
 
         order: Annotated[
             tuple[str, ...], Field(description="behaviours, the most important first")
         ] = ("emergency", "escape", "give_way", "avoid", "follow_wall", "go_to_xy")
         threshold: Annotated[
-            float, Field(gt=0.0, lt=1.0, description="applicability that takes the command")
+            float, Field(gt=0.0, lt=1.0, description="applicability from which a behaviour decides")
         ] = 0.8
 
     params: Params
 
     def fuse(self, context: Context, proposals: Proposals) -> Command:
-        """The command that the winner desires most and does not forbid."""
+        """The command with the winner's largest desire that it does not prohibit."""
         rank = {name: index for index, name in enumerate(self.params.order)}
         ordered = sorted(proposals, key=lambda name: rank.get(name, len(rank)))
         applicable = [
