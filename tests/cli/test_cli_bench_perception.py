@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from navfw.bench import datasets, flow_accuracy, perception_accuracy, speed
+from navfw.bench import datasets, flow_accuracy, flow_pairs, perception_accuracy, speed
 from navfw.bench.perception import REACHES, Reach
 from navfw.cli import app
 
@@ -49,7 +49,7 @@ def measured(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
 
     def run_flow(places: int, seed: int, tick: object) -> dict[str, Any]:
         asked["flow"] = places, seed
-        worlds, motions = ("empty",), {"2 cm": flow_accuracy.MOTIONS["2 cm"]}
+        worlds, motions = ("empty",), {"2 cm": flow_pairs.MOTIONS["2 cm"]}
         monkeypatch.setattr(flow_accuracy, "MOTIONS", motions)
         errors = flow_accuracy.statistics(np.ones((4, 2)), np.full(4, 2.0), 8)
         part = {**errors, "ms": 1.0, "by_motion": {"2 cm": errors}, "calibration": []}

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+import navfw
 from navfw.config import lookup
 from navfw.errors import ConfigError, UnknownNameError
 
@@ -181,5 +182,5 @@ def test_the_real_shipped_folder_has_its_behaviors() -> None:
 
 def test_an_installed_package_ships_inside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "navfw" / "shipped").mkdir(parents=True)
-    monkeypatch.setattr(lookup.navfw, "__file__", str(tmp_path / "navfw" / "__init__.py"))
+    monkeypatch.setattr(navfw, "__file__", str(tmp_path / "navfw" / "__init__.py"))
     assert lookup.shipped_folder() == tmp_path / "navfw" / "shipped"

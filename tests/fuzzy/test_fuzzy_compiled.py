@@ -1,6 +1,8 @@
-"""Properties of the compiled evaluator, and its manners."""
+"""Properties of the compiled evaluator."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,7 +24,7 @@ def fis() -> CompiledFis:
 
 @bounded
 @given(data=st.data())
-def test_outputs_stay_in_range_and_degrees_are_maxima_of_rules(data):
+def test_outputs_stay_in_range_and_degrees_are_maxima_of_rules(data: st.DataObject) -> None:
     rule_base = data.draw(rule_bases())
     result = CompiledFis(rule_base).evaluate(data.draw(samples(rule_base)))
     assert result.firing.min() >= 0.0
@@ -40,7 +42,7 @@ def test_outputs_stay_in_range_and_degrees_are_maxima_of_rules(data):
 
 @bounded
 @given(data=st.data())
-def test_the_order_of_rules_does_not_matter(data):
+def test_the_order_of_rules_does_not_matter(data: st.DataObject) -> None:
     rule_base = data.draw(rule_bases())
     inputs = data.draw(samples(rule_base))
     order = data.draw(st.permutations(range(len(rule_base.rules))))
@@ -60,7 +62,7 @@ def test_the_order_of_rules_does_not_matter(data):
 
 @bounded
 @given(data=st.data())
-def test_a_sample_does_not_depend_on_its_neighbours(data):
+def test_a_sample_does_not_depend_on_its_neighbours(data: st.DataObject) -> None:
     rule_base = data.draw(rule_bases())
     rows = data.draw(st.lists(samples(rule_base), min_size=2, max_size=5))
     fis = CompiledFis(rule_base)
@@ -75,7 +77,7 @@ def test_a_sample_does_not_depend_on_its_neighbours(data):
 
 @bounded
 @given(data=st.data())
-def test_one_sample_of_numbers_is_as_one_of_arrays(data):
+def test_evaluate_one_equals_evaluate(data: st.DataObject) -> None:
     rule_base = data.draw(rule_bases())
     sample = data.draw(samples(rule_base))
     fis = CompiledFis(rule_base)
@@ -86,7 +88,7 @@ def test_one_sample_of_numbers_is_as_one_of_arrays(data):
         assert one.activations(name) == [float(degree[0]) for degree in terms.values()]
 
 
-def test_one_sample_needs_every_input_by_its_name(fis):
+def test_one_sample_needs_every_input_by_its_name(fis: CompiledFis) -> None:
     with pytest.raises(UnknownNameError, match="distance"):
         fis.evaluate_one({"distanse": 0.2, "side": 0.0})
     with pytest.raises(RuleBaseError, match="missing 'side'"):
@@ -95,7 +97,7 @@ def test_one_sample_needs_every_input_by_its_name(fis):
 
 @settings(max_examples=50, derandomize=True)
 @given(st.floats(0.0, 2.0), st.floats(0.0, 2.0), st.floats(-1.0, 1.0))
-def test_firing_is_monotone_in_an_input_whose_term_is(near, far, side):
+def test_firing_is_monotone_in_an_input_whose_term_is(near: float, far: float, side: float) -> None:
     near, far = min(near, far), max(near, far)
     fis = CompiledFis(rule_base_from_mapping(small()))
     firing = fis.evaluate({"distance": [near, far], "side": side}).firing
@@ -103,7 +105,7 @@ def test_firing_is_monotone_in_an_input_whose_term_is(near, far, side):
     assert firing[0, 2] <= firing[1, 2]
 
 
-def test_worked_example_by_hand(fis):
+def test_worked_example_by_hand(fis: CompiledFis) -> None:
     result = fis.evaluate({"distance": 0.75, "side": -0.5})
     np.testing.assert_allclose(result.firing, [[0.5, 0.5, 0.5]])
     degrees = {term: degree[0] for term, degree in result.degrees["turn"].items()}
@@ -114,7 +116,7 @@ def test_worked_example_by_hand(fis):
 
 
 @pytest.mark.parametrize(("hedge", "expected"), [("very", 0.25), ("somewhat", 0.5**0.5)])
-def test_hedges_and_weights(hedge, expected):
+def test_hedges_and_weights(hedge: str, expected: float) -> None:
     rules = [
         f"IF distance IS {hedge} near THEN turn IS right WITH 0.8 weight",
         "IF distance IS NOT near AND side IS left THEN turn IS left",
@@ -125,13 +127,13 @@ def test_hedges_and_weights(hedge, expected):
     np.testing.assert_allclose(firing, [0.8 * expected, 0.5], atol=1e-3)
 
 
-def test_inputs_are_clipped_to_their_ranges(fis):
+def test_inputs_are_clipped_to_their_ranges(fis: CompiledFis) -> None:
     outside = fis.evaluate({"distance": [-5.0, np.inf], "side": [-9.0, 9.0]})
     inside = fis.evaluate({"distance": [0.0, 2.0], "side": [-1.0, 1.0]})
     np.testing.assert_array_equal(outside.firing, inside.firing)
 
 
-def test_scalars_are_shared_by_all_samples_and_none_is_possible(fis):
+def test_scalars_apply_to_all_samples_and_there_may_be_none(fis: CompiledFis) -> None:
     result = fis.evaluate({"distance": 0.2, "side": np.array([-1.0, 0.0, 1.0])})
     assert result.outputs["turn"].shape == (3,)
     assert result.firing.shape == (3, 3)
@@ -139,11 +141,11 @@ def test_scalars_are_shared_by_all_samples_and_none_is_possible(fis):
     assert empty.outputs["turn"].shape == (0,)
 
 
-def test_many_samples_of_which_many_are_alike_are_each_as_alone(fis):
+def test_repeated_samples_give_the_same_as_single_ones(fis: CompiledFis) -> None:
     rng = np.random.default_rng(5)
     rows = np.array(
         [
-            rng.choice(rng.uniform(*variable.universe[[0, -1]], size=7), size=300)
+            rng.choice(rng.uniform(variable.low, variable.high, size=7), size=300)
             for variable in fis.rule_base.inputs.values()
         ]
     )
@@ -154,13 +156,13 @@ def test_many_samples_of_which_many_are_alike_are_each_as_alone(fis):
         np.testing.assert_array_equal(values, expected)
 
 
-def test_nan_makes_only_its_own_sample_unknown(fis):
+def test_nan_makes_only_its_own_sample_unknown(fis: CompiledFis) -> None:
     turn = fis.evaluate({"distance": [0.2, np.nan], "side": 0.5}).outputs["turn"]
     assert np.isfinite(turn[0])
     assert np.isnan(turn[1])
 
 
-def test_wrong_inputs_are_told(fis):
+def test_wrong_inputs_raise(fis: CompiledFis) -> None:
     with pytest.raises(UnknownNameError, match="did you mean 'side'"):
         fis.evaluate({"distance": 1.0, "sid": 0.0})
     with pytest.raises(RuleBaseError, match="missing 'side'"):
@@ -171,15 +173,16 @@ def test_wrong_inputs_are_told(fis):
         fis.evaluate_rows(np.zeros((3, 4)))
 
 
-def test_rows_are_the_inputs_in_order_whatever_their_memory(fis):
+def test_rows_are_the_inputs_in_order_whatever_their_memory_layout(fis: CompiledFis) -> None:
     rows = np.array([[0.2, 0.9], [0.5, -0.5]])
     named = fis.evaluate(dict(zip(fis.input_names, rows, strict=True)))
-    for given_rows in (rows, np.asfortranarray(rows), rows.astype(np.float32)):
-        turn = fis.evaluate_rows(given_rows).outputs["turn"]
+    others: list[Any] = [rows, np.asfortranarray(rows), rows.astype(np.float32)]
+    for same in others:
+        turn = fis.evaluate_rows(same).outputs["turn"]
         np.testing.assert_allclose(turn, named.outputs["turn"], atol=1e-6)
 
 
-def test_fuzzify_gives_the_terms_of_an_input(fis):
+def test_fuzzify_gives_the_terms_of_an_input(fis: CompiledFis) -> None:
     degrees = fis.fuzzify("distance", [0.25, 0.75, 9.0, np.nan])
     np.testing.assert_allclose(degrees["near"], [1.0, 0.5, 0.0, np.nan])
     np.testing.assert_allclose(degrees["far"], [0.0, 0.5, 1.0, np.nan])
@@ -187,7 +190,7 @@ def test_fuzzify_gives_the_terms_of_an_input(fis):
         fis.fuzzify("distanc", 1.0)
 
 
-def test_explanation_names_sentences_strongest_first(fis):
+def test_explanation_names_sentences_strongest_first(fis: CompiledFis) -> None:
     result = fis.evaluate({"distance": [2.0, 0.6], "side": [0.0, -0.75]})
     fired = fis.explain(result, index=1)
     assert [entry["rule"] for entry in fired] == [

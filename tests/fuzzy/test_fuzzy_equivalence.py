@@ -1,4 +1,4 @@
-"""The compiled evaluator answers what scikit-fuzzy answers."""
+"""The compiled evaluator agrees with scikit-fuzzy."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def assert_same(rule_base: RuleBase, reference: ReferenceFis, inputs: dict[str, 
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],
 )
 @given(data=st.data())
-def test_equals_scikit_fuzzy_on_random_rule_bases(data):
+def test_equals_scikit_fuzzy_on_random_rule_bases(data: st.DataObject) -> None:
     rule_base = data.draw(rule_bases())
     reference = ReferenceFis(rule_base)
     for inputs in data.draw(st.lists(samples(rule_base), min_size=1, max_size=4)):
@@ -48,7 +48,7 @@ def test_equals_scikit_fuzzy_on_random_rule_bases(data):
 
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("conjunction", ["min", "prod"])
-def test_equals_scikit_fuzzy_at_the_corners(method, conjunction):
+def test_equals_scikit_fuzzy_at_the_corners(method: str, conjunction: str) -> None:
     rule_base = rule_base_from_mapping(small(**{"and": conjunction, "defuzzify": method}))
     reference = ReferenceFis(rule_base)
     corners = dict(corner_values(rule_base))
@@ -59,13 +59,13 @@ def test_equals_scikit_fuzzy_at_the_corners(method, conjunction):
 
 @settings(max_examples=10, derandomize=True, deadline=None)
 @given(data=st.data())
-def test_scaling_implication_equals_scikit_fuzzys_defuzzification(data):
+def test_scaling_implication_equals_scikit_fuzzys_defuzzification(data: st.DataObject) -> None:
     rule_base = data.draw(rule_bases(implication="prod"))
     assert_same(rule_base, ReferenceFis(rule_base), data.draw(samples(rule_base)))
 
 
-def test_the_reference_survives_its_own_housekeeping():
-    # beyond 500 runs the simulation is reset; results must not change by it
+def test_the_reference_is_unchanged_by_resets_of_its_simulation() -> None:
+    # the simulation is reset every 500 runs; results must not change
     rule_base = rule_base_from_mapping(
         {
             "name": "x",
@@ -84,7 +84,7 @@ def test_the_reference_survives_its_own_housekeeping():
     assert expected[0] == pytest.approx(2 / 3)
 
 
-def test_nan_and_silence_are_answered_alike():
+def test_a_nan_input_and_no_firing_rule_both_give_the_default() -> None:
     rule_base = rule_base_from_mapping(
         small(
             rules=["IF distance IS near AND side IS very left THEN turn IS right"],
@@ -99,7 +99,7 @@ def test_nan_and_silence_are_answered_alike():
         assert not theirs.firing.any()
 
 
-def test_compare_measures_both_and_finds_them_equal():
+def test_compare_measures_both_and_finds_them_equal() -> None:
     rng = np.random.default_rng(5)
     comparison = compare(rule_base_from_mapping(small()), 20, rng)
     assert comparison["max_abs_diff"] <= TOLERANCE
@@ -109,7 +109,7 @@ def test_compare_measures_both_and_finds_them_equal():
         compare(rule_base_from_mapping(small()), 0, rng)
 
 
-def test_random_inputs_stay_in_range_and_visit_corners():
+def test_random_inputs_stay_in_range_and_visit_corners() -> None:
     rule_base = rule_base_from_mapping(small())
     rows = random_inputs(rule_base, 400, np.random.default_rng(0))
     assert rows.shape == (2, 400)

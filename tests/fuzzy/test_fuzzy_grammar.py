@@ -1,4 +1,4 @@
-"""Sentences: what they mean, and how errors are told."""
+"""Rule sentences: how they are parsed, and the messages for malformed ones."""
 
 from __future__ import annotations
 
@@ -7,27 +7,37 @@ from fuzzy_samples import clauses
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from navfw.fuzzy.grammar import KEYWORDS, And, Is, Not, Or, SentenceError, parse_rule
+from navfw.fuzzy.grammar import (
+    KEYWORDS,
+    And,
+    Clause,
+    Is,
+    Not,
+    Or,
+    ParsedRule,
+    SentenceError,
+    parse_rule,
+)
 
 INPUTS = {"distance": ("near", "far"), "side": ("left", "middle", "right")}
 OUTPUTS = {"turn": ("left", "right"), "speed": ("slow", "fast")}
 NEAR, LEFT = Is("distance", "near"), Is("side", "left")
 
 
-def parse(sentence: str):
+def parse(sentence: str) -> ParsedRule:
     return parse_rule(sentence, INPUTS, OUTPUTS)
 
 
-def test_not_binds_before_and_before_or():
+def test_not_binds_before_and_before_or() -> None:
     condition = "NOT distance IS near AND side IS left OR side IS right"
-    expected = Or(And(Not(NEAR), LEFT), Is("side", "right"))
+    expected: Clause = Or(And(Not(NEAR), LEFT), Is("side", "right"))
     assert parse(f"IF {condition} THEN turn IS left").antecedent == expected
     grouped = "NOT (distance IS near AND (side IS left OR side IS right))"
     expected = Not(And(NEAR, Or(LEFT, Is("side", "right"))))
     assert parse(f"IF {grouped} THEN turn IS left").antecedent == expected
 
 
-def test_conclusions_hedges_weight_and_case():
+def test_conclusions_hedges_weight_and_case() -> None:
     rule = parse(
         "if distance is NOT very very near then turn is left, speed is slow with .8 weight"
     )
@@ -42,7 +52,7 @@ def test_conclusions_hedges_weight_and_case():
 
 @settings(max_examples=100, derandomize=True)
 @given(clauses([(name, term) for name, terms in INPUTS.items() for term in terms]))
-def test_a_clause_as_text_reads_back_as_itself(clause):
+def test_a_clause_as_text_reads_back_as_itself(clause: Clause) -> None:
     again = parse(f"IF {clause} THEN turn IS left").antecedent
     assert str(again) == str(clause)
     assert parse(f"IF {again} THEN turn IS left").antecedent == again
@@ -57,7 +67,7 @@ def test_a_clause_as_text_reads_back_as_itself(clause):
         max_size=12,
     ).map(" ".join)
 )
-def test_any_words_parse_or_are_told_with_a_place(sentence):
+def test_any_words_parse_or_raise_an_error_with_a_column(sentence: str) -> None:
     try:
         rule = parse(sentence)
     except SentenceError as error:
@@ -93,7 +103,9 @@ def test_any_words_parse_or_are_told_with_a_place(sentence):
         ("IF " + "NOT " * 60 + "distance IS near THEN turn IS left", "at most 50 levels", 204),
     ],
 )
-def test_errors_say_what_was_expected_and_where(sentence, problem, column):
+def test_errors_give_the_expected_token_and_the_column(
+    sentence: str, problem: str, column: int
+) -> None:
     with pytest.raises(SentenceError) as caught:
         parse(sentence)
     assert problem in caught.value.problem

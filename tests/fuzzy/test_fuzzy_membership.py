@@ -1,4 +1,4 @@
-"""Shapes against scikit-fuzzy's generators, and what the sampled universe keeps of them."""
+"""Membership functions against scikit-fuzzy's generators, and their sampled form."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ GENERATORS = {
 
 @settings(max_examples=150, derandomize=True)
 @given(shapes(-1.0, 1.0))
-def test_equal_to_scikit_fuzzys_generators(form):
+def test_equal_to_scikit_fuzzys_generators(form: dict[str, list[float]]) -> None:
     ((kind, parameters),) = form.items()
     shape = make_shape(kind, parameters)
     x = np.union1d(np.linspace(-1.5, 1.5, 301), shape.corners)
@@ -35,7 +35,9 @@ def test_equal_to_scikit_fuzzys_generators(form):
 
 @settings(max_examples=100, derandomize=True)
 @given(st.lists(shapes(-1.0, 1.0), min_size=1, max_size=4), st.sampled_from([3, 11, 101]))
-def test_sampled_form_keeps_corners_and_edges(forms, points):
+def test_sampled_form_keeps_corners_and_edges(
+    forms: list[dict[str, list[float]]], points: int
+) -> None:
     made = [make_shape(kind, p) for form in forms for kind, p in form.items()]
     universe = sample_universe(-1.0, 1.0, points, made)
     assert universe[0] == -1.0
@@ -51,7 +53,7 @@ def test_sampled_form_keeps_corners_and_edges(forms, points):
         np.testing.assert_allclose(sampled[clear], shape(x)[clear], atol=tolerance)
 
 
-def test_hedges_act_from_the_term_outwards():
+def test_hedges_act_from_the_term_outwards() -> None:
     degree = np.array([0.0, 0.25, 1.0])
     np.testing.assert_allclose(hedged(degree, ("very",)), [0.0, 0.0625, 1.0])
     np.testing.assert_allclose(hedged(degree, ("somewhat", "very")), degree)
@@ -69,7 +71,7 @@ def test_hedges_act_from_the_term_outwards():
         ("gauss", [0.0, float("inf")], "finite"),
     ],
 )
-def test_impossible_shapes_are_refused(kind, parameters, expected):
+def test_impossible_shapes_are_refused(kind: str, parameters: list[float], expected: str) -> None:
     assert kind in SHAPES
     with pytest.raises(ValueError, match=expected):
         make_shape(kind, parameters)

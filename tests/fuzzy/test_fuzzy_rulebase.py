@@ -1,6 +1,8 @@
-"""Rule base files: what they say, and how their errors are told."""
+"""Rule base files: loading, and the messages for malformed ones."""
 
 from __future__ import annotations
+
+from pathlib import Path
 
 import pytest
 from fuzzy_samples import small
@@ -31,13 +33,13 @@ rules:
 """
 
 
-def told(text: str) -> RuleBaseError:
+def error_of(text: str) -> RuleBaseError:
     with pytest.raises(RuleBaseError) as caught:
         parse_rule_base(text, "turn.yaml")
     return caught.value
 
 
-def test_a_file_becomes_variables_and_rules(tmp_path):
+def test_a_file_becomes_variables_and_rules(tmp_path: Path) -> None:
     path = tmp_path / "turn.yaml"
     path.write_text(TEXT, encoding="utf-8")
     rule_base = load_rule_base(path)
@@ -56,7 +58,7 @@ def test_a_file_becomes_variables_and_rules(tmp_path):
     assert not distance.universe.flags.writeable
 
 
-def test_a_mapping_does_the_same_as_a_file():
+def test_a_mapping_has_the_keys_of_the_file() -> None:
     assert list(rule_base_from_mapping(small()).inputs) == ["distance", "side"]
 
 
@@ -82,16 +84,16 @@ def test_a_mapping_does_the_same_as_a_file():
         ("    unit: m", "    unit: [m", 7, "not valid YAML"),
     ],
 )
-def test_errors_name_file_line_and_remedy(old, new, line, message):
+def test_errors_name_file_line_and_remedy(old: str, new: str, line: int, message: str) -> None:
     assert TEXT.count(old) == 1
-    error = told(TEXT.replace(old, new))
+    error = error_of(TEXT.replace(old, new))
     assert message in str(error)
     assert str(error).startswith("turn.yaml:")
     assert f"turn.yaml:{line}: " in str(error)
 
 
-def test_a_sentence_is_shown_with_a_marker():
-    error = told(TEXT.replace("distance IS near", "distance IS neer"))
+def test_a_sentence_is_shown_with_a_marker() -> None:
+    error = error_of(TEXT.replace("distance IS near", "distance IS neer"))
     assert error.key == "rules[0]"
     assert str(error).splitlines()[1:] == [
         "    IF distance IS neer THEN turn IS left",
@@ -99,23 +101,25 @@ def test_a_sentence_is_shown_with_a_marker():
     ]
 
 
-def test_all_broken_sentences_are_told_at_once():
-    error = told(TEXT.replace("IS near", "IS neer").replace("turn IS none", "turn IS non"))
+def test_one_error_lists_all_malformed_sentences() -> None:
+    error = error_of(TEXT.replace("IS near", "IS neer").replace("turn IS none", "turn IS non"))
     assert "turn.yaml:17: rules[0]" in str(error)
     assert "turn.yaml:18: rules[1]" in str(error)
 
 
-def test_what_no_rule_uses_is_an_error():
+def test_what_no_rule_uses_is_an_error() -> None:
     idle = "  side:\n    range: [0, 1]\n    terms: {left: {triangle: [0, 0, 1]}}\n"
-    assert "'side' in its IF part" in str(told(TEXT.replace("inputs:\n", "inputs:\n" + idle)))
-    assert "'side' in its THEN part" in str(told(TEXT.replace("outputs:\n", "outputs:\n" + idle)))
+    assert "'side' in its IF part" in str(error_of(TEXT.replace("inputs:\n", "inputs:\n" + idle)))
+    assert "'side' in its THEN part" in str(
+        error_of(TEXT.replace("outputs:\n", "outputs:\n" + idle))
+    )
 
 
-def test_a_default_lies_in_the_range():
+def test_a_default_lies_in_the_range() -> None:
     text = TEXT.replace("range: [-1, 1]", "range: [-1, 1]\n    default: 3")
-    assert "turn.yaml:13: outputs.turn.default: expected a value within" in str(told(text))
+    assert "turn.yaml:13: outputs.turn.default: expected a value within" in str(error_of(text))
 
 
-def test_a_missing_file_is_a_rule_base_error(tmp_path):
+def test_a_missing_file_is_a_rule_base_error(tmp_path: Path) -> None:
     with pytest.raises(RuleBaseError, match="no such file"):
         load_rule_base(tmp_path / "none.yaml")

@@ -1,4 +1,4 @@
-"""Random rule bases and inputs for the tests of the fuzzy room."""
+"""Random rule bases and inputs for the tests of ``navfw.fuzzy``."""
 
 from __future__ import annotations
 
@@ -46,18 +46,18 @@ SMALL = {
 
 
 def small(**changes: Any) -> dict[str, Any]:
-    """A sound rule base as a mapping, some keys changed; ``inputs`` etc. may be shared."""
+    """A valid rule base as a mapping, some keys changed; do not write into its parts."""
     return {**SMALL, **changes}
 
 
 def _number(low: float, high: float) -> st.SearchStrategy[float]:
-    """As people write them in files: three decimals."""
+    """Numbers with three decimals, as in files."""
     return st.integers(round(low * 1000), round(high * 1000)).map(lambda k: k / 1000)
 
 
 @st.composite
 def shapes(draw: st.DrawFn, low: float, high: float) -> dict[str, list[float]]:
-    """A shape that is above zero somewhere in the range, with corners in and beside it."""
+    """A shape above zero somewhere in the range, with corners in and outside it."""
     width = high - low
     kind = draw(st.sampled_from(["triangle", "trapezoid", "gauss", "sigmoid"]))
     top = draw(_number(low, high) | st.sampled_from([low, high]))
@@ -101,7 +101,7 @@ def clauses(literals: list[tuple[str, str]]) -> st.SearchStrategy[Clause]:
 
 
 @st.composite
-def rule_bases(draw: st.DrawFn, **fixed: Any) -> RuleBase:
+def rule_bases(draw: st.DrawFn, /, **fixed: Any) -> RuleBase:
     """Any rule base with up to three inputs and two outputs; the outputs have defaults."""
     inputs = {f"in{k}": draw(variables()) for k in range(draw(st.integers(1, 3)))}
     outputs = {f"out{k}": draw(variables()) for k in range(draw(st.integers(1, 2)))}
@@ -110,21 +110,22 @@ def rule_bases(draw: st.DrawFn, **fixed: Any) -> RuleBase:
     literals = [(name, term) for name, spec in inputs.items() for term in spec["terms"]]
     antecedents = draw(st.lists(clauses(literals), min_size=1, max_size=7))
     rules = []
-    asked, concluded = set(), set()
+    used: set[str] = set()
+    concluded: set[str] = set()
     for antecedent in antecedents:
         chosen = draw(st.lists(st.sampled_from(sorted(outputs)), min_size=1, unique=True))
         terms = [draw(st.sampled_from(sorted(outputs[name]["terms"]))) for name in chosen]
         weight = draw(st.sampled_from(["", "", " WITH 0.8", " WITH 0.125 weight"]))
         then = ", ".join(f"{name} IS {term}" for name, term in zip(chosen, terms, strict=True))
         rules.append(f"IF {antecedent} THEN {then}{weight}")
-        asked.update(atom.variable for atom in atoms(antecedent))
+        used.update(atom.variable for atom in atoms(antecedent))
         concluded.update(chosen)
     spec = {
         "name": "random",
         "and": draw(st.sampled_from(["min", "prod"])),
         "implication": "min",
         "defuzzify": draw(st.sampled_from(["centroid", "bisector", "mom", "som", "lom"])),
-        "inputs": {name: inputs[name] for name in sorted(asked)},
+        "inputs": {name: inputs[name] for name in sorted(used)},
         "outputs": {name: outputs[name] for name in sorted(concluded)},
         "rules": rules,
     }
@@ -132,7 +133,7 @@ def rule_bases(draw: st.DrawFn, **fixed: Any) -> RuleBase:
 
 
 def corner_values(rule_base: RuleBase) -> Iterator[tuple[str, list[float]]]:
-    """For every input its ends, the corners of its terms, and what lies just beside them."""
+    """For every input its bounds, the corners of its terms, and values 1e-6 beside these."""
     for name, variable in rule_base.inputs.items():
         found = [variable.low, variable.high]
         for shape in variable.terms.values():

@@ -27,7 +27,7 @@ def test_a_folder_is_discovered(folder: Path) -> None:
     assert registry.listing()[2]["source"].endswith("behaviors/one.py")
 
 
-BROKEN = {
+BROKEN: dict[str, tuple[str | bytes, str]] = {
     "syntax": ("def f(:\n", "syntax.py:1: cannot be imported: SyntaxError"),
     "raises": (
         "\n\n1 / 0\n",

@@ -11,7 +11,7 @@ from plugins_samples import Mine, discovered, put
 from navfw.errors import PluginError, UnknownNameError
 from navfw.features.no_features import NoFeatures
 from navfw.interfaces import Behavior
-from navfw.plugins import Registry, default_registry, importing, plugin
+from navfw.plugins import Registry, default_registry, plugin, plugin_import
 
 
 def test_register_and_get() -> None:
@@ -63,7 +63,7 @@ def test_unknown_names_get_the_nearest() -> None:
 
 
 def test_the_decorator_reaches_default_registries(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(importing, "_decorated", {})
+    monkeypatch.setattr(plugin_import, "_decorated", {})
     assert plugin(Mine) is Mine
     assert default_registry().get("behavior", "mine") is Mine
 
