@@ -1,4 +1,4 @@
-"""How the robot and its camera moved, from wheel encoders and gyro alone (paper sec 2, AUX)."""
+"""Motion of the robot and its camera from wheel encoders and gyro alone (paper sec 2, AUX)."""
 
 from __future__ import annotations
 

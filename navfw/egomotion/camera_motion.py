@@ -12,11 +12,11 @@ from navfw.signals import Array, CameraMotion, Odometry, Pose, wrap_angle
 
 __all__ = ["SLIP", "YAW_RATE_SIGMA", "camera_motion", "with_yaw_sigma", "yaw_rotation"]
 
-#: What is left of the gyro's error once its bias is removed, as a constant rate [rad/s].
+#: Standard deviation of the gyro's error once its bias is removed, a constant rate [rad/s].
 YAW_RATE_SIGMA = 0.003
-#: One standard deviation of the wheels' slip, relative to the way driven.
+#: Standard deviation of the wheels' slip, relative to the distance driven.
 SLIP = 0.03
-#: One standard deviation of a baseline however short: encoder steps and play in the wheels [m].
+#: Standard deviation of the shortest baseline [m]: encoder resolution and play in the wheels.
 TRANSLATION_FLOOR = 5e-4
 
 #: One standard deviation of a turn measured by the wheels, through slip and unequal radii [rad/m].
@@ -38,12 +38,13 @@ def camera_motion(
     yaw_rate_sigma: float = YAW_RATE_SIGMA,
     slip: float = SLIP,
 ) -> CameraMotion:
-    """How ``robot``'s camera moved while its base went from ``past`` to ``now``.
+    """Motion of ``robot``'s camera while its base moves from pose ``past`` to pose ``now``.
 
-    Both poses are in one frame (``odom``). The camera sits ``mount_forward`` ahead of the axle, so
-    a turn also carries it sideways, and its pitch tilts yaw into its own axes (METHOD 2.1, 2.2,
-    here without the small-angle approximation). ``dt`` [s] is the time between the poses;
-    ``yaw_rate_sigma`` [rad/s] and ``slip`` (relative) say how far gyro and wheels may be wrong.
+    Both poses are in one frame (``odom``). The camera is mounted ``mount_forward`` ahead of the
+    axle, so a turn also moves it sideways, and its pitch maps yaw into rotation about two of its
+    own axes (METHOD 2.1, 2.2, here without the small-angle approximation). ``dt`` [s] is the time
+    between the poses; ``yaw_rate_sigma`` [rad/s] and ``slip`` (relative to the distance driven) are
+    the standard deviations of the gyro's and the wheels' errors.
     """
     turn = wrap_angle(now.yaw - past.yaw)
     # the camera's displacement in the axes of base_link now; the lever arm turned with the robot

@@ -1,4 +1,4 @@
-"""Encoders that do not answer: wheels that were told to turn, and are not counted."""
+"""Detection of failed wheel encoders: the drive is commanded to move, the count stands still."""
 
 from __future__ import annotations
 
@@ -9,19 +9,20 @@ from navfw.signals import Encoders, Twist
 
 __all__ = ["EncoderFaultDetector"]
 
-#: Rim speeds below this [m/s] may well come to nothing: they prove no fault.
+#: Least commanded rim speed [m/s] that counts as evidence: friction may stop a slower wheel.
 LEAST_SPEED = 0.03
-#: Way [m] of the rim asked for without a single mark counted: the encoder is silent.
+#: Commanded travel of the rim [m] without a tick from which on an encoder counts as silent.
 SILENT = 0.03
-#: Way [m] from which there is doubt whether a wheel that seems to rest does.
+#: Commanded travel of the rim [m] without a tick from which on a constant count no longer proves
+#: that the wheel is at rest.
 DOUBT = 0.01
 
 
 class EncoderFaultDetector:
-    """Compares what was asked of each wheel with what its encoder counts.
+    """Compares the commanded motion of each wheel with the ticks of its encoder.
 
-    A count that stands still although the wheel was told to turn means a dead encoder, or a wheel
-    that cannot turn: which of them, the gyro may tell. One mark counted, and all is well again.
+    A count that does not change while the wheel is commanded to turn means a failed encoder or a
+    blocked wheel; the gyro can tell the two apart. A single tick clears the fault.
     """
 
     def __init__(self, robot: RobotModel) -> None:
@@ -29,12 +30,12 @@ class EncoderFaultDetector:
         self.reset()
 
     def reset(self) -> None:
-        """Nothing asked, nothing heard."""
+        """Return to the initial state: no command and no reading yet."""
         self._unanswered = [0.0, 0.0]
         self._last: Encoders | None = None
 
     def update(self, encoders: Encoders, commanded: Twist) -> None:
-        """Take note of a count, ``asked`` being what was driven since the last one."""
+        """Process a new reading; ``commanded`` is the twist executed since the previous one."""
         last, self._last = self._last, encoders
         if last is None:
             return
@@ -49,11 +50,11 @@ class EncoderFaultDetector:
 
     @property
     def silent(self) -> tuple[bool, bool]:
-        """Whether the encoders (left, right) say nothing."""
+        """Whether the encoder (left, right) has failed to count a commanded motion."""
         left, right = self._unanswered
         return left >= SILENT, right >= SILENT
 
     @property
     def doubtful(self) -> bool:
-        """Whether one of them may be silent: that it does not count is then no proof of rest."""
+        """Whether either encoder may be silent, so that a constant count is no proof of rest."""
         return max(self._unanswered) >= DOUBT

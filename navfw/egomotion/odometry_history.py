@@ -1,4 +1,4 @@
-"""Where the robot was a moment ago: frames come late, and belong where they were taken."""
+"""Odometry of the last seconds: a frame is processed later than it was taken."""
 
 from __future__ import annotations
 
@@ -10,31 +10,31 @@ from navfw.signals import Odometry
 
 __all__ = ["OdometryHistory"]
 
-#: Frames older than this [s] have no place any more.
+#: Time [s] for which odometry is kept. An older frame is assigned the oldest entry.
 MEMORY = 3.0
 
 
 class OdometryHistory:
-    """The odometry of the last few seconds."""
+    """The odometry of the last ``MEMORY`` seconds, queried by time."""
 
     def __init__(self) -> None:
         self.reset()
 
     def reset(self) -> None:
-        """Forget everything."""
+        """Delete all entries."""
         self._past: deque[Odometry] = deque()
 
     def add(self, odometry: Odometry) -> None:
-        """Keep the newest."""
+        """Append the newest odometry and delete entries older than ``MEMORY``."""
         self._past.append(odometry)
         while odometry.time - self._past[0].time > MEMORY:
             self._past.popleft()
 
     def at(self, time: float) -> Odometry:
-        """The last odometry not later than ``time`` [s], or the oldest that is remembered.
+        """The newest odometry not later than ``time`` [s], or the oldest entry if all are later.
 
         Raises:
-            IndexError: nothing is remembered.
+            IndexError: the history is empty.
 
         """
         index = bisect_right(self._past, time + 1e-9, key=attrgetter("time"))

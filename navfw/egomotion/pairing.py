@@ -1,4 +1,4 @@
-"""Which two frames to compare: the baseline decides how well depth is seen (METHOD 2.7, 2.12)."""
+"""Selection of frame pairs by baseline, which decides the accuracy of depth (METHOD 2.7, 2.12)."""
 
 from __future__ import annotations
 
@@ -21,30 +21,32 @@ Length = Annotated[float, Field(gt=0.0, le=1.0)]
 
 
 class PairingParams(Params):
-    """When two frames make a useful pair."""
+    """Limits on the pairs of frames, and the errors of their camera motion."""
 
-    baseline: Annotated[Length, Field(description="sought between the frames of a pair [m]")] = 0.08
-    min_baseline: Annotated[Length, Field(description="no pair below this baseline [m]")] = 0.02
-    max_baseline: Annotated[Length, Field(description="no pair above this baseline [m]")] = 0.16
+    baseline: Annotated[Length, Field(description="desired baseline of a pair [m]")] = 0.08
+    min_baseline: Annotated[Length, Field(description="smallest baseline of a pair [m]")] = 0.02
+    max_baseline: Annotated[Length, Field(description="largest baseline of a pair [m]")] = 0.16
     short: Annotated[
-        bool, Field(description="also give a pair over the short baseline, for what is very near")
+        bool, Field(description="also form a pair over the short baseline, for very near surfaces")
     ] = False
-    short_baseline: Annotated[Length, Field(description="sought for the short pair [m]")] = 0.035
+    short_baseline: Annotated[
+        Length, Field(description="desired baseline of the short pair [m]")
+    ] = 0.035
     max_rotation: Annotated[
-        float, Field(gt=0.0, le=0.5, description="largest turn between the frames [rad]")
+        float, Field(gt=0.0, le=0.5, description="largest rotation between the frames [rad]")
     ] = math.radians(4.0)
     max_age: Annotated[
         float, Field(gt=0.0, le=10.0, description="largest time between the frames [s]")
     ] = 2.0
     min_step: Annotated[
         float,
-        Field(ge=0.0, le=0.1, description="way since the last pair below which nothing is new [m]"),
+        Field(ge=0.0, le=0.1, description="least distance driven since the last pair [m]"),
     ] = 0.002
     yaw_rate_sigma: Annotated[
-        float, Field(ge=0.0, le=0.5, description="gyro error left beside its bias [rad/s]")
+        float, Field(ge=0.0, le=0.5, description="gyro error once its bias is removed [rad/s]")
     ] = YAW_RATE_SIGMA
     slip: Annotated[
-        float, Field(ge=0.0, le=0.5, description="relative error of way driven by the wheels")
+        float, Field(ge=0.0, le=0.5, description="error of the distance driven, relative to it")
     ] = SLIP
 
     @model_validator(mode="after")
@@ -64,7 +66,7 @@ class PairingParams(Params):
 
 @dataclass(frozen=True, slots=True)
 class PosedFrame:
-    """A frame, the base's pose when it was taken, and where the camera was then (x, y) [m]."""
+    """A frame with the ``pose`` of the base and the ``camera_position`` (x, y) [m] in ``odom``."""
 
     frame: Frame
     pose: Pose
@@ -72,27 +74,27 @@ class PosedFrame:
 
     @classmethod
     def from_odometry(cls, frame: Frame, odometry: Odometry, robot: RobotModel) -> PosedFrame:
-        """``frame`` with the odometry of (about) the same time.
+        """``frame`` with its pose from ``odometry`` of about the same time.
 
-        One taken a little before or after ``odometry.time`` is placed by the measured twist.
+        The pose is extrapolated by the measured twist from ``odometry.time`` to the frame's time.
         """
         pose = _pose_at(frame.time, odometry)
         return cls(frame, pose, pose.to_parent(robot.camera.mount_forward, 0.0))
 
     def baseline(self, past: PosedFrame) -> float:
-        """How far [m] the camera has come since ``past``."""
+        """Distance [m] between the camera positions of ``past`` and this frame."""
         return math.dist(self.camera_position, past.camera_position)
 
     def age(self, past: PosedFrame) -> float:
-        """How long [s] before this one ``past`` was taken."""
+        """Time [s] from ``past`` to this frame."""
         return self.frame.time - past.frame.time
 
     def turn(self, past: PosedFrame) -> float:
-        """By how much [rad] the robot has turned since ``past``, whichever way."""
+        """Absolute rotation [rad] of the robot between ``past`` and this frame."""
         return abs(wrap_angle(self.pose.yaw - past.pose.yaw))
 
     def pair(self, past: PosedFrame, robot: RobotModel, params: PairingParams) -> FramePair:
-        """The frame with a ``past`` one, and how ``robot``'s camera moved between them."""
+        """Pair of ``past`` and this frame, with the motion of ``robot``'s camera between them."""
         motion = camera_motion(
             robot,
             past.pose,
@@ -107,9 +109,9 @@ class PosedFrame:
 class FrameBuffer:
     """Keeps recent frames with their odometry and pairs the newest with the most useful past one.
 
-    Driving backwards pairs as well as driving forwards. A robot that only turns sees no depth, and
-    one that has not moved since its last pair sees nothing new: both get no pair. What moves by
-    itself shows over time instead: see ``RecentFrames``.
+    Frames are paired by baseline, whether the robot drives forwards or backwards. There is no pair
+    while the robot only turns, since pure rotation shows no depth, nor until it has moved since the
+    last pair. Moving objects need frames a fixed time apart: see ``navfw.movers.recent_frames``.
     """
 
     def __init__(self, robot: RobotModel, params: PairingParams | None = None) -> None:
@@ -118,56 +120,55 @@ class FrameBuffer:
         self.reset()
 
     def reset(self) -> None:
-        """Forget all frames."""
-        self._views: deque[PosedFrame] = deque()
+        """Delete all frames and pairs."""
+        self._frames: deque[PosedFrame] = deque()
         self._pairs: tuple[FramePair, ...] = ()
         self._last_paired: Pose | None = None
 
     def add(self, frame: Frame, odometry: Odometry) -> None:
-        """Take in the newest ``frame`` with the odometry of (about) the same time."""
-        view = PosedFrame.from_odometry(frame, odometry, self._robot)
-        while self._views and view.age(self._views[0]) > self.params.max_age:
-            self._views.popleft()
-        self._pairs = tuple(self._make_pairs(view))
+        """Append the newest ``frame``; ``odometry`` is that of about the same time."""
+        posed = PosedFrame.from_odometry(frame, odometry, self._robot)
+        while self._frames and posed.age(self._frames[0]) > self.params.max_age:
+            self._frames.popleft()
+        self._pairs = tuple(self._make_pairs(posed))
         if self._pairs:
-            self._last_paired = view.pose
-        self._views.append(view)
+            self._last_paired = posed.pose
+        self._frames.append(posed)
 
     def pairs(self) -> tuple[FramePair, ...]:
         """Pairs of the newest frame with past ones: none, the long one, or the long and the short.
 
-        The long pair's baseline is the one nearest to ``params.baseline``; the short one is there
-        only when ``params.short`` asks for it and its baseline is well below the long one's.
+        The long pair is the one whose baseline is nearest to ``params.baseline``. The short pair
+        exists only if ``params.short`` is set and its baseline is well below that of the long one.
         """
         return self._pairs
 
     def _make_pairs(self, now: PosedFrame) -> Iterable[FramePair]:
         last = self._last_paired
-        if last is not None and self._nothing_new(last, now.pose):
+        if last is not None and self._nearly_same_pose(last, now.pose):
             return
-        # among equals the younger one: less time for the gyro to drift and the scene to move
-        useful = list(self._useful(now))[::-1]
-        if not useful:
+        # of equal baselines the newer frame: less gyro drift and less motion in the scene
+        allowed = list(self._allowed(now))[::-1]
+        if not allowed:
             return
-        long_way, long = min(useful, key=lambda past: abs(past[0] - self.params.baseline))
+        long_way, long = min(allowed, key=lambda past: abs(past[0] - self.params.baseline))
         yield now.pair(long, self._robot, self.params)
         if self.params.short:
             target = self.params.short_baseline
-            short_way, short = min(useful, key=lambda past: abs(past[0] - target))
+            short_way, short = min(allowed, key=lambda past: abs(past[0] - target))
             if short_way < 0.7 * long_way:
                 yield now.pair(short, self._robot, self.params)
 
-    def _nothing_new(self, last: Pose, now: Pose) -> bool:
+    def _nearly_same_pose(self, last: Pose, now: Pose) -> bool:
         step = math.hypot(now.x - last.x, now.y - last.y)
         turn = abs(wrap_angle(now.yaw - last.yaw))
         return step < self.params.min_step and turn < 0.1 * self.params.max_rotation
 
-    def _useful(self, now: PosedFrame) -> Iterator[tuple[float, PosedFrame]]:
-        """The past frames that make a useful pair with ``now``, each with the baseline [m]."""
+    def _allowed(self, now: PosedFrame) -> Iterator[tuple[float, PosedFrame]]:
+        """The past frames that form an allowed pair with ``now``, each with its baseline [m]."""
         least, most = self.params.min_baseline, self.params.max_baseline
-        for past in self._views:
+        for past in self._frames:
             way = now.baseline(past)
-            # whether the robot has turned little enough for the two to be compared
             if least <= way <= most and now.turn(past) <= self.params.max_rotation:
                 yield way, past
 

@@ -4,6 +4,6 @@ from __future__ import annotations
 
 import cv2
 
-# One thread for all of OpenCV: the stack is meant to fit on one core, results must not depend on
-# how work is divided, and for images this small waking other threads costs more than it gains.
+# OpenCV runs in one thread: the stack is made for one core, results must not depend on how the work
+# is divided, and for images of this size starting threads costs more time than they save.
 cv2.setNumThreads(1)

@@ -22,82 +22,88 @@ Integers = npt.NDArray[np.int64]
 Floats = npt.NDArray[np.float32]
 Flags = npt.NDArray[np.bool_]
 
-#: Peaks are not worth registering below the first correlation, and worth it fully above the
-#: second: an affine motion can be bent to fit a chance likeness too.
-WORTHWHILE = (0.4, 0.6)
-#: How far registration may take a window from its peak: ordinary, and suspicious [px].
-WANDERED = (1.5, 3.0)
-#: What is left of a registered window's error however well it fits [px].
+#: Correlation of a peak: confidence rises from 0 at the first to 1 at the second value. Below the
+#: first there is no registration: an affine motion can also be fitted to an accidental similarity.
+PEAK_CORRELATION = (0.4, 0.6)
+#: Distance [px] from the correlation peak to the registered position: confidence falls from 1 at
+#: the first to 0 at the second value.
+REGISTRATION_SHIFT = (1.5, 3.0)
+#: Least standard deviation of a registered vector [px], however well the window fits.
 REGISTRATION_FLOOR = 0.05
-#: Scale the sigma of registration to the errors measured on rendered frames: in proportion, and
-#: (the worse a window fits, the less one affine motion is true) by its square [1/px].
+#: Factors of the estimated sigma and of its square [1/px] in the error of a registered vector,
+#: fitted to rendered frames. The square is there because the affine model holds the less, the worse
+#: a window fits.
 REGISTRATION_SCALE, REGISTRATION_EXCESS = 1.0, 3.4
-#: Contradiction by both neighbours: ordinary, and sure to be a mixture of two surfaces [px].
-MIXED = (0.5, 2.0)
-#: Share of the contradiction by both neighbours that counts as error.
+#: Disagreement with both neighbours [px] (see ``find_mixtures``): confidence falls from 1 at the
+#: first to 0 at the second value, where the window certainly spans two surfaces.
+MIXTURE = (0.5, 2.0)
+#: Share of the disagreement with both neighbours that counts as standard deviation.
 MIXTURE_SHARE = 0.4
-#: Samples nearer than this share their errors [px].
+#: Correlation length of the errors of grey values [px]: nearer samples share their errors.
 CORRELATION_LENGTH = 3.0
-#: Of the correlation's quadratic peak alone: the same three, and the share of the flow's
-#: variation within a window that becomes an error of its one vector.
+#: For the quadratic peak alone: least standard deviation [px], factor of the estimated sigma, and
+#: share of the flow's variation within a window that counts as standard deviation of its vector.
 PEAK_FLOOR, PEAK_SCALE, PEAK_SPREAD = 0.05, 2.0, 0.3
 
 
 class BlockMatching(MatchedFlow):
     """Normalised two-dimensional correlation block matching on a regular grid (paper sec 3).
 
-    A window around each grid point of the current image is sought in the past image by exhaustive
-    zero-mean normalised cross-correlation within ``search`` pixels of where the camera's known
-    rotation puts it. The rotation is predicted by turning the whole past image, so the windows
-    meet undistorted. Below a pixel the peak is refined by registering the window with an affine
-    motion (``subpixel: affine``), which can also take it a little beyond the search, or by a
+    A window around each grid point of the current image is searched for in the past image by
+    exhaustive zero-mean normalised cross-correlation, within ``search`` pixels of the position that
+    the camera's known rotation predicts. The prediction warps the whole past image, so rotation
+    does not distort the windows. The peak is refined to subpixel accuracy by affine registration of
+    the window (``subpixel: affine``), which may end a little outside the search range, or by a
     quadratic surface alone (``subpixel: peak``).
 
-    Windows at the border are clipped to the image, a little inside it. The field's ``points`` are
-    the centres of the windows as compared: the grid points, except at the border, where they stand
-    some pixels further inside.
+    Windows at the border are clipped to the image less ``margin``. The field's ``points`` are the
+    centres of the clipped windows: the grid points, except at the border, where they lie some
+    pixels further inside.
     """
 
     name: ClassVar[str] = "block_matching"
 
     class Params(MatchedFlow.Params):
-        """Grid, windows, search, and when to trust a match (METHOD 2.9)."""
+        """Grid, windows, search range, and limits of the confidence (METHOD 2.9)."""
 
         window: Annotated[int, Field(ge=6, le=128, description="side of a window [px]")] = 24
         search: Annotated[
             int, Field(ge=2, le=32, description="largest displacement searched per axis [px]")
         ] = 8
         margin: Annotated[
-            int, Field(ge=0, le=16, description="windows keep this far off the border [px]")
+            int, Field(ge=0, le=16, description="least distance of a window from the border [px]")
         ] = 2
         texture_low: Annotated[
-            float, Field(ge=0.5, description="grey deviation that says nothing [grey levels]")
+            float, Field(ge=0.5, description="grey deviation: no texture [grey levels]")
         ] = 2.0
         texture_high: Annotated[
-            float, Field(gt=0.5, description="grey deviation that is plenty [grey levels]")
+            float,
+            Field(gt=0.5, description="grey deviation: ample texture [grey levels]"),
         ] = 6.0
         peak_low: Annotated[
-            float, Field(ge=0.0, lt=1.0, description="correlation that is no match")
+            float, Field(ge=0.0, lt=1.0, description="peak correlation: no match")
         ] = 0.7
         peak_high: Annotated[
-            float, Field(gt=0.0, le=1.0, description="correlation that is a sure match")
+            float, Field(gt=0.0, le=1.0, description="peak correlation: certain match")
         ] = 0.9
         registered_low: Annotated[
-            float, Field(ge=0.0, lt=1.0, description="correlation once registered: no match")
+            float, Field(ge=0.0, lt=1.0, description="registered correlation: no match")
         ] = 0.85
         registered_high: Annotated[
-            float, Field(gt=0.0, le=1.0, description="correlation once registered: a sure match")
+            float,
+            Field(gt=0.0, le=1.0, description="registered correlation: certain match"),
         ] = 0.97
         subpixel: Annotated[
             Literal["affine", "peak"],
-            Field(description="register windows by an affine motion, or take the peak's top"),
+            Field(description="refinement by affine registration or by the peak's quadratic"),
         ] = "affine"
         stride: Annotated[
-            int, Field(ge=1, le=8, description="registration looks at every so manyeth pixel [px]")
+            int,
+            Field(ge=1, le=8, description="sampling interval of registration [px]"),
         ] = 3
         weight_width: Annotated[
             float,
-            Field(ge=0.2, le=10.0, description="registration's Gaussian weight [half windows]"),
+            Field(ge=0.2, le=10.0, description="sigma of registration's weights [half windows]"),
         ] = 0.6
 
     params: Params
@@ -134,8 +140,8 @@ class BlockMatching(MatchedFlow):
     def whole_pixel_loop(self, pair: FramePair) -> Integers:
         """Displacements (rows, cols, 2) [px], now - past, by OpenCV's matcher, window by window.
 
-        The plain way to the same peaks that the correlation here has: the reference for it, and
-        what its speed is measured against. The search is centred on no displacement at all.
+        Finds the same peaks as the compiled correlation: its reference in tests and the baseline
+        of its speed. The search is centred on zero displacement.
         """
         now, past = np.asarray(pair.now.image), np.asarray(pair.past.image)
         search, (height, width) = self.params.search, past.shape
@@ -168,7 +174,7 @@ class BlockMatching(MatchedFlow):
             self._x_windows,
             self._y_windows,
             start,
-            (height > WORTHWHILE[0]) & (deviation > p.texture_low),
+            (height > PEAK_CORRELATION[0]) & (deviation > p.texture_low),
             visible,
             p.stride,
             p.weight_width,
@@ -176,38 +182,39 @@ class BlockMatching(MatchedFlow):
         confidence = ramp(found.score, p.registered_low, p.registered_high) * ramp(
             found.share, 0.6, 0.9
         )
-        confidence *= ramp(height, *WORTHWHILE) * _unambiguous(height, second, inner)
-        moved = np.linalg.norm(found.vectors - start, axis=-1)
-        confidence *= 1.0 - ramp(moved, *WANDERED)
-        confidence *= 1.0 - ramp(found.mixture, *MIXED)
+        confidence *= ramp(height, *PEAK_CORRELATION) * _uniqueness(height, second, inner)
+        shift = np.linalg.norm(found.vectors - start, axis=-1)
+        confidence *= 1.0 - ramp(shift, *REGISTRATION_SHIFT)
+        confidence *= 1.0 - ramp(found.mixture, *MIXTURE)
         noise = found.sigma * np.sqrt(max(CORRELATION_LENGTH / p.stride, 1.0))
         variance = (REGISTRATION_SCALE * noise) ** 2 + REGISTRATION_FLOOR**2
         variance += (REGISTRATION_EXCESS * noise**2) ** 2 + (MIXTURE_SHARE * found.mixture) ** 2
         return found.vectors, confidence, np.sqrt(variance)
 
     def _peaks(self, scores: Floats) -> tuple[Array, Array, Array]:
-        """Vectors, confidence and sigma by the tops of the correlation's peaks."""
+        """Vectors, confidence and sigma by quadratic interpolation of the correlation peaks."""
         p = self.params
         _, fine, height, second, curvature, inner = find_peaks(scores)
         confidence = np.where(inner & (curvature > 0.0), ramp(height, p.peak_low, p.peak_high), 0.0)
-        confidence *= _unambiguous(height, second, inner)
+        confidence *= _uniqueness(height, second, inner)
         noise = PEAK_SCALE * match_sigma(height, curvature, self._pixels)
         spread = PEAK_SPREAD * local_spread(fine, confidence)
         return fine, confidence, np.sqrt(noise**2 + spread**2 + PEAK_FLOOR**2)
 
 
 def _windows(size: int, count: int, window: int, margin: int) -> Integers:
-    """(count, 2) first pixel and one past the last of the windows along one axis of the image."""
+    """(count, 2) first pixel and end (exclusive) of the windows along one axis of the image."""
     centres = (np.arange(count) + 0.5) * (size / count)
     first = np.floor(centres - 0.5 * window).astype(np.int64)
     return np.stack([first, first + window], axis=1).clip(margin, size - margin)
 
 
-def _unambiguous(height: Array, second: Array, inner: Flags) -> Array:
-    """1 when the peak stands alone, 0 when another displacement fits as well (METHOD 2.9).
+def _uniqueness(height: Array, second: Array, inner: Flags) -> Array:
+    """1 for a unique peak, 0 if another displacement fits as well (METHOD 2.9).
 
-    A peak at the edge of the search has not shown its other side: it must stand out more.
+    A peak at the edge of the search range (not ``inner``) is known on one side only, so the limits
+    are stricter.
     """
-    # 1 - score measures the mismatch: a rival has to mismatch clearly more than the peak does
+    # ratio of the mismatches (1 - score) of the second highest score and of the peak
     contrast = (1.0 - second) / np.maximum(1.0 - height, 1e-3)
     return np.where(inner, ramp(contrast, 1.0, 1.5), ramp(contrast, 1.3, 2.2))

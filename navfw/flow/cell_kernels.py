@@ -1,4 +1,4 @@
-"""Compiled inner loops of the flow of cells, once the floor has been brought to rest."""
+"""Compiled inner loops of floor-aligned flow: test of the matches, undoing of the alignment."""
 
 from __future__ import annotations
 
@@ -18,15 +18,16 @@ Mask = npt.NDArray[np.bool_]
 def match_cells(
     now: Bytes, moved: Bytes, cell: int, difference: float, gradient: float, good: Mask
 ) -> None:
-    """Which cells of ``cell`` x ``cell`` pixels of ``now`` (h, w) agree with ``moved`` (h, w).
+    """Set ``good`` where cells of ``cell`` x ``cell`` px of ``now`` and ``moved`` (h, w) match.
 
-    ``good`` (h / cell, w / cell) is true where the mean difference is less than ``difference``
-    [grey levels] and the mean square of the gradient [grey levels/px], by Sobel's operator with the
-    border mirrored, more than the square of ``gradient``. All sums are of whole numbers.
+    ``good`` (h / cell, w / cell) is true where the mean absolute difference is less than
+    ``difference`` [grey levels] and the root mean square of the gradient of ``now`` [grey
+    levels/px], by Sobel's operator with mirrored border, exceeds ``gradient``. The sums are exact
+    integers.
     """
     h, w = now.shape
     pixels = cell * cell
-    # the operator's weights sum up to 8 for one grey level per pixel
+    # Sobel's operator gives 8 for a gradient of one grey level per pixel
     most, least = difference * pixels, 64.0 * gradient * gradient * pixels
     rows, cols = good.shape
     for r in range(rows):
@@ -50,11 +51,11 @@ def match_cells(
 def unwarp_cells(
     centres: Doubles, back: Floats, warp: Doubles, border: Doubles, good: Mask, vectors: Doubles
 ) -> None:
-    """Vectors (rows, cols, 2) [px] of cells from where ``warp`` and ``back`` say they were.
+    """Set ``vectors`` (rows, cols, 2) [px] of cells in the images before floor alignment.
 
-    ``warp`` (3, 3) takes current pixels to past ones where the floor is, ``back`` (rows, cols, 2)
-    [px] is what is added there. Vectors with an end outside of ``border`` (left, top, right,
-    bottom) are no longer ``good``.
+    ``warp`` (3, 3) maps current pixels to past pixels of the floor; ``back`` (rows, cols, 2) [px],
+    past - now, is the flow between the aligned images, added to the mapped position. ``good`` is
+    cleared for vectors with an end outside ``border`` (left, top, right, bottom) [px].
     """
     left, top, right, bottom = border
     for r in range(centres.shape[0]):

@@ -1,4 +1,4 @@
-"""When to believe a flow vector, and how far it may be off (METHOD 2.9)."""
+"""Confidence and standard deviation of flow vectors (METHOD 2.9)."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ __all__ = [
     "ramp",
 ]
 
-#: Written where nothing is known [px].
+#: Standard deviation of vectors of confidence 0, and upper limit of all others [px].
 SIGMA_UNKNOWN = 10.0
-#: A camera that moved further than this cannot see exactly the same image again [m].
+#: Baseline [m] beyond which two images of a working camera are never identical.
 SURELY_MOVED = 0.005
 
 
 def ramp(value: Array, low: float, high: float) -> Array:
-    """0 below ``low``, 1 above ``high``, straight between."""
-    # what np.clip does, at a third of its cost on arrays as small as a grid
+    """0 below ``low``, 1 above ``high``, linear between."""
+    # equal to np.clip, at a third of its cost on arrays of the size of a grid
     return np.minimum(np.maximum((value - low) / (high - low), 0.0), 1.0)
 
 
 def check_ramps(params: Params) -> None:
-    """Make sure that every pair of fields ``..._low`` and ``..._high`` is in that order.
+    """Check that each field ``..._low`` is less than its ``..._high``.
 
     Raises:
-        ValueError: when one is not (pydantic makes it a validation error).
+        ValueError: a pair is not in that order (pydantic turns it into a validation error).
 
     """
     for low in type(params).model_fields:
@@ -48,9 +48,9 @@ def check_ramps(params: Params) -> None:
 
 
 def is_frozen(pair: FramePair, camera: CameraModel) -> bool:
-    """Whether the camera moved but delivered the same image again, byte for byte.
+    """Whether the camera moved but both images are identical: the camera or its driver hangs.
 
-    Such a pair matches perfectly and says nothing: the camera, or its driver, hangs.
+    Such a pair would match perfectly and show zero flow.
     """
     motion = pair.motion
     moved = motion.baseline > SURELY_MOVED or rotation_matters(motion.rotation, camera)
@@ -58,22 +58,23 @@ def is_frozen(pair: FramePair, camera: CameraModel) -> bool:
 
 
 def match_sigma(score: Array, curvature: Array, pixels: Array | float) -> Array:
-    """Standard deviation [px] of a correlation peak's place, in its least certain direction.
+    """Standard deviation [px] of the position of a correlation peak, in its worst direction.
 
-    Of two images with independent noise, the maximum of their normalised correlation, of height
-    ``score``, varies by 2 (1 - score) / (pixels * curvature) [px^2], where ``curvature`` [1/px^2]
-    is the second derivative of the correlation in its flattest direction. Real residuals are not
-    independent from pixel to pixel: callers scale the result by what they measure.
+    For two images with independent noise, the position of the maximum of their normalised
+    correlation, of height ``score``, has the variance 2 (1 - score) / (pixels * curvature) [px^2],
+    where ``curvature`` [1/px^2] is the negative second derivative in the flattest direction. Real
+    residuals of neighbouring pixels are correlated: callers scale the result by measured factors.
     """
     noise = 2.0 * np.clip(1.0 - score, 0.0, 1.0) / pixels
     return np.sqrt(noise / np.maximum(curvature, 1e-6))
 
 
 def local_spread(vectors: Array, confidence: Array) -> Array:
-    """Standard deviation (rows, cols) [px] of the trusted ``vectors`` among each one's neighbours.
+    """Standard deviation (rows, cols) [px] of the vectors in each 3 x 3 neighbourhood.
 
-    Over the 3 x 3 neighbourhood, both components together. Where windows overlap their neighbours,
-    this is how much the flow varies within one: expansion, slanted surfaces, edges in depth.
+    Both components together; vectors of confidence 0 are left out. Where neighbouring windows
+    overlap, it measures how much the flow varies within a window: expansion, slanted surfaces,
+    edges in depth.
     """
     weight = np.where(confidence > 0.0, 1.0, 1e-9)
     total = _sum_around(weight)

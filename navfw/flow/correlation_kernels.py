@@ -16,7 +16,7 @@ Ints32 = npt.NDArray[np.int32]
 Floats = npt.NDArray[np.float32]
 Bytes = npt.NDArray[np.uint8]
 
-#: Marks displacements whose window would leave the past image.
+#: Score of displacements whose window would leave the visible part of the past image.
 OUTSIDE = np.float32(-2.0)
 
 _LOW = np.int64((1 << 32) - 1)
@@ -26,8 +26,8 @@ _LOW = np.int64((1 << 32) - 1)
 def _integrals(image: Bytes) -> tuple[Ints32, Ints32]:
     """Integral images of the grey values and of their squares, (height + 1, width + 1).
 
-    They may pass the size of their integers and wrap around; windows, their differences, stay
-    below 2^31.
+    The sums may wrap around in int32. Sums over windows, which are their differences, stay below
+    2^31 and are exact.
     """
     h, w = image.shape
     total = np.zeros((h + 1, w + 1), np.int32)
@@ -55,9 +55,10 @@ def _between_rows(integral: Ints32, y0: int, y1: int, line: Ints32) -> None:
 def _describe_windows(
     line: Ints32, line2: Ints32, width: int, height: int, greys: Doubles, scales: Doubles
 ) -> None:
-    """Of the windows at every place along a band: sum(g) and 1 / sqrt(n sum(g^2) - sum(g)^2).
+    """Set sum(g) and 1 / sqrt(n sum(g^2) - sum(g)^2) of the windows at each column of a band.
 
-    ``line`` and ``line2`` are the sums of the band's grey values and squares before each column.
+    ``line`` and ``line2`` are the cumulative sums of the band's grey values and their squares up to
+    each column.
     """
     pixels = float(width * height)
     places = line.size - width
@@ -65,7 +66,7 @@ def _describe_windows(
     for x in range(places):
         greys[x] = np.int32(right[x] - left[x])
     for x in range(places):
-        # an integer: zero exactly when the window is of one grey
+        # an exact integer: zero if and only if the window has one grey value
         energy = pixels * np.int32(right2[x] - left2[x]) - greys[x] * greys[x]
         scales[x] = 1.0 / math.sqrt(max(energy, 1.0))
 
@@ -74,10 +75,10 @@ def _describe_windows(
 def _column_sums(
     now: Bytes, past: Bytes, right: int, down: int, y_edges: Ints, sums: Ints32
 ) -> None:
-    """Products of ``now`` and ``past``, summed down the columns: sums[k] over rows up to edge k.
+    """Set ``sums``: products of ``now`` and ``past`` summed over the rows up to each edge.
 
-    ``past`` is read ``right`` columns and ``down`` rows further on than ``now``. Two rows at a
-    time: processors multiply and add pairs of small integers at once.
+    ``past`` is read at an offset of ``right`` columns and ``down`` rows. The loop takes two rows at
+    a time, since processors multiply and add pairs of small integers in one instruction.
     """
     width = now.shape[1]
     for k in range(y_edges.size - 1):
@@ -89,7 +90,7 @@ def _column_sums(
             a, c = now[y], now[y + 1]
             b, d = past[y + down, right : right + width], past[y + down + 1, right : right + width]
             for i in range(width):
-                # int32 all the way: numba's products would be int64
+                # explicit int32: numba's products would be int64
                 upper = np.int32(np.int32(a[i]) * np.int32(b[i]))
                 lower = np.int32(np.int32(c[i]) * np.int32(d[i]))
                 column[i] = np.int32(column[i] + upper + lower)
@@ -104,10 +105,10 @@ def _column_sums(
 def _window_sums(
     sums: Ints32, x_windows: Ints, y_windows: Ints, run: Ints, out: Doubles, index: int
 ) -> None:
-    """Sum two displacements' column sums (2, ...) over every window: out[row, col, index ...].
+    """Sum the column sums (2, ...) of two displacements over each window: out[row, col, index ...].
 
-    Running sums cannot be formed several at once, so both go into one integer, the second one above
-    bit 32. They may pass its size and wrap around; windows, their differences, stay below 2^31.
+    A running sum cannot be vectorised, so both displacements share one int64, the second above bit
+    32. The sums may wrap around; those of windows, which are differences, stay below 2^31.
     """
     for r in range(y_windows.shape[0]):
         above, below = sums[0, y_windows[r, 0]], sums[0, y_windows[r, 1]]
@@ -134,18 +135,18 @@ def correlate(
     search: int,
     visible: tuple[int, int, int, int],
 ) -> tuple[Floats, Floats]:
-    """Zero-mean normalised correlation of every window of ``now`` at every displacement.
+    """Zero-mean normalised correlation of each window of ``now`` at each displacement.
 
-    The windows overlap, so the products of the two images are formed once per displacement, summed
-    down the columns between the windows' borders, and every window is a difference of such sums.
-    All sums are exact integers.
+    The windows overlap. The products of the two images are therefore computed once per
+    displacement and summed along the columns between the windows' borders; the sum over a window is
+    a difference of such sums. All sums are exact integers.
 
     Args:
         now: current image (height, width).
         past: past image (height, width), of which columns [visible[0], visible[1]) and rows
             [visible[2], visible[3]) are valid.
-        x_windows: (cols, 2) first column and one past the last of each window.
-        y_windows: (rows, 2) the same for rows.
+        x_windows: (cols, 2) first and end (exclusive) column of each window.
+        y_windows: (rows, 2) first and end (exclusive) row of each window.
         search: largest displacement per axis [px].
         visible: see ``past``.
 
@@ -169,7 +170,7 @@ def correlate(
     sums = np.zeros((2, y_edges.size, w), np.int32)
     run = np.zeros(w + 1, np.int64)
     products = np.empty((rows, cols, span + 1), np.float64)
-    # mirrored: the larger a displacement, the further left it was
+    # mirrored, since a larger displacement starts further left in the past image
     total, square = _integrals(past[:, ::-1])
     line, line2 = np.empty(w + 1, np.int32), np.empty(w + 1, np.int32)
     widths = np.unique(x_windows[:, 1] - x_windows[:, 0])
@@ -178,7 +179,7 @@ def correlate(
 
     for iy in range(span):
         for ix in range(span):
-            # displacement d: what is now at p was at p - d, in the padded image at p - d + search
+            # a point now at p was at p - d, which is p - d + search in the padded image
             right_by, down_by = 2 * search - ix, 2 * search - iy
             _column_sums(now, padded, right_by, down_by, y_edges, sums[ix % 2])
             if ix % 2 or ix == span - 1:
@@ -193,7 +194,7 @@ def correlate(
                 _describe_windows(line, line2, widths[k], y1 - y0, greys[k], scales[k])
             for c in range(cols):
                 x0, x1 = x_windows[c, 0], x_windows[c, 1]
-                # window columns stay visible for x0 - dx >= left and x1 - dx <= right
+                # the window lies in the visible columns if x0 - dx >= left and x1 - dx <= right
                 first = min(max(0, x1 - right + search), span)
                 last = max(min(span, x0 - left + search + 1), first)
                 row, product = scores[r, c, iy, first:last], products[r, c, first:last]
@@ -208,7 +209,7 @@ def correlate(
 
 @numba.njit(cache=True)
 def _templates(now: Bytes, x_windows: Ints, y_windows: Ints) -> tuple[Doubles, Doubles, Floats]:
-    """Per window of ``now``: grey sum, 1 / sqrt(n sum(g^2) - sum(g)^2) or 0, and deviation."""
+    """Grey sum, 1 / sqrt(n sum(g^2) - sum(g)^2) (0 if untextured) and deviation of each window."""
     rows, cols = y_windows.shape[0], x_windows.shape[0]
     totals = np.zeros((rows, cols), np.float64)
     inverses = np.zeros((rows, cols), np.float64)
@@ -242,12 +243,12 @@ def find_peaks(
     Doubles,
     npt.NDArray[np.bool_],
 ]:
-    """Highest score of every window, refined below a pixel by a quadratic surface.
+    """Highest score of each window, refined to subpixel accuracy by a quadratic surface.
 
     Returns, per (row, col): ``peak`` (2,) whole-pixel displacement (dx, dy); ``fine`` (2,) the
-    refined one; ``height`` of the peak; ``second``, the highest score outside the peak's 3 x 3
-    neighbourhood; ``curvature`` [1/px^2], how steeply the score falls off in its flattest
-    direction; ``inner``, whether all eight neighbours of the peak exist.
+    refined displacement; ``height`` of the peak; ``second``, the highest score outside the peak's
+    3 x 3 neighbourhood; ``curvature`` [1/px^2], the negative second derivative of the score in its
+    flattest direction; ``inner``, whether all eight neighbours of the peak exist.
     """
     rows, cols, span, _ = scores.shape
     search = (span - 1) // 2
@@ -295,10 +296,10 @@ def find_peaks(
 
 @numba.njit(cache=True)
 def _quadratic_peak(s: Floats) -> tuple[float, float, float]:
-    """Offset (x, y) of the top of the least-squares quadratic through 3 x 3 scores, and curvature.
+    """Offset (x, y) of the maximum of the least-squares quadratic of 3 x 3 scores, and curvature.
 
-    The offset stays within the pixel. The curvature is the smaller eigenvalue of the negated
-    Hessian; not positive when the scores form no top.
+    The offset is limited to half a pixel. The curvature is the smaller eigenvalue of the negated
+    Hessian; all three are 0 if the quadratic has no maximum.
     """
     gx = (s[0, 2] + s[1, 2] + s[2, 2] - s[0, 0] - s[1, 0] - s[2, 0]) / 6.0
     gy = (s[2, 0] + s[2, 1] + s[2, 2] - s[0, 0] - s[0, 1] - s[0, 2]) / 6.0

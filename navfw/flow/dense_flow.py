@@ -1,4 +1,4 @@
-"""What dense flow processors share: means over the grid's cells, confidence, sigma."""
+"""Base of dense flow processors: means over the grid's cells, confidence, sigma."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pydantic import Field
 
 from navfw.flow.confidence import match_sigma, ramp
 from navfw.flow.derotation import is_visible
-from navfw.flow.gradient import gradient_products, weakest
+from navfw.flow.gradient import gradient_products, smaller_eigenvalue
 from navfw.flow.grid_flow import MatchedFlow
 from navfw.robot import RobotModel
 from navfw.signals import Array, Image
@@ -21,42 +21,42 @@ __all__ = ["Dense", "DenseFlow"]
 
 Dense = npt.NDArray[np.float32]
 
-#: Averages over a cell are never better than this [px].
+#: Least standard deviation of a cell's mean vector [px].
 SIGMA_FLOOR = 0.05
-#: Scales the noise model to the errors measured on rendered frames.
+#: Factor that scales the noise model to the errors measured on rendered frames.
 SIGMA_SCALE = 1.5
-#: Share of the spread within a cell that counts as error of its mean.
+#: Share of the standard deviation of the flow within a cell that counts as error of its mean.
 SPREAD_SHARE = 0.45
 
 
 class DenseFlow(MatchedFlow):
-    """Base of the processors that make a vector for every pixel: one mean vector a grid cell.
+    """Base of processors that compute a vector per pixel; the field has their mean per grid cell.
 
-    A cell's confidence asks for texture in both directions and for agreement of the current image
-    with the past one moved along the flow; its sigma comes from that residual and from the spread
-    of the flow within the cell.
+    A cell's confidence requires texture in both directions and correlation of the current image
+    with the past image moved along the flow. Its sigma follows from that correlation and from the
+    spread of the flow within the cell.
     """
 
     class Params(MatchedFlow.Params):
-        """Grid, and when to trust a vector (METHOD 2.9)."""
+        """Grid, and limits of the confidence (METHOD 2.9)."""
 
         gradient_low: Annotated[
-            float, Field(ge=0.1, description="gradient that says nothing [grey levels/px]")
+            float, Field(ge=0.1, description="gradient: no texture [grey levels/px]")
         ] = 0.8
         gradient_high: Annotated[
-            float, Field(gt=0.1, description="gradient that is plenty [grey levels/px]")
+            float, Field(gt=0.1, description="gradient: ample texture [grey levels/px]")
         ] = 2.5
-        match_low: Annotated[
-            float, Field(ge=0.0, lt=1.0, description="correlation that is no match")
-        ] = 0.6
+        match_low: Annotated[float, Field(ge=0.0, lt=1.0, description="correlation: no match")] = (
+            0.6
+        )
         match_high: Annotated[
-            float, Field(gt=0.0, le=1.0, description="correlation that is a sure match")
+            float, Field(gt=0.0, le=1.0, description="correlation: certain match")
         ] = 0.85
         spread_low: Annotated[
-            float, Field(ge=0.0, description="spread within a cell that is ordinary [px]")
+            float, Field(ge=0.0, description="spread within a cell: one motion [px]")
         ] = 1.0
         spread_high: Annotated[
-            float, Field(gt=0.0, description="spread within a cell that is no one motion [px]")
+            float, Field(gt=0.0, description="spread within a cell: several motions [px]")
         ] = 2.5
 
     params: Params
@@ -68,7 +68,7 @@ class DenseFlow(MatchedFlow):
 
     @abstractmethod
     def _dense(self, now: Image, past: Image) -> Dense:
-        """(height, width, 2): where each pixel of ``now`` lay in ``past``, past - now [px]."""
+        """Displacement (height, width, 2) [px], past - now, of each pixel of ``now``."""
 
     def _match(
         self, now: Image, past: Image, visible: tuple[int, int, int, int]
@@ -93,7 +93,7 @@ class DenseFlow(MatchedFlow):
 
 
 class _Cells:
-    """Means over the grid's cells of those pixels that the past camera saw."""
+    """Means over the grid's cells of the pixels visible in the past image (``seen`` is 1)."""
 
     def __init__(self, rows: int, cols: int, seen: Dense) -> None:
         self._rows, self._cols = rows, cols
@@ -114,14 +114,14 @@ class _Cells:
 
     def variance(self, dense: Dense) -> Array:
         """(rows, cols) population variance of ``dense`` (height, width)."""
-        # about a rough centre, or float32 squares of grey values would lose digits
+        # centred first: float32 squares of grey values would lose digits
         centred: Dense = dense - np.float32(dense.mean())
         squares: Array = self.mean(centred * centred) - self.mean(centred) ** 2
         return np.maximum(squares, 0.0)
 
 
 def _agreement(cells: _Cells, now: Image, moved: Image) -> tuple[Array, Array]:
-    """Normalised correlation of the two images in every cell, and the current grey variance."""
+    """Normalised correlation of the two images in each cell, and the variance of ``now``."""
     grey = np.float32(128.0)
     a: Dense = now.astype(np.float32) - grey
     b: Dense = moved.astype(np.float32) - grey
@@ -131,7 +131,7 @@ def _agreement(cells: _Cells, now: Image, moved: Image) -> tuple[Array, Array]:
 
 
 def _structure(cells: _Cells, image: Image, variance: Array) -> tuple[Array, Array]:
-    """Gradient [grey/px] in the poorest direction, and the curvature it gives a correlation."""
+    """Gradient [grey/px] in its weakest direction, and the curvature [1/px^2] of a correlation."""
     xx, yy, xy = (cells.mean(product) for product in gradient_products(image))
-    poorest = weakest(xx, yy, xy).astype(np.float64)
-    return np.sqrt(poorest), poorest / np.maximum(variance, 1e-3)
+    smaller = smaller_eigenvalue(xx, yy, xy).astype(np.float64)
+    return np.sqrt(smaller), smaller / np.maximum(variance, 1e-3)

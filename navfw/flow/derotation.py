@@ -1,4 +1,4 @@
-"""Removing what the camera's rotation adds to the flow, exactly (paper sec 3, METHOD 2.4)."""
+"""Exact removal of the rotational part of the flow (paper sec 3, METHOD 2.4)."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ __all__ = [
 
 Pixels = npt.NDArray[Any]
 
-#: Rotational flow below this everywhere in the image need not be taken out before matching [px].
+#: Largest rotational flow in the image [px] that is not compensated before matching.
 NEGLIGIBLE = 0.05
 
 
 def rotate_points(points: Array, rotation: Array, focal: float) -> Array:
-    """Where the image ``points`` (..., 2) [px] come to lie when their rays turn by ``rotation``.
+    """Image positions of ``points`` (..., 2) [px] after their rays are rotated by ``rotation``.
 
-    A ray that turns out of the camera's front half space has no image: NaN.
+    NaN where a rotated ray points behind the camera.
     """
     flat = np.ascontiguousarray(points, dtype=np.float64).reshape(-1, 2)
     turned: Array = turn_points(flat, np.ascontiguousarray(rotation, dtype=np.float64), focal)
@@ -43,20 +43,20 @@ def rotate_points(points: Array, rotation: Array, focal: float) -> Array:
 
 
 def rotational_flow(points: Array, rotation: Array, focal: float) -> Array:
-    """Flow (..., 2) [px] at current ``points`` of a camera that only turned by ``rotation``.
+    """Flow (..., 2) [px] at current ``points`` of a camera that only rotates by ``rotation``.
 
-    It does not depend on what is seen. The exact form of METHOD 2.3; ``rotation`` turns past into
-    current axes, as in CameraMotion.
+    It is independent of depth. The exact form of METHOD 2.3; ``rotation`` maps past to current
+    axes, as in CameraMotion.
     """
     return points - rotate_points(points, rotation.T, focal)
 
 
 def derotate(flow: FlowField, camera: CameraModel) -> FlowField:
-    """``flow`` as a camera would have seen it that made the same translation without turning.
+    """``flow`` of a camera with the same translation but without rotation.
 
-    Each vector's past end is turned into the current camera's axes; what remains obeys the
-    equations of pure translation exactly, however large the rotation. A field that is already
-    derotated comes back as it is.
+    The past end of each vector is rotated into the current camera's axes; the result obeys the
+    equations of pure translation exactly, for rotations of any size. A field that is already
+    derotated is returned unchanged.
     """
     if flow.derotated:
         return flow
@@ -65,7 +65,7 @@ def derotate(flow: FlowField, camera: CameraModel) -> FlowField:
 
 
 def derotated_vectors(flow: FlowField, rotation: Array, camera: CameraModel) -> Array:
-    """The vectors (rows, cols, 2) [px] of ``derotate``, had the camera turned by ``rotation``."""
+    """The vectors (rows, cols, 2) [px] of ``derotate`` for a given ``rotation``."""
     if flow.derotated:
         return flow.vectors
     vectors: Array = undo_turn(
@@ -78,23 +78,23 @@ def derotated_vectors(flow: FlowField, rotation: Array, camera: CameraModel) -> 
 
 
 def rotation_matters(rotation: Array, camera: CameraModel) -> bool:
-    """Whether ``rotation`` moves any point of the image noticeably."""
+    """Whether ``rotation`` moves a point of the image by more than ``NEGLIGIBLE``."""
     back = rotation.T.tolist()
     x, y = 0.5 * camera.width, 0.5 * camera.height
     for px, py in ((-x, -y), (x, -y), (-x, y), (x, y), (0.0, 0.0)):
         qx, qy = _turned(px, py, back, camera.focal)
-        # written so that nan, a corner turned out of sight, counts as far
+        # NaN (a corner that leaves the field of view) must compare as large
         if not (abs(qx - px) <= NEGLIGIBLE and abs(qy - py) <= NEGLIGIBLE):
             return True
     return False
 
 
 def align_past(past: Image, rotation: Array, camera: CameraModel) -> Image:
-    """The image ``past`` (height, width) as seen after turning by ``rotation`` without moving.
+    """The image ``past`` (height, width) warped as if the camera had rotated by ``rotation``.
 
-    The rotational prediction applied to all pixels at once: a search in the result is centred on
-    the prediction and meets windows that are shifted but not distorted by the turn. Pixels that
-    the past camera did not see repeat its border; ``visible_in_past`` tells which they are.
+    This applies the rotational prediction to all pixels at once: a search in the result starts at
+    the prediction, and its windows are not distorted by the rotation. Pixels outside the past image
+    repeat its border; ``visible_in_past`` gives the others.
     """
     if not rotation_matters(rotation, camera):
         return past
@@ -112,7 +112,7 @@ def align_past(past: Image, rotation: Array, camera: CameraModel) -> Image:
 
 @functools.lru_cache(maxsize=8)
 def _intrinsics(focal: float, width: int, height: int) -> tuple[Array, Array]:
-    """From rays to pixels counted from the top left (3, 3), and back."""
+    """Intrinsic matrix (3, 3), from rays to pixels from the top left, and its inverse."""
     matrix = np.array(
         [[focal, 0.0, 0.5 * (width - 1)], [0.0, focal, 0.5 * (height - 1)], [0.0, 0.0, 1.0]]
     )
@@ -120,10 +120,10 @@ def _intrinsics(focal: float, width: int, height: int) -> tuple[Array, Array]:
 
 
 def visible_in_past(rotation: Array, camera: CameraModel) -> tuple[int, int, int, int]:
-    """Columns [left, right) and rows [top, bottom) of ``align_past`` that the past camera saw.
+    """Columns [left, right) and rows [top, bottom) of ``align_past`` inside the past image.
 
-    The largest centred statement of that kind: the image's middle row and column decide. Turning
-    about the camera's own y axis, the column limits are exact and rows lose a few pixels in the
+    The limits are those of the middle row and the middle column. For a rotation about the camera's
+    y axis the column limits are exact, and the row limits include a few invisible pixels in the
     corners only.
     """
     w, h = camera.width, camera.height
@@ -140,20 +140,20 @@ def visible_in_past(rotation: Array, camera: CameraModel) -> tuple[int, int, int
 
 
 def is_visible(x: Pixels, y: Pixels, visible: tuple[int, int, int, int]) -> Mask:
-    """Whether pixels ``x``, ``y`` lie within what ``visible_in_past`` gives."""
+    """Whether pixels ``x``, ``y`` lie within the limits of ``visible_in_past``."""
     left, right, top, bottom = visible
     return (x >= left) & (x <= right - 1) & (y >= top) & (y <= bottom - 1)
 
 
 def _within(low: float, high: float, size: int) -> tuple[int, int]:
-    """Whole pixels of [low, high) inside [0, size); nothing when the interval is undefined."""
+    """Whole pixels of [low, high) inside [0, size); (0, 0) if the interval is not finite."""
     if not (np.isfinite(low) and np.isfinite(high)):
         return 0, 0
     return max(0, int(np.ceil(low - 1e-6))), min(size, int(np.floor(high + 1e-6)))
 
 
 def _turned(x: float, y: float, rotation: list[list[float]], focal: float) -> tuple[float, float]:
-    """``rotate_points`` of a single point, without the cost of arrays."""
+    """``rotate_points`` of a single point, without the overhead of arrays."""
     (a, b, c), (d, e, f), (g, h, i) = rotation
     depth = (g * x + h * y) / focal + i
     if depth <= 1e-9:

@@ -1,4 +1,4 @@
-"""Dense inverse search flow, averaged over the grid's cells: the precise alternative."""
+"""Dense inverse search (DIS) flow, averaged over the grid's cells."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ _PRESETS = {
 
 
 class Dis(DenseFlow):
-    """OpenCV's dense inverse search (DIS) flow, one mean vector a grid cell (METHOD 2.7)."""
+    """OpenCV's dense inverse search (DIS) flow, one mean vector per grid cell (METHOD 2.7)."""
 
     name: ClassVar[str] = "dis"
 
     class Params(DenseFlow.Params):
-        """Grid, when to trust a vector (METHOD 2.9), and OpenCV's settings."""
+        """Grid, limits of the confidence (METHOD 2.9), and OpenCV's settings."""
 
         preset: Annotated[
             Literal["ultrafast", "fast", "medium"], Field(description="OpenCV's preset")
         ] = "ultrafast"
         finest_scale: Annotated[
-            int, Field(ge=0, le=3, description="halvings of the image where the flow ends")
+            int, Field(ge=0, le=3, description="finest pyramid level, in halvings of the image")
         ] = 0
 
     params: Params

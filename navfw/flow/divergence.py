@@ -1,4 +1,4 @@
-"""Time to contact from flow alone: how fast the image grows (METHOD 2.5, 2.10)."""
+"""Time to contact from the divergence of the flow alone (METHOD 2.5, 2.10)."""
 
 from __future__ import annotations
 
@@ -12,20 +12,21 @@ from navfw.signals import Array, FlowField
 __all__ = ["ContactFilter", "Expansion", "fit_expansion"]
 
 ITERATIONS = 10
-#: A growth from fewer vectors says nothing.
+#: Least number of vectors for a fit.
 FEWEST = 8
-#: Residuals are never taken for smaller than this [px].
+#: Least standard deviation of the residuals [px].
 RESIDUAL_FLOOR = 0.03
-#: Neighbouring windows share pixels, and their errors: so many vectors count as one.
+#: Number of vectors with a common error: neighbouring windows overlap.
 OVERLAP = 4.0
 
 
 @dataclass(frozen=True, slots=True)
 class Expansion:
-    """The image grew about ``focus`` (2,) [px]: a vector is ``rate`` times its way from there.
+    """Expansion of the image: each vector is ``rate`` times its point's offset from the focus.
 
-    ``rate`` = 1 - (depth now / depth past) for a surface straight ahead; ``sigma`` is its standard
-    deviation; ``support`` the share of the trusted vectors that agree.
+    ``focus`` (2,) [px] is the focus of expansion. ``rate`` = 1 - (depth now / depth past) for a
+    surface straight ahead, ``sigma`` its standard deviation, and ``support`` the share of the
+    vectors that agree with the fit.
     """
 
     rate: float
@@ -34,19 +35,19 @@ class Expansion:
     support: float
 
     def time_to_contact(self, dt: float) -> float:
-        """Time [s] from now, for frames ``dt`` [s] apart; inf when the image does not grow.
+        """Time to contact [s] for frames ``dt`` [s] apart; inf without expansion.
 
-        Negative when it shrinks: the time since the contact, had the motion always been this.
+        Negative if the image shrinks: the time since a contact at constant velocity.
         """
         return dt * (1.0 / self.rate - 1.0) if self.rate != 0.0 else math.inf
 
 
 def fit_expansion(flow: FlowField, least: float = 0.2) -> Expansion | None:
-    """The growth about a focus of expansion that explains ``flow`` (derotated) best.
+    """The expansion about a focus that fits ``flow`` (derotated) best.
 
-    Least squares in rate and focus, with Cauchy weights against vectors of other surfaces and
-    mismatches; needs neither speed nor focal length. Vectors of confidence ``least`` or more take
-    part. None when there are too few of them.
+    Weighted least squares for rate and focus, with Cauchy weights against mismatches and vectors of
+    other surfaces. It requires neither speed nor focal length. Vectors of confidence ``least`` or
+    more are used; None if there are too few.
     """
     chosen = (flow.confidence >= least) & np.isfinite(flow.vectors).all(axis=-1)
     if np.count_nonzero(chosen) < FEWEST:
@@ -75,10 +76,10 @@ def fit_expansion(flow: FlowField, least: float = 0.2) -> Expansion | None:
 
 
 class ContactFilter:
-    """Causal smoothing of the time to contact: it runs down as time passes, measurements correct.
+    """Kalman filter of the time to contact: prediction by elapsed time, correction by expansions.
 
-    ``change`` is how much of itself the closing speed may change in a second (one standard
-    deviation). Anything that moves away has a time to contact of inf, and starts anew.
+    ``change`` is the standard deviation of the relative change of the closing speed per second. A
+    surface that does not approach resets the filter to a time to contact of inf.
     """
 
     def __init__(self, change: float = 0.3) -> None:
@@ -86,14 +87,14 @@ class ContactFilter:
         self.reset()
 
     def reset(self) -> None:
-        """Forget the past."""
+        """Set the time to contact to inf, with unknown variance."""
         self.time_to_contact = math.inf
         self._variance = math.inf
 
     def update(self, elapsed: float, expansion: Expansion | None, dt: float) -> float:
         """The time to contact [s] after ``elapsed`` [s] and a measurement over frames ``dt`` apart.
 
-        Without a measurement the last value runs on.
+        Without a measurement (None) the value is only predicted.
         """
         if math.isfinite(self.time_to_contact):
             before = self.time_to_contact

@@ -15,20 +15,20 @@ __all__ = ["Farneback"]
 
 
 class Farneback(DenseFlow):
-    """OpenCV's Farneback flow, one mean vector a grid cell (Farneback 2003).
+    """OpenCV's Farneback flow, one mean vector per grid cell (Farneback 2003).
 
     Each neighbourhood of both images is approximated by a quadratic polynomial; the displacement
-    follows from how its coefficients changed, from coarse images to fine ones.
+    follows from the change of its coefficients, from coarse to fine levels of a pyramid.
     """
 
     name: ClassVar[str] = "farneback"
 
     class Params(DenseFlow.Params):
-        """Grid, when to trust a vector (METHOD 2.9), and OpenCV's settings."""
+        """Grid, limits of the confidence (METHOD 2.9), and OpenCV's settings."""
 
-        levels: Annotated[int, Field(ge=1, le=6, description="images of the pyramid")] = 3
-        window: Annotated[int, Field(ge=5, le=63, description="side of the average [px]")] = 9
-        iterations: Annotated[int, Field(ge=1, le=10, description="at every level")] = 3
+        levels: Annotated[int, Field(ge=1, le=6, description="levels of the image pyramid")] = 3
+        window: Annotated[int, Field(ge=5, le=63, description="averaging window [px]")] = 9
+        iterations: Annotated[int, Field(ge=1, le=10, description="iterations at each level")] = 3
         neighbourhood: Annotated[
             int, Field(ge=5, le=9, description="side of the polynomials' support [px]")
         ] = 5
@@ -47,7 +47,7 @@ class Farneback(DenseFlow):
             winsize=p.window,
             iterations=p.iterations,
             poly_n=p.neighbourhood,
-            # OpenCV's advice: 1.1 for 5 px, 1.5 for 7 px
+            # as OpenCV recommends: 1.1 for 5 px, 1.5 for 7 px
             poly_sigma=0.2 * p.neighbourhood + 0.1,
             flags=0,
         )

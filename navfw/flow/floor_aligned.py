@@ -1,10 +1,10 @@
-"""Dense flow of the lower image, once the floor has been brought to rest in it.
+"""Dense flow of the lower image after alignment of the floor ("plane plus parallax").
 
-The camera's motion and its height above the floor say where every point of the floor was imaged
-before. With the past image warped so, the floor shows no flow at all, things at rest that stand on
-it move away from the focus of expansion only ("plane plus parallax": Sawhney 1994; Irani and
-Anandan 1998), and matching meets small displacements even right before the wheels. That leaves
-pixels enough to see the outlines of what moves by itself.
+The camera's motion and its height above the floor determine where each point of the floor was in
+the past image. After the past image is warped accordingly, the floor has no flow, static objects on
+the floor move only away from the focus of expansion (Sawhney 1994; Irani and Anandan 1998), and
+displacements are small even right in front of the wheels. Cells can then be small enough to resolve
+the outlines of moving objects.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ from navfw.signals import Array, CameraMotion, FlowField, FramePair, Image
 __all__ = ["FloorAlignedFlow"]
 
 CELL = 4
-"""Side of the cells [px] that flow is averaged over."""
+"""Side of the cells [px] over which flow is averaged."""
 CELLS_ABOVE = 3
-"""Rows of cells above the horizon; higher up nothing is near that does not reach down here."""
+"""Rows of cells above the horizon. Near objects visible further up also extend down to here."""
 LEAST_ROWS = 4
-"""A camera that sees less of the floor than so many cells needs no flow of it."""
+"""Least number of cell rows below the horizon; with fewer the floor is hardly visible."""
 EDGE = 5
-"""Matches nearer to the image's border than this are guesses [px]."""
+"""Margin at the image's border [px] in which matches are unreliable and discarded."""
 DIFFERENCE = 8.0
-"""Mean difference [grey levels] of a cell to its match from which on it is no match."""
+"""Largest mean absolute difference [grey levels] between a cell and its match."""
 GRADIENT = 1.5
-"""Least gradient [grey levels/px] that a match can be told by."""
+"""Least root mean square gradient [grey levels/px] of a cell that can be matched."""
 COARSE_STRIDE = 8
 """Distance [px] between matched patches in coarse mode: the patches do not overlap."""
 SIGMA = 0.2
@@ -46,10 +46,10 @@ _UNIT = np.eye(3)
 
 
 class FloorAlignedFlow:
-    """Flow on a grid of small cells from a little above the horizon down to the image's border.
+    """Flow on a grid of small cells from ``CELLS_ABOVE`` above the horizon to the lower border.
 
-    Made for frames a fixed short time apart, whatever way the robot has come: it is for movers, not
-    for depth.
+    It is made for the detection of moving objects, not for depth: for frames a short fixed time
+    apart, whatever the baseline.
     """
 
     def __init__(self, robot: RobotModel) -> None:
@@ -63,7 +63,7 @@ class FloorAlignedFlow:
         self._left = (camera.width - self._cols * CELL) // 2
         size = self._rows * CELL, self._cols * CELL
         self._pixel_y, self._pixel_x = np.mgrid[: size[0], : size[1]].astype(np.float32)
-        # centres of the cells, in pixels of the whole image
+        # centres of the cells, in pixels from the top left of the whole image
         x = self._left + CELL * np.arange(self._cols) + 0.5 * (CELL - 1)
         y = self._top + CELL * np.arange(self._rows) + 0.5 * (CELL - 1)
         self._centres = np.stack(np.meshgrid(x, y), axis=-1)
@@ -81,16 +81,16 @@ class FloorAlignedFlow:
 
     @property
     def floor_visible(self) -> bool:
-        """Whether the camera looks down far enough to see any."""
+        """Whether enough of the floor lies in the field of view."""
         return self._rows - CELLS_ABOVE >= LEAST_ROWS
 
     def compute(self, pair: FramePair, coarse: bool = False) -> FlowField:
-        """Flow of ``pair.now`` against ``pair.past``, not derotated; confidence is 0 or 1.
+        """Flow from ``pair.past`` to ``pair.now``, not derotated; confidence is 0 or 1.
 
         ``coarse`` matching takes less than half the time and misses some moving objects.
 
         Raises:
-            ConfigError: a frame is not the camera's.
+            ConfigError: size or type of a frame is not the camera's.
 
         """
         camera = self._robot.camera
@@ -123,13 +123,13 @@ class FloorAlignedFlow:
         )
 
     def _past_from_now(self, motion: CameraMotion) -> Array:
-        """(3, 3) homography from current to past pixels for points of the floor."""
+        """Homography (3, 3) from current to past pixels of points on the floor."""
         height = self._robot.camera.mount_height
         shift = _UNIT + motion.translation[:, None] * self._down / height
         return np.asarray(self._intrinsics @ motion.rotation.T @ shift @ self._rays)
 
     def _matches(self, now: Image, past: Image, back: Dense) -> npt.NDArray[np.bool_]:
-        """(rows, cols) where the past image agrees with the current one along the flow."""
+        """Whether the past image matches the current one along the flow, for each cell."""
         moved = cv2.remap(
             past,
             self._pixel_x + back[..., 0],
@@ -142,13 +142,13 @@ class FloorAlignedFlow:
         return good
 
     def _means(self, values: Floats) -> Floats:
-        """Means of ``values`` (height, width, ...) over the cells."""
+        """Means (rows, cols, ...) of ``values`` (height, width, ...) over the cells."""
         size = (self._cols, self._rows)
         return np.asarray(cv2.resize(values, size, interpolation=cv2.INTER_AREA), dtype=np.float32)
 
 
 def _matcher() -> cv2.DISOpticalFlow:
     matcher = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_ULTRAFAST)
-    # outlines of the size of a foot are lost on the coarser scale where the preset ends
+    # the preset stops at a coarser scale, where the outline of a foot is lost
     matcher.setFinestScale(0)
     return matcher

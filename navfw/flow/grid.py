@@ -12,11 +12,11 @@ __all__ = ["check_frame", "check_grid", "grid_points"]
 
 
 def check_grid(camera: CameraModel, rows: int, cols: int, owner: str) -> None:
-    """Make sure that ``rows`` x ``cols`` equal cells fill the camera's image.
+    """Check that ``rows`` x ``cols`` equal cells fill the camera's image.
 
     Raises:
-        ConfigError: when the image's height or width is not a multiple; ``owner`` (the plugin's
-            name) opens the key it names.
+        ConfigError: the image's height or width is not a multiple. The key in the message starts
+            with ``owner``, the plugin's name.
 
     """
     for key, count, side, size in (
@@ -42,17 +42,17 @@ def grid_points(camera: CameraModel, rows: int, cols: int) -> Array:
 
 
 def check_frame(frame: Frame, camera: CameraModel) -> None:
-    """Make sure that ``frame`` is the camera's: size and uint8 luminance.
+    """Check that ``frame`` has the camera's size and is uint8 luminance.
 
     Raises:
-        ConfigError: when it is not.
+        ConfigError: size or type differ.
 
     """
     image = frame.image
     if image.shape != (camera.height, camera.width) or image.dtype != np.uint8:
         found = " x ".join(map(str, image.shape[::-1]))
         raise ConfigError(
-            f"the frame at {frame.time:.3f} s is {found} {image.dtype}, but the camera model says "
-            f"{camera.width} x {camera.height} uint8 luminance",
+            f"the frame at {frame.time:.3f} s is {found} {image.dtype}, but the camera model "
+            f"specifies {camera.width} x {camera.height} uint8 luminance",
             key="camera",
         )

@@ -1,4 +1,4 @@
-"""What flow processors share: the regular grid, and all that comes before and after matching."""
+"""Bases of flow processors: the regular grid, and the steps before and after matching."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ __all__ = ["GridFlow", "MatchedFlow"]
 
 
 class GridFlow(interfaces.FlowProcessor):
-    """Base of processors whose field has one vector for each cell of a regular grid."""
+    """Base of processors whose field has one vector per cell of a regular grid."""
 
     class Params(interfaces.FlowProcessor.Params):
-        """The grid. Fields ``..._low`` and ``..._high`` are checked to be in that order."""
+        """The grid. Each field ``..._low`` is checked to be less than its ``..._high``."""
 
         rows: Annotated[int, Field(ge=2, le=120, description="rows of the grid")] = 12
         cols: Annotated[int, Field(ge=2, le=160, description="columns of the grid")] = 16
@@ -44,25 +44,26 @@ class GridFlow(interfaces.FlowProcessor):
 class MatchedFlow(GridFlow):
     """Base of processors that match two images.
 
-    The past image is first turned by the camera's known rotation, so that the method meets the
-    translational part only; the field that comes out contains the whole motion again.
+    The past image is first warped by the camera's known rotation, so that the method has to match
+    the translational part only. The resulting field contains the whole motion again.
     """
 
     @abstractmethod
     def _match(
         self, now: Image, past: Image, visible: tuple[int, int, int, int]
     ) -> tuple[Array, Array, Array]:
-        """How the cells have moved from ``past``, turned into the current axes, to ``now``.
+        """Match ``now`` with ``past``, which is already warped into the current axes.
 
-        ``visible`` (left, right, top, bottom) bounds the pixels of ``past`` that the past camera
-        saw. Gives vectors (rows, cols, 2) [px], confidence and sigma (rows, cols) [px].
+        ``visible`` (left, right, top, bottom) limits the pixels of ``past`` that come from the past
+        image. Returns vectors (rows, cols, 2) [px], now - past; confidence (rows, cols); and sigma
+        (rows, cols) [px].
         """
 
     def compute(self, pair: FramePair) -> FlowField:
-        """Flow of ``pair.now`` against ``pair.past``, with confidence and sigma of every cell.
+        """Flow from ``pair.past`` to ``pair.now``, with confidence and sigma of each cell.
 
         Raises:
-            ConfigError: a frame is not the camera's.
+            ConfigError: size or type of a frame is not the camera's.
 
         """
         camera, rotation = self.robot.camera, pair.motion.rotation

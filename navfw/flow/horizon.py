@@ -1,4 +1,4 @@
-"""Leaving out what lies below the horizon, for a robot that cannot tell the floor from things."""
+"""Removal of flow below the horizon, for stacks that cannot tell the floor from obstacles."""
 
 from __future__ import annotations
 
@@ -14,6 +14,6 @@ __all__ = ["above_horizon"]
 
 
 def above_horizon(flow: FlowField, camera: CameraModel) -> FlowField:
-    """``flow`` without trust in vectors whose rays fall: they may show the floor (METHOD 2.8)."""
+    """``flow`` with confidence 0 below the horizon, where a ray may meet the floor (METHOD 2.8)."""
     falls = flow.points[..., 1] * math.cos(camera.pitch) + camera.focal * math.sin(camera.pitch)
     return dataclasses.replace(flow, confidence=np.where(falls > 0.0, 0.0, flow.confidence))

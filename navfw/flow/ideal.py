@@ -1,7 +1,8 @@
 """Flow from true depth and true motion: the paper's synthetic mode (paper sec 5), for evaluation.
 
-No robot has these. The plugin declares ``oracle``: a stack file that names it must say
-``oracle: true``, and only missions and benchmarks hold a ``TruthSource`` to give it.
+Ground truth is not available on a robot. The plugin therefore declares ``oracle``: a stack file
+that uses it must set ``oracle: true``, and only missions and benchmarks can provide a
+``TruthSource``.
 """
 
 from __future__ import annotations
@@ -22,29 +23,29 @@ __all__ = ["Ideal", "TruthSource", "nearness_at", "true_vectors"]
 
 Depth = npt.NDArray[np.float32]
 
-#: What ideal flow says of its own error [px].
+#: Standard deviation reported with ideal flow [px].
 SIGMA = 0.02
-#: Surfaces whose nearness differs more than this are not one surface.
+#: Largest ratio of the nearness of neighbouring pixels of one surface.
 ONE_SURFACE = 1.15
 
 
 class TruthSource(Protocol):
-    """Who knows what no robot knows: the simulator, on behalf of a mission or a benchmark."""
+    """Source of ground truth: the simulator, made accessible by a mission or a benchmark."""
 
     def depth(self, frame: Frame) -> Depth:
-        """True depth (height, width) [m] along the optical axis of ``frame``; inf: nothing."""
+        """True depth (height, width) [m] along the optical axis of ``frame``; inf: no surface."""
         ...
 
     def motion(self, pair: FramePair) -> CameraMotion:
-        """How the camera truly moved between the frames of ``pair``."""
+        """True motion of the camera between the frames of ``pair``."""
         ...
 
 
 class Ideal(GridFlow):
     """Flow without error, from the simulator's depth and the true motion; for evaluation only.
 
-    Every cell whose surface the past camera had in its image is fully trusted, hidden there or
-    not. The field's ``motion`` remains the measured one: gyro and odometry are not made ideal.
+    A cell has confidence 1 if its surface point projects into the past image, whether occluded
+    there or not. The field's ``motion`` is the measured one: gyro and odometry stay realistic.
     """
 
     name: ClassVar[str] = "ideal"
@@ -55,14 +56,14 @@ class Ideal(GridFlow):
         self._truth: TruthSource | None = None
 
     def set_truth(self, truth: TruthSource) -> None:
-        """Take truth from ``truth`` from now on."""
+        """Set the source of ground truth."""
         self._truth = truth
 
     def compute(self, pair: FramePair) -> FlowField:
         """True flow of ``pair.now`` against ``pair.past``.
 
         Raises:
-            PluginError: nobody has given a source of truth.
+            PluginError: no source of ground truth has been set.
 
         """
         camera = self.robot.camera
@@ -70,8 +71,8 @@ class Ideal(GridFlow):
         check_frame(pair.now, camera)
         if self._truth is None:
             raise PluginError(
-                "ideal flow needs the simulator's truth, which only a mission or a benchmark can "
-                "give; choose another flow processor",
+                "ideal flow needs the simulator's ground truth, which only a mission or a "
+                "benchmark provides; choose another flow processor",
                 key=self.name,
             )
         motion = self._truth.motion(pair)
@@ -90,10 +91,11 @@ class Ideal(GridFlow):
 
 
 def nearness_at(points: Array, depth: Depth, camera: CameraModel) -> Array:
-    """Nearness 1/Z [1/m] at image ``points`` (..., 2) [px], between the pixels of ``depth``.
+    """Nearness 1/Z [1/m] at image ``points`` (..., 2) [px], interpolated in ``depth``.
 
-    Nearness is affine over a plane's image, so interpolating it is exact on planes; where the four
-    pixels around a point show more than one surface, the nearest pixel decides.
+    Nearness is affine over the image of a plane, so bilinear interpolation is exact on planes.
+    Where the four pixels around a point show more than one surface, the nearest pixel's value is
+    taken.
     """
     column = np.clip(points[..., 0] + 0.5 * camera.width - 0.5, 0.0, camera.width - 1.0)
     row = np.clip(points[..., 1] + 0.5 * camera.height - 0.5, 0.0, camera.height - 1.0)
@@ -116,8 +118,8 @@ def true_vectors(points: Array, nearness: Array, motion: CameraMotion, focal: fl
     """Flow (..., 2) [px] at current ``points`` of static surfaces at ``nearness`` [1/m].
 
     NaN where a surface was not in front of the past camera. Exact: the current point X is at
-    R^T (X + t) in the past camera's axes; all is divided by the depth, so that what is infinitely
-    far moves with the rotation alone.
+    R^T (X + t) in the past camera's axes. The equation is divided by the depth, so that it also
+    holds for points at infinity.
     """
     ray = np.concatenate([points / focal, np.ones_like(points[..., :1])], axis=-1)
     past = (ray + nearness[..., None] * motion.translation) @ motion.rotation

@@ -1,4 +1,4 @@
-"""Pyramidal Lucas-Kanade on a few points of every grid cell, checked forth and back."""
+"""Pyramidal Lucas-Kanade on points of each grid cell, with a forward-backward check."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pydantic import Field
 
 from navfw.flow.confidence import SIGMA_UNKNOWN, local_spread, ramp
 from navfw.flow.derotation import is_visible
-from navfw.flow.gradient import gradient_products, weakest
+from navfw.flow.gradient import gradient_products, smaller_eigenvalue
 from navfw.flow.grid import grid_points
 from navfw.flow.grid_flow import MatchedFlow
 from navfw.robot import CameraModel, RobotModel
@@ -18,49 +18,47 @@ from navfw.signals import Array, Image
 
 __all__ = ["LucasKanade"]
 
-
-#: Tracking is never better than this [px].
+#: Least standard deviation of a tracked vector [px].
 SIGMA_FLOOR = 0.05
-#: Scales the noise model to the errors measured on rendered frames.
+#: Factor that scales the noise model to the errors measured on rendered frames.
 NOISE_SCALE = 1.3
-#: What the way forth and back, the disagreement within a cell and the flow's variation from cell
-#: to cell (the less, the more points a cell has) tell of the error: shares of each.
+#: Shares that count as standard deviation: of the forward-backward error, of the disagreement
+#: within a cell, and of the variation between cells (over the points per axis of a cell).
 RETURN_SHARE, CELL_SHARE, SPREAD_SHARE = 0.5, 0.5, 0.25
 
 
 class LucasKanade(MatchedFlow):
     """Pyramidal Lucas-Kanade at points of a regular grid, with a forward-backward check.
 
-    Of the points in a cell, the median of those that come back to where they started is the cell's
-    vector. Confidence asks for texture in both directions, a short way back, and agreement of the
-    image patches.
+    A cell's vector is the median of its points that pass the check. Its confidence requires texture
+    in both directions, a small forward-backward error, and agreement of the image patches.
     """
 
     name: ClassVar[str] = "lucas_kanade"
 
     class Params(MatchedFlow.Params):
-        """Grid, windows, and when to trust a vector (METHOD 2.9)."""
+        """Grid, windows, and limits of the confidence (METHOD 2.9)."""
 
         points: Annotated[int, Field(ge=1, le=4, description="points per cell along each axis")] = 1
         window: Annotated[int, Field(ge=5, le=63, description="side of a window [px]")] = 11
         levels: Annotated[int, Field(ge=0, le=5, description="halvings of the image")] = 2
         gradient_low: Annotated[
-            float, Field(ge=0.1, description="gradient that says nothing [grey levels/px]")
+            float, Field(ge=0.1, description="gradient: no texture [grey levels/px]")
         ] = 0.8
         gradient_high: Annotated[
-            float, Field(gt=0.1, description="gradient that is plenty [grey levels/px]")
+            float, Field(gt=0.1, description="gradient: ample texture [grey levels/px]")
         ] = 2.5
         return_low: Annotated[
-            float, Field(ge=0.0, description="error forth and back that is ordinary [px]")
+            float, Field(ge=0.0, description="forward-backward error: certain match [px]")
         ] = 0.3
         return_high: Annotated[
-            float, Field(gt=0.0, description="error forth and back that is a mismatch [px]")
+            float, Field(gt=0.0, description="forward-backward error: no match [px]")
         ] = 1.0
         residual_low: Annotated[
-            float, Field(ge=0.0, description="mismatch in parts of the contrast, ordinary")
+            float, Field(ge=0.0, description="residual over contrast: certain match")
         ] = 0.35
         residual_high: Annotated[
-            float, Field(gt=0.0, description="mismatch in parts of the contrast, no match")
+            float, Field(gt=0.0, description="residual over contrast: no match")
         ] = 0.7
 
     params: Params
@@ -88,9 +86,9 @@ class LucasKanade(MatchedFlow):
     def _track(
         self, now: Image, past: Image, visible: tuple[int, int, int, int]
     ) -> tuple[Array, Array, Array]:
-        """Where the seeds lay in ``past``, the error [px] forth and back, the mismatch [grey].
+        """Positions of the seeds in ``past``, forward-backward error [px] and residual [grey].
 
-        Lost points have an infinite error.
+        The error of lost points is infinite.
         """
         p = self.params
         size = (p.window, p.window)
@@ -110,13 +108,13 @@ class LucasKanade(MatchedFlow):
         return (
             there.reshape(*shape, 2).astype(np.float64),
             np.where(good, off, np.inf),
-            # what is lost has no defined error
+            # the residual of a lost point is undefined
             np.where(good, error.reshape(shape), np.float32(255.0)).astype(np.float64),
         )
 
 
 def _seeds(camera: CameraModel, rows: int, cols: int, points: int) -> Array:
-    """(rows, cols, points^2, 2) pixel coordinates, evenly over each cell."""
+    """(rows, cols, points^2, 2) pixel coordinates, evenly spaced in each cell."""
     fine = grid_points(camera, rows * points, cols * points)
     pixels = fine + 0.5 * np.array([camera.width, camera.height]) - 0.5
     split = pixels.reshape(rows, points, cols, points, 2).transpose(0, 2, 1, 3, 4)
@@ -124,7 +122,7 @@ def _seeds(camera: CameraModel, rows: int, cols: int, points: int) -> Array:
 
 
 def _texture(image: Image, seeds: Array, window: int) -> tuple[Array, Array]:
-    """Gradient [grey/px] in the poorest direction and deviation [grey] of the seeds' windows."""
+    """Gradient [grey/px] in its weakest direction and deviation [grey] of the seeds' windows."""
     size = (window, window)
     at = np.rint(seeds).astype(np.int64)
     column = at[..., 0].clip(0, image.shape[1] - 1)
@@ -137,7 +135,7 @@ def _texture(image: Image, seeds: Array, window: int) -> tuple[Array, Array]:
     mean = np.asarray(cv2.boxFilter(grey, -1, size))[row, column]
     variance = np.asarray(cv2.sqrBoxFilter(grey, -1, size))[row, column] - mean**2
     return (
-        np.sqrt(weakest(xx, yy, xy).astype(np.float64)),
+        np.sqrt(smaller_eigenvalue(xx, yy, xy).astype(np.float64)),
         np.sqrt(np.maximum(variance, 0.0).astype(np.float64)),
     )
 
@@ -154,5 +152,5 @@ def _cells(tracks: Array, trust: Array, variance: Array) -> tuple[Array, Array, 
     count = np.maximum(good.sum(axis=-1), 1)
     disagreement = (apart**2).sum(axis=-1) / count
     own = np.where(good, variance, 0.0).sum(axis=-1) / count
-    # a cell is as sure as the average of all its points, lost ones included
+    # the mean confidence of all points of a cell, lost ones included
     return vectors, trust.mean(axis=-1), own + CELL_SHARE**2 * disagreement

@@ -1,4 +1,4 @@
-"""Refining the gyro by the flow: what lies off the epipolar lines is rotation (METHOD 2.6)."""
+"""Refinement of the gyro's rotation by the flow's epipolar residuals (METHOD 2.6)."""
 
 from __future__ import annotations
 
@@ -29,19 +29,21 @@ deviations, to which DOUBT [px] is added in quadrature."""
 
 
 class RefinementParams(Params):
-    """How much the flow may correct the measured rotation."""
+    """Priors and gates of the correction of the measured rotation."""
 
     pitch_sigma: Annotated[
-        float, Field(gt=0.0, le=0.1, description="pitching of the robot between frames [rad]")
+        float, Field(gt=0.0, le=0.1, description="standard deviation of pitch between frames [rad]")
     ] = 0.002
     overlap: Annotated[
-        float, Field(ge=1.0, description="number of neighbouring vectors sharing one error")
+        float, Field(ge=1.0, description="number of neighbouring vectors with a common error")
     ] = 4.0
     direction_sigma: Annotated[
-        float, Field(ge=0.0, le=1.0, description="error of the direction of translation [rad]")
+        float,
+        Field(ge=0.0, le=1.0, description="error of the translation's direction [rad]"),
     ] = 0.03
     hole: Annotated[
-        float, Field(ge=0.0, description="radius around the focus of expansion left out [px]")
+        float,
+        Field(ge=0.0, description="ignored radius around the focus of expansion [px]"),
     ] = 4.0
     gate: Annotated[
         float,
@@ -54,14 +56,14 @@ _USUAL = RefinementParams()
 
 @dataclass(frozen=True, slots=True)
 class Refinement:
-    """A corrected rotation, and which vectors obey it.
+    """A corrected rotation, and the residuals of the vectors.
 
-    ``motion`` is the measured motion with its rotation and ``yaw_sigma`` corrected; ``yaw`` and
-    ``pitch`` [rad] are the corrections (counter-clockwise; nose down), ``yaw_sigma`` and
-    ``pitch_sigma`` [rad] their remaining standard deviations. ``residual`` (rows, cols) [px] is how
-    far each vector still lies off its epipolar line, NaN where the line is unknown (focus of
-    expansion). ``consistent`` (rows, cols) is false where that is more than its error allows: a
-    moving object or a mismatch; ``allowed`` (rows, cols) [px] is one standard deviation of that.
+    ``motion`` is the measured motion with corrected rotation and ``yaw_sigma``. ``yaw``
+    (counter-clockwise) and ``pitch`` (nose down) [rad] are the corrections, ``yaw_sigma`` and
+    ``pitch_sigma`` [rad] their posterior standard deviations. ``residual`` (rows, cols) [px] is the
+    distance of each corrected vector from its epipolar line, NaN where the line is unknown (near
+    the focus of expansion); ``allowed`` (rows, cols) [px] is its standard deviation. ``consistent``
+    (rows, cols) is false where the residual exceeds the gate: a moving object or a mismatch.
     """
 
     motion: CameraMotion
@@ -100,10 +102,10 @@ class Refinement:
 def refine(flow: FlowField, camera: CameraModel, params: RefinementParams = _USUAL) -> Refinement:
     """Correct the yaw and pitch of ``flow.motion`` by ``flow`` (not derotated) itself.
 
-    A static point moves along its epipolar line whatever its depth, so what lies across the line is
-    rotation left over. Robust least squares over all trusted vectors find the two small angles,
-    held to ``motion.yaw_sigma`` and ``params.pitch_sigma`` as priors. Without translation or
-    trusted vectors the correction is zero.
+    A static point moves along its epipolar line whatever its depth, so the component across the
+    line is residual rotation. Robust least squares over all vectors with confidence estimate the
+    two small angles, with priors of the standard deviations ``motion.yaw_sigma`` and
+    ``params.pitch_sigma``. Without translation or confident vectors the correction is zero.
     """
     p, motion = params, flow.motion
     up, right = camera.base_from_camera[2], np.array([1.0, 0.0, 0.0])
@@ -114,7 +116,7 @@ def refine(flow: FlowField, camera: CameraModel, params: RefinementParams = _USU
         _flat(flow.confidence),
         _flat(motion.translation),
         camera.focal,
-        # rays turn against the camera: counter-clockwise yaw turns them clockwise
+        # rays rotate opposite to the camera: counter-clockwise yaw turns them clockwise
         np.array([-up, right]),
         np.array([max(motion.yaw_sigma, 1e-9), p.pitch_sigma]),
         (p.hole, p.direction_sigma, p.overlap),
@@ -136,12 +138,12 @@ def refine(flow: FlowField, camera: CameraModel, params: RefinementParams = _USU
 
 
 def _flat(values: Array) -> Array:
-    """(n,) ``values`` one after the other, as compiled code takes them."""
+    """``values`` as a contiguous float64 array (n,), as the kernels need them."""
     return np.ascontiguousarray(values, dtype=np.float64).ravel()
 
 
 def _rotation(vector: Array) -> Array:
-    """(3, 3) rotation about ``vector`` by its length [rad] (Rodrigues)."""
+    """Rotation matrix (3, 3) about ``vector`` by its length [rad] (Rodrigues' formula)."""
     x, y, z = vector.tolist()
     angle = math.sqrt(x * x + y * y + z * z)
     cross: Array = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])

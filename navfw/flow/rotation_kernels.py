@@ -19,9 +19,9 @@ CAUCHY = 2.385**2
 
 @numba.njit(cache=True, error_model="numpy")
 def turn_points(points: Doubles, r: Doubles, focal: float) -> Doubles:
-    """Where image points (n, 2) [px] come to lie when their rays turn by ``r`` (3, 3).
+    """Image positions of points (n, 2) [px] after their rays are rotated by ``r`` (3, 3).
 
-    NaN for rays that turn out of the camera's front half space.
+    NaN where a rotated ray points behind the camera.
     """
     out = np.empty_like(points)
     for i in range(points.shape[0]):
@@ -36,7 +36,7 @@ def turn_points(points: Doubles, r: Doubles, focal: float) -> Doubles:
 
 @numba.njit(cache=True)
 def undo_turn(points: Doubles, vectors: Doubles, r: Doubles, focal: float) -> Doubles:
-    """Flow ``vectors`` (n, 2) [px] at ``points`` without what the camera's turn ``r`` adds."""
+    """Flow ``vectors`` (n, 2) [px] at ``points`` without the part due to the rotation ``r``."""
     out = turn_points(points - vectors, r, focal)
     for i in range(points.shape[0]):
         out[i, 0] = points[i, 0] - out[i, 0]
@@ -57,29 +57,30 @@ def refine_rotation(
     settings: tuple[float, float, float],
     iterations: int,
 ) -> tuple[Doubles, Doubles, Doubles, Doubles]:
-    """``_fit_rotation`` to a flow field, its epipolar lines and errors worked out first.
+    """Epipolar lines and errors of a flow field, then ``_fit_rotation``.
 
     Args:
         points: (n, 2) image points [px].
-        derotated: (n, 2) their flow after the measured rotation has been taken out [px].
+        derotated: (n, 2) their flow without the measured rotation [px].
         sigma: (n,) standard deviation of the flow [px].
-        confidence: (n,) of the vectors.
-        translation: (3,) of the camera [m].
+        confidence: (n,) confidence of the vectors.
+        translation: (3,) translation of the camera [m].
         focal: focal length [px].
-        axes: (2, 3) as there.
-        prior: (2,) as there.
-        settings: radius around the focus of expansion left out [px], error of the translation's
-            direction [rad], and how many vectors share one error.
-        iterations: of the reweighting.
+        axes: (2, 3) as in ``_fit_rotation``.
+        prior: (2,) as in ``_fit_rotation``.
+        settings: ignored radius around the focus of expansion [px], standard deviation of the
+            translation's direction [rad], and number of vectors with a common error.
+        iterations: number of reweightings.
 
     Returns:
-        angles (2,), covariance (2, 2), residuals (n,) as there, and their errors (n,) [px].
+        angles (2,), covariance (2, 2), residuals (n,) as in ``_fit_rotation``, and the standard
+        deviations (n,) [px] of the residuals.
 
     """
     hole, direction_sigma, overlap = settings
     n = points.shape[0]
     tx, ty, tz = translation
-    # no nearer than this to the focus of expansion, whose lines point anywhere
+    # near the focus of expansion the direction of the lines is undefined
     nearest = hole * math.sqrt(tx * tx + ty * ty + tz * tz)
     lines = np.zeros((n, 2), np.float64)
     allowed = np.empty(n, np.float64)
@@ -137,22 +138,22 @@ def _fit_rotation(
     prior: Doubles,
     iterations: int,
 ) -> tuple[Doubles, Doubles, Doubles]:
-    """Small rotation that best explains what of the flow is off its epipolar lines (METHOD 2.6).
+    """Small rotation that minimises the distances of the flow from its epipolar lines (METHOD 2.6).
 
     Args:
         points: (n, 2) image points [px].
-        derotated: (n, 2) their flow after the measured rotation has been taken out [px].
-        epipolar: (n, 2) direction translation moves each point in, any length; zero: unknown.
+        derotated: (n, 2) their flow without the measured rotation [px].
+        epipolar: (n, 2) directions of the epipolar lines, of any length; zero if unknown.
         sigma: (n,) standard deviation of the flow [px].
-        weight: (n,) how much each vector counts; 0 leaves it out.
+        weight: (n,) weights of the vectors; 0 leaves a vector out.
         focal: focal length [px].
-        axes: (2, 3) unit rotation vectors of the two unknowns, in current camera axes.
-        prior: (2,) standard deviation of the two angles before looking [rad], above 0.
-        iterations: of the reweighting.
+        axes: (2, 3) unit rotation vectors of the two unknown angles, in current camera axes.
+        prior: (2,) prior standard deviation of the two angles [rad], above 0.
+        iterations: number of reweightings.
 
     Returns:
-        angles (2,) [rad]; their covariance (2, 2); and residuals (n,) [px] off the epipolar lines
-        after correction, NaN where the direction is unknown.
+        angles (2,) [rad]; their covariance (2, 2); and the distances (n,) [px] from the epipolar
+        lines after correction, NaN where the line is unknown.
 
     """
     n = points.shape[0]
@@ -168,7 +169,7 @@ def _fit_rotation(
         offsets[i] = nx * derotated[i, 0] + ny * derotated[i, 1]
         for k in range(2):
             wx, wy, wz = axes[k, 0], axes[k, 1], axes[k, 2]
-            # how the point's past end moves when its ray turns about this axis
+            # motion of the vector's past end per angle about this axis
             u = -wx * x * y / focal + wy * (focal + x * x / focal) - wz * y
             v = -wx * (focal + y * y / focal) + wy * x * y / focal + wz * x
             slopes[i, k] = nx * u + ny * v
@@ -182,7 +183,7 @@ def _fit_rotation(
                 continue
             s0, s1 = slopes[i, 0], slopes[i, 1]
             off = (offsets[i] - s0 * a - s1 * b) / sigma[i]
-            # Cauchy weights: an outlier of many sigma counts next to nothing
+            # Cauchy weights: an outlier of many sigma has next to no weight
             w = weight[i] / (sigma[i] * sigma[i] * (1.0 + off * off / CAUCHY))
             m00 += w * s0 * s0
             m01 += w * s0 * s1

@@ -1,4 +1,4 @@
-"""Odometry with a dead encoder, a silent gyro, a bias that jumps."""
+"""Odometry with a failed encoder, a stale gyro, a bias that changes while driving."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ DT = 1.0 / 60.0
 
 
 class Drive:
-    """A robot that does what it is asked; what its sensors say of it may be wrong."""
+    """A robot that executes its command exactly; its sensors can fail."""
 
     def __init__(self) -> None:
         self.odometer = Odometer(ROBOT)
@@ -58,7 +58,7 @@ def test_one_wheel_and_the_gyro_tell_the_way(dead: str, v: float, w: float) -> N
     whole.go(2.0, v, w)
     half.go(2.0, v, w, dead=dead)
     off = whole.odometry.pose.relative(half.odometry.pose)
-    # what passes before the silence is noticed is lost
+    # the distance driven before the fault is detected is lost
     assert math.hypot(off.x, off.y) < 0.04
     assert abs(off.yaw) < 1e-6
     assert not half.odometry.silent
@@ -94,7 +94,7 @@ def test_a_stale_gyro_is_replaced_by_the_wheels() -> None:
     drive = Drive()
     drive.go(1.0, 0.3, 0.0)
     drive.go(2.0, 0.3, 0.5, gyro=False)
-    # one tenth of a second passes before the gyro's word is stale
+    # a gyro reading is stale after one tenth of a second
     assert drive.odometry.pose.yaw == pytest.approx(1.0, abs=0.06)
 
 

@@ -17,15 +17,16 @@ Floats = npt.NDArray[np.float32]
 Flags = npt.NDArray[np.bool_]
 Real: TypeAlias = float | np.floating[Any]
 
-#: Unknowns: displacement (x, y), then the change of each over half a window in x and in y.
+#: Number of unknowns: displacement (x, y), then the change of each over half a window in x and y.
 UNKNOWNS = 6
-#: Brightness may differ by this factor between the frames, and by any offset.
+#: Largest gain of the brightness between the frames, and its reciprocal the least; the offset is
+#: free.
 GAIN = 2.0
 
 
 @numba.njit(cache=True, error_model="numpy")
 def _factorize(matrix: Doubles, lower: Doubles) -> bool:
-    """Cholesky factor, its diagonal inverted; False when ``matrix`` is not positive definite."""
+    """Cholesky factor, its diagonal inverted; False if ``matrix`` is not positive definite."""
     for i in range(UNKNOWNS):
         for j in range(i):
             total = matrix[i, j]
@@ -43,7 +44,7 @@ def _factorize(matrix: Doubles, lower: Doubles) -> bool:
 
 @numba.njit(cache=True)
 def _solve(lower: Doubles, right: Doubles, out: Doubles) -> None:
-    """Solve (L L^T) out = right, L as ``_factorize`` gives it."""
+    """Solve (L L^T) out = right for L from ``_factorize``."""
     for i in range(UNKNOWNS):
         total = right[i]
         for k in range(i):
@@ -58,7 +59,7 @@ def _solve(lower: Doubles, right: Doubles, out: Doubles) -> None:
 
 @numba.njit(cache=True)
 def _axis(first: int, last: int, step: int, width: float) -> tuple[Ints, Floats, Floats]:
-    """Sampled pixels of [first, last), their place in [-1, 1] over the window, Gaussian weight."""
+    """Sampled pixels of [first, last), their positions in [-1, 1] in the window, and weights."""
     count = (last - first + step - 1) // step
     begin = first + (last - first - 1 - (count - 1) * step) // 2
     pixels = np.empty(count, np.int64)
@@ -87,16 +88,17 @@ def _template(
     slope: Doubles,
     product: Doubles,
 ) -> tuple[float, float, float]:
-    """What of a window stays the same from step to step.
+    """Compute the quantities of a window that are constant over the iterations.
 
-    Fills ``hessian`` (6, 6; lower triangle), the weighted products of the centred steepest
-    descent images; ``slope`` (6,), their sums; ``product`` (6,), their products with the centred
-    grey values. Returns the weights' sum, the mean grey and the sum of squared deviations from it.
+    Sets ``hessian`` (6, 6; lower triangle), the weighted products of the centred steepest descent
+    images; ``slope`` (6,), their sums; ``product`` (6,), their products with the centred grey
+    values. Returns the sum of the weights, the mean grey value and the weighted sum of squared
+    deviations from it.
     """
     hessian[:] = 0.0
     slope[:] = 0.0
     product[:] = 0.0
-    # about any grey of the window, or squares would lose digits
+    # relative to a grey value of the window: float32 squares would lose digits
     middle = now[ys[ys.size // 2], xs[xs.size // 2]]
     total, grey, energy = 0.0, 0.0, 0.0
     for j in range(ys.size):
@@ -192,11 +194,11 @@ def _compare(
     limits: tuple[int, int, int, int],
     product: Doubles,
 ) -> tuple[float, float, float, int]:
-    """Sample the past image where ``warp`` says the window came from, and compare.
+    """Sample the past image at the window's positions warped by ``warp``, and compare.
 
-    Fills ``product`` (6,), the products of the samples with the steepest descent images. Returns
-    the weighted sums of the samples (less ``mean``), of their squares and of their products with
-    the window, and how many samples lay outside ``limits`` (columns, rows): these are left out.
+    Sets ``product`` (6,), the products of the samples with the steepest descent images. Returns the
+    weighted sums of the samples (less ``mean``), of their squares and of their products with the
+    window, and the number of samples outside ``limits`` (columns, rows), which are left out.
     """
     left, right, top, bottom = limits
     high_x, high_y = np.float32(right - 1.001), np.float32(bottom - 1.001)
@@ -235,7 +237,7 @@ def _compare(
                 above, below = a + fx * (b - a), c + fx * (d - c)
                 v = above + fy * (below - above) - middle
             else:
-                # agrees with the window, so that it moves nothing
+                # equal to the window, so that it has no influence on the step
                 outside += 1
                 v = template
             wv = weight_x[i] * v
@@ -278,31 +280,31 @@ def register(
     tolerance: float,
     reach: float,
 ) -> tuple[Doubles, Doubles, Doubles, Doubles, Doubles]:
-    """Register every active window of ``now`` with ``past`` by an affine motion (Gauss-Newton).
+    """Register each active window of ``now`` with ``past`` by an affine motion (Gauss-Newton).
 
     Args:
         now: current image (height, width), smoothed.
         past: past image (height, width), smoothed; valid within ``limits``.
-        gradient_x: gradient of ``now`` [grey/px].
-        gradient_y: gradient of ``now`` [grey/px].
-        x_windows: (cols, 2) first column and one past the last of each window.
-        y_windows: (rows, 2) the same for rows.
-        start: (rows, cols, 2) displacement (now - past) to begin with [px].
-        active: (rows, cols) which windows to register.
+        gradient_x: horizontal gradient of ``now`` [grey/px].
+        gradient_y: vertical gradient of ``now`` [grey/px].
+        x_windows: (cols, 2) first and end (exclusive) column of each window.
+        y_windows: (rows, 2) first and end (exclusive) row of each window.
+        start: (rows, cols, 2) initial displacement [px], now - past.
+        active: (rows, cols) windows to register.
         limits: columns [limits[0], limits[1]) and rows [limits[2], limits[3]) of ``past``.
-        step: every how many pixels a window is sampled.
-        width: standard deviation of the Gaussian weights, in half windows.
-        stiffness: mean squared gradient [grey^2/px^2] that holds against an affine deformation.
-        iterations: at most.
-        tolerance: a smaller step than this ends the iteration [px].
-        reach: a window that leaves its start by more is lost [px].
+        step: sampling interval [px].
+        width: standard deviation of the Gaussian weights [half windows].
+        stiffness: regularisation of the affine part, as a mean squared gradient [grey^2/px^2].
+        iterations: largest number of iterations.
+        tolerance: step of the displacement [px] below which the iteration ends.
+        reach: largest distance from ``start`` [px]; a window that moves further is lost.
 
     Returns:
         vectors (rows, cols, 2) of the windows' centres [px]; their gradients (rows, cols, 4)
         [px/px]: change of x along x and along y, of y along x and along y; score (rows, cols),
-        normalised correlation after registration, 0 for windows not active or lost; variance
+        the normalised correlation after registration, 0 for inactive or lost windows; variance
         (rows, cols) [px^2] of the vectors' worse component for independent errors of the samples;
-        and the share (rows, cols) of the samples that lay inside the limits.
+        and the share (rows, cols) of the samples inside the limits.
 
     """
     rows, cols = y_windows.shape[0], x_windows.shape[0]
@@ -346,7 +348,7 @@ def register(
                 share[r, c] = 1.0 - outside / (xs.size * ys.size)
                 gain = min(max(both / spread, 1.0 / GAIN), GAIN)
                 for k in range(UNKNOWNS):
-                    # the samples' mean is free: an offset in brightness
+                    # the mean of the samples is free: offset of the brightness
                     moving[k] = gain * (moving[k] - total / weight * slope[k]) - fixed[k]
                     if k >= 2:
                         moving[k] -= hold * warp[k]

@@ -1,4 +1,4 @@
-"""Windows that hold two surfaces, found by what their neighbours say of the motion."""
+"""Detection of windows that span two surfaces, by comparison with their neighbours' motion."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ Flags = npt.NDArray[np.bool_]
 def find_mixtures(
     vectors: Doubles, gradients: Doubles, trusted: Flags, x_centres: Doubles, y_centres: Doubles
 ) -> Doubles:
-    """How badly both neighbours of a window contradict its own affine motion (rows, cols) [px].
+    """Disagreement (rows, cols) [px] of each window's affine motion with both its neighbours.
 
-    A window across an edge in depth can fit both surfaces by a steep change of flow that neither
-    has. On one surface the neighbours continue a window's motion; beside an edge, the one on its
-    own side does. Only a mixture disagrees with both: the lesser of the two contradictions counts,
-    along the worse of rows and columns. A neighbour that is not there or not trusted confirms no
-    change at all.
+    A window across a depth edge can fit both surfaces by a steep gradient of the flow that neither
+    surface has. Within a surface both neighbours continue a window's motion; next to an edge the
+    neighbour on the same side does. Only a mixed window disagrees with both neighbours. The result
+    is therefore the smaller disagreement of the two neighbours, of rows or columns whichever is
+    larger. For a neighbour that is missing or not ``trusted`` zero change of the flow is assumed.
     """
     rows, cols = trusted.shape
     worst = np.zeros((rows, cols), np.float64)

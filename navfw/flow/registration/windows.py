@@ -1,4 +1,4 @@
-"""Registering the windows of two images below a pixel, each by a motion of its own."""
+"""Subpixel registration of the windows of two images, each by its own affine motion."""
 
 from __future__ import annotations
 
@@ -17,35 +17,38 @@ __all__ = ["Registration", "register_windows"]
 Integers = npt.NDArray[np.int64]
 Floats = npt.NDArray[np.float32]
 
-#: Standard deviation of the smoothing before; without it interpolation errs at every edge [px].
+#: Standard deviation of the smoothing before registration [px]: without it interpolation is wrong
+#: at edges.
 SMOOTHING = 0.8
-#: Windows are not stretched further than textures of this mean gradient justify [grey/px].
+#: Regularisation of the affine part, as a mean gradient [grey/px]: less texture does not justify a
+#: deformation of the window.
 STIFFNESS = 0.5
 ITERATIONS = 6
-#: Steps below this are not worth another iteration [px].
+#: Step of the displacement [px] below which the iteration ends.
 TOLERANCE = 0.05
-#: A window that leaves the peak it started from by more is lost [px].
+#: Largest distance from the starting displacement [px]; a window that moves further is lost.
 REACH = 3.0
-#: Windows that score more are believed when they contradict or confirm their neighbours.
+#: Least score of the windows that are compared with their neighbours.
 LIKELY = 0.8
 
 _PLACES = np.arange(-3.0, 4.0)
 _BELL = np.exp(-0.5 * (_PLACES / SMOOTHING) ** 2)
 _BELL /= _BELL.sum()
-# the derivative of the bell, scaled to give a slope of one its value
+# derivative of the bell, scaled to give 1 for a slope of 1
 _SLOPE = _PLACES * _BELL
 _SLOPE /= (_PLACES * _SLOPE).sum()
 
 
 @dataclass(frozen=True, slots=True)
 class Registration:
-    """How every window of the current image registered with the past one; arrays (rows, cols).
+    """Registration of the windows of the current image with the past image; arrays (rows, cols).
 
-    ``vectors`` (rows, cols, 2) [px] are the windows' centres' displacements, now - past; ``score``
-    is the normalised correlation after registration, 0 for windows left out or lost; ``sigma`` [px]
-    one standard deviation of a vector's worse component, were the windows' residuals independent
-    from sample to sample; ``share`` the part of the samples that the past image had; ``mixture``
-    [px] how much the neighbours contradict a window's motion, large where it spans two surfaces.
+    ``vectors`` (rows, cols, 2) [px] are the displacements of the windows' centres, now - past;
+    ``score`` is the normalised correlation after registration, 0 for inactive or lost windows;
+    ``sigma`` [px] is the standard deviation of a vector's worse component for residuals that are
+    independent from sample to sample; ``share`` is the share of the samples inside the past image;
+    ``mixture`` [px] is the disagreement with both neighbours, large for a window that spans two
+    surfaces.
     """
 
     vectors: Array
@@ -66,15 +69,15 @@ def register_windows(
     stride: int = 3,
     width: float = 0.6,
 ) -> Registration:
-    """Refine displacements ``start`` (rows, cols, 2) of the ``active`` windows.
+    """Refine displacements ``start`` (rows, cols, 2) [px] of the ``active`` windows.
 
-    While a camera advances, surfaces grow and slant in its image: one displacement for a whole
-    window fits no part of it well, and which part it fits depends on the texture. Here a window's
-    displacement may change linearly over it, and the one at its centre is reported. Gauss-Newton
-    on grey values, whatever the brightness's offset and (within 2) its gain. Windows are sampled at
-    every ``stride``-th pixel of the smoothed images with a Gaussian weight of standard deviation
-    ``width`` half windows; of ``past``, columns [visible[0], visible[1]) and rows [visible[2],
-    visible[3]) are valid.
+    While the camera advances, surfaces expand and slant in the image, so that no single
+    displacement fits a whole window. Here the displacement varies linearly over the window, and the
+    one at its centre is reported. The method is Gauss-Newton on grey values; offset and gain
+    (within a factor of 2) of the brightness are free. Windows are sampled at each ``stride``-th
+    pixel of the smoothed images, with Gaussian weights of standard deviation ``width`` half
+    windows. Columns [visible[0], visible[1]) and rows [visible[2], visible[3]) of ``past`` are
+    valid.
     """
     vectors, gradients, score, variance, share = register(
         _filtered(now, _BELL, _BELL),
