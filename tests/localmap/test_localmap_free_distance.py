@@ -1,4 +1,4 @@
-"""Arcs, ranges and the local aim, against geometry worked out by hand."""
+"""Free distance along arcs and all around, and the local goal, against geometry done by hand."""
 
 from __future__ import annotations
 
@@ -10,86 +10,92 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from navfw.localmap.cost_kernels import cost_to_go
-from navfw.localmap.free_distance import look_around, sweep
+from navfw.localmap.free_distance import Arcs, arcs_of, free_distance, ranges_around
 from navfw.localmap.local_planner import LocalPlanner
 from navfw.localmap.occupancy_grid import OccupancyGrid
 from navfw.mofis.command_grid import CommandGrid
 from navfw.robot import RobotModel
-from navfw.signals import Pose
+from navfw.signals import Pose, Twist
 
 ROBOT = RobotModel()
-GRID = CommandGrid(ROBOT)
-STRAIGHT = GRID.w.size // 2
-FAST = GRID.v.size - 1
+COMMANDS = CommandGrid(ROBOT)
+STRAIGHT = COMMANDS.w.size // 2
+FASTEST = COMMANDS.v.size - 1
+ORIGIN = Pose(0, 0, 0)
 
 
-def world(*things: tuple[float, float, float, float], seen: bool = True) -> OccupancyGrid:
-    """An ego map around the origin with boxes (x from, x to, y from, y to) standing in it."""
+def grid_with(*boxes: tuple[float, float, float, float], observed: bool = True) -> OccupancyGrid:
+    """A grid around the origin with occupied ``boxes`` (x from, x to, y from, y to) [m].
+
+    All other cells are observed free, or unobserved but for the footprint of the robot.
+    """
     occupancy = OccupancyGrid(ROBOT)
-    occupancy.update(Pose(0, 0, 0), 0.0)
-    if seen:
+    occupancy.update(ORIGIN, 0.0)
+    if observed:
         occupancy.log_odds[:] = -1.0
-    for x0, x1, y0, y1 in things:
+    for x0, x1, y0, y1 in boxes:
         r0, c0 = occupancy.index(x0, y0)
         r1, c1 = occupancy.index(x1, y1)
         occupancy.log_odds[r0 : r1 + 1, c0 : c1 + 1] = 3.0
     return occupancy
 
 
+def arcs(occupancy: OccupancyGrid, pose: Pose = ORIGIN, margin: float = 0.04) -> Arcs:
+    return arcs_of(occupancy, pose, COMMANDS.v, COMMANDS.w, margin)
+
+
 WALL_AHEAD = (1.0, 1.2, -3.0, 3.0)
 
 
 def test_free_length_toward_a_wall() -> None:
-    arcs = sweep(world(WALL_AHEAD), Pose(0, 0, 0), GRID, margin=0.04)
+    toward = arcs(grid_with(WALL_AHEAD))
     expected = 1.0 - ROBOT.radius - 0.04
-    assert arcs.free[FAST, STRAIGHT] == pytest.approx(expected, abs=0.06)
-    assert np.all(arcs.free[GRID.v == 0.0] == arcs.reach)
-    assert arcs.free[0, STRAIGHT] == arcs.reach  # backwards, away from it
+    assert toward.free[FASTEST, STRAIGHT] == pytest.approx(expected, abs=0.06)
+    assert np.all(toward.free[COMMANDS.v == 0.0] == toward.reach)
+    assert toward.free[0, STRAIGHT] == toward.reach  # backwards, away from the wall
 
 
 def test_tight_curves_stay_short_of_the_wall() -> None:
-    arcs = sweep(world(WALL_AHEAD), Pose(0, 0, 0), GRID, margin=0.0)
-    slow = int(np.searchsorted(GRID.v, 0.05))
-    radius = GRID.v[slow] / GRID.w[-1]
+    curves = arcs(grid_with(WALL_AHEAD), margin=0.0)
+    slow = int(np.searchsorted(COMMANDS.v, 0.05))
+    radius = COMMANDS.v[slow] / COMMANDS.w[-1]
     assert 2 * radius < 1.0 - ROBOT.radius
-    assert arcs.free[slow, -1] == arcs.reach
+    assert curves.free[slow, -1] == curves.reach
 
 
-def test_an_arc_that_leads_away_from_a_touch_is_free() -> None:
-    occupancy = world((0.2, 0.3, -1.0, 1.0))
-    arcs = sweep(occupancy, Pose(0, 0, 0), GRID, margin=0.04)
-    assert arcs.free[FAST, STRAIGHT] < 0.05
-    assert arcs.free[0, STRAIGHT] == arcs.reach
+def test_an_arc_that_leads_away_from_contact_is_free() -> None:
+    touching = arcs(grid_with((0.2, 0.3, -1.0, 1.0)))
+    assert touching.free[FASTEST, STRAIGHT] < 0.05
+    assert touching.free[0, STRAIGHT] == touching.reach
 
 
-def test_the_unseen_ends_what_is_known() -> None:
-    occupancy = world(seen=False)
-    arcs = sweep(occupancy, Pose(0, 0, 0), GRID, margin=0.0)
-    assert arcs.free[FAST, STRAIGHT] == arcs.reach
-    # the robot knows no more than its own place, and wants 0.1 m known beside its middle
-    assert arcs.observed[FAST, STRAIGHT] == pytest.approx(ROBOT.radius - 0.1, abs=0.08)
+def test_unobserved_cells_end_the_observed_length() -> None:
+    unobserved = arcs(grid_with(observed=False), margin=0.0)
+    assert unobserved.free[FASTEST, STRAIGHT] == unobserved.reach
+    # only the footprint is observed, and 0.1 m beside the centre have to be
+    expected = ROBOT.radius - 0.1
+    assert unobserved.observed[FASTEST, STRAIGHT] == pytest.approx(expected, abs=0.08)
 
 
-def test_backwards_only_where_it_has_been_seen() -> None:
-    arcs = sweep(world(seen=False), Pose(0, 0, 0), GRID, margin=0.0)
-    assert arcs.free[0, STRAIGHT] == pytest.approx(0.0, abs=0.06)
-    occupancy = world(seen=False)
-    for k in range(1, 60):  # the trail behind is known
+def test_backward_arcs_are_free_over_observed_floor_alone() -> None:
+    occupancy = grid_with(observed=False)
+    assert arcs(occupancy, margin=0.0).free[0, STRAIGHT] == pytest.approx(0.0, abs=0.06)
+    for k in range(1, 60):  # the footprint leaves a trail of observed floor behind
         occupancy.update(Pose(0.01 * k, 0, 0), 0.1 * k)
-    arcs = sweep(occupancy, Pose(0.59, 0, 0), GRID, margin=0.0)
-    assert 0.4 < arcs.free[0, STRAIGHT] < 0.7
+    behind = arcs(occupancy, Pose(0.59, 0, 0), margin=0.0)
+    assert 0.4 < behind.free[0, STRAIGHT] < 0.7
 
 
-def test_mirrored_worlds_give_mirrored_arcs() -> None:
-    left = sweep(world((0.5, 0.9, 0.2, 0.8)), Pose(0, 0, 0), GRID, margin=0.04)
-    right = sweep(world((0.5, 0.9, -0.8, -0.2)), Pose(0, 0, 0), GRID, margin=0.04)
+def test_mirrored_grids_give_mirrored_arcs() -> None:
+    left = arcs(grid_with((0.5, 0.9, 0.2, 0.8)))
+    right = arcs(grid_with((0.5, 0.9, -0.8, -0.2)))
     assert np.allclose(left.free, right.free[:, ::-1], atol=0.06)
 
 
 @settings(max_examples=20, deadline=None)
 @given(st.floats(-math.pi, math.pi))
 def test_ranges_turn_with_the_robot(yaw: float) -> None:
-    ranges = look_around(world(WALL_AHEAD), Pose(0, 0, yaw))
+    ranges = ranges_around(grid_with(WALL_AHEAD), Pose(0, 0, yaw))
     toward = int(np.argmin(np.abs(np.angle(np.exp(1j * (ranges.bearings + yaw))))))
     off = float(np.angle(np.exp(1j * (ranges.bearings[toward] + yaw))))
     expected = 1.0 / math.cos(off) - ROBOT.radius
@@ -122,40 +128,49 @@ def test_cost_to_go_leads_round_a_wall() -> None:
     assert value[10, 35] == pytest.approx(shortest, rel=0.08)
 
 
-def test_the_aim_goes_round_what_stands_between() -> None:
+def test_the_local_goal_leads_round_an_obstacle() -> None:
     box = (0.8, 1.1, -0.5, 0.9)
-    aim = LocalPlanner().aim(world(box), Pose(0, 0, 0), 2.0, 0.0)
-    assert aim.reachable
-    assert aim.bearing < -0.2  # the right side is the shorter way
-    assert 0.6 < aim.distance < 1.0
-    assert aim.detour > 1.05
+    goal = LocalPlanner().plan(grid_with(box), ORIGIN, 2.0, 0.0)
+    assert goal.reachable
+    assert goal.bearing < -0.2  # the way on the right is shorter
+    assert 0.6 < goal.distance < 1.0
+    assert goal.detour > 1.05
 
 
 @pytest.mark.parametrize("yaw", [0.9, -0.9])
 def test_of_two_equal_ways_the_one_that_the_robot_faces(yaw: float) -> None:
     box = (0.5, 0.9, -0.45, 0.45)
-    aim = LocalPlanner().aim(world(box), Pose(0, 0, yaw), 2.0, 0.0)
-    assert aim.reachable
-    assert abs(aim.bearing) < 0.6
-    # a little longer on that side is no reason to turn right round
+    goal = LocalPlanner().plan(grid_with(box), Pose(0, 0, yaw), 2.0, 0.0)
+    assert goal.reachable
+    assert abs(goal.bearing) < 0.6
+    # a slightly longer way on that side does not make the robot turn round
     longer = (0.5, 0.9, -0.45 - 0.1 * (yaw < 0), 0.45 + 0.1 * (yaw > 0))
-    assert abs(LocalPlanner().aim(world(longer), Pose(0, 0, yaw), 2.0, 0.0).bearing) < 0.6
+    assert abs(LocalPlanner().plan(grid_with(longer), Pose(0, 0, yaw), 2.0, 0.0).bearing) < 0.6
 
 
-def test_a_way_that_is_much_longer_is_not_taken_for_the_sake_of_a_turn() -> None:
+def test_a_much_longer_way_does_not_save_a_turn() -> None:
     longer = (0.5, 0.9, -0.45, 2.5)
-    aim = LocalPlanner().aim(world(longer), Pose(0, 0, 0.9), 2.0, 0.0)
-    assert aim.bearing < -0.6
+    goal = LocalPlanner().plan(grid_with(longer), Pose(0, 0, 0.9), 2.0, 0.0)
+    assert goal.bearing < -0.6
 
 
-def test_the_aim_straight_ahead_in_the_open() -> None:
-    aim = LocalPlanner().aim(world(), Pose(0, 0, 0.3), 30.0, 0.0)  # beyond the map's border
-    assert aim.reachable
-    assert aim.bearing == pytest.approx(-0.3, abs=0.12)
+def test_the_local_goal_is_straight_ahead_in_the_open() -> None:
+    goal = LocalPlanner().plan(grid_with(), Pose(0, 0, 0.3), 30.0, 0.0)  # beyond the grid's border
+    assert goal.reachable
+    assert goal.bearing == pytest.approx(-0.3, abs=0.12)
 
 
-def test_walled_in_there_is_no_way() -> None:
+def test_between_four_walls_no_way_is_reachable() -> None:
     cage = [(-1, 1, 0.9, 1), (-1, 1, -1, -0.9), (0.9, 1, -1, 1), (-1, -0.9, -1, 1)]
-    aim = LocalPlanner().aim(world(*cage), Pose(0, 0, 0), 2.0, 0.0)
-    assert not aim.reachable
-    assert aim.bearing == pytest.approx(0.0, abs=1e-6)
+    goal = LocalPlanner().plan(grid_with(*cage), ORIGIN, 2.0, 0.0)
+    assert not goal.reachable
+    assert goal.bearing == pytest.approx(0.0, abs=1e-6)
+
+
+def test_free_distance_of_a_twist_is_that_of_its_arc() -> None:
+    occupancy = grid_with(WALL_AHEAD)
+    ahead = free_distance(occupancy, ORIGIN, Twist(0.3, 0.0))
+    assert ahead.contact == pytest.approx(1.0 - ROBOT.radius, abs=0.06)
+    assert ahead.unobserved > ahead.contact - 1e-9
+    assert free_distance(occupancy, ORIGIN, Twist(-0.1, 0.0)) == (1.0, 1.0)
+    assert free_distance(occupancy, ORIGIN, Twist(0.0, 1.0)) == (1.0, 1.0)

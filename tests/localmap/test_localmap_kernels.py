@@ -1,26 +1,25 @@
-"""The compiled loops over the ego map do what the formulas say, written out in numpy."""
+"""The compiled kernels of the local map against their formulas, written out in numpy."""
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from navfw.localmap.cost_kernels import cost_to_go, price_cells
-from navfw.localmap.ray_kernels import are_degrees, least_within, sweep_arcs
-from navfw.localmap.sensor_kernels import forget_view, merge_evidence, rays_of
+from navfw.localmap.ray_kernels import Ground, Start, least_within, sweep_arcs
+from navfw.localmap.sensor_kernels import decay_view, merge_evidence, rays_of
 from navfw.robot import RobotModel
-from navfw.signals import Array
+from navfw.signals import Array, Mask
 
 SEEDS = st.integers(0, 2**32 - 1)
 CAMERA = RobotModel().camera
 
 
 def swept(cost: Array, value: Array, sweeps: int) -> tuple[Array, int]:
-    """Fast sweeping that looks at every cell in every sweep."""
+    """Fast sweeping that updates every cell in every sweep; also the number of sweeps."""
     n = len(value)
     value = np.pad(value, 1, constant_values=np.inf)
     for sweep in range(sweeps):
@@ -61,17 +60,17 @@ def test_locked_sweeps_find_what_full_sweeps_find(seed: int, barred: float, swee
 
 @settings(max_examples=30)
 @given(SEEDS, st.integers(4, 20), st.floats(0.0, 0.3))
-def test_prices_are_those_of_the_formula(seed: int, half: int, seen: float) -> None:
+def test_prices_are_those_of_the_formula(seed: int, half: int, share: float) -> None:
     rng = np.random.default_rng(seed)
     n = 2 * half + 1
     clearance = rng.uniform(0.0, 1.0, (n, n))
-    cells = (rng.random((n, n)) < seen).astype(np.uint8)
-    radius, clear, margin, squeeze, unknown = 0.2, 0.25, 0.03, 4.0, 0.2
+    observed = (rng.random((n, n)) < share).astype(np.uint8)
+    radius, clear, margin, narrow, unobserved = 0.2, 0.25, 0.03, 4.0, 0.2
     rim = clearance[::2, ::2] - radius
     tight = np.clip((clear - rim) / (clear - margin), 0.0, 1.0)
-    expected = 1.0 + squeeze * tight**2 + unknown * (cells[::2, ::2] == 0)
+    expected = 1.0 + narrow * tight**2 + unobserved * (observed[::2, ::2] == 0)
     expected[rim < margin] = np.inf
-    cost = price_cells(clearance, cells, radius, clear, margin, squeeze, unknown)
+    cost = price_cells(clearance, observed, radius, clear, margin, narrow, unobserved)
     np.testing.assert_allclose(cost, expected, rtol=1e-12)
 
 
@@ -84,49 +83,38 @@ def test_the_least_range_of_a_sector(seed: int, low: float, high: float) -> None
     assert least_within(bearings, ranges, low, high, 3.5) == expected
 
 
-@pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf, -1e-12, 1.0 + 1e-8])
-def test_one_wrong_value_makes_a_layer_unsound(wrong: float) -> None:
-    layer = np.random.default_rng(1).random((11, 21))
-    layer[0, 0], layer[3, 4] = 1.0 + 1e-10, 0.0
-    assert are_degrees(layer)
-    for spot in ((0, 0), (5, 7), (10, 20)):
-        spoilt = layer.copy()
-        spoilt[spot] = wrong
-        assert not are_degrees(spoilt)
-
-
 @settings(max_examples=30)
 @given(SEEDS)
-def test_a_look_is_merged_by_the_formula_and_leaves_empty_layers(seed: int) -> None:
+def test_a_frame_is_merged_by_the_formula_and_leaves_empty_layers(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    evidence = rng.uniform(-1.5, 3.0, (21, 21))
+    log_odds = rng.uniform(-1.5, 3.0, (21, 21))
     hit, free = rng.random((2, 21, 21)) * (rng.random((2, 21, 21)) < 0.4)
-    expected = np.clip(evidence + 0.6 * hit - 0.33 * free * (1.0 - hit), -1.5, 3.0)
-    merge_evidence(evidence, hit, free, 0.6, 0.33, -1.5, 3.0)
-    np.testing.assert_allclose(evidence, expected, rtol=0.0, atol=1e-12)
+    expected = np.clip(log_odds + 0.6 * hit - 0.33 * free * (1.0 - hit), -1.5, 3.0)
+    merge_evidence(log_odds, hit, free, 0.6, 0.33, -1.5, 3.0)
+    np.testing.assert_allclose(log_odds, expected, rtol=0.0, atol=1e-12)
     assert not hit.any()
     assert not free.any()
 
 
 @settings(max_examples=30)
 @given(SEEDS, st.floats(-3.2, 3.2), st.floats(-10, 40), st.floats(-10, 40))
-def test_free_floor_is_forgotten_in_the_wedge_of_view_alone(
+def test_free_evidence_decays_within_the_wedge_of_view_alone(
     seed: int, yaw: float, row: float, column: float
 ) -> None:
     rng = np.random.default_rng(seed)
-    evidence = rng.uniform(-1.5, 3.0, (31, 31))
+    log_odds = rng.uniform(-1.5, 3.0, (31, 31))
     slope, reach = rng.uniform(0.2, 2.0), rng.uniform(2.0, 30.0)
     i, j = np.mgrid[:31, :31]
     ahead = (j - column) * math.cos(yaw) + (i - row) * math.sin(yaw)
     aside = (i - row) * math.cos(yaw) - (j - column) * math.sin(yaw)
     inside = (ahead > 0.0) & (ahead < reach) & (np.abs(aside) <= slope * ahead)
-    expected = np.where(inside & (evidence < 0.0), 0.5 * evidence, evidence)
-    forget_view(evidence, row, column, yaw, slope, reach, 0.5)
-    np.testing.assert_array_equal(evidence, expected)
+    expected = np.where(inside & (log_odds < 0.0), 0.5 * log_odds, log_odds)
+    decay_view(log_odds, row, column, yaw, slope, reach, 0.5)
+    np.testing.assert_array_equal(log_odds, expected)
 
 
 @given(SEEDS, st.floats(-3.2, 3.2), st.floats(0.0, 5.0))
-def test_rays_are_the_points_turned_into_odom(seed: int, yaw: float, aside: float) -> None:
+def test_rays_are_the_points_rotated_into_odom(seed: int, yaw: float, aside: float) -> None:
     points = np.random.default_rng(seed).uniform(-80, 80, (7, 2))
     off = np.array([aside, 0.0])
     pixels = np.concatenate([points, points - off, points + off])
@@ -137,8 +125,8 @@ def test_rays_are_the_points_turned_into_odom(seed: int, yaw: float, aside: floa
     np.testing.assert_allclose(rays, turned, rtol=0.0, atol=1e-12)
 
 
-def driven(v: float, w: float, yaw: float, blocked: Array, cell: float, reach: float) -> float:
-    """The length that a point drives from the middle of the map until it meets a blocked cell."""
+def free_length(v: float, w: float, yaw: float, blocked: Mask, cell: float, reach: float) -> float:
+    """Length [m] of the arc of a point from the grid's centre to the first blocked cell."""
     x = y = 0.5 * cell * (len(blocked) - 1) + 1e-4
     length, step, sign = 0.0, 0.5 * cell, math.copysign(1.0, v)
     while length < min(reach, math.pi * abs(v / w) if w else reach):
@@ -152,18 +140,15 @@ def driven(v: float, w: float, yaw: float, blocked: Array, cell: float, reach: f
 
 @settings(max_examples=40)
 @given(SEEDS, st.floats(-3.2, 3.2))
-def test_arcs_are_driven_step_by_step(seed: int, yaw: float) -> None:
+def test_arcs_are_swept_step_by_step(seed: int, yaw: float) -> None:
     rng = np.random.default_rng(seed)
     blocked = rng.random((81, 81)) < 0.02
     blocked[39:42, 39:42] = False
     clearance = np.where(blocked, 0.0, 1.0)
-    known = np.ones(blocked.shape, np.uint8)
+    ground = Ground(clearance, np.ones(blocked.shape, np.uint8), 0.0, 0.0, 0.05)
     speeds, turns = np.array([-0.2, 0.1, 0.4]), np.linspace(-1.2, 1.2, 7)
-    free, seen, least = np.empty((3, 3, 7))
-    at = 2.0 + 1e-4
-    sweep_arcs(
-        clearance, known, 0.0, 0.0, 0.05, at, at, yaw, speeds, turns,
-        0.04, 1.5, 0.6, free, seen, least,
-    )  # fmt: skip
-    expected = [[driven(v, w, yaw, blocked, 0.05, 1.5) for w in turns] for v in speeds]
+    free, observed, least = np.empty((3, 3, 7))
+    start = Start(2.0 + 1e-4, 2.0 + 1e-4, yaw)
+    sweep_arcs(ground, start, speeds, turns, 0.04, 1.5, 0.6, free, observed, least)
+    expected = [[free_length(v, w, yaw, blocked, 0.05, 1.5) for w in turns] for v in speeds]
     np.testing.assert_allclose(free, expected, atol=1e-9)

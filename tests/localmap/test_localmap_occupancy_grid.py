@@ -1,4 +1,4 @@
-"""The ego map: evidence for and against, memory, fading, and what is derived from it."""
+"""The occupancy grid: evidence for and against, decay, and what is derived from it."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ ROBOT = RobotModel()
 CAMERA_AHEAD = ROBOT.camera.mount_forward
 
 
-def see(
-    bearing_px: float, depth: float, label: Label, row_px: float = 0.0, sigma: float = 0.02
+def percept_of(
+    column_px: float, depth: float, label: Label, row_px: float = 0.0, sigma: float = 0.02
 ) -> Percept:
-    """A percept of one cell: a thing of ``label`` at ``depth`` [m] in one image column."""
+    """A percept of one cell: a point of ``label`` at ``depth`` [m] in one image column."""
     camera = ROBOT.camera
     height = camera.mount_height - row_px / camera.focal * depth
     one = np.ones((1, 1))
     return Percept(
         time=0.0,
-        points=np.array([[[bearing_px, row_px]]]),
+        points=np.array([[[column_px, row_px]]]),
         nearness=one / depth,
         sigma=one * sigma,
         confidence=one,
@@ -43,9 +43,10 @@ def see(
     )
 
 
-def looked(
+def integrated(
     percepts: list[Percept], pose: Pose, occupancy: OccupancyGrid | None = None
 ) -> OccupancyGrid:
+    """The grid after one of ``percepts`` every 0.1 s from ``pose``."""
     occupancy = occupancy or OccupancyGrid(ROBOT)
     for k, percept in enumerate(percepts):
         occupancy.update(pose, 0.1 * k)
@@ -61,11 +62,11 @@ def looked(
     st.floats(-60, 60),
     st.floats(0.6, 2.5),
 )
-def test_a_thing_appears_where_it_stands(
+def test_an_obstacle_appears_where_it_stands(
     x: float, y: float, yaw: float, column: float, depth: float
 ) -> None:
     pose = Pose(x, y, yaw)
-    occupancy = looked([see(column, depth, Label.OBSTACLE)] * 6, pose)
+    occupancy = integrated([percept_of(column, depth, Label.OBSTACLE)] * 6, pose)
     ahead = CAMERA_AHEAD + depth
     left = -column / ROBOT.camera.focal * depth
     row, col = occupancy.index(*pose.to_parent(ahead, left))
@@ -76,81 +77,85 @@ def test_a_thing_appears_where_it_stands(
     assert occupancy.log_odds[halfway].min() < 0.0
 
 
-def test_one_look_is_not_enough() -> None:
-    once = looked([see(0.0, 1.0, Label.OBSTACLE)], Pose(0, 0, 0))
+def test_one_observation_is_not_enough() -> None:
+    once = integrated([percept_of(0.0, 1.0, Label.OBSTACLE)], Pose(0, 0, 0))
     assert not once.occupied.any()
-    often = looked([see(0.0, 1.0, Label.OBSTACLE)] * 4, Pose(0, 0, 0))
+    often = integrated([percept_of(0.0, 1.0, Label.OBSTACLE)] * 4, Pose(0, 0, 0))
     assert often.occupied.any()
 
 
-def test_looking_through_clears_a_ghost() -> None:
+def test_rays_that_pass_clear_a_false_obstacle() -> None:
     pose = Pose(0, 0, 0)
-    occupancy = looked([see(0.0, 1.0, Label.OBSTACLE)] * 4, pose)
-    ghost = occupancy.index(CAMERA_AHEAD + 1.0, 0.0)
-    assert occupancy.occupied[ghost]
+    occupancy = integrated([percept_of(0.0, 1.0, Label.OBSTACLE)] * 4, pose)
+    spot = occupancy.index(CAMERA_AHEAD + 1.0, 0.0)
+    assert occupancy.occupied[spot]
     row_px = 20.0  # this ray meets the floor at 1.4 m
-    floor = see(0.0, ROBOT.camera.mount_height * ROBOT.camera.focal / row_px, Label.FLOOR, row_px)
-    occupancy = looked([floor] * 12, pose, occupancy)
-    assert not occupancy.occupied[ghost]
+    floor = percept_of(
+        0.0, ROBOT.camera.mount_height * ROBOT.camera.focal / row_px, Label.FLOOR, row_px
+    )
+    occupancy = integrated([floor] * 12, pose, occupancy)
+    assert not occupancy.occupied[spot]
 
 
-def test_a_look_over_a_low_thing_says_little_about_it() -> None:
+def test_a_ray_above_a_low_obstacle_is_little_evidence() -> None:
     pose = Pose(0, 0, 0)
-    low, over = (looked([see(0.0, 1.0, Label.OBSTACLE)] * 4, pose) for _ in range(2))
-    low.enter(see(0.0, 1.6, Label.OBSTACLE, 12.0), pose)
-    over.enter(see(0.0, 1.6, Label.OBSTACLE, -1.0), pose)
+    low, over = (integrated([percept_of(0.0, 1.0, Label.OBSTACLE)] * 4, pose) for _ in range(2))
+    low.integrate(percept_of(0.0, 1.6, Label.OBSTACLE, 12.0), pose)
+    over.integrate(percept_of(0.0, 1.6, Label.OBSTACLE, -1.0), pose)
     cell = low.index(CAMERA_AHEAD + 1.0, 0.0)
     assert low.log_odds[cell] < over.log_odds[cell]
 
 
-def test_a_point_of_unknown_height_bars_nothing_but_is_seen_through_to() -> None:
-    occupancy = looked([see(0.0, 1.0, Label.UNKNOWN)] * 5, Pose(0, 0, 0))
+def test_a_point_of_unknown_height_is_no_hit_but_its_ray_is_free() -> None:
+    occupancy = integrated([percept_of(0.0, 1.0, Label.UNKNOWN)] * 5, Pose(0, 0, 0))
     assert not occupancy.occupied.any()
     assert occupancy.log_odds[occupancy.index(CAMERA_AHEAD + 0.6, 0.0)] < 0.0
     assert occupancy.log_odds[occupancy.index(CAMERA_AHEAD + 1.3, 0.0)] == 0.0
 
 
-def test_doubtful_points_leave_no_trace() -> None:
-    doubtful = dataclasses.replace(see(0.0, 1.0, Label.OBSTACLE), confidence=np.full((1, 1), 0.05))
-    occupancy = looked([doubtful] * 5, Pose(0, 0, 0))
-    body = occupancy.log_odds == occupancy.params.least
+def test_points_of_low_confidence_are_no_evidence() -> None:
+    unsure = dataclasses.replace(
+        percept_of(0.0, 1.0, Label.OBSTACLE), confidence=np.full((1, 1), 0.05)
+    )
+    occupancy = integrated([unsure] * 5, Pose(0, 0, 0))
+    body = occupancy.log_odds == occupancy.params.clamp_min
     assert np.all(occupancy.log_odds[~body] == 0.0)
 
 
-def test_uncertain_sightings_are_spread_and_weigh_less() -> None:
+def test_uncertain_observations_are_spread_and_weigh_less() -> None:
     pose = Pose(0, 0, 0)
-    sharp = looked([see(0.0, 1.5, Label.OBSTACLE, sigma=0.01)], pose)
-    vague = looked([see(0.0, 1.5, Label.OBSTACLE, sigma=0.08)], pose)
+    sharp = integrated([percept_of(0.0, 1.5, Label.OBSTACLE, sigma=0.01)], pose)
+    vague = integrated([percept_of(0.0, 1.5, Label.OBSTACLE, sigma=0.08)], pose)
     assert 0.0 < vague.log_odds.max() < 0.6 * sharp.log_odds.max()
     assert (vague.log_odds > 0).sum() > (sharp.log_odds > 0).sum()
 
 
-def test_a_reading_spread_over_many_cells_says_of_none_that_it_is_taken() -> None:
-    vague = looked([see(0.0, 1.5, Label.OBSTACLE, sigma=0.4)] * 10, Pose(0, 0, 0))
+def test_a_reading_spread_over_many_cells_is_a_hit_in_none() -> None:
+    vague = integrated([percept_of(0.0, 1.5, Label.OBSTACLE, sigma=0.4)] * 10, Pose(0, 0, 0))
     assert vague.log_odds.max() <= 0.0
-    assert vague.log_odds[vague.index(CAMERA_AHEAD + 0.6, 0.0)] < 0.0  # nearer it would show
+    assert vague.log_odds[vague.index(CAMERA_AHEAD + 0.6, 0.0)] < 0.0  # nearer it would have shown
 
 
-def test_memory_moves_with_the_robot_and_fades() -> None:
-    occupancy = looked([see(0.0, 1.2, Label.OBSTACLE)] * 6, Pose(0, 0, 0))
-    thing = (CAMERA_AHEAD + 1.2, 0.0)
-    before = occupancy.log_odds[occupancy.index(*thing)]
+def test_evidence_moves_with_the_robot_and_decays() -> None:
+    occupancy = integrated([percept_of(0.0, 1.2, Label.OBSTACLE)] * 6, Pose(0, 0, 0))
+    place = (CAMERA_AHEAD + 1.2, 0.0)
+    before = occupancy.log_odds[occupancy.index(*place)]
     occupancy.update(Pose(0.7, 0.9, 1.0), 0.6)
-    assert occupancy.log_odds[occupancy.index(*thing)] == pytest.approx(before, rel=0.01)
-    occupancy.update(Pose(0.7, 0.9, 1.0), 0.6 + occupancy.params.fade)
-    assert occupancy.log_odds[occupancy.index(*thing)] == pytest.approx(before / math.e, rel=0.02)
+    assert occupancy.log_odds[occupancy.index(*place)] == pytest.approx(before, rel=0.01)
+    occupancy.update(Pose(0.7, 0.9, 1.0), 0.6 + occupancy.params.decay)
+    assert occupancy.log_odds[occupancy.index(*place)] == pytest.approx(before / math.e, rel=0.02)
 
 
-def test_what_leaves_the_square_is_forgotten() -> None:
+def test_evidence_outside_the_square_is_dropped() -> None:
     occupancy = OccupancyGrid(ROBOT, OccupancyParams(extent=4.0))
-    occupancy = looked([see(0.0, 1.2, Label.OBSTACLE)] * 6, Pose(0, 0, 0), occupancy)
+    occupancy = integrated([percept_of(0.0, 1.2, Label.OBSTACLE)] * 6, Pose(0, 0, 0), occupancy)
     occupancy.update(Pose(-10.0, 0, 0), 1.0)
     occupancy.update(Pose(0.0, 0, 0), 1.1)
     assert not occupancy.occupied.any()
 
 
-def test_clearance_is_the_distance_to_the_nearest_thing() -> None:
-    occupancy = looked([see(0.0, 1.2, Label.OBSTACLE, sigma=0.005)] * 6, Pose(0, 0, 0))
+def test_clearance_is_the_distance_to_the_nearest_occupied_cell() -> None:
+    occupancy = integrated([percept_of(0.0, 1.2, Label.OBSTACLE, sigma=0.005)] * 6, Pose(0, 0, 0))
     spots = np.argwhere(occupancy.occupied)
     rows, columns = np.indices(occupancy.log_odds.shape)
     brute = (
@@ -160,26 +165,28 @@ def test_clearance_is_the_distance_to_the_nearest_thing() -> None:
     assert np.allclose(occupancy.clearance, brute, rtol=0.025, atol=0.005)
 
 
-def test_the_map_has_no_place_before_the_first_move() -> None:
-    with pytest.raises(RuntimeError, match="move first"):
+def test_the_grid_has_no_position_before_the_first_update() -> None:
+    with pytest.raises(RuntimeError, match="call update first"):
         OccupancyGrid(ROBOT).index(0.0, 0.0)
 
 
-def test_free_floor_within_view_must_be_seen_again() -> None:
+def test_free_floor_within_view_has_to_be_observed_again() -> None:
     pose = Pose(0, 0, 0)
-    occupancy = looked([see(0.0, 2.5, Label.OBSTACLE)] * 8, pose)
+    occupancy = integrated([percept_of(0.0, 2.5, Label.OBSTACLE)] * 8, pose)
     ahead, aside = occupancy.index(1.5, 0.0), occupancy.index(0.0, 1.5)
-    occupancy.log_odds[aside] = -1.0  # seen before, out of view now
+    occupancy.log_odds[aside] = -1.0  # observed before, out of view now
     was = float(occupancy.log_odds[ahead])
-    assert was < occupancy.params.seen_free
-    for k in range(1, 31):  # looks to another side of the view find nothing ahead
+    assert was < occupancy.params.observed_free
+    for k in range(1, 31):  # observations elsewhere in the view show nothing ahead
         occupancy.update(pose, 0.8 + 0.1 * k)
-        occupancy.integrate(dataclasses.replace(see(70.0, 2.5, Label.OBSTACLE), time=0.1 * k), pose)
+        occupancy.integrate(
+            dataclasses.replace(percept_of(70.0, 2.5, Label.OBSTACLE), time=0.1 * k), pose
+        )
     assert occupancy.log_odds[ahead] > 0.2 * was
     assert occupancy.log_odds[aside] < -0.8
 
 
-def test_familiar_is_what_has_known_floor_beside_it() -> None:
+def test_the_footprint_is_observed_where_the_floor_beside_it_is() -> None:
     occupancy = OccupancyGrid(ROBOT)
     occupancy.update(Pose(0, 0, 0), 0.0)
     occupancy.log_odds[:] = 0.0
@@ -194,18 +201,16 @@ def test_familiar_is_what_has_known_floor_beside_it() -> None:
 
 @settings(max_examples=40, deadline=None)
 @given(st.floats(-3, 3), st.floats(-3, 3), st.floats(-3.1, 3.1), st.floats(-0.8, 0.8))
-def test_what_stands_in_a_small_column_appears_where_it_stands(
-    x: float, y: float, yaw: float, slope: float
-) -> None:
+def test_a_stixel_appears_where_it_stands(x: float, y: float, yaw: float, slope: float) -> None:
     pose, ahead = Pose(x, y, yaw), 0.8
     column = np.array([slope, slope])
     near = np.full(2, 1.0 / ahead)
-    # the second column is nobody's word
-    standing = Stixels(0.0, column, near, 0.08 * near, np.array([1.0, 0.0]))
+    # the second column has no confidence
+    stixels = Stixels(0.0, column, near, 0.08 * near, np.array([1.0, 0.0]))
     occupancy = OccupancyGrid(ROBOT)
     for k in range(6):
         occupancy.update(pose, 0.1 * k)
-        occupancy.integrate_stixels(standing, pose)
+        occupancy.integrate_stixels(stixels, pose)
     place = pose.to_parent(CAMERA_AHEAD + ahead, slope * ahead)
     row, column_index = occupancy.index(*place)
     assert occupancy.occupied[row - 1 : row + 2, column_index - 1 : column_index + 2].any()
@@ -216,11 +221,11 @@ def test_what_stands_in_a_small_column_appears_where_it_stands(
         occupancy.origin[1] + cell * rows - place[1],
     )
     assert (far < 0.2 * math.hypot(1.0, slope)).all()
-    # it says nothing of what is free
-    assert occupancy.observed.sum() == np.count_nonzero(_bare(pose).observed)
+    # stixels are no evidence of free floor
+    assert occupancy.observed.sum() == np.count_nonzero(_without_percepts(pose).observed)
 
 
-def _bare(pose: Pose) -> OccupancyGrid:
+def _without_percepts(pose: Pose) -> OccupancyGrid:
     occupancy = OccupancyGrid(ROBOT)
     for k in range(6):
         occupancy.update(pose, 0.1 * k)
