@@ -1,4 +1,4 @@
-"""The language of rules: ``IF nearest IS very near AND NOT side IS left THEN turn IS left``.
+"""The grammar of rules: ``IF nearest IS very near AND NOT side IS left THEN turn IS left``.
 
     rule        = "IF" or "THEN" conclusions [ "WITH" number [ "WEIGHT" ] ]
     or          = and { "OR" and }
@@ -7,8 +7,8 @@
     hedge       = "very" | "somewhat"
     conclusions = output "IS" term { ( "," | "AND" ) output "IS" term }
 
-Keywords may be written in any case; names are as declared. NOT binds before AND, AND before OR. The
-weight, above 0 and at most 1, scales the strength of the rule.
+Keywords are case-insensitive, names are not. NOT binds before AND, AND before OR. The weight, above
+0 and at most 1, scales the firing strength of the rule.
 """
 
 from __future__ import annotations
@@ -38,6 +38,8 @@ __all__ = [
 KEYWORDS = frozenset({"IF", "IS", "AND", "OR", "NOT", "THEN", "WITH", "WEIGHT"})
 NAME_PATTERN = r"[A-Za-z_][A-Za-z0-9_]*"
 MAX_NESTING = 50
+"""Largest depth of NOT and parentheses, below Python's limit of recursion."""
+
 _TOKEN = re.compile(
     rf"\s*(?:(?P<name>{NAME_PATTERN})|(?P<number>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)"
     r"|(?P<mark>[(),])|(?P<other>\S))"
@@ -58,7 +60,7 @@ class Is:
 
 @dataclass(frozen=True, slots=True)
 class Not:
-    """One minus the degree of ``clause``."""
+    """Negation: one minus the degree of ``clause``."""
 
     clause: Clause
 
@@ -68,7 +70,7 @@ class Not:
 
 @dataclass(frozen=True, slots=True)
 class And:
-    """Both: the smaller degree, or the product (``and: prod``)."""
+    """Conjunction: the smaller degree, or the product (``and: prod``)."""
 
     left: Clause
     right: Clause
@@ -79,7 +81,7 @@ class And:
 
 @dataclass(frozen=True, slots=True)
 class Or:
-    """Either: the larger degree."""
+    """Disjunction: the larger degree."""
 
     left: Clause
     right: Clause
@@ -109,7 +111,7 @@ def atoms(clause: Clause) -> Iterator[Is]:
 
 
 class ParsedRule(NamedTuple):
-    """What a sentence says: condition, conclusions as (output, term), weight in (0, 1]."""
+    """A parsed sentence: antecedent, conclusions as (output, term), weight in (0, 1]."""
 
     antecedent: Clause
     conclusions: tuple[tuple[str, str], ...]
@@ -117,7 +119,7 @@ class ParsedRule(NamedTuple):
 
 
 class SentenceError(ValueError):
-    """A rule sentence cannot be read; ``column`` is 1-based, ``problem`` says what was expected."""
+    """A rule sentence cannot be parsed; ``column`` is 1-based, ``problem`` says why."""
 
     def __init__(self, problem: str, sentence: str, column: int) -> None:
         self.problem = problem
@@ -139,13 +141,14 @@ class _Token(NamedTuple):
 
 
 Vocabulary = Mapping[str, Collection[str]]
+"""The terms of each variable, by its name."""
 
 
 def parse_rule(sentence: str, inputs: Vocabulary, outputs: Vocabulary) -> ParsedRule:
-    """Read one rule; ``inputs`` and ``outputs`` give the terms of each variable by its name.
+    """Parse one rule about the variables and terms of ``inputs`` and ``outputs``.
 
     Raises:
-        SentenceError: what was expected, what was found and where, and the nearest known name.
+        SentenceError: names what was expected, what was found, the column, and the nearest name.
 
     """
     return _Parser(sentence, inputs, outputs).rule()
@@ -178,7 +181,7 @@ class _Parser:
     def _token(self) -> _Token:
         return self._tokens[self._next]
 
-    def _take(self) -> _Token:
+    def _advance(self) -> _Token:
         token = self._token
         self._next += token.kind != "end"
         return token
@@ -196,7 +199,7 @@ class _Parser:
                 near = did_you_mean(self._token.text.upper(), [word])
                 hint = f"; {near}" if near.startswith("did") else ""
             raise self._error(f"expected {word}{after}, got {self._token}{hint}")
-        self._take()
+        self._advance()
 
     def rule(self) -> ParsedRule:
         self._keyword("IF")
@@ -205,7 +208,7 @@ class _Parser:
             raise self._error("expected AND, OR or THEN, got ')' without its '('")
         if not self._token.is_word("THEN"):
             raise self._expected("AND, OR or THEN")
-        self._take()
+        self._advance()
         conclusions = self._conclusions()
         weight = self._weight()
         if self._token.kind != "end":
@@ -215,14 +218,14 @@ class _Parser:
     def _or(self) -> Clause:
         clause = self._and()
         while self._token.is_word("OR"):
-            self._take()
+            self._advance()
             clause = Or(clause, self._and())
         return clause
 
     def _and(self) -> Clause:
         clause = self._not()
         while self._token.is_word("AND"):
-            self._take()
+            self._advance()
             clause = And(clause, self._not())
         return clause
 
@@ -236,14 +239,14 @@ class _Parser:
 
     def _primary(self) -> Clause:
         if self._token.is_word("NOT"):
-            self._take()
+            self._advance()
             return Not(self._not())
         if self._token.text == "(":
-            opening = self._take()
+            opening = self._advance()
             clause = self._or()
             if self._token.text != ")":
                 raise self._expected(f"AND, OR or the ')' of the '(' in column {opening.column}")
-            self._take()
+            self._advance()
             return clause
         return self._literal()
 
@@ -252,11 +255,11 @@ class _Parser:
         self._keyword("IS", f" after {variable!r}")
         negated = self._token.is_word("NOT")
         if negated:
-            self._take()
+            self._advance()
         terms = self._inputs[variable]
         hedges = []
         while self._token.text in HEDGES and self._token.text not in terms:
-            hedges.append(self._take().text)
+            hedges.append(self._advance().text)
         literal = Is(variable, self._term(variable, terms, HEDGES), tuple(hedges))
         return Not(literal) if negated else literal
 
@@ -266,12 +269,12 @@ class _Parser:
             raise self._expected(f"an {role}" + (", NOT or '('" if role == "input" else ""))
         if token.text not in known:
             if token.text in others:
-                place = "THEN" if role == "input" else "IF"
-                hint = f"it is used after {place}; {_known(known)}"
+                part = "THEN" if role == "input" else "IF"
+                hint = f"it is used after {part}; {_known(known)}"
             else:
                 hint = did_you_mean(token.text, known)
             raise self._error(f"expected an {role}, got {token}: {hint}")
-        return self._take().text
+        return self._advance().text
 
     def _term(self, variable: str, terms: Collection[str], words: Iterable[str] = ()) -> str:
         token = self._token
@@ -282,7 +285,7 @@ class _Parser:
                 raise self._error(f"expected a term of {variable!r}: conclusions take no hedge")
             hint = did_you_mean(token.text, [*terms, *words])
             raise self._error(f"expected a term of {variable!r}, got {token}: {hint}")
-        return self._take().text
+        return self._advance().text
 
     def _conclusions(self) -> tuple[tuple[str, str], ...]:
         found: dict[str, str] = {}
@@ -295,19 +298,19 @@ class _Parser:
             found[output] = self._term(output, self._outputs[output])
             if not (self._token.text == "," or self._token.is_word("AND")):
                 return tuple(found.items())
-            self._take()
+            self._advance()
 
     def _weight(self) -> float:
         if not self._token.is_word("WITH"):
             return 1.0
-        self._take()
+        self._advance()
         token = self._token
         value = float(token.text) if token.kind == "number" else -1.0
         if not 0.0 < value <= 1.0:
             raise self._expected("a weight above 0 and at most 1")
-        self._take()
+        self._advance()
         if self._token.is_word("WEIGHT"):
-            self._take()
+            self._advance()
         return value
 
 

@@ -1,9 +1,9 @@
-"""Mamdani inference over many samples, as scikit-fuzzy 0.5.0 does it, operation by operation.
+"""Mamdani inference over many samples, with the operations of scikit-fuzzy 0.5.0 in their order.
 
 scikit-fuzzy adds to an output's universe the points where a term crosses its activation, samples
 every clipped term there by linear interpolation, joins them by maximum, and defuzzifies. The mean
-of maximum counts samples that equal the maximum exactly, so even the last bit of an interpolated
-degree matters: the expressions below keep numpy's order of operations (no fastmath).
+of maximum averages the samples that equal the maximum exactly, and so depends on the last bit of
+an interpolated degree: the expressions below keep numpy's order of operations (no fastmath).
 """
 
 from __future__ import annotations
@@ -37,12 +37,17 @@ Indices = npt.NDArray[np.int64]
 AND_MIN, AND_PROD, OR_MAX, NOT = -1, -2, -3, -4
 CENTROID, BISECTOR, MOM, SOM, LOM = 0, 1, 2, 3, 4
 
-# An output none of whose terms is activated more than this counts as not concluded at all:
-# below, scikit-fuzzy's centroid loses its area to a guard against division by zero.
 FIRING_FLOOR = 1e-9
-_LEAST = 5e-324  # the least number above zero
-# So many samples are remembered for their crisp outputs: where inputs saturate, most are alike.
+"""Activation up to which a term counts as not concluded.
+
+Below it, scikit-fuzzy's guard against division by zero falsifies the centroid.
+"""
+
+_LEAST = 5e-324
+"""The smallest positive number."""
+
 _REMEMBERED = 16
+"""Samples whose crisp outputs are kept for reuse: where inputs saturate, many samples are equal."""
 
 
 @numba.njit(cache=True)
@@ -83,7 +88,7 @@ def fuzzify(x: Array, xs: Array, sampled: Array, out: Array) -> None:
 def fire(
     program: Indices, starts: Indices, weights: Array, literals: Array, stack: Array, firing: Array
 ) -> None:
-    """Run every rule's postfix program on the degrees of the literals; weighted strengths out."""
+    """Compute ``firing``, the weighted strengths (rules,), from the degrees of the literals."""
     for rule in range(weights.size):
         top = -1
         for k in range(starts[rule], starts[rule + 1]):
@@ -117,11 +122,12 @@ def join(
     py: Array,
     extra: Array,
 ) -> int:
-    """The joined conclusion of one output as a polyline (px, py); returns its number of points.
+    """The union of the conclusions of one output as a polyline (px, py); returns its size.
 
-    ``terms`` (T, M) over ``xs`` (M,), zero outside their ``support`` (T, 2); ``cuts`` (T,), all
-    clipped (``scale`` False) or scaled; ``extra`` is workspace for the crossings. ``lean`` leaves
-    out the crossings of idle terms: they repeat samples, which only counting ones would notice.
+    ``terms`` (T, M) over ``xs`` (M,), zero outside their ``support`` (T, 2), are clipped (``scale``
+    False) or scaled by their activations ``cuts`` (T,). ``extra`` is workspace for the crossings.
+    ``lean`` leaves out the crossings of terms with activation 0: these repeat samples up to
+    rounding, which does not change the centroid.
     """
     size = xs.size
     py[:size] = 0.0
@@ -149,8 +155,8 @@ def join(
 def _add_crossings(
     xs: Array, term: Array, first: int, last: int, cut: float, extra: Array, count: int
 ) -> int:
-    """Insert where ``term`` crosses ``cut`` into the increasing ``extra``; returns their number."""
-    level = cut if cut > 0.0 else _LEAST  # an idle term crosses where it leaves zero
+    """Insert the crossings of ``term`` and ``cut`` into increasing ``extra``; returns its size."""
+    level = cut if cut > 0.0 else _LEAST  # for activation 0: where the term leaves zero
     was_above = term[first] >= level
     for i in range(first, min(last + 1, xs.size - 1)):
         is_above = term[i + 1] >= level
@@ -164,7 +170,7 @@ def _add_crossings(
 
 @numba.njit(cache=True)
 def _insert(extra: Array, count: int, x: float) -> int:
-    """Insert x into the ``count`` increasing values of ``extra``, unless it is among them."""
+    """Insert x into the ``count`` increasing values of ``extra``, unless it is one of them."""
     place = count
     while place > 0 and extra[place - 1] > x:
         place -= 1
@@ -180,7 +186,7 @@ def _insert(extra: Array, count: int, x: float) -> int:
 def _merge(
     xs: Array, terms: Array, cuts: Array, px: Array, py: Array, extra: Array, count: int
 ) -> int:
-    """Merge the crossings into the universe, from the right so that ``py`` is widened in place."""
+    """Merge the crossings into the universe, from the right so that ``py`` grows in place."""
     size = xs.size
     fresh = 0
     for k in range(count):
@@ -193,7 +199,7 @@ def _merge(
     while at >= 0:
         if k >= 0 and (i < 0 or extra[k] > xs[i]):
             px[at] = extra[k]
-            # The samples right of i are moved already, so interpolate from the terms themselves.
+            # The samples right of i have moved already, so interpolate from the terms instead.
             y = 0.0
             if 0 <= i < size - 1:
                 for t in range(cuts.size):
@@ -211,7 +217,7 @@ def _merge(
 
 @numba.njit(cache=True)
 def centroid(px: Array, py: Array, size: int) -> float:
-    """Centre of the area under the polyline."""
+    """Abscissa of the centroid of the area under the polyline."""
     area = 0.0
     moment = 0.0
     for i in range(size - 1):
@@ -225,7 +231,7 @@ def centroid(px: Array, py: Array, size: int) -> float:
 
 @numba.njit(cache=True)
 def bisector(px: Array, py: Array, size: int) -> float:
-    """Where the area under the polyline is halved, by scikit-fuzzy's formulae."""
+    """Abscissa that halves the area under the polyline, by scikit-fuzzy's formulae."""
     total = 0.0
     for i in range(size - 1):
         total += _area(px, py, i)
@@ -260,7 +266,7 @@ def _area(px: Array, py: Array, i: int) -> float:
 
 @numba.njit(cache=True)
 def of_maximum(px: Array, py: Array, size: int, method: int) -> float:
-    """Mean, smallest or largest of the samples at the maximum."""
+    """Mean, smallest or largest abscissa of the samples at the maximum."""
     top = py[0]
     for i in range(1, size):
         top = max(top, py[i])
@@ -284,7 +290,7 @@ def of_maximum(px: Array, py: Array, size: int, method: int) -> float:
 def read_inputs(
     x: Array, xs: Array, starts: Indices, ys: Array, literal_starts: Indices, literals: Array
 ) -> bool:
-    """Degrees of all literals for the inputs x (inputs,); False if one of them is NaN."""
+    """Degrees of all literals for the inputs x (inputs,); returns False if an input is NaN."""
     for i in range(x.size):
         if math.isnan(x[i]):
             return False
@@ -298,7 +304,7 @@ def read_inputs(
 
 @numba.njit(cache=True)
 def defuzzify(px: Array, py: Array, size: int, method: int) -> float:
-    """The crisp value of a joined conclusion (not empty)."""
+    """The crisp value of a union of conclusions (not empty)."""
     if method == CENTROID:
         return centroid(px, py, size)
     if method == BISECTOR:
@@ -307,8 +313,8 @@ def defuzzify(px: Array, py: Array, size: int, method: int) -> float:
 
 
 @numba.njit(cache=True)
-def find_alike(cuts: Array, n: int, different: Indices, count: int) -> int:
-    """Of the samples remembered in ``different``, one with the activations of sample n, or -1."""
+def find_equal(cuts: Array, n: int, different: Indices, count: int) -> int:
+    """A sample in ``different`` with the same activations as sample n, or -1."""
     for k in range(min(count, different.size)):
         m = different[k]
         same = True
@@ -362,9 +368,9 @@ def infer(
         for k in range(conclusions.shape[0]):
             term = conclusions[k, 1]
             cuts[term] = max(cuts[term], firing[conclusions[k, 0]])
-        alike = find_alike(table[:, rules : rules + terms], n, different, count)
-        if alike >= 0:
-            crisp[:] = table[alike, rules + terms :]
+        equal = find_equal(table[:, rules : rules + terms], n, different, count)
+        if equal >= 0:
+            crisp[:] = table[equal, rules + terms :]
             continue
         different[count % _REMEMBERED] = n
         count += 1

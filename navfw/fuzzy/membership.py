@@ -1,8 +1,8 @@
 """Membership functions, hedges, and the sampled universes on which they are evaluated.
 
-scikit-fuzzy knows a membership function only by its samples on the variable's universe, and
-interpolates linearly between them. navfw does the same, and places the samples so that nothing is
-lost: corners of triangles and trapezoids are samples, so their sampled form is their exact form.
+scikit-fuzzy represents a membership function by its samples on the variable's universe, and
+interpolates linearly between them. navfw does the same. Corners of triangles and trapezoids are
+samples, so that their sampled form is exact.
 """
 
 from __future__ import annotations
@@ -30,10 +30,11 @@ __all__ = [
     "sample_universe",
 ]
 
-# A vertical edge is sampled as a ramp this narrow, relative to the range of the variable.
 EDGE_WIDTH = 1e-9
-# Samples nearer to each other than this (relative to the range) are one sample.
+"""Width of the ramp that represents a vertical edge, relative to the range of the variable."""
+
 _SAME = 1e-13
+"""Distance, relative to the range of the variable, below which two samples count as one."""
 
 
 class Shape(ABC):
@@ -48,22 +49,22 @@ class Shape(ABC):
     @property
     @abstractmethod
     def corners(self) -> tuple[float, ...]:
-        """Where the function bends: these must be samples for the sampled form to be exact."""
+        """Where the slope changes: samples there make the sampled form exact."""
 
     @property
     def jumps(self) -> tuple[tuple[float, int], ...]:
-        """Vertical edges as (x, side): side -1 rises at x, side +1 falls right after x."""
+        """Vertical edges as (x, side): -1 for a rise at x, +1 for a fall right after x."""
         return ()
 
     @property
     def knots(self) -> tuple[float, ...]:
-        """Further samples that a curved function needs to be drawn well by straight pieces."""
+        """Further samples for a curved function, so that linear interpolation is accurate."""
         return ()
 
 
 @dataclass(frozen=True, slots=True)
 class Trapezoid(Shape):
-    """Zero up to a, one from b to c, zero from d; a <= b <= c <= d. Equal corners give an edge."""
+    """Zero up to a, one from b to c, zero from d; a <= b <= c <= d. Equal corners: an edge."""
 
     a: float
     b: float
@@ -77,7 +78,7 @@ class Trapezoid(Shape):
             raise ValueError("expected four corners a <= b <= c <= d")
 
     def __call__(self, x: Array) -> Array:
-        """Straight between the corners."""
+        """Linear between the corners."""
         return _trapezoid(x, self.a, self.b, self.c, self.d)
 
     @property
@@ -93,7 +94,7 @@ class Trapezoid(Shape):
 
 @dataclass(frozen=True, slots=True)
 class Triangle(Shape):
-    """Zero up to a, one at b, zero from c; a <= b <= c. Equal corners give an edge."""
+    """Zero up to a, one at b, zero from c; a <= b <= c. Equal corners: a vertical edge."""
 
     a: float
     b: float
@@ -106,7 +107,7 @@ class Triangle(Shape):
             raise ValueError("expected three corners a <= b <= c")
 
     def __call__(self, x: Array) -> Array:
-        """Straight between the corners."""
+        """Linear between the corners."""
         return _trapezoid(x, self.a, self.b, self.b, self.c)
 
     @property
@@ -145,7 +146,7 @@ class Gauss(Shape):
 
     @property
     def knots(self) -> tuple[float, ...]:
-        """A quarter of sigma apart, out to four sigma."""
+        """Samples at multiples of sigma / 4, up to four sigma on each side."""
         return tuple(self.mean + self.sigma * z for z in np.linspace(-4.0, 4.0, 33).tolist())
 
 
@@ -163,18 +164,18 @@ class Sigmoid(Shape):
             raise ValueError("expected centre and slope with slope not 0")
 
     def __call__(self, x: Array) -> Array:
-        """One half at the centre."""
+        """0.5 at the centre."""
         z = self.slope * (x - self.centre)
         return np.asarray(1.0 / (1.0 + np.exp(np.clip(-z, -700.0, 700.0))))
 
     @property
     def corners(self) -> tuple[float, ...]:
-        """The centre, so that the sampled form passes through one half."""
+        """The centre, so that the sampled form is 0.5 there."""
         return (self.centre,)
 
     @property
     def knots(self) -> tuple[float, ...]:
-        """Half a time constant apart, out to eight of them."""
+        """Samples at multiples of 0.5 / slope, up to 8 / slope on each side."""
         return tuple(self.centre + z / self.slope for z in np.linspace(-8.0, 8.0, 33).tolist())
 
 
@@ -184,7 +185,7 @@ def _trapezoid(x: Array, a: float, b: float, c: float, d: float) -> Array:
     falling = (x > c) & (x < d)
     y[rising] = (x[rising] - a) / (b - a)
     y[falling] = (d - x[falling]) / (d - c)
-    # Outside, but a corner shared with the top belongs to the top: an edge includes its corner.
+    # Zero outside; at a vertical edge the corner itself has degree 1.
     y[((x <= a) & (x < b)) | ((x >= d) & (x > c))] = 0.0
     return y
 
@@ -199,14 +200,14 @@ SHAPES: dict[str, tuple[type[Shape], tuple[str, ...]]] = {
     "gauss": (Gauss, ("mean", "sigma")),
     "sigmoid": (Sigmoid, ("centre", "slope")),
 }
-"""Shape kinds as rule files name them, with the names of their parameters in order."""
+"""Shape classes by their name in rule files, with the names of their parameters in order."""
 
 
 def make_shape(kind: str, parameters: Sequence[float]) -> Shape:
-    """The shape ``kind`` (a key of ``SHAPES``) with these parameters.
+    """The shape ``kind`` (a key of ``SHAPES``) with the given parameters.
 
     Raises:
-        ValueError: wrong number of parameters, not finite, or out of order; says what is expected.
+        ValueError: wrong number of parameters, not finite, or out of order.
 
     """
     shape, names = SHAPES[kind]
@@ -223,7 +224,7 @@ def make_shape(kind: str, parameters: Sequence[float]) -> Shape:
 
 
 HEDGES: dict[str, Callable[[Array], Array]] = {"very": np.square, "somewhat": np.sqrt}
-"""Zadeh's hedges: words before a term, as functions of its degree."""
+"""Zadeh's hedges, written before a term, as functions of its degree."""
 
 
 def hedged(degree: Array, hedges: Iterable[str]) -> Array:
@@ -234,10 +235,10 @@ def hedged(degree: Array, hedges: Iterable[str]) -> Array:
 
 
 def sample_universe(low: float, high: float, points: int, shapes: Iterable[Shape]) -> Array:
-    """Increasing samples over [low, high]: ``points`` even ones, and all that ``shapes`` need.
+    """Increasing samples over [low, high]: ``points`` even ones, and those that ``shapes`` need.
 
-    A vertical edge at x gets a second sample ``EDGE_WIDTH`` of the range beside it, so that linear
-    interpolation keeps it (all but) vertical.
+    A vertical edge at x gets a second sample at a distance of ``EDGE_WIDTH`` of the range, so that
+    it stays almost vertical under linear interpolation.
     """
     shapes = tuple(shapes)
     width = high - low
@@ -257,7 +258,7 @@ def sample_universe(low: float, high: float, points: int, shapes: Iterable[Shape
 
 
 def _merge(kept: Array, extra: Array, gap: float) -> Array:
-    """``kept`` and those of ``extra`` that are no nearer than ``gap`` to any of ``kept``."""
+    """``kept``, and the values of ``extra`` farther than ``gap`` from all of ``kept``."""
     after = np.searchsorted(kept, extra)
     left = np.abs(extra - kept[np.maximum(after - 1, 0)])
     right = np.abs(kept[np.minimum(after, kept.size - 1)] - extra)
