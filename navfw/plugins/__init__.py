@@ -1,6 +1,6 @@
-"""Plugins: found in three ways, verified when registered, and the broken ones named.
+"""Plugins: discovered in three ways, verified on registration; broken ones are listed with errors.
 
-- files in a ``behaviors/`` folder (the shipped one's, the user's project's);
+- files in a ``behaviors/`` folder (the shipped one, and that of the user's project);
 - entry points of installed packages (``navfw.behaviors``, ``navfw.flows``, ...), loaded lazily;
 - in code: ``@plugin`` above a class, or ``registry.register(cls)``.
 """

@@ -1,4 +1,4 @@
-"""Importing a plugin file or ``module:Class`` such that nothing it does can hurt anyone else."""
+"""Import a plugin file or ``module:Class``; whatever fails becomes a located ``PluginError``."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ __all__ = ["candidates_of", "decorated_plugins", "import_file", "import_object",
 ClassT = TypeVar("ClassT", bound=type[Any])
 
 _decorated: dict[tuple[str, str], type[Any]] = {}
-# While a file of a folder is imported, its decorated classes go here instead, unverified: one bad
-# class shall not keep the others of the file from being defined.
+# While a file of a plugin folder is imported, its decorated classes are collected here and verified
+# later, so that one invalid class does not prevent the definition of the others.
 _collecting: ContextVar[list[type[Any]] | None] = ContextVar("collecting", default=None)
 
 
 def plugin(cls: ClassT) -> ClassT:
-    """Register the decorated class with every registry that ``default_registry`` makes hereafter.
+    """Register the decorated class with every registry that ``default_registry`` makes later.
 
     Raises:
-        PluginError: the class does not fulfil the contract of its kind.
+        PluginError: the class does not meet the interface of its kind.
 
     """
     collecting = _collecting.get()
@@ -42,24 +42,24 @@ def plugin(cls: ClassT) -> ClassT:
         collecting.append(cls)
         return cls
     verify(cls)
-    # by name, so that a class defined again (a notebook's cell) replaces its former self
+    # by name, so that a class defined again (in a notebook's cell) replaces the former one
     _decorated[(cls.__module__, cls.__qualname__)] = cls
     return cls
 
 
 def decorated_plugins() -> list[type[Any]]:
-    """The classes that have been decorated with ``plugin``, outside of plugin folders."""
+    """The classes decorated with ``plugin`` outside of plugin folders."""
     return list(_decorated.values())
 
 
 def import_file(file: Path) -> tuple[ModuleType, list[type[Any]]]:
-    """Run ``file`` as a module of a package of its own; also the classes it decorated.
+    """Import ``file``; returns the module and the classes decorated with ``plugin`` in it.
 
-    The folder becomes a package with a unique name, so that equally named files of two folders do
-    not meet, ``from .other import x`` works, and ``sys.path`` stays as it is.
+    The folder becomes a package with a unique name, so that files of the same name in two folders
+    do not collide, ``from .other import x`` works, and ``sys.path`` remains unchanged.
 
     Raises:
-        PluginError: the file cannot be imported, whatever the reason; names file and line.
+        PluginError: the import raised, for any reason; names file and line.
 
     """
     package = _package_of(file.parent)
@@ -76,7 +76,7 @@ def import_file(file: Path) -> tuple[ModuleType, list[type[Any]]]:
             spec.loader.exec_module(module)
     except KeyboardInterrupt:
         raise
-    except BaseException as error:  # even SystemExit: a plugin must not end the program
+    except BaseException as error:  # SystemExit, too: a plugin must not end the program
         sys.modules.pop(name, None)
         raise _import_error(error, file) from error
     finally:
@@ -85,7 +85,7 @@ def import_file(file: Path) -> tuple[ModuleType, list[type[Any]]]:
 
 
 def import_object(target: str) -> Any:
-    """The object that ``module:Class`` names.
+    """Import the object at ``target``, written ``module:Class``.
 
     Raises:
         PluginError: the module cannot be imported or has no such object.
@@ -111,10 +111,9 @@ def import_object(target: str) -> Any:
 
 
 def candidates_of(module: ModuleType, decorated: list[type[Any]]) -> list[type[Any]]:
-    """The classes of ``module`` that are, or want to be, plugins.
+    """The classes of ``module`` to register as plugins: decorated ones, and subclasses of Plugin.
 
-    Private classes are helpers, and so are classes that others of the module derive from while
-    they are no complete plugins themselves.
+    Left out are private classes, and incomplete base classes of other classes of the module.
     """
     defined = [
         value
@@ -135,7 +134,7 @@ def candidates_of(module: ModuleType, decorated: list[type[Any]]) -> list[type[A
 
 
 def nothing_found(module: ModuleType, file: Path, kind: str) -> PluginError:
-    """The error for a file of a plugin folder that has no plugin in it."""
+    """The error for a file of a plugin folder that contains no plugin."""
     classes = [
         name
         for name, value in vars(module).items()
@@ -150,7 +149,7 @@ def nothing_found(module: ModuleType, file: Path, kind: str) -> PluginError:
 
 
 def _package_of(folder: Path) -> str:
-    """Make ``folder`` importable as a package of its own; its name."""
+    """Make ``folder`` importable as a package; returns the package's name."""
     folder = folder.resolve()
     digest = hashlib.sha256(str(folder).encode()).hexdigest()[:12]
     name = f"navfw_folder_{digest}"
@@ -163,7 +162,7 @@ def _package_of(folder: Path) -> str:
 
 @contextlib.contextmanager
 def _quiet_stdout() -> Iterator[None]:
-    """What a plugin prints while it is imported goes to stderr: stdout belongs to results."""
+    """Redirect stdout to stderr during an import: stdout is reserved for results."""
     with contextlib.redirect_stdout(sys.stderr):
         yield
 
@@ -188,7 +187,7 @@ def _import_error(
 
 
 def _position(error: BaseException, file: Path | None) -> tuple[Path | None, int | None]:
-    """The innermost line of ``file`` that took part in ``error``."""
+    """File and line of ``error``: the innermost line of ``file`` in its traceback."""
     if isinstance(error, SyntaxError) and error.filename:
         bad = Path(error.filename)
         if file is None or bad == file:

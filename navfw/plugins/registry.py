@@ -1,4 +1,4 @@
-"""The registry: plugins by kind and name, the broken ones with what is wrong with them."""
+"""The registry of plugins by kind and name; broken ones are kept with their error."""
 
 from __future__ import annotations
 
@@ -52,9 +52,10 @@ BUILT_IN: dict[str, dict[str, str]] = {
     },
     "controller": {"unicycle": "navfw.locom.unicycle:Unicycle"},
 }
-"""What ships, by kind and name; imported when first asked for.
+"""The shipped plugins as ``module:Class``, by kind and name; imported on first use.
 
-Behaviours are in ``behaviors/``, but for those that need what no behaviour may import.
+Shipped behaviours are files in ``behaviors/``; listed here are those that import more than the
+public names of navfw.
 """
 
 GROUPS: dict[str, str] = {
@@ -64,8 +65,8 @@ GROUPS: dict[str, str] = {
 
 
 @dataclass
-class _Entry:
-    """One plugin that is known; its class as soon as it is loaded, or why it cannot be used."""
+class _RegistryEntry:
+    """One plugin: its class once loaded, or the error that makes it unusable."""
 
     kind: str
     name: str
@@ -78,30 +79,31 @@ class _Entry:
 class Registry:
     """Plugins by kind and name.
 
-    A plugin is verified when it is registered; entry points and built-in ones when they are first
-    asked for or listed, as they are not imported before. A broken plugin stays known, with its
-    error, and stops nothing else.
+    A plugin is verified when it is registered. Entry points and built-in plugins are imported, and
+    verified, when they are first used or listed. A broken plugin is listed with its error and does
+    not affect the others.
     """
 
     def __init__(self) -> None:
-        self._entries: dict[tuple[str, str], _Entry] = {}
-        self._duplicates: list[_Entry] = []
+        self._entries: dict[tuple[str, str], _RegistryEntry] = {}
+        self._duplicates: list[_RegistryEntry] = []
         self._files: set[Path] = set()
 
     def register(self, cls: type[Plugin], source: str | None = None) -> None:
-        """Add a plugin class; ``source`` says in listings where it comes from.
+        """Add a plugin class; ``source`` is its origin in listings.
 
         Raises:
-            PluginError: the class is no plugin or its name is taken. Nothing is registered then.
+            PluginError: the class is not a valid plugin, or its name is taken. The registry is
+                unchanged then.
 
         """
         verify(cls)
-        self._add(_Entry(str(kind_of(cls)), cls.name, source or _source(cls), cls=cls))
+        self._add(_RegistryEntry(str(kind_of(cls)), cls.name, source or _source(cls), cls=cls))
 
     def register_lazily(
         self, kind: str, name: str, load: str | Callable[[], object], source: str
     ) -> None:
-        """Add the plugin that ``load`` (``module:Class``, or a function) will give when needed.
+        """Add a plugin that ``load`` (``module:Class``, or a function) provides on first use.
 
         Raises:
             UnknownNameError: there is no such kind.
@@ -111,16 +113,16 @@ class Registry:
         check_kind(kind)
         if isinstance(load, str):
             load = partial(plugin_import.import_object, load)
-        self._add(_Entry(kind, name, source, load=load))
+        self._add(_RegistryEntry(kind, name, source, load=load))
 
     def discover_folder(self, folder: str | Path, kind: str = "behavior") -> None:
-        """Import every ``*.py`` in ``folder`` that does not begin with ``_``, register its plugins.
+        """Import every ``*.py`` in ``folder``, except ``_*.py``, and register its plugins.
 
-        What is broken is recorded as broken: of ``kind`` when the file does not get so far as to
-        say what it is.
+        Broken plugins are recorded as such, of ``kind`` where the import fails before the kind is
+        known.
 
         Raises:
-            PluginError: ``folder`` is no readable folder.
+            PluginError: ``folder`` is not a readable folder.
 
         """
         folder = Path(folder)
@@ -136,12 +138,12 @@ class Registry:
                 self._discover_file(file, kind)
 
     def discover_entry_points(self, points: Iterable[EntryPoint] | None = None) -> None:
-        """Add the plugins that installed packages offer; none is imported yet."""
+        """Add the plugins of installed packages; they are imported on first use."""
         if points is None:
             points = [point for group in GROUPS for point in entry_points(group=group)]
         for point in points:
             package = "" if point.dist is None else f" of {point.dist.name} {point.dist.version}"
-            entry = _Entry(
+            entry = _RegistryEntry(
                 GROUPS[point.group],
                 point.name,
                 f"entry point {point.group}{package}",
@@ -154,7 +156,7 @@ class Registry:
 
         Raises:
             UnknownNameError: there is no such kind, or no such plugin of it.
-            PluginError: the plugin is broken; the message says how.
+            PluginError: the plugin is broken; the message lists the problems.
 
         """
         check_kind(kind)
@@ -167,15 +169,15 @@ class Registry:
         return entry.cls
 
     def names(self, kind: str) -> list[str]:
-        """The names of all plugins of a kind, broken ones too."""
+        """The names of all plugins of a kind, broken ones included."""
         check_kind(kind)
         return sorted(name for of, name in self._entries if of == kind)
 
     def listing(self, kind: str | None = None) -> list[dict[str, Any]]:
-        """Every plugin (of ``kind``) as plain data: what it is, its parameters, or its error.
+        """Every plugin (of ``kind``) as plain data: description and parameters, or its error.
 
         Keys: name, kind, status (``ok`` or ``broken``), source, summary, parameters (each with
-        name, type, default, required, bounds, description), error (None when ok). Loads them all.
+        name, type, default, required, bounds, description), error (None when ok). Imports them all.
         """
         if kind is not None:
             check_kind(kind)
@@ -187,7 +189,7 @@ class Registry:
         return [self._listed(entry) for entry in entries]
 
     def broken(self) -> list[dict[str, Any]]:
-        """The entries of ``listing`` that are known to be broken by now; loads nothing."""
+        """The entries of ``listing`` already known to be broken; imports nothing."""
         known = (*self._entries.values(), *self._duplicates)
         return [self._listed(entry) for entry in known if entry.error is not None]
 
@@ -196,43 +198,48 @@ class Registry:
         try:
             module, decorated = plugin_import.import_file(file)
         except PluginError as error:
-            self._record(_Entry(kind, file.stem, source, error=error))
+            self._record(_RegistryEntry(kind, file.stem, source, error=error))
             return
         classes = plugin_import.candidates_of(module, decorated)
         if not classes:
             nothing = plugin_import.nothing_found(module, file, kind)
-            self._record(_Entry(kind, file.stem, source, error=nothing))
+            self._record(_RegistryEntry(kind, file.stem, source, error=nothing))
         for cls in classes:
             self._register_found(cls, source, kind, file.stem)
 
     def _register_found(self, cls: type[Any], source: str, kind: str, name: str) -> None:
-        """Register a class, or record it as broken, by the ``kind`` and ``name`` it says it has."""
+        """Register a class, or record it as broken; ``kind`` and ``name`` are defaults."""
         own = cls.__dict__.get("name")
-        entry = _Entry(kind_of(cls) or kind, own if isinstance(own, str) else name, source)
+        entry = _RegistryEntry(kind_of(cls) or kind, own if isinstance(own, str) else name, source)
         self._attempt(entry, partial(self.register, cls, source))
 
-    def _attempt(self, entry: _Entry, register: Callable[[], None]) -> None:
+    def _attempt(self, entry: _RegistryEntry, register: Callable[[], None]) -> None:
         try:
             register()
         except InputError as error:
             self._record(replace(entry, error=error))
 
-    def _record(self, entry: _Entry) -> None:
-        """Keep a broken entry, without pushing aside another one of its name."""
+    def _record(self, entry: _RegistryEntry) -> None:
+        """Keep a broken entry; it does not replace another one of its name."""
         if (entry.kind, entry.name) in self._entries:
             self._duplicates.append(entry)
         else:
             self._entries[entry.kind, entry.name] = entry
 
-    def _add(self, entry: _Entry) -> None:
-        """Make an entry known unless its name is taken by one that is not broken."""
+    def _add(self, entry: _RegistryEntry) -> None:
+        """Add an entry; it replaces a broken one of its name.
+
+        Raises:
+            PluginError: another plugin that is not broken has the name.
+
+        """
         other = self._entries.get((entry.kind, entry.name))
         if other is not None and entry.cls is not None and other.cls is entry.cls:
             return
         if other is not None and other.error is None:
             raise PluginError(
-                f"the {entry.kind} name {entry.name!r} is taken already, by {other.source}; "
-                "give one of them another name",
+                f"the {entry.kind} name {entry.name!r} is already taken by {other.source}; "
+                "rename one of them",
                 file=entry.source,
                 key=None if entry.cls is None else f"class {entry.cls.__qualname__}",
             )
@@ -240,19 +247,19 @@ class Registry:
             self._duplicates.append(other)
         self._entries[entry.kind, entry.name] = entry
 
-    def _load(self, entry: _Entry) -> None:
+    def _load(self, entry: _RegistryEntry) -> None:
         if entry.load is None or entry.cls is not None or entry.error is not None:
             return
         try:
             cls = entry.load()
             verify(cls)
-            _check_promise(cls, entry)
+            _check_declared(cls, entry)
         except InputError as error:
             entry.error = error
         else:
             entry.cls = cast(type[Plugin], cls)
 
-    def _listed(self, entry: _Entry) -> dict[str, Any]:
+    def _listed(self, entry: _RegistryEntry) -> dict[str, Any]:
         self._load(entry)
         cls = entry.cls
         return {
@@ -269,13 +276,14 @@ class Registry:
 
 
 def default_registry(folders: Iterable[str | Path] = ()) -> Registry:
-    """A registry of all there is.
+    """A registry of all available plugins.
 
-    What ships, the project's ``behaviors/``, ``folders``, the entry points of installed packages,
-    and classes decorated with ``plugin`` in code; an earlier one keeps a name that comes twice.
+    These are the shipped ones, the project's ``behaviors/``, ``folders``, the entry points of
+    installed packages, and classes decorated with ``plugin``. Of two plugins with the same name,
+    the one earlier in this order is kept.
 
     Raises:
-        PluginError: one of ``folders`` is no folder.
+        PluginError: one of ``folders`` is not a folder.
 
     """
     registry = Registry()
@@ -291,17 +299,17 @@ def default_registry(folders: Iterable[str | Path] = ()) -> Registry:
 
 
 def check_kind(kind: str) -> None:
-    """Raise UnknownNameError, with the nearest kind, if there is no such kind of plugin."""
+    """Raise UnknownNameError, with the nearest kind, unless ``kind`` is a kind of plugin."""
     if kind not in KINDS:
         raise UnknownNameError("kind of plugin", kind, KINDS)
 
 
-def _check_promise(cls: object, entry: _Entry) -> None:
-    """A lazily loaded class must be what its entry said before it was loaded."""
+def _check_declared(cls: object, entry: _RegistryEntry) -> None:
+    """Raise PluginError unless a lazily loaded class has the kind and name of its entry."""
     kind, name = kind_of(cls), getattr(cls, "name", None)
     if (kind, name) != (entry.kind, entry.name):
         raise PluginError(
-            f"announced as {entry.kind} {entry.name!r}, but the class is {kind} {name!r}; "
+            f"registered as {entry.kind} {entry.name!r}, but the class is {kind} {name!r}; "
             "make both agree",
             file=entry.source,
             key=getattr(cls, "__qualname__", None),

@@ -1,4 +1,4 @@
-"""Whether a class is a plugin that will work, found out before it is ever called."""
+"""Check a plugin class against the interface of its kind: name, methods, signatures, parameters."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ _COROUTINES = (inspect.iscoroutinefunction, inspect.isasyncgenfunction)
 
 
 def verify(cls: object) -> None:
-    """Do nothing if ``cls`` is a plugin class that fulfils the contract of its kind.
+    """Raise unless ``cls`` is a plugin class that meets the interface of its kind.
 
     Raises:
-        PluginError: it does not; the message has file, line, class, every problem, and remedies.
+        PluginError: names file, line and class, and lists every problem with its remedy.
 
     """
     problems = find_problems(cls)
@@ -38,18 +38,18 @@ def verify(cls: object) -> None:
 
 
 def find_problems(cls: object) -> list[str]:
-    """Everything that keeps ``cls`` from being a plugin, each with its remedy; empty when good."""
+    """All problems of ``cls`` as a plugin class, each with its remedy; empty if there are none."""
     if not inspect.isclass(cls):
         return [f"expected a class, got {shown(cls)}"]
     try:
         return list(_problems(cls))
-    except Exception as error:  # a metaclass or descriptor of the plugin's own may do anything
+    except Exception as error:  # the plugin's metaclass or descriptors may raise anything
         first = (str(error).splitlines() or [""])[0]
-        return [f"looking at the class raised {type(error).__name__}: {first}"]
+        return [f"inspecting the class raised {type(error).__name__}: {first}"]
 
 
 def kind_of(cls: object) -> str | None:
-    """The kind of plugin that ``cls`` derives from, or None."""
+    """The kind of plugin that ``cls`` is a subclass of; None for none or several."""
     if not inspect.isclass(cls):
         return None
     found = [kind for kind, base in interfaces.KINDS.items() if issubclass(cls, base)]
@@ -75,7 +75,7 @@ def _problems(cls: type[Any]) -> Iterator[str]:
         return
     if len(found) > 1:
         names = " and ".join(base.__name__ for base in found)
-        yield f"derived from {names} at once; make one plugin of each"
+        yield f"derived from both {names}; make one plugin of each"
         return
     base = found[0]
     if cls is base:
@@ -83,14 +83,14 @@ def _problems(cls: type[Any]) -> Iterator[str]:
         return
     yield from _name_problems(cls, base)
     if not (inspect.cleandoc(cls.__dict__.get("__doc__") or "")).strip():
-        yield "no docstring; say in a sentence what it does (listings show it)"
+        yield "no docstring; describe the plugin in a sentence (listings show it)"
     yield from _method_problems(cls, base)
     yield from _params_problems(cls)
 
 
 def _name_problems(cls: type[Any], base: type[Any]) -> Iterator[str]:
     if cls.__dict__.get("kind", base.kind) != base.kind:
-        yield f"kind is set to {cls.kind!r}; leave it to the base class ({base.kind!r})"
+        yield f"kind is set to {cls.kind!r}; remove it, the base class sets {base.kind!r}"
     remedy = f'write: name: ClassVar[str] = "{_suggested_name(cls)}"'
     if "name" not in cls.__dict__:
         inherited = getattr(cls, "name", None)
@@ -112,16 +112,16 @@ def _suggested_name(cls: type[Any]) -> str:
 def _method_problems(cls: type[Any], base: type[Any]) -> Iterator[str]:
     own = [n for n, v in vars(cls).items() if callable(v) and not n.startswith("_")]
     names = [n for n in dir(base) if not n.startswith("_") or n == "__init__"]
-    promised = {name: inspect.getattr_static(base, name) for name in names}
-    for parent in reversed(cls.__mro__[1:]):  # a base between the two may ask for more
+    interface = {name: inspect.getattr_static(base, name) for name in names}
+    for parent in reversed(cls.__mro__[1:]):  # a class in between may add abstract methods
         for name in sorted(getattr(parent, "__abstractmethods__", ())):
-            promised.setdefault(name, inspect.getattr_static(parent, name))
-    for name, wanted in promised.items():
+            interface.setdefault(name, inspect.getattr_static(parent, name))
+    for name, wanted in interface.items():
         given = inspect.getattr_static(cls, name)
         if given is wanted:
             if name in cls.__abstractmethods__:
-                strangers = [n for n in own if not hasattr(base, n)]
-                near = difflib.get_close_matches(name, strangers, n=1, cutoff=0.5)
+                additional = [n for n in own if not hasattr(base, n)]
+                near = difflib.get_close_matches(name, additional, n=1, cutoff=0.5)
                 hint = f" instead of {near[0]!r}" if near else ""
                 yield f"missing {_headline(name, wanted)}; define it{hint}"
         elif isinstance(wanted, property):
@@ -141,7 +141,7 @@ def _signature_problems(name: str, wanted: Callable[..., Any], given: object) ->
         return
     inner = inspect.unwrap(given)
     if any(test(inner) for test in _COROUTINES):
-        yield f"{name} must not be async; remove the word"
+        yield f"{name} must not be async; remove async"
         return
     if inspect.isgeneratorfunction(inner):
         yield f"{name} must return its result; replace yield by return"
@@ -150,16 +150,16 @@ def _signature_problems(name: str, wanted: Callable[..., Any], given: object) ->
         signature = inspect.signature(given)
     except (TypeError, ValueError):
         return
-    complaint = _mismatch(inspect.signature(wanted), signature)
-    if complaint:
+    mismatch = _mismatch(inspect.signature(wanted), signature)
+    if mismatch:
         yield (
-            f"{name}{_bare(signature)} has the wrong parameters: {complaint}; "
+            f"{name}{_bare(signature)} has the wrong parameters: {mismatch}; "
             f"define {_headline(name, wanted)}"
         )
 
 
 def _mismatch(wanted: inspect.Signature, given: inspect.Signature) -> str:
-    """What keeps ``given`` from being called as ``wanted`` promises, by position or by name."""
+    """Why ``given`` cannot be called like ``wanted``, by position or by name; empty if it can."""
     mine = list(given.parameters.values())
     takes_rest = any(p.kind is p.VAR_POSITIONAL for p in mine)
     takes_names = any(p.kind is p.VAR_KEYWORD for p in mine)
@@ -201,17 +201,19 @@ def _params_problems(cls: type[Any]) -> Iterator[str]:
         yield f"Params is not derived from the base's; write: class Params({parent}.Params)"
         return
     if "Params" not in cls.__dict__:
-        stray = [n for n, v in vars(cls).items() if inspect.isclass(v) and issubclass(v, BaseModel)]
-        if stray:
-            yield f"the nested model {stray[0]!r} is not used; call it Params"
+        unused = [
+            n for n, v in vars(cls).items() if inspect.isclass(v) and issubclass(v, BaseModel)
+        ]
+        if unused:
+            yield f"the nested model {unused[0]!r} is not used; call it Params"
     if model.model_config.get("extra") != "forbid":
-        yield "Params lets unknown keys pass; leave extra='forbid' as the base has it"
+        yield "Params accepts unknown keys; keep extra='forbid' of the base class"
     for name, info in model.model_fields.items():
         if info.is_required() or info.default_factory is not None:
             continue
         problem = _default_problem(model, name, info.default)
         if problem:
-            yield f"the default of Params.{name} is invalid: {problem}; mend it or the bounds"
+            yield f"the default of Params.{name} is invalid: {problem}; change it or the bounds"
 
 
 def _default_problem(model: type[BaseModel], name: str, default: object) -> str:
@@ -220,7 +222,7 @@ def _default_problem(model: type[BaseModel], name: str, default: object) -> str:
         model.model_validate({key: default})
     except ValidationError as error:
         for detail in error.errors(include_url=False):
-            # other fields may be required; only this one was given
+            # required fields are missing here, which is not a problem of this one
             if detail["loc"][:1] == (key,) and detail["type"] != "missing":
                 return f"{detail['msg'][:1].lower()}{detail['msg'][1:]}, got {shown(default)}"
     return ""

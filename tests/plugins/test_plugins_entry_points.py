@@ -74,10 +74,10 @@ def test_an_entry_point_must_keep_its_promise(package: str) -> None:
     registry.discover_entry_points([point(f"{package}:Hover", "fly")])
     registry.discover_entry_points([point(f"{package}:Hover", "hover", "navfw.flows")])
     with pytest.raises(
-        PluginError, match="announced as behavior 'fly', but the class is behavior 'h"
+        PluginError, match="registered as behavior 'fly', but the class is behavior 'h"
     ):
         registry.get("behavior", "fly")
-    with pytest.raises(PluginError, match="announced as flow 'hover', but the class is behavior"):
+    with pytest.raises(PluginError, match="registered as flow 'hover', but the class is behavior"):
         registry.get("flow", "hover")
 
 
@@ -87,7 +87,7 @@ def test_an_entry_point_with_a_taken_name(package: str) -> None:
     registry.discover_entry_points([point(f"{package}:Hover", "mine")])
     assert registry.get("behavior", "mine") is Mine
     (row,) = registry.broken()
-    assert "entry point navfw.behaviors: the behavior name 'mine' is taken" in row["error"]
+    assert "entry point navfw.behaviors: the behavior name 'mine' is already taken" in row["error"]
 
 
 def test_groups_are_one_for_each_kind() -> None:

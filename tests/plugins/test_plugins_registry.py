@@ -91,7 +91,7 @@ def test_the_later_of_a_name_is_broken_and_both_files_are_named(tmp_path: Path) 
     for part in (
         "second/turn.py: class Second: ",
         "first/turn.py",
-        "give one of them another name",
+        "rename one of them",
     ):
         assert part in row["error"]
     assert [r["status"] for r in registry.listing()] == ["ok", "broken"]
@@ -100,7 +100,7 @@ def test_the_later_of_a_name_is_broken_and_both_files_are_named(tmp_path: Path) 
 def test_registering_a_taken_name_raises(folder: Path) -> None:
     put(folder, "mine")
     registry = discovered(folder)
-    with pytest.raises(PluginError, match="the behavior name 'mine' is taken already"):
+    with pytest.raises(PluginError, match="the behavior name 'mine' is already taken"):
         registry.register(Mine)
     assert registry.get("behavior", "mine").__name__ == "Thing"
 

@@ -1,4 +1,4 @@
-"""Stacks that are based on others, and the stacks that ship."""
+"""Stacks with a base, and the shipped stacks."""
 
 from __future__ import annotations
 
@@ -32,34 +32,34 @@ def test_every_shipped_stack_loads(name: str) -> None:
     assert shipped(name)["behaviors"]
 
 
-def test_variations_of_the_default_stack_differ_in_what_they_say_alone() -> None:
+def test_variations_of_the_default_stack_differ_in_few_keys() -> None:
     assert differing("oracle") == {"flow", "oracle"}
-    assert differing("poles") == {"standing", "warmup", "motion"}
-    assert differing("pedestrians") == {"motion"}
+    assert differing("poles") == {"stixels", "warmup", "commands"}
+    assert differing("pedestrians") == {"commands"}
     assert differing("patrol") == {"composite", "behaviors"}
     assert differing("search") == {"composite", "behaviors"}
     behaviors = shipped("default")["behaviors"]
     assert shipped("patrol")["behaviors"] == {**behaviors, "cruise": {"weight": 0.5}}  # type: ignore[dict-item]
 
 
-def test_only_stacks_that_say_so_are_told_the_truth() -> None:
-    told = {found.name for found in list_stacks() if shipped(found.name)["oracle"]}
-    assert told == {"oracle", "navground"}
+def test_only_two_shipped_stacks_use_the_simulators_truth() -> None:
+    oracles = {found.name for found in list_stacks() if shipped(found.name)["oracle"]}
+    assert oracles == {"oracle", "navground"}
 
 
 def test_stages_are_replaced_and_settings_and_behaviours_joined(tmp_path: Path) -> None:
     (tmp_path / "one.yaml").write_text(
         "base: default\nflow: {dis: }\nbehaviors: {avoid: {weight: 0.3}, cruise: }\n"
-        "motion: {margin: 0.1}\n"
+        "local_map: {margin: 0.1}\n"
     )
-    (tmp_path / "two.yaml").write_text("base: ./one.yaml\nmotion: {ego_map: {fade: 9}}\n")
+    (tmp_path / "two.yaml").write_text("base: ./one.yaml\nlocal_map: {occupancy: {decay: 9}}\n")
     stack = load_stack(tmp_path / "two.yaml", REGISTRY)
     assert stack.stages["flow"].name == "dis"
     assert stack.behaviors["avoid"].params.model_dump()["weight"] == 0.3
     assert {"go_to_xy", "cruise"} <= set(stack.behaviors)
-    assert (stack.motion.margin, stack.motion.ego_map.fade) == (0.1, 9.0)
-    over = load_stack(tmp_path / "two.yaml", REGISTRY, ["ego_map.fade=7", "cruise.weight=0.1"])
-    assert over.motion.ego_map.fade == 7.0
+    assert (stack.settings.local_map.margin, stack.settings.local_map.occupancy.decay) == (0.1, 9.0)
+    over = load_stack(tmp_path / "two.yaml", REGISTRY, ["occupancy.decay=7", "cruise.weight=0.1"])
+    assert over.settings.local_map.occupancy.decay == 7.0
 
 
 @pytest.mark.parametrize(
@@ -74,7 +74,7 @@ def test_stages_are_replaced_and_settings_and_behaviours_joined(tmp_path: Path) 
         ("base: default\nflow: {ideal: }\n", r"mine\.yaml:2: flow: .*oracle: true"),
     ],
 )
-def test_what_is_wrong_is_told_with_its_own_file_and_line(
+def test_errors_name_the_file_and_line_of_the_upper_stack(
     tmp_path: Path, text: str, says: str
 ) -> None:
     (tmp_path / "mine.yaml").write_text(text)
@@ -82,7 +82,7 @@ def test_what_is_wrong_is_told_with_its_own_file_and_line(
         load_stack(tmp_path / "mine.yaml", REGISTRY)
 
 
-def test_what_is_wrong_in_the_base_is_told_with_the_bases_line(tmp_path: Path) -> None:
+def test_errors_in_the_base_name_the_line_of_the_base(tmp_path: Path) -> None:
     base = find("stack", "default").read_text().replace("go_to_xy:", "go_to_xi:")
     (tmp_path / "mine.yaml").write_text("base: ./below.yaml\n")
     (tmp_path / "below.yaml").write_text(base)
@@ -91,14 +91,14 @@ def test_what_is_wrong_in_the_base_is_told_with_the_bases_line(tmp_path: Path) -
         load_stack(tmp_path / "mine.yaml", REGISTRY)
 
 
-Leaves = st.integers(0, 9)
-Trees = st.dictionaries(
-    st.sampled_from("abc"), st.one_of(Leaves, st.dictionaries(st.sampled_from("xyz"), Leaves))
+LEAVES = st.integers(0, 9)
+TREES = st.dictionaries(
+    st.sampled_from("abc"), st.one_of(LEAVES, st.dictionaries(st.sampled_from("xyz"), LEAVES))
 )
 
 
-@given(Trees, Trees)
-def test_layers_are_the_union_with_the_upper_ones_word(
+@given(TREES, TREES)
+def test_layers_are_merged_and_the_upper_one_takes_precedence(
     low: dict[str, object], high: dict[str, object]
 ) -> None:
     lower, upper = (parse_yaml(repr(tree), name) for tree, name in ((low, "l"), (high, "h")))
@@ -106,8 +106,8 @@ def test_layers_are_the_union_with_the_upper_ones_word(
     for key in low | high:
         one, other = low.get(key), high.get(key)
         both = isinstance(one, dict) and isinstance(other, dict) and key != "c"
-        wanted = {**one, **other} if both else other if key in high else one  # type: ignore[dict-item]
-        assert joined.data[key] == wanted
+        expected = {**one, **other} if both else other if key in high else one  # type: ignore[dict-item]
+        assert joined.data[key] == expected
         if key in high:
             assert joined.origin_of((key,)).file == "h"
     assert set(joined.data) == set(low) | set(high)

@@ -97,7 +97,7 @@ OK = "def propose(self, context): pass"
         ),
         (
             build("class Thing(Behavior, Planner): pass"),
-            "derived from Behavior and Planner at once",
+            "derived from both Behavior and Planner",
         ),
         (Behavior, "this is the base class itself"),
         (body(OK, name="pass"), 'no name; write: name: ClassVar[str] = "thing"'),
@@ -106,12 +106,12 @@ OK = "def propose(self, context): pass"
         (body(OK, name='name = "a.b"'), "name 'a.b' must be an identifier"),
         (body(OK, name='name = "class"'), "name 'class' must be an identifier"),
         (body(OK, name='name = ""'), "name '' must be an identifier"),
-        (body(OK, "kind = 'flow'"), "kind is set to 'flow'; leave it to the base class"),
+        (body(OK, "kind = 'flow'"), "kind is set to 'flow'; remove it, the base class sets"),
         (
             build(
                 "class Thing(Behavior):\n    name = 'thing'\n    def propose(self, context): pass"
             ),
-            "no docstring; say in a sentence what it does",
+            "no docstring; describe the plugin in a sentence",
         ),
         (body(), "missing propose(self, context); define it"),
         (
@@ -171,7 +171,7 @@ OK = "def propose(self, context): pass"
                 "class Params(Behavior.Params):",
                 "    model_config = ConfigDict(extra='ignore')",
             ),
-            "Params lets unknown keys pass",
+            "Params accepts unknown keys",
         ),
         (
             body(
@@ -179,7 +179,7 @@ OK = "def propose(self, context): pass"
                 "class Params(Behavior.Params):",
                 "    gain: Annotated[float, Field(gt=0)] = -1.0",
             ),
-            "the default of Params.gain is invalid: input should be greater than 0, got -1.0; mend",
+            "the default of Params.gain is invalid: input should be greater than 0, got -1.0; change",
         ),
         (
             body(OK, "class Params(Behavior.Params):", "    a: int", "    gain: int = 'x'"),
@@ -187,7 +187,7 @@ OK = "def propose(self, context): pass"
         ),
     ],
 )
-def test_what_is_wrong_is_said_with_its_remedy(cls: object, message: str) -> None:
+def test_errors_name_the_problem_and_its_remedy(cls: object, message: str) -> None:
     with pytest.raises(PluginError, match=re.escape(message)):
         verify(cls)
 
@@ -231,7 +231,7 @@ def test_a_class_that_cannot_even_be_looked_at() -> None:
         def propose(self, context: Any) -> Any:
             del context
 
-    assert "looking at the class raised RuntimeError: boo" in find_problems(Odd)
+    assert "inspecting the class raised RuntimeError: boo" in find_problems(Odd)
 
 
 @pytest.mark.parametrize("base", KINDS.values(), ids=str)
