@@ -119,22 +119,22 @@ class FeatureRecognizer(Plugin):
     kind = "features"
     landmark_frames: ClassVar[bool] = False
 
-    def study(self, topo_map: TopoMap) -> None:
-        """Learn what the map's landmarks look like; called before each run."""
+    def set_map(self, topo_map: TopoMap) -> None:
+        """Set the map whose landmarks are to be recognised; called before each run."""
 
     @abstractmethod
     def recognize(self, frame: Frame) -> Sequence[LandmarkDetection]:
-        """All landmarks seen in ``frame``, known to the map or not."""
+        """All landmarks detected in ``frame``, in the map or not."""
 
 
 class Localizer(Plugin):
-    """Keeps the belief about where the robot is in the map."""
+    """Estimates the robot's pose in the map, and the probability of each place."""
 
     kind = "localizer"
 
     @abstractmethod
     def start(self, topo_map: TopoMap, pose: Pose | None, odometry: Odometry) -> None:
-        """Begin at ``pose`` (map frame), or anywhere when None; ``odometry`` is the present one."""
+        """Start at ``pose`` (map frame), or anywhere when None; ``odometry`` is the present one."""
 
     @abstractmethod
     def update(
@@ -150,30 +150,30 @@ class Planner(Plugin):
 
     @abstractmethod
     def start(self, topo_map: TopoMap, goals: Sequence[Waypoint]) -> None:
-        """Begin a mission: visit ``goals`` in order. Plans at the first ``update``."""
+        """Start a mission: visit ``goals`` in order. Plans at the first ``update``."""
 
     @abstractmethod
     def update(self, belief: Belief) -> Waypoint | None:
-        """The waypoint to head for now, or None when the last goal has been reached."""
+        """The waypoint to drive to now, or None when the last goal has been reached."""
 
     @property
     @abstractmethod
     def path(self) -> Sequence[Waypoint]:
         """The waypoints still ahead, nearest first (for displays and records)."""
 
-    # What follows is for planners that change their mind on the way; others need none of it.
+    # For planners that replan on passage reports; others need not override these.
 
     @property
     def queries(self) -> Sequence[PassageQuery]:
-        """The legs ahead, in order, of which the planner wants to hear in ``observe``."""
+        """The legs ahead, in order, whose passage status ``observe`` is to report."""
         return ()
 
-    def observe(self, outlook: PassageReport) -> None:
-        """Hear what the last decision's memory said of the ``queries``; before ``update``."""
+    def observe(self, report: PassageReport) -> None:
+        """Take in the status of the ``queries``; called before ``update``."""
 
     @property
-    def shut(self) -> str | None:
-        """Why no way leads to the goal as things stand; None while there is one."""
+    def no_route_reason(self) -> str | None:
+        """Why no route leads to the goal at present; None while there is one."""
         return None
 
 

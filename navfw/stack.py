@@ -56,7 +56,7 @@ __all__ = ["Stack", "StackState"]
 STUCK_AFTER = 60.0
 """Time without progress toward a waypoint [s] after which the stack gives up."""
 
-BLOCKED_AFTER = 20.0
+NO_ROUTE_AFTER = 20.0
 """Time without a route [s] after which the stack gives up; a passage may have been misjudged."""
 
 
@@ -153,7 +153,7 @@ class Stack:
         self._percept: Percept | None = None
         self._flow: FlowField | None = None
         self._passage_report: PassageReport | None = None
-        self._blocked_since: float | None = None
+        self._no_route_since: float | None = None
 
     @classmethod
     def load(
@@ -211,7 +211,7 @@ class Stack:
             self.safety,
         ):
             part.reset()
-        self.features.study(self.topo_map)
+        self.features.set_map(self.topo_map)
         self.planner.start(self.topo_map, goals)
         self.timings.update(dict.fromkeys(TIMED, 0.0))
         self.state = StackState(time=0.0)
@@ -221,7 +221,7 @@ class Stack:
         self._localized = False
         self._percept = self._flow = None
         self._passage_report = None
-        self._blocked_since = None
+        self._no_route_since = None
 
     def step(self, reading: SensorReading) -> Twist:
         """One control tick: the twist to drive until the next reading."""
@@ -371,15 +371,15 @@ class Stack:
 
     def _stuck(self, now: float, waypoint: Waypoint | None, idle: float) -> str | None:
         """Why the robot gives up; None while it does not."""
-        shut = self.planner.shut
-        if shut is None or waypoint is None:
-            self._blocked_since = None
-        elif self._blocked_since is None:
-            self._blocked_since = now
-        if self._blocked_since is not None and now - self._blocked_since >= BLOCKED_AFTER:
-            return shut
+        no_route = self.planner.no_route_reason
+        if no_route is None or waypoint is None:
+            self._no_route_since = None
+        elif self._no_route_since is None:
+            self._no_route_since = now
+        if self._no_route_since is not None and now - self._no_route_since >= NO_ROUTE_AFTER:
+            return no_route
         if idle > STUCK_AFTER and waypoint is not None:
-            because = "" if shut is None else f"; {shut}"
+            because = "" if no_route is None else f"; {no_route}"
             return f"no progress toward {waypoint.label} for {idle:.0f} s{because}"
         return None
 

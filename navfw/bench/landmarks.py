@@ -85,7 +85,7 @@ def _bench_kind(
     rng: np.random.Generator,
 ) -> dict[str, Any]:
     world = _hall(kind)
-    recognizer.study(_map(kind))
+    recognizer.set_map(_map(kind))
     large = robot.model_copy(update={"camera": robot.landmark_view})
     rows, false, chi = [], 0, []
     spent = rendered = 0.0

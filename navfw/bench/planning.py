@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 import networkx as nx
 import numpy as np
 
-from navfw.papfis.routes import Route, Router, Spot
+from navfw.papfis.routes import Endpoint, Route, Router
 from navfw.robot import RobotModel
 from navfw.topomap import Passage, Place, TopoMap
 
@@ -111,15 +111,15 @@ def large_map(places: int, rng: np.random.Generator) -> TopoMap:
 
 def _far_pairs(
     topo_map: TopoMap, count: int, rng: np.random.Generator
-) -> Sequence[tuple[Spot, Spot]]:
+) -> Sequence[tuple[Endpoint, Endpoint]]:
     every = list(topo_map.places.values())
     xs, ys = [place.x for place in every], [place.y for place in every]
     least = FARTHEST * math.hypot(max(xs) - min(xs), max(ys) - min(ys))
-    pairs: list[tuple[Spot, Spot]] = []
+    pairs: list[tuple[Endpoint, Endpoint]] = []
     while len(pairs) < count:
         a, b = (every[int(i)] for i in rng.integers(len(every), size=2))
         if a.distance(b.x, b.y) >= least:
-            pairs.append((Spot(a.x, a.y, a.name), Spot(b.x, b.y, b.name)))
+            pairs.append((Endpoint(a.x, a.y, a.name), Endpoint(b.x, b.y, b.name)))
     return pairs
 
 
@@ -132,7 +132,7 @@ def _priced(topo_map: TopoMap, router: Router) -> nx.Graph:
     return graph
 
 
-def _reference(topo_map: TopoMap, graph: nx.Graph, start: Spot, goal: Spot) -> list[str]:
+def _reference(topo_map: TopoMap, graph: nx.Graph, start: Endpoint, goal: Endpoint) -> list[str]:
     places = topo_map.places
 
     def straight(a: str, b: str) -> float:
@@ -146,7 +146,7 @@ def _replan(topo_map: TopoMap, router: Router, route: Route, graph: nx.Graph) ->
     """Close the passage in the middle of the way; the time [ms] until there is another way."""
     middle = len(route.passages) // 2
     closed, place = route.passages[middle], topo_map.places[route.places[middle]]
-    here = Spot(place.x, place.y, place.name)
+    here = Endpoint(place.x, place.y, place.name)
 
     def plan() -> Route:
         router.close(closed)

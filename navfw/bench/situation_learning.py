@@ -46,7 +46,7 @@ class Learnt:
         }
         return {
             "drives": self.drives,
-            "looks": dict(self.table.looks),
+            "observations": dict(self.table.observations),
             "seen_at": rows,
             "worth": {entry: dict(numbers) for entry, numbers in self.worth.items()},
         }
@@ -76,7 +76,7 @@ def learn_situations(plan: SuitePlan, registry: Registry, say: Callable[[str], N
 
 def _table(drives: Sequence[SituationDrive]) -> SituationTable:
     try:
-        return learn_table(look for drive in drives for look in drive.looks())
+        return learn_table(look for drive in drives for look in drive.observations())
     except ValueError as error:
         raise InputError(f"{error} on {len(drives)} drives: there is nothing to learn") from None
 
@@ -100,12 +100,13 @@ def place_accuracy(
     The share of time in which the likeliest place is the right one, and the mean probability of the
     right one. It is told the start if that is ``known``.
     """
-    trust = LandmarkExistence(_PRIOR)
-    belief = DiscreteFilter(drive.topo_map, DiscreteParams(), _PRIOR, trust, table)
-    belief.begin(drive.start if known else None, drive.moments[0].odometry)
+    existence = LandmarkExistence(_PRIOR)
+    belief = DiscreteFilter(drive.topo_map, DiscreteParams(), _PRIOR, existence, table)
+    belief.initialize(drive.start if known else None, drive.moments[0].odometry)
     right, probability = [], []
     for number, moment in enumerate(drive.moments):
-        belief.advance(moment.odometry, moment.situations)
+        belief.predict(moment.odometry)
+        belief.observe_situations(moment.situations)
         if number % EVERY == 0:
             places = belief.place_probabilities
             there = drive.place_at(moment.true)
@@ -117,10 +118,12 @@ def place_accuracy(
 def tables(learnt: Learnt) -> list[tuple[str, list[str], list[list[str]]]]:
     """The table, and its worth, as tables for people: title, columns, rows."""
     said = [
-        [kind, f"{learnt.table.looks.get(kind, 0.0):.0f}", *(f"{p:.2f}" for p in row)]
+        [kind, f"{learnt.table.observations.get(kind, 0.0):.0f}", *(f"{p:.2f}" for p in row)]
         for kind, row in learnt.table.seen_at.items()
     ]
-    found = [("what OFFIS says, by the kind of place", ["place", "looks", *SITUATIONS], said)]
+    found = [
+        ("what OFFIS says, by the kind of place", ["place", "observations", *SITUATIONS], said)
+    ]
     keys = [
         f"{start}_{what}_{name}"
         for start in ("known", "unknown")

@@ -104,7 +104,7 @@ def build(
     from navfw.config.lookup import find
     from navfw.sim.floorplan import FloorPlan
     from navfw.sim.worldfile import load_world
-    from navfw.topomap.clearance_grid import Ground
+    from navfw.topomap.clearance_grid import ClearanceGrid
     from navfw.topomap.map_builder import build_map
     from navfw.topomap.map_formats import save_map
 
@@ -112,7 +112,7 @@ def build(
         spec = load_world(find("world", world))
         plan = FloorPlan.from_world(spec)
         rooms = {room.name: (*room.x, *room.y) for room in spec.rooms}
-        topo_map = build_map(spec.name, Ground.of(plan.bounds, plan.clearances), rooms=rooms)
+        topo_map = build_map(spec.name, ClearanceGrid.of(plan.bounds, plan.clearances), rooms=rooms)
         save_map(topo_map, out)
     if json:
         print_json(

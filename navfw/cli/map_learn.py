@@ -44,11 +44,11 @@ def learn(
             row["identity"],
             f"{row['x']:.2f}",
             f"{row['y']:.2f}",
-            str(row["looks"]),
+            str(row["observations"]),
             f"{row['sigma_m']:.2f}",
             "" if row["error_m"] is None else f"{row['error_m']:.2f}",
         )
         for row in told["landmarks"]
     ]
-    print_table(["landmark", "x", "y", "looks", "sigma [m]", "off by [m]"], cells, "nothing")
+    print_table(["landmark", "x", "y", "observations", "sigma [m]", "off by [m]"], cells, "nothing")
     typer.echo(f"{told['reason']}; {path}: {told['learnt']} landmarks learnt")

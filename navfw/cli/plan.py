@@ -36,11 +36,11 @@ def plan(
 ) -> None:
     """Plan a way without driving it; tell what each passage costs, rule by rule."""
     from navfw.cli.map_inputs import find_map, outline_for
-    from navfw.papfis.route_plan import make_plan
+    from navfw.papfis.route_plan import plan_route
 
     with quiet_stdout():
         topo_map = find_map(map_)
-        made = make_plan(topo_map, start, goal, avoid=avoid or [])
+        made = plan_route(topo_map, start, goal, avoid=avoid or [])
         told: dict[str, Any] = {"map": topo_map.name, **made.explain()}
         if plot is not None:
             from navfw.recording.map_picture import draw_map

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from pydantic import Field
 
-from navfw.features.square_localization import is_upright, sighting_of, sizes_in
+from navfw.features.square_localization import is_upright, landmark_sizes, square_detection
 from navfw.interfaces import FeatureRecognizer
 from navfw.landmark_appearance import marker_dictionary
 from navfw.robot import RobotModel
@@ -56,9 +56,9 @@ class Aruco(FeatureRecognizer):
         wanted.cornerRefinementWinSize = 3
         self._detector = cv2.aruco.ArucoDetector(marker_dictionary(self.params.ids), wanted)
 
-    def study(self, topo_map: TopoMap) -> None:
+    def set_map(self, topo_map: TopoMap) -> None:
         """Learn the sizes of the map's markers."""
-        self._sizes = sizes_in(topo_map, "aruco")
+        self._sizes = landmark_sizes(topo_map, "aruco")
 
     def recognize(self, frame: Frame) -> Sequence[LandmarkDetection]:
         """All upright markers in ``frame``, in the order of their ids; of two alike the larger."""
@@ -78,7 +78,7 @@ class Aruco(FeatureRecognizer):
             side = self._sizes.get(number, self.params.size)
             largest[number] = (
                 tall,
-                sighting_of(
+                square_detection(
                     frame.time, "aruco", number, pixels, side, camera, self.params.corner_sigma
                 ),
             )

@@ -43,10 +43,10 @@ class Landmarks(FeatureRecognizer):
         for part in self._parts:
             part.reset()
 
-    def study(self, topo_map: TopoMap) -> None:
+    def set_map(self, topo_map: TopoMap) -> None:
         """Learn what the map's landmarks look like."""
         for part in self._parts:
-            part.study(topo_map)
+            part.set_map(topo_map)
 
     def recognize(self, frame: Frame) -> Sequence[LandmarkDetection]:
         """All markers, then all posters, in ``frame``."""

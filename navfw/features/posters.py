@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from navfw.errors import ConfigError
-from navfw.features.square_localization import is_upright, sighting_of, sizes_in
+from navfw.features.square_localization import is_upright, landmark_sizes, square_detection
 from navfw.interfaces import FeatureRecognizer
 from navfw.landmark_appearance import poster_image
 from navfw.robot import RobotModel
@@ -33,7 +33,7 @@ _MAX_BYTES = 20_000_000
 
 
 @dataclass(frozen=True, slots=True)
-class _Reference:
+class _PosterTemplate:
     """One poster as it is recognised: points (N, 2) as shares of its side, descriptors (N, 32)."""
 
     number: int
@@ -75,14 +75,14 @@ class Posters(FeatureRecognizer):
         self._learner = cv2.ORB.create(nfeatures=_LEARNT, edgeThreshold=12, fastThreshold=10)
         self._matcher = cv2.BFMatcher(cv2.NORM_HAMMING)
         self._own = {number: _read(file) for number, file in self.params.images.items()}
-        self._learnt: dict[int, _Reference] = {}
+        self._learnt: dict[int, _PosterTemplate] = {}
         self._sizes: Mapping[int, float] = {}
-        self._wanted: tuple[_Reference, ...] = ()
+        self._wanted: tuple[_PosterTemplate, ...] = ()
         self._choose(self._own)
 
-    def study(self, topo_map: TopoMap) -> None:
+    def set_map(self, topo_map: TopoMap) -> None:
         """Learn the posters of the map, beside those given as files."""
-        self._sizes = sizes_in(topo_map, "poster")
+        self._sizes = landmark_sizes(topo_map, "poster")
         self._choose([*self._own, *self._sizes])
 
     def recognize(self, frame: Frame) -> Sequence[LandmarkDetection]:
@@ -107,7 +107,9 @@ class Posters(FeatureRecognizer):
             side = self._sizes.get(reference.number, self.params.size)
             sigma = self.params.corner_sigma
             detections.append(
-                sighting_of(frame.time, "poster", reference.number, pixels, side, camera, sigma)
+                square_detection(
+                    frame.time, "poster", reference.number, pixels, side, camera, sigma
+                )
             )
         return tuple(detections)
 
@@ -120,7 +122,7 @@ class Posters(FeatureRecognizer):
                 )
         self._wanted = tuple(self._learnt[number] for number in sorted(set(numbers)))
 
-    def _learn(self, number: int, picture: Image) -> _Reference:
+    def _learn(self, number: int, picture: Image) -> _PosterTemplate:
         """Features of a picture at all sizes at which it may be seen."""
         points, descriptors = [np.zeros((0, 2))], [np.zeros((0, 32), np.uint8)]
         for side in _SIDES:
@@ -129,9 +131,9 @@ class Posters(FeatureRecognizer):
             if found is not None:
                 points.append((np.array([k.pt for k in keypoints]) + 0.5) / side)
                 descriptors.append(found.astype(np.uint8, copy=False))
-        return _Reference(number, np.concatenate(points), np.concatenate(descriptors))
+        return _PosterTemplate(number, np.concatenate(points), np.concatenate(descriptors))
 
-    def _find(self, reference: _Reference, points: Array, descriptors: Image) -> Array | None:
+    def _find(self, reference: _PosterTemplate, points: Array, descriptors: Image) -> Array | None:
         """Corners (4, 2) [px] of the poster among what has been found; None: it is not there."""
         least = self.params.inliers
         if len(reference.descriptors) < 2:

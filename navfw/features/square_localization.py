@@ -17,7 +17,7 @@ from navfw.robot import CameraModel
 from navfw.signals import Array, LandmarkDetection
 from navfw.topomap import TopoMap
 
-__all__ = ["is_upright", "locate", "locate_with_covariance", "sighting_of", "sizes_in"]
+__all__ = ["is_upright", "landmark_sizes", "locate", "locate_with_covariance", "square_detection"]
 
 _STEP = 0.25
 _LEAN = 0.25
@@ -27,7 +27,7 @@ _RANGE_FLOOR = 0.01
 """What does not come from the corners: mount, focal length, the plate itself; range as a share."""
 
 
-def sizes_in(topo_map: TopoMap, kind: str) -> Mapping[int, float]:
+def landmark_sizes(topo_map: TopoMap, kind: str) -> Mapping[int, float]:
     """Sides [m] of the map's landmarks of a kind, by id."""
     marks = topo_map.landmarks.values()
     return {mark.id: mark.size for mark in marks if mark.kind == kind}
@@ -76,7 +76,7 @@ def is_upright(corners: Array) -> bool:
     return bool(not leans and corners[0, 0] < corners[1, 0] and corners[3, 0] < corners[2, 0])
 
 
-def sighting_of(
+def square_detection(
     time: float,
     kind: str,
     number: int,

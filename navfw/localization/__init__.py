@@ -1,3 +1,10 @@
-"""Localisation by landmarks (METHOD 4.4): a metric filter, a discrete one, and both together."""
+"""Localisers (METHOD 4.4): the robot's pose in the map and the place posterior.
+
+``dead_reckoning`` uses odometry alone. ``ekf`` tracks a known start by a metric filter
+(``metric_filter``), ``bayes`` finds an unknown start by a discrete one (``discrete_filter`` over a
+``lattice``), ``topological`` combines both. Landmark detections become observations
+(``landmark_observations``), weighted by each landmark's existence probability
+(``landmark_existence``); OFFIS' situations enter by ``situation_model``.
+"""
 
 from __future__ import annotations

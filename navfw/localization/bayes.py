@@ -1,4 +1,4 @@
-"""The localiser `bayes`: a discrete Bayes filter over places and passages (METHOD 4.4)."""
+"""The localiser ``bayes``: a discrete Bayes filter over places and passages (METHOD 4.4)."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from pydantic import Field
 from navfw.interfaces import Localizer
 from navfw.localization.discrete_filter import DiscreteFilter, DiscreteParams
 from navfw.localization.landmark_existence import LandmarkExistence
-from navfw.localization.landmark_observations import Looks
-from navfw.localization.situation_model import heard, situation_table
+from navfw.localization.landmark_observations import LandmarkObserver
+from navfw.localization.situation_model import observed_situations, situation_table
 from navfw.signals import Belief, LandmarkDetection, Odometry, Percept, Pose
 from navfw.topomap import TopoMap
 
@@ -19,25 +19,26 @@ __all__ = ["Bayes"]
 
 
 class Bayes(Localizer):
-    """Weighs every place, passage and direction of the map by odometry, landmarks and OFFIS.
+    """Probability of every cell and heading of the map, by odometry, landmarks and OFFIS.
 
-    Finds an unknown start; its pose is as coarse as its cells and directions are. It says that it
-    is lost until enough of the probability lies at one pose that more than one landmark supports.
+    Finds an unknown start; its pose is as coarse as its cells and headings. The belief is lost
+    until enough of the probability lies at one pose that more than one landmark supports.
     """
 
     name: ClassVar[str] = "bayes"
 
     class Params(DiscreteParams, Localizer.Params):
-        """The lattice, and how much landmarks are trusted."""
+        """The lattice, and the landmarks' accuracy and prior existence probability."""
 
-        placed: Annotated[
-            float, Field(ge=0.0, description="how exactly the map has its landmarks [m]")
+        map_sigma: Annotated[
+            float, Field(ge=0.0, description="sigma of the landmarks' mapped positions [m]")
         ] = 0.03
         prior: Annotated[
-            float, Field(gt=0.0, lt=1.0, description="share of landmarks that stand where mapped")
+            float,
+            Field(gt=0.0, lt=1.0, description="prior probability that a landmark is where mapped"),
         ] = 0.85
         lost_below: Annotated[
-            float, Field(ge=0.0, lt=1.0, description="confidence below which it is lost")
+            float, Field(ge=0.0, lt=1.0, description="confidence below which the belief is lost")
         ] = 0.5
 
     params: Params
@@ -45,20 +46,20 @@ class Bayes(Localizer):
     _map: TopoMap | None = None
 
     def reset(self) -> None:
-        """Forget map, start and everything driven since."""
+        """Back to the state before ``start``."""
         self._map = None
 
     def start(self, topo_map: TopoMap, pose: Pose | None, odometry: Odometry) -> None:
-        """Begin at ``pose`` [map frame], or anywhere."""
+        """Start at ``pose`` (map frame), or anywhere when None."""
         self._map = topo_map
-        self._looks = Looks(topo_map, self.params.placed)
-        trust = LandmarkExistence(self.params.prior)
+        self._observer = LandmarkObserver(topo_map, self.params.map_sigma)
+        existence = LandmarkExistence(self.params.prior)
         table = situation_table(self.params.situations)
-        self.filter = DiscreteFilter(topo_map, self.params, self.params.prior, trust, table)
-        self.filter.begin(pose, odometry)
+        self.filter = DiscreteFilter(topo_map, self.params, self.params.prior, existence, table)
+        self.filter.initialize(pose, odometry)
         self._known_start = pose is not None
         self._updates = 0
-        self._seen: object = None
+        self._version: object = None
         self._places: Mapping[str, float] = {}
 
     def update(
@@ -67,15 +68,16 @@ class Bayes(Localizer):
         """The belief after the newest odometry and, where there are any, percept and detections."""
         if self._map is None:
             raise RuntimeError("start() comes before update()")
-        self.filter.advance(odometry, heard(percept))
-        looks = self._looks.hear(odometry, detections)
-        self.filter.see(looks)
-        self._updates += len(looks)
+        self.filter.predict(odometry)
+        self.filter.observe_situations(observed_situations(percept))
+        observations = self._observer.observe(odometry, detections)
+        self.filter.observe(observations)
+        self._updates += len(observations)
         cluster = self.filter.cluster
-        if self._seen is not self.filter.version:
-            self._seen, self._places = self.filter.version, self.filter.places
-        evidence = 1.0 if self._known_start else self.filter.evidence(cluster.pose)
-        confidence = cluster.mass * evidence
+        if self._version is not self.filter.version:
+            self._version, self._places = self.filter.version, self.filter.places
+        support = 1.0 if self._known_start else self.filter.support_probability(cluster.pose)
+        confidence = cluster.mass * support
         return Belief(
             odometry.time,
             cluster.pose,

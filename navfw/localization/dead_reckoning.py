@@ -1,4 +1,4 @@
-"""The localiser without landmarks: odometry from a known start, ever less certain."""
+"""The localiser ``dead_reckoning``: odometry from a known start, without landmarks."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from pydantic import Field
 
 from navfw.interfaces import Localizer
 from navfw.localization.place_posterior import (
-    AT_PLACE,
     COUNT,
+    PLACE_RADIUS,
     REFRESH,
-    PlacesNearby,
+    PlacePosterior,
     known_start,
-    within,
+    probability_within,
 )
 from navfw.signals import Array, Belief, LandmarkDetection, Odometry, Percept, Pose, wrap_angle
 from navfw.topomap import TopoMap
@@ -30,15 +30,14 @@ class DeadReckoning(Localizer):
     """Map pose = start pose composed with the odometry since the start.
 
     The covariance of (x, y, yaw) is propagated as in an EKF without measurements: it grows with
-    the distance driven, the angle turned and, through the yaw, with the distance from where an
-    error of heading arose. Places get probabilities by their distance from the pose (METHOD 4.4
-    asks for more; that is for localisers that see landmarks).
+    the distance driven, the angle turned and, through the yaw, with the distance from where a
+    heading error arose. Place probabilities follow from the distance to the pose.
     """
 
     name: ClassVar[str] = "dead_reckoning"
 
     class Params(Localizer.Params):
-        """One standard deviation each; those per root of something add up as a random walk."""
+        """Standard deviations; those per root of a unit accumulate as a random walk."""
 
         start_xy: Annotated[NonNegative, Field(description="of the start x and y [m]")] = 0.02
         start_yaw: Annotated[NonNegative, Field(description="of the start yaw [rad]")] = 0.01
@@ -54,36 +53,37 @@ class DeadReckoning(Localizer):
         yaw_by_turning: Annotated[
             NonNegative, Field(description="of yaw by turning [rad per root of rad]")
         ] = 0.01
-        reach: Annotated[
+        place_radius: Annotated[
             float,
-            Field(gt=0.0, le=20.0, description="how far around a place is still 'at' it [m]"),
-        ] = AT_PLACE
+            Field(gt=0.0, le=20.0, description="of the position of a robot at a place [m]"),
+        ] = PLACE_RADIUS
         places: Annotated[
-            int, Field(ge=1, le=1000, description="how many likeliest places the belief names")
+            int, Field(ge=1, le=1000, description="number of places that the belief lists")
         ] = COUNT
         refresh: Annotated[
-            NonNegative, Field(description="places are weighed again after so much motion [m]")
+            NonNegative,
+            Field(description="distance moved until place probabilities are computed again [m]"),
         ] = REFRESH
 
     params: Params
 
-    _nearby: PlacesNearby | None = None
+    _posterior: PlacePosterior | None = None
 
     def reset(self) -> None:
-        """Forget map, start and everything driven since."""
-        self._nearby = None
+        """Back to the state before ``start``."""
+        self._posterior = None
 
     def start(self, topo_map: TopoMap, pose: Pose | None, odometry: Odometry) -> None:
-        """Begin at ``pose`` [map frame].
+        """Start at ``pose`` (map frame).
 
         Raises:
-            InputError: ``pose`` is None: without landmarks there is no finding out.
+            InputError: ``pose`` is None: without landmarks an unknown start cannot be found.
 
         """
         pose = known_start(pose, self.name, "a localizer that recognises landmarks")
         p = self.params
-        self._nearby = PlacesNearby(topo_map, p.reach, p.places, p.refresh)
-        self._map_from_odom = _frame(pose, odometry.pose)
+        self._posterior = PlacePosterior(topo_map, p.place_radius, p.places, p.refresh)
+        self._map_from_odom = _map_from_odom(pose, odometry.pose)
         self._last = odometry.pose
         self._covariance = np.diag([p.start_xy**2, p.start_xy**2, p.start_yaw**2])
 
@@ -91,18 +91,18 @@ class DeadReckoning(Localizer):
         self, odometry: Odometry, percept: Percept | None, detections: Sequence[LandmarkDetection]
     ) -> Belief:
         """The belief after the newest odometry; percept and detections are not used."""
-        if self._nearby is None:
+        if self._posterior is None:
             raise RuntimeError("start() comes before update()")
         moved = self._last.relative(odometry.pose)
         pose = self._map_from_odom.compose(odometry.pose)
-        self._covariance = self._grown(moved, pose.yaw)
+        self._covariance = self._propagated(moved, pose.yaw)
         self._last = odometry.pose
-        places = self._nearby.at(pose, self._covariance)
-        confidence = within(self._covariance)
+        places = self._posterior.at(pose, self._covariance)
+        confidence = probability_within(self._covariance)
         return Belief(odometry.time, pose, self._covariance, places, confidence)
 
-    def _grown(self, moved: Pose, yaw: float) -> Array:
-        """The covariance after moving by ``moved`` (seen from before) to the heading ``yaw``."""
+    def _propagated(self, moved: Pose, yaw: float) -> Array:
+        """The covariance after ``moved`` (in the frame of the old pose), now heading ``yaw``."""
         p = self.params
         distance, turned = math.hypot(moved.x, moved.y), abs(moved.yaw)
         before = wrap_angle(yaw - moved.yaw)
@@ -117,12 +117,12 @@ class DeadReckoning(Localizer):
                 [0.0, 0.0, p.yaw_by_distance**2 * distance + p.yaw_by_turning**2 * turned],
             ]
         )
-        grown: Array = jacobian @ self._covariance @ jacobian.T + noise
-        return grown
+        propagated: Array = jacobian @ self._covariance @ jacobian.T + noise
+        return propagated
 
 
-def _frame(in_map: Pose, in_odom: Pose) -> Pose:
-    """The odom frame's pose in the map, from one pose known in both."""
+def _map_from_odom(in_map: Pose, in_odom: Pose) -> Pose:
+    """The pose of frame ``odom`` in ``map``, from one pose given in both."""
     yaw = wrap_angle(in_map.yaw - in_odom.yaw)
     turned = Pose(0.0, 0.0, yaw).compose(in_odom)
     return Pose(in_map.x - turned.x, in_map.y - turned.y, yaw)

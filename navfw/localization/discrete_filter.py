@@ -1,4 +1,4 @@
-"""The discrete Bayes filter over the lattice: predict by odometry, correct by what is seen."""
+"""The discrete Bayes filter over the lattice: predicted by odometry, corrected by observations."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from pydantic import Field
 
 from navfw.interfaces import Params
 from navfw.localization.landmark_existence import LandmarkExistence
-from navfw.localization.landmark_model import ELSEWHERE
-from navfw.localization.landmark_observations import Look, agreeing
+from navfw.localization.landmark_model import ELSEWHERE_DENSITY
+from navfw.localization.landmark_observations import LandmarkObservation, consistent_observations
 from navfw.localization.lattice import Lattice
 from navfw.localization.place_posterior import COUNT
 from navfw.localization.situation_model import LEARNT, SituationTable
@@ -25,54 +25,61 @@ from navfw.topomap import TopoMap
 __all__ = ["Cluster", "DiscreteFilter", "DiscreteParams"]
 
 FACING = math.radians(80.0)
-"""A landmark is seen from its front only, up to this angle off its normal."""
+"""A landmark is visible from its front only, up to this angle off its normal [rad]."""
 
-SAME = 0.75
-"""A landmark seen supports a pose if it then lies so near its place in the map [m]."""
+SUPPORT_DISTANCE = 0.75
+"""An observation supports a pose if it puts the landmark within this distance [m], plus a tenth of
+the range, of its mapped position."""
 
-LASTING = 30.0
-"""What has been seen supports a pose until the robot has driven so much farther [m]."""
+SUPPORT_MEMORY = 30.0
+"""Distance driven [m] for which an observation can support a pose."""
 
-LEAST_TRUST = 0.3
-"""No landmark is trusted less: who doubts all of them never finds out that he is elsewhere."""
+MIN_EXISTENCE = 0.3
+"""Lower bound on the existence probability used here: if all landmarks were discounted after a
+wrong start, the filter could not find the right pose."""
 
-CLUSTER = 1.0
-"""Probability so near a pose [m] counts as that pose's."""
+CLUSTER_RADIUS = 1.0
+"""Radius of the cluster around the likeliest cell [m]."""
 
 
 class DiscreteParams(Params):
-    """How fine the lattice is, and how it moves."""
+    """Resolution of the lattice, process noise, and use of OFFIS' situations."""
 
     cell: Annotated[float, Field(ge=0.1, le=2.0, description="length of a cell [m]")] = 0.25
-    headings: Annotated[int, Field(ge=4, le=72, description="directions that are told apart")] = 24
+    headings: Annotated[int, Field(ge=4, le=72, description="number of heading bins")] = 24
     turning: Annotated[
         float,
-        Field(ge=0.0, le=0.3, description="share that passes to each next direction, by cell"),
+        Field(
+            ge=0.0, le=0.3, description="probability passed to each next heading, per cell driven"
+        ),
     ] = 0.002
     leak: Annotated[
         float,
-        Field(ge=0.0, le=0.1, description="share that may be anywhere after all, by cell driven"),
+        Field(ge=0.0, le=0.1, description="probability spread over the whole map, per cell driven"),
     ] = 1e-4
     situation_every: Annotated[
-        float, Field(ge=0.1, le=50.0, description="way between two uses of OFFIS' situations [m]")
+        float,
+        Field(ge=0.1, le=50.0, description="distance between two uses of OFFIS' situations [m]"),
     ] = 1.0
     situation_weight: Annotated[
         float,
-        Field(ge=0.0, le=1.0, description="exponent on each use: they are not independent"),
+        Field(ge=0.0, le=1.0, description="exponent on their likelihood: uses are not independent"),
     ] = 0.5
     situations: Annotated[
         str,
         Field(
-            description="what OFFIS says where: learnt, none, or a file of navfw learn situations"
+            description="table of situations by kind of place: learnt, none, or a file of navfw "
+            "learn situations"
         ),
     ] = LEARNT
 
 
 @dataclass(frozen=True, slots=True)
 class Cluster:
-    """The likeliest pose, the ``mass`` of probability around it, and its spread.
+    """The likeliest pose (map) and the probability ``mass`` within ``CLUSTER_RADIUS`` of it.
 
-    ``covariance`` (3, 3) is that within the cluster, ``spread`` (3, 3) that of the whole belief.
+    ``covariance`` (3, 3) of (x, y, yaw) is that within the cluster, ``spread`` (3, 3) the second
+    moments of the whole belief about ``pose``.
     """
 
     pose: Pose
@@ -82,11 +89,12 @@ class Cluster:
 
 
 class DiscreteFilter:
-    """Probabilities (headings, rows, columns) of where the robot was when they last moved.
+    """Belief (headings, rows, columns) over the robot's pose at the time of the last shift.
 
-    What odometry has moved since is pending: the belief is moved cell by cell, as moving it more
-    often would blur it. ``table`` says what OFFIS says where; without one it is not heard.
-    ``version`` is another object after every change of the belief.
+    The belief is shifted only after each cell's length driven, as more frequent interpolation would
+    blur it; the motion since the last shift is kept beside it. ``prior`` is the landmarks' prior
+    existence probability, ``table`` the probabilities of OFFIS' situations (None: not used).
+    ``version`` is a new object after every change of the belief.
     """
 
     version: object = None
@@ -96,25 +104,25 @@ class DiscreteFilter:
         topo_map: TopoMap,
         params: DiscreteParams,
         prior: float,
-        trust: LandmarkExistence,
+        existence: LandmarkExistence,
         table: SituationTable | None = None,
     ) -> None:
         self.params = params
         self.table = table
         self.prior = prior
-        self.trust = trust
+        self.existence = existence
         self.lattice = Lattice(topo_map, params.cell, params.headings)
         self._map = topo_map
         self._names = list(topo_map.places)
-        self._seen: dict[str, tuple[Look, float]] = {}
+        self._observed: dict[str, tuple[LandmarkObservation, float]] = {}
 
-    def begin(self, pose: Pose | None, odometry: Odometry, sigma: float = 0.2) -> None:
-        """Start around ``pose`` (map), or anywhere."""
-        self._moved_at = odometry.pose
+    def initialize(self, pose: Pose | None, odometry: Odometry, sigma: float = 0.2) -> None:
+        """Start around ``pose`` (map) with ``sigma`` [m], or uniformly over the map if None."""
+        self._shifted_at = odometry.pose
         self._last = odometry.pose
         self._driven = 0.0
-        self._judged_at = 0.0
-        self._seen.clear()
+        self._situations_used_at = 0.0
+        self._observed.clear()
         self._cluster: Cluster | None = None
         self.version = object()
         self.belief = self.lattice.uniform()
@@ -131,56 +139,60 @@ class DiscreteFilter:
         self.belief = (self.belief * 1e-6 + around * lattice.domain).astype(np.float32)
         self._normalise()
 
-    def advance(self, odometry: Odometry, situations: Mapping[str, float] | None) -> None:
-        """Move as odometry has, as soon as that makes a cell; hear OFFIS now and then.
-
-        ``situations`` are the degrees that OFFIS gives them, if it has just said anything.
-        """
+    def predict(self, odometry: Odometry) -> None:
+        """Shift the belief by the odometry since the last shift, once that is a cell's length."""
         step = math.hypot(odometry.pose.x - self._last.x, odometry.pose.y - self._last.y)
         self._driven += step
         self._last = odometry.pose
-        dx, dy = odometry.pose.x - self._moved_at.x, odometry.pose.y - self._moved_at.y
+        dx, dy = odometry.pose.x - self._shifted_at.x, odometry.pose.y - self._shifted_at.y
         if math.hypot(dx, dy) >= self.lattice.cell:
-            self._move(dx, dy)
-            self._moved_at = odometry.pose
-        due = self._driven - self._judged_at >= self.params.situation_every
+            self._shift(dx, dy)
+            self._shifted_at = odometry.pose
+
+    def observe_situations(self, situations: Mapping[str, float] | None) -> None:
+        """Correct the belief by OFFIS' ``situations`` (degrees by name), every so many metres.
+
+        None (no percept, or one without depth) changes nothing.
+        """
+        due = self._driven - self._situations_used_at >= self.params.situation_every
         if situations is not None and due and self.table is not None:
-            self._judged_at = self._driven
+            self._situations_used_at = self._driven
             likelihoods = self.table.likelihoods(self._map, situations)
             if likelihoods is not None:
                 likelihoods **= self.params.situation_weight
                 self.belief *= likelihoods[self.lattice.place].astype(np.float32)[None]
                 self._normalise()
 
-    def see(self, looks: Sequence[Look]) -> None:
-        """Weigh all poses by landmarks."""
-        for look in looks:
-            identity = look.landmark.identity
-            self._seen[identity] = (look, self._driven)
-            self._weigh(look, max(self.trust.of(identity), LEAST_TRUST))
+    def observe(self, observations: Sequence[LandmarkObservation]) -> None:
+        """Correct the belief by landmark observations."""
+        for observation in observations:
+            identity = observation.landmark.identity
+            self._observed[identity] = (observation, self._driven)
+            self._correct(observation, max(self.existence.probability(identity), MIN_EXISTENCE))
 
-    def evidence(self, pose: Pose) -> float:
-        """The probability that not all landmarks which support ``pose`` (map) are misplaced.
+    def support_probability(self, pose: Pose) -> float:
+        """The probability that at least one landmark supporting ``pose`` (map) is in its place.
 
-        What the metric filter has come to doubt counts too: that filter may be where it is not.
+        Uses the prior, not the current existence probabilities: the metric filter lowers those of
+        correct landmarks while it is itself at a wrong pose.
         """
         return float(1.0 - (1.0 - self.prior) ** len(self.supporting(pose)))
 
     def supporting(self, pose: Pose) -> list[str]:
-        """The landmarks seen of late that lie where they should if the robot is at ``pose``.
+        """Identities of recently observed landmarks that fit their mapped positions from ``pose``.
 
-        Of landmarks that lie as far from each other as in the map: a pose that suits two of them
-        half and half suits neither.
+        Only mutually consistent observations count: a pose halfway between the poses that two
+        landmarks suggest is supported by neither.
         """
         fitting = [
-            (look, driven)
-            for look, driven in self._seen.values()
-            if self._driven - driven <= LASTING and self._fits(look, pose)
+            (observation, driven)
+            for observation, driven in self._observed.values()
+            if self._driven - driven <= SUPPORT_MEMORY and self._fits(observation, pose)
         ]
-        return [look.landmark.identity for look in agreeing(fitting)]
+        return [observation.landmark.identity for observation in consistent_observations(fitting)]
 
     def mass_near(self, pose: Pose, radius: float) -> float:
-        """The probability of being within ``radius`` [m] of ``pose`` (map), heading alike."""
+        """The probability within ``radius`` [m] of ``pose`` (map), at similar headings."""
         lattice = self.lattice
         turned = wrap_angle(pose.yaw - self._last.yaw)
         headings = np.abs(_wrapped(lattice.yaw - turned)) <= 5.0 * math.pi / lattice.headings
@@ -192,10 +204,10 @@ class DiscreteFilter:
 
     @property
     def cluster(self) -> Cluster:
-        """The likeliest pose now (worked out when the belief has changed)."""
+        """The cluster around the likeliest pose now (computed when the belief has changed)."""
         if self._cluster is None:
             self._cluster = self._find_cluster()
-        return self._moved_on(self._cluster)
+        return self._at_present(self._cluster)
 
     @property
     def place_probabilities(self) -> Array:
@@ -212,10 +224,8 @@ class DiscreteFilter:
         order = np.argsort(-sums, kind="stable")[:COUNT].tolist()
         return {self._names[i]: float(sums[i]) for i in order}
 
-    # --- within ------------------------------------------------------------------------------
-
-    def _move(self, dx: float, dy: float) -> None:
-        """Shift every layer by the way (dx, dy) [m, odom], turned by the layer's yaw."""
+    def _shift(self, dx: float, dy: float) -> None:
+        """Shift every layer by (dx, dy) [m, odom], rotated by the layer's yaw."""
         lattice, p = self.lattice, self.params
         c, s = np.cos(lattice.yaw), np.sin(lattice.yaw)
         columns, rows = (c * dx - s * dy) / lattice.cell, (s * dx + c * dy) / lattice.cell
@@ -232,15 +242,16 @@ class DiscreteFilter:
             self.belief *= np.float32(1.0 - p.leak)
             self.belief += np.float32(p.leak / lattice.states) * lattice.domain[None]
 
-    def _weigh(self, look: Look, trust: float) -> None:
-        """Multiply by the likelihood ratio of ``look``: in its place, against elsewhere."""
-        lattice, mark = self.lattice, look.landmark
-        dx, dy = look.x - self._moved_at.x, look.y - self._moved_at.y
+    def _correct(self, observation: LandmarkObservation, existence: float) -> None:
+        """Multiply by the likelihood ratio: landmark in its place, over landmark elsewhere."""
+        lattice, mark = self.lattice, observation.landmark
+        noise = observation.noise
+        dx, dy = observation.x - self._shifted_at.x, observation.y - self._shifted_at.y
         distance, bearing = math.hypot(dx, dy), math.atan2(dy, dx)
         place = lattice.cell**2 / 12.0
-        sigma_range = math.sqrt(look.noise[1, 1] + place)
+        sigma_range = math.sqrt(noise[1, 1] + place)
         bin_width = 2.0 * math.pi / lattice.headings
-        angle_variance = look.noise[0, 0] + bin_width**2 / 12.0 + place / max(distance, 0.3) ** 2
+        angle_variance = noise[0, 0] + bin_width**2 / 12.0 + place / max(distance, 0.3) ** 2
         sigma_angle = math.sqrt(angle_variance)
         rows, columns = self._window(mark.x, mark.y, distance + 4.0 * sigma_range)
         to_x = mark.x - lattice.x[columns][None, :]
@@ -250,14 +261,14 @@ class DiscreteFilter:
         ring = np.exp(-0.5 * ((np.hypot(to_x, to_y) - distance) / sigma_range) ** 2) * front
         off = _wrapped(direction[None] - bearing - lattice.yaw[:, None, None])
         toward = np.exp(-0.5 * (off / sigma_angle) ** 2)
-        peak = 1.0 / (2.0 * math.pi * sigma_range * sigma_angle * ELSEWHERE)
-        odds = trust / (1.0 - trust) * peak
-        ratio = (1.0 + odds * ring[None] * toward) ** look.weight
+        peak = 1.0 / (2.0 * math.pi * sigma_range * sigma_angle * ELSEWHERE_DENSITY)
+        odds = existence / (1.0 - existence) * peak
+        ratio = (1.0 + odds * ring[None] * toward) ** observation.weight
         self.belief[:, rows, columns] *= ratio.astype(np.float32)
         self._normalise()
 
     def _window(self, x: float, y: float, radius: float) -> tuple[slice, slice]:
-        """The (rows, columns) within ``radius`` [m] of the point, and a few more."""
+        """The (rows, columns) within ``radius`` [m] of the point, and a margin."""
         lattice = self.lattice
         rows, columns = (
             slice(
@@ -276,21 +287,21 @@ class DiscreteFilter:
         self.version = object()
         total = float(self.belief.sum(dtype=np.float64))
         if not math.isfinite(total) or total < 1e-20:
-            self.belief = self.lattice.uniform()  # the map has no place for what has happened
+            self.belief = self.lattice.uniform()  # driven off the map: start again
             return
         self.belief *= np.float32(1.0 / total)
 
     def _find_cluster(self) -> Cluster:
-        """The cluster around the likeliest cell, at the time of the last move."""
+        """The cluster around the likeliest cell, at the time of the last shift."""
         lattice = self.lattice
         heading, row, column = np.unravel_index(int(self.belief.argmax()), self.belief.shape)
         near = np.arange(-2, 3)
         headings = (int(heading) + near) % lattice.headings
         x0, y0 = float(lattice.x[column]), float(lattice.y[row])
-        rows, columns = self._window(x0, y0, CLUSTER)
+        rows, columns = self._window(x0, y0, CLUSTER_RADIUS)
         part = self.belief[:, rows, columns][headings].astype(np.float64)
         dx, dy = lattice.x[columns] - x0, lattice.y[rows] - y0
-        part *= (np.hypot(dx[None, :], dy[:, None]) <= CLUSTER)[None]
+        part *= (np.hypot(dx[None, :], dy[:, None]) <= CLUSTER_RADIUS)[None]
         mass = float(part.sum())
         dyaw = near * (2.0 * math.pi / lattice.headings)
         grids = np.meshgrid(dyaw, dy, dx, indexing="ij")
@@ -306,7 +317,7 @@ class DiscreteFilter:
         return Cluster(pose, mass, covariance, self._spread(pose) + np.diag((place, place, turn)))
 
     def _spread(self, pose: Pose) -> Array:
-        """(3, 3) the second moments of the whole belief about ``pose``."""
+        """(3, 3) second moments of the whole belief about ``pose``."""
         layer = self.belief.sum(axis=0, dtype=np.float64)
         dx, dy = self.lattice.x - pose.x, self.lattice.y - pose.y
         along_x, along_y = layer.sum(axis=0), layer.sum(axis=1)
@@ -317,10 +328,10 @@ class DiscreteFilter:
         spread[2, 2] = float(yaws @ _wrapped(self.lattice.yaw - pose.yaw) ** 2)
         return spread
 
-    def _moved_on(self, cluster: Cluster) -> Cluster:
-        """The cluster, by what odometry has moved since; its yaw is that of the robot."""
+    def _at_present(self, cluster: Cluster) -> Cluster:
+        """The cluster moved by the odometry since the last shift; its yaw becomes the robot's."""
         turned = cluster.pose.yaw
-        dx, dy = self._last.x - self._moved_at.x, self._last.y - self._moved_at.y
+        dx, dy = self._last.x - self._shifted_at.x, self._last.y - self._shifted_at.y
         c, s = math.cos(turned), math.sin(turned)
         pose = Pose(
             cluster.pose.x + c * dx - s * dy,
@@ -330,16 +341,17 @@ class DiscreteFilter:
         return Cluster(pose, cluster.mass, cluster.covariance, cluster.spread)
 
     def _before(self, pose: Pose, turned: float) -> tuple[float, float]:
-        """Where a robot that is at ``pose`` now was when the belief last moved."""
-        dx, dy = self._last.x - self._moved_at.x, self._last.y - self._moved_at.y
+        """Position [m, map] at the last shift of a robot that is now at ``pose``."""
+        dx, dy = self._last.x - self._shifted_at.x, self._last.y - self._shifted_at.y
         c, s = math.cos(turned), math.sin(turned)
         return pose.x - c * dx + s * dy, pose.y - s * dx - c * dy
 
-    def _fits(self, look: Look, pose: Pose) -> bool:
-        local = self._last.to_local(look.x, look.y)
+    def _fits(self, observation: LandmarkObservation, pose: Pose) -> bool:
+        mark = observation.landmark
+        local = self._last.to_local(observation.x, observation.y)
         x, y = pose.to_parent(*local)
-        slack = SAME + 0.1 * math.hypot(*local)
-        return math.hypot(x - look.landmark.x, y - look.landmark.y) <= slack
+        slack = SUPPORT_DISTANCE + 0.1 * math.hypot(*local)
+        return math.hypot(x - mark.x, y - mark.y) <= slack
 
 
 def _wrapped(angle: npt.NDArray[np.float64]) -> Array:

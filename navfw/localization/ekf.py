@@ -1,4 +1,4 @@
-"""The localiser `ekf`: a metric EKF from a known start, corrected by landmarks (METHOD 4.4)."""
+"""The localiser ``ekf``: a metric EKF from a known start, corrected by landmarks (METHOD 4.4)."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from pydantic import Field
 
 from navfw.interfaces import Localizer
 from navfw.localization.landmark_existence import LandmarkExistence
-from navfw.localization.landmark_observations import Looks
-from navfw.localization.metric_filter import FilterParams, MetricFilter
-from navfw.localization.place_posterior import PlacesNearby, known_start, within
+from navfw.localization.landmark_observations import LandmarkObserver
+from navfw.localization.metric_filter import MetricFilter, MetricFilterParams
+from navfw.localization.place_posterior import PlacePosterior, known_start, probability_within
 from navfw.signals import Belief, LandmarkDetection, Odometry, Percept, Pose
 from navfw.topomap import TopoMap
 
@@ -22,29 +22,29 @@ __all__ = ["Ekf"]
 class Ekf(Localizer):
     """Odometry and gyro predict (x, y, yaw, gyro bias); landmark detections correct them.
 
-    A detection passes a chi-square gate, and weighs as much as its landmark is trusted to stand
-    where the map has it: one that stands elsewhere is soon left out.
+    A detection passes a chi-square gate and is weighted by its landmark's existence probability, so
+    that a displaced landmark is soon ignored.
     """
 
     name: ClassVar[str] = "ekf"
 
-    class Params(FilterParams, Localizer.Params):
-        """Noise, trust, and when it says that it is lost."""
+    class Params(MetricFilterParams, Localizer.Params):
+        """Noise, the landmarks' prior, and when the belief is lost."""
 
         lost_below: Annotated[
-            float, Field(ge=0.0, lt=1.0, description="confidence below which it is lost")
+            float, Field(ge=0.0, lt=1.0, description="confidence below which the belief is lost")
         ] = 0.2
 
     params: Params
 
-    _nearby: PlacesNearby | None = None
+    _posterior: PlacePosterior | None = None
 
     def reset(self) -> None:
-        """Forget map, start and everything driven since."""
-        self._nearby = None
+        """Back to the state before ``start``."""
+        self._posterior = None
 
     def start(self, topo_map: TopoMap, pose: Pose | None, odometry: Odometry) -> None:
-        """Begin at ``pose`` [map frame].
+        """Start at ``pose`` (map frame).
 
         Raises:
             InputError: ``pose`` is None: an EKF cannot search the whole map.
@@ -53,27 +53,28 @@ class Ekf(Localizer):
         instead = "the localizer 'topological' (see the stack 'landmarks')"
         pose = known_start(pose, self.name, instead)
         p = self.params
-        self._nearby = PlacesNearby(topo_map)
-        self.trust = LandmarkExistence(p.prior)
-        self._looks = Looks(topo_map, p.placed)
-        self.filter = MetricFilter(p, self.trust, self.robot)
-        self.filter.begin(pose, np.diag((p.start_xy**2, p.start_xy**2, p.start_yaw**2)), odometry)
+        self._posterior = PlacePosterior(topo_map)
+        self.existence = LandmarkExistence(p.prior)
+        self._observer = LandmarkObserver(topo_map, p.map_sigma)
+        self.filter = MetricFilter(p, self.existence, self.robot)
+        covariance = np.diag((p.start_xy**2, p.start_xy**2, p.start_yaw**2))
+        self.filter.initialize(pose, covariance, odometry)
 
     def update(
         self, odometry: Odometry, percept: Percept | None, detections: Sequence[LandmarkDetection]
     ) -> Belief:
         """The belief after the newest odometry and detections; percepts are not used."""
-        if self._nearby is None:
+        if self._posterior is None:
             raise RuntimeError("start() comes before update()")
-        self.filter.advance(odometry)
-        self.filter.see(self._looks.hear(odometry, detections))
+        self.filter.predict(odometry)
+        self.filter.observe(self._observer.observe(odometry, detections))
         pose, covariance = self.filter.pose, self.filter.pose_covariance
-        confidence = within(covariance)
+        confidence = probability_within(covariance)
         return Belief(
             odometry.time,
             pose,
             covariance,
-            self._nearby.at(pose, covariance),
+            self._posterior.at(pose, covariance),
             confidence,
             confidence < self.params.lost_below,
             self.filter.updates,

@@ -1,7 +1,7 @@
-"""How far each landmark is trusted to stand where the map says.
+"""Existence probability of each landmark: that it stands where the map has it.
 
-Every look at a landmark is evidence for or against. What speaks against it counts more, and what
-speaks for it has a limit, so that a landmark which somebody has moved is doubted soon.
+Each observation adds bounded log-odds. Misses weigh more than hits, so that a displaced landmark is
+dropped soon; the total is bounded, so that no history outweighs a few new observations.
 """
 
 from __future__ import annotations
@@ -11,39 +11,43 @@ from collections.abc import Callable
 
 __all__ = ["LandmarkExistence"]
 
-FOR, AGAINST = 1.0, -1.5
-"""The most that one look adds to the log-odds of a landmark, and the most that it takes away."""
+MAX_GAIN, MAX_LOSS = 1.0, -1.5
+"""Bounds on the log-odds that one observation adds."""
 
-LEAST, MOST = -5.0, 4.0
-"""Log-odds that no number of looks exceeds."""
+MIN_LOG_ODDS, MAX_LOG_ODDS = -5.0, 4.0
+"""Bounds on the log-odds of a landmark: probabilities 0.007 and 0.98."""
 
 _TINY = 1e-30
 
 
 class LandmarkExistence:
-    """Log-odds of each landmark by identity; all begin with the same ``prior`` probability."""
+    """Log-odds of each landmark by identity; all start at the ``prior`` probability, in (0, 1)."""
 
     def __init__(self, prior: float) -> None:
         self._prior = math.log(prior / (1.0 - prior))
         self._odds: dict[str, float] = {}
 
-    def of(self, identity: str) -> float:
-        """The probability that the landmark stands where the map says."""
+    def probability(self, identity: str) -> float:
+        """The probability that the landmark stands where the map has it."""
         return 1.0 / (1.0 + math.exp(-self._odds.get(identity, self._prior)))
 
-    def hear(self, identity: str, likelihood: float, weight: float = 1.0) -> None:
-        """Take note of a look: how much likelier it is with the landmark in its place."""
-        evidence = min(max(math.log(max(likelihood, _TINY)), AGAINST), FOR)
-        odds = self._odds.get(identity, self._prior) + weight * evidence
-        self._odds[identity] = min(max(odds, LEAST), MOST)
+    def update(self, identity: str, likelihood_ratio: float, weight: float = 1.0) -> None:
+        """Add an observation to the log-odds.
 
-    def pardon(self, fits: Callable[[str], bool]) -> None:
-        """Forget what speaks against landmarks that fit after all: the robot was elsewhere."""
+        ``likelihood_ratio`` is that of the observation with the landmark in its place, over that
+        with it elsewhere; ``weight`` in (0, 1] scales its logarithm.
+        """
+        evidence = min(max(math.log(max(likelihood_ratio, _TINY)), MAX_LOSS), MAX_GAIN)
+        odds = self._odds.get(identity, self._prior) + weight * evidence
+        self._odds[identity] = min(max(odds, MIN_LOG_ODDS), MAX_LOG_ODDS)
+
+    def reset(self, fits: Callable[[str], bool]) -> None:
+        """Set landmarks below the prior back to it where ``fits``: the pose was wrong, not they."""
         for identity in [name for name, odds in self._odds.items() if odds < self._prior]:
             if fits(identity):
                 del self._odds[identity]
 
     @property
-    def doubted(self) -> tuple[str, ...]:
-        """The landmarks that are more likely elsewhere, by identity."""
+    def likely_displaced(self) -> tuple[str, ...]:
+        """Identities of the landmarks with an existence probability below 0.5."""
         return tuple(name for name, odds in self._odds.items() if odds < 0.0)

@@ -1,9 +1,9 @@
-"""What a landmark at a known place looks like from a pose, and what a detection tells (METHOD 4.4).
+"""Measurement model of a landmark, and the update of an estimate by one detection (METHOD 4.4).
 
-A detection is (bearing [rad], range [m]) in base_link. A landmark may stand elsewhere than the map
-says. So an update is one of probabilistic data association (Bar-Shalom and Tse 1975): with the
-probability that the landmark stands where it should it is an EKF update (Joseph form), otherwise
-none, and the covariance is that of the mixture.
+A detection is (bearing [rad], range [m]) in base_link. A landmark may be displaced from its mapped
+position, so the update is one of probabilistic data association (Bar-Shalom and Tse 1975): with the
+probability that the landmark is in its place it is an EKF update (Joseph form), otherwise none, and
+the covariance is that of the mixture.
 """
 
 from __future__ import annotations
@@ -15,32 +15,40 @@ import numpy as np
 
 from navfw.signals import Array, wrap_angle
 
-__all__ = ["ELSEWHERE", "GATE", "Association", "associate", "expected", "joseph"]
+__all__ = [
+    "ELSEWHERE_DENSITY",
+    "GATE",
+    "Association",
+    "associate",
+    "expected_measurement",
+    "joseph",
+]
 
 GATE = 9.0
-"""Squared Mahalanobis distance of (bearing, range) beyond which a detection is not believed."""
+"""Association gate: squared Mahalanobis distance of (bearing, range) beyond which a detection is
+rejected. 99 % of correct detections are nearer (chi-square, two degrees of freedom)."""
 
-ELSEWHERE = 0.05
+ELSEWHERE_DENSITY = 0.05
 """Density [1/(rad m)] of detections of a landmark that is not where the map has it."""
 
 
-def expected(state: Array, x: float, y: float) -> tuple[Array, Array]:
+def expected_measurement(state: Array, x: float, y: float) -> tuple[Array, Array]:
     """Bearing and range (2,) of the point (x, y) from ``state`` (4,), and their Jacobian (2, 4)."""
     dx, dy = x - state[0], y - state[1]
     squared = max(dx * dx + dy * dy, 1e-6)
     distance = math.sqrt(squared)
-    seen = np.array((wrap_angle(math.atan2(dy, dx) - state[2]), distance))
+    expected = np.array((wrap_angle(math.atan2(dy, dx) - state[2]), distance))
     jacobian = np.array(
         (
             (dy / squared, -dx / squared, -1.0, 0.0),
             (-dx / distance, -dy / distance, 0.0, 0.0),
         )
     )
-    return seen, jacobian
+    return expected, jacobian
 
 
 def joseph(covariance: Array, gain: Array, jacobian: Array, noise: Array) -> Array:
-    """The covariance after an update; symmetric and positive for whatever gain."""
+    """The covariance after an update: symmetric and positive semidefinite for any ``gain``."""
     left = np.eye(len(covariance)) - gain @ jacobian
     updated = left @ covariance @ left.T + gain @ noise @ gain.T
     return np.asarray(0.5 * (updated + updated.T))
@@ -48,48 +56,50 @@ def joseph(covariance: Array, gain: Array, jacobian: Array, noise: Array) -> Arr
 
 @dataclass(frozen=True, slots=True)
 class Association:
-    """What a detection made of an estimate.
+    """The estimate after a detection, and how well the detection fitted.
 
-    ``distance`` is the squared Mahalanobis distance of the innovation; ``likelihood`` how much more
-    likely the detection is with the landmark in its place than with it elsewhere; ``share`` the
-    probability that it stands in its place, 0 outside the gate.
+    ``state`` (4,) and ``covariance`` (4, 4) are the updated estimate. ``distance`` is the squared
+    Mahalanobis distance of the innovation; ``likelihood_ratio`` the detection's likelihood with the
+    landmark in its place over that with it elsewhere; ``probability`` the posterior probability
+    that the landmark is in its place, 0 outside the gate.
     """
 
     state: Array
     covariance: Array
     distance: float
-    likelihood: float
-    share: float
+    likelihood_ratio: float
+    probability: float
 
 
 def associate(
     state: Array,
     covariance: Array,
-    seen: Array,
+    measured: Array,
     noise: Array,
     at: tuple[float, float],
-    trust: float,
+    existence: float,
 ) -> Association:
-    """Update (state, covariance) by ``seen`` (2,), with its ``noise`` (2, 2), of a landmark ``at``.
+    """Update ``state`` (4,) and ``covariance`` (4, 4) by a detection of a landmark mapped ``at``.
 
-    ``trust`` is the prior probability that the landmark stands where the map has it.
+    ``measured`` (2,) is bearing [rad] and range [m] with the covariance ``noise`` (2, 2), ``at``
+    (x, y) [m] in ``map``; ``existence`` is the prior probability that the landmark is there.
     """
-    predicted, jacobian = expected(state, *at)
-    innovation = seen - predicted
+    predicted, jacobian = expected_measurement(state, *at)
+    innovation = measured - predicted
     innovation[0] = wrap_angle(float(innovation[0]))
     spread = jacobian @ covariance @ jacobian.T + noise
     inverse = np.linalg.inv(spread)
     distance = float(innovation @ inverse @ innovation)
     density = math.exp(-0.5 * min(distance, 600.0)) * math.sqrt(max(np.linalg.det(inverse), 0.0))
-    likelihood = density / (2.0 * math.pi) / ELSEWHERE
+    ratio = density / (2.0 * math.pi) / ELSEWHERE_DENSITY
     if distance > GATE:
-        return Association(state, covariance, distance, likelihood, 0.0)
-    share = trust * likelihood / (trust * likelihood + 1.0 - trust)
+        return Association(state, covariance, distance, ratio, 0.0)
+    probability = existence * ratio / (existence * ratio + 1.0 - existence)
     gain = covariance @ jacobian.T @ inverse
     step = gain @ innovation
-    moved = state + share * step
+    moved = state + probability * step
     moved[2] = wrap_angle(float(moved[2]))
     updated = joseph(covariance, gain, jacobian, noise)
-    mixed = share * updated + (1.0 - share) * covariance
-    mixed += share * (1.0 - share) * np.outer(step, step)
-    return Association(moved, mixed, distance, likelihood, share)
+    mixed = probability * updated + (1.0 - probability) * covariance
+    mixed += probability * (1.0 - probability) * np.outer(step, step)
+    return Association(moved, mixed, distance, ratio, probability)

@@ -1,4 +1,8 @@
-"""Detections as evidence: brought to the present moment, and counted once, not once a frame."""
+"""Detections turned into observations: moved to the present time, matched to the map, weighted.
+
+Successive detections of one landmark share their errors (of the map, of the camera's mount), so an
+observation's weight depends on the time since the last one, not on the frame rate.
+"""
 
 from __future__ import annotations
 
@@ -12,58 +16,68 @@ import numpy as np
 from navfw.signals import Array, LandmarkDetection, Odometry, Pose
 from navfw.topomap import Landmark, TopoMap
 
-__all__ = ["Look", "Looks", "agreeing"]
+__all__ = ["LandmarkObservation", "LandmarkObserver", "consistent_observations"]
 
-MEMORY = 2.0
-"""Detections older than this [s] are not used."""
+MAX_AGE = 2.0
+"""Largest age of a detection [s]; older ones are dropped."""
 
-REPEAT = 1.0
-"""Detections of one landmark share their errors: all those of so long [s] count as one."""
+REPEAT_INTERVAL = 1.0
+"""Time between two detections of one landmark from which they count as independent [s]."""
 
-AGREE = 0.05
-"""Distances of two landmarks agree when they differ by three sigmas and so much [m]."""
+DISTANCE_TOLERANCE = 0.05
+"""Allowed error [m], beyond three sigmas, of the measured distance between two landmarks."""
 
-DRIFT = 0.03
-"""Odometry between two looks may be off by this share of the way."""
+ODOMETRY_ERROR = 0.03
+"""Odometry error between two observations, as a share of the distance driven."""
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
-    """A mapped landmark as seen from where the robot is now.
+class LandmarkObservation:
+    """A mapped landmark, observed from the robot's present pose.
 
-    ``seen`` (2,) is (bearing [rad], range [m]) in base_link, ``noise`` (2, 2) its covariance;
-    ``x``, ``y`` [m] is where it was seen, in odom. ``weight`` in (0, 1] says how much this look
-    adds to the last one at the same landmark.
+    ``measured`` (2,) is (bearing [rad], range [m]) in base_link, ``noise`` (2, 2) its covariance;
+    ``x``, ``y`` [m] is the observed position in ``odom``. ``weight`` in (0, 1] is the share of new
+    information, given the last observation of the same landmark.
     """
 
     landmark: Landmark
-    seen: Array
+    measured: Array
     noise: Array
     x: float
     y: float
     weight: float
 
 
-class Looks:
-    """Turns detections into looks; ``placed`` [m] is how exactly the map has its landmarks."""
+class LandmarkObserver:
+    """Turns detections into observations of mapped landmarks.
 
-    def __init__(self, topo_map: TopoMap, placed: float) -> None:
+    ``map_sigma`` [m] is the standard deviation of the landmarks' mapped positions.
+    """
+
+    def __init__(self, topo_map: TopoMap, map_sigma: float) -> None:
         self._marks = topo_map.landmarks_by_identity
-        self._placed = placed
+        self._map_sigma = map_sigma
         self._trail: deque[tuple[float, Pose]] = deque()
         self._last: dict[str, float] = {}
 
-    def hear(self, odometry: Odometry, detections: Sequence[LandmarkDetection]) -> list[Look]:
-        """The looks that ``detections`` are at the time of ``odometry``; unmapped ones are none."""
-        self._trail.append((odometry.time, odometry.pose))
-        while self._trail[0][0] < odometry.time - MEMORY:
-            self._trail.popleft()
-        return list(self._looks(odometry, detections))
+    def observe(
+        self, odometry: Odometry, detections: Sequence[LandmarkDetection]
+    ) -> list[LandmarkObservation]:
+        """Observations from ``detections``, at the time of ``odometry``.
 
-    def _looks(self, odometry: Odometry, detections: Sequence[LandmarkDetection]) -> Iterator[Look]:
+        Detections of unmapped landmarks and those older than ``MAX_AGE`` give none.
+        """
+        self._trail.append((odometry.time, odometry.pose))
+        while self._trail[0][0] < odometry.time - MAX_AGE:
+            self._trail.popleft()
+        return list(self._observations(odometry, detections))
+
+    def _observations(
+        self, odometry: Odometry, detections: Sequence[LandmarkDetection]
+    ) -> Iterator[LandmarkObservation]:
         for detection in detections:
             mark = self._marks.get(detection.identity)
-            if mark is None or odometry.time - detection.time > MEMORY:
+            if mark is None or odometry.time - detection.time > MAX_AGE:
                 continue
             then = self._pose_at(detection.time)
             ahead = detection.range * math.cos(detection.bearing)
@@ -71,46 +85,51 @@ class Looks:
             local = odometry.pose.to_local(x, y)
             distance = math.hypot(*local)
             if distance < 0.1:
-                continue  # no bearing so near
-            seen = np.array((math.atan2(local[1], local[0]), distance))
+                continue  # the bearing is undefined so near
+            measured = np.array((math.atan2(local[1], local[0]), distance))
             noise = detection.covariance + np.diag(
-                ((self._placed / distance) ** 2, self._placed**2)
+                ((self._map_sigma / distance) ** 2, self._map_sigma**2)
             )
             since = detection.time - self._last.get(detection.identity, -math.inf)
             if since <= 0.0:
                 continue
             self._last[detection.identity] = detection.time
-            yield Look(mark, seen, noise, x, y, min(1.0, since / REPEAT))
+            yield LandmarkObservation(
+                mark, measured, noise, x, y, min(1.0, since / REPEAT_INTERVAL)
+            )
 
     def _pose_at(self, time: float) -> Pose:
-        """Where odometry was then; camera frames come with its times."""
+        """The odometry pose nearest in time; camera frames are stamped with odometry's times."""
         return min(self._trail, key=lambda entry: abs(entry[0] - time))[1]
 
 
-def agreeing(looks: Sequence[tuple[Look, float]]) -> list[Look]:
-    """The most of ``looks``, each with the way driven until then, that agree with each other.
+def consistent_observations(
+    observations: Sequence[tuple[LandmarkObservation, float]],
+) -> list[LandmarkObservation]:
+    """The largest set found of pairwise consistent observations (greedy, from each as a seed).
 
-    Two of them agree when the landmarks are as far from each other in odom as in the map.
+    Each observation comes with the distance driven [m] when it was made. Two are consistent when
+    the distance between their landmarks in ``odom`` agrees with that in the map.
     """
-    found: list[Look] = []
-    agree = _agreements(looks)
-    for first in range(len(looks)):
+    found: list[LandmarkObservation] = []
+    consistent = _consistency(observations)
+    for first in range(len(observations)):
         members = [first]
-        for other in range(len(looks)):
-            if other != first and all(agree[other][member] for member in members):
+        for other in range(len(observations)):
+            if other != first and all(consistent[other][member] for member in members):
                 members.append(other)
         if len(members) > len(found):
-            found = [looks[member][0] for member in sorted(members)]
+            found = [observations[member][0] for member in sorted(members)]
     return found
 
 
-def _agreements(looks: Sequence[tuple[Look, float]]) -> list[list[bool]]:
-    table = [[True] * len(looks) for _ in looks]
-    for i, (a, driven_a) in enumerate(looks):
-        for j, (b, driven_b) in enumerate(looks[:i]):
+def _consistency(observations: Sequence[tuple[LandmarkObservation, float]]) -> list[list[bool]]:
+    table = [[True] * len(observations) for _ in observations]
+    for i, (a, driven_a) in enumerate(observations):
+        for j, (b, driven_b) in enumerate(observations[:i]):
             measured = math.hypot(a.x - b.x, a.y - b.y)
             mapped = math.hypot(a.landmark.x - b.landmark.x, a.landmark.y - b.landmark.y)
             sigma = math.sqrt(float(a.noise[1, 1] + b.noise[1, 1]))
-            allowed = AGREE + 3.0 * sigma + DRIFT * abs(driven_a - driven_b)
+            allowed = DISTANCE_TOLERANCE + 3.0 * sigma + ODOMETRY_ERROR * abs(driven_a - driven_b)
             table[i][j] = table[j][i] = abs(measured - mapped) <= allowed
     return table

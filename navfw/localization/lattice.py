@@ -1,9 +1,8 @@
-"""The lattice of the discrete Bayes filter: where along places and passages, and which way round.
+"""The lattice of the discrete Bayes filter: cells over places and passages, times headings.
 
-Cells cover the passages in their width and the places around their points, a little more than
-that: a robot that goes round an obstacle leaves the line. The third axis is the yaw of the frame
-``odom`` in ``map``. Unlike the robot's own heading it stays as it is while the robot turns, so
-turning costs the filter no certainty.
+Cells cover the passages in their width, the surroundings of the places, and a fringe beside them,
+for robots that pass an obstacle. The third axis is the yaw of the frame ``odom`` in ``map``. Unlike
+the robot's heading it stays constant while the robot turns, so turning does not blur the belief.
 """
 
 from __future__ import annotations
@@ -20,36 +19,37 @@ __all__ = ["Lattice"]
 
 Floats = npt.NDArray[np.float32]
 
-HALF = 1.5
-"""Passages whose width is unknown, or larger, count as half so wide [m]."""
+MAX_HALF_WIDTH = 1.5
+"""Upper bound on a passage's half width [m]; also used where the width is unknown."""
 
-ROUND = 1.0
-"""Around a place the robot may be so far off it [m]."""
+PLACE_RADIUS = 1.0
+"""Radius of the domain around a place [m]."""
 
 FRINGE = 0.75
-"""So far [m] beside all that, it may be too, though less likely."""
+"""Width of the fringe beside passages and places [m], where the robot is less likely."""
 
 FRINGE_LOSS = 0.9
-"""Factor of probability for each cell's length driven in the fringe."""
+"""Factor on the probability for each cell's length driven in the fringe."""
 
-MOST_STATES = 3_000_000
-"""Maps too large for it get larger cells."""
+MAX_STATES = 3_000_000
+"""Bound on the number of states: larger maps get larger cells."""
 
 
 class Lattice:
     """Cells of ``cell`` [m] over a map, times ``headings`` directions.
 
-    ``domain`` (rows, columns) is True where the robot may be at all; ``keep`` (rows, columns) is
-    the factor for a cell's length driven there: 1, ``FRINGE_LOSS``, or 0 outside of the domain.
-    ``place`` (rows, columns) is the index of the nearest place.
+    ``domain`` (rows, columns) is True where the robot can be; ``keep`` (rows, columns) is the
+    factor on the probability for each cell's length driven: 1, ``FRINGE_LOSS``, or 0 outside.
+    ``place`` (rows, columns) is the index of the nearest place. ``x`` (columns,) and ``y`` (rows,)
+    are the cells' centres [m, map].
     """
 
     def __init__(self, topo_map: TopoMap, cell: float, headings: int) -> None:
         points = np.array([(p.x, p.y) for p in topo_map.places.values()])
-        margin = HALF + FRINGE + cell
+        margin = MAX_HALF_WIDTH + FRINGE + cell
         low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
         area = float(np.prod(high - low))
-        self.cell = max(cell, math.sqrt(area * headings / MOST_STATES))
+        self.cell = max(cell, math.sqrt(area * headings / MAX_STATES))
         self.headings = headings
         columns, rows = (math.ceil(extent / self.cell) + 1 for extent in (high - low).tolist())
         self.shape = (rows, columns)
@@ -65,36 +65,36 @@ class Lattice:
 
     @property
     def states(self) -> int:
-        """How many states there are in the domain."""
+        """Number of states in the domain."""
         return int(self.domain.sum()) * self.headings
 
     def uniform(self) -> Floats:
-        """(headings, rows, columns) the same probability everywhere in the domain."""
+        """(headings, rows, columns) uniform distribution over the domain."""
         layer = self.domain.astype(np.float32) / np.float32(self.states)
         return np.repeat(layer[None], self.headings, axis=0)
 
     def column(self, x: float) -> float:
-        """The column, as a number with a fraction, of x [m]."""
+        """The fractional column index of x [m]."""
         return float((x - self.x[0]) / self.cell)
 
     def row(self, y: float) -> float:
-        """The row, as a number with a fraction, of y [m]."""
+        """The fractional row index of y [m]."""
         return float((y - self.y[0]) / self.cell)
 
     def _excess(self, topo_map: TopoMap) -> Array:
-        """(rows, columns) how far [m] each cell is outside of all passages and places."""
+        """(rows, columns) distance [m] to the nearest passage or place; negative inside."""
         excess = np.full(self.shape, np.inf)
         for place in topo_map.places.values():
-            self._lower(excess, (place.x, place.y), (place.x, place.y), ROUND)
+            self._lower(excess, (place.x, place.y), (place.x, place.y), PLACE_RADIUS)
         for passage in topo_map.passages:
             a, b = topo_map.places[passage.a], topo_map.places[passage.b]
-            self._lower(excess, (a.x, a.y), (b.x, b.y), min(0.5 * passage.width, HALF))
+            self._lower(excess, (a.x, a.y), (b.x, b.y), min(0.5 * passage.width, MAX_HALF_WIDTH))
         return excess
 
     def _lower(
         self, excess: Array, a: tuple[float, float], b: tuple[float, float], half: float
     ) -> None:
-        """Take the distance to the segment ``a`` to ``b``, less ``half``, where that is less."""
+        """Lower ``excess`` to the distance to the segment ``a`` to ``b``, minus ``half``."""
         reach = half + FRINGE
         rows, columns = (
             slice(
@@ -111,7 +111,7 @@ class Lattice:
         np.minimum(excess[rows, columns], distance, out=excess[rows, columns])
 
     def _nearest(self, points: Array) -> npt.NDArray[np.intp]:
-        """(rows, columns) the index of the nearest of ``points`` (n, 2)."""
+        """(rows, columns) index of the nearest of ``points`` (n, 2)."""
         from scipy.spatial import cKDTree
 
         xx, yy = np.meshgrid(self.x, self.y)

@@ -1,14 +1,14 @@
-"""How odometry moves a pose with a gyro bias, and how uncertain that makes it.
+"""Motion model: prediction of pose and gyro bias from odometry, with its process noise.
 
 The state is (x [m], y [m], yaw [rad], b [rad/s]) in ``map``; b is the gyro's bias. Odometry has
-already taken its own estimate of the bias out of the heading, so only the difference counts.
+already subtracted its own bias estimate from the heading, so only the difference counts.
 
-How uncertain a move is follows from what the robot's data sheets promise (``RobotModel.odometry``).
-A slip of standard deviation s that keeps its value for a time T, different for both wheels, makes
-``s sqrt(T v)`` [m] per root of a metre at speed v. A mean slip m grows with the way, not with its
-root; it is covered up to the way ``BETWEEN`` by ``m sqrt(BETWEEN)``. Unequal wheels turn nobody
-whose heading comes from the gyro. A gyro with noise g at the rate r makes ``g / sqrt(r)`` [rad]
-per root of a second, and leaves ``g / sqrt(r REST)`` of its bias unknown after standing still.
+The process noise follows from the sensors' data sheets (``RobotModel.odometry``). A wheel slip of
+standard deviation s with correlation time T, independent for both wheels, gives ``s sqrt(T v)`` [m]
+per root of a metre at speed v. A mean slip m grows with the distance, not with its root; it is
+covered up to the distance ``BETWEEN`` by ``m sqrt(BETWEEN)``. Unequal wheels do not affect the
+heading, which comes from the gyro. A gyro with noise g at the rate r gives ``g / sqrt(r)`` [rad]
+per root of a second, and a bias uncertainty of ``g / sqrt(r REST)`` after a rest.
 """
 
 from __future__ import annotations
@@ -36,21 +36,21 @@ __all__ = [
 NonNegative = Annotated[float, Field(ge=0.0)]
 
 BETWEEN = 5.0
-"""Landmarks are usually seen again within this way [m]."""
+"""Usual distance driven between two landmark observations [m]."""
 
 REST = 1.0
-"""The shortest rest [s] in which odometry learns the gyro's bias, and the time between two words on
-it while the robot rests."""
+"""Shortest rest in which odometry estimates the gyro's bias, and the interval between two uses of
+that estimate while the robot rests [s]."""
 
 MEMORY = 10.0
-"""Odometry's mean of the bias reaches back so far [s], and lags behind a bias that walks."""
+"""Averaging time of odometry's bias estimate [s]: it lags behind a bias that drifts."""
 
 INTEGRATION = 0.002
-"""What encoder steps and midpoints leave of the way [m per root of m]."""
+"""Error of encoder quantisation and midpoint integration [m per root of m]."""
 
 
 class MotionParams(Params):
-    """Process noise, one standard deviation each; what is none follows from the data sheets."""
+    """Process noise, one standard deviation each; None: derived from the data sheets."""
 
     along: Annotated[
         NonNegative | None,
@@ -66,20 +66,20 @@ class MotionParams(Params):
     ] = 0.005
     bias: Annotated[
         NonNegative | None,
-        Field(description="of the gyro's bias once learnt at rest [rad/s; by robot.odometry]"),
+        Field(description="of the gyro's bias after a rest [rad/s; by robot.odometry]"),
     ] = None
     bias_walk: Annotated[
         NonNegative | None,
-        Field(description="of the bias' walk [rad/s per root of s; by robot.odometry]"),
+        Field(description="of the bias' random walk [rad/s per root of s; by robot.odometry]"),
     ] = None
     margin: Annotated[
-        float, Field(ge=1.0, le=10.0, description="factor on what the data sheets promise")
+        float, Field(ge=1.0, le=10.0, description="factor on the data sheets' values")
     ] = 1.5
 
 
 @dataclass(frozen=True, slots=True)
 class MotionNoise:
-    """Standard deviations of a move, all of them known; units as in ``MotionParams``."""
+    """Process noise with every value known; meaning and units as in ``MotionParams``."""
 
     along: float
     aside: float
@@ -90,7 +90,7 @@ class MotionNoise:
 
 
 def motion_noise(params: MotionParams, robot: RobotModel) -> MotionNoise:
-    """What ``params`` say, and for the rest what the data sheets of ``robot`` promise."""
+    """The process noise: from ``params``, and where those are None from ``robot.odometry``."""
     sheet = robot.odometry
     slipping = sheet.slip**2 * sheet.slip_time * robot.max_v + sheet.slip_mean**2 * BETWEEN
     noise = sheet.gyro_noise**2 / robot.control_rate
@@ -110,10 +110,9 @@ def motion_noise(params: MotionParams, robot: RobotModel) -> MotionNoise:
 
 
 def predict(state: Array, moved: Pose, drift: float) -> Array:
-    """The state (4,) after odometry has moved by ``moved`` (seen from before) and ``drift`` more.
+    """The state (4,) after the odometry increment ``moved`` (in the frame of the old pose).
 
-    ``drift`` [rad] is what the odometry's yaw is short of, by the difference of the two estimates
-    of the bias.
+    ``drift`` [rad] is added to the yaw: the bias difference between odometry and state, times dt.
     """
     heading = state[2] + 0.5 * drift
     c, s = math.cos(heading), math.sin(heading)
@@ -128,7 +127,7 @@ def predict(state: Array, moved: Pose, drift: float) -> Array:
 
 
 def transition(state: Array, moved: Pose, drift: float, dt: float) -> Array:
-    """(4, 4) the Jacobian of ``predict`` where ``drift = (bias known to odometry - b) dt``."""
+    """(4, 4) Jacobian of ``predict``, with ``drift = (odometry's bias - b) dt``."""
     heading = state[2] + 0.5 * drift
     c, s = math.cos(heading), math.sin(heading)
     dx, dy = c * moved.x - s * moved.y, s * moved.x + c * moved.y
@@ -139,14 +138,15 @@ def transition(state: Array, moved: Pose, drift: float, dt: float) -> Array:
     return jacobian
 
 
-def process_noise(yaw: float, moved: Pose, dt: float, sigma: MotionNoise, guess: bool) -> Array:
-    """(4, 4) what ``moved`` in ``dt`` [s] adds to the covariance, at ``yaw`` [rad].
+def process_noise(yaw: float, moved: Pose, dt: float, sigma: MotionNoise, commanded: bool) -> Array:
+    """(4, 4) covariance that the increment ``moved`` in ``dt`` [s] adds, at ``yaw`` [rad].
 
-    ``guess``: the encoders were silent, and the way is what the wheels were told.
+    ``commanded``: the encoders gave no data, and ``moved`` follows the commanded wheel speeds. Its
+    error along the path is then as large as the path.
     """
     distance = math.hypot(moved.x, moved.y)
     along, aside = sigma.along**2 * distance, sigma.aside**2 * distance
-    if guess:
+    if commanded:
         along += distance**2
     c, s = math.cos(yaw), math.sin(yaw)
     cross = c * s * (along - aside)

@@ -1,4 +1,4 @@
-"""What an uncertain position tells: how sure it is, and how probable each place of the map."""
+"""Place posterior: the probability of each place of the map, given an uncertain position."""
 
 from __future__ import annotations
 
@@ -12,77 +12,81 @@ from navfw.signals import Array, Pose, position_sigma
 from navfw.topomap import TopoMap
 
 __all__ = [
-    "AT_PLACE",
+    "CONFIDENCE_RADIUS",
     "COUNT",
+    "PLACE_RADIUS",
     "REFRESH",
-    "WITHIN",
-    "PlacesNearby",
+    "PlacePosterior",
     "known_start",
     "likeliest_places",
-    "within",
+    "probability_within",
 ]
 
-AT_PLACE = 1.0
-"""How far around a place is still 'at' it [m]."""
+PLACE_RADIUS = 1.0
+"""Standard deviation [m] of the robot's position when it is at a place."""
 
 COUNT = 8
-"""How many of the likeliest places a belief names."""
+"""Number of places that a belief lists, likeliest first."""
 
 REFRESH = 0.05
-"""Places are weighed again after so much motion [m]."""
+"""Distance moved [m] after which the place posterior is computed again."""
 
-WITHIN = 1.0
-"""A belief's confidence is the probability that the robot is no farther from its pose [m]."""
+CONFIDENCE_RADIUS = 1.0
+"""A belief's confidence is the probability that its position error is below this [m]."""
 
 
 def likeliest_places(
-    topo_map: TopoMap, pose: Pose, covariance: Array, reach: float = AT_PLACE, count: int = COUNT
+    topo_map: TopoMap,
+    pose: Pose,
+    covariance: Array,
+    radius: float = PLACE_RADIUS,
+    count: int = COUNT,
 ) -> Mapping[str, float]:
     """The ``count`` likeliest places with their probabilities, likeliest first; they sum to 1.
 
-    ``covariance`` (3, 3) is that of ``pose`` (x, y, yaw); within ``reach`` [m] of a place one is at
-    it.
+    ``covariance`` (3, 3) is that of ``pose`` (x, y, yaw); ``radius`` [m] is the standard deviation
+    of the position of a robot at a place.
     """
-    spread = reach**2 + 0.5 * float(np.trace(covariance[:2, :2]))
+    spread = radius**2 + 0.5 * float(np.trace(covariance[:2, :2]))
     squared = topo_map.place_distances(pose.x, pose.y) ** 2
     count = min(count, len(squared))
     likeliest = np.argpartition(squared, count - 1)[:count]
     likeliest = likeliest[np.argsort(squared[likeliest], kind="stable")]
-    # relative to the nearest, so that far from every place something is still above zero
+    # relative to the nearest place, so that the weights do not all underflow far from every place
     weights = np.exp(-0.5 * (squared[likeliest] - squared[likeliest[0]]) / spread)
     weights /= weights.sum()
     names = list(topo_map.places)
     return {names[i]: float(w) for i, w in zip(likeliest.tolist(), weights, strict=True)}
 
 
-class PlacesNearby:
-    """The likeliest places about a pose that moves, weighed again after ``refresh`` [m] alone."""
+class PlacePosterior:
+    """The likeliest places of a moving pose, computed again after ``refresh`` [m] only."""
 
     def __init__(
         self,
         topo_map: TopoMap,
-        reach: float = AT_PLACE,
+        radius: float = PLACE_RADIUS,
         count: int = COUNT,
         refresh: float = REFRESH,
     ) -> None:
         self._map = topo_map
-        self._reach, self._count, self._refresh = reach, count, refresh
-        self._weighed_at = (math.inf, math.inf)
+        self._radius, self._count, self._refresh = radius, count, refresh
+        self._computed_at = (math.inf, math.inf)
         self._places: Mapping[str, float] = {}
 
     def at(self, pose: Pose, covariance: Array) -> Mapping[str, float]:
-        """Their probabilities (see ``likeliest_places``), by ``covariance`` (3, 3) of ``pose``."""
-        if math.dist((pose.x, pose.y), self._weighed_at) > self._refresh:
-            self._places = likeliest_places(self._map, pose, covariance, self._reach, self._count)
-            self._weighed_at = (pose.x, pose.y)
+        """Place probabilities (``likeliest_places``) for ``pose`` with ``covariance`` (3, 3)."""
+        if math.dist((pose.x, pose.y), self._computed_at) > self._refresh:
+            self._places = likeliest_places(self._map, pose, covariance, self._radius, self._count)
+            self._computed_at = (pose.x, pose.y)
         return self._places
 
 
 def known_start(pose: Pose | None, localizer: str, instead: str) -> Pose:
-    """The start ``pose``, for a ``localizer`` that cannot look for it.
+    """The start ``pose``, for a ``localizer`` that cannot search for an unknown one.
 
     Raises:
-        InputError: it is None; the message recommends ``instead`` to the stack.
+        InputError: ``pose`` is None; the message recommends ``instead``.
 
     """
     if pose is None:
@@ -93,7 +97,7 @@ def known_start(pose: Pose | None, localizer: str, instead: str) -> Pose:
     return pose
 
 
-def within(covariance: Array, radius: float = WITHIN) -> float:
-    """The probability, at least, that the position is no farther off than ``radius`` [m]."""
+def probability_within(covariance: Array, radius: float = CONFIDENCE_RADIUS) -> float:
+    """A lower bound on the probability that the position error is at most ``radius`` [m]."""
     sigma = position_sigma(covariance)
     return 1.0 if sigma == 0.0 else -math.expm1(-0.5 * (radius / sigma) ** 2)

@@ -1,7 +1,7 @@
-"""How likely the places of a map make what OFFIS says of the way ahead (METHOD 4.4).
+"""Likelihood of the places of a map, given the situation that OFFIS reports (METHOD 4.4).
 
-A table has for each kind of place how often OFFIS names each situation there. The one that ships
-has been learnt on drives whose truth was known (``navfw learn situations``); so have others.
+A table holds, for each kind of place, the probability of each situation there. The one that ships
+was learnt on simulated drives with known poses; ``navfw learn situations`` learns others.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ __all__ = [
     "NO_TABLE",
     "SITUATIONS",
     "SituationTable",
-    "heard",
     "learn_table",
     "load_table",
+    "observed_situations",
+    "situation_shares",
     "situation_table",
-    "weights_of",
 ]
 
 FLOOR = 0.05
-"""The least likelihood: OFFIS is a weak witness and never vetoes."""
+"""Least likelihood of a place: OFFIS' situations are too uncertain to exclude one."""
 
 SITUATIONS = (
     "door",
@@ -48,27 +48,27 @@ SITUATIONS = (
     "left slope wall",
     "right slope wall",
 )
-"""OFFIS' elementary situations; what it calls "unknown" says nothing."""
+"""OFFIS' elementary situations that carry information: all but "unknown"."""
 
 SMOOTHING = 20.0
-"""Looks at the mean of all kinds that are added to those at each kind."""
+"""Pseudo-observations, distributed as the mean of all kinds, that are added to each kind."""
 
 LEARNT, NO_TABLE = "learnt", "none"
-"""Names of the table that ships, and of no table at all."""
+"""Names of the table that ships, and of none."""
 
 _MIRRORED = (("left wall", "right wall"), ("left slope wall", "right slope wall"))
 _SHIPPED = Path(__file__).with_name("situations.yaml")
 
 
 class TableSpec(BaseModel):
-    """A table as its file has it."""
+    """The keys of a table's file."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
-    description: Annotated[str, Field(description="where it comes from")] = ""
-    looks: Annotated[
+    description: Annotated[str, Field(description="origin of the table")] = ""
+    observations: Annotated[
         Mapping[str, Annotated[float, Field(ge=0.0)]],
-        Field(description="how many looks were taken at places of each kind"),
+        Field(description="number of observations at places of each kind"),
     ] = Field(default_factory=dict)
     seen_at: Annotated[
         Mapping[str, Mapping[str, Annotated[float, Field(ge=0.0, le=1.0)]]],
@@ -80,19 +80,20 @@ class TableSpec(BaseModel):
 class SituationTable:
     """The probability of each of SITUATIONS (in that order) at places of each kind.
 
-    ``looks`` says from how many looks it was learnt. A kind without a row is like the mean of all.
+    ``seen_at`` has arrays (8,) by kind, ``observations`` the number of observations behind each. A
+    kind without a row takes the mean of all.
     """
 
     seen_at: Mapping[str, Array]
-    looks: Mapping[str, float]
+    observations: Mapping[str, float]
 
     def likelihoods(self, topo_map: TopoMap, situations: Mapping[str, float]) -> Array | None:
         """(places,) likelihood of the ``situations`` (degrees) at each place, in [FLOOR, 1].
 
-        None where they say nothing.
+        None where they carry no information.
         """
-        shares, sure = weights_of(situations)
-        if sure <= 0.0:
+        shares, certainty = situation_shares(situations)
+        if certainty <= 0.0:
             return None
         kinds = {place.kind for place in topo_map.places.values()}
         mean = np.mean(list(self.seen_at.values()), axis=0)
@@ -100,26 +101,30 @@ class SituationTable:
         best = max(of_kind.values())
         if best <= 0.0:
             return None
-        scaled = {kind: 1.0 - sure * (1.0 - value / best) for kind, value in of_kind.items()}
+        scaled = {kind: 1.0 - certainty * (1.0 - value / best) for kind, value in of_kind.items()}
         return np.array([max(FLOOR, scaled[place.kind]) for place in topo_map.places.values()])
 
     def text(self, description: str) -> str:
         """The content of a file with this table."""
-        looks = ", ".join(f"{kind}: {count:.0f}" for kind, count in self.looks.items())
-        lines = [f"description: {json.dumps(description)}", f"looks: {{{looks}}}", "seen_at:"]
+        counts = ", ".join(f"{kind}: {count:.0f}" for kind, count in self.observations.items())
+        lines = [
+            f"description: {json.dumps(description)}",
+            f"observations: {{{counts}}}",
+            "seen_at:",
+        ]
         for kind, row in self.seen_at.items():
             shares = [f"{name}: {p:.4f}" for name, p in zip(SITUATIONS, row, strict=True)]
             lines.append(f"  {kind}: {{{', '.join(shares)}}}")
         return "\n".join(lines) + "\n"
 
 
-def heard(percept: Percept | None) -> Mapping[str, float] | None:
-    """The degrees of situations in a percept that says something, else None."""
+def observed_situations(percept: Percept | None) -> Mapping[str, float] | None:
+    """The degrees of the situations in a percept with depth, else None."""
     return percept.situations if percept is not None and percept.sees_depth else None
 
 
-def weights_of(situations: Mapping[str, float]) -> tuple[Array, float]:
-    """(8,) shares of SITUATIONS in what OFFIS says, and how sure that is, in [0, 1]."""
+def situation_shares(situations: Mapping[str, float]) -> tuple[Array, float]:
+    """(8,) degrees of SITUATIONS, normalised to sum 1, and their certainty in [0, 1]."""
     degrees = np.array([max(situations.get(name, 0.0), 0.0) for name in SITUATIONS])
     total = float(degrees.sum())
     if total < 1e-6:
@@ -127,27 +132,28 @@ def weights_of(situations: Mapping[str, float]) -> tuple[Array, float]:
     return degrees / total, min(1.0, total)
 
 
-def learn_table(looks: Iterable[tuple[str, Mapping[str, float]]]) -> SituationTable:
-    """The table of ``looks``: each the kind of the place it was taken at, and OFFIS' degrees.
+def learn_table(observations: Iterable[tuple[str, Mapping[str, float]]]) -> SituationTable:
+    """The table of ``observations``: each a kind of place, and OFFIS' degrees there.
 
-    Left and right are counted alike; kinds that were seldom seen are drawn to the mean of all.
+    Left and right situations are averaged; kinds with few observations are drawn to the mean of all
+    kinds.
 
     Raises:
-        ValueError: no look says anything.
+        ValueError: no observation carries information.
 
     """
     sums: dict[str, Array] = {kind: np.zeros(len(SITUATIONS)) for kind in PLACE_KINDS}
-    for kind, situations in looks:
-        shares, sure = weights_of(situations)
-        sums[kind] += sure * shares
+    for kind, situations in observations:
+        shares, certainty = situation_shares(situations)
+        sums[kind] += certainty * shares
     for row in sums.values():
         for pair in _MIRRORED:
             both = [SITUATIONS.index(name) for name in pair]
             row[both] = row[both].mean()
-    # the mean of kinds, not of looks: however often places of a kind are passed
+    # the mean over kinds, not over observations: independent of how often each kind was passed
     mean = np.sum([row / (row.sum() + SMOOTHING) for row in sums.values()], axis=0)
     if mean.sum() <= 0.0:
-        raise ValueError("OFFIS has said nothing")
+        raise ValueError("OFFIS reported no situation")
     mean /= mean.sum()
     smooth = {kind: row + SMOOTHING * mean for kind, row in sums.items()}
     return SituationTable(
@@ -157,10 +163,10 @@ def learn_table(looks: Iterable[tuple[str, Mapping[str, float]]]) -> SituationTa
 
 
 def situation_table(name: str) -> SituationTable | None:
-    """The table of that name: the one that ships, none, or that of a file.
+    """The table called ``name``: ``learnt`` (the one that ships), ``none`` (None), or a file.
 
     Raises:
-        ConfigError: there is no such file, or it is no table.
+        ConfigError: there is no such file, or it is not a table.
 
     """
     if name == NO_TABLE:
@@ -178,7 +184,7 @@ def load_table(file: str | Path) -> SituationTable:
 
     Raises:
         ConfigError: it breaks the schema, or its probabilities do not add up to 1.
-        UnknownNameError: it names a kind of place or a situation that there is not.
+        UnknownNameError: it has an unknown kind of place or situation.
 
     """
     document = load_yaml(file)
@@ -197,7 +203,7 @@ def load_table(file: str | Path) -> SituationTable:
                 key=f"seen_at.{kind}",
             )
         rows[kind] = row / row.sum()
-    return SituationTable(rows, dict(spec.looks))
+    return SituationTable(rows, dict(spec.observations))
 
 
 def _known(

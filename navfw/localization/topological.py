@@ -1,4 +1,4 @@
-"""The localiser `topological`: a discrete Bayes filter for the whole map, an EKF for here."""
+"""The localiser ``topological``: a discrete Bayes filter over the map, and an EKF for tracking."""
 
 from __future__ import annotations
 
@@ -12,135 +12,143 @@ from pydantic import Field
 from navfw.interfaces import Localizer
 from navfw.localization.discrete_filter import Cluster, DiscreteFilter, DiscreteParams
 from navfw.localization.landmark_existence import LandmarkExistence
-from navfw.localization.landmark_observations import Look, Looks
-from navfw.localization.metric_filter import FilterParams, MetricFilter
-from navfw.localization.place_posterior import PlacesNearby, within
-from navfw.localization.situation_model import heard, situation_table
+from navfw.localization.landmark_observations import LandmarkObservation, LandmarkObserver
+from navfw.localization.metric_filter import MetricFilter, MetricFilterParams
+from navfw.localization.place_posterior import PlacePosterior, probability_within
+from navfw.localization.situation_model import observed_situations, situation_table
 from navfw.signals import Array, Belief, LandmarkDetection, Odometry, Percept, Pose, wrap_angle
 from navfw.topomap import TopoMap
 
 __all__ = ["Topological"]
 
-APART = 1.5
-"""Both filters speak of the same place when no farther apart than this [m]."""
+SAME_POSE_DISTANCE = 1.5
+"""Distance [m] up to which the poses of both filters count as the same."""
 
-TURNED = math.radians(40.0)
-"""... and when their headings differ less than this."""
+SAME_POSE_ANGLE = math.radians(40.0)
+"""Heading difference [rad] up to which the poses of both filters count as the same."""
 
-ROOTED = 4
-"""A start that was told, or a pose that so many landmarks have supported, counts as one more."""
+ESTABLISHED_SUPPORT = 4
+"""Number of supporting landmarks from which a tracked pose counts as established. An established
+pose, or a given start, needs one more supporting landmark elsewhere to be replaced."""
 
 
 class Topological(Localizer):
-    """Finds out where it is with the one filter and keeps it with the other.
+    """Global localisation by a discrete filter, pose tracking by an EKF.
 
-    The discrete filter weighs the whole map at all times. As soon as most of its probability lies
-    at one pose that two landmarks support, the metric filter begins there; when it later lies
-    elsewhere, and more landmarks support that, the metric filter begins again there. While the two
-    contradict each other the confidence falls, and what is below ``lost_below`` is lost.
+    The discrete filter always covers the whole map. Once most of its probability lies at one pose
+    that two landmarks support, the metric filter is initialised there; when it later lies
+    elsewhere, with more supporting landmarks than the tracked pose has, the metric filter is
+    initialised again there. While the two disagree the confidence falls; below ``lost_below`` the
+    belief is lost.
     """
 
     name: ClassVar[str] = "topological"
 
     class Params(Localizer.Params):
-        """Both filters, and when to believe the discrete one."""
+        """Both filters, and when the discrete filter's pose is adopted."""
 
-        metric: Annotated[FilterParams, Field(description="of the Kalman filter")] = FilterParams()
-        discrete: Annotated[DiscreteParams, Field(description="of the filter over places")] = (
+        metric: Annotated[MetricFilterParams, Field(description="of the Kalman filter")] = (
+            MetricFilterParams()
+        )
+        discrete: Annotated[DiscreteParams, Field(description="of the discrete filter")] = (
             DiscreteParams()
         )
-        sure: Annotated[
-            float, Field(gt=0.5, lt=1.0, description="probability from which a pose is taken")
+        adopt_above: Annotated[
+            float,
+            Field(gt=0.5, lt=1.0, description="probability from which its pose is adopted"),
         ] = 0.9
         lost_below: Annotated[
-            float, Field(ge=0.0, lt=1.0, description="confidence below which it is lost")
+            float, Field(ge=0.0, lt=1.0, description="confidence below which the belief is lost")
         ] = 0.4
 
     params: Params
 
-    _nearby: PlacesNearby | None = None
+    _posterior: PlacePosterior | None = None
 
     def reset(self) -> None:
-        """Forget map, start and everything driven since."""
-        self._nearby = None
+        """Back to the state before ``start``."""
+        self._posterior = None
 
     def start(self, topo_map: TopoMap, pose: Pose | None, odometry: Odometry) -> None:
-        """Begin at ``pose`` [map frame], or anywhere."""
+        """Start at ``pose`` (map frame), or anywhere when None."""
         p = self.params
-        self._nearby = PlacesNearby(topo_map)
-        self._looks = Looks(topo_map, p.metric.placed)
-        self.trust = LandmarkExistence(p.metric.prior)
-        self.discrete = DiscreteFilter(
-            topo_map, p.discrete, p.metric.prior, self.trust, situation_table(p.discrete.situations)
-        )
-        self.discrete.begin(pose, odometry)
-        self.metric = MetricFilter(p.metric, self.trust, self.robot)
+        self._posterior = PlacePosterior(topo_map)
+        self._observer = LandmarkObserver(topo_map, p.metric.map_sigma)
+        self.existence = LandmarkExistence(p.metric.prior)
+        table = situation_table(p.discrete.situations)
+        self.discrete = DiscreteFilter(topo_map, p.discrete, p.metric.prior, self.existence, table)
+        self.discrete.initialize(pose, odometry)
+        self.metric = MetricFilter(p.metric, self.existence, self.robot)
         self.tracking = pose is not None
         self.relocations = 0
-        self._rooted = pose is not None
-        self._conflict = 0.0
+        self._established = pose is not None
+        self._disagreement = 0.0
         self._version: object = None
         self._places: Mapping[str, float] = {}
         if pose is not None:
             xy, yaw = p.metric.start_xy**2, p.metric.start_yaw**2
-            self.metric.begin(pose, np.diag((xy, xy, yaw)), odometry)
+            self.metric.initialize(pose, np.diag((xy, xy, yaw)), odometry)
 
     def update(
         self, odometry: Odometry, percept: Percept | None, detections: Sequence[LandmarkDetection]
     ) -> Belief:
         """The belief after the newest odometry and, where there are any, percept and detections."""
-        if self._nearby is None:
+        if self._posterior is None:
             raise RuntimeError("start() comes before update()")
-        looks = self._looks.hear(odometry, detections)
-        self.discrete.advance(odometry, heard(percept))
-        self.discrete.see(looks)
+        observations = self._observer.observe(odometry, detections)
+        self.discrete.predict(odometry)
+        self.discrete.observe_situations(observed_situations(percept))
+        self.discrete.observe(observations)
         if self.tracking:
-            self.metric.advance(odometry)
-            self.metric.see(looks)
+            self.metric.predict(odometry)
+            self.metric.observe(observations)
         changed = self._version is not self.discrete.version
         self._version = self.discrete.version
-        if looks or changed:
-            self._compare(odometry, looks)
+        if observations or changed:
+            self._compare(odometry, observations)
         if self.tracking:
-            return self._tracked(self._nearby, odometry)
-        return self._sought(odometry, changed)
+            return self._tracking_belief(self._posterior, odometry)
+        return self._search_belief(odometry, changed)
 
-    def _compare(self, odometry: Odometry, looks: Sequence[Look]) -> None:
-        """Begin to track where the discrete filter is sure, if that is not where it is tracked."""
+    def _compare(self, odometry: Odometry, observations: Sequence[LandmarkObservation]) -> None:
+        """Adopt the discrete filter's pose where it is probable, supported, and not tracked."""
         cluster = self.discrete.cluster
         here = self.metric.pose if self.tracking else None
-        if here is not None and _same(cluster.pose, here):
-            self._conflict = 0.0
-            self._rooted |= len(self.discrete.supporting(here)) >= ROOTED
+        if here is not None and _is_same_pose(cluster.pose, here):
+            self._disagreement = 0.0
+            self._established |= len(self.discrete.supporting(here)) >= ESTABLISHED_SUPPORT
             return
         support = len(self.discrete.supporting(cluster.pose))
-        self._conflict = cluster.mass * self.discrete.evidence(cluster.pose)
-        if here is not None and support <= len(self.discrete.supporting(here)) + self._rooted:
-            self._conflict *= 0.5  # what has been tracked so far has its own weight
+        self._disagreement = cluster.mass * self.discrete.support_probability(cluster.pose)
+        if here is not None and support <= len(self.discrete.supporting(here)) + self._established:
+            self._disagreement *= 0.5  # the tracked pose is as well supported: equal weight
             return
-        if self._conflict >= self.params.sure and looks:
-            self._begin(cluster, odometry, looks)
+        if self._disagreement >= self.params.adopt_above and observations:
+            self._adopt(cluster, odometry, observations)
 
-    def _begin(self, cluster: Cluster, odometry: Odometry, looks: Sequence[Look]) -> None:
+    def _adopt(
+        self, cluster: Cluster, odometry: Odometry, observations: Sequence[LandmarkObservation]
+    ) -> None:
+        """Initialise the metric filter at the cluster, and use the observations there."""
         self.relocations += self.tracking
         self.tracking = True
-        self._rooted = False
-        self._conflict = 0.0
-        self.metric.begin(cluster.pose, cluster.covariance, odometry)
-        self.trust.pardon(set(self.discrete.supporting(cluster.pose)).__contains__)
-        self.metric.see(looks)
+        self._established = False
+        self._disagreement = 0.0
+        self.metric.initialize(cluster.pose, cluster.covariance, odometry)
+        self.existence.reset(set(self.discrete.supporting(cluster.pose)).__contains__)
+        self.metric.observe(observations)
 
-    def _tracked(self, nearby: PlacesNearby, odometry: Odometry) -> Belief:
+    def _tracking_belief(self, posterior: PlacePosterior, odometry: Odometry) -> Belief:
         pose, covariance = self.metric.pose, self.metric.pose_covariance
-        confidence = within(covariance) * (1.0 - self._conflict)
-        return self._belief(odometry, pose, covariance, nearby.at(pose, covariance), confidence)
+        confidence = probability_within(covariance) * (1.0 - self._disagreement)
+        return self._belief(odometry, pose, covariance, posterior.at(pose, covariance), confidence)
 
-    def _sought(self, odometry: Odometry, changed: bool) -> Belief:
+    def _search_belief(self, odometry: Odometry, changed: bool) -> Belief:
         cluster = self.discrete.cluster
         if changed:
             self._places = self.discrete.places
-        confidence = cluster.mass * self.discrete.evidence(cluster.pose)
-        # what is not yet tracked is not yet known
+        confidence = cluster.mass * self.discrete.support_probability(cluster.pose)
+        # lost until a pose has been adopted
         confidence = min(confidence, 0.99 * self.params.lost_below)
         return self._belief(odometry, cluster.pose, cluster.spread, self._places, confidence)
 
@@ -157,6 +165,6 @@ class Topological(Localizer):
         return Belief(time, pose, covariance, places, confidence, lost, updates)
 
 
-def _same(a: Pose, b: Pose) -> bool:
-    near = math.hypot(a.x - b.x, a.y - b.y) <= APART
-    return near and abs(wrap_angle(a.yaw - b.yaw)) <= TURNED
+def _is_same_pose(a: Pose, b: Pose) -> bool:
+    near = math.hypot(a.x - b.x, a.y - b.y) <= SAME_POSE_DISTANCE
+    return near and abs(wrap_angle(a.yaw - b.yaw)) <= SAME_POSE_ANGLE

@@ -15,7 +15,7 @@ from navfw.missions.stack_observer import StackObserver
 from navfw.signals import SensorReading
 from navfw.stack import Stack, StackState
 from navfw.topomap import TopoMap
-from navfw.topomap.landmark_mapping import LandmarkLearner, Learnt, with_landmarks
+from navfw.topomap.landmark_mapping import LandmarkEstimate, LandmarkMapper, with_landmarks
 
 __all__ = ["LearningDrive", "learn_landmarks"]
 
@@ -25,7 +25,7 @@ class LearningDrive:
     """What came of it: the mission's run, the landmarks found, the map with them."""
 
     run: RunResult
-    learnt: tuple[Learnt, ...]
+    learnt: tuple[LandmarkEstimate, ...]
     topo_map: TopoMap
 
     def as_data(self, session: Session) -> dict[str, Any]:
@@ -41,7 +41,7 @@ class LearningDrive:
                     "x": found.x,
                     "y": found.y,
                     "sigma_m": found.sigma,
-                    "looks": found.looks,
+                    "observations": found.observations,
                     "error_m": error,
                 }
             )
@@ -59,9 +59,9 @@ class LearningDrive:
 class _LandmarkRecorder(StackObserver):
     """Writes down which landmarks the stack sees."""
 
-    def __init__(self, stack: Stack, learner: LandmarkLearner) -> None:
+    def __init__(self, stack: Stack, mapper: LandmarkMapper) -> None:
         super().__init__(stack)
-        self._learner = learner
+        self._mapper = mapper
         self._heard = -math.inf
 
     def hear(self, reading: SensorReading, state: StackState) -> None:
@@ -69,7 +69,7 @@ class _LandmarkRecorder(StackObserver):
         if state.landmark_detections and state.time > self._heard:
             self._heard = state.time
             seen = state.landmark_detections[0].time  # the image may be older than the decision
-            self._learner.add(self.stack.history.at(seen), state.landmark_detections)
+            self._mapper.integrate(self.stack.history.at(seen), state.landmark_detections)
 
 
 def learn_landmarks(
@@ -92,10 +92,10 @@ def learn_landmarks(
         )
     if not stack.features.landmark_frames:
         stack.features = Landmarks(stack.robot)
-    learner = LandmarkLearner(session.mission.start)
+    mapper = LandmarkMapper(session.mission.start)
     with session.simulation() as simulator:
-        run = run_task(session.task, _LandmarkRecorder(stack, learner), simulator, progress)
-    learnt = learner.learn(least)
+        run = run_task(session.task, _LandmarkRecorder(stack, mapper), simulator, progress)
+    learnt = mapper.estimate(least)
     if not learnt:
         raise MapError(
             f"no landmark was seen {least} times on the way (the mission ended"

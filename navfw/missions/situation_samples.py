@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from navfw.localization.situation_model import heard
+from navfw.localization.situation_model import observed_situations
 from navfw.missions.runner import Simulator, run_task
 from navfw.missions.session import Session
 from navfw.missions.stack_observer import StackObserver
@@ -40,7 +40,7 @@ class SituationDrive:
     moments: tuple[SituationSample, ...]
     outcome: str
 
-    def looks(self) -> Iterator[tuple[str, Mapping[str, float]]]:
+    def observations(self) -> Iterator[tuple[str, Mapping[str, float]]]:
         """The kind of the place where the robot truly was, and what OFFIS said there."""
         kinds = [place.kind for place in self.topo_map.places.values()]
         waiting = 0.0
@@ -72,7 +72,9 @@ class _SituationRecorder(StackObserver):
             return
         new = state.percept if state.percept is not self._percept else None
         self._percept = state.percept
-        moment = SituationSample(state.odometry, heard(new), self._simulator.true_pose())
+        moment = SituationSample(
+            state.odometry, observed_situations(new), self._simulator.true_pose()
+        )
         self.moments.append(moment)
 
 

@@ -1,8 +1,9 @@
-"""What the robot learns of passages on its way: barred, open again, dangerous (METHOD 4.3).
+"""Passages closed, reopened and marked dangerous by what the robot observes (METHOD 4.3).
 
-Each look at a passage ahead is a vote. The ego map remembers, so two looks in short succession say
-the same thing twice: they count once. Net votes that reach the limit close the passage for a while;
-afterwards it is admitted again as uncertain, and two more votes close it again.
+Each passage report holds the status of passages ahead, and each status is a vote. Successive
+reports come from the same local map and are not independent, so votes on one passage count once
+per interval. Net votes at the limit close the passage for a while; afterwards it is open again with
+full uncertainty, and two more votes close it again.
 """
 
 from __future__ import annotations
@@ -15,35 +16,37 @@ from navfw.topomap import Passage
 
 __all__ = ["Blockages"]
 
-AHEAD = 0.4
-"""Nothing bars the way nearer ahead of the robot than this [m] when it finds a passage barred."""
+BARRIER_AHEAD = 0.4
+"""Assumed distance [m] from the robot to what blocks a passage that is reported closed."""
 
-NEAR = 2.0
-"""From so near [m] a look tells whether a closed passage is still barred."""
+BARRIER_RANGE = 2.0
+"""Distance [m] to a passage's barrier up to which a report on the passage is used."""
 
 DROP_REACH = 0.3
-"""A drop endangers a passage when it is so near its rim, or nearer [m]."""
+"""A drop endangers a passage up to this distance [m] beyond its edge."""
 
-WIDEST = 2.0
-"""Passages count as at most so wide [m] when asked whether a drop lies in them."""
+MAX_WIDTH = 2.0
+"""Upper bound on a passage's width [m] in deciding whether a drop lies in it."""
 
 _ROUNDING = 1e-6
-"""Looks come in step with the interval, but for rounding [s]."""
+"""Tolerance [s] for report times that are multiples of the interval."""
 
-Changed = set[frozenset[str]]
+ChangedPassages = set[frozenset[str]]
 
 
 class Blockages:
-    """Closes and reopens the passages of a router by what is seen of them.
+    """Closes and reopens the passages of a router by votes.
 
-    ``closing`` net votes close a passage for ``closed_for`` [s]; votes on a passage within
-    ``interval`` [s] of the last one are not counted.
+    ``closing_votes`` net votes close a passage for ``closed_for`` [s]; votes on a passage within
+    ``vote_interval`` [s] of the last one are not counted.
     """
 
-    def __init__(self, router: Router, closing: float, interval: float, closed_for: float) -> None:
+    def __init__(
+        self, router: Router, closing_votes: float, vote_interval: float, closed_for: float
+    ) -> None:
         self._router = router
-        self._closing = closing
-        self._interval = interval
+        self._closing_votes = closing_votes
+        self._interval = vote_interval
         self._closed_for = closed_for
         self._votes: dict[frozenset[str], float] = {}
         self._voted: dict[frozenset[str], float] = {}
@@ -52,44 +55,47 @@ class Blockages:
 
     @property
     def closed(self) -> tuple[Passage, ...]:
-        """The passages that are closed now, in the order in which they were."""
+        """The passages that are closed now, in the order of closing."""
         return tuple(self._router.topo_map.passage(*sorted(ends)) for ends in self._until)
 
-    def expire(self, time: float) -> Changed:
-        """Admit again, as uncertain, what has been closed for long enough; tells which."""
+    def expire(self, time: float) -> ChangedPassages:
+        """Reopen, as uncertain, the passages closed for long enough; returns which."""
         over = [ends for ends, until in self._until.items() if time >= until]
         for ends in over:
-            self._open(ends, votes=max(self._closing - 2.0, 0.0))
+            self._open(ends, votes=max(self._closing_votes - 2.0, 0.0))
             self._router.revise(self._passage(ends), uncertainty=1.0)
         return set(over)
 
-    def hear(self, outlook: PassageReport, time: float) -> Changed:
-        """Take note of what has been seen at ``time`` [s]; tells which passages it changed."""
-        changed: Changed = set()
-        for query, state in outlook.passages:
-            if self._vote(query, state, time):
+    def update(self, report: PassageReport, time: float) -> ChangedPassages:
+        """Count the votes of a report at ``time`` [s]; returns the passages that changed."""
+        changed: ChangedPassages = set()
+        for query, status in report.passages:
+            if self._vote(query, status, time):
                 changed.add(frozenset(query.passage))
-        for drop in outlook.drops:
+        for drop in report.drops:
             changed |= self._endanger(drop)
         return changed
 
-    def _vote(self, query: PassageQuery, state: PassageStatus, time: float) -> bool:
+    def _vote(self, query: PassageQuery, status: PassageStatus, time: float) -> bool:
+        """Count one vote; whether it closed or opened the passage."""
         ends = frozenset(query.passage)
         since = time - self._voted.get(ends, -math.inf)
-        if state == "unknown" or since < self._interval - _ROUNDING:
+        if status == "unknown" or since < self._interval - _ROUNDING:
             return False
-        if ends in self._until and not self._looks_at_barrier(query):
-            return False  # the way back from it, say
+        if ends in self._until and not self._covers_barrier(query):
+            return False  # for example the leg back from the barrier
         self._voted[ends] = time
-        step = 1.0 if state == "closed" else -1.0
-        votes = min(max(self._votes.get(ends, 0.0) + step, -self._closing), self._closing)
+        step = 1.0 if status == "closed" else -1.0
+        votes = min(
+            max(self._votes.get(ends, 0.0) + step, -self._closing_votes), self._closing_votes
+        )
         self._votes[ends] = votes
         if ends in self._until:
             if votes > 0.0:
                 return False
             self._open(ends, votes)
             return True
-        if votes < self._closing:
+        if votes < self._closing_votes:
             return False
         passage = self._passage(ends)
         self._until[ends] = time + self._closed_for
@@ -102,22 +108,24 @@ class Blockages:
         self._router.reopen(self._passage(ends))
 
     def _barrier(self, passage: Passage, query: PassageQuery) -> float:
-        """Where along the passage it is barred [m from ``a``]: ahead of the robot."""
+        """Position of what blocks the passage [m from ``a``]: a little ahead of the robot."""
         start, end = (self._along(passage, point) for point in (query.start, query.end))
-        barred = start + AHEAD if end >= start else start - AHEAD
-        return min(max(barred, 0.0), passage.length)
+        barrier = start + BARRIER_AHEAD if end >= start else start - BARRIER_AHEAD
+        return min(max(barrier, 0.0), passage.length)
 
-    def _looks_at_barrier(self, query: PassageQuery) -> bool:
-        """Whether the leg leads past where the passage was found barred, and that is near."""
+    def _covers_barrier(self, query: PassageQuery) -> bool:
+        """Whether the leg leads past the passage's barrier, and that is near."""
         passage = self._passage(frozenset(query.passage))
         barrier = self._router.costs.barrier(passage)
         if barrier is None:
             return True
         start, end = (self._along(passage, point) for point in (query.start, query.end))
-        return min(start, end) <= barrier <= max(start, end) and abs(barrier - start) <= NEAR
+        return (
+            min(start, end) <= barrier <= max(start, end) and abs(barrier - start) <= BARRIER_RANGE
+        )
 
     def _along(self, passage: Passage, point: tuple[float, float]) -> float:
-        """How far along the passage a point is [m from ``a``, in the passage's own length]."""
+        """The point's projection on the passage [m from ``a``, scaled to the passage's length]."""
         a, b = (self._router.topo_map.places[name] for name in (passage.a, passage.b))
         dx, dy = b.x - a.x, b.y - a.y
         square = dx * dx + dy * dy
@@ -126,14 +134,14 @@ class Blockages:
         share = ((point[0] - a.x) * dx + (point[1] - a.y) * dy) / square
         return min(max(share, 0.0), 1.0) * passage.length
 
-    def _endanger(self, drop: tuple[float, float]) -> Changed:
-        """Put the danger on the nearest passage, if the drop lies in it."""
-        footing = self._router.topo_map.nearest_passage(*drop)
-        if footing is None:
+    def _endanger(self, drop: tuple[float, float]) -> ChangedPassages:
+        """Set the danger of the nearest passage to 1 if the drop (x, y) [m] lies in it."""
+        projection = self._router.topo_map.nearest_passage(*drop)
+        if projection is None:
             return set()
-        passage = footing.passage
-        reach = 0.5 * min(passage.width, WIDEST) + DROP_REACH
-        if footing.aside > reach or passage.ends in self._dangers:
+        passage = projection.passage
+        reach = 0.5 * min(passage.width, MAX_WIDTH) + DROP_REACH
+        if projection.aside > reach or passage.ends in self._dangers:
             return set()
         self._dangers.add(passage.ends)
         self._router.revise(passage, danger=1.0)

@@ -1,11 +1,12 @@
-"""Fuzzy edge costs: how much longer than it is a passage counts, and by which rules.
+"""Fuzzy edge costs: a passage's length, weighted by rules on danger, clearance and the like.
 
 cost = length * (1 + aversion * penalty), the penalty in [0, 1] inferred from danger, clearance,
 doorness and uncertainty as a zero-order Sugeno system over the rules of ``rules/edge_cost.yaml``
 (METHOD 4.2): the mean of the consequents' peaks, weighted by the rules' firing strengths. Unlike
-the centroid of joined areas, this mean is exactly 0 for a faultless passage and exactly 1 for the
-worst, and monotone in every input. Passages of high danger cost ``avoidance`` times their length
-on top: they are taken only where nothing else leads there. No passage costs less than its length.
+the centroid of joined areas, this mean is exactly 0 for a passage without drawbacks, exactly 1 for
+the worst, and monotone in every input. Passages of high danger cost ``avoidance`` times their
+length on top, so that they are used only where there is no other route. No passage costs less than
+its length, which keeps the straight-line heuristic of the search admissible.
 """
 
 from __future__ import annotations
@@ -29,15 +30,15 @@ __all__ = ["RULE_BASE", "CostParams", "EdgeCosts", "inputs_of"]
 RULE_BASE = Path(__file__).parent / "rules" / "edge_cost.yaml"
 
 AVOID_ABOVE = 0.5
-"""A passage is avoided when the rules call its penalty 'extreme' to a higher degree than this."""
+"""A passage is avoided when the degree of the term 'extreme' of its penalty exceeds this."""
 
 
 @dataclass(frozen=True, slots=True)
 class CostParams:
-    """What costs weigh.
+    """Weights of the costs.
 
-    The worst passage counts as 1 + ``aversion`` times its length, one of high danger as
-    ``avoidance`` times its length more.
+    The worst passage costs 1 + ``aversion`` times its length, one of high danger ``avoidance``
+    times its length more.
     """
 
     aversion: float = 4.0
@@ -45,11 +46,11 @@ class CostParams:
 
 
 class EdgeCosts:
-    """The costs of all passages of a map for one robot, worked out at once and kept.
+    """The costs of all passages of a map for one robot, inferred once.
 
-    ``values`` (passages,), in the order of the map; infinite where the robot does not fit through
-    and where a passage is closed. What is learnt of single passages on the way changes their costs
-    alone.
+    ``values`` (passages,) are in the order of the map; infinite where the robot does not fit
+    through and where a passage is closed. ``close``, ``reopen`` and ``revise`` change the cost of
+    one passage.
     """
 
     def __init__(
@@ -64,7 +65,7 @@ class EdgeCosts:
         self._result = self._fis.evaluate(self._inputs)
         self._peaks = peaks
         self._params = params
-        self._penalties, self._avoided = _judged(self._result, peaks)
+        self._penalties, self._avoided = _penalties(self._result, peaks)
         self._revised: dict[int, Inference] = {}
         self._barriers: dict[int, float | None] = {}
         self._lengths = np.array([passage.length for passage in passages])
@@ -76,41 +77,41 @@ class EdgeCosts:
         return float(self.values[self._index[passage.ends]])
 
     def factor(self, passage: Passage) -> float:
-        """How many times its length the passage costs: at least 1."""
+        """The passage's cost over its length: at least 1."""
         return self.of(passage) / passage.length
 
     def close(self, passage: Passage, barrier: float | None = None) -> None:
-        """Make a passage impassable; ``barrier`` [m from its place ``a``] says where, if known."""
+        """Make a passage impassable, at ``barrier`` [m from its place ``a``] if that is known."""
         index = self._index[passage.ends]
         self._barriers[index] = barrier
         self.values[index] = math.inf
 
     def reopen(self, passage: Passage) -> None:
-        """Make a closed passage cost again what its rules say."""
+        """Give a closed passage the cost of its rules again."""
         index = self._index[passage.ends]
         self._barriers.pop(index, None)
-        self._reckon(index)
+        self._update_cost(index)
 
     def revise(self, passage: Passage, **inputs: float) -> None:
-        """Give some inputs of the rules (``danger``, ``uncertainty``) other values than the map."""
+        """Replace some of the map's inputs to the rules (``danger``, ``uncertainty``)."""
         index = self._index[passage.ends]
         for name, value in inputs.items():
             self._inputs[name][index] = value
         now = self._fis.evaluate({name: values[index] for name, values in self._inputs.items()})
-        penalty, avoided = _judged(now, self._peaks)
+        penalty, avoided = _penalties(now, self._peaks)
         self._revised[index] = now
         self._penalties[index], self._avoided[index] = penalty[0], avoided[0]
-        self._reckon(index)
+        self._update_cost(index)
 
     def barrier(self, passage: Passage) -> float | None:
-        """Where a closed passage is barred [m from its place ``a``], if that is known."""
+        """Position of what blocks a closed passage [m from its place ``a``]; None if unknown."""
         return self._barriers.get(self._index[passage.ends])
 
-    def closed(self, passage: Passage) -> bool:
+    def is_closed(self, passage: Passage) -> bool:
         """Whether the passage has been closed."""
         return self._index[passage.ends] in self._barriers
 
-    def _reckon(self, index: int) -> None:
+    def _update_cost(self, index: int) -> None:
         open_ = index not in self._barriers and self._fits[index]
         self.values[index] = (
             self._lengths[index] * float(self._factors(index)) if open_ else math.inf
@@ -122,7 +123,7 @@ class EdgeCosts:
         return np.asarray(1.0 + p.aversion * penalties + p.avoidance * avoided)
 
     def explain(self, passage: Passage) -> dict[str, Any]:
-        """Why the passage costs what it costs, as plain data: the rules, strongest first."""
+        """The passage's cost, inputs and fired rules, strongest first, as plain data."""
         index = self._index[passage.ends]
         cost = self.of(passage)
         return {
@@ -143,8 +144,8 @@ class EdgeCosts:
         }
 
 
-def _judged(result: Inference, peaks: Array) -> tuple[Array, Mask]:
-    """Penalty in [0, 1] and whether to avoid, (N,) each."""
+def _penalties(result: Inference, peaks: Array) -> tuple[Array, Mask]:
+    """Penalty in [0, 1] and whether to avoid the passage, (N,) each."""
     firing = result.firing
     penalties = np.clip(firing @ peaks / firing.sum(axis=1), 0.0, 1.0)
     return penalties, result.degrees["penalty"]["extreme"] > AVOID_ABOVE
@@ -153,7 +154,7 @@ def _judged(result: Inference, peaks: Array) -> tuple[Array, Mask]:
 def inputs_of(passages: Sequence[Passage], robot: RobotModel) -> dict[str, Array]:
     """The inputs of the rule base for each passage: arrays (passages,)."""
     widths = np.array([passage.width for passage in passages], dtype=np.float64)
-    # a passage without a known width is wide open; what lies beyond the range makes no difference
+    # an unknown width counts as unlimited; clearance saturates at the end of the input's range
     clearance = np.clip(0.5 * widths - robot.radius, 0.0, 100.0)
     return {
         "danger": np.array([passage.danger for passage in passages], dtype=np.float64),
@@ -165,7 +166,7 @@ def inputs_of(passages: Sequence[Passage], robot: RobotModel) -> dict[str, Array
 
 @functools.cache
 def _inference() -> tuple[CompiledFis, Array]:
-    """The inference system, and for each rule the peak of the penalty term that it concludes."""
+    """The inference system, and the peak of each rule's penalty term (rules,)."""
     rule_base = load_rule_base(RULE_BASE)
     penalty = rule_base.outputs["penalty"]
     peaks = {}

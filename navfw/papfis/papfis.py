@@ -1,4 +1,4 @@
-"""PAPFIS, the path planning FIS (paper sec 2): waypoints through the topological map."""
+"""The planner ``papfis`` (paper sec 2: path planning FIS): waypoints through the map."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from pydantic import Field
 from navfw.interfaces import Planner
 from navfw.papfis.blockages import Blockages
 from navfw.papfis.edge_costs import CostParams
-from navfw.papfis.route_plan import Plan
+from navfw.papfis.route_plan import RoutePlan
 from navfw.papfis.routes import Router
 from navfw.papfis.tour import Tour
-from navfw.papfis.waypoints import Passing
+from navfw.papfis.waypoints import PassingTolerances
 from navfw.signals import Belief, PassageQuery, PassageReport, Waypoint
 from navfw.topomap import Passage, TopoMap
 
@@ -23,26 +23,26 @@ Metres = Annotated[float, Field(gt=0.0, le=10.0)]
 
 
 class Papfis(Planner):
-    """Plans by fuzzy edge costs, hands out one waypoint after the other, plans anew when astray.
+    """A* over fuzzy edge costs; gives one waypoint after the other, and replans off the path.
 
-    From the belief's position the route enters the map where that is cheapest, at the ends of the
-    passages beside the robot, so places already passed do not appear in it. Passages that are seen
-    to be barred are closed for a while, those with a drop in the floor avoided; the way changes
+    The route enters the map where that is cheapest from the estimated position, at the ends of the
+    passages beside the robot, so places already passed do not appear in it. Passages reported
+    closed are closed for a while and those with a drop in the floor avoided; the route changes
     accordingly.
     """
 
     name: ClassVar[str] = "papfis"
 
     class Params(Planner.Params):
-        """What the costs weigh, and when waypoints are passed."""
+        """Weights of the costs, tolerances of waypoints, and votes on passages."""
 
         aversion: Annotated[
             float,
-            Field(ge=0.0, le=100.0, description="the worst passage counts 1 + this times longer"),
+            Field(ge=0.0, le=100.0, description="worst passage: 1 + this times its length"),
         ] = 4.0
         avoidance: Annotated[
             float,
-            Field(ge=0.0, le=1e6, description="high danger counts so many times the length more"),
+            Field(ge=0.0, le=1e6, description="cost of high danger, in lengths of the passage"),
         ] = 1000.0
         passing: Annotated[Metres, Field(description="tolerance at places in the open [m]")] = 0.6
         door_passing: Annotated[Metres, Field(description="tolerance in doors [m]")] = 0.25
@@ -50,44 +50,50 @@ class Papfis(Planner):
             Metres, Field(description="tolerance just before and after doors [m]")
         ] = 0.35
         passing_reach: Annotated[
-            Metres, Field(description="a waypoint left behind counts as passed so near [m]")
+            Metres, Field(description="a waypoint left behind within this counts as passed [m]")
         ] = 1.0
-        stray: Annotated[
-            Metres, Field(description="plans anew when farther than this off its leg [m]")
+        replan_distance: Annotated[
+            Metres, Field(description="distance to the planned leg from which it replans [m]")
         ] = 1.5
         max_off_map: Annotated[
             float,
-            Field(gt=0.0, le=1000.0, description="start and goals may be so far off the map [m]"),
+            Field(
+                gt=0.0,
+                le=1000.0,
+                description="largest distance of start or goal to the map [m]",
+            ),
         ] = 8.0
 
-        closing: Annotated[
-            float, Field(ge=1.0, le=100.0, description="looks, net, that close a barred passage")
+        closing_votes: Annotated[
+            float, Field(ge=1.0, le=100.0, description="net votes that close a passage")
         ] = 3.0
-        look_interval: Annotated[
-            float, Field(ge=0.0, le=60.0, description="looks nearer in time count as one [s]")
+        vote_interval: Annotated[
+            float,
+            Field(ge=0.0, le=60.0, description="least time between two votes on a passage [s]"),
         ] = 1.0
         closed_for: Annotated[
-            float, Field(gt=0.0, le=86400.0, description="a closed passage is tried after this [s]")
+            float,
+            Field(gt=0.0, le=86400.0, description="time until a closed passage is open again [s]"),
         ] = 60.0
 
     params: Params
 
     _blockages: Blockages | None = None
-    _outlook: PassageReport | None = None
+    _report: PassageReport | None = None
     _at: tuple[float, float] | None = None
     _router: Router | None = None
     _tour: Tour | None = None
 
     def reset(self) -> None:
-        """Forget map, goals and plan."""
+        """Back to the state before ``start``."""
         self._router = None
         self._tour = None
         self._blockages = None
-        self._outlook = None
+        self._report = None
         self._at = None
 
     def start(self, topo_map: TopoMap, goals: Sequence[Waypoint]) -> None:
-        """Begin a mission; a goal's ``place`` names a place of the map, or is only a label.
+        """Start a mission; a goal's ``place`` names a place of the map, or is only a label.
 
         Raises:
             MapError: two goals are not connected, or a goal is far from everything in the map.
@@ -95,12 +101,14 @@ class Papfis(Planner):
         """
         p = self.params
         self._router = Router(topo_map, self.robot, CostParams(p.aversion, p.avoidance))
-        passing = Passing(p.passing, p.door_passing, p.beside_door_passing, p.passing_reach)
-        self._tour = Tour(self._router, goals, passing, p.stray, p.max_off_map)
-        self._blockages = Blockages(self._router, p.closing, p.look_interval, p.closed_for)
+        passing = PassingTolerances(
+            p.passing, p.door_passing, p.beside_door_passing, p.passing_reach
+        )
+        self._tour = Tour(self._router, goals, passing, p.replan_distance, p.max_off_map)
+        self._blockages = Blockages(self._router, p.closing_votes, p.vote_interval, p.closed_for)
 
     def update(self, belief: Belief) -> Waypoint | None:
-        """The waypoint to head for; None when the last goal is reached.
+        """The waypoint to drive to; None when the last goal is reached.
 
         Raises:
             MapError: at the first call: the map does not connect this position with the goal.
@@ -110,15 +118,15 @@ class Papfis(Planner):
             raise RuntimeError("start() comes before update()")
         self._at = (belief.pose.x, belief.pose.y)
         changed = self._blockages.expire(belief.time)
-        if self._outlook is not None:
-            changed |= self._blockages.hear(self._outlook, belief.time)
-            self._outlook = None
-        self._tour.reconsider(self._at, changed)
-        return self._tour.head(self._at)
+        if self._report is not None:
+            changed |= self._blockages.update(self._report, belief.time)
+            self._report = None
+        self._tour.replan_if_changed(self._at, changed)
+        return self._tour.next_waypoint(self._at)
 
-    def observe(self, outlook: PassageReport) -> None:
-        """Note what has been seen of the way ahead; the next ``update`` draws the conclusions."""
-        self._outlook = outlook
+    def observe(self, report: PassageReport) -> None:
+        """Keep the report on the ``queries``; the next ``update`` counts its votes."""
+        self._report = report
 
     @property
     def queries(self) -> Sequence[PassageQuery]:
@@ -128,13 +136,13 @@ class Papfis(Planner):
         return self._tour.queries(self._at)
 
     @property
-    def shut(self) -> str | None:
-        """Which closed passages bar the only way to the goal; None while there is a way."""
-        return None if self._tour is None else self._tour.shut
+    def no_route_reason(self) -> str | None:
+        """Message naming the closed passages on the only route; None while there is a route."""
+        return None if self._tour is None else self._tour.no_route_reason
 
     @property
     def closed(self) -> Sequence[Passage]:
-        """The passages that are closed for now."""
+        """The passages that are closed now."""
         return () if self._blockages is None else self._blockages.closed
 
     @property
@@ -144,11 +152,11 @@ class Papfis(Planner):
 
     @property
     def replans(self) -> int:
-        """How often a new plan was made: the robot had strayed, or the way had changed."""
+        """Number of replans: the robot left its path, or a passage on it changed."""
         return 0 if self._tour is None else self._tour.replans
 
     def explain(self) -> dict[str, Any]:
-        """The plan to the present goal as plain data: each passage with its cost, rule by rule."""
+        """The route to the present goal as plain data: each passage with its cost, rule by rule."""
         if self._router is None or self._tour is None or self._tour.route is None:
             return {}
-        return Plan(self._tour.route, self._router).explain()
+        return RoutePlan(self._tour.route, self._router).explain()

@@ -1,9 +1,9 @@
-"""One plan by itself, without a mission: a way through a map, explained rule by rule.
+"""A single route plan, without a mission: a route through a map, explained rule by rule.
 
 >>> from navfw.topomap import Passage, Place, TopoMap
 >>> hall, door = Place("hall", 0.0, 0.0), Place("door", 3.0, 0.0, "door")
 >>> office = TopoMap("office", [hall, door], [Passage("hall", "door", 3.0, width=0.9)])
->>> make_plan(office, "hall", "door").route.places
+>>> plan_route(office, "hall", "door").route.places
 ('hall', 'door')
 """
 
@@ -16,30 +16,30 @@ from typing import Any
 
 from navfw.errors import MapError, UnknownNameError
 from navfw.papfis.edge_costs import CostParams
-from navfw.papfis.routes import Route, Router, Spot
+from navfw.papfis.routes import Endpoint, Route, Router
 from navfw.robot import RobotModel
 from navfw.topomap import Passage, TopoMap
 
-__all__ = ["Plan", "make_plan", "passage_named", "spot_named"]
+__all__ = ["RoutePlan", "parse_endpoint", "parse_passage", "plan_route"]
 
 MAX_OFF_MAP = 8.0
-"""Start and goal may be so far off the map [m]."""
+"""Largest distance of start and goal from the map [m]."""
 
 _NUMBER = r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*"
 _POINT = re.compile(_NUMBER + "," + _NUMBER)
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class RoutePlan:
     """A route, and the costs by which it was chosen."""
 
     route: Route
     router: Router
 
     def explain(self) -> dict[str, Any]:
-        """Where the way leads and what each passage costs, rule by rule, as plain data."""
+        """The route and the cost of each passage, rule by rule, as plain data."""
         route = self.route
-        closed = (p for p in self.router.topo_map.passages if self.router.costs.closed(p))
+        closed = (p for p in self.router.topo_map.passages if self.router.costs.is_closed(p))
         return {
             "start": [route.start.x, route.start.y],
             "goal": [route.goal.x, route.goal.y],
@@ -53,48 +53,50 @@ class Plan:
         }
 
 
-def make_plan(
+def plan_route(
     topo_map: TopoMap,
-    start: str | Spot,
-    goal: str | Spot,
+    start: str | Endpoint,
+    goal: str | Endpoint,
     *,
     avoid: Sequence[str | Passage] = (),
     robot: RobotModel | None = None,
     params: CostParams | None = None,
-) -> Plan:
-    """The cheapest way from ``start`` to ``goal`` that takes none of the passages to ``avoid``.
+) -> RoutePlan:
+    """The cheapest route from ``start`` to ``goal`` that uses none of the passages in ``avoid``.
 
-    Places may be given by name or as ``x,y`` [m], passages as ``PLACE:PLACE``.
+    Start and goal may be given as a place's name or ``x,y`` [m], passages as ``PLACE:PLACE``.
 
     Raises:
         UnknownNameError: there is no place of that name.
-        MapError: there is no such passage, no way is left, or a point is far off the map.
+        MapError: there is no such passage, no route, or a point is far off the map.
 
     """
-    begin, end = (spot_named(topo_map, at) if isinstance(at, str) else at for at in (start, goal))
-    shut = [passage_named(topo_map, p) if isinstance(p, str) else p for p in avoid]
+    begin, end = (
+        parse_endpoint(topo_map, at) if isinstance(at, str) else at for at in (start, goal)
+    )
+    closed = [parse_passage(topo_map, p) if isinstance(p, str) else p for p in avoid]
     router = Router(topo_map, robot or RobotModel(), params)
-    for passage in shut:
+    for passage in closed:
         router.close(passage)
-    for spot, what in ((begin, "start"), (end, "goal")):
-        router.check_near(spot, what, MAX_OFF_MAP)
-    return Plan(router.route(begin, end), router)
+    for point, what in ((begin, "start"), (end, "goal")):
+        router.check_near(point, what, MAX_OFF_MAP)
+    return RoutePlan(router.route(begin, end), router)
 
 
-def spot_named(topo_map: TopoMap, text: str) -> Spot:
-    """A place by its name, or a point ``x,y`` [m].
+def parse_endpoint(topo_map: TopoMap, text: str) -> Endpoint:
+    """The endpoint of a route from a place's name or ``x,y`` [m].
 
     Raises:
-        UnknownNameError: it is neither.
+        UnknownNameError: ``text`` is neither.
 
     """
     if text not in topo_map.places and (point := _POINT.fullmatch(text)):
-        return Spot(float(point[1]), float(point[2]))
+        return Endpoint(float(point[1]), float(point[2]))
     place = topo_map.place(text)
-    return Spot(place.x, place.y, place.name)
+    return Endpoint(place.x, place.y, place.name)
 
 
-def passage_named(topo_map: TopoMap, text: str) -> Passage:
+def parse_passage(topo_map: TopoMap, text: str) -> Passage:
     """The passage ``PLACE:PLACE`` of the map, in either order.
 
     Raises:
@@ -103,7 +105,7 @@ def passage_named(topo_map: TopoMap, text: str) -> Passage:
 
     """
     parts = text.split(":")
-    # names may hold colons themselves: whichever split names two places
+    # names may contain colons: use the split that gives two places
     for cut in range(1, len(parts)):
         a, b = ":".join(parts[:cut]), ":".join(parts[cut:])
         if a in topo_map.places and b in topo_map.places:

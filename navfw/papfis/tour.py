@@ -1,4 +1,4 @@
-"""The tour through a mission's goals: which waypoint is next, what is passed, when to plan anew."""
+"""The tour through a mission's goals: the next waypoint, waypoints passed, and replanning."""
 
 from __future__ import annotations
 
@@ -8,22 +8,30 @@ from collections.abc import Set as AbstractSet
 from itertools import pairwise
 
 from navfw.errors import MapError
-from navfw.papfis.routes import Route, Router, Spot
-from navfw.papfis.waypoints import Passing, Point, distance_to_leg, has_passed, waypoints_of
+from navfw.papfis.routes import Endpoint, Route, Router
+from navfw.papfis.waypoints import (
+    PassingTolerances,
+    Point,
+    distance_to_leg,
+    has_passed,
+    waypoints_of,
+)
 from navfw.signals import PassageQuery, Waypoint
 
 __all__ = ["Tour"]
 
-LOOK_AHEAD = 2.5
-"""How far ahead passages are asked about [m] (METHOD 4.3)."""
+QUERY_RANGE = 2.5
+"""Distance along the path up to which passages are queried [m] (METHOD 4.3)."""
 
 
 class Tour:
-    """Goals to visit in order, and how far the robot has got with them.
+    """Goals to visit in order, and the waypoints still ahead.
 
     A goal's ``place`` names a place of the map, or is only a label. Each goal's route is planned
-    from where the robot is when the goal before has been reached; the routes between later goals
-    are planned at once, so that a goal that cannot be reached is found before the robot moves.
+    from the robot's position when the goal before has been reached; the routes between later goals
+    are planned by the constructor, so that an unreachable goal is found before the robot moves.
+    ``route`` is the one to the present goal; ``no_route_reason`` names the closed passages while
+    there is none.
 
     Raises:
         MapError: two goals are not connected, or a goal is farther than ``max_off_map`` [m] from
@@ -35,24 +43,24 @@ class Tour:
         self,
         router: Router,
         goals: Sequence[Waypoint],
-        passing: Passing,
-        stray: float,
+        passing: PassingTolerances,
+        replan_distance: float,
         max_off_map: float,
     ) -> None:
         self._router = router
         self._passing = passing
-        self._stray = stray
+        self._replan_distance = replan_distance
         self._max_off_map = max_off_map
         self._goals = list(goals)
         self._ahead: list[Waypoint] = []
         self._came_from: Point = (0.0, 0.0)
         self.route: Route | None = None
         self.replans = 0
-        self.shut: str | None = None
+        self.no_route_reason: str | None = None
         for goal in goals:
-            router.check_near(self._spot(goal), "goal", max_off_map)
+            router.check_near(self._endpoint(goal), "goal", max_off_map)
         self._later = [
-            self._waypoints(router.route(self._spot(before), self._spot(after)), after)
+            self._waypoints(router.route(self._endpoint(before), self._endpoint(after)), after)
             for before, after in pairwise(goals)
         ]
 
@@ -62,10 +70,10 @@ class Tour:
         return [*self._ahead, *(waypoint for leg in self._later for waypoint in leg)]
 
     def queries(self, at: Point) -> list[PassageQuery]:
-        """The legs from ``at`` to the present goal, as far as they begin within ``LOOK_AHEAD``."""
+        """The legs from ``at`` to the present goal that begin within ``QUERY_RANGE``."""
         queries, start, so_far = [], at, 0.0
         for waypoint in self._ahead:
-            if so_far >= LOOK_AHEAD:
+            if so_far >= QUERY_RANGE:
                 break
             end = (waypoint.x, waypoint.y)
             if waypoint.passage is not None:
@@ -74,18 +82,18 @@ class Tour:
             start = end
         return queries
 
-    def reconsider(self, at: Point, changed: AbstractSet[frozenset[str]]) -> None:
-        """Plan anew from ``at`` if the way ahead leads through one of the ``changed`` passages.
+    def replan_if_changed(self, at: Point, changed: AbstractSet[frozenset[str]]) -> None:
+        """Replan from ``at`` if the path ahead uses one of the ``changed`` passages.
 
-        A tour that was ``shut`` does so at any change. Where no way is left, the old one holds, and
-        ``shut`` says which passage bars it.
+        While there is no route, any change causes it. Where no route is found, the old one is kept,
+        and ``no_route_reason`` names the closed passages.
         """
         ahead = {frozenset(w.passage) for w in self._ahead if w.passage is not None}
-        if self.route is not None and changed and (self.shut or ahead & changed):
-            self._plan_anew(at)
+        if self.route is not None and changed and (self.no_route_reason or ahead & changed):
+            self._replan(at)
 
-    def head(self, at: Point) -> Waypoint | None:
-        """The waypoint to head for from ``at`` (x, y) [m]; None when the last goal is reached.
+    def next_waypoint(self, at: Point) -> Waypoint | None:
+        """The waypoint to drive to from ``at`` (x, y) [m]; None when the last goal is reached.
 
         Raises:
             MapError: at the first call: the map does not connect ``at`` with the first goal.
@@ -94,19 +102,19 @@ class Tour:
         if not self._goals:
             return None
         if self.route is None:
-            self._router.check_near(Spot(*at), "start", self._max_off_map)
-            self._follow(self._router.route(Spot(*at), self._spot(self._goals[0])), at)
-        elif self._is_astray(at):
-            self._plan_anew(at)
+            self._router.check_near(Endpoint(*at), "start", self._max_off_map)
+            self._follow(self._router.route(Endpoint(*at), self._endpoint(self._goals[0])), at)
+        elif self._is_off_path(at):
+            self._replan(at)
         while self._ahead and (passed := self._passed(at)):
             self._advance(passed, at)
         return self._ahead[0] if self._ahead else None
 
     def _passed(self, at: Point) -> int:
-        """How many waypoints of the present goal are passed: all before the last that is near.
+        """Number of waypoints passed: all up to the last one within its tolerance.
 
-        A robot pushed aside by an obstacle may come upon a later waypoint first. Doors are never
-        left out that way.
+        A robot that avoids an obstacle may reach a later waypoint first. Doors are never skipped
+        that way.
         """
         count = 0
         for index, waypoint in enumerate(self._ahead):
@@ -127,20 +135,19 @@ class Tour:
             self._goals.pop(0)
             if self._goals:
                 self._ahead = self._later.pop(0)
-                self._plan_on(at)
+                self._plan(at)
 
-    def _plan_anew(self, at: Point) -> None:
+    def _replan(self, at: Point) -> None:
         self.replans += 1
-        self._plan_on(at)
+        self._plan(at)
 
-    def _plan_on(self, at: Point) -> None:
+    def _plan(self, at: Point) -> None:
         try:
-            route = self._router.route_within(Spot(*at), self._spot(self._goals[0]))
+            route = self._router.route_within(Endpoint(*at), self._endpoint(self._goals[0]))
         except MapError:
-            # closed passages, or the belief lies where the map has no way out: head on for what was
-            # planned before
+            # closed passages, or a position estimate without access to the map: keep the old route
             self._came_from = at
-            self.shut = self._why_shut()
+            self.no_route_reason = self._closed_on_route()
         else:
             self._follow(route, at)
 
@@ -148,26 +155,26 @@ class Tour:
         self.route = route
         self._ahead = self._waypoints(route, self._goals[0])
         self._came_from = at
-        self.shut = None
+        self.no_route_reason = None
 
-    def _why_shut(self) -> str | None:
-        """Which closed passages are on the way that was planned; None if nothing is closed."""
+    def _closed_on_route(self) -> str | None:
+        """Message with the closed passages on the planned route; None if none is closed."""
         every, costs = self._router.topo_map.passages, self._router.costs
-        closed = [passage for passage in every if costs.closed(passage)]
+        closed = [passage for passage in every if costs.is_closed(passage)]
         ahead = {frozenset(w.passage) for w in self._ahead if w.passage is not None}
         named = [passage for passage in closed if passage.ends in ahead] or closed
         if not named:
             return None
         listed = ", ".join(map(str, named[:3])) + (", ..." if len(named) > 3 else "")
-        return f"the only way to {self._goals[0].label} is shut: {listed}"
+        return f"the only route to {self._goals[0].label} is closed: {listed}"
 
-    def _is_astray(self, at: Point) -> bool:
-        head = self._ahead[0]
-        return distance_to_leg(at, self._came_from, (head.x, head.y)) > self._stray
+    def _is_off_path(self, at: Point) -> bool:
+        end = self._ahead[0]
+        return distance_to_leg(at, self._came_from, (end.x, end.y)) > self._replan_distance
 
     def _waypoints(self, route: Route, goal: Waypoint) -> list[Waypoint]:
         return waypoints_of(route, goal, self._router.topo_map, self._passing)
 
-    def _spot(self, goal: Waypoint) -> Spot:
+    def _endpoint(self, goal: Waypoint) -> Endpoint:
         known = goal.place in self._router.topo_map.places
-        return Spot(goal.x, goal.y, goal.place if known else None)
+        return Endpoint(goal.x, goal.y, goal.place if known else None)

@@ -1,4 +1,4 @@
-"""From a route to waypoints, and when a waypoint counts as passed."""
+"""Waypoints of a route, and the test for whether a waypoint has been passed."""
 
 from __future__ import annotations
 
@@ -11,19 +11,20 @@ from navfw.papfis.routes import Route
 from navfw.signals import Waypoint
 from navfw.topomap import Passage, TopoMap
 
-__all__ = ["Passing", "Point", "distance_to_leg", "has_passed", "waypoints_of"]
+__all__ = ["PassingTolerances", "Point", "distance_to_leg", "has_passed", "waypoints_of"]
 
 Point = tuple[float, float]
 
 SHARPEST_TURN = math.radians(120.0)
-"""Beyond this turn there is no telling where 'past the waypoint' begins."""
+"""Largest turn at a waypoint for which its bisector decides whether it is passed [rad]."""
 
 
 @dataclass(frozen=True, slots=True)
-class Passing:
-    """How near a waypoint must be passed [m]: in the open, in a door, just before or after a door.
+class PassingTolerances:
+    """Distances [m] within which a waypoint counts as passed: in the open, in and beside a door.
 
-    Within ``reach`` [m] a waypoint left behind counts as passed too, except for a door missed.
+    A waypoint left behind counts as passed within ``reach`` [m] too, except a door passed outside
+    its gap.
     """
 
     open: float = 0.6
@@ -32,7 +33,7 @@ class Passing:
     reach: float = 1.0
 
     def tolerance(self, kinds: Sequence[str], index: int) -> float:
-        """For the place at ``index`` of a route with places of these kinds."""
+        """The tolerance [m] at place ``index`` of a route with places of these ``kinds``."""
         if kinds[index] == "door":
             return self.door
         neighbors = kinds[max(index - 1, 0) : index + 2]
@@ -40,12 +41,12 @@ class Passing:
 
 
 def waypoints_of(
-    route: Route, goal: Waypoint, topo_map: TopoMap, passing: Passing
+    route: Route, goal: Waypoint, topo_map: TopoMap, passing: PassingTolerances
 ) -> list[Waypoint]:
     """The waypoints of ``route``, the goal last.
 
     A door's width is that of the narrower passage at it. A first place where the route starts is
-    left out, and so is a last place that the goal's tolerance covers: the goal stands for it.
+    left out, and so is a last place within the goal's tolerance.
     """
     places = [topo_map.places[name] for name in route.places]
     kinds = [place.kind for place in places]
@@ -91,20 +92,24 @@ def _ends(passage: Passage | None) -> tuple[str, str] | None:
 
 
 def has_passed(
-    at: Point, came_from: Point, waypoint: Waypoint, after: Waypoint | None, passing: Passing
+    at: Point,
+    came_from: Point,
+    waypoint: Waypoint,
+    after: Waypoint | None,
+    passing: PassingTolerances,
 ) -> bool:
-    """Whether the robot, ``at`` (x, y) on its leg from ``came_from``, is done with ``waypoint``.
+    """Whether the robot, ``at`` (x, y) [m] on its leg from ``came_from``, has passed ``waypoint``.
 
-    It is when nearer than the tolerance, or when it has crossed the line through the waypoint that
-    halves the turn from this leg to the next, not farther from it than ``passing.reach`` (for a
-    door: within the gap). A final waypoint must be reached.
+    It has when nearer than the tolerance, or when it has crossed the line through the waypoint that
+    bisects the turn from this leg to the next (towards ``after``), at most ``passing.reach`` from
+    it (a door: within the gap). A final waypoint must be reached.
     """
     dx, dy = at[0] - waypoint.x, at[1] - waypoint.y
     if math.hypot(dx, dy) <= waypoint.tolerance:
         return True
     if waypoint.final or after is None or math.hypot(dx, dy) > passing.reach:
         return False
-    forward = _halfway(came_from, (waypoint.x, waypoint.y), (after.x, after.y))
+    forward = _bisector(came_from, (waypoint.x, waypoint.y), (after.x, after.y))
     if forward is None or dx * forward[0] + dy * forward[1] < 0.0:
         return False
     aside = abs(dx * forward[1] - dy * forward[0])
@@ -122,8 +127,11 @@ def distance_to_leg(at: Point, start: Point, end: Point) -> float:
     return math.hypot(at[0] - start[0] - share * dx, at[1] - start[1] - share * dy)
 
 
-def _halfway(before: Point, here: Point, after: Point) -> Point | None:
-    """The unit direction halfway between the leg to ``here`` and the leg from it."""
+def _bisector(before: Point, here: Point, after: Point) -> Point | None:
+    """The unit direction halfway between the leg to ``here`` and the leg from it.
+
+    None for turns beyond ``SHARPEST_TURN``.
+    """
     leg_in = _unit(here[0] - before[0], here[1] - before[1])
     leg_out = _unit(after[0] - here[0], after[1] - here[1])
     if leg_in is None or leg_out is None:

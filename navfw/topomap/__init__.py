@@ -18,15 +18,15 @@ from navfw.topomap.elements import (
     PlaceKind,
 )
 from navfw.topomap.mapfile import load_map
-from navfw.topomap.topological_map import Footing, TopoMap
+from navfw.topomap.topological_map import PassageProjection, TopoMap
 
 __all__ = [
     "LANDMARK_KINDS",
     "PLACE_KINDS",
-    "Footing",
     "Landmark",
     "LandmarkKind",
     "Passage",
+    "PassageProjection",
     "Place",
     "PlaceKind",
     "TopoMap",

@@ -10,11 +10,11 @@ import numpy as np
 
 from navfw.signals import Array, Mask
 
-__all__ = ["Ground", "thinned"]
+__all__ = ["ClearanceGrid", "thinned"]
 
 
 @dataclass(frozen=True, slots=True)
-class Ground:
+class ClearanceGrid:
     """Distances to the nearest solid: ``clearance`` (rows, cols) [m], negative inside solids.
 
     Cell (i, j) has its middle at ``origin + (j, i) * cell`` [m].
@@ -30,7 +30,7 @@ class Ground:
         bounds: tuple[float, float, float, float],
         clearances: Callable[[Array], Array],
         cell: float = 0.05,
-    ) -> Ground:
+    ) -> ClearanceGrid:
         """The ground within ``bounds`` (x0, y0, x1, y1) [m]; its edge counts as a wall."""
         x0, y0, x1, y1 = bounds
         x = np.arange(x0 + 0.5 * cell, x1, cell)

@@ -16,7 +16,7 @@ from typing import Any
 
 from navfw.errors import ConfigError, MapError
 from navfw.topomap.elements import Passage
-from navfw.topomap.map_import import Draft
+from navfw.topomap.map_import import MapImporter
 from navfw.topomap.mapfile import map_data
 from navfw.topomap.topological_map import TopoMap
 
@@ -89,14 +89,14 @@ def read_geojson(text: str, file: str, both_ways: bool = False) -> TopoMap:
             itself.
 
     """
-    return _Reader(text, file, both_ways).read()
+    return _GeoJsonReader(text, file, both_ways).read()
 
 
-class _Reader:
+class _GeoJsonReader:
     def __init__(self, text: str, file: str, both_ways: bool) -> None:
         self._text = text
         self._file = file
-        self._draft = Draft(file, both_ways)
+        self._importer = MapImporter(file, both_ways)
         self._names: dict[int, str] = {}
         self._lines: dict[int, int] = {}
 
@@ -123,7 +123,7 @@ class _Reader:
                 self._add_edge(feature, index, line)
         self._add_landmarks(data.get("landmarks", {}))
         name = data.get("name")
-        return self._draft.finish(name if isinstance(name, str) and name else "graph")
+        return self._importer.finish(name if isinstance(name, str) and name else "graph")
 
     def _geometry(self, feature: Any, index: int, line: int) -> str:
         geometry = feature.get("geometry") if isinstance(feature, dict) else None
@@ -151,7 +151,7 @@ class _Reader:
         name = name if isinstance(name, str) and name else str(number)
         self._names[number], self._lines[number] = name, line
         kind = {"kind": known["kind"]} if "kind" in known else {}
-        self._draft.add_place(name, {"x": at[0], "y": at[1], **kind}, line, key)
+        self._importer.add_place(name, {"x": at[0], "y": at[1], **kind}, line, key)
 
     def _add_edge(self, feature: dict[str, Any], index: int, line: int) -> None:
         number, properties = self._number(feature, index, "id", line)
@@ -159,7 +159,7 @@ class _Reader:
             raise self._taken(f"features[{index}].properties.id", number, line)
         self._lines[number] = line
         start, end = (self._end(feature, index, key, line) for key in ("startid", "endid"))
-        self._draft.add_edge(start, end, self._metadata(properties), line, directed=True)
+        self._importer.add_edge(start, end, self._metadata(properties), line, directed=True)
 
     def _end(self, feature: dict[str, Any], index: int, key: str, line: int) -> str:
         """The name of the node at one end of an edge."""
@@ -175,7 +175,7 @@ class _Reader:
     def _add_landmarks(self, landmarks: Any) -> None:
         line = self._text.count("\n", 0, max(self._text.find('"landmarks"'), 0)) + 1
         for name, values in landmarks.items() if isinstance(landmarks, dict) else ():
-            self._draft.add_landmark(name, values if isinstance(values, dict) else {}, line)
+            self._importer.add_landmark(name, values if isinstance(values, dict) else {}, line)
 
     def _number(
         self, feature: dict[str, Any], index: int, key: str, line: int

@@ -14,7 +14,7 @@ from xml.parsers import expat
 from xml.sax.saxutils import escape, quoteattr
 
 from navfw.errors import ConfigError, MapError
-from navfw.topomap.map_import import EDGE_KEYS, PLACE_KEYS, Draft
+from navfw.topomap.map_import import EDGE_KEYS, PLACE_KEYS, MapImporter
 from navfw.topomap.mapfile import map_data
 from navfw.topomap.topological_map import TopoMap
 
@@ -67,13 +67,13 @@ def read_graphml(text: str, file: str, both_ways: bool = False) -> TopoMap:
             ``both_ways``), or the map contradicts itself.
 
     """
-    return _Reader(file, both_ways).read(text)
+    return _GraphmlReader(file, both_ways).read(text)
 
 
-class _Reader:
+class _GraphmlReader:
     def __init__(self, file: str, both_ways: bool) -> None:
         self._file = file
-        self._draft = Draft(file, both_ways)
+        self._importer = MapImporter(file, both_ways)
         self._keys: dict[str, tuple[str, str]] = {}  # id: attr.name, attr.type
         self._name: str | None = None
         self._directed = False
@@ -98,7 +98,7 @@ class _Reader:
             ) from None
         if self._name is None:
             raise MapError("expected GraphML: there is no <graph>", file=self._file, line=1)
-        return self._draft.finish(self._name or "graph")
+        return self._importer.finish(self._name or "graph")
 
     def _start(self, tag: str, attributes: dict[str, str]) -> None:
         element = tag.rpartition(" ")[2]
@@ -124,12 +124,12 @@ class _Reader:
             self._note(attributes.get("key", ""), line)
         elif element == "node":
             name = self._attribute(element, attributes, "id", line)
-            self._draft.add_place(name, values, line, f"node {name!r}")
+            self._importer.add_place(name, values, line, f"node {name!r}")
         elif element == "edge":
             a = self._attribute(element, attributes, "source", line)
             b = self._attribute(element, attributes, "target", line)
             directed = attributes.get("directed", str(self._directed).lower()) == "true"
-            self._draft.add_edge(a, b, values, line, directed)
+            self._importer.add_edge(a, b, values, line, directed)
         elif element == "graph" and "landmarks" in values:
             self._add_landmarks(values["landmarks"], line)
 
@@ -164,7 +164,7 @@ class _Reader:
                 key="landmarks",
             )
         for name, values in landmarks.items():
-            self._draft.add_landmark(name, values if isinstance(values, dict) else {}, line)
+            self._importer.add_landmark(name, values if isinstance(values, dict) else {}, line)
 
     def _attribute(self, element: str, attributes: dict[str, str], name: str, line: int) -> str:
         value = attributes.get(name, "")

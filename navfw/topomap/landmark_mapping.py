@@ -1,10 +1,9 @@
-"""Landmark positions from a drive: odometry and detections, all at once.
+"""Landmark mapping: landmark positions estimated from the odometry and detections of one drive.
 
-Averaging each landmark over where the robot believed itself would average its drift as well. So
-the poses at which something was seen and the landmarks are estimated together, by least squares
-over the steps of the odometry and the detections (a pose graph): a landmark seen again later holds
-the drift of all that lies between. Residuals beyond ``_HUBER`` sigma count less (Huber), so that a
-few false detections do no harm.
+Averaging each landmark's detections over the odometry poses would average the drift as well. So the
+robot's poses and the landmarks are estimated together by least squares over odometry increments and
+detections (a pose graph): a landmark detected again later bounds the drift in between. Residuals
+beyond ``_HUBER`` sigma get less weight (Huber), so that a few false detections do no harm.
 """
 
 from __future__ import annotations
@@ -21,23 +20,28 @@ from navfw.signals import Array, LandmarkDetection, Odometry, Pose, wrap_angle
 from navfw.topomap.elements import Landmark, LandmarkKind
 from navfw.topomap.topological_map import TopoMap
 
-__all__ = ["LandmarkLearner", "Learnt", "with_landmarks"]
+__all__ = ["LandmarkEstimate", "LandmarkMapper", "with_landmarks"]
 
 _HUBER = 2.0
-_ROUNDS = 12
+_ITERATIONS = 12
 _STEP_SHARE, _STEP_FLOOR = 0.02, 0.004
-"""One standard deviation of an odometry step: of its length, and [m]."""
+"""Standard deviation of an odometry increment's length: share of it, and floor [m]."""
 _TURN_SHARE, _TURN_FLOOR = 0.01, 0.004
-"""The same of its turn, and [rad]."""
-_MOST = 600
-"""Looks that are kept: more of them are thinned out, since they cost their cube."""
+"""Standard deviation of an odometry increment's turn: share of it, and floor [rad]."""
+_MAX_POSES = 600
+"""Poses in the graph: beyond this number they are thinned out, as the cost grows with the cube."""
+_DEFAULT_HEIGHT = 0.35
+"""Height [m] given to landmarks that are not in the map yet: detections do not measure it."""
+_DEFAULT_SIZE: Mapping[LandmarkKind, float] = {"aruco": 0.25, "poster": 0.5}
+"""Sides [m] that the recognisers assume of landmarks that are not in the map."""
 
 
 @dataclass(frozen=True, slots=True)
-class Learnt:
-    """A landmark as found: place [m], where it faces [rad], ``sigma`` [m] and ``looks`` it had.
+class LandmarkEstimate:
+    """An estimated landmark: x, y [m] and ``yaw`` [rad] in ``map``, ``sigma`` [m] of its position.
 
-    ``yaw`` is the mean direction from which it was seen: right within some tens of degrees.
+    ``yaw`` is the mean direction from which it was observed, accurate to some tens of degrees;
+    ``observations`` is the number of detections.
     """
 
     identity: str
@@ -45,75 +49,75 @@ class Learnt:
     y: float
     yaw: float
     sigma: float
-    looks: int
+    observations: int
 
 
 @dataclass(slots=True)
-class LandmarkLearner:
-    """Collects what is seen on a drive that began at ``start`` (map)."""
+class LandmarkMapper:
+    """Collects the detections of a drive that began at ``start`` (map)."""
 
     start: Pose
-    _places: list[Pose] = field(init=False, default_factory=list)
-    _looks: list[tuple[LandmarkDetection, ...]] = field(init=False, default_factory=list)
+    _poses: list[Pose] = field(init=False, default_factory=list)
+    _detections: list[tuple[LandmarkDetection, ...]] = field(init=False, default_factory=list)
 
-    def add(self, odometry: Odometry, detections: Sequence[LandmarkDetection]) -> None:
-        """What was recognised at one moment, with the odometry of that moment."""
+    def integrate(self, odometry: Odometry, detections: Sequence[LandmarkDetection]) -> None:
+        """Add the detections of one image, with the odometry of its time."""
         if detections:
-            self._places.append(odometry.pose)
-            self._looks.append(tuple(detections))
+            self._poses.append(odometry.pose)
+            self._detections.append(tuple(detections))
 
-    def learn(self, least: int = 3) -> list[Learnt]:
-        """All landmarks seen at least so often, by identity."""
-        every = max(1, math.ceil(len(self._places) / _MOST))
-        places, looks = self._places[::every], self._looks[::every]
+    def estimate(self, least: int = 3) -> list[LandmarkEstimate]:
+        """All landmarks with at least ``least`` detections, ordered by identity."""
+        every = max(1, math.ceil(len(self._poses) / _MAX_POSES))
+        poses, images = self._poses[::every], self._detections[::every]
         counts: dict[str, int] = {}
-        for detections in looks:
+        for detections in images:
             for detection in detections:
                 counts[detection.identity] = counts.get(detection.identity, 0) + 1
         wanted = sorted(name for name, count in counts.items() if count >= least)
         if not wanted:
             return []
-        graph = _Graph(self.start, places, looks, {name: i for i, name in enumerate(wanted)})
+        graph = _PoseGraph(self.start, poses, images, {name: i for i, name in enumerate(wanted)})
         graph.solve()
-        return [graph.learnt(name, counts[name]) for name in wanted]
+        return [graph.estimate(name, counts[name]) for name in wanted]
 
 
-class _Graph:
-    """Unknowns: poses (n, 3), then landmarks (m, 2), in one vector."""
+class _PoseGraph:
+    """Least-squares problem with the unknowns poses (n, 3) and landmarks (m, 2), in one vector."""
 
     def __init__(
         self,
         start: Pose,
-        places: Sequence[Pose],
-        looks: Sequence[tuple[LandmarkDetection, ...]],
+        odometry: Sequence[Pose],
+        images: Sequence[tuple[LandmarkDetection, ...]],
         index: Mapping[str, int],
     ) -> None:
         self._start = start
-        before = [Pose(0.0, 0.0, 0.0), *places[:-1]]  # odometry begins at its own origin
-        self._steps = [a.relative(b) for a, b in zip(before, places, strict=True)]
+        before = [Pose(0.0, 0.0, 0.0), *odometry[:-1]]  # odometry starts at its own origin
+        self._steps = [a.relative(b) for a, b in zip(before, odometry, strict=True)]
         self._poses: list[Pose] = []
         here = start
         for step in self._steps:
             here = here.compose(step)
             self._poses.append(here)
-        self._looks = [
+        self._detections = [
             (i, index[detection.identity], detection)
-            for i, detections in enumerate(looks)
+            for i, detections in enumerate(images)
             for detection in detections
             if detection.identity in index
         ]
         self._index = index
         self._marks = np.zeros((len(index), 2))
         for j in range(len(index)):
-            guesses = [_point(self._poses[i], s) for i, k, s in self._looks if k == j]
+            guesses = [_position(self._poses[i], s) for i, k, s in self._detections if k == j]
             self._marks[j] = np.median(guesses, axis=0)
         self._spread: Array = np.zeros((0, 0))
 
     def solve(self) -> None:
-        """Gauss-Newton with Huber's weights."""
+        """Gauss-Newton iterations with Huber weights."""
         poses = len(self._poses)
         size = 3 * poses + 2 * len(self._index)
-        for _ in range(_ROUNDS):
+        for _ in range(_ITERATIONS):
             normal, right = 1e-9 * np.eye(size), np.zeros(size)
             for columns, jacobian, residual, information in self._factors():
                 length = math.sqrt(float(residual @ information @ residual))
@@ -131,24 +135,25 @@ class _Graph:
                 break
         self._spread = np.asarray(np.linalg.inv(normal), np.float64)
 
-    def learnt(self, identity: str, looks: int) -> Learnt:
-        """One landmark's result."""
+    def estimate(self, identity: str, observations: int) -> LandmarkEstimate:
+        """The estimate of one landmark."""
         j = self._index[identity]
         x, y = self._marks[j].tolist()
         first = 3 * len(self._poses) + 2 * j
         sigma = math.sqrt(
             max(float(self._spread[first, first]), float(self._spread[first + 1, first + 1]))
         )
-        views = [self._poses[i] for i, k, _ in self._looks if k == j]
+        views = [self._poses[i] for i, k, _ in self._detections if k == j]
         away = np.array([[pose.x - x, pose.y - y] for pose in views])
         away /= np.maximum(np.hypot(away[:, 0], away[:, 1]), 1e-6)[:, None]
         facing = away.mean(axis=0)
-        return Learnt(identity, x, y, math.atan2(facing[1], facing[0]), sigma, looks)
+        yaw = math.atan2(facing[1], facing[0])
+        return LandmarkEstimate(identity, x, y, yaw, sigma, observations)
 
     def _factors(self) -> list[tuple[npt.NDArray[np.int64], Array, Array, Array]]:
         """(columns, jacobian, residual, information) of every odometry step and detection."""
         return [self._step_factor(i) for i in range(len(self._steps))] + [
-            self._look_factor(i, j, detection) for i, j, detection in self._looks
+            self._detection_factor(i, j, detection) for i, j, detection in self._detections
         ]
 
     def _step_factor(self, i: int) -> tuple[npt.NDArray[np.int64], Array, Array, Array]:
@@ -167,7 +172,7 @@ class _Graph:
             return np.arange(3), of_b, residual, information
         return np.arange(3 * i - 3, 3 * i + 3), np.hstack([of_a, of_b]), residual, information
 
-    def _look_factor(
+    def _detection_factor(
         self, i: int, j: int, detection: LandmarkDetection
     ) -> tuple[npt.NDArray[np.int64], Array, Array, Array]:
         pose, mark = self._poses[i], self._marks[j]
@@ -183,30 +188,30 @@ class _Graph:
         return columns, np.hstack([of_pose, of_mark]), residual, information
 
 
-def _point(pose: Pose, detection: LandmarkDetection) -> tuple[float, float]:
-    """Where a detection from ``pose`` puts its landmark."""
+def _position(pose: Pose, detection: LandmarkDetection) -> tuple[float, float]:
+    """The landmark's position [m, map] according to a detection from ``pose``."""
     return pose.to_parent(
         detection.range * math.cos(detection.bearing), detection.range * math.sin(detection.bearing)
     )
 
 
-def with_landmarks(topo_map: TopoMap, learnt: Sequence[Learnt]) -> TopoMap:
-    """The map with what was learnt: known landmarks moved (size and height kept), others added.
+def with_landmarks(topo_map: TopoMap, estimates: Sequence[LandmarkEstimate]) -> TopoMap:
+    """The map with the estimates: known landmarks moved (size and height kept), others added.
 
     Raises:
-        MapError: an identity is none of a landmark's, such as ``aruco-7``.
+        MapError: an identity is not of the form ``aruco-7`` or ``poster-3``.
 
     """
     marks = {mark.identity: mark for mark in topo_map.landmarks.values()}
     names = {mark.name for mark in marks.values()}
-    for found in learnt:
-        old = marks.get(found.identity)
-        kind, number = _parsed(found.identity)
-        name = old.name if old is not None else _free(found.identity, names)
+    for estimate in estimates:
+        old = marks.get(estimate.identity)
+        kind, number = _parsed(estimate.identity)
+        name = old.name if old is not None else _unused(estimate.identity, names)
         names.add(name)
-        height, size = (old.z, old.size) if old is not None else (0.35, _USUAL_SIZE[kind])
-        place = round(found.x, 3), round(found.y, 3), round(found.yaw, 3)
-        marks[found.identity] = Landmark(name, kind, number, *place, z=height, size=size)
+        height, size = (_DEFAULT_HEIGHT, _DEFAULT_SIZE[kind]) if old is None else (old.z, old.size)
+        pose = round(estimate.x, 3), round(estimate.y, 3), round(estimate.yaw, 3)
+        marks[estimate.identity] = Landmark(name, kind, number, *pose, z=height, size=size)
     return TopoMap(
         topo_map.name,
         list(topo_map.places.values()),
@@ -216,19 +221,17 @@ def with_landmarks(topo_map: TopoMap, learnt: Sequence[Learnt]) -> TopoMap:
     )
 
 
-_USUAL_SIZE: Mapping[LandmarkKind, float] = {"aruco": 0.25, "poster": 0.5}
-"""Sides [m] that the recognisers assume of landmarks that are in no map."""
-
-
 def _parsed(identity: str) -> tuple[LandmarkKind, int]:
     kind, _, number = identity.rpartition("-")
-    if kind not in _USUAL_SIZE or not number.isdecimal():
-        raise MapError(f"{identity!r} is no landmark that a map can hold; expected aruco-7, say")
+    if kind not in _DEFAULT_SIZE or not number.isdecimal():
+        raise MapError(
+            f"{identity!r} is not the identity of a landmark; expected kind and id, as in aruco-7"
+        )
     return ("aruco" if kind == "aruco" else "poster"), int(number)
 
 
-def _free(wanted: str, taken: set[str]) -> str:
-    """A name that no landmark has."""
+def _unused(wanted: str, taken: set[str]) -> str:
+    """``wanted``, with a number added where a landmark has that name already."""
     name, count = wanted, 2
     while name in taken:
         name, count = f"{wanted}-{count}", count + 1

@@ -19,7 +19,7 @@ import numpy as np
 from navfw.errors import MapError
 from navfw.robot import RobotModel
 from navfw.signals import Array
-from navfw.topomap.clearance_grid import Ground
+from navfw.topomap.clearance_grid import ClearanceGrid
 from navfw.topomap.elements import Passage, Place, PlaceKind
 from navfw.topomap.skeleton import skeleton_graph
 from navfw.topomap.topological_map import TopoMap
@@ -39,7 +39,7 @@ BEFORE_DOOR = 0.8
 """Distance [m] of the places before and behind a door."""
 
 LONG = 4.0
-"""Ground that is so many times larger than the square of its width is a corridor."""
+"""ClearanceGrid that is so many times larger than the square of its width is a corridor."""
 
 NEAR = 0.6
 """Places nearer than this [m] become one, where a robot can go straight between them."""
@@ -53,7 +53,7 @@ COMFORT = 0.45
 
 def build_map(
     name: str,
-    ground: Ground,
+    ground: ClearanceGrid,
     robot: RobotModel | None = None,
     rooms: Mapping[str, tuple[float, float, float, float]] | None = None,
 ) -> TopoMap:
@@ -70,7 +70,7 @@ def build_map(
     graph = skeleton_graph(ground, need)
     if not graph:
         raise MapError(f"no ground is free for a robot of radius {robot.radius:g} m", key=name)
-    draft = _Draft(ground, need)
+    draft = _WayGraph(ground, need)
     for a, b, data in list(graph.edges(data=True)):
         draft.add_way(graph, min(a, b), max(a, b), data["line"])
     for node in nx.isolates(graph):
@@ -79,10 +79,10 @@ def build_map(
     return draft.finish(name, rooms or {})
 
 
-class _Draft:
+class _WayGraph:
     """Collects points and straight free lines between them."""
 
-    def __init__(self, ground: Ground, need: float) -> None:
+    def __init__(self, ground: ClearanceGrid, need: float) -> None:
         self.ground = ground
         self.need = need
         self.graph = nx.Graph()
@@ -259,7 +259,7 @@ class _Draft:
 class _Regions:
     """The ground, cut at its doors: 0 where it is not free, else the number of a region."""
 
-    def __init__(self, ground: Ground, doors: Iterable[tuple[Point, Point]]) -> None:
+    def __init__(self, ground: ClearanceGrid, doors: Iterable[tuple[Point, Point]]) -> None:
         self._ground = ground
         free = (ground.clearance > 0.1).astype(np.uint8)
         half = 0.5 * DOOR_WIDTH / ground.cell
@@ -334,7 +334,7 @@ def _area(bounds: Bounds) -> float:
     return (x1 - x0) * (y1 - y0)
 
 
-def _doors(ground: Ground, line: Array) -> list[tuple[int, Point]]:
+def _doors(ground: ClearanceGrid, line: Array) -> list[tuple[int, Point]]:
     """Where ``line`` passes a door: index, and the direction through it.
 
     A door is the narrowest point of a gap that widens at once at both sides.

@@ -15,9 +15,11 @@ from navfw.signals import Array
 from navfw.topomap.elements import Passage
 from navfw.topomap.topological_map import TopoMap
 
-__all__ = ["Problem", "ProblemKind", "check_map"]
+__all__ = ["MapProblem", "MapProblemKind", "check_map"]
 
-ProblemKind = Literal["apart", "narrow", "unreachable", "duplicate", "in-wall", "blocked", "width"]
+MapProblemKind = Literal[
+    "apart", "narrow", "unreachable", "duplicate", "in-wall", "blocked", "width"
+]
 
 Clearances = Callable[[Array], Array]
 """Distances [m] of points (N, 2) in ``map`` to the nearest solid; negative inside one."""
@@ -35,10 +37,10 @@ STEP = 0.02
 
 
 @dataclass(frozen=True, slots=True)
-class Problem:
+class MapProblem:
     """One thing that a person should look at; ``where`` names the place or passage."""
 
-    kind: ProblemKind
+    kind: MapProblemKind
     where: str
     message: str
 
@@ -49,7 +51,7 @@ class Problem:
 
 def check_map(
     topo_map: TopoMap, clearances: Clearances | None = None, robot: RobotModel | None = None
-) -> list[Problem]:
+) -> list[MapProblem]:
     """Everything that hinders ``robot`` (the usual one) in ``topo_map``; empty for a good map.
 
     With ``clearances``, the geometry of the world that it is a map of, walls are looked at, too.
@@ -62,20 +64,20 @@ def check_map(
     return found
 
 
-def _apart(topo_map: TopoMap) -> Iterator[Problem]:
+def _apart(topo_map: TopoMap) -> Iterator[MapProblem]:
     for part in topo_map.parts[1:]:
         names = sorted(part)
         listed = ", ".join(names[:5]) + (", ..." if len(names) > 5 else "")
-        yield Problem(
+        yield MapProblem(
             "apart", names[0], f"no edge leads from {listed} to the rest of the map; add one"
         )
 
 
-def _narrow(topo_map: TopoMap, robot: RobotModel) -> Iterator[Problem]:
+def _narrow(topo_map: TopoMap, robot: RobotModel) -> Iterator[MapProblem]:
     need = 2.0 * robot.radius
     narrow = [passage for passage in topo_map.passages if passage.width <= need]
     for passage in narrow:
-        yield Problem(
+        yield MapProblem(
             "narrow", str(passage), f"{passage.width:g} m wide, the robot needs {need:g} m"
         )
     if not narrow:
@@ -85,35 +87,35 @@ def _narrow(topo_map: TopoMap, robot: RobotModel) -> Iterator[Problem]:
     kept = max(nx.connected_components(wide), key=len)
     for name in topo_map.parts[0]:
         if name not in kept:
-            yield Problem(
+            yield MapProblem(
                 "unreachable", name, "only edges too narrow for the robot lead to this place"
             )
 
 
-def _duplicates(topo_map: TopoMap) -> Iterator[Problem]:
+def _duplicates(topo_map: TopoMap) -> Iterator[MapProblem]:
     every = list(topo_map.places.values())
     for index, place in enumerate(every):
         near = np.nonzero(topo_map.place_distances(place.x, place.y)[:index] < SAME_SPOT)[0]
         for other in near:
-            yield Problem(
+            yield MapProblem(
                 "duplicate",
                 place.name,
                 f"at the same spot as {every[int(other)].name!r}; remove one of them",
             )
 
 
-def _in_walls(topo_map: TopoMap, clearances: Clearances, robot: RobotModel) -> Iterator[Problem]:
+def _in_walls(topo_map: TopoMap, clearances: Clearances, robot: RobotModel) -> Iterator[MapProblem]:
     every = list(topo_map.places.values())
     free = clearances(np.array([(place.x, place.y) for place in every]))
     for place, room in zip(every, free.tolist(), strict=True):
         if room < robot.radius:
             what = "inside something" if room < 0.0 else f"{room:.2f} m from something"
-            yield Problem(
+            yield MapProblem(
                 "in-wall", place.name, f"{what}, the robot needs {robot.radius:g} m; move it"
             )
 
 
-def _along(topo_map: TopoMap, clearances: Clearances, robot: RobotModel) -> Iterator[Problem]:
+def _along(topo_map: TopoMap, clearances: Clearances, robot: RobotModel) -> Iterator[MapProblem]:
     for passage in topo_map.passages:
         a, b = topo_map.places[passage.a], topo_map.places[passage.b]
         if passage.length > STRAIGHT * a.distance(b.x, b.y) + WIDTH_ROUNDING:
@@ -124,9 +126,9 @@ def _along(topo_map: TopoMap, clearances: Clearances, robot: RobotModel) -> Iter
         if free[worst] < robot.radius:
             what = "crosses something" if free[worst] <= 0.0 else f"has {free[worst]:.2f} m of room"
             message = f"{what} {at}, the robot needs {robot.radius:g} m to each side"
-            yield Problem("blocked", str(passage), message)
+            yield MapProblem("blocked", str(passage), message)
         elif math.isfinite(passage.width) and passage.width > 2.0 * free[worst] + WIDTH_ROUNDING:
-            yield Problem(
+            yield MapProblem(
                 "width",
                 str(passage),
                 f"said to be {passage.width:g} m wide, but has {2.0 * free[worst]:.2f} m {at}",

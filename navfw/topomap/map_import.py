@@ -7,17 +7,17 @@ from typing import Any
 from navfw.config.document import KeyPath, Origin, YamlDocument
 from navfw.errors import MapError
 from navfw.topomap.mapfile import read_map
-from navfw.topomap.mapspec import EdgeSpec, LandmarkSpec, PlaceSpec
+from navfw.topomap.mapspec import EdgeSpec, MapLandmarkSpec, PlaceSpec
 from navfw.topomap.topological_map import TopoMap
 
-__all__ = ["EDGE_KEYS", "PLACE_KEYS", "Draft"]
+__all__ = ["EDGE_KEYS", "PLACE_KEYS", "MapImporter"]
 
 PLACE_KEYS = tuple(PlaceSpec.model_fields)
 EDGE_KEYS = tuple(key for key in EdgeSpec.model_fields if key not in {"from_", "to"})
-LANDMARK_KEYS = tuple(LandmarkSpec.model_fields)
+LANDMARK_KEYS = tuple(MapLandmarkSpec.model_fields)
 
 
-class Draft:
+class MapImporter:
     """What a foreign file says, as the document that a map file would be.
 
     What other tools store besides is left out: of the given values only navfw's keys are kept.

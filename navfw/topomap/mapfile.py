@@ -25,7 +25,7 @@ from navfw.errors import MapError
 from navfw.topomap.elements import Landmark, Passage, Place
 from navfw.topomap.mapspec import EdgeSpec, MapSpec
 from navfw.topomap.topological_map import TopoMap
-from navfw.topomap.validation import Contradiction, contradictions
+from navfw.topomap.validation import MapViolation, map_violations
 
 __all__ = ["MAX_BYTES", "load_map", "map_data", "map_text", "read_map"]
 
@@ -58,7 +58,7 @@ def read_map(document: YamlDocument) -> TopoMap:
         Landmark(name, at.kind, at.id, at.x, at.y, at.yaw, at.z, at.size)
         for name, at in spec.landmarks.items()
     ]
-    found = contradictions(places, passages, landmarks)
+    found = map_violations(places, passages, landmarks)
     if found:
         raise _map_error(document, found)
     return TopoMap(spec.name, places, passages, document.file, landmarks)
@@ -143,13 +143,13 @@ def _passage(edge: EdgeSpec, places: dict[str, Place]) -> Passage:
     )
 
 
-def _first_line(document: YamlDocument, found: Contradiction) -> str:
+def _first_line(document: YamlDocument, found: MapViolation) -> str:
     line = None if found.first is None else document.line_of(found.first)
     return "" if line is None else f" (the first is in line {line})"
 
 
-def _map_error(document: YamlDocument, found: Sequence[Contradiction]) -> MapError:
-    """One error for all contradictions, in the order of the file, one a line."""
+def _map_error(document: YamlDocument, found: Sequence[MapViolation]) -> MapError:
+    """One error with all violations, in the order of the file, one a line."""
     errors = [
         MapError(
             each.message + _first_line(document, each),
@@ -162,4 +162,4 @@ def _map_error(document: YamlDocument, found: Sequence[Contradiction]) -> MapErr
     errors.sort(key=lambda error: error.line or 0)
     if len(errors) == 1:
         return errors[0]
-    return MapError("\n".join([f"{len(errors)} contradictions", *map(str, errors)]))
+    return MapError("\n".join([f"{len(errors)} errors", *map(str, errors)]))

@@ -9,7 +9,7 @@ from pydantic import Field
 from navfw.config.strict_model import StrictModel
 from navfw.topomap.elements import LandmarkKind, PlaceKind
 
-__all__ = ["EdgeSpec", "LandmarkSpec", "MapSpec", "PlaceSpec"]
+__all__ = ["EdgeSpec", "MapLandmarkSpec", "MapSpec", "PlaceSpec"]
 
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
 Coordinate = Annotated[float, Field(ge=-1e6, le=1e6)]
@@ -43,7 +43,7 @@ class EdgeSpec(StrictModel):
     uncertainty: Annotated[Share, Field(description="0 to 1: is it open at all?")] = 0.0
 
 
-class LandmarkSpec(StrictModel):
+class MapLandmarkSpec(StrictModel):
     """A landmark as the file has it: a flat upright square."""
 
     kind: Annotated[LandmarkKind, Field(description="how it is recognised")] = "aruco"
@@ -63,6 +63,6 @@ class MapSpec(StrictModel):
     name: Annotated[str, Field(min_length=1, description="of the map")]
     places: Annotated[dict[str, PlaceSpec], Field(description="by name")]
     edges: list[EdgeSpec] = Field(default_factory=list, description="passages between places")
-    landmarks: dict[str, LandmarkSpec] = Field(
+    landmarks: dict[str, MapLandmarkSpec] = Field(
         default_factory=dict, description="what a camera can recognise, by name"
     )

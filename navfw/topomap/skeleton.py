@@ -6,7 +6,7 @@ import networkx as nx
 import numpy as np
 
 from navfw.signals import Mask
-from navfw.topomap.clearance_grid import Ground, thinned
+from navfw.topomap.clearance_grid import ClearanceGrid, thinned
 
 __all__ = ["skeleton_graph"]
 
@@ -19,7 +19,7 @@ _EDGES = ((-1, 0), (0, 1), (1, 0), (0, -1))
 _CORNERS = ((-1, -1), (-1, 1), (1, 1), (1, -1))
 
 
-def skeleton_graph(ground: Ground, clearance: float) -> nx.MultiGraph:
+def skeleton_graph(ground: ClearanceGrid, clearance: float) -> nx.MultiGraph:
     """Where a robot that keeps ``clearance`` [m] can go, as lines midway between the solids.
 
     Nodes have ``at`` (x, y) [m]; edges have ``line`` (n, 2) [m], from the node with the smaller
@@ -31,7 +31,7 @@ def skeleton_graph(ground: Ground, clearance: float) -> nx.MultiGraph:
     return graph
 
 
-def _traced(ground: Ground, skeleton: Mask) -> nx.MultiGraph:
+def _traced(ground: ClearanceGrid, skeleton: Mask) -> nx.MultiGraph:
     """The skeleton's cells as knots, where ways meet or end, and lines of cells between them."""
     cells = _neighbours(skeleton)
     knots = [cell for cell, near in cells.items() if len(near) != 2]
@@ -87,7 +87,7 @@ def _walk(
     return way
 
 
-def _pruned(graph: nx.MultiGraph, ground: Ground) -> bool:
+def _pruned(graph: nx.MultiGraph, ground: ClearanceGrid) -> bool:
     """Take off the twigs that end in corners; whether there were any."""
     twigs = []
     for node in graph:

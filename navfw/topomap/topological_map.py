@@ -17,13 +17,13 @@ import numpy as np
 from navfw.errors import MapError, UnknownNameError
 from navfw.signals import Array
 from navfw.topomap.elements import Landmark, Passage, Place
-from navfw.topomap.validation import contradictions
+from navfw.topomap.validation import map_violations
 
-__all__ = ["Footing", "TopoMap"]
+__all__ = ["PassageProjection", "TopoMap"]
 
 
 @dataclass(frozen=True, slots=True)
-class Footing:
+class PassageProjection:
     """Where a point stands beside a passage.
 
     ``along`` [m] is the foot's distance from place ``a`` on the straight line to ``b`` (whose
@@ -67,7 +67,7 @@ class TopoMap:
         landmarks: Iterable[Landmark] = (),
     ) -> None:
         listed, passages, landmarks = list(places), tuple(passages), tuple(landmarks)
-        found = contradictions(listed, passages, landmarks)
+        found = map_violations(listed, passages, landmarks)
         if found:
             raise MapError("; ".join(map(str, found)), file=file, key=name)
         self.name = name
@@ -157,14 +157,14 @@ class TopoMap:
         """The place at the smallest straight distance, walls or not."""
         return list(self.places.values())[int(np.argmin(self.place_distances(x, y)))]
 
-    def nearest_passage(self, x: float, y: float) -> Footing | None:
+    def nearest_passage(self, x: float, y: float) -> PassageProjection | None:
         """The passage nearest to the point, or None in a map without passages."""
-        found = self.footings(x, y, slack=0.0)
+        found = self.project_onto_passages(x, y, slack=0.0)
         return found[0] if found else None
 
-    def footings(
+    def project_onto_passages(
         self, x: float, y: float, slack: float, among: Sequence[Passage] | None = None
-    ) -> list[Footing]:
+    ) -> list[PassageProjection]:
         """The nearest passage and those at most ``slack`` [m] farther, nearest first.
 
         ``among`` restricts the choice to some of the map's passages.
@@ -179,7 +179,9 @@ class TopoMap:
         near = candidates[aside[candidates] <= reach]
         near = near[np.argsort(aside[near], kind="stable")]
         return [
-            Footing(self.passages[i], float(along[i]), float(self._spans[i]), float(aside[i]))
+            PassageProjection(
+                self.passages[i], float(along[i]), float(self._spans[i]), float(aside[i])
+            )
             for i in near
         ]
 

@@ -145,9 +145,9 @@ def test_markers_that_do_not_stand_upright_are_none_of_ours() -> None:
 
 def test_posters_are_found_and_not_mistaken(hall: Simulation) -> None:
     recognizer, rng = Posters(ROBOT), np.random.default_rng(4)
-    recognizer.study(of_posters(*range(8)))
+    recognizer.set_map(of_posters(*range(8)))
     others = Posters(ROBOT)
-    others.study(of_posters(*range(20, 28)))
+    others.set_map(of_posters(*range(20, 28)))
     found = 0
     views = [(d, a) for d in (1.2, 2.0, 2.5) for a in (0.0, 0.4)] * 2
     for distance, angle in views:
@@ -165,7 +165,7 @@ def test_posters_are_found_and_not_mistaken(hall: Simulation) -> None:
 
 def test_both_kinds_in_one_and_unknown_ids_are_passed_on(hall: Simulation) -> None:
     both = Landmarks(ROBOT)
-    both.study(of_posters(3))  # marker 7 is in no map
+    both.set_map(of_posters(3))  # marker 7 is in no map
     image, _, _ = view_of(hall, MARKER, 2.0, 0.0, 0.0)
     assert [seen.identity for seen in both.recognize(Frame(0.0, image))] == ["aruco-7"]
     image, _, _ = view_of(hall, POSTER, 1.5, 0.0, 0.0)
@@ -196,7 +196,7 @@ def test_a_poster_that_is_no_picture_is_refused_by_name(
 
 def test_frames_without_anything_have_no_landmarks() -> None:
     both = Landmarks(ROBOT)
-    both.study(of_posters(1, 2))
+    both.set_map(of_posters(1, 2))
     for grey in (0, 128, 255):
         assert both.recognize(Frame(0.0, np.full((96, 480), grey, np.uint8))) == ()
 

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from navfw.localization.bayes import Bayes
 from navfw.localization.discrete_filter import DiscreteFilter, DiscreteParams
 from navfw.localization.landmark_existence import LandmarkExistence
-from navfw.localization.landmark_observations import Looks
-from navfw.localization.lattice import MOST_STATES, Lattice
+from navfw.localization.landmark_observations import LandmarkObserver
+from navfw.localization.lattice import MAX_STATES, Lattice
 from navfw.robot import RobotModel
 from navfw.signals import LandmarkDetection, Odometry, Pose, Twist, wrap_angle
 from navfw.topomap import Landmark, Passage, Place, TopoMap, load_map
@@ -47,7 +47,7 @@ def detection(mark: Landmark, at: Pose, time: float) -> LandmarkDetection:
 
 def begun(pose: Pose | None, at: Pose = Pose(0.0, 0.0, 0.0)) -> DiscreteFilter:  # noqa: B008
     found = DiscreteFilter(MAP, DiscreteParams(), 0.85, LandmarkExistence(0.85))
-    found.begin(pose, odometry(at))
+    found.initialize(pose, odometry(at))
     return found
 
 
@@ -71,7 +71,7 @@ def test_a_large_map_gets_larger_cells() -> None:
     far = TopoMap("far", [Place("a", 0.0, 0.0), Place("b", 400.0, 400.0)], [])
     lattice = Lattice(far, 0.25, 24)
     assert lattice.cell > 0.25
-    assert lattice.keep.size * 24 < 1.2 * MOST_STATES
+    assert lattice.keep.size * 24 < 1.2 * MAX_STATES
 
 
 @settings(max_examples=20, deadline=None)
@@ -91,7 +91,7 @@ def test_a_known_pose_moves_as_odometry_does(
     for step in steps:
         at = at.compose(Pose(step, 0.0, 0.0))
         driven += step
-        found.advance(odometry(at), None)
+        found.predict(odometry(at))
         assert found.belief.sum() == pytest.approx(1.0, rel=1e-3)
         assert found.belief.min() >= 0.0
     cluster = found.cluster
@@ -104,21 +104,21 @@ def test_turning_costs_no_certainty() -> None:
     found = begun(Pose(3.0, 0.0, 0.5))
     before = found.cluster
     for yaw in np.linspace(0.0, 6.0, 60):
-        found.advance(odometry(Pose(0.0, 0.0, wrap_angle(float(yaw)))), None)
+        found.predict(odometry(Pose(0.0, 0.0, wrap_angle(float(yaw)))))
     assert found.cluster.mass == pytest.approx(before.mass)
     assert found.cluster.pose.yaw == pytest.approx(wrap_angle(before.pose.yaw + 6.0))
 
 
 def test_two_landmarks_tell_where_it_is_and_one_does_not() -> None:
     truth, at = Pose(6.0, 0.0, 0.3), Pose(1.0, 1.0, -2.0)
-    found, looks = begun(None, at), Looks(MAP, 0.03)
+    found, observer = begun(None, at), LandmarkObserver(MAP, 0.03)
     assert found.cluster.mass < 0.1
-    found.see(looks.hear(odometry(at, 1.0), [detection(MARKS[1], truth, 1.0)]))
-    assert found.evidence(found.cluster.pose) < 0.9
-    found.see(looks.hear(odometry(at, 2.0), [detection(MARKS[2], truth, 2.0)]))
+    found.observe(observer.observe(odometry(at, 1.0), [detection(MARKS[1], truth, 1.0)]))
+    assert found.support_probability(found.cluster.pose) < 0.9
+    found.observe(observer.observe(odometry(at, 2.0), [detection(MARKS[2], truth, 2.0)]))
     cluster = found.cluster
     assert cluster.mass > 0.9
-    assert found.evidence(cluster.pose) > 0.9
+    assert found.support_probability(cluster.pose) > 0.9
     assert math.hypot(cluster.pose.x - truth.x, cluster.pose.y - truth.y) < 0.3
     assert abs(wrap_angle(cluster.pose.yaw - truth.yaw)) < 0.2
     assert found.mass_near(truth, 1.0) > 0.9
@@ -129,17 +129,19 @@ def test_two_landmarks_tell_where_it_is_and_one_does_not() -> None:
 def test_landmarks_support_a_pose_only_where_they_agree() -> None:
     """The second landmark has been moved by 0.7 m: half and half would suit both."""
     truth, at = Pose(6.0, 0.0, 0.0), Pose(0.0, 0.0, 0.0)
-    found, looks = begun(truth, at), Looks(MAP, 0.03)
+    found, observer = begun(truth, at), LandmarkObserver(MAP, 0.03)
     moved = Landmark("b", "aruco", 2, 9.7, -1.0, math.pi / 2)
     seen = [detection(MARKS[2], truth, 1.0), detection(moved, truth, 1.0)]
-    found.see(looks.hear(odometry(at, 1.0), seen))
+    found.observe(observer.observe(odometry(at, 1.0), seen))
     assert len(found.supporting(truth)) == 1
 
 
 def test_a_landmark_is_not_seen_from_behind() -> None:
-    found, looks = begun(None), Looks(MAP, 0.03)
+    found, observer = begun(None), LandmarkObserver(MAP, 0.03)
     truth = Pose(3.0, -0.5, math.pi / 2)
-    found.see(looks.hear(odometry(Pose(0.0, 0.0, 0.0), 1.0), [detection(MARKS[0], truth, 1.0)]))
+    found.observe(
+        observer.observe(odometry(Pose(0.0, 0.0, 0.0), 1.0), [detection(MARKS[0], truth, 1.0)])
+    )
     behind = np.abs(found.lattice.x - 3.0) < 1.5, found.lattice.y > MARKS[0].y + 0.3
     before = found.lattice.uniform().sum(axis=0)[np.ix_(behind[1], behind[0])].sum()
     after = found.belief.sum(axis=0)[np.ix_(behind[1], behind[0])].sum()
@@ -149,7 +151,7 @@ def test_a_landmark_is_not_seen_from_behind() -> None:
 
 def test_where_the_map_has_no_place_for_the_way_driven_it_begins_again() -> None:
     found = begun(Pose(0.0, 0.0, 0.0))
-    found.advance(odometry(Pose(500.0, 0.0, 0.0)), None)
+    found.predict(odometry(Pose(500.0, 0.0, 0.0)))
     assert found.belief.sum() == pytest.approx(1.0, rel=1e-3)
     assert found.cluster.mass < 0.1
 

@@ -74,7 +74,7 @@ def test_a_landmark_in_six_that_stands_elsewhere_leads_it_nowhere(seed: int) -> 
     report, ekf = round_trip(seed, rounds=2, wrong=0.16)
     assert np.percentile(report.error, 95) < 0.35
     assert report.error.max() < 0.6
-    assert len(ekf.trust.doubted) <= 1
+    assert len(ekf.existence.likely_displaced) <= 1
 
 
 @pytest.mark.slow
@@ -155,7 +155,7 @@ def test_three_landmarks_in_a_row_that_do_not_fit_speak_against_the_pose() -> No
         belief = ekf.update(still(0.5 * frame), None, [seen])
     assert belief.pose.x == pytest.approx(truth.x, abs=0.15)
     assert belief.pose.y == pytest.approx(truth.y, abs=0.15)
-    assert ekf.trust.doubted == ()
+    assert ekf.existence.likely_displaced == ()
 
 
 def test_an_unknown_start_is_refused_with_a_remedy() -> None:

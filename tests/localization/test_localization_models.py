@@ -8,7 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navfw.localization.landmark_existence import LandmarkExistence
-from navfw.localization.landmark_model import ELSEWHERE, GATE, associate, expected, joseph
+from navfw.localization.landmark_model import (
+    ELSEWHERE_DENSITY,
+    GATE,
+    associate,
+    expected_measurement,
+    joseph,
+)
 from navfw.localization.motion_model import (
     MotionParams,
     motion_noise,
@@ -57,10 +63,10 @@ def test_the_motion_jacobian_is_the_derivative(
 def test_the_landmark_jacobian_is_the_derivative(state: Array, x: float, y: float) -> None:
     if math.hypot(x - state[0], y - state[1]) < 0.3:
         return
-    seen, jacobian = expected(state, x, y)
+    seen, jacobian = expected_measurement(state, x, y)
 
     def difference(at: Array) -> Array:
-        again = expected(at, x, y)[0]
+        again = expected_measurement(at, x, y)[0]
         return np.array((wrap_angle(float(again[0] - seen[0])), again[1] - seen[1]))
 
     assert np.allclose(jacobian, numeric(difference, state), atol=1e-5)
@@ -70,7 +76,7 @@ def test_the_landmark_jacobian_is_the_derivative(state: Array, x: float, y: floa
 def test_the_joseph_form_stays_positive_for_any_gain(
     factor: list[float], gain: list[float]
 ) -> None:
-    _, jacobian = expected(np.zeros(4), 2.0, 1.0)
+    _, jacobian = expected_measurement(np.zeros(4), 2.0, 1.0)
     noise = np.diag((1e-4, 1e-2))
     updated = joseph(covariance_of(factor), np.array(gain).reshape(4, 2), jacobian, noise)
     assert np.array_equal(updated, updated.T)
@@ -79,37 +85,37 @@ def test_the_joseph_form_stays_positive_for_any_gain(
 
 @given(states, factors, st.floats(-0.3, 0.3), st.floats(-0.5, 0.5), st.floats(0.05, 0.99))
 def test_an_update_keeps_the_covariance_positive_and_moves_no_farther_than_the_ekf(
-    state: Array, factor: list[float], bearing: float, distance: float, trust: float
+    state: Array, factor: list[float], bearing: float, distance: float, existence: float
 ) -> None:
     covariance = 0.05 * covariance_of(factor)
     at = (float(state[0]) + 2.0, float(state[1]) - 1.5)
-    seen = expected(state, *at)[0] + np.array((bearing, distance))
+    seen = expected_measurement(state, *at)[0] + np.array((bearing, distance))
     noise = np.diag((4e-4, 1e-2))
-    doubted = associate(state, covariance, seen, noise, at, trust)
-    believed = associate(state, covariance, seen, noise, at, 1.0 - 1e-12)
-    assert np.linalg.eigvalsh(doubted.covariance).min() > 0.0
-    assert 0.0 <= doubted.share <= believed.share + 1e-12
-    assert np.linalg.norm((doubted.state - state)[:2]) <= (
-        np.linalg.norm((believed.state - state)[:2]) + 1e-9
+    updated = associate(state, covariance, seen, noise, at, existence)
+    certain = associate(state, covariance, seen, noise, at, 1.0 - 1e-12)
+    assert np.linalg.eigvalsh(updated.covariance).min() > 0.0
+    assert 0.0 <= updated.probability <= certain.probability + 1e-12
+    assert np.linalg.norm((updated.state - state)[:2]) <= (
+        np.linalg.norm((certain.state - state)[:2]) + 1e-9
     )
 
 
 def test_what_lies_outside_the_gate_changes_nothing() -> None:
     state, covariance = np.zeros(4), np.diag((0.01, 0.01, 1e-3, 1e-6))
-    seen = expected(state, 3.0, 0.0)[0] + np.array((0.0, 1.5))
+    seen = expected_measurement(state, 3.0, 0.0)[0] + np.array((0.0, 1.5))
     found = associate(state, covariance, seen, np.diag((1e-4, 1e-2)), (3.0, 0.0), 0.9)
     assert found.distance > GATE
-    assert found.share == 0.0
+    assert found.probability == 0.0
     assert np.array_equal(found.state, state)
     assert np.array_equal(found.covariance, covariance)
 
 
 def test_the_likelihood_is_that_of_the_gaussian_against_elsewhere() -> None:
     state, covariance, noise = np.zeros(4), np.zeros((4, 4)), np.diag((0.02**2, 0.1**2))
-    seen = expected(state, 3.0, 0.0)[0]
+    seen = expected_measurement(state, 3.0, 0.0)[0]
     found = associate(state, covariance, seen, noise, (3.0, 0.0), 0.9)
     peak = 1.0 / (2.0 * math.pi * 0.02 * 0.1)
-    assert found.likelihood == pytest.approx(peak / ELSEWHERE)
+    assert found.likelihood_ratio == pytest.approx(peak / ELSEWHERE_DENSITY)
 
 
 @given(angles, moves, st.floats(0.01, 0.5))
@@ -117,13 +123,13 @@ def test_process_noise_is_positive_and_turns_with_the_robot(
     yaw: float, moved: Pose, dt: float
 ) -> None:
     sigma = motion_noise(MotionParams(), RobotModel())
-    noise = process_noise(yaw, moved, dt, sigma, guess=False)
+    noise = process_noise(yaw, moved, dt, sigma, commanded=False)
     assert np.linalg.eigvalsh(noise).min() >= -1e-15
-    ahead = process_noise(0.0, moved, dt, sigma, guess=False)
+    ahead = process_noise(0.0, moved, dt, sigma, commanded=False)
     c, s = math.cos(yaw), math.sin(yaw)
     turn = np.array([[c, -s], [s, c]])
     assert np.allclose(noise[:2, :2], turn @ ahead[:2, :2] @ turn.T)
-    told = process_noise(yaw, moved, dt, sigma, guess=True)
+    told = process_noise(yaw, moved, dt, sigma, commanded=True)
     assert np.trace(told) >= np.trace(noise)
 
 
@@ -131,14 +137,14 @@ def test_process_noise_is_positive_and_turns_with_the_robot(
 def test_trust_is_a_probability_that_three_looks_against_it_break(
     likelihoods: list[float], prior: float
 ) -> None:
-    trust = LandmarkExistence(prior)
-    assert trust.of("aruco-1") == pytest.approx(prior)
+    existence = LandmarkExistence(prior)
+    assert existence.probability("aruco-1") == pytest.approx(prior)
     for likelihood in likelihoods:
-        trust.hear("aruco-1", likelihood)
-        assert 0.0 < trust.of("aruco-1") < 1.0
+        existence.update("aruco-1", likelihood)
+        assert 0.0 < existence.probability("aruco-1") < 1.0
     for _ in range(3):
-        trust.hear("aruco-2", 0.0)
-    assert trust.of("aruco-2") < 0.5
-    assert "aruco-2" in trust.doubted
-    trust.pardon(lambda identity: identity == "aruco-2")
-    assert trust.of("aruco-2") == pytest.approx(prior)
+        existence.update("aruco-2", 0.0)
+    assert existence.probability("aruco-2") < 0.5
+    assert "aruco-2" in existence.likely_displaced
+    existence.reset(lambda identity: identity == "aruco-2")
+    assert existence.probability("aruco-2") == pytest.approx(prior)

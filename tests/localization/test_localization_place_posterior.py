@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from navfw.errors import InputError
-from navfw.localization.place_posterior import PlacesNearby, known_start, likeliest_places
+from navfw.localization.place_posterior import PlacePosterior, known_start, likeliest_places
 from navfw.signals import Pose
 from navfw.topomap import Place, TopoMap
 
@@ -18,7 +18,7 @@ SURE = np.diag([0.01, 0.01, 0.01])
 
 @pytest.mark.parametrize("heading", [0.0, math.pi / 4.0, math.pi / 2.0])
 def test_places_are_weighed_again_after_so_much_way_whatever_its_direction(heading: float) -> None:
-    nearby = PlacesNearby(MAP, refresh=0.1)
+    nearby = PlacePosterior(MAP, refresh=0.1)
     first = nearby.at(Pose(1.0, 0.0, 0.0), SURE)
     assert first == likeliest_places(MAP, Pose(1.0, 0.0, 0.0), SURE)
     c, s = math.cos(heading), math.sin(heading)

@@ -20,8 +20,8 @@ from navfw.localization.situation_model import (
     SituationTable,
     learn_table,
     load_table,
+    situation_shares,
     situation_table,
-    weights_of,
 )
 from navfw.localization.topological import Topological
 from navfw.offis.elementary_situations import ELEMENTARY
@@ -66,14 +66,14 @@ def test_the_shipped_table_has_all_kinds_and_tells_them_apart() -> None:
     corridor = SITUATIONS.index("corridor")
     shares = {kind: row[corridor] for kind, row in table.seen_at.items()}
     assert shares["corridor"] > 2.0 * max(shares["room"], shares["door"])
-    assert all(count > 50 for kind, count in table.looks.items() if kind != "danger")
+    assert all(count > 50 for kind, count in table.observations.items() if kind != "danger")
 
 
 @given(degrees)
 def test_situations_never_veto(situations: dict[str, float]) -> None:
     likelihoods = shipped().likelihoods(MAP, situations)
     if likelihoods is None:
-        assert weights_of(situations)[1] == 0.0
+        assert situation_shares(situations)[1] == 0.0
     else:
         assert likelihoods.min() >= FLOOR
         assert likelihoods.max() == pytest.approx(1.0)
@@ -93,8 +93,8 @@ def test_a_corridor_speaks_for_corridors_and_the_unknown_for_nothing() -> None:
 def test_what_is_learnt_is_a_distribution_that_takes_left_for_right(
     seen: list[tuple[str, dict[str, float]]],
 ) -> None:
-    if not any(weights_of(situations)[1] for _, situations in seen):
-        with pytest.raises(ValueError, match="nothing"):
+    if not any(situation_shares(situations)[1] for _, situations in seen):
+        with pytest.raises(ValueError, match="reported no situation"):
             learn_table(seen)
         return
     table = learn_table(seen)
@@ -190,15 +190,16 @@ def test_who_hears_offis_knows_better_where_he_is() -> None:
     rng = np.random.default_rng(1)
     table = learn_table([(kind, drawn(kind, rng)) for kind in USUAL for _ in range(200)])
     found = []
-    for heard in (table, None):
+    for used in (table, None):
         rng = np.random.default_rng(2)
-        belief = DiscreteFilter(MAP, DiscreteParams(), 0.85, LandmarkExistence(0.85), heard)
+        belief = DiscreteFilter(MAP, DiscreteParams(), 0.85, LandmarkExistence(0.85), used)
         right = []
-        belief.begin(None, odometry(0.0))
+        belief.initialize(None, odometry(0.0))
         for step in range(1, 90):
             x = 0.1 * step
             true = round(x / 4.0)
-            belief.advance(odometry(x), drawn(PLACES[true].kind, rng))
+            belief.predict(odometry(x))
+            belief.observe_situations(drawn(PLACES[true].kind, rng))
             right.append(float(belief.place_probabilities[true]))
         assert belief.place_probabilities.sum() == pytest.approx(1.0, rel=1e-3)
         found.append(np.mean(right))

@@ -89,6 +89,6 @@ def test_with_all_ways_barred_the_robot_says_so(
 ) -> None:
     result = drive(tmp_path, monkeypatch, 1.5, 4.5)
     assert result.outcome is Outcome.STUCK, result.reason
-    assert result.reason.startswith("the only way to east is shut: ")
+    assert result.reason.startswith("the only route to east is closed: ")
     assert "door" in result.reason
     assert result.run.sim_time < 120.0

@@ -39,7 +39,7 @@ def simulation(hospital: TopoMap) -> Iterator[Simulation]:
 def seen_around(simulation: Simulation, hospital: TopoMap, place: Place) -> set[str]:
     """The markers of the map that are recognised in a full turn at ``place``."""
     recognizer = Aruco(RobotModel())
-    recognizer.study(hospital)
+    recognizer.set_map(hospital)
     found: set[str] = set()
     for view in range(VIEWS):
         yaw = view * 2.0 * math.pi / VIEWS

@@ -41,7 +41,7 @@ def test_a_drive_has_a_moment_for_each_frame_and_a_look_for_each_quarter_metre(
     assert len(drive.moments) == pytest.approx(120, abs=3)
     path = np.array([(m.true.x, m.true.y) for m in drive.moments])
     driven = float(np.hypot(*np.diff(path, axis=0).T).sum())
-    looks = list(drive.looks())
+    looks = list(drive.observations())
     assert 2.0 < len(looks) <= driven / 0.25 + 1.0
     assert {kind for kind, _ in looks} <= {"room", "door", "junction"}
     names = list(drive.topo_map.places)
@@ -52,7 +52,7 @@ def test_a_drive_has_a_moment_for_each_frame_and_a_look_for_each_quarter_metre(
 
 
 def test_odometry_from_a_known_start_knows_its_place(drive: SituationDrive) -> None:
-    table = learn_table(drive.looks())
+    table = learn_table(drive.observations())
     right, probability = place_accuracy(drive, table, known=True)
     assert right > 0.8
     assert probability > 0.5
@@ -93,5 +93,5 @@ def test_where_nothing_is_heard_nothing_is_learnt(tmp_path: Path) -> None:
     suite = tmp_path / "still.yaml"
     suite.write_text("entries: [{world: empty, missions: [straight], set: {mission.timeout: 0.5}}]")
     plan = plan_runs(load_suite(suite), range(1), default_registry())
-    with pytest.raises(InputError, match="OFFIS has said nothing on 1 drives"):
+    with pytest.raises(InputError, match="OFFIS reported no situation on 1 drives"):
         learn_situations(plan, default_registry(), lambda _: None)

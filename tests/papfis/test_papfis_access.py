@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from papfis_maps import joined, line, office, random_maps
 
-from navfw.papfis import Router, Spot
+from navfw.papfis import Endpoint, Router
 from navfw.robot import RobotModel
 from navfw.topomap import Passage, Place, TopoMap
 
@@ -17,14 +17,14 @@ coordinates = st.floats(-12.0, 12.0)
 
 
 def leads_to(router: Router, x: float, y: float, place: str | None = None) -> set[str]:
-    return set(router.access(Spot(x, y, place)).costs)
+    return set(router.access(Endpoint(x, y, place)).costs)
 
 
 @given(random_maps(), coordinates, coordinates)
 def test_getting_to_a_place_never_costs_less_than_the_straight_way(
     topo_map: TopoMap, x: float, y: float
 ) -> None:
-    access = Router(topo_map, ROBOT).access(Spot(x, y))
+    access = Router(topo_map, ROBOT).access(Endpoint(x, y))
     assert access.costs
     for place, cost in access.costs.items():
         assert cost >= topo_map.place(place).distance(x, y) - 1e-9
@@ -67,7 +67,7 @@ def test_a_known_place_restricts_the_choice() -> None:
 
 def test_a_place_without_passages_is_headed_for_straight() -> None:
     router = Router(TopoMap("m", [Place("only", 1, 1)], []), ROBOT)
-    access = router.access(Spot(4, 5))
+    access = router.access(Endpoint(4, 5))
     assert list(access.costs) == ["only"]
     assert access.distance == pytest.approx(5.0)
 
@@ -82,13 +82,13 @@ def test_in_a_shut_passage_only_the_nearer_end_is_ahead() -> None:
 def test_a_named_part_hides_the_others() -> None:
     a, b, c, d = (Place(n, x, 0) for n, x in zip("abcd", (0, 2, 2.2, 4.2), strict=True))
     router = Router(TopoMap("m", [a, b, c, d], [joined(a, b), joined(c, d)]), ROBOT)
-    near = Spot(2.2, 0.1)
+    near = Endpoint(2.2, 0.1)
     assert set(router.access(near).costs) == {"c", "d"}
     assert set(router.access(near, frozenset("ab")).costs) == {"a", "b"}
 
 
 def test_an_infinite_width_hides_nothing() -> None:
     a, b = Place("a", 0, 0), Place("b", 4, 0)
-    access = Router(TopoMap("m", [a, b], [Passage("a", "b", 4.0)]), ROBOT).access(Spot(1, 3))
+    access = Router(TopoMap("m", [a, b], [Passage("a", "b", 4.0)]), ROBOT).access(Endpoint(1, 3))
     assert set(access.costs) == {"a", "b"}
     assert access.passage_to("a").width == math.inf

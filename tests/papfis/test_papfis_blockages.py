@@ -100,12 +100,12 @@ def test_a_passage_seen_barred_three_times_is_gone_round() -> None:
     assert drive.see("closed", ("near", "far")).place == "north"
     assert drive.ahead == ["north", "far", "end"]
     assert [str(passage) for passage in drive.papfis.closed] == ["near - far"]
-    assert (drive.papfis.shut, drive.papfis.replans) == (None, 1)
+    assert (drive.papfis.no_route_reason, drive.papfis.replans) == (None, 1)
     assert drive.papfis.explain()["closed"] == [["near", "far"]]
 
 
 def test_looks_in_short_succession_count_once() -> None:
-    drive = on_the_way(ring(), look_interval=10.0)
+    drive = on_the_way(ring(), vote_interval=10.0)
     drive.see("closed", ("near", "far"), 20)  # of which two are ten seconds apart
     assert not drive.papfis.closed
     drive.see("closed", ("near", "far"))
@@ -138,9 +138,9 @@ def test_a_closed_passage_is_tried_again_later_but_not_liked() -> None:
 def test_without_another_way_the_old_plan_holds_and_the_passage_is_named() -> None:
     drive = on_the_way(ring(detour=False))
     assert drive.see("closed", ("near", "far"), 3).place == "far"
-    assert drive.papfis.shut == "the only way to end is shut: near - far"
+    assert drive.papfis.no_route_reason == "the only route to end is closed: near - far"
     drive.see("open", ("near", "far"), 3)
-    assert drive.papfis.shut is None
+    assert drive.papfis.no_route_reason is None
     assert not drive.papfis.closed
 
 
@@ -157,9 +157,9 @@ def test_the_free_way_back_does_not_reopen_a_passage() -> None:
 def test_a_shut_way_is_open_again_when_the_time_is_over() -> None:
     drive = on_the_way(ring(detour=False), closed_for=30.0)
     drive.see("closed", ("near", "far"), 3)
-    assert drive.papfis.shut
+    assert drive.papfis.no_route_reason
     assert drive.wait(31.0).place == "far"
-    assert drive.papfis.shut is None
+    assert drive.papfis.no_route_reason is None
 
 
 def test_who_stands_in_a_barred_passage_leaves_it_the_way_he_came() -> None:
@@ -184,7 +184,7 @@ def test_a_drop_on_the_only_way_shuts_nothing() -> None:
     drive = on_the_way(ring(detour=False))
     drive.see("open", ("near", "far"), drops=((4.5, 0.0),))
     assert drive.ahead == ["far", "end"]
-    assert drive.papfis.shut is None
+    assert drive.papfis.no_route_reason is None
 
 
 def test_a_known_danger_is_taken_when_the_safe_way_is_barred() -> None:
@@ -214,7 +214,7 @@ def test_later_goals_are_planned_with_what_is_closed() -> None:
     router = papfis._router
     router.close(router.topo_map.passage("near", "far"))
     assert drive.go(2.9, 0).place == "far"  # the plan of before holds
-    assert papfis.shut == "the only way to end is shut: near - far"
+    assert papfis.no_route_reason == "the only route to end is closed: near - far"
 
 
 @pytest.mark.parametrize("start", [(0.0, 0.0), (2.9, 0.0)])

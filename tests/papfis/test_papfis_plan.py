@@ -4,13 +4,13 @@ import pytest
 from papfis_maps import joined, office
 
 from navfw.errors import MapError, UnknownNameError
-from navfw.papfis import Spot, make_plan
-from navfw.papfis.route_plan import passage_named, spot_named
+from navfw.papfis import Endpoint, plan_route
+from navfw.papfis.route_plan import parse_endpoint, parse_passage
 from navfw.topomap import Place, TopoMap
 
 
 def test_a_plan_explains_each_passage_and_adds_up() -> None:
-    told = make_plan(office(), "lobby", "lab").explain()
+    told = plan_route(office(), "lobby", "lab").explain()
     assert (told["places"][0], told["places"][-1]) == ("lobby", "lab")
     assert [p["to"] in told["places"] for p in told["passages"]] == [True] * len(told["passages"])
     assert all(passage["rules"] for passage in told["passages"])
@@ -20,17 +20,17 @@ def test_a_plan_explains_each_passage_and_adds_up() -> None:
 
 
 def test_what_is_to_be_avoided_is_gone_round() -> None:
-    short = make_plan(office(), "lobby", "meeting")
+    short = plan_route(office(), "lobby", "meeting")
     assert "side-door" in short.route.places
-    other = make_plan(office(), "lobby", "meeting", avoid=["side-door:lobby-side"])
+    other = plan_route(office(), "lobby", "meeting", avoid=["side-door:lobby-side"])
     assert "side-door" not in other.route.places
     assert other.route.cost > short.route.cost
     assert other.explain()["closed"] == [["lobby-side", "side-door"]]
 
 
 def test_with_all_ways_avoided_there_is_none_and_they_are_named() -> None:
-    with pytest.raises(MapError, match=r"without what is closed: .*lab-entrance - lab\b"):
-        make_plan(
+    with pytest.raises(MapError, match=r"without closed passages: .*lab-entrance - lab\b"):
+        plan_route(
             office(), "lobby", "lab", avoid=["lab-entrance:lab", "lab:lab-west", "lab:lab-north"]
         )
 
@@ -41,29 +41,29 @@ def test_stairs_are_avoided_unless_there_is_no_other_way() -> None:
     near = [joined(a, stairs, danger=1.0), joined(stairs, b, danger=1.0)]
     far = [joined(a, round_), joined(round_, b)]
     both = TopoMap("both", [a, b, stairs, round_], near + far)
-    assert make_plan(both, "a", "b").route.places == ("a", "round", "b")
+    assert plan_route(both, "a", "b").route.places == ("a", "round", "b")
     only = TopoMap("only", [a, b, stairs], near)
-    plan = make_plan(only, "a", "b")
+    plan = plan_route(only, "a", "b")
     assert plan.route.places == ("a", "stairs", "b")
     assert all(passage["avoided"] for passage in plan.explain()["passages"])
 
 
 def test_points_are_places_to_start_from() -> None:
-    assert spot_named(office(), " 1.5, -2e0") == Spot(1.5, -2.0)
-    assert spot_named(office(), "lab").place == "lab"
+    assert parse_endpoint(office(), " 1.5, -2e0") == Endpoint(1.5, -2.0)
+    assert parse_endpoint(office(), "lab").place == "lab"
     with pytest.raises(UnknownNameError, match="did you mean 'lab'"):
-        spot_named(office(), "lba")
+        parse_endpoint(office(), "lba")
 
 
 def test_passages_are_named_by_their_ends() -> None:
-    lab = passage_named(office(), "lab:lab-entrance")
-    assert lab == passage_named(office(), "lab-entrance:lab")
+    lab = parse_passage(office(), "lab:lab-entrance")
+    assert lab == parse_passage(office(), "lab-entrance:lab")
     with pytest.raises(MapError, match="PLACE:PLACE"):
-        passage_named(office(), "lab")
+        parse_passage(office(), "lab")
     with pytest.raises(UnknownNameError, match="did you mean 'lab-entrance'"):
-        passage_named(office(), "lab:lab-entranc")
+        parse_passage(office(), "lab:lab-entranc")
     with pytest.raises(MapError, match="no passage between 'lab' and 'lobby'"):
-        passage_named(office(), "lab:lobby")
+        parse_passage(office(), "lab:lobby")
     colons = TopoMap("m", [Place("a:1", 0, 0), Place("b", 1, 0)], [])
     with pytest.raises(MapError, match="no passage between 'a:1' and 'b'"):
-        passage_named(colons, "a:1:b")
+        parse_passage(colons, "a:1:b")

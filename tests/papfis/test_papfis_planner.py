@@ -10,7 +10,7 @@ from papfis_maps import belief, goal, joined, line, office
 
 from navfw.errors import MapError
 from navfw.papfis import Papfis
-from navfw.papfis.waypoints import Passing, distance_to_leg, has_passed
+from navfw.papfis.waypoints import PassingTolerances, distance_to_leg, has_passed
 from navfw.robot import RobotModel
 from navfw.signals import Waypoint
 from navfw.sim.floorplan import FloorPlan
@@ -98,7 +98,7 @@ def test_a_goal_without_a_place_is_reached_through_its_room() -> None:
     assert [w.place for w in heads][-3:] == ["office-b-door", "office-b-entrance", "goal"]
 
 
-def test_straying_far_from_the_leg_makes_a_new_plan() -> None:
+def test_far_from_the_leg_it_replans() -> None:
     papfis = planner(office(), LAB)
     papfis.update(belief(1.2, 1.2))
     assert papfis.update(belief(1.2, 2.6)).place == "lobby"  # 1.4 m off: not yet
@@ -110,7 +110,7 @@ def test_straying_far_from_the_leg_makes_a_new_plan() -> None:
     assert papfis.replans == 1
 
 
-def test_astray_where_no_way_leads_out_the_old_plan_holds() -> None:
+def test_off_the_path_without_a_route_the_old_one_is_kept() -> None:
     a, b, c = Place("a", 0, 0), Place("b", 4, 0), Place("c", 4, 9)
     topo_map = TopoMap("m", [a, b, c], [joined(a, b), joined(b, c, width=0.3)])
     papfis = planner(topo_map, goal(0, 0, "a"))
@@ -124,7 +124,9 @@ def test_a_later_waypoint_reached_first_passes_those_before_it_but_no_door() -> 
     a, b, c, e = Place("a", 0, 0), Place("b", 2, 1), Place("c", 4, 0), Place("e", 6.7, 0)
     d = Place("d", 6, 0, "door")
     topo_map = TopoMap("m", [a, b, c, d, e], line(a, b, c, d, e, width=0.9))
-    papfis = planner(topo_map, goal(12, 0), passing=0.9, beside_door_passing=0.8, stray=5.0)
+    papfis = planner(
+        topo_map, goal(12, 0), passing=0.9, beside_door_passing=0.8, replan_distance=5.0
+    )
     assert papfis.update(belief(0.0, 0.0)).place == "b"
     assert papfis.update(belief(3.5, -0.6)).place == "d"
     assert papfis.update(belief(5.95, 0.5)).place == "d"  # beside the door, within reach of e
@@ -191,13 +193,13 @@ def waypoint(kind: str = "corridor", tolerance: float = 0.3, **values: float) ->
 )
 def test_when_a_waypoint_is_passed(at: Point, kind: str, after: Point, passed: bool) -> None:
     following = Waypoint(*after, 0.3, "q", "room", final=False)
-    assert has_passed(at, HERE, waypoint(kind, width=0.9), following, Passing()) is passed
+    assert has_passed(at, HERE, waypoint(kind, width=0.9), following, PassingTolerances()) is passed
 
 
 def test_a_final_waypoint_must_be_reached() -> None:
     final = goal(*NEXT)
-    assert not has_passed((2.4, 0.0), HERE, final, None, Passing())
-    assert has_passed((2.2, 0.0), HERE, final, None, Passing())
+    assert not has_passed((2.4, 0.0), HERE, final, None, PassingTolerances())
+    assert has_passed((2.2, 0.0), HERE, final, None, PassingTolerances())
 
 
 def test_distance_to_a_leg() -> None:

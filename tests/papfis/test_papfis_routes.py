@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from papfis_maps import joined, line, office, random_maps
 
 from navfw.errors import MapError
-from navfw.papfis import Router, Spot
+from navfw.papfis import Endpoint, Router
 from navfw.robot import RobotModel
 from navfw.topomap import Place, TopoMap
 
@@ -22,7 +22,7 @@ def test_a_route_hangs_together_and_its_costs_add_up(
 ) -> None:
     router = Router(topo_map, ROBOT)
     try:
-        route = router.route(Spot(x, y), Spot(goal_x, goal_y))
+        route = router.route(Endpoint(x, y), Endpoint(goal_x, goal_y))
     except MapError as error:
         assert "connect" in str(error) or "wide enough" in str(error)
         return
@@ -43,9 +43,13 @@ def test_high_danger_is_avoided_unless_there_is_no_other_way() -> None:
     a, b, c = Place("a", 0, 0), Place("b", 4, 0), Place("c", 2, 40)
     stairs = joined(a, b, danger=0.9)
     around = TopoMap("around", [a, b, c], [stairs, joined(a, c), joined(c, b)])
-    assert Router(around, ROBOT).route(Spot(0, 0, "a"), Spot(4, 0, "b")).places == ("a", "c", "b")
+    assert Router(around, ROBOT).route(Endpoint(0, 0, "a"), Endpoint(4, 0, "b")).places == (
+        "a",
+        "c",
+        "b",
+    )
     only = TopoMap("only", [a, b], [stairs])
-    assert Router(only, ROBOT).route(Spot(0, 0, "a"), Spot(4, 0, "b")).places == ("a", "b")
+    assert Router(only, ROBOT).route(Endpoint(0, 0, "a"), Endpoint(4, 0, "b")).places == ("a", "b")
 
 
 def test_some_danger_is_worth_a_small_detour_only() -> None:
@@ -53,19 +57,19 @@ def test_some_danger_is_worth_a_small_detour_only() -> None:
     for aside, way in ((1.0, ("a", "c", "b")), (9.0, ("a", "b"))):
         c = Place("c", 2, aside)
         topo_map = TopoMap("m", [a, b, c], [joined(a, b, danger=0.5), *line(a, c, b)])
-        route = Router(topo_map, ROBOT).route(Spot(0, 0, "a"), Spot(4, 0, "b"))
+        route = Router(topo_map, ROBOT).route(Endpoint(0, 0, "a"), Endpoint(4, 0, "b"))
         assert route.places == way
 
 
 def test_beside_one_passage_the_way_is_straight() -> None:
-    route = Router(office(), ROBOT).route(Spot(10.2, 5.1), Spot(12.4, 4.9))
+    route = Router(office(), ROBOT).route(Endpoint(10.2, 5.1), Endpoint(12.4, 4.9))
     assert route.places == ()
     assert route.widths == (1.5,)
     assert route.length == pytest.approx(math.hypot(2.2, 0.2))
 
 
 def test_lobby_to_lab_goes_through_two_doors_and_the_corridor() -> None:
-    route = Router(office(), ROBOT).route(Spot(1.2, 1.2), Spot(14.2, 7.8, "lab"))
+    route = Router(office(), ROBOT).route(Endpoint(1.2, 1.2), Endpoint(14.2, 7.8, "lab"))
     assert [p for p in route.places if p.endswith("-door")] == ["lobby-door", "lab-door"]
     assert route.places[-1] == "lab"
     assert 17.0 < route.length < 21.0
@@ -76,7 +80,7 @@ def test_parts_that_are_apart_are_named() -> None:
     apart = [joined(places[0], places[1]), joined(places[2], places[3])]
     router = Router(TopoMap("m", places, apart, file="maps/m.yaml"), ROBOT)
     with pytest.raises(MapError) as caught:
-        router.route(Spot(1, 0), Spot(34, 0, "den"))
+        router.route(Endpoint(1, 0), Endpoint(34, 0, "den"))
     message = str(caught.value)
     assert message.startswith("maps/m.yaml: ")
     assert "start (1.00, 0.00), in the part with cell, hall (2 places)" in message
@@ -88,4 +92,4 @@ def test_passages_that_are_too_narrow_are_named() -> None:
     a, b = Place("a", 0, 0), Place("b", 4, 0)
     router = Router(TopoMap("m", [a, b], [joined(a, b, width=0.3)]), ROBOT)
     with pytest.raises(MapError, match=r"wide enough .*0\.36 m.* too narrow: a - b \(0\.3 m\)"):
-        router.route(Spot(0, 0, "a"), Spot(4, 0, "b"))
+        router.route(Endpoint(0, 0, "a"), Endpoint(4, 0, "b"))

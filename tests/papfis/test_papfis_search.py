@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from papfis_maps import joined, random_maps
 
 from navfw.papfis.edge_costs import EdgeCosts
-from navfw.papfis.graph_search import RoadNetwork
+from navfw.papfis.graph_search import CostGraph
 from navfw.robot import RobotModel
 from navfw.signals import Array
 from navfw.topomap import Place, TopoMap
@@ -32,7 +32,7 @@ def reference(topo_map: TopoMap, costs: Array, start: str, end: str) -> float:
 
 def found_cost(topo_map: TopoMap, costs: Array, start: str, end: str) -> float:
     at = topo_map.place(end)
-    found = RoadNetwork(topo_map, costs).cheapest({start: 0.0}, {end: 0.0}, (at.x, at.y))
+    found = CostGraph(topo_map, costs).cheapest_path({start: 0.0}, {end: 0.0}, (at.x, at.y))
     if found is None:
         return math.inf
     index = {passage.ends: i for i, passage in enumerate(topo_map.passages)}
@@ -83,16 +83,16 @@ def test_several_entries_and_exits_are_weighed_together(
     expected = min(
         entries[a] + reference(topo_map, costs, a, b) + exits[b] for a in entries for b in exits
     )
-    found = RoadNetwork(topo_map, costs).cheapest(entries, exits, aim)
+    found = CostGraph(topo_map, costs).cheapest_path(entries, exits, aim)
     assert (math.inf if found is None else found.cost) == pytest.approx(expected)
 
 
 def test_impassable_passages_are_not_used() -> None:
     a, b, c = Place("a", 0.0, 0.0), Place("b", 2.0, 1.0), Place("c", 4.0, 0.0)
     triangle = TopoMap("triangle", [a, b, c], [joined(a, b), joined(b, c), joined(a, c)])
-    open_below = RoadNetwork(triangle, np.array([5.0, 5.0, math.inf]))
-    found = open_below.cheapest({"a": 0.0}, {"c": 0.0}, (4.0, 0.0))
+    open_below = CostGraph(triangle, np.array([5.0, 5.0, math.inf]))
+    found = open_below.cheapest_path({"a": 0.0}, {"c": 0.0}, (4.0, 0.0))
     assert found is not None
     assert found.places == ("a", "b", "c")
-    shut = RoadNetwork(triangle, np.array([math.inf, 5.0, math.inf]))
-    assert shut.cheapest({"a": 0.0}, {"c": 0.0}, (4.0, 0.0)) is None
+    closed = CostGraph(triangle, np.array([math.inf, 5.0, math.inf]))
+    assert closed.cheapest_path({"a": 0.0}, {"c": 0.0}, (4.0, 0.0)) is None

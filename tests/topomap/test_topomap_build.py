@@ -19,7 +19,7 @@ from navfw.sim.floorplan import FloorPlan
 from navfw.sim.worldfile import load_world
 from navfw.sim.worldspec import WorldSpec
 from navfw.topomap import TopoMap
-from navfw.topomap.clearance_grid import Ground, thinned
+from navfw.topomap.clearance_grid import ClearanceGrid, thinned
 from navfw.topomap.map_builder import build_map
 from navfw.topomap.map_check import check_map
 from navfw.topomap.skeleton import skeleton_graph
@@ -27,7 +27,7 @@ from navfw.topomap.skeleton import skeleton_graph
 ROOT = Path(__file__).parents[2]
 
 
-def ground(*holes: Sequence[float], size: tuple[float, float] = (8.0, 4.0)) -> Ground:
+def ground(*holes: Sequence[float], size: tuple[float, float] = (8.0, 4.0)) -> ClearanceGrid:
     """A floor of that size [m] with solid rectangles (x0, y0, x1, y1) on it."""
 
     def clearances(points: np.ndarray) -> np.ndarray:
@@ -39,7 +39,7 @@ def ground(*holes: Sequence[float], size: tuple[float, float] = (8.0, 4.0)) -> G
             nearest = np.minimum(nearest, np.where(inside, -0.01, np.hypot(dx, dy)))
         return nearest
 
-    return Ground.of((0.0, 0.0, *size), clearances)
+    return ClearanceGrid.of((0.0, 0.0, *size), clearances)
 
 
 @cache
@@ -47,7 +47,7 @@ def built(name: str) -> tuple[TopoMap, WorldSpec, FloorPlan]:
     world = load_world(ROOT / "worlds" / name / "world.yaml")
     plan = FloorPlan.from_world(world)
     rooms = {room.name: (*room.x, *room.y) for room in world.rooms}
-    topo_map = build_map(name, Ground.of(plan.bounds, plan.clearances), rooms=rooms)
+    topo_map = build_map(name, ClearanceGrid.of(plan.bounds, plan.clearances), rooms=rooms)
     return topo_map, world, plan
 
 

@@ -101,12 +101,12 @@ def test_mistakes_are_named_with_file_line_and_key(
         assert word in str(caught.value)
 
 
-def test_all_contradictions_are_told_at_once(tmp_path: Path) -> None:
+def test_one_message_lists_all_errors(tmp_path: Path) -> None:
     path = write(tmp_path, GOOD.replace("to: door", "to: dor").replace("length: 5", "length: 0"))
     with pytest.raises(MapError) as caught:
         load_map(path)
     lines = str(caught.value).splitlines()
-    assert "2 contradictions" in lines[0]
+    assert "2 errors" in lines[0]
     assert "flat.yaml:7: edges[0].to" in lines[1]
     assert "flat.yaml:8: edges[1].length" in lines[2]
 

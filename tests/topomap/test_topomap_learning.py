@@ -11,7 +11,7 @@ import pytest
 from navfw.errors import MapError
 from navfw.signals import LandmarkDetection, Odometry, Pose, Twist
 from navfw.topomap import Landmark, Place, TopoMap
-from navfw.topomap.landmark_mapping import LandmarkLearner, Learnt, with_landmarks
+from navfw.topomap.landmark_mapping import LandmarkEstimate, LandmarkMapper, with_landmarks
 from navfw.topomap.mapfile import load_map, map_text
 
 START = Pose(1.0, 2.0, 0.5)
@@ -23,12 +23,10 @@ def odometry(pose: Pose) -> Odometry:
     return Odometry(0.0, pose, Twist(0.3, 0.0), 0.0, still=False)
 
 
-def driven(
-    seed: int, false_share: float = 0.0
-) -> tuple[LandmarkLearner, list[tuple[float, float]]]:
+def driven(seed: int, false_share: float = 0.0) -> tuple[LandmarkMapper, list[tuple[float, float]]]:
     """Three rounds on a circle, with odometry that turns 1 % too far; the last dead reckonings."""
     rng = np.random.default_rng(seed)
-    learner = LandmarkLearner(START)
+    mapper = LandmarkMapper(START)
     true, measured = START, Pose(0.0, 0.0, 0.0)
     ends = []
     for _ in range(180):
@@ -46,15 +44,15 @@ def driven(
             noise = SIGMAS * rng.standard_normal(2)
             values = bearing + float(noise[0]), away + float(noise[1])
             seen.append(LandmarkDetection(0.0, identity, *values, np.diag(SIGMAS**2)))
-        learner.add(odometry(measured), seen)
+        mapper.integrate(odometry(measured), seen)
         ends.append((START.compose(measured).x - true.x, START.compose(measured).y - true.y))
-    return learner, ends
+    return mapper, ends
 
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_landmarks_come_out_right_although_the_odometry_drifts(seed: int) -> None:
-    learner, ends = driven(seed)
-    learnt = learner.learn()
+    mapper, ends = driven(seed)
+    learnt = mapper.estimate()
     assert {found.identity for found in learnt} <= set(MARKS)
     assert len(learnt) >= 5
     drift = max(math.hypot(*end) for end in ends)
@@ -67,25 +65,25 @@ def test_landmarks_come_out_right_although_the_odometry_drifts(seed: int) -> Non
 
 
 def test_false_sightings_do_little_harm() -> None:
-    learner, _ = driven(3, false_share=0.05)
-    errors = [math.dist((f.x, f.y), MARKS[f.identity]) for f in learner.learn()]
+    mapper, _ = driven(3, false_share=0.05)
+    errors = [math.dist((f.x, f.y), MARKS[f.identity]) for f in mapper.estimate()]
     assert max(errors) < 0.35
 
 
 def test_what_was_seen_too_rarely_is_left_out() -> None:
-    learner = LandmarkLearner(START)
+    mapper = LandmarkMapper(START)
     for k in range(4):
         look = LandmarkDetection(0.0, "aruco-1", 0.1, 2.0, np.diag(SIGMAS**2))
         rare = LandmarkDetection(0.0, "aruco-2", -0.1, 3.0, np.diag(SIGMAS**2))
-        learner.add(odometry(Pose(0.0, 0.0, 0.0)), [look, rare] if k < 2 else [look])
-    assert [found.identity for found in learner.learn(least=3)] == ["aruco-1"]
-    (found,) = learner.learn(least=3)
+        mapper.integrate(odometry(Pose(0.0, 0.0, 0.0)), [look, rare] if k < 2 else [look])
+    assert [found.identity for found in mapper.estimate(least=3)] == ["aruco-1"]
+    (found,) = mapper.estimate(least=3)
     assert (found.x, found.y) == pytest.approx(
         START.to_parent(2 * math.cos(0.1), 2 * math.sin(0.1))
     )
     # it faces who looked at it
     assert found.yaw == pytest.approx(START.yaw + 0.1 - math.pi, abs=1e-6)
-    assert LandmarkLearner(START).learn() == []
+    assert LandmarkMapper(START).estimate() == []
 
 
 def test_the_map_keeps_what_it_knew_and_takes_what_was_learnt(tmp_path: Path) -> None:
@@ -94,10 +92,11 @@ def test_the_map_keeps_what_it_knew_and_takes_what_was_learnt(tmp_path: Path) ->
         Landmark("aruco-2", "poster", 9, 5.0, 5.0, 0.0),
     ]
     before = TopoMap("m", [Place("here", 0.0, 0.0)], [], None, known)
-    after = with_landmarks(
-        before,
-        [Learnt("aruco-1", 1.0, 2.0, 0.5, 0.1, 5), Learnt("aruco-2", 3.0, 4.0, -1.0, 0.1, 4)],
-    )
+    estimates = [
+        LandmarkEstimate("aruco-1", 1.0, 2.0, 0.5, 0.1, 5),
+        LandmarkEstimate("aruco-2", 3.0, 4.0, -1.0, 0.1, 4),
+    ]
+    after = with_landmarks(before, estimates)
     file = tmp_path / "map.yaml"
     file.write_text(map_text(after), encoding="utf-8")
     marks = load_map(file).landmarks
@@ -105,4 +104,4 @@ def test_the_map_keeps_what_it_knew_and_takes_what_was_learnt(tmp_path: Path) ->
     assert marks["aruco-2"] == known[1]
     assert marks["aruco-2-2"].id == 2
     with pytest.raises(MapError, match="lamp"):
-        with_landmarks(before, [Learnt("lamp", 1.0, 2.0, 0.0, 0.1, 5)])
+        with_landmarks(before, [LandmarkEstimate("lamp", 1.0, 2.0, 0.0, 0.1, 5)])

@@ -39,7 +39,7 @@ def closest_by_sampling(topo_map: TopoMap, passage: Passage, x: float, y: float)
 def test_footings_are_the_nearest_points_of_passages(
     topo_map: TopoMap, point: tuple[float, float]
 ) -> None:
-    footings = topo_map.footings(*point, slack=1e9)
+    footings = topo_map.project_onto_passages(*point, slack=1e9)
     assert len(footings) == len(topo_map.passages)
     assert [f.aside for f in footings] == sorted(f.aside for f in footings)
     for footing in footings:
@@ -54,13 +54,15 @@ def test_footings_are_the_nearest_points_of_passages(
 def test_footings_keep_to_the_slack_and_to_the_choice(
     topo_map: TopoMap, point: tuple[float, float], slack: float
 ) -> None:
-    everything = topo_map.footings(*point, slack=1e9)
-    near = topo_map.footings(*point, slack=slack)
+    everything = topo_map.project_onto_passages(*point, slack=1e9)
+    near = topo_map.project_onto_passages(*point, slack=slack)
     assert near == [f for f in everything if f.aside <= everything[0].aside + slack]
     assert topo_map.nearest_passage(*point) == near[0]
     last = everything[-1].passage
-    assert [f.passage for f in topo_map.footings(*point, slack=0.0, among=[last])] == [last]
-    assert topo_map.footings(*point, slack=0.0, among=[]) == []
+    assert [f.passage for f in topo_map.project_onto_passages(*point, slack=0.0, among=[last])] == [
+        last
+    ]
+    assert topo_map.project_onto_passages(*point, slack=0.0, among=[]) == []
 
 
 @given(chains(), points)
