@@ -3,14 +3,25 @@
 from __future__ import annotations
 
 import ast
+import importlib
 import re
+from collections.abc import Iterator
+from dataclasses import fields, replace
 from pathlib import Path
+from typing import Any, get_args
 
+import numpy as np
 import pytest
 from docs_pages import PAGES, ROOT, anchors, links, load_module, table, without_code
+from pydantic import BaseModel
+
+from navfw import Context, Proposal
+from navfw.signals import Conflicts
+from navfw.testing.behavior_scenes import SCENES, contexts_of
 
 DOCS = ROOT / "docs"
 DECISIONS = sorted((DOCS / "decisions").glob("[0-9]*.md"))
+NO_CONFLICTS = Conflicts(np.zeros((1, 1)), np.zeros((1, 1)), np.zeros((1, 1)), 0.0)
 PARTS = ("Context", "Decision", "Rejected", "Measured")
 
 
@@ -47,6 +58,42 @@ def test_the_architecture_has_every_room() -> None:
     assert [name for name in named if not (ROOT / name).exists()] == []
     rooms = {f"navfw/{path.parent.name}/" for path in (ROOT / "navfw").glob("*/__init__.py")}
     assert rooms - set(named) == set()
+
+
+def test_the_guide_to_behaviours_has_all_that_they_know_and_return() -> None:
+    knows, returns = "## What a behaviour may know: Context", "## What it returns: Proposal"
+    for kind, heading in ((Context, knows), (Proposal, returns)):
+        rows = table(DOCS / "behaviors.md", heading).splitlines()
+        first = set(re.findall(r"`(\w+)`", "\n".join(row.split("|")[1] for row in rows)))
+        assert first == {field.name for field in fields(kind)} | (first & vars(kind).keys())
+    scene = next(scene for scene in SCENES if scene.name == "open floor")
+    context = replace(contexts_of(scene)[-1], conflicts=NO_CONFLICTS)
+    rows = table(DOCS / "behaviors.md", knows).splitlines()
+    parts = set(re.findall(r"`(\w+)\.(\w+)[`(]", "\n".join(rows)))
+    assert len(parts) > 25
+    for name, part in parts:
+        assert hasattr(getattr(context, name), part), f"{name}.{part}"
+
+
+def test_every_section_of_a_file_has_its_table_of_keys() -> None:
+    text = (DOCS / "files.md").read_text(encoding="utf-8")
+    documented = {
+        getattr(importlib.import_module(module), name)
+        for module, name in re.findall(r"<!-- keys: ([\w.]+):(\w+) -->", text)
+    }
+    nested = {part for model in documented for part in _models_below(model)}
+    assert len(nested) > 20
+    assert {model.__name__ for model in nested - documented} == set()
+
+
+def _models_below(model: type[BaseModel]) -> Iterator[type[BaseModel]]:
+    """The models of the keys of ``model``."""
+    waiting: list[Any] = [field.annotation for field in model.model_fields.values()]
+    while waiting:
+        annotation = waiting.pop()
+        if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+            yield annotation
+        waiting += get_args(annotation)
 
 
 # --- glossary ------------------------------------------------------------------------------------
