@@ -1,4 +1,4 @@
-"""Behaviours made to fail on purpose: what a mission's events, and their replay, do to a stack."""
+"""Fault injection for behaviours: a mission's events, and their replay, make a behaviour fail."""
 
 from __future__ import annotations
 
@@ -14,12 +14,13 @@ from navfw.signals import Proposal
 __all__ = ["Failure", "FaultInjector", "inject_faults"]
 
 Failure = Literal["raises", "hangs", "returns_nan"]
+"""How a behaviour fails: an exception, a time-out, or a proposal of NaN."""
 
 
 class FaultInjector(Behavior):
-    """Stands in front of a behaviour; without a failure in force it passes all questions on."""
+    """Wraps a behaviour and fails in its place while a failure is active."""
 
-    name: ClassVar[str] = "saboteur"
+    name: ClassVar[str] = "fault_injector"
 
     def __init__(self, behavior: Behavior) -> None:
         super().__init__(behavior.robot, behavior.params)
@@ -28,34 +29,40 @@ class FaultInjector(Behavior):
         self._active: list[Failure] = []
 
     def begin(self, failure: Failure) -> None:
-        """From the next question on; the newest failure counts."""
+        """Activate ``failure`` from the next proposal on; of several, the newest applies."""
         self._active.append(failure)
 
     def end(self, failure: Failure) -> None:
-        """Leave the behaviour in peace."""
+        """Deactivate ``failure``."""
         self._active.remove(failure)
 
     def reset(self) -> None:
-        """Start a run."""
+        """Deactivate all failures and reset the wrapped behaviour."""
         self._active.clear()
         self.behavior.reset()
 
     def propose(self, context: Context) -> Proposal:
-        """The behaviour's proposal, or the failure in force."""
+        """The wrapped behaviour's proposal, or the active failure.
+
+        Raises:
+            RuntimeError: the failure ``raises`` is active.
+            BehaviorTimeout: the failure ``hangs`` is active.
+
+        """
         match self._active[-1] if self._active else None:
             case "raises":
-                raise RuntimeError("made to raise by an event of the mission")
+                raise RuntimeError("injected exception (event of the mission)")
             case "hangs":
-                raise BehaviorTimeout("made to hang by an event of the mission")
+                raise BehaviorTimeout("injected time-out (event of the mission)")
             case "returns_nan":
-                nothing = np.full(context.commands.shape, np.nan)
-                return Proposal(1.0, nothing, nothing, "made to return NaN")
+                invalid = np.full(context.commands.shape, np.nan)
+                return Proposal(1.0, invalid, invalid, "injected NaN (event of the mission)")
             case _:
                 return self.behavior.propose(context)
 
 
 def inject_faults(behaviors: dict[str, Behavior], name: str) -> FaultInjector:
-    """Put a saboteur in front of the behaviour ``name``, unless there is one; return it."""
+    """Wrap the behaviour ``name`` in a fault injector, unless it is wrapped already; return it."""
     found = behaviors[name]
     if not isinstance(found, FaultInjector):
         found = behaviors[name] = FaultInjector(found)

@@ -76,7 +76,7 @@ def learn_situations(plan: SuitePlan, registry: Registry, say: Callable[[str], N
 
 def _table(drives: Sequence[SituationDrive]) -> SituationTable:
     try:
-        return learn_table(look for drive in drives for look in drive.observations())
+        return learn_table(sample for drive in drives for sample in drive.observations())
     except ValueError as error:
         raise InputError(f"{error} on {len(drives)} drives: there is nothing to learn") from None
 
@@ -102,14 +102,14 @@ def place_accuracy(
     """
     existence = LandmarkExistence(_PRIOR)
     belief = DiscreteFilter(drive.topo_map, DiscreteParams(), _PRIOR, existence, table)
-    belief.initialize(drive.start if known else None, drive.moments[0].odometry)
+    belief.initialize(drive.start if known else None, drive.samples[0].odometry)
     right, probability = [], []
-    for number, moment in enumerate(drive.moments):
-        belief.predict(moment.odometry)
-        belief.observe_situations(moment.situations)
+    for number, sample in enumerate(drive.samples):
+        belief.predict(sample.odometry)
+        belief.observe_situations(sample.situations)
         if number % EVERY == 0:
             places = belief.place_probabilities
-            there = drive.place_at(moment.true)
+            there = drive.place_at(sample.true)
             right.append(int(places.argmax()) == there)
             probability.append(float(places[there]))
     return float(np.mean(right)), float(np.mean(probability))

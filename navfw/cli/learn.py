@@ -40,8 +40,8 @@ def situations(
         from navfw.bench.situation_learning import learn_situations, tables
         from navfw.errors import InputError
         from navfw.plugins import default_registry
-        from navfw.suite.suite_file import load_suite, parse_seeds
         from navfw.suite.suite_plan import plan_runs
+        from navfw.suite.suitefile import load_suite, parse_seeds
 
         if out.is_dir():
             raise InputError("is a folder; give a file to write", file=out, key="--out")

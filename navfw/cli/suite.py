@@ -82,10 +82,10 @@ def suite(
     with quiet_stdout():
         from navfw.plugins import default_registry
         from navfw.recording.provenance import code_revision
-        from navfw.suite.suite_file import load_suite, parse_seeds
         from navfw.suite.suite_folder import SuiteFolder
         from navfw.suite.suite_plan import plan_runs
         from navfw.suite.suite_run import run_suite
+        from navfw.suite.suitefile import load_suite, parse_seeds
 
         span = parse_seeds(seeds)
         plan = plan_runs(

@@ -1,4 +1,4 @@
-"""Drive a mission to learn where the landmarks are, from what the stack sees alone."""
+"""Drive a mission and estimate landmark positions from odometry and landmark detections."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ __all__ = ["LearningDrive", "learn_landmarks"]
 
 @dataclass(frozen=True)
 class LearningDrive:
-    """What came of it: the mission's run, the landmarks found, the map with them."""
+    """The mission's run, the landmarks found, and the map with these landmarks."""
 
     run: RunResult
     learnt: tuple[LandmarkEstimate, ...]
     topo_map: TopoMap
 
     def as_data(self, session: Session) -> dict[str, Any]:
-        """Plain data; ``error_m`` is how far each is from where the world has it."""
+        """Plain data; ``error_m`` is the distance [m] from the true position in the world."""
         marks = {f"{mark.kind}-{mark.id}": mark for mark in session.world.landmarks}
         rows = []
         for found in self.learnt:
@@ -57,37 +57,36 @@ class LearningDrive:
 
 
 class _LandmarkRecorder(StackObserver):
-    """Writes down which landmarks the stack sees."""
+    """Passes the stack's landmark detections to a ``LandmarkMapper``."""
 
     def __init__(self, stack: Stack, mapper: LandmarkMapper) -> None:
         super().__init__(stack)
         self._mapper = mapper
-        self._heard = -math.inf
+        self._last = -math.inf
 
-    def hear(self, reading: SensorReading, state: StackState) -> None:
+    def observe(self, reading: SensorReading, state: StackState) -> None:
         del reading
-        if state.landmark_detections and state.time > self._heard:
-            self._heard = state.time
-            seen = state.landmark_detections[0].time  # the image may be older than the decision
-            self._mapper.integrate(self.stack.history.at(seen), state.landmark_detections)
+        if state.landmark_detections and state.time > self._last:
+            self._last = state.time
+            taken = state.landmark_detections[0].time  # the image may be older than the decision
+            self._mapper.integrate(self.stack.history.at(taken), state.landmark_detections)
 
 
 def learn_landmarks(
     session: Session, progress: Callable[[Progress], None] | None = None, least: int = 3
 ) -> LearningDrive:
-    """Drive the session's mission; landmarks seen ``least`` times or more go into the map.
+    """Drive the session's mission; landmarks detected at least ``least`` times go into the map.
 
-    A stack without feature recognition that asks for landmark frames is given ``landmarks``.
+    A stack whose feature recognition takes no landmark frames gets the recogniser ``landmarks``.
 
     Raises:
-        MapError: the robot is not told where it starts, or saw nothing often enough.
+        MapError: the start is unknown, or no landmark was detected often enough.
 
     """
     stack = session.stack
     if not session.task.start_known:
         raise MapError(
-            "landmarks are learnt from a known start; choose a mission that does not say"
-            " start: unknown",
+            "learning landmarks needs a known start; choose a mission without start: unknown",
             file=session.mission.file,
         )
     if not stack.features.landmark_frames:
@@ -98,8 +97,8 @@ def learn_landmarks(
     learnt = mapper.estimate(least)
     if not learnt:
         raise MapError(
-            f"no landmark was seen {least} times on the way (the mission ended"
-            f" {run.verdict.outcome}); has the world any?",
+            f"no landmark was detected {least} times (the mission ended {run.verdict.outcome});"
+            " check that the world has landmarks along the path",
             file=session.mission.file,
         )
     return LearningDrive(run, tuple(learnt), with_landmarks(stack.topo_map, learnt))

@@ -1,6 +1,6 @@
-"""How well a run knew where it was: errors, when it first knew, how long it was surely wrong.
+"""Metrics of localisation: errors, time until localised, time spent confident and wrong.
 
-Everything here is computed from the truth after the run; the stack never sees any of it.
+Computed from the true poses after the run; the stack gets none of it.
 """
 
 from __future__ import annotations
@@ -12,22 +12,23 @@ import numpy.typing as npt
 
 from navfw.recording.run_log import RunLog
 
-__all__ = ["RIGHT", "SURE", "LocalizationMetrics", "measure_localization"]
+__all__ = ["CONFIDENT", "CORRECT", "LocalizationMetrics", "measure_localization"]
 
-SURE = 0.9
-"""Confidence from which a belief counts as sure."""
+CONFIDENT = 0.9
+"""Confidence from which a belief counts as confident."""
 
-RIGHT = 1.0
-"""A belief is right when its pose is no farther than this [m] from the truth."""
+CORRECT = 1.0
+"""Largest distance [m] of the estimate from the true position for a correct belief."""
 
 
 @dataclass(frozen=True, slots=True)
 class LocalizationMetrics:
-    """Errors [m] are over the time in which the stack did not say that it was lost.
+    """Numbers of one run.
 
-    ``localized_after_s`` and ``localized_after_m`` are time and way until the belief first was both
-    sure and right; None if it never was. ``confidently_wrong_s`` is the time in which it was sure
-    and not right, ``lost_s`` that in which it said that it did not know where it was.
+    Estimate errors [m] are percentiles over the ticks in which the belief was not lost.
+    ``localized_after_s`` and ``localized_after_m`` are time and driven distance until the belief
+    first was both confident and correct; None if it never was. ``confidently_wrong_s`` is the time
+    in which it was confident and not correct, ``lost_s`` the time in which it was lost.
     """
 
     estimate_error_p50_m: float | None
@@ -39,26 +40,26 @@ class LocalizationMetrics:
     landmark_updates: int
 
 
-def measure_localization(track: RunLog, sampled: npt.NDArray[np.intp]) -> LocalizationMetrics:
-    """The numbers of a run, at the ticks ``sampled``."""
-    if not track.ticks:
-        return LocalizationMetrics(None, None, None, None, 0.0, 0.0, track.updates)
-    time, true = track.time[sampled], track.true[sampled]
-    error = np.hypot(*(track.estimate[sampled] - true)[:, :2].T)
-    confidence = np.ones(len(time)) if track.confidence is None else track.confidence[sampled]
-    known, sure = confidence > 0.0, confidence >= SURE
-    lasting = np.diff(time, append=time[-1])
+def measure_localization(log: RunLog, sampled: npt.NDArray[np.intp]) -> LocalizationMetrics:
+    """The metrics of a run at the ticks ``sampled``."""
+    if not log.ticks:
+        return LocalizationMetrics(None, None, None, None, 0.0, 0.0, log.updates)
+    time, true = log.time[sampled], log.true[sampled]
+    error = np.hypot(*(log.estimate[sampled] - true)[:, :2].T)
+    confidence = np.ones(len(time)) if log.confidence is None else log.confidence[sampled]
+    known, confident = confidence > 0.0, confidence >= CONFIDENT
+    durations = np.diff(time, append=time[-1])
     driven = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(true[:, :2], axis=0).T))))
-    first = np.flatnonzero(sure & (error <= RIGHT))
-    half, most = (
+    first = np.flatnonzero(confident & (error <= CORRECT))
+    p50, p95 = (
         (float(np.percentile(error[known], p)) if known.any() else None) for p in (50.0, 95.0)
     )
     return LocalizationMetrics(
-        estimate_error_p50_m=half,
-        estimate_error_p95_m=most,
+        estimate_error_p50_m=p50,
+        estimate_error_p95_m=p95,
         localized_after_s=float(time[first[0]] - time[0]) if len(first) else None,
         localized_after_m=float(driven[first[0]]) if len(first) else None,
-        confidently_wrong_s=float(lasting[sure & (error > RIGHT)].sum()),
-        lost_s=float(lasting[~known].sum()),
-        landmark_updates=track.updates,
+        confidently_wrong_s=float(durations[confident & (error > CORRECT)].sum()),
+        lost_s=float(durations[~known].sum()),
+        landmark_updates=log.updates,
     )

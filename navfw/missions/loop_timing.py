@@ -1,7 +1,7 @@
-"""What the loop costs: its wall time against that of rendering and physics alone.
+"""Benchmark of the closed loop: its wall time relative to rendering and physics alone.
 
-The yardstick is PyBullet's own rendering, as everybody has it; our raster draws the same images in
-less, so the loop is compared with both.
+The reference is PyBullet's own renderer, which is available to everybody. navfw's rasteriser draws
+the same images faster, so the loop is compared with both.
 """
 
 from __future__ import annotations
@@ -27,19 +27,20 @@ from navfw.sim.reference_renderer import ReferenceRenderer
 __all__ = ["Lap", "bench_loop", "one_core", "peak_memory_mb", "summarize"]
 
 WARM_UP = 2.0
-"""Simulated time [s] driven beforehand: compiling kernels is not the loop's cost."""
+"""Simulated time [s] driven before the first lap, so that laps contain no compiling of kernels."""
 
 VIEWS = 40
-"""So many views of each lap, evenly spaced, are drawn by PyBullet as well."""
+"""Number of views of each lap, evenly spaced in time, that PyBullet renders as well."""
 
 _WARM_UP_VIEWS = 3
+"""Number of views rendered by PyBullet before its time is measured."""
 
 
 @dataclass(frozen=True, slots=True)
 class Lap:
-    """One repeat: simulated time and wall times [s], and computing time by stage [s].
+    """One repetition: simulated time, wall times and computing time by stage [s].
 
-    ``frames`` were rendered; PyBullet takes ``pybullet_frame`` [s] for one of them.
+    ``frames`` is the number of rendered frames, ``pybullet_frame`` [s] PyBullet's time for one.
     """
 
     sim_time: float
@@ -53,17 +54,17 @@ class Lap:
 
     @property
     def reference_time(self) -> float:
-        """PyBullet's rendering and physics alone [s]."""
+        """PyBullet's rendering and physics [s]."""
         return self.frames * self.pybullet_frame + self.physics_time
 
     @property
     def ratio(self) -> float:
-        """The whole loop against PyBullet's rendering and physics alone."""
+        """Wall time of the loop relative to PyBullet's rendering and physics."""
         return self.wall_time / self.reference_time
 
     @property
     def own_ratio(self) -> float:
-        """The whole loop against our own rendering and physics alone."""
+        """Wall time of the loop relative to navfw's rendering and physics."""
         return self.wall_time / (self.render_time + self.physics_time)
 
 
@@ -72,21 +73,21 @@ def bench_loop(
 ) -> dict[str, Any]:
     """Drive the first ``seconds`` [s] of a mission ``repeats`` times on one core.
 
-    ``tick`` is told what is going on. See ``summarize`` for what comes back.
+    ``tick`` is called with a line of text at each step. Returns ``summarize`` of the laps.
     """
-    say = tick or (lambda _: None)
+    report = tick or (lambda _: None)
     laps: list[Lap] = []
     with one_core() as pinned, contextlib.ExitStack() as opened:
-        say("warming up")
+        report("warming up")
         _drive(session, min(WARM_UP, seconds))
         reference, memory = None, None
         for number in range(1, repeats + 1):
-            say(f"lap {number} of {repeats}")
+            report(f"lap {number} of {repeats}")
             drive = _drive(session, seconds)
             if reference is None:
-                memory = peak_memory_mb()  # before that which is no part of the loop
+                memory = peak_memory_mb()  # before PyBullet's renderer is loaded
                 reference = opened.enter_context(_reference(session))
-            # right after the lap: how fast the machine is changes from minute to minute
+            # right after the lap: the speed of the machine changes over minutes
             laps.append(replace(drive.lap, pybullet_frame=_pybullet_frame(drive, reference)))
     return {
         "world": session.world_name,
@@ -100,10 +101,10 @@ def bench_loop(
 
 @dataclass(frozen=True, slots=True)
 class _Drive:
-    """A lap without what PyBullet takes for its frames, and where everybody was meanwhile."""
+    """A lap without PyBullet's frame time, with the poses of the robot and of the movers."""
 
     lap: Lap
-    track: RunLog
+    log: RunLog
     movers: MoverTrack
 
 
@@ -129,7 +130,7 @@ def _drive(session: Session, seconds: float) -> _Drive:
         },
         outcome=str(run.verdict.outcome),
     )
-    return _Drive(lap, run.track, movers)
+    return _Drive(lap, run.log, movers)
 
 
 def _reference(session: Session) -> ReferenceRenderer:
@@ -138,18 +139,18 @@ def _reference(session: Session) -> ReferenceRenderer:
 
 
 def _pybullet_frame(drive: _Drive, reference: ReferenceRenderer) -> float:
-    """The median wall time [s] that PyBullet takes for a frame of this drive.
+    """PyBullet's median wall time [s] for a frame of this drive.
 
-    It draws only what can be seen, as the simulation does; hiding the rest is not counted.
+    It draws only visible bodies, as the simulation does; hiding the others is not counted.
     """
-    track = drive.track
-    ticks = np.unique(np.linspace(0, track.ticks - 1, VIEWS).round().astype(int))
+    log = drive.log
+    ticks = np.unique(np.linspace(0, log.ticks - 1, VIEWS).round().astype(int))
     times: list[float] = []
     for tick in ticks:
         if drive.movers.names:
-            places = drive.movers.at(track.time[tick : tick + 1])[0]
+            places = drive.movers.at(log.time[tick : tick + 1])[0]
             reference.put_walkers((float(x), float(y)) for x, y in places)
-        shot = reference.aim(Pose(*track.true[tick].tolist()))
+        shot = reference.aim(Pose(*log.true[tick].tolist()))
         if not times:
             for _ in range(_WARM_UP_VIEWS):
                 reference.draw(shot)
@@ -158,10 +159,10 @@ def _pybullet_frame(drive: _Drive, reference: ReferenceRenderer) -> float:
 
 
 def summarize(laps: Sequence[Lap], frame_rate: float) -> dict[str, Any]:
-    """Medians over the laps, with the extremes under ``spread``; stages in ms per camera frame.
+    """Medians over the laps, with extremes under ``spread``; stages in ms per camera frame.
 
     ``loop_over_render`` compares with PyBullet's rendering and physics (``render_physics_wall_s``),
-    ``loop_over_own_render`` with our own raster and physics (``own_render_physics_wall_s``).
+    ``loop_over_own_render`` with navfw's rendering and physics (``own_render_physics_wall_s``).
     """
 
     def frames(lap: Lap) -> float:
@@ -195,7 +196,7 @@ def summarize(laps: Sequence[Lap], frame_rate: float) -> dict[str, Any]:
 
 @contextlib.contextmanager
 def one_core() -> Iterator[bool]:
-    """Inside, this process stays on one core, where the system can say so; gives whether it can."""
+    """Pin this process to one core inside the context; yields False where that is not supported."""
     if not hasattr(os, "sched_setaffinity"):
         yield False
         return
@@ -208,7 +209,7 @@ def one_core() -> Iterator[bool]:
 
 
 def peak_memory_mb() -> float | None:
-    """The most memory [MB] this process has had resident; None where that cannot be told."""
+    """Peak resident memory [MB] of this process; None where the system does not report it."""
     try:
         import resource
     except ImportError:  # Windows

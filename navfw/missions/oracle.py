@@ -1,4 +1,4 @@
-"""The simulator's truth for the plugins of a stack that says ``oracle: true``; no other gets it."""
+"""True depth, motion and surroundings for the plugins of a stack with ``oracle: true``."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ __all__ = ["SimulatorTruth", "reveal"]
 
 
 class SimulatorTruth:
-    """Depth, motion and surroundings as the simulator has them.
+    """True depth, motion and surroundings from the simulator.
 
-    A source for ``navfw.flow.ideal.TruthSource`` and
+    Implements ``navfw.flow.ideal.TruthSource`` and
     ``navfw.baselines.surroundings.SurroundingsSource``.
     """
 
@@ -30,22 +30,27 @@ class SimulatorTruth:
         self._simulation = simulation
 
     def depth(self, frame: Frame) -> npt.NDArray[np.float32]:
-        """True depth (height, width) [m] of ``frame``, which must be the newest one."""
+        """True depth (height, width) [m] of ``frame``.
+
+        Raises:
+            SimulationError: ``frame`` is not the newest frame.
+
+        """
         newest = self._simulation.read().frame
         if newest is not frame:
             raise SimulationError(f"{frame.time:.3f} s is not the time of the newest frame")
         return self._simulation.true_depth()
 
     def motion(self, pair: FramePair) -> CameraMotion:
-        """How the camera truly moved between the frames of ``pair``."""
+        """The true camera motion between the frames of ``pair``."""
         return self._simulation.true_motion(pair.past, pair.now)
 
     def surroundings(self, reach: float) -> Surroundings:
-        """What stands within ``reach`` [m] of the robot just now, in base_link."""
+        """Solids and moving bodies within ``reach`` [m] of the robot, in base_link."""
         robot = self._simulation.true_pose()
         here = np.array([[robot.x, robot.y]])
-        near = [shape for shape in self._standing() if float(shape.distance(here)[0]) <= reach]
-        edges, circles, walkers = [], [], []
+        near = [shape for shape in self._present() if float(shape.distance(here)[0]) <= reach]
+        edges, circles, moving = [], [], []
         for shape in near:
             if isinstance(shape, Circle):
                 circles.append([*robot.to_local(shape.x, shape.y), shape.radius])
@@ -57,20 +62,20 @@ class SimulatorTruth:
                 speed = 0.0 if mover.waiting else mover.spec.speed
                 heading = mover.heading - robot.yaw
                 velocity = (speed * math.cos(heading), speed * math.sin(heading))
-                walkers.append([*robot.to_local(mover.x, mover.y), mover.spec.radius, *velocity])
+                moving.append([*robot.to_local(mover.x, mover.y), mover.spec.radius, *velocity])
         return Surroundings(
             _array(edges).reshape(-1, 2, 2),
             _array(circles).reshape(-1, 3),
-            _array(walkers).reshape(-1, 5),
+            _array(moving).reshape(-1, 5),
         )
 
-    def _standing(self) -> list[Shape]:
-        """The outlines of all solids that stand there now."""
+    def _present(self) -> list[Shape]:
+        """The outlines of all solids that exist at this time."""
         simulation = self._simulation
         changes = simulation.change_track()
-        lasting = [s.shape for s in simulation.plan.solids if s.name not in changes.names]
+        permanent = [s.shape for s in simulation.plan.solids if s.name not in changes.names]
         now = simulation.time
-        return lasting + [p.shape for p in changes.presences if p.begin <= now < p.end]
+        return permanent + [p.shape for p in changes.presences if p.begin <= now < p.end]
 
 
 def _array(rows: object) -> Array:
@@ -78,7 +83,7 @@ def _array(rows: object) -> Array:
 
 
 def reveal(simulation: Simulation, stack: Stack) -> None:
-    """Give ``stack`` the truth of ``simulation``, if its stack file admits to using it."""
+    """Give ``stack`` the truth of ``simulation``, if its stack file has ``oracle: true``."""
     if not stack.resolved.settings.oracle:
         return
     truth = SimulatorTruth(simulation)

@@ -1,4 +1,4 @@
-"""How a mission ended, in one word and in a sentence."""
+"""The outcome of a mission and its reason."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ class Outcome(StrEnum):
     """How a mission ended."""
 
     REACHED = "reached"
-    """the stack says it has finished, and truly stands in the success zone"""
+    """the stack has finished, and the robot truly stands in the success zone"""
     COLLIDED = "collided"
     """the robot touched something other than the floor, or fell into a drop"""
     TIMEOUT = "timeout"
-    """the mission's time was up"""
+    """the mission's time limit was reached"""
     STUCK = "stuck"
     """no progress for too long"""
     LOST = "lost"
-    """the stack says it has finished, but is elsewhere; or its time is up, and it says that it does
-    not know where it is"""
+    """the stack has finished, but a goal was not reached; or the time limit was reached and the
+    stack's belief is lost"""
     FAULT = "fault"
     """the stack or the simulator failed"""
     CANCELLED = "cancelled"
-    """a person stopped it"""
+    """stopped by the user"""
 
     @property
     def succeeded(self) -> bool:
@@ -34,15 +34,15 @@ class Outcome(StrEnum):
 
     @property
     def exit_code(self) -> int:
-        """What ``navfw run`` exits with: 0 accomplished, 1 not."""
+        """The exit code of ``navfw run``: 0 accomplished, 1 not."""
         return 0 if self.succeeded else 1
 
 
 @dataclass(frozen=True, slots=True)
 class MissionVerdict:
-    """The outcome with its ``reason``, the behaviour that led last, the control tick and time [s].
+    """The outcome with its ``reason``, the last leading behaviour, the control tick and time [s].
 
-    ``trace`` is the Python traceback of a fault, for whoever has to mend it.
+    ``trace`` is the Python traceback of an exception, empty otherwise.
     """
 
     outcome: Outcome
@@ -53,5 +53,5 @@ class MissionVerdict:
     trace: str = ""
 
     def __str__(self) -> str:
-        led = f" ({self.behavior} led)" if self.behavior else ""
+        led = f" (leading behaviour: {self.behavior})" if self.behavior else ""
         return f"{self.outcome} after {self.time:.1f} s: {self.reason}{led}"

@@ -1,4 +1,4 @@
-"""What the runner watches, in truth: which goals were visited, and whether all stands still."""
+"""Checks of a run against the true pose: goals visited, and progress made."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["GoalChecker", "ProgressChecker", "goal_name"]
 
 
 class GoalChecker:
-    """Which goals the robot has truly visited, in order."""
+    """Counts the goals that the robot has truly visited, in order, within ``radius`` [m]."""
 
     def __init__(self, goals: Sequence[Waypoint], radius: float) -> None:
         self.goals = goals
@@ -21,21 +21,21 @@ class GoalChecker:
 
     @property
     def goal(self) -> Waypoint:
-        """The first goal that has not been visited, or the last one."""
+        """The first goal not visited yet, or the last one."""
         return self.goals[min(self.next, len(self.goals) - 1)]
 
     @property
     def next_name(self) -> str:
-        """What ``goal`` is called."""
+        """The name of ``goal``."""
         return goal_name(self.goal)
 
     def distance(self, pose: Pose) -> float:
-        """How far [m] ``goal`` is."""
+        """Distance [m] from ``pose`` to ``goal``."""
         goal = self.goal
         return math.hypot(goal.x - pose.x, goal.y - pose.y)
 
-    def see(self, pose: Pose) -> None:
-        """The robot truly is at ``pose`` now."""
+    def update(self, pose: Pose) -> None:
+        """Count ``goal`` as visited if the true ``pose`` is within the radius."""
         distance = self.distance(pose)
         self.nearest = min(self.nearest, distance)
         if self.next < len(self.goals) and distance <= self.radius:
@@ -43,19 +43,22 @@ class GoalChecker:
             self.nearest = math.inf
 
     def missed(self, pose: Pose) -> str | None:
-        """What is missing for success when the stack has finished at the true ``pose``."""
+        """Why the mission is not accomplished, for a stack that finished at the true ``pose``.
+
+        None if it is accomplished.
+        """
         last = self.goals[-1]
         if self.next < len(self.goals) - 1:
-            came = f"came no nearer to {self.next_name} than {self.nearest:.2f} m"
-            return f"the stack believes it has visited all goals, but {came}"
+            nearest = f"{self.nearest:.2f} m from {self.next_name} at the nearest"
+            return f"the stack reports all goals visited, but it was {nearest}"
         off = math.hypot(last.x - pose.x, last.y - pose.y)
         if off <= self.radius:
             return None
-        return f"the stack believes it is at {goal_name(last)}, but is {off:.2f} m away from it"
+        return f"the stack reports reaching {goal_name(last)}, but is {off:.2f} m away from it"
 
 
 class ProgressChecker:
-    """Notices when a robot stays in one place, turning or twitching perhaps."""
+    """Detects that the robot stays within ``radius`` [m] of one position for ``limit`` [s]."""
 
     def __init__(self, limit: float, radius: float) -> None:
         self.limit = limit
@@ -63,8 +66,8 @@ class ProgressChecker:
         self.since = 0.0
         self.anchor: Pose | None = None
 
-    def see(self, now: float, pose: Pose) -> bool:
-        """Whether the robot, at ``pose`` now, has been within the radius [m] for the limit [s]."""
+    def update(self, now: float, pose: Pose) -> bool:
+        """Take in the true ``pose`` at ``now`` [s]; whether the limit is reached."""
         anchor = self.anchor
         if anchor is None or math.hypot(pose.x - anchor.x, pose.y - anchor.y) > self.radius:
             self.anchor, self.since = pose, now
@@ -72,5 +75,5 @@ class ProgressChecker:
 
 
 def goal_name(goal: Waypoint) -> str:
-    """A place by its name, or by where it is."""
+    """The quoted name of a goal that is a place; else its coordinates."""
     return repr(goal.place) if goal.place else f"({goal.x:g}, {goal.y:g})"

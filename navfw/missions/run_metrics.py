@@ -1,6 +1,6 @@
-"""What a run was worth, in numbers: success weighted by path length, clearance, errors (METHOD 5).
+"""Metrics of a run: success weighted by path length, clearance, estimation errors (METHOD 5).
 
-Everything here is computed from the truth after the run; the stack never sees any of it.
+Computed from the true poses after the run; the stack gets none of it.
 """
 
 from __future__ import annotations
@@ -28,36 +28,36 @@ __all__ = [
 Point = tuple[float, float]
 
 SAMPLING = 0.1
-"""Period [s] at which the path is measured: finer than that, one measures the wheels' tremor."""
+"""Sampling period [s] of the path; a shorter one would count vibration of the wheels as path."""
 
 DEBOUNCE = 1.0
-"""Contacts less than this [s] apart are one collision."""
+"""Contacts less than this time [s] apart count as one collision."""
 
 
 class ClearanceSource(Protocol):
-    """What metrics ask of a world's floor plan (``navfw.sim.floorplan.FloorPlan``)."""
+    """The part of a world's floor plan that metrics use (``navfw.sim.floorplan.FloorPlan``)."""
 
     def clearances(self, points: Array) -> Array:
-        """(n,) distances [m] of points (n, 2) to the nearest wall or thing; negative inside."""
+        """(n,) distances [m] of points (n, 2) to the nearest wall or object; negative inside."""
         ...
 
 
 class TimedClearanceSource(Protocol):
-    """What metrics ask about those who walk (``navfw.sim.movers.MoverTrack``)."""
+    """Distances to bodies that move or exist for a time only (``navfw.sim.movers.MoverTrack``)."""
 
     def clearances(self, points: Array, times: Array) -> Array:
-        """(n,) distances [m] of points (n, 2) at times (n,) [s] to the nearest walker."""
+        """(n,) distances [m] of points (n, 2) at times (n,) [s] to the nearest of them."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class RunMetrics:
-    """The numbers of one run; lengths in metres, times in seconds.
+    """The metrics of one run; lengths in metres, times in seconds.
 
     ``spl`` is success times shortest over driven length (Anderson et al. 2018). Clearances are from
-    the robot's body to the nearest thing. ``distance_to_goal_m`` is of the true position,
-    ``estimate_error_m`` is how far off the stack's own belief was at the end. ``stage_ms`` is
-    computing time per camera frame; it alone varies from run to run of the same seed.
+    the robot's body to the nearest object. ``distance_to_goal_m`` is that of the true position,
+    ``estimate_error_m`` the position error of the stack's belief at the end. ``stage_ms`` is
+    computing time per camera frame; it alone varies between runs of the same seed.
     """
 
     path_length_m: float
@@ -82,7 +82,7 @@ def path_length(points: Array) -> float:
 
 
 def count_collisions(contacts: Sequence[Contact], debounce: float = DEBOUNCE) -> int:
-    """How often the robot hit something: contacts closer in time than ``debounce`` [s] are one.
+    """Number of collisions: contacts less than ``debounce`` [s] apart count as one.
 
     >>> touches = [Contact(t, 0.0, 0.0, "wall") for t in (1.0, 1.5, 2.4, 9.0)]
     >>> count_collisions(touches)
@@ -96,7 +96,7 @@ def count_collisions(contacts: Sequence[Contact], debounce: float = DEBOUNCE) ->
 
 
 def measure(
-    track: RunLog,
+    log: RunLog,
     plan: ClearanceSource,
     *,
     start: Point,
@@ -109,26 +109,26 @@ def measure(
 ) -> RunMetrics:
     """The metrics of a run from ``start`` to ``goal`` by a robot of this ``radius`` [m].
 
-    ``shortest`` [m] is the length of the shortest way past all goals of the mission. ``moving``
-    counts in clearances too; ``plan`` holds what stands still.
+    ``shortest`` [m] is the length of the shortest path through all goals of the mission. Clearances
+    are to the static objects in ``plan``, and to those in ``moving`` at their times.
     """
-    sampled = track.every(SAMPLING)
-    true = track.true[sampled] if track.ticks else np.array([[*start, 0.0]])
-    estimate = track.estimate[sampled] if track.ticks else true
+    sampled = log.every(SAMPLING)
+    true = log.true[sampled] if log.ticks else np.array([[*start, 0.0]])
+    estimate = log.estimate[sampled] if log.ticks else true
     driven = path_length(true)
     clearance = plan.clearances(true[:, :2])
-    if moving is not None and track.ticks:
-        clearance = np.minimum(clearance, moving.clearances(true[:, :2], track.time[sampled]))
+    if moving is not None and log.ticks:
+        clearance = np.minimum(clearance, moving.clearances(true[:, :2], log.time[sampled]))
     clearance = clearance - radius
     error = np.hypot(*(estimate - true)[:, :2].T)
-    duration = float(track.time[-1] - track.time[0]) if track.ticks else 0.0
-    started = np.flatnonzero(np.diff(track.emergency.astype(np.int8), prepend=0) == 1)
+    duration = float(log.time[-1] - log.time[0]) if log.ticks else 0.0
+    started = np.flatnonzero(np.diff(log.emergency.astype(np.int8), prepend=0) == 1)
     longest = max(driven, shortest)
     return RunMetrics(
         path_length_m=driven,
         shortest_path_m=shortest,
         spl=shortest / longest if succeeded and longest > 0.0 else float(succeeded),
-        collisions=count_collisions(track.contacts),
+        collisions=count_collisions(log.contacts),
         min_clearance_m=float(clearance.min()),
         clearance_p05_m=float(np.percentile(clearance, 5.0, method="lower")),
         distance_to_goal_m=math.dist(true[-1, :2], goal),
@@ -136,6 +136,6 @@ def measure(
         estimate_error_max_m=float(error.max()),
         mean_speed=driven / duration if duration > 0.0 else 0.0,
         emergencies=len(started),
-        localization=measure_localization(track, sampled),
+        localization=measure_localization(log, sampled),
         stage_ms=dict(stage_ms or {}),
     )

@@ -1,4 +1,4 @@
-"""What a run leaves behind, put together: ``result.json``, the picture, and what a replay needs."""
+"""The files of a run folder: ``result.json``, the picture, and the inputs of a replay."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ _LIBRARIES = ("pybullet", "numpy", "numba", "opencv-python-headless", "scikit-fu
 
 
 def default_folder(session: Session) -> Path:
-    """Where a run goes when nobody says: ``runs/<world>-<mission>-<seed>``."""
+    """The default run folder: ``runs/<world>-<mission>-<seed>``."""
     return Path("runs") / f"{session.world_name}-{session.mission_name}-{session.seed}"
 
 
 def write_run(result: MissionResult, target: RunFolder) -> None:
-    """Fill the (temporary) folder of ``target`` with everything the run leaves behind."""
+    """Write all files of the run into the (temporary) folder of ``target``."""
     session = result.session
     summary = result.summary()
     target.write_json(
@@ -56,8 +56,8 @@ def draw(result: MissionResult, path: Path) -> None:
     numbers = [
         f"{metrics.path_length_m:.1f} m in {result.run.sim_time:.1f} s",
         f"shortest {metrics.shortest_path_m:.1f} m, SPL {metrics.spl:.2f}",
-        f"clearance at least {metrics.min_clearance_m:.2f} m",
-        f"estimate off by {metrics.estimate_error_m:.2f} m at the end",
+        f"smallest clearance {metrics.min_clearance_m:.2f} m",
+        f"final estimate error {metrics.estimate_error_m:.2f} m",
     ]
     picture = TrajectoryPicture(
         title=title,
@@ -71,11 +71,11 @@ def draw(result: MissionResult, path: Path) -> None:
         robot_radius=session.mission.spec.robot.radius,
         places={p.name: (p.x, p.y) for p in session.mission.topo_map.places.values()},
     )
-    draw_trajectory(path, result.run.track, picture)
+    draw_trajectory(path, result.run.log, picture)
 
 
 def outline_of(plan: FloorPlan) -> WorldOutline:
-    """The world seen from above: what the robot may run into."""
+    """The outline of the world in a top view: walls, doors, furniture and drops."""
     rectangles = list(plan.rectangles())
     return WorldOutline(
         walls=[corners for solid, corners in rectangles if solid.kind in {"wall", "door"}],
@@ -85,7 +85,7 @@ def outline_of(plan: FloorPlan) -> WorldOutline:
 
 
 def resolved_config(session: Session) -> dict[str, Any]:
-    """Everything that determined the run, defaults included, as plain data."""
+    """Mission and stack of the run with all defaults, as plain data."""
     mission = session.mission
     spec = mission.spec.model_dump(mode="json")
     start = mission.start
@@ -103,7 +103,7 @@ def resolved_config(session: Session) -> dict[str, Any]:
 
 
 def versions() -> dict[str, str]:
-    """The versions that a result depends on."""
+    """Versions of Python and of the libraries that a result depends on."""
     found = {"python": platform.python_version(), "machine": platform.machine()}
     for library in ("navfw", *_LIBRARIES):
         try:

@@ -1,4 +1,4 @@
-"""The loop that closes the circle: sensors to stack, twist to wheels, until the mission ends."""
+"""The closed loop of a mission: sensor readings to the stack, its twist to the wheels."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from navfw.errors import InputError
-from navfw.missions.events import EventClock, EventRecord
+from navfw.missions.event_clock import EventClock, EventRecord
 from navfw.missions.outcome import MissionVerdict, Outcome
 from navfw.missions.progress_checkers import GoalChecker, ProgressChecker, goal_name
 from navfw.recording.run_log import Contact, RunLog, RunLogger
@@ -24,17 +24,20 @@ PROGRESS_PERIOD = 0.1
 """Simulated time [s] between two calls of the progress callback."""
 
 SETTLE_TIME = 2.0
-"""How long [s] the robot may take to stand still once the stack says that it has finished."""
+"""Longest time [s] from the stack's report that it has finished to standstill."""
 
 EMERGENCY = "emergency"
-"""The behaviour whose lead counts as an emergency, as a braking command does."""
+"""Name of the behaviour whose commands count as emergency commands."""
 
-_STILL = 0.02  # m/s and rad/s
+_STILL = 0.02
+"""Commanded speed [m/s] and turning rate [rad/s] up to which the robot counts as standing still."""
+
 _MAX_FAULTS = 100
+"""Largest number of kinds of plugin faults in a result."""
 
 
 class PilotState(Protocol):
-    """What the runner reads of a stack's state (``navfw.stack.StackState``)."""
+    """The part of a stack's state that the runner reads (``navfw.stack.StackState``)."""
 
     @property
     def belief(self) -> Belief | None: ...  # noqa: D102
@@ -50,59 +53,59 @@ class PilotState(Protocol):
     def stuck(self) -> str | None: ...  # noqa: D102
     @property
     def fault(self) -> str | None:
-        """Which sensor has failed for good, or None."""
+        """The sensor that has failed for good, or None."""
         ...
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """All kinds of fault that plugins have had so far, each with its count."""
+        """All kinds of plugin faults so far, each with its count."""
         ...
 
 
 class Pilot(Protocol):
-    """What drives: ``navfw.stack.Stack``, or a fake (``navfw.testing.fakes.FakePilot``)."""
+    """The controller of the robot: ``navfw.stack.Stack`` or ``navfw.testing.fakes.FakePilot``."""
 
     def start(self, pose: Pose | None, goals: Sequence[Waypoint]) -> None:
-        """Begin at ``pose`` in ``map`` (None: nobody knows), to visit ``goals`` in order."""
+        """Start at ``pose`` in ``map`` (None: unknown), with ``goals`` to visit in order."""
         ...
 
     def step(self, reading: SensorReading) -> Twist:
-        """What to drive until the next control tick."""
+        """The twist to drive until the next control tick."""
         ...
 
     @property
     def state(self) -> PilotState:
-        """What it knows and wants now."""
+        """Its state after the last step."""
         ...
 
     @property
     def timings(self) -> Mapping[str, float]:
-        """Computing time [s] spent so far, by stage."""
+        """Computing time [s] so far, by stage."""
         ...
 
 
 class Simulator(Protocol):
-    """What is driven: ``navfw.sim.simulation.Simulation``, or a fake."""
+    """The robot and its world: ``navfw.sim.simulation.Simulation``, or a fake."""
 
     def read(self) -> SensorReading:
-        """What the sensors give now."""
+        """The current sensor reading."""
         ...
 
     def drive(self, left: float, right: float) -> None:
-        """Wheel speeds [rad/s] to keep from now on."""
+        """Set the wheel speeds [rad/s]."""
         ...
 
     def advance(self, dt: float) -> None:
-        """Let ``dt`` [s] pass."""
+        """Simulate ``dt`` [s]."""
         ...
 
     def true_pose(self) -> Pose:
-        """Where the robot is, in truth."""
+        """The robot's true pose."""
         ...
 
     @property
     def contacts(self) -> Sequence[str]:
-        """Names of bodies touched, drops fallen into, since the last ``advance``; not the floor."""
+        """Bodies touched, and drops fallen into, during the last ``advance``; not the floor."""
         ...
 
     @property
@@ -113,13 +116,12 @@ class Simulator(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """What the runner has to know of a mission.
+    """The part of a mission that the runner uses.
 
-    ``success_radius`` [m]: each goal counts as visited when the robot truly was that near, and the
-    last one must be that near when the stack says it has finished. The stack is told the true
-    ``start`` only if that is ``start_known``. ``timeout`` [s] is simulated; a robot that stays
-    within ``stall_radius`` [m] for ``stuck_after`` [s] is stuck.
-    ``drops`` are names of contacts that are no touches, but falls.
+    A goal counts as visited when the robot's true distance is at most ``success_radius`` [m]; for
+    the last goal, when the stack has finished. The stack gets the true ``start`` only if
+    ``start_known``. ``timeout`` [s] is simulated time. A robot that stays within ``stall_radius``
+    [m] of one position for ``stuck_after`` [s] is stuck. Contacts named in ``drops`` are falls.
     """
 
     robot: RobotModel
@@ -135,7 +137,7 @@ class Task:
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """How a run stands: times [s], true straight distance to the last goal [m], who leads."""
+    """State of a run: times [s], true straight distance to the last goal [m], leading behaviour."""
 
     time: float
     wall_time: float
@@ -146,19 +148,20 @@ class Progress:
 
     @property
     def real_time_factor(self) -> float:
-        """Simulated seconds per second of the clock on the wall."""
+        """Simulated time per wall-clock time."""
         return self.time / self.wall_time if self.wall_time > 0.0 else 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class RunResult:
-    """What a run gave. ``faults`` are those of plugins, which the stack survived.
+    """The result of a run.
 
-    ``events`` are those of the mission that happened.
+    ``faults`` are faults of plugins that the stack contained. ``events`` are the mission's events
+    that happened.
     """
 
     verdict: MissionVerdict
-    track: RunLog
+    log: RunLog
     sim_time: float
     wall_time: float
     faults: tuple[str, ...]
@@ -166,7 +169,7 @@ class RunResult:
 
     @property
     def real_time_factor(self) -> float:
-        """Simulated seconds per second of the clock on the wall."""
+        """Simulated time per wall-clock time."""
         return self.sim_time / self.wall_time if self.wall_time > 0.0 else 0.0
 
 
@@ -178,22 +181,21 @@ def run_task(
     readings: SensorRecorder | None = None,
     events: EventClock | None = None,
 ) -> RunResult:
-    """Drive until the mission ends, whichever way; a KeyboardInterrupt ends it as cancelled.
+    """Drive until the mission ends; a KeyboardInterrupt ends it as cancelled.
 
-    ``readings`` collects what the sensors gave, for a replay; ``events`` is asked at every tick
-    what begins or ends. The clock on the wall is looked at
-    for reports only: it has no influence on the run.
+    ``readings`` records the sensor readings for a replay; ``events`` is updated at every tick.
+    Wall-clock time is used in reports only and does not influence the run.
 
     Raises:
-        InputError: the stack refuses the mission (a goal the map has no way to, say) before the
-            robot has moved. Whatever it raises later ends the run as a fault.
+        InputError: the stack refuses the mission before the first tick, for example a goal to which
+            the map has no route. Any later exception ends the run as a fault.
 
     """
     return _MissionLoop(task, pilot, simulator, progress, readings, events).run()
 
 
 class _MissionLoop:
-    """One run in the making."""
+    """The state of one run."""
 
     def __init__(
         self,
@@ -210,10 +212,10 @@ class _MissionLoop:
         self.progress = progress
         self.readings = readings
         self.events = events
-        self.recorder = RunLogger()
+        self.logger = RunLogger()
         self.dt = 1.0 / task.robot.control_rate
-        self.visits = GoalChecker(task.goals, task.success_radius)
-        self.stall = ProgressChecker(task.stuck_after, task.stall_radius)
+        self.goal_checker = GoalChecker(task.goals, task.success_radius)
+        self.progress_checker = ProgressChecker(task.stuck_after, task.stall_radius)
         self.finished_at: float | None = None
         self.faults: tuple[str, ...] = ()
         self.path: tuple[Waypoint, ...] = ()
@@ -228,7 +230,7 @@ class _MissionLoop:
         verdict = self._drive()
         return RunResult(
             verdict=verdict,
-            track=self.recorder.track(),
+            log=self.logger.log(),
             sim_time=self.simulator.time - first,
             wall_time=time.perf_counter() - self.began,
             faults=self.faults[:_MAX_FAULTS],
@@ -238,18 +240,18 @@ class _MissionLoop:
     def _drive(self) -> MissionVerdict:
         verdict: MissionVerdict | None = None
         try:
-            told = self.task.start if self.task.start_known else None
-            self.pilot.start(told, self.task.goals)
+            start = self.task.start if self.task.start_known else None
+            self.pilot.start(start, self.task.goals)
             while verdict is None:
                 verdict = self._tick()
         except KeyboardInterrupt:
-            verdict = self._verdict(Outcome.CANCELLED, "stopped by hand")
-        except Exception as error:  # whatever a plugin does, the run must end in order
-            if isinstance(error, InputError) and self.recorder.ticks == 0:
+            verdict = self._verdict(Outcome.CANCELLED, "stopped by the user")
+        except Exception as error:  # a plugin may raise anything; the run still gives a result
+            if isinstance(error, InputError) and self.logger.ticks == 0:
                 raise
             what = f"{type(error).__name__}: {error}".splitlines()[0]
             trace = traceback.format_exc()
-            verdict = self._verdict(Outcome.FAULT, f"an exception stopped it: {what}", trace)
+            verdict = self._verdict(Outcome.FAULT, f"exception: {what}", trace)
         return verdict
 
     def _tick(self) -> MissionVerdict | None:
@@ -270,7 +272,7 @@ class _MissionLoop:
         command = state.command
         self.leader = "" if command is None else command.leader
         self.last_leader = self.leader or self.last_leader
-        self.recorder.add(
+        self.logger.add(
             time=reading.time,
             true=pose,
             estimate=self.task.start if state.belief is None else state.belief.pose,
@@ -283,7 +285,7 @@ class _MissionLoop:
             self.readings.add(reading, twist.v, twist.w)
         if state.path is not self.path:
             self.path = state.path
-            self.recorder.add_waypoints(state.path)
+            self.logger.add_waypoints(state.path)
         self.faults = state.faults
         if self.progress is not None and reading.time >= self.next_progress:
             self.next_progress = reading.time + PROGRESS_PERIOD
@@ -302,11 +304,11 @@ class _MissionLoop:
         )
 
     def _judge(self, now: float, pose: Pose, twist: Twist) -> MissionVerdict | None:
-        """The verdict, if the mission has just ended. A touch outweighs everything else."""
-        self.visits.see(pose)
+        """The verdict if the mission ends at this tick; a collision takes precedence."""
+        self.goal_checker.update(pose)
         if contacts := self.simulator.contacts:
             touched = list(dict.fromkeys(contacts))
-            self.recorder.contacts.extend(Contact(now, pose.x, pose.y, body) for body in touched)
+            self.logger.contacts.extend(Contact(now, pose.x, pose.y, body) for body in touched)
             where = f"at ({pose.x:.2f}, {pose.y:.2f})"
             fell = [repr(name) for name in touched if name in self.task.drops]
             did = f"fell into {', '.join(fell)}" if fell else f"touched {', '.join(touched)}"
@@ -318,32 +320,33 @@ class _MissionLoop:
             return self._verdict(Outcome.FAULT, state.fault)
         if state.stuck:
             return self._verdict(Outcome.STUCK, state.stuck)
-        if self.stall.see(now, pose):
-            limit = f"{self.task.stall_radius:g} m of one place for {self.task.stuck_after:g} s"
+        if self.progress_checker.update(now, pose):
+            limit = f"{self.task.stall_radius:g} m of one position for {self.task.stuck_after:g} s"
             return self._verdict(Outcome.STUCK, f"stayed within {limit}")
         return self._time_is_up(pose) if now >= self.task.timeout else None
 
     def _time_is_up(self, pose: Pose) -> MissionVerdict:
-        """Lost, if it says so itself; otherwise it was too slow."""
-        left = f"{self.visits.distance(pose):.1f} m from {self.visits.next_name}"
-        reason = f"{self.task.timeout:g} s are up, {left}"
+        """Lost if the belief is lost; otherwise a timeout."""
+        goal = self.goal_checker
+        reason = f"time limit of {self.task.timeout:g} s, {goal.distance(pose):.1f} m from"
+        reason += f" {goal.next_name}"
         belief = self.pilot.state.belief
         if belief is not None and belief.lost:
-            return self._verdict(Outcome.LOST, f"{reason}, and it does not know where it is")
+            return self._verdict(Outcome.LOST, f"{reason}, position estimate lost")
         return self._verdict(Outcome.TIMEOUT, reason)
 
     def _finish(self, now: float, pose: Pose, twist: Twist) -> MissionVerdict | None:
-        """The stack says it is there: let it come to rest, then look where it is."""
+        """The verdict once the finished robot stands still, or after SETTLE_TIME."""
         if self.finished_at is None:
             self.finished_at = now
         moving = abs(twist.v) > _STILL or abs(twist.w) > _STILL
         if moving and now - self.finished_at < SETTLE_TIME:
             return None
-        missed = self.visits.missed(pose)
+        missed = self.goal_checker.missed(pose)
         if missed is None:
             goal = self.task.goals[-1]
             off = math.hypot(goal.x - pose.x, goal.y - pose.y)
-            return self._verdict(Outcome.REACHED, f"stands {off:.2f} m from {goal_name(goal)}")
+            return self._verdict(Outcome.REACHED, f"stopped {off:.2f} m from {goal_name(goal)}")
         return self._verdict(Outcome.LOST, missed)
 
     def _verdict(self, outcome: Outcome, reason: str, trace: str = "") -> MissionVerdict:
@@ -351,7 +354,7 @@ class _MissionLoop:
             outcome=outcome,
             reason=reason,
             behavior=self.last_leader,
-            tick=self.recorder.ticks,
+            tick=self.logger.ticks,
             time=self.simulator.time,
             trace=trace,
         )

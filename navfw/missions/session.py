@@ -1,4 +1,4 @@
-"""One run from names to results: find, check, build, drive, write.
+"""One run from names to results: find files, check them, build the stack, drive, evaluate.
 
 >>> session = prepare("office", "lobby-to-lab", seed=1)      # doctest: +SKIP
 >>> result = session.run()                                   # doctest: +SKIP
@@ -19,15 +19,10 @@ from navfw.config.lookup import find, find_mission
 from navfw.config.overrides import Override, parse_override
 from navfw.errors import UnknownNameError
 from navfw.fault_injection import FaultInjector, inject_faults
-from navfw.missions.events import (
-    BehaviorFault,
-    Event,
-    EventClock,
-    EventTarget,
-    resolve_events,
-    with_doors_open,
-)
-from navfw.missions.mission_file import MissionFile, load_mission
+from navfw.missions.event_check import resolve_events, with_doors_open
+from navfw.missions.event_clock import Event, EventClock, EventTarget
+from navfw.missions.eventspec import BehaviorFault
+from navfw.missions.missionfile import MissionFile, load_mission
 from navfw.missions.oracle import reveal
 from navfw.missions.outcome import Outcome
 from navfw.missions.run_metrics import RunMetrics, measure
@@ -55,9 +50,9 @@ _MISSION_PARTS = ("robot", "sensors")
 
 @dataclass(frozen=True)
 class Session:
-    """Everything that a run needs, found and checked; ``run`` may be called again and again.
+    """World, mission and stack of a run, loaded and checked; ``run`` may be called repeatedly.
 
-    ``shortest`` [m] is the length of the shortest way past all goals.
+    ``shortest`` [m] is the length of the shortest path through all goals.
     """
 
     world_name: str
@@ -74,7 +69,7 @@ class Session:
 
     @property
     def task(self) -> Task:
-        """What the runner has to know."""
+        """The part of the mission that the runner uses."""
         spec = self.mission.spec
         return Task(
             robot=spec.robot,
@@ -88,7 +83,7 @@ class Session:
         )
 
     def simulation(self, gui: bool = False) -> Simulation:
-        """The simulator, with the robot at the start; an oracle stack is given its truth."""
+        """The simulator, the robot at the start; a stack with ``oracle: true`` gets its truth."""
         spec = self.mission.spec
         sensors = spec.sensors.resolved()
         simulation = Simulation(
@@ -110,7 +105,7 @@ class Session:
         gui: bool = False,
         record: bool = False,
     ) -> MissionResult:
-        """Drive the mission once; ``record`` keeps the sensor readings for a replay.
+        """Drive the mission once; with ``record`` the sensor readings are kept for a replay.
 
         Raises:
             InputError: the stack refuses the mission before the robot has moved.
@@ -118,7 +113,7 @@ class Session:
         """
         readings = SensorRecorder() if record else None
         with self.simulation(gui) as simulator:
-            clock = EventClock((event, self._stage(event, simulator)) for event in self.events)
+            clock = EventClock((event, self._target(event, simulator)) for event in self.events)
             run = run_task(self.task, self.stack, simulator, progress, readings, clock)
             changes = simulator.change_track()
             spent = simulator.timings
@@ -130,8 +125,8 @@ class Session:
         timings |= self.stack.timings
         return MissionResult(self, run, timings, readings, cause, movers, changes)
 
-    def _stage(self, event: Event, simulator: Simulation) -> EventTarget:
-        """Where the event happens."""
+    def _target(self, event: Event, simulator: Simulation) -> EventTarget:
+        """A behaviour of the stack for a behaviour's fault, else the simulation."""
         action = event.action
         if isinstance(action, BehaviorFault):
             return _BehaviorFaultTarget(inject_faults(self.stack.mofis.behaviors, action.name))
@@ -139,25 +134,25 @@ class Session:
 
 
 class _BehaviorFaultTarget:
-    """Lets a saboteur act on behalf of events."""
+    """Applies events to a behaviour through its fault injector."""
 
-    def __init__(self, saboteur: FaultInjector) -> None:
-        self._saboteur = saboteur
+    def __init__(self, injector: FaultInjector) -> None:
+        self._injector = injector
 
     def begin(self, action: BehaviorFault) -> None:
-        self._saboteur.begin(action.does)
+        self._injector.begin(action.does)
 
     def end(self, action: BehaviorFault) -> None:
-        self._saboteur.end(action.does)
+        self._injector.end(action.does)
 
 
 @dataclass(frozen=True)
 class MissionResult:
-    """How a run ended, with all its numbers.
+    """Outcome and metrics of a run.
 
-    ``collision_cause`` says who moved into whom at a collision: "robot", or "mover" when a walker
-    ran into a robot that was not driving towards it; None without collision. ``movers`` is where
-    the world's walkers were, ``changes`` what stood there for a part of the time only.
+    ``collision_cause`` is "mover" when a mover ran into a robot that was not driving towards it,
+    "robot" for any other collision, None without one. ``movers`` has the positions of the world's
+    movers over time, ``changes`` the solids that existed for a part of the run only.
     """
 
     session: Session
@@ -170,23 +165,23 @@ class MissionResult:
 
     @property
     def outcome(self) -> Outcome:
-        """The outcome in one word."""
+        """The outcome."""
         return self.run.verdict.outcome
 
     @property
     def reason(self) -> str:
-        """The outcome in a sentence."""
+        """The reason of the outcome, one sentence."""
         return self.run.verdict.reason
 
     @cached_property
     def metrics(self) -> RunMetrics:
-        """The run's numbers."""
+        """The metrics of the run."""
         session, run = self.session, self.run
         frames = max(1.0, run.sim_time * session.mission.spec.robot.camera.rate)
         start, goal = session.mission.start, session.mission.goals[-1]
         return measure(
-            run.track,
-            _without(session.plan, self.changes),
+            run.log,
+            _permanent(session.plan, self.changes),
             start=(start.x, start.y),
             goal=(goal.x, goal.y),
             shortest=session.shortest,
@@ -197,7 +192,7 @@ class MissionResult:
         )
 
     def summary(self) -> dict[str, Any]:
-        """What ``navfw run --json`` prints: one flat object."""
+        """The content of ``navfw run --json``: one flat object."""
         run, verdict, metrics = self.run, self.run.verdict, self.metrics
         return {
             "outcome": str(verdict.outcome),
@@ -223,7 +218,7 @@ class MissionResult:
             **asdict(metrics.localization),
             "mean_speed_m_s": metrics.mean_speed,
             "emergencies": metrics.emergencies,
-            "command_hash": run.track.command_hash,
+            "command_hash": run.log.command_hash,
             "oracle": self.session.stack.resolved.settings.oracle,
             "faults": run.faults,
             "events": [event.as_data() for event in run.events],
@@ -232,7 +227,7 @@ class MissionResult:
 
 
 class _CombinedClearance:
-    """Walkers and what came and went together, for clearances."""
+    """Clearances to the nearest of several sets of moving or temporary bodies."""
 
     def __init__(self, *parts: MoverTrack | ChangeTrack | None) -> None:
         self._parts = [part for part in parts if part is not None]
@@ -244,8 +239,8 @@ class _CombinedClearance:
         return nearest
 
 
-def _without(plan: FloorPlan, changes: ChangeTrack | None) -> FloorPlan:
-    """The plan of what stood there all the time."""
+def _permanent(plan: FloorPlan, changes: ChangeTrack | None) -> FloorPlan:
+    """The plan of the solids that existed during the whole run."""
     if changes is None or not changes.names:
         return plan
     return FloorPlan(plan.bounds, tuple(s for s in plan.solids if s.name not in changes.names))
@@ -260,15 +255,15 @@ def prepare(
     overrides: Sequence[str] = (),
     registry: Registry | None = None,
 ) -> Session:
-    """Find and check world, mission, map and stack.
+    """Load and check world, mission, map and stack.
 
-    Without ``stack`` it is the one that the mission names, or else ``default``.
-    ``overrides`` such as ``offis.layers=1`` go to the stack; those that begin with ``mission.``
-    (``mission.timeout=60``), ``robot.`` or ``sensors.`` go to the mission file.
+    Without ``stack``, the stack named by the mission is used, else ``default``.
+    ``overrides`` that begin with ``mission.`` (``mission.timeout=60``), ``robot.`` or ``sensors.``
+    apply to the mission, all others (``offis.layers=1``) to the stack.
 
     Raises:
-        InputError: any of them does not exist, breaks its schema, or cannot be: the message names
-            file, line and key.
+        InputError: one of them does not exist, breaks its schema, or contradicts another; the
+            message has file, line and key.
 
     """
     for_mission, for_stack = split_overrides(overrides)
@@ -309,26 +304,27 @@ def prepare(
 
 
 def with_drops(world: WorldSpec, mission: MissionFile) -> WorldSpec:
-    """The world with the holes that the mission puts in its floor.
+    """The world with the drops that the mission adds to its floor.
 
     Raises:
-        WorldError: they cannot be there; the mission's file, line and key are named.
+        WorldError: a drop contradicts the world; the message has the mission's file, line and key.
 
     """
     drops = mission.spec.drops
     if not drops:
         return world
     changed = world.model_copy(update={"drops": (*drops, *world.drops)})
-    # the world itself is right, and the mission's drops come first: indices are those of its file
+    # the world has been checked, and the mission's drops come first: indices are those of its file
     check_world(changed, file=mission.file, line_of=mission.document.line_of)
     return changed
 
 
 def mission_stack(mission: MissionFile) -> Path:
-    """The stack file that the mission names, or the default one.
+    """The stack file named by the mission, or the default one.
 
     Raises:
-        UnknownNameError: there is no stack of that name; the mission's file and line are named.
+        UnknownNameError: there is no stack of that name; the message has the mission's file and
+            line.
 
     """
     name = mission.spec.stack or DEFAULT_STACK
@@ -341,7 +337,7 @@ def mission_stack(mission: MissionFile) -> Path:
 
 
 def split_overrides(overrides: Sequence[str]) -> tuple[list[Override], list[str]]:
-    """Overrides for the mission file, and the others, which are the stack's.
+    """Overrides for the mission file, and the others, which are for the stack.
 
     >>> mission, stack = split_overrides(["mission.timeout=9", "robot.radius=1", "dis.x=1"])
     >>> [override.path for override in mission], stack

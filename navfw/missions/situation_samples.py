@@ -1,4 +1,4 @@
-"""Drives of which it is noted what OFFIS said, and where the robot truly was: to learn from."""
+"""Recorded drives: OFFIS situations with true poses, to learn a situation model from."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from navfw.topomap import TopoMap
 __all__ = ["SituationDrive", "SituationSample", "record_situations"]
 
 SPACING = 0.25
-"""One look is taken in so much of the way [m]."""
+"""Driven distance [m] from one sample to the next: nearer frames show the same surroundings."""
 
 
 @dataclass(frozen=True, slots=True)
 class SituationSample:
-    """A camera frame: odometry, what OFFIS said (degrees; None: nothing), and the true pose."""
+    """A camera frame: odometry, degrees of OFFIS situations (None: no inference), true pose."""
 
     odometry: Odometry
     situations: Mapping[str, float] | None
@@ -33,64 +33,62 @@ class SituationSample:
 
 @dataclass(frozen=True)
 class SituationDrive:
-    """A drive through the world of a map, frame by frame."""
+    """A drive in the world of a map, one sample per camera frame."""
 
     topo_map: TopoMap
     start: Pose
-    moments: tuple[SituationSample, ...]
+    samples: tuple[SituationSample, ...]
     outcome: str
 
     def observations(self) -> Iterator[tuple[str, Mapping[str, float]]]:
-        """The kind of the place where the robot truly was, and what OFFIS said there."""
+        """Kind of the true place, and degrees of OFFIS situations, at least SPACING apart."""
         kinds = [place.kind for place in self.topo_map.places.values()]
-        waiting = 0.0
+        driven = 0.0
         last = self.start
-        for moment in self.moments:
-            waiting += math.hypot(moment.true.x - last.x, moment.true.y - last.y)
-            last = moment.true
-            if moment.situations is not None and waiting >= SPACING:
-                waiting = 0.0
-                yield kinds[self.place_at(moment.true)], moment.situations
+        for sample in self.samples:
+            driven += math.hypot(sample.true.x - last.x, sample.true.y - last.y)
+            last = sample.true
+            if sample.situations is not None and driven >= SPACING:
+                driven = 0.0
+                yield kinds[self.place_at(sample.true)], sample.situations
 
     def place_at(self, pose: Pose) -> int:
-        """The index of the place that is nearest to ``pose``."""
+        """The index of the place nearest to ``pose``."""
         places = self.topo_map.places.values()
         return int(np.argmin([place.distance(pose.x, pose.y) for place in places]))
 
 
 class _SituationRecorder(StackObserver):
-    """Writes down what OFFIS says, and knows the truth."""
+    """Records the OFFIS situations and the true pose of every camera frame."""
 
     def __init__(self, stack: Stack, simulator: Simulator) -> None:
         super().__init__(stack)
         self._simulator = simulator
         self._percept: Percept | None = None
-        self.moments: list[SituationSample] = []
+        self.samples: list[SituationSample] = []
 
-    def hear(self, reading: SensorReading, state: StackState) -> None:
+    def observe(self, reading: SensorReading, state: StackState) -> None:
         if reading.frame is None or state.odometry is None:
             return
         new = state.percept if state.percept is not self._percept else None
         self._percept = state.percept
-        moment = SituationSample(
-            state.odometry, observed_situations(new), self._simulator.true_pose()
-        )
-        self.moments.append(moment)
+        true = self._simulator.true_pose()
+        self.samples.append(SituationSample(state.odometry, observed_situations(new), true))
 
 
 def record_situations(session: Session) -> SituationDrive:
-    """Drive the session's mission (without its events), and note what OFFIS says.
+    """Drive the session's mission, without its events, and record the OFFIS situations.
 
     Raises:
         InputError: the stack refuses the mission before the robot has moved.
 
     """
     with session.simulation() as simulator:
-        witness = _SituationRecorder(session.stack, simulator)
-        run = run_task(session.task, witness, simulator)
+        recorder = _SituationRecorder(session.stack, simulator)
+        run = run_task(session.task, recorder, simulator)
     return SituationDrive(
         session.mission.topo_map,
         session.mission.start,
-        tuple(witness.moments),
+        tuple(recorder.samples),
         str(run.verdict.outcome),
     )

@@ -1,4 +1,4 @@
-"""A pilot that drives as a stack does, with somebody beside who hears every step."""
+"""A pilot that runs a stack and observes every step."""
 
 from __future__ import annotations
 
@@ -12,31 +12,31 @@ __all__ = ["StackObserver"]
 
 
 class StackObserver(ABC):
-    """Passes everything on to ``stack``; after each step, ``hear`` may write down what was said."""
+    """Forwards all calls to ``stack`` and calls ``observe`` after each step."""
 
     def __init__(self, stack: Stack) -> None:
         self.stack = stack
 
     @property
     def state(self) -> StackState:
-        """The stack's."""
+        """The stack's state."""
         return self.stack.state
 
     @property
     def timings(self) -> Mapping[str, float]:
-        """The stack's."""
+        """The stack's computing time [s] by stage."""
         return self.stack.timings
 
     def start(self, pose: Pose | None, goals: Sequence[Waypoint]) -> None:
-        """Have the stack begin."""
+        """Start the stack at ``pose`` in ``map`` (None: unknown), with ``goals`` in order."""
         self.stack.start(pose, goals)
 
     def step(self, reading: SensorReading) -> Twist:
-        """Have the stack decide, and hear it."""
+        """The stack's twist for ``reading``; then ``observe``."""
         twist = self.stack.step(reading)
-        self.hear(reading, self.stack.state)
+        self.observe(reading, self.stack.state)
         return twist
 
     @abstractmethod
-    def hear(self, reading: SensorReading, state: StackState) -> None:
-        """What the sensors gave, and what the stack made of it."""
+    def observe(self, reading: SensorReading, state: StackState) -> None:
+        """Take in one step: the sensor reading, and the stack's state after it."""

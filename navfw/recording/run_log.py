@@ -1,4 +1,4 @@
-"""The track of a run: where the robot was, where it thought it was, what it commanded, and why."""
+"""The log of a run, one row per control tick: true and estimated poses, commands, leaders."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def hash_commands(commands: Array) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Contact:
-    """The robot touched ``body`` at ``time`` [s], its centre being at x, y [m, map frame]."""
+    """The robot, its centre at x, y [m, map frame], touched ``body`` at ``time`` [s]."""
 
     time: float
     x: float
@@ -41,12 +41,12 @@ class Contact:
 class RunLog:
     """A whole run, one row per control tick (n rows); poses are x, y [m], yaw [rad] in ``map``.
 
-    ``true`` (n, 3) comes from the simulator and ``estimate`` (n, 3) from the stack's localiser.
-    ``commands`` (n, 2) holds v [m/s] and w [rad/s]; ``leader`` (n,) indexes ``leaders``, the names
-    of the behaviours that led; ``emergency`` (n,) tells where the robot was getting out of danger.
-    ``waypoints`` are those the planner gave, in order. ``confidence`` (n,) in [0, 1] is the
-    belief's own, 0 where it says that it is lost (None: not recorded); ``updates`` counts the
-    landmark detections that went into it.
+    ``true`` (n, 3) comes from the simulator, ``estimate`` (n, 3) from the stack's localiser.
+    ``commands`` (n, 2) holds v [m/s] and w [rad/s]. ``leader`` (n,) indexes ``leaders``, the names
+    of the leading behaviours. ``emergency`` (n,) marks ticks with an emergency command.
+    ``waypoints`` are the planner's, in order. ``confidence`` (n,) in [0, 1] is that of the belief,
+    0 while it is lost (None: not recorded). ``updates`` is the number of landmark detections that
+    the localiser used.
     """
 
     time: Array
@@ -63,7 +63,7 @@ class RunLog:
 
     @property
     def ticks(self) -> int:
-        """How many control ticks the run had."""
+        """Number of control ticks."""
         return len(self.time)
 
     @property
@@ -77,7 +77,7 @@ class RunLog:
         return hash_commands(self.command_stream)
 
     def every(self, period: float) -> npt.NDArray[np.intp]:
-        """Indices of ticks about ``period`` [s] apart; the first and the last are among them."""
+        """Indices of ticks about ``period`` [s] apart, including the first and the last."""
         if self.ticks < 2:
             return np.arange(self.ticks)
         tick = (self.time[-1] - self.time[0]) / (self.ticks - 1)
@@ -101,7 +101,7 @@ class RunLogger:
 
     @property
     def ticks(self) -> int:
-        """How many ticks have been added."""
+        """Number of ticks added so far."""
         return len(self._leader)
 
     def add(
@@ -114,9 +114,9 @@ class RunLogger:
         emergency: bool,
         belief: Belief | None = None,
     ) -> None:
-        """One control tick; ``belief``, where there is one, says how sure ``estimate`` is."""
-        known = belief is None or not belief.lost
-        self._confidence.append(0.0 if not known else 1.0 if belief is None else belief.confidence)
+        """Add one control tick; ``belief``, if given, has the confidence of ``estimate``."""
+        lost = belief is not None and belief.lost
+        self._confidence.append(0.0 if lost else 1.0 if belief is None else belief.confidence)
         self._updates = self._updates if belief is None else belief.updates
         self._rows.extend(
             (time, true.x, true.y, true.yaw, estimate.x, estimate.y, estimate.yaw, twist.v, twist.w)
@@ -125,12 +125,12 @@ class RunLogger:
         self._emergency.append(emergency)
 
     def add_waypoints(self, waypoints: tuple[Waypoint, ...]) -> None:
-        """The planner's waypoints ahead; those already known are kept once, in order."""
+        """Add the planner's waypoints ahead; waypoints already in the log are not repeated."""
         for waypoint in waypoints:
             self._waypoints.setdefault((waypoint.x, waypoint.y, waypoint.place), waypoint)
 
-    def track(self) -> RunLog:
-        """All that has been added so far."""
+    def log(self) -> RunLog:
+        """The log of all ticks added so far."""
         rows = np.array(self._rows, dtype=np.float64).reshape(-1, 9)
         return RunLog(
             time=rows[:, 0],

@@ -39,7 +39,7 @@ _LEGEND_WIDTH = 1.25
 
 @dataclass(frozen=True, slots=True)
 class TrajectoryPicture:
-    """What the picture of one run shows besides its track.
+    """What the picture of one run shows besides its log.
 
     ``title``, ``reason`` and ``numbers`` open it, a line each; ``good`` colours the title.
     ``places`` are those of the topological map; ``zone`` [m] is the radius of the success zone
@@ -58,14 +58,14 @@ class TrajectoryPicture:
     places: Mapping[str, Point]
 
 
-def draw_trajectory(path: Path, track: RunLog, picture: TrajectoryPicture) -> None:
-    """Write the picture of ``track`` as PNG to ``path``."""
+def draw_trajectory(path: Path, log: RunLog, picture: TrajectoryPicture) -> None:
+    """Write the picture of ``log`` as PNG to ``path``."""
     # The object interface with the Agg canvas: no window system, and pyplot's global state stays
     # untouched, whatever the caller's program does with it.
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    low, high = _bounds(track, picture)
+    low, high = _bounds(log, picture)
     width, height = high - low
     scale = min(11.0 / width, 8.0 / height)
     inches = max(3.0, height * scale) + 1.8
@@ -73,12 +73,12 @@ def draw_trajectory(path: Path, track: RunLog, picture: TrajectoryPicture) -> No
     FigureCanvasAgg(figure)
     axes = figure.add_axes((0.05, 0.95 / inches, 0.92, 1.0 - 1.8 / inches))
     _draw_world(axes, picture)
-    _draw_paths(axes, track)
-    _draw_marks(axes, track, picture)
+    _draw_paths(axes, log)
+    _draw_marks(axes, log, picture)
     axes.set_xlim(low[0], high[0])
     axes.set_ylim(low[1], high[1])
     axes.set_aspect("equal")
-    _draw_names(axes, track, picture)
+    _draw_names(axes, log, picture)
     make_bare(axes)
     axes.set_xlabel("x [m]", fontsize=8, color="#666666", labelpad=1)
     axes.set_ylabel("y [m]", fontsize=8, color="#666666", labelpad=1)
@@ -110,8 +110,8 @@ def _write_legend(figure: Figure, axes: Axes) -> None:
     )
 
 
-def _bounds(track: RunLog, picture: TrajectoryPicture) -> tuple[Array, Array]:
-    points = [track.true[:, :2], track.estimate[:, :2], np.array(picture.goals).reshape(-1, 2)]
+def _bounds(log: RunLog, picture: TrajectoryPicture) -> tuple[Array, Array]:
+    points = [log.true[:, :2], log.estimate[:, :2], np.array(picture.goals).reshape(-1, 2)]
     points += [np.array([[picture.start.x, picture.start.y]])]
     points += [*picture.outline.walls, *picture.outline.furniture]
     points += [
@@ -129,9 +129,9 @@ def _draw_world(axes: Axes, picture: TrajectoryPicture) -> None:
         axes.plot(x, y, marker="o", ms=2.5, color=_PLACE, zorder=3)
 
 
-def _draw_names(axes: Axes, track: RunLog, picture: TrajectoryPicture) -> None:
+def _draw_names(axes: Axes, log: RunLog, picture: TrajectoryPicture) -> None:
     """Names of places, those that matter to this run first."""
-    passed = {waypoint.place for waypoint in track.waypoints}
+    passed = {waypoint.place for waypoint in log.waypoints}
 
     def rank(name: str) -> tuple[bool, int]:
         return picture.places[name] not in picture.goals and name not in passed, len(name)
@@ -140,16 +140,16 @@ def _draw_names(axes: Axes, track: RunLog, picture: TrajectoryPicture) -> None:
     draw_names(axes, places, _PLACE, zorder=7)
 
 
-def _draw_paths(axes: Axes, track: RunLog) -> None:
+def _draw_paths(axes: Axes, log: RunLog) -> None:
     from matplotlib.collections import LineCollection
 
-    shown = track.every(0.1)
+    shown = log.every(0.1)
     if len(shown) < 2:
         return
-    true, estimate = track.true[shown, :2], track.estimate[shown, :2]
+    true, estimate = log.true[shown, :2], log.estimate[shown, :2]
     segments = np.stack([true[:-1], true[1:]], axis=1)
-    leader = track.leader[shown][1:]
-    for index, (name, color) in enumerate(_colors(track.leaders).items()):
+    leader = log.leader[shown][1:]
+    for index, (name, color) in enumerate(_colors(log.leaders).items()):
         mine = segments[leader == index]
         if not len(mine):
             continue
@@ -169,7 +169,7 @@ def _colors(leaders: Sequence[str]) -> dict[str, str]:
     return colors
 
 
-def _draw_marks(axes: Axes, track: RunLog, picture: TrajectoryPicture) -> None:
+def _draw_marks(axes: Axes, log: RunLog, picture: TrajectoryPicture) -> None:
     from matplotlib.patches import Circle
 
     start = picture.start
@@ -184,7 +184,7 @@ def _draw_marks(axes: Axes, track: RunLog, picture: TrajectoryPicture) -> None:
         label="start",
         zorder=7,
     )
-    inner = [waypoint for waypoint in track.waypoints if waypoint.kind != "goal"]
+    inner = [waypoint for waypoint in log.waypoints if waypoint.kind != "goal"]
     if inner:
         xs, ys = [w.x for w in inner], [w.y for w in inner]
         style = {"marker": "D", "ms": 5.5, "mfc": "none", "mec": _GOAL, "mew": 1.1, "ls": ""}
@@ -194,22 +194,22 @@ def _draw_marks(axes: Axes, track: RunLog, picture: TrajectoryPicture) -> None:
         axes.add_patch(zone)
     xs, ys = [x for x, _ in picture.goals], [y for _, y in picture.goals]
     axes.plot(xs, ys, marker="*", ms=11, mfc=_GOAL, mec="white", ls="", label="goal", zorder=8)
-    if track.contacts:
-        xs, ys = [c.x for c in track.contacts], [c.y for c in track.contacts]
+    if log.contacts:
+        xs, ys = [c.x for c in log.contacts], [c.y for c in log.contacts]
         axes.plot(
             xs, ys, marker="X", ms=11, mfc=_CONTACT, mec="white", ls="", zorder=9, label="hit"
         )
         axes.annotate(
-            track.contacts[0].body,
-            (track.contacts[0].x, track.contacts[0].y),
+            log.contacts[0].body,
+            (log.contacts[0].x, log.contacts[0].y),
             xytext=(8, -11),
             textcoords="offset points",
             fontsize=8,
             color=_CONTACT,
             zorder=9,
         )
-    if track.ticks:
-        x, y, _ = track.true[-1]
+    if log.ticks:
+        x, y, _ = log.true[-1]
         radius = picture.robot_radius
         end = Circle((x, y), radius, fc="none", ec="#111111", lw=1.4, zorder=8)
         axes.add_patch(end)

@@ -11,14 +11,9 @@ from navfw.config.document import parse_yaml
 from navfw.config.lookup import find
 from navfw.config.overrides import apply_overrides
 from navfw.errors import ConfigError, WorldError
-from navfw.missions.events import resolve_events
-from navfw.missions.mission_file import (
-    MissionFile,
-    MissionSpec,
-    PlaceStart,
-    PointGoal,
-    mission_spec,
-)
+from navfw.missions.event_check import resolve_events
+from navfw.missions.missionfile import MissionFile
+from navfw.missions.missionspec import MissionSpec, PlaceStart, PointGoal, mission_spec
 from navfw.missions.session import Session, mission_stack, prepare, split_overrides
 from navfw.signals import Pose, Waypoint
 from navfw.sim.floorplan import FloorPlan

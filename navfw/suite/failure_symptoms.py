@@ -45,13 +45,13 @@ REACH = 0.12
 
 def collect_symptoms(result: MissionResult) -> FailureSymptoms:
     """The evidence of how ``result`` came about. It corrects the stack's memory on the way."""
-    session, track, metrics = result.session, result.run.track, result.metrics
+    session, log, metrics = result.session, result.run.log, result.metrics
     spec = session.mission.spec
     stack = session.stack
     odometry = stack.state.odometry
-    now = _true_at(track, stack.state.time)
+    now = _true_at(log, stack.state.time)
     touch = aiming = None
-    if track.contacts and now is not None:
+    if log.contacts and now is not None:
         touch = _touch(result, now)
     elif odometry is not None and now is not None:
         aiming = _aiming(result, odometry, now)
@@ -62,28 +62,28 @@ def collect_symptoms(result: MissionResult) -> FailureSymptoms:
         slack=max(0.0, spec.success.within - spec.tolerance),
         touch=touch,
         aiming=aiming,
-        driving=_driving(result) if track.ticks else None,
+        driving=_driving(result) if log.ticks else None,
         exception=bool(result.run.verdict.trace),
         sensor_failed=session.stack.state.fault is not None,
     )
 
 
-def _true_at(track: RunLog, time: float) -> Pose | None:
+def _true_at(log: RunLog, time: float) -> Pose | None:
     """The true pose at the stack's last decision."""
-    index = int(np.searchsorted(track.time, time - 1e-9))
-    return Pose(*track.true[index]) if index < track.ticks else None
+    index = int(np.searchsorted(log.time, time - 1e-9))
+    return Pose(*log.true[index]) if index < log.ticks else None
 
 
 # --- collisions ----------------------------------------------------------------------------------
 
 
 def _touch(result: MissionResult, now: Pose) -> CollisionSymptoms:
-    session, track = result.session, result.run.track
-    contact = track.contacts[0]
-    since = min(int(np.searchsorted(track.time, contact.time - APPROACH)), track.ticks - 1)
-    yaw = float(track.true[-1, 2])
-    moved = np.array([contact.x, contact.y]) - track.true[since, :2]
-    elapsed = max(contact.time - float(track.time[since]), 1e-3)
+    session, log = result.session, result.run.log
+    contact = log.contacts[0]
+    since = min(int(np.searchsorted(log.time, contact.time - APPROACH)), log.ticks - 1)
+    yaw = float(log.true[-1, 2])
+    moved = np.array([contact.x, contact.y]) - log.true[since, :2]
+    elapsed = max(contact.time - float(log.time[since]), 1e-3)
     point = _touched_point(result, contact)
     toward = point - (contact.x, contact.y)
     return CollisionSymptoms(
@@ -203,9 +203,9 @@ def _distance_from_truth(
 
 
 def _driving(result: MissionResult) -> MotionSymptoms:
-    session, track = result.session, result.run.track
-    sampled = track.every(0.1)
-    true, time = track.true[sampled], track.time[sampled]
+    session, log = result.session, result.run.log
+    sampled = log.every(0.1)
+    true, time = log.true[sampled], log.time[sampled]
     late = time >= time[-1] - RECENT
     recent = true[late]
     turned = np.abs([wrap_angle(step) for step in np.diff(recent[:, 2])]).sum()

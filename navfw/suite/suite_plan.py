@@ -17,7 +17,7 @@ from navfw.config.lookup import find, find_mission, list_missions
 from navfw.errors import ConfigError, InputError, MissingExtraError, UnknownNameError
 from navfw.missions.session import Session
 from navfw.suite.case import Case
-from navfw.suite.suite_file import EntrySpec, Expect, Suite, VariantSpec
+from navfw.suite.suitefile import EntrySpec, Expect, Suite, VariantSpec
 
 if TYPE_CHECKING:
     from navfw.plugins import Registry

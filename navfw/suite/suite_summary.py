@@ -11,7 +11,7 @@ from navfw.missions.outcome import Outcome
 from navfw.suite.failure_causes import Cause
 from navfw.suite.run_statistics import mcnemar_exact, wilson
 from navfw.suite.run_table import RunRow
-from navfw.suite.suite_file import Expect
+from navfw.suite.suitefile import Expect
 
 __all__ = ["summarize"]
 

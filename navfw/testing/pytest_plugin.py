@@ -68,24 +68,24 @@ class MissionRun:
         return self.result.metrics
 
     @property
-    def track(self) -> RunLog:
+    def log(self) -> RunLog:
         """The whole run, tick by tick."""
-        return self.result.run.track
+        return self.result.run.log
 
     @property
     def path(self) -> Array:
         """(n, 3) true poses x, y [m], yaw [rad] in the map, one for each control tick."""
-        return self.track.true
+        return self.log.true
 
     @property
     def commands(self) -> Array:
         """(n, 3) time [s], v [m/s], w [rad/s], one for each control tick."""
-        return self.track.command_stream
+        return self.log.command_stream
 
     @property
     def command_hash(self) -> str:
         """The fingerprint of the commands: equal for equal bytes."""
-        return self.track.command_hash
+        return self.log.command_hash
 
     @property
     def seed(self) -> int:

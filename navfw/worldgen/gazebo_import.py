@@ -16,7 +16,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from navfw.errors import InputError, WorldError
-from navfw.missions.mission_file import MissionSpec
+from navfw.missions.missionspec import MissionSpec
 from navfw.sim.floorplan import FloorPlan
 from navfw.sim.world_check import check_world
 from navfw.sim.worldspec import BoxSpec, CylinderSpec, WorldSpec

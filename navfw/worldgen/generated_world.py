@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from navfw.errors import InputError
-from navfw.missions.mission_file import MissionSpec
+from navfw.missions.missionspec import MissionSpec
 from navfw.sim.worldspec import WorldSpec
 from navfw.topomap import TopoMap
 

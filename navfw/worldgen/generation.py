@@ -10,7 +10,8 @@ from types import MappingProxyType
 import numpy as np
 
 from navfw.errors import InputError, UnknownNameError, WorldError
-from navfw.missions.mission_file import MissionSpec, goals_map
+from navfw.missions.missionfile import goals_map
+from navfw.missions.missionspec import MissionSpec
 from navfw.sim.world_check import check_world
 from navfw.worldgen.generated_world import MAP_FILE, GeneratedWorld
 from navfw.worldgen.world_draft import ROBOT, Unsuitable, WorldDraft

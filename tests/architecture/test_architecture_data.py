@@ -11,11 +11,11 @@ from architecture_sources import ROOT, shown
 
 from navfw.fuzzy import load_rule_base
 from navfw.localization.situation_model import load_table
-from navfw.missions.mission_file import load_mission
+from navfw.missions.missionfile import load_mission
 from navfw.plugins import default_registry
 from navfw.sim.worldfile import load_world
 from navfw.stackfile import load_stack
-from navfw.suite.suite_file import load_suite
+from navfw.suite.suitefile import load_suite
 from navfw.topomap import load_map
 
 READERS: dict[str, Callable[[Path], Any]] = {

@@ -10,7 +10,7 @@ import pytest
 
 from navfw.errors import WorldError
 from navfw.flow.horizon import above_horizon
-from navfw.missions.mission_file import load_mission
+from navfw.missions.missionfile import load_mission
 from navfw.missions.oracle import SimulatorTruth
 from navfw.missions.session import MissionResult, prepare
 from navfw.robot import RobotModel
@@ -40,7 +40,7 @@ def test_navground_drives_our_robot() -> None:
     result = drive("navground")
     assert result.outcome == "reached", result.reason
     assert result.summary()["oracle"] is True
-    assert set(result.run.track.leaders) <= {"", "navground"}
+    assert set(result.run.log.leaders) <= {"", "navground"}
 
 
 @pytest.mark.parametrize(
@@ -51,14 +51,14 @@ def test_parts_of_the_stack_can_be_left_out(override: str) -> None:
     assert result.outcome == "timeout"
     assert result.run.faults == ()
     usual = drive("default", "mission.timeout=6")
-    assert result.run.track.command_hash != usual.run.track.command_hash
+    assert result.run.log.command_hash != usual.run.log.command_hash
 
 
 def test_a_robot_in_doubt_looks_round_and_explores() -> None:
     result = drive("search", "search.sigma=0.03", "mission.timeout=25")
-    led = set(result.run.track.leaders)
+    led = set(result.run.log.leaders)
     assert {"look_around", "explore"} <= led
-    turned = np.abs(np.diff(np.unwrap(result.run.track.true[:, 2]))).sum()
+    turned = np.abs(np.diff(np.unwrap(result.run.log.true[:, 2]))).sum()
     assert turned > 2.0 * math.pi
 
 

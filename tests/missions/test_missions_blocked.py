@@ -79,7 +79,7 @@ def test_a_crate_in_the_way_is_found_and_another_way_taken(
     assert result.outcome is Outcome.REACHED, result.reason
     assert result.metrics.collisions == 0
     assert result.session.stack.planner.replans >= 1
-    passed = result.run.track.true
+    passed = result.run.log.true
     assert passed[:, 1].max() > 4.0  # by the northern gap
 
 

@@ -85,7 +85,7 @@ def test_unmapped_stairs_are_not_driven_into(seed: int) -> None:
 def test_mapped_stairs_are_avoided_from_the_start() -> None:
     result = office("stairs-mapped")
     assert result.outcome is Outcome.REACHED, result.reason
-    rim = np.hypot(result.run.track.true[:, 0] - 11.0, result.run.track.true[:, 1] - 5.0)
+    rim = np.hypot(result.run.log.true[:, 0] - 11.0, result.run.log.true[:, 1] - 5.0)
     assert rim.min() > 0.9
 
 
@@ -101,4 +101,4 @@ def test_a_closed_only_door_ends_stuck_and_is_named_soon() -> None:
     assert result.outcome is Outcome.STUCK
     assert "office-a-door - office-a-entrance" in result.reason
     (event,) = result.run.events
-    assert result.run.track.time[-1] - event.began < 60.0 + 3.0
+    assert result.run.log.time[-1] - event.began < 60.0 + 3.0

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from navfw.cli import app
 from navfw.errors import InputError
-from navfw.missions.events import Event, EventClock
+from navfw.missions.event_clock import Event, EventClock
 from navfw.missions.run_report import write_run
 from navfw.missions.session import MissionResult, prepare
 from navfw.recording.run_folder import RunFolder, read_result
@@ -104,8 +104,8 @@ def test_an_obstacle_over_a_hole_is_refused(tmp_path: Path, shape: str) -> None:
     with pytest.raises(InputError) as caught:
         prepare("paper-room", file, overrides=[HOLE])
     text = str(caught.value)
-    assert "events.yaml:6: events[1].obstacle.at: 'obstacle' would stand on nothing" in text
-    assert "over 'shaft', x [2.0, 2.6] y [2.0, 2.6] [m]; move it" in text
+    assert "events.yaml:6: events[1].obstacle.at: 'obstacle' overlaps the drop" in text
+    assert "the drop 'shaft', x [2.0, 2.6] y [2.0, 2.6] [m]; move it" in text
     assert prepare("paper-room", file).events  # without the hole it may stand there
 
 

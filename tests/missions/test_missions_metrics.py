@@ -36,12 +36,12 @@ def straight(length: float, seconds: float, drift: float = 0.0) -> RunLog:
         recorder.add(
             tick / 60, Pose(x, 0.0, 0.0), Pose(x, drift * share, 0.0), Twist(0.1, 0.0), "go", False
         )
-    return recorder.track()
+    return recorder.log()
 
 
-def metrics(track: RunLog, shortest: float = 2.0, succeeded: bool = True) -> RunMetrics:
+def metrics(log: RunLog, shortest: float = 2.0, succeeded: bool = True) -> RunMetrics:
     return measure(
-        track,
+        log,
         WallAt(0.5),
         start=(0.0, 0.0),
         goal=(3.0, 0.4),
@@ -72,7 +72,7 @@ def test_failure_earns_nothing_and_shortcuts_no_more_than_one() -> None:
 
 
 def test_a_run_that_never_began_has_numbers_too() -> None:
-    found = metrics(RunLogger().track(), succeeded=False)
+    found = metrics(RunLogger().log(), succeeded=False)
     assert (found.path_length_m, found.mean_speed, found.spl) == (0.0, 0.0, 0.0)
     assert found.distance_to_goal_m == pytest.approx(math.hypot(3.0, 0.4))
 
@@ -94,7 +94,7 @@ def test_each_emergency_counts_once() -> None:
     pose = Pose(0.0, 0.0, 0.0)
     for tick, urgent in enumerate("..!!!..!...!!"):
         recorder.add(tick / 60, pose, pose, Twist(0.0, 0.0), "", urgent == "!")
-    assert metrics(recorder.track()).emergencies == 3
+    assert metrics(recorder.log()).emergencies == 3
 
 
 @given(st.lists(st.floats(0.0, 100.0), max_size=30), st.randoms())

@@ -9,7 +9,7 @@ import pytest
 
 from navfw.config.lookup import find, list_missions, list_worlds
 from navfw.errors import ConfigError, InputError, UnknownNameError, WorldError
-from navfw.missions.mission_file import MissionFile, load_mission
+from navfw.missions.missionfile import MissionFile, load_mission
 from navfw.missions.session import prepare
 from navfw.robot import RobotModel
 from navfw.sim.floorplan import FloorPlan

@@ -33,11 +33,11 @@ def task(*goals: Waypoint, timeout: float = 60.0, stuck_after: float = 45.0) -> 
 def test_a_good_run_is_reached_in_the_success_zone() -> None:
     run = run_task(task(), FakePilot(), FakeSimulator(START))
     assert run.verdict.outcome is Outcome.REACHED
-    x, y, _ = run.track.true[-1]
+    x, y, _ = run.log.true[-1]
     assert math.hypot(x - 2.0, y - 0.5) <= 0.5
     assert run.verdict.behavior == "fake"
-    assert run.track.ticks == run.verdict.tick
-    assert run.sim_time == pytest.approx(run.track.ticks / ROBOT.control_rate)
+    assert run.log.ticks == run.verdict.tick
+    assert run.sim_time == pytest.approx(run.log.ticks / ROBOT.control_rate)
 
 
 def test_a_touch_ends_the_run_at_once() -> None:
@@ -45,14 +45,14 @@ def test_a_touch_ends_the_run_at_once() -> None:
     run = run_task(task(), FakePilot(), simulator)
     assert run.verdict.outcome is Outcome.COLLIDED
     assert "column" in run.verdict.reason
-    (contact,) = run.track.contacts
+    (contact,) = run.log.contacts
     assert math.hypot(contact.x - 1.0, contact.y - 0.2) == pytest.approx(0.28, abs=0.01)
 
 
 def test_a_stack_that_is_mistaken_is_lost_and_told_how_far() -> None:
     run = run_task(task(), FakePilot(yaw_error=0.5), FakeSimulator(START))
     assert run.verdict.outcome is Outcome.LOST
-    x, y, _ = run.track.true[-1]
+    x, y, _ = run.log.true[-1]
     assert f"{math.hypot(x - 2.0, y - 0.5):.2f} m" in run.verdict.reason
 
 
@@ -106,7 +106,7 @@ class BrokenPilot(ScriptedPilot):
         (ValueError("bad cell"), Outcome.FAULT, "ValueError: bad cell"),
         (MapError("no way left"), Outcome.FAULT, "no way left"),
         (Twist(math.nan, 0.0), Outcome.FAULT, "v = nan"),
-        (KeyboardInterrupt(), Outcome.CANCELLED, "by hand"),
+        (KeyboardInterrupt(), Outcome.CANCELLED, "by the user"),
     ],
 )
 def test_breakage_ends_the_run_in_order(
@@ -115,7 +115,7 @@ def test_breakage_ends_the_run_in_order(
     run = run_task(task(), BrokenPilot(breakage), FakeSimulator(START))
     assert run.verdict.outcome is outcome
     assert reason in run.verdict.reason
-    assert run.track.ticks == 5
+    assert run.log.ticks == 5
     assert ("Traceback" in run.verdict.trace) == (isinstance(breakage, Exception))
 
 
@@ -161,7 +161,7 @@ def test_the_hash_tells_equal_command_streams_from_different_ones(
     twists: list[Twist], changed: int
 ) -> None:
     def hash_of(script: list[Twist]) -> str:
-        return run_task(task(), ScriptedPilot(script), FakeSimulator(START)).track.command_hash
+        return run_task(task(), ScriptedPilot(script), FakeSimulator(START)).log.command_hash
 
     assert hash_of(twists) == hash_of(list(twists))
     other = list(twists)

@@ -17,8 +17,8 @@ from navfw.missions.session import prepare
 from navfw.missions.situation_samples import SituationDrive, record_situations
 from navfw.plugins import default_registry
 from navfw.signals import Pose
-from navfw.suite.suite_file import load_suite
 from navfw.suite.suite_plan import plan_runs
+from navfw.suite.suitefile import load_suite
 
 SUITE = """\
 entries:
@@ -34,16 +34,16 @@ def drive() -> SituationDrive:
     )
 
 
-def test_a_drive_has_a_moment_for_each_frame_and_a_look_for_each_quarter_metre(
+def test_a_drive_has_a_sample_for_each_frame_and_a_spaced_one_for_each_quarter_metre(
     drive: SituationDrive,
 ) -> None:
     assert drive.outcome == "timeout"
-    assert len(drive.moments) == pytest.approx(120, abs=3)
-    path = np.array([(m.true.x, m.true.y) for m in drive.moments])
+    assert len(drive.samples) == pytest.approx(120, abs=3)
+    path = np.array([(s.true.x, s.true.y) for s in drive.samples])
     driven = float(np.hypot(*np.diff(path, axis=0).T).sum())
-    looks = list(drive.observations())
-    assert 2.0 < len(looks) <= driven / 0.25 + 1.0
-    assert {kind for kind, _ in looks} <= {"room", "door", "junction"}
+    spaced = list(drive.observations())
+    assert 2.0 < len(spaced) <= driven / 0.25 + 1.0
+    assert {kind for kind, _ in spaced} <= {"room", "door", "junction"}
     names = list(drive.topo_map.places)
     assert names[drive.place_at(drive.start)] == "lobby-west"
     assert all(

@@ -12,7 +12,7 @@ import pytest
 from navfw.config.lookup import find
 from navfw.errors import ConfigError, InputError, UnknownNameError, WorldError
 from navfw.missions.localization_metrics import measure_localization
-from navfw.missions.mission_file import MissionFile, load_mission
+from navfw.missions.missionfile import MissionFile, load_mission
 from navfw.missions.outcome import Outcome
 from navfw.missions.runner import Task, run_task
 from navfw.missions.session import prepare
@@ -106,7 +106,7 @@ def test_places_that_are_not_free_are_passed_over() -> None:
 
 
 class Clueless:
-    """Turns on the spot and says that it does not know where it is."""
+    """Turns on the spot with a lost belief."""
 
     def __init__(self) -> None:
         self.told: list[Pose | None] = []
@@ -130,8 +130,8 @@ def test_who_does_not_know_where_he_is_when_the_time_is_up_is_lost() -> None:
     run = run_task(task, pilot, FakeSimulator(start))
     assert pilot.told == [None]
     assert run.verdict.outcome is Outcome.LOST
-    assert "does not know where it is" in run.verdict.reason
-    numbers = measure_localization(run.track, run.track.every(0.1))
+    assert "position estimate lost" in run.verdict.reason
+    numbers = measure_localization(run.log, run.log.every(0.1))
     assert numbers.localized_after_s is None
     assert numbers.estimate_error_p95_m is None
     assert numbers.lost_s == pytest.approx(3.0, abs=0.1)
@@ -155,8 +155,8 @@ def test_the_numbers_tell_when_it_knew_and_how_long_it_was_wrong() -> None:
         true = Pose(0.5 * time, 0.0, 0.0)
         estimate = Pose(0.5 * time + off, 0.0, 0.0)
         recorder.add(time, true, estimate, Twist(0.5, 0.0), "", False, belief)
-    track = recorder.track()
-    numbers = measure_localization(track, track.every(0.1))
+    log = recorder.log()
+    numbers = measure_localization(log, log.every(0.1))
     assert numbers.localized_after_s == pytest.approx(3.0, abs=0.11)
     assert numbers.localized_after_m == pytest.approx(1.5, abs=0.06)
     assert numbers.confidently_wrong_s == pytest.approx(1.0, abs=0.11)
@@ -182,7 +182,7 @@ def test_without_a_landmark_in_sight_it_looks_round_and_plans_nothing(tmp_path: 
     assert session.stack.state.path == ()
     assert session.stack.state.waypoint is None
     assert result.run.verdict.behavior == "look_around"
-    turned = np.abs(np.diff(np.unwrap(result.run.track.true[:, 2]))).sum()
+    turned = np.abs(np.diff(np.unwrap(result.run.log.true[:, 2]))).sum()
     assert turned > math.pi / 2
     summary = result.summary()
     assert summary["localized_after_s"] is None

@@ -54,12 +54,12 @@ def test_the_stack_alone_gives_the_same_commands(driven: tuple[MissionResult, Pa
     )
     assert done.returncode == 0, done.stderr
     answer = json.loads(done.stdout)
-    assert answer["command_hash"] == result.run.track.command_hash
+    assert answer["command_hash"] == result.run.log.command_hash
     assert answer["same"]
     assert answer["complete"]
-    assert answer["ticks"] == result.run.track.ticks > 300
+    assert answer["ticks"] == result.run.log.ticks > 300
     assert json.loads(done.stderr.splitlines()[-1]) == []
-    assert abs(result.run.track.commands[:, 0]).max() > 0.1, "the robot should have driven"
+    assert abs(result.run.log.commands[:, 0]).max() > 0.1, "the robot should have driven"
 
 
 def test_another_image_gives_other_commands(

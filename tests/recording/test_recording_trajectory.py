@@ -1,4 +1,4 @@
-"""The track's arithmetic, and a picture that is really drawn."""
+"""The log's arithmetic, and a picture that is really drawn."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def test_the_hash_is_of_little_endian_doubles(rows: list[tuple[float, float, flo
     assert hash_commands(np.array(rows, dtype=np.float64).reshape(-1, 3)) == expected
 
 
-def curved_track(ticks: int = 300) -> RunLog:
+def curved_log(ticks: int = 300) -> RunLog:
     recorder = RunLogger()
     for tick in range(ticks):
         x, y = 0.01 * tick, 0.5 * np.sin(0.02 * tick)
@@ -36,23 +36,23 @@ def curved_track(ticks: int = 300) -> RunLog:
     recorder.add_waypoints((Waypoint(1.0, 0.0, 0.3, "door", "door", False),))
     recorder.add_waypoints((Waypoint(1.0, 0.0, 0.3, "door", "door", False),))
     recorder.contacts.append(Contact(5.0, 3.0, 0.0, "column"))
-    return recorder.track()
+    return recorder.log()
 
 
 def test_a_track_keeps_what_was_added() -> None:
-    track = curved_track()
-    assert track.ticks == 300
-    assert track.leaders == ("go_to_xy", "avoid")
-    assert track.leader.tolist() == [0] * 100 + [1] * 100 + [0] * 100
-    assert np.flatnonzero(track.emergency).tolist() == [7]
-    assert len(track.waypoints) == 1
-    assert track.command_stream.shape == (300, 3)
+    log = curved_log()
+    assert log.ticks == 300
+    assert log.leaders == ("go_to_xy", "avoid")
+    assert log.leader.tolist() == [0] * 100 + [1] * 100 + [0] * 100
+    assert np.flatnonzero(log.emergency).tolist() == [7]
+    assert len(log.waypoints) == 1
+    assert log.command_stream.shape == (300, 3)
 
 
 @pytest.mark.parametrize("ticks", [0, 1, 2, 5, 61, 300])
 def test_thinned_out_indices_keep_both_ends(ticks: int) -> None:
-    track = curved_track(ticks)
-    picked = track.every(0.1)
+    log = curved_log(ticks)
+    picked = log.every(0.1)
     assert len(picked) <= ticks
     if ticks:
         assert (picked[0], picked[-1]) == (0, ticks - 1)
@@ -65,7 +65,7 @@ def picture(**changes: object) -> TrajectoryPicture:
     wall, table = square + np.array([1.5, 1.0]), square + np.array([0.5, -1.2])
     values: dict[str, object] = {
         "title": "here / there, seed 1: reached",
-        "reason": "stands 0.1 m from 'there'",
+        "reason": "stopped 0.1 m from 'there'",
         "numbers": "3.1 m in 5.0 s",
         "good": True,
         "outline": WorldOutline([wall], [table], [OutlineDisc(2.5, 1.0, 0.2)]),
@@ -78,8 +78,8 @@ def picture(**changes: object) -> TrajectoryPicture:
     return TrajectoryPicture(**(values | changes))  # type: ignore[arg-type]
 
 
-def drawn(path: Path, track: RunLog, shown: TrajectoryPicture) -> Array:
-    draw_trajectory(path, track, shown)
+def drawn(path: Path, log: RunLog, shown: TrajectoryPicture) -> Array:
+    draw_trajectory(path, log, shown)
     image = cv2.imread(str(path))
     assert image is not None
     return image[:, :, ::-1].astype(np.float64)
@@ -91,24 +91,24 @@ def share_of(image: Array, color: str) -> float:
 
 
 def test_the_picture_shows_who_led_where(tmp_path: Path) -> None:
-    image = drawn(tmp_path / "a.png", curved_track(), picture())
+    image = drawn(tmp_path / "a.png", curved_log(), picture())
     assert min(image.shape[:2]) > 400
     for color in ("#0072B2", "#E69F00", "#4A4A4A", "#D9D2C5", "#D00000"):
         assert share_of(image, color) > 1e-4, color
-    # the same picture without the track has none of the leaders' colours
-    bare = drawn(tmp_path / "b.png", RunLogger().track(), picture())
+    # the same picture without the log has none of the leaders' colours
+    bare = drawn(tmp_path / "b.png", RunLogger().log(), picture())
     assert share_of(bare, "#E69F00") < 1e-5
 
 
 def test_the_same_run_gives_the_same_picture(tmp_path: Path) -> None:
     for name in ("a.png", "b.png"):
-        draw_trajectory(tmp_path / name, curved_track(), picture())
+        draw_trajectory(tmp_path / name, curved_log(), picture())
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
 
 
 def test_a_world_without_anything_can_be_drawn(tmp_path: Path) -> None:
     empty = picture(outline=WorldOutline(), places={}, good=False)
-    image = drawn(tmp_path / "a.png", curved_track(1), empty)
+    image = drawn(tmp_path / "a.png", curved_log(1), empty)
     assert share_of(image, "#B0004E") > 0.0
 
 
@@ -121,7 +121,7 @@ def test_the_legend_of_many_behaviours_is_whole(tmp_path: Path) -> None:
     recorder.contacts.append(Contact(5.0, 5.99, 0.0, "column"))
     tall = [np.array([[0.0, -5.0], [7.0, -5.0], [7.0, 5.0], [0.0, 5.0]])]
     image = drawn(
-        tmp_path / "many.png", recorder.track(), picture(outline=WorldOutline(tall, [], []))
+        tmp_path / "many.png", recorder.log(), picture(outline=WorldOutline(tall, [], []))
     )
     height = image.shape[0]
     legend = image[height - 100 :]

@@ -49,7 +49,7 @@ def test_a_suite_runs_and_its_runs_are_those_of_navfw_run(folder: Path) -> None:
     assert set(summary["by_entry"]) == {"empty"}
     assert [tuple(run) for run in runs] == [columns_of([])] * 2  # without one for variants
     alone = prepare("empty", "straight", seed=5, overrides=["mission.timeout=3"]).run()
-    assert runs[1]["command_hash"] == alone.run.track.command_hash
+    assert runs[1]["command_hash"] == alone.run.log.command_hash
     assert runs[0]["command_hash"] != runs[1]["command_hash"]
     assert runs[1]["path_length_m"] == pytest.approx(alone.metrics.path_length_m, abs=1e-12)
     assert "2 of 2 runs" in done.stderr
@@ -145,8 +145,8 @@ def test_bad_input_is_told_in_one_message_and_leaves_nothing(
 
 def test_a_folder_of_worlds_gives_each_world_with_its_missions(folder: Path) -> None:
     from navfw.plugins import default_registry
-    from navfw.suite.suite_file import load_suite
     from navfw.suite.suite_plan import plan_runs
+    from navfw.suite.suitefile import load_suite
 
     for name in ("world-10", "world-2"):
         (folder / "imported" / name / "missions").mkdir(parents=True)

@@ -33,7 +33,7 @@ def session_with(empty: Session, **things: Any) -> Session:
     return replace(empty, world=world, plan=FloorPlan.from_world(world))
 
 
-def track_to(x: float, y: float, yaw: float, contact: str = "", speed: float = 0.4) -> RunLog:
+def log_to(x: float, y: float, yaw: float, contact: str = "", speed: float = 0.4) -> RunLog:
     """Four seconds straight to (x, y), at the end of which ``contact`` is touched."""
     time = np.arange(240) / 60.0
     back = speed * (time[-1] - time)
@@ -58,14 +58,14 @@ OFFSET = Pose(0.7, -0.4, 0.3)
 
 
 def result_of(
-    session: Session, outcome: Outcome, track: RunLog, things: list[tuple[float, float]]
+    session: Session, outcome: Outcome, log: RunLog, things: list[tuple[float, float]]
 ) -> MissionResult:
     """A run that ended so; the ego map remembers things at these points of the map frame."""
-    verdict = MissionVerdict(outcome, "so it ended", "go_to_xy", track.ticks, float(track.time[-1]))
+    verdict = MissionVerdict(outcome, "so it ended", "go_to_xy", log.ticks, float(log.time[-1]))
     stack = session.stack
     stack.start(session.mission.start, session.mission.goals)
-    now = Pose(*track.true[-1])
-    odometry = Odometry(float(track.time[-1]), OFFSET.compose(now), Twist(0.3, 0.0), 0.0, False)
+    now = Pose(*log.true[-1])
+    odometry = Odometry(float(log.time[-1]), OFFSET.compose(now), Twist(0.3, 0.0), 0.0, False)
     stack.mofis.occupancy.move(odometry.pose, odometry.time)
     rows, columns = np.indices(stack.mofis.occupancy.evidence.shape)
     for x, y in things:
@@ -75,7 +75,7 @@ def result_of(
     belief = Belief(odometry.time, now, np.zeros((3, 3)))
     stack.mofis.decide(odometry, belief, [], session.mission.goals[-1])
     stack.state = replace(stack.state, time=odometry.time, odometry=odometry, belief=belief)
-    return MissionResult(session, RunResult(verdict, track, 4.0, 1.0, ()))
+    return MissionResult(session, RunResult(verdict, log, 4.0, 1.0, ()))
 
 
 @pytest.mark.parametrize("remembered", [True, False])
@@ -84,9 +84,9 @@ def test_what_was_driven_into_head_on(empty: Session, remembered: bool, yaw: flo
     x, y = 0.38 * math.cos(yaw), 0.38 * math.sin(yaw)  # the robot's radius is 0.18 m
     session = session_with(empty, cylinders=(CylinderSpec(name="post", at=(x, y), radius=0.2),))
     rim = (0.18 * math.cos(yaw), 0.18 * math.sin(yaw))
-    track = track_to(0.0, 0.0, yaw, "post")
+    log = log_to(0.0, 0.0, yaw, "post")
     evidence = collect_symptoms(
-        result_of(session, Outcome.COLLIDED, track, [rim] if remembered else [])
+        result_of(session, Outcome.COLLIDED, log, [rim] if remembered else [])
     )
     assert evidence.touch is not None
     assert evidence.touch.bearing == pytest.approx(0.0, abs=0.01)
@@ -96,8 +96,8 @@ def test_what_was_driven_into_head_on(empty: Session, remembered: bool, yaw: flo
 
 def test_what_was_backed_into(empty: Session) -> None:
     session = session_with(empty, boxes=(BoxSpec(name="crate", at=(-0.68, 0.1), size=(1, 1, 1)),))
-    track = track_to(0.0, 0.0, 0.0, "crate", speed=-0.15)
-    evidence = collect_symptoms(result_of(session, Outcome.COLLIDED, track, []))
+    log = log_to(0.0, 0.0, 0.0, "crate", speed=-0.15)
+    evidence = collect_symptoms(result_of(session, Outcome.COLLIDED, log, []))
     assert evidence.touch is not None
     assert abs(evidence.touch.bearing) == pytest.approx(math.pi, abs=0.01)
     assert classify(evidence) is Cause.REVERSED_INTO
@@ -113,7 +113,7 @@ def test_a_mover_is_met_where_it_was_then(empty: Session) -> None:
         points=np.array([[[0.0, 2.0]], [[0.0, 0.43]]]),
     )
     for cause, expected in (("mover", Cause.MOVER), ("robot", Cause.TURNED_INTO)):
-        ended = result_of(empty, Outcome.COLLIDED, track_to(0, 0, 0, "walker"), [(0.0, 0.18)])
+        ended = result_of(empty, Outcome.COLLIDED, log_to(0, 0, 0, "walker"), [(0.0, 0.18)])
         evidence = collect_symptoms(replace(ended, movers=movers, collision_cause=cause))
         assert evidence.touch is not None
         assert evidence.touch.bearing == pytest.approx(0.5 * math.pi, abs=0.01)
@@ -125,7 +125,7 @@ WALL = [(1.0, 0.05 * i) for i in range(-75, 76)]
 
 
 def test_a_remembered_wall_that_is_not_there_is_a_ghost(empty: Session) -> None:
-    evidence = collect_symptoms(result_of(empty, Outcome.STUCK, track_to(0.0, 0.0, 0.0), WALL))
+    evidence = collect_symptoms(result_of(empty, Outcome.STUCK, log_to(0.0, 0.0, 0.0), WALL))
     assert evidence.aiming is not None
     assert evidence.aiming.without_ghosts == evidence.aiming.sharp < 6.0  # 3 m of unknown floor
     assert classify(evidence) is Cause.GHOSTS
@@ -140,7 +140,7 @@ def test_a_remembered_wall_that_is_there_is_none(empty: Session) -> None:
     session = session_with(empty, boxes=walls)
     line = [-1.0 + 0.05 * i for i in range(41)]
     square = [point for a in line for point in ((a, 1.0), (a, -1.0), (1.0, a), (-1.0, a))]
-    evidence = collect_symptoms(result_of(session, Outcome.STUCK, track_to(0.0, 0.0, 0.0), square))
+    evidence = collect_symptoms(result_of(session, Outcome.STUCK, log_to(0.0, 0.0, 0.0), square))
     assert evidence.aiming is not None
     assert evidence.aiming.without_ghosts == math.inf
     assert classify(evidence) is Cause.AIM_UNREACHABLE
@@ -155,7 +155,7 @@ def test_two_posts_remembered_too_thick_leave_no_gap_but_there_is_one(empty: Ses
     session = session_with(empty, boxes=walls)
     line = [-4.5 + 0.05 * i for i in range(181)]
     thick = [(1.0, y) for y in line if abs(y) > 0.2]
-    evidence = collect_symptoms(result_of(session, Outcome.STUCK, track_to(0.0, 0.0, 0.0), thick))
+    evidence = collect_symptoms(result_of(session, Outcome.STUCK, log_to(0.0, 0.0, 0.0), thick))
     assert evidence.aiming is not None
     assert evidence.aiming.without_ghosts > 1.5 * evidence.aiming.sharp
     assert classify(evidence) is Cause.BLURRED
@@ -163,11 +163,11 @@ def test_two_posts_remembered_too_thick_leave_no_gap_but_there_is_one(empty: Ses
 
 def test_ground_gained_is_measured_along_the_shortest_way(empty: Session) -> None:
     """From 1.6 m behind the start to 0.5 m ahead of it; the goal is at 3 m."""
-    evidence = collect_symptoms(result_of(empty, Outcome.TIMEOUT, track_to(0.5, 0.0, 0.0), []))
+    evidence = collect_symptoms(result_of(empty, Outcome.TIMEOUT, log_to(0.5, 0.0, 0.0), []))
     assert evidence.driving is not None
     assert evidence.driving.driven == pytest.approx(1.59, abs=0.02)
     assert evidence.driving.gained == pytest.approx(0.5, abs=0.01)
     assert evidence.driving.recent_turned == pytest.approx(0.0)
     assert classify(evidence) is Cause.OSCILLATING
-    slow = collect_symptoms(result_of(empty, Outcome.TIMEOUT, track_to(1.5, 0.0, 0.0), []))
+    slow = collect_symptoms(result_of(empty, Outcome.TIMEOUT, log_to(1.5, 0.0, 0.0), []))
     assert classify(slow) is Cause.SLOW

@@ -9,9 +9,9 @@ import suite_samples as samples
 
 from navfw.errors import ConfigError, InputError
 from navfw.plugins import default_registry
-from navfw.suite.suite_file import load_suite
 from navfw.suite.suite_plan import plan_runs
 from navfw.suite.suite_summary import summarize
+from navfw.suite.suitefile import load_suite
 
 EVENTS = """\
 entries:

@@ -8,14 +8,14 @@ from pathlib import Path
 import pytest
 
 from navfw.errors import InputError, UnknownNameError, WorldError
-from navfw.missions.mission_file import MissionSpec
+from navfw.missions.missionspec import MissionSpec
 from navfw.plugins import default_registry
 from navfw.sim.worldspec import BoxSpec, WorldSpec
 from navfw.suite import compose
 from navfw.suite.case import Job
 from navfw.suite.case_worker import run_job
-from navfw.suite.suite_file import load_suite
 from navfw.suite.suite_plan import SuitePlan, plan_runs
+from navfw.suite.suitefile import load_suite
 from navfw.topomap import Passage, Place, TopoMap
 
 

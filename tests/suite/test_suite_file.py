@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from navfw.errors import InputError
-from navfw.suite.suite_file import list_suites, load_suite, parse_seeds
 from navfw.suite.suite_plan import draw_difficulty
+from navfw.suite.suitefile import list_suites, load_suite, parse_seeds
 
 
 def suite(folder: Path, text: str) -> Path:

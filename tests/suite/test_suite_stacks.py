@@ -10,8 +10,8 @@ import pytest
 from navfw.config.lookup import list_missions, shipped_folder
 from navfw.errors import InputError
 from navfw.plugins import default_registry
-from navfw.suite.suite_file import load_suite
 from navfw.suite.suite_plan import plan_runs
+from navfw.suite.suitefile import load_suite
 
 
 @pytest.fixture

@@ -15,11 +15,11 @@ from navfw.plugins import default_registry
 from navfw.suite.markdown_table import markdown_table
 from navfw.suite.paired_comparison import compare_tables, of_variant
 from navfw.suite.run_table import RunRow, read_table, write_table
-from navfw.suite.suite_file import find_suite, load_suite
 from navfw.suite.suite_folder import SuiteFolder
 from navfw.suite.suite_plan import SuitePlan, plan_runs
 from navfw.suite.suite_run import run_suite
 from navfw.suite.suite_summary import summarize
+from navfw.suite.suitefile import find_suite, load_suite
 
 SUITE = """\
 entries:

@@ -55,7 +55,7 @@ def test_the_fixture_gives_outcome_metrics_path_and_commands(pytester: pytest.Py
             assert mission.outcome == "timeout"
             assert "1.5 s" in mission.reason
             assert mission.seed == 3
-            assert mission.path.shape == mission.commands.shape == (mission.track.ticks, 3)
+            assert mission.path.shape == mission.commands.shape == (mission.log.ticks, 3)
             assert mission.commands[-1, 0] == pytest.approx(1.5, abs=0.05)
             assert mission.metrics.collisions == 0
 

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from scipy import ndimage
 
 from navfw.errors import InputError, UnknownNameError
-from navfw.missions.mission_file import load_mission
+from navfw.missions.missionfile import load_mission
 from navfw.robot import RobotModel
 from navfw.signals import Pose
 from navfw.sim.floorplan import FloorPlan

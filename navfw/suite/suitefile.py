@@ -36,7 +36,7 @@ from navfw.config.lookup import project_folder, shipped_folder
 from navfw.config.strict_model import StrictModel
 from navfw.config.yamlfile import validate
 from navfw.errors import ConfigError, InputError, UnknownNameError
-from navfw.missions.events import EventSpec
+from navfw.missions.eventspec import EventSpec
 
 __all__ = [
     "EntrySpec",

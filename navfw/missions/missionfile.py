@@ -1,146 +1,39 @@
-"""Mission files: where to start, where to go, and what counts as success.
+"""Mission files: loading, and the checks against map and world.
 
-::
-
-    description: From the lobby through two doors and the corridor to the lab.
-    map: office
-    start: [1.2, 1.2, 0.6]        # x, y [m], yaw [rad]; or {place: lobby, yaw: 0.6}
-    goals: [lab]                  # places of the map, or {x: 14.6, y: 8.8}
-    timeout: 150
-
-``start: unknown`` puts the robot down somewhere in the map without telling it where, by the seed;
-``start: {unknown: [kitchen, lab]}`` at one of these places.
-
-Without ``map`` the robot knows start and goals alone: goals are then points, and the map consists
-of the start, the goals, and straight passages of unknown width between them.
+The schema is in ``navfw.missions.missionspec``.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Literal, Protocol
+from typing import Protocol
 
 import numpy as np
-from pydantic import Field
 
 from navfw.config.document import KeyPath, YamlDocument, key_text, load_yaml
 from navfw.config.lookup import find
 from navfw.config.overrides import Override, apply_overrides
-from navfw.config.strict_model import StrictModel
-from navfw.config.yamlfile import validate
 from navfw.errors import ConfigError, UnknownNameError, WorldError
-from navfw.missions.events import EventSpec
-from navfw.missions.starts import Unknown, UnknownStart, draw_start, start_candidates
-from navfw.robot import RobotModel
+from navfw.missions.missionspec import (
+    MissionSpec,
+    PlaceStart,
+    PointGoal,
+    UnknownStart,
+    mission_spec,
+)
+from navfw.missions.starts import draw_start, start_candidates
 from navfw.signals import Array, Pose, Waypoint
-from navfw.sim.sensor_models import SensorParams
-from navfw.sim.worldspec import DropSpec
 from navfw.topomap import Passage, Place, TopoMap, load_map
 
-__all__ = [
-    "MissionFile",
-    "MissionSpec",
-    "PlaceStart",
-    "PointGoal",
-    "SensorsSpec",
-    "SuccessSpec",
-    "goals_map",
-    "load_mission",
-    "mission_spec",
-]
-
-Coordinate = Annotated[float, Field(ge=-500.0, le=500.0)]
-Yaw = Annotated[float, Field(ge=-2.0 * math.pi, le=2.0 * math.pi)]
-
-
-class PlaceStart(StrictModel):
-    """A start at a place of the map."""
-
-    place: Annotated[str, Field(description="a place of the map")]
-    yaw: Annotated[Yaw, Field(description="counter-clockwise from x [rad]")] = 0.0
-
-
-class PointGoal(StrictModel):
-    """A goal that is no place of the map."""
-
-    x: Annotated[Coordinate, Field(description="in the map frame [m]")]
-    y: Annotated[Coordinate, Field(description="in the map frame [m]")]
-
-
-class SuccessSpec(StrictModel):
-    """What counts as success, in truth: the robot has to come this near to every goal."""
-
-    within: Annotated[float, Field(gt=0.0, le=5.0, description="of a goal [m]")] = 0.5
-
-
-class SensorsSpec(SensorParams):
-    """A preset of the sensors, and what differs from it."""
-
-    base: Annotated[
-        Literal["perfect", "good", "default", "poor"],
-        Field(alias="preset", description="what the others differ from"),
-    ] = "default"
-
-    def resolved(self) -> SensorParams:
-        """The parameters of the preset, with those that the file gives put over them."""
-        given = {name: getattr(self, name) for name in self.model_fields_set - {"base"}}
-        return SensorParams.preset(self.base, **given)
-
-
-class MissionSpec(StrictModel):
-    """A mission as its file has it."""
-
-    description: Annotated[str, Field(description="one line for a person")] = ""
-    map: Annotated[
-        str | None, Field(description="name or file of a topological map; none: only the goals")
-    ] = None
-    stack: Annotated[
-        str | None,
-        Field(description="the stack to drive it with, unless --stack says another"),
-    ] = None
-    start: Annotated[
-        tuple[Coordinate, Coordinate, Yaw] | PlaceStart | UnknownStart | Unknown,
-        Field(
-            description="[x, y, yaw], or {place: ..., yaw: ...}; unknown, or "
-            "{unknown: [place, ...]}: the seed draws it, and the robot is not told"
-        ),
-    ]
-    goals: Annotated[
-        tuple[str | PointGoal, ...],
-        Field(min_length=1, max_length=1000, description="places, or {x: ..., y: ...}, in order"),
-    ]
-    rounds: Annotated[
-        int, Field(ge=1, le=100, description="how often it goes round past all goals")
-    ] = 1
-    tolerance: Annotated[
-        float, Field(ge=0.05, le=5.0, description="how near the stack has to come to a goal [m]")
-    ] = 0.4
-    success: SuccessSpec = SuccessSpec()
-    timeout: Annotated[float, Field(gt=0.0, le=7200.0, description="simulated time [s]")] = 180.0
-    stuck_after: Annotated[
-        float, Field(gt=0.0, le=7200.0, description="time on one spot that ends the mission [s]")
-    ] = 45.0
-    sensors: Annotated[SensorsSpec, Field(description="how good the sensors are")] = SensorsSpec()
-    robot: Annotated[RobotModel, Field(description="what differs from the usual robot")] = (
-        RobotModel()
-    )
-    drops: Annotated[
-        tuple[DropSpec, ...],
-        Field(max_length=100, description="holes in the floor beside those of the world"),
-    ] = ()
-    events: Annotated[
-        tuple[EventSpec, ...],
-        Field(max_length=1000, description="what happens on the way: faults, changes of the world"),
-    ] = ()
+__all__ = ["FloorPlanQueries", "MissionFile", "goals_map", "load_mission"]
 
 
 class FloorPlanQueries(Protocol):
-    """What the check asks of a floor plan (``navfw.sim.floorplan.FloorPlan``)."""
+    """The part of a floor plan that the check uses (``navfw.sim.floorplan.FloorPlan``)."""
 
     def check_free(self, x: float, y: float, radius: float, what: str) -> None:
         """Raise WorldError unless a disc of ``radius`` [m] fits at the point."""
@@ -149,16 +42,16 @@ class FloorPlanQueries(Protocol):
     def shortest_path(
         self, start: tuple[float, float], goal: tuple[float, float], radius: float
     ) -> tuple[float, Array]:
-        """Length [m] and corners of the shortest way; WorldError if there is none."""
+        """Length [m] and corners of the shortest path; WorldError if there is none."""
         ...
 
 
 @dataclass(frozen=True)
 class MissionFile:
-    """A mission file that has been read: start and goals as poses and waypoints in ``map``.
+    """A loaded mission file: start and goals as pose and waypoints in ``map``.
 
-    Where the robot is not told its start, ``starts`` are the places from which ``placed`` draws it;
-    until then ``start`` is the first of them.
+    For an unknown start, ``starts`` are the places from which ``placed`` draws it; until then
+    ``start`` is the first of them.
     """
 
     file: Path
@@ -171,14 +64,14 @@ class MissionFile:
 
     @property
     def start_known(self) -> bool:
-        """Whether the robot is told where it begins."""
+        """Whether the stack gets the start pose."""
         return not self.starts
 
     def placed(self, seed: int, plan: FloorPlanQueries) -> MissionFile:
-        """The mission with its start drawn by ``seed``, where that is left open.
+        """The mission with an unknown start drawn by ``seed``; a known start stays.
 
         Raises:
-            WorldError: the robot can stand at none of the places.
+            WorldError: the robot overlaps something at each of the places.
 
         """
         if self.start_known:
@@ -188,27 +81,27 @@ class MissionFile:
         def check(place: Place) -> None:
             plan.check_free(place.x, place.y, radius, f"the start {place.name!r}")
 
-        with self._blaming(("start",)):
+        with self._located(("start",)):
             return replace(self, start=draw_start(self.starts, seed, check))
 
     def check(self, plan: FloorPlanQueries) -> float:
-        """The length [m] of the shortest way past all goals, in the world of this floor plan.
+        """The length [m] of the shortest path through all goals, in the world of this floor plan.
 
         Raises:
-            WorldError: the start overlaps something, a goal is where the robot cannot stand, or
-                there is no way for a robot of this radius.
+            WorldError: at the start or a goal the robot would overlap something, or there is no
+                path for a robot of this radius.
 
         """
         radius = self.spec.robot.radius
         total, here = 0.0, (self.start.x, self.start.y)
         legs: dict[tuple[tuple[float, float], tuple[float, float]], float] = {}
-        with self._blaming(("start",)):
+        with self._located(("start",)):
             plan.check_free(*here, radius, "the start")
         for index, goal in enumerate(self.goals):
             there = (goal.x, goal.y)
-            if (here, there) not in legs:  # the same again in every round
+            if (here, there) not in legs:  # repeated in every round
                 what = f"the goal {goal.place!r}" if goal.place else "the goal"
-                with self._blaming(("goals", index % len(self.spec.goals))):
+                with self._located(("goals", index % len(self.spec.goals))):
                     plan.check_free(*there, radius, what)
                     legs[here, there] = plan.shortest_path(here, there, radius)[0]
             total += legs[here, there]
@@ -216,8 +109,8 @@ class MissionFile:
         return total
 
     @contextmanager
-    def _blaming(self, path: KeyPath) -> Iterator[None]:
-        """Whatever is wrong in the world is the fault of this key of the mission."""
+    def _located(self, path: KeyPath) -> Iterator[None]:
+        """Give a WorldError the file, line and key of this part of the mission."""
         try:
             yield
         except WorldError as error:
@@ -226,25 +119,8 @@ class MissionFile:
             raise WorldError(str(error), file=origin.file, line=origin.line, key=key) from None
 
 
-def mission_spec(document: YamlDocument) -> MissionSpec:
-    """A mission as its document has it; its robot knows the data sheets of its sensors' preset.
-
-    What the mission itself says of the data sheets stays.
-
-    Raises:
-        ConfigError: the document breaks the schema.
-
-    """
-    spec = validate(document, MissionSpec)
-    told = spec.robot.odometry
-    sheet = SensorParams.preset(spec.sensors.base).sheet
-    sheet = sheet.model_copy(update={name: getattr(told, name) for name in told.model_fields_set})
-    robot = spec.robot.model_copy(update={"odometry": sheet})
-    return spec.model_copy(update={"robot": robot})
-
-
 def load_mission(path: str | Path, overrides: Sequence[str | Override] = ()) -> MissionFile:
-    """Read a mission file and the map it names; ``check`` it against its world after that.
+    """Load a mission file and the map it names; ``MissionFile.check`` checks it against its world.
 
     Raises:
         ConfigError: the file breaks the schema.
@@ -289,7 +165,7 @@ def _start(document: YamlDocument, spec: MissionSpec, topo_map: TopoMap) -> Pose
 
 
 def _starts(document: YamlDocument, spec: MissionSpec, topo_map: TopoMap) -> tuple[Place, ...]:
-    """The places from which an unknown start is drawn; none where the start is known."""
+    """The places from which an unknown start is drawn; none for a known start."""
     if isinstance(spec.start, UnknownStart):
         return tuple(
             _place(document, ("start", "unknown", index), topo_map, name)
@@ -301,8 +177,8 @@ def _starts(document: YamlDocument, spec: MissionSpec, topo_map: TopoMap) -> tup
     if not found:
         origin = document.origin_of(("start",))
         raise ConfigError(
-            f"the map {topo_map.name!r} has only doors, dangers and goals: there is nowhere to "
-            "start from; add a place, or give a start",
+            f"no place to start from: the map {topo_map.name!r} has only doors, dangers and goals; "
+            "add a place, or give a start",
             file=origin.file,
             line=origin.line,
             key=origin.option or "start",
@@ -349,15 +225,14 @@ def _mapless(document: YamlDocument, path: KeyPath, name: str) -> ConfigError:
 
 
 def _map_of_goals(document: YamlDocument, spec: MissionSpec) -> TopoMap:
-    """A map for a mission without one: start and goals in a row, straight passages between."""
+    """A map for a mission without one: start and goals, joined by straight passages."""
     points: list[tuple[float, float]] = []
     if isinstance(spec.start, PlaceStart):
         raise _mapless(document, ("start", "place"), spec.start.place)
     if not isinstance(spec.start, tuple):
         origin = document.origin_of(("start",))
         raise ConfigError(
-            "an unknown start needs a map to find it in, and the mission names none: "
-            "add 'map: NAME'",
+            "an unknown start needs a map, and the mission names none: add 'map: NAME'",
             file=origin.file,
             line=origin.line,
             key=origin.option or "start",
@@ -368,12 +243,12 @@ def _map_of_goals(document: YamlDocument, spec: MissionSpec) -> TopoMap:
             raise _mapless(document, ("goals", index), goal)
         points.append((goal.x, goal.y))
     if spec.rounds > 1:
-        points.append(points[1])  # and round again
+        points.append(points[1])  # the next round
     return goals_map(points)
 
 
 def goals_map(points: Sequence[tuple[float, float]]) -> TopoMap:
-    """The map where there is none: points [m] in the order of the mission, and nothing between."""
+    """A map of ``points`` [m] in the order of the mission, joined by straight passages."""
     unique = list(dict.fromkeys(points))
     names = ["start", *(f"goal-{index}" for index in range(1, len(unique)))]
     places = [Place(name, *point) for name, point in zip(names, unique, strict=True)]

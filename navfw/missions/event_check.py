@@ -1,0 +1,143 @@
+"""Events of a mission file, checked against its map, its world and the behaviours of the stack."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import Any, NoReturn
+
+from navfw.config.document import KeyPath, YamlDocument, key_text
+from navfw.errors import ConfigError, UnknownNameError
+from navfw.missions.event_clock import Event
+from navfw.missions.eventspec import BehaviorFault, EventSpec, NearTrigger
+from navfw.sim.drop_geometry import drop_under
+from navfw.sim.event_actions import DoorChange, EventAction, Obstacle, Textureless
+from navfw.sim.textures import STOCK
+from navfw.sim.worldspec import WorldSpec
+from navfw.topomap import TopoMap
+
+__all__ = ["resolve_events", "with_doors_open"]
+
+
+def resolve_events(
+    document: YamlDocument,
+    specs: Sequence[EventSpec],
+    timeout: float,
+    topo_map: TopoMap,
+    world: WorldSpec,
+    behaviors: Iterable[str],
+) -> tuple[Event, ...]:
+    """The events of a mission file, checked against map, world and the names of ``behaviors``.
+
+    Raises:
+        ConfigError: an event lies after the ``timeout`` [s], or an obstacle off the floor or over a
+            drop.
+        UnknownNameError: an event names a place, door, behaviour, wall, object or texture that does
+            not exist.
+
+    """
+    checker = _Checker(document, topo_map, world, tuple(behaviors))
+    return tuple(checker.event(index, spec, timeout) for index, spec in enumerate(specs))
+
+
+def with_doors_open(world: WorldSpec, specs: Sequence[EventSpec]) -> WorldSpec:
+    """The world with every door open that an event opens: paths may lead through these doors."""
+    opened = {s.door.name for s in specs if s.door is not None and s.door.state == "open"}
+    doors = tuple(
+        door.model_copy(update={"state": "open"}) if door.name in opened else door
+        for door in world.doors
+    )
+    return world.model_copy(update={"doors": doors})
+
+
+class _Checker:
+    """Checks the names and positions in events; collects the names of obstacles that they add."""
+
+    def __init__(
+        self,
+        document: YamlDocument,
+        topo_map: TopoMap,
+        world: WorldSpec,
+        behaviors: tuple[str, ...],
+    ) -> None:
+        self.document = document
+        self.topo_map = topo_map
+        self.world = world
+        self.behaviors = behaviors
+        self.doors = [door.name for door in world.doors]
+        self.objects = [
+            *(wall.name for wall in world.walls),
+            *(box.name for box in world.boxes),
+            *(cylinder.name for cylinder in world.cylinders),
+        ]
+        movers = [mover.name for mover in world.movers]
+        drops = [drop.name for drop in world.drops]
+        self.taken = {"floor", *self.objects, *self.doors, *movers, *drops}
+
+    def event(self, index: int, spec: EventSpec, timeout: float) -> Event:
+        """Check the event with this index in the file."""
+        path: KeyPath = ("events", index)
+        if spec.at is not None and spec.at >= timeout:
+            what = f"expected a time before the mission's timeout, {timeout:g} s, got {spec.at:g}"
+            self._refuse((*path, "at"), what)
+        action = getattr(spec, spec.key)
+        self._check(action, (*path, spec.key))
+        given = spec.model_dump(mode="json", exclude_unset=True)
+        lasting = math.inf if spec.lasting is None else spec.lasting
+        if spec.near is None:
+            return Event(action, given, at=spec.at, lasting=lasting)
+        point = self._point(spec.near, (*path, "near"))
+        return Event(action, given, point=point, within=spec.near.within, lasting=lasting)
+
+    def _point(self, near: NearTrigger, path: KeyPath) -> tuple[float, float]:
+        if near.place is None:
+            return near.x or 0.0, near.y or 0.0
+        self._known("place", near.place, self.topo_map.places, (*path, "place"))
+        place = self.topo_map.places[near.place]
+        return place.x, place.y
+
+    def _check(self, action: EventAction | BehaviorFault, path: KeyPath) -> None:
+        match action:
+            case BehaviorFault():
+                self._known("behavior", action.name, self.behaviors, (*path, "name"))
+            case DoorChange():
+                self._known("door", action.name, self.doors, (*path, "name"))
+            case Textureless(name=str(name)):
+                self._known("wall or object", name, self.objects, (*path, "name"))
+            case Obstacle():
+                self._check_obstacle(action, path)
+            case _:
+                pass
+
+    def _check_obstacle(self, obstacle: Obstacle, path: KeyPath) -> None:
+        textures = {*STOCK, *self.world.textures}
+        self._known("texture", obstacle.texture, textures, (*path, "texture"))
+        if obstacle.name in self.taken:
+            what = f"the name {obstacle.name!r} is taken; choose another name for the obstacle"
+            self._refuse((*path, "name"), what)
+        self.taken.add(obstacle.name)
+        if obstacle.at is not None:
+            (x, y), world = obstacle.at, self.world
+            if not (world.x[0] <= x <= world.x[1] and world.y[0] <= y <= world.y[1]):
+                floor = f"x {list(world.x)} y {list(world.y)} [m]"
+                self._refuse((*path, "at"), f"{[x, y]} lies off the floor, {floor}")
+            if hole := drop_under(world, obstacle.footprint(x, y)):
+                what = f"{obstacle.name!r} overlaps the drop {hole.name!r}, x {list(hole.x)}"
+                what += f" y {list(hole.y)} [m]; move it, or make it smaller"
+                self._refuse((*path, "at"), what)
+
+    def _known(self, what: str, name: str, known: Iterable[str], path: KeyPath) -> None:
+        names = list(known)
+        if name not in names:
+            raise UnknownNameError(what, name, names, **self._where(path))
+
+    def _refuse(self, path: KeyPath, what: str) -> NoReturn:
+        raise ConfigError(what, **self._where(path))
+
+    def _where(self, path: KeyPath) -> dict[str, Any]:
+        origin = self.document.origin_of(path)
+        return {
+            "file": origin.file,
+            "line": origin.line,
+            "key": origin.option or key_text(path),
+        }

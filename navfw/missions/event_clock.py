@@ -1,0 +1,92 @@
+"""Events during a run: when each begins and ends, and the record of those that happened."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from navfw.missions.eventspec import BehaviorFault
+from navfw.signals import Pose
+from navfw.sim.event_actions import EventAction
+
+__all__ = ["Event", "EventClock", "EventRecord", "EventTarget"]
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """A checked event: it begins at ``at`` [s], or within ``within`` [m] of ``point`` (map frame).
+
+    ``lasting`` [s] may be infinite. ``given`` is the event as the mission file has it.
+    """
+
+    action: EventAction | BehaviorFault
+    given: Mapping[str, Any]
+    at: float | None = None
+    point: tuple[float, float] | None = None
+    within: float = 0.0
+    lasting: float = math.inf
+
+    def due(self, time: float, robot: Pose) -> bool:
+        """Whether it begins at ``time`` [s], with the robot's true pose ``robot``."""
+        if self.at is not None:
+            return time >= self.at - 1e-9
+        assert self.point is not None  # noqa: S101 - an event has either a time or a point
+        return math.hypot(robot.x - self.point[0], robot.y - self.point[1]) <= self.within
+
+
+@dataclass(frozen=True, slots=True)
+class EventRecord:
+    """An event that happened, from ``began`` to ``ended`` [s]; None: to the end of the run."""
+
+    given: Mapping[str, Any]
+    began: float
+    ended: float | None = None
+
+    def as_data(self) -> dict[str, Any]:
+        """Plain data for ``result.json``."""
+        return {"event": dict(self.given), "began_s": self.began, "ended_s": self.ended}
+
+
+class EventTarget(Protocol):
+    """What an event's action applies to: the simulation, or a behaviour of the stack."""
+
+    def begin(self, action: Any) -> None:
+        """Apply the action."""
+        ...
+
+    def end(self, action: Any) -> None:
+        """Revert the action."""
+        ...
+
+
+class EventClock:
+    """Begins and ends the events of one run, and records their times."""
+
+    def __init__(self, events: Iterable[tuple[Event, EventTarget]]) -> None:
+        self._waiting = list(events)
+        self._running: list[tuple[Event, EventTarget, int]] = []
+        self._log: list[EventRecord] = []
+
+    @property
+    def log(self) -> tuple[EventRecord, ...]:
+        """The events so far, in the order in which they began."""
+        return tuple(self._log)
+
+    def tick(self, time: float, robot: Pose) -> None:
+        """End and begin the events due at ``time`` [s]; ``robot`` is the robot's true pose."""
+        if not (self._running or self._waiting):
+            return
+        for event, target, number in self._running:
+            if time - self._log[number].began >= event.lasting - 1e-9:
+                target.end(event.action)
+                began = self._log[number].began
+                self._log[number] = EventRecord(event.given, began, time)
+        self._running = [r for r in self._running if self._log[r[2]].ended is None]
+        due = [waiting for waiting in self._waiting if waiting[0].due(time, robot)]
+        self._waiting = [waiting for waiting in self._waiting if waiting not in due]
+        for event, target in due:
+            target.begin(event.action)
+            self._running.append((event, target, len(self._log)))
+            self._log.append(EventRecord(event.given, time))
