@@ -1,5 +1,6 @@
 """OFFIS, the optical-flow fuzzy inference system (paper sec 4 and 5).
 
-A derotated flow field goes in; metric nearness with labels (floor, obstacle, drop, above) and the
-paper's fuzzy knowledge (nearest objects, planes, slopes, elementary situations) come out.
+Input is a derotated flow field. Output is a percept: metric nearness with labels (floor, obstacle,
+drop, above), and the paper's fuzzy results (nearest objects, planes, slopes, elementary
+situations).
 """

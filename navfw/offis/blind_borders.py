@@ -1,9 +1,9 @@
-"""Things too near to be matched: blind columns at the border of the image.
+"""Obstacles too near to be matched, inferred from blind columns at the border of the image.
 
-A thing beside the robot moves through the image faster than the flow processor searches, so the
-nearest thing of all may be the one of which nothing is known. Where nothing could be matched around
-the horizon in columns at the border, although the past camera had them in view, a rule base decides
-whether something near must be there: what is unknown is never free.
+An obstacle close beside the robot moves through the image faster than the search range of the flow
+processor, so the nearest obstacle of all may yield no flow. If no vector near the horizon could be
+matched in columns at the border, although they were in the past camera's field of view, a rule base
+infers the degree to which a near obstacle is there: unknown is never free.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from navfw.signals import Array, FlowField
 __all__ = ["BlindBorders", "find_blind_borders"]
 
 BEYOND = 1.4
-"""How much nearer than the search can tell such a thing is, typically (measured)."""
-
+"""Nearness of such an obstacle relative to the least nearness outside the search range; a typical
+value from measurements."""
 
 SLACK = 1.5
-"""How far [px] beyond the outermost column the past camera still had enough of it in view."""
+"""Distance [px] beyond the outermost column up to which the past image still shows enough of it."""
 
 
 @dataclass(frozen=True, slots=True)
 class BlindBorders:
-    """``hidden`` (2, columns): nearness [1/m] of what must be there, and to what degree it is."""
+    """``hidden`` (2, columns): nearness [1/m] of the inferred obstacle and its degree in [0, 1]."""
 
     hidden: Array
     evaluation: FuzzyEvaluation
@@ -38,7 +38,10 @@ class BlindBorders:
 def find_blind_borders(
     flow: FlowField, geometry: GridGeometry, focal: float, longest: float
 ) -> BlindBorders:
-    """Judge both borders of ``flow``; ``longest`` [px] is the longest vector it can measure."""
+    """Infer near obstacles at both borders of ``flow``.
+
+    ``longest`` [px] is the longest vector that the flow processor can measure.
+    """
     motion = flow.motion
     found = blind_border(
         flow.points.reshape(-1, 2),

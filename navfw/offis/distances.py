@@ -18,7 +18,7 @@ TERMS = ("near", "middle", "far")
 class Distances:
     """``degrees`` (3, n) of near, middle, far for each region, and the strongest ``term`` (n,).
 
-    A region of which nothing is known has degree 0 in all three.
+    An unknown region has degree 0 in all three.
     """
 
     degrees: Array
@@ -27,9 +27,10 @@ class Distances:
 
 
 def find_distances(nearness: Array, known: Array, speed: float) -> Distances:
-    """Distances of regions with ``nearness`` (n,) [1/m] and a share of ``known`` (n,) cells.
+    """Distance terms of regions with ``nearness`` (n,) [1/m] and a share ``known`` (n,) of cells.
 
-    ``speed`` [m/s] is the forward speed; standing or backing, only the distance itself counts.
+    ``speed`` [m/s] is the forward speed. If it is not positive, only the distance counts, not the
+    time to contact.
     """
     distance = 1.0 / np.maximum(nearness, 1e-3)
     contact = distance / speed if speed > 0.02 else np.full_like(distance, 1e3)

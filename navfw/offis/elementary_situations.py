@@ -1,8 +1,8 @@
-"""Elementary situations in front: Table 1 and what tells its alternatives apart.
+"""Elementary situations in front: Table 1, and the decision between its alternatives.
 
 Paper sec 5.2 c; METHOD R10-R13. Table 1 gives degrees of alternatives such as "door or corridor"
-from the slopes of the two planes; the middle of the image then decides between door, corridor and
-corner where it can.
+from the slopes of the two planes. Features of the middle of the image then decide between door,
+corridor and corner where possible.
 """
 
 from __future__ import annotations
@@ -40,10 +40,10 @@ TABLE = (
     "right wall or unknown",
     "unknown",
 )
-"""The different entries of the paper's Table 1."""
+"""The distinct entries of the paper's Table 1."""
 
 FLOOR_IN_FRONT = 0.5
-"""Degree from which on the report says "Floor in front"."""
+"""Least degree of floor in front for the report to contain "Floor in front"."""
 
 ELEMENTARY = (
     "door",
@@ -56,17 +56,18 @@ ELEMENTARY = (
     "right slope wall",
     "unknown",
 )
-"""The elementary situations themselves."""
+"""The elementary situations."""
 
 
 @dataclass(frozen=True, slots=True)
 class FrontFeatures:
-    """What the middle of the image shows: arrays of one sample.
+    """Features of the area in front, inputs of the rule base ``front``: arrays of one sample.
 
-    ``opening`` in [-1, 1]: how much farther the middle is than the planes, or how much nearer both
-    borders are; ``steepness`` [rad]: incline of the less steep plane; ``fit``: share of what is
-    seen that lies in the planes, in the worse half (all from ``walls``). ``floor``: share of the
-    cells ahead that show floor. ``support`` in [0, 1].
+    ``opening`` in [-1, 1] is the relative distance of the middle of the image behind the planes, or
+    of both borders before them, whichever is larger; ``steepness`` [rad] the incline of the less
+    steep plane; ``fit`` the share of the object cells that lie in the planes, in the worse half
+    (all from ``walls``). ``floor`` is the share of the cells of the robot's path that show floor.
+    ``support`` in [0, 1] measures the number of object cells in the middle.
     """
 
     opening: Array
@@ -80,8 +81,8 @@ class FrontFeatures:
 class Situations:
     """Degrees in [0, 1] of all situations.
 
-    ``table`` holds those of Table 1's entries, ``degrees`` these and all elementary situations;
-    ``front`` is the entry that the report names.
+    ``table`` has those of Table 1's entries, ``degrees`` these and all elementary situations;
+    ``front`` is the entry in the report.
     """
 
     table: dict[str, float]
@@ -93,7 +94,7 @@ class Situations:
 
 
 def front_features(geometry: GridGeometry, walls: Walls, objects: ObjectCells) -> FrontFeatures:
-    """What the walls leave open ahead, and how much floor there is."""
+    """Features of the area in front from the fitted ``walls`` and the cells ahead."""
     path = geometry.path_cells
     floor_share = float(geometry.path @ objects.floor) / path if path > 0.0 else 0.0
     support = min(float(geometry.middle @ objects.wall_weight) / 2.0, 1.0)
@@ -107,7 +108,7 @@ def front_features(geometry: GridGeometry, walls: Walls, objects: ObjectCells) -
 
 
 def find_situations(slopes: Slopes, ahead: FrontFeatures) -> Situations:
-    """Degrees of all situations from the slopes and the look ahead."""
+    """Degrees of all situations from the slopes and the features ``ahead``."""
     support = float(slopes.support.min())
     in_table = infer(
         load_system("situation"), {"left": slopes.value[:1], "right": slopes.value[1:]}
@@ -143,7 +144,7 @@ def find_situations(slopes: Slopes, ahead: FrontFeatures) -> Situations:
 
 
 def _entry(table: dict[str, float], degrees: dict[str, float]) -> str:
-    """What "Front is a ..." says: Table 1's strongest entry, or plain "door" when that is clear."""
+    """The entry in the report: Table 1's strongest, or "door" if its degree is at least 0.5."""
     entry = max(table, key=table.__getitem__)
     if ("door" in entry or entry == "corner") and degrees["door"] >= 0.5:
         return "door"

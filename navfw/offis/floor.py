@@ -1,8 +1,8 @@
-"""Height of the seen points above the floor, and what that makes of them (METHOD 2.8).
+"""Height of the observed points above the floor, and their labels (METHOD 2.8).
 
-A ray through image point (x, y) of a camera pitched down by ``a`` at height ``h`` falls by
-``g = (y cos a + f sin a) / f`` per metre of depth, so a point of nearness q stands
-``H = h - g / q`` above the floor, and the floor itself would show ``q_floor = g / h``.
+A ray through image point (x, y) of a camera pitched down by ``a`` at height ``h`` descends by
+``g = (y cos a + f sin a) / f`` per metre of depth. A point of nearness q is therefore at the height
+``H = h - g / q`` above the floor, and the floor has the nearness ``q_floor = g / h``.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ def floor_nearness(points: Array, camera: CameraModel) -> Array:
 
 @dataclass(frozen=True)
 class FloorModel:
-    """Tells floor, obstacles, drops and what passes overhead apart (METHOD 2.8).
+    """Classifies cells as floor, obstacle, drop or overhead by their height (METHOD 2.8).
 
-    ``top`` [m] is the height below which things concern the robot. The tests are made in nearness,
-    where errors are symmetric: an obstacle exceeds the floor's nearness by ``sigmas`` standard
-    deviations and stands higher than ``obstacle_height``; a drop falls short of it by
-    ``drop_sigmas`` and lies deeper than ``drop_depth``; floor is within ``floor_tolerance`` (or
-    ``sigmas`` standard deviations) of height 0, where height is known better than
-    ``floor_resolution``. All else is UNKNOWN.
+    Points at a height of ``top`` [m] or more do not obstruct the robot. The tests compare nearness,
+    whose errors are symmetric. An obstacle exceeds the floor's nearness by ``sigmas`` standard
+    deviations and is higher than ``obstacle_height`` [m]; a drop falls short of it by
+    ``drop_sigmas`` standard deviations and is deeper than ``drop_depth`` [m]; floor is within
+    ``floor_tolerance`` [m] (or ``sigmas`` standard deviations) of height 0, if the standard
+    deviation of the height is below ``floor_resolution`` [m]. All else is UNKNOWN.
     """
 
     camera: CameraModel
@@ -66,10 +66,11 @@ class FloorModel:
     def classify(
         self, points: Array, seen: Nearness, fall: Array | None = None
     ) -> tuple[Array, npt.NDArray[np.int8]]:
-        """(height [m] above the floor, label) of each cell, both (rows, cols).
+        """Height [m] above the floor and label of each cell, both (rows, cols).
 
-        Where nearness is not known the height is that of a point 1 km away: use it only with the
-        label, or the confidence. ``fall`` (n,) is ``camera.fall_per_depth(points)``, if known.
+        Where nearness is unknown the height is that of a point 1 km away: use it only together with
+        the label or the confidence. ``fall`` (n,) is ``camera.fall_per_depth(points)``, computed
+        here if it is None.
         """
         if fall is None:
             fall = self.camera.fall_per_depth(points).flatten()

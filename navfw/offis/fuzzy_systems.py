@@ -17,18 +17,23 @@ from navfw.signals import Array
 __all__ = ["RULES", "FuzzyEvaluation", "infer", "infer_rows", "load_system"]
 
 RULES = Path(__file__).parent / "rules"
-"""The folder of the rule bases, one YAML file per inference system."""
+"""Folder of the rule bases, one YAML file per inference system."""
 
 
 @cache
 def load_system(name: str) -> CompiledFis:
-    """The compiled inference system ``rules/<name>.yaml``; raises RuleBaseError when malformed."""
+    """The compiled inference system ``rules/<name>.yaml``.
+
+    Raises:
+        RuleBaseError: the file is malformed.
+
+    """
     return CompiledFis(load_rule_base(RULES / f"{name}.yaml"))
 
 
 @dataclass(frozen=True, slots=True)
 class FuzzyEvaluation:
-    """One evaluation of an inference system: ``rows`` (inputs, N) went in, ``result`` came out."""
+    """One evaluation of an inference system: inputs ``rows`` (inputs, N) and their ``result``."""
 
     system: CompiledFis
     rows: Array
@@ -40,11 +45,11 @@ class FuzzyEvaluation:
         return dict(zip(self.system.input_names, self.rows, strict=True))
 
     def degree(self, output: str, term: str) -> Array:
-        """(N,) how strongly the rules conclude ``output IS term``."""
+        """Degree (N,) to which the rules conclude ``output IS term``."""
         return self.result.degree(output, term)
 
     def explain(self, index: int) -> dict[str, Any]:
-        """Inputs and fired rules, strongest first, of one sample: plain data."""
+        """Inputs and fired rules, strongest first, of one sample as plain data."""
         return {
             "inputs": {name: round(float(x[index]), 4) for name, x in self.inputs.items()},
             "rules": self.system.explain(self.result, index=index),

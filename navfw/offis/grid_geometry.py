@@ -1,4 +1,4 @@
-"""What depends on the grid and the camera alone: computed once per grid, used every frame."""
+"""Quantities that depend on the grid and the camera alone: computed once, used for each frame."""
 
 from __future__ import annotations
 
@@ -16,24 +16,25 @@ from navfw.signals import Array
 __all__ = ["GridGeometry"]
 
 LOW_SHARE = 0.3
-"""Weight, in the fits of planes, of cells below the horizon.
+"""Weight of cells below the horizon in the fits of planes.
 
-Noise makes some of the floor look like obstacles there, always on the near side."""
+There, noise lets cells of the floor pass as obstacles, always nearer than the walls."""
 
 
 @dataclass(frozen=True, slots=True)
 class GridGeometry:
-    """A grid of image points, seen by the robot's camera; arrays (rows, cols) or flat (n,).
+    """A grid of image points of the robot's camera; arrays (rows, cols) or flat (n,).
 
-    ``upward`` is true above the horizon. ``lateral``, ``ahead`` and ``fall`` (n,) are the parts of
-    each ray to the right, forward and down in the level body frame, per unit of depth;
-    ``lateral_edge`` (n,) is that of the cell's side towards the border of the image. ``halves``
-    (2, n) masks the left and the right plane, ``half_cells`` counts the cells of one, ``column``
-    (n,) numbers the columns; ``middle`` (n,) masks the part just ahead and above the horizon,
-    ``path`` (n,) the cells, ``path_cells`` many, that would show the floor the robot is about to
-    drive over. ``off_axis`` (2, n) are |x| and |y| of the points [px]. ``wall_top`` (n,) is the
-    nearness [1/m] below which a cell sees over walls; ``wall_share`` (n,) weighs cells in the fits
-    of planes.
+    ``upward`` is true above the horizon. ``lateral``, ``ahead`` and ``fall`` (n,) are the
+    components of each ray to the right, forward and down in the level body frame, per unit of
+    depth; ``lateral_edge`` (n,) is ``lateral`` of the cell's edge towards the border of the image.
+    ``halves`` (2, n) masks the image halves of the left and the right plane, ``half_cells`` is the
+    number of cells of a half, ``column`` (n,) the column of each cell. ``middle`` (n,) masks the
+    cells straight ahead and above the horizon; ``path`` (n,) masks the ``path_cells`` cells of the
+    floor that the robot would drive over. ``off_axis`` (2, n) are |x| and |y| of the points [px].
+    ``wall_top`` (n,) is the nearness [1/m] at the height of the top of walls: a cell of less
+    nearness shows something above them. ``wall_share`` (n,) weights cells in the fits of planes.
+    ``mount_height`` and ``wall_height`` [m above the floor] are those of the camera and of walls.
     """
 
     points: Array
@@ -52,14 +53,16 @@ class GridGeometry:
     off_axis: Array
     wall_top: Array
     wall_share: Array
+    mount_height: float
+    wall_height: float
 
     @classmethod
     def of(
         cls, points: Array, layers: int, robot: RobotModel, path_length: float, wall_height: float
     ) -> GridGeometry:
-        """Geometry of ``points`` (rows, cols, 2) [px] for floor up to ``path_length`` [m] ahead.
+        """Geometry of ``points`` (rows, cols, 2) [px].
 
-        Walls end at ``wall_height`` [m] above the floor.
+        The path is the floor up to ``path_length`` [m] ahead; walls are ``wall_height`` [m] high.
         """
         camera = robot.camera
         focal = camera.focal
@@ -95,4 +98,6 @@ class GridGeometry:
             off_axis=np.abs(points).reshape(-1, 2).T.copy(),
             wall_top=(-fall / (wall_height - camera.mount_height)).flatten(),
             wall_share=np.where(upward, 1.0, LOW_SHARE).flatten(),
+            mount_height=float(camera.mount_height),
+            wall_height=wall_height,
         )

@@ -14,9 +14,9 @@ from navfw.signals import Array
 __all__ = ["nearest_objects"]
 
 ALIKE = 0.7
-"""How big, relative to the biggest, a part that joins through other parts must be.
+"""Least size of a region that joins the nearest object, relative to the biggest region.
 
-Direct neighbours are judged by the rule base; this keeps a chain of them from drifting away."""
+The rule base compares direct neighbours only; this limit also holds along a chain of neighbours."""
 
 
 def nearest_objects(
@@ -24,10 +24,10 @@ def nearest_objects(
 ) -> Mapping[str, Mapping[str, str]]:
     """Regions of the nearest object per layer with their distance term.
 
-    ``{"layer1": {"P2": "middle"}, "layer2": {"sP23": "middle"}}``. In each family of four siblings
-    the biggest (by ``size``) is the candidate; neighbours that share its plane and are about as
-    big join it, and theirs; the next layer zooms into all of these. Regions that are not
-    ``present`` (no object seen) are left out, so a layer may be empty.
+    ``{"layer1": {"P2": "middle"}, "layer2": {"sP23": "middle"}}``. Of four siblings the biggest (by
+    ``size``) belongs to the nearest object. Neighbours of about the same size that share its plane
+    belong to it too, and so on along the neighbours. The next layer zooms into these regions.
+    Regions without an object (not ``present``) are left out, so a layer may be empty.
     """
     sizes, shown, same = size.tolist(), present.tolist(), planes.same.tolist()
     terms = distances.term.tolist()
@@ -41,9 +41,9 @@ def nearest_objects(
 
 
 def _biggest(first: int, size: list[float], shown: list[bool], same: list[float]) -> list[int]:
-    """The biggest of the four siblings from ``first`` on, and those that belong to it.
+    """The biggest of the four siblings from index ``first`` on, and those that belong to it.
 
-    ``same`` stands in the order of ``planes.pairs_of``: four to a family, as ``NEIGHBOURS``.
+    ``same`` has the order of ``planes.pairs_of``: four pairs per family, as in ``NEIGHBOURS``.
     """
     members = [r for r in range(first, first + 4) if shown[r]]
     if not members:
@@ -51,7 +51,7 @@ def _biggest(first: int, size: list[float], shown: list[bool], same: list[float]
     biggest = max(members, key=size.__getitem__)
     least = ALIKE * size[biggest]
     chosen = {biggest}
-    # siblings stand in a ring: three times around reaches the last of a chain
+    # siblings form a ring: three rounds reach the end of every chain
     for k, (i, j) in enumerate(NEIGHBOURS * 3):
         one, other = first + i, first + j
         if same[first + k % 4] >= 0.5 and (one in chosen) != (other in chosen):

@@ -21,9 +21,9 @@ __all__ = ["Nearness", "triangulate"]
 class Nearness(NamedTuple):
     """Nearness of every cell: three arrays (rows, cols).
 
-    ``nearness`` [1/m] is never negative; ``sigma`` [1/m] is one standard deviation (at most
-    ``kernels.SIGMA_LIMIT``, which says "nothing known"); ``confidence`` in [0, 1] is 0 where the
-    vector contradicts the motion or says nothing.
+    ``nearness`` [1/m] is not negative; ``sigma`` [1/m] is one standard deviation, limited to
+    ``percept_kernels.SIGMA_LIMIT``, the value of unknown cells; ``confidence`` in [0, 1] is 0 where
+    the vector is inconsistent with the motion or carries no information.
     """
 
     nearness: Array
@@ -36,16 +36,18 @@ def triangulate(
 ) -> Nearness:
     """Nearness 1/Z [1/m] at the current pixels of ``flow`` (derotated), METHOD 2.5.
 
-    The sigma adds the flow's own sigma and the yaw error (``motion.yaw_sigma`` adds
+    The sigma combines the flow's own sigma and the yaw error (``motion.yaw_sigma`` adds
     ``yaw_sigma * (f + x^2/f, x y/f)`` to a vector), both divided by ``|e|``, and the relative error
-    of the translation. Near the FOE ``|e|`` vanishes: such cells keep their best value with a large
-    sigma and a low confidence (METHOD 2.10); they are never dropped silently.
+    of the translation. Near the FOE ``|e|`` vanishes: such cells keep their estimate with a large
+    sigma and a low confidence (METHOD 2.10).
 
-    A vector whose part across ``e`` exceeds ``rejection`` standard deviations, or whose nearness is
-    negative by as many, comes from a moving object or a mismatch: confidence 0. Below
-    ``minimum_baseline`` [m] nothing is known: all confidences are 0.
+    A vector whose component across ``e`` exceeds ``rejection`` standard deviations, or whose
+    nearness is negative by as many, comes from a moving object or a mismatch: its confidence is 0.
+    For a baseline below ``minimum_baseline`` [m] all confidences are 0.
 
-    Raises ValueError when ``flow`` still contains rotation.
+    Raises:
+        ValueError: ``flow`` is not derotated.
+
     """
     if not flow.derotated:
         raise ValueError("nearness needs derotated flow (navfw.flow.derotation.derotate)")
@@ -70,5 +72,5 @@ def triangulate(
 
 
 def _flat(values: Array) -> Array:
-    """``values`` as contiguous float64 of one dimension, as the kernels want them."""
+    """``values`` as a contiguous float64 array (n,), as the kernels need them."""
     return np.ascontiguousarray(values, dtype=np.float64).reshape(-1)

@@ -1,4 +1,4 @@
-"""Which cells show objects, and how near those are once walls and borders have been understood."""
+"""Cells that show objects, and their nearness corrected by the fitted walls and blind borders."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from navfw.offis.nearness import Nearness
 from navfw.offis.percept_kernels import object_cells, object_nearness
 from navfw.offis.pyramid import Channels
 from navfw.offis.walls import Walls
-from navfw.robot import CameraModel
 from navfw.signals import Array, FlowField
 
 __all__ = ["ObjectCells", "find_objects", "object_channels", "raw_channels"]
@@ -21,12 +20,13 @@ __all__ = ["ObjectCells", "find_objects", "object_channels", "raw_channels"]
 
 @dataclass(frozen=True, slots=True)
 class ObjectCells:
-    """Cells by what they show, flat (n,): ``weight`` is the confidence of those that show objects.
+    """Weights of the cells as objects, flat (n,).
 
-    Floor and drops are no objects (TRAP 2), nor is what might be either, nor what is surely higher
-    than any wall: a ceiling, or the far side of a room seen over a partition. Above the horizon
-    there is no floor: whatever is seen there well enough counts, also what passes overhead.
-    ``wall_weight`` is what counts in fits of walls; ``floor`` is 1 where floor is seen.
+    ``weight`` is the confidence of a cell that shows an object, otherwise 0. Not objects are floor
+    and drops (TRAP 2), cells below the horizon that may be either, and points certainly higher than
+    walls: a ceiling, or the far side of a room above a partition. Above the horizon there is no
+    floor, so all other cells of sufficient confidence count there, overhead points included.
+    ``wall_weight`` is the weight in the fits of walls; ``floor`` is 1 for floor, otherwise 0.
     """
 
     weight: Array
@@ -37,7 +37,7 @@ class ObjectCells:
 def find_objects(
     geometry: GridGeometry, seen: Nearness, label: npt.NDArray[np.int8], minimum_confidence: float
 ) -> ObjectCells:
-    """Sort the cells of ``seen`` by their ``label`` (rows, cols)."""
+    """Weights of the cells of ``seen`` by their ``label`` (rows, cols)."""
     cells = object_cells(
         seen.nearness.reshape(-1),
         seen.sigma.reshape(-1),
@@ -57,14 +57,12 @@ def object_channels(
     objects: ObjectCells,
     walls: Walls,
     borders: BlindBorders,
-    camera: CameraModel,
-    wall_height: float,
     minimum_confidence: float,
 ) -> Channels:
-    """Nearness of the objects, for muU and muV weighted by how much flow it makes along U and V.
+    """Channels of mode ``nearness``: nearness of the objects, weighted by |x| for muU, |y| for muV.
 
-    That makes a mean of |u| or |v| without the part that only tells where in the image the cell
-    lies (TRAP 1).
+    The weights make muU and muV means of |u| and |v| from which the growth of flow with the
+    distance from the focus of expansion is removed (TRAP 1).
     """
     values, weights, known = object_nearness(
         geometry.lateral_edge,
@@ -84,8 +82,8 @@ def object_channels(
         geometry.column,
         walls.nearer,
         borders.hidden,
-        float(camera.mount_height),
-        wall_height,
+        geometry.mount_height,
+        geometry.wall_height,
         minimum_confidence,
     )
     shape = seen.nearness.shape
@@ -93,7 +91,7 @@ def object_channels(
 
 
 def raw_channels(flow: FlowField, focal: float, minimum_baseline: float) -> Channels:
-    """|u| and |v| of all valid vectors, floor and all, and |d|/|e| for the distance."""
+    """Channels of mode ``paper``: |u| and |v| of all valid vectors, floor included, and |d|/|e|."""
     shift = flow.motion.translation
     foe_vector = flow.points * shift[2] - focal * shift[:2]
     expected = np.hypot(foe_vector[..., 0], foe_vector[..., 1])

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
+import numpy.typing as npt
 from pydantic import Field, model_validator
 
 from navfw.interfaces import Perception
@@ -14,9 +15,9 @@ from navfw.offis.elementary_situations import FLOOR_IN_FRONT, find_situations, f
 from navfw.offis.floor import FloorModel
 from navfw.offis.grid_geometry import GridGeometry
 from navfw.offis.nearest_objects import nearest_objects
-from navfw.offis.nearness import triangulate
+from navfw.offis.nearness import Nearness, triangulate
 from navfw.offis.object_cells import find_objects, object_channels, raw_channels
-from navfw.offis.percept_explanation import PerceptExplanation
+from navfw.offis.percept_explanation import OffisResults, PerceptExplanation
 from navfw.offis.planes import find_planes, pairs_of
 from navfw.offis.pyramid import NEIGHBOURS, QUADRANTS, RegionStatistics
 from navfw.offis.report_sentence import report
@@ -31,15 +32,15 @@ Positive = Annotated[float, Field(gt=0.0)]
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
 
 FARTHEST = 10.0
-"""Distance [m] beyond which nothing counts as an object: sparse flow cannot tell it from noise."""
+"""Greatest distance [m] of an object: beyond it, sparse flow cannot tell objects from noise."""
 
 
 class Offis(Perception):
     """Optical-flow fuzzy inference system: nearest objects, planes, slopes, situations.
 
-    Mode ``nearness`` feeds the fuzzy systems with nearness, from which the growth of flow with the
-    distance from the focus of expansion and the floor have been removed (METHOD TRAP 1-3). Mode
-    ``paper`` feeds them with the raw means of |u| and |v|, as the paper does.
+    In mode ``nearness`` the inputs of the fuzzy systems are means of nearness, from which the floor
+    and the growth of flow with the distance from the focus of expansion are removed (METHOD
+    TRAP 1-3). In mode ``paper`` they are the raw means of |u| and |v|, as in the paper.
     """
 
     name: ClassVar[str] = "offis"
@@ -48,44 +49,42 @@ class Offis(Perception):
         """Parameters of OFFIS."""
 
         mode: Annotated[
-            Literal["nearness", "paper"], Field(description="what the fuzzy systems are fed with")
+            Literal["nearness", "paper"], Field(description="inputs of the fuzzy systems")
         ] = "nearness"
         layers: Annotated[int, Field(ge=1, le=3, description="layers of the pyramid")] = 2
         metric: Annotated[
             Literal["auto", "nearest", "mean", "mean_variance"],
             Field(
-                description="what makes a region biggest: the mean of its nearest eighth (auto in "
-                "mode nearness), its mean (auto in mode paper), or mean plus standard deviation"
+                description="size of a region: mean of its nearest eighth (auto in mode "
+                "nearness), its mean (auto in mode paper), or mean plus standard deviation"
             ),
         ] = "auto"
-        minimum_confidence: Annotated[Share, Field(description="cells with less are unknown")] = (
-            0.15
-        )
+        minimum_confidence: Annotated[
+            Share, Field(description="least confidence of a known cell [1]")
+        ] = 0.15
         minimum_baseline: Annotated[
-            Positive, Field(description="translation below which flow says nothing [m]")
+            Positive, Field(description="least translation for depth to be known [m]")
         ] = 0.005
         rejection: Annotated[
-            Positive, Field(description="standard deviations that contradict the motion [1]")
+            Positive, Field(description="largest residual of a consistent vector [sigma]")
         ] = 3.0
         obstacle_height: Annotated[
-            Positive, Field(description="lowest thing that counts as an obstacle [m]")
+            Positive, Field(description="least height of an obstacle [m]")
         ] = 0.05
-        headroom: Annotated[float, Field(ge=0.0, description="kept free above the robot [m]")] = (
+        headroom: Annotated[float, Field(ge=0.0, description="clearance above the robot [m]")] = (
             0.05
         )
         drop_depth: Annotated[
-            Positive, Field(description="depth below the floor that counts as a drop [m]")
+            Positive, Field(description="least depth of a drop below the floor [m]")
         ] = 0.08
         wall_height: Annotated[
-            Positive,
-            Field(description="what is seen higher than this is no wall, but ceiling or sky [m]"),
+            Positive, Field(description="height of walls; above are ceiling and sky [m]")
         ] = 2.2
         longest_flow: Annotated[
-            Positive,
-            Field(description="longest vector that the flow processor finds: its search [px]"),
+            Positive, Field(description="search range of the flow processor [px]")
         ] = 8.0
         path_length: Annotated[
-            Positive, Field(description="how far 'floor in front' looks [m]")
+            Positive, Field(description="length of the path checked for floor in front [m]")
         ] = 2.0
 
         @model_validator(mode="after")
@@ -111,11 +110,10 @@ class Offis(Perception):
     def perceive(self, flow: FlowField, twist: Twist) -> Percept:
         """Interpret ``flow`` (derotated); ``twist`` is the measured egomotion at its time.
 
-        Where nothing is known (no translation, no texture) situations say ``unknown``, all other
+        Without translation or texture the situation is ``unknown`` with degree 1, all other
         degrees are 0 and no floor is reported.
         """
         geometry = self._geometry_of(flow.points)
-        pyramid = geometry.pyramid
         seen = triangulate(
             flow,
             self.robot.camera.focal,
@@ -123,9 +121,50 @@ class Offis(Perception):
             rejection=self.params.rejection,
         )
         height, label = self._floor.classify(flow.points, seen, geometry.fall)
+        found = self._infer(flow, twist, geometry, seen, label)
+        degrees, situations = found.distances.degrees, found.situations
+        return Percept(
+            time=flow.time,
+            points=flow.points,
+            nearness=seen.nearness,
+            sigma=seen.sigma,
+            confidence=seen.confidence,
+            height=height,
+            label=label,
+            obstacles=found.obstacles,
+            quadrants={
+                quadrant: dict(zip(TERMS, degrees[:, i].tolist(), strict=True))
+                for i, quadrant in enumerate(QUADRANTS)
+            },
+            planes={
+                f"{QUADRANTS[i]}-{QUADRANTS[j]}": float(found.planes.plane[k])
+                for k, (i, j) in enumerate(NEIGHBOURS)
+            },
+            slopes=dict(zip(SIDES, found.slopes.codes, strict=True)),
+            situations=situations.degrees,
+            floor_in_front=situations.floor_in_front,
+            sentence=report(
+                found.obstacles,
+                situations.front,
+                situations.floor_in_front >= FLOOR_IN_FRONT,
+                bool(degrees[:, :4].any()),
+            ),
+            explanation=PerceptExplanation(found),
+        )
+
+    def _infer(
+        self,
+        flow: FlowField,
+        twist: Twist,
+        geometry: GridGeometry,
+        seen: Nearness,
+        label: npt.NDArray[np.int8],
+    ) -> OffisResults:
+        """The fuzzy part: from nearness and labels to objects, planes, slopes and situations."""
         camera, params = self.robot.camera, self.params
+        pyramid = geometry.pyramid
         objects = find_objects(geometry, seen, label, params.minimum_confidence)
-        walls = find_walls(geometry, seen, objects.wall_weight, camera.mount_height)
+        walls = find_walls(geometry, seen, objects.wall_weight)
         borders = find_blind_borders(flow, geometry, camera.focal, params.longest_flow)
         paper = params.mode == "paper"
         if paper:
@@ -137,8 +176,6 @@ class Offis(Perception):
                 objects,
                 walls,
                 borders,
-                camera,
-                params.wall_height,
                 params.minimum_confidence,
             )
         regions = pyramid.statistics(channels)
@@ -146,55 +183,24 @@ class Offis(Perception):
         region_nearness = regions.mean if paper else regions.nearest
         present = (regions.objects > 0.0) & (region_nearness > 1.0 / FARTHEST)
         planes = find_planes(self._pairs, regions, size)
-        # the last four "regions" are the halves of the planes, which have no distance of their own
+        # the last four regions are the halves of the planes, for which no distance is inferred
         distances = find_distances(region_nearness[:-4], regions.known[:-4], twist.v)
-        obstacles = nearest_objects(pyramid, size, present, planes, distances)
-
         slopes = slopes_of_means(regions) if paper else slopes_of_walls(walls)
-        situations = find_situations(slopes, front_features(geometry, walls, objects))
-
-        return Percept(
-            time=flow.time,
-            points=flow.points,
-            nearness=seen.nearness,
-            sigma=seen.sigma,
-            confidence=seen.confidence,
-            height=height,
-            label=label,
-            obstacles=obstacles,
-            quadrants={
-                quadrant: dict(zip(TERMS, distances.degrees[:, i].tolist(), strict=True))
-                for i, quadrant in enumerate(QUADRANTS)
-            },
-            planes={
-                f"{QUADRANTS[i]}-{QUADRANTS[j]}": float(planes.plane[k])
-                for k, (i, j) in enumerate(NEIGHBOURS)
-            },
-            slopes=dict(zip(SIDES, slopes.codes, strict=True)),
-            situations=situations.degrees,
-            floor_in_front=situations.floor_in_front,
-            sentence=report(
-                obstacles,
-                situations.front,
-                situations.floor_in_front >= FLOOR_IN_FRONT,
-                bool(distances.degrees[:, :4].any()),
-            ),
-            explanation=PerceptExplanation(
-                self.params.mode,
-                pyramid,
-                regions,
-                planes,
-                distances,
-                obstacles,
-                borders,
-                walls,
-                slopes,
-                situations,
-            ),
+        return OffisResults(
+            mode=params.mode,
+            pyramid=pyramid,
+            regions=regions,
+            planes=planes,
+            distances=distances,
+            obstacles=nearest_objects(pyramid, size, present, planes, distances),
+            borders=borders,
+            walls=walls,
+            slopes=slopes,
+            situations=find_situations(slopes, front_features(geometry, walls, objects)),
         )
 
     def _geometry_of(self, points: Array) -> GridGeometry:
-        """The geometry of the grid; flow processors keep theirs, so it is computed once."""
+        """The geometry of the grid ``points``, cached: a flow processor's grid does not change."""
         geometry = self._geometry
         if geometry is None or not (
             geometry.points is points or np.array_equal(geometry.points, points)
@@ -211,7 +217,7 @@ class Offis(Perception):
         return geometry
 
     def _size(self, regions: RegionStatistics) -> Array:
-        """(n_regions,) what "biggest" is judged by."""
+        """Size (n_regions,) of the regions, by which the biggest is chosen."""
         if self.params.mode == "paper":
             mean = np.hypot(regions.mu_u, regions.mu_v)
             variance = regions.var_u + regions.var_v

@@ -1,4 +1,4 @@
-"""Why OFFIS said what it said: made only when someone asks (the robot runs without it)."""
+"""Explanation of a percept: inputs and fired rules of all its inferences, computed on access."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from navfw.offis.pyramid import Pyramid, RegionStatistics
 from navfw.offis.slopes import SIDES, Slopes
 from navfw.offis.walls import Walls
 
-__all__ = ["PerceptExplanation"]
+__all__ = ["OffisResults", "PerceptExplanation"]
 
 
 @dataclass(frozen=True, slots=True)
-class _Findings:
-    """Everything that one frame went through."""
+class OffisResults:
+    """All intermediate results of one frame."""
 
     mode: str
     pyramid: Pyramid
@@ -37,11 +37,11 @@ class _Findings:
 class PerceptExplanation(Mapping[str, Any]):
     """A read-only mapping to plain data (dicts, lists, strings, floats), computed on access.
 
-    ``mode``; ``report``: what the sentence says, as data; ``regions``: the numbers of every region
-    (METHOD R6); ``plane``: per pair of neighbouring regions, ``distance``: per region, ``border``
-    and ``slope``: per side, ``situation`` and ``front``: the inputs and the fired rules, strongest
-    first; ``walls``: the fitted planes.
-    ``dict(explanation)`` gives all of it.
+    Keys: ``mode``; ``report``, the content of the sentence as data; ``regions``, the statistics of
+    each region (METHOD R6); ``walls``, the fitted planes; and the inputs and fired rules (strongest
+    first) of the inferences ``plane`` (per pair of neighbouring regions), ``distance`` (per
+    region), ``border`` and ``slope`` (per side), ``situation`` and ``front``.
+    ``dict(explanation)`` computes all of it.
     """
 
     _KEYS = (
@@ -57,8 +57,8 @@ class PerceptExplanation(Mapping[str, Any]):
         "front",
     )
 
-    def __init__(self, *findings: Any) -> None:
-        self._findings = _Findings(*findings)
+    def __init__(self, results: OffisResults) -> None:
+        self._results = results
 
     def __getitem__(self, key: str) -> Any:
         if key not in self._KEYS:
@@ -73,58 +73,58 @@ class PerceptExplanation(Mapping[str, Any]):
 
     @property
     def evaluations(self) -> tuple[FuzzyEvaluation, ...]:
-        """All fuzzy inferences of the frame, for whoever wants to repeat them."""
-        found = self._findings
+        """All fuzzy inferences of the frame, to be repeated by benchmarks."""
+        results = self._results
         return (
-            found.planes.evaluation,
-            found.distances.evaluation,
-            found.borders.evaluation,
-            found.slopes.evaluation,
-            found.situations.table_evaluation,
-            found.situations.front_evaluation,
+            results.planes.evaluation,
+            results.distances.evaluation,
+            results.borders.evaluation,
+            results.slopes.evaluation,
+            results.situations.table_evaluation,
+            results.situations.front_evaluation,
         )
 
     def __repr__(self) -> str:
         return f"PerceptExplanation({', '.join(self._KEYS)})"
 
     def _mode(self) -> str:
-        return self._findings.mode
+        return self._results.mode
 
     def _report(self) -> dict[str, Any]:
-        found = self._findings
+        results = self._results
         return {
-            "nearest": {layer: dict(regions) for layer, regions in found.obstacles.items()},
-            "front": found.situations.front,
-            "floor_in_front": found.situations.floor_in_front >= FLOOR_IN_FRONT,
+            "nearest": {layer: dict(regions) for layer, regions in results.obstacles.items()},
+            "front": results.situations.front,
+            "floor_in_front": results.situations.floor_in_front >= FLOOR_IN_FRONT,
         }
 
     def _regions(self) -> dict[str, dict[str, float]]:
-        regions = self._findings.regions
+        regions = self._results.regions
         return {
             name: {f.name: round(float(getattr(regions, f.name)[i]), 4) for f in fields(regions)}
-            for i, name in enumerate(self._findings.pyramid.names)
+            for i, name in enumerate(self._results.pyramid.names)
         }
 
     def _plane(self) -> dict[str, Any]:
-        planes, names = self._findings.planes, self._findings.pyramid.names
+        planes, names = self._results.planes, self._results.pyramid.names
         return {
             f"{names[i]}-{names[j]}": planes.evaluation.explain(k)
             for k, (i, j) in enumerate(planes.pairs)
         }
 
     def _distance(self) -> dict[str, Any]:
-        distances, names = self._findings.distances, self._findings.pyramid.names
+        distances, names = self._results.distances, self._results.pyramid.names
         return {
             name: distances.evaluation.explain(i)
             for i, name in enumerate(names[: distances.term.size])
         }
 
     def _border(self) -> dict[str, Any]:
-        evaluation = self._findings.borders.evaluation
+        evaluation = self._results.borders.evaluation
         return {side: evaluation.explain(i) for i, side in enumerate(SIDES)}
 
     def _walls(self) -> dict[str, Any]:
-        walls = self._findings.walls
+        walls = self._results.walls
         sides = {
             side: {
                 name: round(float(getattr(walls, name)[i]), 4)
@@ -135,14 +135,14 @@ class PerceptExplanation(Mapping[str, Any]):
         return {**sides, "shared": round(walls.shared, 4), "opening": round(walls.opening, 4)}
 
     def _slope(self) -> dict[str, Any]:
-        slopes = self._findings.slopes
+        slopes = self._results.slopes
         return {
             side: {"code": slopes.codes[i], **slopes.evaluation.explain(i)}
             for i, side in enumerate(SIDES)
         }
 
     def _situation(self) -> dict[str, Any]:
-        return self._findings.situations.table_evaluation.explain(0)
+        return self._results.situations.table_evaluation.explain(0)
 
     def _front(self) -> dict[str, Any]:
-        return self._findings.situations.front_evaluation.explain(0)
+        return self._results.situations.front_evaluation.explain(0)

@@ -1,4 +1,4 @@
-"""The per-cell loops of OFFIS, compiled. Flat arrays over the cells of the grid; float64."""
+"""Compiled per-cell loops of OFFIS, on flat float64 arrays over the cells of the grid."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ __all__ = [
 ]
 
 SIGMA_LIMIT = 20.0
-"""Sigma [1/m] at which a cell says nothing at all: nothing is nearer than a few centimetres."""
+"""Sigma [1/m] of unknown cells, and upper limit of all others: no surface is nearer than 5 cm."""
 
 _UNKNOWN, _FLOOR, _OBSTACLE, _DROP, _ABOVE = 0, 1, 2, 3, 4
 
@@ -39,7 +39,7 @@ def triangulate_cells(
     relative_sigma: float,
     rejection: float,
 ) -> tuple[Array, Array, Array]:
-    """Nearness, its sigma and its confidence for each of (n, 2) points; see ``nearness``."""
+    """Nearness, sigma and confidence (n,) of ``points`` (n, 2); see ``nearness.triangulate``."""
     n = points.shape[0]
     nearness = np.zeros(n)
     spread = np.full(n, SIGMA_LIMIT)
@@ -57,7 +57,7 @@ def triangulate_cells(
         ex, ey = ex / length, ey / length
         along = u * ex + v * ey
         across = v * ex - u * ey
-        # what a yaw error of one sigma adds to the vector (METHOD 2.3), on both directions
+        # change of the vector by a yaw error of one sigma (METHOD 2.3)
         rx = yaw_sigma * (focal + x * x / focal)
         ry = yaw_sigma * x * y / focal
         sigma_along = math.hypot(sigma[i], rx * ex + ry * ey)
@@ -87,28 +87,28 @@ def label_cells(
     nearness: Array,
     sigma: Array,
     confidence: Array,
-    drop_slope: Array,
+    fall: Array,
     mount: float,
     limits: Array,
 ) -> tuple[Array, npt.NDArray[np.int8]]:
-    """Height [m] above the floor and label of each cell; see ``floor``.
+    """Height [m] above the floor and label of each cell; see ``floor.FloorModel``.
 
-    ``drop_slope`` (n,) is how far [m] the ray falls per metre of depth; ``limits`` are
-    (minimum confidence, sigmas, drop sigmas, obstacle height, floor tolerance, floor resolution,
-    drop depth, top).
+    ``fall`` (n,) [m/m] is the descent of each ray per depth; ``mount`` [m] the height of the
+    camera; ``limits`` are (minimum confidence, sigmas, drop sigmas, obstacle height, floor
+    tolerance, floor resolution, drop depth, top).
     """
     n = nearness.shape[0]
     height = np.empty(n)
     label = np.zeros(n, np.int8)
     least, sigmas, drop_sigmas, rise, tolerance, resolution, depth, top = limits
     for i in range(n):
-        q, s, g = nearness[i], sigma[i], drop_slope[i]
+        q, s, g = nearness[i], sigma[i], fall[i]
         distance = 1.0 / max(q, 1e-3)
         height[i] = mount - g * distance
         if confidence[i] < least:
             continue
-        # Tested in nearness, where errors are symmetric, not in height, where they are not:
-        # H > a for a ray that falls by g means q > g / (mount - a).
+        # The tests compare nearness, whose errors are symmetric, not height, whose errors are not:
+        # H > a for a ray that descends by g is equivalent to q > g / (mount - a).
         if g <= 0.0:
             overhead = -g / (top - mount) if top > mount else math.inf
             if q + sigmas * s < overhead:
@@ -141,7 +141,7 @@ def object_cells(
     wall_share: Array,
     least: float,
 ) -> Array:
-    """Object weight, wall weight and floor (1 or 0) of each cell: (3, n); see ``objects``."""
+    """Object weight, wall weight and floor (1 or 0) of each cell: (3, n); see ``ObjectCells``."""
     n = nearness.shape[0]
     cells = np.zeros((3, n))
     for i in range(n):
@@ -168,7 +168,8 @@ def region_moments(
     """Statistics (n_regions, 9) over rectangles of the grid; see ``pyramid.RegionStatistics``.
 
     ``regions`` (n_regions, 4) are (row, end row, column, end column); ``values`` and ``weights``
-    (3, rows, cols) hold nearness, muU's and muV's quantity; ``known`` (rows, cols) is 1 or 0.
+    (3, rows, cols) are those of nearness and of the quantities averaged to muU and muV; ``known``
+    (rows, cols) is 1 or 0. ``nearest_share`` and ``nearest_least`` are as in ``pyramid``.
     """
     result = np.zeros((regions.shape[0], 9))
     for r in range(regions.shape[0]):
@@ -213,7 +214,7 @@ def region_moments(
                 mean -= weight * near[order[n]]
                 if total >= wanted:
                     break
-            # a few lone cells weigh less than a patch of them: the rest counts as empty space
+            # missing weight counts as empty space: a few single cells weigh less than a patch
             result[r, 8] = mean / wanted
     return result
 
@@ -231,12 +232,13 @@ def blind_border(
     shift: float,
     longest: float,
 ) -> Array:
-    """Columns at the image's border in which nothing could be matched near the horizon: (2, 4).
+    """Blind columns at the image's borders: without a matched vector near the horizon. (2, 4).
 
-    Per side (left, right): number of blind columns, mean length [px] of the vectors in the column
-    inside them (-1: none is known), least nearness [1/m] of what moves more than ``longest`` [px]
-    in the innermost blind column, and that column. ``shift`` [m] is the way driven ahead. Columns
-    that the past camera, turned by ``rotation``, did not see within ``limit`` [px] say nothing.
+    Per side (left, right): number of blind columns; mean length [px] of the vectors in the first
+    column inside them (-1 if unknown); least nearness [1/m] of a point that moves more than
+    ``longest`` [px] in the innermost blind column; index of that column. ``shift`` [m] is the
+    distance driven ahead. Outermost columns that were not within ``limit`` [px] of the middle of
+    the past image, after ``rotation``, are skipped.
     """
     columns = column.max() + 1
     seen, cells, inside = np.zeros(columns), np.zeros(columns), np.zeros(columns)
@@ -294,13 +296,14 @@ def object_nearness(
     wall_height: float,
     least: float,
 ) -> tuple[Array, Array, Array]:
-    """Nearness of objects (3, n), weights (3, n), known (n,), the walls' planes in place of noise.
+    """Nearness (3, n), weights (3, n) and known (n,) of objects, given the walls and blind borders.
 
-    ``slant``, ``front`` (2,) are the planes, ``support`` (2,) how far to believe them, ``nearer``
-    (columns,) as in ``walls``; ``border`` (2, columns) is nearness and degree of things too near to
-    be matched. A cell in a plane takes the plane's nearness at its outer edge, and so does one of
-    which nothing is known where the wall must be. The three channels are those of
-    ``pyramid.Channels``: equal values, weighted by 1 and by ``off_axis`` (2, n).
+    ``slant``, ``front`` and ``support`` (2,) are the planes of the walls and the trust in them,
+    ``nearer`` (columns,) as in ``walls.Walls``; ``border`` (2, columns) is nearness and degree of
+    obstacles too near to be matched. A cell in a plane takes the plane's nearness at the cell's
+    outer edge, in proportion to the support; an unknown cell where the wall must be takes it
+    too. The three channels are those of ``pyramid.Channels``: equal values, with weights times 1
+    and times ``off_axis`` (2, n).
     """
     n = nearness.shape[0]
     values, weights, known = np.empty((3, n)), np.empty((3, n)), np.zeros(n)
@@ -319,7 +322,7 @@ def object_nearness(
             if at > 0.0 and abs(nearness[i] - at) < width and at > floor:
                 value += trust * (edge * nearer[column[i]] - nearness[i])
             elif floor > 0.0:
-                # what is taken for an obstacle may be floor seen badly: it has to stand out
+                # an obstacle may be badly measured floor: it must differ clearly from the floor
                 spread = math.sqrt(sigma[i] * sigma[i] + 0.0025 * floor * floor)
                 clear = (nearness[i] - floor) / spread
                 share *= min(max(0.5 * (clear - 2.0), 0.0), 1.0)
@@ -344,7 +347,8 @@ def compare_pairs(
 ) -> tuple[Array, Array]:
     """Inputs (3, n_pairs) of the plane inference, and whether both regions show an object (1, 0).
 
-    Relative differences |a - b| / (a + b) of muU and of muV, and the ratio of the sizes.
+    The inputs are the relative differences |a - b| / (a + b) of muU and of muV, and the ratio of
+    the sizes.
     """
     rows, present = np.empty((3, pairs.shape[0])), np.zeros(pairs.shape[0])
     for k in range(pairs.shape[0]):
@@ -352,7 +356,7 @@ def compare_pairs(
         rows[0, k] = abs(mu_u[i] - mu_u[j]) / max(mu_u[i] + mu_u[j], 1e-12)
         rows[1, k] = abs(mu_v[i] - mu_v[j]) / max(mu_v[i] + mu_v[j], 1e-12)
         rows[2, k] = min(size[i], size[j]) / max(size[i], size[j], 1e-12)
-        # regions without an object have no plane to share
+        # a region without an object has no plane in common with another
         if objects[i] > 0.0 and objects[j] > 0.0:
             present[k] = 1.0
     return rows, present

@@ -19,8 +19,8 @@ class Planes:
     """Plane property of all pairs of neighbouring sibling regions, arrays (n_pairs,).
 
     ``pairs`` (n_pairs, 2) are region indices, four pairs per family in ``pyramid.families`` order;
-    ``plane`` is the degree to which both show one plane, ``same`` the degree to which both also
-    belong to the same nearest object.
+    ``plane`` is the degree to which both regions show one plane, ``same`` the degree to which both
+    also belong to the same nearest object.
     """
 
     pairs: np.ndarray
@@ -35,7 +35,7 @@ def pairs_of(pyramid: Pyramid) -> np.ndarray:
 
 
 def find_planes(pairs: np.ndarray, regions: RegionStatistics, size: Array) -> Planes:
-    """Degrees for ``pairs``; ``size`` (n_regions,) is what "biggest" is judged by."""
+    """Plane property of ``pairs``; ``size`` (n_regions,) is the size of each region."""
     rows, present = compare_pairs(pairs, regions.mu_u, regions.mu_v, size, regions.objects)
     evaluation = infer_rows(load_system("plane"), rows)
     return Planes(

@@ -22,28 +22,29 @@ QUADRANTS = ("P1", "P2", "P3", "P4")
 """P1 upper right, P2 upper left, P3 lower left, P4 lower right (METHOD R4)."""
 
 NEIGHBOURS = ((0, 1), (1, 2), (2, 3), (3, 0))
-"""Which of four sibling regions share a side, by index."""
+"""Pairs of the four sibling regions that share a side, by index."""
 
 NEAREST_SHARE = 0.125
-"""Share of a region's object cells that make up its nearest part."""
+"""Share of a region's object cells in its nearest part."""
 
 NEAREST_LEAST = 2.5
-"""Least weight [confident cells] of that part; what is missing counts as empty space."""
+"""Least weight of that part [cells of confidence 1]; missing weight counts as empty space."""
 
 _POSITIONS = ("upper right", "upper left", "lower left", "lower right")
 
 
 def position(region: str) -> str:
-    """Where the quadrant of ``region`` (``P2`` or ``sP2...``) lies, in the paper's words."""
+    """Position of the quadrant of ``region`` (``P2`` or ``sP2...``) in the paper's words."""
     return _POSITIONS[int(region.removeprefix("s")[1]) - 1]
 
 
 @dataclass(frozen=True, slots=True)
 class Channels:
-    """The quantities that are averaged, with their weights.
+    """The quantities that are averaged over regions, with their weights.
 
-    ``values`` and ``weights`` (3, rows, cols): nearness [1/m], then what muU and muV are the means
-    of; a weight of 0 leaves a cell out. ``known`` (rows, cols) is 1 where the flow says anything.
+    ``values`` and ``weights`` (3, rows, cols) are those of nearness [1/m] and of the quantities
+    averaged to muU and muV; a weight of 0 leaves a cell out. ``known`` (rows, cols) is 1 for known
+    cells, otherwise 0.
     """
 
     values: Array
@@ -55,10 +56,10 @@ class Channels:
 class RegionStatistics:
     """Statistics of all regions, arrays (n_regions,), in the order of ``Pyramid.names``.
 
-    ``known`` is the share of cells that say anything, ``objects`` the share of cells that show an
-    object. ``mean`` and ``variance`` are those of nearness; ``mu_u``, ``var_u``, ``mu_v`` and
-    ``var_v`` those of METHOD R6. ``nearest`` [1/m] is the mean nearness of the nearest eighth of
-    the object cells.
+    ``known`` is the share of known cells, ``objects`` the share of cells that show an object.
+    ``mean`` [1/m] and ``variance`` [1/m^2] are those of nearness; ``mu_u``, ``var_u``, ``mu_v`` and
+    ``var_v`` are those of METHOD R6. ``nearest`` [1/m] is the mean nearness of the nearest eighth
+    of the object cells.
     """
 
     known: Array
@@ -75,9 +76,9 @@ class RegionStatistics:
 class Pyramid:
     """Regions of a (rows, cols) grid in ``layers`` layers, and the halves of the two planes.
 
-    ``names`` lists the regions layer by layer, siblings in order P1..P4; the last four are
-    ``left outer``, ``left inner``, ``right inner``, ``right outer``: the columns of the left plane
-    (P2 + P3) and of the right plane (P1 + P4) at the border and at the middle of the image.
+    ``names`` lists the regions layer by layer, siblings in the order P1..P4. The last four are
+    ``left outer``, ``left inner``, ``right inner`` and ``right outer``: the halves of the left
+    plane (P2 + P3) and of the right plane (P1 + P4) at the border and at the middle of the image.
     """
 
     def __init__(self, shape: tuple[int, int], layers: int) -> None:
@@ -105,11 +106,11 @@ class Pyramid:
         self.families = self._families()
 
     def _families(self) -> list[int]:
-        """Index of the first of every four siblings, layer by layer."""
+        """Index of the first of each four siblings, layer by layer."""
         return list(range(0, len(self.names) - 4, 4))
 
     def first_child(self, region: int) -> int | None:
-        """Index of the first of the four parts of ``region``, or None in the deepest layer."""
+        """Index of the first of the four parts of ``region``; None in the deepest layer."""
         first = 4 + 4 * region
         return first if first < len(self.names) - 4 else None
 

@@ -1,4 +1,4 @@
-"""The report in the paper's words (Tables 2 and 3, METHOD R13)."""
+"""The report as a sentence in the paper's words (Tables 2 and 3, METHOD R13)."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ def report(
 ) -> str:
     """One sentence of parts joined by "; ".
 
-    Layer 1 names all quadrants of the nearest object with one distance, the deeper layers give the
+    Layer 1 names all quadrants of the nearest object with one distance, the deeper layers name the
     distance per quadrant: "Layer1: nearest object is on upper right and on upper left in middle
     distance; Layer2: nearest object is on upper right in middle distance and on upper left in
-    middle distance; Front is a door; Floor in front". ``known`` is false when nothing can be said
-    of any region.
+    middle distance; Front is a door; Floor in front". ``known`` is false if all regions are
+    unknown.
     """
     parts = []
     for number, regions in enumerate(obstacles.values(), start=1):
@@ -28,14 +28,14 @@ def report(
         elif not regions:
             parts.append(f"Layer{number}: no object in sight")
         else:
-            parts.append(f"Layer{number}: nearest object is {_whereabouts(number, regions)}")
+            parts.append(f"Layer{number}: nearest object is {_location(number, regions)}")
     parts.append("Front is unknown" if front == "unknown" else f"Front is a {front}")
     if floor_in_front:
         parts.append("Floor in front")
     return "; ".join(parts)
 
 
-def _whereabouts(layer: int, regions: Mapping[str, str]) -> str:
+def _location(layer: int, regions: Mapping[str, str]) -> str:
     nearest: dict[str, str] = {}
     for region, term in regions.items():
         place = position(region)

@@ -1,10 +1,11 @@
 """Slope inference for the left and the right plane (paper sec 5.2 b; METHOD R9, R10, TRAP 1, 3).
 
-A vertical plane at distance D whose outer side is turned towards the viewer by the angle ``t`` has
-``q = (sin t * across + cos t * ahead) / D``. A robust fit of that to one half of the image gives
-the angle (``walls``), which the rule base turns into one of five codes; larger digits mean the
-nearer side. A door in the plane makes the inner side's mean flow much smaller than the outer
-side's: a gap counts as very slope, just as in the paper's comparison of means.
+A vertical plane at distance D whose outer side is turned towards the camera by the angle ``t`` has
+the nearness ``q = (sin t * lateral + cos t * ahead) / D``. A robust fit of this model to one half
+of the image yields the angle (``walls``), which the rule base maps to one of five codes; the larger
+digit marks the nearer side. A door in the plane makes the mean flow of the inner side much smaller
+than that of the outer side: a gap therefore counts as very slope, as in the paper's comparison of
+means.
 """
 
 from __future__ import annotations
@@ -37,7 +38,8 @@ class Slopes:
     """Slope of the left and the right plane, arrays (2,).
 
     ``value`` is the difference of the code's digits, outer minus inner (2 is "very slope"; negative
-    is "unusual", METHOD R10); ``support`` in [0, 1]; ``codes`` e.g. ``("[3 1]", "[1 2]")``.
+    is "unusual", METHOD R10); ``support`` in [0, 1] is the trust in it; ``codes`` are, for example,
+    ``("[3 1]", "[1 2]")``.
     """
 
     value: Array

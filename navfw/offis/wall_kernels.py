@@ -1,4 +1,4 @@
-"""Fits of walls, compiled: reweighted least squares over cells, and what lies off the planes."""
+"""Compiled fits of walls: reweighted least squares over cells, and deviations from the planes."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ def find_wall_planes(
     confidence: Array,
     mount: float,
 ) -> tuple[Array, Array]:
-    """The planes of both halves and what lies off them; see ``walls``.
+    """The planes of both halves and the deviations from them; see ``walls``.
 
-    (3, 4): two rows (slant, front, explained weight, weight) of the left and the right half, then
-    (shared, opening, left step, right step). (columns,): by which factor what each column shows is
-    surely nearer than the planes, 1 where it is not.
+    Returns (3, 4): two rows (slant, front, explained weight, weight) of the left and the right
+    half, then (shared, opening, left step, right step); and (columns,): the factor by which the
+    contents of each column are significantly nearer than the planes, otherwise 1.
     """
     planes = _fit_planes(lateral, ahead, halves, nearness, weight, sigma)
     apart = planes[0, 2] + planes[1, 2]
-    # how nearly one plane explains as much as two: certain from 93 % on
+    # share that one plane explains of what two planes do: one wall for certain from 93 % on
     shared = 0.0
     if apart > 0.0:
         shared = min(max((planes[2, 2] / apart - 0.88) / 0.05, 0.0), 1.0)
-        # unless the halves by themselves make a clean corner
+        # unless the two planes form a well-fitting corner
         worse = min(planes[0, 2] / max(planes[0, 3], 1e-9), planes[1, 2] / max(planes[1, 3], 1e-9))
         bend = math.atan2(-planes[0, 0], planes[0, 1]) + math.atan2(planes[1, 0], planes[1, 1])
         corner = min(max((bend - 0.6) / 0.3, 0.0), 1.0) * min(max((worse - 0.84) / 0.06, 0.0), 1.0)
@@ -78,12 +78,13 @@ def _off_planes(
     confidence: Array,
     mount: float,
 ) -> Array:
-    """Sums (2, columns) of weights and weighted relative shortfalls of nearness behind the planes.
+    """Sums (2, columns) of weights and of weighted relative deficits of nearness to the planes.
 
-    Over the cells whose rays meet the plane at heights where doors are open.
+    The sums include the cells whose rays meet the plane at the heights of an open door.
     """
     sums = np.zeros((2, column.max() + 1))
-    # far along a corridor little is missing where a door stands open: measure it by what is near
+    # far along a corridor an open door changes nearness little: the scale is at least a share of
+    # the greatest nearness in the planes
     near = 0.0
     for half in range(2):
         for i in range(nearness.shape[0]):
@@ -113,7 +114,10 @@ def _off_planes(
 
 @numba.njit(cache=True)
 def _surely(sums: Array, begin: int, end: int, sign: float) -> float:
-    """Mean times ``sign`` over columns, less its error (neighbours share theirs); -1: unknown."""
+    """Mean over columns times ``sign``, less its standard error, at least -1; -1 if unknown.
+
+    The standard error is that of correlated neighbours: twice that of independent cells.
+    """
     total = sums[0, begin:end].sum()
     if total <= 0.0:
         return -1.0
@@ -154,8 +158,8 @@ def _fit_planes(
             continue
         middle = 0.5 * np.abs(own[0]).max()
         for start in range(3):
-            # from all cells, from the outer and from the inner ones; the whole image also from
-            # what its halves were found to show
+            # starts: fits to all cells, to the outer and to the inner ones; for the whole image, to
+            # all cells and the planes of the halves
             if part == 2 and start > 0:
                 slant, front = result[start - 1, 0], result[start - 1, 1]
             else:
@@ -168,7 +172,7 @@ def _fit_planes(
 
 @numba.njit(cache=True)
 def _least_squares(cells: Array, start: int, middle: float) -> tuple[float, float]:
-    """Weighted fit to all cells (0), those beyond ``middle`` (1) or those within it (2)."""
+    """Weighted fit to all cells (``start`` 0), those beyond ``middle`` (1) or within it (2)."""
     xx, xy, yy, xq, yq = 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(cells.shape[1]):
         x, y, q, w, s = cells[0, i], cells[1, i], cells[2, i], cells[3, i], cells[4, i]
@@ -188,9 +192,9 @@ def _least_squares(cells: Array, start: int, middle: float) -> tuple[float, floa
 
 @numba.njit(cache=True)
 def _settle(cells: Array, slant: float, front: float) -> tuple[float, float, float]:
-    """Reweighted fit (Tukey's biweight, ever narrower) from a start: (slant, front, explained).
+    """Reweighted fit (Tukey's biweight of decreasing width): (slant, front, explained weight).
 
-    What a plane explains is the weight of the cells near it, less the farther they are off.
+    The explained weight is the sum over the cells of weight times 1 - (residual / width)^2.
     """
     explained = 0.0
     for step in range(7):
@@ -200,7 +204,7 @@ def _settle(cells: Array, slant: float, front: float) -> tuple[float, float, flo
         for i in range(cells.shape[1]):
             x, y, q, s = cells[0, i], cells[1, i], cells[2, i], cells[4, i]
             predicted = slant * x + front * y
-            # two sigmas, and what walls themselves are uneven by
+            # two sigmas plus the unevenness of walls
             width = widen * (2.0 * s + 0.08 * abs(predicted) + 0.02)
             ratio = (q - predicted) / width
             share = 1.0 - ratio * ratio

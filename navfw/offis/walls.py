@@ -1,15 +1,16 @@
-"""The walls that make the left and the right plane: robust fits to all that is seen (TRAP 3).
+"""The walls that form the left and the right plane: robust fits to all object cells (TRAP 3).
 
-A vertical plane shows ``q = slant * lateral + front * ahead`` along the rays (lateral, ahead) of
-unit depth. The plane of each half image is the one that explains most of its cells, found by
-reweighted least squares from three starts, each cell weighted by its confidence and sigma:
-furniture in front of a wall, or a door in it, does not turn the plane. Where one plane explains
-both halves nearly as well as two do, it is one wall, and the fit to the whole image is taken for
-both. The planes also bridge the hole around the focus of expansion (METHOD 2.10).
+A vertical plane has the nearness ``q = slant * lateral + front * ahead`` along the ray (lateral,
+ahead) of unit depth. The plane of each image half is the one that explains most of its cells, found
+by reweighted least squares from three starts, with cells weighted by confidence and sigma.
+Furniture in front of a wall or a door in it therefore does not turn the plane. If one plane
+explains both halves nearly as well as two planes do, both are one wall, and the fit to the whole
+image replaces both. The planes also fill the gap around the focus of expansion (METHOD 2.10).
 
-What does not lie in the planes tells doors. ``opening`` says how much farther the middle of the
-image is than the planes predict, at heights where a door is open; ``step`` how much nearer the
-border of each half is, as the frame of a near door. Both are relative, and less one standard error.
+Cells outside the planes indicate doors. ``opening`` is the relative distance of the middle of the
+image behind the planes, at the heights of an open door; ``step`` is the relative distance of the
+border of each half in front of its plane, as for the frame of a near door. One standard error is
+subtracted from both.
 """
 
 from __future__ import annotations
@@ -27,10 +28,10 @@ from navfw.signals import Array
 __all__ = ["Walls", "find_walls"]
 
 ENOUGH = 0.06
-"""Share of a half's cells that must lie in a plane to trust it fully."""
+"""Share of the cells of a half in its plane from which on the plane has full support."""
 
 FARTHEST_WALL, SURE_WALL = 0.05, 0.10
-"""Nearness [1/m] of a plane below which it says nothing, and from which on it counts fully."""
+"""Nearness [1/m] of a plane: its support rises from 0 at the first to full at the second value."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,10 +40,10 @@ class Walls:
 
     ``slant`` and ``front`` [1/m] are the planes' coefficients; ``incline`` [rad] is their angle to
     the image plane, positive where the outer side is nearer; ``explained`` is the share of the
-    half's object cells that lie in the plane; ``support`` in [0, 1] says how many cells carry it.
-    ``shared`` in [0, 1] is the degree to which both are one plane. ``opening`` and ``step`` (2,) in
-    [-1, 1]: see the module. ``nearer`` (columns,) is the factor by which what each column shows is
-    surely nearer than the planes, 1 where it is not.
+    half's object cells that lie in the plane; ``support`` in [0, 1] is the trust in the plane by
+    the number of these cells. ``shared`` in [0, 1] is the degree to which both are one plane.
+    ``opening`` and ``step`` (2,) in [-1, 1]: see the module. ``nearer`` (columns,) is the factor by
+    which the contents of each column are significantly nearer than the planes, otherwise 1.
     """
 
     slant: Array
@@ -57,15 +58,12 @@ class Walls:
 
     @property
     def gap(self) -> float:
-        """How surely a gap parts the planes: the middle behind, or both borders before them."""
+        """Evidence of a gap between the planes: the middle behind or both borders before them."""
         return max(self.opening, float(self.step.min()))
 
 
-def find_walls(geometry: GridGeometry, seen: Nearness, weight: Array, mount: float) -> Walls:
-    """Fit the walls to ``seen`` with weights (n,); cells of weight 0 are left out of the fits.
-
-    ``mount`` [m] is the camera's height above the floor.
-    """
+def find_walls(geometry: GridGeometry, seen: Nearness, weight: Array) -> Walls:
+    """Fit the walls to ``seen`` with ``weight`` (n,); cells of weight 0 are left out of the fits."""
     found, nearer = find_wall_planes(
         geometry.lateral,
         geometry.ahead,
@@ -76,7 +74,7 @@ def find_walls(geometry: GridGeometry, seen: Nearness, weight: Array, mount: flo
         weight,
         seen.sigma.reshape(-1),
         seen.confidence.reshape(-1),
-        mount,
+        geometry.mount_height,
     )
     (left, right, (shared, opening, *step)) = found.tolist()
     most = max(left[2], right[2])
@@ -85,7 +83,7 @@ def find_walls(geometry: GridGeometry, seen: Nearness, weight: Array, mount: flo
     for slant, front, part, total in ((-left[0], *left[1:]), right):
         inclines.append(min(max(math.atan2(slant, front), -0.5 * math.pi), 0.5 * math.pi))
         explained.append(part / max(total, 1e-9))
-        # one wall is carried by the cells of both halves
+        # one wall across both halves is supported by the cells of both
         carried = min((part + shared * (most - part)) / cells, 1.0)
         near = (math.hypot(slant, front) - FARTHEST_WALL) / (SURE_WALL - FARTHEST_WALL)
         support.append(carried * min(max(near, 0.0), 1.0))

@@ -10,9 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navfw.egomotion import Odometer, OdometryHistory
+from navfw.egomotion.camera_motion import with_yaw_sigma
 from navfw.egomotion.encoder_fault import EncoderFaultDetector
 from navfw.robot import RobotModel
-from navfw.signals import CameraMotion, Encoders, Inertial, Odometry, Pose, Twist
+from navfw.signals import CameraMotion, Encoders, Inertial, Odometry, Pose, Twist, YawCorrection
 
 ROBOT = RobotModel()
 DT = 1.0 / 60.0
@@ -105,46 +106,47 @@ def motion(w: float, dt: float = 0.2) -> CameraMotion:
     return CameraMotion(rotation, np.array([0.0, 0.0, 0.08]), dt)
 
 
-def test_a_bias_that_the_flow_contradicts_is_learnt_while_driving() -> None:
+def test_a_bias_with_a_lasting_gyro_residual_is_corrected_while_driving() -> None:
     drive = Drive()
     bias = math.radians(1.0)
     drive.go(1.0, 0.0)
     for _ in range(100):
         drive.go(0.1, 0.4, bias=bias)
         left = bias - drive.odometry.yaw_bias
-        drive.odometer.contradict(-0.5 * left * 0.2, motion(0.0))
+        drive.odometer.correct(YawCorrection(-0.5 * left * 0.2, 0.0, motion(0.0)))
     assert drive.odometry.yaw_bias == pytest.approx(bias, abs=0.003)
     assert abs(drive.odometry.pose.yaw) < 4.0 * bias
 
 
-def test_a_small_contradiction_changes_nothing() -> None:
+def test_a_small_gyro_residual_changes_nothing() -> None:
     drive = Drive()
     for _ in range(100):
         drive.go(0.1, 0.4, bias=0.002)
-        drive.odometer.contradict(-0.002 * 0.2, motion(0.0))
+        drive.odometer.correct(YawCorrection(-0.002 * 0.2, 0.0, motion(0.0)))
     assert drive.odometry.yaw_bias == 0.0
 
 
-def test_a_contradiction_in_proportion_to_the_turning_is_no_bias() -> None:
+def test_a_gyro_residual_in_proportion_to_the_turning_rate_is_no_bias() -> None:
     drive = Drive()
     for tick in range(200):
         w = 0.3 * math.sin(0.15 * tick)
         drive.go(0.1, 0.4, w)
-        drive.odometer.contradict(0.05 * w * 0.2, motion(w))
+        drive.odometer.correct(YawCorrection(0.05 * w * 0.2, 0.0, motion(w)))
     assert abs(drive.odometry.yaw_bias) < 0.002
 
 
-def test_without_gyro_the_flow_is_trusted_more_and_tells_of_unequal_wheels() -> None:
+def test_without_gyro_yaw_is_less_certain_and_the_flow_corrects_unequal_wheels() -> None:
     drive = Drive()
     drive.go(1.0, 0.4)
-    assert drive.odometer.trusted(motion(0.0)).yaw_sigma == 0.0
+    assert with_yaw_sigma(motion(0.0), drive.odometry).yaw_sigma == 0.0
     skew = 0.04
     for _ in range(100):
         before = drive.odometry.pose.yaw
         drive.go(0.1, 0.4, gyro=False)
-        believed = (drive.odometry.pose.yaw - before) / 0.04
-        drive.odometer.contradict(0.5 * (skew - believed) * 0.08, motion(0.0))
-    assert drive.odometer.trusted(motion(0.0)).yaw_sigma > 0.005
+        measured = (drive.odometry.pose.yaw - before) / 0.04
+        yaw = 0.5 * (skew - measured) * 0.08
+        drive.odometer.correct(YawCorrection(yaw, 0.0, motion(0.0)))
+    assert with_yaw_sigma(motion(0.0), drive.odometry).yaw_sigma > 0.005
     before = drive.odometry.pose.yaw
     drive.go(1.0, 0.4, gyro=False)
     assert drive.odometry.pose.yaw - before == pytest.approx(0.4 * skew, rel=0.2)

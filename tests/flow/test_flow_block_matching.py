@@ -26,7 +26,7 @@ def pair_of(past: Image, now: Image, motion: CameraMotion = STILL) -> FramePair:
 def blurred_noise(seed: int, sigma: float, contrast: float, shape: tuple[int, int]) -> Image:
     noise = np.random.default_rng(seed).normal(size=shape)
     smooth = cv2.GaussianBlur(noise, (0, 0), sigma)
-    return np.clip(128 + contrast * smooth / smooth.std(), 0, 255).astype(np.uint8)
+    return np.asarray(np.clip(128 + contrast * smooth / smooth.std(), 0, 255), dtype=np.uint8)
 
 
 def exhaustive_scores(
@@ -38,7 +38,7 @@ def exhaustive_scores(
     scores = cv2.matchTemplate(
         past[y0:y1, x0:x1], now[y[0] : y[1], x[0] : x[1]], cv2.TM_CCOEFF_NORMED
     )
-    return scores, (int(x[0] - x0), int(y[0] - y0))
+    return np.asarray(scores, np.float64), (int(x[0] - x0), int(y[0] - y0))
 
 
 @settings(max_examples=15, suppress_health_check=[HealthCheck.too_slow], deadline=None)
@@ -126,8 +126,8 @@ def test_pure_noise_is_not_trusted() -> None:
     rng = np.random.default_rng(0)
     past, now = (rng.integers(0, 256, (120, 160)).astype(np.uint8) for _ in range(2))
     assert BlockMatching(ROBOT).compute(pair_of(past, now)).confidence.max() == 0.0
-    dark = [np.abs(rng.normal(0, 1.5, (120, 160))).astype(np.uint8) for _ in range(2)]
-    assert BlockMatching(ROBOT).compute(pair_of(*dark)).confidence.max() == 0.0
+    past, now = (np.abs(rng.normal(0, 1.5, (120, 160))).astype(np.uint8) for _ in range(2))
+    assert BlockMatching(ROBOT).compute(pair_of(past, now)).confidence.max() == 0.0
 
 
 def test_a_pattern_that_repeats_within_the_search_is_not_trusted() -> None:
@@ -185,7 +185,7 @@ def test_points_are_grid_points_except_at_the_border() -> None:
 )
 def test_a_grid_that_does_not_divide_the_image_is_refused(params: dict[str, int], key: str) -> None:
     with pytest.raises(ConfigError, match="cannot divide the image") as caught:
-        BlockMatching(ROBOT, BlockMatching.Params(**params))
+        BlockMatching(ROBOT, BlockMatching.Params.model_validate(params))
     assert caught.value.key == key
 
 
@@ -194,7 +194,7 @@ def test_a_frame_of_another_size_is_refused() -> None:
     with pytest.raises(ConfigError, match="80 x 60"):
         BlockMatching(ROBOT).compute(pair_of(good, np.zeros((60, 80), np.uint8)))
     with pytest.raises(ConfigError, match="float64"):
-        BlockMatching(ROBOT).compute(pair_of(good.astype(np.float64), good))  # type: ignore[arg-type]
+        BlockMatching(ROBOT).compute(pair_of(np.asarray(good, np.float64), good))
 
 
 def test_other_sizes_grids_and_focal_lengths_work() -> None:

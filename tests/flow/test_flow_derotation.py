@@ -1,8 +1,10 @@
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
-from flow_scene import true_flow, turn_about
+from flow_scene import exact_field, turn_about
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -16,16 +18,9 @@ from navfw.flow.derotation import (
 )
 from navfw.flow.grid import grid_points
 from navfw.robot import CameraModel, RobotModel
-from navfw.signals import Array, CameraMotion, FlowField, Pose
+from navfw.signals import Array, CameraMotion, Pose
 
 CAMERA = CameraModel()
-
-
-def exact_field(camera: CameraModel, motion: CameraMotion, depth: Array) -> FlowField:
-    points = grid_points(camera, 12, 16)
-    rays = np.concatenate([points, np.full((12, 16, 1), camera.focal)], axis=-1)
-    vectors = true_flow(rays, depth, motion, camera.focal)
-    return FlowField(0.0, points, vectors, np.ones((12, 16)), np.full((12, 16), 0.1), motion)
 
 
 @given(
@@ -72,11 +67,13 @@ def test_rotational_flow_is_all_there_is_without_translation(angles: tuple[float
         (2, lambda x, y, f: (-y, x)),
     ],
 )
-def test_small_rotations_agree_with_the_first_order_formula(axis: int, expected: object) -> None:
+def test_small_rotations_agree_with_the_first_order_formula(
+    axis: int, expected: Callable[[Array, Array, float], tuple[Array, Array]]
+) -> None:
     angle = 1e-5
     points = grid_points(CAMERA, 12, 16)
     flow = rotational_flow(points, turn_about(axis, angle), CAMERA.focal) / angle
-    u, v = expected(points[..., 0], points[..., 1], CAMERA.focal)  # type: ignore[operator]
+    u, v = expected(points[..., 0], points[..., 1], CAMERA.focal)
     np.testing.assert_allclose(flow, np.stack([u, v], axis=-1), atol=5e-3)
 
 

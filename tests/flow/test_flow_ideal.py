@@ -102,7 +102,7 @@ def test_a_stack_that_does_not_admit_to_it_is_refused(tmp_path: Path) -> None:
         load_stack(file, default_registry())
     lines = file.read_text(encoding="utf-8").splitlines()
     assert e.value.line == 1 + lines.index("  ideal:")
-    assert load_stack(file, default_registry(), ["oracle=true"]).oracle
+    assert load_stack(file, default_registry(), ["oracle=true"]).settings.oracle
 
 
 def test_an_oracle_mission_is_marked(tmp_path: Path) -> None:

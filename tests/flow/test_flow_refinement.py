@@ -4,16 +4,15 @@ import dataclasses
 
 import numpy as np
 import pytest
-from flow_scene import cell_truth, room, turn_about
+from flow_scene import cell_truth, exact_field, room, turn_about
 from hypothesis import given
 from hypothesis import strategies as st
-from test_flow_derotation import exact_field
 
 from navfw.egomotion import camera_motion
 from navfw.flow.dis import Dis
 from navfw.flow.refinement import RefinementParams, refine
 from navfw.robot import CameraModel, RobotModel
-from navfw.signals import CameraMotion, FlowField, Pose
+from navfw.signals import Array, CameraMotion, FlowField, Pose
 
 ROBOT = RobotModel()
 WIDE = 0.02
@@ -22,7 +21,7 @@ WIDE = 0.02
 def measured(
     camera: CameraModel, yaw: float, pitch: float, step: Pose, seed: int = 0
 ) -> tuple[FlowField, CameraMotion]:
-    """Exact flow whose motion was measured wrong: too little yaw and pitch by these angles."""
+    """Exact flow with a wrong measured motion (yaw and pitch too small by these), and the true."""
     true = camera_motion(RobotModel(camera=camera), Pose(0, 0, 0), step, 0.2)
     depth = np.random.default_rng(seed).uniform(0.8, 5.0, (12, 16))
     field = exact_field(camera, true, depth)
@@ -33,10 +32,10 @@ def measured(
     ), true
 
 
-def _about(axis: np.ndarray, angle: float) -> np.ndarray:
+def _about(axis: Array, angle: float) -> Array:
     x, y, z = axis * angle
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + cross + 0.5 * cross @ cross
+    return np.asarray(np.eye(3) + cross + 0.5 * cross @ cross)
 
 
 @given(

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from navfw.flow.registration import Registration, register_windows
 from navfw.flow.registration.mixtures import find_mixtures
-from navfw.signals import Image
+from navfw.signals import Array, Image
 
 X = np.array([[20, 44], [60, 84], [100, 124]])
 Y = np.array([[20, 44], [70, 94]])
@@ -19,26 +19,29 @@ ALL = np.ones((2, 3), bool)
 def texture(seed: int) -> Image:
     noise = np.random.default_rng(seed).normal(size=(120, 160))
     smooth = cv2.GaussianBlur(noise, (0, 0), 2.0)
-    return np.clip(128 + 40 * smooth / smooth.std(), 0, 255).astype(np.uint8)
+    return np.asarray(np.clip(128 + 40 * smooth / smooth.std(), 0, 255), dtype=np.uint8)
 
 
-def moved(past: Image, affine: np.ndarray, shift: np.ndarray) -> Image:
-    """The image whose point p came from the place in ``past`` where p - (shift + affine p) is."""
+def moved(past: Image, affine: Array, shift: Array) -> Image:
+    """The image whose point p was at p - (shift + affine p) in ``past``."""
     y, x = np.mgrid[:120, :160].astype(np.float64)
     at = np.stack([x - 80, y - 60], axis=-1)
     flow = shift + at @ affine.T
     source = (np.stack([x, y], axis=-1) - flow).astype(np.float32)
-    return np.asarray(cv2.remap(past, source, None, cv2.INTER_CUBIC), dtype=np.uint8)
+    image = cv2.remap(past, source[..., 0], source[..., 1], cv2.INTER_CUBIC)
+    return np.asarray(image, dtype=np.uint8)
 
 
-def truth(affine: np.ndarray, shift: np.ndarray) -> np.ndarray:
+def truth(affine: Array, shift: Array) -> Array:
     cx, cy = (X.sum(1) - 1) / 2 - 80, (Y.sum(1) - 1) / 2 - 60
     centres = np.stack(np.meshgrid(cx, cy), axis=-1)
     return np.asarray(shift + centres @ affine.T)
 
 
-def register(now: Image, past: Image, start: np.ndarray, **more: float) -> Registration:
-    return register_windows(now, past, X, Y, start, ALL, WHOLE, **more)  # type: ignore[arg-type]
+def register(
+    now: Image, past: Image, start: Array, stride: int = 3, width: float = 0.6
+) -> Registration:
+    return register_windows(now, past, X, Y, start, ALL, WHOLE, stride, width)
 
 
 @settings(max_examples=25)
@@ -113,7 +116,7 @@ def test_samples_outside_the_past_image_are_counted() -> None:
 
 
 def test_only_a_motion_that_neither_neighbour_has_is_a_mixture() -> None:
-    places = 10.0 * np.arange(5)
+    places: Array = 10.0 * np.arange(5, dtype=np.float64)
     vectors, gradients = np.zeros((3, 5, 2)), np.zeros((3, 5, 4))
     vectors[:, 3:, 0] = 6.0  # a near surface on the right
     trusted = np.ones((3, 5), bool)
@@ -124,7 +127,7 @@ def test_only_a_motion_that_neither_neighbour_has_is_a_mixture() -> None:
     np.testing.assert_allclose(found[:, 2], 2.0)
     # beside the edge, the other neighbour agrees
     assert not found[:, [0, 1, 3, 4]].any()
-    # nobody confirms it either when the near surface is not trusted
+    # without trust in the near surface no neighbour agrees either
     trusted[:, 3:] = False
     assert (find_mixtures(vectors, gradients, trusted, places, places[:3])[:, 2] >= 2.0).all()
 

@@ -8,8 +8,9 @@ from functools import cache
 import cv2
 import numpy as np
 
+from navfw.flow.grid import grid_points
 from navfw.robot import CameraModel
-from navfw.signals import Array, CameraMotion, Frame, FramePair, Image
+from navfw.signals import Array, CameraMotion, FlowField, Frame, FramePair, Image
 
 TILE = 2.0  # metres a texture covers before it repeats
 TEXELS = 256
@@ -147,3 +148,11 @@ def turn_about(axis: int, angle: float) -> Array:
     vector = np.zeros(3)
     vector[axis] = angle
     return np.asarray(cv2.Rodrigues(vector)[0])
+
+
+def exact_field(camera: CameraModel, motion: CameraMotion, depth: Array) -> FlowField:
+    """Exact flow of static points of ``depth`` (12, 16) [m] on a grid, with confidence 1."""
+    points = grid_points(camera, 12, 16)
+    rays = np.concatenate([points, np.full((12, 16, 1), camera.focal)], axis=-1)
+    vectors = true_flow(rays, depth, motion, camera.focal)
+    return FlowField(0.0, points, vectors, np.ones((12, 16)), np.full((12, 16), 0.1), motion)

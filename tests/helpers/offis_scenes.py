@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from navfw.robot import CameraModel
-from navfw.signals import CameraMotion, FlowField
+from navfw.signals import Array, CameraMotion, FlowField
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Scene:
     ceiling: float | None = None
     holes: tuple[tuple[float, float, float, float], ...] = field(default=())
 
-    def depth(self, points: np.ndarray, camera: CameraModel) -> np.ndarray:
+    def depth(self, points: Array, camera: CameraModel) -> Array:
         """Depth along the optical axis for image points (..., 2) [px]; inf where nothing is hit."""
         f = camera.focal
         rays = np.stack([points[..., 0] / f, points[..., 1] / f, np.ones(points.shape[:-1])], -1)
@@ -77,7 +77,7 @@ def box(x: float, y: float, size: float, height: float) -> tuple[Wall, ...]:
     return tuple(Wall(corners[i], corners[(i + 1) % 4], 0.0, height) for i in range(4))
 
 
-def grid_points(camera: CameraModel, rows: int = 12, cols: int = 16) -> np.ndarray:
+def grid_points(camera: CameraModel, rows: int = 12, cols: int = 16) -> Array:
     x = (np.arange(cols) + 0.5) * camera.width / cols - camera.width / 2
     y = (np.arange(rows) + 0.5) * camera.height / rows - camera.height / 2
     return np.stack(np.meshgrid(x, y), -1)
@@ -99,7 +99,7 @@ def ideal_flow(
     cols: int = 16,
     sigma: float = 0.05,
     noise: np.random.Generator | None = None,
-) -> tuple[FlowField, np.ndarray]:
+) -> tuple[FlowField, Array]:
     """(derotated flow, true depth) of ``scene``; ``noise`` adds errors of ``sigma`` [px]."""
     camera = camera or CameraModel()
     moved = moved or motion(camera=camera)

@@ -25,7 +25,9 @@ FOCAL = CAMERA.focal
     pitch=st.floats(-0.3, 0.3),
 )
 @settings(max_examples=40, deadline=None)
-def test_nearness_is_exact_on_ideal_flow(distance, angle, forward, left, pitch):
+def test_nearness_is_exact_on_ideal_flow(
+    distance: float, angle: float, forward: float, left: float, pitch: float
+) -> None:
     camera = CameraModel(pitch=pitch)
     scene = Scene((wall_ahead(distance, angle),), ceiling=2.4)
     moved = motion(forward, left, camera)
@@ -33,19 +35,19 @@ def test_nearness_is_exact_on_ideal_flow(distance, angle, forward, left, pitch):
     seen = triangulate(flow, camera.focal)
     known = seen.confidence > 0.0
     e = flow.points * moved.translation[2] - camera.focal * moved.translation[:2]
-    # only cells that sit on the focus of expansion may be silent
+    # only cells at the focus of expansion may be unknown
     assert known[np.hypot(e[..., 0], e[..., 1]) > 0.05].all()
     np.testing.assert_allclose(seen.nearness[known], 1.0 / depth[known], rtol=1e-9)
 
 
-def test_reverse_motion_gives_nearness_too():
+def test_reverse_motion_gives_nearness_too() -> None:
     flow, depth = ideal_flow(Scene((wall_ahead(1.0),)), moved=motion(-0.05))
     seen = triangulate(flow, FOCAL)
     assert (seen.confidence > 0.0).all()
     np.testing.assert_allclose(seen.nearness, 1.0 / depth, rtol=1e-9)
 
 
-def test_sigma_says_how_far_noise_throws_the_nearness():
+def test_sigma_is_the_standard_deviation_of_the_nearness() -> None:
     rng = np.random.default_rng(7)
     scene = Scene((wall_ahead(1.5, 0.3),), ceiling=2.4)
     errors = []
@@ -60,7 +62,7 @@ def test_sigma_says_how_far_noise_throws_the_nearness():
     assert 0.85 < z.std() < 1.1
 
 
-def test_yaw_and_translation_errors_are_covered_by_sigma():
+def test_yaw_and_translation_errors_are_covered_by_sigma() -> None:
     rng = np.random.default_rng(3)
     yaw_sigma, translation_sigma = 0.004, 0.004
     true = motion()
@@ -71,19 +73,19 @@ def test_yaw_and_translation_errors_are_covered_by_sigma():
         yaw = rng.normal(0.0, yaw_sigma)
         drift = yaw * np.stack([FOCAL + x * x / FOCAL, x * y / FOCAL], -1)
         factor = 1.0 + rng.normal(0.0, translation_sigma) / true.baseline
-        told = replace(
+        measured = replace(
             true,
             translation=true.translation * factor,
             yaw_sigma=yaw_sigma,
             translation_sigma=translation_sigma,
         )
-        seen = triangulate(replace(flow, vectors=flow.vectors + drift, motion=told), FOCAL)
+        seen = triangulate(replace(flow, vectors=flow.vectors + drift, motion=measured), FOCAL)
         good = (np.abs(x) > 25.0) & (seen.confidence > 0.0)
         scores.append(((seen.nearness - 1.0 / depth) / seen.sigma)[good])
     assert 0.8 < np.concatenate(scores).std() < 1.2
 
 
-def test_cells_at_the_focus_of_expansion_are_kept_but_doubted():
+def test_cells_at_the_focus_of_expansion_are_kept_but_doubted() -> None:
     flow, _ = ideal_flow(Scene((wall_ahead(1.0),)), sigma=0.2)
     seen = triangulate(flow, FOCAL)
     middle = np.s_[5:7, 7:9]
@@ -94,7 +96,7 @@ def test_cells_at_the_focus_of_expansion_are_kept_but_doubted():
     assert seen.confidence[0, 0] > 0.8
 
 
-def test_contradicting_vectors_are_rejected():
+def test_inconsistent_vectors_are_rejected() -> None:
     flow, _ = ideal_flow(Scene((wall_ahead(1.0),)))
     vectors = flow.vectors.copy()
     vectors[2, 3] *= -1.0  # towards the focus of expansion
@@ -108,19 +110,19 @@ def test_contradicting_vectors_are_rejected():
     assert (seen.confidence > 0.0).sum() == flow.confidence.size - 3
 
 
-def test_without_translation_nothing_is_known():
+def test_without_translation_nothing_is_known() -> None:
     flow, _ = ideal_flow(Scene((wall_ahead(1.0),)), moved=motion(0.0))
     seen = triangulate(flow, FOCAL)
     assert (seen.confidence == 0.0).all()
 
 
-def test_flow_with_rotation_is_refused():
+def test_flow_with_rotation_is_refused() -> None:
     flow, _ = ideal_flow(Scene((wall_ahead(1.0),)))
     with pytest.raises(ValueError, match="derotated"):
         triangulate(replace(flow, derotated=False), FOCAL)
 
 
-def test_a_near_box_stands_out():
+def test_a_near_box_stands_out() -> None:
     flow, depth = ideal_flow(Scene((*box(0.8, 0.3, 0.3, 0.5), wall_ahead(4.0))))
     seen = triangulate(flow, FOCAL)
     assert math.isclose(seen.nearness.max(), 1.0 / depth.min(), rel_tol=1e-6)

@@ -2,7 +2,9 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable, Iterable
 from dataclasses import replace
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -25,22 +27,27 @@ from pydantic import ValidationError
 from navfw.offis.elementary_situations import ELEMENTARY, TABLE
 from navfw.offis.offis import Offis
 from navfw.robot import RobotModel
-from navfw.signals import FlowField, Label, Twist
+from navfw.signals import FlowField, Label, Percept, Twist
 
 ROBOT = RobotModel()
 SLOW = Twist(0.3, 0.0)
 
 
-def perceive(walls, twist=SLOW, params=None, **options):
+def perceive(
+    walls: Iterable[Wall],
+    twist: Twist = SLOW,
+    params: Offis.Params | None = None,
+    **options: Any,
+) -> Percept:
     flow, _ = ideal_flow(Scene(tuple(walls)), **options)
     return Offis(ROBOT, params).perceive(flow, twist)
 
 
-def top(percept, names):
+def top(percept: Percept, names: Iterable[str]) -> str:
     return max(names, key=percept.situations.__getitem__)
 
 
-def term(percept, quadrant):
+def term(percept: Percept, quadrant: str) -> str:
     degrees = percept.quadrants[quadrant]
     return max(degrees, key=degrees.__getitem__)
 
@@ -87,7 +94,7 @@ ROOM = {
 
 @pytest.mark.parametrize("name", ROOM)
 @pytest.mark.parametrize("grid", [(12, 16), (10, 15)])
-def test_situations_and_slopes(name, grid):
+def test_situations_and_slopes(name: str, grid: tuple[int, int]) -> None:
     walls, alternatives, elementary, codes = ROOM[name]
     percept = perceive(walls, rows=grid[0], cols=grid[1])
     assert top(percept, TABLE) in alternatives
@@ -97,7 +104,7 @@ def test_situations_and_slopes(name, grid):
 
 
 @pytest.mark.parametrize("name", ROOM)
-def test_situations_survive_noise(name):
+def test_situations_survive_noise(name: str) -> None:
     walls, alternatives, _, _ = ROOM[name]
     rng = np.random.default_rng(11)
     answers = [top(perceive(walls, sigma=0.1, noise=rng), TABLE) for _ in range(20)]
@@ -107,11 +114,11 @@ def test_situations_survive_noise(name):
 MIRRORED = {"P1": "P2", "P2": "P1", "P3": "P4", "P4": "P3"}
 
 
-def swap_sides(text):
+def swap_sides(text: str) -> str:
     return text.replace("left", "LEFT").replace("right", "left").replace("LEFT", "right")
 
 
-def swap_code(code):
+def swap_code(code: str) -> str:
     return f"[{code[3]} {code[1]}]" if code != "unknown" else code
 
 
@@ -122,15 +129,17 @@ def swap_code(code):
     side=st.floats(-0.6, 0.6),
 )
 @settings(max_examples=40, deadline=None)
-def test_mirrored_scenes_give_mirrored_answers(kind, distance, angle, side):
-    walls = {
+def test_mirrored_scenes_give_mirrored_answers(
+    kind: str, distance: float, angle: float, side: float
+) -> None:
+    scenes: dict[str, Callable[[], tuple[Wall, ...]]] = {
         "wall": lambda: (wall_ahead(distance, angle),),
         "corridor": lambda: corridor(1.0, 2.0 + distance, side),
         "corner": lambda: corner(distance, math.pi / 4 + 0.5 * angle),
         "door": lambda: door(distance, angle=0.4 * angle),
         "boxes": lambda: (*box(distance, side, 0.3, 0.5), wall_ahead(distance + 1.0, angle)),
-    }[kind]()
-    scene = Scene(tuple(walls))
+    }
+    scene = Scene(scenes[kind]())
     here = Offis(ROBOT).perceive(ideal_flow(scene)[0], SLOW)
     there = Offis(ROBOT).perceive(ideal_flow(scene.mirrored())[0], SLOW)
     for name, degree in here.situations.items():
@@ -147,7 +156,7 @@ def test_mirrored_scenes_give_mirrored_answers(kind, distance, angle, side):
 
 @pytest.mark.parametrize("layers", [1, 2, 3])
 @pytest.mark.parametrize(("y", "low", "high"), [(0.45, "P3", "P2"), (-0.45, "P4", "P1")])
-def test_the_nearest_quadrant_holds_the_box(layers, y, low, high):
+def test_the_nearest_quadrant_holds_the_box(layers: int, y: float, low: str, high: str) -> None:
     params = Offis.Params(layers=layers)
     chair = perceive([*box(1.0, y, 0.4, 0.34), wall_ahead(4.0)], params=params)
     assert set(chair.obstacles["layer1"]) == {low}
@@ -159,7 +168,7 @@ def test_the_nearest_quadrant_holds_the_box(layers, y, low, high):
         assert {"P" + name[2] for name in regions} == {low, high}
 
 
-def test_distance_terms_follow_distance_and_speed():
+def test_distance_terms_follow_distance_and_speed() -> None:
     assert term(perceive([wall_ahead(0.6)], Twist(0.0, 0.0)), "P2") == "near"
     assert term(perceive([wall_ahead(1.6)], Twist(0.0, 0.0)), "P2") == "middle"
     assert term(perceive([wall_ahead(4.0)], Twist(0.0, 0.0)), "P2") == "far"
@@ -171,14 +180,14 @@ def test_distance_terms_follow_distance_and_speed():
 
 @given(st.floats(0.5, 5.0), st.floats(1.02, 1.5), st.floats(0.0, 0.5))
 @settings(max_examples=40, deadline=None)
-def test_nearer_is_never_less_near(distance, factor, speed):
+def test_nearer_is_never_less_near(distance: float, factor: float, speed: float) -> None:
     near = perceive([wall_ahead(distance)], Twist(speed, 0.0)).quadrants["P1"]
     farther = perceive([wall_ahead(distance * factor)], Twist(speed, 0.0)).quadrants["P1"]
     assert near["near"] >= farther["near"] - 1e-6
     assert near["far"] <= farther["far"] + 1e-6
 
 
-def test_the_floor_is_no_obstacle():
+def test_the_floor_is_no_obstacle() -> None:
     percept = perceive([wall_ahead(5.0)])
     assert percept.floor_in_front == pytest.approx(1.0)
     for quadrant in ("P3", "P4"):
@@ -188,7 +197,7 @@ def test_the_floor_is_no_obstacle():
     assert "near" in (term(blocked, "P3"), term(blocked, "P4"))
 
 
-def test_planes_join_what_belongs_together():
+def test_planes_join_what_belongs_together() -> None:
     percept = perceive([wall_ahead(1.2)])
     assert set(percept.planes) == {"P1-P2", "P2-P3", "P3-P4", "P4-P1"}
     assert min(percept.planes.values()) > 0.9
@@ -197,7 +206,7 @@ def test_planes_join_what_belongs_together():
     assert apart.planes["P1-P2"] < 0.1
 
 
-def test_sentences_are_the_papers():
+def test_sentences_are_the_papers() -> None:
     # Table 3, situation 2: a chair on the left of a corridor
     chair = perceive([*box(0.8, 0.4, 0.35, 0.3), *corridor(1.6)])
     assert chair.sentence == (
@@ -219,7 +228,7 @@ def test_sentences_are_the_papers():
     assert "Front is a door; Floor in front" in perceive(door(1.4)).sentence
 
 
-def test_a_black_image_is_unknown():
+def test_a_black_image_is_unknown() -> None:
     points = grid_points(ROBOT.camera)
     zeros = np.zeros((12, 16))
     black = FlowField(
@@ -239,7 +248,9 @@ def test_a_black_image_is_unknown():
 
 @given(st.integers(0, 2**31), st.sampled_from(["nearness", "paper"]))
 @settings(max_examples=25, deadline=None)
-def test_noise_alone_is_never_sure_of_floor_and_never_breaks(seed, mode):
+def test_noise_alone_never_shows_floor_and_never_fails(
+    seed: int, mode: Literal["nearness", "paper"]
+) -> None:
     rng = np.random.default_rng(seed)
     flow, _ = ideal_flow(Scene((wall_ahead(2.0),)))
     vectors = rng.normal(0.0, 3.0, flow.vectors.shape)
@@ -253,12 +264,12 @@ def test_noise_alone_is_never_sure_of_floor_and_never_breaks(seed, mode):
 
 
 @pytest.mark.parametrize("twist", [Twist(0.0, 0.0), Twist(0.0, 1.0), Twist(-0.1, 0.0)])
-def test_standing_still_gives_unknown(twist):
+def test_standing_still_gives_unknown(twist: Twist) -> None:
     percept = perceive([wall_ahead(1.0)], twist, moved=motion(0.0))
     assert percept.situations["unknown"] == pytest.approx(1.0)
 
 
-def test_without_derotation_a_fast_left_turn_reads_wrong():
+def test_without_derotation_a_fast_left_turn_reads_wrong() -> None:
     # METHOD R16, waypoint 3 of Table 2: rotation left in the flow against the same flow without it
     flow, _ = ideal_flow(Scene(tuple(corridor())), sigma=0.1)
     x, y, f = flow.points[..., 0], flow.points[..., 1], ROBOT.camera.focal
@@ -280,12 +291,14 @@ def test_without_derotation_a_fast_left_turn_reads_wrong():
         ([wall_ahead(1.5, 0.6)], {"left slope wall or unknown"}),
     ],
 )
-def test_paper_mode_tells_the_situations_of_the_paper(walls, entries):
+def test_paper_mode_finds_the_situations_of_the_paper(
+    walls: Iterable[Wall], entries: set[str]
+) -> None:
     percept = perceive(walls, params=Offis.Params(mode="paper"))
     assert top(percept, TABLE) in entries
 
 
-def test_the_explanation_is_plain_data_with_rules_and_numbers():
+def test_the_explanation_is_plain_data_with_rules_and_numbers() -> None:
     percept = perceive(corridor())
     told = json.loads(json.dumps(dict(percept.explanation)))
     assert (
@@ -320,21 +333,21 @@ def test_the_explanation_is_plain_data_with_rules_and_numbers():
         percept.explanation["nothing"]
 
 
-def test_a_new_grid_is_taken_up():
+def test_a_new_grid_is_taken_up() -> None:
     offis = Offis(ROBOT)
     for rows, cols in ((12, 16), (10, 15), (12, 16)):
         flow, _ = ideal_flow(Scene((wall_ahead(1.5),)), rows=rows, cols=cols)
         assert offis.perceive(flow, SLOW).label.shape == (rows, cols)
 
 
-def test_metrics_agree_on_a_plain_wall():
+def test_metrics_agree_on_a_plain_wall() -> None:
     for metric in ("nearest", "mean", "mean_variance"):
         percept = perceive([wall_ahead(1.5)], params=Offis.Params(metric=metric))
         assert term(percept, "P1") == "middle"
         assert len(percept.obstacles["layer1"]) == 4
 
 
-def test_contradicting_parameters_are_refused():
+def test_contradicting_parameters_are_refused() -> None:
     with pytest.raises(ValidationError, match="mode nearness"):
         Offis.Params(mode="paper", metric="nearest")
     with pytest.raises(ValidationError):

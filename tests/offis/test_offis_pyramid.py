@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from navfw.offis.pyramid import Channels, Pyramid, position
 
 
-def sizes(pyramid, prefix):
+def sizes(pyramid: Pyramid, prefix: str) -> set[tuple[int, int]]:
     return {
         (int(r[1] - r[0]), int(r[3] - r[2]))
         for name, r in zip(pyramid.names, pyramid.rectangles, strict=True)
@@ -16,7 +16,7 @@ def sizes(pyramid, prefix):
     }
 
 
-def test_the_papers_grids_split_as_in_the_paper():
+def test_the_papers_grids_split_as_in_the_paper() -> None:
     even, odd = Pyramid((12, 16), 2), Pyramid((10, 15), 2)
     assert sizes(even, "P") == {(6, 8)}
     assert sizes(even, "sP") == {(3, 4)}
@@ -24,7 +24,7 @@ def test_the_papers_grids_split_as_in_the_paper():
     assert sizes(odd, "sP") == {(3, 4)}
 
 
-def test_odd_sides_share_the_middle_row_and_column():
+def test_odd_sides_share_the_middle_row_and_column() -> None:
     pyramid = Pyramid((10, 15), 2)
     region = dict(zip(pyramid.names, pyramid.rectangles.tolist(), strict=True))
     assert region["P2"] == [0, 5, 0, 8]
@@ -33,7 +33,7 @@ def test_odd_sides_share_the_middle_row_and_column():
     assert region["sP24"] == [2, 5, 4, 8]
 
 
-def test_names_and_positions_follow_the_quadrants():
+def test_names_and_positions_follow_the_quadrants() -> None:
     pyramid = Pyramid((12, 16), 3)
     region = dict(zip(pyramid.names, pyramid.rectangles.tolist(), strict=True))
     assert region["P1"] == [0, 6, 8, 16]
@@ -45,7 +45,7 @@ def test_names_and_positions_follow_the_quadrants():
     assert position("sP341") == "lower left"
 
 
-def test_children_are_named_after_their_parent():
+def test_children_are_named_after_their_parent() -> None:
     pyramid = Pyramid((12, 16), 3)
     for index, name in enumerate(pyramid.names[:20]):
         first = pyramid.first_child(index)
@@ -56,14 +56,14 @@ def test_children_are_named_after_their_parent():
     assert pyramid.first_child(20) is None
 
 
-def test_a_grid_too_small_for_its_layers_is_refused():
+def test_a_grid_too_small_for_its_layers_is_refused() -> None:
     with pytest.raises(ValueError, match="3 x 16"):
         Pyramid((3, 16), 2)
 
 
 @given(st.integers(0, 2**31), st.sampled_from([(12, 16), (10, 15), (5, 7)]))
 @settings(max_examples=25, deadline=None)
-def test_statistics_are_those_of_numpy(seed, shape):
+def test_statistics_are_those_of_numpy(seed: int, shape: tuple[int, int]) -> None:
     rng = np.random.default_rng(seed)
     values = rng.normal(1.0, 0.3, (3, *shape))
     weights = rng.uniform(0.1, 1.0, (3, *shape)) * (rng.random((3, *shape)) < 0.8)
@@ -85,7 +85,7 @@ def test_statistics_are_those_of_numpy(seed, shape):
             assert variance[i] == pytest.approx(np.average((x - expected) ** 2, weights=w))
 
 
-def test_nearest_is_the_mean_of_the_nearest_eighth():
+def test_nearest_is_the_mean_of_the_nearest_eighth() -> None:
     values = np.full((3, 12, 16), 0.5)
     values[0, 0, :6] = [3.0, 2.0, 2.0, 2.0, 2.0, 1.0]  # six of the 48 cells of P2
     got = Pyramid((12, 16), 1).statistics(Channels(values, np.ones_like(values), np.ones((12, 16))))
@@ -93,7 +93,7 @@ def test_nearest_is_the_mean_of_the_nearest_eighth():
     assert got.nearest[0] == pytest.approx(0.5)
 
 
-def test_a_lone_cell_weighs_less_than_a_patch():
+def test_a_lone_cell_weighs_less_than_a_patch() -> None:
     values = np.zeros((3, 12, 16))
     values[0, 1, 1] = 2.0
     weights = np.zeros((3, 12, 16))

@@ -12,31 +12,33 @@ from offis_scenes import Scene, Wall, corner, corridor, door, grid_points, ideal
 from navfw.offis.grid_geometry import GridGeometry
 from navfw.offis.nearness import Nearness, triangulate
 from navfw.offis.slopes import slopes_of_walls
-from navfw.offis.walls import find_walls
+from navfw.offis.walls import Walls, find_walls
 from navfw.robot import CameraModel, RobotModel
+from navfw.signals import Array
 
-MOUNT = CameraModel().mount_height
 GEOMETRY = GridGeometry.of(grid_points(CameraModel()), 2, RobotModel(), 2.0, 2.2)
 ONES = np.ones((12, 16))
 
 
-def walls_of(scene, pitch=0.0):
+def walls_of(scene: Scene, pitch: float = 0.0) -> Walls:
     """Walls fitted to exact nearness above the horizon."""
     robot = RobotModel(camera=CameraModel(pitch=pitch))
     geometry = GridGeometry.of(grid_points(robot.camera), 2, robot, 2.0, 2.2)
     nearness = 1.0 / scene.depth(geometry.points, robot.camera)
     seen = Nearness(nearness, 0.01 * ONES, ONES)
-    return find_walls(geometry, seen, geometry.upward.ravel().astype(float), MOUNT)
+    return find_walls(geometry, seen, geometry.upward.ravel().astype(float))
 
 
-def walls_of_values(nearness, weight=None, sigma=0.01):
+def walls_of_values(nearness: Array, weight: Array | None = None, sigma: float = 0.01) -> Walls:
     seen = Nearness(nearness.reshape(12, 16), sigma * ONES, ONES)
-    return find_walls(GEOMETRY, seen, np.ones(192) if weight is None else weight, MOUNT)
+    return find_walls(GEOMETRY, seen, np.ones(192) if weight is None else weight)
 
 
 @given(angle=st.floats(-0.7, 0.7), distance=st.floats(0.5, 4.0), pitch=st.floats(-0.25, 0.25))
 @settings(max_examples=40, deadline=None)
-def test_the_fit_finds_the_angle_and_distance_of_a_wall(angle, distance, pitch):
+def test_the_fit_finds_the_angle_and_distance_of_a_wall(
+    angle: float, distance: float, pitch: float
+) -> None:
     walls = walls_of(
         Scene((replace(wall_ahead(distance, angle, half=1e3), low=-99.0, high=99.0),), floor=None),
         pitch,
@@ -59,7 +61,7 @@ def test_the_fit_finds_the_angle_and_distance_of_a_wall(angle, distance, pitch):
         (-75.0, "[1 3]", "[1 3]"),
     ],
 )
-def test_all_five_codes(degrees, left, right):
+def test_all_five_codes(degrees: float, left: str, right: str) -> None:
     # one endless plane shows both halves the same code: the larger digit is the nearer side
     angle = math.radians(degrees)
     nearness = -math.sin(angle) * GEOMETRY.lateral + math.cos(angle) * GEOMETRY.ahead
@@ -68,7 +70,7 @@ def test_all_five_codes(degrees, left, right):
 
 
 @pytest.mark.parametrize("count", [3, 12, 24])
-def test_things_in_front_of_a_wall_do_not_turn_its_plane(count):
+def test_things_in_front_of_a_wall_do_not_turn_its_plane(count: int) -> None:
     rng = np.random.default_rng(count)
     nearness = np.full(192, 0.5)
     nearness[rng.choice(192, count, replace=False)] = rng.uniform(1.0, 5.0, count)
@@ -77,7 +79,7 @@ def test_things_in_front_of_a_wall_do_not_turn_its_plane(count):
     np.testing.assert_allclose(walls.front, 0.5, rtol=0.01)
 
 
-def test_two_walls_are_not_taken_for_one():
+def test_two_walls_are_not_taken_for_one() -> None:
     assert walls_of(Scene(corner(1.8))).shared == 0.0
     assert walls_of(Scene(corridor())).shared == 0.0
     np.testing.assert_allclose(
@@ -85,14 +87,14 @@ def test_two_walls_are_not_taken_for_one():
     )
 
 
-def test_a_door_is_a_gap_in_its_wall_and_a_wall_has_none():
+def test_a_door_is_a_gap_in_its_wall_and_a_wall_has_none() -> None:
     for distance in (0.9, 1.5, 2.3):
         assert walls_of(Scene(door(distance))).gap > 0.2
         assert walls_of(Scene((wall_ahead(distance),))).gap < 0.0
     assert walls_of(Scene(corner(2.0))).gap < 0.03
 
 
-def test_the_frame_of_a_near_door_steps_forward_on_both_sides():
+def test_the_frame_of_a_near_door_steps_forward_on_both_sides() -> None:
     frame = (Wall((0.7, 4.0), (0.7, 0.5)), Wall((0.7, -0.5), (0.7, -4.0)), wall_ahead(3.0))
     walls = walls_of(Scene(frame))
     assert (walls.step > 0.2).all() or walls.opening > 0.2
@@ -101,19 +103,19 @@ def test_the_frame_of_a_near_door_steps_forward_on_both_sides():
     assert one_side.gap < 0.0
 
 
-def test_no_cells_no_support():
+def test_no_cells_no_support() -> None:
     walls = walls_of_values(np.ones(192), np.zeros(192))
     assert (walls.support == 0.0).all()
     assert slopes_of_walls(walls).codes == ("unknown", "unknown")
 
 
-def test_walls_of_noisy_flow_keep_their_angle():
+def test_walls_of_noisy_flow_keep_their_angle() -> None:
     rng = np.random.default_rng(5)
     errors = []
     for _ in range(40):
         flow, _ = ideal_flow(Scene((wall_ahead(2.0, 0.4),)), sigma=0.15, noise=rng)
         seen = triangulate(flow, CameraModel().focal)
         weight = seen.confidence.ravel() * GEOMETRY.wall_share * GEOMETRY.upward
-        errors.append(find_walls(GEOMETRY, seen, weight, MOUNT).incline[0] - 0.4)
+        errors.append(find_walls(GEOMETRY, seen, weight).incline[0] - 0.4)
     assert np.abs(np.median(errors)) < math.radians(1.5)
     assert np.percentile(np.abs(errors), 90) < math.radians(6.0)

@@ -44,7 +44,7 @@ def corridor(half: float = 0.9, end: float = 6.0) -> Array:
     """Nearness of walls on both sides, a wall ahead, and the floor."""
     side = np.abs(POINTS[..., 0]) / CAMERA.focal / half
     floor = POINTS[..., 1] / CAMERA.focal / CAMERA.mount_height
-    return np.maximum.reduce([side, floor, np.full(side.shape, 1.0 / end)])
+    return np.asarray(np.maximum.reduce([side, floor, np.full(side.shape, 1.0 / end)]))
 
 
 @settings(max_examples=40)
@@ -128,7 +128,8 @@ def test_scale_from_what_is_known() -> None:
     assert from_speed.update(0.4).height == pytest.approx(1.25)
     assert from_speed.update(None).height == pytest.approx(1.25)  # remembered
     from_height = ScaleEstimator(None, 1.2).update(0.5)
-    assert (from_height.source, from_height.speed) == ("height", pytest.approx(0.6))
+    assert from_height.source == "height"
+    assert from_height.speed == pytest.approx(0.6)
     nothing = ScaleEstimator(None, None).update(None)
     assert not nothing.metric
     assert not nothing.floor
