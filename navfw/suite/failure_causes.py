@@ -1,6 +1,6 @@
-"""Why a run failed, in a word: the classification alone, from numbers gathered elsewhere.
+"""Causes of failed runs, classified from the symptoms of a run.
 
-``navfw.suite.failure_symptoms`` gathers the numbers from a run's log, the true geometry and the
+``navfw.suite.failure_symptoms`` computes the symptoms from a run's log, the true geometry and the
 stack's own local map. Where they show nothing, the cause is ``unknown``.
 """
 
@@ -22,99 +22,98 @@ __all__ = [
     "classify",
 ]
 
-CREEP = 0.05
-"""Speed [m/s] below which a robot counts as standing."""
+REVERSING = 0.05
+"""Backward speed [m/s] above which a robot counts as reversing at a collision."""
 
-PACE, TURNING = 0.02, 0.1
-"""Mean speeds [m/s], [rad/s] below which a robot has neither driven nor turned to speak of."""
+MEAN_SPEED, MEAN_RATE = 0.02, 0.1
+"""Mean speed [m/s] and turning rate [rad/s] below which a robot counts as standing still."""
 
 DETOUR = 1.5
-"""A remembered way this much dearer than without errors of the memory is so because of them."""
+"""Ratio of path costs, with and without errors of the local map, above which they are the cause."""
 
 
 class Cause(StrEnum):
     """Why a run failed."""
 
     MOVER = "mover"
-    """collided: something that moves came into a robot that stood or gave way"""
+    """collided: a mover ran into a robot that was not driving towards it"""
     REVERSED_INTO = "reversed_into"
-    """collided: driving backwards, with a thing behind it"""
+    """collided: driving backwards, with the object behind it"""
     TURNED_INTO = "turned_into"
-    """collided: with a thing it remembered, beside the field of view"""
+    """collided: with an object in the local map, beside the field of view"""
     DROVE_INTO = "drove_into"
-    """collided: with a thing it remembered, in front"""
-    TAKEN_FOR_FREE = "taken_for_free"
-    """collided: where the thing stands, the memory says free"""
+    """collided: with an object in the local map, ahead"""
+    MAPPED_AS_FREE = "mapped_as_free"
+    """collided: the local map has the object's place as free"""
     UNSEEN = "unseen_obstacle"
-    """collided: where the thing stands, the memory knows nothing"""
+    """collided: the local map has the object's place as unknown"""
     OBSTACLE = "obstacle"
-    """collided: with a thing; the stack has no memory to ask"""
-    GHOSTS = "ghosts"
-    """stuck, timeout: remembered things that are not there bar or lengthen the way"""
-    BLURRED = "blurred_memory"
-    """stuck, timeout: things remembered thicker than they are bar or lengthen the way"""
-    AIM_UNREACHABLE = "aim_unreachable"
-    """stuck, timeout: all that is remembered bars the way, and it is there"""
+    """collided: with an object; there is no local map to compare with"""
+    PHANTOM_OBSTACLES = "phantom_obstacles"
+    """stuck, timeout: occupied cells far from any object block or lengthen the path"""
+    BLURRED_MAP = "blurred_map"
+    """stuck, timeout: occupied cells beside the outlines of objects block or lengthen the path"""
+    LOCAL_GOAL_UNREACHABLE = "local_goal_unreachable"
+    """stuck, timeout: correctly mapped objects block every path to the local goal"""
     ESTIMATE_ERROR = "estimate_error"
-    """lost, stuck, timeout: it is not where it believes to be"""
+    """lost, stuck, timeout: the position estimate is wrong"""
     GOAL_MISSED = "goal_missed"
-    """lost: it knew where it was, but did not come near enough to a goal"""
+    """lost: the position estimate is right, but a goal was not approached closely enough"""
     OSCILLATING = "oscillating"
-    """stuck, timeout: it drives or turns, and gains no ground"""
-    STANDING = "standing"
-    """stuck, timeout: it stands, although it has a way"""
+    """stuck, timeout: the robot drives or turns without approaching the goal"""
+    STANDSTILL = "standstill"
+    """stuck, timeout: the robot stands still, although the local map has a path"""
     SLOW = "slow"
-    """timeout: it was on its way"""
+    """timeout: the robot was approaching the goal"""
     EXCEPTION = "exception"
     """fault: an exception"""
     SENSOR_FAILED = "sensor_failed"
-    """fault: the stack gave up, since a sensor had failed for good"""
+    """fault: the stack stopped, because a sensor had failed for good"""
     BAD_COMMAND = "bad_command"
-    """fault: the stack commanded no number"""
+    """fault: the stack commanded a value that is not finite"""
     BAD_INPUT = "bad_input"
     """fault: world, mission or stack was refused"""
     PROCESS_DIED = "process_died"
-    """fault: the process of the run ended without a word"""
+    """fault: the process of the run ended without a result"""
     TOO_LONG = "too_long"
-    """fault: the run took more time on the clock on the wall than it was given"""
+    """fault: the run exceeded its wall-clock limit"""
     UNKNOWN = "unknown"
-    """nothing recorded tells"""
+    """the symptoms do not show the cause"""
 
 
 @dataclass(frozen=True, slots=True)
 class CollisionSymptoms:
-    """How the robot met the thing it touched.
+    """Circumstances of a collision.
 
-    ``by_mover``: something that moves came into a robot that was not driving towards it.
-    ``bearing`` [rad, left positive] is of the nearest point of the thing, ``speed`` [m/s] the
-    robot's forward speed, negative backwards. ``memory`` is what the stack remembered at that
-    point, "" when it has no memory.
+    ``by_mover``: a mover ran into a robot that was not driving towards it. ``bearing`` [rad, left
+    positive] is that of the object's nearest point, ``speed`` [m/s] the robot's forward speed,
+    negative backwards. ``mapped`` is the state of the local map at that point, "" without a map.
     """
 
     by_mover: bool
     bearing: float
     speed: float
-    memory: Literal["occupied", "free", "unknown", ""] = ""
+    mapped: Literal["occupied", "free", "unknown", ""] = ""
 
 
 @dataclass(frozen=True, slots=True)
 class PathSymptoms:
-    """What the stack's remembered way to its waypoint costs at the end; infinite: there is none.
+    """Cost of the local path to the waypoint at the end of a run; infinite without a path.
 
-    ``without_ghosts`` is the same with everything forgotten that is far from all there is, and
-    ``sharp`` with what is remembered beside the outlines of things forgotten too.
+    ``without_phantoms`` is the cost once occupied cells far from any object are cleared,
+    ``sharpened`` the cost once those beside the outlines of objects are cleared too.
     """
 
     cost: float
-    without_ghosts: float
-    sharp: float
+    without_phantoms: float
+    sharpened: float
 
 
 @dataclass(frozen=True, slots=True)
 class MotionSymptoms:
-    """How it drove: ``driven`` [m] and the ground ``gained`` [m] on the shortest way.
+    """Distance ``driven`` [m], and decrease ``gained`` [m] of the shortest path to the last goal.
 
-    ``recent_driven`` [m] and ``recent_turned`` [rad] are of the last ``recent`` [s].
+    ``recent_driven`` [m] and ``recent_turned`` [rad] are over the last ``recent`` [s].
     """
 
     driven: float
@@ -126,81 +125,84 @@ class MotionSymptoms:
 
 @dataclass(frozen=True, slots=True)
 class FailureSymptoms:
-    """What a failed run's record shows. ``slack`` [m] is how far the estimate may be off."""
+    """Symptoms of a failed run; estimate errors in metres.
+
+    ``slack`` [m] is the largest position error with which the mission can still succeed.
+    """
 
     outcome: Outcome
     estimate_error: float = 0.0
     estimate_error_max: float = 0.0
     slack: float = 0.1
-    touch: CollisionSymptoms | None = None
-    aiming: PathSymptoms | None = None
-    driving: MotionSymptoms | None = None
+    collision: CollisionSymptoms | None = None
+    path: PathSymptoms | None = None
+    motion: MotionSymptoms | None = None
     exception: bool = False
     sensor_failed: bool = False
 
 
-def classify(evidence: FailureSymptoms) -> Cause | None:
-    """The cause of a failure; None when the run did not fail, or a person stopped it."""
-    match evidence.outcome:
+def classify(symptoms: FailureSymptoms) -> Cause | None:
+    """The cause of a failure; None for a run that succeeded or was stopped by the user."""
+    match symptoms.outcome:
         case Outcome.COLLIDED:
-            return _of_collision(evidence.touch)
+            return _of_collision(symptoms.collision)
         case Outcome.LOST:
-            off = evidence.estimate_error_max >= 0.9 * evidence.slack
+            off = symptoms.estimate_error_max >= 0.9 * symptoms.slack
             return Cause.ESTIMATE_ERROR if off else Cause.GOAL_MISSED
         case Outcome.STUCK | Outcome.TIMEOUT:
-            return _of_delay(evidence)
+            return _of_delay(symptoms)
         case Outcome.FAULT:
-            gave_up = Cause.SENSOR_FAILED if evidence.sensor_failed else Cause.BAD_COMMAND
-            return Cause.EXCEPTION if evidence.exception else gave_up
+            stopped = Cause.SENSOR_FAILED if symptoms.sensor_failed else Cause.BAD_COMMAND
+            return Cause.EXCEPTION if symptoms.exception else stopped
         case _:
             return None
 
 
-def _of_collision(touch: CollisionSymptoms | None) -> Cause:
-    if touch is None:
+def _of_collision(collision: CollisionSymptoms | None) -> Cause:
+    if collision is None:
         return Cause.UNKNOWN
-    if touch.by_mover:
+    if collision.by_mover:
         return Cause.MOVER
-    aside = abs(touch.bearing)
-    if touch.speed < -CREEP and aside > 0.5 * math.pi:
+    aside = abs(collision.bearing)
+    if collision.speed < -REVERSING and aside > 0.5 * math.pi:
         return Cause.REVERSED_INTO
-    if touch.memory == "occupied" and aside > 0.25 * math.pi:
+    if collision.mapped == "occupied" and aside > 0.25 * math.pi:
         return Cause.TURNED_INTO
-    return _BY_MEMORY[touch.memory]
+    return _BY_MAP[collision.mapped]
 
 
-_BY_MEMORY = {
+_BY_MAP = {
     "occupied": Cause.DROVE_INTO,
-    "free": Cause.TAKEN_FOR_FREE,
+    "free": Cause.MAPPED_AS_FREE,
     "unknown": Cause.UNSEEN,
     "": Cause.OBSTACLE,
 }
 
 
-def _of_delay(evidence: FailureSymptoms) -> Cause:
-    """Of a robot that is stuck or out of time: what it believes first, then how it drove."""
-    if evidence.estimate_error > max(0.5, evidence.slack):
+def _of_delay(symptoms: FailureSymptoms) -> Cause:
+    """The cause of outcome stuck or timeout: from estimate and map first, then from the motion."""
+    if symptoms.estimate_error > max(0.5, symptoms.slack):
         return Cause.ESTIMATE_ERROR
-    return _of_aiming(evidence.aiming) or _of_driving(evidence)
+    return _of_path(symptoms.path) or _of_motion(symptoms)
 
 
-def _of_aiming(aiming: PathSymptoms | None) -> Cause | None:
-    if aiming is None:
+def _of_path(path: PathSymptoms | None) -> Cause | None:
+    if path is None:
         return None
-    if aiming.cost > DETOUR * aiming.without_ghosts:
-        return Cause.GHOSTS
-    if aiming.cost > DETOUR * aiming.sharp:
-        return Cause.BLURRED
-    return Cause.AIM_UNREACHABLE if math.isinf(aiming.cost) else None
+    if path.cost > DETOUR * path.without_phantoms:
+        return Cause.PHANTOM_OBSTACLES
+    if path.cost > DETOUR * path.sharpened:
+        return Cause.BLURRED_MAP
+    return Cause.LOCAL_GOAL_UNREACHABLE if math.isinf(path.cost) else None
 
 
-def _of_driving(evidence: FailureSymptoms) -> Cause:
-    driving = evidence.driving
-    if driving is None:
+def _of_motion(symptoms: FailureSymptoms) -> Cause:
+    motion = symptoms.motion
+    if motion is None:
         return Cause.UNKNOWN
-    moved = driving.recent_driven >= PACE * driving.recent
-    if not moved and driving.recent_turned < TURNING * driving.recent:
-        return Cause.STANDING
-    on_its_way = moved and driving.gained > 0.5 * driving.driven
-    late = evidence.outcome is Outcome.TIMEOUT
-    return Cause.SLOW if late and on_its_way else Cause.OSCILLATING
+    moved = motion.recent_driven >= MEAN_SPEED * motion.recent
+    if not moved and motion.recent_turned < MEAN_RATE * motion.recent:
+        return Cause.STANDSTILL
+    approaching = moved and motion.gained > 0.5 * motion.driven
+    late = symptoms.outcome is Outcome.TIMEOUT
+    return Cause.SLOW if late and approaching else Cause.OSCILLATING

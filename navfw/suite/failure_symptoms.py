@@ -1,7 +1,6 @@
-"""What a failed run's record shows: numbers for ``navfw.suite.failure_causes``.
+"""Symptoms of a failed run, for ``navfw.suite.failure_causes``.
 
-After the run, and for evaluation only, the true geometry is laid beside what the stack remembered
-in its ego map.
+After the run, and for evaluation only, the stack's local map is compared with the true geometry.
 """
 
 from __future__ import annotations
@@ -31,45 +30,45 @@ from navfw.suite.failure_causes import (
 __all__ = ["collect_symptoms"]
 
 RECENT = 30.0
-"""What "recently" means [s]."""
+"""Duration [s] of the end of a run over which its recent motion is measured."""
 
 APPROACH = 0.25
-"""Speeds at a contact are means over this long before it [s]."""
+"""Time [s] before a contact over which the robot's speed is averaged."""
 
-GHOST, BLUR = 0.25, 0.1
-"""What is remembered this far [m] from anything there is, is a ghost, or blurs an outline."""
+PHANTOM, BLUR = 0.25, 0.1
+"""Distances [m] to the nearest object beyond which an occupied cell is a phantom, or a blur."""
 
 REACH = 0.12
-"""How far [m] about a point of contact the memory is asked."""
+"""Radius [m] about a point of contact within which the local map is evaluated."""
 
 
 def collect_symptoms(result: MissionResult) -> FailureSymptoms:
-    """The evidence of how ``result`` came about. It corrects the stack's memory on the way."""
+    """The symptoms of ``result``. Clears wrong cells of the stack's local map as a side effect."""
     session, log, metrics = result.session, result.run.log, result.metrics
     spec = session.mission.spec
     stack = session.stack
     odometry = stack.state.odometry
     now = _true_at(log, stack.state.time)
-    touch = aiming = None
+    collision = path = None
     if log.contacts and now is not None:
-        touch = _touch(result, now)
+        collision = _collision(result, now)
     elif odometry is not None and now is not None:
-        aiming = _aiming(result, odometry, now)
+        path = _path(result, odometry, now)
     return FailureSymptoms(
         outcome=result.outcome,
         estimate_error=metrics.estimate_error_m,
         estimate_error_max=metrics.estimate_error_max_m,
         slack=max(0.0, spec.success.within - spec.tolerance),
-        touch=touch,
-        aiming=aiming,
-        driving=_driving(result) if log.ticks else None,
+        collision=collision,
+        path=path,
+        motion=_motion(result) if log.ticks else None,
         exception=bool(result.run.verdict.trace),
         sensor_failed=session.stack.state.fault is not None,
     )
 
 
 def _true_at(log: RunLog, time: float) -> Pose | None:
-    """The true pose at the stack's last decision."""
+    """The true pose at the stack's last decision; None if the log ends before it."""
     index = int(np.searchsorted(log.time, time - 1e-9))
     return Pose(*log.true[index]) if index < log.ticks else None
 
@@ -77,7 +76,7 @@ def _true_at(log: RunLog, time: float) -> Pose | None:
 # --- collisions ----------------------------------------------------------------------------------
 
 
-def _touch(result: MissionResult, now: Pose) -> CollisionSymptoms:
+def _collision(result: MissionResult, now: Pose) -> CollisionSymptoms:
     session, log = result.session, result.run.log
     contact = log.contacts[0]
     since = min(int(np.searchsorted(log.time, contact.time - APPROACH)), log.ticks - 1)
@@ -90,14 +89,14 @@ def _touch(result: MissionResult, now: Pose) -> CollisionSymptoms:
         by_mover=result.collision_cause == "mover",
         bearing=wrap_angle(math.atan2(toward[1], toward[0]) - yaw),
         speed=float(moved @ (math.cos(yaw), math.sin(yaw))) / elapsed,
-        memory=_remembered(session.stack.local_map, session.stack.state.odometry, now, point),
+        mapped=_mapped(session.stack.local_map, session.stack.state.odometry, now, point),
     )
 
 
 def _touched_point(result: MissionResult, contact: Contact) -> Array:
-    """The point [m, map] of what was touched that is nearest to the robot's centre.
+    """The point [m, map frame] of the touched object that is nearest to the robot's centre.
 
-    The robot's centre itself if nobody knows where the thing is.
+    The robot's centre itself if the object's outline is not known.
     """
     movers, plan, changes = result.movers, result.session.plan, result.changes
     if movers is not None and contact.body in movers.names:
@@ -126,10 +125,10 @@ def _nearest_point(plan: FloorPlan, x: float, y: float) -> Array:
     return nearest
 
 
-def _remembered(
+def _mapped(
     local_map: LocalMap, odometry: Odometry | None, now: Pose, point: Array
 ) -> Literal["occupied", "free", "unknown", ""]:
-    """What the ego map says about a true ``point`` (map frame), the body's own place left out."""
+    """State of the local map about a true ``point`` (map frame), outside the robot's own body."""
     if odometry is None:
         return ""
     occupancy, pose = local_map.occupancy, odometry.pose
@@ -146,17 +145,17 @@ def _remembered(
 
 
 def _cells(occupancy: OccupancyGrid) -> tuple[Array, Array]:
-    """(n, n) odom x and y [m] of the middles of the ego map's cells."""
+    """(n, n) odom x and y [m] of the centres of the local map's cells."""
     index = np.arange(occupancy.size) * occupancy.params.cell
     x, y = np.meshgrid(occupancy.origin[0] + index, occupancy.origin[1] + index)
     return x, y
 
 
-# --- the way ahead -------------------------------------------------------------------------------
+# --- the local path -------------------------------------------------------------------------------
 
 
-def _aiming(result: MissionResult, odometry: Odometry, now: Pose) -> PathSymptoms | None:
-    """The remembered way as it is, and with what is wrong in the memory forgotten."""
+def _path(result: MissionResult, odometry: Odometry, now: Pose) -> PathSymptoms | None:
+    """Costs of the local path with the local map as it is, and with wrong cells cleared."""
     stack = result.session.stack
     local_map, context = stack.local_map, stack.mofis.context
     if context is None or context.waypoint is None or context.local_goal is None:
@@ -165,7 +164,7 @@ def _aiming(result: MissionResult, odometry: Odometry, now: Pose) -> PathSymptom
     x, y = pose.to_parent(*context.waypoint_local)
     off = _distance_from_truth(result, occupancy, pose, now)
     costs = []
-    for limit in (math.inf, GHOST, BLUR):
+    for limit in (math.inf, PHANTOM, BLUR):
         occupancy.log_odds[off > limit] = 0.0
         occupancy.update(pose, odometry.time)  # drops what was derived from the log-odds
         goal = local_map.local_planner.plan(occupancy, pose, x, y)
@@ -176,9 +175,9 @@ def _aiming(result: MissionResult, odometry: Odometry, now: Pose) -> PathSymptom
 def _distance_from_truth(
     result: MissionResult, occupancy: OccupancyGrid, pose: Pose, now: Pose
 ) -> Array:
-    """(n, n) distance [m] of what is remembered to the nearest thing in truth; 0 where nothing is.
+    """(n, n) true distance [m] of occupied cells to the nearest object; 0 for all other cells.
 
-    ``pose`` and ``now`` are the robot's, in odom and in truth.
+    ``pose`` is the robot's in odom, ``now`` its true one.
     """
     plan, movers = result.session.plan, result.movers
     distance: Array = np.zeros((occupancy.size, occupancy.size))
@@ -199,10 +198,10 @@ def _distance_from_truth(
     return distance
 
 
-# --- how it drove --------------------------------------------------------------------------------
+# --- the motion --------------------------------------------------------------------------------
 
 
-def _driving(result: MissionResult) -> MotionSymptoms:
+def _motion(result: MissionResult) -> MotionSymptoms:
     session, log = result.session, result.run.log
     sampled = log.every(0.1)
     true, time = log.true[sampled], log.time[sampled]
@@ -210,26 +209,27 @@ def _driving(result: MissionResult) -> MotionSymptoms:
     recent = true[late]
     turned = np.abs([wrap_angle(step) for step in np.diff(recent[:, 2])]).sum()
     goals = [(goal.x, goal.y) for goal in session.mission.goals]
-    left = _left(session.plan, true, goals, session.task.success_radius, session.task.robot.radius)
+    task = session.task
+    remaining = _remaining(session.plan, true, goals, task.success_radius, task.robot.radius)
     return MotionSymptoms(
         driven=path_length(true),
-        gained=session.shortest - left,
+        gained=session.shortest - remaining,
         recent=float(time[-1] - time[late][0]),
         recent_driven=path_length(recent),
         recent_turned=float(turned),
     )
 
 
-def _left(
+def _remaining(
     plan: FloorPlan,
     true: Array,
     goals: Sequence[tuple[float, float]],
     within: float,
     radius: float,
 ) -> float:
-    """The length [m] of the shortest way from the end of ``true`` past the goals not yet visited.
+    """Length [m] of the shortest path from the end of ``true`` through the goals not yet visited.
 
-    Straight where the robot stands too near to something for a way to be searched.
+    Straight distances where the robot is too close to an object for a path search.
     """
     ahead = list(goals)
     for x, y in true[:, :2]:
