@@ -1,4 +1,4 @@
-"""Avoid: obstacle avoidance; it judges every command by what lies along its arc."""
+"""Avoid: obstacle avoidance; rates every command by the free distance along its arc."""
 
 from __future__ import annotations
 
@@ -11,37 +11,37 @@ from navfw import Context, Proposal, RuledBehavior
 
 
 class Avoid(RuledBehavior):
-    """Forbids commands without room to stop, dislikes those that pass close or go blind."""
+    """Prohibits commands without room to stop; desires those with clearance and observed space."""
 
     name: ClassVar[str] = "avoid"
 
     class Params(RuledBehavior.Params):
-        """What counts as room to stop."""
+        """The stopping distance, and the weight."""
 
-        latency: Annotated[
-            float, Field(ge=0.0, le=2.0, description="from seeing to braking [s]")
-        ] = 0.3
+        latency: Annotated[float, Field(ge=0.0, le=2.0, description="delay until braking [s]")] = (
+            0.3
+        )
         braking: Annotated[
-            float, Field(gt=0.0, le=5.0, description="deceleration counted on [m/s^2]")
+            float, Field(gt=0.0, le=5.0, description="deceleration assumed [m/s^2]")
         ] = 0.8
         spare: Annotated[
-            float, Field(ge=0.0, le=1.0, description="free length wanted at any speed [m]")
+            float, Field(ge=0.0, le=1.0, description="free distance kept at any speed [m]")
         ] = 0.06
         weight: Annotated[
-            float, Field(gt=0.0, le=1.0, description="applicability beside a thing")
+            float, Field(gt=0.0, le=1.0, description="applicability beside an obstacle")
         ] = 0.6
 
     params: Params
 
     def propose(self, context: Context) -> Proposal:
-        """Prohibit and desire by the reserve, insight and clearance of every arc."""
+        """Rate every arc by its reserve, its observed length and its clearance."""
         p, commands, arcs = self.params, context.commands, context.arcs
         v = np.abs(commands.v)
         needed = v**2 / (2.0 * p.braking) + v * p.latency + p.spare
-        needed[v == 0.0] = 1e-3  # turning on the spot needs no room
+        needed[v == 0.0] = 1e-3  # a turn on the spot needs no room
         verdict = self.rules.evaluate_all(
             reserve=arcs.free / needed[:, None],
-            insight=arcs.observed / needed[:, None],
+            observed=arcs.observed / needed[:, None],
             pace=commands.product(v, np.ones_like(commands.w)),
             clearance=arcs.clearance,
         )
@@ -49,7 +49,7 @@ class Avoid(RuledBehavior):
         return Proposal(
             applicability=p.weight * min(1.0, max(0.25, 1.5 - nearest / 0.6)),
             desirability=verdict.values("desire"),
-            prohibition=verdict.values("forbid"),
-            reason=f"nearest thing {nearest:.2f} m off",
+            prohibition=verdict.values("prohibit"),
+            reason=f"nearest obstacle at {nearest:.2f} m",
             explain=verdict.explain,
         )

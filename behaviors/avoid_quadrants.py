@@ -11,49 +11,52 @@ from navfw import Context, Proposal, RuledBehavior
 
 
 class AvoidQuadrants(RuledBehavior):
-    """Turns away from the half of the image whose objects are nearer, slower the nearer they are.
+    """Turns away from the half image with the nearer objects, and slows down with their distance.
 
-    All it knows is the fuzzy distance of the nearest object in each quadrant, as in the paper.
+    Its only input is the fuzzy distance of the nearest object in each quadrant, as in the paper.
     """
 
     name: ClassVar[str] = "avoid_quadrants"
 
     class Params(RuledBehavior.Params):
-        """How much the quadrants count."""
+        """Weights, and the age limit of percepts."""
 
         weight: Annotated[
-            float, Field(gt=0.0, le=1.0, description="applicability beside a thing")
+            float, Field(gt=0.0, le=1.0, description="applicability beside an obstacle")
         ] = 0.9
-        patience: Annotated[
-            float, Field(gt=0.0, le=10.0, description="a percept older than this says nothing [s]")
+        max_age: Annotated[
+            float, Field(gt=0.0, le=10.0, description="age from which a percept is void [s]")
         ] = 0.6
         goal_pull: Annotated[
             float,
-            Field(ge=0.0, le=1.0, description="how much the waypoint's side counts beside a tie"),
+            Field(ge=0.0, le=1.0, description="weight of the waypoint's side"),
         ] = 0.25
 
     params: Params
 
     def propose(self, context: Context) -> Proposal:
-        """Desire the turn, and forbid the speeds, that the rules give for the quadrants."""
-        sight, commands = context.quadrant_distances, context.commands
+        """Desire the turn and prohibit the speeds that the rules give for the quadrants."""
+        distances, commands = context.quadrant_distances, context.commands
         nothing = commands.zeros()
-        if sight is None or sight.age > self.params.patience:
-            return Proposal(0.0, nothing, nothing, "nothing seen just now")
+        if distances is None or distances.age > self.params.max_age:
+            return Proposal(0.0, nothing, nothing, "no recent percept")
         toward = math.sin(0.5 * context.waypoint_bearing)
-        freer = sight.left - sight.right + self.params.goal_pull * toward
+        freer = distances.left - distances.right + self.params.goal_pull * toward
         verdict = self.rules.evaluate(
-            left=sight.left, right=sight.right, ahead=sight.ahead, freer=min(1.0, max(-1.0, freer))
+            left=distances.left,
+            right=distances.right,
+            ahead=distances.ahead,
+            freer=min(1.0, max(-1.0, freer)),
         )
         too_fast = commands.relative_v > verdict.value("limit")
-        forbid = commands.zeros()
-        forbid[too_fast & (commands.v > 0.0), :] = 0.4
+        prohibited = commands.zeros()
+        prohibited[too_fast & (commands.v > 0.0), :] = 0.4
         return Proposal(
             applicability=self.params.weight * verdict.degree("applicability"),
             desirability=verdict.command(commands),
-            prohibition=forbid,
-            reason=f"left {_word(sight.left)}, right {_word(sight.right)}, "
-            f"ahead {_word(sight.ahead)}",
+            prohibition=prohibited,
+            reason=f"left {_word(distances.left)}, right {_word(distances.right)}, "
+            f"ahead {_word(distances.ahead)}",
             explain=verdict.explain,
         )
 

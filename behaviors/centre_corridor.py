@@ -10,24 +10,25 @@ from navfw import Context, Proposal, RuledBehavior
 
 
 class CentreCorridor(RuledBehavior):
-    """Turns away from the nearer of two walls while the way leads along them."""
+    """Turns away from the nearer of two walls while the local goal lies along them."""
 
     name: ClassVar[str] = "centre_corridor"
 
     class Params(RuledBehavior.Params):
-        """How much it counts."""
+        """Weight and limits."""
 
         weight: Annotated[
             float, Field(gt=0.0, le=1.0, description="applicability in a perfect corridor")
         ] = 0.4
         along: Annotated[
-            float, Field(gt=0.0, le=3.2, description="aims farther aside lead elsewhere [rad]")
+            float,
+            Field(gt=0.0, le=3.2, description="largest bearing of the local goal [rad]"),
         ] = 0.6
 
     params: Params
 
     def propose(self, context: Context) -> Proposal:
-        """Desire the turn that evens out the gaps at both sides."""
+        """Desire the turn that balances the distances on both sides."""
         ranges = context.ranges
         along = (
             context.local_goal is not None and abs(context.local_goal.bearing) < self.params.along

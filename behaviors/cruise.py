@@ -1,4 +1,4 @@
-"""Cruise: a calm steady speed, less of it beside things and at doors."""
+"""Cruise: a steady speed, lower beside obstacles and at doors."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from navfw import Context, Proposal, RuledBehavior
 
 
 class Cruise(RuledBehavior):
-    """Desires a speed and leaves the way to others: for robots that are about all day."""
+    """Desires a speed for every turning rate: for patrols."""
 
     name: ClassVar[str] = "cruise"
 
     class Params(RuledBehavior.Params):
-        """How much it counts."""
+        """The weight."""
 
         weight: Annotated[float, Field(gt=0.0, le=1.0, description="applicability")] = 0.5
 
     params: Params
 
     def propose(self, context: Context) -> Proposal:
-        """Desire the speed that the rules give for what is around."""
+        """Desire the speed that the rules give for the surroundings."""
         commands = context.commands
         nothing = commands.zeros()
         if context.waypoint is None:
-            return Proposal(0.0, nothing, nothing, "nowhere to go")
+            return Proposal(0.0, nothing, nothing, "no waypoint")
         nearest = context.ranges.nearest(-1.2, 1.2)
         verdict = self.rules.evaluate(nearest=nearest, door=context.door_distance)
         speed = verdict.over("speed", commands.relative_v)
@@ -35,6 +35,6 @@ class Cruise(RuledBehavior):
             applicability=self.params.weight,
             desirability=commands.product(speed, np.ones(commands.w.size)),
             prohibition=nothing,
-            reason=f"nearest thing ahead or beside {nearest:.2f} m off",
+            reason=f"nearest obstacle ahead or beside at {nearest:.2f} m",
             explain=verdict.explain,
         )

@@ -1,4 +1,4 @@
-"""Divergence: drive until the image grows too fast, then stop and turn (Camus et al. 1996)."""
+"""Divergence: drive until the flow diverges too fast, then stop and turn (Camus et al. 1996)."""
 
 from __future__ import annotations
 
@@ -12,42 +12,43 @@ from navfw import Array, Behavior, Context, FlowField, Proposal, RobotModel
 
 
 class Divergence(Behavior):
-    """A whole flow robot: time to contact from the divergence amid the image, saccades before it.
+    """A complete flow robot: time to contact from the central divergence, and saccades.
 
-    It sees derotated flow and nothing else (METHOD 2.15). Between saccades it drives toward the
-    waypoint; after one it goes straight on for a while, or it would only turn back.
+    Its only input is derotated flow (METHOD 2.15). Between saccades it drives toward the waypoint;
+    after a saccade it drives straight on for a distance, or it would turn back.
     """
 
     name: ClassVar[str] = "divergence"
 
     class Params(Behavior.Params):
-        """When it turns, and how."""
+        """Time to contact, image region, saccade and goal term."""
 
         contact: Annotated[
-            float, Field(gt=0.0, le=20.0, description="turns when contact is nearer than this [s]")
+            float, Field(gt=0.0, le=20.0, description="time to contact that starts a saccade [s]")
         ] = 2.5
-        looks: Annotated[
-            int, Field(ge=1, le=10, description="flow fields in a row that have to say so")
+        confirmations: Annotated[
+            int, Field(ge=1, le=10, description="successive flow fields below that time")
         ] = 2
         width: Annotated[
-            float, Field(gt=0.0, le=1.0, description="part of the image's width it looks at")
+            float, Field(gt=0.0, le=1.0, description="width of the image region, share")
         ] = 0.5
         above: Annotated[
-            float, Field(gt=0.0, le=0.5, description="part of its height, above the middle")
+            float, Field(gt=0.0, le=0.5, description="its height above the middle, share")
         ] = 0.35
         below: Annotated[
-            float, Field(ge=0.0, le=0.5, description="part of its height, below the middle")
+            float, Field(ge=0.0, le=0.5, description="its height below the middle, share")
         ] = 0.1
-        saccade: Annotated[float, Field(gt=0.0, le=3.2, description="turn [rad]")] = 1.0
+        saccade: Annotated[float, Field(gt=0.0, le=3.2, description="angle [rad]")] = 1.0
         straight: Annotated[
-            float, Field(ge=0.0, le=10.0, description="way straight on after a saccade [m]")
+            float, Field(ge=0.0, le=10.0, description="distance straight on after a saccade [m]")
         ] = 0.8
         goal_gain: Annotated[
             float, Field(ge=0.0, le=10.0, description="turning rate per bearing of the goal [1/s]")
         ] = 1.0
-        speed: Annotated[float, Field(gt=0.0, le=2.0, description="straight on [m/s]")] = 0.3
-        again: Annotated[
-            float, Field(ge=0.0, le=60.0, description="sooner than this it turns the same way [s]")
+        speed: Annotated[float, Field(gt=0.0, le=2.0, description="speed straight on [m/s]")] = 0.3
+        repeat_time: Annotated[
+            float,
+            Field(ge=0.0, le=60.0, description="time for which the side of a saccade is kept [s]"),
         ] = 6.0
 
     params: Params
@@ -57,12 +58,12 @@ class Divergence(Behavior):
         self.reset()
 
     def reset(self) -> None:
-        """Straight on."""
+        """Back to driving straight on."""
         self._target: float | None = None
         self._way = 1.0
         self._ended = -math.inf
         self._from: tuple[float, float] | None = None
-        self._looked = -math.inf
+        self._flow_time = -math.inf
         self._alarms = 0
         self._contact = math.inf
 
@@ -70,9 +71,9 @@ class Divergence(Behavior):
         """Desire a saccade, or to drive toward the waypoint."""
         commands = context.commands
         if context.waypoint is None:
-            return Proposal(0.0, commands.zeros(), commands.zeros(), "nowhere to go")
-        self._look(context)
-        if self._target is None and self._alarms >= self.params.looks:
+            return Proposal(0.0, commands.zeros(), commands.zeros(), "no waypoint")
+        self._update(context)
+        if self._target is None and self._alarms >= self.params.confirmations:
             self._begin(context)
         if self._target is not None and self._left(context) <= 0.1:
             self._end(context)
@@ -88,32 +89,32 @@ class Divergence(Behavior):
             reason=reason,
         )
 
-    def _look(self, context: Context) -> None:
-        """Take in a new flow field; none may come for a while, as in a saccade."""
+    def _update(self, context: Context) -> None:
+        """Update the time to contact by a new flow field; during a saccade there is none."""
         flow = context.flow
-        if flow is None or flow.time <= self._looked:
+        if flow is None or flow.time <= self._flow_time:
             return
-        self._looked = flow.time
+        self._flow_time = flow.time
         self._contact = self._time_to_contact(flow)
-        # backing away makes contacts of the past: only what comes nearer counts
+        # negative while reversing: only approaching surfaces count
         near = 0.0 < self._contact < self.params.contact
         self._alarms = self._alarms + 1 if near else 0
 
     def _time_to_contact(self, flow: FlowField) -> float:
-        """Time [s] until contact with what fills the middle of the image; inf when nothing does."""
+        """Time [s] to contact with the surface in the image region; inf without valid flow."""
         p, camera = self.params, self.robot.camera
         x, y = flow.points[..., 0], flow.points[..., 1]
         middle = np.abs(x) <= 0.5 * p.width * camera.width
         middle &= (y >= -p.above * camera.height) & (y <= p.below * camera.height)
-        trusted = middle & (flow.confidence > 0.1) & np.isfinite(flow.vectors).all(axis=-1)
-        if np.count_nonzero(trusted) < 8:
+        valid = middle & (flow.confidence > 0.1) & np.isfinite(flow.vectors).all(axis=-1)
+        if np.count_nonzero(valid) < 8:
             return math.inf
-        rate = _growth(flow.points[trusted], flow.vectors[trusted], flow.confidence[trusted])
+        rate = _growth(flow.points[valid], flow.vectors[valid], flow.confidence[valid])
         return flow.motion.dt * (1.0 / rate - 1.0) if rate > 1e-4 else math.inf
 
     def _begin(self, context: Context) -> None:
-        """Choose the side: as a moment ago, else that of the smaller flow."""
-        if context.time - self._ended > self.params.again and context.flow is not None:
+        """Choose the side: that of a recent saccade, else that of the smaller flow."""
+        if context.time - self._ended > self.params.repeat_time and context.flow is not None:
             self._way = 1.0 if _mean_turn(context.flow) >= 0.0 else -1.0
         self._target = context.pose.yaw + self._way * self.params.saccade
         self._alarms = 0
@@ -124,7 +125,7 @@ class Divergence(Behavior):
         self._alarms = 0
 
     def _left(self, context: Context) -> float:
-        """The turn [rad] still to make, positive until it is made."""
+        """The remaining turn [rad], positive until it is complete."""
         target = context.pose.yaw if self._target is None else self._target
         return context.turn_to(target) * self._way
 
@@ -133,7 +134,7 @@ class Divergence(Behavior):
         p = self.params
         if self._from is not None:
             way = math.hypot(context.pose.x - self._from[0], context.pose.y - self._from[1])
-            # a robot held before it gets so far must not wait for ever
+            # a blocked robot must not wait for ever
             if way < p.straight and context.time - self._ended < 4.0 * p.straight / p.speed:
                 return p.speed, 0.0
             self._from = None
@@ -143,10 +144,9 @@ class Divergence(Behavior):
 
 
 def _growth(points: Array, vectors: Array, weight: Array) -> float:
-    """How much the image grows about its focus of expansion: half the divergence of ``vectors``.
+    """Relative growth of the image about the focus of expansion: half the divergence.
 
-    From the affine motion that fits best; for a surface straight ahead it is 1 - (depth now /
-    depth past).
+    From an affine fit of ``vectors``; for a frontal surface it is 1 - (depth now / depth past).
     """
     root = np.sqrt(weight)[:, None]
     design = np.column_stack([np.ones(len(points)), points])
@@ -155,6 +155,6 @@ def _growth(points: Array, vectors: Array, weight: Array) -> float:
 
 
 def _mean_turn(flow: FlowField) -> float:
-    """Positive where the left half of the image shows less flow than the right one."""
+    """Positive if the left half of the image has less flow than the right half."""
     length = np.nan_to_num(np.hypot(flow.vectors[..., 0], flow.vectors[..., 1]))
     return float((flow.confidence * length * np.sign(flow.points[..., 0])).sum())

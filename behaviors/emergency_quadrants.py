@@ -1,4 +1,4 @@
-"""Emergency by quadrants: stop and turn where something is near ahead and no floor before it."""
+"""Emergency by quadrants: stop and turn at a near object ahead without floor in front."""
 
 from __future__ import annotations
 
@@ -11,28 +11,29 @@ from navfw import Context, Proposal, RuledBehavior
 
 
 class EmergencyQuadrants(RuledBehavior):
-    """Forbids driving on when alarmed, and turns on the spot to the freer side.
+    """Prohibits forward commands during an alarm, and turns on the spot to the freer side.
 
-    A turning camera sees no depth, so the turn is made blindly to its end; then it looks again.
+    A turning camera has no depth, so the turn is completed before the next percept counts.
     """
 
     name: ClassVar[str] = "emergency_quadrants"
 
     class Params(RuledBehavior.Params):
-        """How an alarm is answered."""
+        """The alarm, and the turn."""
 
         threshold: Annotated[
-            float, Field(gt=0.0, lt=1.0, description="alarm from which it takes over")
+            float, Field(gt=0.0, lt=1.0, description="degree from which there is an alarm")
         ] = 0.5
         turn: Annotated[float, Field(gt=0.0, le=3.2, description="turn after an alarm [rad]")] = 1.0
-        patience: Annotated[
-            float, Field(gt=0.0, le=20.0, description="longest alarm in one go [s]")
+        max_time: Annotated[
+            float, Field(gt=0.0, le=20.0, description="longest duration of an alarm [s]")
         ] = 4.0
-        fresh: Annotated[
-            float, Field(gt=0.0, le=10.0, description="a percept older than this says nothing [s]")
+        max_age: Annotated[
+            float, Field(gt=0.0, le=10.0, description="age from which a percept is void [s]")
         ] = 0.6
-        again: Annotated[
-            float, Field(ge=0.0, le=60.0, description="sooner than this it turns the same way [s]")
+        repeat_time: Annotated[
+            float,
+            Field(ge=0.0, le=60.0, description="time for which the side of a turn is kept [s]"),
         ] = 8.0
 
     params: Params
@@ -45,12 +46,12 @@ class EmergencyQuadrants(RuledBehavior):
         self._way = 1.0
 
     def propose(self, context: Context) -> Proposal:
-        """Forbid all forward commands until the turn is made, otherwise nothing."""
-        sight, commands = context.quadrant_distances, context.commands
-        fresh = sight is not None and sight.age <= self.params.fresh
+        """Prohibit all forward commands until the turn is complete, otherwise none."""
+        distances, commands = context.quadrant_distances, context.commands
+        fresh = distances is not None and distances.age <= self.params.max_age
         verdict = self.rules.evaluate(
-            ahead=sight.ahead if sight is not None and fresh else 1.0,
-            floor=sight.floor if sight is not None and fresh else 1.0,
+            ahead=distances.ahead if distances is not None and fresh else 1.0,
+            floor=distances.floor if distances is not None and fresh else 1.0,
             stalled=context.stalled,
         )
         if self._target is None and verdict.degree("alarm") > self.params.threshold:
@@ -58,31 +59,31 @@ class EmergencyQuadrants(RuledBehavior):
         left = self._left(context)
         if left is None:
             nothing = commands.zeros()
-            return Proposal(0.0, nothing, nothing, "nothing to fear", explain=verdict.explain)
+            return Proposal(0.0, nothing, nothing, "no alarm", explain=verdict.explain)
         return Proposal(
             applicability=1.0,
             desirability=commands.on_the_spot(self._way * 0.8, width=0.4),
             prohibition=commands.forward(),
-            reason=f"turning {'left' if self._way > 0.0 else 'right'} before what is near",
+            reason=f"turning {'left' if self._way > 0.0 else 'right'} away from a near object",
             explain=verdict.explain,
         )
 
     def _begin(self, context: Context) -> None:
-        """Choose the side: as a moment ago, else the freer one, else the waypoint's."""
-        if context.time - self._ended > self.params.again:
-            sight = context.quadrant_distances
-            freer = 0.0 if sight is None else sight.left - sight.right
+        """Choose the side: that of a recent turn, else the freer one, else the waypoint's."""
+        if context.time - self._ended > self.params.repeat_time:
+            distances = context.quadrant_distances
+            freer = 0.0 if distances is None else distances.left - distances.right
             side = freer if abs(freer) > 0.1 else context.waypoint_bearing
             self._way = 1.0 if side >= 0.0 else -1.0
         self._began = context.time
         self._target = context.pose.yaw + self._way * self.params.turn
 
     def _left(self, context: Context) -> float | None:
-        """The turn [rad] still to make; None without an alarm."""
+        """The remaining turn [rad]; None without an alarm."""
         if self._target is None:
             return None
         left = context.turn_to(self._target)
-        too_long = context.time - self._began > self.params.patience
+        too_long = context.time - self._began > self.params.max_time
         if left * self._way < 0.1 or too_long:
             self._target, self._ended = None, context.time
             return None

@@ -1,4 +1,4 @@
-"""Escape: back out along the way just driven, then turn to where it is free."""
+"""Escape: reverse out, then turn to the freest direction (recovery behaviour)."""
 
 from __future__ import annotations
 
@@ -12,31 +12,32 @@ from navfw import Context, Explain, Proposal, RuledBehavior
 
 
 class Escape(RuledBehavior):
-    """Gets a caught robot out: backs along the known trail, then turns to the freest direction.
+    """Frees a trapped robot: reverses over observed floor, then turns to the freest direction.
 
-    Moving backwards shows depth, too: ghosts before the robot are seen through (METHOD 2.12). Each
-    escape soon after the last backs out further and turns more.
+    Reversing gives depth, too, and clears false obstacles ahead (METHOD 2.12). Each escape soon
+    after the last one reverses farther and turns more.
     """
 
     name: ClassVar[str] = "escape"
 
     class Params(RuledBehavior.Params):
-        """How it gets out."""
+        """Threshold, reverse and turn."""
 
-        threshold: Annotated[float, Field(gt=0.0, lt=1.0, description="need to begin")] = 0.5
-        backing: Annotated[float, Field(ge=0.0, le=2.0, description="way to back out [m]")] = 0.25
-        turn: Annotated[float, Field(ge=0.0, le=3.2, description="least turn after it [rad]")] = 0.5
-        patience: Annotated[
-            float, Field(gt=0.0, le=30.0, description="longest time for one escape [s]")
+        threshold: Annotated[float, Field(gt=0.0, lt=1.0, description="need that starts it")] = 0.5
+        reverse: Annotated[float, Field(ge=0.0, le=2.0, description="distance [m]")] = 0.25
+        turn: Annotated[float, Field(ge=0.0, le=3.2, description="least turn [rad]")] = 0.5
+        max_time: Annotated[
+            float, Field(gt=0.0, le=30.0, description="longest duration of one escape [s]")
         ] = 7.0
-        again: Annotated[
-            float, Field(gt=0.0, le=120.0, description="sooner than this counts as the same [s]")
+        repeat_time: Annotated[
+            float,
+            Field(gt=0.0, le=120.0, description="time within which the next one repeats it [s]"),
         ] = 15.0
 
     params: Params
 
     def reset(self) -> None:
-        """Not caught."""
+        """Back to watching."""
         self._phase: Literal["watch", "back", "turn"] = "watch"
         self._since = 0.0
         self._ended = -math.inf
@@ -47,7 +48,7 @@ class Escape(RuledBehavior):
         self._barred_since: float | None = None
 
     def propose(self, context: Context) -> Proposal:
-        """Watch for being caught; lead the way out when it is so."""
+        """Watch for being trapped; then lead the way out."""
         self._watch(context)
         verdict = self.rules.evaluate(
             standing=_since(self._still_since, context.time),
@@ -59,11 +60,11 @@ class Escape(RuledBehavior):
         self._advance(context)
         if self._phase == "watch":
             nothing = context.commands.zeros()
-            return Proposal(0.0, nothing, nothing, "not caught", explain=verdict.explain)
+            return Proposal(0.0, nothing, nothing, "not trapped", explain=verdict.explain)
         return self._lead(context, verdict.explain)
 
     def _watch(self, context: Context) -> None:
-        """Keep the times of standing still and of having no way."""
+        """Update the times since the robot stands still, and since every way is barred."""
         still = abs(context.twist.v) < 0.02 and abs(context.twist.w) < 0.15
         if not still or context.waypoint is None or context.previous is None:
             self._still_since = None
@@ -75,45 +76,45 @@ class Escape(RuledBehavior):
             self._barred_since = context.time
 
     def _begin(self, context: Context) -> None:
-        soon = context.time - self._ended < self.params.again
+        soon = context.time - self._ended < self.params.repeat_time
         self._tries = self._tries + 1 if soon else 1
         self._phase = "back"
         self._since = context.time
         self._origin = (context.pose.x, context.pose.y)
 
     def _advance(self, context: Context) -> None:
-        """From backing to turning to the end."""
+        """Advance the phases: reverse, turn, done."""
         if self._phase == "back":
             pose = context.pose
             way = math.hypot(pose.x - self._origin[0], pose.y - self._origin[1])
             behind = float(context.arcs.free[0, context.commands.w.size // 2])
-            if way >= self.params.backing * min(self._tries, 4) or behind < 0.05:
+            if way >= self.params.reverse * min(self._tries, 4) or behind < 0.05:
                 self._phase = "turn"
                 self._target = pose.yaw + self._freest(context)
         turned = self._phase == "turn" and abs(context.turn_to(self._target)) < 0.12
-        too_long = context.time - self._since > self.params.patience
+        too_long = context.time - self._since > self.params.max_time
         if self._phase != "watch" and (turned or too_long):
             self._phase = "watch"
             self._ended = context.time
             self._still_since = self._barred_since = None
 
     def _freest(self, context: Context) -> float:
-        """Turn [rad] toward the freest direction, the nearer to the aim the better."""
+        """Turn [rad] toward the freest direction; directions near the local goal are preferred."""
         ranges = context.ranges
-        aim = 0.0 if context.local_goal is None else context.local_goal.bearing
-        away = np.abs((ranges.bearings - aim + math.pi) % (2 * math.pi) - math.pi)
+        goal = 0.0 if context.local_goal is None else context.local_goal.bearing
+        away = np.abs((ranges.bearings - goal + math.pi) % (2 * math.pi) - math.pi)
         best = float(ranges.bearings[int(np.argmax(ranges.free - 0.3 * away))])
         least = min(self.params.turn * self._tries, math.pi)
         return math.copysign(max(abs(best), least), best)
 
     def _lead(self, context: Context, explain: Explain) -> Proposal:
-        """Backwards or on the spot; forward is forbidden meanwhile."""
+        """Reverse, or turn on the spot; forward commands are prohibited."""
         commands = context.commands
         if self._phase == "back":
-            reason = "backing out"
+            reason = "reversing"
             desire = commands.product(np.where(commands.v < 0.0, 1.0, 0.0), commands.turning(0.0))
         else:
-            reason = "turning to where it is free"
+            reason = "turning to the freest direction"
             turn = context.turn_to(self._target) / 0.6
             desire = commands.on_the_spot(min(1.0, max(-1.0, turn)))
         return Proposal(

@@ -1,4 +1,4 @@
-"""Follow wall: along what bars the way, when heading straight for the waypoint leads nowhere."""
+"""Follow wall: along an obstacle that bars the way to the waypoint."""
 
 from __future__ import annotations
 
@@ -10,38 +10,38 @@ from navfw import Context, Proposal, RuledBehavior
 
 
 class FollowWall(RuledBehavior):
-    """Keeps the nearer wall at its side.
+    """Keeps a distance to the wall on one side.
 
-    Whether that helps, the composite behaviour must say: on its own it would follow any wall.
+    It would follow any wall: the composite behaviour decides when it applies.
     """
 
     name: ClassVar[str] = "follow_wall"
 
     class Params(RuledBehavior.Params):
-        """When a wall is worth following."""
+        """Weight and reach."""
 
         weight: Annotated[float, Field(gt=0.0, le=1.0, description="applicability")] = 0.9
 
         reach: Annotated[
-            float, Field(gt=0.0, le=3.0, description="farthest wall that is followed [m]")
+            float, Field(gt=0.0, le=3.0, description="largest distance of a wall [m]")
         ] = 1.2
 
     params: Params
 
     def reset(self) -> None:
-        """Choose the side anew."""
+        """Back to no side."""
         self._side: str | None = None
 
     def propose(self, context: Context) -> Proposal:
-        """Desire to turn toward or away from the wall, by its gap and the room ahead."""
+        """Desire to turn toward or away from the wall, by its distance and that ahead."""
         ranges = context.ranges
         nothing = context.commands.zeros()
         if context.waypoint is None or min(ranges.left, ranges.right) > self.params.reach:
             self._side = None
             return Proposal(0.0, nothing, nothing, "no wall to follow")
         side = self._choose_side(context)
-        gap = ranges.left if side == "left" else ranges.right
-        verdict = self.rules.evaluate(gap=gap, ahead=ranges.front)
+        distance = ranges.left if side == "left" else ranges.right
+        verdict = self.rules.evaluate(distance=distance, ahead=ranges.front)
         away = context.commands.relative_w if side == "right" else -context.commands.relative_w
         desire = context.commands.product(
             verdict.over("speed", context.commands.relative_v), verdict.over("turn", away)
@@ -50,12 +50,12 @@ class FollowWall(RuledBehavior):
             applicability=self.params.weight,
             desirability=desire,
             prohibition=nothing,
-            reason=f"wall on the {side}, {gap:.2f} m off",
+            reason=f"wall on the {side}, {distance:.2f} m away",
             explain=verdict.explain,
         )
 
     def _choose_side(self, context: Context) -> str:
-        """The nearer side at first, then the same one: changing sides goes round in circles."""
+        """The nearer side, kept while there is no progress: changing it would drive in circles."""
         if self._side is None or context.idle < 1.0:
             self._side = "left" if context.ranges.left <= context.ranges.right else "right"
         return self._side

@@ -1,4 +1,4 @@
-"""Follow wall by quadrants: along what stands beside the robot, from near, middle and far alone."""
+"""Follow wall by quadrants: along a wall, from near, middle and far alone."""
 
 from __future__ import annotations
 
@@ -10,37 +10,37 @@ from navfw import Context, Proposal, RuledBehavior
 
 
 class FollowWallQuadrants(RuledBehavior):
-    """Keeps the nearer half of the image between near and middle, without any memory.
+    """Keeps the nearer half of the image between near and middle, without a map.
 
-    Whether that helps, the composite behaviour must say: on its own it would follow any wall.
+    It would follow any wall: the composite behaviour decides when it applies.
     """
 
     name: ClassVar[str] = "follow_wall_quadrants"
 
     class Params(RuledBehavior.Params):
-        """When there is a wall to follow."""
+        """Weight, and the age limit of percepts."""
 
         weight: Annotated[float, Field(gt=0.0, le=1.0, description="applicability")] = 0.9
-        patience: Annotated[
-            float, Field(gt=0.0, le=10.0, description="a percept older than this says nothing [s]")
+        max_age: Annotated[
+            float, Field(gt=0.0, le=10.0, description="age from which a percept is void [s]")
         ] = 0.6
 
     params: Params
 
     def reset(self) -> None:
-        """Choose the side anew."""
+        """Back to no side."""
         self._side: str | None = None
 
     def propose(self, context: Context) -> Proposal:
         """Desire to turn toward or away from the wall, by the fuzzy distances beside and ahead."""
-        sight, commands = context.quadrant_distances, context.commands
+        distances, commands = context.quadrant_distances, context.commands
         nothing = commands.zeros()
-        if context.waypoint is None or sight is None or sight.age > self.params.patience:
+        if context.waypoint is None or distances is None or distances.age > self.params.max_age:
             return Proposal(0.0, nothing, nothing, "no wall to follow")
         if self._side is None or context.idle < 1.0:
-            self._side = "left" if sight.left <= sight.right else "right"
-        beside = sight.left if self._side == "left" else sight.right
-        verdict = self.rules.evaluate(beside=beside, ahead=sight.ahead)
+            self._side = "left" if distances.left <= distances.right else "right"
+        beside = distances.left if self._side == "left" else distances.right
+        verdict = self.rules.evaluate(beside=beside, ahead=distances.ahead)
         away = commands.relative_w if self._side == "right" else -commands.relative_w
         desire = commands.product(
             verdict.over("speed", commands.relative_v), verdict.over("turn", away)

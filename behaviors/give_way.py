@@ -1,4 +1,4 @@
-"""Give way: keep clear of those who walk, and get out of the way of those who do not stop."""
+"""Give way: keep clear of moving obstacles, and move out of the way of approaching ones."""
 
 from __future__ import annotations
 
@@ -11,38 +11,42 @@ from navfw import Context, Proposal, RuledBehavior
 
 
 class GiveWay(RuledBehavior):
-    """Judges every command by how near it brings movers in the next seconds.
+    """Rates every command by its closest approach to moving obstacles.
 
-    Where all commands bring one too near, those that keep it farthest off are the best there is:
-    standing still is none of them, when somebody walks into a robot that stands.
+    If all commands lead too close, those with the largest distance are desired; standing still is
+    not among them when an obstacle is on a collision course with a standing robot.
     """
 
     name: ClassVar[str] = "give_way"
     handles_moving_obstacles = True
 
     class Params(RuledBehavior.Params):
-        """When movers matter."""
+        """Distances and weight."""
 
         clear: Annotated[
-            float, Field(gt=0.0, le=3.0, description="a gap from which nobody minds [m]")
+            float, Field(gt=0.0, le=3.0, description="distance from which it does not apply [m]")
         ] = 0.5
         approach: Annotated[
             float,
-            Field(ge=0.0, le=0.2, description="so much nearer to who is at hand is at them [m]"),
+            Field(
+                ge=0.0,
+                le=0.2,
+                description="least approach that counts as driving toward it [m]",
+            ),
         ] = 0.02
         weight: Annotated[
-            float, Field(gt=0.0, le=1.0, description="applicability when a touch is near")
+            float, Field(gt=0.0, le=1.0, description="applicability at predicted contact")
         ] = 1.0
 
     params: Params
 
     def propose(self, context: Context) -> Proposal:
-        """Desire and forbid commands by the gap they leave to movers."""
+        """Desire and prohibit commands by their distance and time at closest approach."""
         conflicts = context.conflicts
         if conflicts is None:
             nothing = context.commands.zeros()
-            return Proposal(0.0, nothing, nothing, "nobody walks here")
-        # where somebody is at hand, driving at them is no way out: standing never is that
+            return Proposal(0.0, nothing, nothing, "no moving obstacle")
+        # driving toward a close obstacle is no way out; standing still never counts as that
         best = float(conflicts.distance[conflicts.approach <= self.params.approach].max())
         verdict = self.rules.evaluate_all(
             distance=conflicts.distance,
@@ -55,7 +59,7 @@ class GiveWay(RuledBehavior):
         return Proposal(
             applicability=self.params.weight * max(0.0, min(1.0, 1.0 - least / self.params.clear)),
             desirability=verdict.values("desire"),
-            prohibition=verdict.values("forbid"),
-            reason=f"somebody walks {conflicts.nearest:.2f} m off; the best gap is {best:.2f} m",
+            prohibition=verdict.values("prohibit"),
+            reason=f"obstacle at {conflicts.nearest:.2f} m, closest approach {best:.2f} m",
             explain=verdict.explain,
         )

@@ -1,4 +1,4 @@
-"""Look around: turn on the spot, so that the camera sees what is to be seen from here."""
+"""Look around: turn on the spot, so that the camera covers all directions."""
 
 from __future__ import annotations
 
@@ -10,15 +10,12 @@ from navfw import Behavior, Context, Proposal
 
 
 class LookAround(Behavior):
-    """Turns on and on.
-
-    When, and for how long, the composite behaviour must say: on its own it would never stop.
-    """
+    """Turns on the spot without end: the composite behaviour decides when, and for how long."""
 
     name: ClassVar[str] = "look_around"
 
     class Params(Behavior.Params):
-        """How it turns."""
+        """Weight and rate."""
 
         weight: Annotated[float, Field(gt=0.0, le=1.0, description="applicability")] = 0.9
         rate: Annotated[
@@ -28,7 +25,7 @@ class LookAround(Behavior):
     params: Params
 
     def reset(self) -> None:
-        """Choose the way round anew."""
+        """Back to no direction."""
         self._way: float | None = None
 
     def propose(self, context: Context) -> Proposal:

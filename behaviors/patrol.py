@@ -1,4 +1,4 @@
-"""Patrol: the composite behaviour for going round and round past the same waypoints."""
+"""Patrol: the composite behaviour for repeated rounds past the same waypoints."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from navfw import Context, RuledComposite
 
 
 class Patrol(RuledComposite):
-    """Cruises in the middle of the way, and is cautious where someone may come along.
+    """Cruises in the middle of corridors, slower at doors and beside obstacles.
 
-    Unlike ``travel`` it gives comfort a say (``cruise``, ``centre_corridor``) as long as all goes
-    well; when nothing gets on, it does as ``travel`` does.
+    Unlike ``travel`` it weighs comfort (``cruise``, ``centre_corridor``) while there is progress;
+    without progress its weights are those of ``travel``.
     """
 
     name: ClassVar[str] = "patrol"
 
     def inputs(self, context: Context) -> Mapping[str, float]:
-        """What the rules judge by."""
+        """The inputs of the rules."""
         return {
             "idle": context.idle,
             "barred": context.barred,

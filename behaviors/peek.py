@@ -1,4 +1,4 @@
-"""Peek: a small safe motion to see, before going where nothing is known (METHOD 2.10, 2.12)."""
+"""Peek: creep and weave where the way ahead is unobserved (METHOD 2.10, 2.12)."""
 
 from __future__ import annotations
 
@@ -12,32 +12,34 @@ from navfw import Context, Proposal, RuledBehavior
 
 
 class Peek(RuledBehavior):
-    """Creeps toward an unseen aim with a slight weave: only a moving camera sees depth."""
+    """Creeps toward an unobserved local goal with a slight weave: depth needs a moving camera."""
 
     name: ClassVar[str] = "peek"
 
     class Params(RuledBehavior.Params):
-        """How it looks."""
+        """Weight and weave."""
 
         weight: Annotated[float, Field(gt=0.0, le=1.0, description="applicability")] = 0.5
         weave: Annotated[
-            float, Field(ge=0.0, le=1.0, description="share of the top turning rate")
+            float, Field(ge=0.0, le=1.0, description="amplitude, share of the top turning rate")
         ] = 0.12
-        period: Annotated[float, Field(gt=0.2, le=10.0, description="of the weave [s]")] = 1.6
+        period: Annotated[float, Field(gt=0.2, le=10.0, description="period [s]")] = 1.6
 
     params: Params
 
     def propose(self, context: Context) -> Proposal:
-        """Desire to creep where the next stretch toward the aim has not been seen."""
-        aim, ranges = context.local_goal, context.ranges
+        """Desire to creep if the next stretch toward the local goal is unobserved."""
+        goal, ranges = context.local_goal, context.ranges
         nothing = context.commands.zeros()
-        if aim is None:
-            return Proposal(0.0, nothing, nothing, "nowhere to look")
-        toward = int(np.cos(ranges.bearings - aim.bearing).argmax())
-        seen = float(ranges.observed[toward])
-        verdict = self.rules.evaluate(seen=min(seen, 2.0), bearing=math.degrees(aim.bearing))
+        if goal is None:
+            return Proposal(0.0, nothing, nothing, "no waypoint")
+        toward = int(np.cos(ranges.bearings - goal.bearing).argmax())
+        observed = float(ranges.observed[toward])
+        verdict = self.rules.evaluate(
+            observed=min(observed, 2.0), bearing=math.degrees(goal.bearing)
+        )
         applicability = self.params.weight * verdict.degree("applicability")
-        reason = f"seen {seen:.2f} m toward the aim"
+        reason = f"{observed:.2f} m observed toward the local goal"
         if applicability == 0.0:
             return Proposal(0.0, nothing, nothing, reason, verdict.explain)
         weave = self.params.weave * math.sin(2.0 * math.pi * context.time / self.params.period)

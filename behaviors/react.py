@@ -1,4 +1,4 @@
-"""React: the composite behaviour of a robot without memory (paper Fig. 1)."""
+"""React: the composite behaviour of a robot without a map (paper Fig. 1)."""
 
 from __future__ import annotations
 
@@ -9,19 +9,21 @@ from navfw import Context, RuledComposite
 
 
 class React(RuledComposite):
-    """Seeks the waypoint, and follows walls where it has not come nearer for long.
+    """Seeks the waypoint, and follows walls when it has not come nearer for a while.
 
-    It judges by what OFFIS sees just now. A wall is left where the waypoint is nearer than it has
-    ever been, as by the Bug algorithms.
+    Its inputs are OFFIS' newest distances. A wall is left when the waypoint is nearer than ever
+    before, as in the Bug algorithms.
     """
 
     name: ClassVar[str] = "react"
 
     def inputs(self, context: Context) -> Mapping[str, float]:
-        """What the rules judge by; where nothing has been seen, nothing is near."""
-        sight = context.quadrant_distances
+        """The inputs of the rules; without a percept all distances are far."""
+        distances = context.quadrant_distances
         return {
             "idle": context.idle,
-            "nearest": 1.0 if sight is None else min(sight.left, sight.right, sight.ahead),
-            "ahead": 1.0 if sight is None else sight.ahead,
+            "nearest": 1.0
+            if distances is None
+            else min(distances.left, distances.right, distances.ahead),
+            "ahead": 1.0 if distances is None else distances.ahead,
         }

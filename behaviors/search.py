@@ -1,4 +1,4 @@
-"""Search: the composite behaviour of a robot that is not sure where it is."""
+"""Search: the composite behaviour of a robot with an uncertain position."""
 
 from __future__ import annotations
 
@@ -12,66 +12,66 @@ from navfw import Context, RuledComposite
 
 
 class Search(RuledComposite):
-    """Travels while it knows where it is; else looks round for landmarks, then explores for them.
+    """Travels while the position is certain; else looks around for landmarks, then explores.
 
-    One turn on the spot, a stretch toward the unknown, another turn, and so on, until the belief
-    is sure again. What is sought in vain for long is given up for a while: the robot travels on,
-    unless it does not know at all where it is.
+    One turn on the spot, a stretch into unobserved space, another turn, and so on, until the belief
+    is certain again. A search without success is suspended for a while: the robot travels on,
+    unless it is lost.
     """
 
     name: ClassVar[str] = "search"
 
     class Params(RuledComposite.Params):
-        """When it searches, and how long."""
+        """Thresholds and durations."""
 
         sigma: Annotated[
-            float, Field(gt=0.0, le=20.0, description="standard deviation that is doubtful [m]")
+            float, Field(gt=0.0, le=20.0, description="sigma of the position that is uncertain [m]")
         ] = 0.6
         stretch: Annotated[
-            float, Field(gt=0.0, le=50.0, description="way explored until it looks round again [m]")
+            float, Field(gt=0.0, le=50.0, description="distance explored between two turns [m]")
         ] = 2.0
-        patience: Annotated[
-            float, Field(gt=0.0, le=3600.0, description="time until the search is in vain [s]")
+        max_time: Annotated[
+            float, Field(gt=0.0, le=3600.0, description="longest duration of a search [s]")
         ] = 60.0
-        rest: Annotated[
-            float, Field(ge=0.0, le=3600.0, description="time travelled after a search in vain [s]")
+        pause: Annotated[
+            float, Field(ge=0.0, le=3600.0, description="time until the next search after that [s]")
         ] = 60.0
 
     params: Params
 
     def reset(self) -> None:
-        """Nothing is being sought."""
+        """Back to no search."""
         super().reset()
         self._since: float | None = None
         self._time = 0.0
         self._turned = self._driven = 0.0
 
     def inputs(self, context: Context) -> Mapping[str, float]:
-        """What the rules judge by: those of ``travel``, and how the search goes."""
+        """The inputs of the rules: those of ``travel``, and the state of the search."""
         lost = context.belief.lost
         doubt = 2.0 if lost else context.belief.sigma / self.params.sigma
-        searched = self._keep_account(context, doubtful=doubt >= 1.0)
+        searched = self._update(context, doubtful=doubt >= 1.0)
         return {
             "doubt": doubt,
             "looked": self._turned >= 2.0 * math.pi,
-            # who is lost has nowhere to travel to
-            "searched": 0.0 if lost else searched / self.params.patience,
+            # while lost there is no waypoint to travel to
+            "searched": 0.0 if lost else searched / self.params.max_time,
             "idle": context.idle,
             "barred": context.barred,
             "corridor": context.ranges.corridor,
             "door": context.door_distance,
         }
 
-    def _keep_account(self, context: Context, *, doubtful: bool) -> float:
-        """Time [s] since the search began; turn and way since the robot last looked round."""
+    def _update(self, context: Context, *, doubtful: bool) -> float:
+        """Update the turn and the distance driven; returns the duration [s] of the search."""
         elapsed = context.time - self._time
         self._time = context.time
         if not doubtful:
             self._since = None
             self._turned = self._driven = 0.0
             return 0.0
-        if self._since is None or context.time - self._since > self.params.patience + (
-            self.params.rest
+        if self._since is None or context.time - self._since > self.params.max_time + (
+            self.params.pause
         ):
             self._since, elapsed = context.time, 0.0
             self._turned = self._driven = 0.0

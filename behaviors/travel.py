@@ -9,12 +9,12 @@ from navfw import Context, RuledComposite
 
 
 class Travel(RuledComposite):
-    """Weighs the primitives by whether the robot gets on, and what it drives through."""
+    """Weighs the primitives by progress, barred ways, corridors and doors."""
 
     name: ClassVar[str] = "travel"
 
     def inputs(self, context: Context) -> Mapping[str, float]:
-        """What the rules judge by."""
+        """The inputs of the rules."""
         return {
             "idle": context.idle,
             "barred": context.barred,
