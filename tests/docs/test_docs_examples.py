@@ -49,6 +49,11 @@ def test_the_pages_have_all_the_files_of_their_examples() -> None:
         "stacks/careful.yaml",
         "tests/test_cautious.py",
     }
+    assert set(files_of(ROOT / "docs" / "plugins.md")) == {
+        "behaviors/there_and_back.py",
+        "behaviors/largest_sum.py",
+        "stacks/mine.yaml",
+    }
     assert set(files_of(ROOT / "docs" / "worlds.md")) == {
         "worlds/den/world.yaml",
         "worlds/den/missions/next-room.yaml",
@@ -75,6 +80,13 @@ def test_the_composites_are_found_and_keep_the_contract(name: str) -> None:
     composite = default_registry().get("composite", name)
     assert issubclass(composite, Composite)
     check_composite(composite)
+
+
+@pytest.mark.usefixtures("project")
+def test_the_flow_processor_and_the_fusion_drive() -> None:
+    result = prepare("empty", "straight", seed=1, stack="mine").run()
+    assert result.outcome is Outcome.REACHED, result.reason
+    assert not list(result.run.faults)
 
 
 @pytest.fixture(scope="module")
