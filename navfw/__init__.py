@@ -1,7 +1,7 @@
 """navfw: a mobile robot with one camera finds its way by fuzzy behaviours.
 
-The public names: what a behaviour plugin, another plugin, or a mission test needs. Everything is
-loaded when first used, so that ``import navfw`` is quick.
+The public names are those that a behaviour or another plugin needs. Each is imported on first use,
+so that ``import navfw`` is fast.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""``python -m navfw``: the same as the console script."""
+"""``python -m navfw``: the ``navfw`` command."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files and folders that appear whole or not at all."""
+"""Atomic output: a file or folder is written completely or not at all."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ __all__ = ["AtomicFolder", "AtomicTarget"]
 
 
 class AtomicTarget(ABC):
-    """A context manager that works beside its ``target``; an exception leaves nothing behind.
+    """A context manager for writing ``target`` atomically.
 
-    Inside, ``path`` is a temporary folder; leaving without an exception moves what is in it, or all
-    of it, into place.
+    Inside the block, ``path`` is a temporary folder beside the target. Without an exception, the
+    folder, or its content, is moved to the target at the end; after an exception it is removed.
 
     Raises:
         InputError: the target cannot be written.
@@ -56,24 +56,25 @@ class AtomicTarget(ABC):
         finally:
             shutil.rmtree(self.path, ignore_errors=True)
 
-    def _finish(self) -> None:  # noqa: B027 - most have nothing open
-        """Close what is open, after an exception too."""
+    def _finish(self) -> None:  # noqa: B027 - optional
+        """Close open files; called after an exception as well."""
 
     @abstractmethod
     def _move_into_place(self) -> None:
-        """Move what was made to the target."""
+        """Move the result to the target."""
 
     def _unwritable(self, error: OSError) -> InputError:
         return InputError(f"cannot be written: {error.strerror or error}", file=self.target)
 
 
 class AtomicFolder(AtomicTarget):
-    """A folder, written whole or not at all. An earlier one is replaced.
+    """A folder that is written atomically and replaces an earlier one.
 
-    ``ours`` matches the names of the files that it may hold; ``option`` is what named it.
+    ``ours`` matches the names of the files that an earlier folder may contain; ``option`` is the
+    command line option that names the target.
 
     Raises:
-        InputError: the target holds something else, or cannot be written.
+        InputError: the target contains other files, or cannot be written.
 
     """
 
@@ -92,11 +93,11 @@ class AtomicFolder(AtomicTarget):
         if not os.path.lexists(self.target):
             return
         if not self.target.is_dir():
-            raise InputError("is a file; a folder is needed", file=self.target)
+            raise InputError("expected a folder, got a file", file=self.target)
         names = sorted(entry.name for entry in self.target.iterdir())
         foreign = [name for name in names if not self._ours.fullmatch(name)]
         if foreign:
             raise InputError(
-                f"holds {foreign[0]!r}, so it is not replaced; choose another {self._option}",
+                f"contains {foreign[0]!r}, so it is not replaced; choose another {self._option}",
                 file=self.target,
             )

@@ -1,15 +1,15 @@
-"""Every exception navfw raises on purpose.
+"""The exceptions of navfw.
 
 NavfwError
-├── InputError            what a person gave (file, name, option) is wrong; `navfw` exits with 2
-│   ├── ConfigError       a data file breaks its schema; names file, line, key, expectation
+├── InputError            a file, name or option is wrong; `navfw` exits with 2
+│   ├── ConfigError       a data file breaks its schema; names file, line, key, expected value
 │   ├── UnknownNameError  a world, mission, map, stack, plugin or place of that name does not exist
 │   ├── PluginError       a plugin cannot be used: wrong base, signature, name or parameters
-│   │   └── MissingExtraError  it needs a package that is an optional extra of navfw
+│   │   └── MissingExtraError  it needs an optional extra of navfw that is not installed
 │   ├── RuleBaseError     a fuzzy rule base is malformed or leaves inputs uncovered
-│   ├── WorldError        a world or mission that cannot be: start in a wall, goal out of reach
-│   └── MapError          a topological map that contradicts itself
-└── SimulationError       the simulator failed; not the user's fault
+│   ├── WorldError        a world or mission is impossible: start in a wall, goal unreachable
+│   └── MapError          a topological map is inconsistent
+└── SimulationError       the simulator failed; `navfw` exits with 1
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ __all__ = [
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """The end of an error message: the nearest known name, or all known names when none is near."""
+    """A hint for an error message: the nearest known name, or all known names if none is near."""
     names = sorted(set(known))
     near = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
     if near:
@@ -45,13 +45,14 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
 
 
 class NavfwError(Exception):
-    """The root of navfw's exceptions."""
+    """Base class of navfw's exceptions."""
 
 
 class InputError(NavfwError):
-    """Something a person gave is wrong; the message says where and what to do.
+    """A file, name or option is wrong; the message gives the place, the problem and the remedy.
 
-    ``file``, ``line`` (1-based) and ``key`` say where, as far as known; they open the message.
+    ``file``, ``line`` (1-based) and ``key`` are the place, as far as known; the message begins with
+    them.
     """
 
     def __init__(
@@ -77,7 +78,7 @@ class ConfigError(InputError):
 
 
 class UnknownNameError(InputError):
-    """No world, mission, map, stack, plugin or place has that name."""
+    """No world, mission, map, stack, plugin or place has the given name."""
 
     def __init__(
         self,
@@ -105,7 +106,7 @@ class PluginError(InputError):
 
 
 class MissingExtraError(PluginError):
-    """A plugin needs a package that is an optional extra, and is not installed."""
+    """A plugin needs an optional extra of navfw that is not installed."""
 
     def __init__(self, extra: str, *, key: str | None = None) -> None:
         self.extra = extra
@@ -120,12 +121,12 @@ class RuleBaseError(InputError):
 
 
 class WorldError(InputError):
-    """A world or mission that cannot be: start inside a wall, goal out of reach, bad geometry."""
+    """A world or mission is impossible: start inside a wall, goal unreachable, bad geometry."""
 
 
 class MapError(InputError):
-    """A topological map that contradicts itself."""
+    """A topological map is inconsistent."""
 
 
 class SimulationError(NavfwError):
-    """The simulator failed; not the user's fault."""
+    """The simulator failed, independently of the input."""

@@ -1,4 +1,4 @@
-"""Wall time by stage. It measures only: no decision depends on it."""
+"""Wall time by stage, for reports; no decision depends on it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ __all__ = ["timed"]
 class timed:  # noqa: N801 - reads as a statement: with timed(account, "flow")
     """Add the wall time [s] spent inside to ``account[stage]``.
 
-    A class, because a generator costs three times as much, and stages are many and short.
+    A class, because a generator-based context manager takes three times as long, and stages are
+    many and short.
     """
 
     __slots__ = ("_account", "_began", "_stage")

@@ -1,9 +1,9 @@
-"""The ``navfw`` command: thin; it parses, calls and prints.
+"""The ``navfw`` command: it parses arguments, calls the other packages and prints results.
 
-Each module of ``COMMANDS`` has a function ``add_to(app)`` that adds its commands. The modules are
-imported for every ``navfw --help``, so what is heavy is imported inside the commands.
+Each module of ``COMMANDS`` has a function ``add_to(app)`` that adds its commands. All modules are
+imported for every ``navfw --help``; expensive imports are therefore inside the commands.
 
-Exit codes: 0 done, 1 it ran and failed, 2 what was typed or a file is wrong.
+Exit codes: 0 success, 1 the command ran and failed, 2 an argument, option or file is wrong.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ COMMANDS = (
     "navfw.cli.bench",
     "navfw.cli.suite",
 )
-"""The modules with commands, in the order of ``navfw --help``."""
+"""Modules with commands, in the order of ``navfw --help``."""
 
 
 class _Group(TyperGroup):
-    """Turns navfw's own errors into one message on stderr and an exit code."""
+    """Prints a ``NavfwError`` as one message on stderr and exits with its code."""
 
     def invoke(self, ctx: Any) -> Any:
         try:
@@ -52,10 +52,10 @@ class _Group(TyperGroup):
 app = typer.Typer(
     name="navfw",
     cls=_Group,
-    help="Drive a one-camera robot by fuzzy behaviours, and see why it does what it does.",
+    help="Drive a one-camera robot by fuzzy behaviours, with an explanation of every command.",
     no_args_is_help=True,
     add_completion=False,
-    pretty_exceptions_enable=False,  # an error that is not ours is a bug: show it as it is
+    pretty_exceptions_enable=False,  # any other exception is a bug: show its traceback
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
@@ -83,8 +83,8 @@ for _module in COMMANDS:
 
 
 def main() -> None:
-    """The console script; ends the process with navfw's exit code."""
+    """The console script; exits with navfw's exit code."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="replace")  # a terminal that knows no umlauts is no error
+            stream.reconfigure(errors="replace")  # for terminals without Unicode
     app()

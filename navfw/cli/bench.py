@@ -1,4 +1,4 @@
-"""``navfw bench``: what the loop and planning cost, how right perception is and what it costs."""
+"""``navfw bench``: time of the loop and of planning; accuracy and time of perception."""
 
 from __future__ import annotations
 
@@ -9,16 +9,14 @@ import typer
 
 from navfw.cli.bench_landmarks import landmarks
 from navfw.cli.options import Json, NoiseSeed, Stack
-from navfw.cli.output import print_json, print_table, print_tables, quiet_stdout, say
+from navfw.cli.output import print_json, print_status, print_table, print_tables, quiet_stdout
 
 __all__ = ["add_to"]
 
 
 def add_to(app: typer.Typer) -> None:
     """Add ``bench`` with its commands."""
-    group = typer.Typer(
-        help="Measure how good things are, and what they cost.", no_args_is_help=True
-    )
+    group = typer.Typer(help="Measure accuracy and computing time.", no_args_is_help=True)
     group.command()(loop)
     group.command()(perception)
     group.command()(planning)
@@ -27,60 +25,65 @@ def add_to(app: typer.Typer) -> None:
 
 
 def loop(
-    world: Annotated[str, typer.Option(help="A world's name or file.")] = "office",
-    mission: Annotated[str, typer.Option(help="A mission of that world.")] = "lobby-to-lab",
+    world: Annotated[str, typer.Option(help="Name or file of a world.")] = "office",
+    mission: Annotated[str, typer.Option(help="Name of a mission of that world.")] = "lobby-to-lab",
     seed: NoiseSeed = 0,
     stack: Stack = "default",
     seconds: Annotated[
-        float, typer.Option(min=1.0, max=600.0, help="Simulated time of a lap.")
+        float, typer.Option(min=1.0, max=600.0, help="Simulated time of one lap [s].")
     ] = 20.0,
-    repeats: Annotated[int, typer.Option(min=1, max=100, help="How many laps.")] = 3,
+    repeats: Annotated[int, typer.Option(min=1, max=100, help="Number of laps.")] = 3,
     json: Json = False,
 ) -> None:
-    """Time the whole loop, and PyBullet's rendering with physics alone, on one core."""
+    """Time the whole loop, and rendering with physics alone, on one core."""
     with quiet_stdout():
         from navfw.missions.loop_timing import bench_loop
         from navfw.missions.session import prepare
 
         session = prepare(world, mission, seed=seed, stack=stack)
-        result = bench_loop(session, seconds, repeats, say)
+        result = bench_loop(session, seconds, repeats, print_status)
     if json:
         print_json(result)
     else:
         _print(result)
 
 
+RandomViews = Annotated[int, typer.Option(min=12, help="Number of random views.")]
+Comparisons = Annotated[
+    int, typer.Option(min=10, help="Random inputs for each rule base, also by scikit-fuzzy.")
+]
+FlowPoses = Annotated[
+    int, typer.Option(min=1, help="Poses in each world at which the flow is measured.")
+]
+ViewSeed = Annotated[
+    int | None,
+    typer.Option(min=0, help="Seed of the random views; by default the held-out one."),
+]
+Workers = Annotated[
+    int | None,
+    typer.Option(min=1, help="Processes for the parts not timed; by default one per core."),
+]
+RecordedData = Annotated[
+    Path | None,
+    typer.Option(help="Folder with the data sets approach and tum_fr1.", show_default=False),
+]
+PageFolder = Annotated[
+    Path | None,
+    typer.Option(help="Folder to write a page of tables and plots to.", show_default=False),
+]
+
+
 def perception(
-    poses: Annotated[int, typer.Option(min=12, help="Random views.")] = 1000,
-    comparisons: Annotated[
-        int, typer.Option(min=10, help="Random inputs of each rule base, by scikit-fuzzy, too.")
-    ] = 10_000,
-    places: Annotated[
-        int, typer.Option(min=1, help="Poses in each world for the flow's errors.")
-    ] = 20,
-    seed: Annotated[
-        int | None,
-        typer.Option(min=0, help="Of the random views; by default the held-out one."),
-    ] = None,
-    workers: Annotated[
-        int | None,
-        typer.Option(min=1, help="Processes, for what is not timed; by default one a core."),
-    ] = None,
-    data: Annotated[
-        Path | None,
-        typer.Option(
-            help="A folder with the recorded data: approach, tum_fr1.", show_default=False
-        ),
-    ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            help="Write a page with all tables and plots to this folder.", show_default=False
-        ),
-    ] = None,
+    poses: RandomViews = 1000,
+    comparisons: Comparisons = 10_000,
+    places: FlowPoses = 20,
+    seed: ViewSeed = None,
+    workers: Workers = None,
+    data: RecordedData = None,
+    out: PageFolder = None,
     json: Json = False,
 ) -> None:
-    """Measure perception: accuracy against geometry, flow, speed, recorded images."""
+    """Measure perception: accuracy against true geometry, flow, speed, recorded images."""
     with quiet_stdout():
         from navfw.bench.perception import (
             Extent,
@@ -101,7 +104,7 @@ def perception(
                 seed,
                 workers or cores(),
                 recorded,
-                say,
+                print_status,
             )
         )
         if folder is not None:
@@ -117,13 +120,13 @@ def perception(
 
 def planning(
     places: Annotated[
-        int, typer.Option(min=100, max=200_000, help="Of the generated map.")
+        int, typer.Option(min=100, max=200_000, help="Number of places of the generated map.")
     ] = 10_000,
-    repeats: Annotated[int, typer.Option(min=3, max=1000, help="Ways to plan.")] = 20,
-    seed: Annotated[int, typer.Option(min=0, help="Of the map and the ways.")] = 0,
+    repeats: Annotated[int, typer.Option(min=3, max=1000, help="Number of routes to plan.")] = 20,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the map and the routes.")] = 0,
     json: Json = False,
 ) -> None:
-    """Time PAPFIS on a large map, beside A* of networkx on the same costs."""
+    """Time PAPFIS on a large map, and A* of networkx on the same costs."""
     with quiet_stdout():
         from navfw.bench.planning import bench_planning
 
@@ -131,39 +134,39 @@ def planning(
     if json:
         print_json(result)
         return
-    typer.echo(f"{result['places']} places, {result['passages']} passages, {repeats} ways [ms]")
+    typer.echo(f"{result['places']} places, {result['passages']} passages, {repeats} routes [ms]")
     rows = [
         (what, *(f"{result[key][part]:.1f}" for part in ("median", "min", "max")))
         for what, key in (
-            ("all costs, at load", "costs_ms"),
+            ("all costs, when loading", "costs_ms"),
             ("first plan", "first_plan_ms"),
-            ("new plan after closing", "replan_ms"),
+            ("new plan after a closure", "replan_ms"),
             ("networkx.astar_path", "networkx_ms"),
         )
     ]
     print_table(["", "median", "least", "most"], rows, "nothing")
     typer.echo(
-        f"first plan {result['first_plan_over_networkx']:.2f} times networkx,"
-        f" new plan {result['replan_over_networkx']:.2f} times"
+        f"time over that of networkx: first plan {result['first_plan_over_networkx']:.2f},"
+        f" new plan {result['replan_over_networkx']:.2f}"
     )
 
 
 def _print(result: dict[str, Any]) -> None:
     typer.echo(
-        f"loop {result['loop_wall_s']:.2f} s for {result['sim_time_s']:.1f} simulated:"
+        f"loop {result['loop_wall_s']:.2f} s for {result['sim_time_s']:.1f} s simulated:"
         f" {result['real_time_factor']:.1f} x real time"
     )
-    for whose, wall, ratio in (
-        ("PyBullet's", "render_physics_wall_s", "loop_over_render"),
-        ("our own", "own_render_physics_wall_s", "loop_over_own_render"),
+    for raster, wall, ratio in (
+        ("PyBullet", "render_physics_wall_s", "loop_over_render"),
+        ("navfw's raster", "own_render_physics_wall_s", "loop_over_own_render"),
     ):
         low, high = result["spread"][ratio]
         typer.echo(
-            f"{whose} rendering and physics alone {result[wall]:.2f} s:"
+            f"rendering by {raster} and physics alone {result[wall]:.2f} s:"
             f" the loop takes {result[ratio]:.2f} times that ({low:.2f} to {high:.2f})"
         )
-    typer.echo(f"a frame takes PyBullet {result['pybullet_render_ms']:.2f} ms")
-    typer.echo("per camera frame:")
+    typer.echo(f"rendering by PyBullet {result['pybullet_render_ms']:.2f} ms per frame")
+    typer.echo("computing time per camera frame:")
     for stage, milliseconds in result["stage_ms"].items():
         typer.echo(f"  {stage:<12} {milliseconds:7.2f} ms")
     if result["peak_memory_mb"] is not None:

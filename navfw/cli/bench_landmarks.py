@@ -1,4 +1,4 @@
-"""``navfw bench landmarks``: from where landmarks are recognised, how well, at which cost."""
+"""``navfw bench landmarks``: recognition of landmarks by distance and angle, and its time."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from navfw.cli.options import Json
-from navfw.cli.output import print_json, print_tables, quiet_stdout, say
+from navfw.cli.output import print_json, print_status, print_tables, quiet_stdout
 
 __all__ = ["landmarks"]
 
@@ -16,14 +16,14 @@ def landmarks(
     views: Annotated[
         int, typer.Option(min=1, max=1000, help="Views at each distance and angle.")
     ] = 20,
-    seed: Annotated[int, typer.Option(min=0, help="Of the views and their noise.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the views and their noise.")] = 0,
     json: Json = False,
 ) -> None:
-    """Measure recognition of landmarks over distance and angle, and its cost per frame."""
+    """Measure the recognition of landmarks over distance and angle, and its time per frame."""
     with quiet_stdout():
         from navfw.bench.landmarks import bench_landmarks, tables
 
-        result = bench_landmarks(views, seed, say)
+        result = bench_landmarks(views, seed, print_status)
     if json:
         print_json(result)
         return

@@ -1,4 +1,4 @@
-"""``navfw explain RUN_FOLDER --at T``: why a command was given, rule by rule."""
+"""``navfw explain RUN_FOLDER --at T``: the rules and behaviours behind a command."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ def add_to(app: typer.Typer) -> None:
 
 def explain(
     folder: Recorded,
-    at: Annotated[float, typer.Option("--at", help="Time in the run [s].")],
+    at: Annotated[float, typer.Option("--at", help="Time since the start of the run [s].")],
     json: Json = False,
 ) -> None:
-    """Say why the robot did what it did at one moment: which rules fired, how strongly."""
+    """Explain the command at one moment: the behaviours, and the rules that fired."""
     with quiet_stdout():
         from navfw.recording.run_replay import explain_at
 
@@ -34,23 +34,23 @@ def explain(
 
 
 def _lines(explanation: dict[str, Any]) -> list[str]:
-    """The explanation for a person."""
-    seen = explanation.get("perception", {}).get("sentence", "")
+    """The explanation as lines of text."""
+    perceived = explanation.get("perception", {}).get("sentence", "")
     lines = [
         f"at {explanation['time']:.1f} s: v {explanation['v']:+.2f} m/s, "
         f"w {explanation['w']:+.2f} rad/s, led by {explanation['leader']}",
-        f"  saw  {seen or 'nothing yet'}",
+        f"  perceived  {perceived or 'nothing yet'}",
     ]
     composite = explanation.get("composite", {"rules": ()})
     if composite["rules"]:
         given = ", ".join(f"{name} {weight:.2f}" for name, weight in composite["weights"].items())
-        lines.append(f"  {composite['name']} gives {given}")
+        lines.append(f"  {composite['name']} weights {given}")
         lines += [f"      {rule['strength']:.2f}  {rule['rule']}" for rule in composite["rules"]]
     ordered = sorted(explanation["behaviors"].items(), key=lambda item: -item[1]["weight"])
-    for name, said in ordered:
+    for name, part in ordered:
         lines.append(
-            f"  {name}: weight {said['weight']:.2f}, wants this {said['desirability']:.2f}, "
-            f"forbids it {said['prohibition']:.2f} - {said['reason']}"
+            f"  {name}: weight {part['weight']:.2f}, desirability {part['desirability']:.2f}, "
+            f"prohibition {part['prohibition']:.2f} - {part['reason']}"
         )
-        lines += [f"      {rule['strength']:.2f}  {rule['rule']}" for rule in said["rules"]]
+        lines += [f"      {rule['strength']:.2f}  {rule['rule']}" for rule in part["rules"]]
     return lines

@@ -1,4 +1,4 @@
-"""What a listing says of a file, read from the file alone: no world is built, no map is checked."""
+"""Rows of the listings, read from a file alone: worlds are not built and maps not checked."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ __all__ = ["map_summary", "mission_summary", "stack_summary", "world_summary"]
 
 
 class _FileSummary(BaseModel):
-    # the other keys are checked by those who use the file
+    """The keys that listings show; the other keys are not checked."""
+
     model_config = ConfigDict(extra="ignore")
 
     description: str = ""
@@ -46,20 +47,21 @@ class _StackSummary(_FileSummary):
 SummaryT = TypeVar("SummaryT", bound=_FileSummary)
 
 MAP_BYTES = 8_000_000
+"""Largest size of a map file [bytes]."""
 
 
 def world_summary(path: Path) -> dict[str, Any]:
-    """Its description."""
+    """The description in a world file."""
     return {"description": _read(path, _FileSummary).description}
 
 
 def mission_summary(path: Path) -> dict[str, Any]:
-    """Description, map, start, goals and timeout [s], as the file has them."""
+    """Description, map, start, goals and timeout [s] in a mission file."""
     return _read(path, _MissionSummary).model_dump()
 
 
 def map_summary(path: Path) -> dict[str, Any]:
-    """Its description, and how many places and edges it has."""
+    """The description in a map file, and the numbers of its places and edges."""
     spec = _read(path, _MapSummary, MAP_BYTES)
     return {
         "description": spec.description,
@@ -69,7 +71,7 @@ def map_summary(path: Path) -> dict[str, Any]:
 
 
 def stack_summary(path: Path) -> dict[str, Any]:
-    """Its description, and for each stage the names of its plugins."""
+    """The description of a stack, and the names of the plugins of each stage."""
     spec = validate(read_stack(path), _StackSummary)
     stages = spec.model_dump(exclude={"description"})
     return {

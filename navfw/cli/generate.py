@@ -1,4 +1,4 @@
-"""``navfw generate FAMILY``: a new world, from a seed."""
+"""``navfw generate FAMILY``: generate a world from a seed."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ def add_to(app: typer.Typer) -> None:
 
 def generate(
     family: Annotated[
-        str, typer.Argument(help="rooms, clutter, corridors, maze, poles or moving.")
+        str, typer.Argument(help="Family: rooms, clutter, corridors, maze, poles or moving.")
     ],
-    seed: Annotated[int, typer.Option(help="The same seed gives the same world.")] = 0,
-    difficulty: Annotated[float, typer.Option(help="From 0, easy, to 1.")] = 0.5,
+    seed: Annotated[int, typer.Option(help="Seed; the same one gives the same world.")] = 0,
+    difficulty: Annotated[float, typer.Option(help="Difficulty from 0 (easy) to 1.")] = 0.5,
     out: Annotated[
-        Path | None, typer.Option(help="The folder to write [default: generated/FAMILY-SEED].")
+        Path | None, typer.Option(help="Folder to write [default: generated/FAMILY-SEED].")
     ] = None,
     json: Json = False,
 ) -> None:
-    """Generate a world that can be crossed; drive it with navfw run FOLDER cross."""
+    """Generate a world with a path from start to goal; run it with navfw run FOLDER cross."""
     from navfw.worldgen import generate as make
     from navfw.worldgen.generated_world import MISSION
 

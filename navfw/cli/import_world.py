@@ -1,4 +1,4 @@
-"""``navfw import WORLD.world``: a Gazebo world of cylinders and boxes as a world of ours."""
+"""``navfw import WORLD.world``: convert a Gazebo world of cylinders and boxes."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ def add_to(app: typer.Typer) -> None:
 
 
 def import_(
-    world: Annotated[Path, typer.Argument(help="An SDF file.")],
-    out: Annotated[Path, typer.Option(help="The folder to write.")],
+    world: Annotated[Path, typer.Argument(help="SDF file.")],
+    out: Annotated[Path, typer.Option(help="Folder to write.")],
     start: Annotated[
         str | None,
-        typer.Option(metavar="X,Y,YAW", help="Where the mission begins [m, rad]; BARN knows."),
+        typer.Option(metavar="X,Y,YAW", help="Start [m, rad]; not needed for a BARN world."),
     ] = None,
     goal: Annotated[
-        str | None, typer.Option(metavar="X,Y", help="Where it leads [m]; BARN knows.")
+        str | None, typer.Option(metavar="X,Y", help="Goal [m]; not needed for a BARN world.")
     ] = None,
     skip_unsupported: Annotated[
-        bool, typer.Option("--skip-unsupported", help="Leave out what is not supported.")
+        bool, typer.Option("--skip-unsupported", help="Leave out unsupported elements.")
     ] = False,
     json: Json = False,
 ) -> None:
-    """Import a Gazebo world; drive it with navfw run FOLDER cross."""
+    """Convert a Gazebo world; run it with navfw run FOLDER cross."""
     from navfw.worldgen.gazebo_import import import_world
     from navfw.worldgen.generated_world import MISSION
 

@@ -1,4 +1,4 @@
-"""``navfw learn``: tables that are learnt offline, on drives whose truth is known."""
+"""``navfw learn``: tables learnt offline from drives with known true poses."""
 
 from __future__ import annotations
 
@@ -8,34 +8,34 @@ from typing import Annotated
 import typer
 
 from navfw.cli.options import Json
-from navfw.cli.output import print_json, print_tables, quiet_stdout, say
+from navfw.cli.output import print_json, print_status, print_tables, quiet_stdout
 
 __all__ = ["add_to"]
 
 
 def add_to(app: typer.Typer) -> None:
     """Add ``learn`` with its commands."""
-    group = typer.Typer(help="Learn offline, from drives of known truth.", no_args_is_help=True)
+    group = typer.Typer(
+        help="Learn tables offline, from drives with known true poses.", no_args_is_help=True
+    )
     group.callback()(_group)
     group.command()(situations)
     app.add_typer(group, name="learn")
 
 
 def _group() -> None:
-    """Learn offline, from drives of known truth."""
+    """Learn tables offline, from drives with known true poses."""
 
 
 def situations(
     suite: Annotated[
-        str, typer.Argument(metavar="SUITE", help="A suite's name or file.")
+        str, typer.Argument(metavar="SUITE", help="Name or file of a suite.")
     ] = "situations",
-    seeds: Annotated[
-        str, typer.Option(metavar="A:B", help="From A up to, but not including, B.")
-    ] = "7000:7005",
-    out: Annotated[Path, typer.Option(help="The file to write.")] = Path("situations.yaml"),
+    seeds: Annotated[str, typer.Option(metavar="A:B", help="Seeds from A to B - 1.")] = "7000:7005",
+    out: Annotated[Path, typer.Option(help="File to write.")] = Path("situations.yaml"),
     json: Json = False,
 ) -> None:
-    """Learn what OFFIS says at which kinds of place, for localisation (METHOD 4.4)."""
+    """Learn how often OFFIS infers each situation at each kind of place (METHOD 4.4)."""
     with quiet_stdout():
         from navfw.bench.situation_learning import learn_situations, tables
         from navfw.errors import InputError
@@ -44,14 +44,14 @@ def situations(
         from navfw.suite.suitefile import load_suite, parse_seeds
 
         if out.is_dir():
-            raise InputError("is a folder; give a file to write", file=out, key="--out")
+            raise InputError("expected a file to write, got a folder", file=out, key="--out")
         registry = default_registry()
         plan = plan_runs(load_suite(suite), parse_seeds(seeds), registry)
-        learnt = learn_situations(plan, registry, say)
-        told = f"navfw learn situations {suite} --seeds {seeds}: {learnt.drives} drives"
+        learnt = learn_situations(plan, registry, print_status)
+        provenance = f"navfw learn situations {suite} --seeds {seeds}: {learnt.drives} drives"
         try:
             out.parent.mkdir(parents=True, exist_ok=True)
-            out.write_text(learnt.table.text(told), encoding="utf-8")
+            out.write_text(learnt.table.text(provenance), encoding="utf-8")
         except OSError as error:
             raise InputError(f"cannot be written: {error.strerror}", file=out) from None
     if json:

@@ -1,4 +1,4 @@
-"""``navfw worlds``, ``missions``, ``maps``, ``stacks``, ``plugins``: what there is."""
+"""``navfw worlds``, ``missions``, ``maps``, ``stacks``, ``plugins``: listings."""
 
 from __future__ import annotations
 
@@ -15,7 +15,9 @@ if TYPE_CHECKING:
 
 __all__ = ["add_to"]
 
-Json = Annotated[bool, typer.Option("--json", help="A list of objects on stdout, nothing else.")]
+Json = Annotated[
+    bool, typer.Option("--json", help="Print a JSON list of objects, and nothing else.")
+]
 Row = dict[str, Any]
 
 
@@ -29,7 +31,7 @@ def add_to(app: typer.Typer) -> None:
 
 
 def worlds(json: Json = False) -> None:
-    """List the worlds that can be driven in, with their missions."""
+    """List the worlds with their missions."""
     from navfw.config.lookup import list_missions, list_worlds
 
     def read(found: NamedFile) -> Row:
@@ -68,7 +70,7 @@ def maps(json: Json = False) -> None:
 
 
 def stacks(json: Json = False) -> None:
-    """List the stacks: which plugins make up the robot's mind."""
+    """List the stacks with their plugins."""
     from navfw.config.lookup import list_stacks
 
     def read(found: NamedFile) -> Row:
@@ -82,11 +84,12 @@ def stacks(json: Json = False) -> None:
 
 def plugins(
     kind: Annotated[
-        str | None, typer.Option("--kind", help="Only these: behavior, flow, planner, ...")
+        str | None,
+        typer.Option("--kind", help="Only plugins of this kind: behavior, flow, planner, ..."),
     ] = None,
     json: Json = False,
 ) -> None:
-    """List the plugins of all kinds with their parameters; broken ones with what is wrong."""
+    """List the plugins with their parameters; broken ones with their error."""
     with quiet_stdout():
         from navfw.plugins.registry import check_kind, default_registry
 
@@ -105,13 +108,13 @@ def _describe(found: NamedFile) -> Row:
     return world_summary(found.path)
 
 
-def _rows(things: Iterable[NamedFile], *readers: Callable[[NamedFile], Row]) -> list[Row]:
-    """A row for each thing; one whose file is broken has the error and stops no other."""
+def _rows(files: Iterable[NamedFile], *readers: Callable[[NamedFile], Row]) -> list[Row]:
+    """A row per file; the row of an invalid file holds its error."""
     from navfw.config.document import shown_path
     from navfw.errors import InputError
 
     rows = []
-    for found in things:
+    for found in files:
         row: Row = {"name": found.name, "description": ""}
         error = None
         for read in readers:

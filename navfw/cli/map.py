@@ -14,7 +14,8 @@ from navfw.cli.output import print_json, print_table, quiet_stdout
 __all__ = ["add_to"]
 
 OverWorld = Annotated[
-    str | None, typer.Option(help="A world's name or file [default: that of the map's name].")
+    str | None,
+    typer.Option(help="Name or file of a world [default: the world with the map's name]."),
 ]
 
 
@@ -31,12 +32,10 @@ def add_to(app: typer.Typer) -> None:
 def show(
     map_: Map,
     world: OverWorld = None,
-    out: Annotated[
-        Path | None, typer.Option(help="The PNG file to write [default: MAP.png].")
-    ] = None,
+    out: Annotated[Path | None, typer.Option(help="PNG file to write [default: MAP.png].")] = None,
     json: Json = False,
 ) -> None:
-    """Draw a map over its world's floor plan, and say what is in it."""
+    """Draw a map over the floor plan of its world, and count its elements."""
     from navfw.cli.map_inputs import find_map, outline_for
     from navfw.recording.map_picture import draw_map
 
@@ -48,7 +47,7 @@ def show(
     kinds: dict[str, int] = {}
     for place in topo_map.places.values():
         kinds[place.kind] = kinds.get(place.kind, 0) + 1
-    told = {
+    summary = {
         "map": topo_map.name,
         "places": len(topo_map.places),
         "edges": len(topo_map.passages),
@@ -60,15 +59,15 @@ def show(
         "picture": str(path),
     }
     if json:
-        print_json(told)
+        print_json(summary)
         return
     counted = ", ".join(f"{count} {kind}" for kind, count in kinds.items())
-    typer.echo(f"{topo_map.name}: {told['places']} places ({counted}), {told['edges']} edges")
+    typer.echo(f"{topo_map.name}: {summary['places']} places ({counted}), {summary['edges']} edges")
     typer.echo(f"picture {path}" + ("" if outline is not None else ", without a floor plan"))
 
 
 def check(map_: Map, world: OverWorld = None, json: Json = False) -> None:
-    """Look for what is wrong with a map, alone and in its world; exit code 1 if anything is."""
+    """Check a map, alone and against its world; exit with 1 if there are problems."""
     from navfw.cli.map_inputs import find_map, floor_plan
     from navfw.topomap.map_check import check_map
 
@@ -88,19 +87,19 @@ def check(map_: Map, world: OverWorld = None, json: Json = False) -> None:
         )
     else:
         if plan is None:
-            typer.echo("There is no world of the map's name: walls are not checked.", err=True)
+            typer.echo("No world has the map's name: walls are not checked.", err=True)
         cells = [(row["kind"], row["where"], row["message"]) for row in rows]
-        print_table(["problem", "where", ""], cells, f"{topo_map.name}: nothing is wrong")
+        print_table(["problem", "where", ""], cells, f"{topo_map.name}: no problems")
     if problems:
         raise typer.Exit(1)
 
 
 def build(
     world: World,
-    out: Annotated[Path, typer.Option(help="The map file to write.")],
+    out: Annotated[Path, typer.Option(help="Map file to write.")],
     json: Json = False,
 ) -> None:
-    """Derive a map from a world's geometry, for a person to name and edit."""
+    """Build a map from the geometry of a world, as a draft to edit."""
     from navfw.config.lookup import find
     from navfw.sim.floorplan import FloorPlan
     from navfw.sim.worldfile import load_world
@@ -125,14 +124,14 @@ def build(
         )
         return
     typer.echo(f"{out}: {len(topo_map.places)} places, {len(topo_map.passages)} edges")
-    typer.echo(f"look at it with navfw map show {out} --world {world}, then give places names")
+    typer.echo(f"view it with navfw map show {out} --world {world}, then name its places")
 
 
 def convert(
-    source: Annotated[str, typer.Argument(metavar="IN", help="A map's name or file.")],
-    out: Annotated[Path, typer.Argument(help="A .yaml, .graphml or .geojson file.")],
+    source: Annotated[str, typer.Argument(metavar="IN", help="Name or file of a map.")],
+    out: Annotated[Path, typer.Argument(help="File to write: .yaml, .graphml or .geojson.")],
     both_ways: Annotated[
-        bool, typer.Option("--both-ways", help="Take edges of one direction for both.")
+        bool, typer.Option("--both-ways", help="Make one-way edges two-way.")
     ] = False,
     json: Json = False,
 ) -> None:

@@ -1,4 +1,4 @@
-"""What the commands about maps share: finding a map, and the world that it is a map of."""
+"""Inputs of the commands about maps: the map, and the floor plan of its world."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ __all__ = ["find_map", "floor_plan", "outline_for"]
 
 
 def find_map(name: str, both_ways: bool = False) -> TopoMap:
-    """The map of that name, or in the file of any format.
+    """The map called ``name``, or in the file ``name`` of any supported format.
 
     Raises:
-        InputError: there is none, or it is not usable.
+        InputError: it does not exist, or its file is invalid.
 
     """
     from navfw.config.lookup import find
@@ -29,10 +29,10 @@ def find_map(name: str, both_ways: bool = False) -> TopoMap:
 
 
 def floor_plan(topo_map: TopoMap, world: str | None) -> FloorPlan | None:
-    """The floor plan of the world named, or else of the one with the map's name, if there is one.
+    """The floor plan of ``world``; by default of the world with the map's name, None without one.
 
     Raises:
-        InputError: there is no world of the name given, or its file is wrong.
+        InputError: ``world`` does not exist, or its file is invalid.
 
     """
     from navfw.config.lookup import find, list_worlds
@@ -48,7 +48,7 @@ def floor_plan(topo_map: TopoMap, world: str | None) -> FloorPlan | None:
 
 
 def outline_for(topo_map: TopoMap, world: str | None) -> WorldOutline | None:
-    """The world seen from above, where ``floor_plan`` finds one."""
+    """The outline, seen from above, of the world of ``floor_plan``; None without one."""
     from navfw.missions.run_report import outline_of
 
     plan = floor_plan(topo_map, world)

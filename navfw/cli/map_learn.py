@@ -1,4 +1,4 @@
-"""``navfw map learn``: drive a mission, and write the landmarks that were seen into its map."""
+"""``navfw map learn``: drive a mission and add the detected landmarks to its map."""
 
 from __future__ import annotations
 
@@ -18,13 +18,15 @@ def learn(
     mission: Mission,
     stack: Stack = "default",
     out: Annotated[
-        Path | None, typer.Option(help="The map file to write [default: MAP-learnt.yaml].")
+        Path | None, typer.Option(help="Map file to write [default: MAP-learnt.yaml].")
     ] = None,
     seed: NoiseSeed = 0,
-    least: Annotated[int, typer.Option(min=1, max=1000, help="Looks that a landmark needs.")] = 3,
+    least: Annotated[
+        int, typer.Option(min=1, max=1000, help="Least number of observations of a landmark.")
+    ] = 3,
     json: Json = False,
 ) -> None:
-    """Drive a mission, and write the landmarks that were seen into its map."""
+    """Drive a mission and add the detected landmarks to its map."""
     with quiet_stdout():
         from navfw.missions.landmark_learning_drive import learn_landmarks
         from navfw.missions.session import prepare
@@ -35,9 +37,9 @@ def learn(
         drive = learn_landmarks(session, least=least)
         path = out or Path(f"{Path(drive.topo_map.name).name}-learnt.yaml")
         save_map(drive.topo_map, path)
-        told = plain_json({**drive.as_data(session), "file": str(path)})
+        result = plain_json({**drive.as_data(session), "file": str(path)})
     if json:
-        print_json(told)
+        print_json(result)
         return
     cells = [
         (
@@ -48,7 +50,9 @@ def learn(
             f"{row['sigma_m']:.2f}",
             "" if row["error_m"] is None else f"{row['error_m']:.2f}",
         )
-        for row in told["landmarks"]
+        for row in result["landmarks"]
     ]
-    print_table(["landmark", "x", "y", "observations", "sigma [m]", "off by [m]"], cells, "nothing")
-    typer.echo(f"{told['reason']}; {path}: {told['learnt']} landmarks learnt")
+    print_table(
+        ["landmark", "x", "y", "observations", "sigma [m]", "error [m]"], cells, "no landmarks"
+    )
+    typer.echo(f"{result['reason']}; {path}: {result['learnt']} landmarks learnt")

@@ -1,4 +1,4 @@
-"""Arguments and options that several commands have, each said once."""
+"""Arguments and options shared by several commands."""
 
 from __future__ import annotations
 
@@ -9,10 +9,12 @@ import typer
 
 __all__ = ["Json", "Map", "Mission", "NoiseSeed", "Recorded", "Stack", "World"]
 
-World = Annotated[str, typer.Argument(help="A world's name or file.")]
-Mission = Annotated[str, typer.Argument(help="A mission of that world, or a file.")]
-Map = Annotated[str, typer.Argument(metavar="MAP", help="A map's name or file.")]
-Recorded = Annotated[Path, typer.Argument(help="A folder that navfw run --record has left.")]
-Stack = Annotated[str, typer.Option(help="A stack's name or file.")]
-NoiseSeed = Annotated[int, typer.Option(min=0, help="Of all noise.")]
-Json = Annotated[bool, typer.Option("--json", help="One object on stdout, nothing else.")]
+World = Annotated[str, typer.Argument(help="Name or file of a world.")]
+Mission = Annotated[str, typer.Argument(help="Name of a mission of that world, or a file.")]
+Map = Annotated[str, typer.Argument(metavar="MAP", help="Name or file of a map.")]
+Recorded = Annotated[Path, typer.Argument(help="Run folder written by navfw run --record.")]
+Stack = Annotated[str, typer.Option(help="Name or file of a stack.")]
+NoiseSeed = Annotated[int, typer.Option(min=0, help="Seed of all noise.")]
+Json = Annotated[
+    bool, typer.Option("--json", help="Print one JSON object on stdout, and nothing else.")
+]

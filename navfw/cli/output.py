@@ -1,4 +1,4 @@
-"""What commands print: JSON and nothing else, or tables for people."""
+"""Output of the commands: JSON, tables, and status lines."""
 
 from __future__ import annotations
 
@@ -12,25 +12,24 @@ from typing import Any
 
 import typer
 
-__all__ = ["console", "print_json", "print_table", "print_tables", "quiet_stdout", "say"]
+__all__ = ["console", "print_json", "print_status", "print_table", "print_tables", "quiet_stdout"]
 
 
-def say(text: str) -> None:
-    """A line on stderr, for who waits; stdout belongs to the result."""
+def print_status(text: str) -> None:
+    """Print a status line on stderr; stdout is reserved for results."""
     typer.echo(text, err=True)
 
 
 def print_json(data: Mapping[str, Any] | Sequence[Mapping[str, Any]]) -> None:
-    """One object or a list of objects on stdout."""
+    """Print one object, or a list of objects, on stdout."""
     typer.echo(json.dumps(data, indent=2, allow_nan=False))
 
 
 @contextlib.contextmanager
 def quiet_stdout() -> Iterator[None]:
-    """Inside, whatever is written to stdout goes to stderr, by native libraries too.
+    """Redirect stdout to stderr inside the block, for native libraries as well.
 
-    With ``--json`` stdout belongs to the result alone, but libraries greet when imported and
-    plugins print.
+    Stdout is reserved for results, but some libraries print when imported, and plugins may print.
     """
     with contextlib.redirect_stdout(sys.stderr):
         if not _is_fd_1(sys.__stdout__):
@@ -42,20 +41,20 @@ def quiet_stdout() -> Iterator[None]:
         try:
             yield
         finally:
-            _flush()  # what C has buffered meanwhile
+            _flush()  # the buffers of native libraries
             os.dup2(saved, 1)
             os.close(saved)
 
 
 def console() -> Any:
-    """A rich console on stdout; as wide as a file needs it where there is no terminal."""
+    """A rich console on stdout; 160 columns wide where stdout is not a terminal."""
     from rich.console import Console
 
     return Console(highlight=False, width=None if sys.stdout.isatty() else 160)
 
 
 def print_table(columns: Sequence[str], rows: Sequence[Sequence[object]], nothing: str) -> None:
-    """A table for people; ``nothing`` is said instead when there are no rows."""
+    """Print a table on stdout, or the text ``nothing`` when there are no rows."""
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
     from rich.text import Text
@@ -65,13 +64,13 @@ def print_table(columns: Sequence[str], rows: Sequence[Sequence[object]], nothin
         return
     table = Table(*columns, box=SIMPLE_HEAD, pad_edge=False)
     for row in rows:
-        # as Text, since rich takes a unit such as [m] for markup
+        # as Text: rich would read a unit such as [m] as markup
         table.add_row(*(cell if isinstance(cell, Text) else Text(str(cell)) for cell in row))
     console().print(table)
 
 
 def print_tables(tables: Iterable[tuple[str, Sequence[str], Sequence[Sequence[object]]]]) -> None:
-    """Tables for people, each with its title above it."""
+    """Print tables, given as (title, columns, rows), on stdout."""
     for title, columns, rows in tables:
         typer.echo(f"\n{title}")
         print_table(columns, rows, "nothing")

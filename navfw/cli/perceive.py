@@ -1,4 +1,4 @@
-"""``navfw perceive SOURCE...``: OFFIS on real images: a folder, a video, image files."""
+"""``navfw perceive SOURCE...``: OFFIS on recorded images: a folder, a video, image files."""
 
 from __future__ import annotations
 
@@ -23,68 +23,79 @@ def add_to(app: typer.Typer) -> None:
     app.command()(perceive)
 
 
+Hfov = Annotated[
+    float, typer.Option(help="Horizontal field of view [degrees]; about 65 for a phone.")
+]
+Speed = Annotated[
+    float | None,
+    typer.Option(
+        help="Forward speed [m/s]. Unknown or 0: times to contact only, unless --height is given"
+        " and the floor is visible.",
+        show_default=False,
+    ),
+]
+Fps = Annotated[
+    float | None,
+    typer.Option(
+        help="Images per second; by default that of the video, 10 for files.", show_default=False
+    ),
+]
+Height = Annotated[
+    float | None,
+    typer.Option(
+        help="Height of the camera above the floor [m]; by default from floor and speed.",
+        show_default=False,
+    ),
+]
+Pitch = Annotated[float, typer.Option(help="Pitch of the camera, nose down positive [degrees].")]
+GyroFile = Annotated[
+    Path | None,
+    typer.Option(
+        help="CSV file: time [s], yaw_rate [rad/s] and, if known, pitch_rate, roll_rate; "
+        "by default the rotation is estimated from the flow.",
+        show_default=False,
+    ),
+]
+FlowPlugin = Annotated[str, typer.Option(metavar="PLUGIN", help="Flow processor.")]
+Grid = Annotated[str, typer.Option(metavar="ROWSxCOLUMNS", help="Grid of the flow.")]
+Stride = Annotated[
+    int | None,
+    typer.Option(
+        help="Distance between the images of a pair [images]; by default chosen by the flow.",
+        show_default=False,
+    ),
+]
+Overlay = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="OUT",
+        help="Draw the results: a folder of PNG files, or an .mp4 or .avi file.",
+        show_default=False,
+    ),
+]
+JsonList = Annotated[
+    bool, typer.Option("--json", help="Print a JSON list of objects, one per pair of images.")
+]
+
+
 def perceive(
     source: Annotated[
         list[Path],
         typer.Argument(help="A folder of images, a video, or image files.", show_default=False),
     ],
-    hfov: Annotated[
-        float, typer.Option(help="Horizontal field of view in degrees; a phone has about 65.")
-    ] = 65.0,
-    speed: Annotated[
-        float | None,
-        typer.Option(
-            help="Forward speed in m/s. Unknown or 0: times to contact only, unless --height is"
-            " given and the floor is seen.",
-            show_default=False,
-        ),
-    ] = None,
-    fps: Annotated[
-        float | None,
-        typer.Option(
-            help="Images a second; by default the video's, 10 for files.", show_default=False
-        ),
-    ] = None,
-    height: Annotated[
-        float | None,
-        typer.Option(
-            help="Camera above the floor in m; by default from floor and speed.",
-            show_default=False,
-        ),
-    ] = None,
-    pitch: Annotated[float, typer.Option(help="Camera's pitch, nose down, in degrees.")] = 0.0,
-    gyro: Annotated[
-        Path | None,
-        typer.Option(
-            help="CSV file: time (s), yaw_rate (rad/s) and, if known, pitch_rate, roll_rate; "
-            "without it the turn is estimated from the flow.",
-            show_default=False,
-        ),
-    ] = None,
-    flow: Annotated[
-        str, typer.Option(metavar="PLUGIN", help="The flow processor.")
-    ] = "block_matching",
-    grid: Annotated[str, typer.Option(metavar="ROWSxCOLUMNS", help="Grid of the flow.")] = "12x16",
-    stride: Annotated[
-        int | None,
-        typer.Option(
-            help="Images from the first to the second of a pair; by default chosen by the flow.",
-            show_default=False,
-        ),
-    ] = None,
-    overlay: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="OUT",
-            help="Draw what is seen: a folder of PNG files, or an .mp4 or .avi.",
-            show_default=False,
-        ),
-    ] = None,
-    json: Annotated[
-        bool, typer.Option("--json", help="A list of objects on stdout, one a pair of images.")
-    ] = False,
+    hfov: Hfov = 65.0,
+    speed: Speed = None,
+    fps: Fps = None,
+    height: Height = None,
+    pitch: Pitch = 0.0,
+    gyro: GyroFile = None,
+    flow: FlowPlugin = "block_matching",
+    grid: Grid = "12x16",
+    stride: Stride = None,
+    overlay: Overlay = None,
+    json: JsonList = False,
 ) -> None:
-    """Say what a camera that moves straight on sees: obstacles, distances, the situation."""
+    """Perceive obstacles, distances and the situation in images of a camera that moves ahead."""
     with quiet_stdout():
         from navfw.perceive.gyro_record import load_gyro_record
         from navfw.perceive.image_sources import open_source
@@ -110,21 +121,25 @@ def perceive(
 
         print_json([as_data(result) for result in results])
     else:
-        from navfw.perceive.pair_report import as_line
-
-        typer.echo("    time    sure  contact  what is seen")
-        for result in results:
-            typer.echo(as_line(result))
-        if overlay is not None:
-            typer.echo(f"drawn to {overlay}")
+        _print(results, overlay)
     for note in notes:
         typer.echo(f"note: {note}", err=True)
+
+
+def _print(results: list[PairResult], overlay: Path | None) -> None:
+    from navfw.perceive.pair_report import as_line
+
+    typer.echo("    time    sure  contact  perceived")
+    for result in results:
+        typer.echo(as_line(result))
+    if overlay is not None:
+        typer.echo(f"drawn to {overlay}")
 
 
 def _perceive_all(
     options: PerceiverOptions, images: ImageSource, overlay: Path | None
 ) -> list[PairResult]:
-    """All results; drawn to ``overlay`` on the way."""
+    """The results of all pairs of images; also drawn to ``overlay`` if given."""
     from navfw.perceive.overlay_output import open_output
     from navfw.perceive.perceiver import Perceiver
     from navfw.plugins import default_registry
@@ -151,20 +166,24 @@ def _grid(text: str) -> tuple[int, int]:
 
 
 def _notes(options: PerceiverOptions, results: list[PairResult]) -> list[str]:
-    """What a person should know about how the answers came about."""
+    """Remarks on the assumptions behind the results, and on gaps."""
     notes = []
     if not options.speed and not any(result.scale.metric for result in results):
         zero = "--speed 0 is taken as unknown" if options.speed == 0.0 else "no --speed given"
-        notes.append(f"{zero}: near, middle and far go by the time to contact; no metres")
+        notes.append(
+            f"{zero}: near, middle and far refer to the time to contact; no distances in metres"
+        )
     if options.gyro is not None:
         if options.gyro.note is not None:
             notes.append(options.gyro.note)
         gaps = sum(result.turn_source != "gyro" for result in results)
         if gaps == len(results):
-            raise InputError("covers none of the images' time", key="--gyro")
+            raise InputError(
+                "expected readings within the time of the images, got none", key="--gyro"
+            )
         if gaps:
-            notes.append(f"the gyro's record has gaps in {gaps} of {len(results)} pairs")
+            notes.append(f"the gyro's record has gaps in {gaps} of {len(results)} pairs of images")
     unknown = sum(not result.known for result in results)
     if unknown:
-        notes.append(f"{unknown} of {len(results)} pairs say nothing")
+        notes.append(f"{unknown} of {len(results)} pairs of images give no result")
     return notes

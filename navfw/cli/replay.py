@@ -1,4 +1,4 @@
-"""``navfw replay RUN_FOLDER``: the stack alone, from recorded sensor readings."""
+"""``navfw replay RUN_FOLDER``: run the stack on recorded sensor readings."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def replay(
     folder: Recorded,
     json: Json = False,
 ) -> None:
-    """Run the stack on recorded sensor readings; exit with 0 if it gives the same commands."""
+    """Run the stack on recorded sensor readings; exit with 1 if the commands differ."""
     with quiet_stdout():
         from navfw.recording.run_replay import replay as run_again
 
@@ -36,12 +36,12 @@ def replay(
             }
         )
     else:
-        whole = "" if result.complete else " (the recording ends before its run did)"
+        ending = "" if result.complete else " (the recording ends before its run did)"
         if result.same:
-            typer.echo(f"same commands in all {result.ticks} ticks{whole}")
+            typer.echo(f"same commands in all {result.ticks} ticks{ending}")
         else:
             first = result.first_difference
-            typer.echo(f"other commands from tick {first} of {result.ticks} on{whole}")
+            typer.echo(f"different commands from tick {first} of {result.ticks} on{ending}")
             typer.echo(f"  recorded  {result.recorded_hash}")
         typer.echo(f"  commands  {result.command_hash}")
     raise typer.Exit(0 if result.same else 1)

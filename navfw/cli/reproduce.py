@@ -1,4 +1,4 @@
-"""``navfw reproduce``: the paper's tables again, on a page with pictures."""
+"""``navfw reproduce``: repeat the paper's experiments; write tables and figures on a page."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from navfw.cli.options import Json
-from navfw.cli.output import print_json, print_table, quiet_stdout, say
+from navfw.cli.output import print_json, print_status, print_table, quiet_stdout
 
 __all__ = ["add_to"]
 
@@ -19,18 +19,21 @@ def add_to(app: typer.Typer) -> None:
 
 
 def reproduce(
-    out: Annotated[Path, typer.Option(help="The folder to write.")] = Path("reproduction"),
-    seed: Annotated[int, typer.Option(min=0, help="Of noise and of the generated views.")] = 0,
+    out: Annotated[Path, typer.Option(help="Folder to write.")] = Path("reproduction"),
+    seed: Annotated[
+        int, typer.Option(min=0, help="Seed of the noise and of the generated views.")
+    ] = 0,
     views: Annotated[
-        int, typer.Option(min=20, max=10_000, help="Views of section 4.3's comparison.")
+        int,
+        typer.Option(min=20, max=10_000, help="Number of views in the comparison of section 4.3."),
     ] = 200,
     json: Json = False,
 ) -> None:
-    """Do the paper's experiments again; exit with 1 if they do not show what they must."""
+    """Repeat the paper's experiments; exit with 1 if a check of the results fails."""
     with quiet_stdout():
         from navfw.reproduce.run import reproduce as run
 
-        result = run(out, seed, views, say)
+        result = run(out, seed, views, print_status)
     if json:
         print_json(result)
     else:

@@ -1,4 +1,4 @@
-"""``navfw run WORLD MISSION``: drive a mission, show how it goes, leave a run folder."""
+"""``navfw run WORLD MISSION``: drive a mission, show its progress, and write a run folder."""
 
 from __future__ import annotations
 
@@ -24,12 +24,13 @@ if TYPE_CHECKING:
 __all__ = ["add_to"]
 
 LINE_PERIOD = 5.0
-"""Seconds between progress lines where there is no terminal to keep one line alive."""
+"""Interval between progress lines where stderr is not a terminal [s]."""
 
 LINE_WIDTH = 200
+"""Largest length of such a line [characters]."""
 
-PATIENCE = 3.0
-"""Seconds without anything to show after which a person is told why."""
+COMPILING_NOTICE_AFTER = 3.0
+"""Time without progress after which ``COMPILING`` is printed [s]."""
 
 COMPILING = "the first run after a change of navfw compiles its kernels: up to a minute"
 
@@ -43,11 +44,11 @@ def run(
     world: World,
     mission: Mission,
     seed: Annotated[
-        int, typer.Option(min=0, help="Of all noise: the same seed gives the same commands.")
+        int, typer.Option(min=0, help="Seed of all noise; the same one gives the same commands.")
     ] = 0,
     stack: Annotated[
         str | None,
-        typer.Option(help="A stack's name or file [default: the mission's, or default]."),
+        typer.Option(help="Name or file of a stack [default: that of the mission, or default]."),
     ] = None,
     set_: Annotated[
         list[str] | None,
@@ -59,16 +60,17 @@ def run(
         ),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(help="The run folder [default: runs/WORLD-MISSION-SEED].")
+        Path | None, typer.Option(help="Run folder [default: runs/WORLD-MISSION-SEED].")
     ] = None,
     record: Annotated[
-        bool, typer.Option("--record", help="Keep the sensor readings, for navfw replay.")
+        bool,
+        typer.Option("--record", help="Record the sensor readings, for navfw replay and explain."),
     ] = False,
-    gui: Annotated[bool, typer.Option("--gui", help="Show PyBullet's window.")] = False,
+    gui: Annotated[bool, typer.Option("--gui", help="Show the window of PyBullet.")] = False,
     json: Json = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="No progress line.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Print no progress.")] = False,
 ) -> None:
-    """Drive a mission; exit with 0 if it succeeded, 1 if not, 2 for bad input."""
+    """Drive a mission; exit with 0 for success, 1 for failure, 2 for invalid input."""
     with quiet_stdout():
         result, folder = _drive(
             world, mission, seed, stack, set_ or [], out, record=record, gui=gui, quiet=quiet
@@ -95,14 +97,14 @@ def _drive(
     gui: bool,
     quiet: bool,
 ) -> tuple[MissionResult, Path]:
-    """Run the mission and write its folder; nothing is written before all input is checked."""
+    """Run the mission and write its folder, after all input has been checked."""
     from navfw.missions.run_report import default_folder, write_run
     from navfw.missions.session import prepare
     from navfw.recording.run_folder import RunFolder
 
     if gui and sys.platform == "linux" and not os.environ.get("DISPLAY"):
-        # PyBullet would end the process without a word
-        raise InputError("--gui needs a display, and DISPLAY is not set")
+        # PyBullet would end the process without a message
+        raise InputError("needs a display, but DISPLAY is not set", key="--gui")
     session = prepare(world, mission, seed=seed, stack=stack, overrides=overrides)
     target = RunFolder(out or default_folder(session), numbered=out is None)
     with target:
@@ -114,21 +116,21 @@ def _drive(
 
 def _print_result(summary: dict[str, Any]) -> None:
     good = summary["outcome"] == "reached"
-    led = f" ({summary['behavior']} led)" if summary["behavior"] else ""
+    leader = f" (leading behaviour {summary['behavior']})" if summary["behavior"] else ""
     screen = console()
     screen.print(
         f"[bold {'green' if good else 'red'}]{summary['outcome']}[/] after"
         f" {summary['sim_time_s']:.1f} s",
         end=": ",
     )
-    screen.print(f"{summary['reason']}{led}", markup=False)
-    hits = summary["collisions"]
-    touches = f"{hits or 'no'} collision{'' if hits == 1 else 's'}"
+    screen.print(f"{summary['reason']}{leader}", markup=False)
+    count = summary["collisions"]
+    collisions = f"{count or 'no'} collision{'' if count == 1 else 's'}"
     rows = {
         "path": f"{summary['path_length_m']:.2f} m, shortest {summary['shortest_path_m']:.2f} m"
         f" (SPL {summary['spl']:.2f})",
-        "clearance": f"{_clearance(summary['min_clearance_m'])}, {touches}",
-        "goal": f"{summary['distance_to_goal_m']:.2f} m away, own estimate off by"
+        "clearance": f"{_clearance(summary['min_clearance_m'])}, {collisions}",
+        "goal": f"{summary['distance_to_goal_m']:.2f} m away, error of the estimated position"
         f" {summary['estimate_error_m']:.2f} m",
         "speed": f"{summary['real_time_factor']:.1f} x real time ({summary['wall_time_s']:.1f} s)",
         "commands": summary["command_hash"][:16],
@@ -141,11 +143,11 @@ def _print_result(summary: dict[str, Any]) -> None:
 
 
 def _clearance(nearest: float) -> str:
-    return f"at least {nearest:.2f} m" if math.isfinite(nearest) else "nothing was near"
+    return f"at least {nearest:.2f} m" if math.isfinite(nearest) else "no obstacle near"
 
 
 class _ProgressLine:
-    """One live line on a terminal, a plain line every few seconds otherwise; on stderr."""
+    """Progress on stderr: a live line on a terminal, otherwise a line every ``LINE_PERIOD``."""
 
     def __init__(self, *, quiet: bool) -> None:
         self._quiet = quiet
@@ -164,7 +166,7 @@ class _ProgressLine:
             self._live.start()
         if not self._quiet:
             self._shown = time.monotonic()
-            threading.Thread(target=self._excuse_silence, daemon=True).start()
+            threading.Thread(target=self._explain_delay, daemon=True).start()
         return self
 
     def __exit__(
@@ -178,7 +180,7 @@ class _ProgressLine:
             self._live.stop()
 
     def show(self, progress: Progress) -> None:
-        """Show how the run stands."""
+        """Show the state of the run."""
         if self._quiet:
             return
         self._shown = time.monotonic()
@@ -192,10 +194,10 @@ class _ProgressLine:
             self._next_line = now + LINE_PERIOD
             typer.echo(_line(progress)[:LINE_WIDTH], err=True)
 
-    def _excuse_silence(self) -> None:
-        """Say once, should it happen, why there has been nothing to show for a while."""
-        while not self._over.wait(0.1 * PATIENCE):
-            if time.monotonic() - self._shown > PATIENCE:
+    def _explain_delay(self) -> None:
+        """Print ``COMPILING`` once if there is no progress for a while."""
+        while not self._over.wait(0.1 * COMPILING_NOTICE_AFTER):
+            if time.monotonic() - self._shown > COMPILING_NOTICE_AFTER:
                 if self._live is None:
                     typer.echo(COMPILING, err=True)
                 else:
@@ -205,8 +207,8 @@ class _ProgressLine:
 
 def _line(progress: Progress) -> str:
     towards = f" > {progress.waypoint}" if progress.waypoint else ""
-    leader = f"{progress.behavior or 'standing'}{towards}"
-    # what lies in front first: the objects of every layer fill more than a line
+    leader = f"{progress.behavior or 'no behaviour'}{towards}"
+    # what is ahead first: the objects of all layers are longer than a line
     parts = [" ".join(part.split()) for part in progress.sentence.split(";")]
     sentence = "; ".join(sorted(parts, key=lambda part: part.startswith("Layer")))
     return (

@@ -1,4 +1,4 @@
-"""``navfw suite`` runs worlds x missions x seeds; ``navfw compare`` compares two tables."""
+"""``navfw suite`` runs missions with many seeds; ``navfw compare`` compares two tables."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ if TYPE_CHECKING:
 __all__ = ["add_to"]
 
 LINE_PERIOD = 10.0
-"""Seconds between progress lines where there is no terminal for a bar."""
+"""Interval between progress lines where stderr is not a terminal [s]."""
 
 MAX_SHOWN = 25
-"""Failed runs that are listed; the table has them all."""
+"""Largest number of failed runs to print; the table holds all."""
 
 
 class Keep(StrEnum):
-    """Of which runs the trajectory's picture is kept."""
+    """The runs of which the picture of the trajectory is kept."""
 
     ALL = "all"
     FAILED = "failed"
@@ -43,42 +43,47 @@ def add_to(app: typer.Typer) -> None:
     app.command()(compare)
 
 
+Seeds = Annotated[str, typer.Option(metavar="A:B", help="Seeds from A to B - 1.")]
+Workers = Annotated[int, typer.Option(min=1, max=256, help="Processes, each with one thread.")]
+SuiteOut = Annotated[
+    Path | None, typer.Option(help="Folder for the table [default: runs/SUITE-A-B].")
+]
+Stacks = Annotated[
+    list[str] | None,
+    typer.Option(help="Name or file of a stack, instead of those of the suite. May be repeated."),
+]
+Overrides = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="K=V", help="Change one value in all runs. May be repeated."),
+]
+Worlds = Annotated[
+    Path | None, typer.Option(help="Folder of worlds, instead of those of the suite.")
+]
+Variants = Annotated[
+    list[str] | None, typer.Option(help="Run only this variant of the suite. May be repeated.")
+]
+KeepPictures = Annotated[Keep, typer.Option(help="Runs of which to keep the trajectory's picture.")]
+Limit = Annotated[float, typer.Option(min=1.0, help="Largest wall time of a run [s].")]
+
+
 def suite(
-    file: Annotated[str, typer.Argument(metavar="SUITE", help="A suite's name or file.")],
-    seeds: Annotated[str, typer.Option(metavar="A:B", help="From A up to, but not including, B.")],
-    workers: Annotated[
-        int, typer.Option(min=1, max=256, help="Processes, each on one thread.")
-    ] = 1,
-    out: Annotated[
-        Path | None, typer.Option(help="Where the table goes [default: runs/SUITE-A-B].")
-    ] = None,
-    stack: Annotated[
-        list[str] | None,
-        typer.Option(help="A stack's name or file, in place of the suite's. May be repeated."),
-    ] = None,
-    set_: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="K=V", help="Change one value in all runs. May be repeated."),
-    ] = None,
-    worlds: Annotated[
-        Path | None, typer.Option(help="A folder of worlds, in place of those the suite names.")
-    ] = None,
-    variant: Annotated[
-        list[str] | None, typer.Option(help="Only this one of the suite's. May be repeated.")
-    ] = None,
-    keep: Annotated[Keep, typer.Option(help="Of which runs to keep the picture.")] = Keep.FAILED,
-    limit: Annotated[
-        float, typer.Option(min=1.0, help="Seconds of the clock on the wall a run may take.")
-    ] = 900.0,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Go on with the table in --out.")
-    ] = False,
+    file: Annotated[str, typer.Argument(metavar="SUITE", help="Name or file of a suite.")],
+    seeds: Seeds,
+    workers: Workers = 1,
+    out: SuiteOut = None,
+    stack: Stacks = None,
+    set_: Overrides = None,
+    worlds: Worlds = None,
+    variant: Variants = None,
+    keep: KeepPictures = Keep.FAILED,
+    limit: Limit = 900.0,
+    resume: Annotated[bool, typer.Option("--resume", help="Resume the table in --out.")] = False,
     json: Json = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress bar.")] = False,
 ) -> None:
     """Run every mission of a suite with every seed; exit with 0 when done, 1 when interrupted."""
     if resume and out is None:
-        raise typer.BadParameter("needs --out, the folder to go on with", param_hint="--resume")
+        raise typer.BadParameter("needs --out, the folder to resume", param_hint="--resume")
     with quiet_stdout():
         from navfw.plugins import default_registry
         from navfw.recording.provenance import code_revision
@@ -98,10 +103,10 @@ def suite(
             variants=variant or [],
         )
         for name, reason in plan.skipped.items():
-            typer.echo(f"navfw: skips the variant {name}: {reason}", err=True)
+            typer.echo(f"navfw: variant {name} skipped: {reason}", err=True)
         folder = SuiteFolder.choose(out, plan, span)
         have = folder.open(plan, code_revision(), resume=resume)
-        with _Bar(plan.suite, plan.cases, have, quiet=quiet) as bar:
+        with _SuiteProgress(plan.suite, plan.cases, have, quiet=quiet) as bar:
             done = run_suite(
                 plan,
                 folder,
@@ -109,7 +114,7 @@ def suite(
                 keep=keep.value,
                 have=have,
                 limit=limit,
-                tell=bar.tell,
+                tell=bar.update,
             )
     if json:
         _print_json(done, folder.table)
@@ -120,13 +125,13 @@ def suite(
 
 
 def compare(
-    a: Annotated[Path, typer.Argument(help="A suite's table.csv, or its folder.")],
-    b: Annotated[Path, typer.Argument(help="Another one, over the same seeds.")],
-    variant_a: Annotated[str | None, typer.Option(help="Of A, only this variant.")] = None,
-    variant_b: Annotated[str | None, typer.Option(help="Of B, only this variant.")] = None,
+    a: Annotated[Path, typer.Argument(help="table.csv of a suite, or its folder.")],
+    b: Annotated[Path, typer.Argument(help="Another one, with the same seeds.")],
+    variant_a: Annotated[str | None, typer.Option(help="Use only this variant of A.")] = None,
+    variant_b: Annotated[str | None, typer.Option(help="Use only this variant of B.")] = None,
     json: Json = False,
 ) -> None:
-    """Compare two tables run by run: whether B is better than A."""
+    """Compare two tables run by run, with significance tests."""
     from navfw.suite.paired_comparison import compare_tables, of_variant
     from navfw.suite.run_table import read_table
 
@@ -138,7 +143,7 @@ def compare(
         _print_comparison(found)
 
 
-# --- what is printed -----------------------------------------------------------------------------
+# --- output --------------------------------------------------------------------------------------
 
 
 def _print_json(done: SuiteResult, table: Path) -> None:
@@ -162,20 +167,20 @@ def _print_summary(summary: dict[str, Any], rows: tuple[RunRow, ...]) -> None:
     if any("expect" in part for part in parts.values()):
         columns.append("passes")
         lines = [[*line, _passes(part)] for line, part in zip(lines, parts.values(), strict=True)]
-    print_table(columns, lines, "Nothing was run.")
+    print_table(columns, lines, "No runs.")
     for cause, count in summary["causes"].items():
         seeds = [row.seed for row in rows if f"{row.outcome}: {row.cause}" == cause]
         some = ", ".join(map(str, seeds[:8])) + (", ..." if len(seeds) > 8 else "")
         typer.echo(f"{count:5d} x {cause:<28} seeds {some}")
     failed = [row for row in rows if not row.succeeded]
     for row in failed[:MAX_SHOWN]:
-        what = row.variant or row.stack
-        who = f"{row.entry} / {row.world} / {row.mission}, seed {row.seed}, {what}"
-        typer.echo(f"  {who}: {row.outcome} ({row.cause}): {row.reason}")
+        stack = row.variant or row.stack
+        run = f"{row.entry} / {row.world} / {row.mission}, seed {row.seed}, {stack}"
+        typer.echo(f"  {run}: {row.outcome} ({row.cause}): {row.reason}")
     if len(failed) > MAX_SHOWN:
         typer.echo(f"  and {len(failed) - MAX_SHOWN} more")
     if not summary["complete"]:
-        typer.echo("interrupted: --resume runs the rest")
+        typer.echo("interrupted; --resume runs the rest")
 
 
 def _line(name: str, part: dict[str, Any]) -> list[str]:
@@ -201,7 +206,7 @@ def _passes(part: dict[str, Any]) -> str:
 
 
 def _print_comparison(found: dict[str, Any]) -> None:
-    typer.echo(f"{found['pairs']} pairs, {found['unpaired']} runs without a partner")
+    typer.echo(f"{found['pairs']} pairs, {found['unpaired']} unpaired runs")
     typer.echo(
         f"success    {_percent(found['success_a'])} -> {_percent(found['success_b'])}"
         f"  (only B {len(found['gained'])}, only A {len(found['lost'])};"
@@ -214,7 +219,7 @@ def _print_comparison(found: dict[str, Any]) -> None:
     if found["both_reached"]:
         typer.echo(
             f"time       {found['time_a_s']:.1f} -> {found['time_b_s']:.1f} s  (median difference"
-            f" {found['time_difference_s']:+.1f} s in {found['both_reached']} pairs that arrived)"
+            f" {found['time_difference_s']:+.1f} s in {found['both_reached']} pairs of successes)"
         )
     typer.echo(f"collisions {found['collisions_a']} -> {found['collisions_b']}")
     for word in ("gained", "lost"):
@@ -231,8 +236,8 @@ def _number(value: float | None, digits: int = 2, unit: str = "") -> str:
     return "" if value is None or math.isinf(value) else f"{value:.{digits}f}{unit}"
 
 
-class _Bar:
-    """A progress bar on a terminal, a plain line every few seconds otherwise; on stderr."""
+class _SuiteProgress:
+    """Progress on stderr: a bar on a terminal, otherwise a line every ``LINE_PERIOD`` seconds."""
 
     def __init__(
         self, name: str, cases: tuple[Case, ...], have: list[RunRow], *, quiet: bool
@@ -283,8 +288,8 @@ class _Bar:
         if self._bar is not None:
             self._bar.stop()
 
-    def tell(self, case: Case, row: RunRow) -> None:
-        """One more run has ended."""
+    def update(self, case: Case, row: RunRow) -> None:
+        """Count a finished run."""
         del case
         self._done += 1
         self._reached += row.succeeded

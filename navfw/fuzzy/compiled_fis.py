@@ -230,76 +230,74 @@ class CompiledFis:
 
 
 def _flatten(rule_base: RuleBase) -> tuple[InferenceTables, ResultLayout]:
-    inputs = list(rule_base.inputs.values())
     outputs = list(rule_base.outputs.values())
-    literals = _group(
-        inputs,
-        ((atom.variable, atom) for rule in rule_base.rules for atom in atoms(rule.antecedent)),
-    )
-    literal_index = {atom: k for k, atom in enumerate(a for group in literals for a in group)}
     concluded = _group(outputs, (pair for rule in rule_base.rules for pair in rule.conclusions))
     terms = [
         [name for name in output.terms if name in group]  # in the order of the declaration
         for output, group in zip(outputs, concluded, strict=True)
     ]
+    return _tables(rule_base, terms), _layout(rule_base, terms)
+
+
+def _tables(rule_base: RuleBase, terms: Sequence[Sequence[str]]) -> InferenceTables:
+    """``terms`` are, for each output, those that a rule concludes."""
+    inputs, outputs = list(rule_base.inputs.values()), list(rule_base.outputs.values())
+    literals = _group(
+        inputs,
+        ((atom.variable, atom) for rule in rule_base.rules for atom in atoms(rule.antecedent)),
+    )
+    literal_index = {atom: k for k, atom in enumerate(a for group in literals for a in group)}
     pairs = [(output, term) for output, names in zip(outputs, terms, strict=True) for term in names]
     term_index = {(output.name, term): k for k, (output, term) in enumerate(pairs)}
     programs = [
         _postfix(rule.antecedent, literal_index, rule_base.conjunction) for rule in rule_base.rules
     ]
+    conclusions = [
+        (number, term_index[pair])
+        for number, rule in enumerate(rule_base.rules)
+        for pair in rule.conclusions
+    ]
+    literal_ys = [
+        rule_base.inputs[atom.variable].sampled(atom.term, atom.hedges) for atom in literal_index
+    ]
     term_ys = _padded([output.sampled(term) for output, term in pairs])
     longest = max(output.universe.size for output in outputs)
-    workspace = longest * (1 + max(len(names) for names in terms))
-    tables = InferenceTables(
+    modes = (
+        _METHODS[rule_base.defuzzify],
+        rule_base.implication == "prod",
+        max(len(program) for program in programs),
+        longest * (1 + max(len(names) for names in terms)),
+    )
+    return InferenceTables(
         input_xs=np.concatenate([variable.universe for variable in inputs]),
         input_starts=_starts([variable.universe.size for variable in inputs]),
-        literal_ys=_padded(
-            [
-                rule_base.inputs[atom.variable].sampled(atom.term, atom.hedges)
-                for atom in literal_index
-            ]
-        ),
+        literal_ys=_padded(literal_ys),
         literal_starts=_starts([len(group) for group in literals]),
         program=np.array([op for program in programs for op in program], dtype=np.int64),
         program_starts=_starts([len(program) for program in programs]),
         weights=np.array([rule.weight for rule in rule_base.rules]),
-        conclusions=np.array(
-            [
-                (number, term_index[pair])
-                for number, rule in enumerate(rule_base.rules)
-                for pair in rule.conclusions
-            ],
-            dtype=np.int64,
-        ),
+        conclusions=np.array(conclusions, dtype=np.int64),
         output_xs=np.concatenate([variable.universe for variable in outputs]),
         output_starts=_starts([variable.universe.size for variable in outputs]),
         term_ys=term_ys,
         term_starts=_starts([len(names) for names in terms]),
         support=np.array([(row.nonzero()[0][0], row.nonzero()[0][-1]) for row in term_ys]),
         defaults=np.array([np.nan if v.default is None else v.default for v in outputs]),
-        modes=np.array(
-            [
-                _METHODS[rule_base.defuzzify],
-                rule_base.implication == "prod",
-                max(len(program) for program in programs),
-                workspace,
-            ],
-            dtype=np.int64,
-        ),
+        modes=np.array(modes, dtype=np.int64),
     )
-    rules = len(rule_base.rules)
-    columns = {
-        output.name: {
-            term: rules + term_index[output.name, term]
-            if (output.name, term) in term_index
-            else None
-            for term in output.terms
-        }
-        for output in outputs
-    }
-    first = rules + len(pairs)
-    layout = ResultLayout(rules, columns, {v.name: first + k for k, v in enumerate(outputs)})
-    return tables, layout
+
+
+def _layout(rule_base: RuleBase, terms: Sequence[Sequence[str]]) -> ResultLayout:
+    """Columns: strengths of the rules, activations of ``terms``, crisp outputs."""
+    columns: dict[str, dict[str, int | None]] = {}
+    column = len(rule_base.rules)
+    for output, names in zip(rule_base.outputs.values(), terms, strict=True):
+        columns[output.name] = dict.fromkeys(output.terms)
+        for name in names:
+            columns[output.name][name] = column
+            column += 1
+    crisp = {name: column + k for k, name in enumerate(rule_base.outputs)}
+    return ResultLayout(len(rule_base.rules), columns, crisp)
 
 
 def _group(variables: Sequence[Variable], items: Any) -> list[list[Any]]:

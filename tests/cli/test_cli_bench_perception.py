@@ -129,7 +129,7 @@ def test_bad_input(tmp_path: Path) -> None:
     (tmp_path / "thesis.txt").write_text("work")
     done = bench("--out", str(tmp_path))
     assert done.exit_code == 2
-    assert "holds 'thesis.txt'" in done.stderr
+    assert "contains 'thesis.txt'" in done.stderr
 
 
 def test_every_reach_is_a_key_of_the_result() -> None:

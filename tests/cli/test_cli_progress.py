@@ -1,4 +1,4 @@
-"""What a person sees of a run that is on its way."""
+"""Progress lines of a run on stderr."""
 
 from __future__ import annotations
 
@@ -30,22 +30,24 @@ def test_without_a_terminal_there_is_a_line_every_few_seconds(
     assert "Front is a door; Floor" in err
 
 
-def test_a_long_silence_is_explained_once(
+def test_a_long_delay_is_explained_once(
     capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(run, "PATIENCE", 0.05)
+    monkeypatch.setattr(run, "COMPILING_NOTICE_AFTER", 0.05)
     with run._ProgressLine(quiet=False) as line:
         line.show(progress(1.0))
-        told = ""
-        while run.COMPILING not in told:
+        text = ""
+        while run.COMPILING not in text:
             time.sleep(0.01)
-            told += capfd.readouterr().err
+            text += capfd.readouterr().err
         time.sleep(0.2)
     assert capfd.readouterr().err == ""
 
 
-def test_quiet_is_quiet(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(run, "PATIENCE", 0.01)
+def test_quiet_prints_nothing(
+    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(run, "COMPILING_NOTICE_AFTER", 0.01)
     with run._ProgressLine(quiet=True) as line:
         line.show(progress(1.0))
         time.sleep(0.1)

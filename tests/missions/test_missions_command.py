@@ -135,7 +135,7 @@ def test_ctrl_c_ends_as_cancelled_with_the_folder_intact(tmp_path: Path) -> None
         (["run", "office", "lobby-to-lab", "--out", "file.txt"], "is a file"),
         (["run", "office", "lobby-to-lab", "--out", "mine"], "not a run folder"),
         (["run", "office", "lobby-to-lab", "--seed", "-1"], "--seed"),
-        (["run", "office", "lobby-to-lab", "--gui"], "--gui needs a display"),
+        (["run", "office", "lobby-to-lab", "--gui"], "--gui: needs a display"),
         (["replay", "nowhere"], "not a run folder"),
         (["bench", "loop", "--world", "ofice"], "did you mean 'office'?"),
     ],

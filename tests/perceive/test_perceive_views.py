@@ -120,7 +120,7 @@ def test_gyro(approach: Path, tmp_path: Path) -> None:
     assert [view["rotation_deg"]["source"] for view in views] == ["gyro", "gyro", "flow", "flow"]
     assert "gap" in views[-1]["notes"][0]
     record.write_text("100,0\n101,0\n")
-    assert "covers none of the images' time" in refused(approach, "--gyro", record)
+    assert "expected readings within the time of the images" in refused(approach, "--gyro", record)
 
 
 def test_grid_and_processor(approach: Path) -> None:
@@ -177,7 +177,7 @@ def test_overlay_film(approach: Path, tmp_path: Path) -> None:
 
 def test_overlay_leaves_the_work_of_others_alone(approach: Path, tmp_path: Path) -> None:
     (tmp_path / "thesis.txt").write_text("work")
-    assert "holds 'thesis.txt'" in refused(approach, "--overlay", tmp_path)
+    assert "contains 'thesis.txt'" in refused(approach, "--overlay", tmp_path)
     assert (tmp_path / "thesis.txt").read_text() == "work"
     # a bad image in the middle leaves nothing behind
     folder = save(tmp_path / "images", [APPROACH[0], APPROACH[1], APPROACH[2][:200]])

@@ -179,7 +179,7 @@ OK = "def propose(self, context): pass"
                 "class Params(Behavior.Params):",
                 "    gain: Annotated[float, Field(gt=0)] = -1.0",
             ),
-            "the default of Params.gain is invalid: input should be greater than 0, got -1.0; change",
+            "the default of Params.gain is invalid: input should be greater than 0, got -1.0;",
         ),
         (
             body(OK, "class Params(Behavior.Params):", "    a: int", "    gain: int = 'x'"),

@@ -48,5 +48,5 @@ def test_reproduce_leaves_other_folders_alone(tmp_path: Path) -> None:
     (tmp_path / "thesis.txt").write_text("work")
     done = CliRunner().invoke(app, ["reproduce", "--out", str(tmp_path)])
     assert done.exit_code == 2
-    assert "holds 'thesis.txt', so it is not replaced; choose another --out" in done.stderr
+    assert "contains 'thesis.txt', so it is not replaced; choose another --out" in done.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.txt"]
