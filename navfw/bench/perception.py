@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -20,7 +19,6 @@ __all__ = [
     "Reach",
     "Table",
     "bench_perception",
-    "cores",
     "find_data",
     "page",
     "page_folder",
@@ -79,13 +77,6 @@ class Extent:
     comparisons: int = 10_000
     places: int = 20
     repeats: int = 1000
-
-
-def cores() -> int:
-    """Cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def page_folder(out: Path) -> AtomicFolder:

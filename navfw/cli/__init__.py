@@ -34,6 +34,7 @@ COMMANDS = (
     "navfw.cli.import_world",
     "navfw.cli.bench",
     "navfw.cli.suite",
+    "navfw.cli.results",
 )
 """Modules with commands, in the order of ``navfw --help``."""
 

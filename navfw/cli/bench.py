@@ -39,9 +39,13 @@ def loop(
     with quiet_stdout():
         from navfw.missions.loop_timing import bench_loop
         from navfw.missions.session import prepare
+        from navfw.recording.provenance import provenance
 
         session = prepare(world, mission, seed=seed, stack=stack)
         result = bench_loop(session, seconds, repeats, print_status)
+        options = {"world": world, "mission": mission, "seed": seed, "stack": stack}
+        options |= {"seconds": f"{seconds:g}", "repeats": repeats}
+        result["provenance"] = provenance("navfw bench loop", options)
     if json:
         print_json(result)
     else:
@@ -88,12 +92,12 @@ def perception(
         from navfw.bench.perception import (
             Extent,
             bench_perception,
-            cores,
             find_data,
             page_folder,
             tables,
             write_page,
         )
+        from navfw.recording.provenance import provenance, usable_cores
         from navfw.recording.run_folder import plain_json
 
         recorded = None if data is None else find_data(data)
@@ -102,11 +106,14 @@ def perception(
             bench_perception(
                 Extent(poses=poses, comparisons=comparisons, places=places),
                 seed,
-                workers or cores(),
+                workers or usable_cores(),
                 recorded,
                 print_status,
             )
         )
+        options = {"poses": poses, "comparisons": comparisons, "places": places}
+        options |= {"seed": result["accuracy"]["seed"]} | ({"data": "DIR"} if data else {})
+        result["provenance"] = provenance("navfw bench perception", options)
         if folder is not None:
             with folder:
                 write_page(result, folder.path)
@@ -129,8 +136,11 @@ def planning(
     """Time PAPFIS on a large map, and A* of networkx on the same costs."""
     with quiet_stdout():
         from navfw.bench.planning import bench_planning
+        from navfw.recording.provenance import provenance
 
         result = bench_planning(places, repeats, seed)
+        options = {"places": places, "repeats": repeats, "seed": seed}
+        result["provenance"] = provenance("navfw bench planning", options)
     if json:
         print_json(result)
         return

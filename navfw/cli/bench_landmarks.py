@@ -22,8 +22,11 @@ def landmarks(
     """Measure the recognition of landmarks over distance and angle, and its time per frame."""
     with quiet_stdout():
         from navfw.bench.landmarks import bench_landmarks, tables
+        from navfw.recording.provenance import provenance
 
         result = bench_landmarks(views, seed, print_status)
+        options = {"views": views, "seed": seed}
+        result["provenance"] = provenance("navfw bench landmarks", options)
     if json:
         print_json(result)
         return

@@ -4,15 +4,24 @@ from __future__ import annotations
 
 import os
 import platform
+import shlex
 import shutil
 import subprocess
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import navfw
 from navfw.config.lookup import project_folder
 
-__all__ = ["DIRTY", "code_revision", "git_revision", "machine_kind", "usable_cores"]
+__all__ = [
+    "DIRTY",
+    "code_revision",
+    "git_revision",
+    "machine_kind",
+    "provenance",
+    "usable_cores",
+]
 
 DIRTY = "-dirty"
 """Suffix of a revision whose tracked files have uncommitted changes."""
@@ -46,6 +55,21 @@ def git_revision(folder: Path) -> str | None:
     if revision is None or changed is None:
         return None
     return revision + (DIRTY if changed else "")
+
+
+def provenance(command: str, options: Mapping[str, object]) -> dict[str, Any]:
+    """Command line with ``options`` spelt out, seed, revision and kind of machine; plain data.
+
+    >>> provenance("navfw bench loop", {"world": "office", "seed": 0})["command"]
+    'navfw bench loop --world office --seed 0'
+    """
+    words = (word for name, value in options.items() for word in (f"--{name}", str(value)))
+    return {
+        "command": f"{command} {shlex.join(words)}".rstrip(),
+        "seeds": str(options.get("seed", "")),
+        "revision": code_revision(),
+        "machine": machine_kind(),
+    }
 
 
 def machine_kind() -> dict[str, Any]:

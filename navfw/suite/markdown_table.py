@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-__all__ = ["markdown_table"]
+__all__ = ["markdown_table", "pipe_table"]
 
 _P_SHOWN = 1e-4
 """Smaller values of p are all shown as smaller than this."""
@@ -25,7 +25,7 @@ def markdown_table(summary: Mapping[str, Any]) -> str:
     ]
     if len(rows) > 1:
         rows.append(["all", *_numbers(summary)])
-    return _table(["entry", *_COLUMNS], rows)
+    return pipe_table(["entry", *_COLUMNS], rows)
 
 
 _COLUMNS = ("runs", "success [95 %]", "collided", "SPL", "time")
@@ -39,7 +39,7 @@ def _variants(summary: Mapping[str, Any]) -> str:
         rows.append([name, *_numbers(part), _p(part["p"]) if number else "", *of_entries])
     for name, reason in summary.get("skipped", {}).items():
         rows.append([name, "0", f"skipped: {reason}", *[""] * (4 + len(entries))])
-    return _table(["variant", *_COLUMNS, "p", *entries], rows)
+    return pipe_table(["variant", *_COLUMNS, "p", *entries], rows)
 
 
 def _numbers(part: Mapping[str, Any]) -> list[str]:
@@ -62,7 +62,8 @@ def _p(value: float) -> str:
     return f"< {_P_SHOWN:g}" if value < _P_SHOWN else f"{value:.2g}"
 
 
-def _table(head: list[str], rows: list[list[str]]) -> str:
+def pipe_table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A Markdown table; all columns but the first are aligned to the right."""
     lines = [head, ["---", *["---:"] * (len(head) - 1)], *rows]
     return "".join(
         "| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |\n" for row in lines

@@ -1,0 +1,83 @@
+"""``navfw results``: keep measured results as JSON, and write the page of results from them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from navfw.cli.output import say
+from navfw.errors import InputError
+
+__all__ = ["add_to"]
+
+Folder = Annotated[
+    Path, typer.Option(help="The folder of results and template.md; its page is FOLDER.md.")
+]
+_FOLDER = Path("docs") / "results"
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add ``results`` with its commands."""
+    group = typer.Typer(
+        help="Keep measured results, and write a page from them.", no_args_is_help=True
+    )
+    group.command()(add)
+    group.command()(write)
+    app.add_typer(group, name="results")
+
+
+def add(
+    source: Annotated[
+        Path,
+        typer.Argument(
+            help="A suite's folder, a run folder, or a file with the JSON of navfw bench or run."
+        ),
+    ],
+    name: Annotated[
+        str | None, typer.Option(help="Of the result [default: from what was run].")
+    ] = None,
+    folder: Folder = _FOLDER,
+) -> None:
+    """Keep a result as JSON, with revision, command, seeds and kind of machine."""
+    from navfw.results.collection import collect
+    from navfw.results.result_file import save_result
+
+    _check(folder)
+    for result in collect(source, name):
+        typer.echo(f"{save_result(folder, result)}: {result.command}")
+        if result.dirty:
+            say(f"navfw: {result.name}: the code had uncommitted changes ({result.revision})")
+
+
+def write(
+    check: Annotated[
+        bool, typer.Option("--check", help="Write nothing; exit with 1 if a page is out of date.")
+    ] = False,
+    folder: Folder = _FOLDER,
+) -> None:
+    """Write FOLDER.md from the template and the results, and the marked tables of the README."""
+    from navfw.results.results_page import current_pages
+    from navfw.suite.run_table import write_text
+
+    _check(folder)
+    pages = current_pages(folder)
+    old = [
+        page
+        for page, text in pages.items()
+        if not page.is_file() or page.read_text(encoding="utf-8") != text
+    ]
+    for page in old:
+        if not check:
+            write_text(page, pages[page])
+        typer.echo(f"{page}: {'out of date; run navfw results write' if check else 'written'}")
+    if not old:
+        typer.echo("up to date")
+    raise typer.Exit(1 if check and old else 0)
+
+
+def _check(folder: Path) -> None:
+    if not folder.is_dir():
+        what = "there is no such folder; name the folder of results with --folder"
+        raise InputError(what, file=folder)

@@ -1,0 +1,174 @@
+"""One measured result as a JSON file: its data model, its checks, reading and writing."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Final, Literal, TypeAlias
+
+from pydantic import Field, JsonValue
+
+from navfw.config.document import YamlDocument
+from navfw.config.strict_model import StrictModel
+from navfw.config.yamlfile import load_yaml, validate
+from navfw.errors import ConfigError
+from navfw.recording.provenance import DIRTY
+from navfw.suite.run_table import write_text
+
+__all__ = [
+    "FORMAT",
+    "Figures",
+    "Machine",
+    "StoredResult",
+    "StoredSuiteResult",
+    "StoredValues",
+    "load_results",
+    "save_result",
+]
+
+FORMAT: Final = 1
+"""Version of the keys below. Results of another version are refused, not converted."""
+
+Count = Annotated[int, Field(ge=0)]
+Share = Annotated[float, Field(ge=0.0, le=1.0)]
+
+
+class Machine(StrictModel):
+    """The kind of machine that a result was measured on; nothing that names one machine."""
+
+    processor: str
+    cores: Annotated[int, Field(ge=1)]
+    python: str
+    system: str
+
+
+class Figures(StrictModel):
+    """What a number of runs come to; see ``navfw.suite.suite_summary.summarize`` for each figure.
+
+    ``estimate_error_m`` is the median, ``estimate_error_max_m`` the largest, over the runs' ends.
+    ``passed`` counts the runs that did what the suite's ``expect`` asks for, where it asks.
+    """
+
+    runs: Count
+    reached: Count
+    success_low: Share
+    success_high: Share
+    collisions: Count
+    collisions_by_robot: Count
+    spl: float | None
+    sct: float | None
+    barn_score: float | None
+    mean_time_s: float | None
+    min_clearance_m: float | None
+    estimate_error_m: float | None
+    estimate_error_max_m: float | None
+    causes: Mapping[str, Count] = Field(default_factory=dict)
+    expect: Literal["arrival", "stop"] | None = None
+    passed: Count | None = None
+
+
+class _StoredBase(StrictModel):
+    """What every result records of its origin.
+
+    ``command`` repeats the measurement. ``seeds`` is a range A:B, B excluded, or a single seed.
+    """
+
+    format: Literal[1] = FORMAT
+    name: Annotated[str, Field(pattern=r"^[\w.+-]+$")]
+    command: str
+    revision: Annotated[str, Field(min_length=1)]
+    seeds: str = ""
+    stacks: tuple[str, ...] = ()
+    machine: Machine
+
+    @property
+    def dirty(self) -> bool:
+        """Whether the code had uncommitted changes, so that the revision alone repeats nothing."""
+        return self.revision.endswith(DIRTY)
+
+
+class StoredSuiteResult(_StoredBase):
+    """All runs of a suite, or of one of its variants.
+
+    ``suite_hash`` is the SHA-256 of the suite's file. ``parts`` has the figures of each entry, of
+    an entry with several missions each mission's; it is empty when there is only one. ``p`` is of
+    McNemar's exact test of success against the variant ``against``, over the same runs.
+    """
+
+    kind: Literal["suite"] = "suite"
+    suite: str
+    suite_hash: str
+    variant: str = ""
+    figures: Figures
+    parts: Mapping[str, Figures]
+    p: Share | None = None
+    against: str = ""
+
+
+class StoredValues(_StoredBase):
+    """The values that one call of ``navfw bench ...`` or ``navfw run`` printed as JSON."""
+
+    kind: Literal["bench", "run"]
+    values: Mapping[str, JsonValue]
+
+
+StoredResult: TypeAlias = StoredSuiteResult | StoredValues
+
+
+def load_results(folder: Path) -> list[StoredResult]:
+    """All results of a folder, by name.
+
+    Raises:
+        ConfigError: a file is no JSON, breaks the schema, is of another version or is named unlike
+            its result; the message names file, line and key.
+
+    """
+    return [_load(file) for file in sorted(folder.glob("*.json"))]
+
+
+def _load(file: Path) -> StoredResult:
+    document = load_yaml(file)  # JSON is YAML, and this keeps the line of every key
+    data = document.data if isinstance(document.data, dict) else {}
+    found = data.get("format")
+    if found != FORMAT:
+        what = f"expected {FORMAT}, got {found!r}; add the result anew with navfw results add"
+        raise ConfigError(what, file=file, line=document.line_of(("format",)), key="format")
+    result = _validated(document, str(data.get("kind")))
+    if result.name != file.stem:
+        what = f"expected {file.stem!r} as the file is called, got {result.name!r}"
+        raise ConfigError(what, file=file, line=document.line_of(("name",)), key="name")
+    return result
+
+
+def _validated(document: YamlDocument, kind: str) -> StoredResult:
+    if kind == "suite":
+        return validate(document, StoredSuiteResult)
+    return validate(document, StoredValues)
+
+
+def save_result(folder: Path, result: StoredResult) -> Path:
+    """Write ``FOLDER/NAME.json``, in place of an earlier result of the same command.
+
+    Raises:
+        ConfigError: that file holds the result of another command.
+        InputError: the file cannot be written.
+
+    """
+    file = folder / f"{result.name}.json"
+    known = _command_in(file)
+    if known not in (None, result.command):
+        raise ConfigError(f"holds the result of `{known}`; choose another --name", file=file)
+    data = {"format": FORMAT, **result.model_dump(mode="json", exclude_defaults=True)}
+    data["kind"] = result.kind
+    write_text(file, json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+    return file
+
+
+def _command_in(file: Path) -> object:
+    """The command of the result in a file of whatever version; None if there is none."""
+    try:
+        data = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return data.get("command") if isinstance(data, dict) else None

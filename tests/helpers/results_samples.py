@@ -1,0 +1,88 @@
+"""Suite folders with fake rows, and stored results, for the tests of the results' room."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from suite_samples import case, row
+
+from navfw.results.result_file import Figures, Machine, StoredSuiteResult, StoredValues
+from navfw.suite.run_table import RunRow
+from navfw.suite.suite_file import Expect
+from navfw.suite.suite_folder import SuiteFolder
+from navfw.suite.suite_plan import SuitePlan
+from navfw.suite.suite_summary import summarize
+
+REVISION = "0123456789abcdef0123456789abcdef01234567"
+MACHINE = Machine(processor="Kettle 3000", cores=2, python="3.11.7", system="Linux x86_64")
+
+
+def suite_folder(
+    path: Path,
+    rows: Sequence[RunRow],
+    *,
+    revision: str = REVISION,
+    expect: Mapping[str, Expect] | None = None,
+    complete: bool = True,
+    options: tuple[str, ...] = (),
+) -> SuiteFolder:
+    """A folder as ``navfw suite`` leaves it."""
+    plan = SuitePlan("rooms", (case(0),), {}, suite_hash="5eed" * 16, options=options)
+    folder = SuiteFolder(path)
+    folder.open(plan, revision, resume=False)
+    folder.save(rows, {"complete": complete, **summarize(rows, expect)})
+    return folder
+
+
+def suite_result(name: str = "rooms-0-4", **changes: Any) -> StoredSuiteResult:
+    """Four runs of ``rooms``, three of which arrived."""
+    figures = Figures(
+        runs=4,
+        reached=3,
+        success_low=0.3,
+        success_high=0.95,
+        collisions=1,
+        collisions_by_robot=1,
+        spl=0.7,
+        sct=0.5,
+        barn_score=0.15,
+        mean_time_s=20.0,
+        min_clearance_m=0.1,
+        estimate_error_m=0.05,
+        estimate_error_max_m=0.2,
+        causes={"collided: slow": 1},
+    )
+    given: dict[str, Any] = {
+        "name": name,
+        "command": "navfw suite rooms --seeds 0:4",
+        "revision": REVISION,
+        "seeds": "0:4",
+        "stacks": ("default",),
+        "machine": MACHINE,
+        "suite": "rooms",
+        "suite_hash": "5eed",
+        "figures": figures,
+        "parts": {},
+    }
+    return StoredSuiteResult(**{**given, **changes})
+
+
+def bench_result(name: str = "bench-loop", **changes: Any) -> StoredValues:
+    """What ``navfw bench loop`` gave."""
+    given: dict[str, Any] = {
+        "name": name,
+        "command": "navfw bench loop --seed 0",
+        "revision": REVISION,
+        "seeds": "0",
+        "machine": MACHINE,
+        "kind": "bench",
+        "values": {"loop_over_render": 1.234, "spread": {"loop_over_render": [1.1, 1.3]}},
+    }
+    return StoredValues(**{**given, **changes})
+
+
+def mixed_rows() -> list[RunRow]:
+    """Seeds 0 to 3: one collides."""
+    return [row(seed, "collided" if seed == 2 else "reached") for seed in range(4)]

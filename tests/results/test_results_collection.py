@@ -1,0 +1,178 @@
+"""From what commands leave behind to results: origin, figures, refusals."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from results_samples import REVISION, mixed_rows, suite_folder
+from suite_samples import row
+from typer.testing import CliRunner
+
+from navfw.cli import app
+from navfw.errors import InputError
+from navfw.missions.run_report import write_run
+from navfw.missions.session import prepare
+from navfw.recording.provenance import machine_kind
+from navfw.recording.run_folder import RunFolder
+from navfw.results.collection import collect, seed_range
+from navfw.results.result_file import StoredSuiteResult, StoredValues, load_results
+from navfw.suite.run_statistics import wilson
+
+
+def of_suite(folder: Path) -> StoredSuiteResult:
+    (result,) = collect(folder)
+    assert isinstance(result, StoredSuiteResult)
+    return result
+
+
+def of_values(source: Path) -> StoredValues:
+    (result,) = collect(source)
+    assert isinstance(result, StoredValues)
+    return result
+
+
+def test_a_suite_is_kept_with_its_origin_and_figures(tmp_path: Path) -> None:
+    result = of_suite(suite_folder(tmp_path / "runs", mixed_rows()).path)
+    assert result.name == "rooms-0-4"
+    assert result.command == "navfw suite rooms --seeds 0:4"
+    assert (result.revision, result.seeds, result.stacks) == (REVISION, "0:4", ("default",))
+    assert result.suite_hash == "5eed" * 16
+    assert result.machine.model_dump() == machine_kind()
+    figures = result.figures
+    assert (figures.runs, figures.reached, figures.collisions) == (4, 3, 1)
+    assert (figures.success_low, figures.success_high) == wilson(3, 4)
+    assert figures.collisions_by_robot == 1
+    assert figures.causes == {"collided: slow": 1}
+    assert result.parts == {}
+    assert not result.dirty
+
+
+def test_options_are_part_of_command_and_name(tmp_path: Path) -> None:
+    options = ("--stack", "paper", "--set", "mission.timeout=60")
+    result = of_suite(suite_folder(tmp_path / "runs", mixed_rows(), options=options).path)
+    assert result.command == f"navfw suite rooms --seeds 0:4 {' '.join(options)}"
+    assert result.name == "rooms-0-4-paper-mission.timeout-60"
+
+
+def test_each_variant_is_a_result_compared_with_the_first(tmp_path: Path) -> None:
+    rows = [
+        row(seed, "stuck" if variant == "bare" else "reached", variant=variant)
+        for variant in ("default", "bare")
+        for seed in range(5)
+    ]
+    first, second = collect(suite_folder(tmp_path / "runs", rows).path)
+    assert isinstance(first, StoredSuiteResult)
+    assert isinstance(second, StoredSuiteResult)
+    assert (first.name, first.p, first.against) == ("rooms-0-5-default", None, "")
+    assert (second.name, second.p, second.against) == ("rooms-0-5-bare", 0.0625, "default")
+    assert second.command == "navfw suite rooms --seeds 0:5 --variant bare"
+
+
+def test_entries_and_missions_are_parts(tmp_path: Path) -> None:
+    rows = [
+        row(0, entry="office", mission="there"),
+        row(0, entry="office", mission="back"),
+        row(0, "stuck", entry="shut", mission="there"),
+    ]
+    result = of_suite(suite_folder(tmp_path / "runs", rows, expect={"shut": "stop"}).path)
+    assert set(result.parts) == {"office there", "office back", "shut"}
+    assert (result.parts["shut"].expect, result.parts["shut"].passed) == ("stop", 1)
+    assert result.parts["office back"].passed is None
+    assert result.figures.passed is None
+
+
+def test_what_does_not_say_what_it_is_is_refused(tmp_path: Path) -> None:
+    rows = mixed_rows()
+    partial = suite_folder(tmp_path / "partial", rows, complete=False)
+    with pytest.raises(InputError, match="is incomplete: run the rest with --resume"):
+        collect(partial.path)
+    mixed = suite_folder(tmp_path / "mixed", rows)
+    edited(mixed.path / "suite.json", revisions=[REVISION, "another"])
+    with pytest.raises(InputError, match=r"suite\.json: revisions: expected one, got"):
+        collect(mixed.path)
+    older = suite_folder(tmp_path / "older", rows)
+    edited(older.path / "suite.json", machines=[])
+    with pytest.raises(InputError, match=r"machines: expected one.*run the whole suite anew"):
+        collect(older.path)
+    gap = suite_folder(tmp_path / "gap", [row(1), row(3)])
+    with pytest.raises(InputError, match="2 is missing in 1:4"):
+        collect(gap.path)
+    stacks = suite_folder(tmp_path / "stacks", [row(1), row(1, stack="paper")])
+    with pytest.raises(InputError, match="same runs with several stacks"):
+        collect(stacks.path)
+    with pytest.raises(InputError, match="is not a run folder"):
+        collect(tmp_path)
+    with pytest.raises(InputError, match="cannot be read as JSON"):
+        collect(tmp_path / "nothing.json")
+    (tmp_path / "plain.json").write_text("{}")
+    with pytest.raises(InputError, match="expected a suite's folder, a run folder"):
+        collect(tmp_path / "plain.json")
+
+
+def edited(file: Path, **changes: Any) -> None:
+    file.write_text(json.dumps({**json.loads(file.read_text()), **changes}))
+
+
+def test_a_run_is_kept_from_its_folder_or_from_what_it_printed(tmp_path: Path) -> None:
+    done = prepare("empty", "straight", seed=2, overrides=["mission.timeout=1"]).run()
+    with RunFolder(tmp_path / "run") as target:
+        write_run(done, target)
+    result = of_values(tmp_path / "run")
+    assert result.name == "empty-straight-2-default-mission.timeout-1"
+    assert result.command == (
+        "navfw run empty straight --seed 2 --stack default --set mission.timeout=1"
+    )
+    assert result.values["outcome"] == "timeout"
+    assert result.values["command_hash"] == done.run.track.command_hash
+    assert "config" not in result.values
+    printed = tmp_path / "printed.json"
+    printed.write_text(json.dumps({"outcome": "timeout", "run_folder": str(tmp_path / "run")}))
+    assert collect(printed) == [result]
+    edited(tmp_path / "run" / "result.json", machine={"processor": "x"})
+    with pytest.raises(InputError, match="cores: Field required"):
+        collect(tmp_path / "run")
+    data = json.loads((tmp_path / "run" / "result.json").read_text())
+    del data["revision"]
+    (tmp_path / "run" / "result.json").write_text(json.dumps(data))
+    with pytest.raises(InputError, match=r"has no 'revision'.*run the mission anew"):
+        collect(tmp_path / "run")
+
+
+def test_a_benchmark_is_kept_without_its_raw_data(tmp_path: Path) -> None:
+    words = ["bench", "planning", "--places", "200", "--repeats", "3", "--json"]
+    done = CliRunner().invoke(app, words)
+    file = tmp_path / "planning.json"
+    file.write_text(done.stdout)
+    edited(file, raw=list(range(99)), pair=[1, 2], deep={"a": {"b": {"c": 1}, "d": 2}})
+    result = of_values(file)
+    assert result.name == "bench-planning"
+    assert result.command == "navfw bench planning --places 200 --repeats 3 --seed 0"
+    assert result.seeds == "0"
+    assert result.values["pair"] == [1, 2]
+    assert result.values["deep"] == {"a": {"d": 2}}
+    assert "raw" not in result.values
+    assert "provenance" not in result.values
+
+
+def test_seeds_are_one_range() -> None:
+    assert seed_range([3, 1, 2, 2]) == "1:4"
+    assert seed_range([7]) == "7:8"
+
+
+def test_the_command_keeps_results_and_tells_of_a_changed_tree(tmp_path: Path) -> None:
+    folder = tmp_path / "results"
+    folder.mkdir()
+    runs = suite_folder(tmp_path / "runs", mixed_rows(), revision=f"{REVISION}-dirty").path
+    words = ["results", "add", str(runs), "--folder", str(folder)]
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 0, done.output
+    assert "rooms-0-4.json: navfw suite rooms --seeds 0:4" in done.stdout
+    assert "rooms-0-4: the code had uncommitted changes" in done.stderr
+    (result,) = load_results(folder)
+    assert result.dirty
+    missing = CliRunner().invoke(app, [*words[:-1], str(tmp_path / "nowhere")])
+    assert missing.exit_code == 2
+    assert "name the folder of results with --folder" in missing.stderr

@@ -1,0 +1,204 @@
+"""Stored results and the page written from them: schema, tables, staleness, located errors."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+from results_samples import MACHINE, REVISION, bench_result, suite_result
+from typer.testing import CliRunner
+
+from navfw.cli import app
+from navfw.errors import ConfigError, InputError, UnknownNameError
+from navfw.results.result_file import StoredResult, load_results, save_result
+from navfw.results.results_page import TEMPLATE, current_pages, fill
+
+ROOT = Path(__file__).parents[2]
+
+
+def filled(template: str, *results: StoredResult) -> str:
+    return fill(template, results, Path("template.md"))
+
+
+# --- files ---------------------------------------------------------------------------------------
+
+
+def test_results_come_back_as_they_were(tmp_path: Path) -> None:
+    results: list[StoredResult] = [
+        bench_result(),
+        suite_result(variant="bare", p=0.25, against="default"),
+    ]
+    for result in results:
+        save_result(tmp_path, result)
+    assert load_results(tmp_path) == results
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"format": 0}, r"rooms-0-4\.json:2: format: expected 1, got 0; add the result anew"),
+        ({"format": None}, "format: expected 1, got None"),
+        ({"reviewer": "me"}, "reviewer: unknown key"),
+        ({"revision": ""}, "revision"),
+        ({"name": "other"}, "name: expected 'rooms-0-4' as the file is called, got 'other'"),
+        ({"machine": {}}, "machine.processor"),
+        ({"kind": "guess"}, "kind"),
+        ({"seeds": 3}, "seeds"),
+    ],
+)
+def test_a_result_that_breaks_the_schema_is_told_with_its_line(
+    change: dict[str, object], says: str, tmp_path: Path
+) -> None:
+    file = save_result(tmp_path, suite_result())
+    file.write_text(json.dumps({**json.loads(file.read_text()), **change}, indent=1))
+    with pytest.raises(ConfigError, match=says):
+        load_results(tmp_path)
+
+
+def test_what_is_no_json_is_told(tmp_path: Path) -> None:
+    (tmp_path / "broken.json").write_text('{"format": 1,\n "name": ')
+    with pytest.raises(ConfigError, match=r"broken\.json"):
+        load_results(tmp_path)
+
+
+def test_only_a_result_of_the_same_command_is_replaced(tmp_path: Path) -> None:
+    file = save_result(tmp_path, suite_result())
+    save_result(tmp_path, suite_result(revision="newer"))
+    assert load_results(tmp_path)[0].revision == "newer"
+    with pytest.raises(InputError, match="holds the result of `navfw suite rooms --seeds 0:4`"):
+        save_result(tmp_path, suite_result(command="navfw suite rooms --seeds 0:4 --stack paper"))
+    file.write_text("{")
+    save_result(tmp_path, suite_result())  # a damaged file is no result
+    assert len(load_results(tmp_path)) == 1
+
+
+# --- placeholders --------------------------------------------------------------------------------
+
+
+def test_rows_have_figures_and_origin() -> None:
+    text = filled("{{suites rooms}}", suite_result())
+    assert (
+        "| rooms | 0:4 | 3 of 4 (75.0 %, 30.0 to 95.0) | 1 (1) | 0.70 | 0.50 | 20.0 s"
+        " | 0.05, 0.20 m | collided: slow 1 | 012345678 | A |"
+    ) in text
+    changed = suite_result(revision=f"{REVISION}-dirty", command="navfw suite rooms --seeds 0:4 -x")
+    assert "| rooms `-x` |" in filled("{{suites rooms}}", changed)
+    assert "| 012345678-dirty | A |" in filled("{{suites rooms}}", changed)
+
+
+def test_parts_show_what_passes() -> None:
+    figures = suite_result().figures
+    stop = figures.model_copy(update={"expect": "stop", "passed": 4, "causes": {}})
+    result = suite_result(parts={"dark": stop, "lit": figures})
+    text = filled("{{parts rooms}}", result)
+    assert "| dark | 0:4 | passed 4 of 4 |" in text
+    assert "| lit | 0:4 | 3 of 4 (" in text
+    assert "| rooms | 0:4 |" in filled("{{parts rooms}}", suite_result())
+
+
+def test_variants_stand_beside_the_first() -> None:
+    figures = suite_result().figures
+    shared = {"parts": {"maze": figures}}
+    first = suite_result("rooms-z", variant="zero", **shared)
+    other = suite_result("rooms-a", variant="bare", p=0.0312, against="zero", **shared)
+    head, _, *rows = filled("{{variants rooms}}", other, first).splitlines()
+    assert "| p | maze | revision | machine |" in head
+    assert [row.split(" | ")[0] for row in rows] == ["| zero", "| bare"]
+    assert "| 0.031 | 3 of 4 |" in rows[1]
+    assert filled("{{suites rooms}}", first) == "not measured"
+
+
+def test_values_runs_and_machines() -> None:
+    other = bench_result(
+        "office-tour-3-default",
+        kind="run",
+        stacks=("default",),
+        seeds="3",
+        machine=MACHINE.model_copy(update={"cores": 8}),
+        values={
+            "world": "office",
+            "mission": "tour",
+            "outcome": "reached",
+            "path_length_m": 12.34,
+            "sim_time_s": 40.0,
+            "collisions": 0,
+            "localized_after_s": None,
+            "estimate_error_p95_m": 0.0421,
+            "estimate_error_max_m": 0.1,
+        },
+    )
+    text = filled(
+        '{{values bench-loop\n "loop = all"=loop_over_render:.2f\n laps=spread.loop_over_render}}',
+        bench_result(),
+    )
+    assert "| loop = all | 1.23 | 012345678 | A |\n| laps | 1.1 to 1.3 |" in text
+    text = filled("{{runs office-*}}", bench_result(), other)
+    assert (
+        "| office `tour` | 3 | default | reached | 12.3 m | 40.0 s | 0.042 m, 0.100 m |  | 0 |"
+        " 012345678 | B |"
+    ) in text
+    assert "| B | Kettle 3000 | 8 |" in filled("{{machines}}", bench_result(), other)
+
+
+def test_what_was_not_measured_says_so() -> None:
+    for placeholder in ("suites rooms", "parts maze", "variants rooms", "runs *", "values x a=b"):
+        assert filled(f"a {{{{{placeholder}}}}} b") == "a not measured b"
+
+
+@pytest.mark.parametrize(
+    ("placeholder", "says"),
+    [
+        ("suits rooms", r"template\.md:2: unknown placeholder 'suits': did you mean 'suites'"),
+        ("suites romms", r"template\.md:2: unknown suite 'romms': did you mean 'rooms'"),
+        ("values bench-loop a=loop_over", "unknown value 'loop_over': did you mean"),
+        ("values bench-loop a=loop_over_render:.2x", "Unknown format code|Invalid format"),
+        ("variants", r"template\.md:2: \{\{variants\}\}"),
+        ('suites "rooms', "No closing quotation"),
+    ],
+)
+def test_a_wrong_placeholder_is_told_with_its_line(placeholder: str, says: str) -> None:
+    with pytest.raises((ConfigError, UnknownNameError), match=says):
+        filled(f"first\n{{{{{placeholder}}}}}", bench_result())
+
+
+# --- the pages -----------------------------------------------------------------------------------
+
+
+def test_a_page_out_of_date_is_told_and_renewed(tmp_path: Path) -> None:
+    folder = tmp_path / "docs" / "results"
+    folder.mkdir(parents=True)
+    (folder / TEMPLATE).write_text("# Results\n\n{{suites rooms}}\n")
+    readme = tmp_path / "README.md"
+    readme.write_text("Of note:\n\n<!-- results: suites rooms -->\nold\n<!-- end -->\nend\n")
+    save_result(folder, suite_result())
+    words = ["results", "write", "--folder", str(folder)]
+
+    def navfw(*more: str) -> tuple[int, str]:
+        done = CliRunner().invoke(app, [*words, *more])
+        return done.exit_code, done.stdout
+
+    code, text = navfw("--check")
+    assert code == 1
+    assert "results.md: out of date; run navfw results write" in text
+    assert not folder.with_suffix(".md").exists()
+    assert navfw()[0] == 0
+    assert "| rooms | 0:4 |" in folder.with_suffix(".md").read_text()
+    assert re.search(r"-->\n\| suite .*\| A \|\n<!-- end -->\nend\n", readme.read_text(), re.DOTALL)
+    assert navfw("--check") == (0, "up to date\n")
+    save_result(folder, suite_result("rooms-4-8"))
+    assert navfw("--check")[0] == 1
+    (folder / TEMPLATE).unlink()
+    assert navfw()[0] == 2
+
+
+def test_the_page_of_this_repository_is_up_to_date() -> None:
+    for page, text in current_pages(ROOT / "docs" / "results").items():
+        assert page.read_text(encoding="utf-8") == text, "run: uv run navfw results write"
+
+
+def test_the_prose_of_the_template_has_no_measured_figures() -> None:
+    text = (ROOT / "docs" / "results" / TEMPLATE).read_text(encoding="utf-8")
+    prose = re.sub(r"```.*?```|`[^`]*`|\{\{.*?\}\}", "", text, flags=re.DOTALL)
+    assert re.findall(r"\d+\.\d+|\d+ of \d+|\d %(?! \|)", prose) == []
