@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from navfw.cli.output import say
+from navfw.cli.output import print_status
 from navfw.errors import InputError
 
 __all__ = ["add_to"]
@@ -48,7 +48,9 @@ def add(
     for result in collect(source, name):
         typer.echo(f"{save_result(folder, result)}: {result.command}")
         if result.dirty:
-            say(f"navfw: {result.name}: the code had uncommitted changes ({result.revision})")
+            print_status(
+                f"navfw: {result.name}: the code had uncommitted changes ({result.revision})"
+            )
 
 
 def write(

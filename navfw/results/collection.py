@@ -21,9 +21,9 @@ from navfw.results.result_file import (
     StoredValues,
 )
 from navfw.suite.run_table import RunRow, read_table
-from navfw.suite.suite_file import Expect
 from navfw.suite.suite_folder import SUMMARY, SuiteFolder
 from navfw.suite.suite_summary import summarize
+from navfw.suite.suitefile import Expect
 
 __all__ = ["collect", "seed_range"]
 

@@ -7,17 +7,20 @@
 | ``{{variants NAME}}`` | a table of a suite's variants, compared with the first |
 | ``{{runs PATTERN...}}`` | a table with a row for each single run whose name matches |
 | ``{{values NAME "LABEL"=KEY:FORMAT...}}`` | a table with a row for each value of a benchmark |
+| ``{{value NAME KEY FORMAT}}`` | a number of a result, or the sum over the results of a suite |
+| ``{{seeds NAME}}``, ``{{revision NAME}}`` | of a result, or of a suite's results |
 | ``{{machines}}`` | a table of the kinds of machines, by the letter that the rows have |
 
-A result that has not been measured leaves ``not measured``. Another page, such as the README, may
-have a placeholder between ``<!-- results: PLACEHOLDER -->`` and ``<!-- end -->``.
+A result that has not been measured leaves ``not measured``. ``readme.md`` beside the template has
+sentences with placeholders, each between ``<!-- result: NAME -->`` and ``<!-- end -->``; they go to
+the places of the same names in the README.
 """
 
 from __future__ import annotations
 
 import re
 import shlex
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
@@ -32,18 +35,21 @@ from navfw.results.result_file import (
     load_results,
 )
 from navfw.suite.markdown_table import pipe_table
-from navfw.suite.suite_file import list_suites
+from navfw.suite.suitefile import list_suites
 
-__all__ = ["TEMPLATE", "current_pages", "fill"]
+__all__ = ["SENTENCES", "TEMPLATE", "current_pages", "fill"]
 
 TEMPLATE = "template.md"
 """The template's name, beside the results."""
+
+SENTENCES = "readme.md"
+"""The name of the file with the README's sentences, beside the results."""
 
 NOT_MEASURED = "not measured"
 
 _HEADER = "<!-- Written by `navfw results write` from {folder}/: change the template there. -->\n\n"
 _PLACEHOLDER = re.compile(r"\{\{\s*(.*?)\s*\}\}", re.DOTALL)
-_MARKED = re.compile(r"(<!-- results: (.+?) -->\n).*?(<!-- end -->)", re.DOTALL)
+_MARKED = re.compile(r"<!-- result: (\S+) -->(.*?)<!-- end -->", re.DOTALL)
 _REVISION_DIGITS = 9
 
 _SUITE_COLUMNS = (
@@ -74,7 +80,7 @@ _RUN_COLUMNS = (
 
 
 def current_pages(folder: Path) -> dict[Path, str]:
-    """Each page with the text that it has to have: ``FOLDER.md``, and a README with markers.
+    """Each page with the text that it has to have: ``FOLDER.md``, and the README two folders above.
 
     Raises:
         InputError: the template or a result is missing or wrong.
@@ -84,16 +90,23 @@ def current_pages(folder: Path) -> dict[Path, str]:
     results = load_results(folder)
     header = _HEADER.format(folder=f"{folder.parent.name}/{folder.name}")
     pages = {folder.with_suffix(".md"): header + fill(_read(template), results, template)}
-    readme = folder.parent.parent / "README.md"
-    if readme.is_file():
-        pages[readme] = _MARKED.sub(
-            lambda m: f"{m[1]}{fill(f'{{{{{m[2]}}}}}', results, readme)}\n{m[3]}", _read(readme)
-        )
+    readme, sentences = folder.parent.parent / "README.md", folder / SENTENCES
+    if sentences.is_file():
+        filled = dict(_MARKED.findall(fill(_read(sentences), results, sentences)))
+
+        def renewed(match: re.Match[str]) -> str:
+            text = filled.get(match[1], NOT_MEASURED)
+            text = NOT_MEASURED if NOT_MEASURED in text else text
+            return f"<!-- result: {match[1]} -->{text}<!-- end -->"
+
+        pages[readme] = _MARKED.sub(renewed, _read(readme))
     return pages
 
 
-def fill(template: str, results: Sequence[StoredResult], file: Path) -> str:
+def fill(template: str, results: Sequence[StoredResult], file: Path, lines_before: int = 0) -> str:
     """``template`` with every placeholder replaced.
+
+    ``lines_before`` is the number of lines of ``file`` before the template begins.
 
     Raises:
         ConfigError: a placeholder cannot be read; the message names ``file`` and line.
@@ -129,6 +142,9 @@ class _Writer:
             "variants": self._variant_table,
             "runs": self._run_table,
             "values": self._value_table,
+            "value": self._value,
+            "seeds": lambda name: _joined(r.seeds for r in self._called(name)),
+            "revision": lambda name: _joined(_short(r) for r in self._called(name)),
             "machines": self._machine_table,
         }
 
@@ -196,6 +212,18 @@ class _Writer:
             rows.append([label, _formatted(result, key, shape), *self._origin(result)])
         return pipe_table(["quantity", "value", "revision", "machine"], rows)
 
+    def _called(self, name: str) -> list[StoredResult]:
+        """The result of that name; else all of that suite, driven as the suite has it."""
+        if name in self._results:
+            return [self._results[name]]
+        return [r for r in self._suites if r.suite == name == _label(r) and not r.variant]
+
+    def _value(self, name: str, key: str, shape: str = "") -> str:
+        values = [_value_at(result, key) for result in self._called(name)]
+        if len(values) > 1 and not all(isinstance(value, int) for value in values):
+            raise ValueError(f"only counts can be added up, and there are {len(values)} results")
+        return format(sum(values) if len(values) > 1 else values[0], shape) if values else ""
+
     def _machine_table(self) -> str:
         rows = [
             [_letter(number), machine.processor, str(machine.cores), machine.python, machine.system]
@@ -222,16 +250,24 @@ class _Writer:
         return [_short(result), _letter(self._machines.index(result.machine))]
 
 
-def _formatted(result: StoredValues, key: str, shape: str) -> str:
-    """The value at a dotted key; of a list, all values."""
-    data: Any = result.values
+def _formatted(result: StoredResult, key: str, shape: str) -> str:
+    value = _value_at(result, key)
+    return " to ".join(format(v, shape) for v in (value if isinstance(value, list) else [value]))
+
+
+def _value_at(result: StoredResult, key: str) -> Any:
+    """The value at a dotted key: of a suite's figures, or of a benchmark's or a run's values."""
+    suite = isinstance(result, StoredSuiteResult)
+    data: Any = result.model_dump(mode="json")["figures" if suite else "values"]
     for part in key.split("."):
         if not isinstance(data, Mapping) or part not in data:
             raise UnknownNameError("value", key, data if isinstance(data, Mapping) else ())
         data = data[part]
-    return " to ".join(
-        format(value, shape) for value in (data if isinstance(data, list) else [data])
-    )
+    return data
+
+
+def _joined(texts: Iterable[str]) -> str:
+    return ", ".join(dict.fromkeys(texts))
 
 
 def _label(result: StoredSuiteResult) -> str:

@@ -126,7 +126,7 @@ def test_a_run_is_kept_from_its_folder_or_from_what_it_printed(tmp_path: Path) -
         "navfw run empty straight --seed 2 --stack default --set mission.timeout=1"
     )
     assert result.values["outcome"] == "timeout"
-    assert result.values["command_hash"] == done.run.track.command_hash
+    assert result.values["command_hash"] == done.summary()["command_hash"]
     assert "config" not in result.values
     printed = tmp_path / "printed.json"
     printed.write_text(json.dumps({"outcome": "timeout", "run_folder": str(tmp_path / "run")}))

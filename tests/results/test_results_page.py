@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from navfw.cli import app
 from navfw.errors import ConfigError, InputError, UnknownNameError
 from navfw.results.result_file import StoredResult, load_results, save_result
-from navfw.results.results_page import TEMPLATE, current_pages, fill
+from navfw.results.results_page import SENTENCES, TEMPLATE, current_pages, fill
 
 ROOT = Path(__file__).parents[2]
 
@@ -142,8 +142,28 @@ def test_values_runs_and_machines() -> None:
     assert "| B | Kettle 3000 | 8 |" in filled("{{machines}}", bench_result(), other)
 
 
+def test_numbers_stand_in_sentences() -> None:
+    results = [suite_result(), suite_result("rooms-4-8", seeds="4:8", revision="abc")]
+    results.append(
+        suite_result("rooms-paper", command="navfw suite rooms --seeds 0:4 --stack paper")
+    )
+    text = "{{value rooms reached}} of {{value rooms runs}}, {{seeds rooms}}, {{revision rooms}}"
+    assert filled(text, *results) == "6 of 8, 0:4, 4:8, 012345678, abc"
+    assert filled("{{value rooms-paper spl .1f}}", *results) == "0.7"
+    assert filled("{{value bench-loop loop_over_render .1f}}", bench_result()) == "1.2"
+    with pytest.raises(ConfigError, match="only counts can be added up"):
+        filled("{{value rooms spl}}", *results)
+
+
 def test_what_was_not_measured_says_so() -> None:
-    for placeholder in ("suites rooms", "parts maze", "variants rooms", "runs *", "values x a=b"):
+    for placeholder in (
+        "suites rooms",
+        "parts maze",
+        "variants rooms",
+        "runs *",
+        "values x a=b",
+        "value x a",
+    ):
         assert filled(f"a {{{{{placeholder}}}}} b") == "a not measured b"
 
 
@@ -171,7 +191,10 @@ def test_a_page_out_of_date_is_told_and_renewed(tmp_path: Path) -> None:
     folder.mkdir(parents=True)
     (folder / TEMPLATE).write_text("# Results\n\n{{suites rooms}}\n")
     readme = tmp_path / "README.md"
-    readme.write_text("Of note:\n\n<!-- results: suites rooms -->\nold\n<!-- end -->\nend\n")
+    place = "<!-- result: rooms -->{}<!-- end -->"
+    readme.write_text(f"- Rooms: {place.format('old')}.\n")
+    sentences = folder / SENTENCES
+    sentences.write_text(place.format("{{value rooms reached}} reached"))
     save_result(folder, suite_result())
     words = ["results", "write", "--folder", str(folder)]
 
@@ -185,10 +208,17 @@ def test_a_page_out_of_date_is_told_and_renewed(tmp_path: Path) -> None:
     assert not folder.with_suffix(".md").exists()
     assert navfw()[0] == 0
     assert "| rooms | 0:4 |" in folder.with_suffix(".md").read_text()
-    assert re.search(r"-->\n\| suite .*\| A \|\n<!-- end -->\nend\n", readme.read_text(), re.DOTALL)
+    assert readme.read_text() == f"- Rooms: {place.format('3 reached')}.\n"
     assert navfw("--check") == (0, "up to date\n")
     save_result(folder, suite_result("rooms-4-8"))
     assert navfw("--check")[0] == 1
+    sentences.write_text(place.format("{{value rooms reached}} and {{value faults passed}}"))
+    navfw()
+    assert readme.read_text() == f"- Rooms: {place.format('not measured')}.\n"
+    sentences.write_text(place.format("\n{{value rooms won}}"))
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 2
+    assert "readme.md:2: unknown value 'won'" in done.stderr
     (folder / TEMPLATE).unlink()
     assert navfw()[0] == 2
 
