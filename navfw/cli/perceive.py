@@ -13,7 +13,8 @@ from navfw.errors import InputError
 
 if TYPE_CHECKING:
     from navfw.perceive.image_sources import ImageSource
-    from navfw.perceive.perceiver import PairResult, PerceiverOptions
+    from navfw.perceive.pair_result import PairResult
+    from navfw.perceive.perceiver_options import PerceiverOptions
 
 __all__ = ["add_to"]
 
@@ -99,7 +100,7 @@ def perceive(
     with quiet_stdout():
         from navfw.perceive.gyro_record import load_gyro_record
         from navfw.perceive.image_sources import open_source
-        from navfw.perceive.perceiver import PerceiverOptions
+        from navfw.perceive.perceiver_options import PerceiverOptions
 
         rows, cols = _grid(grid)
         options = PerceiverOptions(

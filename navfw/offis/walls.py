@@ -63,7 +63,7 @@ class Walls:
 
 
 def find_walls(geometry: GridGeometry, seen: Nearness, weight: Array) -> Walls:
-    """Fit the walls to ``seen`` with ``weight`` (n,); cells of weight 0 are left out of the fits."""
+    """Fit the walls to ``seen`` with ``weight`` (n,); cells of weight 0 are left out."""
     found, nearer = find_wall_planes(
         geometry.lateral,
         geometry.ahead,

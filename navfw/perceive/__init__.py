@@ -1,5 +1,5 @@
-"""OFFIS on images from anywhere: a folder, a video, image files; no robot, no odometry.
+"""OFFIS on image sequences without a robot or odometry: a folder, a video, or image files.
 
-What a robot would know of its motion is assumed (straight ahead), given (speed, gyro) or taken from
-the flow itself; where that does not suffice the answer is "unknown".
+The camera's motion is assumed (straight ahead), given (speed, gyro record) or estimated from the
+flow itself. Where this is not sufficient the result is "unknown".
 """

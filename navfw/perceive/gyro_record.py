@@ -1,4 +1,4 @@
-"""A gyro's record: how the camera turned between two images, where the record says so."""
+"""Recorded gyro rates, and the camera's rotation between two images by integration."""
 
 from __future__ import annotations
 
@@ -16,10 +16,11 @@ from navfw.signals import Array
 __all__ = ["COLUMNS", "RATES", "GyroRecord", "load_gyro_record", "rotation_from_vector"]
 
 COLUMNS = ("time", "yaw_rate", "pitch_rate", "roll_rate")
-"""Columns of the record: [s], then [rad/s]; yaw left, pitch nose down, roll right side down."""
+"""Columns of a record: time [s] and rates [rad/s], positive for a turn to the left (yaw), nose down
+(pitch) and right side down (roll)."""
 RATES = COLUMNS[1:]
 _ALIASES = {"t": "time", "yaw": "yaw_rate", "pitch": "pitch_rate", "roll": "roll_rate"}
-_FASTEST = 50.0  # rad/s: beyond what gyros measure; degrees per second look like that
+_FASTEST = 50.0  # rad/s: above the range of gyros; larger values are probably degrees per second
 _MAX_BYTES = 200_000_000
 
 
@@ -27,9 +28,9 @@ _MAX_BYTES = 200_000_000
 class GyroRecord:
     """Samples in ascending order: ``times`` (n,) [s], ``rates`` (n, 3) [rad/s] roll, pitch, yaw.
 
-    ``measured`` names the rates that the record has; the others are 0. Samples without a number
-    have been left out; ``longest_gap`` [s] is the largest step over which
-    neighbouring samples still count as a continuous record; ``note`` says what was left out.
+    ``measured`` names the rates in the record; the others are 0. ``longest_gap`` [s] is the largest
+    interval between neighbouring samples of a continuous record. Samples without a number are left
+    out; ``note`` gives their number, None if there are none.
     """
 
     times: Array
@@ -39,14 +40,14 @@ class GyroRecord:
     note: str | None = None
 
     def rotation_between(self, begin: float, end: float) -> Array | None:
-        """The turn (3,) [rad] about base_link's x, y, z from ``begin`` to ``end`` [s].
+        """Rotation vector (3,) [rad] about base_link's x, y, z from ``begin`` to ``end`` [s].
 
-        None where the record has a gap in that time, or does not cover it.
+        None if the record does not cover that time or has a gap in it.
         """
         inside = (self.times > begin) & (self.times < end)
         first = int(np.searchsorted(self.times, begin, side="right")) - 1
         last = int(np.searchsorted(self.times, end, side="left"))
-        # a record that begins with the first image's sample may end a sample before the last one
+        # the ends of the record may be off by one interval
         if first < 0 and self.times[0] - begin <= self.longest_gap:
             first = 0
         if last >= self.times.size and end - self.times[-1] <= self.longest_gap:
@@ -65,7 +66,7 @@ class GyroRecord:
 
 
 def rotation_from_vector(vector: Array) -> Array:
-    """(3, 3) rotation about ``vector`` by its length [rad] (Rodrigues)."""
+    """Rotation matrix (3, 3) about ``vector`` by its length [rad] (Rodrigues' formula)."""
     angle = float(np.linalg.norm(vector))
     x, y, z = vector
     cross: Array = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
@@ -81,8 +82,9 @@ def load_gyro_record(path: Path) -> GyroRecord:
     Rows with a missing or NaN value are left out and make a gap.
 
     Raises:
-        InputError: with file and line: no numbers, unknown column, time not ascending, rates that
-            must be degrees per second.
+        InputError: the file is not readable, has an unknown column, a value that is not a number,
+            times that do not increase, rates that can only be degrees per second, or fewer than two
+            samples; with file and line.
 
     """
     names: list[str] | None = None
@@ -105,7 +107,8 @@ def load_gyro_record(path: Path) -> GyroRecord:
             )
         if max(map(abs, rate)) > _FASTEST:
             raise InputError(
-                f"turns at {max(map(abs, rate)):g} rad/s; are these degrees per second?",
+                f"a rate of {max(map(abs, rate)):g} rad/s is above {_FASTEST:g}; are these "
+                "degrees per second?",
                 file=path,
                 line=line,
             )
@@ -113,9 +116,11 @@ def load_gyro_record(path: Path) -> GyroRecord:
         times.append(time)
         rates.append((rate[0], rate[1], rate[2]))
     if len(times) < 2:
-        raise InputError(f"holds {len(times) or 'no'} usable gyro sample; needs two", file=path)
+        raise InputError(
+            f"has {len(times) or 'no'} usable gyro sample; at least two are needed", file=path
+        )
     note = (
-        f"{left_out} of {left_out + len(times)} gyro samples have no number" if left_out else None
+        f"{left_out} of {left_out + len(times)} gyro samples are not numbers" if left_out else None
     )
     steps = np.diff(times)
     measured = frozenset(names or ()) & frozenset(RATES)
@@ -124,7 +129,7 @@ def load_gyro_record(path: Path) -> GyroRecord:
 
 
 def _rows(path: Path) -> Iterator[tuple[int, list[str]]]:
-    """Line number and cells of every line that is neither empty nor a comment."""
+    """Line number and cells of each line that is neither empty nor a comment."""
     try:
         if path.stat().st_size > _MAX_BYTES:
             raise InputError(f"is larger than {_MAX_BYTES} bytes", file=path)
@@ -137,11 +142,11 @@ def _rows(path: Path) -> Iterator[tuple[int, list[str]]]:
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror or error}", file=path) from error
     except (UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"is no CSV file: {error}", file=path) from error
+        raise InputError(f"is not a CSV file: {error}", file=path) from error
 
 
 def _columns(path: Path, line: int, row: list[str]) -> tuple[list[str], bool]:
-    """Names of the columns, and whether ``row`` is a header that gives them."""
+    """Names of the columns, and whether ``row`` is the header."""
     try:
         float(row[0])
     except ValueError:
@@ -181,5 +186,5 @@ def _numbers(
         try:
             values[name] = float(cell) if cell else math.nan
         except ValueError:
-            raise InputError(f"{cell!r} is no number", file=path, line=line, key=name) from None
+            raise InputError(f"{cell!r} is not a number", file=path, line=line, key=name) from None
     return values["time"], values["roll_rate"], values["pitch_rate"], values["yaw_rate"]

@@ -1,4 +1,4 @@
-"""Where images come from: a folder, a video file, or image files in natural order."""
+"""Image sequences: a folder, a video file, or image files in natural order."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ IMAGES = frozenset(
 VIDEOS = frozenset({".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg", ".wmv"})
 """Suffixes of video files."""
 FRAME_RATE = 10.0
-"""Assumed where nothing says how fast images follow each other [1/s]."""
+"""Frame rate assumed if none is known [1/s]."""
 _FRAME_RATES = (0.01, 10_000.0)
 
 
 @dataclass(frozen=True, slots=True)
 class SourceImage:
-    """One image as it came: ``image`` (height, width, 3) uint8 BGR, at ``time`` [s]."""
+    """One image of a source: ``image`` (height, width, 3) uint8 BGR, at ``time`` [s]."""
 
     name: str
     time: float
@@ -49,9 +49,10 @@ class SourceImage:
 
 
 class ImageSource:
-    """Images of one size in the order they were taken; iterate once over it.
+    """Images of one size in the order of time, for a single iteration.
 
-    ``rate`` [1/s] is that of the images; ``notes`` say what was assumed, or found on the way.
+    ``rate`` [1/s] is the frame rate; ``notes`` are remarks for the user: assumptions, and
+    irregularities found while reading.
     """
 
     def __init__(self, rate: float, notes: Sequence[str]) -> None:
@@ -62,7 +63,7 @@ class ImageSource:
         """The images.
 
         Raises:
-            InputError: an image cannot be read, sizes differ, there are fewer than two.
+            InputError: an image cannot be read, sizes differ, or there are fewer than two.
 
         """
         first: SourceImage | None = None
@@ -79,7 +80,7 @@ class ImageSource:
             count += 1
             yield item
         if count < 2:
-            raise InputError(f"{self} gives {count or 'no'} image; flow needs at least two")
+            raise InputError(f"{self} has {count or 'no'} image; flow needs at least two")
 
     def _items(self) -> Iterator[SourceImage]:
         raise NotImplementedError
@@ -114,13 +115,13 @@ class _Video(ImageSource):
         with _silent():
             self._film = cv2.VideoCapture(str(path))
         if not self._film.isOpened():
-            raise InputError("is no video that can be read", file=path)
+            raise InputError("is not a readable video", file=path)
         rate, notes = fps, []
         if rate is None:
             rate = float(self._film.get(cv2.CAP_PROP_FPS))
             if not (math.isfinite(rate) and _FRAME_RATES[0] <= rate <= _FRAME_RATES[1]):
                 rate = FRAME_RATE
-                notes.append(f"the video does not tell its frame rate: {rate:g} a second assumed")
+                notes.append(f"the video has no frame rate: {rate:g} images a second assumed")
         super().__init__(rate, notes)
 
     def __str__(self) -> str:
@@ -140,21 +141,21 @@ class _Video(ImageSource):
         finally:
             self._film.release()
         if count == 0:
-            raise InputError("is a video without a frame that can be read", file=self._path)
-        # containers estimate their length; more than a few frames missing means it is cut off
+            raise InputError("is a video without a readable frame", file=self._path)
+        # containers estimate their length; a difference of more than a few frames means truncation
         if promised > count + 5:
             self.notes.append(f"only {count} of {promised} frames of the video could be read")
 
 
 def open_source(paths: Sequence[Path], fps: float | None = None) -> ImageSource:
-    """The images that ``paths`` name: one folder, one video, or image files.
+    """The images in ``paths``: one folder, one video, or image files.
 
-    Files are taken in natural order (``image_2`` before ``image_10``), unless they were named in
-    an order that is not the alphabet's: then that order is meant. ``fps`` [1/s] overrides what a
-    video or time stamps in file names say.
+    Image files are read in natural order (``image_2`` before ``image_10``), unless ``paths`` is not
+    sorted alphabetically: then its order is kept. ``fps`` [1/s] overrides the frame rate of a video
+    and time stamps in file names.
 
     Raises:
-        InputError: there is nothing to read.
+        InputError: a path does not exist or cannot be read, or there are no images.
 
     """
     low, high = _FRAME_RATES
@@ -180,7 +181,7 @@ def open_source(paths: Sequence[Path], fps: float | None = None) -> ImageSource:
 
 
 def natural_key(path: Path) -> list[tuple[int, int, str]]:
-    """Sorts names with the numbers in them as numbers."""
+    """Sort key of file names that compares the numbers in them by value."""
     return [
         (0, int(part), part) if part.isdigit() else (1, 0, part.lower())
         for part in re.split(r"([0-9]+)", path.name)
@@ -194,12 +195,12 @@ def _images_in(folder: Path) -> list[Path]:
     if images:
         return sorted(images, key=natural_key)
     others = sorted(e.name for e in entries if e.is_dir() or e.suffix.lower() in VIDEOS)
-    hint = f"; is one of these meant: {', '.join(others[:5])}?" if others else ""
-    raise InputError(f"holds no images{hint}", file=folder)
+    hint = f"; did you mean one of: {', '.join(others[:5])}?" if others else ""
+    raise InputError(f"contains no images{hint}", file=folder)
 
 
 def _times_in_names(paths: Sequence[Path]) -> list[float] | None:
-    """Times [s] since the first image when all names are time stamps in seconds, else None."""
+    """Times [s] since the first image if all names are time stamps in seconds, otherwise None."""
     if len(paths) < 2 or not all(re.fullmatch(r"[0-9]+\.[0-9]+", path.stem) for path in paths):
         return None
     stamps = [float(path.stem) for path in paths]
@@ -215,15 +216,15 @@ def _read_image(path: Path) -> Image:
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror or error}", file=path) from error
     except cv2.error as error:
-        raise InputError("is too large, or damaged", file=path) from error
+        raise InputError("is too large or damaged", file=path) from error
     if image is None:
-        raise InputError("is no image that can be read", file=path)
+        raise InputError("is not a readable image", file=path)
     return np.asarray(image, dtype=np.uint8)
 
 
 @contextlib.contextmanager
 def _silent() -> Iterator[None]:
-    """Inside, the libraries that decode videos keep their complaints: ours says it once."""
+    """Suppress the messages that video decoders write to stderr; errors are raised instead."""
     sys.stderr.flush()
     saved, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 2)

@@ -1,4 +1,4 @@
-"""Text for pictures: outlines of a proper typeface, drawn smoothly with OpenCV."""
+"""Text in images: antialiased outlines of a TrueType font, drawn with OpenCV."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from navfw.signals import Image
 __all__ = ["Colour", "text_width", "wrap", "write"]
 
 Colour = tuple[int, int, int]
-"""Blue, green, red in 0..255."""
+"""Blue, green, red, each in 0..255."""
 Contours = tuple[tuple[npt.NDArray[np.float64], ...], float]
 _SHIFT = 4  # bits of a pixel's fraction in OpenCV's drawing
 
 
 @lru_cache(maxsize=2048)
 def _contours(text: str, size: float, bold: bool) -> Contours:
-    """Outlines [px] with the base line at y = 0 (y down), and the width [px]."""
+    """Outlines [px] with the base line at y = 0 (y down), and the advance width [px]."""
     from matplotlib.font_manager import FontProperties
     from matplotlib.textpath import TextPath
 
     font = FontProperties(family="DejaVu Sans", weight="bold" if bold else "normal")
-    # the width comes from a mark at the end: blanks have no outline of their own
+    # measured with a mark at the end, since trailing blanks have no outline
     marked = TextPath((0.0, 0.0), f"{text}|", size=size, prop=font)
     mark = TextPath((0.0, 0.0), "|", size=size, prop=font)
     width = float(marked.get_extents().x1 - mark.get_extents().x1)
@@ -52,7 +52,7 @@ def write(
 ) -> None:
     """Write into ``image``; ``at`` (x, y) [px] is the left end of the base line.
 
-    ``halo`` is the colour of a rim that keeps the letters readable on any ground.
+    ``halo`` is the colour of an outline that keeps the text readable on any background.
     """
     outlines = _contours(_plain(text), size, bold)[0]
     if not outlines:
@@ -67,7 +67,7 @@ def write(
 
 
 def wrap(text: str, size: float, width: float) -> list[str]:
-    """``text`` in lines no wider than ``width`` [px] (a single longer word stays whole)."""
+    """``text`` in lines no wider than ``width`` [px]; a longer single word is not broken."""
     lines: list[str] = []
     for word in text.split():
         longer = f"{lines[-1]} {word}" if lines else word
@@ -79,5 +79,5 @@ def wrap(text: str, size: float, width: float) -> list[str]:
 
 
 def _plain(text: str) -> str:
-    """Without what TextPath would read as mathematics."""
+    """``text`` with escaped dollar signs: TextPath would parse them as mathematics."""
     return text.replace("$", r"\$")

@@ -1,4 +1,4 @@
-"""The picture of a result: the image, its flow, the quadrants by distance, planes, the sentence."""
+"""Overlay of a result on its image: flow, quadrants by distance, planes, and the sentence."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ import numpy as np
 
 from navfw.perceive.lettering import Colour, text_width, wrap, write
 from navfw.perceive.pair_report import strongest_term
-from navfw.perceive.perceiver import PairResult
+from navfw.perceive.pair_result import PairResult
 from navfw.perceive.working_size import WorkingSize
 from navfw.signals import Array, FlowField, Image, Percept
 
 __all__ = ["COLOURS", "draw", "draw_flow"]
 
-# Okabe and Ito's colours (blue, green, red): told apart by colour-blind readers too
+# Okabe and Ito's colours (blue, green, red), distinguishable by colour-blind readers
 COLOURS: dict[str, Colour] = {
     "near": (0, 94, 213),
     "middle": (0, 159, 230),
@@ -33,9 +33,9 @@ _SHIFT = 4
 
 
 def draw(image: Image, result: PairResult, size: WorkingSize) -> Image:
-    """``image`` (height, width, 3) as it came, enlarged, with what ``result`` sees in it.
+    """``image`` (height, width, 3), enlarged, with the overlay of ``result`` and a caption.
 
-    All pictures of a sequence have the same, even size.
+    All images of a sequence get the same, even size.
     """
     scale = min(_LONG_SIDE / max(size.width, size.height), 8.0)
     scale = max(scale, _SHORT_SIDE / size.width)
@@ -43,7 +43,7 @@ def draw(image: Image, result: PairResult, size: WorkingSize) -> Image:
     way = cv2.INTER_AREA if scale < 1.0 else cv2.INTER_CUBIC
     scene = np.asarray(cv2.resize(image, (width, height), interpolation=way), dtype=np.uint8)
     scene = np.asarray(0.82 * scene, dtype=np.uint8)
-    # from working pixels around the middle to pixels of the picture
+    # from working pixels relative to the centre to pixels of the enlarged image
     gain = scale / size.scale
     middle = np.array([0.5 * width, 0.5 * height])
     half = 0.5 * gain * np.array([size.cut_width, size.cut_height])
@@ -59,7 +59,7 @@ def draw(image: Image, result: PairResult, size: WorkingSize) -> Image:
 
 
 def draw_flow(scene: Image, flow: FlowField, gain: float) -> None:
-    """Arrows of the trusted vectors; ``gain`` is pixels of the picture per pixel of the flow."""
+    """Draw arrows of confident vectors, circles for others; ``gain`` is scene px per flow px."""
     middle = 0.5 * np.array([scene.shape[1], scene.shape[0]])
     width = max(1, round(gain / 4.0))
     order = np.argsort(flow.confidence.ravel())
@@ -81,7 +81,7 @@ def draw_flow(scene: Image, flow: FlowField, gain: float) -> None:
 
 
 def _draw_quadrants(scene: Image, result: PairResult, corners: tuple[Array, Array]) -> None:
-    """Tint by distance; the nearest quadrants stronger, their nearest parts framed."""
+    """Tint quadrants by distance, the nearest ones more strongly, and frame their nearest parts."""
     percept = result.percept
     nearest = next(iter(percept.obstacles.values()), {})
     for name, degrees in percept.quadrants.items():
@@ -122,7 +122,7 @@ def _label_quadrants(scene: Image, result: PairResult, corners: tuple[Array, Arr
 
 
 def _draw_planes(scene: Image, percept: Percept, corners: tuple[Array, Array]) -> None:
-    """The left and the right plane as walls whose nearer side is the taller one (METHOD R9)."""
+    """Draw the left and the right plane as walls, the nearer side taller (METHOD R9)."""
     low, high = corners
     middle = 0.5 * (low + high)
     reach = 0.5 * (high[1] - low[1])
@@ -158,11 +158,11 @@ def _draw_focus(scene: Image, at: Array) -> None:
 
 
 def _caption(result: PairResult, width: int) -> Image:
-    """What is said of the result, in a strip of fixed height."""
+    """The sentence and the figures of the result, in a strip of fixed height."""
     strip = np.full((_LINES * _LINE + 2 * _MARGIN, width, 3), _INK, dtype=np.uint8)
     parts = result.percept.sentence.split("; ")
     front = [part for part in parts if not part.startswith("Layer")]
-    right = _meters(result)
+    right = _figures(result)
     room = width - 2 * _MARGIN
     y = _MARGIN + 15.0
     write(strip, "; ".join(front), (_MARGIN, y), _LETTERS + 3, _PAPER, bold=True)
@@ -181,7 +181,7 @@ def _caption(result: PairResult, width: int) -> Image:
     return strip
 
 
-def _meters(result: PairResult) -> list[str]:
+def _figures(result: PairResult) -> list[str]:
     contact = f"{result.contact:.1f} s" if math.isfinite(result.contact) else "-"
     lines = [
         f"{result.time:.2f} s   {result.now}",
@@ -207,5 +207,5 @@ def _region(name: str, corners: tuple[Array, Array]) -> tuple[Array, Array]:
 
 
 def _fixed(point: Array | tuple[float, float]) -> tuple[int, int]:
-    """``point`` [px] in OpenCV's fixed-point numbers."""
+    """``point`` [px] as OpenCV's fixed-point coordinates."""
     return round(float(point[0]) * (1 << _SHIFT)), round(float(point[1]) * (1 << _SHIFT))

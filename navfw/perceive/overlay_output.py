@@ -1,4 +1,4 @@
-"""Where pictures go: a folder of PNG files or a video, whole or not at all."""
+"""Output of overlay images to a folder of PNG files or a video, replaced only when complete."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ _OURS = re.compile(r"view-[0-9]{5,}\.png")
 
 
 class OverlayOutput(Protocol):
-    """Takes pictures of one size; a context manager."""
+    """Writer of images of one size; a context manager."""
 
     def add(self, picture: Image) -> None:
-        """Take the next picture."""
+        """Append the next image."""
         ...
 
     def __enter__(self) -> Self: ...
@@ -46,7 +46,7 @@ class _Pictures(AtomicFolder):
     def add(self, picture: Image) -> None:
         self._count += 1
         if not cv2.imwrite(str(self.path / f"view-{self._count:05d}.png"), picture):
-            raise InputError("cannot be written", file=self.target)
+            raise InputError("is not writable", file=self.target)
 
 
 class _Film(AtomicTarget):
@@ -65,7 +65,9 @@ class _Film(AtomicTarget):
                 (picture.shape[1], picture.shape[0]),
             )
             if not self._film.isOpened():
-                raise InputError("OpenCV here cannot write such a video", file=self.target)
+                raise InputError(
+                    "the installed OpenCV cannot write this kind of video", file=self.target
+                )
         self._film.write(picture)
 
     def _finish(self) -> None:
@@ -73,17 +75,17 @@ class _Film(AtomicTarget):
             self._film.release()
 
     def _move_into_place(self) -> None:
-        # umask applies to what others may read, as if written in place
+        # temporary files are private: give the file the usual permissions
         with contextlib.suppress(OSError):
             (self.path / self.target.name).chmod(0o644)
         (self.path / self.target.name).replace(self.target)
 
 
 def open_output(target: Path, source: ImageSource) -> OverlayOutput:
-    """Where to draw: a new ``.mp4`` or ``.avi``, else a folder (pictures in it are replaced).
+    """Open a new ``.mp4`` or ``.avi``, otherwise a folder whose overlay images are replaced.
 
     Raises:
-        InputError: the target holds something else, or is a file that exists.
+        InputError: the target is an existing file, a folder with other files, or of another type.
 
     """
     suffix = target.suffix.lower()
@@ -95,6 +97,6 @@ def open_output(target: Path, source: ImageSource) -> OverlayOutput:
         return _Film(target, min(max(source.rate, 1.0), 120.0))
     if suffix in {".mov", ".mkv", ".webm", ".gif", ".png", ".jpg", ".jpeg"}:
         raise InputError(
-            "is neither .mp4 nor .avi, nor a folder's name", file=target, key="--overlay"
+            "is neither .mp4 nor .avi, nor the name of a folder", file=target, key="--overlay"
         )
     return _Pictures(target)

@@ -1,4 +1,4 @@
-"""The camera's motion: assumed straight, turned by the gyro, refined by the flow itself."""
+"""The camera's motion between two images: straight ahead, rotation by gyro or by the flow."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ __all__ = [
 ]
 
 UNKNOWN_TURN = 0.03
-"""Standard deviation of the turn between two images that no gyro has measured [rad]."""
+"""Standard deviation of the rotation between two images without a gyro [rad], per axis."""
 GYRO_SIGMA = 0.005
-"""Constant error left in a gyro's rates [rad/s]."""
+"""Standard deviation of the constant error of a gyro's rates [rad/s]."""
 PITCHING = 0.002
-"""Standard deviation of the pitching that is left between two images [rad]."""
+"""Standard deviation of the unmodelled pitch between two images [rad]."""
 PASSES = 3
-"""The fit is linear in the turn: large turns need more than one pass."""
-_AFTER_FIT = 0.003  # rad, as PITCHING
+"""Iterations of the fit of the rotation: it is linearised, so large rotations need several."""
+_AFTER_FIT = 0.003  # rad, standard deviation of the yaw after the fit
 _NONE = np.zeros(3)
 _AXES = {
     "roll_rate": np.array([1.0, 0.0, 0.0]),
@@ -37,7 +37,7 @@ _AXES = {
     "yaw_rate": np.array([0.0, 0.0, 1.0]),
 }
 _STEP = 1e-4  # rad, of a numerical derivative
-_OVERLAP = 4.0  # neighbouring windows overlap and share their errors
+_OVERLAP = 4.0  # number of vectors with a common error: neighbouring windows overlap
 
 
 def assumed_motion(
@@ -56,10 +56,10 @@ def assumed_motion(
 
 
 def estimate_rotation(flow: FlowField, camera: CameraModel, measured: frozenset[str]) -> Refinement:
-    """The rotation that ``flow`` (not derotated) itself shows (METHOD 2.6), roll included.
+    """Rotation estimated from ``flow`` (not derotated), roll included (METHOD 2.6).
 
-    ``measured`` names the rates ("yaw_rate", ...) that a gyro told; the others are found first, all
-    together, and what is left is refined as on the robot.
+    ``measured`` names the rates ("yaw_rate", ...) that a gyro measured. The other axes are
+    estimated first, all together; yaw and pitch are then refined as on the robot.
     """
     missing = [axis for axis in RATES if axis not in measured]
     motion = flow.motion
@@ -69,10 +69,11 @@ def estimate_rotation(flow: FlowField, camera: CameraModel, measured: frozenset[
 
 
 def _fit_rotation(flow: FlowField, camera: CameraModel, missing: list[str]) -> CameraMotion:
-    """``flow.motion``, turned further about the ``missing`` axes as the flow demands.
+    """``flow.motion`` with the rotation about the ``missing`` axes fitted to the flow.
 
-    As ``refine``: what lies across the epipolar lines is rotation. Robust least squares, with the
-    spread of the residuals as their scale: before the turn is known they are large.
+    As in ``refine``, the component across the epipolar lines is residual rotation. The robust least
+    squares take the spread of the residuals as their scale, since residuals are large until the
+    rotation is known.
     """
     motion = flow.motion
     vectors = derotate(flow, camera).vectors
@@ -94,21 +95,22 @@ def _fit_rotation(flow: FlowField, camera: CameraModel, missing: list[str]) -> C
     for _ in range(8):
         off = (offset - slope @ angles) / sigma
         scale = max(1.0, float(np.median(np.abs(off))) / 0.67) if off.size else 1.0
-        # Cauchy weights: an outlier of many times the spread counts next to nothing
+        # Cauchy weights: an outlier of many times the spread has next to no weight
         robust = weight / scale**2 / (1.0 + (off / (2.4 * scale)) ** 2)
         matrix = (slope * robust[:, None]).T @ slope + np.eye(len(missing)) / UNKNOWN_TURN**2
         angles = np.linalg.solve(matrix, (slope * robust[:, None]).T @ offset)
     body = sum((angle * _AXES[name] for angle, name in zip(angles, missing, strict=True)), _NONE)
     rotation = rotation_from_vector(camera.base_from_camera.T @ -body) @ motion.rotation
-    # most of the doubt is gone: what is left is the refinement's to find
+    # the remaining error is small and left to the refinement
     return replace(motion, rotation=rotation, yaw_sigma=_AFTER_FIT)
 
 
 def forward_share(flow: FlowField, focal: float) -> float:
-    """Which share of the moving, trusted vectors of derotated ``flow`` fits ``flow.motion``.
+    """Share of the significant vectors of derotated ``flow`` that agree with ``flow.motion``.
 
-    By the sign of their part along the epipolar line; 1 when all do, 0 when all run the other way
-    (the camera backs), about 0.5 when the flow has nothing to do with the motion.
+    The sign of the component along the epipolar line decides. The share is 1 if all vectors agree,
+    0 if all are opposite (the camera moves backward), and about 0.5 if flow and motion are
+    unrelated.
     """
     shift = flow.motion.translation
     lines = flow.points * shift[2] - focal * shift[:2]
@@ -122,7 +124,7 @@ def forward_share(flow: FlowField, focal: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class ExpansionFocus:
-    """Where derotated flow comes from: ``x``, ``y`` and ``sigma`` [px from the image centre]."""
+    """Focus of expansion: ``x``, ``y`` [px from the image centre] and their ``sigma`` [px]."""
 
     x: float
     y: float
@@ -130,9 +132,9 @@ class ExpansionFocus:
 
 
 def expansion_focus(flow: FlowField) -> ExpansionFocus | None:
-    """The point from which the vectors of derotated ``flow`` point away, or None.
+    """Focus of expansion of derotated ``flow``; None if it is not determined.
 
-    Robust least squares of the distances of the vectors' lines from the point.
+    The point minimises the distances to the vectors' lines in robust least squares.
     """
     length = np.hypot(flow.vectors[..., 0], flow.vectors[..., 1])
     use = (flow.confidence > 0.0) & (length > 2.0 * flow.sigma)
@@ -141,7 +143,7 @@ def expansion_focus(flow: FlowField) -> ExpansionFocus | None:
     p, d, size = flow.points[use], flow.vectors[use], length[use]
     normal = np.stack([-d[:, 1], d[:, 0]], axis=1) / size[:, None]
     offset = (normal * p).sum(axis=1)
-    # a line's distance from a point at r is off by about r sigma / length
+    # the standard deviation of a line's distance from a point at r is about r sigma / length
     reach = np.maximum(np.hypot(p[:, 0], p[:, 1]), 10.0)
     spread = reach * flow.sigma[use] / size
     weight = flow.confidence[use] / spread**2

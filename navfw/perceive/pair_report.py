@@ -1,4 +1,4 @@
-"""What was perceived, as plain data and as lines for people."""
+"""Results as plain data and as lines of text."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from navfw.offis.elementary_situations import ELEMENTARY, TABLE
-from navfw.perceive.perceiver import PairResult
+from navfw.perceive.pair_result import PairResult
 
 __all__ = ["as_data", "as_line", "front_situation", "strongest_term"]
 
@@ -15,10 +15,10 @@ _DIGITS = 4
 
 
 def as_data(result: PairResult) -> dict[str, Any]:
-    """One object for a pair of images; numbers that do not exist are None.
+    """The result of a pair of images as plain data; undefined numbers are None.
 
-    Metres are there only where the scale is known; times to contact [s] always are, since they
-    need none. Lengths in the image are in pixels of the images as they came, from their top left.
+    Distances in metres are None if the scale is unknown; times to contact [s] need no scale.
+    Positions are in pixels from the top left of the original images.
     """
     percept, scale = result.percept, result.scale
     regions = percept.explanation["regions"]
@@ -65,7 +65,7 @@ def as_data(result: PairResult) -> dict[str, Any]:
 
 
 def as_line(result: PairResult) -> str:
-    """Time, how sure, time to contact and the sentence, what lies in front first."""
+    """Time, confidence, time to contact and the sentence, the front first, in one line."""
     contact = f"{result.contact:6.1f} s" if math.isfinite(result.contact) else "       -"
     parts = result.percept.sentence.split("; ")
     sentence = "; ".join(sorted(parts, key=lambda part: part.startswith("Layer")))
@@ -74,7 +74,7 @@ def as_line(result: PairResult) -> str:
 
 
 def front_situation(result: PairResult) -> str:
-    """What the sentence says of the front: an entry of Table 1, or plain "door"."""
+    """The front in the sentence: an entry of Table 1 or an elementary situation."""
     for part in result.percept.sentence.split("; "):
         if part.startswith("Front is "):
             front = part.removeprefix("Front is ").removeprefix("a ")
@@ -83,7 +83,7 @@ def front_situation(result: PairResult) -> str:
 
 
 def strongest_term(degrees: Mapping[str, float]) -> str:
-    """The strongest of the degrees of near, middle and far; "unknown" when all are 0."""
+    """The strongest of the degrees of near, middle and far; "unknown" if all are 0."""
     best = max(degrees, key=degrees.__getitem__)
     return best if degrees[best] > 0.0 else "unknown"
 

@@ -1,7 +1,8 @@
-"""How fast, how high? One camera sees no scale; the floor ties the two together.
+"""Metric scale of a single camera: speed and camera height, related by the floor.
 
-Flow tells distances in units of the way between two images. Where a floor is seen, it tells the
-camera's height in the same unit: speed gives height, and height gives speed.
+Flow gives distances as multiples of the baseline. If the floor is visible, it gives the camera's
+height as a multiple of the baseline, too. A known speed thus yields the height, and a known height
+the speed.
 """
 
 from __future__ import annotations
@@ -17,23 +18,23 @@ from navfw.signals import Array, FlowField
 __all__ = ["NO_FLOOR", "Scale", "ScaleEstimator", "floor_ratio"]
 
 NOMINAL_SPEED = 0.35
-"""Speed taken where none is known [m/s]: then OFFIS's terms of distance follow from its terms of
-time to contact, whose limits are as many seconds as the others are metres over this speed."""
+"""Speed assumed if the scale is unknown [m/s]: the limits of OFFIS's distance terms in metres,
+divided by this speed, are those of its terms of time to contact in seconds."""
 NO_FLOOR = 50.0
-"""Height of a camera that sees no floor [m]: everything below the horizon counts as an object."""
-_SAME = 0.12  # relative width of what counts as one floor
-_LEAST_CELLS = 8
-_LEAST_SHARE = 0.3
-_LEAST_SPAN = 1.6  # a wall's flow imitates a floor's over a smaller range of rows
-_DROPS = 0.2
+"""Camera height if no floor is visible [m]: all cells below the horizon then count as objects."""
+_SAME = 0.12  # half the width of a cluster of log ratios that is one floor
+_LEAST_CELLS = 8  # least number of cells of a floor
+_LEAST_SHARE = 0.3  # least share of the cells below the horizon
+_LEAST_SPAN = 1.6  # least ratio of the descents of its rays: a wall resembles a floor on fewer rows
+_DROPS = 0.2  # largest share of cells farther than the floor
 
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """What OFFIS is to take for true: ``speed`` [m/s] and the camera's ``height`` [m].
+    """The ``speed`` [m/s] and camera ``height`` [m] that OFFIS uses.
 
-    ``source``: "speed" where it was given, "height" where the speed follows from the given height
-    and the floor, "none" where distances mean nothing but their ratios.
+    ``source`` is "speed" if the speed was given, "height" if the speed follows from a given height
+    and the floor, and "none" if the scale is unknown: only ratios of distances are then meaningful.
     """
 
     speed: float
@@ -47,20 +48,20 @@ class Scale:
 
     @property
     def floor(self) -> bool:
-        """Whether the floor is known."""
+        """Whether the height above the floor is known."""
         return self.height < NO_FLOOR
 
 
 @dataclass
 class ScaleEstimator:
-    """Completes speed and height from the floor seen now and before."""
+    """Estimates unknown ``speed`` [m/s] or ``height`` [m] from the floor of recent images."""
 
     speed: float | None
     height: float | None
     _ratios: deque[float] = field(default_factory=lambda: deque(maxlen=31))
 
     def update(self, ratio: float | None) -> Scale:
-        """The scale, when the floor passes at ``ratio`` [1/s] = speed / height (None: no floor)."""
+        """The scale after a measured ``ratio`` [1/s] of speed to height; None without floor."""
         if ratio is not None:
             self._ratios.append(ratio)
         usual = float(np.median(self._ratios)) if self._ratios else None
@@ -76,18 +77,17 @@ class ScaleEstimator:
 
 
 def floor_ratio(flow: FlowField, camera: CameraModel) -> float | None:
-    """Way between the images over the camera's height, from the floor; None where none is seen.
+    """Ratio of the baseline to the camera's height, from the floor; None if no floor is visible.
 
     ``flow`` is derotated. A point of the floor has the nearness ``fall / height`` (METHOD 2.8), so
-    way times nearness over fall is the same wherever floor is seen, and larger wherever something
-    stands on it.
+    baseline times nearness divided by fall is equal on the whole floor and larger on obstacles.
     """
     shift = flow.motion.translation
     direction = shift / max(float(np.linalg.norm(shift)), 1e-12)
     lines = flow.points * direction[2] - camera.focal * direction[:2]
     squared = (lines * lines).sum(axis=-1)
     expansion = (flow.vectors * lines).sum(axis=-1) / np.maximum(squared, 1e-9)
-    # way x nearness now, METHOD 2.5
+    # baseline times current nearness, METHOD 2.5
     nearness = expansion / np.maximum(1.0 - direction[2] * expansion, 0.1)
     fall = (flow.points @ np.array([0.0, 1.0]) / camera.focal) * np.cos(camera.pitch) + np.sin(
         camera.pitch
@@ -101,7 +101,7 @@ def floor_ratio(flow: FlowField, camera: CameraModel) -> float | None:
 
 
 def _lowest_cluster(ratios: Array, fall: Array) -> float | None:
-    """The densest value of the log ``ratios`` if it looks like a floor."""
+    """Median ratio in the densest cluster of the log ``ratios``; None if it is not a floor."""
     order = np.argsort(ratios)
     ratios, fall = ratios[order], fall[order]
     ends = np.searchsorted(ratios, ratios + 2.0 * _SAME, side="right")

@@ -1,4 +1,4 @@
-"""Images of any size, brought to one that the flow's grid divides, with the right focal length."""
+"""Scaling and cropping of images to a size that the flow's grid divides, with its focal length."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from navfw.signals import Array, Image
 __all__ = ["HFOV", "WorkingSize"]
 
 HFOV = (15.0, 155.0)
-"""Horizontal fields of view that a pinhole camera may have here [deg]."""
+"""Smallest and largest horizontal field of view of a pinhole camera [deg]."""
 AREA = 160 * 120
-"""Pixels of the paper's images, for which windows and search are made."""
+"""Area of the paper's images [px^2], for which windows and search range are chosen."""
 LEAST_SIDE = 24
-"""An image smaller than this shows nothing to a 24 px window [px]."""
+"""Least side of an image [px], the side of a window of block matching."""
 
 
 @dataclass(frozen=True, slots=True)
 class WorkingSize:
-    """How images (``width`` x ``height`` px) become those that the flow is computed on.
+    """Conversion of images (``width`` x ``height`` px) to working images for the flow.
 
-    They are scaled by ``scale``, the same along both axes, then cut around the middle to
-    ``cut_width`` x ``cut_height``, whole multiples of the grid's cells.
+    Images are scaled by ``scale`` along both axes, then cropped around the centre to ``cut_width``
+    x ``cut_height``, multiples of the grid.
     """
 
     width: int
@@ -38,14 +38,17 @@ class WorkingSize:
 
     @classmethod
     def of(cls, width: int, height: int, rows: int, cols: int) -> WorkingSize:
-        """The size nearest to the paper's that loses least at the borders.
+        """The working size closest to the paper's with the least cropping.
 
         Raises:
             InputError: the images are too small, or far too long for the grid.
 
         """
         if min(width, height) < LEAST_SIDE:
-            raise InputError(f"images of {width} x {height} px are too small: nothing to match in")
+            raise InputError(
+                f"images of {width} x {height} px are too small; at least {LEAST_SIDE} px are "
+                "needed per side"
+            )
         best: tuple[float, WorkingSize] | None = None
         for cell_width in range(2, 1 + math.ceil(math.sqrt(4 * AREA * width / height) / cols)):
             cut_width = cell_width * cols
@@ -58,7 +61,7 @@ class WorkingSize:
                     continue  # as CameraModel
                 if area > 4.0:
                     continue
-                # one octave away from the wanted area weighs as much as 15 % cut away
+                # a factor of two in area costs as much as 15 % cropping
                 cost = (1.0 - kept) + 0.15 * abs(math.log2(area))
                 if best is None or cost < best[0] - 1e-9:
                     best = cost, cls(width, height, scale, cut_width, cut_height)
@@ -69,10 +72,10 @@ class WorkingSize:
         return best[1]
 
     def camera(self, hfov: float, height: float, pitch: float, rate: float) -> CameraModel:
-        """The camera that takes the working images.
+        """The camera model of the working images.
 
-        ``hfov`` [rad] is the horizontal field of view of the images as they came; ``height`` [m]
-        above the floor, ``pitch`` [rad] nose down, ``rate`` [1/s].
+        ``hfov`` [rad] is the horizontal field of view of the original images, ``height`` [m] that
+        of the camera above the floor, ``pitch`` [rad] nose down, ``rate`` [1/s].
         """
         focal = 0.5 * self.scale * self.width / math.tan(0.5 * hfov)
         return CameraModel(
@@ -97,11 +100,11 @@ class WorkingSize:
         return np.ascontiguousarray(cut, dtype=np.uint8)
 
     def to_image(self, points: Array) -> Array:
-        """Working ``points`` (..., 2) [px from the centre] in pixels from the images' top left."""
+        """``points`` (..., 2) [px from the centre of the working image] in the original image."""
         return points / self.scale + 0.5 * np.array([self.width, self.height])
 
 
 def _cells(cut_width: int, width: int, height: int, rows: int) -> tuple[int, ...]:
-    """Cell heights [px] with which next to nothing is cut, for a cut of that width."""
+    """Cell heights [px] with the least cropping for working images of ``cut_width`` [px]."""
     exact = cut_width * height / (width * rows)
     return tuple(n for n in {math.floor(exact), math.ceil(exact)} if n >= 2)

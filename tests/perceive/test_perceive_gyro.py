@@ -61,7 +61,7 @@ def test_gaps_and_missing_numbers(tmp_path: Path) -> None:
     lines = [f"{0.01 * k:.2f},{'nan' if 300 <= k < 340 else 0.2}" for k in range(1000)]
     lines[700] = "7.00,"
     gyro = load_gyro_record(write(tmp_path, "\n".join(lines)))
-    assert gyro.note == "41 of 1000 gyro samples have no number"
+    assert gyro.note == "41 of 1000 gyro samples are not numbers"
     assert gyro.rotation_between(2.9, 3.1) is None
     assert gyro.rotation_between(3.1, 3.2) is None
     assert gyro.rotation_between(6.95, 7.05) == pytest.approx(
@@ -75,14 +75,14 @@ def test_gaps_and_missing_numbers(tmp_path: Path) -> None:
     ("text", "message"),
     [
         ("0,0\n1,0\n0.5,0\n", r"gyro\.csv:3: time 0\.5 s does not come after 1 s"),
-        ("time,yaw\n0,0\n1,abc\n", r"gyro\.csv:3: yaw_rate: 'abc' is no number"),
+        ("time,yaw\n0,0\n1,abc\n", r"gyro\.csv:3: yaw_rate: 'abc' is not a number"),
         ("time,yow_rate\n", r"gyro\.csv:1: unknown column 'yow_rate': did you mean 'yaw_rate'"),
         ("time,pitch\n0,0\n", r"gyro\.csv:1: has no column 'yaw_rate'"),
         ("0,90\n1,90\n", "are these degrees per second"),
         ("0,0\n1\n", r"gyro\.csv:2: has 1 values, not 2"),
         ("0\n1\n", "has 1 columns"),
-        ("", "holds no usable gyro sample"),
-        ("0,nan\n1,nan\n", "holds no usable gyro sample"),
+        ("", "has no usable gyro sample"),
+        ("0,nan\n1,nan\n", "has no usable gyro sample"),
     ],
 )
 def test_what_is_wrong_is_said_with_its_line(tmp_path: Path, text: str, message: str) -> None:
@@ -94,5 +94,5 @@ def test_files_that_are_none(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="cannot be read"):
         load_gyro_record(tmp_path / "nowhere.csv")
     (tmp_path / "gyro.csv").write_bytes(bytes(range(128, 256)))
-    with pytest.raises(InputError, match="is no CSV file"):
+    with pytest.raises(InputError, match="is not a CSV file"):
         load_gyro_record(tmp_path / "gyro.csv")

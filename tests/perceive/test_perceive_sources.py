@@ -70,7 +70,7 @@ def test_video_tells_its_rate(tmp_path: Path) -> None:
 
 def test_video_that_is_none(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "film.mp4").write_bytes(b"nothing of the sort" * 50)
-    with pytest.raises(InputError, match=r"film\.mp4: is no video that can be read"):
+    with pytest.raises(InputError, match=r"film\.mp4: is not a readable video"):
         open_source([tmp_path / "film.mp4"])
     assert capfd.readouterr().err == ""
 
@@ -83,21 +83,21 @@ def test_sizes_must_agree(tmp_path: Path) -> None:
 
 def test_too_few_images(tmp_path: Path) -> None:
     save(tmp_path, [GREY])
-    with pytest.raises(InputError, match="gives 1 image; flow needs at least two"):
+    with pytest.raises(InputError, match="has 1 image; flow needs at least two"):
         names(open_source([tmp_path]))
 
 
 def test_damaged_image(tmp_path: Path) -> None:
     save(tmp_path, [GREY, GREY])
     (tmp_path / "image_2.png").write_bytes(b"")
-    with pytest.raises(InputError, match=r"image_2\.png: is no image that can be read"):
+    with pytest.raises(InputError, match=r"image_2\.png: is not a readable image"):
         names(open_source([tmp_path]))
 
 
 def test_folder_without_images_says_what_may_be_meant(tmp_path: Path) -> None:
     (tmp_path / "rgb").mkdir()
     (tmp_path / "depth").mkdir()
-    with pytest.raises(InputError, match="holds no images; is one of these meant: depth, rgb"):
+    with pytest.raises(InputError, match="contains no images; did you mean one of: depth, rgb"):
         open_source([tmp_path])
 
 

@@ -95,7 +95,7 @@ def noise(k: int) -> Image:
         ([np.zeros((HEIGHT, WIDTH), np.uint8)] * 3, "too little texture"),
         ([np.full((HEIGHT, WIDTH), 140, np.uint8) + noise(k) // 120 for k in range(3)], "texture"),
         ([noise(k) for k in range(3)], "too little"),
-        ([APPROACH[0]] * 3, "nothing moves"),
+        ([APPROACH[0]] * 3, "no motion"),
         ([texture(k)[:HEIGHT, :WIDTH] for k in range(3)], ""),
     ],
     ids=["black", "flat and noisy", "snow", "still", "unrelated"],
