@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shlex
 from collections.abc import Iterator
@@ -10,7 +11,7 @@ from typing import Any
 
 import pytest
 import typer.main
-from docs_pages import PAGES, ROOT
+from docs_pages import PAGES, ROOT, table
 from typer.testing import CliRunner, Result
 
 from navfw.cli import app
@@ -84,6 +85,23 @@ def test_a_quick_command_succeeds_and_prints_what_is_shown(
     assert result.exit_code == 0, result.output
     printed = [row.rstrip() for row in result.output.splitlines()]
     assert [row for row in shown if row not in printed] == []
+
+
+@pytest.mark.parametrize(
+    ("command", "heading"),
+    [
+        ("plan hospital reception ward-3", "## Plan"),
+        ("map show office", "## Maps"),
+        ("map check office", "## Maps"),
+        ("map build office --out draft.yaml", "## Maps"),
+        ("map convert office office.geojson", "## Maps"),
+    ],
+)
+def test_the_keys_of_the_json_are_documented(command: str, heading: str, folder: Path) -> None:
+    result = invoke(f"{command} --json", folder)
+    assert result.exit_code == 0, result.output
+    documented = re.findall(r"`(\w+)`", table(ROOT / "docs" / "commands.md", heading))
+    assert set(json.loads(result.stdout)) - set(documented) == set()
 
 
 def test_the_readme_shows_a_mistake_with_its_message() -> None:
