@@ -35,11 +35,11 @@ SCORES = {
 
 @pytest.fixture
 def measured(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
-    """Every part stubbed: what each was asked for."""
-    asked: dict[str, Any] = {}
+    """Every part replaced by a stub; the arguments each was called with."""
+    arguments: dict[str, Any] = {}
 
     def run_speed(comparisons: int, repeats: int, workers: int) -> dict[str, Any]:
-        asked["speed"] = comparisons, workers
+        arguments["speed"] = comparisons, workers
         return {
             "offis_ms": 0.3,
             "offis_skfuzzy_ratio": 900.0,
@@ -48,7 +48,7 @@ def measured(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
         }
 
     def run_flow(places: int, seed: int, tick: object) -> dict[str, Any]:
-        asked["flow"] = places, seed
+        arguments["flow"] = places, seed
         worlds, motions = ("empty",), {"2 cm": flow_pairs.MOTIONS["2 cm"]}
         monkeypatch.setattr(flow_accuracy, "MOTIONS", motions)
         errors = flow_accuracy.statistics(np.ones((4, 2)), np.full(4, 2.0), 8)
@@ -63,11 +63,11 @@ def measured(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
         }
 
     def run_accuracy(poses: int, seed: int, workers: int, progress: object) -> dict[str, Any]:
-        asked["accuracy"] = poses, seed, workers
+        arguments["accuracy"] = poses, seed, workers
         return {"poses": poses, "seed": seed, **SCORES, "ideal": dict(SCORES)}
 
     def run_approach(folder: Path) -> dict[str, Any]:
-        asked["approach"] = folder
+        arguments["approach"] = folder
         row = {"from_s": 0.0, "to_s": 5.0, "n": 9, "median_rel_error": 0.02, "raw_median": 0.1}
         return {"ttc_median_rel_error": 0.02, "by_time": [row]}
 
@@ -75,7 +75,7 @@ def measured(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     monkeypatch.setattr(flow_accuracy, "bench_flow", run_flow)
     monkeypatch.setattr(perception_accuracy, "run", run_accuracy)
     monkeypatch.setattr(datasets, "bench_approach", run_approach)
-    return asked
+    return arguments
 
 
 def bench(*arguments: str) -> Any:
@@ -98,7 +98,7 @@ def test_json_has_the_headlines_first(measured: dict[str, Any]) -> None:
     assert measured["speed"][0] == 30
 
 
-def test_tables_say_what_is_reached(measured: dict[str, Any]) -> None:
+def test_tables_show_which_targets_are_reached(measured: dict[str, Any]) -> None:
     done = bench("--workers", "1")
     assert done.exit_code == 0, done.output
     lines = {" ".join(line.split()) for line in done.stdout.splitlines()}
@@ -140,7 +140,7 @@ def test_every_reach_is_a_key_of_the_result() -> None:
 
 
 @pytest.mark.slow
-def test_all_of_it_together(tmp_path: Path) -> None:
+def test_the_whole_benchmark(tmp_path: Path) -> None:
     done = bench("--poses", "12", "--comparisons", "10", "--places", "1", "--json")
     assert done.exit_code == 0, done.output
     result = json.loads(done.stdout)

@@ -21,7 +21,7 @@ from typing import Annotated
 from pydantic import Field
 
 class Hover(Behavior):
-    """Stays where it is."""
+    """Keeps its position."""
     name = "hover"
 
     class Params(Behavior.Params):
@@ -33,7 +33,7 @@ class Hover(Behavior):
 
 @pytest.fixture
 def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A user's project with good and broken things of every sort."""
+    """A user's project with valid and broken files of every kind."""
     files = {
         "navfw.toml": "",
         "behaviors/hover.py": BEHAVIOR,
@@ -67,7 +67,7 @@ def listed(*arguments: str) -> dict[str, dict[str, Any]]:
 
 
 def navfw(*arguments: str) -> subprocess.CompletedProcess[str]:
-    """The command in a process of its own."""
+    """Run the command in a separate process."""
     return subprocess.run(  # noqa: S603 - our own interpreter
         [sys.executable, "-c", "from navfw.cli import main; main()", *arguments],
         capture_output=True,
@@ -163,7 +163,7 @@ def test_plugins_of_all_kinds_are_listed_in_the_order_of_the_kinds() -> None:
         ),
     ],
 )
-def test_tables_for_people(project: Path, arguments: list[str], words: list[str]) -> None:
+def test_tables(project: Path, arguments: list[str], words: list[str]) -> None:
     done = CliRunner().invoke(app, arguments)
     assert done.exit_code == 0
     flat = " ".join(done.stdout.split())
@@ -189,7 +189,7 @@ def test_nothing_to_list(project: Path) -> None:
         ),
     ],
 )
-def test_bad_input_is_one_message_and_code_2(
+def test_invalid_input_gives_one_message_and_exit_code_2(
     project: Path, arguments: list[str], message: str
 ) -> None:
     for extra in ([], ["--json"]):
@@ -206,7 +206,7 @@ def test_bad_input_is_one_message_and_code_2(
         (["worlds", "extra"], "unexpected extra argument"),
     ],
 )
-def test_wrong_usage_is_code_2(arguments: list[str], message: str) -> None:
+def test_wrong_usage_gives_exit_code_2(arguments: list[str], message: str) -> None:
     done = CliRunner().invoke(app, arguments)
     assert (done.exit_code, done.stdout) == (2, "")
     assert message in done.stderr
@@ -227,7 +227,7 @@ def test_no_traceback_in_a_real_process(project: Path) -> None:
     assert (done.returncode, done.stdout, done.stderr) == expected
 
 
-def test_a_terminal_without_umlauts_is_no_error(
+def test_a_terminal_without_unicode_is_supported(
     project: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (project / "worlds/barn/world.yaml").write_text("description: Müller's — barn ☃\n", "utf-8")

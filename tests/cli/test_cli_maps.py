@@ -18,7 +18,7 @@ def ran(*arguments: str, code: int = 0) -> str:
     return done.stderr if code == 2 else done.stdout
 
 
-def told(*arguments: str, code: int = 0) -> dict[str, Any]:
+def json_of(*arguments: str, code: int = 0) -> dict[str, Any]:
     data = json.loads(ran(*arguments, "--json", code=code))
     assert isinstance(data, dict)
     return data
@@ -32,7 +32,7 @@ def size(picture: Path) -> tuple[int, int]:
 
 
 def test_a_plan_as_json() -> None:
-    data = told("plan", "hospital", "reception", "ward-3")
+    data = json_of("plan", "hospital", "reception", "ward-3")
     assert data["map"] == "hospital"
     assert data["places"][-1] == "ward-3"
     assert 20.0 < data["length"] < data["cost"]
@@ -40,7 +40,7 @@ def test_a_plan_as_json() -> None:
     assert all(passage["rules"] for passage in data["passages"])
 
 
-def test_a_plan_for_people_and_its_picture(tmp_path: Path) -> None:
+def test_a_plan_as_text_and_its_plot(tmp_path: Path) -> None:
     picture = tmp_path / "way.png"
     text = ran(
         "plan", "office", "lobby", "lab", "--avoid", "lab-door:lab-entrance", "--plot", str(picture)
@@ -65,7 +65,7 @@ def test_a_plan_for_people_and_its_picture(tmp_path: Path) -> None:
         (["map", "build", "ofice", "--out", "a.yaml"], ["world 'ofice'"]),
     ],
 )
-def test_mistakes_cost_one_message(
+def test_invalid_input_gives_one_message(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: list[str], words: list[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -78,22 +78,22 @@ def test_mistakes_cost_one_message(
 
 def test_show_draws_the_map_over_its_world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    data = told("map", "show", "office")
+    data = json_of("map", "show", "office")
     assert (data["places"], data["edges"], data["over_world"]) == (50, 55, True)
     assert data["kinds"]["door"] == 9
     assert size(tmp_path / data["picture"])[0] > 800
     ran("map", "convert", "office", "copy.geojson")
     text = (tmp_path / "copy.geojson").read_text().replace('"name": "office"', '"name": "../x y"')
     (tmp_path / "copy.geojson").write_text(text)
-    assert told("map", "show", "copy.geojson", "--out", "b.png")["over_world"] is False
+    assert json_of("map", "show", "copy.geojson", "--out", "b.png")["over_world"] is False
     assert size(tmp_path / "b.png")[0] > 800
 
 
-def test_check_says_what_is_wrong_with_a_map_in_its_world(
+def test_check_lists_the_problems_of_a_map_in_its_world(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert told("map", "check", "office") == {
+    assert json_of("map", "check", "office") == {
         "map": "office",
         "in_world": True,
         "ok": True,
@@ -102,7 +102,7 @@ def test_check_says_what_is_wrong_with_a_map_in_its_world(
     ran("map", "convert", "office", "bad.yaml")
     text = (tmp_path / "bad.yaml").read_text()
     (tmp_path / "bad.yaml").write_text(text.replace("kitchen: {x: 9.5,", "kitchen: {x: 8.5,"))
-    data = told("map", "check", "bad.yaml", "--world", "office", code=1)
+    data = json_of("map", "check", "bad.yaml", "--world", "office", code=1)
     assert not data["ok"]
     assert ("in-wall", "kitchen") in {(p["kind"], p["where"]) for p in data["problems"]}
     assert "in-wall" in ran("map", "check", "bad.yaml", code=1)
@@ -112,21 +112,21 @@ def test_build_writes_a_map_that_check_accepts(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    data = told("map", "build", "paper-room", "--out", "built.yaml")
+    data = json_of("map", "build", "paper-room", "--out", "built.yaml")
     assert data["places"] == len(load_any_map(tmp_path / "built.yaml").places)
-    assert told("map", "check", "built.yaml", "--world", "paper-room")["ok"]
+    assert json_of("map", "check", "built.yaml", "--world", "paper-room")["ok"]
 
 
 def test_convert_there_and_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    told("map", "convert", "office", "a.graphml")
-    told("map", "convert", "a.graphml", "b.geojson")
-    assert told("map", "convert", "b.geojson", "c.yaml")["edges"] == 55
+    json_of("map", "convert", "office", "a.graphml")
+    json_of("map", "convert", "a.graphml", "b.geojson")
+    assert json_of("map", "convert", "b.geojson", "c.yaml")["edges"] == 55
     assert load_any_map("c.yaml").passages == load_any_map("a.graphml").passages
 
 
 def test_bench_planning(monkeypatch: pytest.MonkeyPatch) -> None:
-    data = told("bench", "planning", "--places", "200", "--repeats", "3")
+    data = json_of("bench", "planning", "--places", "200", "--repeats", "3")
     assert {"costs_ms", "first_plan_ms", "replan_ms", "networkx_ms"} <= set(data)
     assert data["replan_over_networkx"] > 0.0
     assert "networkx.astar_path" in ran("bench", "planning", "--places", "200", "--repeats", "3")

@@ -48,7 +48,7 @@ def load(folder: Path, text: str | bytes, name: str = "world.yaml") -> ConfigErr
         ("a: 1e999\n", 1, "expected a readable float, got '1e999'"),
     ],
 )
-def test_names_file_line_and_what_is_wrong(
+def test_errors_name_file_line_and_problem(
     tmp_path: Path, text: str | bytes, line: int, message: str
 ) -> None:
     error = load(tmp_path, text)
@@ -76,7 +76,7 @@ def test_missing_file_names_the_nearest(tmp_path: Path) -> None:
         load_yaml(tmp_path / "nowhere" / "x.yaml")
 
 
-def test_a_folder_or_device_is_no_file(tmp_path: Path) -> None:
+def test_a_folder_or_device_is_rejected(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="expected a file, got a folder"):
         load_yaml(tmp_path)
     with pytest.raises(ConfigError, match="expected a regular file"):
@@ -93,7 +93,7 @@ def test_files_below_the_working_folder_are_shown_relative(
     assert str(load(tmp_path, "a: 1\na: 2", "maps/m.yaml")).startswith("maps/m.yaml:2: a: ")
 
 
-def test_alias_bombs_are_refused_quickly() -> None:
+def test_alias_bombs_are_rejected_quickly() -> None:
     rows = ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
     rows += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]" for i in range(1, 12)]
     with pytest.raises(ConfigError, match="too much content"):
@@ -101,7 +101,7 @@ def test_alias_bombs_are_refused_quickly() -> None:
 
 
 @pytest.mark.parametrize("text", ["[\n" * 5_000, "- " * 20_000, "{a: " * 20_000])
-def test_deep_nesting_is_refused(text: str) -> None:
+def test_deep_nesting_is_rejected(text: str) -> None:
     with pytest.raises(ConfigError, match="nested too deeply"):
         parse_yaml(text)
 
@@ -131,7 +131,7 @@ def test_keys_are_text_as_written() -> None:
     assert list(parse_yaml("{101: a, 0x1F: b, true: c, ~: d}").data) == ["101", "0x1F", "true", "~"]
 
 
-def test_a_byte_order_mark_is_no_matter(tmp_path: Path) -> None:
+def test_a_byte_order_mark_is_ignored(tmp_path: Path) -> None:
     path = tmp_path / "a.yaml"
     path.write_bytes("\ufeffa: ü\n".encode())
     assert load_yaml(path).data == {"a": "ü"}
@@ -186,9 +186,7 @@ plain = st.recursive(
 
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(plain)
-def test_reads_what_the_library_writes(
-    tmp_path_factory: pytest.TempPathFactory, data: object
-) -> None:
+def test_reads_what_ruamel_writes(tmp_path_factory: pytest.TempPathFactory, data: object) -> None:
     path = tmp_path_factory.mktemp("plain") / "a.yaml"
     with path.open("w", encoding="utf-8") as stream:
         YAML(typ="safe", pure=True).dump({"data": data}, stream)
@@ -209,6 +207,6 @@ def test_reads_what_the_library_writes(
 @example("a: !!bool maybe")
 @example("a: !!int ''")
 @example("!!set {a, b}")
-def test_any_text_is_read_or_refused_with_our_error(text: str) -> None:
+def test_any_text_is_read_or_raises_config_error(text: str) -> None:
     with contextlib.suppress(ConfigError):
         parse_yaml(text, "a.yaml")

@@ -50,7 +50,7 @@ def names(found: list[lookup.NamedFile]) -> list[str]:
     return [f"{item.name} ({item.source})" for item in found]
 
 
-def test_what_ships_is_found_by_name(shipped: Path) -> None:
+def test_shipped_files_are_found_by_name(shipped: Path) -> None:
     assert names(lookup.list_worlds()) == ["empty (shipped)", "office (shipped)"]
     assert names(lookup.list_missions("office")) == ["patrol (shipped)", "to-lab (shipped)"]
     assert lookup.find("world", "office") == shipped / "worlds/office/world.yaml"
@@ -77,7 +77,7 @@ def test_unknown_names_get_the_nearest(
         lookup.find(kind, name)
 
 
-def test_names_are_no_way_out_of_the_folders(shipped: Path) -> None:
+def test_names_cannot_lead_out_of_the_folders(shipped: Path) -> None:
     write(shipped / "secret.yaml")
     for name in ("..", ".", "", "*", "suites"):
         with pytest.raises(UnknownNameError):
@@ -86,7 +86,7 @@ def test_names_are_no_way_out_of_the_folders(shipped: Path) -> None:
         lookup.find_mission("office", "..")
 
 
-def test_a_project_adds_and_goes_before_what_ships(shipped: Path, project: Path) -> None:
+def test_a_project_adds_files_and_takes_precedence(shipped: Path, project: Path) -> None:
     own = write(project / "worlds/office/world.yaml")
     write(project / "worlds/barn/world.yaml")
     write(project / "worlds/_draft/world.yaml")
@@ -138,7 +138,7 @@ def test_a_pyproject_table_marks_a_project(shipped: Path, text: str, expected: b
     assert lookup.project_folder(folder) == (folder if expected else None)
 
 
-def test_a_broken_pyproject_that_means_us_is_an_error(shipped: Path) -> None:
+def test_an_invalid_pyproject_with_our_table_is_an_error(shipped: Path) -> None:
     write(Path("pyproject.toml"), "[tool.navfw]\nx = \n")
     with pytest.raises(ConfigError, match=r"pyproject\.toml: not valid TOML: .*line 2"):
         lookup.project_folder()
@@ -152,7 +152,7 @@ def test_a_removed_working_folder_has_no_project(shipped: Path) -> None:
     assert lookup.project_folder() is None
 
 
-def test_paths_are_taken_as_they_are(shipped: Path, tmp_path: Path) -> None:
+def test_paths_are_used_unchanged(shipped: Path, tmp_path: Path) -> None:
     file = write(tmp_path / "elsewhere/hall/world.yaml")
     write(tmp_path / "elsewhere/hall/missions/cross.yaml")
     assert lookup.find("world", str(file)) == file
@@ -164,7 +164,7 @@ def test_paths_are_taken_as_they_are(shipped: Path, tmp_path: Path) -> None:
     assert lookup.find("map", "m.yaml", base=tmp_path) == mission
 
 
-def test_a_path_to_nothing_names_the_nearest_file(shipped: Path, tmp_path: Path) -> None:
+def test_a_missing_path_names_the_nearest_file(shipped: Path, tmp_path: Path) -> None:
     write(tmp_path / "hall.yaml")
     with pytest.raises(ConfigError, match=r"hal\.yaml: there is no such file; .*'hall\.yaml'"):
         lookup.find("map", str(tmp_path / "hal.yaml"))
@@ -180,7 +180,9 @@ def test_the_real_shipped_folder_has_its_behaviors() -> None:
     assert "default" in [found.name for found in lookup.list_stacks()]
 
 
-def test_an_installed_package_ships_inside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_installed_package_contains_the_shipped_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (tmp_path / "navfw" / "shipped").mkdir(parents=True)
     monkeypatch.setattr(navfw, "__file__", str(tmp_path / "navfw" / "__init__.py"))
     assert lookup.shipped_folder() == tmp_path / "navfw" / "shipped"

@@ -151,7 +151,7 @@ def error(text: str, *overrides: str) -> str:
         ("low: 3", "w.yaml:1: low 3 is above high 1"),
     ],
 )
-def test_says_key_expectation_and_what_is_there(text: str, message: str) -> None:
+def test_errors_name_key_expected_and_actual_value(text: str, message: str) -> None:
     assert message in error(GOOD + text)
 
 
@@ -182,11 +182,11 @@ def test_says_key_expectation_and_what_is_there(text: str, message: str) -> None
         ("{}", "w.yaml:1: rooms: missing; expected a list of mappings"),
     ],
 )
-def test_says_what_is_wrong_in_lists(text: str, message: str) -> None:
+def test_errors_in_lists_name_the_item(text: str, message: str) -> None:
     assert message in error(text)
 
 
-def test_every_problem_is_told_in_the_order_of_the_file() -> None:
+def test_problems_are_listed_in_the_order_of_the_file() -> None:
     lines = error("low: x\nrooms:\n- {name: a, doors: 9}\n- {}\nfloor: mud\nhigh: y\n").splitlines()
     assert [line.split(": ")[:2] for line in lines] == [
         ["w.yaml:1", "low"],
@@ -202,13 +202,13 @@ def test_a_union_is_one_problem() -> None:
     assert len(error(GOOD + "either: [a, 1]").splitlines()) == 1
 
 
-def test_a_list_of_one_bad_item_is_not_called_short_as_well() -> None:
+def test_an_invalid_item_does_not_make_its_list_too_short() -> None:
     text = GOOD + "places: {a: {name: a, tags: [1]}}"
     (line,) = error(text).splitlines()
     assert "places.a.tags[0]: expected text, got 1" in line
 
 
-def test_a_good_file_becomes_the_model(tmp_path: Path) -> None:
+def test_a_valid_file_becomes_the_model(tmp_path: Path) -> None:
     path = tmp_path / "w.yaml"
     path.write_text(GOOD + "one: {kind: box, size: [1, 2]}\nlight: dim\nheight: 3\nfrom: a\n")
     world = load_model(path, World)
@@ -228,7 +228,7 @@ def test_a_part_that_is_null_or_absent_counts_as_empty() -> None:
     assert validate(document, RobotModel, at=("nothing", "here")) == RobotModel()
 
 
-def test_check_hands_the_problems_back() -> None:
+def test_check_returns_the_problems() -> None:
     result, problems = check(parse_yaml("kind: box", "w.yaml"), Box)
     assert result is None
     assert [(p.path, p.origin.line) for p in problems] == [(("size",), 1)]
@@ -287,15 +287,15 @@ def test_overrides_change_add_and_index(tmp_path: Path) -> None:
         ("low=5", "w.yaml:1: low 5 is above high 1 (with --set low=5)"),
     ],
 )
-def test_a_bad_override_is_named(override: str, message: str) -> None:
+def test_errors_name_the_override(override: str, message: str) -> None:
     assert message in error(GOOD, override)
 
 
-def test_a_bad_line_of_the_file_is_not_blamed_on_a_good_override() -> None:
+def test_errors_of_the_file_do_not_name_a_valid_override() -> None:
     assert error(GOOD + "floor: mud", "high=3").startswith("w.yaml:2: floor: ")
 
 
-def test_an_override_mends_the_file() -> None:
+def test_an_override_can_replace_an_invalid_value() -> None:
     document = parse_yaml(GOOD + "floor: mud\n", "w.yaml")
     mended = apply_overrides(document, ["floor=mud", "floor=tiles"])
     assert validate(mended, World).floor == "tiles"

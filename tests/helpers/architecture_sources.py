@@ -1,4 +1,4 @@
-"""The source files and their syntax trees, for tests about how the house is built."""
+"""The source files and their syntax trees, for tests of the architecture."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ BEHAVIORS = sorted((ROOT / "behaviors").glob("*.py"))
 
 
 def shown(path: Path) -> str:
-    """A path as tests are named by it."""
+    """A path relative to the repository, as in the names of tests."""
     return path.relative_to(ROOT).as_posix()
 
 
 def module_name(path: Path) -> str:
-    """What a module of the package is imported as."""
+    """The dotted name of a module of the package."""
     return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
 
 
@@ -29,7 +29,7 @@ def tree_of(path: Path) -> ast.Module:
 
 
 def imports(tree: ast.AST) -> Iterator[tuple[str, str | None]]:
-    """Everything imported, inside functions as well: module, and name or None for a whole one."""
+    """All imports, inside functions as well: module, and name (None for ``import module``)."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             yield from ((alias.name, None) for alias in node.names)
@@ -48,7 +48,7 @@ def names(tree: ast.AST) -> Iterator[str]:
 
 
 def dotted(node: ast.AST) -> str:
-    """``np.random.seed`` for its attribute node; empty for what is no dotted name."""
+    """``np.random.seed`` for its attribute node; empty for any other node."""
     if isinstance(node, ast.Name):
         return node.id
     if isinstance(node, ast.Attribute):
@@ -58,7 +58,7 @@ def dotted(node: ast.AST) -> str:
 
 
 def stack_modules() -> list[Path]:
-    """The modules of the stack, which decides by sensor readings alone; as import-linter has it."""
+    """The modules of the stack, as in the import contract on honest sensing."""
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     (contract,) = (
         contract

@@ -1,4 +1,4 @@
-"""Plugins good and bad in folders of their own, and what a registry makes of them."""
+"""Valid and broken plugins in temporary folders, and their status in a registry."""
 
 from __future__ import annotations
 

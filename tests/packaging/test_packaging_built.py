@@ -1,4 +1,4 @@
-"""What is built from the repository: everything that a run needs travels, and nothing else."""
+"""Sdist and wheel contain everything that a run needs, and nothing else."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ def dist(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder with sdist and wheel; the wheel is built from the sdist."""
     folder = tmp_path_factory.mktemp("dist")
     build = [uv(), "build", "--quiet", "--out-dir", str(folder), str(ROOT)]
-    # whoever has synced the project has the build backend at hand; others fetch it
+    # a synced project has the build backend; otherwise it is downloaded
     for options in (["--offline"], []):
-        done = subprocess.run(  # noqa: S603 - uv, words of our own
+        done = subprocess.run(  # noqa: S603 - uv, fixed arguments
             [*build, *options], capture_output=True, text=True, timeout=600, check=False
         )
         if done.returncode == 0:
@@ -43,7 +43,7 @@ def dist(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def installed(dist: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The wheel's content, to go before the checkout on Python's path."""
+    """The content of the wheel, to precede the checkout on Python's path."""
     (wheel,) = dist.glob("*.whl")
     folder = tmp_path_factory.mktemp("site")
     shutil.unpack_archive(wheel, folder, "zip")
@@ -56,7 +56,7 @@ def navfw(installed: Path, folder: Path, *words: str) -> subprocess.CompletedPro
         "assert navfw.__file__.startswith(os.environ['PYTHONPATH']), navfw.__file__\n"
         "from navfw.cli import main; main()"
     )
-    return subprocess.run(  # noqa: S603 - this Python, words of our own
+    return subprocess.run(  # noqa: S603 - this Python, fixed arguments
         [sys.executable, "-c", code, *words],
         cwd=folder,
         env={**os.environ, "PYTHONPATH": str(installed)},
@@ -79,7 +79,7 @@ def test_the_sdist_has_the_sources_and_nothing_local(dist: Path) -> None:
     assert {"navfw", "behaviors", "maps", "worlds", "tests", "docs", "pyproject.toml"} <= tops
 
 
-def test_every_data_file_travels_in_the_wheel(installed: Path) -> None:
+def test_the_wheel_contains_every_data_file(installed: Path) -> None:
     package = installed / "navfw"
     for folder, patterns in SHIPPED.items():
         for pattern in patterns:
@@ -96,7 +96,7 @@ def test_every_data_file_travels_in_the_wheel(installed: Path) -> None:
     assert sorted(path.name.split("-")[0] for path in installed.iterdir()) == ["navfw", "navfw"]
 
 
-def test_an_installed_navfw_lists_what_it_has_from_anywhere(
+def test_an_installed_navfw_lists_its_files_from_any_folder(
     installed: Path, tmp_path: Path
 ) -> None:
     done = navfw(installed, tmp_path, "worlds", "--json")
@@ -113,7 +113,7 @@ def test_an_installed_navfw_lists_what_it_has_from_anywhere(
 
 
 @pytest.mark.slow
-def test_an_installed_navfw_drives_from_anywhere(installed: Path, tmp_path: Path) -> None:
+def test_an_installed_navfw_drives_from_any_folder(installed: Path, tmp_path: Path) -> None:
     done = navfw(installed, tmp_path, "run", "empty", "straight", "--json")
     assert done.returncode == 0, done.stderr
     answer = json.loads(done.stdout)

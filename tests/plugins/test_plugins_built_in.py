@@ -1,4 +1,4 @@
-"""The registry of all that ships, and what is added to it."""
+"""The registry of the shipped plugins, and additions to it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from navfw.interfaces import KINDS
 from navfw.plugins import BUILT_IN, default_registry
 
 
-def test_all_that_ships_works() -> None:
+def test_all_shipped_plugins_work() -> None:
     registry = default_registry()
     assert registry.names("flow") == sorted(BUILT_IN["flow"])
     shipped = [
@@ -38,7 +38,7 @@ def test_extra_folders_are_discovered_too(folder: Path) -> None:
     assert [row["name"] for row in registry.broken()] == ["avoid"]
 
 
-def test_making_a_registry_imports_no_simulator_and_no_built_in() -> None:
+def test_a_new_registry_imports_neither_simulator_nor_built_in_plugins() -> None:
     code = (
         "import sys\nfrom navfw.plugins import Registry, BUILT_IN\nr = Registry()\n"
         "for kind, plugins in BUILT_IN.items():\n"

@@ -1,4 +1,4 @@
-"""Plugins of installed packages: loaded when asked for, and held to what they announce."""
+"""Plugins of installed packages: loaded on first use, and checked against their entry point."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from navfw.plugins import registry as registry_module
 
 @pytest.fixture
 def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
-    """An importable module that tells when it is imported."""
+    """An importable module that records its import."""
     file = tmp_path / "elsewhere_plugins.py"
     text = "print('imported')\nclass Deep: pass\n"
     file.write_text(text + GOOD.format(cls="Hover", name="hover"))
@@ -32,7 +32,7 @@ def point(value: str, name: str = "hover", group: str = "navfw.behaviors") -> En
     return EntryPoint(name, value, group)
 
 
-def test_entry_points_are_loaded_when_asked_for(
+def test_entry_points_are_loaded_on_first_use(
     package: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     registry = Registry()
@@ -69,7 +69,7 @@ def test_a_broken_entry_point_is_named(package: str, value: str, message: str) -
     assert statuses(registry, "features") == {"none": "ok"}
 
 
-def test_an_entry_point_must_keep_its_promise(package: str) -> None:
+def test_an_entry_point_must_have_the_declared_kind_and_name(package: str) -> None:
     registry = Registry()
     registry.discover_entry_points([point(f"{package}:Hover", "fly")])
     registry.discover_entry_points([point(f"{package}:Hover", "hover", "navfw.flows")])
@@ -95,16 +95,16 @@ def test_groups_are_one_for_each_kind() -> None:
     assert {"navfw.behaviors", "navfw.flows", "navfw.features"} <= set(GROUPS)
 
 
-def test_installed_entry_points_are_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[str] = []
+def test_installed_entry_points_are_discovered(monkeypatch: pytest.MonkeyPatch) -> None:
+    groups: list[str] = []
 
     def entry_points(group: str) -> list[EntryPoint]:
-        asked.append(group)
+        groups.append(group)
         return [point("nowhere:Hover")] if group == "navfw.behaviors" else []
 
     monkeypatch.setattr(registry_module, "entry_points", entry_points)
     registry = default_registry()
-    assert sorted(asked) == sorted(GROUPS)
+    assert sorted(groups) == sorted(GROUPS)
     assert "hover" in registry.names("behavior")
     with pytest.raises(PluginError, match="nowhere"):
         registry.get("behavior", "hover")

@@ -1,4 +1,4 @@
-"""Plugins from folders: what is found, and every way to be broken."""
+"""Plugins from folders: discovery, and the errors of broken files."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ BROKEN: dict[str, tuple[str | bytes, str]] = {
 }
 
 
-def test_every_way_to_be_broken_is_named_and_stops_nothing_else(folder: Path) -> None:
+def test_broken_files_are_listed_and_do_not_affect_others(folder: Path) -> None:
     put(folder, "helper", GOOD.format(cls="Helper", name="helper"))
     put(folder, "zzz_good")
     for name, (text, _) in BROKEN.items():
@@ -95,7 +95,7 @@ def test_every_way_to_be_broken_is_named_and_stops_nothing_else(folder: Path) ->
     assert [m for m in folders if m.endswith((".raises", ".syntax"))] == []
 
 
-def test_one_bad_class_of_a_file_leaves_the_others(folder: Path) -> None:
+def test_an_invalid_class_does_not_affect_others_of_its_file(folder: Path) -> None:
     text = "from navfw.plugins import plugin\n@plugin\nclass Bad: pass\n"
     put(folder, "mixed", text + GOOD.format(cls="Fine", name="fine"))
     assert statuses(discovered(folder)) == {"fine": "ok", "mixed": "broken"}
@@ -125,7 +125,7 @@ class Right(Common):
     assert statuses(discovered(folder)) == {"left": "ok", "right": "ok"}
 
 
-def test_a_complete_plugin_that_another_extends_is_a_plugin_too(folder: Path) -> None:
+def test_a_complete_plugin_with_a_subclass_is_a_plugin_too(folder: Path) -> None:
     more = '\nclass More(Thing):\n    """More."""\n    name = "more"\n'
     put(folder, "thing", GOOD.format(cls="Thing", name="thing") + more)
     assert statuses(discovered(folder)) == {"thing": "ok", "more": "ok"}
@@ -159,7 +159,7 @@ def test_files_may_import_their_helpers_and_find_their_data(folder: Path) -> Non
     assert (vars(module)["WORD"], vars(module)["DATA"]) == ("word", "data")
 
 
-def test_equally_named_files_of_two_folders_do_not_meet(tmp_path: Path) -> None:
+def test_files_of_the_same_name_in_two_folders_do_not_collide(tmp_path: Path) -> None:
     registry = Registry()
     for name in ("left", "right"):
         (tmp_path / name).mkdir()

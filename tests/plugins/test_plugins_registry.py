@@ -1,4 +1,4 @@
-"""Plugins registered in code, and names that are taken already."""
+"""Plugins registered in code, and names that are already taken."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ def test_register_and_get() -> None:
     }
 
 
-def test_registering_the_same_class_again_is_no_matter() -> None:
+def test_a_class_may_be_registered_again() -> None:
     registry = Registry()
     registry.register(Mine)
     registry.register(Mine)
     assert len(registry.listing()) == 1
 
 
-def test_a_bad_class_is_refused_at_once() -> None:
+def test_an_invalid_class_raises_on_registration() -> None:
     registry = Registry()
     with pytest.raises(PluginError, match="not derived from a base class of plugins"):
         registry.register(int)  # type: ignore[arg-type]
@@ -68,7 +68,7 @@ def test_the_decorator_reaches_default_registries(monkeypatch: pytest.MonkeyPatc
     assert default_registry().get("behavior", "mine") is Mine
 
 
-def test_the_decorator_refuses_a_bad_class_at_once() -> None:
+def test_the_decorator_raises_for_an_invalid_class() -> None:
     with pytest.raises(PluginError, match="no docstring"):
 
         @plugin
@@ -79,7 +79,7 @@ def test_the_decorator_refuses_a_bad_class_at_once() -> None:
                 del context
 
 
-def test_the_later_of_a_name_is_broken_and_both_files_are_named(tmp_path: Path) -> None:
+def test_of_two_plugins_of_one_name_the_later_is_broken(tmp_path: Path) -> None:
     registry = Registry()
     for name in ("first", "second"):
         (tmp_path / name).mkdir()
@@ -105,7 +105,7 @@ def test_registering_a_taken_name_raises(folder: Path) -> None:
     assert registry.get("behavior", "mine").__name__ == "Thing"
 
 
-def test_a_broken_one_gives_way_to_one_that_works(folder: Path) -> None:
+def test_a_working_plugin_replaces_a_broken_one(folder: Path) -> None:
     put(folder, "mine", "1 / 0")
     registry = discovered(folder)
     registry.register(Mine)

@@ -1,4 +1,4 @@
-"""What is told about stack files that choose plugins wrongly."""
+"""Errors of stack files that choose plugins wrongly."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from navfw.stackfile import load_stack
         ("fusion:\n", "fussion:\n", "fussion: unknown key; did you mean 'fusion'?"),
     ],
 )
-def test_a_wrong_choice_is_told(old: str, new: str, says: str, tmp_path: Path) -> None:
+def test_errors_name_the_wrong_choice(old: str, new: str, says: str, tmp_path: Path) -> None:
     text = find("stack", "default").read_text(encoding="utf-8")
     assert old in text
     file = tmp_path / "mine.yaml"
@@ -42,7 +42,7 @@ def test_a_wrong_choice_is_told(old: str, new: str, says: str, tmp_path: Path) -
     assert says in str(caught.value)
 
 
-def test_the_shipped_file_chooses_what_it_says() -> None:
+def test_the_default_stack_has_the_plugins_of_its_file() -> None:
     config = load_stack(find("stack", "default"), default_registry())
     assert config.stages["flow"].name == "block_matching"
     assert "peek" in config.behaviors

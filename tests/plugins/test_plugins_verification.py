@@ -1,4 +1,4 @@
-"""Every way in which a class can fail to be a plugin, and the message that says so."""
+"""The problems of a class as a plugin, and their messages."""
 
 from __future__ import annotations
 
@@ -44,13 +44,13 @@ class Good(Behavior):
         del context
 
 
-def test_a_good_plugin_has_no_problems() -> None:
+def test_a_valid_plugin_has_no_problems() -> None:
     verify(Good)
     assert find_problems(Good) == []
     assert kind_of(Good) == "behavior"
 
 
-def test_more_parameters_are_fine_when_they_have_defaults() -> None:
+def test_additional_parameters_need_defaults() -> None:
     thing = build(
         """
         class Thing(Behavior):
@@ -201,7 +201,7 @@ def test_an_inherited_name_is_not_enough() -> None:
     ]
 
 
-def test_all_problems_are_told_at_once_with_file_line_and_class() -> None:
+def test_one_error_lists_all_problems_with_file_line_and_class() -> None:
     class Bad(FeatureRecognizer):
         name = "bad one"
 
@@ -216,7 +216,7 @@ def test_all_problems_are_told_at_once_with_file_line_and_class() -> None:
         assert part in str(error)
 
 
-def test_a_class_that_cannot_even_be_looked_at() -> None:
+def test_a_class_that_raises_on_inspection() -> None:
     class Meta(type(Behavior)):  # type: ignore[misc]
         def __getattribute__(cls, name: str) -> Any:
             if name == "Params":
@@ -235,7 +235,7 @@ def test_a_class_that_cannot_even_be_looked_at() -> None:
 
 
 @pytest.mark.parametrize("base", KINDS.values(), ids=str)
-def test_the_base_of_every_kind_can_be_fulfilled_as_its_signatures_say(base: type[Any]) -> None:
+def test_every_interface_can_be_implemented_with_its_own_signatures(base: type[Any]) -> None:
     """A class that repeats the base's own signatures passes; one without a method does not."""
     methods = {name: vars(base)[name] for name in base.__abstractmethods__}
 

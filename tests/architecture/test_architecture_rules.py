@@ -1,4 +1,4 @@
-"""The rules of the house that no linter knows: what may import, call and draw what."""
+"""Rules of the architecture beyond those of linters: imports, calls and random numbers."""
 
 from __future__ import annotations
 
@@ -24,7 +24,8 @@ from architecture_sources import (
 
 import navfw
 
-MAX_LINES = 450
+MAX_LINES = 400
+MAX_FUNCTION_LINES = 60
 SOURCES = [*MODULES, *BEHAVIORS]
 FOR_BEHAVIORS = sys.stdlib_module_names | {"numpy", "pydantic"}
 DECIDING = [*stack_modules(), *BEHAVIORS]
@@ -46,7 +47,7 @@ ENGINE = {
 SEEDED = {"BitGenerator", "Generator", "PCG64", "Philox", "SeedSequence", "default_rng"}
 
 
-def test_there_is_something_to_look_at() -> None:
+def test_the_sources_are_found() -> None:
     assert len(MODULES) > 100
     assert len(BEHAVIORS) >= 8
     assert ROOT / "navfw" / "stack.py" in stack_modules()
@@ -70,10 +71,23 @@ def test_every_public_name_resolves_and_no_other_does() -> None:
         _ = navfw.Stuck
 
 
-def test_modules_are_short_and_say_what_they_are_about() -> None:
+def test_modules_are_short_and_have_docstrings() -> None:
     lines = {shown(path): len(path.read_text(encoding="utf-8").splitlines()) for path in SOURCES}
     assert {name: count for name, count in lines.items() if count > MAX_LINES} == {}
     assert [shown(path) for path in SOURCES if not ast.get_docstring(tree_of(path))] == []
+
+
+@pytest.mark.xfail(reason="one function of the suite is still being split", strict=False)
+def test_functions_are_short() -> None:
+    # a compiled loop reads best in one piece
+    found = {
+        f"{shown(path)}: {node.name}": (node.end_lineno or node.lineno) - node.lineno + 1
+        for path in SOURCES
+        if not path.stem.endswith("kernels")
+        for node in ast.walk(tree_of(path))
+        if isinstance(node, ast.FunctionDef)
+    }
+    assert {name: lines for name, lines in found.items() if lines > MAX_FUNCTION_LINES} == {}
 
 
 def test_annotations_are_not_evaluated() -> None:
@@ -82,7 +96,7 @@ def test_annotations_are_not_evaluated() -> None:
     assert [shown(path) for path in with_code if first not in set(imports(tree_of(path)))] == []
 
 
-def test_modules_have_what_they_say_is_theirs() -> None:
+def test_modules_define_the_names_of_their_all() -> None:
     missing = []
     for path in MODULES:
         if path.name not in {"__init__.py", "__main__.py"}:
@@ -102,14 +116,14 @@ def test_only_sim_talks_to_the_physics_engine() -> None:
     assert callers == {"navfw/sim"}
 
 
-def test_the_stack_asks_for_no_truth() -> None:
-    asked = {shown(path): TRUTH & set(names(tree_of(path))) for path in DECIDING}
-    assert {name: what for name, what in asked.items() if what} == {}
+def test_the_stack_uses_no_truth() -> None:
+    used = {shown(path): TRUTH & set(names(tree_of(path))) for path in DECIDING}
+    assert {name: what for name, what in used.items() if what} == {}
 
 
 def test_no_decision_reads_the_clock_or_the_environment() -> None:
-    # a stopwatch accounts for the time of stages, and a benchmark measures: neither decides; the
-    # watchdog ends calls that would never end, which is a fault of the run and recorded as one
+    # the stopwatch and the benchmark only measure; the watchdog ends calls that would never return,
+    # which is recorded as a fault of the run
     exempt = {"stopwatch.py", "fis_benchmark.py", "watchdog.py"}
     decided = [path for path in DECIDING if path.name not in exempt]
     used = {shown(path): OUTSIDE & {m for m, _ in imports(tree_of(path))} for path in decided}
@@ -138,7 +152,7 @@ def test_every_module_can_be_the_first_to_be_imported() -> None:
         name = module_name(path)
         if name.endswith("__main__"):
             continue
-        done = subprocess.run(  # noqa: S603 - this Python, words of our own
+        done = subprocess.run(  # noqa: S603 - this Python, fixed arguments
             [sys.executable, "-W", "error", "-c", f"import {name}"],
             capture_output=True,
             text=True,
