@@ -149,12 +149,12 @@ def _pybullet_frame(drive: _Drive, reference: ReferenceRenderer) -> float:
     for tick in ticks:
         if drive.movers.names:
             places = drive.movers.at(log.time[tick : tick + 1])[0]
-            reference.put_walkers((float(x), float(y)) for x, y in places)
-        shot = reference.aim(Pose(*log.true[tick].tolist()))
+            reference.place_movers((float(x), float(y)) for x, y in places)
+        request = reference.request(Pose(*log.true[tick].tolist()))
         if not times:
             for _ in range(_WARM_UP_VIEWS):
-                reference.draw(shot)
-        times.append(reference.draw(shot)[2])
+                reference.draw(request)
+        times.append(reference.draw(request)[2])
     return median(times)
 
 

@@ -1,7 +1,8 @@
-"""The simulated world: the only room that imports PyBullet.
+"""Simulator: worlds, physics, rendering and sensor models; the only package that uses PyBullet.
 
-``load_world`` reads a world file, ``Simulation`` runs a robot in it, ``FloorPlan`` is its geometry
-in the plane. ``Simulation`` is imported when first asked for: a floor plan needs no physics engine.
+``worldspec`` specifies a world, ``world_check`` checks it, ``worldfile`` loads it. ``Simulation``
+runs a robot in a world; ``FloorPlan`` is the world's true geometry in the plane. ``Simulation`` is
+imported on first access, since a floor plan needs no physics engine.
 """
 
 from __future__ import annotations

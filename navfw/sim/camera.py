@@ -1,4 +1,4 @@
-"""The robot's camera: software rendering, an exact pinhole projection, image noise."""
+"""Model of the robot's camera: rendering, an exact pinhole projection, image noise."""
 
 from __future__ import annotations
 
@@ -19,19 +19,20 @@ from navfw.sim.worldspec import LightSpec
 __all__ = ["Camera", "DepthImage", "RenderRequest", "projection_matrix"]
 
 NEAR, FAR = 0.03, 40.0
-"""Clipping planes [m]."""
+"""Distances of the clipping planes [m]."""
 
 DepthImage = npt.NDArray[np.float32]
 
-# noise is drawn once and cut from a random place for every frame: 2**20 bytes, cheap and varied
 _NOISE_BANK = 1 << 20
+"""Size of the noise drawn once [bytes]; every frame uses a random section of it."""
 _WIDEST = 2.8
-# OpenGL's axes are the camera's right, and the opposite of its down and ahead
+"""Limit of the horizontal field of view with a fault [rad]: a pinhole image ends at pi."""
+# OpenGL's camera axes (right, up, back) from the camera frame's (right, down, ahead)
 _RIGHT_UP_BACK = np.array([[1.0], [-1.0], [-1.0]])
 
 
 class RenderRequest(NamedTuple):
-    """A picture to be taken: what renderers are told (see ``Raster.draw``).
+    """The arguments of a renderer for one image (see ``Raster.draw``).
 
     ``view`` and ``projection`` are (4, 4), ``eye`` (3,) [m], ``size`` (width, height) [px].
     """
@@ -46,10 +47,10 @@ class RenderRequest(NamedTuple):
 def projection_matrix(camera: CameraModel, supersample: int = 1) -> Array:
     """OpenGL projection (4, 4) with ``focal`` px and the principal point in the image centre.
 
-    The image centre is ((width - 1) / 2, (height - 1) / 2) with the middle of a pixel at whole
-    numbers. The raster looks through the pixel's corner instead of its middle: column i samples
-    x = i - width / 2 and row j samples y = j - (height / 2 - 1) (measured); the two small entries
-    below move both by half a pixel.
+    The image centre is ((width - 1) / 2, (height - 1) / 2), with pixel centres at integers. The
+    raster samples a pixel's corner instead of its centre: column i samples x = i - width / 2 and
+    row j samples y = j - (height / 2 - 1) (measured); the two entries of 1 / width and 1 / height
+    shift both by half a pixel.
     """
     width, height = camera.width * supersample, camera.height * supersample
     focal = camera.focal * supersample
@@ -65,10 +66,10 @@ def projection_matrix(camera: CameraModel, supersample: int = 1) -> Array:
 
 
 class Camera:
-    """Renders what the camera sees from a pose of ``base_link``.
+    """Renders images and depth from a pose of ``base_link``.
 
-    ``supersample`` 2 renders at twice the size and averages, against aliasing; it costs four times
-    as much. ``noise`` is the standard deviation [grey levels] of the image noise.
+    ``supersample`` 2 renders at twice the size and averages, against aliasing, at four times the
+    cost. ``noise`` is the standard deviation [grey levels] of the image noise.
     """
 
     def __init__(
@@ -87,27 +88,27 @@ class Camera:
         self._banks: tuple[Image, Image] | None = None
         if noise > 0.0:
             drawn = np.rint(rng.standard_normal(_NOISE_BANK, dtype=np.float32) * noise)
-            # what makes brighter, and what makes darker: bytes are fast to add to bytes
+            # positive and negative part apart: saturated arithmetic on bytes is fast
             self._banks = (
                 np.clip(drawn, 0, 127).astype(np.uint8),
                 np.clip(-drawn, 0, 127).astype(np.uint8),
             )
-        self._lamps = light
+        self._light_spec = light
         self._mount = np.array([camera.mount_forward, 0.0, camera.mount_height])
         self._base_from_camera = camera.base_from_camera
-        self.adjust()
+        self.set_optics()
 
-    def adjust(self, light: float = 1.0, hfov_error: float = 0.0) -> None:
-        """From now on with this share of the light, and a field of view wider by that share."""
-        lamps = self._lamps
-        length = math.sqrt(sum(d * d for d in lamps.direction))
-        x, y, z = (d / length for d in lamps.direction)
-        self._light = Light((x, y, z), light * lamps.ambient, light * lamps.diffuse)
+    def set_optics(self, light: float = 1.0, hfov_error: float = 0.0) -> None:
+        """Set the share of the light, and the relative error of the field of view."""
+        spec = self._light_spec
+        length = math.sqrt(sum(d * d for d in spec.direction))
+        x, y, z = (d / length for d in spec.direction)
+        self._light = Light((x, y, z), light * spec.ambient, light * spec.diffuse)
         hfov = min(self.model.hfov * (1.0 + hfov_error), _WIDEST)
         true = self.model.model_copy(update={"hfov": hfov})
         self._projection = projection_matrix(true, self._supersample)
-        # how far the image reaches from its middle, in focal lengths, with a pixel to spare
-        self._reach = (
+        # half the image's size in focal lengths, with a margin of one pixel
+        self._half_size = (
             (0.5 * true.width + 1.0) / true.focal,
             (0.5 * true.height + 1.0) / true.focal,
         )
@@ -115,27 +116,30 @@ class Camera:
     def render(
         self, position: tuple[float, float, float], turn: tuple[float, float, float, float]
     ) -> tuple[Image, npt.NDArray[np.float32]]:
-        """Luminance (height, width) without noise, and what ``depth`` makes a depth of."""
-        picture = self._scenery.raster.draw(*self.aim(position, turn))
-        grey = cv2.cvtColor(picture.rgb, cv2.COLOR_RGB2GRAY)
+        """Luminance (height, width) without noise, and the raw depth that ``depth`` converts.
+
+        ``position`` [m] and ``turn`` (quaternion x, y, z, w) are those of base_link in the map.
+        """
+        rendered = self._scenery.raster.draw(*self.request(position, turn))
+        grey = cv2.cvtColor(rendered.rgb, cv2.COLOR_RGB2GRAY)
         if self._supersample > 1:
             grey = cv2.resize(
                 grey, (self.model.width, self.model.height), interpolation=cv2.INTER_AREA
             )
-        return grey.astype(np.uint8, copy=False), picture.depth
+        return grey.astype(np.uint8, copy=False), rendered.depth
 
-    def aim(
+    def request(
         self, position: tuple[float, float, float], turn: tuple[float, float, float, float]
     ) -> RenderRequest:
-        """What is to be drawn, with the scenery ready for it."""
+        """The render request for a pose; updates which parts of the scenery are drawn."""
         scale = self._supersample
-        eye, axes = self.placed(position, turn)
-        self._scenery.look(eye, *field_of_view(axes, *self._reach))
+        eye, axes = self.camera_pose(position, turn)
+        self._scenery.update_visible(eye, *field_of_view(axes, *self._half_size))
         size = (self.model.width * scale, self.model.height * scale)
         return RenderRequest(_view(eye, axes), self._projection, eye, size, self._light)
 
-    def expose(self, clean: Image) -> Image:
-        """The image as the sensor delivers it: with noise."""
+    def add_noise(self, clean: Image) -> Image:
+        """The image (height, width) with sensor noise."""
         if self._banks is None:
             return clean
         begin = int(self._rng.integers(_NOISE_BANK - clean.size))
@@ -146,9 +150,9 @@ class Camera:
         return noisy.astype(np.uint8, copy=False)
 
     def depth(self, raw: npt.NDArray[np.float32]) -> DepthImage:
-        """Depth along the optical axis (height, width) [m]; inf where there is nothing.
+        """Depth along the optical axis (height, width) [m]; inf where no surface is visible.
 
-        Of a supersampled pixel, the nearest of its parts.
+        ``raw`` is from ``render``. A supersampled pixel has the least depth of its samples.
         """
         buffer = depth_buffer(raw, self._projection)
         metres = FAR * NEAR / (FAR - (FAR - NEAR) * buffer.astype(np.float64))
@@ -159,10 +163,10 @@ class Camera:
             metres = metres.reshape(shape).min(axis=(1, 3))
         return metres.astype(np.float32)
 
-    def placed(
+    def camera_pose(
         self, position: tuple[float, float, float], turn: tuple[float, float, float, float]
     ) -> tuple[Array, Array]:
-        """The camera's place (3,) [m] and axes (3, 3; columns: right, down, ahead) in the map."""
+        """Position (3,) [m] and axes (3, 3; columns: right, down, ahead) in the map."""
         x, y, z, w = turn
         rotation: Array = np.array(
             [
@@ -176,7 +180,7 @@ class Camera:
 
 
 def _view(eye: Array, axes: Array) -> Array:
-    """OpenGL view matrix (4, 4) of a camera placed so."""
+    """OpenGL view matrix (4, 4) of a camera at ``eye`` with ``axes``."""
     view = np.zeros((4, 4))
     turn = np.multiply(axes.T, _RIGHT_UP_BACK, out=view[:3, :3])
     view[:3, 3] = -turn @ eye

@@ -1,4 +1,4 @@
-"""The robot's eyes: its camera, what a wide lens shows beside it, and the frames for landmarks."""
+"""The robot's cameras: main view, side views and the finer landmark view, with their faults."""
 
 from __future__ import annotations
 
@@ -23,14 +23,15 @@ from navfw.sim.scenery import Scenery
 from navfw.sim.sensor_models import SensorParams
 from navfw.sim.worldspec import LightSpec
 
-__all__ = ["CameraRig", "Dice", "Timings"]
+__all__ = ["CameraRig", "NoiseGenerators", "Timings"]
 
-_REMEMBERED_VIEWS = 64
+_KEPT_STATES = 64
+"""Number of past frames whose true body state is kept."""
 
 
 @dataclass(slots=True)
 class Timings:
-    """Wall time [s] spent so far, and how often: what the loop cannot do without, and the rest."""
+    """Wall time [s] spent on rendering, physics, sensors and landmark frames; their counts."""
 
     render: float = 0.0
     physics: float = 0.0
@@ -40,10 +41,10 @@ class Timings:
     steps: int = 0
 
 
-class Dice(NamedTuple):
-    """A generator for each: the camera's noise, that of landmark frames, and the latter's faults.
+class NoiseGenerators(NamedTuple):
+    """Generators for the camera's noise, that of landmark frames, and faults of landmark frames.
 
-    More draws of one never shift another's.
+    They are independent: more draws from one do not change the draws from another.
     """
 
     camera: np.random.Generator
@@ -52,9 +53,9 @@ class Dice(NamedTuple):
 
 
 class CameraRig:
-    """Takes frames at the camera's rate, with side views, and landmark frames at theirs.
+    """Captures frames with side views at the camera's rate, landmark frames at their own rate.
 
-    ``faults`` are those of the run; what befalls frames befalls those for landmarks as well.
+    ``faults`` are those of the run; faults of the camera apply to landmark frames as well.
     """
 
     def __init__(
@@ -63,60 +64,61 @@ class CameraRig:
         light: LightSpec,
         scenery: Scenery,
         sensors: SensorParams,
-        dice: Dice,
+        generators: NoiseGenerators,
         faults: InjectedFaults,
         timings: Timings,
         landmark_frames: bool,
     ) -> None:
         noise, fine = sensors.image_noise, sensors.supersample
-        self.camera = Camera(robot.camera, light, scenery, dice.camera, noise, fine)
-        # one sensor takes them together with the camera's image, and adds the noise to all
+        self.camera = Camera(robot.camera, light, scenery, generators.camera, noise, fine)
+        # one sensor captures them together with the camera's image and adds the noise to all
         self._sides = tuple(
-            Camera(side, light, scenery, dice.camera, 0.0, fine) for side in robot.side_cameras
+            Camera(side, light, scenery, generators.camera, 0.0, fine)
+            for side in robot.side_cameras
         )
         self._for_landmarks: Camera | None = None
         if landmark_frames:
             view = robot.landmark_view
-            self._for_landmarks = Camera(view, light, scenery, dice.landmarks, noise, fine)
+            self._for_landmarks = Camera(view, light, scenery, generators.landmarks, noise, fine)
         self._faults = faults
-        self.landmark_faults = InjectedFaults(dice.landmark_faults)
+        self.landmark_faults = InjectedFaults(generators.landmark_faults)
         self._timings = timings
         self._frames = 0
         self._landmark_frames = 0
-        # where the body truly was when frames were taken: (time, state)
-        self._taken: deque[tuple[float, BodyState]] = deque(maxlen=_REMEMBERED_VIEWS)
+        # the true body state at the capture of each frame: (time, state)
+        self._captured: deque[tuple[float, BodyState]] = deque(maxlen=_KEPT_STATES)
         self._raw_depth: npt.NDArray[np.float32] | None = None
 
-    def adjust(self) -> None:
-        """Let the faults of light and lens take hold."""
+    def update_optics(self) -> None:
+        """Apply the active faults of light and field of view to all cameras."""
         for camera in (self.camera, *self._sides, self._for_landmarks):
             if camera is not None:
-                camera.adjust(self._faults.light, self._faults.hfov_error)
+                camera.set_optics(self._faults.light, self._faults.hfov_error)
 
     def is_due(self, time: float) -> bool:
-        """Whether a frame is to be taken at ``time`` [s] (the first at time 0)."""
+        """Whether a frame is due at ``time`` [s] (the first at time 0)."""
         return time * self.camera.model.rate >= self._frames - 1e-6
 
-    def take(self, time: float, body: BodyState) -> Frame:
-        """The frame of ``time`` [s], from a robot whose body is there."""
+    def capture(self, time: float, body: BodyState) -> Frame:
+        """The frame of ``time`` [s] at the true state ``body``."""
         begun = wall.perf_counter()
         clean, self._raw_depth = self.camera.render(*body)
-        self._taken.append((time, body))
+        self._captured.append((time, body))
         parts = [clean, *(side.render(*body)[0] for side in self._sides)]
         rendered = wall.perf_counter()
         whole = np.concatenate(parts, axis=1) if self._sides else clean
-        exposed = self.camera.expose(self._faults.through_lens(whole))
-        image, *sides = _parted(self._faults.from_sensor(exposed), parts)
+        exposed = self.camera.add_noise(self._faults.apply_optics(whole))
+        image, *sides = _parted(self._faults.apply_readout(exposed), parts)
         self._frames = math.floor(time * self.camera.model.rate + 1e-6) + 1
         self._timings.frames += 1
         self._timings.render += rendered - begun
         self._timings.sensors += wall.perf_counter() - rendered
         return Frame(time, image, tuple(sides))
 
-    def take_for_landmarks(self, time: float, body: BodyState | None) -> Frame | None:
-        """A landmark frame, if somebody wants them and the next is due.
+    def capture_landmarks(self, time: float, body: BodyState | None) -> Frame | None:
+        """The landmark frame delivered at ``time`` [s], if any.
 
-        It is taken beside a usual frame: without one, ``body`` is None.
+        It is captured together with a main frame; ``body`` is None when there is none.
         """
         camera = self._for_landmarks
         if camera is None:
@@ -125,33 +127,33 @@ class CameraRig:
         if body is not None and time * camera.model.rate >= self._landmark_frames - 1e-6:
             begun = wall.perf_counter()
             clean, _ = camera.render(*body)
-            finer = camera.model.focal / self.camera.model.focal
+            scale = camera.model.focal / self.camera.model.focal
             self._timings.landmarks += wall.perf_counter() - begun
-            exposed = camera.expose(self.landmark_faults.through_lens(clean, finer))
-            frame = Frame(time, self.landmark_faults.from_sensor(exposed))
+            exposed = camera.add_noise(self.landmark_faults.apply_optics(clean, scale))
+            frame = Frame(time, self.landmark_faults.apply_readout(exposed))
             self._landmark_frames = math.floor(time * camera.model.rate + 1e-6) + 1
         return self.landmark_faults.transport(time, frame)
 
     # --- the truth, for metrics and tests -----------------------------------------------------
 
     def true_depth(self) -> DepthImage:
-        """Depth (height, width) [m] of the last frame's view, inf where there is nothing."""
+        """True depth (height, width) [m] of the last frame; inf where no surface is visible."""
         if self._raw_depth is None:
-            raise SimulationError("no frame has been taken yet")
+            raise SimulationError("no frame has been captured yet")
         return self.camera.depth(self._raw_depth)
 
     def true_motion(self, past: Frame, now: Frame) -> CameraMotion:
-        """How the camera truly moved between two of the last frames, pitch and roll included.
+        """The true motion of the camera between two recent frames, pitch and roll included.
 
         Raises:
-            SimulationError: one of the frames is not, or too old to be remembered.
+            SimulationError: one of the frames is not from here, or too old.
 
         """
-        bodies = dict(self._taken)
+        bodies = dict(self._captured)
         if past.time not in bodies or now.time not in bodies:
-            raise SimulationError(f"no view of {past.time:.3f} s or {now.time:.3f} s is remembered")
-        from_position, from_axes = self.camera.placed(*bodies[past.time])
-        to_position, to_axes = self.camera.placed(*bodies[now.time])
+            raise SimulationError(f"no frame of {past.time:.3f} s or {now.time:.3f} s is kept")
+        from_position, from_axes = self.camera.camera_pose(*bodies[past.time])
+        to_position, to_axes = self.camera.camera_pose(*bodies[now.time])
         return CameraMotion(
             rotation=to_axes.T @ from_axes,
             translation=to_axes.T @ (to_position - from_position),

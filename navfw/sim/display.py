@@ -1,4 +1,4 @@
-"""Showing a world's look in a PyBullet client: to people in its window, to its own renderer."""
+"""Display of a world's meshes in a PyBullet client: for its window, or its own renderer."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["Display"]
 
 
 class Display:
-    """Textured bodies without mass in one PyBullet client."""
+    """Textured bodies without mass or collision shape in one PyBullet client."""
 
     def __init__(self, client: int) -> None:
         self._client = client
@@ -27,7 +27,7 @@ class Display:
     def add(
         self, mesh: Mesh, image: Image, position: Sequence[float], turn: Sequence[float]
     ) -> int:
-        """A body in a texture (height, width, 3), RGB; returns PyBullet's id of it."""
+        """Add a body with a texture (height, width, 3), RGB; returns PyBullet's id of it."""
         visual = self._call(
             "createVisualShape",
             bullet.GEOM_MESH,
@@ -42,28 +42,28 @@ class Display:
         return body
 
     def place(self, body: int, position: Sequence[float], turn: Sequence[float]) -> None:
-        """Move a body: position [m] and orientation (x, y, z, w)."""
+        """Set a body's position [m] and orientation (x, y, z, w)."""
         self._call("resetBasePositionAndOrientation", body, position, turn)
 
     def remove(self, body: int) -> None:
-        """Show a body no longer."""
+        """Remove a body."""
         self._call("removeBody", body)
         self._hidden.discard(body)
 
     def hide(self, bodies: Iterable[int]) -> None:
-        """Show all but these."""
+        """Set the bodies that are not drawn."""
         hidden = set(bodies)
         for body in hidden ^ self._hidden:
-            # TinyRenderer skips what is wholly transparent
+            # TinyRenderer skips fully transparent bodies
             colour = [1.0, 1.0, 1.0, float(body not in hidden)]
             self._call("changeVisualShape", body, -1, rgbaColor=colour)
         self._hidden = hidden
 
     def _texture(self, image: Image) -> int:
-        """PyBullet's id of a texture; it takes pictures only from files."""
+        """PyBullet's id of a texture; PyBullet loads textures from files only."""
         if id(image) not in self._textures:
             with tempfile.TemporaryDirectory(prefix="navfw-textures-") as folder:
-                # uncompressed: written and read ten times as fast as PNG
+                # uncompressed: ten times as fast as PNG
                 path = Path(folder) / "texture.bmp"
                 cv2.imwrite(str(path), cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
                 self._textures[id(image)] = int(self._call("loadTexture", str(path)))

@@ -1,4 +1,4 @@
-"""Holes in the floor: stairs down and pits, what is left of the floor, and who falls.
+"""Drops, holes in the floor: stairs down and pits, the remaining floor, the robot's fall.
 
 A drop is a row of treads, each deeper than the one before; a pit has one tread only. Where two
 treads, or a tread and the floor, differ in height there is a wall that faces the lower one.
@@ -26,11 +26,11 @@ __all__ = [
     "treads_of",
 ]
 
-SUNK = 0.02
-"""A robot falls when a part of it that stands on the floor is so far below it [m]."""
+_FALL_DEPTH = 0.02
+"""The robot falls when one of its support points is deeper below the floor than this [m]."""
 
-_REACH = 0.1
-"""A part that sinks so near a drop [m] has sunk into it."""
+_FALL_MARGIN = 0.1
+"""Distance [m] around a drop within which a support point below the floor counts for it."""
 
 Corner = tuple[float, float]
 Level = tuple[float, float, float, float, float]
@@ -40,8 +40,8 @@ Level = tuple[float, float, float, float, float]
 class Tread:
     """A level part of a drop: x and y from, to [m] and its depth below the floor [m].
 
-    ``rims`` are the heights [m] (negative: below the floor) of what lies beyond its sides, in the
-    order west, east, south, north.
+    ``rims`` are the heights [m] (negative: below the floor) of the surfaces next to it: west, east,
+    south, north.
     """
 
     x: tuple[float, float]
@@ -51,11 +51,11 @@ class Tread:
 
     @property
     def rectangle(self) -> Rectangle:
-        """Its outline in the plan."""
+        """Its outline in the plane."""
         return _rectangle(self.x, self.y)
 
     def walls(self) -> Iterator[tuple[Corner, Corner, float]]:
-        """The walls that face this tread: (left end, right end, upper edge [m]), seen from it."""
+        """The vertical faces around it, seen from it: (left end, right end, upper edge [m])."""
         (x0, x1), (y0, y1) = self.x, self.y
         sides = (
             ((x0, y0), (x0, y1)),
@@ -69,7 +69,7 @@ class Tread:
 
 
 def drop_rectangle(drop: DropSpec) -> Rectangle:
-    """The outline of a drop in the plan."""
+    """The outline of a drop in the plane."""
     return _rectangle(drop.x, drop.y)
 
 
@@ -100,7 +100,7 @@ def treads_of(drop: DropSpec) -> list[Tread]:
 
 
 def floor_pieces(world: WorldSpec) -> list[Rectangle]:
-    """The floor of a world without its drops, as rectangles side by side."""
+    """The floor of a world without its drops, as adjacent rectangles."""
     if not world.drops:
         return [_rectangle(world.x, world.y)]
     edges = sorted({*world.x, *(x for drop in world.drops for x in drop.x)})
@@ -118,7 +118,7 @@ def floor_pieces(world: WorldSpec) -> list[Rectangle]:
 
 
 def drop_at(world: WorldSpec, x: float, y: float) -> DropSpec | None:
-    """The drop that a point [m] lies in, if any."""
+    """The drop that contains a point [m], if any."""
     for drop in world.drops:
         if drop.x[0] < x < drop.x[1] and drop.y[0] < y < drop.y[1]:
             return drop
@@ -126,7 +126,7 @@ def drop_at(world: WorldSpec, x: float, y: float) -> DropSpec | None:
 
 
 def drop_under(world: WorldSpec, shape: Shape) -> DropSpec | None:
-    """The drop that something with this outline would stand over, if any."""
+    """The drop that overlaps this outline, if any."""
     for drop in world.drops:
         if overlap_depth(shape, drop_rectangle(drop)) > OVERLAP_TOLERANCE:
             return drop
@@ -134,12 +134,12 @@ def drop_under(world: WorldSpec, shape: Shape) -> DropSpec | None:
 
 
 def fallen_into(world: WorldSpec, points: Array) -> str | None:
-    """The drop that a robot that stands on points (N, 3) [m] has fallen into.
+    """Name of the drop that the robot has fallen into; None while it stands.
 
-    None while it stands.
+    ``points`` (N, 3) [m] are the robot's support points: below wheels and casters.
     """
     for drop in world.drops:
-        inside = drop_rectangle(drop).distance(points[:, :2]) < _REACH
-        if bool((inside & (points[:, 2] < -SUNK)).any()):
+        inside = drop_rectangle(drop).distance(points[:, :2]) < _FALL_MARGIN
+        if bool((inside & (points[:, 2] < -_FALL_DEPTH)).any()):
             return drop.name
     return None

@@ -1,4 +1,4 @@
-"""PyBullet, imported without its banner: stdout is for results, stderr for progress and errors."""
+"""Import of PyBullet without its banner: stdout is for results, stderr for messages."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def _import_quietly() -> Any:
     saved = os.dup(1), os.dup(2)
     nowhere = os.open(os.devnull, os.O_WRONLY)
     try:
-        # the banner is printed by C code, so only the descriptors can be turned away
+        # the banner is printed by C code: only redirecting the descriptors suppresses it
         os.dup2(nowhere, 1)
         os.dup2(nowhere, 2)
         import pybullet

@@ -1,7 +1,7 @@
-"""What may happen to the robot and its world during a mission, as an event of its file says it.
+"""Actions of mission events: faults of sensors and drive, changes of the world.
 
-Each model is one kind of happening and belongs to one key of an event: ``camera: {noisy: 12}``.
-``navfw.sim.injected_faults`` and ``navfw.sim.world_changes`` make them happen.
+Each model is the value of one key of an event in a mission file, as in ``camera: {noisy: 12}``.
+``navfw.sim.injected_faults`` and ``navfw.sim.world_changes`` apply them.
 """
 
 from __future__ import annotations
@@ -42,16 +42,16 @@ Side = Literal["left", "right"]
 
 
 class _OneOf(StrictModel):
-    """Exactly one of its keys; a key that is only true or false may stand alone: ``black``."""
+    """Exactly one of its keys is given; a flag may be given as a plain word: ``black``."""
 
-    alone: ClassVar[tuple[str, ...]] = ()
+    flags: ClassVar[tuple[str, ...]] = ()
 
     @model_validator(mode="before")
     @classmethod
     def _from_word(cls, data: Any) -> Any:
         if not isinstance(data, str):
             return data
-        if data in cls.alone:
+        if data in cls.flags:
             return {data: True}
         if data in cls.model_fields:
             raise ValueError(f"{data} needs a value: {{{data}: ...}}")
@@ -68,128 +68,132 @@ class _OneOf(StrictModel):
 
 
 class CameraFault(_OneOf):
-    """One thing wrong with the camera's pictures."""
+    """One fault of the camera."""
 
-    alone: ClassVar[tuple[str, ...]] = ("frozen", "black", "over_exposed")
+    flags: ClassVar[tuple[str, ...]] = ("frozen", "black", "over_exposed")
 
-    dropped: Annotated[Share | None, Field(description="share of the frames that get lost")] = None
-    frozen: Annotated[bool, Field(description="the last picture comes again and again")] = False
-    black: Annotated[bool, Field(description="nothing but the sensor's noise")] = False
-    over_exposed: Annotated[bool, Field(description="six times too bright")] = False
+    dropped: Annotated[Share | None, Field(description="share of the frames that are lost")] = None
+    frozen: Annotated[bool, Field(description="every frame repeats the last image")] = False
+    black: Annotated[bool, Field(description="the image holds sensor noise only")] = False
+    over_exposed: Annotated[bool, Field(description="exposure six times too high")] = False
     noisy: Annotated[
         Annotated[float, Field(gt=0.0, le=100.0)] | None,
-        Field(description="more noise, standard deviation [grey levels]"),
+        Field(description="standard deviation of additional noise [grey levels]"),
     ] = None
     blurred: Annotated[
         Annotated[float, Field(gt=0.0, le=20.0)] | None,
-        Field(description="out of focus, sigma [px]"),
+        Field(description="Gaussian blur, sigma [px]"),
     ] = None
     latency: Annotated[
         Annotated[float, Field(gt=0.0, le=10.0)] | None,
-        Field(description="frames come so much later [s]"),
+        Field(description="delay of the frames [s]"),
     ] = None
     hfov_error: Annotated[
         Annotated[float, Field(ge=-0.5, le=0.5)] | None,
-        Field(description="the true field of view is wider by this share"),
+        Field(description="relative error: the true field of view is wider by this share"),
     ] = None
 
 
 class GyroFault(_OneOf):
-    """One thing wrong with the gyro."""
+    """One fault of the gyro."""
 
-    alone: ClassVar[tuple[str, ...]] = ("dropout",)
+    flags: ClassVar[tuple[str, ...]] = ("dropout",)
 
-    dropout: Annotated[bool, Field(description="no new readings: time and values stay")] = False
+    dropout: Annotated[
+        bool, Field(description="no new readings: the last one repeats, with its time")
+    ] = False
     bias_step: Annotated[
         Annotated[float, Field(ge=-90.0, le=90.0)] | None,
-        Field(description="added to the yaw rate [deg/s]"),
+        Field(description="bias added to the yaw rate [deg/s]"),
     ] = None
 
 
 class EncoderFault(StrictModel):
-    """Encoders that do not count."""
+    """A wheel encoder that stops counting."""
 
-    dropout: Annotated[
-        Literal["left", "right", "both"], Field(description="whose count stands still")
-    ]
+    dropout: Annotated[Literal["left", "right", "both"], Field(description="side of the encoder")]
 
 
 class WeakWheel(StrictModel):
-    """A wheel that does not reach the speed asked of it."""
+    """A wheel that does not reach its commanded speed."""
 
     side: Side
-    share: Annotated[Share, Field(description="of the speed asked that it reaches")]
+    share: Annotated[Share, Field(description="reached share of the commanded speed")]
 
 
 class Slippery(StrictModel):
-    """Floor on which the wheels turn further than the robot goes."""
+    """Floor on which the wheels slip."""
 
     slip: Annotated[
-        float, Field(gt=0.0, le=0.9, description="share that the wheels turn further than it goes")
+        float, Field(gt=0.0, le=0.9, description="share by which the wheels turn too far")
     ]
 
 
 class LightChange(StrictModel):
-    """Lamps that go dim, or out."""
+    """Light that is dimmed or switched off."""
 
-    share: Annotated[Share, Field(description="of the light that is left; 0: dark")]
+    share: Annotated[Share, Field(description="remaining share of the light; 0: dark")]
 
 
 class Textureless(StrictModel):
-    """Walls or things that lose their texture: a stretch of wall within an area, or by name."""
+    """Solids without texture: selected by name, or the parts of walls within an area."""
 
-    name: Annotated[str | None, Field(description="of a wall, box or cylinder")] = None
-    x: Annotated[Interval | None, Field(description="what stands between these x [m]")] = None
-    y: Annotated[Interval | None, Field(description="what stands between these y [m]")] = None
+    name: Annotated[str | None, Field(description="name of a wall, box or cylinder")] = None
+    x: Annotated[Interval | None, Field(description="area: x from, to [m]")] = None
+    y: Annotated[Interval | None, Field(description="area: y from, to [m]")] = None
     brightness: Annotated[
-        float, Field(ge=10.0, le=245.0, description="what it looks like [grey levels]")
+        float,
+        Field(ge=10.0, le=245.0, description="luminance instead of the texture [grey levels]"),
     ] = 150.0
 
     @model_validator(mode="after")
-    def _somewhere(self) -> Self:
+    def _has_selection(self) -> Self:
         if self.name is None and self.x is None and self.y is None:
             raise ValueError("expected a name, or x or y of an area, or both")
         return self
 
 
 class DoorChange(StrictModel):
-    """A door of the world that opens or closes; it waits until the robot is out of its way."""
+    """A door of the world that opens or closes, as soon as the robot is clear of it."""
 
-    name: Annotated[str, Field(description="of a door of the world")]
+    name: Annotated[str, Field(description="name of a door of the world")]
     state: Literal["open", "closed"]
 
 
 class Obstacle(StrictModel):
-    """A box or a cylinder that stands there all at once; it waits until its place is free.
+    """A box or a cylinder that appears, as soon as the robot is clear of its place.
 
-    Nothing stands over a hole in the floor: what is to appear ``ahead`` of the robot waits until it
-    has floor in front of it.
+    It needs floor under it: an obstacle ``ahead`` of the robot does not appear above a drop.
     """
 
-    name: Annotated[str, Field(min_length=1, max_length=60, description="contacts report it")] = (
-        "obstacle"
-    )
+    name: Annotated[
+        str, Field(min_length=1, max_length=60, description="name reported by contacts")
+    ] = "obstacle"
     at: Annotated[
-        tuple[Coordinate, Coordinate] | None, Field(description="centre [m], in the map frame")
+        tuple[Coordinate, Coordinate] | None, Field(description="centre in the map frame [m]")
     ] = None
-    ahead: Annotated[Length | None, Field(description="or so far in front of the robot [m]")] = None
+    ahead: Annotated[Length | None, Field(description="or distance in front of the robot [m]")] = (
+        None
+    )
     size: Annotated[
-        tuple[Length, Length] | None, Field(description="a box: x, y [m] before yaw")
+        tuple[Length, Length] | None, Field(description="box: edges along x, y at yaw 0 [m]")
     ] = None
-    radius: Annotated[Length | None, Field(description="a cylinder [m]")] = None
+    radius: Annotated[Length | None, Field(description="cylinder: radius [m]")] = None
     height: Annotated[Length, Field(description="[m]")] = 1.0
-    yaw: Annotated[float, Field(ge=-6.3, le=6.3, description="of a box [rad]")] = 0.0
-    texture: Annotated[str, Field(description="of the world's textures, or a stock one")] = "stone"
+    yaw: Annotated[float, Field(ge=-6.3, le=6.3, description="yaw of a box [rad]")] = 0.0
+    texture: Annotated[str, Field(description="a texture of the world, or a stock texture")] = (
+        "stone"
+    )
 
     @model_validator(mode="after")
-    def _one_place_one_shape(self) -> Self:
+    def _one_position_one_shape(self) -> Self:
         for keys in (("at", "ahead"), ("size", "radius")):
             if sum(getattr(self, key) is not None for key in keys) != 1:
                 raise ValueError(f"expected exactly one of {' and '.join(keys)}")
         return self
 
     def footprint(self, x: float, y: float) -> Shape:
-        """Its outline in the plan with its centre at (x, y) [m]."""
+        """Its outline in the plane with its centre at (x, y) [m]."""
         if self.size is None:
             return Circle(x, y, self.radius or 0.0)
         return Rectangle(x, y, 0.5 * self.size[0], 0.5 * self.size[1], self.yaw)
@@ -206,4 +210,4 @@ EventAction = (
     | DoorChange
     | Obstacle
 )
-"""All that a simulation can make happen."""
+"""An action of an event that the simulation carries out."""

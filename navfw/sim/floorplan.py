@@ -1,4 +1,4 @@
-"""A world's true geometry in the plane, for metrics, plots and checks: never for the robot."""
+"""The true geometry of a world in the plane, for metrics, plots and checks; not for the robot."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from navfw.sim.worldspec import WorldSpec
 __all__ = ["ConfigurationSpaceGrid", "FloorPlan", "NamedShape"]
 
 CELL = 0.05
-"""Edge [m] of the cells that shortest paths are searched on."""
-# moves of the search: straight, diagonal and knight's, so that it starts near the true direction
+"""Edge of a cell of the search grid [m]."""
+# straight, diagonal and knight's moves: 16 directions keep the found path near the shortest one
 _MOVES = ((0, 1), (1, 0), (1, 1), (1, -1), (1, 2), (2, 1), (2, -1), (1, -2))
 
 
@@ -37,9 +37,10 @@ class NamedShape:
 
 @dataclass(frozen=True, slots=True)
 class ConfigurationSpaceGrid:
-    """``occupied`` (rows, cols) bool; row 0 at the lowest y, column 0 at the lowest x.
+    """The positions of a disc-shaped robot's centre that collide: ``occupied`` (rows, columns).
 
-    Cell (i, j) has its middle at ``origin + (j + 0.5, i + 0.5) * cell`` [m].
+    Row 0 is at the lowest y, column 0 at the lowest x; cell (i, j) has its centre at
+    ``origin + (j + 0.5, i + 0.5) * cell`` [m].
     """
 
     origin: tuple[float, float]
@@ -47,14 +48,14 @@ class ConfigurationSpaceGrid:
     occupied: npt.NDArray[np.bool_]
 
     def index(self, x: float, y: float) -> tuple[int, int]:
-        """(row, column) of the cell around a point [m]; of the nearest cell when outside."""
+        """(row, column) of the cell that contains a point [m]; of the nearest cell when outside."""
         rows, columns = self.occupied.shape
         i = min(max(int((y - self.origin[1]) // self.cell), 0), rows - 1)
         j = min(max(int((x - self.origin[0]) // self.cell), 0), columns - 1)
         return i, j
 
-    def middle(self, rows: npt.NDArray[np.int64], columns: npt.NDArray[np.int64]) -> Array:
-        """(N, 2) middles [m] of cells."""
+    def centres(self, rows: npt.NDArray[np.int64], columns: npt.NDArray[np.int64]) -> Array:
+        """(N, 2) centres [m] of cells."""
         x = self.origin[0] + (columns + 0.5) * self.cell
         y = self.origin[1] + (rows + 0.5) * self.cell
         return np.stack([x, y], axis=1)
@@ -71,9 +72,9 @@ class FloorPlan:
 
     @classmethod
     def from_world(cls, world: WorldSpec, robot_height: float = 0.4) -> FloorPlan:
-        """The plan of a checked world: what stands between the floor and ``robot_height`` [m].
+        """The plan of a valid world: its solids between the floor and ``robot_height`` [m].
 
-        Drops are in it like solids: nobody can be there, either.
+        Drops are included like solids: the robot cannot stand there either.
         """
         solids = tuple(
             NamedShape(solid.name, solid.kind, solid.shape)
@@ -92,7 +93,7 @@ class FloorPlan:
                 yield solid, solid.shape.corners
 
     def circles(self) -> Iterator[tuple[NamedShape, Circle]]:
-        """Every circle."""
+        """Every circle with its name and kind."""
         for solid in self.solids:
             if isinstance(solid.shape, Circle):
                 yield solid, solid.shape
@@ -100,9 +101,9 @@ class FloorPlan:
     # --- clearance ----------------------------------------------------------------------------
 
     def clearances(self, points: Array) -> Array:
-        """Distance [m] of each of points (N, 2) to the nearest solid; negative inside one.
+        """Distance (N,) [m] of points (N, 2) to the nearest solid; negative inside one.
 
-        inf in a world without solids. The edge of the floor is no solid.
+        inf in a world without solids. The edge of the floor does not count.
         """
         nearest = np.full(len(points), np.inf)
         for solid in self.solids:
@@ -110,20 +111,20 @@ class FloorPlan:
         return nearest
 
     def clearance(self, x: float, y: float) -> float:
-        """Distance [m] of a point to the nearest solid; subtract the robot's radius yourself."""
+        """Distance [m] of a point to the nearest solid; the robot's radius is not subtracted."""
         return float(self.clearances(np.array([[x, y]]))[0])
 
-    def nearest(self, x: float, y: float) -> str:
-        """Name of the nearest solid; empty when there is none."""
+    def nearest_name(self, x: float, y: float) -> str:
+        """Name of the solid nearest to a point [m]; empty when there is none."""
         point = np.array([[x, y]])
         distances = [float(s.shape.distance(point)[0]) for s in self.solids]
         return self.solids[int(np.argmin(distances))].name if distances else ""
 
     def check_free(self, x: float, y: float, radius: float, what: str) -> None:
-        """Make sure that a robot of that radius fits at a point.
+        """Check that a robot of ``radius`` [m] fits at a point [m].
 
         Raises:
-            WorldError: it does not, or the point lies off the floor; ``what`` opens the message.
+            WorldError: it does not fit, or the point is off the floor; ``what`` begins the message.
 
         """
         x0, y0, x1, y1 = self.bounds
@@ -135,12 +136,14 @@ class FloorPlan:
         free = self.clearance(x, y)
         if free < radius:
             raise WorldError(
-                f"{what} ({x:g}, {y:g}) is {free:.2f} m from {self.nearest(x, y)!r},"
+                f"{what} ({x:g}, {y:g}) is {free:.2f} m from {self.nearest_name(x, y)!r},"
                 f" the robot needs {radius:g} m: choose a freer place"
             )
 
-    def occupancy(self, radius: float = 0.0, cell: float = CELL) -> ConfigurationSpaceGrid:
-        """Where the middle of a robot of that radius [m] cannot be."""
+    def configuration_space(
+        self, radius: float = 0.0, cell: float = CELL
+    ) -> ConfigurationSpaceGrid:
+        """Grid of the positions that a robot of ``radius`` [m] cannot take; ``cell`` [m]."""
         x0, y0, x1, y1 = self.bounds
         columns, rows = math.ceil((x1 - x0) / cell - 1e-9), math.ceil((y1 - y0) / cell - 1e-9)
         x = x0 + (np.arange(columns) + 0.5) * cell
@@ -160,22 +163,22 @@ class FloorPlan:
     def shortest_path(
         self, start: tuple[float, float], goal: tuple[float, float], radius: float
     ) -> tuple[float, Array]:
-        """Length [m] and corners (N, 2) [m] of the shortest way for a robot of that radius.
+        """Length [m] and corners (N, 2) [m] of the shortest path for a robot of ``radius`` [m].
 
-        A search over a 5 cm grid, drawn taut afterwards; within about 1 % of the true length
+        Dijkstra's search on a 5 cm grid, then shortened; within about 1 % of the true length
         (test_sim_floorplan). Gaps less than one cell wider than the robot may be missed.
 
         Raises:
-            WorldError: an end is not free, or no way leads from one to the other.
+            WorldError: an end is not free, or there is no path between them.
 
         """
         self.check_free(*start, radius, "the start")
         self.check_free(*goal, radius, "the goal")
         ends = np.array([start, goal])
-        if self.sees(ends[0], ends[1], radius):
+        if self.straight_path_free(ends[0], ends[1], radius):
             return math.dist(start, goal), ends
         path = np.vstack([start, self._grid_path(start, goal, radius), goal])
-        path = self._pull_taut(path, radius)
+        path = self._shortened(path, radius)
         return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()), path
 
     def _grid_path(
@@ -191,12 +194,12 @@ class FloorPlan:
                 f"the goal ({goal[0]:g}, {goal[1]:g}) cannot be reached from"
                 f" ({start[0]:g}, {start[1]:g}) by a robot of radius {radius:g} m"
             )
-        way = [last]
-        while way[-1] != first:
-            way.append(int(before[way[-1]]))
+        found = [last]
+        while found[-1] != first:
+            found.append(int(before[found[-1]]))
         rows, columns = np.nonzero(numbers >= 0)
-        cells = np.array(way[::-1])
-        return grid.middle(rows[cells], columns[cells])
+        cells = np.array(found[::-1])
+        return grid.centres(rows[cells], columns[cells])
 
     @cached_property
     def _graphs(self) -> dict[float, tuple[ConfigurationSpaceGrid, npt.NDArray[np.int64], object]]:
@@ -205,9 +208,9 @@ class FloorPlan:
     def _search_graph(
         self, radius: float
     ) -> tuple[ConfigurationSpaceGrid, npt.NDArray[np.int64], object]:
-        """The grid, the number of each free cell (-1: occupied), and the graph between them."""
+        """The grid, the index of each free cell (-1: occupied), and the graph between them."""
         if radius not in self._graphs:
-            grid = self.occupancy(radius)
+            grid = self.configuration_space(radius)
             free = ~grid.occupied
             numbers = np.full(free.shape, -1, dtype=np.int64)
             numbers[free] = np.arange(np.count_nonzero(free))
@@ -217,22 +220,22 @@ class FloorPlan:
     def _free_cell(
         self, grid: ConfigurationSpaceGrid, numbers: npt.NDArray[np.int64], x: float, y: float
     ) -> int:
-        """Number of the free cell nearest to a free point."""
+        """Index of the free cell nearest to a point [m]."""
         rows, columns = np.nonzero(numbers >= 0)
         if rows.size == 0:
             raise WorldError("the robot is too large for this world")
-        away = np.linalg.norm(grid.middle(rows, columns) - (x, y), axis=1)
+        away = np.linalg.norm(grid.centres(rows, columns) - (x, y), axis=1)
         return int(away.argmin())
 
-    def sees(self, a: Array, b: Array, radius: float) -> bool:
-        """Whether the straight way between two points is free (tested every centimetre)."""
+    def straight_path_free(self, a: Array, b: Array, radius: float) -> bool:
+        """Whether a robot of ``radius`` [m] can drive straight from a to b (tested every 1 cm)."""
         steps = max(int(np.ceil(np.linalg.norm(b - a) / 0.01)), 1)
         points = a + np.linspace(0.0, 1.0, steps + 1)[:, None] * (b - a)
-        # half a millimetre of grace: paths bend around corners, where they touch
+        # tolerance of 0.5 mm: shortest paths touch the corners of solids
         return bool((self.clearances(points) >= radius - 5e-4).all())
 
-    def _pull_taut(self, path: Array, radius: float) -> Array:
-        """Shorten a way until it is taut: cut corners, put new points beside them, cut again."""
+    def _shortened(self, path: Array, radius: float) -> Array:
+        """Shorten a path until it no longer gets shorter: resample it, cut its corners, repeat."""
         for _ in range(6):
             before = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
             path = self._cut_corners(_resample(path, 0.1), radius)
@@ -242,19 +245,21 @@ class FloorPlan:
         return path
 
     def _cut_corners(self, path: Array, radius: float) -> Array:
-        """From each point straight on to the farthest one that can be seen."""
+        """Replace parts of the path by straight lines, each as far as it is free."""
         kept = [0]
         while kept[-1] < len(path) - 1:
             here = kept[-1]
             low, high = here + 1, len(path) - 1
-            # doubling, then halving: sight is nearly always monotone along a short way
+            # exponential, then binary search: free lines are nearly always a prefix of the path
             reach = 1
-            while here + reach <= high and self.sees(path[here], path[here + reach], radius):
+            while here + reach <= high and self.straight_path_free(
+                path[here], path[here + reach], radius
+            ):
                 low, reach = here + reach, reach * 2
             high = min(high, here + reach)
             while low < high:
                 middle = (low + high + 1) // 2
-                if self.sees(path[here], path[middle], radius):
+                if self.straight_path_free(path[here], path[middle], radius):
                     low = middle
                 else:
                     high = middle - 1
@@ -286,7 +291,7 @@ def _grid_graph(numbers: npt.NDArray[np.int64], cell: float) -> object:
 
 
 def _beside(di: int, dj: int) -> tuple[tuple[int, int], ...]:
-    """Cells that a move passes between."""
+    """Offsets of the cells that a move passes between."""
     sign = 1 if dj > 0 else -1
     if (di, abs(dj)) == (1, 1):
         return (0, dj), (di, 0)
@@ -298,7 +303,7 @@ def _beside(di: int, dj: int) -> tuple[tuple[int, int], ...]:
 
 
 def _resample(path: Array, spacing: float) -> Array:
-    """The same way with a point at least every ``spacing`` [m]."""
+    """The same path with a point at least every ``spacing`` [m]."""
     parts = []
     for a, b in pairwise(path):
         count = max(int(np.ceil(np.linalg.norm(b - a) / spacing)), 1)

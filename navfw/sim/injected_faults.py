@@ -1,4 +1,4 @@
-"""What is wrong with sensors and drive just now: it stands between what is and what is read."""
+"""Injected faults of sensors and drive, applied to readings and wheel speeds."""
 
 from __future__ import annotations
 
@@ -24,32 +24,32 @@ from navfw.sim.event_actions import (
 __all__ = ["InjectedFaults"]
 
 _OVER_EXPOSURE = 6.0
-"""How many times too much light saturates every texture."""
+"""Gain of an over-exposed image: it saturates every texture."""
 
 ActionT = TypeVar("ActionT")
 
 
 class InjectedFaults:
-    """The faults in force, in the order in which they came; without any, all passes unchanged.
+    """The active faults in the order in which they began; without any, nothing is changed.
 
-    ``rng`` is drawn from by faults alone: a run without them has the noise it always had.
+    Only faults draw from ``rng``: the noise of a run without faults does not depend on them.
     """
 
     def __init__(self, rng: np.random.Generator) -> None:
         self._rng = rng
         self._active: list[EventAction] = []
-        self._picture: Image | None = None
+        self._delivered: Image | None = None
         self._waiting: deque[Frame] = deque()
         self._inertial: Inertial | None = None
         self._counted: Encoders | None = None
         self._missed = [0, 0]
 
     def begin(self, fault: EventAction) -> None:
-        """From now on."""
+        """Activate a fault."""
         self._active.append(fault)
 
     def end(self, fault: EventAction) -> None:
-        """No longer; of two equal ones, one stays."""
+        """Deactivate a fault; of two equal ones, one stays active."""
         self._active.remove(fault)
 
     def _of(self, kind: type[ActionT]) -> list[ActionT]:
@@ -60,23 +60,23 @@ class InjectedFaults:
 
     @property
     def light(self) -> float:
-        """Share of the light that is left."""
+        """Remaining share of the light."""
         return math.prod(fault.share for fault in self._of(LightChange))
 
     @property
     def hfov_error(self) -> float:
-        """By which share the true field of view is wider than the robot believes."""
+        """Relative error of the field of view: the true one is wider by this share."""
         return sum(fault.hfov_error or 0.0 for fault in self._of(CameraFault))
 
-    def through_lens(self, clean: Image, finer: float = 1.0) -> Image:
-        """What falls on the sensor, of what there is to see (height, width).
+    def apply_optics(self, clean: Image, scale: float = 1.0) -> Image:
+        """Apply blur, over-exposure and darkness to an image (height, width).
 
-        ``finer`` tells how many pixels stand where the robot's camera usually has one.
+        ``scale`` is its resolution relative to that of the robot's camera.
         """
         image = clean
         for fault in self._of(CameraFault):
             if fault.blurred is not None:
-                blurred = cv2.GaussianBlur(image, (0, 0), fault.blurred * finer)
+                blurred = cv2.GaussianBlur(image, (0, 0), fault.blurred * scale)
                 image = blurred.astype(np.uint8, copy=False)
             if fault.over_exposed:
                 bright = cv2.convertScaleAbs(image, alpha=_OVER_EXPOSURE)
@@ -85,21 +85,22 @@ class InjectedFaults:
                 image = np.zeros_like(image)
         return image
 
-    def from_sensor(self, image: Image) -> Image:
-        """The picture as the camera's electronics give it on."""
+    def apply_readout(self, image: Image) -> Image:
+        """Apply additional noise and frozen frames to an exposed image (height, width)."""
         faults = self._of(CameraFault)
         for fault in faults:
             if fault.noisy is not None:
                 noise = fault.noisy * self._rng.standard_normal(image.shape)
                 image = np.clip(np.rint(image + noise), 0, 255).astype(np.uint8)
-        if self._picture is None or not any(fault.frozen for fault in faults):
-            self._picture = image
-        return self._picture
+        if self._delivered is None or not any(fault.frozen for fault in faults):
+            self._delivered = image
+        return self._delivered
 
     def transport(self, time: float, frame: Frame | None) -> Frame | None:
-        """The frame that arrives at ``time`` [s], when ``frame`` (if any) has been taken then.
+        """Apply lost frames and latency: the frame delivered at ``time`` [s], if any.
 
-        A late frame keeps the time at which it was taken. Frames never overtake each other.
+        ``frame`` is the one captured at that time, if any. A delayed frame keeps its time of
+        capture. Frames are delivered in order.
         """
         faults = self._of(CameraFault)
         if not (faults or self._waiting):
@@ -118,8 +119,8 @@ class InjectedFaults:
 
     # --- gyro, encoders, drive ----------------------------------------------------------------
 
-    def gyro(self, inertial: Inertial) -> Inertial:
-        """What arrives of a gyro's reading."""
+    def apply_gyro(self, inertial: Inertial) -> Inertial:
+        """Apply bias steps and dropouts to a gyro reading."""
         faults = self._of(GyroFault)
         if not faults:
             self._inertial = inertial
@@ -131,16 +132,16 @@ class InjectedFaults:
             self._inertial = inertial
         return self._inertial
 
-    def encoders(self, encoders: Encoders) -> Encoders:
-        """What is counted of the wheels' marks; those that pass a dead encoder are lost for good.
+    def apply_encoders(self, encoders: Encoders) -> Encoders:
+        """Apply dropouts to encoder counts; ticks during a dropout are lost for good.
 
         >>> faults = InjectedFaults(np.random.default_rng(0))
         >>> dead = EncoderFault(dropout="left")
-        >>> counts = [faults.encoders(Encoders(0.0, 0, 0))]
+        >>> counts = [faults.apply_encoders(Encoders(0.0, 0, 0))]
         >>> faults.begin(dead)
-        >>> counts.append(faults.encoders(Encoders(0.1, 50, 50)))
+        >>> counts.append(faults.apply_encoders(Encoders(0.1, 50, 50)))
         >>> faults.end(dead)
-        >>> counts.append(faults.encoders(Encoders(0.2, 60, 60)))
+        >>> counts.append(faults.apply_encoders(Encoders(0.2, 60, 60)))
         >>> [(count.left, count.right) for count in counts]
         [(0, 0), (0, 50), (10, 60)]
         """
@@ -158,11 +159,11 @@ class InjectedFaults:
 
     @property
     def slip(self) -> float:
-        """Share that the wheels turn further than the robot goes, beside the usual slip."""
+        """Slip in addition to that of the sensor model, as a share of the distance."""
         return sum(fault.slip for fault in self._of(Slippery))
 
-    def wheels(self, left: float, right: float) -> tuple[float, float]:
-        """The speeds [rad/s] that the wheels reach when ``left`` and ``right`` are asked."""
+    def apply_wheels(self, left: float, right: float) -> tuple[float, float]:
+        """The wheel speeds [rad/s] reached for the commanded ``left`` and ``right``."""
         for fault in self._of(WeakWheel):
             left *= fault.share if fault.side == "left" else 1.0
             right *= fault.share if fault.side == "right" else 1.0

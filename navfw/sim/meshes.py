@@ -1,8 +1,9 @@
-"""Meshes with texture coordinates in metres: PyBullet's own boxes stretch one texture a face.
+"""Triangle meshes with texture coordinates in metres.
 
-Texture coordinates follow the position along the face (world or body coordinates), so that
-neighbouring patches join without a seam. TinyRenderer interpolates in perspective: patches of
-0.25 m and of 8 m give the same image (measured); splitting only keeps the coordinates small.
+Texture coordinates follow the position along the face (world or body coordinates), so that the
+texture is continuous across adjacent patches; PyBullet's own boxes stretch one texture over a face.
+Interpolation is perspective-correct: patches of 0.25 m and of 8 m give the same image (measured).
+Splitting only keeps the texture coordinates small.
 """
 
 from __future__ import annotations
@@ -16,15 +17,15 @@ import numpy as np
 from navfw.signals import Array
 from navfw.sim.textures import TILE
 
-__all__ = ["FACE", "Mesh", "box_mesh", "cylinder_mesh", "smooth_sides", "splits"]
+__all__ = ["MAX_PATCH", "Mesh", "box_mesh", "cylinder_mesh", "side_count", "split_positions"]
 
-FACE = 2.0
-"""Largest edge [m] of a patch."""
+MAX_PATCH = 2.0
+"""Largest edge of a patch [m]."""
 
 
 @dataclass(slots=True)
 class Mesh:
-    """Triangles with normals and texture coordinates, as PyBullet's GEOM_MESH wants them."""
+    """Triangles with normals and texture coordinates, in the form of PyBullet's GEOM_MESH."""
 
     vertices: list[list[float]] = field(default_factory=list)
     normals: list[list[float]] = field(default_factory=list)
@@ -33,13 +34,13 @@ class Mesh:
 
     @classmethod
     def without_area(cls) -> Mesh:
-        """Nothing to be seen."""
+        """One degenerate triangle: an invisible mesh."""
         return cls([[0.0, 0.0, 0.0]] * 3, [[0.0, 0.0, 1.0]] * 3, [[0.0, 0.0]] * 3, [0, 1, 2])
 
     def add_quad(self, corners: Array, normals: Array, uvs: Array) -> None:
-        """Add a quad: (4, 3) corners counter-clockwise seen from outside, normals, (4, 2) uvs [m].
+        """Add a quad: (4, 3) corners, counter-clockwise, (4, 3) normals, (4, 2) coordinates [m].
 
-        Texture coordinates are moved by whole tiles so that none is negative: TinyRenderer wraps
+        Texture coordinates are shifted by whole periods to be non-negative: TinyRenderer wraps
         positive ones only.
         """
         first = len(self.vertices)
@@ -63,7 +64,7 @@ class Mesh:
         self.indices += indices
 
     def add_mesh(self, mesh: Mesh, position: tuple[float, float, float], yaw: float) -> None:
-        """Add another mesh, turned by ``yaw`` [rad] and moved to ``position`` [m]."""
+        """Add another mesh, rotated by ``yaw`` [rad] and translated by ``position`` [m]."""
         c, s = math.cos(yaw), math.sin(yaw)
         turn = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])  # for rows
         first = len(self.vertices)
@@ -73,7 +74,7 @@ class Mesh:
         self.indices += [first + index for index in mesh.indices]
 
     def append(self, mesh: Mesh) -> None:
-        """Add another mesh as it is."""
+        """Add another mesh without a transform."""
         first = len(self.vertices)
         self.vertices += mesh.vertices
         self.normals += mesh.normals
@@ -85,8 +86,8 @@ class Mesh:
     ) -> None:
         """Add a flat face, split at ``columns`` along ``right`` and ``rows`` along ``up`` [m].
 
-        ``corner`` is where both are 0; right x up points outwards. ``shift`` (2,) [m] moves the
-        texture.
+        ``corner`` is the origin of both axes; right x up is the outward normal. ``shift`` (2,) [m]
+        translates the texture.
         """
         for i in range(len(columns) - 1):
             for j in range(len(rows) - 1):
@@ -104,19 +105,17 @@ class Mesh:
 
 
 def face_coordinates(points: Array, normal: Array) -> Array:
-    """Texture coordinates (N, 2) [m] of points on a plane that is level or upright."""
+    """Texture coordinates (N, 2) [m] of points (N, 3) on a horizontal or vertical plane."""
     if abs(normal[2]) > 0.5:
         return points[:, :2].copy()
     along = points[:, 0] * -normal[1] + points[:, 1] * normal[0]
     return np.stack([along, points[:, 2]], axis=1)
 
 
-def splits(length: float, at: list[float] | None = None, longest: float | None = None) -> Array:
-    """Distances [0 ... length] that cut it into pieces of at most ``longest``, and at ``at``.
-
-    ``longest`` is FACE unless given.
-    """
-    longest = FACE if longest is None else longest
+def split_positions(
+    length: float, at: list[float] | None = None, longest: float = MAX_PATCH
+) -> Array:
+    """Ascending positions [m] from 0 to ``length``: those of ``at``, spaced ``longest`` at most."""
     cuts = [0.0, *sorted(c for c in at or [] if 1e-3 < c < length - 1e-3), length]
     parts = [
         np.linspace(low, high, math.ceil((high - low) / longest - 1e-9) + 1)[:-1]
@@ -128,19 +127,21 @@ def splits(length: float, at: list[float] | None = None, longest: float | None =
 
 
 def box_mesh(size: tuple[float, float, float], shift: Array) -> Mesh:
-    """A box around its origin, sizes x, y, z [m], without its underside."""
+    """A box around its origin with edges x, y, z [m], without its underside."""
     x, y, z = (0.5 * s for s in size)
     mesh = Mesh()
     ex, ey, ez = np.eye(3)
-    up = splits(size[2])
+    up = split_positions(size[2])
     for corner, right, length in (
         ((-x, -y, -z), ex, size[0]),
         ((x, -y, -z), ey, size[1]),
         ((x, y, -z), -ex, size[0]),
         ((-x, y, -z), -ey, size[1]),
     ):
-        mesh.add_face(np.array(corner), right, ez, splits(length), up, shift)
-    mesh.add_face(np.array([-x, -y, z]), ex, ey, splits(size[0]), splits(size[1]), shift)
+        mesh.add_face(np.array(corner), right, ez, split_positions(length), up, shift)
+    mesh.add_face(
+        np.array([-x, -y, z]), ex, ey, split_positions(size[0]), split_positions(size[1]), shift
+    )
     return mesh
 
 
@@ -151,7 +152,7 @@ def cylinder_mesh(radius: float, height: float, shift: Array, sides: int = 24) -
     ring = np.stack([np.cos(angles), np.sin(angles), np.zeros(sides + 1)], axis=1)
     quads = np.stack([np.arange(sides), np.arange(sides) + 1], axis=1)[:, [0, 1, 1, 0]]
     out = ring[quads]
-    for low, high in pairwise(splits(height) - 0.5 * height):
+    for low, high in pairwise(split_positions(height) - 0.5 * height):
         level = np.array([low, low, high, high])
         corners = radius * out
         corners[..., 2] = level
@@ -164,6 +165,6 @@ def cylinder_mesh(radius: float, height: float, shift: Array, sides: int = 24) -
     return mesh
 
 
-def smooth_sides(radius: float) -> int:
-    """How many sides keep a cylinder's outline within 2 mm of the circle; 12 to 24."""
+def side_count(radius: float) -> int:
+    """Number of sides (12 to 24) for which a cylinder's outline is within 2 mm of the circle."""
     return min(max(math.ceil(math.pi / math.acos(1.0 - min(0.002 / radius, 0.5))), 12), 24)

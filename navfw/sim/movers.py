@@ -1,7 +1,7 @@
-"""Those who walk: kinematic, deterministic in simulated time; where they were, for the metrics.
+"""Moving obstacles of a world: kinematic motion along a path, and their recorded positions.
 
-A mover walks its path at constant speed and is stopped by nothing. Only one that yields waits, as
-long as the robot is near in front of it, and goes on where it was.
+A mover follows its path at constant speed, deterministic in simulated time, and nothing stops it.
+One that yields waits as long as the robot is close in front of it, then continues.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ import numpy as np
 from navfw.signals import Array, Pose
 from navfw.sim.worldspec import MoverSpec
 
-__all__ = ["CLOSING", "POLITE_DISTANCE", "Mover", "MoverTrack", "Walkway", "caused_by_robot"]
+__all__ = ["CLOSING_SPEED", "YIELD_DISTANCE", "Mover", "MoverPath", "MoverTrack", "caused_by_robot"]
 
-POLITE_DISTANCE = 0.6
-"""Who yields stops when the robot's body is so near [m] in front."""
+YIELD_DISTANCE = 0.6
+"""A mover that yields waits when the gap to the robot in front of it is at most this [m]."""
 
-_ASIDE = 0.15
-"""In front means: on the walker's way, as wide as both bodies and so much [m] on either side."""
+_YIELD_MARGIN = 0.15
+"""Margin [m] to either side of the lane, as wide as both bodies, that counts as in front."""
 
-CLOSING = 0.05
-"""A robot that approaches faster than this [m/s] has itself to blame for a touch."""
+CLOSING_SPEED = 0.05
+"""The robot causes a contact when it approaches the mover faster than this [m/s]."""
 
 
-class Walkway:
-    """A mover's path by the distance walked along it."""
+class MoverPath:
+    """A mover's path, parametrised by the distance travelled along it."""
 
     def __init__(self, spec: MoverSpec) -> None:
         corners = list(spec.path)
@@ -45,55 +45,56 @@ class Walkway:
 
     @property
     def length(self) -> float:
-        """Length [m] of one round: back at the first point, about to walk the same again."""
+        """Length [m] of one round, from the first point back to it."""
         return self._starts[-1]
 
-    def at(self, walked: float) -> tuple[float, float, float]:
-        """(x, y [m], heading [rad]) after ``walked`` [m]; any number of rounds."""
-        walked %= self.length
-        i = min(bisect_right(self._starts, walked), len(self._corners) - 1) - 1
+    def pose_at(self, travelled: float) -> tuple[float, float, float]:
+        """(x, y [m], heading [rad]) after ``travelled`` [m]; any number of rounds."""
+        travelled %= self.length
+        i = min(bisect_right(self._starts, travelled), len(self._corners) - 1) - 1
         (ax, ay), (bx, by) = self._corners[i], self._corners[i + 1]
         leg = self._starts[i + 1] - self._starts[i]
-        share = (walked - self._starts[i]) / leg
+        share = (travelled - self._starts[i]) / leg
         return ax + share * (bx - ax), ay + share * (by - ay), math.atan2(by - ay, bx - ax)
 
 
 class Mover:
-    """One who walks: ``x``, ``y`` [m], ``heading`` [rad], and whether it is ``waiting``."""
+    """A moving obstacle: ``x``, ``y`` [m], ``heading`` [rad], and whether it is ``waiting``."""
 
     def __init__(self, spec: MoverSpec) -> None:
         self.spec = spec
         self.waiting = False
-        self._way = Walkway(spec)
-        self._walked = spec.phase * self._way.length
-        self.x, self.y, self.heading = self._way.at(self._walked)
+        self._path = MoverPath(spec)
+        self._travelled = spec.phase * self._path.length
+        self.x, self.y, self.heading = self._path.pose_at(self._travelled)
 
-    def look(self, robot: Pose, radius: float) -> None:
-        """Decide whether to wait for a robot of that ``radius`` [m]."""
+    def update_waiting(self, robot: Pose, radius: float) -> None:
+        """Set ``waiting`` by the pose and ``radius`` [m] of the robot."""
         if not self.spec.yields:
             return
         dx, dy = robot.x - self.x, robot.y - self.y
         c, s = math.cos(self.heading), math.sin(self.heading)
         both = self.spec.radius + radius
         self.waiting = (
-            math.hypot(dx, dy) <= both + POLITE_DISTANCE
+            math.hypot(dx, dy) <= both + YIELD_DISTANCE
             and c * dx + s * dy > 0.0
-            and abs(c * dy - s * dx) <= both + _ASIDE
+            and abs(c * dy - s * dx) <= both + _YIELD_MARGIN
         )
 
-    def walk(self, dt: float) -> None:
-        """Walk on for ``dt`` [s], unless waiting."""
+    def advance(self, dt: float) -> None:
+        """Move on by ``dt`` [s], unless waiting."""
         if not self.waiting:
-            self._walked += self.spec.speed * dt
-            self.x, self.y, self.heading = self._way.at(self._walked)
+            self._travelled += self.spec.speed * dt
+            self.x, self.y, self.heading = self._path.pose_at(self._travelled)
 
 
 def caused_by_robot(
-    before: Pose, after: Pose, dt: float, mover: Mover, closing: float = CLOSING
+    before: Pose, after: Pose, dt: float, mover: Mover, closing: float = CLOSING_SPEED
 ) -> bool:
-    """Whether the robot's own motion, from one pose to the next, led towards the mover.
+    """Whether the robot's motion, from one pose to the next in ``dt`` [s], approached the mover.
 
-    Who stands, or drives away, or slides past, is run into; all else is running into someone.
+    A robot that stands, moves away or passes by does not cause the contact. ``closing`` is the
+    threshold of the speed of approach [m/s].
     """
     dx, dy = mover.x - after.x, mover.y - after.y
     away = math.hypot(dx, dy)
@@ -105,9 +106,9 @@ def caused_by_robot(
 
 @dataclass(frozen=True)
 class MoverTrack:
-    """Where movers were: ``time`` (T,) [s] ascending, ``points`` (T, M, 2), ``radii`` (M,) [m].
+    """Positions of movers: ``time`` (T,) [s] ascending, ``points`` (T, M, 2), ``radii`` (M,) [m].
 
-    Together with a floor plan, which holds what stands still, this is the plan at any time.
+    Together with a floor plan, which holds the static solids, this is the geometry at any time.
     """
 
     names: tuple[str, ...]
@@ -117,7 +118,7 @@ class MoverTrack:
 
     @classmethod
     def of(cls, movers: Sequence[Mover], time: list[float], points: list[Array]) -> MoverTrack:
-        """The track of what has been noted so far."""
+        """The track of positions (M, 2) recorded at ascending times [s]."""
         return cls(
             names=tuple(mover.spec.name for mover in movers),
             radii=np.array([mover.spec.radius for mover in movers]),
@@ -126,7 +127,7 @@ class MoverTrack:
         )
 
     def at(self, times: Array) -> Array:
-        """(N, M, 2) where the movers were at times (N,) [s]; before and after, at either end."""
+        """Positions (N, M, 2) at times (N,) [s], interpolated; constant beyond either end."""
         after = np.clip(np.searchsorted(self.time, times), 1, max(len(self.time) - 1, 1))
         if len(self.time) < 2:
             return np.repeat(self.points[:1], len(times), axis=0)
@@ -136,7 +137,7 @@ class MoverTrack:
         return result
 
     def clearances(self, points: Array, times: Array) -> Array:
-        """(N,) distances [m] of points (N, 2) at times (N,) [s] to the nearest mover's body."""
+        """Distances (N,) [m] of points (N, 2) at times (N,) [s] to the nearest mover's body."""
         if not self.names:
             return np.full(len(points), np.inf)
         away = np.linalg.norm(self.at(times) - points[:, None, :], axis=2) - self.radii

@@ -1,4 +1,4 @@
-"""Building a world in PyBullet: simple collision shapes in few bodies, which know what they are."""
+"""A world's collision bodies in PyBullet: simple shapes, grouped in few bodies, with names."""
 
 from __future__ import annotations
 
@@ -19,26 +19,27 @@ from navfw.sim.worldspec import MoverSpec, WorldSpec
 __all__ = ["BODY_GROUP", "FLOOR_GROUP", "SOLID_GROUP", "WHEEL_GROUP", "PhysicsWorld"]
 
 FLOOR_GROUP = 1
-"""Collision group of what one drives on."""
+"""Collision group of the floor and of treads."""
 SOLID_GROUP = 2
-"""Collision group of everything that one must not touch."""
+"""Collision group of solids and movers: their contact with the base is a collision."""
 BODY_GROUP = 4
 """Collision group of the robot's base."""
 WHEEL_GROUP = 8
-"""Collision group of what the robot stands on."""
+"""Collision group of the robot's wheels and casters."""
 
 _FLOOR_THICKNESS = 0.2
-_PIECES = 16
+"""Thickness of the boxes that form the floor [m]."""
+_SHAPES_PER_BODY = 16
 """PyBullet's limit of shapes in one body. Each body costs about 1 us in every physics step."""
-_TOUCH = 0.02
-"""A contact point lies no more than this [m] above or below what is touched."""
+_CONTACT_TOLERANCE = 0.02
+"""Largest distance [m] of a contact point above or below the solid that it belongs to."""
 
 
 class PhysicsWorld:
-    """The bodies of a world in one PyBullet client, and how they look in another.
+    """The collision bodies of a world in one PyBullet client; ``scenery`` holds their meshes.
 
-    ``movers`` are the bodies of those who walk, in the order of the world file. What ``scenery``
-    shows may live in the same client, for a display of both.
+    ``movers`` are the bodies of the world's movers, in the order of the file. A display of the
+    scenery may use the same client.
     """
 
     def __init__(self, world: WorldSpec, client: int, scenery: Scenery) -> None:
@@ -47,25 +48,27 @@ class PhysicsWorld:
         self._client = client
         self._names: dict[int, str] = {}
         self._shared: dict[int, list[Solid]] = {}
-        self._views: dict[int, int] = {}
+        self._visuals: dict[int, int] = {}
         self._build_floor()
         solids = solids_of(world)
         for door in (s for s in solids if s.kind == "door"):
-            self.put_up(door)
+            self.add_solid(door)
         self.movers = [self._build_mover(mover) for mover in world.movers]
-        self._build_together([s for s in solids if s.kind != "door"])
+        self._build_static([s for s in solids if s.kind != "door"])
 
     def name_at(self, body: int, x: float, y: float, z: float) -> str:
-        """What is touched when ``body`` is touched at (x, y, z) [m]."""
+        """Name of the solid that has a contact of ``body`` at (x, y, z) [m]."""
         shared = self._shared.get(body)
         if shared is None:
             return self._names.get(body, f"body {body}")
         point = np.array([[x, y]])
-        level = [s for s in shared if s.bottom - _TOUCH <= z <= s.top + _TOUCH] or shared
+        level = [
+            s for s in shared if s.bottom - _CONTACT_TOLERANCE <= z <= s.top + _CONTACT_TOLERANCE
+        ] or shared
         return min(level, key=lambda solid: float(solid.shape.distance(point)[0])).name
 
-    def put_up(self, solid: Solid) -> None:
-        """Doors, what appears on the way: each a body of its own."""
+    def add_solid(self, solid: Solid) -> None:
+        """Add a removable solid, such as a door, as a body of its own."""
         centre = [solid.shape.x, solid.shape.y, 0.5 * (solid.bottom + solid.top)]
         height = solid.top - solid.bottom
         shape = solid.shape
@@ -79,26 +82,26 @@ class PhysicsWorld:
                 "createCollisionShape", bullet.GEOM_CYLINDER, radius=shape.radius, height=height
             )
         body = self._add_body(solid.name, centre, collision, yaw=yaw)
-        self._views[body] = self.scenery.show(solid)
+        self._visuals[body] = self.scenery.add_solid(solid)
 
-    def take_away(self, name: str) -> None:
-        """Remove what was put up under that name."""
+    def remove_solid(self, name: str) -> None:
+        """Remove a solid that ``add_solid`` added."""
         body = next(body for body, known in self._names.items() if known == name)
         self._call("removeBody", body)
         del self._names[body]
-        self.scenery.remove(self._views.pop(body))
+        self.scenery.remove(self._visuals.pop(body))
 
-    def show_movers(self) -> None:
-        """Let the movers be seen where they are."""
+    def update_mover_visuals(self) -> None:
+        """Move the movers' meshes to their bodies' poses."""
         for body in self.movers:
             self.scenery.place(
-                self._views[body], *self._call("getBasePositionAndOrientation", body)
+                self._visuals[body], *self._call("getBasePositionAndOrientation", body)
             )
 
     # ------------------------------------------------------------------------------------------
 
     def _build_floor(self) -> None:
-        """What one drives on, and what lies in the drops: one falls no farther than that."""
+        """The floor around the drops, and the drops' treads, which stop the robot's fall."""
         pieces = [(piece, 0.0) for piece in floor_pieces(self.world)]
         pieces += [(t.rectangle, t.depth) for drop in self.world.drops for t in treads_of(drop)]
         for piece, depth in pieces:
@@ -107,11 +110,11 @@ class PhysicsWorld:
             centre = [piece.x, piece.y, -depth - 0.5 * _FLOOR_THICKNESS]
             self._add_body("floor", centre, shape, group=FLOOR_GROUP)
 
-    def _build_together(self, solids: list[Solid]) -> None:
-        """What stays where it is: neighbours share a body."""
+    def _build_static(self, solids: list[Solid]) -> None:
+        """Static solids: neighbours share a body."""
         order = sorted(solids, key=lambda s: (math.floor(s.shape.x / 1.5), s.shape.y))
-        for i in range(0, len(order), _PIECES):
-            part = order[i : i + _PIECES]
+        for i in range(0, len(order), _SHAPES_PER_BODY):
+            part = order[i : i + _SHAPES_PER_BODY]
             body = self._add_body(part[0].name, [0.0, 0.0, 0.0], self._collision_of(part))
             self._shared[body] = part
 
@@ -139,12 +142,12 @@ class PhysicsWorld:
         )
 
     def _build_mover(self, mover: MoverSpec) -> int:
-        """Someone who walks; where, is for ``navfw.sim.movers`` to say."""
+        """A mover's body at the first point of its path; the simulation moves it."""
         size = {"radius": mover.radius, "height": mover.height}
         collision = self._call("createCollisionShape", bullet.GEOM_CYLINDER, **size)
         centre = [*mover.path[0], 0.5 * mover.height]
         body = self._add_body(mover.name, centre, collision)
-        self._views[body] = self.scenery.show_walker(
+        self._visuals[body] = self.scenery.add_mover(
             mover.name, mover.radius, mover.height, mover.texture
         )
         return body
@@ -159,18 +162,18 @@ class PhysicsWorld:
     ) -> int:
         body = int(
             self._call(
-                "createMultiBody", 0.0, collision, self._unseen(), position, _quaternion(yaw)
+                "createMultiBody", 0.0, collision, self._invisible(), position, _quaternion(yaw)
             )
         )
-        # without this mask walls would be tested against each other: 100 us a step more
-        meets = WHEEL_GROUP if group == FLOOR_GROUP else BODY_GROUP
-        self._call("setCollisionFilterGroupMask", body, -1, group, meets)
+        # without this mask walls are tested against each other: 100 us more in each step
+        partners = WHEEL_GROUP if group == FLOOR_GROUP else BODY_GROUP
+        self._call("setCollisionFilterGroupMask", body, -1, group, partners)
         self._call("changeDynamics", body, -1, lateralFriction=1.0, restitution=0.0)
         self._names[body] = name
         return body
 
-    def _unseen(self) -> int:
-        """A look without area: or PyBullet would show the collision shape itself."""
+    def _invisible(self) -> int:
+        """A visual shape without area; with none PyBullet would draw the collision shape."""
         mesh = Mesh.without_area()
         return int(
             self._call(

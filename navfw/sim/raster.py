@@ -1,9 +1,9 @@
-"""Drawing textured meshes as PyBullet's TinyRenderer does, bit for bit, but faster.
+"""Software rasteriser of textured meshes: the images of PyBullet's TinyRenderer, but faster.
 
-TinyRenderer divides nine times at every pixel of the rectangle around each triangle, visible or
-not, and shades what is covered again later. Here only the pixels in a triangle's rows are tested,
-several at once, and each pixel of the image is shaded once. Rounding is the same, so the images
-are (``tests/sim/test_sim_raster.py`` compares them).
+TinyRenderer does nine divisions for every pixel of each triangle's bounding box, and shades pixels
+that are covered later. Here only the triangle's span of each row is tested, with SIMD instructions,
+and each pixel is shaded once. Rounding is the same, so that the images are equal bit for bit
+(``tests/sim/test_sim_raster.py`` compares them).
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ __all__ = ["Light", "Raster", "RenderedImage", "depth_buffer"]
 
 Floats = npt.NDArray[np.float32]
 
-_STEADY = 4
-"""TinyRenderer makes normals unit vectors again at every use; so often, and they stay the same."""
+_NORMALIZATIONS = 4
+"""TinyRenderer normalises normals at every use; after this many times they are unchanged."""
 
 
 @dataclass(frozen=True, slots=True)
 class Light:
-    """Light from everywhere (``ambient``) and along ``direction`` (3,), towards where it is from.
+    """Ambient and directional light, as shares of a texture's colour.
 
-    Both are shares of a texture's colour.
+    ``direction`` (3,) is a vector towards the light.
     """
 
     direction: tuple[float, float, float]
@@ -41,7 +41,7 @@ class Light:
 
 @dataclass(frozen=True, slots=True)
 class RenderedImage:
-    """What was drawn: ``rgb`` (height, width, 3), and minus its clip ``depth`` (height, width)."""
+    """An image ``rgb`` (height, width, 3) and its negative clip ``depth`` (height, width)."""
 
     rgb: Image
     depth: Floats
@@ -59,7 +59,7 @@ class _Body:
 
 @dataclass(frozen=True, slots=True)
 class _PackedBodies:
-    """All bodies' arrays, one after the other (see ``cover`` and ``shade``)."""
+    """The concatenated arrays of all bodies (see ``cover`` and ``shade``)."""
 
     points: Floats
     corners: npt.NDArray[np.int32]
@@ -72,9 +72,9 @@ class _PackedBodies:
 
 
 def depth_buffer(depth: Floats, projection: Array) -> Floats:
-    """A picture's depth as OpenGL's depth buffer has it, in [0, 1]; 1 at the far plane.
+    """Depth in [0, 1] as in OpenGL's depth buffer, from a rendered image's ``depth``.
 
-    Rounded as TinyRenderer rounds it. ``projection`` (4, 4) is that of the picture.
+    1 at the far plane; rounded like TinyRenderer. ``projection`` (4, 4) is that of the image.
     """
     scale, shift = np.float32(projection[2, 2]), np.float32(projection[2, 3])
     near, far = shift / (scale - np.float32(1.0)), shift / (scale + np.float32(1.0))
@@ -85,19 +85,19 @@ def depth_buffer(depth: Floats, projection: Array) -> Floats:
 
 
 class Raster:
-    """Bodies, each a mesh with one texture, and pictures of them. Of equally near, the newest."""
+    """Renders bodies, each a mesh with one texture; at equal depth the newest body is visible."""
 
     def __init__(self) -> None:
         self._bodies: dict[int, _Body] = {}
         self._shown: Mask | None = None
         self._hidden: set[int] = set()
         self._images: list[Image] = []
-        self._scene: _PackedBodies | None = None
+        self._packed: _PackedBodies | None = None
         self._texels: tuple[npt.NDArray[np.int64], Image] | None = None
         self._next = 0
 
     def add_texture(self, image: Image) -> int:
-        """A texture (height, width, 3), RGB; returns its number."""
+        """Add a texture (height, width, 3), RGB; returns its index."""
         self._images.append(image)
         self._texels = None
         return len(self._images) - 1
@@ -109,9 +109,9 @@ class Raster:
         position: Sequence[float] = (0.0, 0.0, 0.0),
         turn: Sequence[float] = (0.0, 0.0, 0.0, 1.0),
     ) -> int:
-        """A body at ``position`` [m], turned by the quaternion ``turn`` (x, y, z, w)."""
+        """Add a body at ``position`` [m] with orientation ``turn`` (x, y, z, w); returns its id."""
         normals = np.array(mesh.normals, np.float32)
-        for _ in range(_STEADY):
+        for _ in range(_NORMALIZATIONS):
             normals = normals * (np.float32(1.0) / _lengths(normals))[:, None]
         self._bodies[self._next] = _Body(
             points=np.array(mesh.vertices, np.float32),
@@ -121,29 +121,29 @@ class Raster:
             texture=texture,
             model=_model(position, turn),
         )
-        self._scene = self._shown = None
+        self._packed = self._shown = None
         self._next += 1
         return self._next - 1
 
     def place(self, body: int, position: Sequence[float], turn: Sequence[float]) -> None:
-        """Move a body: position [m] and orientation (x, y, z, w)."""
+        """Set a body's position [m] and orientation (x, y, z, w)."""
         moved = self._bodies[body]
         moved.model = _model(position, turn)
-        if self._scene is not None:
+        if self._packed is not None:
             index = list(self._bodies).index(body)
-            first, end = self._scene.runs[index, 2:]
-            self._scene.models[index] = moved.model
+            first, end = self._packed.runs[index, 2:]
+            self._packed.models[index] = moved.model
             turned = _turned(moved.normals, moved.model)
-            self._scene.surfaces[first:end, :, :3] = turned[moved.corners]
+            self._packed.surfaces[first:end, :, :3] = turned[moved.corners]
 
     def remove(self, body: int) -> None:
-        """Draw a body no longer."""
+        """Remove a body."""
         del self._bodies[body]
         self._hidden.discard(body)
-        self._scene = self._shown = None
+        self._packed = self._shown = None
 
     def hide(self, bodies: Sequence[int]) -> None:
-        """Draw all but these."""
+        """Set the bodies that are not drawn."""
         self._hidden = set(bodies)
         self._shown = None
 
@@ -155,12 +155,12 @@ class Raster:
         size: tuple[int, int],
         light: Light,
     ) -> RenderedImage:
-        """What a camera at ``eye`` (3,) [m] sees, ``size`` (width, height) [px].
+        """Render the image of a camera at ``eye`` (3,) [m], ``size`` (width, height) [px].
 
-        ``view`` (4, 4) leads from the map to the camera's axes (right, up, back) and
-        ``projection`` (4, 4) from there to clip coordinates, as OpenGL has them.
+        ``view`` (4, 4) transforms from the map to the camera's axes (right, up, back) and
+        ``projection`` (4, 4) from there to clip coordinates, as in OpenGL.
         """
-        scene = self._compiled()
+        packed = self._pack()
         if self._shown is None:
             shown = [body not in self._hidden for body in self._bodies]
             self._shown = np.array(shown, np.bool_)
@@ -171,27 +171,27 @@ class Raster:
         rgb = np.empty((height, width, 3), np.uint8)
         eye = np.asarray(eye, dtype=np.float64)
         cover(
-            scene.points,
-            scene.corners,
-            scene.runs,
+            packed.points,
+            packed.corners,
+            packed.runs,
             self._shown,
-            scene.models,
+            packed.models,
             _singles(view),
             _singles(projection),
             eye,
             nearest,
             faces,
             weights,
-            scene.screens,
+            packed.screens,
         )
         towards = np.array(light.direction, np.float32).astype(np.float64)
         shade(
             faces,
             weights,
-            scene.screens,
-            scene.surfaces,
-            scene.tables,
-            scene.texels,
+            packed.screens,
+            packed.surfaces,
+            packed.tables,
+            packed.texels,
             _singles(towards / np.sqrt(towards @ towards)),
             light.ambient,
             light.diffuse,
@@ -201,8 +201,8 @@ class Raster:
 
     # ------------------------------------------------------------------------------------------
 
-    def _compiled(self) -> _PackedBodies:
-        if self._scene is None:
+    def _pack(self) -> _PackedBodies:
+        if self._packed is None:
             bodies = list(self._bodies.values())
             points = np.cumsum([0, *(len(b.points) for b in bodies)])
             faces = np.cumsum([0, *(len(b.corners) for b in bodies)])
@@ -210,7 +210,7 @@ class Raster:
             corners = [b.corners + first for b, first in zip(bodies, points[:-1], strict=True)]
             textures = np.repeat([b.texture for b in bodies], np.diff(faces)).astype(np.int64)
             tables, texels = self._all_texels()
-            self._scene = _PackedBodies(
+            self._packed = _PackedBodies(
                 points=_joined([b.points for b in bodies], (3,)),
                 corners=np.concatenate([np.empty((0, 3), np.int64), *corners]).astype(np.int32),
                 runs=runs.astype(np.int32),
@@ -220,10 +220,10 @@ class Raster:
                 models=np.array([b.model for b in bodies], np.float32).reshape(-1, 4, 4),
                 screens=np.zeros((int(faces[-1]), 3, 3), np.float32),
             )
-        return self._scene
+        return self._packed
 
     def _all_texels(self) -> tuple[npt.NDArray[np.int64], Image]:
-        """Where each texture begins, its width and height; and the texels of all (N, 3)."""
+        """(textures, 3) first texel, width and height of each; (N, 3) texels of all textures."""
         if self._texels is None:
             heights, widths = ([i.shape[axis] for i in self._images] for axis in (0, 1))
             begins = np.cumsum([0, *(h * w for h, w in zip(heights, widths, strict=True))])[:-1]
@@ -236,13 +236,13 @@ class Raster:
 
 
 def _surfaces(body: _Body) -> Floats:
-    """(triangles, 3, 5) of each corner the normal in the map's axes and texture coordinates."""
+    """(triangles, 3, 5) normal in the map's axes and texture coordinates of every corner."""
     surfaces: Floats = np.concatenate([_turned(body.normals, body.model), body.uvs], axis=1)
     return surfaces[body.corners]
 
 
 def _joined(parts: Sequence[Floats], shape: tuple[int, ...]) -> Floats:
-    """Arrays (N, *shape) one after the other."""
+    """Concatenated arrays (N, *shape)."""
     joined: Floats = np.concatenate([np.empty((0, *shape), np.float32), *parts])
     return joined
 
@@ -259,7 +259,7 @@ def _lengths(vectors: Floats) -> Floats:
 
 
 def _model(position: Sequence[float], turn: Sequence[float]) -> Floats:
-    """From a body's axes to the map's (4, 4)."""
+    """Transform (4, 4) from a body's axes to the map's."""
     x, y, z, w = turn
     double = 2.0 / (x * x + y * y + z * z + w * w)
     xs, ys, zs = x * double, y * double, z * double
@@ -275,7 +275,7 @@ def _model(position: Sequence[float], turn: Sequence[float]) -> Floats:
 
 
 def _turned(normals: Floats, model: Floats) -> Floats:
-    """Normals (N, 3) in the map's axes: by the inverse transpose, which divides by the scale."""
+    """Normals (N, 3) in the map's axes: times the inverse transpose, which divides by the scale."""
     axes = model[:3, :3]
     axes = axes / (axes[0, 2] * axes[0, 2] + axes[0, 1] * axes[0, 1] + axes[0, 0] * axes[0, 0])
     x, y, z = normals[:, :1], normals[:, 1:2], normals[:, 2:]

@@ -1,8 +1,8 @@
-"""Compiled inner loops of drawing: which triangle each pixel shows (for colours: raster_shading).
+"""Compiled kernels of the rasteriser: the visible triangle of each pixel, with its weights.
 
-The arithmetic is that of PyBullet's TinyRenderer, operation by operation and in its precisions, so
-that both give the same image to the last bit; what no pixel can show is left out. Single precision,
-but doubles where a docstring says so: numba's ``float`` leaves singles as they are.
+The arithmetic follows PyBullet's TinyRenderer operation by operation and in the same precision, so
+that both give the same image to the last bit; invisible pixels and triangles are skipped. Single
+precision unless a docstring states double: numba's ``float`` does not convert singles.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ Flags = npt.NDArray[np.bool_]
 Doubles = npt.NDArray[np.float64]
 
 _ZERO, _ONE, _HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
-_FLAT = 1e-2
-"""Triangles of less than half of this area are not drawn [px^2]."""
+_MIN_DOUBLE_AREA = 1e-2
+"""Least doubled area of a triangle that is drawn [px^2]."""
 _BORDER = np.float32(1.01)
-"""How far from its middle the image surely ends, in halves of its size."""
+"""Bound of the visible clip coordinates, relative to w: 1 plus a margin for rounding."""
 _SLACK = 1e-3
-"""How much wider than computed the span of a row is taken, for rounding [px]."""
-_AT_ONCE = 8
-"""Pixels are computed by so many, which is as fast as one; those that no triangle asks for too."""
+"""Margin by which the computed span of a row is widened, for rounding [px]."""
+_SIMD_WIDTH = 8
+"""Number of pixels computed together; a row's count is rounded up to a multiple of it."""
 
 
 @numba.njit(cache=True)
 def combine(left: Floats, right: Floats) -> Floats:
-    """Matrix product (4, 4), summed from the last term to the first."""
+    """Matrix product (4, 4), terms summed from the last to the first."""
     out = np.empty((4, 4), np.float32)
     for i in range(4):
         for j in range(4):
@@ -55,7 +55,7 @@ def _transform(matrix: Floats, point: Floats, out: Floats) -> None:
 
 @numba.njit(cache=True, error_model="numpy")
 def _to_screen(clip: Floats, width: int, height: int, out: Floats) -> None:
-    """Pixel (x, y) of a clip coordinate, and its w."""
+    """``out`` (3,) = pixel coordinates x, y of a clip coordinate, and its w."""
     half_width, half_height = np.float32(width) * _HALF, np.float32(height) * _HALF
     w = clip[3]
     out[0] = (half_width * w + half_width * clip[0]) / w
@@ -65,7 +65,7 @@ def _to_screen(clip: Floats, width: int, height: int, out: Floats) -> None:
 
 @numba.njit(cache=True, error_model="numpy")
 def _clip_edge(a: Floats, b: Floats, out: Floats, count: int) -> int:
-    """Add what of the edge a ... b lies beyond the near plane to the polygon ``out``."""
+    """Add the part of the edge a ... b beyond the near plane to the polygon ``out``."""
     a_inside = a[3] > _ZERO and a[2] > -a[3]
     b_inside = b[3] > _ZERO and b[2] > -b[3]
     if not (a_inside or b_inside):
@@ -84,8 +84,7 @@ def _clip_edge(a: Floats, b: Floats, out: Floats, count: int) -> int:
 def _sides(screen: Floats, sides: Doubles) -> None:
     """Fill ``sides`` (3, 5) of a triangle with corners ``screen`` (3, 3), for ``_span``.
 
-    In rows from the first to the second number, a side runs from the third to the fourth at row 0,
-    moved by the fifth with each row.
+    Columns: first and last row of a side; its least and greatest x at row 0; dx per row.
     """
     for k in range(3):
         m = (k + 1) % 3
@@ -93,11 +92,11 @@ def _sides(screen: Floats, sides: Doubles) -> None:
         x1, y1 = np.float64(screen[m, 0]), np.float64(screen[m, 1])
         sides[k, 0], sides[k, 1] = min(y0, y1) - _SLACK, max(y0, y1) + _SLACK
         if abs(y1 - y0) < 1.0:
-            # a shallow side: all of it
+            # nearly horizontal: the side's whole extent
             sides[k, 2], sides[k, 3], sides[k, 4] = min(x0, x1), max(x0, x1), 0.0
             continue
         slope = (x1 - x0) / (y1 - y0)
-        # where the side ends within the row's slack, x may be off by as much as its slope says
+        # the margin of the rows shifts x by up to slope times margin
         off = abs(slope) * _SLACK + _SLACK
         x = x0 - slope * y0
         sides[k, 2], sides[k, 3], sides[k, 4] = x - off, x + off, slope
@@ -105,7 +104,7 @@ def _sides(screen: Floats, sides: Doubles) -> None:
 
 @numba.njit(cache=True)
 def _span(sides: Doubles, y: int, first: float, last: float) -> tuple[int, int]:
-    """The part of columns first ... last in which row ``y`` may meet a triangle."""
+    """The range of columns within first ... last in which row ``y`` may intersect a triangle."""
     low, high = np.inf, -np.inf
     for k in range(3):
         if sides[k, 0] <= y <= sides[k, 1]:
@@ -128,18 +127,18 @@ def _fill(
     faces: Ints,
     weights: Floats,
 ) -> None:
-    """Enter one triangle into the images of depth (``nearest``), of ``faces`` and of ``weights``.
+    """Draw one triangle into the images of depth (``nearest``), of ``faces`` and of ``weights``.
 
-    ``screen`` (3, 3) are its corners (x, y, w), ``depths`` (3,) their clip depths. Of what is
-    equally near, the last one counts. Doubles. The weights of a part that was ``clipped`` are not
-    those of the triangle's own corners: they are left to ``shade``, as NaN.
+    ``screen`` (3, 3) are its corners (x, y, w), ``depths`` (3,) their clip depths. At equal depth
+    the later triangle wins. Double precision. The corners of a ``clipped`` part are not those of
+    the triangle: its weights are NaN and computed by ``shade``.
     """
     height, width = nearest.shape
     ax, ay = np.float64(screen[0, 0]), np.float64(screen[0, 1])
     bx, by = np.float64(screen[1, 0]) - ax, np.float64(screen[1, 1]) - ay
     cx, cy = np.float64(screen[2, 0]) - ax, np.float64(screen[2, 1]) - ay
     area = cx * by - bx * cy
-    if not abs(area) > _FLAT:
+    if not abs(area) > _MIN_DOUBLE_AREA:
         return
     w0, w1, w2 = np.float64(screen[0, 2]), np.float64(screen[1, 2]), np.float64(screen[2, 2])
     d0, d1, d2 = np.float64(depths[0]), np.float64(depths[1]), np.float64(depths[2])
@@ -151,14 +150,14 @@ def _fill(
         return
     sides = np.empty((3, 5))
     _sides(screen, sides)
-    # of each pixel of a row: how far inside, depth, and the weights; one array, for speed
-    row = np.empty((5, width + _AT_ONCE))
+    # for each pixel of a row: least barycentric coordinate, depth, three weights
+    row = np.empty((5, width + _SIMD_WIDTH))
     for y in range(int(top), int(math.floor(bottom)) + 1):
         first, last = _span(sides, y, left, math.floor(right))
         count = last + 1 - first
-        # two loops, of which the first is all arithmetic: processors do several pixels at once
+        # two loops: the first has no branches and is vectorised
         sy = ay - y
-        for i in range((count + _AT_ONCE - 1) // _AT_ONCE * _AT_ONCE):
+        for i in range((count + _SIMD_WIDTH - 1) // _SIMD_WIDTH * _SIMD_WIDTH):
             sx = ax - (first + i)
             u = bx * sy - sx * by
             v = sx * cy - cx * sy
@@ -170,7 +169,7 @@ def _fill(
             row[1, i] = -(d2 * b2 + d1 * b1 + d0 * b0)
             row[2, i], row[3, i], row[4, i] = b0, b1, b2
         for i in range(count):
-            # unsigned, or numba would look whether they count from the end
+            # unsigned: numba then omits the test for negative indices
             line, x, depth = np.uint64(y), np.uint64(first + i), row[1, i]
             if row[0, i] < 0.0 or nearest[line, x] > depth:
                 continue
@@ -196,22 +195,22 @@ def cover(
     weights: Floats,
     screens: Floats,
 ) -> None:
-    """Find what every pixel shows.
+    """Find the visible triangle of every pixel.
 
     Args:
-        points: (N, 3) of all bodies, in their own axes [m].
-        corners: (M, 3) points of every triangle, counter-clockwise seen from its front.
-        runs: (bodies, 4) first point, one past the last, first triangle, one past the last.
-        shown: (bodies,) which of them to draw.
-        models: (bodies, 4, 4) from their axes to those of the map.
-        view: (4, 4) from the map to the camera's axes (right, up, back).
-        projection: (4, 4) to clip coordinates.
-        eye: (3,) the camera's place in the map [m].
-        nearest: (height, width) filled with minus the clip depth; row 0 is the lowest.
-        faces: (height, width) filled with triangles, -1 for none.
-        weights: (3, height, width) filled with how much of each corner of its triangle a pixel
-            shows, in perspective; NaN for triangles that reach behind the camera.
-        screens: (M, 3, 3) filled with the corners (x, y, w) of the triangles that were drawn.
+        points: (N, 3) vertices of all bodies, in their own axes [m].
+        corners: (M, 3) vertices of every triangle, counter-clockwise from its front.
+        runs: (bodies, 4) first vertex, one past the last, first triangle, one past the last.
+        shown: (bodies,) whether a body is drawn.
+        models: (bodies, 4, 4) transforms from their axes to the map.
+        view: (4, 4) transform from the map to the camera's axes (right, up, back).
+        projection: (4, 4) transform to clip coordinates.
+        eye: (3,) position of the camera in the map [m].
+        nearest: (height, width) filled with the negative clip depth; row 0 is the lowest.
+        faces: (height, width) filled with indices of triangles, -1 for none.
+        weights: (3, height, width) filled with the perspective-correct barycentric weights of the
+            triangle's corners; NaN for triangles that extend behind the camera.
+        screens: (M, 3, 3) filled with the corners (x, y, w) of the triangles drawn.
 
     """
     near = np.float64(projection[2, 3] / (projection[2, 2] - _ONE))
@@ -232,18 +231,18 @@ def cover(
             _transform(models[body], points[first + i], world[i])
         for face in range(runs[body, 2], runs[body, 3]):
             a, b, c = corners[face, 0] - first, corners[face, 1] - first, corners[face, 2] - first
-            if _beside(clip[a], clip[b], clip[c]):
+            if _outside_view(clip[a], clip[b], clip[c]):
                 continue
             if _faces_eye(world[a], world[b], world[c], eye):
-                _enter(
+                _draw_triangle(
                     *(clip[a], clip[b], clip[c], face, near, far),
                     *(nearest, faces, weights, screens[face]),
                 )
 
 
 @numba.njit(cache=True)
-def _beside(a: Floats, b: Floats, c: Floats) -> bool:
-    """Whether a triangle lies wholly beside, above, below or behind what the camera sees."""
+def _outside_view(a: Floats, b: Floats, c: Floats) -> bool:
+    """Whether a triangle is entirely beyond one border of the image, or behind the camera."""
     left = right = above = below = behind = True
     for corner in (a, b, c):
         reach = _BORDER * corner[3]
@@ -257,7 +256,7 @@ def _beside(a: Floats, b: Floats, c: Floats) -> bool:
 
 @numba.njit(cache=True)
 def _faces_eye(a: Floats, b: Floats, c: Floats, eye: Doubles) -> bool:
-    """Whether the eye is in front of a triangle with these corners in the map. Doubles."""
+    """Whether the eye is in front of a triangle with these corners in the map. Double precision."""
     ax, ay, az = np.float64(a[0]), np.float64(a[1]), np.float64(a[2])
     ux, uy, uz = b[0] - ax, b[1] - ay, b[2] - az
     vx, vy, vz = c[0] - ax, c[1] - ay, c[2] - az
@@ -266,7 +265,7 @@ def _faces_eye(a: Floats, b: Floats, c: Floats, eye: Doubles) -> bool:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _enter(
+def _draw_triangle(
     a: Floats,
     b: Floats,
     c: Floats,
@@ -278,7 +277,7 @@ def _enter(
     weights: Floats,
     screen: Floats,
 ) -> None:
-    """Enter the triangle with these clip coordinates, clipped if it reaches behind the camera."""
+    """Draw the triangle with these clip coordinates, clipped if it extends behind the camera."""
     height, width = nearest.shape
     depths = np.empty(3, np.float32)
     for k, corner in enumerate((a, b, c)):
@@ -291,7 +290,7 @@ def _enter(
     count = _clip_edge(a, b, polygon, 0)
     count = _clip_edge(b, c, polygon, count)
     count = _clip_edge(c, a, polygon, count)
-    # as a fan
+    # the polygon as a triangle fan
     for i in range(1, count - 1):
         for k, at in enumerate((0, i, i + 1)):
             _to_screen(polygon[at], width, height, part[k])

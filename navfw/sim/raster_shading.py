@@ -1,6 +1,6 @@
-"""Compiled inner loops of drawing: in what colour each pixel shows its triangle.
+"""Compiled kernels of the rasteriser: the colour of each pixel.
 
-Rounded as PyBullet's TinyRenderer rounds (see ``navfw.sim.raster_kernels``).
+Rounded like PyBullet's TinyRenderer (see ``navfw.sim.raster_kernels``).
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ Bytes = npt.NDArray[np.uint8]
 
 _ZERO, _ONE = np.float32(0.0), np.float32(1.0)
 _WHITE, _BRIGHTEST = np.uint8(255), np.float32(255.0)
-_BEYOND = np.float32(128.0)
-"""Grey of what lies outside a texture."""
+_OUTSIDE_GREY = np.float32(128.0)
+"""Luminance for texture coordinates outside a texture."""
 _NOTHING, _OUTSIDE = -1, -2
-"""No texel: the pixel shows no triangle, or what lies outside its texture."""
+"""Texel indices of pixels without triangle, and with coordinates outside the texture."""
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -39,19 +39,18 @@ def shade(
     diffuse: float,
     out: Bytes,
 ) -> None:
-    """Colour every pixel: nearest texel, ambient light and diffuse light.
+    """Colour every pixel: nearest texel, ambient and diffuse light.
 
     Args:
-        faces: (height, width) as ``cover`` gives them.
-        weights: (3, height, width) as ``cover`` gives them; those missing are found here.
-        screens: (M, 3, 3) as ``cover`` gives them.
-        surfaces: (M, 3, 5) of every triangle's corners the normal in the map, and the texture
-            coordinates.
+        faces: (height, width) from ``cover``.
+        weights: (3, height, width) from ``cover``; NaN ones are computed here.
+        screens: (M, 3, 3) from ``cover``.
+        surfaces: (M, 3, 5) normal in the map and texture coordinates of every corner.
         tables: (M, 3) first texel, width and height of every triangle's texture.
-        texels: (T, 3) of all textures, RGB, rows from the top.
+        texels: (T, 3) texels of all textures, RGB, rows from the top.
         light: (3,) unit vector towards the light.
-        ambient: share of the light that comes from everywhere.
-        diffuse: share of the light that comes from one side.
+        ambient: share of the ambient light.
+        diffuse: share of the directional light.
         out: (height, width, 3) filled with RGB, row 0 at the top.
 
     """
@@ -62,7 +61,7 @@ def shade(
         _mix(faces[y], weights[:, y], screens, y, surfaces, mixed)
         _light(mixed, light, np.float32(diffuse), lit)
         _locate(faces[y], mixed, tables, places)
-        # nothing but this, so that many texels are on their way from memory at once
+        # a loop of its own: many memory accesses can be in flight at once
         for x in range(width):
             place = max(places[x], 0)
             for c in range(3):
@@ -87,7 +86,7 @@ def _mix(
 
 @numba.njit(cache=True, error_model="numpy")
 def _weigh(screen: Floats, x: int, y: int) -> tuple[np.float32, np.float32, np.float32]:
-    """How much of each corner the pixel (x, y) shows. Doubles inside."""
+    """Perspective-correct barycentric weights of the pixel (x, y). Double precision inside."""
     ax, ay = np.float64(screen[0, 0]), np.float64(screen[0, 1])
     bx, by = np.float64(screen[1, 0]) - ax, np.float64(screen[1, 1]) - ay
     cx, cy = np.float64(screen[2, 0]) - ax, np.float64(screen[2, 1]) - ay
@@ -102,7 +101,7 @@ def _weigh(screen: Floats, x: int, y: int) -> tuple[np.float32, np.float32, np.f
 
 @numba.njit(cache=True, error_model="numpy")
 def _light(mixed: Floats, light: Floats, diffuse: np.float32, lit: Floats) -> None:
-    """Diffuse light on the pixels of one row."""
+    """``lit`` (width,) = diffuse light on the pixels of one row."""
     lx, ly, lz = light
     for i in range(lit.size):
         x, y, z = mixed[0, i], mixed[1, i], mixed[2, i]
@@ -113,7 +112,7 @@ def _light(mixed: Floats, light: Floats, diffuse: np.float32, lit: Floats) -> No
 
 @numba.njit(cache=True, error_model="numpy")
 def _locate(faces: Ints, mixed: Floats, tables: Longs, places: Longs) -> None:
-    """Which texels the pixels of one row show."""
+    """``places`` (width,) = indices of the texels of one row's pixels."""
     for i in range(places.size):
         face = faces[i]
         if face < 0:
@@ -129,9 +128,9 @@ def _locate(faces: Ints, mixed: Floats, tables: Longs, places: Longs) -> None:
 
 @numba.njit(cache=True, error_model="numpy")
 def _paint(colours: Bytes, places: Longs, ambient: np.float32, lit: Floats, row: Bytes) -> None:
-    """Light the texels ``colours`` of one row."""
+    """``row`` (width, 3) = lit colours of one row's texels ``colours``."""
     for i in range(places.size):
         for c in range(3):
-            colour = np.float32(colours[i, c]) if places[i] != _OUTSIDE else _BEYOND
+            colour = np.float32(colours[i, c]) if places[i] != _OUTSIDE else _OUTSIDE_GREY
             painted = np.uint8(min(ambient * colour + lit[i] * colour, _BRIGHTEST))
             row[i, c] = painted if places[i] != _NOTHING else _WHITE

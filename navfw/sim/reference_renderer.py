@@ -1,4 +1,4 @@
-"""A world as PyBullet draws it: what our own raster has to match, and what that costs there."""
+"""Reference renderer: PyBullet's TinyRenderer, for the images and timing of our own raster."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ __all__ = ["ReferenceRenderer"]
 
 
 class ReferenceRenderer:
-    """The scenery of a world in a PyBullet client of its own, drawn by its TinyRenderer.
+    """The scenery of a world in a separate PyBullet client, drawn by its TinyRenderer.
 
-    No shadows, no segmentation. What a simulation shows when its time begins is there: closed doors
-    too, and walkers, where they are put. With ``cull`` bodies out of sight are hidden first, as the
-    simulation leaves them out. Use as a context manager, or ``close()`` it.
+    No shadows, no segmentation. It shows the world as at the start of a simulation, closed doors
+    and movers included. With ``cull`` it hides invisible bodies first, as the simulation does. Use
+    as a context manager, or ``close()`` it.
     """
 
     def __init__(
@@ -39,46 +39,48 @@ class ReferenceRenderer:
             self.scenery = Scenery(world, self._display)
             for solid in solids_of(world):
                 if solid.kind == "door":
-                    self.scenery.show(solid)
-            self._walkers = [
-                (self.scenery.show_walker(m.name, m.radius, m.height, m.texture), 0.5 * m.height)
+                    self.scenery.add_solid(solid)
+            self._movers = [
+                (self.scenery.add_mover(m.name, m.radius, m.height, m.texture), 0.5 * m.height)
                 for m in world.movers
             ]
         except BaseException:
             self.close()
             raise
-        self.put_walkers(mover.path[0] for mover in world.movers)
-        # it takes no noise, so nothing is drawn from the generator
+        self.place_movers(mover.path[0] for mover in world.movers)
+        # without noise nothing is drawn from the generator
         rng = np.random.default_rng(0)
         self.camera = Camera(camera, world.light, self.scenery, rng, supersample=supersample)
         self._cull = cull
 
-    def put_walkers(self, points: Iterable[tuple[float, float]]) -> None:
-        """Everyone who walks to their points (x, y) [m], in the order of the world file."""
-        for (body, middle), (x, y) in zip(self._walkers, points, strict=True):
+    def place_movers(self, points: Iterable[tuple[float, float]]) -> None:
+        """Move the movers to points (x, y) [m], in the order of the world file."""
+        for (body, middle), (x, y) in zip(self._movers, points, strict=True):
             self.scenery.place(body, (x, y, middle), (0.0, 0.0, 0.0, 1.0))
 
-    def aim(self, pose: Pose) -> RenderRequest:
-        """What the camera of a robot at ``pose`` is to take; what is out of sight is hidden."""
+    def request(self, pose: Pose) -> RenderRequest:
+        """The render request of a robot's camera at ``pose``; hides invisible bodies."""
         turn = (0.0, 0.0, math.sin(0.5 * pose.yaw), math.cos(0.5 * pose.yaw))
-        shot = self.camera.aim((pose.x, pose.y, 0.0), turn)
+        request = self.camera.request((pose.x, pose.y, 0.0), turn)
         if self._cull:
-            self._display.hide(self.scenery.out_of_sight)
-        return shot
+            self._display.hide(self.scenery.hidden_bodies)
+        return request
 
-    def draw(self, shot: RenderRequest) -> tuple[Image, npt.NDArray[np.float32], float]:
-        """RGB (height, width, 3), depth buffer (height, width), and the wall time it took [s]."""
-        width, height = shot.size
-        view, projection = (matrix.T.ravel().tolist() for matrix in (shot.view, shot.projection))
+    def draw(self, request: RenderRequest) -> tuple[Image, npt.NDArray[np.float32], float]:
+        """RGB (height, width, 3), depth buffer (height, width), and the wall time spent [s]."""
+        width, height = request.size
+        view, projection = (
+            matrix.T.ravel().tolist() for matrix in (request.view, request.projection)
+        )
         begun = time.perf_counter()
         _, _, rgba, raw, _ = bullet.getCameraImage(
             width,
             height,
             view,
             projection,
-            lightDirection=shot.light.direction,
-            lightAmbientCoeff=shot.light.ambient,
-            lightDiffuseCoeff=shot.light.diffuse,
+            lightDirection=request.light.direction,
+            lightAmbientCoeff=request.light.ambient,
+            lightDiffuseCoeff=request.light.diffuse,
             lightSpecularCoeff=0.0,
             shadow=0,
             renderer=bullet.ER_TINY_RENDERER,
@@ -90,7 +92,7 @@ class ReferenceRenderer:
         return colours, np.asarray(raw, np.float32).reshape(height, width), spent
 
     def close(self) -> None:
-        """Leave the physics server; doing it twice is no harm."""
+        """Disconnect from PyBullet; calling it again has no effect."""
         if self._client >= 0:
             bullet.disconnect(physicsClientId=self._client)
             self._client = -1

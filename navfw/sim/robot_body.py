@@ -1,8 +1,8 @@
 """The robot's body in PyBullet, from a URDF generated from the RobotModel.
 
 A disc-shaped base on two driven wheels and two frictionless casters. Wheels and casters collide
-with floors only and the base with everything else only, so a contact of the base IS a collision.
-The wheels are balls for the physics: one clean contact point each; a cylinder's edge would rattle.
+with the floor only, the base with everything else only: every contact of the base is a collision.
+The wheels' collision shapes are spheres with one contact point each; cylinders would chatter.
 """
 
 from __future__ import annotations
@@ -20,25 +20,26 @@ from navfw.signals import Array, Pose, wrap_angle
 from navfw.sim.engine import bullet
 from navfw.sim.physics_world import BODY_GROUP, FLOOR_GROUP, SOLID_GROUP, WHEEL_GROUP
 
-__all__ = ["BodyState", "RobotBody", "Touch", "pose_of", "robot_urdf"]
+__all__ = ["BodyState", "ContactPoint", "RobotBody", "pose_of", "robot_urdf"]
 
 BodyState = tuple[tuple[float, float, float], tuple[float, float, float, float]]
 """Position [m] and orientation (quaternion x, y, z, w) of base_link in the map."""
 
-Touch = tuple[int, float, float, float]
-"""The body touched, and the point (x, y, z) [m] where."""
+ContactPoint = tuple[int, float, float, float]
+"""PyBullet's id of the body in contact with the base, and the point (x, y, z) [m]."""
 
 MASS = 6.0
-"""Of the whole robot, wheels excepted [kg]."""
+"""Mass of the robot without wheels [kg]."""
 WHEEL_MASS = 0.3
-"""Of one wheel [kg]."""
+"""Mass of one wheel [kg]."""
 WHEEL_TORQUE = 1.2
-"""Limit of one wheel's motor [N m]: four times what the hardest usual braking asks for."""
+"""Torque limit of one wheel's motor [N m]: four times that of the hardest usual braking."""
 CENTRE_OF_MASS = 0.06
-"""Above the floor [m]: low, batteries are heavy."""
+"""Height of the centre of mass above the floor [m]: low, because of the batteries."""
 _CASTER_RADIUS = 0.02
+"""Radius of a caster [m]."""
 _CASTER_AHEAD = 0.75
-"""Where the casters are, in radii ahead of the axle and behind it."""
+"""Distance of the casters ahead of and behind the axle, as a share of the base's radius."""
 
 
 def _cylinder_inertia(mass: float, radius: float, height: float) -> tuple[float, float]:
@@ -54,7 +55,7 @@ def _inertial(mass: float, ix: float, iy: float, iz: float, z: float = 0.0) -> s
 
 
 def _shown_height(robot: RobotModel) -> float:
-    """How high the body may be drawn [m] without the camera seeing its own robot."""
+    """Height [m] up to which the body can be drawn without being visible to its camera."""
     camera = robot.camera
     steepest = camera.pitch + math.atan(0.5 * camera.height / camera.focal)
     if steepest > 1.4:
@@ -64,7 +65,7 @@ def _shown_height(robot: RobotModel) -> float:
 
 
 def robot_urdf(robot: RobotModel) -> str:
-    """The URDF text: origin of ``base_link`` on the floor below the middle of the axle."""
+    """The robot's URDF: ``base_link`` has its origin on the floor below the middle of the axle."""
     r, clearance = robot.radius, 0.02
     height = robot.height - clearance
     shown = max(_shown_height(robot) - clearance, 0.02)
@@ -101,7 +102,7 @@ def robot_urdf(robot: RobotModel) -> str:
 
 
 class RobotBody:
-    """The robot in one PyBullet client: drives its wheels, tells its true state."""
+    """The robot in one PyBullet client: wheel motors, and its true state and contacts."""
 
     def __init__(self, robot: RobotModel, client: int, start: Pose) -> None:
         self._client = client
@@ -126,13 +127,13 @@ class RobotBody:
         half, caster = 0.5 * robot.track, _CASTER_AHEAD * robot.radius
         self._supports = np.array([[0.0, half], [0.0, -half], [caster, 0.0], [-caster, 0.0]])
         self._wheels = [joints["left_axle"], joints["right_axle"]]
-        # what every tick asks for, or every physics step, with its arguments: looked up once
+        # calls of every tick or physics step, with their arguments bound once
         at = {"physicsClientId": client}
-        self._touched = partial(bullet.getContactPoints, self.body, linkIndexA=-1, **at)
-        self._placed = partial(bullet.getBasePositionAndOrientation, self.body, **at)
-        self._moving = partial(bullet.getBaseVelocity, self.body, **at)
-        self._turned = partial(bullet.getJointStates, self.body, self._wheels, **at)
-        self._driven = partial(
+        self._contact_points = partial(bullet.getContactPoints, self.body, linkIndexA=-1, **at)
+        self._base_pose = partial(bullet.getBasePositionAndOrientation, self.body, **at)
+        self._base_velocity = partial(bullet.getBaseVelocity, self.body, **at)
+        self._wheel_states = partial(bullet.getJointStates, self.body, self._wheels, **at)
+        self._set_motors = partial(
             bullet.setJointMotorControlArray,
             self.body,
             self._wheels,
@@ -141,7 +142,7 @@ class RobotBody:
             **at,
         )
         self._set_contacts(joints)
-        self.drive(0.0, 0.0)
+        self.set_wheel_speeds(0.0, 0.0)
 
     def _set_contacts(self, joints: dict[str, int]) -> None:
         for link in (-1, *joints.values()):
@@ -162,20 +163,20 @@ class RobotBody:
                 jointDamping=0.0,
             )
 
-    def drive(self, left: float, right: float) -> None:
-        """Ask for wheel angular speeds [rad/s], forward positive."""
-        self._driven(targetVelocities=[left, right])
+    def set_wheel_speeds(self, left: float, right: float) -> None:
+        """Set the motors' target angular speeds [rad/s], forward positive."""
+        self._set_motors(targetVelocities=[left, right])
 
     def wheel_angles(self) -> tuple[float, float]:
-        """How far the wheels (left, right) have turned [rad]."""
-        left, right = self._turned()
+        """Accumulated angles of the wheels (left, right) [rad]."""
+        left, right = self._wheel_states()
         return float(left[0]), float(right[0])
 
     def state(self) -> BodyState:
-        """Where ``base_link`` is."""
-        centre, turn = self._placed()
+        """The true pose of ``base_link``."""
+        centre, turn = self._base_pose()
         x, y, z, w = turn
-        # the engine reports the centre of mass: go down the body's own z axis to the floor
+        # PyBullet reports the centre of mass: base_link is below it on the body's z axis
         offset = -CENTRE_OF_MASS
         origin = (
             centre[0] + offset * 2.0 * (x * z + w * y),
@@ -184,27 +185,27 @@ class RobotBody:
         )
         return origin, turn
 
-    def supports(self) -> Array:
-        """(4, 3) points [m] in the map below wheels and casters, which stand on the floor."""
+    def support_points(self) -> Array:
+        """(4, 3) points [m] in the map: the lowest points of wheels and casters."""
         origin, turn = self.state()
         axes = np.array(self._call("getMatrixFromQuaternion", turn)).reshape(3, 3)
         points: Array = origin + self._supports @ axes[:, :2].T
         return points
 
     def roll_pitch_rates(self, turn: tuple[float, float, float, float]) -> tuple[float, float]:
-        """Angular velocity [rad/s] about the x and y axes of the body, which stands at ``turn``."""
-        _, (wx, wy, wz) = self._moving()
+        """Angular velocity [rad/s] about the body's x and y axes; ``turn`` is its orientation."""
+        _, (wx, wy, wz) = self._base_velocity()
         x, y, z, w = turn
         roll = (1 - 2 * (y * y + z * z)) * wx + 2 * (x * y + w * z) * wy + 2 * (x * z - w * y) * wz
         pitch = 2 * (x * y - w * z) * wx + (1 - 2 * (x * x + z * z)) * wy + 2 * (y * z + w * x) * wz
         return roll, pitch
 
-    def contacts(self) -> set[Touch]:
-        """What the base touches now."""
-        points = self._touched()
+    def contacts(self) -> set[ContactPoint]:
+        """The current contact points of the base."""
+        points = self._contact_points()
         if not points:
             return set()
-        # points of near misses are listed too: index 8 is the distance, 9 the normal force
+        # close pairs without contact are listed too: index 8 is the distance, 9 the normal force
         return {(point[2], *point[6]) for point in points if point[8] <= 1e-4 or point[9] > 0.0}
 
     def _call(self, function: str, *args: Any, **kwargs: Any) -> Any:
@@ -212,7 +213,7 @@ class RobotBody:
 
 
 def pose_of(state: BodyState) -> Pose:
-    """The planar pose of a body that stands so."""
+    """The planar pose of a body state."""
     (x, y, _), turn = state
     return Pose(x, y, yaw_of(turn))
 

@@ -1,4 +1,4 @@
-"""GyroModel and wheel encoders as they are: bias that walks, noise, slip, steps of quantisation."""
+"""Sensor models of gyro and wheel encoders: bias random walk, noise, slip, quantisation."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ Sigma = Annotated[float, Field(ge=0.0)]
 
 
 class SensorParams(BaseModel):
-    """How good the sensors are; the defaults are those of an inexpensive robot."""
+    """Parameters of the sensor models; the defaults are those of an inexpensive robot."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     image_noise: Annotated[
-        float, Field(ge=0.0, le=40.0, description="standard deviation [grey levels]")
+        float, Field(ge=0.0, le=40.0, description="image noise, standard deviation [grey levels]")
     ] = 2.0
     supersample: Annotated[
-        int, Field(ge=1, le=4, description="render at that multiple of the size and average")
+        int, Field(ge=1, le=4, description="render at this multiple of the size and average")
     ] = 1
     gyro_bias: Annotated[
         Sigma, Field(description="standard deviation of the bias at power-on [rad/s]")
@@ -37,25 +37,25 @@ class SensorParams(BaseModel):
     gyro_bias_walk: Annotated[
         Sigma, Field(description="random walk of the bias [rad/s per square root of s]")
     ] = math.radians(0.005)
-    gyro_noise: Annotated[Sigma, Field(description="standard deviation of one reading [rad/s]")] = (
-        math.radians(0.1)
-    )
+    gyro_noise: Annotated[
+        Sigma, Field(description="white noise of one reading, standard deviation [rad/s]")
+    ] = math.radians(0.1)
     slip: Annotated[
-        Fraction, Field(description="standard deviation of a wheel's slip, part of its way")
+        Fraction, Field(description="standard deviation of a wheel's slip, share of its distance")
     ] = 0.02
     slip_mean: Annotated[
-        Fraction, Field(description="mean slip: the wheel turns further than the robot goes")
+        Fraction, Field(description="mean slip: share by which the wheels turn too far")
     ] = 0.005
     slip_time: Annotated[
-        float, Field(ge=0.0, le=60.0, description="slip keeps its value for about so long [s]")
+        float, Field(ge=0.0, le=60.0, description="correlation time of the slip [s]")
     ] = 0.5
     radius_mismatch: Annotated[
-        Fraction, Field(description="difference of the wheels' radii, part of the radius")
+        Fraction, Field(description="difference of the wheels' radii, share of the radius")
     ] = 0.01
 
     @classmethod
     def preset(cls, name: str, **changes: Any) -> SensorParams:
-        """One of PRESETS, with single values changed.
+        """The parameters of a preset, with single values changed.
 
         Raises:
             UnknownNameError: no preset has that name.
@@ -67,7 +67,7 @@ class SensorParams(BaseModel):
 
     @property
     def sheet(self) -> OdometrySheet:
-        """What the data sheets of such a gyro and such wheels promise."""
+        """The data sheet that the robot has for such a gyro and such wheels."""
         return OdometrySheet(**{name: getattr(self, name) for name in OdometrySheet.model_fields})
 
 
@@ -103,23 +103,23 @@ PRESETS: Mapping[str, Mapping[str, float]] = MappingProxyType(
         },
     }
 )
-"""What each preset changes against the defaults."""
+"""Presets by name: values that differ from the defaults."""
 
 
 def _normals(rng: np.random.Generator, count: int, ahead: int) -> Iterator[list[float]]:
-    """Standard normal numbers, ``count`` for each reading, drawn for ``ahead`` readings at once.
+    """Standard normal numbers, ``count`` for each reading, drawn in blocks of ``ahead`` readings.
 
-    They are the same however many are drawn at once; few at a time cost more to draw than to use.
+    The sequence does not depend on the block size; large blocks are faster.
     """
     while True:
         yield from rng.standard_normal((ahead, count)).tolist()
 
 
 class GyroModel:
-    """A three-axis rate gyro: every axis has its own bias and noise.
+    """A three-axis rate gyro: bias with random walk, and white noise, for every axis.
 
-    The yaw rate is the mean over the time since the last reading, as integrating gyros give it.
-    Who alone draws from ``rng`` may let it draw for some readings ``ahead``.
+    The yaw rate is the mean over the time since the last reading, as an integrating gyro gives it.
+    ``ahead`` readings' noise is drawn at once; more than 1 only if ``rng`` has no other user.
     """
 
     def __init__(self, params: SensorParams, rng: np.random.Generator, ahead: int = 1) -> None:
@@ -128,7 +128,7 @@ class GyroModel:
         self._bias: list[float] = (params.gyro_bias * rng.standard_normal(3)).tolist()
 
     def read(self, time: float, dt: float, rates: tuple[float, float, float]) -> Inertial:
-        """Measure true ``rates`` (roll, pitch, yaw) [rad/s], ``dt`` [s] after the last reading."""
+        """Measure the true ``rates`` (roll, pitch, yaw) [rad/s], ``dt`` [s] after the last one."""
         drawn = next(self._drawn)
         walk, noise = self._params.gyro_bias_walk * math.sqrt(dt), self._params.gyro_noise
         bias = self._bias
@@ -139,12 +139,11 @@ class GyroModel:
 
 
 class WheelEncoderModel:
-    """Encoders on both wheels. A wheel that slips turns further than the robot goes.
+    """Incremental encoders on both wheels, with slip: a wheel turns further than the robot moves.
 
-    Slip is a share of the wheel's way, different for each wheel, that wanders around its mean with
-    the time constant ``slip_time`` (a first-order Gauss-Markov process). Wheels of unequal radius
-    count unequally; which one is larger is drawn once. ``more_slip`` is added while the floor is
-    slippery. Who alone draws from ``rng`` may let it draw for some readings ``ahead``.
+    Each wheel's slip, a share of its distance, is a first-order Gauss-Markov process with the time
+    constant ``slip_time``. The wheels' radii differ by ``radius_mismatch``; which one is larger is
+    drawn once. ``more_slip`` is added while the floor is slippery. ``ahead`` as for the gyro.
     """
 
     def __init__(
@@ -160,12 +159,12 @@ class WheelEncoderModel:
         self._last = (0.0, 0.0)
         self.more_slip = 0.0
 
-    def zero(self, angles: tuple[float, float]) -> None:
-        """Power on with the wheels at ``angles`` [rad]."""
+    def reset(self, angles: tuple[float, float]) -> None:
+        """Set the counters' origin to the wheel angles (left, right) [rad]."""
         self._last = angles
 
     def read(self, time: float, dt: float, angles: tuple[float, float]) -> Encoders:
-        """Count wheels now at ``angles`` (left, right) [rad], ``dt`` [s] after the last reading."""
+        """Ticks at the wheel angles (left, right) [rad], ``dt`` [s] after the last reading."""
         keep = math.exp(-dt / self._params.slip_time) if self._params.slip_time > 0.0 else 0.0
         spread = self._params.slip * math.sqrt(1.0 - keep * keep)
         drawn = next(self._drawn)
@@ -175,6 +174,6 @@ class WheelEncoderModel:
             way = (angles[side] - self._last[side]) * self._scale[side]
             self._turned[side] += way * (usual + self._slip[side])
         self._last = angles
-        # an encoder reports the last mark that has passed
+        # an encoder reports the last tick passed
         left, right = [math.floor(t * self._ticks_per_radian + 1e-9) for t in self._turned]
         return Encoders(time, left, right)

@@ -1,4 +1,4 @@
-"""Plane geometry of solids: rectangles and circles, distances to them, and whether they overlap."""
+"""Plane geometry of solids: rectangles and circles, signed distance, overlap and gap."""
 
 from __future__ import annotations
 
@@ -76,12 +76,12 @@ Shape = Rectangle | Circle
 
 
 def overlap_depth(a: Shape, b: Shape) -> float:
-    """How far [m] two shapes reach into each other; not positive when they do not overlap."""
+    """Penetration depth [m] of two shapes; not positive when they do not overlap."""
     if isinstance(a, Circle):
         return a.radius - float(b.distance(np.array([[a.x, a.y]]))[0])
     if isinstance(b, Circle):
         return overlap_depth(b, a)
-    # separating axes of two convex polygons: the edge normals of both
+    # separating axis theorem: the edge normals of both polygons
     depth = math.inf
     corners_a, corners_b = a.corners, b.corners
     for yaw in (a.yaw, a.yaw + math.pi / 2.0, b.yaw, b.yaw + math.pi / 2.0):
@@ -92,12 +92,12 @@ def overlap_depth(a: Shape, b: Shape) -> float:
 
 
 def gap_between(a: Shape, b: Shape) -> float:
-    """Free distance [m] between two shapes; not positive when they touch or overlap."""
+    """Distance [m] between two shapes; not positive when they touch or overlap."""
     if isinstance(a, Circle):
         return float(b.distance(np.array([[a.x, a.y]]))[0]) - a.radius
     if isinstance(b, Circle):
         return gap_between(b, a)
-    # a pair of circumscribed circles settles most cases
+    # the circumscribed circles decide most cases
     circles = math.hypot(a.half_x, a.half_y) + math.hypot(b.half_x, b.half_y)
     apart = math.hypot(a.x - b.x, a.y - b.y) - circles
     if apart <= 0.0 and (depth := overlap_depth(a, b)) >= 0.0:

@@ -1,7 +1,7 @@
-"""A world, a robot in it, and a clock: what the mission runner drives.
+"""The simulation of a world with a robot, advanced by the mission runner.
 
-Physics 240 Hz, control at the robot's control rate, camera at its own rate. Simulated time only:
-the wall clock is read to account for costs, never to decide anything.
+Physics runs at 240 Hz, control at the robot's control rate, the camera at its own rate. All in
+simulated time: the wall clock is read for timings only.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from navfw.errors import SimulationError, WorldError
 from navfw.robot import RobotModel
 from navfw.signals import Array, CameraMotion, Frame, Image, Pose, SensorReading, wrap_angle
 from navfw.sim.camera import DepthImage
-from navfw.sim.camera_rig import CameraRig, Dice, Timings
+from navfw.sim.camera_rig import CameraRig, NoiseGenerators, Timings
 from navfw.sim.display import Display
 from navfw.sim.drop_geometry import fallen_into
 from navfw.sim.engine import bullet
@@ -27,7 +27,7 @@ from navfw.sim.floorplan import FloorPlan
 from navfw.sim.injected_faults import InjectedFaults
 from navfw.sim.movers import Mover, MoverTrack, caused_by_robot
 from navfw.sim.physics_world import PhysicsWorld
-from navfw.sim.robot_body import BodyState, RobotBody, Touch, pose_of
+from navfw.sim.robot_body import BodyState, ContactPoint, RobotBody, pose_of
 from navfw.sim.scenery import Scenery
 from navfw.sim.sensor_models import GyroModel, SensorParams, WheelEncoderModel
 from navfw.sim.world_changes import ChangeTrack, WorldChanges
@@ -39,21 +39,24 @@ __all__ = ["PHYSICS_RATE", "Simulation", "Timings"]
 PHYSICS_RATE = 240
 """Physics steps per second."""
 _SETTLING_STEPS = 60
+"""Physics steps before time 0, in which the robot comes to rest on its wheels."""
 _GRAVITY = 9.81
+"""Gravitational acceleration [m/s^2]."""
 _READINGS_AHEAD = 64
-"""The noise of so many readings is drawn at once."""
+"""Number of readings whose noise is drawn at once."""
 
 
 class Simulation:
     """One run in one world. Use as a context manager, or ``close()`` it.
 
-    With ``landmark_frames`` the camera also takes the larger frames of ``robot.landmark_view``.
-    ``read()`` gives what the robot's sensors say; ``true_pose``, ``true_depth``, ``contacts``,
-    ``movers`` and ``plan`` are the truth, for metrics and tests alone. A fresh Simulation with the
-    same arguments and the same commands gives the same bytes.
+    With ``landmark_frames`` the camera also captures the larger frames of ``robot.landmark_view``.
+    ``read()`` gives the robot's sensor readings; ``true_pose``, ``true_depth``, ``contacts``,
+    ``movers`` and ``plan`` are ground truth, for metrics and tests only. A new Simulation with the
+    same arguments and the same commands gives the same readings, bit for bit.
 
     Raises:
-        WorldError: the world cannot be, or the start is not free.
+        WorldError: the world's geometry is impossible, or the start is not free.
+        SimulationError: PyBullet cannot be started.
 
     """
 
@@ -81,11 +84,11 @@ class Simulation:
         self._contacts: set[str] = set()
         self._cause: Literal["robot", "mover"] | None = None
         self._last_pose = start
-        self._known: tuple[BodyState, Pose] | None = None
+        self._true_state: tuple[BodyState, Pose] | None = None
         self._mover_times: list[float] = []
         self._mover_points: list[Array] = []
         self._reading: SensorReading | None = None
-        # one generator for each component: more of one component's draws never shift another's
+        # one generator for each component: draws of one do not change those of another
         for_camera, for_gyro, for_encoders, for_faults, for_landmarks, for_their_faults = (
             np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(6)
         )
@@ -97,15 +100,15 @@ class Simulation:
                 deterministicOverlappingPairs=1, physicsClientId=self._client
             )
             scenery = Scenery(world, Display(self._client) if gui else None)
-            self._scene = PhysicsWorld(world, self._client, scenery)
-            self._changes = WorldChanges(world, self._scene)
+            self._physics = PhysicsWorld(world, self._client, scenery)
+            self._changes = WorldChanges(world, self._physics)
             self._body = RobotBody(robot, self._client, start)
             self._rig = CameraRig(
                 robot,
                 world.light,
                 scenery,
                 sensors,
-                Dice(for_camera, for_landmarks, for_their_faults),
+                NoiseGenerators(for_camera, for_landmarks, for_their_faults),
                 self._faults,
                 self.timings,
                 landmark_frames,
@@ -122,17 +125,17 @@ class Simulation:
         for _ in range(_SETTLING_STEPS):
             bullet.stepSimulation(physicsClientId=self._client)
         self._place_movers()
-        self._note_movers()
+        self._record_movers()
         self._last_pose = self.true_pose()
-        self._encoders.zero(self._body.wheel_angles())
+        self._encoders.reset(self._body.wheel_angles())
         self._yaw_read = self._last_pose.yaw
 
-    # --- what the robot may know --------------------------------------------------------------
+    # --- sensors and wheels, for the robot ----------------------------------------------------
 
     def read(self) -> SensorReading:
-        """What the sensors say now; with a frame when the camera's period has passed.
+        """The current sensor readings, with a frame when one is due.
 
-        Reading again without ``advance`` gives the same reading: looking costs no noise.
+        Another call without ``advance`` returns the same reading and draws no noise.
         """
         if self._reading is not None and self._reading.time == self.time:
             return self._reading
@@ -142,15 +145,15 @@ class Simulation:
         yaw_rate = wrap_angle(pose.yaw - self._yaw_read) / dt if dt > 0.0 else 0.0
         self._yaw_read = pose.yaw
         rates = (*self._body.roll_pitch_rates(turn), yaw_rate)
-        inertial = self._faults.gyro(self._gyro.read(self.time, dt, rates))
-        encoders = self._faults.encoders(
+        inertial = self._faults.apply_gyro(self._gyro.read(self.time, dt, rates))
+        encoders = self._faults.apply_encoders(
             self._encoders.read(self.time, dt, self._body.wheel_angles())
         )
         self.timings.sensors += wall.perf_counter() - begun
-        body = self._seen_from() if self._rig.is_due(self.time) else None
-        taken = None if body is None else self._rig.take(self.time, body)
-        landmark_frame = self._rig.take_for_landmarks(self.time, body)
-        frame = self._faults.transport(self.time, taken)
+        body = self._state_to_render() if self._rig.is_due(self.time) else None
+        captured = None if body is None else self._rig.capture(self.time, body)
+        landmark_frame = self._rig.capture_landmarks(self.time, body)
+        frame = self._faults.transport(self.time, captured)
         self._reading = SensorReading(self.time, inertial, encoders, frame, landmark_frame)
         return self._reading
 
@@ -158,66 +161,65 @@ class Simulation:
         """Set the wheels' target speeds [rad/s], forward positive; torque is limited."""
         if not (math.isfinite(left) and math.isfinite(right)):
             raise SimulationError(f"wheel speeds must be finite, got {left}, {right}")
-        self._body.drive(*self._faults.wheels(left, right))
+        self._body.set_wheel_speeds(*self._faults.apply_wheels(left, right))
 
     def begin(self, action: EventAction) -> None:
-        """An event: from now on something is wrong, or the world is another."""
+        """Begin an event's action: a fault or a change of the world."""
         if isinstance(action, DoorChange | Obstacle | Textureless):
             self._changes.begin(action, self.true_pose())
         else:
             self._faults.begin(action)
             self._rig.landmark_faults.begin(action)
-        self._settle_events()
+        self._apply_actions()
 
     def end(self, action: EventAction) -> None:
-        """The event is over: what ``begin`` changed is as it was."""
+        """End an event's action: undo what ``begin`` did."""
         if isinstance(action, DoorChange | Obstacle | Textureless):
             self._changes.end(action)
         else:
             self._faults.end(action)
             self._rig.landmark_faults.end(action)
-        self._settle_events()
+        self._apply_actions()
 
-    def _settle_events(self) -> None:
+    def _apply_actions(self) -> None:
         self._changes.update(self.time, self.true_pose(), self.robot.radius)
-        self._rig.adjust()
+        self._rig.update_optics()
         self._encoders.more_slip = self._faults.slip
 
     def advance(self, dt: float) -> None:
-        """Let ``dt`` [s] pass, in whole physics steps (what is left over is caught up later)."""
+        """Advance time by ``dt`` [s] in whole physics steps; the remainder is made up for later."""
         begun = wall.perf_counter()
         self.time += dt
         self._contacts = set()
         target = round(self.time * PHYSICS_RATE)
         if abs(self.time - target / PHYSICS_RATE) < 1e-9:
-            self.time = target / PHYSICS_RATE  # keep rounding errors from adding up
+            self.time = target / PHYSICS_RATE  # against accumulating rounding errors
         here = self.true_pose() if self.movers else self._last_pose
         for mover in self.movers:
-            mover.look(here, self.robot.radius)
-        self._known = None
+            mover.update_waiting(here, self.robot.radius)
+        self._true_state = None
         while self._steps < target:
             if self.movers:
-                self._walk(1.0 / PHYSICS_RATE)
+                self._advance_movers(1.0 / PHYSICS_RATE)
             bullet.stepSimulation(physicsClientId=self._client)
-            if touched := self._body.contacts():
-                self._note_contacts(touched, here, dt)
+            if points := self._body.contacts():
+                self._record_contacts(points, here, dt)
             self._steps += 1
             self.timings.steps += 1
-        self._note_fall()
+        self._record_fall()
         self._last_pose = here
-        self._note_movers()
+        self._record_movers()
         if not self._changes.settled:
             self._changes.update(self.time, self.true_pose(), self.robot.radius)
         self.timings.physics += wall.perf_counter() - begun
 
-    def _walk(self, dt: float) -> None:
-        """Everyone walks on; who waits stays."""
+    def _advance_movers(self, dt: float) -> None:
         for mover in self.movers:
-            mover.walk(dt)
+            mover.advance(dt)
         self._place_movers()
 
     def _place_movers(self) -> None:
-        for mover, body in zip(self.movers, self._scene.movers, strict=True):
+        for mover, body in zip(self.movers, self._physics.movers, strict=True):
             bullet.resetBasePositionAndOrientation(
                 body,
                 (mover.x, mover.y, 0.5 * mover.spec.height),
@@ -225,29 +227,29 @@ class Simulation:
                 physicsClientId=self._client,
             )
 
-    def _note_movers(self) -> None:
+    def _record_movers(self) -> None:
         if self.movers:
             self._mover_times.append(self.time)
             self._mover_points.append(np.array([(mover.x, mover.y) for mover in self.movers]))
 
-    def _note_contacts(self, touched: Iterable[Touch], here: Pose, dt: float) -> None:
-        """Name what is ``touched``; at the first touch of all, say who moved into whom.
+    def _record_contacts(self, points: Iterable[ContactPoint], here: Pose, dt: float) -> None:
+        """Record the names of the bodies in contact; at the first contact of the run, its cause.
 
-        The robot's speed is that of the control period before: the touch itself changes it.
+        The robot's speed is that of the previous control period: the contact changes it.
         """
-        names = {self._scene.name_at(*contact) for contact in touched}
+        names = {self._physics.name_at(*contact) for contact in points}
         self._contacts |= names
         if self._cause is None:
-            walkers = [mover for mover in self.movers if mover.spec.name in names]
-            innocent = len(walkers) == len(names) and not any(
-                caused_by_robot(self._last_pose, here, dt, mover) for mover in walkers
+            touched = [mover for mover in self.movers if mover.spec.name in names]
+            by_mover = len(touched) == len(names) and not any(
+                caused_by_robot(self._last_pose, here, dt, mover) for mover in touched
             )
-            self._cause = "mover" if innocent else "robot"
+            self._cause = "mover" if by_mover else "robot"
 
-    def _note_fall(self) -> None:
+    def _record_fall(self) -> None:
         if not self.world.drops:
             return
-        drop = fallen_into(self.world, self._body.supports())
+        drop = fallen_into(self.world, self._body.support_points())
         if drop is not None:
             self._contacts.add(drop)
             self._cause = self._cause or "robot"
@@ -256,69 +258,69 @@ class Simulation:
 
     @property
     def contacts(self) -> tuple[str, ...]:
-        """Names of the bodies touched, and drops fallen into, since the last ``advance`` began.
+        """Names of the bodies in contact with the base, and of drops fallen into, ascending.
 
-        The floor is none.
+        Since the last ``advance`` began; the floor does not count.
         """
         return tuple(sorted(self._contacts)) if self._contacts else ()
 
     @property
     def collision_cause(self) -> Literal["robot", "mover"] | None:
-        """Who moved into whom at the first touch of the run; None while nothing was touched.
+        """The cause of the first contact of the run; None before it.
 
-        "mover" when only movers were touched and the robot was not driving towards them (faster
-        than ``navfw.sim.movers.CLOSING``), else "robot".
+        "mover" when only movers were in contact and the robot did not approach them (faster than
+        ``navfw.sim.movers.CLOSING_SPEED``), else "robot".
         """
         return self._cause
 
     def mover_track(self) -> MoverTrack:
-        """Where the movers were so far, noted at every ``advance``."""
+        """The movers' positions so far, recorded at every ``advance``."""
         return MoverTrack.of(self.movers, self._mover_times, self._mover_points)
 
     def change_track(self) -> ChangeTrack:
-        """What stood in the world for a part of the time only: doors, things that appeared."""
+        """The solids that were present part of the time only: doors, obstacles."""
         return self._changes.track()
 
     def true_pose(self) -> Pose:
-        """Where the robot is, in the map."""
+        """The robot's true pose in the map."""
         return self._truth()[1]
 
     def true_depth(self) -> DepthImage:
-        """Depth (height, width) [m] of the last frame's view, inf where there is nothing."""
+        """True depth (height, width) [m] of the last frame; inf where no surface is visible."""
         return self._rig.true_depth()
 
     def true_motion(self, past: Frame, now: Frame) -> CameraMotion:
-        """How the camera truly moved between two of the last frames, pitch and roll included.
+        """The true motion of the camera between two recent frames, pitch and roll included.
 
         Raises:
-            SimulationError: one of the frames is not, or too old to be remembered.
+            SimulationError: one of the frames is not from here, or too old.
 
         """
         return self._rig.true_motion(past, now)
 
     def render_from(self, pose: Pose) -> tuple[Image, DepthImage]:
-        """Image without noise and depth [m] as the camera would see them from another pose."""
+        """Image without noise and true depth [m] from any pose of the robot."""
         turn = (0.0, 0.0, math.sin(0.5 * pose.yaw), math.cos(0.5 * pose.yaw))
-        self._scene.show_movers()
+        self._physics.update_mover_visuals()
         image, raw = self._rig.camera.render((pose.x, pose.y, 0.0), turn)
         return image, self._rig.camera.depth(raw)
 
     # ------------------------------------------------------------------------------------------
 
-    def _seen_from(self) -> BodyState:
-        """Where the body is, with the movers in the picture."""
-        self._scene.show_movers()
+    def _state_to_render(self) -> BodyState:
+        """The true body state, after the movers' meshes have been updated."""
+        self._physics.update_mover_visuals()
         return self._truth()[0]
 
     def _truth(self) -> tuple[BodyState, Pose]:
-        """Where the body is; the engine is asked once until it moves."""
-        if self._known is None:
+        """The true body state and pose; read from PyBullet once between advances."""
+        if self._true_state is None:
             state = self._body.state()
-            self._known = state, pose_of(state)
-        return self._known
+            self._true_state = state, pose_of(state)
+        return self._true_state
 
     def close(self) -> None:
-        """Leave the physics server; doing it twice is no harm."""
+        """Disconnect from PyBullet; calling it again has no effect."""
         if self._client >= 0:
             bullet.disconnect(physicsClientId=self._client)
             self._client = -1

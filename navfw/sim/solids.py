@@ -1,7 +1,7 @@
 """Solids of a world: each wall piece, lintel, closed door, box and cylinder with shape and height.
 
 Walls are cut into straight pieces between openings, with a lintel above each opening. Physics,
-rendering, floor plan and geometry checks all use these solids and therefore agree.
+rendering, floor plan and geometry checks are all built from these solids.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ __all__ = ["Segment", "Solid", "opening_segment", "solids_of", "wall_segments"]
 
 Kind = Literal["wall", "lintel", "door", "box", "cylinder"]
 
-# an opening's centre may lie this far [m] off the wall's line: people round coordinates
-ON_LINE = 0.02
+_ON_LINE = 0.02
+"""Largest distance of an opening's centre from the wall's line [m]: coordinates are rounded."""
 
 
 @dataclass(frozen=True, slots=True)
 class Solid:
-    """A solid body: ``shape`` in the plane, from ``bottom`` to ``top`` [m] above the floor."""
+    """An upright prism: outline ``shape``, from ``bottom`` to ``top`` [m] above the floor."""
 
     name: str
     kind: Kind
@@ -36,7 +36,7 @@ class Solid:
 
 @dataclass(frozen=True, slots=True)
 class Segment:
-    """One straight part of a wall's line, with how far [m] its ends reach on to fill corners."""
+    """One straight part of a wall's line; its ends are extended by these lengths [m] at corners."""
 
     start: tuple[float, float]
     end: tuple[float, float]
@@ -45,7 +45,7 @@ class Segment:
 
     @property
     def length(self) -> float:
-        """Length of the line [m], without the corner filling."""
+        """Length of the line [m], without the extensions."""
         return math.dist(self.start, self.end)
 
     @property
@@ -54,13 +54,13 @@ class Segment:
         return math.atan2(self.end[1] - self.start[1], self.end[0] - self.start[0])
 
     def locate(self, point: tuple[float, float]) -> tuple[float, float]:
-        """(distance along the line, distance off it) [m] of a point."""
+        """(distance along the line, signed distance to its left) [m] of a point."""
         c, s = math.cos(self.yaw), math.sin(self.yaw)
         dx, dy = point[0] - self.start[0], point[1] - self.start[1]
         return c * dx + s * dy, -s * dx + c * dy
 
     def piece(self, begin: float, end: float, thickness: float) -> Rectangle:
-        """The wall's rectangle between two distances along the line."""
+        """The wall's rectangle between two distances along the line [m]."""
         middle = 0.5 * (begin + end)
         c, s = math.cos(self.yaw), math.sin(self.yaw)
         x, y = self.start[0] + c * middle, self.start[1] + s * middle
@@ -68,7 +68,7 @@ class Segment:
 
 
 def wall_segments(wall: WallSpec) -> list[Segment]:
-    """The straight parts of a wall; inner corners of its line are filled, free ends are not."""
+    """The straight parts of a wall, extended at corners of its line but not at free ends."""
     points = wall.points
     closed = points[0] == points[-1] and len(points) > 2
     last = len(points) - 2
@@ -85,17 +85,17 @@ def wall_segments(wall: WallSpec) -> list[Segment]:
 
 
 def opening_segment(wall: WallSpec, opening: OpeningSpec) -> int | None:
-    """Which of the wall's segments holds the whole opening; None when none does."""
+    """Index of the wall's segment that contains the whole opening; None when there is none."""
     half = 0.5 * opening.width
     for i, segment in enumerate(wall_segments(wall)):
         along, off = segment.locate(opening.at)
-        if abs(off) <= ON_LINE and half <= along + 1e-9 and along <= segment.length - half + 1e-9:
+        if abs(off) <= _ON_LINE and half <= along + 1e-9 and along <= segment.length - half + 1e-9:
             return i
     return None
 
 
 def solids_of(world: WorldSpec) -> list[Solid]:
-    """Every solid of a (checked) world except the floor, in the order of the file."""
+    """Every solid of a valid world except the floor, in the order of the file."""
     solids: list[Solid] = []
     gaps: dict[str, tuple[Rectangle, float]] = {}
     for wall in world.walls:
@@ -116,7 +116,7 @@ def solids_of(world: WorldSpec) -> list[Solid]:
 
 
 def _wall_solids(wall: WallSpec, gaps: dict[str, tuple[Rectangle, float]]) -> list[Solid]:
-    """Pieces and lintels of one wall; notes the gap of each opening for the doors."""
+    """Pieces and lintels of one wall; ``gaps`` receives leaf shape and height of each opening."""
     solids: list[Solid] = []
     for i, segment in enumerate(wall_segments(wall)):
         here = [o for o in wall.openings if opening_segment(wall, o) == i]
@@ -127,7 +127,7 @@ def _wall_solids(wall: WallSpec, gaps: dict[str, tuple[Rectangle, float]]) -> li
             solids += _piece(wall, segment.piece(begin, left, wall.thickness))
             gap = segment.piece(left, right, wall.thickness)
             height = min(opening.height, wall.height)
-            # the leaf is a little thinner than the wall, so that no two faces share a plane
+            # the leaf is thinner than the wall, so that no two faces are coplanar
             leaf = segment.piece(left, right, 0.6 * wall.thickness)
             gaps[opening.name] = (leaf, height)
             if wall.height - height > 0.01:
@@ -139,6 +139,6 @@ def _wall_solids(wall: WallSpec, gaps: dict[str, tuple[Rectangle, float]]) -> li
 
 
 def _piece(wall: WallSpec, shape: Rectangle) -> list[Solid]:
-    if shape.half_x < 0.005:  # an opening that begins at the corner leaves nothing beside it
+    if shape.half_x < 0.005:  # no wall beside an opening at the corner
         return []
     return [Solid(wall.name, "wall", shape, 0.0, wall.height, wall.texture)]

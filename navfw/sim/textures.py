@@ -1,8 +1,8 @@
 """Procedural textures: seeded, periodic, band-limited, with contrast for the optical flow.
 
-PyBullet's TinyRenderer samples textures by nearest neighbour without mipmaps, so detail finer than
-about two pixels at the working distance aliases and spoils the flow (METHOD sec 0). Every pattern
-here is therefore cut off in the frequency domain at half a cycle per ``finest`` metres.
+TinyRenderer, like the renderer here, samples textures by nearest neighbour without mipmaps: detail
+finer than about two pixels at the working distance aliases and disturbs the flow (METHOD sec 0).
+Every pattern is therefore low-pass filtered with a cutoff of half a cycle per ``finest`` metres.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ if TYPE_CHECKING:
 __all__ = ["RESOLUTION", "STOCK", "TILE", "luminance_pattern", "stock_texture", "synthesize"]
 
 TILE = 2.0
-"""Edge [m] of the square that one texture covers before it repeats."""
+"""Period of a texture: edge of the square that it covers [m]."""
 RESOLUTION = 512
-"""Texels along that edge: 4 mm each, half a pixel at 0.6 m with f = 80 px."""
-# the coarsest wavelength [m]: slower changes of brightness do not help a 24 px window
+"""Texels along that edge: 4 mm each, half a pixel at 0.6 m with a focal length of 80 px."""
 _COARSEST = 1.0
+"""Longest wavelength [m]: longer ones do not help the correlation of a 24 px window."""
 _LUMA = np.array([0.299, 0.587, 0.114])
 
 STOCK: Mapping[str, Mapping[str, object]] = MappingProxyType(
@@ -41,7 +41,7 @@ STOCK: Mapping[str, Mapping[str, object]] = MappingProxyType(
         "ceiling": {"style": "plaster", "seed": 6, "brightness": 170.0, "contrast": 35.0},
     }
 )
-"""The textures every world may name without listing them: keyword arguments of TextureSpec."""
+"""The textures that every world may use without listing them: arguments of TextureSpec."""
 
 
 def stock_texture(name: str) -> TextureSpec:
@@ -53,10 +53,10 @@ def stock_texture(name: str) -> TextureSpec:
 
 @lru_cache(maxsize=64)
 def synthesize(spec: TextureSpec, resolution: int = RESOLUTION) -> Image:
-    """The texture as a read-only image (resolution, resolution, 3) uint8, RGB, periodic.
+    """The texture as a read-only, periodic image (resolution, resolution, 3) uint8, RGB.
 
-    Its luminance has about the mean and standard deviation asked for; nothing is clipped hard,
-    since hard edges would put back the detail that the band limit took out.
+    Its luminance has about the specified mean and standard deviation. The tails are compressed, not
+    clipped: hard edges would add detail beyond the cutoff.
     """
     grey = luminance_pattern(spec, resolution)
     tint = np.asarray(spec.colour) / max(float(_LUMA @ spec.colour), 1e-3)
@@ -72,7 +72,7 @@ def luminance_pattern(spec: TextureSpec, resolution: int = RESOLUTION) -> Array:
     smooth = _band_limit(raw, spec.finest)
     smooth -= smooth.mean()
     smooth /= max(float(smooth.std()), 1e-12)
-    # bend the tails softly into the range of a byte (a gentle curve hardly widens the spectrum)
+    # compress the tails into the range of a byte; a smooth curve hardly widens the spectrum
     bent = np.tanh(0.6 * smooth)
     bent -= bent.mean()
     pattern: Array = spec.brightness + spec.contrast * bent / max(float(bent.std()), 1e-12)
@@ -87,7 +87,7 @@ def _frequencies(resolution: int) -> tuple[Array, Array]:
 
 
 def _band_limit(pattern: Array, finest: float) -> Array:
-    """Without detail finer than ``finest`` [m] (half a wavelength) or coarser than a metre."""
+    """Band-pass: half wavelengths of at least ``finest`` [m], wavelengths of at most 1 m."""
     rows, columns = _frequencies(pattern.shape[0])
     frequency = np.hypot(rows, columns)
     cutoff = 0.5 / finest
@@ -101,9 +101,9 @@ def _band_limit(pattern: Array, finest: float) -> Array:
 def _noise(
     rng: np.random.Generator, resolution: int, exponent: float, stretch: float = 1.0
 ) -> Array:
-    """Gaussian noise whose amplitude falls with frequency**exponent (1: equal power an octave).
+    """Gaussian noise of unit variance with amplitude ~ frequency**-exponent (1: pink noise).
 
-    ``stretch`` > 1 draws the grain out along the rows of the texture (upright on walls).
+    ``stretch`` > 1 elongates the grain along the texture's rows (vertical on walls).
     """
     rows, columns = _frequencies(resolution)
     frequency = np.hypot(rows * np.sqrt(stretch), columns / np.sqrt(stretch))
@@ -126,9 +126,9 @@ def _wood(rng: np.random.Generator, resolution: int) -> Array:
 
 
 def _stone(rng: np.random.Generator, resolution: int) -> Array:
-    """Irregular slabs of different brightness (a periodic Voronoi pattern), and grain."""
+    """Slabs of different brightness (a periodic Voronoi pattern), and grain."""
     seeds, levels = rng.random((70, 2)), rng.standard_normal(70)
-    # half the resolution will do: the band limit comes after
+    # half the resolution suffices: the result is low-pass filtered
     axis = (np.arange(resolution // 2) + 0.5) / (resolution // 2)
     nearest = np.full((axis.size, axis.size), np.inf)
     slabs = np.zeros_like(nearest)

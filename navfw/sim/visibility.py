@@ -1,8 +1,8 @@
-"""Which parts of a world can be seen from a place: the others need not be drawn.
+"""Visibility culling: the parts of a world that need not be drawn from a viewpoint.
 
-Walls that reach to the ceiling hide what lies behind them, and nothing is seen outside the field of
-view; both are plane geometry. A part counts as hidden only if walls that lie wholly in front of it
-cover every direction in which it lies, so what is drawn looks the same with and without it.
+A part is culled outside the field of view, and behind walls that nothing overtops;
+both are tests of plane geometry. A part counts as occluded only if walls entirely in front of it
+cover its whole range of bearings: the image is the same with and without it.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from navfw.sim.shapes import Rectangle
 __all__ = ["PartBounds", "Visibility", "field_of_view"]
 
 _BEHIND = 1e-6
-"""What lies less than this [m] behind a wall's face is that face itself."""
+"""Tolerance of the test whether a point is behind a wall's face [m]."""
 _SEAM = 1e-9
-"""Walls that meet at a corner leave no gap, whatever the rounding [rad]."""
-_WIDER = 1e-3
-"""How much more than the field of view is looked at to each side [rad]."""
+"""Largest gap between the bearings of two walls that meet at a corner, by rounding [rad]."""
+_FOV_MARGIN = 1e-3
+"""Margin added to the field of view at each side [rad]."""
 
 
 @dataclass(frozen=True, slots=True)
 class PartBounds:
-    """Where a part of the world is: within the convex polygon ``corners`` (4, 2) [m] of the plan.
+    """Bounds of a part of the world: the convex polygon ``corners`` (4, 2) [m] in the plane.
 
-    ``plane`` is given for parts that are seen from one side only: they face towards (x, y, z) with
-    x px + y py + z pz > offset for its (px, py, pz, offset).
+    A part with a ``plane`` (px, py, pz, offset) is visible only from points (x, y, z) in front of
+    it: px x + py y + pz z > offset.
     """
 
     corners: Array
@@ -46,7 +46,7 @@ class PartBounds:
         direction: float = 0.0,
         plane: tuple[float, float, float, float] | None = None,
     ) -> PartBounds:
-        """The rectangle with sides along ``direction`` [rad] that holds points (N, 2 or more)."""
+        """The bounding rectangle of points (N, 2 or more), with sides along ``direction`` [rad]."""
         c, s = math.cos(direction), math.sin(direction)
         turn = np.array([[c, s], [-s, c]])
         (x0, y0), (x1, y1) = (np.array(f(points[:, :2] @ turn.T, axis=0)) for f in (np.min, np.max))
@@ -55,33 +55,33 @@ class PartBounds:
 
 
 class Visibility:
-    """Tells which of ``outlines`` are seen over, between and beside ``walls`` of a height [m]."""
+    """Finds the visible ones of ``parts`` among occluding ``walls`` of ``height`` [m]."""
 
     def __init__(
-        self, walls: Sequence[Rectangle], height: float, outlines: Sequence[PartBounds]
+        self, walls: Sequence[Rectangle], height: float, parts: Sequence[PartBounds]
     ) -> None:
         self._height = height
         edges = [np.hstack([r.corners, np.roll(r.corners, -1, axis=0)]) for r in walls]
         self._edges = np.concatenate(edges) if edges else np.empty((0, 4))
-        self._corners = np.array([o.corners for o in outlines]).reshape(-1, 4, 2)
-        self._planes = np.array([o.plane for o in outlines]).reshape(-1, 4)
+        self._corners = np.array([p.corners for p in parts]).reshape(-1, 4, 2)
+        self._planes = np.array([p.plane for p in parts]).reshape(-1, 4)
 
-    def seen(self, eye: Array, middle: float, half: float) -> Mask:
-        """(N,) which outlines may be seen from ``eye`` (x, y, z) [m].
+    def visible(self, eye: Array, middle: float, half: float) -> Mask:
+        """(N,) whether each part may be visible from ``eye`` (x, y, z) [m].
 
-        The field of view reaches ``half`` [rad] to both sides of the direction ``middle`` [rad].
+        The field of view extends ``half`` [rad] to both sides of the bearing ``middle`` [rad].
         """
         edges = self._edges if eye[2] < self._height else self._edges[:0]
-        return _seen(edges, self._corners, self._planes, eye, middle, half)
+        return _visible(edges, self._corners, self._planes, eye, middle, half)
 
 
 @numba.njit(cache=True)
 def field_of_view(axes: Array, right: float, down: float) -> tuple[float, float]:
-    """Middle direction and half width [rad] of what a camera sees, in the plan.
+    """Middle bearing and half width [rad] of a camera's field of view in the plane.
 
     ``axes`` (3, 3) are the camera's (right, down, ahead) in the map, by columns; ``right`` and
-    ``down`` how far the image reaches from its middle, in focal lengths. The half width is pi where
-    the camera sees straight up or down.
+    ``down`` half the image's size in focal lengths. The half width is pi if the vertical is within
+    the field of view.
     """
     middle = math.atan2(axes[1, 2], axes[0, 2])
     length = max(math.hypot(axes[0, 2], axes[1, 2]), 1e-12)
@@ -96,7 +96,7 @@ def field_of_view(axes: Array, right: float, down: float) -> tuple[float, float]
             if forward <= 1e-6:
                 return middle, math.pi
             half = max(half, abs(math.atan2(aside, forward)))
-    return middle, half + _WIDER
+    return middle, half + _FOV_MARGIN
 
 
 @numba.njit(cache=True)
@@ -107,7 +107,7 @@ def _wrapped(angle: float) -> float:
 
 @numba.njit(cache=True)
 def _facing(edges: Array, eye: Array, lines: Array, begins: Array, ends: Array) -> int:
-    """The edges that face the eye: their lines (x, y, offset) and the directions they cover."""
+    """Fill lines (x, y, offset) and bearings of edges that face the eye; return their count."""
     count = 0
     for i in range(edges.shape[0]):
         x0, y0, x1, y1 = edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3]
@@ -117,7 +117,7 @@ def _facing(edges: Array, eye: Array, lines: Array, begins: Array, ends: Array) 
         if normal_x * eye[0] + normal_y * eye[1] - offset <= _BEHIND:
             continue
         lines[count, 0], lines[count, 1], lines[count, 2] = normal_x, normal_y, offset
-        # corners run counter-clockwise around a wall, so clockwise around an eye outside of it
+        # counter-clockwise around a wall is clockwise around an eye in front of the edge
         begins[count] = math.atan2(y1 - eye[1], x1 - eye[0])
         ends[count] = math.atan2(y0 - eye[1], x0 - eye[0])
         count += 1
@@ -126,7 +126,7 @@ def _facing(edges: Array, eye: Array, lines: Array, begins: Array, ends: Array) 
 
 @numba.njit(cache=True)
 def _extent(corners: Array, eye: Array) -> tuple[float, float, float]:
-    """Direction [rad] of an outline, and how far it reaches to both sides of it; all around: pi."""
+    """Bearing [rad] of a part, and its extent to both sides of it; -pi, pi around the eye."""
     x = corners[:, 0].mean() - eye[0]
     y = corners[:, 1].mean() - eye[1]
     low = high = 0.0
@@ -149,7 +149,7 @@ def _behind(corners: Array, line: Array) -> bool:
 
 @numba.njit(cache=True)
 def _covered(low: float, high: float, spans: Array, count: int) -> bool:
-    """Whether the first ``count`` of ``spans`` (N, 2) together cover all from low to high."""
+    """Whether the union of the first ``count`` of ``spans`` (N, 2) covers low to high."""
     reached = low
     while True:
         best = -np.inf
@@ -165,9 +165,9 @@ def _covered(low: float, high: float, spans: Array, count: int) -> bool:
 
 @numba.njit(cache=True)
 def _within_view(low: float, high: float, off: float, half: float) -> tuple[float, float]:
-    """The part of directions low ... high no more than ``half`` from ``off``; inf, -inf if none.
+    """The part of the bearings low ... high within ``half`` of ``off``; inf, -inf if none.
 
-    All of them where they reach the field of view around the back.
+    All of them where they reach the field of view across the wrap at pi.
     """
     if high >= off - half and low <= off + half:
         return max(low, off - half), min(high, off + half)
@@ -178,22 +178,22 @@ def _within_view(low: float, high: float, off: float, half: float) -> tuple[floa
 
 
 @numba.njit(cache=True)
-def _seen(
-    edges: Array, outlines: Array, planes: Array, eye: Array, middle: float, half: float
+def _visible(
+    edges: Array, bounds: Array, planes: Array, eye: Array, middle: float, half: float
 ) -> npt.NDArray[np.bool_]:
-    """See ``Visibility.seen``."""
+    """See ``Visibility.visible``."""
     lines = np.empty((edges.shape[0], 3))
     begins, ends = np.empty(edges.shape[0]), np.empty(edges.shape[0])
     facing = _facing(edges, eye, lines, begins, ends)
     spans = np.empty((2 * facing + 1, 2))
-    seen = np.zeros(outlines.shape[0], np.bool_)
-    for n in range(outlines.shape[0]):
-        plane, corners = planes[n], outlines[n]
+    visible = np.zeros(bounds.shape[0], np.bool_)
+    for n in range(bounds.shape[0]):
+        plane, corners = planes[n], bounds[n]
         if plane[0] * eye[0] + plane[1] * eye[1] + plane[2] * eye[2] <= plane[3]:
             continue
         direction, low, high = _extent(corners, eye)
         if high - low >= 2.0 * math.pi:
-            seen[n] = True  # the eye is within
+            visible[n] = True  # the eye is inside the bounds
             continue
         if half < math.pi:
             low, high = _within_view(low, high, _wrapped(middle - direction), half)
@@ -204,12 +204,12 @@ def _seen(
             if not _behind(corners, lines[i]):
                 continue
             begin, end = _wrapped(begins[i] - direction), _wrapped(ends[i] - direction)
-            if end < begin:  # it covers what is just behind the eye
+            if end < begin:  # its bearings wrap around at pi
                 spans[count, 0], spans[count, 1] = begin - 2.0 * math.pi, end
                 count += 1
                 end += 2.0 * math.pi
             if begin <= high and end >= low:
                 spans[count, 0], spans[count, 1] = begin, end
                 count += 1
-        seen[n] = not _covered(low, high, spans, count)
-    return seen
+        visible[n] = not _covered(low, high, spans, count)
+    return visible

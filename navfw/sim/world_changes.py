@@ -1,4 +1,4 @@
-"""How the world changes while a mission runs: doors, obstacles that appear, walls that go blank."""
+"""Changes of the world during a mission: doors, obstacles that appear, textures removed."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ __all__ = [
 ]
 
 CLEAR_OF_ROBOT = 0.1
-"""Nothing closes or appears nearer to the robot's body than this [m]: it waits."""
+"""Distance [m] from the robot's body below which a door or obstacle is not inserted yet."""
 
 
 @dataclass(frozen=True, slots=True)
 class Presence:
-    """Something stood somewhere from ``begin`` to ``end`` [s]; inf: to the end of the run."""
+    """A solid that was present from ``begin`` to ``end`` [s]; inf: to the end of the run."""
 
     name: str
     shape: Shape
@@ -41,17 +41,17 @@ class Presence:
 
 @dataclass(frozen=True, slots=True)
 class ChangeTrack:
-    """What stood there for a part of the run only: together with a plan of the rest, the truth."""
+    """The solids that were present during part of a run only; static ones are in the floor plan."""
 
     presences: tuple[Presence, ...]
 
     @property
     def names(self) -> frozenset[str]:
-        """Of all that came or went."""
+        """Names of all solids that were inserted or removed."""
         return frozenset(presence.name for presence in self.presences)
 
     def clearances(self, points: Array, times: Array) -> Array:
-        """(N,) distances [m] of points (N, 2) to the nearest of what stood there at times (N,)."""
+        """Distances (N,) [m] of points (N, 2) to the nearest solid present at times (N,) [s]."""
         nearest = np.full(len(points), np.inf)
         for presence in self.presences:
             there = (times >= presence.begin) & (times < presence.end)
@@ -60,88 +60,93 @@ class ChangeTrack:
 
 
 class WorldChanges:
-    """Makes the changes in force true in a scene; the newest word on a door counts.
+    """Applies the active changes to the physics world; the newest change of a door counts.
 
-    ``settled`` is false while something has to wait for the robot to be out of the way, or for
-    floor to stand on.
+    ``settled`` is false while a change is pending: until the robot is clear of its place, or until
+    an obstacle ahead of the robot has floor under it.
     """
 
-    def __init__(self, world: WorldSpec, scene: PhysicsWorld) -> None:
+    def __init__(self, world: WorldSpec, physics: PhysicsWorld) -> None:
         self._world = world
-        self._scene = scene
+        self._physics = physics
         self._doors = all_doors(world)
-        self._said: list[DoorChange] = []
+        self._door_changes: list[DoorChange] = []
         self._obstacles: list[tuple[Obstacle, Solid | None]] = []
-        self._blank: list[tuple[Textureless, int]] = []
-        self._standing = {d.name: self._doors[d.name] for d in world.doors if d.state == "closed"}
-        self._began = dict.fromkeys(self._standing, 0.0)
+        self._covers: list[tuple[Textureless, int]] = []
+        self._present = {d.name: self._doors[d.name] for d in world.doors if d.state == "closed"}
+        self._begins = dict.fromkeys(self._present, 0.0)
         self._past: list[Presence] = []
-        self._touched: set[str] = set()
+        self._changed: set[str] = set()
         self.settled = True
 
     def begin(self, change: DoorChange | Obstacle | Textureless, robot: Pose) -> None:
-        """From now on, as soon as the robot is out of the way."""
+        """Activate a change; ``update`` applies it once the robot is clear of its place."""
         if isinstance(change, Textureless):
             covered = _blanked(self._world, change)
-            self._blank.append((change, self._scene.scenery.cover(covered, change.brightness)))
+            self._covers.append(
+                (change, self._physics.scenery.add_cover(covered, change.brightness))
+            )
         elif isinstance(change, Obstacle):
             self._obstacles.append((change, self._place(change, robot)))
         else:
-            self._said.append(change)
+            self._door_changes.append(change)
         self.settled = False
 
     def end(self, change: DoorChange | Obstacle | Textureless) -> None:
-        """No longer: the door is as it was, the obstacle vanishes, the texture is back."""
+        """Deactivate a change: restore the door or texture, remove the obstacle."""
         if isinstance(change, Textureless):
-            index = next(i for i, (known, _) in enumerate(self._blank) if known == change)
-            self._scene.scenery.remove(self._blank.pop(index)[1])
+            index = next(i for i, (known, _) in enumerate(self._covers) if known == change)
+            self._physics.scenery.remove(self._covers.pop(index)[1])
         elif isinstance(change, Obstacle):
             index = next(i for i, (known, _) in enumerate(self._obstacles) if known == change)
             self._obstacles.pop(index)
         else:
-            self._said.remove(change)
+            self._door_changes.remove(change)
         self.settled = False
 
     def update(self, time: float, robot: Pose, radius: float) -> None:
-        """Put up and take away what has to be, with the robot (``radius`` [m]) where it is."""
+        """Insert and remove solids as the active changes require, at ``time`` [s].
+
+        ``robot`` is the true pose and ``radius`` [m] that of the robot.
+        """
         self._obstacles = [
             (thing, solid or self._place(thing, robot)) for thing, solid in self._obstacles
         ]
         wanted = self._wanted()
-        for name in [name for name in self._standing if name not in wanted]:
-            self._scene.take_away(name)
+        for name in [name for name in self._present if name not in wanted]:
+            self._physics.remove_solid(name)
             self._past.append(
-                Presence(name, self._standing.pop(name).shape, self._began.pop(name), time)
+                Presence(name, self._present.pop(name).shape, self._begins.pop(name), time)
             )
-            self._touched.add(name)
+            self._changed.add(name)
         here = np.array([[robot.x, robot.y]])
         for name, solid in wanted.items():
-            if name in self._standing:
+            if name in self._present:
                 continue
             if float(solid.shape.distance(here)[0]) > radius + CLEAR_OF_ROBOT:
-                self._scene.put_up(solid)
-                self._standing[name], self._began[name] = solid, time
-                self._touched.add(name)
+                self._physics.add_solid(solid)
+                self._present[name], self._begins[name] = solid, time
+                self._changed.add(name)
         waiting = any(solid is None for _, solid in self._obstacles)
-        self.settled = wanted.keys() == self._standing.keys() and not waiting
+        self.settled = wanted.keys() == self._present.keys() and not waiting
 
     def track(self) -> ChangeTrack:
-        """What came and went so far; doors that nothing was said of are not among it."""
+        """The solids inserted or removed so far; doors without a change are not included."""
         still = [
-            Presence(name, solid.shape, self._began[name], math.inf)
-            for name, solid in self._standing.items()
-            if name in self._touched
+            Presence(name, solid.shape, self._begins[name], math.inf)
+            for name, solid in self._present.items()
+            if name in self._changed
         ]
         return ChangeTrack((*self._past, *still))
 
     def _wanted(self) -> dict[str, Solid]:
         state = {door.name: door.state for door in self._world.doors}
-        state |= {change.name: change.state for change in self._said}
+        state |= {change.name: change.state for change in self._door_changes}
         closed = {name: self._doors[name] for name in state if state[name] == "closed"}
         return closed | {solid.name: solid for _, solid in self._obstacles if solid is not None}
 
     def _place(self, obstacle: Obstacle, robot: Pose) -> Solid | None:
-        """The obstacle where it is to stand; None while there is a hole instead of floor."""
+        """The obstacle as a solid; None while its place is above a drop."""
         x, y = obstacle.at or robot.to_parent(obstacle.ahead or 0.0, 0.0)
         shape = obstacle.footprint(x, y)
         if drop_under(self._world, shape) is not None:
@@ -151,14 +156,14 @@ class WorldChanges:
 
 
 def all_doors(world: WorldSpec) -> dict[str, Solid]:
-    """Every door of the world by name, as it stands when it is closed."""
+    """Every door of the world by name, as the solid of its closed state."""
     doors = tuple(door.model_copy(update={"state": "closed"}) for door in world.doors)
     closed = world.model_copy(update={"doors": doors})
     return {solid.name: solid for solid in solids_of(closed) if solid.kind == "door"}
 
 
 def _blanked(world: WorldSpec, change: Textureless) -> list[Solid]:
-    """What goes blank: things as a whole, walls as far as they lie within the area."""
+    """The solids to cover: whole boxes and cylinders, the parts of walls within the area."""
     found = []
     for solid in solids_of(world):
         if change.name is not None and solid.name != change.name:
@@ -184,7 +189,7 @@ def _inside(point: tuple[float, float], change: Textureless) -> bool:
 def stretch_within(
     wall: Rectangle, x: tuple[float, float] | None, y: tuple[float, float] | None
 ) -> Rectangle | None:
-    """The part of a straight wall whose middle line lies within an area; None when there is none.
+    """The part of a wall piece whose centre line is within an area; None when there is none.
 
     >>> stretch_within(Rectangle(0.0, 0.0, 3.0, 0.05), (1.0, 9.0), None)
     Rectangle(x=2.0, y=0.0, half_x=1.0, half_y=0.05, yaw=0.0)

@@ -48,172 +48,190 @@ class TextureSpec(StrictModel):
     """A procedural texture: seeded smooth noise without detail finer than the camera resolves."""
 
     style: Annotated[
-        Literal["plaster", "carpet", "wood", "stone", "panels"], Field(description="its pattern")
+        Literal["plaster", "carpet", "wood", "stone", "panels"], Field(description="pattern")
     ] = "plaster"
     seed: Annotated[int, Field(ge=0, description="seed of the pattern")] = 0
     contrast: Annotated[
-        float, Field(ge=0.0, le=60.0, description="standard deviation [grey levels]")
+        float,
+        Field(ge=0.0, le=60.0, description="standard deviation of the luminance [grey levels]"),
     ] = 45.0
-    brightness: Annotated[float, Field(ge=10.0, le=245.0, description="mean [grey levels]")] = 135.0
+    brightness: Annotated[
+        float, Field(ge=10.0, le=245.0, description="mean luminance [grey levels]")
+    ] = 135.0
     colour: Annotated[
         tuple[Channel, Channel, Channel], Field(description="tint: red, green, blue in [0, 1]")
     ] = (1.0, 1.0, 1.0)
     finest: Annotated[
-        float, Field(ge=0.005, le=0.5, description="size of the finest detail [m]")
+        float,
+        Field(
+            ge=0.005,
+            le=0.5,
+            description="size of the finest detail [m]: half its shortest wavelength",
+        ),
     ] = 0.035
 
 
 class RoomSpec(StrictModel):
-    """An axis-parallel part of the floor with textures of its own; it adds no solid."""
+    """An axis-aligned rectangle of the floor with its own textures; it adds no solid."""
 
     name: Name
     x: Annotated[Interval, Field(description="from, to [m]")]
     y: Annotated[Interval, Field(description="from, to [m]")]
-    floor: Annotated[str | None, Field(description="texture")] = None
-    walls: Annotated[str | None, Field(description="texture of the walls seen from inside")] = None
-    ceiling: Annotated[str | None, Field(description="texture")] = None
+    floor: Annotated[str | None, Field(description="texture; none: the world's")] = None
+    walls: Annotated[
+        str | None, Field(description="texture of the wall faces towards the room")
+    ] = None
+    ceiling: Annotated[str | None, Field(description="texture; none: the world's")] = None
 
 
 class OpeningSpec(StrictModel):
     """A door gap in a wall."""
 
     name: Name
-    at: Annotated[Point, Field(description="centre of the gap, on the wall's line [m]")]
+    at: Annotated[Point, Field(description="centre of the gap, on the wall's centre line [m]")]
     width: Annotated[float, Field(ge=0.1, le=50.0, description="[m]")]
-    height: Annotated[float, Field(ge=0.1, le=20.0, description="under the lintel [m]")] = 2.05
+    height: Annotated[
+        float, Field(ge=0.1, le=20.0, description="from the floor to the lintel [m]")
+    ] = 2.05
 
 
 class WallSpec(StrictModel):
-    """A wall along a polyline (closed when the last point is the first), with openings."""
+    """A wall along a polyline (closed when the last point equals the first), with openings."""
 
     name: Name
-    points: Annotated[tuple[Point, ...], Field(min_length=2, description="the wall's line [m]")]
+    points: Annotated[tuple[Point, ...], Field(min_length=2, description="centre line [m]")]
     thickness: Annotated[float, Field(ge=0.02, le=5.0, description="[m]")] = 0.1
     height: Annotated[float, Field(ge=0.05, le=20.0, description="[m]")] = 2.4
-    texture: Annotated[str, Field(description="where no room says otherwise")] = "plaster"
+    texture: Annotated[str, Field(description="texture of faces without a room's")] = "plaster"
     openings: tuple[OpeningSpec, ...] = ()
 
 
 class DoorSpec(StrictModel):
-    """A door leaf in an opening. Closed, it fills the gap; open, it has slid into the wall."""
+    """A sliding door in an opening. Closed, it fills the gap; open, it is inside the wall."""
 
     name: Name
-    opening: Annotated[str, Field(description="name of the opening it belongs to")]
+    opening: Annotated[str, Field(description="name of its opening")]
     state: Literal["open", "closed"] = "closed"
     texture: str = "wood"
 
 
 class BoxSpec(StrictModel):
-    """A box standing on the floor, or ``base`` above it."""
+    """A box, turned about the vertical axis; its underside is ``base`` above the floor."""
 
     name: Name
     at: Annotated[Point, Field(description="centre [m]")]
-    size: Annotated[tuple[Extent, Extent, Extent], Field(description="x, y, z [m] before yaw")]
+    size: Annotated[
+        tuple[Extent, Extent, Extent], Field(description="edges along x, y, z at yaw 0 [m]")
+    ]
     yaw: Annotated[float, Field(ge=-6.3, le=6.3, description="[rad]")] = 0.0
-    base: Annotated[float, Field(ge=0.0, le=20.0, description="underside above the floor [m]")] = (
-        0.0
-    )
+    base: Annotated[float, Field(ge=0.0, le=20.0, description="height of the underside [m]")] = 0.0
     texture: str = "wood"
 
 
 class CylinderSpec(StrictModel):
-    """An upright cylinder standing on the floor, or ``base`` above it."""
+    """An upright cylinder; its underside is ``base`` above the floor."""
 
     name: Name
     at: Annotated[Point, Field(description="centre [m]")]
     radius: Annotated[float, Field(ge=0.01, le=50.0, description="[m]")]
     height: Annotated[float, Field(ge=0.02, le=20.0, description="[m]")] = 1.0
-    base: Annotated[float, Field(ge=0.0, le=20.0, description="underside above the floor [m]")] = (
-        0.0
-    )
+    base: Annotated[float, Field(ge=0.0, le=20.0, description="height of the underside [m]")] = 0.0
     texture: str = "stone"
 
 
 class MoverSpec(StrictModel):
-    """An upright cylinder that walks along a path, whatever is in its way (kinematic).
+    """A moving obstacle: an upright cylinder that follows a path (kinematic, nothing stops it).
 
-    One that ``yields`` stands still while the robot is near in front of it; the others walk on.
+    One that ``yields`` waits while the robot is close in front of it.
     """
 
     name: Name
     path: Annotated[
-        tuple[Point, ...], Field(min_length=2, max_length=1000, description="corner points [m]")
+        tuple[Point, ...],
+        Field(min_length=2, max_length=1000, description="way points of a polyline [m]"),
     ]
     speed: Annotated[float, Field(gt=0.0, le=3.0, description="[m/s]")] = 0.4
     walk: Annotated[
         Literal["back-and-forth", "loop"],
-        Field(description="at the path's end: turn round, or go straight on to the first point"),
+        Field(description="at the path's end: reverse, or go on to the first point"),
     ] = "back-and-forth"
-    yields: Annotated[bool, Field(description="whether it stops for a robot in front of it")] = True
+    yields: Annotated[bool, Field(description="whether it waits for a robot in front of it")] = True
     phase: Annotated[
-        float, Field(ge=0.0, lt=1.0, description="where on its round it is at time 0")
+        float, Field(ge=0.0, lt=1.0, description="position at time 0, as a share of one round")
     ] = 0.0
     radius: Annotated[float, Field(ge=0.02, le=5.0, description="[m]")] = 0.25
     height: Annotated[float, Field(ge=0.05, le=20.0, description="[m]")] = 1.7
     texture: str = "carpet"
 
     @model_validator(mode="after")
-    def _goes_somewhere(self) -> Self:
+    def _path_has_length(self) -> Self:
         closed = (*self.path, self.path[0])
         if any(a == b for a, b in pairwise(closed[: None if self.walk == "loop" else -1])):
-            raise ValueError("two neighbouring points of path are in the same place")
+            raise ValueError("two consecutive points of path are equal")
         return self
 
 
 class LandmarkPlateSpec(StrictModel):
-    """A plate that a camera can recognise: flat, upright, in nobody's way.
+    """A visual landmark: a flat upright plate without collision shape.
 
-    It hangs on a wall or box, with its centre on that one's face, unless it is ``free``. A map
-    lists the same landmark with the same kind, id, place and size.
+    It is mounted on a wall or box, with its centre on the face, unless it is ``free``. A map lists
+    the same landmark with the same kind, id, position and size.
     """
 
     name: Name
     kind: Annotated[
         Literal["aruco", "poster"],
-        Field(description="a marker of 4 x 4 modules on a white plate, or a picture"),
+        Field(description="ArUco marker of 4 x 4 modules on a white plate, or a picture"),
     ] = "aruco"
-    id: Annotated[int, Field(ge=0, le=1_000_000, description="its own among those of its kind")]
+    id: Annotated[int, Field(ge=0, le=1_000_000, description="unique within its kind")]
     at: Annotated[Point, Field(description="centre [m]")]
-    z: Annotated[float, Field(ge=0.0, le=20.0, description="centre above the floor [m]")] = 0.35
-    yaw: Annotated[float, Field(ge=-6.3, le=6.3, description="where it faces [rad]")]
+    z: Annotated[float, Field(ge=0.0, le=20.0, description="height of the centre [m]")] = 0.35
+    yaw: Annotated[float, Field(ge=-6.3, le=6.3, description="direction of its normal [rad]")]
     size: Annotated[
-        float, Field(ge=0.05, le=3.0, description="side of the marker's black square [m]")
+        float,
+        Field(
+            ge=0.05, le=3.0, description="side of the marker's black square, or of the picture [m]"
+        ),
     ] = 0.25
-    free: Annotated[bool, Field(description="whether it stands by itself")] = False
+    free: Annotated[
+        bool, Field(description="whether it stands without a wall or box behind it")
+    ] = False
 
     @model_validator(mode="after")
-    def _is_in_the_dictionary(self) -> Self:
+    def _id_in_dictionary(self) -> Self:
         if self.kind == "aruco" and self.id >= ARUCO_IDS:
             raise ValueError(f"markers have ids 0 to {ARUCO_IDS - 1}, got {self.id}")
         return self
 
 
 class DropSpec(StrictModel):
-    """An axis-parallel hole in the floor: a pit, or with ``steps`` stairs down."""
+    """An axis-aligned hole in the floor: a pit, or with ``steps`` a flight of stairs down."""
 
     name: Name
     x: Annotated[Interval, Field(description="from, to [m]")]
     y: Annotated[Interval, Field(description="from, to [m]")]
-    depth: Annotated[float, Field(ge=0.05, le=10.0, description="at its deepest [m]")] = 1.0
+    depth: Annotated[
+        float, Field(ge=0.05, le=10.0, description="depth of its lowest tread [m]")
+    ] = 1.0
     steps: Annotated[
-        int, Field(ge=0, le=60, description="treads, the last at the full depth; 0: a pit")
+        int, Field(ge=0, le=60, description="number of treads, the last at full depth; 0: a pit")
     ] = 0
     down: Annotated[
         Literal["east", "west", "north", "south"],
-        Field(description="where its steps lead (east: along x, north: along y)"),
+        Field(description="direction of descent (east: along x, north: along y)"),
     ] = "east"
-    texture: Annotated[str, Field(description="of what lies below")] = "stone"
-    walls: Annotated[str, Field(description="texture of its sides and risers")] = "dark"
+    texture: Annotated[str, Field(description="texture of the treads")] = "stone"
+    walls: Annotated[str, Field(description="texture of the sides and risers")] = "dark"
 
 
 class LightSpec(StrictModel):
-    """One directional light and an even one; their sum is about 1 for a well exposed image."""
+    """A directional and an ambient light; their sum is about 1 for a well exposed image."""
 
     direction: Annotated[
-        tuple[float, float, float], Field(description="where the light comes from")
+        tuple[float, float, float], Field(description="vector towards the directional light")
     ] = (0.4, -0.55, 1.0)
-    ambient: Annotated[float, Field(ge=0.0, le=2.0, description="share of the even light")] = 0.68
-    diffuse: Annotated[float, Field(ge=0.0, le=2.0, description="share of the directed one")] = 0.35
+    ambient: Annotated[float, Field(ge=0.0, le=2.0, description="ambient intensity")] = 0.68
+    diffuse: Annotated[float, Field(ge=0.0, le=2.0, description="directional intensity")] = 0.35
 
     @model_validator(mode="after")
     def _has_direction(self) -> Self:
@@ -223,31 +241,28 @@ class LightSpec(StrictModel):
 
 
 class WorldSpec(StrictModel):
-    """A world: its bounds, floor, walls, doors and furniture, who walks there, and how it looks.
+    """A world: bounds, floor, walls, doors, furniture, moving obstacles, landmarks, appearance.
 
-    Every wall, door, box, cylinder, mover, landmark and drop has a name of its own; contacts and
-    falls are reported by it. Textures not listed under ``textures`` are the stock ones of
-    ``navfw.sim.textures.STOCK``.
+    Every wall, door, box, cylinder, mover, landmark and drop has a unique name, by which contacts
+    and falls are reported. A texture is one of ``textures`` or of ``navfw.sim.textures.STOCK``.
     """
 
     name: Name
     description: str = ""
-    x: Annotated[Interval, Field(description="the floor from, to [m]")]
-    y: Annotated[Interval, Field(description="the floor from, to [m]")]
+    x: Annotated[Interval, Field(description="extent of the floor: from, to [m]")]
+    y: Annotated[Interval, Field(description="extent of the floor: from, to [m]")]
     floor: Annotated[str, Field(description="texture")] = "carpet"
-    ceiling: Annotated[str | None, Field(description="texture; none: open to the sky")] = None
+    ceiling: Annotated[str | None, Field(description="texture; none: no ceiling")] = None
     rooms: tuple[RoomSpec, ...] = ()
     walls: tuple[WallSpec, ...] = ()
     doors: tuple[DoorSpec, ...] = ()
     boxes: tuple[BoxSpec, ...] = ()
     cylinders: tuple[CylinderSpec, ...] = ()
-    movers: Annotated[tuple[MoverSpec, ...], Field(description="who walks about")] = ()
-    landmarks: Annotated[
-        tuple[LandmarkPlateSpec, ...], Field(description="what a camera can recognise")
-    ] = ()
+    movers: Annotated[tuple[MoverSpec, ...], Field(description="moving obstacles")] = ()
+    landmarks: Annotated[tuple[LandmarkPlateSpec, ...], Field(description="visual landmarks")] = ()
     drops: Annotated[tuple[DropSpec, ...], Field(description="holes in the floor")] = ()
     textures: Mapping[str, TextureSpec] = Field(default_factory=dict)
     light: LightSpec = LightSpec()
     may_overlap: Annotated[
-        bool, Field(description="whether solids may reach into each other (imported worlds do)")
+        bool, Field(description="whether solids may overlap (in imported worlds they do)")
     ] = False

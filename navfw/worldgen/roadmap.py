@@ -98,7 +98,11 @@ class Roadmap:
         while i < len(path) - 1:
             ahead = range(len(path) - 1, i, -1)
             i = next(
-                (j for j in ahead if self.plan.sees(path[i], path[j], CLEARANCES[-1] + 0.005)),
+                (
+                    j
+                    for j in ahead
+                    if self.plan.straight_path_free(path[i], path[j], CLEARANCES[-1] + 0.005)
+                ),
                 i + 1,
             )
             kept.append(path[i])

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from navfw.robot import CameraModel, RobotModel
-from navfw.signals import Pose
+from navfw.signals import Array, Pose
+from navfw.sim.camera import DepthImage
 from navfw.sim.sensor_models import SensorParams
 from navfw.sim.simulation import Simulation
 from navfw.sim.worldspec import BoxSpec, WallSpec, WorldSpec
@@ -36,8 +37,8 @@ def sim() -> Iterator[Simulation]:
         yield simulation
 
 
-def seen_points(camera: CameraModel, depth: np.ndarray, pose: Pose) -> np.ndarray:
-    """Every pixel's point in the map, by the camera model alone; nan for the sky."""
+def visible_points(camera: CameraModel, depth: DepthImage, pose: Pose) -> Array:
+    """Every pixel's point (height, width, 3) in the map, by the camera model; nan for the sky."""
     depth = np.where(np.isfinite(depth), depth, np.nan)
     x = np.arange(camera.width) - 0.5 * (camera.width - 1)
     y = np.arange(camera.height) - 0.5 * (camera.height - 1)
@@ -46,7 +47,9 @@ def seen_points(camera: CameraModel, depth: np.ndarray, pose: Pose) -> np.ndarra
     base = (rays * depth[..., None]) @ camera.base_from_camera.T
     base += (camera.mount_forward, 0.0, camera.mount_height)
     c, s = math.cos(pose.yaw), math.sin(pose.yaw)
-    return base @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]) + (pose.x, pose.y, 0.0)
+    rotation = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
+    points: Array = base @ rotation + np.array([pose.x, pose.y, 0.0])
+    return points
 
 
 @pytest.mark.parametrize(
@@ -57,12 +60,12 @@ def seen_points(camera: CameraModel, depth: np.ndarray, pose: Pose) -> np.ndarra
         CameraModel(width=128, height=80, mount_height=0.25),
     ],
 )
-def test_points_fall_where_the_model_says(camera: CameraModel) -> None:
-    """Floor points have height 0 and wall points lie on the wall: half a pixel would show."""
+def test_points_project_as_the_camera_model_does(camera: CameraModel) -> None:
+    """Floor points have height 0, wall points are on the wall: an error of half a pixel fails."""
     pose = Pose(-1.0, 0.5, 0.6)
     with simulate(camera) as simulation:
         _, depth = simulation.render_from(pose)
-    points = seen_points(camera, depth, pose)
+    points = visible_points(camera, depth, pose)
     floor = (points[..., 2] < 0.05) & (points[..., 0] < 3.6)
     assert floor.mean() > 0.2
     assert np.abs(points[floor][:, 2]).max() < 0.003
@@ -71,7 +74,7 @@ def test_points_fall_where_the_model_says(camera: CameraModel) -> None:
     assert np.abs(points[wall][:, 0] - 3.9).max() < 0.005
 
 
-def test_edges_fall_where_the_model_says(sim: Simulation) -> None:
+def test_edges_project_as_the_camera_model_does(sim: Simulation) -> None:
     """The box's left and upper edges, to the pixel."""
     camera = sim.robot.camera
     pose = Pose(0.0, -1.5, 0.0)
@@ -109,11 +112,11 @@ def test_walls_and_floors_have_contrast(sim: Simulation) -> None:
 
 
 @pytest.mark.parametrize("pitch", [0.0, 0.5])
-def test_robot_does_not_see_itself(pitch: float) -> None:
+def test_robot_is_not_in_its_own_image(pitch: float) -> None:
     with simulate(CameraModel(pitch=pitch)) as simulation:
         simulation.read()
         depth = simulation.true_depth()
-        points = seen_points(simulation.robot.camera, depth, simulation.true_pose())
+        points = visible_points(simulation.robot.camera, depth, simulation.true_pose())
         ahead = points[..., 0] - simulation.true_pose().x
         assert ahead[np.isfinite(depth)].min() > simulation.robot.radius
         assert points[-1, :, 2] == pytest.approx(0.0, abs=0.003)
@@ -131,7 +134,7 @@ def test_supersampling_keeps_the_geometry(sim: Simulation) -> None:
     assert np.median(np.abs(depth[both] - fine_depth[both]) / depth[both]) < 0.02
 
 
-def test_image_noise_has_its_spread() -> None:
+def test_image_noise_has_the_specified_standard_deviation() -> None:
     with simulate(CameraModel(), PERFECT.model_copy(update={"image_noise": 3.0})) as noisy:
         frame = noisy.read().frame
         assert frame is not None
@@ -142,7 +145,7 @@ def test_image_noise_has_its_spread() -> None:
     assert abs(difference.mean()) < 0.1
 
 
-def test_noise_differs_from_frame_to_frame() -> None:
+def test_noise_of_consecutive_frames_is_uncorrelated() -> None:
     with simulate(CameraModel(), PERFECT.model_copy(update={"image_noise": 3.0})) as noisy:
         first = noisy.read().frame
         noisy.advance(0.1)

@@ -1,4 +1,4 @@
-"""Drops: what is left of the floor, what one sees in them, who falls, and what cannot be."""
+"""Drops: the remaining floor, their depth images, the robot's fall, invalid drops."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def hall(**drop: Any) -> WorldSpec:
 
 
 def drive(world: WorldSpec, start: Pose, seconds: float) -> Simulation:
-    """Straight on with 0.4 m/s, until something is touched."""
+    """Drive straight at 0.4 m/s until the first contact."""
     simulation = Simulation(world, RobotModel(), start, seed=0)
     simulation.drive(8.0, 8.0)
     for _ in range(round(60 * seconds)):
@@ -50,7 +50,7 @@ def drive(world: WorldSpec, start: Pose, seconds: float) -> Simulation:
 
 @pytest.mark.parametrize("down", ["east", "west", "north", "south"])
 @pytest.mark.parametrize("steps", [0, 3])
-def test_a_robot_that_drives_in_falls(down: str, steps: int) -> None:
+def test_robot_that_drives_into_a_drop_falls(down: str, steps: int) -> None:
     with drive(hall(steps=steps, down=down), Pose(2.0, 1.5, 0.0), 8.0) as simulation:
         assert simulation.contacts == ("pit",)
         assert simulation.collision_cause == "robot"
@@ -58,7 +58,7 @@ def test_a_robot_that_drives_in_falls(down: str, steps: int) -> None:
         assert 2.8 < simulation.true_pose().x < 3.15
 
 
-def test_a_robot_that_drives_past_does_not_fall() -> None:
+def test_robot_that_drives_past_a_drop_does_not_fall() -> None:
     with drive(hall(), Pose(2.0, 0.6, 0.0), 8.0) as simulation:
         assert simulation.contacts == ()
         assert simulation.true_pose().x == pytest.approx(5.2, abs=0.1)
@@ -67,7 +67,7 @@ def test_a_robot_that_drives_past_does_not_fall() -> None:
 
 @pytest.mark.parametrize(("steps", "down"), [(0, "east"), (4, "east"), (4, "west"), (3, "north")])
 @pytest.mark.parametrize("yaw", [0.0, 0.4])
-def test_through_the_hole_one_sees_what_lies_below(steps: int, down: str, yaw: float) -> None:
+def test_depth_image_shows_the_treads_through_the_hole(steps: int, down: str, yaw: float) -> None:
     world = hall(steps=steps, down=down)
     robot = RobotModel()
     eye = Pose(2.0, 1.5 - 1.4 * math.sin(yaw), yaw)
@@ -83,7 +83,7 @@ def test_through_the_hole_one_sees_what_lies_below(steps: int, down: str, yaw: f
     x0, y0 = eye.x + c * camera.mount_forward, eye.y + s * camera.mount_forward
     floor = camera.mount_height / np.maximum(-ray[..., 2], 1e-6)
     over_x, over_y = x0 + floor * east, y0 + floor * north
-    rim = 0.06  # pixels across the rim show either
+    rim = 0.06  # pixels at the rim may have either depth
     drop = world.drops[0]
     hole = (np.abs(over_x - 3.5) < 0.5 - rim) & (np.abs(over_y - 1.5) < 0.5 - rim)
     assert hole.sum() > 100
@@ -123,7 +123,7 @@ def test_floor_and_drops_cover_the_world_once(xs: list[float], ys: list[float]) 
     assert np.all(np.asarray(inside) == 1)
 
 
-def test_the_floor_plan_leads_around_drops() -> None:
+def test_shortest_path_leads_around_drops() -> None:
     free = FloorPlan.from_world(hall().model_copy(update={"drops": ()}))
     plan = FloorPlan.from_world(hall())
     assert plan.clearance(3.5, 1.5) == pytest.approx(-0.5)
@@ -144,14 +144,14 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("drop", "says"), WRONG, ids=[says for _, says in WRONG])
-def test_what_cannot_be_is_an_error(drop: dict[str, Any], says: str) -> None:
+@pytest.mark.parametrize(("drop", "message"), WRONG, ids=[message for _, message in WRONG])
+def test_invalid_drops_are_errors(drop: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=r"drops\[0\]") as caught:
         check_world(hall(**drop))
-    assert says in str(caught.value)
+    assert message in str(caught.value)
 
 
-def test_drops_must_not_overlap_nor_lie_in_a_walk() -> None:
+def test_drops_must_not_overlap_each_other_or_a_movers_path() -> None:
     world = hall()
     twin = world.drops[0].model_copy(update={"name": "twin", "x": (3.5, 4.5)})
     with pytest.raises(InputError, match="'twin' overlaps 'pit'"):
@@ -162,7 +162,7 @@ def test_drops_must_not_overlap_nor_lie_in_a_walk() -> None:
         check_world(WorldSpec.model_validate(data))
 
 
-def test_a_drop_without_depth_is_an_error_with_its_line(tmp_path: Path) -> None:
+def test_drop_without_depth_is_an_error_with_its_line(tmp_path: Path) -> None:
     file = tmp_path / "world.yaml"
     file.write_text(
         "name: hall\nx: [0, 6]\ny: [0, 3]\ndrops:\n"

@@ -1,4 +1,4 @@
-"""Each fault shows in what the sensors say, as its event says, and is gone when it is over."""
+"""Injected faults and world changes: their effect on readings, and its end."""
 
 from __future__ import annotations
 
@@ -57,8 +57,8 @@ def frames(readings: list[SensorReading]) -> list[Frame]:
     return [reading.frame for reading in readings if reading.frame is not None]
 
 
-def look(simulation: Simulation, *actions: EventAction) -> Image:
-    """The next frame, with ``actions`` in force."""
+def frame_with(simulation: Simulation, *actions: EventAction) -> Image:
+    """The next frame, with ``actions`` active."""
     for action in actions:
         simulation.begin(action)
     simulation.advance(0.1)
@@ -70,7 +70,7 @@ def look(simulation: Simulation, *actions: EventAction) -> Image:
 
 
 def same(one: Image, other: Image) -> bool:
-    """Equal but for what a standing robot still settles by."""
+    """Equal except for the residual settling of a standing robot."""
     return float(np.abs(one.astype(float) - other).mean()) < 0.7
 
 
@@ -81,7 +81,7 @@ def test_dropped_frames_are_missing(room: Simulation) -> None:
     assert len(frames(drive(room, 1.0, 0.0, 0.0))) == 10
 
 
-def test_a_frozen_picture_stays_although_the_robot_moves(room: Simulation) -> None:
+def test_frozen_image_repeats_although_the_robot_moves(room: Simulation) -> None:
     before = frames(drive(room, 1.0, 4.0, 4.0))[-1]
     room.begin(CameraFault(frozen=True))
     stuck = frames(drive(room, 1.0, 4.0, 4.0))
@@ -92,42 +92,42 @@ def test_a_frozen_picture_stays_although_the_robot_moves(room: Simulation) -> No
     assert not np.array_equal(frames(drive(room, 0.2, 4.0, 4.0))[0].image, before.image)
 
 
-def test_late_frames_keep_their_time(room: Simulation) -> None:
+def test_delayed_frames_keep_their_time_of_capture(room: Simulation) -> None:
     room.begin(CameraFault(latency=0.3))
     readings = drive(room, 2.0, 4.0, 4.0)
     late = [(r.time, r.frame.time) for r in readings if r.frame is not None]
     assert len(late) == 17
-    assert all(now - taken == pytest.approx(0.3, abs=DT) for now, taken in late)
+    assert all(now - captured == pytest.approx(0.3, abs=DT) for now, captured in late)
     room.end(CameraFault(latency=0.3))
     after = [(r.time, r.frame.time) for r in drive(room, 0.5, 0, 0) if r.frame is not None]
-    assert all(now == taken for now, taken in after)
+    assert all(now == captured for now, captured in after)
 
 
-def test_pictures_go_black_white_blurred_and_noisy(room: Simulation) -> None:
-    clean = look(room)
-    assert same(look(room), clean)
-    assert not look(room, CameraFault(black=True)).any()
-    assert look(room, CameraFault(over_exposed=True)).mean() > 247
-    noise = look(room, CameraFault(noisy=12.0)).astype(float) - clean
+def test_images_black_over_exposed_noisy_and_blurred(room: Simulation) -> None:
+    clean = frame_with(room)
+    assert same(frame_with(room), clean)
+    assert not frame_with(room, CameraFault(black=True)).any()
+    assert frame_with(room, CameraFault(over_exposed=True)).mean() > 247
+    noise = frame_with(room, CameraFault(noisy=12.0)).astype(float) - clean
     assert noise[(clean > 50) & (clean < 205)].std() == pytest.approx(12.0, rel=0.1)
 
     def detail(image: Image) -> float:
         return float(np.abs(cv2.Laplacian(image.astype(np.float32), cv2.CV_32F)).mean())
 
-    assert detail(look(room, CameraFault(blurred=1.5))) < 0.3 * detail(clean)
-    assert same(look(room), clean)
+    assert detail(frame_with(room, CameraFault(blurred=1.5))) < 0.3 * detail(clean)
+    assert same(frame_with(room), clean)
 
 
-def test_a_black_camera_still_has_its_noise() -> None:
+def test_black_images_have_sensor_noise() -> None:
     world = load_world(find("world", "paper-room"))
     with Simulation(world, ROBOT, START, 0) as simulation:
-        image = look(simulation, CameraFault(black=True))
+        image = frame_with(simulation, CameraFault(black=True))
     assert 0.0 < image.mean() < 5.0
 
 
-def test_the_field_of_view_is_wider_than_the_robot_believes(room: Simulation) -> None:
-    clean = look(room)
-    wide = look(room, CameraFault(hfov_error=0.1))
+def test_hfov_error_widens_the_true_field_of_view(room: Simulation) -> None:
+    clean = frame_with(room)
+    wide = frame_with(room, CameraFault(hfov_error=0.1))
     focal = 0.5 * ROBOT.camera.width / math.tan(0.5 * 1.1 * ROBOT.camera.hfov)
     shrunk = cv2.resize(clean, None, fx=focal / ROBOT.camera.focal, fy=focal / ROBOT.camera.focal)
     rows, columns = shrunk.shape
@@ -137,14 +137,14 @@ def test_the_field_of_view_is_wider_than_the_robot_believes(room: Simulation) ->
     assert np.corrcoef(wide.ravel(), clean.ravel())[0, 1] < 0.4
 
 
-def test_lamps_go_dim_and_out(room: Simulation) -> None:
-    clean = look(room).mean()
-    assert look(room, LightChange(share=0.3)).mean() == pytest.approx(0.3 * clean, rel=0.05)
-    assert look(room, LightChange(share=0.0)).max() == 0
-    assert look(room).mean() == pytest.approx(clean, abs=0.2)
+def test_light_is_dimmed_and_switched_off(room: Simulation) -> None:
+    clean = frame_with(room).mean()
+    assert frame_with(room, LightChange(share=0.3)).mean() == pytest.approx(0.3 * clean, rel=0.05)
+    assert frame_with(room, LightChange(share=0.0)).max() == 0
+    assert frame_with(room).mean() == pytest.approx(clean, abs=0.2)
 
 
-def test_a_gyro_that_drops_out_keeps_its_last_word(room: Simulation) -> None:
+def test_gyro_dropout_repeats_the_last_reading(room: Simulation) -> None:
     last = drive(room, 0.5, -2.0, 2.0)[-1].inertial
     room.begin(GyroFault(dropout=True))
     assert {r.inertial for r in drive(room, 0.5, 2.0, -2.0)} == {last}
@@ -152,7 +152,7 @@ def test_a_gyro_that_drops_out_keeps_its_last_word(room: Simulation) -> None:
     assert drive(room, 0.1, 2.0, -2.0)[-1].inertial.yaw_rate < -0.5
 
 
-def test_a_bias_step_shifts_the_gyro_s_mean(room: Simulation) -> None:
+def test_bias_step_shifts_the_gyros_mean(room: Simulation) -> None:
     room.begin(GyroFault(bias_step=2.0))
     rates = [reading.inertial.yaw_rate for reading in drive(room, 1.0, 0.0, 0.0)]
     assert np.mean(rates) == pytest.approx(math.radians(2.0), abs=1e-3)
@@ -176,39 +176,39 @@ def test_dead_encoders_do_not_count(room: Simulation, side: str) -> None:
         assert 500 < getattr(after, name) - getattr(dead, name) < 800
 
 
-def test_a_weak_wheel_turns_less(room: Simulation) -> None:
+def test_weak_wheel_turns_less(room: Simulation) -> None:
     room.begin(WeakWheel(side="left", share=0.8))
     encoders = drive(room, 2.0, 4.0, 4.0)[-1].encoders
     assert encoders.left == pytest.approx(0.8 * encoders.right, rel=0.02)
 
 
-def test_on_slippery_floor_the_wheels_turn_further(room: Simulation) -> None:
+def test_wheels_turn_further_on_slippery_floor(room: Simulation) -> None:
     room.begin(Slippery(slip=0.2))
     encoders = drive(room, 2.0, 4.0, 4.0)[-1].encoders
-    way = encoders.left / ROBOT.ticks_per_turn * 2.0 * math.pi * ROBOT.wheel_radius
+    rolled = encoders.left / ROBOT.ticks_per_turn * 2.0 * math.pi * ROBOT.wheel_radius
     pose = room.true_pose()
-    gone = math.hypot(pose.x - START.x, pose.y - START.y)
-    assert way == pytest.approx(1.2 * gone, rel=0.02)
+    travelled = math.hypot(pose.x - START.x, pose.y - START.y)
+    assert rolled == pytest.approx(1.2 * travelled, rel=0.02)
 
 
 def test_walls_within_an_area_lose_their_texture(room: Simulation) -> None:
-    clean = look(room)
-    blank = look(room, Textureless(x=(-500.0, 500.0), y=(-500.0, 500.0)))
+    clean = frame_with(room)
+    blank = frame_with(room, Textureless(x=(-500.0, 500.0), y=(-500.0, 500.0)))
     upper = np.s_[: ROBOT.camera.height // 2 - 8, 20:-20]  # walls, well above the floor
     assert blank[upper].std() < 0.6 * clean[upper].std()
     lower = np.s_[-20:]
     assert same(blank[lower], clean[lower])
-    partly = look(room, Textureless(x=(3.0, 5.0)))
+    partly = frame_with(room, Textureless(x=(3.0, 5.0)))
     assert not same(partly, blank)
     assert not same(partly, clean)
-    assert same(look(room), clean)
+    assert same(frame_with(room), clean)
 
 
-def test_an_obstacle_appears_in_front_and_vanishes(room: Simulation) -> None:
-    clean = look(room)
+def test_obstacle_appears_ahead_and_is_removed(room: Simulation) -> None:
+    clean = frame_with(room)
     thing = Obstacle(ahead=1.5, radius=0.2)
-    assert not same(look(room, thing), clean)
-    assert same(look(room), clean)
+    assert not same(frame_with(room, thing), clean)
+    assert same(frame_with(room), clean)
     room.begin(thing)
     drive(room, 4.5, 8.0, 8.0)
     assert room.contacts == ("obstacle",)
@@ -217,7 +217,7 @@ def test_an_obstacle_appears_in_front_and_vanishes(room: Simulation) -> None:
     assert (presence.shape.x, presence.shape.y) == pytest.approx((x, y), abs=0.01)
 
 
-def test_nothing_appears_over_a_hole() -> None:
+def test_obstacle_does_not_appear_above_a_drop() -> None:
     world = load_world(find("world", "paper-room"))
     hole = DropSpec(name="pit", x=(1.6, 2.2), y=(1.2, 1.8))
     world = world.model_copy(update={"drops": (hole,)})
@@ -225,13 +225,13 @@ def test_nothing_appears_over_a_hole() -> None:
         simulation.begin(Obstacle(ahead=0.7, radius=0.1))
         drive(simulation, 0.2, 0.0, 0.0)
         assert simulation.change_track().presences == ()
-        drive(simulation, 1.5, -2.0, 2.0)  # off the hole, there is floor ahead
+        drive(simulation, 1.5, -2.0, 2.0)  # turned away from the drop
         (presence,) = simulation.change_track().presences
         middle = np.array([[presence.shape.x, presence.shape.y]])
         assert drop_rectangle(hole).distance(middle)[0] == pytest.approx(0.1, abs=0.03)
 
 
-def test_nothing_appears_on_the_robot(room: Simulation) -> None:
+def test_obstacle_does_not_appear_on_the_robot(room: Simulation) -> None:
     room.begin(Obstacle(at=(START.x, START.y), radius=0.2))
     room.advance(0.1)
     assert room.contacts == ()
@@ -252,7 +252,7 @@ def walls_with_a_door(state: str) -> WorldSpec:
 
 
 @pytest.mark.parametrize("state", ["open", "closed"])
-def test_a_door_closes_and_opens(state: str) -> None:
+def test_door_closes_and_opens(state: str) -> None:
     other = "closed" if state == "open" else "open"
     change = DoorChange.model_validate({"name": "leaf", "state": other})
     touched = {}
@@ -266,7 +266,7 @@ def test_a_door_closes_and_opens(state: str) -> None:
     assert touched[state == "open"] == ("leaf",)
 
 
-def test_a_door_waits_for_a_robot_in_it_and_is_as_it_was_afterwards() -> None:
+def test_door_closes_once_the_robot_is_clear_and_reopens_at_the_end() -> None:
     change = DoorChange(name="leaf", state="closed")
     with Simulation(walls_with_a_door("open"), ROBOT, Pose(3.0, 2.0, 0.0), 0, QUIET) as world:
         world.begin(change)
@@ -282,7 +282,7 @@ def test_a_door_waits_for_a_robot_in_it_and_is_as_it_was_afterwards() -> None:
         assert world.true_pose().x < 3.1
 
 
-def test_faults_draw_no_noise_of_other_components() -> None:
+def test_faults_do_not_change_the_noise_of_other_components() -> None:
     world = load_world(find("world", "paper-room"))
     seen = []
     for fault in (None, CameraFault(noisy=5.0)):

@@ -1,4 +1,4 @@
-"""Clearances and shortest paths against geometry that is known."""
+"""Shapes, clearances and shortest paths against exact geometry."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from navfw.errors import WorldError
+from navfw.signals import Array
 from navfw.sim.floorplan import FloorPlan
 from navfw.sim.shapes import Circle, Rectangle, Shape, overlap_depth
 from navfw.sim.worldspec import BoxSpec, CylinderSpec, OpeningSpec, WallSpec, WorldSpec
@@ -21,7 +22,8 @@ rectangles = st.builds(Rectangle, places, places, sizes, sizes, st.floats(-3.0, 
 circles = st.builds(Circle, places, places, sizes)
 
 
-def outline(shape: Shape) -> np.ndarray:
+def outline(shape: Shape) -> Array:
+    """Points on the outline (N, 2)."""
     if isinstance(shape, Circle):
         angle = np.linspace(0, 2 * math.pi, 721)
         return np.stack(
@@ -56,17 +58,18 @@ def test_overlap_agrees_with_sampled_points(a: Shape, b: Shape) -> None:
 
 
 def field(**solids: object) -> FloorPlan:
-    return FloorPlan.from_world(WorldSpec(name="field", x=(-5, 5), y=(-5, 5), **solids))
+    data = {"name": "field", "x": (-5, 5), "y": (-5, 5), **solids}
+    return FloorPlan.from_world(WorldSpec.model_validate(data))
 
 
-def test_straight_way_is_straight() -> None:
+def test_free_line_is_the_shortest_path() -> None:
     length, path = field().shortest_path((-4, -3), (4, 3), RADIUS)
     assert length == 10.0
     assert len(path) == 2
 
 
 @pytest.mark.parametrize("radius", [0.18, 0.5])
-def test_way_around_a_column(radius: float) -> None:
+def test_shortest_path_around_a_column(radius: float) -> None:
     plan = field(cylinders=(CylinderSpec(name="column", at=(0, 0), radius=1.0),))
     length, path = plan.shortest_path((-3, 0), (3, 0), radius)
     wide = 1.0 + radius
@@ -78,12 +81,12 @@ def test_way_around_a_column(radius: float) -> None:
 
 @given(st.floats(-2.0, 2.0), st.floats(-2.5, 2.5), st.floats(-2.5, 2.5))
 @settings(max_examples=12, deadline=None)
-def test_way_around_a_wall_end(end: float, y0: float, y1: float) -> None:
+def test_shortest_path_around_a_wall_end(end: float, y0: float, y1: float) -> None:
     """Over the rounded end of a thin wall: tangent, arc, tangent."""
     plan = field(walls=(WallSpec(name="wall", points=((0, -5), (0, end)), thickness=0.02),))
     start, goal = (-3.0, min(y0, end - 0.5)), (3.0, min(y1, end - 0.5))
     length, _ = plan.shortest_path(start, goal, RADIUS)
-    # the two corners of the wall's end are 2 cm apart: take the end for a point in between
+    # the two corners of the wall's end are 2 cm apart: a point between them is close enough
     exact = _around_point(start, goal, (0.0, end), RADIUS)
     assert exact - 0.03 < length < exact * 1.01 + 0.03
 
@@ -94,7 +97,7 @@ def _around_point(
     a, b = math.dist(start, pole), math.dist(goal, pole)
     angle_a = math.atan2(start[1] - pole[1], start[0] - pole[0]) % (2 * math.pi)
     angle_b = math.atan2(goal[1] - pole[1], goal[0] - pole[0])
-    between = (angle_a - angle_b) % (2 * math.pi)  # going over the top
+    between = (angle_a - angle_b) % (2 * math.pi)  # around the top
     arc = between - math.acos(radius / a) - math.acos(radius / b)
     return math.sqrt(a * a - radius**2) + math.sqrt(b * b - radius**2) + radius * max(arc, 0.0)
 
@@ -105,7 +108,7 @@ def divided(width: float) -> FloorPlan:
     return field(walls=(wall,))
 
 
-def test_narrow_gap_is_no_way() -> None:
+def test_shortest_path_needs_a_gap_wide_enough() -> None:
     assert divided(0.9).shortest_path((-2, 0), (2, 0), RADIUS)[0] > 5.0
     with pytest.raises(WorldError, match="cannot be reached"):
         divided(0.3).shortest_path((-2, 0), (2, 0), RADIUS)
@@ -118,17 +121,17 @@ def test_ends_must_be_free() -> None:
         divided(0.9).shortest_path((-7, 0), (2, 0), RADIUS)
 
 
-def test_clearance_and_occupancy() -> None:
+def test_clearance_and_configuration_space() -> None:
     plan = field(boxes=(BoxSpec(name="box", at=(1, 1), size=(1, 1, 1)),))
     assert plan.clearance(3.5, 1) == pytest.approx(2.0)
     assert plan.clearance(1, 1) == pytest.approx(-0.5)
-    assert plan.nearest(3, 3) == "box"
-    grid = plan.occupancy(cell=0.1)
+    assert plan.nearest_name(3, 3) == "box"
+    grid = plan.configuration_space(cell=0.1)
     assert grid.occupied.sum() == 100
     assert grid.occupied[grid.index(1.2, 0.8)]
     assert not grid.occupied[grid.index(1.7, 0.8)]
 
 
-def test_what_hangs_high_is_not_on_the_plan() -> None:
+def test_solids_above_the_robot_are_not_in_the_plan() -> None:
     shelf = BoxSpec(name="shelf", at=(1, 1), size=(1, 1, 0.3), base=1.2)
     assert field(boxes=(shelf,)).clearance(1, 1) == math.inf

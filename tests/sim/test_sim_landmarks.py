@@ -1,4 +1,4 @@
-"""Plates in worlds: where they may hang, how they are drawn, and who pays for landmark frames."""
+"""Landmark plates in worlds: valid mountings, rendering, and landmark frames."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ ON_WALL = "name: a, id: 1, at: [4.95, 2.5], yaw: 3.1416"
         (["name: outer, id: 1, at: [4.95, 2.5], yaw: 3.1416"], r"landmarks\[0\]\.name", "taken by"),
     ],
 )
-def test_landmarks_that_cannot_be_are_named(
+def test_invalid_landmarks_are_errors_with_their_key(
     tmp_path: Path, marks: list[str], key: str, words: str
 ) -> None:
     with pytest.raises(WorldError, match=rf"(?s)world\.yaml:\d+.*{key}.*{words}"):
@@ -85,7 +85,7 @@ def test_markers_have_the_ids_of_their_dictionary(tmp_path: Path) -> None:
         room(tmp_path, ON_WALL.replace("id: 1,", "id: 1000,"))
 
 
-def test_landmarks_may_hang_on_boxes_or_stand_free(tmp_path: Path) -> None:
+def test_landmarks_may_be_mounted_on_boxes_or_stand_free(tmp_path: Path) -> None:
     on_box = "name: a, id: 1, at: [2, 4.5], z: 0.2, yaw: -1.5708, size: 0.2"
     free = "name: b, id: 1, kind: poster, at: [3, 3], yaw: 1, free: true"
     assert len(room(tmp_path, on_box, free).landmarks) == 2
@@ -101,11 +101,11 @@ def bare(tmp_path_factory: pytest.TempPathFactory) -> WorldSpec:
     return room(tmp_path_factory.mktemp("bare"), ON_WALL).model_copy(update={"landmarks": ()})
 
 
-def simulated(world: WorldSpec, **more: bool) -> Simulation:
-    return Simulation(world, ROBOT, Pose(3.0, 2.5, 0.0), 1, **more)
+def simulated(world: WorldSpec, landmark_frames: bool = False) -> Simulation:
+    return Simulation(world, ROBOT, Pose(3.0, 2.5, 0.0), 1, landmark_frames=landmark_frames)
 
 
-def test_a_plate_changes_its_own_pixels_alone(marked: WorldSpec, bare: WorldSpec) -> None:
+def test_a_plate_changes_only_its_own_pixels(marked: WorldSpec, bare: WorldSpec) -> None:
     with simulated(marked) as with_plate, simulated(bare) as without:
         here = Pose(3.0, 2.5, 0.2)
         (image, depth), (plain, _) = with_plate.render_from(here), without.render_from(here)
@@ -138,7 +138,7 @@ def test_a_plate_is_drawn_upright_and_not_mirrored(marked: WorldSpec) -> None:
     assert scores[0] > max(scores[1:]) + 0.1
 
 
-def test_nothing_touches_a_plate(marked: WorldSpec, bare: WorldSpec) -> None:
+def test_a_plate_has_no_collision_shape(marked: WorldSpec, bare: WorldSpec) -> None:
     tracks = []
     for world in (marked, bare):
         with simulated(world) as simulation:
@@ -153,18 +153,18 @@ def test_nothing_touches_a_plate(marked: WorldSpec, bare: WorldSpec) -> None:
 
 
 @pytest.fixture
-def looking(marked: WorldSpec) -> Iterator[Simulation]:
+def with_landmark_frames(marked: WorldSpec) -> Iterator[Simulation]:
     with simulated(marked, landmark_frames=True) as simulation:
         yield simulation
 
 
-def test_landmark_frames_are_taken_for_those_who_want_them_alone(
-    marked: WorldSpec, looking: Simulation
+def test_landmark_frames_are_captured_only_when_enabled(
+    marked: WorldSpec, with_landmark_frames: Simulation
 ) -> None:
     with simulated(marked) as usual:
         times = []
         for _ in range(150):
-            one, other = looking.read(), usual.read()
+            one, other = with_landmark_frames.read(), usual.read()
             assert other.landmark_frame is None
             assert (one.inertial, one.encoders) == (other.inertial, other.encoders)
             assert (one.frame is None) == (other.frame is None)
@@ -175,19 +175,19 @@ def test_landmark_frames_are_taken_for_those_who_want_them_alone(
                 wanted = ROBOT.landmark_camera
                 assert one.landmark_frame.image.shape == (wanted.height, wanted.width)
                 times.append(one.landmark_frame.time)
-            looking.advance(1 / 60)
+            with_landmark_frames.advance(1 / 60)
             usual.advance(1 / 60)
         assert usual.timings.landmarks == 0.0
     np.testing.assert_allclose(times, np.arange(4) / ROBOT.landmark_camera.rate, atol=1e-6)
 
 
-def test_what_befalls_the_camera_befalls_landmark_frames(looking: Simulation) -> None:
-    first = looking.read().landmark_frame
-    looking.begin(CameraFault(black=True))
+def test_camera_faults_apply_to_landmark_frames(with_landmark_frames: Simulation) -> None:
+    first = with_landmark_frames.read().landmark_frame
+    with_landmark_frames.begin(CameraFault(black=True))
     later = None
     for _ in range(60):
-        looking.advance(1 / 60)
-        later = looking.read().landmark_frame or later
+        with_landmark_frames.advance(1 / 60)
+        later = with_landmark_frames.read().landmark_frame or later
     assert first is not None
     assert later is not None
     assert later.image.mean() < 5.0 < first.image.mean()

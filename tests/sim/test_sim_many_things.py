@@ -1,4 +1,4 @@
-"""Worlds of many things: shared bodies are touched by name and look as separate ones do."""
+"""Worlds with many solids: bodies shared by several solids report each by its name."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from navfw.robot import RobotModel
-from navfw.signals import Pose, Twist
+from navfw.signals import Image, Pose, Twist
 from navfw.sim import scenery
-from navfw.sim.meshes import box_mesh, cylinder_mesh, smooth_sides
+from navfw.sim.camera import DepthImage
+from navfw.sim.meshes import box_mesh, cylinder_mesh, side_count
 from navfw.sim.sensor_models import SensorParams
 from navfw.sim.shapes import Circle, Rectangle, gap_between
 from navfw.sim.simulation import Simulation
@@ -37,7 +38,7 @@ FIELD = WorldSpec(
         (Pose(2.5, 1.8, np.pi / 2), "crate"),
     ],
 )
-def test_contacts_have_the_name_of_the_thing(start: Pose, name: str) -> None:
+def test_contacts_have_the_name_of_the_solid(start: Pose, name: str) -> None:
     with Simulation(FIELD, ROBOT, start, 0, PERFECT) as sim:
         for _ in range(120):
             sim.drive(*ROBOT.wheel_speeds(Twist(0.3, 0.0)))
@@ -48,12 +49,12 @@ def test_contacts_have_the_name_of_the_thing(start: Pose, name: str) -> None:
 
 
 def test_shared_and_separate_bodies_look_alike(monkeypatch: pytest.MonkeyPatch) -> None:
-    def view() -> tuple[np.ndarray, np.ndarray]:
+    def view() -> tuple[Image, DepthImage]:
         with Simulation(FIELD, ROBOT, Pose(-0.6, 2.3, 0.2), 0, PERFECT) as sim:
             return sim.render_from(Pose(-0.6, 2.3, 0.2))
 
     image, depth = view()
-    monkeypatch.setattr(scenery, "_FEW", 1000)
+    monkeypatch.setattr(scenery, "_MAX_SINGLE", 1000)
     other_image, other_depth = view()
     # rounding may move an edge by a pixel
     assert np.mean(image != other_image) < 0.01
@@ -61,7 +62,7 @@ def test_shared_and_separate_bodies_look_alike(monkeypatch: pytest.MonkeyPatch) 
     assert np.mean(np.abs(depth[near] - other_depth[near]) < 0.01) > 0.99
 
 
-def test_a_wall_of_many_pieces_stands_everywhere() -> None:
+def test_a_wall_of_many_pieces_collides_at_each_of_them() -> None:
     openings = tuple(
         OpeningSpec(name=f"gap-{i}", at=(2.0 + 2.0 * i, 0.0), width=0.9) for i in range(12)
     )
@@ -74,7 +75,7 @@ def test_a_wall_of_many_pieces_stands_everywhere() -> None:
         assert sim.contacts == ("long",)
 
 
-def test_solids_may_overlap_where_the_file_says_so() -> None:
+def test_solids_may_overlap_with_may_overlap() -> None:
     boxes = [BoxSpec(name=name, at=(0, 0), size=(1, 1, 1)) for name in ("a", "b")]
     world = WorldSpec(name="pile", x=(-3, 3), y=(-3, 3), boxes=tuple(boxes), may_overlap=True)
     with Simulation(world, ROBOT, Pose(2, 0, 0), 0) as sim:
@@ -90,7 +91,7 @@ def test_cylinder_mesh(sides: int) -> None:
     triangles = points[np.array(mesh.indices).reshape(-1, 3)]
     faces = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     normals = np.array(mesh.normals)[np.array(mesh.indices).reshape(-1, 3)].mean(axis=1)
-    assert np.all(np.sum(faces * normals, axis=1) >= 0.0)  # all look outwards
+    assert np.all(np.sum(faces * normals, axis=1) >= 0.0)  # all face outwards
     assert np.min(mesh.uvs) >= 0.0
 
 
@@ -107,10 +108,10 @@ def test_moved_meshes_keep_their_texture() -> None:
     assert min(whole.indices[len(mesh.indices) :]) == count
 
 
-def test_smooth_sides() -> None:
-    assert smooth_sides(0.02) == 12
-    assert smooth_sides(1.0) == 24
-    assert 12 <= smooth_sides(0.1) <= 24
+def test_side_count() -> None:
+    assert side_count(0.02) == 12
+    assert side_count(1.0) == 24
+    assert 12 <= side_count(0.1) <= 24
 
 
 @pytest.mark.parametrize(

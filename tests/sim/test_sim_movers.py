@@ -1,4 +1,4 @@
-"""Those who walk: where they are when, who waits, who moved into whom."""
+"""Movers: positions over time, yielding, the cause of contacts, clearances."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from navfw.errors import ConfigError, WorldError
 from navfw.robot import RobotModel
 from navfw.signals import Pose, Twist
-from navfw.sim.movers import Mover, MoverTrack, Walkway, caused_by_robot
+from navfw.sim.movers import Mover, MoverPath, MoverTrack, caused_by_robot
 from navfw.sim.sensor_models import SensorParams
 from navfw.sim.simulation import Simulation
 from navfw.sim.worldfile import load_world
@@ -37,7 +37,7 @@ def simulate(start: Pose, *movers: MoverSpec) -> Simulation:
 
 
 def drive(sim: Simulation, speed: float, seconds: float) -> None:
-    """At that speed until time is up or something is touched."""
+    """Drive at ``speed`` [m/s] for ``seconds`` [s] or until the first contact."""
     for _ in range(round(seconds / TICK)):
         sim.drive(*ROBOT.wheel_speeds(Twist(speed, 0.0)))
         sim.advance(TICK)
@@ -50,15 +50,15 @@ def drive(sim: Simulation, speed: float, seconds: float) -> None:
 
 def test_back_and_forth_and_loop() -> None:
     corners = [(0, 0), (2, 0), (2, 1)]
-    to_and_fro = Walkway(anna(path=corners))
-    assert to_and_fro.length == 6.0
-    assert to_and_fro.at(1.0) == (1.0, 0.0, 0.0)
-    assert to_and_fro.at(2.5) == (2.0, 0.5, math.pi / 2)
-    assert to_and_fro.at(3.5)[:2] == (2.0, 0.5)
-    assert to_and_fro.at(3.5)[2] == -math.pi / 2
-    loop = Walkway(anna(path=corners, walk="loop"))
+    back_and_forth = MoverPath(anna(path=corners))
+    assert back_and_forth.length == 6.0
+    assert back_and_forth.pose_at(1.0) == (1.0, 0.0, 0.0)
+    assert back_and_forth.pose_at(2.5) == (2.0, 0.5, math.pi / 2)
+    assert back_and_forth.pose_at(3.5)[:2] == (2.0, 0.5)
+    assert back_and_forth.pose_at(3.5)[2] == -math.pi / 2
+    loop = MoverPath(anna(path=corners, walk="loop"))
     assert loop.length == pytest.approx(3 + math.sqrt(5))
-    assert loop.at(3 + math.sqrt(5) / 2)[:2] == pytest.approx((1.0, 0.5))
+    assert loop.pose_at(3 + math.sqrt(5) / 2)[:2] == pytest.approx((1.0, 0.5))
 
 
 @given(
@@ -69,16 +69,16 @@ def test_back_and_forth_and_loop() -> None:
     st.floats(0, 100),
     st.floats(0, 1),
 )
-def test_walks_at_constant_speed_without_jumps(
-    corners: list[tuple[int, int]], walk: str, walked: float, step: float
+def test_path_is_continuous_and_periodic(
+    corners: list[tuple[int, int]], walk: str, travelled: float, step: float
 ) -> None:
-    way = Walkway(anna(path=corners, walk=walk))
-    here, there = way.at(walked), way.at(walked + step)
+    path = MoverPath(anna(path=corners, walk=walk))
+    here, there = path.pose_at(travelled), path.pose_at(travelled + step)
     assert math.dist(here[:2], there[:2]) <= step + 1e-9
-    assert way.at(walked + way.length)[:2] == pytest.approx(here[:2], abs=1e-9)
+    assert path.pose_at(travelled + path.length)[:2] == pytest.approx(here[:2], abs=1e-9)
 
 
-def test_phase_sets_where_it_begins() -> None:
+def test_phase_sets_the_initial_position() -> None:
     mover = Mover(anna(phase=0.25))
     assert (mover.x, mover.y) == (-0.5, 0.0)
 
@@ -96,7 +96,7 @@ def test_moves_in_simulated_time() -> None:
     assert halfway[0, 0] == pytest.approx([1.6, 0.0], abs=1e-6)
 
 
-def test_is_seen_where_it_is() -> None:
+def test_depth_image_shows_the_mover_at_its_position() -> None:
     with simulate(Pose(0, 3, 0), anna()) as sim:
         for _ in range(3):
             drive(sim, 0.0, 1.0)
@@ -106,7 +106,7 @@ def test_is_seen_where_it_is() -> None:
             assert depth[60, 80] == pytest.approx(surface - eye, abs=0.02)
 
 
-def test_who_does_not_yield_walks_into_a_standing_robot() -> None:
+def test_mover_without_yields_moves_into_a_standing_robot() -> None:
     with simulate(Pose(0, 0, 0), anna()) as sim:
         drive(sim, 0.0, 6.0)
         assert sim.contacts == ("anna",)
@@ -115,7 +115,7 @@ def test_who_does_not_yield_walks_into_a_standing_robot() -> None:
     assert touched == pytest.approx(ROBOT.radius + 0.25, abs=0.01)
 
 
-def test_who_yields_waits_and_goes_on() -> None:
+def test_mover_that_yields_waits_and_continues() -> None:
     with simulate(Pose(0, 0, 0), anna(yields=True)) as sim:
         drive(sim, 0.0, 6.0)
         assert sim.contacts == ()
@@ -128,34 +128,34 @@ def test_who_yields_waits_and_goes_on() -> None:
         assert sim.contacts == ()
 
 
-def test_who_yields_minds_only_what_is_in_front() -> None:
-    mover = Mover(anna(yields=True))  # at (2, 0), walking towards -x
+def test_mover_yields_only_to_a_robot_in_front() -> None:
+    mover = Mover(anna(yields=True))  # at (2, 0), heading -x
     for robot, waits in (
         (Pose(1.2, 0.0, 0.0), True),
-        (Pose(1.2, 0.7, 0.0), False),  # beside its way
+        (Pose(1.2, 0.7, 0.0), False),  # beside its lane
         (Pose(2.8, 0.0, 0.0), False),  # behind
         (Pose(0.5, 0.0, 0.0), False),  # far
     ):
-        mover.look(robot, ROBOT.radius)
+        mover.update_waiting(robot, ROBOT.radius)
         assert mover.waiting is waits, robot
 
 
 @pytest.mark.parametrize("yields", [True, False])
-def test_a_robot_that_drives_towards_someone_is_the_cause(yields: bool) -> None:
+def test_robot_that_approaches_a_mover_is_the_cause(yields: bool) -> None:
     with simulate(Pose(-2, 0, 0), anna(yields=yields)) as sim:
         drive(sim, 0.3, 10.0)
         assert sim.contacts == ("anna",)
         assert sim.collision_cause == "robot"
 
 
-def test_whom_someone_runs_down_from_behind_is_not_the_cause() -> None:
+def test_robot_hit_from_behind_is_not_the_cause() -> None:
     with simulate(Pose(0.5, 0, math.pi), anna(speed=0.6)) as sim:
         drive(sim, 0.1, 10.0)
         assert sim.contacts == ("anna",)
         assert sim.collision_cause == "mover"
 
 
-def test_walls_are_always_run_into() -> None:
+def test_robot_is_the_cause_of_contacts_with_solids() -> None:
     spec = WorldSpec(
         name="hall", x=(-6, 6), y=(-6, 6), boxes=(BoxSpec(name="crate", at=(1, 0), size=(1, 1, 1)),)
     )
@@ -179,7 +179,7 @@ def test_cause_by_geometry() -> None:
     assert not cause(0.0, 0.0)
 
 
-def test_the_same_run_twice() -> None:
+def test_runs_are_reproducible() -> None:
     def run() -> tuple[bytes, bytes]:
         with simulate(Pose(-1, 0.2, 0), anna(yields=True)) as sim:
             drive(sim, 0.2, 3.0)
@@ -188,7 +188,7 @@ def test_the_same_run_twice() -> None:
     assert run() == run()
 
 
-def test_start_must_not_be_someones_place() -> None:
+def test_start_must_be_clear_of_movers() -> None:
     with pytest.raises(WorldError, match="'anna' when time begins"):
         simulate(Pose(1.8, 0.2, 0), anna())
 
@@ -196,15 +196,15 @@ def test_start_must_not_be_someones_place() -> None:
 # --- clearance --------------------------------------------------------------------------------
 
 
-def test_clearance_counts_walkers_at_their_time() -> None:
+def test_clearance_uses_the_movers_positions_at_each_time() -> None:
     movers = [Mover(anna()), Mover(anna(name="ben", radius=0.5))]
     points = [np.array([[0.0, 0.0], [9.0, 9.0]]), np.array([[2.0, 0.0], [9.0, 9.0]])]
     track = MoverTrack.of(movers, [0.0, 2.0], points)
     here = np.array([[3.0, 0.0]] * 4)
     found = track.clearances(here, np.array([0.0, 1.0, 2.0, 5.0]))
     assert found == pytest.approx([2.75, 1.75, 0.75, 0.75])
-    nobody = MoverTrack.of([], [0.0], [np.empty((0, 2))])
-    assert np.isinf(nobody.clearances(here, np.zeros(4))).all()
+    empty = MoverTrack.of([], [0.0], [np.empty((0, 2))])
+    assert np.isinf(empty.clearances(here, np.zeros(4))).all()
 
 
 # --- world files ------------------------------------------------------------------------------
@@ -241,7 +241,7 @@ def test_world_file(tmp_path: Path) -> None:
     [
         ("[[2, -2], [-2, -2]]", "[[2, 0], [-2, 0]]", "'anna' would walk through 'crate'"),
         ("[[2, -2], [-2, -2]]", "[[2, -2], [-7, -2]]", "lies off the floor"),
-        ("[[2, -2], [-2, -2]]", "[[2, -2], [2, -2]]", "in the same place"),
+        ("[[2, -2], [-2, -2]]", "[[2, -2], [2, -2]]", "consecutive points of path are equal"),
         ("name: anna", "name: crate", "'crate' is taken by boxes"),
         ("speed: 0.5", "speed: 0", "movers"),
         ("speed: 0.5", "texture: silk", "unknown texture 'silk'"),

@@ -1,4 +1,4 @@
-"""GyroModel and encoders have the statistics that their parameters say."""
+"""Gyro and encoder models have the statistics that their parameters specify."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from navfw.errors import UnknownNameError
 from navfw.robot import RobotModel
-from navfw.signals import Encoders, Inertial
+from navfw.signals import Array, Encoders, Inertial
 from navfw.sim.sensor_models import PRESETS, GyroModel, SensorParams, WheelEncoderModel
 
 ROBOT = RobotModel()
@@ -18,7 +18,7 @@ DT = 1.0 / 60.0
 QUIET = SensorParams.preset("perfect")
 
 
-def yaw_rates(params: SensorParams, seed: int, count: int, rate: float = 0.0) -> np.ndarray:
+def yaw_rates(params: SensorParams, seed: int, count: int, rate: float = 0.0) -> Array:
     gyro = GyroModel(params, np.random.default_rng(seed))
     return np.array([gyro.read(i * DT, DT, (0.0, 0.0, rate)).yaw_rate for i in range(count)])
 
@@ -32,7 +32,7 @@ def ticks(params: SensorParams, seed: int, turns: float, count: int = 600) -> tu
     return reading.left, reading.right
 
 
-def test_perfect_gyro_tells_the_truth() -> None:
+def test_perfect_gyro_measures_the_true_rate() -> None:
     assert np.all(yaw_rates(QUIET, 0, 10, rate=0.4) == 0.4)
 
 
@@ -40,7 +40,7 @@ def test_gyro_noise() -> None:
     rates = yaw_rates(QUIET.model_copy(update={"gyro_noise": 0.01}), 1, 4000)
     assert rates.std() == pytest.approx(0.01, rel=0.05)
     assert abs(rates.mean()) < 4 * 0.01 / math.sqrt(4000)
-    # white: a reading says nothing about the next
+    # white: consecutive readings are uncorrelated
     assert abs(np.corrcoef(rates[1:], rates[:-1])[0, 1]) < 0.06
 
 
@@ -51,13 +51,13 @@ def test_gyro_bias_is_constant_and_differs_between_runs() -> None:
     assert biases[:, 0].std() == pytest.approx(0.01, rel=0.15)
 
 
-def test_gyro_bias_walks() -> None:
+def test_gyro_bias_random_walk() -> None:
     params = QUIET.model_copy(update={"gyro_bias_walk": 0.002})
     ends = np.array([yaw_rates(params, seed, 600)[-1] for seed in range(100)])
     assert ends.std() == pytest.approx(0.002 * math.sqrt(600 * DT), rel=0.25)
 
 
-def test_noise_is_the_same_however_many_readings_ahead_it_is_drawn() -> None:
+def test_noise_does_not_depend_on_the_block_size() -> None:
     params = SensorParams.preset("poor")
 
     def readings(ahead: int) -> list[tuple[Inertial, Encoders]]:
@@ -78,7 +78,7 @@ def test_perfect_encoders_only_quantise(turns: float) -> None:
     assert left == math.floor(turns * ROBOT.ticks_per_turn + 1e-6)
 
 
-def test_slip_has_its_mean_and_spread() -> None:
+def test_slip_has_the_specified_mean_and_standard_deviation() -> None:
     params = QUIET.model_copy(update={"slip": 0.02, "slip_mean": 0.01, "slip_time": 0.0})
     excess = [ticks(params, seed, 20.0)[0] / (20 * ROBOT.ticks_per_turn) for seed in range(60)]
     assert np.mean(excess) == pytest.approx(1.01, abs=0.0005)
@@ -86,7 +86,7 @@ def test_slip_has_its_mean_and_spread() -> None:
     assert np.std(excess) == pytest.approx(0.02 / math.sqrt(600), rel=0.3)
 
 
-def test_lasting_slip_adds_up() -> None:
+def test_correlated_slip_accumulates() -> None:
     params = QUIET.model_copy(update={"slip": 0.02, "slip_time": 0.5})
     excess = [ticks(params, seed, 20.0)[0] / (20 * ROBOT.ticks_per_turn) for seed in range(60)]
     # a Gauss-Markov process over 10 s with 0.5 s memory: sigma * sqrt(2 * 0.5 / 10)

@@ -1,4 +1,4 @@
-"""Side views: what a wide lens shows left and right of the camera's image."""
+"""Side views: images to the left and right of the camera's image."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ WORLD = WorldSpec(
     boxes=(BoxSpec(name="crate", at=(0.4, 2.0), size=(1, 1, 0.5)),),
     cylinders=(CylinderSpec(name="column", at=(1.2, -1.5), radius=0.3),),
 )
-# turning a robot whose camera sits over the axle moves no eye
+# the camera is above the axle: turning the robot does not translate it
 WIDE = RobotModel(camera=CameraModel(mount_forward=0.0), side_views=SideViews())
 PERFECT = SensorParams.preset("perfect")
 
@@ -40,17 +40,18 @@ def test_a_robot_without_side_views_has_none() -> None:
     assert first_frame(RobotModel(), 0.0).sides == ()
 
 
-def test_side_views_begin_within_the_image_and_reach_as_far_as_told() -> None:
+def test_side_views_overlap_the_image_and_extend_to_the_specified_angle() -> None:
     left, right = WIDE.side_cameras
     assert left.turn == -right.turn > 0.0
     inner = left.turn - 0.5 * left.hfov
     assert inner == pytest.approx(0.5 * WIDE.camera.hfov - math.radians(5.0))
     assert WIDE.seen_aside == pytest.approx(left.turn + 0.5 * left.hfov)
-    assert (left.focal, left.height) == (pytest.approx(WIDE.camera.focal), WIDE.camera.height)
+    assert left.focal == pytest.approx(WIDE.camera.focal)
+    assert left.height == WIDE.camera.height
 
 
 @pytest.mark.parametrize("bearing", [0.75, 1.1, 1.5, -0.9])
-def test_a_point_lies_where_the_side_camera_looks(bearing: float) -> None:
+def test_bearings_project_as_the_side_cameras_turn(bearing: float) -> None:
     camera = WIDE.side_cameras[0 if bearing > 0.0 else 1]
     base = np.array([math.cos(bearing), math.sin(bearing), 0.0])
     x, y, z = camera.base_from_camera.T @ base
@@ -59,7 +60,7 @@ def test_a_point_lies_where_the_side_camera_looks(bearing: float) -> None:
 
 
 @pytest.mark.parametrize("side", [0, 1])
-def test_a_side_view_is_what_a_camera_turned_that_way_sees(side: int) -> None:
+def test_side_view_equals_the_image_of_a_turned_camera(side: int) -> None:
     camera = WIDE.side_cameras[side]
     plain = CameraModel.model_validate(camera.model_dump(exclude={"turn"}))
     turned = first_frame(WIDE.with_camera(plain), camera.turn).image
@@ -70,7 +71,7 @@ def test_a_side_view_is_what_a_camera_turned_that_way_sees(side: int) -> None:
     assert np.std(seen) > 10.0
 
 
-def test_side_views_share_the_noise_and_the_faults_of_the_camera() -> None:
+def test_side_views_have_the_noise_and_faults_of_the_camera() -> None:
     noisy = first_frame(WIDE, 0.0, PERFECT.model_copy(update={"image_noise": 3.0}))
     clean = first_frame(WIDE, 0.0)
     for one, other in zip((noisy.image, *noisy.sides), (clean.image, *clean.sides), strict=True):
@@ -82,11 +83,11 @@ def test_side_views_share_the_noise_and_the_faults_of_the_camera() -> None:
     assert not any(image.any() for image in (frame.image, *frame.sides))
 
 
-def test_the_image_is_the_same_with_side_views_and_without() -> None:
+def test_side_views_do_not_change_the_image() -> None:
     alone = first_frame(WIDE.with_camera(WIDE.camera), 0.3)
     assert np.array_equal(alone.image, first_frame(WIDE, 0.3).image)
 
 
-def test_no_lens_sees_behind_itself() -> None:
+def test_side_views_are_limited_in_angle() -> None:
     with pytest.raises(ValidationError, match=r"side views reach \d+ degrees"):
         RobotModel(side_views=SideViews(width=400))

@@ -1,4 +1,4 @@
-"""The simulation as a whole: driving, touching, timing, determinism, honesty."""
+"""The simulation as a whole: driving, contacts, timing, determinism, readings without truth."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def simulate(start: Pose, seed: int = 0, sensors: SensorParams = PERFECT) -> Sim
 
 
 def drive(sim: Simulation, twist: Twist, seconds: float) -> None:
-    """Ramp up at the usual acceleration, as LOCOM does, then keep going."""
+    """Accelerate as LOCOM does, then keep the speed."""
     ramp = max(abs(twist.v) / ROBOT.max_accel, abs(twist.w) / ROBOT.max_turn_accel)
     for i in range(round(seconds / TICK)):
         share = min((i + 1) * TICK / ramp, 1.0)
@@ -67,7 +67,7 @@ def test_does_not_wobble() -> None:
     with simulate(Pose(-2, 0, 0)) as sim:
         attitudes = []
         for i in range(120):
-            speed = 0.5 if (i // 30) % 2 == 0 else 0.0  # harder than LOCOM ever drives
+            speed = 0.5 if (i // 30) % 2 == 0 else 0.0  # steps beyond LOCOM's acceleration limits
             sim.drive(*ROBOT.wheel_speeds(Twist(speed, 0.5)))
             sim.advance(TICK)
             inertial = sim.read().inertial
@@ -76,7 +76,7 @@ def test_does_not_wobble() -> None:
     assert np.abs(attitudes).max() < 0.01
 
 
-def test_perfect_sensors_tell_the_motion() -> None:
+def test_perfect_sensors_measure_the_motion() -> None:
     with simulate(Pose(0, 0, 0)) as sim:
         drive(sim, Twist(0.2, 0.0), 1.0)
         sim.read()
@@ -111,7 +111,7 @@ def test_contacts_are_named(start: Pose, name: str) -> None:
                 )
     assert touched
     assert {names for _, names in touched} == {(name,)}
-    # the first touch is when the body's edge arrives, not earlier
+    # the first contact is when the body's edge arrives, not earlier
     assert touched[0][0] == pytest.approx(ROBOT.radius, abs=0.005)
 
 
@@ -137,13 +137,13 @@ def test_clock_and_camera_rate() -> None:
     assert times == pytest.approx(np.arange(11) * 0.1)
 
 
-def test_reading_twice_costs_no_noise() -> None:
+def test_reading_twice_draws_no_noise() -> None:
     with simulate(Pose(0, 0, 0), sensors=SensorParams()) as sim:
         assert sim.read() is sim.read()
 
 
 def record(seed: int) -> str:
-    """A digest of everything the sensors say on a short drive."""
+    """A digest of all sensor readings of a short drive."""
     digest = hashlib.sha256()
     with simulate(Pose(1.0, 0.5, 0.4), seed, SensorParams()) as sim:
         for i in range(40):
@@ -164,14 +164,14 @@ def test_same_seed_same_bytes_in_a_fresh_process() -> None:
     fresh = subprocess.run(  # noqa: S603
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     )
-    # nothing else on stdout: PyBullet's banner must not get into results
+    # nothing else on stdout: PyBullet's banner is suppressed
     assert fresh.stdout.strip() == record(7)
     assert fresh.stderr == ""
     assert record(8) != record(7)
 
 
-def test_readings_hold_no_truth() -> None:
-    """The stack gets images, rates, counts and the time: nothing of pose, depth or names."""
+def test_readings_contain_no_ground_truth() -> None:
+    """The stack gets images, rates, counts and the time, but no pose, depth or names."""
     assert {f.name for f in dataclasses.fields(SensorReading)} == {
         *("time", "inertial", "encoders", "frame", "landmark_frame")
     }
@@ -183,7 +183,7 @@ def test_readings_hold_no_truth() -> None:
     assert type(reading.inertial) is Inertial
     assert type(reading.encoders) is Encoders
     assert type(frame) is Frame
-    # no exact rate: the gyro errs
+    # the gyro's rate has an error
     assert abs(reading.inertial.yaw_rate - 0.6) > 1e-6
     # no memory shared with the renderer's depth, no colour, no segmentation
     assert frame.image.dtype == np.uint8
@@ -197,7 +197,7 @@ def test_start_must_be_free() -> None:
         simulate(Pose(-20, 3, 0))
 
 
-def test_misuse_is_refused() -> None:
+def test_misuse_raises() -> None:
     with simulate(Pose(0, 0, 0)) as sim:
         with pytest.raises(SimulationError, match="finite"):
             sim.drive(math.nan, 0.0)

@@ -1,6 +1,8 @@
-"""Textures: seeded, periodic, band-limited, with the contrast that was asked for."""
+"""Textures: seeded, periodic, band-limited, with the specified contrast."""
 
 from __future__ import annotations
+
+from typing import Literal, get_args
 
 import numpy as np
 import pytest
@@ -8,11 +10,12 @@ import pytest
 from navfw.sim.textures import TILE, luminance_pattern, synthesize
 from navfw.sim.worldspec import TextureSpec
 
-STYLES = ["plaster", "carpet", "wood", "stone", "panels"]
+Style = Literal["plaster", "carpet", "wood", "stone", "panels"]
+STYLES = get_args(Style)
 
 
 @pytest.mark.parametrize("style", STYLES)
-def test_same_seed_same_texture(style: str) -> None:
+def test_same_seed_same_texture(style: Style) -> None:
     spec = TextureSpec(style=style, seed=5)
     first = synthesize(spec).copy()
     synthesize.cache_clear()
@@ -23,7 +26,7 @@ def test_same_seed_same_texture(style: str) -> None:
 
 @pytest.mark.parametrize("style", STYLES)
 @pytest.mark.parametrize("finest", [0.03, 0.06])
-def test_no_detail_finer_than_asked(style: str, finest: float) -> None:
+def test_no_detail_finer_than_specified(style: Style, finest: float) -> None:
     pattern = luminance_pattern(TextureSpec(style=style, finest=finest))
     power = np.abs(np.fft.fft2(pattern - pattern.mean())) ** 2
     cycles = np.fft.fftfreq(len(pattern), d=TILE / len(pattern))
@@ -34,7 +37,7 @@ def test_no_detail_finer_than_asked(style: str, finest: float) -> None:
 
 
 @pytest.mark.parametrize("style", STYLES)
-def test_brightness_and_contrast(style: str) -> None:
+def test_brightness_and_contrast(style: Style) -> None:
     pattern = luminance_pattern(TextureSpec(style=style, brightness=130, contrast=40))
     assert pattern.mean() == pytest.approx(130, abs=0.1)
     assert pattern.std() == pytest.approx(40, abs=0.1)
@@ -43,7 +46,7 @@ def test_brightness_and_contrast(style: str) -> None:
 
 
 @pytest.mark.parametrize("style", STYLES)
-def test_tiles_join_without_a_seam(style: str) -> None:
+def test_texture_is_periodic(style: Style) -> None:
     pattern = luminance_pattern(TextureSpec(style=style))
     # no step between last and first is larger than the steps inside (courses of bricks have edges)
     across = np.abs(np.diff(pattern, axis=1)).mean(axis=0).max()

@@ -1,4 +1,4 @@
-"""What is left undrawn is what is not seen: images are the same with and without it."""
+"""Visibility culling: only invisible parts are culled, images are the same without it."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 
 from navfw.config.lookup import find
 from navfw.robot import CameraModel, RobotModel
-from navfw.signals import Pose
+from navfw.signals import Array, Image, Pose
 from navfw.sim import simulation
+from navfw.sim.camera import DepthImage
 from navfw.sim.floorplan import FloorPlan
 from navfw.sim.scenery import Scenery
 from navfw.sim.sensor_models import SensorParams
@@ -30,57 +31,57 @@ WALL = Rectangle(2.0, 0.0, 0.1, 1.0)
 EYE = np.array([0.0, 0.0, 0.35])
 
 
-def seen(points: list[tuple[float, float]], *walls: Rectangle, half: float = math.pi) -> bool:
-    outline = PartBounds.around(np.array(points))
-    return bool(Visibility(walls, 2.0, [outline]).seen(EYE, 0.0, half)[0])
+def visible(points: list[tuple[float, float]], *walls: Rectangle, half: float = math.pi) -> bool:
+    bounds = PartBounds.around(np.array(points))
+    return bool(Visibility(walls, 2.0, [bounds]).visible(EYE, 0.0, half)[0])
 
 
-def test_a_wall_hides_what_lies_behind_it() -> None:
-    assert not seen([(3.0, -0.5), (4.0, 0.5)], WALL)
-    assert seen([(1.0, -0.5), (1.5, 0.5)], WALL)
-    assert seen([(3.0, -0.5), (4.0, 2.5)], WALL)
-    assert seen([(1.5, -0.5), (4.0, 0.5)], WALL), "part of it is in front"
-    assert seen([(-3.0, -0.5), (-4.0, 0.5)], WALL)
+def test_wall_occludes_parts_behind_it() -> None:
+    assert not visible([(3.0, -0.5), (4.0, 0.5)], WALL)
+    assert visible([(1.0, -0.5), (1.5, 0.5)], WALL)
+    assert visible([(3.0, -0.5), (4.0, 2.5)], WALL)
+    assert visible([(1.5, -0.5), (4.0, 0.5)], WALL), "part of it is in front"
+    assert visible([(-3.0, -0.5), (-4.0, 0.5)], WALL)
 
 
-def test_walls_hide_together_what_none_hides_alone() -> None:
-    thing = [(5.0, -1.0), (5.2, 1.0)]
+def test_walls_occlude_together() -> None:
+    part = [(5.0, -1.0), (5.2, 1.0)]
     left, right = Rectangle(2.0, 1.0, 0.1, 1.0), Rectangle(3.0, -1.0, 0.1, 1.05)
-    assert seen(thing, left)
-    assert seen(thing, right)
-    assert not seen(thing, left, right)
-    assert seen(thing, left, Rectangle(3.0, -1.1, 0.1, 1.05)), "there is a gap between them"
+    assert visible(part, left)
+    assert visible(part, right)
+    assert not visible(part, left, right)
+    assert visible(part, left, Rectangle(3.0, -1.1, 0.1, 1.05)), "there is a gap between them"
 
 
-def test_a_wall_does_not_hide_its_own_face() -> None:
-    assert seen([(1.9, -1.0), (1.9, 1.0)], WALL)
-    assert not seen([(2.1, -1.0), (2.1, 1.0)], WALL)
+def test_wall_does_not_occlude_its_own_face() -> None:
+    assert visible([(1.9, -1.0), (1.9, 1.0)], WALL)
+    assert not visible([(2.1, -1.0), (2.1, 1.0)], WALL)
 
 
-def test_a_low_wall_hides_nothing() -> None:
-    outline = PartBounds.around(np.array([(3.0, -0.5), (4.0, 0.5)]))
-    assert Visibility([WALL], 0.3, [outline]).seen(EYE, 0.0, math.pi)[0]
+def test_wall_below_the_eye_does_not_occlude() -> None:
+    bounds = PartBounds.around(np.array([(3.0, -0.5), (4.0, 0.5)]))
+    assert Visibility([WALL], 0.3, [bounds]).visible(EYE, 0.0, math.pi)[0]
 
 
-def test_what_is_outside_the_field_of_view_is_not_seen() -> None:
-    assert not seen([(-1.0, -0.5), (-2.0, 0.5)], half=0.8)
-    assert not seen([(0.5, 2.0), (1.0, 3.0)], half=0.8)
-    assert seen([(0.5, 2.0), (3.0, 3.0)], half=0.8)
-    assert seen([(-1.0, -1.0), (1.0, 1.0)], half=0.8), "the eye is within"
+def test_parts_outside_the_field_of_view_are_invisible() -> None:
+    assert not visible([(-1.0, -0.5), (-2.0, 0.5)], half=0.8)
+    assert not visible([(0.5, 2.0), (1.0, 3.0)], half=0.8)
+    assert visible([(0.5, 2.0), (3.0, 3.0)], half=0.8)
+    assert visible([(-1.0, -1.0), (1.0, 1.0)], half=0.8), "the eye is inside the bounds"
 
 
-def test_one_sided_faces_are_not_seen_from_behind() -> None:
+def test_one_sided_parts_are_invisible_from_behind() -> None:
     points = np.array([(3.0, -1.0), (3.0, 1.0)])
     for towards, expected in ((-1.0, True), (1.0, False)):
-        outline = PartBounds.around(points, math.pi / 2, (towards, 0.0, 0.0, towards * 3.0))
-        assert Visibility([], 2.0, [outline]).seen(EYE, 0.0, math.pi)[0] == expected
+        bounds = PartBounds.around(points, math.pi / 2, (towards, 0.0, 0.0, towards * 3.0))
+        assert Visibility([], 2.0, [bounds]).visible(EYE, 0.0, math.pi)[0] == expected
 
 
 @given(st.floats(-math.pi, math.pi), st.floats(-0.6, 0.6), st.floats(-0.3, 0.3), st.data())
-def test_field_of_view_holds_every_ray(
+def test_field_of_view_contains_every_ray(
     yaw: float, pitch: float, roll: float, data: st.DataObject
 ) -> None:
-    def about(axis: int, angle: float) -> np.ndarray:
+    def about(axis: int, angle: float) -> Array:
         c, s = math.cos(angle), math.sin(angle)
         turn = np.eye(3)
         i, j = (axis + 1) % 3, (axis + 2) % 3
@@ -121,9 +122,9 @@ def test_images_and_depth_are_the_same_as_without_culling(
     plan = FloorPlan.from_world(world, robot.height)
     poses = [free_pose(plan, rng) for _ in range(8)]
 
-    def views() -> list[tuple[np.ndarray, np.ndarray]]:
+    def views() -> list[tuple[Image, DepthImage]]:
         with Simulation(world, robot, poses[0], 0, SensorParams.preset("perfect")) as sim:
-            sim.advance(0.5)  # those who walk are on their way
+            sim.advance(0.5)  # movers have left their start
             return [sim.render_from(pose) for pose in poses]
 
     culled = views()

@@ -1,4 +1,4 @@
-"""World files: what ships is sound, and mistakes are named with file, line and key."""
+"""World files: shipped ones are valid, errors have file, line and key."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ def test_all_problems_are_reported_together(tmp_path: Path) -> None:
 
 
 def test_office_is_drivable() -> None:
-    """Doors as wide as they should be, furniture 0.85 m clear of them, every room reachable."""
+    """Doors 0.9 to 1.0 m wide, furniture 0.85 m from them, every room reachable."""
     office = load_world(WORLDS / "office" / "world.yaml")
     plan = FloorPlan.from_world(office)
     furniture = FloorPlan(plan.bounds, tuple(s for s in plan.solids if s.kind != "wall"))
@@ -125,7 +125,7 @@ def test_office_is_drivable() -> None:
     assert all(0.9 <= o.width <= 1.0 for o in openings)
     points = np.array([o.at for o in openings])
     assert furniture.clearances(points).min() > 0.85
-    # a robot that wants 0.4 m around itself still gets everywhere
+    # also for a robot with a radius of 0.4 m
     for room in office.rooms:
         middle = (0.5 * sum(room.x), 0.5 * sum(room.y))
         if plan.clearance(*middle) < 0.4:
@@ -140,14 +140,14 @@ def test_lobby_to_lab_is_long_enough() -> None:
     assert plan.clearance(14.6, 8.8) > 0.6
 
 
-def test_worlds_made_in_code_are_checked_too() -> None:
+def test_worlds_without_file_are_checked() -> None:
     from navfw.sim.world_check import check_world
 
     with pytest.raises(WorldError, match="unknown texture"):
         check_world(WorldSpec(name="a", x=(0, 1), y=(0, 1), floor="lava"))
 
 
-def test_its_errors_name_the_file_from_where_one_stands(
+def test_errors_name_the_file_relative_to_the_working_directory(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)

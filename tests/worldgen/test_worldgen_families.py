@@ -58,7 +58,7 @@ def goal_of(world: GeneratedWorld) -> tuple[float, float]:
 
 def connected(plan: FloorPlan, a: tuple[float, float], b: tuple[float, float], wide: float) -> bool:
     """Whether a disc of that radius can get from a to b: flood fill, apart from the path search."""
-    grid = plan.occupancy(wide, cell=0.03)
+    grid = plan.configuration_space(wide, cell=0.03)
     labels = ndimage.label(~grid.occupied)[0]
     first, last = labels[grid.index(*a)], labels[grid.index(*b)]
     return bool(first > 0 and first == last)
@@ -131,7 +131,7 @@ def test_passages_of_the_map_are_free(
     # from the start a place can be seen
     start = Pose(*start_of(world), 0.0)
     assert any(
-        plan.sees(np.array([start.x, start.y]), np.array([p.x, p.y]), ROBOT.radius)
+        plan.straight_path_free(np.array([start.x, start.y]), np.array([p.x, p.y]), ROBOT.radius)
         for p in topo_map.places.values()
     )
 

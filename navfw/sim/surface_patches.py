@@ -1,0 +1,260 @@
+"""Surfaces of a world as textured patches, and their grouping into the parts that are culled."""
+
+from __future__ import annotations
+
+import math
+import zlib
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from navfw.signals import Array
+from navfw.sim.drop_geometry import Tread, drop_at, treads_of
+from navfw.sim.meshes import Mesh, box_mesh, cylinder_mesh, side_count, split_positions
+from navfw.sim.shapes import Rectangle
+from navfw.sim.solids import Solid
+from navfw.sim.visibility import PartBounds
+from navfw.sim.worldspec import RoomSpec, WorldSpec
+
+__all__ = [
+    "SurfacePatch",
+    "drop_patches",
+    "floor_patches",
+    "merged_parts",
+    "solid_mesh",
+    "solid_patch",
+    "solid_yaw",
+    "texture_shift",
+    "wall_patches",
+]
+
+_MAX_PARTS = 192
+"""Largest number of parts: with more, the visibility test costs more than culling saves."""
+_BLOCKS = (4.0, 8.0, 16.0)
+"""Edges [m] of the squares into which the plane is divided; the finest with few enough parts."""
+_NARROW = 0.4
+"""Faces narrower than this [m] are grouped with others regardless of their plane."""
+_PLANE_MARGIN = 1e-5
+"""Distance [m] behind a part's plane from which it still counts as visible, for rounding."""
+_FLOOR_PATCH = 1.0
+"""Largest edge of a patch of the floor [m]: large ones near the camera are slow to draw."""
+_NO_SHIFT = np.zeros(2)
+
+Plane = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class SurfacePatch:
+    """A piece of a surface with one texture; a flat one has a ``plane`` (normal, offset)."""
+
+    texture: str
+    mesh: Mesh
+    plane: Plane | None = None
+
+    @property
+    def narrow(self) -> bool:
+        """Whether it is a wall's end or a side of an opening."""
+        return float(np.ptp(np.array(self.mesh.vertices)[:, :2], axis=0).max()) < _NARROW
+
+    @property
+    def centre(self) -> tuple[float, float]:
+        """Mean of its vertices in the plane [m]."""
+        x, y, _ = np.mean(self.mesh.vertices, axis=0)
+        return float(x), float(y)
+
+
+# --- floor, drops and walls -------------------------------------------------------------------
+
+
+def floor_patches(world: WorldSpec) -> Iterator[SurfacePatch]:
+    """Floor and ceiling; no patch crosses the edge of a room or of a drop."""
+    ex, ey, ez = np.eye(3)
+    corner = np.array([world.x[0], world.y[0], 0.0])
+    height = max([wall.height for wall in world.walls], default=2.4)
+    # each (x, y): from, to
+    areas = [(room.x, room.y) for room in world.rooms]
+    areas += [(drop.x, drop.y) for drop in world.drops]
+    all_columns = split_positions(
+        world.x[1] - corner[0], [x - corner[0] for area in areas for x in area[0]], _FLOOR_PATCH
+    )
+    all_rows = split_positions(
+        world.y[1] - corner[1], [y - corner[1] for area in areas for y in area[1]], _FLOOR_PATCH
+    )
+    for i in range(len(all_columns) - 1):
+        for j in range(len(all_rows) - 1):
+            columns, rows = all_columns[i : i + 2], all_rows[j : j + 2]
+            middle = corner[0] + columns.mean(), corner[1] + rows.mean()
+            room = _room_at(world, *middle)
+            floor = (room and room.floor) or world.floor
+            if drop_at(world, *middle) is None:
+                yield _patch(floor, corner, ex, ey, columns, rows)
+            ceiling = (room and room.ceiling) or world.ceiling
+            if ceiling is not None:
+                yield _patch(ceiling, corner + height * ez, ey, ex, rows, columns)
+
+
+def drop_patches(world: WorldSpec) -> Iterator[SurfacePatch]:
+    """Treads, sides and risers of the drops."""
+    for drop in world.drops:
+        for tread in treads_of(drop):
+            yield from _tread_patches(tread, drop.texture, drop.walls)
+
+
+def wall_patches(world: WorldSpec, wall: Solid) -> Iterator[SurfacePatch]:
+    """The faces of one wall piece, each patch with the texture of the room in front of it."""
+    assert isinstance(wall.shape, Rectangle)  # noqa: S101 - walls and lintels are
+    corners = wall.shape.corners
+    ez = np.array([0.0, 0.0, 1.0])
+    rows = split_positions(wall.top - wall.bottom)
+    for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        length = math.dist(start, end)
+        right = np.array([*(end - start) / length, 0.0])
+        outward = np.array([right[1], -right[0]])
+        corner = np.array([*start, wall.bottom])
+        columns = split_positions(length, _room_edges(world, start, right[:2]))
+        for i in range(len(columns) - 1):
+            middle = start + columns[i : i + 2].mean() * right[:2] + 0.02 * outward
+            room = _room_at(world, *middle)
+            texture = (room and room.walls) or wall.texture
+            yield from _patches(texture, corner, right, ez, columns[i : i + 2], rows)
+    # top of a wall, and the underside of a lintel
+    a, b, _, d = corners
+    along, across = math.dist(a, b), math.dist(a, d)
+    ex, ey = np.array([*(b - a) / along, 0.0]), np.array([*(d - a) / across, 0.0])
+    columns, rows = split_positions(along), split_positions(across)
+    yield from _patches(wall.texture, np.array([*a, wall.top]), ex, ey, columns, rows)
+    if wall.bottom > 0.0:
+        yield from _patches(wall.texture, np.array([*a, wall.bottom]), ey, ex, rows, columns)
+
+
+def _room_edges(world: WorldSpec, start: Array, right: Array) -> list[float]:
+    """Distances [m] along a wall's face at which edges of rooms intersect it."""
+    cuts = []
+    for room in world.rooms:
+        for axis, edges in enumerate((room.x, room.y)):
+            if abs(right[axis]) > 0.1:
+                cuts += [float((edge - start[axis]) / right[axis]) for edge in edges]
+    return cuts
+
+
+def _room_at(world: WorldSpec, x: float, y: float) -> RoomSpec | None:
+    for room in world.rooms:
+        if room.x[0] <= x <= room.x[1] and room.y[0] <= y <= room.y[1]:
+            return room
+    return None
+
+
+def _tread_patches(tread: Tread, texture: str, walls: str) -> Iterator[SurfacePatch]:
+    """A tread and the vertical faces around it."""
+    ex, ey, ez = np.eye(3)
+    corner = np.array([tread.x[0], tread.y[0], -tread.depth])
+    columns, rows = (
+        split_positions(high - low, longest=_FLOOR_PATCH) for low, high in (tread.x, tread.y)
+    )
+    yield from _patches(texture, corner, ex, ey, columns, rows)
+    for left, right, top in tread.walls():
+        length = math.dist(left, right)
+        along = np.array([right[0] - left[0], right[1] - left[1], 0.0]) / length
+        corner = np.array([*left, -tread.depth])
+        columns, rows = split_positions(length), split_positions(top + tread.depth)
+        yield from _patches(walls, corner, along, ez, columns, rows)
+
+
+def _patches(
+    texture: str, corner: Array, right: Array, up: Array, columns: Array, rows: Array
+) -> Iterator[SurfacePatch]:
+    """A face, split at all ``columns`` and ``rows`` [m]."""
+    for i in range(len(columns) - 1):
+        for j in range(len(rows) - 1):
+            yield _patch(texture, corner, right, up, columns[i : i + 2], rows[j : j + 2])
+
+
+def _patch(
+    texture: str, corner: Array, right: Array, up: Array, columns: Array, rows: Array
+) -> SurfacePatch:
+    """The patch of a face between two columns and two rows."""
+    mesh = Mesh()
+    mesh.add_patch(corner, right, up, columns, rows, _NO_SHIFT)
+    x, y, z = (float(n) for n in np.cross(right, up))
+    return SurfacePatch(texture, mesh, (x, y, z, float(np.dot((x, y, z), corner))))
+
+
+# --- boxes and cylinders ----------------------------------------------------------------------
+
+
+def solid_patch(solid: Solid) -> SurfacePatch:
+    """A box or cylinder as one patch."""
+    centre = (solid.shape.x, solid.shape.y, 0.5 * (solid.bottom + solid.top))
+    mesh = Mesh()
+    mesh.add_mesh(solid_mesh(solid), centre, solid_yaw(solid))
+    return SurfacePatch(solid.texture, mesh)
+
+
+def solid_mesh(solid: Solid, margin: float = 0.0) -> Mesh:
+    """The mesh of a solid around its own centre, enlarged by ``margin`` [m] on all sides."""
+    height, shape, shift = solid.top - solid.bottom, solid.shape, texture_shift(solid.name)
+    height += 2.0 * margin
+    if isinstance(shape, Rectangle):
+        size = (2 * (shape.half_x + margin), 2 * (shape.half_y + margin), height)
+        return box_mesh(size, shift)
+    return cylinder_mesh(shape.radius + margin, height, shift, side_count(shape.radius))
+
+
+def solid_yaw(solid: Solid) -> float:
+    """Yaw [rad] of a solid's mesh in the map."""
+    return solid.shape.yaw if isinstance(solid.shape, Rectangle) else 0.0
+
+
+def texture_shift(name: str) -> Array:
+    """Translation (2,) [m] of a solid's texture: equal solids differ in appearance."""
+    return np.array(divmod(zlib.crc32(name.encode()) % 10_000, 100)) * 0.02
+
+
+# --- grouping ---------------------------------------------------------------------------------
+
+
+def merged_parts(patches: Sequence[SurfacePatch]) -> Iterable[tuple[str, Mesh, PartBounds]]:
+    """Patches of one texture merged: by plane if that gives few enough parts, else by area."""
+    for key in _grouping_keys():
+        parts: dict[tuple[object, ...], list[SurfacePatch]] = {}
+        for patch in patches:
+            parts.setdefault((patch.texture, *key(patch)), []).append(patch)
+        if len(parts) <= _MAX_PARTS:
+            break
+    for part in parts.values():
+        mesh = Mesh()
+        for patch in part:
+            mesh.append(patch.mesh)
+        planes = {_rounded(patch.plane) for patch in part}
+        plane = part[0].plane if len(planes) == 1 else None
+        direction = 0.0
+        if plane is not None:
+            direction = math.atan2(plane[0], -plane[1]) if abs(plane[2]) < 0.5 else 0.0
+            plane = (*plane[:3], plane[3] - _PLANE_MARGIN)
+        yield part[0].texture, mesh, PartBounds.around(np.array(mesh.vertices), direction, plane)
+
+
+def _grouping_keys() -> Iterator[Callable[[SurfacePatch], tuple[object, ...]]]:
+    """Keys by which patches are grouped, from many parts to few."""
+    for edge in _BLOCKS:
+        yield partial(_plane_key, edge=edge)
+    for edge in _BLOCKS:
+        yield partial(_block_key, edge=edge)
+    yield lambda _: ()
+
+
+def _block_key(patch: SurfacePatch, edge: float) -> tuple[object, ...]:
+    x, y = patch.centre
+    return math.floor(x / edge), math.floor(y / edge)
+
+
+def _plane_key(patch: SurfacePatch, edge: float) -> tuple[object, ...]:
+    if patch.plane is not None and patch.plane[2] > 0.5 and patch.plane[3] > 0.0:
+        return ("top",)  # tops of walls are never visible to the robot
+    return (_rounded(None if patch.narrow else patch.plane), *_block_key(patch, edge))
+
+
+def _rounded(plane: Plane | None) -> tuple[float, ...] | None:
+    return None if plane is None else tuple(round(value, 6) + 0.0 for value in plane)
