@@ -1,8 +1,10 @@
-"""The nine kinds of plugin: each a small base class with the one method that its room asks for.
+"""The kinds of plugin: one small base class each.
 
-A plugin is constructed with the robot's model and its validated parameters, is told ``reset()`` at
-the start of every run, and keeps no state outside itself. Which plugin of each kind runs, with
-which parameters, is said in a stack file (``navfw/stacks``).
+A plugin is constructed with the robot's model and its validated parameters. ``reset()`` is called
+at the start of every run; a plugin keeps no state outside itself. Nine kinds are stages of the
+stack or parts of MOFIS; a stack file (``navfw/stacks``) names the plugin of each and its
+parameters. Three kinds extend worlds and missions: landmark kinds, mission events, families of
+generated worlds.
 """
 
 from __future__ import annotations
@@ -20,6 +22,7 @@ from navfw.signals import (
     FlowField,
     Frame,
     FramePair,
+    Image,
     LandmarkDetection,
     Odometry,
     PassageQuery,
@@ -32,8 +35,12 @@ from navfw.signals import (
 )
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from navfw.mofis.context import Context
+    from navfw.sim.worldspec import WorldSpec
     from navfw.topomap import TopoMap
+    from navfw.worldgen.world_draft import WorldDraft
 
 __all__ = [
     "KINDS",
@@ -43,11 +50,14 @@ __all__ = [
     "FeatureRecognizer",
     "FlowProcessor",
     "Fusion",
+    "LandmarkKind",
     "Localizer",
+    "MissionEvent",
     "Params",
     "Perception",
     "Planner",
     "Plugin",
+    "WorldFamily",
 ]
 
 
@@ -62,10 +72,10 @@ class Params(BaseModel):
 
 
 class Plugin(ABC):
-    """What all kinds share.
+    """The base of all kinds.
 
-    ``name`` is what stack files call it; ``Params`` declares its parameters. ``oracle`` marks a
-    plugin that needs truth no robot has: a stack file that names it must say ``oracle: true``.
+    ``name`` is its name in files; ``Params`` declares its parameters. ``oracle`` marks a plugin
+    that needs the simulator's truth: a stack file that names it must set ``oracle: true``.
     """
 
     kind: ClassVar[str]
@@ -73,7 +83,7 @@ class Plugin(ABC):
     oracle: ClassVar[bool] = False
 
     class Params(Params):
-        """No parameters, unless a plugin says otherwise."""
+        """No parameters, unless a plugin declares some."""
 
     params: Params
 
@@ -82,7 +92,7 @@ class Plugin(ABC):
         self.params = self.Params() if params is None else params
 
     def reset(self) -> None:  # noqa: B027 - a plugin without state need not override it
-        """Forget the last run; called once before each run."""
+        """Back to the start of a run; called once before each run."""
 
 
 class FlowProcessor(Plugin):
@@ -94,13 +104,13 @@ class FlowProcessor(Plugin):
     def compute(self, pair: FramePair) -> FlowField:
         """Flow of ``pair.now`` against ``pair.past``, not derotated, on the plugin's grid.
 
-        ``pair.motion.rotation`` may serve to predict where to search; the result must contain the
-        whole motion all the same.
+        ``pair.motion.rotation`` may serve to predict the search range; the result contains the
+        rotational flow all the same.
         """
 
 
 class Perception(Plugin):
-    """OFFIS (paper sec 4, 5): a derotated flow field in, fuzzy and metric knowledge out."""
+    """OFFIS (paper sec 4, 5): a derotated flow field in, a percept out."""
 
     kind = "perception"
 
@@ -112,8 +122,8 @@ class Perception(Plugin):
 class FeatureRecognizer(Plugin):
     """Feature Recognition Processor (paper sec 2): landmarks from single images.
 
-    One that sets ``landmark_frames`` is given the larger frames that the camera takes for landmarks
-    (``RobotModel.landmark_view``), at their lower rate, and no others; only for it are they taken.
+    With ``landmark_frames`` it gets the larger frames at a lower rate
+    (``RobotModel.landmark_view``) and no others; they are taken only if a plugin asks for them.
     """
 
     kind = "features"
@@ -180,9 +190,9 @@ class Planner(Plugin):
 class Behavior(Plugin):
     """A primitive behaviour of MOFIS (paper Fig. 1): from the context, a proposal.
 
-    One that sets ``handles_moving_obstacles`` judges commands by where they meet movers
-    (``context.encounters``). While one is there, the others need not: ``context.arcs`` and
-    ``context.ranges`` then know of what stands alone. Without one, movers are things like others.
+    With ``handles_moving_obstacles`` it rates commands by their conflicts with moving obstacles
+    (``context.conflicts``). While such a behaviour proposes, ``context.arcs`` and
+    ``context.ranges`` cover static obstacles only; without one, moving obstacles count as occupied.
     """
 
     kind = "behavior"
@@ -190,11 +200,11 @@ class Behavior(Plugin):
 
     @abstractmethod
     def propose(self, context: Context) -> Proposal:
-        """How applicable this behaviour is now, what it desires, and what it forbids."""
+        """Applicability now, and desirability and prohibition of every command."""
 
 
 class Composite(Plugin):
-    """A composite behaviour of MOFIS (paper Fig. 1): what its primitives have to say just now."""
+    """A composite behaviour of MOFIS (paper Fig. 1): weights of the primitives."""
 
     kind = "composite"
 
@@ -202,7 +212,7 @@ class Composite(Plugin):
     def weigh(self, context: Context) -> Mapping[str, float]:
         """The degree in [0, 1] to which each primitive is applicable; 1 for those not named.
 
-        It multiplies the applicability that the primitive finds for itself.
+        It multiplies the applicability of the primitive's own proposal.
         """
 
     def explain(self) -> Sequence[Mapping[str, Any]]:
@@ -217,17 +227,66 @@ class Fusion(Plugin):
 
     @abstractmethod
     def fuse(self, context: Context, proposals: Mapping[str, Proposal]) -> Command:
-        """The command that serves the proposals (by behaviour name) best."""
+        """The fused command from the proposals, by behaviour name."""
 
 
 class Controller(Plugin):
-    """LOCOM (paper sec 2): realises the fused command within the limits of the drive."""
+    """LOCOM (paper sec 2): follows the fused command within the limits of the drive."""
 
     kind = "controller"
 
     @abstractmethod
     def control(self, command: Command | None, odometry: Odometry, dt: float) -> Twist:
         """The twist to drive for the next ``dt`` [s]; ``command`` None means: stand still."""
+
+
+class LandmarkKind(Plugin):
+    """A kind of landmark: a flat upright square with a picture, one for each id.
+
+    World and map files name it as a landmark's ``kind``. Recognition is up to a
+    ``FeatureRecognizer``, whose detections have the identity ``NAME-ID``.
+    """
+
+    kind = "landmark"
+    ids: ClassVar[int] = 1_000_000
+    default_size: ClassVar[float] = 0.5
+
+    def plate_side(self, size: float) -> float:
+        """Side [m] of the plate on which a landmark of that ``size`` [m] is shown."""
+        return size
+
+    @abstractmethod
+    def plate_image(self, number: int) -> Image:
+        """The plate of id ``number``, seen frontally: (N, N) uint8 luminance."""
+
+
+class MissionEvent(Plugin):
+    """A mission event composed of shipped ones: ``events: [{at: 3, plugin: {NAME: {...}}}]``.
+
+    The parameters in the mission file are those of ``Params``. The simulator applies the events;
+    the stack gets no information about them.
+    """
+
+    kind = "event"
+
+    @abstractmethod
+    def actions(self, world: WorldSpec) -> Sequence[Mapping[str, Any]]:
+        """The actions that begin together, as in mission files: ``{"light": {"share": 0.2}}``."""
+
+
+class WorldFamily(Plugin):
+    """A family of generated worlds, for ``navfw generate`` and suites."""
+
+    kind = "family"
+
+    @abstractmethod
+    def build(self, rng: np.random.Generator, difficulty: float) -> WorldDraft:
+        """One world drawn with ``rng``; ``difficulty`` is in [0, 1].
+
+        Raises:
+            navfw.worldgen.world_draft.Unsuitable: the draw is not usable; another one is tried.
+
+        """
 
 
 KINDS: dict[str, type[Plugin]] = {
@@ -242,5 +301,8 @@ KINDS: dict[str, type[Plugin]] = {
         Planner,
         Fusion,
         Controller,
+        LandmarkKind,
+        MissionEvent,
+        WorldFamily,
     )
 }

@@ -1,20 +1,31 @@
-"""What landmarks look like: the plates that worlds show and that recognisers look for.
+"""Kinds of landmark and their appearance: the plates that worlds show and recognisers detect.
 
-A landmark is a flat upright square. ``aruco`` markers stand on a white plate a third larger than
-themselves, since a marker is only found by its contrast to a bright rim; the ``size`` of a landmark
-is the side of the black square. A ``poster`` is a picture without a rim, and ``size`` is its side.
+A landmark is a flat upright square. Other kinds than the two here are plugins.
 """
 
 from __future__ import annotations
 
 from functools import lru_cache
+from pathlib import Path
+from typing import ClassVar, cast
 
 import cv2
 import numpy as np
 
+from navfw.errors import InputError
+from navfw.interfaces import LandmarkKind
+from navfw.robot import RobotModel
 from navfw.signals import Array, Image
 
-__all__ = ["ARUCO_IDS", "identity_of", "marker_dictionary", "plate_image", "plate_side"]
+__all__ = [
+    "ARUCO_IDS",
+    "ArucoMarker",
+    "Poster",
+    "check_landmark_kind",
+    "identity_of",
+    "landmark_kind",
+    "marker_dictionary",
+]
 
 ARUCO_IDS = 1000
 """Ids of the largest dictionary; the smaller ones of 4 x 4 modules are its beginning."""
@@ -44,14 +55,61 @@ def marker_dictionary(ids: int) -> cv2.aruco.Dictionary:
     raise ValueError(f"no dictionary has {ids} ids; the largest has {ARUCO_IDS}")
 
 
-def plate_side(kind: str, size: float) -> float:
-    """Side [m] of the plate on which a landmark of that size is shown."""
-    return size * (_MODULES + 2) / _MODULES if kind == "aruco" else size
+class ArucoMarker(LandmarkKind):
+    """A marker of 4 x 4 modules on a white plate a third larger; its size is the black square's."""
+
+    name: ClassVar[str] = "aruco"
+    ids: ClassVar[int] = ARUCO_IDS
+    default_size: ClassVar[float] = 0.25
+
+    def plate_side(self, size: float) -> float:
+        """Side [m] of the plate: the black square with the white rim."""
+        return size * (_MODULES + 2) / _MODULES
+
+    def plate_image(self, number: int) -> Image:
+        """The marker with its white rim (N, N), luminance."""
+        return _aruco_plate(number)
 
 
-def plate_image(kind: str, number: int) -> Image:
-    """The plate squarely seen (N, N), luminance: marker with its white rim, or poster."""
-    return _aruco_plate(number) if kind == "aruco" else poster_image(number)
+class Poster(LandmarkKind):
+    """A picture made from its id, without a rim; its size is the picture's side."""
+
+    name: ClassVar[str] = "poster"
+
+    def plate_image(self, number: int) -> Image:
+        """The picture (N, N), luminance."""
+        return poster_image(number)
+
+
+_SHIPPED: dict[str, type[LandmarkKind]] = {kind.name: kind for kind in (ArucoMarker, Poster)}
+
+
+def landmark_kind(name: str) -> LandmarkKind:
+    """The kind of landmark of that name: a shipped one, or a plugin.
+
+    Raises:
+        UnknownNameError: there is none.
+        PluginError: the plugin is broken.
+
+    """
+    return (_SHIPPED.get(name) or _plugin_kind(name, Path.cwd()))(RobotModel())
+
+
+@lru_cache(maxsize=64)
+def _plugin_kind(name: str, folder: Path) -> type[LandmarkKind]:
+    """A kind of landmark from the plugins found from ``folder``, the working folder."""
+    from navfw.plugins import default_registry
+
+    return cast(type[LandmarkKind], default_registry().get("landmark", name))
+
+
+def check_landmark_kind(name: str) -> str:
+    """``name`` if a kind of landmark has it; ValueError if none has, for pydantic models."""
+    try:
+        landmark_kind(name)
+    except InputError as error:
+        raise ValueError(str(error)) from None
+    return name
 
 
 def _aruco_plate(number: int) -> Image:

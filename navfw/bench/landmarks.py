@@ -17,7 +17,7 @@ from navfw.signals import Frame, Image, LandmarkDetection, Pose
 from navfw.sim.sensor_models import SensorParams
 from navfw.sim.simulation import Simulation
 from navfw.sim.worldspec import LandmarkPlateSpec, WallSpec, WorldSpec
-from navfw.topomap import Landmark, LandmarkKind, Place, TopoMap
+from navfw.topomap import Landmark, Place, TopoMap
 
 __all__ = ["ANGLES", "DISTANCES", "SIZES", "bench_landmarks", "tables", "view_of"]
 
@@ -25,7 +25,7 @@ DISTANCES = (1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0)
 """From the camera to the landmark [m]."""
 ANGLES = (0, 25, 45, 60)
 """Between the landmark's face and the direction to the camera [deg]."""
-SIZES: Mapping[LandmarkKind, float] = {"aruco": 0.25, "poster": 0.5}
+SIZES: Mapping[str, float] = {"aruco": 0.25, "poster": 0.5}
 """Sides [m]."""
 _LEARNT = 10
 """Posters in the map, so that there is something to mistake one for."""
@@ -59,7 +59,7 @@ def bench_landmarks(
 ) -> dict[str, Any]:
     """Detection, errors and cost by kind, distance and angle, each over so many rendered views."""
     robot = RobotModel()
-    recognizers: Mapping[LandmarkKind, FeatureRecognizer] = {
+    recognizers: Mapping[str, FeatureRecognizer] = {
         "aruco": Aruco(robot),
         "poster": Posters(robot),
     }
@@ -78,7 +78,7 @@ def bench_landmarks(
 
 
 def _bench_kind(
-    kind: LandmarkKind,
+    kind: str,
     recognizer: FeatureRecognizer,
     robot: RobotModel,
     views: int,
@@ -146,7 +146,7 @@ def _rms(values: np.ndarray[Any, np.dtype[np.float64]]) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def _hall(kind: LandmarkKind) -> WorldSpec:
+def _hall(kind: str) -> WorldSpec:
     """A hall with one landmark in the middle of its end wall."""
     outline = ((0.05, 0.05), (9.95, 0.05), (9.95, 11.95), (0.05, 11.95), (0.05, 0.05))
     mark = LandmarkPlateSpec(
@@ -162,7 +162,7 @@ def _hall(kind: LandmarkKind) -> WorldSpec:
     )
 
 
-def _map(kind: LandmarkKind) -> TopoMap:
+def _map(kind: str) -> TopoMap:
     size = SIZES[kind]
     marks = [Landmark(f"mark-{i}", kind, i, 0.0, 0.0, 0.0, size=size) for i in range(_LEARNT)]
     return TopoMap("hall", [Place("here", 2.0, 6.0)], [], landmarks=marks)

@@ -19,9 +19,7 @@ def add_to(app: typer.Typer) -> None:
 
 
 def generate(
-    family: Annotated[
-        str, typer.Argument(help="Family: rooms, clutter, corridors, maze, poles or moving.")
-    ],
+    family: Annotated[str, typer.Argument(help="Family: see navfw plugins --kind family.")],
     seed: Annotated[int, typer.Option(help="Seed; the same one gives the same world.")] = 0,
     difficulty: Annotated[float, typer.Option(help="Difficulty from 0 (easy) to 1.")] = 0.5,
     out: Annotated[

@@ -22,13 +22,13 @@ from navfw.errors import ConfigError, UnknownNameError
 __all__ = [
     "Kind",
     "NamedFile",
-    "behavior_folders",
     "find",
     "find_mission",
     "list_maps",
     "list_missions",
     "list_stacks",
     "list_worlds",
+    "plugin_folders",
     "project_folder",
     "shipped_folder",
 ]
@@ -117,9 +117,11 @@ def _data_folders() -> list[_DataFolders]:
     return found
 
 
-def behavior_folders() -> list[Path]:
-    """The folders with behaviour plugins: the shipped one, then the project's."""
-    return [part.behaviors for part in reversed(_data_folders()) if part.behaviors.is_dir()]
+def plugin_folders() -> list[Path]:
+    """Folders with plugins: the shipped one, then the project's ``behaviors`` and ``plugins``."""
+    folders = [part.behaviors for part in reversed(_data_folders())]
+    folders += [part.behaviors.with_name("plugins") for part in _data_folders()[:-1]]
+    return [folder for folder in folders if folder.is_dir()]
 
 
 def list_worlds() -> list[NamedFile]:

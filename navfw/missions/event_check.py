@@ -4,16 +4,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import Any, NoReturn
+from typing import Any, NoReturn, cast
+
+from pydantic import ValidationError
 
 from navfw.config.document import KeyPath, YamlDocument, key_text
-from navfw.errors import ConfigError, UnknownNameError
+from navfw.config.yamlfile import validate
+from navfw.errors import ConfigError, PluginError, UnknownNameError
+from navfw.interfaces import MissionEvent
 from navfw.missions.event_clock import Event
 from navfw.missions.eventspec import BehaviorFault, EventSpec, NearTrigger
+from navfw.robot import RobotModel
 from navfw.sim.drop_geometry import drop_under
 from navfw.sim.event_actions import DoorChange, EventAction, Obstacle, Textureless
 from navfw.sim.textures import STOCK
 from navfw.sim.worldspec import WorldSpec
+from navfw.stack import Stack
+from navfw.stackfile import PluginSource
 from navfw.topomap import TopoMap
 
 __all__ = ["resolve_events", "with_doors_open"]
@@ -25,19 +32,65 @@ def resolve_events(
     timeout: float,
     topo_map: TopoMap,
     world: WorldSpec,
-    behaviors: Iterable[str],
+    stack: Stack,
+    plugins: PluginSource,
 ) -> tuple[Event, ...]:
-    """The events of a mission file, checked against map, world and the names of ``behaviors``.
+    """The events of a mission file, checked against map, world and the behaviours of ``stack``.
+
+    An event of a plugin becomes the events that it is composed of.
 
     Raises:
         ConfigError: an event lies after the ``timeout`` [s], or an obstacle off the floor or over a
             drop.
-        UnknownNameError: an event names a place, door, behaviour, wall, object or texture that does
-            not exist.
+        UnknownNameError: an event names a place, door, behaviour, wall, object, texture or plugin
+            that does not exist.
+        PluginError: an event plugin is broken, or its actions are not valid.
 
     """
-    checker = _Checker(document, topo_map, world, tuple(behaviors))
-    return tuple(checker.event(index, spec, timeout) for index, spec in enumerate(specs))
+    checker = _Checker(document, topo_map, world, tuple(stack.mofis.behaviors))
+    return tuple(
+        checker.event(index, part, timeout)
+        for index, spec in enumerate(specs)
+        for part in _parts(document, index, spec, world, stack.robot, plugins)
+    )
+
+
+def _parts(
+    document: YamlDocument,
+    index: int,
+    spec: EventSpec,
+    world: WorldSpec,
+    robot: RobotModel,
+    plugins: PluginSource,
+) -> Iterable[EventSpec]:
+    """The event itself, or the events that its plugin composes it of."""
+    if spec.plugin is None:
+        yield spec
+        return
+    ((name, _),) = spec.plugin.items()
+    path: KeyPath = ("events", index, "plugin")
+    origin = document.origin_of(path)
+    where: dict[str, Any] = {
+        "file": origin.file,
+        "line": origin.line,
+        "key": key_text((*path, name)),
+    }
+    try:
+        plugin = cast(type[MissionEvent], plugins.get("event", name))
+    except UnknownNameError as error:
+        raise UnknownNameError(error.what, error.name, error.known, **where) from None
+    event = plugin(robot, validate(document, plugin.Params, (*path, name)))
+    trigger = spec.model_dump(exclude_unset=True, exclude={"plugin"})
+    try:
+        actions = [dict(action) for action in event.actions(world)]
+        parts = [EventSpec.model_validate({**trigger, **action}) for action in actions]
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        what = f"{'.'.join(map(str, first['loc']))}: {first['msg']}"
+        raise PluginError(f"the event plugin gave an invalid action: {what}", **where) from None
+    except Exception as error:
+        raise PluginError(f"actions raised {type(error).__name__}: {error}", **where) from error
+    yield from parts
 
 
 def with_doors_open(world: WorldSpec, specs: Sequence[EventSpec]) -> WorldSpec:

@@ -14,7 +14,7 @@ Checks against map, world and stack: ``navfw.missions.event_check``.
 
 from __future__ import annotations
 
-from typing import Annotated, Self
+from typing import Annotated, Any, Self
 
 from pydantic import Field, model_validator
 
@@ -90,6 +90,10 @@ class EventSpec(StrictModel):
     behavior: Annotated[BehaviorFault | None, Field(description="a behaviour that fails")] = None
     door: Annotated[DoorChange | None, Field(description="a door that opens or closes")] = None
     obstacle: Annotated[Obstacle | None, Field(description="an obstacle that appears")] = None
+    plugin: Annotated[
+        dict[str, dict[str, Any] | None] | None,
+        Field(min_length=1, max_length=1, description="an event plugin, as {NAME: {parameters}}"),
+    ] = None
 
     @model_validator(mode="after")
     def _one_trigger_one_action(self) -> Self:

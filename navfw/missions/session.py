@@ -278,9 +278,8 @@ def prepare(
     loaded = loaded.placed(seed, opened)
     shortest = loaded.check(opened)
     stack_file = mission_stack(loaded) if stack is None else find("stack", stack)
-    built = Stack.load(
-        stack_file, loaded.spec.robot, loaded.topo_map, registry or _registry(), for_stack
-    )
+    registry = registry or _registry()
+    built = Stack.load(stack_file, loaded.spec.robot, loaded.topo_map, registry, for_stack)
     return Session(
         world_name=world_file.parent.name,
         mission_name=mission_file.stem,
@@ -298,7 +297,8 @@ def prepare(
             loaded.spec.timeout,
             loaded.topo_map,
             world_spec,
-            built.mofis.behaviors,
+            built,
+            registry,
         ),
     )
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from navfw.config.document import shown_path
-from navfw.config.lookup import behavior_folders
+from navfw.config.lookup import plugin_folders
 from navfw.config.type_descriptions import parameters_of
 from navfw.errors import InputError, PluginError, UnknownNameError
 from navfw.interfaces import KINDS, Plugin
@@ -51,6 +51,19 @@ BUILT_IN: dict[str, dict[str, str]] = {
         "pareto": "navfw.mofis.fusion.pareto:ParetoFusion",
     },
     "controller": {"unicycle": "navfw.locom.unicycle:Unicycle"},
+    "landmark": {
+        "aruco": "navfw.landmark_appearance:ArucoMarker",
+        "poster": "navfw.landmark_appearance:Poster",
+    },
+    "event": {"blackout": "navfw.missions.composed_events:Blackout"},
+    "family": {
+        "clutter": "navfw.worldgen.families:Clutter",
+        "corridors": "navfw.worldgen.families:Corridors",
+        "maze": "navfw.worldgen.families:Maze",
+        "moving": "navfw.worldgen.families:Moving",
+        "poles": "navfw.worldgen.families:Poles",
+        "rooms": "navfw.worldgen.families:Rooms",
+    },
 }
 """The shipped plugins as ``module:Class``, by kind and name; imported on first use.
 
@@ -58,9 +71,9 @@ Shipped behaviours are files in ``behaviors/``; listed here are those that impor
 public names of navfw.
 """
 
-GROUPS: dict[str, str] = {
-    f"navfw.{kind if kind.endswith('s') else kind + 's'}": kind for kind in KINDS
-}
+_PLURALS = {"features": "features", "family": "families"}
+
+GROUPS: dict[str, str] = {f"navfw.{_PLURALS.get(kind, kind + 's')}": kind for kind in KINDS}
 """Entry point groups of other packages: ``navfw.behaviors``, ``navfw.flows``, ..."""
 
 
@@ -278,9 +291,9 @@ class Registry:
 def default_registry(folders: Iterable[str | Path] = ()) -> Registry:
     """A registry of all available plugins.
 
-    These are the shipped ones, the project's ``behaviors/``, ``folders``, the entry points of
-    installed packages, and classes decorated with ``plugin``. Of two plugins with the same name,
-    the one earlier in this order is kept.
+    These are the shipped ones, the project's ``behaviors/`` and ``plugins/``, ``folders``, the
+    entry points of installed packages, and classes decorated with ``plugin``. Of two plugins with
+    the same name, the one earlier in this order is kept.
 
     Raises:
         PluginError: one of ``folders`` is not a folder.
@@ -290,7 +303,7 @@ def default_registry(folders: Iterable[str | Path] = ()) -> Registry:
     for kind, plugins in BUILT_IN.items():
         for name, target in plugins.items():
             registry.register_lazily(kind, name, target, "navfw")
-    for folder in (*behavior_folders(), *folders):
+    for folder in (*plugin_folders(), *folders):
         registry.discover_folder(folder)
     registry.discover_entry_points()
     for cls in plugin_import.decorated_plugins():

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from navfw.config.document import KeyPath
-from navfw.landmark_appearance import identity_of, plate_side
+from navfw.landmark_appearance import identity_of, landmark_kind
 from navfw.signals import Array
 from navfw.sim.landmark_plates import plate_axes
 from navfw.sim.shapes import Rectangle
@@ -37,7 +37,7 @@ def landmark_problems(world: WorldSpec) -> Iterator[Problem]:
                 " of a kind its own",
             )
         seen.setdefault(identity, i)
-        half = 0.5 * plate_side(mark.kind, mark.size)
+        half = 0.5 * landmark_kind(mark.kind).plate_side(mark.size)
         if mark.z - half < _LOWEST:
             yield (
                 ("landmarks", i, "z"),

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from navfw.landmark_appearance import plate_side
+from navfw.landmark_appearance import landmark_kind
 from navfw.signals import Array
 from navfw.sim.meshes import Mesh
 from navfw.sim.visibility import PartBounds
@@ -23,7 +23,7 @@ _RIM = 1e-3
 def plate_mesh(mark: LandmarkPlateSpec) -> Mesh:
     """The plate as a mesh in the map frame, its image upright as seen from in front of it."""
     right, normal = plate_axes(mark)
-    half = 0.5 * plate_side(mark.kind, mark.size)
+    half = 0.5 * landmark_kind(mark.kind).plate_side(mark.size)
     middle = np.array([*mark.at, mark.z]) + _STAND_OFF * normal
     up = np.array([0.0, 0.0, half])
     across = half * right

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from navfw.landmark_appearance import plate_image
+from navfw.landmark_appearance import landmark_kind
 from navfw.signals import Array, Image
 from navfw.sim.display import Display
 from navfw.sim.landmark_plates import plate_bounds, plate_mesh
@@ -63,7 +63,7 @@ class Scenery:
         bounds: list[PartBounds] = []
         # roughly front to back: surfaces drawn later are then seldom visible, and not shaded
         for mark in world.landmarks:
-            grey = plate_image(mark.kind, mark.id)
+            grey = landmark_kind(mark.kind).plate_image(mark.id)
             plate = self._load_image(np.repeat(grey[..., None], 3, axis=2))
             self._bodies.append(self._add(plate_mesh(mark), plate))
             bounds.append(plate_bounds(mark))

@@ -12,7 +12,7 @@ from typing import Annotated, Literal, Self
 from pydantic import AfterValidator, Field, model_validator
 
 from navfw.config.strict_model import StrictModel
-from navfw.landmark_appearance import ARUCO_IDS
+from navfw.landmark_appearance import check_landmark_kind, landmark_kind
 
 __all__ = [
     "BoxSpec",
@@ -180,8 +180,9 @@ class LandmarkPlateSpec(StrictModel):
 
     name: Name
     kind: Annotated[
-        Literal["aruco", "poster"],
-        Field(description="ArUco marker of 4 x 4 modules on a white plate, or a picture"),
+        str,
+        AfterValidator(check_landmark_kind),
+        Field(description="aruco: a marker on a white plate; poster: a picture; or a plugin's"),
     ] = "aruco"
     id: Annotated[int, Field(ge=0, le=1_000_000, description="unique within its kind")]
     at: Annotated[Point, Field(description="centre [m]")]
@@ -198,9 +199,12 @@ class LandmarkPlateSpec(StrictModel):
     ] = False
 
     @model_validator(mode="after")
-    def _id_in_dictionary(self) -> Self:
-        if self.kind == "aruco" and self.id >= ARUCO_IDS:
-            raise ValueError(f"markers have ids 0 to {ARUCO_IDS - 1}, got {self.id}")
+    def _id_in_range(self) -> Self:
+        ids = landmark_kind(self.kind).ids
+        if self.id >= ids:
+            raise ValueError(
+                f"landmarks of kind {self.kind} have ids 0 to {ids - 1}, got {self.id}"
+            )
         return self
 
 

@@ -114,7 +114,8 @@ def generated_session(
             spec.timeout,
             made.topo_map,
             made.world,
-            built.mofis.behaviors,
+            built,
+            registry,
         ),
     )
 

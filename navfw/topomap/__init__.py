@@ -9,10 +9,8 @@ estimates landmark poses from a drive.
 from __future__ import annotations
 
 from navfw.topomap.elements import (
-    LANDMARK_KINDS,
     PLACE_KINDS,
     Landmark,
-    LandmarkKind,
     Passage,
     Place,
     PlaceKind,
@@ -21,10 +19,8 @@ from navfw.topomap.mapfile import load_map
 from navfw.topomap.topological_map import PassageProjection, TopoMap
 
 __all__ = [
-    "LANDMARK_KINDS",
     "PLACE_KINDS",
     "Landmark",
-    "LandmarkKind",
     "Passage",
     "PassageProjection",
     "Place",

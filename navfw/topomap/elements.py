@@ -10,10 +10,8 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 __all__ = [
-    "LANDMARK_KINDS",
     "PLACE_KINDS",
     "Landmark",
-    "LandmarkKind",
     "Passage",
     "Place",
     "PlaceKind",
@@ -21,11 +19,8 @@ __all__ = [
 
 PlaceKind = Literal["room", "door", "corridor", "junction", "corner", "danger"]
 
-LandmarkKind = Literal["aruco", "poster"]
 
 PLACE_KINDS: tuple[PlaceKind, ...] = get_args(PlaceKind)
-
-LANDMARK_KINDS: tuple[LandmarkKind, ...] = get_args(LandmarkKind)
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +77,7 @@ class Landmark:
     """
 
     name: str
-    kind: LandmarkKind
+    kind: str
     id: int
     x: float
     y: float

@@ -16,8 +16,10 @@ import numpy as np
 import numpy.typing as npt
 
 from navfw.errors import MapError
+from navfw.interfaces import LandmarkKind
+from navfw.landmark_appearance import landmark_kind
 from navfw.signals import Array, LandmarkDetection, Odometry, Pose, wrap_angle
-from navfw.topomap.elements import Landmark, LandmarkKind
+from navfw.topomap.elements import Landmark
 from navfw.topomap.topological_map import TopoMap
 
 __all__ = ["LandmarkEstimate", "LandmarkMapper", "with_landmarks"]
@@ -32,8 +34,6 @@ _MAX_POSES = 600
 """Poses in the graph: beyond this number they are thinned out, as the cost grows with the cube."""
 _DEFAULT_HEIGHT = 0.35
 """Height [m] given to landmarks that are not in the map yet: detections do not measure it."""
-_DEFAULT_SIZE: Mapping[LandmarkKind, float] = {"aruco": 0.25, "poster": 0.5}
-"""Sides [m] that the recognisers assume of landmarks that are not in the map."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,7 +199,8 @@ def with_landmarks(topo_map: TopoMap, estimates: Sequence[LandmarkEstimate]) -> 
     """The map with the estimates: known landmarks moved (size and height kept), others added.
 
     Raises:
-        MapError: an identity is not of the form ``aruco-7`` or ``poster-3``.
+        MapError: an identity is not of the form ``KIND-NUMBER``, as ``aruco-7``.
+        UnknownNameError: there is no such kind of landmark.
 
     """
     marks = {mark.identity: mark for mark in topo_map.landmarks.values()}
@@ -209,9 +210,9 @@ def with_landmarks(topo_map: TopoMap, estimates: Sequence[LandmarkEstimate]) -> 
         kind, number = _parsed(estimate.identity)
         name = old.name if old is not None else _unused(estimate.identity, names)
         names.add(name)
-        height, size = (_DEFAULT_HEIGHT, _DEFAULT_SIZE[kind]) if old is None else (old.z, old.size)
+        height, size = (_DEFAULT_HEIGHT, kind.default_size) if old is None else (old.z, old.size)
         pose = round(estimate.x, 3), round(estimate.y, 3), round(estimate.yaw, 3)
-        marks[estimate.identity] = Landmark(name, kind, number, *pose, z=height, size=size)
+        marks[estimate.identity] = Landmark(name, kind.name, number, *pose, z=height, size=size)
     return TopoMap(
         topo_map.name,
         list(topo_map.places.values()),
@@ -223,11 +224,11 @@ def with_landmarks(topo_map: TopoMap, estimates: Sequence[LandmarkEstimate]) -> 
 
 def _parsed(identity: str) -> tuple[LandmarkKind, int]:
     kind, _, number = identity.rpartition("-")
-    if kind not in _DEFAULT_SIZE or not number.isdecimal():
+    if not kind or not number.isdecimal():
         raise MapError(
             f"{identity!r} is not the identity of a landmark; expected kind and id, as in aruco-7"
         )
-    return ("aruco" if kind == "aruco" else "poster"), int(number)
+    return landmark_kind(kind), int(number)
 
 
 def _unused(wanted: str, taken: set[str]) -> str:

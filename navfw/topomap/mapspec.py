@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from navfw.config.strict_model import StrictModel
-from navfw.topomap.elements import LandmarkKind, PlaceKind
+from navfw.landmark_appearance import check_landmark_kind
+from navfw.topomap.elements import PlaceKind
 
 __all__ = ["EdgeSpec", "MapLandmarkSpec", "MapSpec", "PlaceSpec"]
 
@@ -46,7 +47,11 @@ class EdgeSpec(StrictModel):
 class MapLandmarkSpec(StrictModel):
     """A landmark as the file has it: a flat upright square."""
 
-    kind: Annotated[LandmarkKind, Field(description="how it is recognised")] = "aruco"
+    kind: Annotated[
+        str,
+        AfterValidator(check_landmark_kind),
+        Field(description="aruco, poster, or the name of a plugin"),
+    ] = "aruco"
     id: Annotated[int, Field(ge=0, le=1_000_000, description="its own among those of its kind")]
     x: Annotated[Coordinate, Field(description="of the centre, in the map frame [m]")]
     y: Annotated[Coordinate, Field(description="of the centre, in the map frame [m]")]

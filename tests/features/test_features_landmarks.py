@@ -18,7 +18,7 @@ from navfw.features.aruco import Aruco
 from navfw.features.combined_landmarks import Landmarks
 from navfw.features.posters import Posters
 from navfw.features.square_localization import is_upright, locate, locate_with_covariance
-from navfw.landmark_appearance import marker_dictionary, plate_image, poster_image
+from navfw.landmark_appearance import landmark_kind, marker_dictionary, poster_image
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Array, Frame, Image, Pose
 from navfw.sim.sensor_models import SensorParams
@@ -123,7 +123,7 @@ def test_markers_are_found_and_placed_as_their_covariance_says(hall: Simulation)
 def test_large_markers_are_not_lost_to_their_rims() -> None:
     """The trap of METHOD 4.6: the outline of the white plate, taken for the marker's double."""
     recognizer, rng = Aruco(ROBOT), np.random.default_rng(2)
-    plate = plate_image("aruco", 7)
+    plate = landmark_kind("aruco").plate_image(7)
     for side in (32, 48, 64, 80, 90):
         image = np.full((96, 480), 110, np.uint8)
         image[2 : 2 + side, 200 : 200 + side] = cv2.resize(
@@ -138,7 +138,9 @@ def test_large_markers_are_not_lost_to_their_rims() -> None:
 
 def test_markers_that_do_not_stand_upright_are_none_of_ours() -> None:
     image = np.full((96, 480), 110, np.uint8)
-    plate = cv2.resize(plate_image("aruco", 7), (60, 60), interpolation=cv2.INTER_AREA)
+    plate = cv2.resize(
+        landmark_kind("aruco").plate_image(7), (60, 60), interpolation=cv2.INTER_AREA
+    )
     image[10:70, 100:160] = np.rot90(plate)
     assert Aruco(ROBOT).recognize(Frame(0.0, image)) == ()
 

@@ -43,7 +43,7 @@ WRONG = [
     ("{at: soon, camera: black}", "events[1].at", "got the text 'soon'"),
     ("{att: 1, camera: black}", "events[1].att", "did you mean 'at'?"),
     ("{camera: black}", "events[1]", "exactly one of at, near; got none"),
-    ("{at: 1}", "events[1]", "obstacle; got none of them"),
+    ("{at: 1}", "events[1]", "obstacle, plugin; got none of them"),
     ("{at: 1, camera: black, gyro: dropout}", "events[1]", "got camera and gyro"),
     ("{at: 1, near: {x: 1, y: 1, within: 1}, camera: black}", "events[1]", "got at and near"),
     ("{at: 1, lasting: 0, camera: black}", "events[1].lasting", "expected a number > 0"),

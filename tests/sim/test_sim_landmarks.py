@@ -12,7 +12,7 @@ import pytest
 
 from navfw.config.lookup import find
 from navfw.errors import ConfigError, WorldError
-from navfw.landmark_appearance import plate_image, plate_side
+from navfw.landmark_appearance import landmark_kind
 from navfw.robot import RobotModel
 from navfw.signals import Pose
 from navfw.sim.event_actions import CameraFault
@@ -112,7 +112,7 @@ def test_a_plate_changes_only_its_own_pixels(marked: WorldSpec, bare: WorldSpec)
         changed = image != plain
         rows, columns = np.nonzero(changed)
         # seen from 1.85 m: a third of a metre, to the right of the middle
-        expected = ROBOT.camera.focal * plate_side("aruco", 0.25) / 1.85
+        expected = ROBOT.camera.focal * landmark_kind("aruco").plate_side(0.25) / 1.85
         assert np.ptp(rows) + 1 == pytest.approx(expected, abs=2.5)
         assert np.ptp(columns) + 1 == pytest.approx(expected, abs=3.5)
         assert depth[changed].max() < 2.0
@@ -127,8 +127,12 @@ def test_a_plate_is_drawn_upright_and_not_mirrored(marked: WorldSpec) -> None:
     large = ROBOT.model_copy(update={"camera": ROBOT.landmark_view})
     with Simulation(marked, large, Pose(3.0, 2.5, 0.0), 0, PERFECT) as simulation:
         image, _ = simulation.render_from(Pose(3.7, 2.5, 0.0))
-    side = round(plate_side("aruco", 0.25) / (1.25 - 0.1 - 0.006) * large.camera.focal)
-    plate = cv2.resize(plate_image("aruco", 1), (side, side), interpolation=cv2.INTER_AREA)
+    side = round(
+        landmark_kind("aruco").plate_side(0.25) / (1.25 - 0.1 - 0.006) * large.camera.focal
+    )
+    plate = cv2.resize(
+        landmark_kind("aruco").plate_image(1), (side, side), interpolation=cv2.INTER_AREA
+    )
     scores = [
         float(cv2.matchTemplate(image, turned, cv2.TM_CCOEFF_NORMED).max())
         for turned in (plate, plate[:, ::-1], plate[::-1], np.rot90(plate))
