@@ -110,7 +110,7 @@ def test_sigma_tells_the_size_of_the_error() -> None:
     trusted = flow.confidence > 0.5
     ratio = np.abs(error[trusted]) / flow.sigma[trusted][:, None]
     assert (ratio < 2.0).mean() > 0.9
-    assert (ratio < 0.1).mean() < 0.5  # an all too careful sigma would be useless
+    assert (ratio < 0.1).mean() < 0.5  # sigma must not be far too large either
 
 
 @pytest.mark.parametrize("grey", [0, 128, 255])

@@ -45,7 +45,7 @@ def test_it_is_the_true_flow(axis: int, angle: float, way: float) -> None:
     scene = room(CAMERA)
     pair, truth = scene.pair(motion)
     ideal = Ideal(ROBOT)
-    ideal.set_truth(Known(scene.look(np.eye(3), np.zeros(3), 1)[1], motion))
+    ideal.set_truth(Known(scene.render(np.eye(3), np.zeros(3), 1)[1], motion))
     flow = ideal.compute(pair)
     seen = flow.confidence > 0
     off = np.linalg.norm(flow.vectors - cell_truth(truth, flow.points, CAMERA), axis=-1)

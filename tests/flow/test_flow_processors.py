@@ -75,8 +75,8 @@ def test_sigma_tells_the_size_of_the_error(processor: FlowProcessor) -> None:
     trusted = flow.confidence > 0.5
     ratio = error[trusted] / flow.sigma[trusted][:, None]
     assert (ratio < 2.0).mean() > 0.85
-    assert (ratio < 0.05).mean() < 0.5  # an all too careful sigma would be useless
-    # where it says less sure, it is
+    assert (ratio < 0.05).mean() < 0.5  # sigma must not be far too large either
+    # larger sigma means larger errors
     sigma, off = flow.sigma[trusted], error[trusted].max(axis=-1)
     middle = np.median(sigma)
     assert off[sigma > middle].mean() > off[sigma < middle].mean()

@@ -12,7 +12,7 @@ from navfw.flow.grid import grid_points
 from navfw.robot import CameraModel
 from navfw.signals import Array, CameraMotion, FlowField, Frame, FramePair, Image
 
-TILE = 2.0  # metres a texture covers before it repeats
+TILE = 2.0  # period of the textures [m]
 TEXELS = 256
 
 
@@ -26,7 +26,7 @@ def smooth_texture(rng: np.random.Generator) -> Array:
         spectrum = np.fft.fft2(rng.normal(size=(TEXELS, TEXELS)))
         blurred = np.fft.ifft2(spectrum * np.exp(-2.0 * (np.pi * sigma) ** 2 * squared)).real
         total += blurred / blurred.std()
-    return total / total.std()
+    return np.asarray(total / total.std())
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class Scene:
         xs, ys = np.meshgrid(x, y)
         return np.stack([xs, ys, np.full_like(xs, self.camera.focal)], -1) / self.camera.focal
 
-    def look(self, attitude: Array, position: Array, scale: int = 2) -> tuple[Image, Array]:
+    def render(self, attitude: Array, position: Array, scale: int = 2) -> tuple[Image, Array]:
         """Image and depth from ``position``; ``attitude`` turns camera axes into scene axes."""
         rays = self.rays(scale) @ attitude.T
         depth = np.full(rays.shape[:2], np.inf)
@@ -81,11 +81,11 @@ class Scene:
     def pair(self, motion: CameraMotion, noise: float = 0.0) -> tuple[FramePair, Array]:
         """Frames before and after ``motion``, and the true flow (height, width, 2) [px].
 
-        The current camera is the scene's first one; the past camera stands where ``motion`` says.
+        The current camera is the first camera of the scene; ``motion`` determines the past one.
         """
-        _, depth = self.look(np.eye(3), np.zeros(3), 1)
-        now, _ = self.look(np.eye(3), np.zeros(3))
-        past, _ = self.look(motion.rotation, -motion.translation)
+        _, depth = self.render(np.eye(3), np.zeros(3), 1)
+        now, _ = self.render(np.eye(3), np.zeros(3))
+        past, _ = self.render(motion.rotation, -motion.translation)
         if noise:
             rng = np.random.default_rng(5)
             past, now = (
@@ -100,7 +100,7 @@ def true_flow(rays: Array, depth: Array, motion: CameraMotion, focal: float) -> 
     """Flow at current points (..., 3: x, y, focal) seen at ``depth``: now - past [px]."""
     now = rays / focal * depth[..., None]
     past = (now + motion.translation) @ motion.rotation
-    return rays[..., :2] - focal * past[..., :2] / past[..., 2:]
+    return np.asarray(rays[..., :2] - focal * past[..., :2] / past[..., 2:])
 
 
 def _sample(texture: Array, u: Array, v: Array) -> Array:
@@ -110,7 +110,7 @@ def _sample(texture: Array, u: Array, v: Array) -> Array:
     x0, y0, x1, y1 = x0 % TEXELS, y0 % TEXELS, (x0 + 1) % TEXELS, (y0 + 1) % TEXELS
     top = texture[y0, x0] * (1 - fx) + texture[y0, x1] * fx
     bottom = texture[y1, x0] * (1 - fx) + texture[y1, x1] * fx
-    return top * (1 - fy) + bottom * fy
+    return np.asarray(top * (1 - fy) + bottom * fy)
 
 
 def cell_truth(flow: Array, points: Array, camera: CameraModel) -> Array:
@@ -119,7 +119,7 @@ def cell_truth(flow: Array, points: Array, camera: CameraModel) -> Array:
     y = points[..., 1] + 0.5 * camera.height
     x0, y0 = np.floor(x - 0.5).astype(int), np.floor(y - 0.5).astype(int)
     x1, y1 = np.floor(x).astype(int), np.floor(y).astype(int)
-    return (flow[y0, x0] + flow[y0, x1] + flow[y1, x0] + flow[y1, x1]) / 4.0
+    return np.asarray((flow[y0, x0] + flow[y0, x1] + flow[y1, x0] + flow[y1, x1]) / 4.0)
 
 
 @cache

@@ -1,4 +1,4 @@
-"""Images of a textured wall that comes nearer: a zoom, whose time to contact is known exactly."""
+"""Images of an approaching textured wall: a zoom with exactly known time to contact."""
 
 from __future__ import annotations
 
@@ -20,15 +20,16 @@ def texture(seed: int = 0, size: int = 1200) -> Image:
         noise = cv2.GaussianBlur(
             rng.standard_normal((size, size)).astype(np.float32), (0, 0), sigma
         )
-        total += noise / float(noise.std())
+        total += np.asarray(noise / float(noise.std()), np.float32)
     total = 128.0 + 35.0 * total / float(total.std())
     return np.clip(total, 0, 255).astype(np.uint8)
 
 
 def wall_at(distance: float, picture: Image, turned: float = 0.0) -> Image:
-    """The wall from ``distance`` (1: one pixel a texel), the camera rolled by ``turned`` [deg]."""
+    """The wall at ``distance`` (1: one pixel per texel), the camera rolled by ``turned`` [deg]."""
     middle = 0.5 * np.array([picture.shape[1], picture.shape[0]])
-    matrix = cv2.getRotationMatrix2D((middle[0], middle[1]), turned, 1.0 / distance)
+    rotation = cv2.getRotationMatrix2D((middle[0], middle[1]), turned, 1.0 / distance)
+    matrix = np.asarray(rotation, dtype=np.float64)
     matrix[:, 2] += 0.5 * np.array([WIDTH, HEIGHT]) - middle
     return np.asarray(cv2.warpAffine(picture, matrix, (WIDTH, HEIGHT)), dtype=np.uint8)
 

@@ -300,9 +300,9 @@ def test_paper_mode_finds_the_situations_of_the_paper(
 
 def test_the_explanation_is_plain_data_with_rules_and_numbers() -> None:
     percept = perceive(corridor())
-    told = json.loads(json.dumps(dict(percept.explanation)))
+    explained = json.loads(json.dumps(dict(percept.explanation)))
     assert (
-        set(told)
+        set(explained)
         == set(percept.explanation)
         == {
             "mode",
@@ -319,16 +319,16 @@ def test_the_explanation_is_plain_data_with_rules_and_numbers() -> None:
     )
     assert len(percept.explanation) == 10
     assert percept.explain() == {"sentence": percept.sentence, **dict(percept.explanation)}
-    assert told["report"]["front"] == "door or corridor"
-    strongest = told["situation"]["rules"][0]
+    assert explained["report"]["front"] == "door or corridor"
+    strongest = explained["situation"]["rules"][0]
     assert strongest["rule"] == (
         "IF left IS very_slope AND right IS very_slope THEN situation IS door_or_corridor"
     )
     assert strongest["strength"] == pytest.approx(percept.situations["door or corridor"])
-    assert told["slope"]["left"]["code"] == "[3 1]"
-    assert told["regions"]["P2"]["nearest"] > 1.0
-    assert told["distance"]["P2"]["rules"][0]["rule"].endswith("range IS near")
-    assert "P1-P2" in told["plane"]
+    assert explained["slope"]["left"]["code"] == "[3 1]"
+    assert explained["regions"]["P2"]["nearest"] > 1.0
+    assert explained["distance"]["P2"]["rules"][0]["rule"].endswith("range IS near")
+    assert "P1-P2" in explained["plane"]
     with pytest.raises(KeyError):
         percept.explanation["nothing"]
 

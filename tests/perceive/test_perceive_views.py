@@ -1,4 +1,4 @@
-"""From images to answers: a wall that comes nearer, images that say nothing, pictures."""
+"""The command perceive: an approaching wall, images without information, overlays."""
 
 from __future__ import annotations
 
