@@ -75,6 +75,20 @@ def test_the_guide_to_behaviours_has_all_that_they_know_and_return() -> None:
         assert hasattr(getattr(context, name), part), f"{name}.{part}"
 
 
+@pytest.mark.parametrize("name", ["commands.md", "behaviors.md", "plugins.md", "worlds.md"])
+def test_the_keys_and_names_of_a_guide_occur_in_the_code(name: str) -> None:
+    text = without_code((DOCS / name).read_text(encoding="utf-8"))
+    named = set(re.findall(r"`([a-z]+(?:_[a-z]+)*)`", text))
+    folders = ("navfw", "behaviors", "worlds", "maps")
+    files = [file for folder in folders for file in (ROOT / folder).rglob("*.[py]*")]
+    known = set(re.findall(r"\w+", "\n".join(_text(file) for file in files if file.is_file())))
+    assert sorted(named - known) == []
+
+
+def _text(file: Path) -> str:
+    return file.read_text(encoding="utf-8") if file.suffix in {".py", ".yaml"} else ""
+
+
 def test_every_section_of_a_file_has_its_table_of_keys() -> None:
     text = (DOCS / "files.md").read_text(encoding="utf-8")
     documented = {
