@@ -1,4 +1,4 @@
-"""Conflicts: how near every command brings movers, followed through the next seconds."""
+"""Conflict prediction: closest approach to moving obstacles, for every command."""
 
 from __future__ import annotations
 
@@ -8,105 +8,156 @@ import numpy as np
 import pytest
 
 from navfw.mofis.command_grid import CommandGrid
-from navfw.movers.conflict_prediction import ConflictParams, Conflicts, predict_conflicts
+from navfw.movers.conflict_prediction import ConflictParams, ConflictPredictor
 from navfw.movers.tracking import Track
 from navfw.robot import RobotModel
-from navfw.signals import Pose, Twist
+from navfw.signals import Conflicts, Odometry, Pose, Twist
 
 ROBOT = RobotModel()
 COMMANDS = CommandGrid(ROBOT)
-SURE = ConflictParams(doubt=0.0)
+CERTAIN = ConflictParams(uncertainty=0.0)
 STANDING = Twist(0.0, 0.0)
+RADIUS = 0.25
+TOUCH = RADIUS + ROBOT.radius
+"""Distance [m] of the centres at contact."""
 
 
-def walker(x: float, y: float, vx: float, vy: float) -> Track:
-    return Track(np.array([x, y, vx, vy]), 0.01 * np.eye(4), 0.25, 0.0, 5)
+def track(x: float, y: float, vx: float, vy: float) -> Track:
+    """A confirmed track of a person at (x, y) [m] with velocity (vx, vy) [m/s], at time 0."""
+    return Track(np.array([x, y, vx, vy]), 0.01 * np.eye(4), RADIUS, 0.0, 5)
 
 
-def encounters(
-    *tracks: Track, twist: Twist = STANDING, time: float = 0.0, params: ConflictParams = SURE
+def conflicts(
+    *tracks: Track, twist: Twist = STANDING, time: float = 0.0, params: ConflictParams = CERTAIN
 ) -> Conflicts:
-    met = predict_conflicts(tracks, ROBOT, COMMANDS, Pose(0, 0, 0), twist, time, params)
-    assert met is not None
-    return met
+    odometry = Odometry(time, Pose(0, 0, 0), twist, 0.0, still=False)
+    predicted = ConflictPredictor(ROBOT, params).predict(tracks, odometry, COMMANDS.v, COMMANDS.w)
+    assert predicted is not None
+    return predicted
 
 
-def at(met: Conflicts, v: float, w: float) -> tuple[float, float]:
+def closest(predicted: Conflicts, v: float, w: float) -> tuple[float, float]:
+    """Distance [m] and time [s] at closest approach of the command nearest to (v, w)."""
     index = COMMANDS.nearest(Twist(v, w))
-    return float(met.gap[index]), float(met.after[index])
+    return float(predicted.distance[index]), float(predicted.time[index])
 
 
-def test_without_movers_there_is_none() -> None:
-    assert predict_conflicts((), ROBOT, COMMANDS, Pose(0, 0, 0), STANDING, 0.0, SURE) is None
+def test_without_tracks_there_are_no_conflicts() -> None:
+    odometry = Odometry(0.0, Pose(0, 0, 0), STANDING, 0.0, still=False)
+    predictor = ConflictPredictor(ROBOT, CERTAIN)
+    assert predictor.predict((), odometry, COMMANDS.v, COMMANDS.w) is None
 
 
-def test_a_robot_that_stands_is_met_when_geometry_says() -> None:
-    met = encounters(walker(1.2, 0.2, -0.5, 0.0))
-    gap, after = at(met, 0.0, 0.0)
-    assert gap == pytest.approx(0.2 - 0.43, abs=0.02)
-    touch = (1.2 - math.sqrt(0.43**2 - 0.2**2)) / 0.5
-    assert after == pytest.approx(touch, abs=0.11)
-    assert met.nearest == pytest.approx(math.hypot(1.2, 0.2) - 0.43)
-    # half a second later it is that much nearer
-    assert at(encounters(walker(1.2, 0.2, -0.5, 0.0), time=0.5), 0.0, 0.0)[1] == pytest.approx(
-        touch - 0.5, abs=0.11
-    )
+def test_a_standing_robot_is_reached_at_the_time_that_geometry_gives() -> None:
+    predicted = conflicts(track(1.2, 0.2, -0.5, 0.0))
+    distance, time = closest(predicted, 0.0, 0.0)
+    assert distance == pytest.approx(0.2 - TOUCH, abs=0.02)
+    contact = (1.2 - math.sqrt(TOUCH**2 - 0.2**2)) / 0.5
+    assert time == pytest.approx(contact, abs=0.11)
+    assert predicted.nearest == pytest.approx(math.hypot(1.2, 0.2) - TOUCH)
+    # half a second later the contact is that much nearer
+    later = conflicts(track(1.2, 0.2, -0.5, 0.0), time=0.5)
+    assert closest(later, 0.0, 0.0)[1] == pytest.approx(contact - 0.5, abs=0.11)
 
 
-def test_waiting_lets_pass_who_crosses_and_driving_on_does_not() -> None:
-    # would be straight ahead when the robot is there
-    met = encounters(walker(0.9, -0.9, 0.0, 0.45), twist=Twist(0.45, 0.0))
-    assert at(met, 0.5, 0.0)[0] < 0.0
-    assert at(met, 0.0, 0.0)[0] > 0.15
-    assert at(met, -0.15, 0.0)[0] > at(met, 0.0, 0.0)[0]
+def test_waiting_lets_a_crossing_obstacle_pass_and_driving_on_does_not() -> None:
+    # the obstacle is straight ahead by the time the robot gets there
+    predicted = conflicts(track(0.9, -0.9, 0.0, 0.45), twist=Twist(0.45, 0.0))
+    assert closest(predicted, 0.5, 0.0)[0] < 0.0
+    assert closest(predicted, 0.0, 0.0)[0] > 0.15
+    assert closest(predicted, -0.15, 0.0)[0] > closest(predicted, 0.0, 0.0)[0]
 
 
-def test_turning_aside_clears_who_comes_straight_on() -> None:
-    met = encounters(walker(1.8, 0.0, -0.4, 0.0), twist=Twist(0.4, 0.0))
-    straight, left, right = (at(met, 0.4, w)[0] for w in (0.0, 1.2, -1.2))
+def test_turning_aside_clears_an_oncoming_obstacle() -> None:
+    predicted = conflicts(track(1.8, 0.0, -0.4, 0.0), twist=Twist(0.4, 0.0))
+    straight, left, right = (closest(predicted, 0.4, w)[0] for w in (0.0, 1.2, -1.2))
     assert straight < 0.0
     assert min(left, right) > 0.1
     assert left == pytest.approx(right, abs=1e-6)
 
 
-def test_brakes_and_engine_take_their_time() -> None:
-    met = encounters(walker(0.85, 0.0, 0.0, 0.0), twist=Twist(0.5, 0.0))
-    # 0.5 m/s at 1.2 m/s^2: a tenth of a metre until it stands
-    assert at(met, 0.0, 0.0)[0] == pytest.approx(0.85 - 0.43 - 0.104, abs=0.03)
+def test_the_prediction_accounts_for_the_braking_distance() -> None:
+    predicted = conflicts(track(0.85, 0.0, 0.0, 0.0), twist=Twist(0.5, 0.0))
+    # 0.5 m/s at 1.2 m/s^2: a tenth of a metre until standstill
+    assert closest(predicted, 0.0, 0.0)[0] == pytest.approx(0.85 - TOUCH - 0.104, abs=0.03)
 
 
-def test_what_comes_later_is_less_sure() -> None:
-    track = walker(2.0, 0.8, -0.5, 0.0)
-    sure, doubtful = encounters(track), encounters(track, params=ConflictParams(doubt=0.1))
-    assert (doubtful.gap <= sure.gap + 1e-12).all()
-    assert at(doubtful, 0.0, 0.0)[0] < at(sure, 0.0, 0.0)[0] - 0.1
+def test_later_approaches_are_less_certain() -> None:
+    obstacle = track(2.0, 0.8, -0.5, 0.0)
+    certain = conflicts(obstacle)
+    uncertain = conflicts(obstacle, params=ConflictParams(uncertainty=0.1))
+    assert (uncertain.distance <= certain.distance + 1e-12).all()
+    assert closest(uncertain, 0.0, 0.0)[0] < closest(certain, 0.0, 0.0)[0] - 0.1
 
 
-def test_turning_on_the_spot_is_the_beginning_of_driving_off_that_way() -> None:
-    track = walker(1.6, 0.0, -0.45, 0.0)
-    met = encounters(track)
-    staying = encounters(track, params=ConflictParams(doubt=0.0, onward=0.0))
-    assert at(met, 0.0, 1.2)[0] > at(staying, 0.0, 1.2)[0] + 0.2
-    assert at(met, 0.0, 0.0) == at(staying, 0.0, 0.0)
+def test_after_a_turn_on_the_spot_the_robot_drives_off() -> None:
+    obstacle = track(1.6, 0.0, -0.45, 0.0)
+    leaving = conflicts(obstacle)
+    staying = conflicts(obstacle, params=ConflictParams(uncertainty=0.0, onward_speed=0.0))
+    assert closest(leaving, 0.0, 1.2)[0] > closest(staying, 0.0, 1.2)[0] + 0.2
+    assert closest(leaving, 0.0, 0.0) == closest(staying, 0.0, 0.0)
 
 
-def test_closing_is_how_much_nearer_one_drives_to_who_is_at_hand() -> None:
-    # stands 0.2 m before the rim; a robot at 0.3 m/s goes on so for half a second
-    met = encounters(walker(0.63, 0.0, 0.0, 0.0), twist=Twist(0.3, 0.0))
-    ahead = met.closing[COMMANDS.nearest(Twist(0.3, 0.0))]
+def test_approach_is_the_way_toward_a_close_obstacle_within_a_moment() -> None:
+    # 0.2 m before the rim; at 0.3 m/s the robot covers 0.15 m in half a second
+    predicted = conflicts(track(0.63, 0.0, 0.0, 0.0), twist=Twist(0.3, 0.0))
+    ahead = predicted.approach[COMMANDS.nearest(Twist(0.3, 0.0))]
     assert ahead == pytest.approx(0.15, abs=0.02)
-    away = met.closing[COMMANDS.nearest(Twist(-0.15, 0.0))]
+    away = predicted.approach[COMMANDS.nearest(Twist(-0.15, 0.0))]
     assert away < ahead
-    standing = encounters(walker(0.63, 0.0, 0.0, 0.0))
-    assert standing.closing[COMMANDS.v <= 0.0].max() == 0.0
-    # half a metre off nobody is at hand
-    assert encounters(walker(1.0, 0.0, -0.5, 0.0), twist=Twist(0.3, 0.0)).closing.max() == 0.0
+    standing = conflicts(track(0.63, 0.0, 0.0, 0.0))
+    assert standing.approach[COMMANDS.v <= 0.0].max() == 0.0
+    # an obstacle half a metre off is not close
+    far = conflicts(track(1.0, 0.0, -0.5, 0.0), twist=Twist(0.3, 0.0))
+    assert far.approach.max() == 0.0
 
 
-def test_turns_on_the_spot_last_as_long_as_suits() -> None:
-    # straight on at a robot that faces him: off to the side is farther than back past him
-    met = encounters(walker(1.6, 0.0, -0.4, 0.0))
-    slow, fast = (at(met, 0.0, w)[0] for w in (0.48, 1.2))
+def test_the_best_duration_of_a_turn_on_the_spot_counts() -> None:
+    # an oncoming obstacle: driving off to the side keeps farther away than driving back past it
+    predicted = conflicts(track(1.6, 0.0, -0.4, 0.0))
+    slow, fast = (closest(predicted, 0.0, w)[0] for w in (0.48, 1.2))
     assert fast > 0.1
-    # too slow a turn does not lead off his way in time, but farther than standing in it
-    assert at(met, 0.0, 0.0)[0] < slow < fast
+    # a slow turn does not leave the obstacle's way in time, but is better than standing in it
+    assert closest(predicted, 0.0, 0.0)[0] < slow < fast
+
+
+def distance_after_turn(moving: tuple[float, ...], w: float, duration: float) -> float:
+    """Distance [m] at closest approach of a standing robot that turns, then drives off.
+
+    It turns by ``w`` [rad/s] for ``duration`` [s], then drives straight on, within the limits of
+    the drive; integrated here in steps of 2 ms. ``moving`` is x, y, vx, vy of the obstacle.
+    """
+    dt, least = 0.002, math.inf
+    x = y = yaw = v = rate = 0.0
+    for step in range(round(CERTAIN.horizon / dt)):
+        t = step * dt
+        off = moving[0] + moving[2] * t - x, moving[1] + moving[3] * t - y
+        least = min(least, math.hypot(*off) - TOUCH)
+        turning = t < duration
+        spin = ROBOT.max_turn_accel * dt
+        rate += min(max((w if turning else 0.0) - rate, -spin), spin)
+        v += 0.0 if turning else min(CERTAIN.onward_speed - v, ROBOT.max_accel * dt)
+        yaw += rate * dt
+        x, y = x + v * dt * math.cos(yaw), y + v * dt * math.sin(yaw)
+    return least
+
+
+@pytest.mark.parametrize(
+    ("best", "w", "moving"),
+    [
+        (1.0, 1.08, (-0.40, -1.74, 0.22, 0.30)),
+        (1.5, 1.08, (-0.23, -1.88, 0.17, 0.43)),
+        (2.0, 1.20, (1.63, -1.46, -0.19, 0.39)),
+    ],
+)
+def test_turns_on_the_spot_of_each_duration_are_tried(
+    best: float, w: float, moving: tuple[float, float, float, float]
+) -> None:
+    # driving off sooner or later than after ``best`` seconds leads nearer to the obstacle
+    expected = distance_after_turn(moving, w, best)
+    durations = (0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0, 2.2, 2.5)
+    others = [distance_after_turn(moving, w, duration) for duration in durations]
+    assert sorted(others)[-1] == expected
+    assert sorted(others)[-2] < expected - 0.05
+    distance, _ = closest(conflicts(track(*moving)), 0.0, w)
+    assert distance == pytest.approx(expected, abs=0.025)

@@ -1,4 +1,4 @@
-"""How closely to look out for movers."""
+"""The detection schedule: when a frame is searched for moving objects, and how thoroughly."""
 
 from __future__ import annotations
 
@@ -7,56 +7,60 @@ import itertools
 import numpy as np
 import pytest
 
-from navfw.movers.detection_schedule import CALM, NEAR, DetectionSchedule
+from navfw.movers.detection_schedule import NEAR, QUIET_TIME, DetectionMode, DetectionSchedule
 from navfw.signals import MovingObject
 
 RATE = 10.0
 
 
-def mover(distance: float) -> MovingObject:
+def detection(distance: float) -> MovingObject:
     return MovingObject(0.0, 0.0, 0.1, distance, np.eye(2), np.zeros(2))
 
 
-def searched(vigilance: DetectionSchedule, first: int, last: int) -> list[bool]:
-    """Of each frame from ``first`` up to ``last``, whether it is searched, in vain."""
-    frames = []
+def modes(schedule: DetectionSchedule, first: int, last: int) -> list[DetectionMode]:
+    """The mode of each frame from ``first`` up to ``last``; no search finds anything."""
+    frames: list[DetectionMode] = []
     for k in range(first, last):
-        frames.append(vigilance.searches(k / RATE))
-        if frames[-1]:
-            vigilance.saw((), k / RATE)
+        frames.append(schedule.next_mode(k / RATE))
+        if frames[-1] != "idle":
+            schedule.update((), k / RATE)
     return frames
 
 
-def test_while_nothing_moves_no_two_frames_are_spared_one_after_the_other() -> None:
-    frames = searched(DetectionSchedule(), 0, 40)
-    assert sum(frames) == 20
-    assert all(a or b for a, b in itertools.pairwise(frames))
+def test_while_nothing_moves_every_other_frame_is_searched_coarsely() -> None:
+    frames = modes(DetectionSchedule(), 0, 40)
+    assert frames.count("coarse") == frames.count("idle") == 20
+    assert all("idle" in pair and "coarse" in pair for pair in itertools.pairwise(frames))
 
 
-def test_while_something_has_moved_lately_every_frame_is_searched() -> None:
-    vigilance = DetectionSchedule()
-    searched(vigilance, 0, 10)
-    vigilance.saw((mover(2.0),), 1.0)
-    lately = round(CALM * RATE)
-    assert not vigilance.calm(1.0 + CALM)
-    assert all(searched(vigilance, 11, 11 + lately))
-    assert vigilance.calm(1.1 + CALM)
-    assert not all(searched(vigilance, 11 + lately, 15 + lately))
+def test_after_a_detection_every_frame_is_searched_fully_for_a_while() -> None:
+    schedule = DetectionSchedule()
+    modes(schedule, 0, 10)
+    schedule.update((detection(2.0),), 1.0)
+    quiet = 11 + round(QUIET_TIME * RATE)
+    assert set(modes(schedule, 11, quiet)) == {"full"}
+    assert set(modes(schedule, quiet, quiet + 4)) == {"coarse", "idle"}
+
+
+def test_every_frame_is_searched_fully_if_the_schedule_is_told_so() -> None:
+    assert set(modes(DetectionSchedule(always_full=True), 0, 40)) == {"full"}
 
 
 @pytest.mark.parametrize(("distance", "near"), [(0.9 * NEAR, True), (1.1 * NEAR, False)])
-def test_near_is_what_the_last_search_found_near(distance: float, near: bool) -> None:
-    vigilance = DetectionSchedule()
-    assert not vigilance.near
-    vigilance.saw((mover(3.0), mover(distance)), 0.0)
-    assert vigilance.near is near
-    vigilance.saw((), 0.1)
-    assert not vigilance.near
+def test_near_is_the_distance_of_the_nearest_of_the_last_search(
+    distance: float, near: bool
+) -> None:
+    schedule = DetectionSchedule()
+    assert not schedule.near
+    schedule.update((detection(3.0), detection(distance)), 0.0)
+    assert schedule.near is near
+    schedule.update((), 0.1)
+    assert not schedule.near
 
 
-def test_a_new_run_knows_nothing_of_the_last() -> None:
-    vigilance = DetectionSchedule()
-    vigilance.saw((mover(0.5),), 5.0)
-    vigilance.reset()
-    assert not vigilance.near
-    assert not all(searched(vigilance, 51, 54))
+def test_reset_drops_the_last_detections() -> None:
+    schedule = DetectionSchedule()
+    schedule.update((detection(0.5),), 5.0)
+    schedule.reset()
+    assert not schedule.near
+    assert "full" not in modes(schedule, 51, 54)

@@ -1,4 +1,4 @@
-"""Movers: what nothing at rest can show, where its feet are, and how fast it goes."""
+"""Localisation of moving objects: segmentation, foot point on the floor, and velocity."""
 
 from __future__ import annotations
 
@@ -29,7 +29,10 @@ def flow_of(
     own: tuple[float, float],
     robot: RobotModel = ROBOT,
 ) -> Array:
-    """Exact derotated flow at POINTS of things with ``nearness`` that go ``own`` (ahead, left)."""
+    """Exact derotated flow at POINTS of objects with ``nearness`` and velocity ``own`` [m/s].
+
+    ``own`` is (ahead, left) in base_link.
+    """
     s = motion.translation - robot.camera.base_from_camera.T @ np.array([*own, 0.0]) * DT
     lever = POINTS * s[2] - CAMERA.focal * s[:2]
     return np.asarray(lever * (nearness / (1.0 + s[2] * nearness))[..., None])
@@ -37,18 +40,18 @@ def flow_of(
 
 def scene(
     way: float,
-    thing: tuple[float, float, float],
+    body: tuple[float, float, float],
     own: tuple[float, float],
     noise: float = 0.0,
     robot: RobotModel = ROBOT,
 ) -> FlowField:
-    """A floor, and a thing at (depth, left, width) [m] of the camera that walks ``own`` [m/s]."""
+    """Floor and an upright board ``body`` (depth, left, width) [m] that moves by ``own`` [m/s]."""
     motion = camera_motion(robot, Pose(0, 0, 0), Pose(way, 0, 0), DT)
     nearness = np.maximum(Y, 0.0) / CAMERA.focal / CAMERA.mount_height
     vectors = flow_of(nearness, motion, (0.0, 0.0), robot)
-    depth, left, width = thing
-    body = (np.abs(X * depth / CAMERA.focal + left) < 0.5 * width) & (nearness < 1.0 / depth)
-    vectors[body] = flow_of(np.full_like(X, 1.0 / depth), motion, own, robot)[body]
+    depth, left, width = body
+    cells = (np.abs(X * depth / CAMERA.focal + left) < 0.5 * width) & (nearness < 1.0 / depth)
+    vectors[cells] = flow_of(np.full_like(X, 1.0 / depth), motion, own, robot)[cells]
     vectors += noise * np.random.default_rng(0).standard_normal(vectors.shape)
     across = np.zeros_like(X)
     lever = POINTS * motion.translation[2] - CAMERA.focal * motion.translation[:2]
@@ -71,7 +74,7 @@ def scene(
 
 @pytest.mark.parametrize("way", [0.0, 0.04, 0.1, -0.03])
 @pytest.mark.parametrize("depth", [0.8, 1.5, 3.0])
-def test_nothing_moves_in_a_world_at_rest(way: float, depth: float) -> None:
+def test_nothing_is_detected_in_a_static_scene(way: float, depth: float) -> None:
     assert locate_moving_objects(scene(way, (depth, 0.2, 0.5), (0.0, 0.0)), CAMERA) == ()
     assert (
         locate_moving_objects(scene(way, (depth, 0.2, 0.5), (0.0, 0.0), noise=0.15), CAMERA) == ()
@@ -86,41 +89,41 @@ def test_nothing_moves_in_a_world_at_rest(way: float, depth: float) -> None:
     speed=st.floats(0.3, 0.6),
     toward=st.sampled_from([1.0, -1.0]),
 )
-def test_who_crosses_is_seen_where_it_stands_and_as_fast_as_it_goes(
+def test_a_crossing_object_is_located_with_its_velocity(
     way: float, depth: float, left: float, speed: float, toward: float
 ) -> None:
-    movers = locate_moving_objects(scene(way, (depth, left, 0.5), (0.0, toward * speed)), CAMERA)
-    assert len(movers) == 1
-    mover = movers[0]
-    assert mover.bearing == pytest.approx(math.atan2(left, depth), abs=0.12)
-    assert mover.distance * math.cos(mover.bearing) == pytest.approx(depth, rel=0.15)
-    ahead, aside = mover.velocity()
+    found = locate_moving_objects(scene(way, (depth, left, 0.5), (0.0, toward * speed)), CAMERA)
+    assert len(found) == 1
+    detection = found[0]
+    assert detection.bearing == pytest.approx(math.atan2(left, depth), abs=0.12)
+    assert detection.distance * math.cos(detection.bearing) == pytest.approx(depth, rel=0.15)
+    ahead, aside = detection.velocity()
     assert aside == pytest.approx(toward * speed, rel=0.25)
     assert abs(ahead) < 0.2
-    assert mover.time == 1.0
+    assert detection.time == 1.0
 
 
-def test_who_keeps_its_bearing_falls_short_of_the_floor() -> None:
-    # straight ahead of the robot, going on before it and faster: no flow across, none outward
-    movers = locate_moving_objects(scene(0.08, (1.2, 0.0, 0.5), (0.7, 0.0)), CAMERA)
-    assert len(movers) == 1
-    assert movers[0].velocity()[0] > 0.4
+def test_an_object_at_constant_bearing_is_detected_by_flow_below_the_floors() -> None:
+    # straight ahead of the robot, faster than it: no flow across epipolar lines, none outward
+    found = locate_moving_objects(scene(0.08, (1.2, 0.0, 0.5), (0.7, 0.0)), CAMERA)
+    assert len(found) == 1
+    assert found[0].velocity()[0] > 0.4
 
 
 @pytest.mark.parametrize("side", [0, 1])
 @pytest.mark.parametrize("way", [0.0, 0.04])
-def test_who_is_seen_aside_has_its_bearing_and_velocity_from_ahead(side: int, way: float) -> None:
+def test_detections_of_a_side_view_are_in_the_frame_of_the_robot(side: int, way: float) -> None:
     camera = RobotModel(side_views=SideViews()).side_cameras[side]
     flow = scene(way, (1.2, 0.0, 0.5), (0.5, 0.0), robot=ROBOT.with_camera(camera))
-    (mover,) = locate_moving_objects(flow, camera)
-    assert mover.bearing == pytest.approx(camera.turn, abs=0.1)
-    assert mover.distance == pytest.approx(1.2, rel=0.15)
-    ahead, left = mover.velocity()
+    (detection,) = locate_moving_objects(flow, camera)
+    assert detection.bearing == pytest.approx(camera.turn, abs=0.1)
+    assert detection.distance == pytest.approx(1.2, rel=0.15)
+    ahead, left = detection.velocity()
     assert ahead == pytest.approx(0.5, rel=0.35)
     assert abs(left) < 0.25
 
 
-def test_what_is_small_or_hangs_in_the_air_or_is_too_fast_is_none() -> None:
+def test_small_floating_or_very_fast_regions_are_no_objects() -> None:
     flow = scene(0.08, (1.2, 0.0, 0.5), (0.0, 0.0))
     assert flow.inconsistency is not None
     for rows, cols in ((slice(5, 7), slice(10, 12)), (slice(0, 3), slice(5, 15))):
@@ -139,34 +142,58 @@ def test_quantiles_are_those_of_numpy(values: list[float], share: float) -> None
     assert _quantile(np.array(values), share) == pytest.approx(expected, rel=1e-12, abs=1e-9)
 
 
-def test_rotation_has_to_be_gone() -> None:
+def test_flow_with_rotation_is_refused() -> None:
     flow = dataclasses.replace(scene(0.05, (1.2, 0.0, 0.5), (0.0, 0.4)), derotated=False)
     with pytest.raises(ValueError, match="derotated"):
         locate_moving_objects(flow, CAMERA)
 
 
 @pytest.mark.parametrize(("depth", "speed"), [(0.9, 0.3), (0.9, 0.5), (1.3, 0.5)])
-def test_who_comes_straight_on_outgrows_the_floor_at_its_feet(depth: float, speed: float) -> None:
-    # as fast as the robot or nearly so, a little aside: no flow across, only more of it outward
-    movers = locate_moving_objects(scene(0.09, (depth, 0.25, 0.5), (-speed, 0.0)), CAMERA)
-    assert len(movers) == 1
-    assert movers[0].distance == pytest.approx(depth, rel=0.3)
-    assert movers[0].velocity()[0] < -0.1
+def test_an_approaching_object_seems_nearer_than_the_floor_at_its_foot(
+    depth: float, speed: float
+) -> None:
+    # about as fast as the robot, a little aside: no flow across epipolar lines, more outward
+    found = locate_moving_objects(scene(0.09, (depth, 0.25, 0.5), (-speed, 0.0)), CAMERA)
+    assert len(found) == 1
+    assert found[0].distance == pytest.approx(depth, rel=0.3)
+    assert found[0].velocity()[0] < -0.1
 
 
 @given(depth=st.floats(0.5, 3.0), left=st.floats(-0.8, 0.8), way=st.floats(0.03, 0.12))
 @settings(max_examples=40, deadline=None)
-def test_what_stands_at_any_place_does_not_outgrow_the_floor(
+def test_static_objects_do_not_seem_nearer_than_the_floor_at_their_foot(
     depth: float, left: float, way: float
 ) -> None:
     flow = scene(way, (depth, left, 0.5), (0.0, 0.0), noise=0.1)
     assert not segment_motion(flow, CAMERA.fall_per_depth(flow.points), CAMERA).any()
 
 
-def test_patches_are_found_where_they_are() -> None:
-    # walks across: every cell that contradicts is the walker's
+def test_patches_keep_their_place() -> None:
+    # every cell marked as moving is on the crossing object
     flow = scene(0.05, (1.2, 0.0, 0.5), (0.0, 0.4))
-    odd = segment_motion(flow, CAMERA.fall_per_depth(flow.points), CAMERA)
+    moving = segment_motion(flow, CAMERA.fall_per_depth(flow.points), CAMERA)
     body = (np.abs(X * 1.2 / CAMERA.focal) < 0.25) & (1.2 * CAMERA.focal > Y)
-    assert odd.any()
-    assert not (odd & ~body).any()
+    assert moving.any()
+    assert not (moving & ~body).any()
+
+
+def located(depth: float) -> float:
+    """Distance [m] along the camera's axis of an object that crosses at ``depth`` [m]."""
+    (detection,) = locate_moving_objects(scene(0.0, (depth, 0.0, 0.3), (0.0, 0.4)), CAMERA)
+    return detection.distance * math.cos(detection.bearing)
+
+
+def test_an_object_with_its_foot_below_the_image_is_nearer_than_the_floor_in_view() -> None:
+    lowest = (POINTS[-1, 0, 1] + 2.0) / CAMERA.focal  # at the lower border of the last cells
+    in_view = CAMERA.mount_height / lowest
+    for depth in (0.3, 0.38, 0.45):
+        assert located(depth) == pytest.approx(0.8 * in_view, rel=0.01)
+
+
+def test_the_foot_point_counts_as_out_of_view_down_to_the_border_of_the_flow() -> None:
+    # foot points above the lowest two rows of cells are in view; 9 px of border are two rows
+    rows = POINTS[:, 0, 1]
+    for row, factor in ((-5, 1.0), (-4, 1.0), (-3, 0.8), (-2, 0.8), (-1, 0.8)):
+        foot = rows[row] + 2.0  # the body ends between this row and the next
+        depth = CAMERA.mount_height * CAMERA.focal / foot
+        assert located(depth) == pytest.approx(factor * depth, rel=0.01)

@@ -1,4 +1,4 @@
-"""Pairs of frames that show what moves by itself."""
+"""Pairs of frames in which moving objects show."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ IMAGE = np.zeros((ROBOT.camera.height, ROBOT.camera.width), dtype=np.uint8)
 
 
 @pytest.mark.parametrize(("v", "w"), [(0.0, 0.0), (0.3, 0.5), (0.0, 1.2)])
-@pytest.mark.parametrize(("near", "lapse"), [(False, 0.2), (True, 0.1)])
-def test_what_moves_shows_over_a_short_time_however_the_robot_drives(
-    v: float, w: float, near: bool, lapse: float
+@pytest.mark.parametrize(("near", "interval"), [(False, 0.2), (True, 0.1)])
+def test_pairs_span_a_fixed_time_whatever_the_robot_does(
+    v: float, w: float, near: bool, interval: float
 ) -> None:
     frames = RecentFrames(ROBOT)
     assert frames.pair() is None
@@ -27,10 +27,10 @@ def test_what_moves_shows_over_a_short_time_however_the_robot_drives(
     pair = frames.pair(near)
     assert pair is not None
     assert pair.now.time == pytest.approx(0.7)
-    assert pair.now.time - pair.past.time == pytest.approx(lapse)
+    assert pair.now.time - pair.past.time == pytest.approx(interval)
 
 
-def test_frames_long_apart_or_after_a_wide_turn_show_no_movers() -> None:
+def test_frames_far_apart_or_after_a_wide_turn_make_no_pair() -> None:
     for times, turns in (((0.0, 0.6), (0.0, 0.0)), ((0.0, 0.2), (0.0, 0.5))):
         frames = RecentFrames(ROBOT)
         for time, turn in zip(times, turns, strict=True):

@@ -1,4 +1,4 @@
-"""Standing things: one distance explains a whole column of cells above its foot."""
+"""Stixels: one distance explains a whole column of cells above the foot point."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ POINTS = np.stack([X, Y], axis=-1)
 
 
 def scene(
-    things: list[tuple[float, float, float]],
+    boards: list[tuple[float, float, float]],
     way: float = 0.08,
     noise: float = 0.0,
     pitch: float = 0.0,
     seed: int = 0,
 ) -> tuple[FlowField, CameraModel]:
-    """Floor and upright boards at (ahead of the camera, left, width) [m], met after ``way`` [m]."""
+    """Floor and upright ``boards`` at (ahead of the camera, left, width) [m], after ``way`` [m]."""
     robot = RobotModel(camera=CameraModel(pitch=pitch))
     camera = robot.camera
     motion = camera_motion(robot, Pose(0, 0, 0), Pose(way, 0, 0), 0.2)
     nearness = np.maximum(camera.fall_per_depth(POINTS), 0.0) / camera.mount_height
     ahead = math.cos(pitch) - Y / camera.focal * math.sin(pitch)
-    for distance, left, width in things:
+    for distance, left, width in boards:
         depth = distance / ahead
         hit = (np.abs(X / camera.focal * depth + left) < 0.5 * width) & (nearness < 1.0 / depth)
         nearness = np.where(hit, 1.0 / depth, nearness)
@@ -44,10 +44,10 @@ def scene(
     return flow, camera
 
 
-def seen(flow: FlowField, camera: CameraModel) -> Stixels:
-    standing = find_stixels(flow, camera)
-    assert standing is not None
-    return standing
+def stixels_of(flow: FlowField, camera: CameraModel) -> Stixels:
+    stixels = find_stixels(flow, camera)
+    assert stixels is not None
+    return stixels
 
 
 @settings(max_examples=60, deadline=None)
@@ -57,51 +57,51 @@ def seen(flow: FlowField, camera: CameraModel) -> Stixels:
     way=st.sampled_from([0.08, 0.12, -0.08]),
     pitch=st.sampled_from([-0.05, 0.0, 0.1]),
 )
-def test_a_pole_stands_where_it_is(distance: float, aside: float, way: float, pitch: float) -> None:
-    standing = seen(*scene([(distance, aside * distance, 0.15)], way, pitch=pitch))
-    sure = standing.confidence > 0.5
+def test_a_pole_is_located(distance: float, aside: float, way: float, pitch: float) -> None:
+    stixels = stixels_of(*scene([(distance, aside * distance, 0.15)], way, pitch=pitch))
+    sure = stixels.confidence > 0.5
     assert sure.any()
-    assert standing.nearness[sure] == pytest.approx(1.0 / distance, rel=0.06)
-    # to the left counts positive, and only the pole's own columns say anything
+    assert stixels.nearness[sure] == pytest.approx(1.0 / distance, rel=0.06)
+    # slopes to the left are positive, and no other columns than the pole's have confidence
     half = 0.5 * 0.15 / distance + 4.0 / CameraModel().focal
-    assert (np.abs(standing.slope[sure] - aside) < half).all()
-    assert (standing.sigma[sure] > 0.0).all()
+    assert (np.abs(stixels.slope[sure] - aside) < half).all()
+    assert (stixels.sigma[sure] > 0.0).all()
 
 
-def test_a_pole_straight_ahead_is_seen_where_single_vectors_are_short() -> None:
+def test_a_pole_straight_ahead_is_found_where_single_vectors_are_short() -> None:
     found = 0
     for seed in range(20):
         flow, camera = scene([(0.9, 0.0, 0.15)], noise=0.15, seed=seed)
-        standing = seen(flow, camera)
-        middle = np.abs(standing.slope) < 0.06
-        found += bool((standing.confidence[middle] > 0.3).any())
-        wrong = (standing.confidence > 0.3) & (standing.nearness > 1.4 / 0.9)
+        stixels = stixels_of(flow, camera)
+        middle = np.abs(stixels.slope) < 0.06
+        found += bool((stixels.confidence[middle] > 0.3).any())
+        wrong = (stixels.confidence > 0.3) & (stixels.nearness > 1.4 / 0.9)
         assert np.count_nonzero(wrong) <= 1
     assert found >= 16
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_on_empty_floor_nothing_near_stands(seed: int) -> None:
-    standing = seen(*scene([], noise=0.15, seed=seed))
-    assert not ((standing.confidence > 0.0) & (standing.nearness > 0.6)).any()
+def test_there_are_no_near_stixels_on_empty_floor(seed: int) -> None:
+    stixels = stixels_of(*scene([], noise=0.15, seed=seed))
+    assert not ((stixels.confidence > 0.0) & (stixels.nearness > 0.6)).any()
 
 
 def test_the_nearer_of_two_hides_the_other() -> None:
-    standing = seen(*scene([(1.6, 0.0, 0.8), (0.8, 0.0, 0.15)]))
-    sure = (standing.confidence > 0.5) & (np.abs(standing.slope) < 0.05)
-    assert standing.nearness[sure] == pytest.approx(1.0 / 0.8, rel=0.06)
+    stixels = stixels_of(*scene([(1.6, 0.0, 0.8), (0.8, 0.0, 0.15)]))
+    sure = (stixels.confidence > 0.5) & (np.abs(stixels.slope) < 0.05)
+    assert stixels.nearness[sure] == pytest.approx(1.0 / 0.8, rel=0.06)
 
 
-def test_nothing_is_known_without_way_with_steep_cameras_or_few_cells() -> None:
+def test_there_are_no_stixels_without_baseline_with_steep_cameras_or_few_cells() -> None:
     assert find_stixels(*scene([(0.8, 0.0, 0.15)], way=0.01)) is None
     assert find_stixels(*scene([(0.8, 0.0, 0.15)], pitch=0.4)) is None
     flow, camera = scene([(0.8, 0.0, 0.15)])
     few = np.where(np.arange(18)[:, None] < 14, 0.0, flow.confidence)
-    standing = seen(dataclasses.replace(flow, confidence=few), camera)
-    assert not standing.confidence.any()
+    stixels = stixels_of(dataclasses.replace(flow, confidence=few), camera)
+    assert not stixels.confidence.any()
 
 
-def test_rotation_has_to_be_gone() -> None:
+def test_flow_with_rotation_is_refused() -> None:
     flow, camera = scene([])
     with pytest.raises(ValueError, match="derotated"):
         find_stixels(dataclasses.replace(flow, derotated=False), camera)
