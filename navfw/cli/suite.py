@@ -114,7 +114,7 @@ def suite(
                 keep=keep.value,
                 have=have,
                 limit=limit,
-                tell=bar.update,
+                on_row=bar.update,
             )
     if json:
         _print_json(done, folder.table)

@@ -1,1 +1,1 @@
-"""Evaluation: worlds x missions x seeds in worker processes, one table, one honest summary."""
+"""Evaluation: worlds x missions x seeds in worker processes, one table, one summary."""

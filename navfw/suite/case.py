@@ -1,4 +1,4 @@
-"""One run to be made, as it travels to a worker process: plain data, quick to import."""
+"""The specification of one run of a suite: plain data for a worker process, quick to import."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ if TYPE_CHECKING:
     from navfw.missions.session import Session
     from navfw.plugins import Registry
 
-__all__ = ["Case", "Job", "Keep"]
+__all__ = ["Case", "Job", "KeptPictures"]
 
-Keep = Literal["all", "failed", "none"]
-"""Of which runs the picture is kept."""
+KeptPictures = Literal["all", "failed", "none"]
+"""The runs whose pictures are kept."""
 
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One run to be made: plain data that travels to a worker process.
+    """One run: plain data that is sent to a worker process.
 
-    Either ``world`` and ``mission`` are files, or ``family`` and ``difficulty`` say what the seed
-    generates. ``stack`` is a file; empty: the one that the mission names.
+    Either ``world`` and ``mission`` are files, or ``family``, ``difficulty`` and ``seed`` define a
+    generated world. ``stack`` is a file; empty: the stack named by the mission.
     """
 
     index: int
@@ -42,15 +42,15 @@ class Case:
 
     @property
     def key(self) -> RunKey:
-        """Which run it is."""
+        """The key of the run in the table."""
         where = (self.entry, self.world_name, self.mission_name)
         return RunKey(*where, self.seed, self.stack_name, self.variant)
 
     def session(self, registry: Registry) -> Session:
-        """Everything the run needs, found and checked.
+        """World, mission and stack of the run, loaded and checked.
 
         Raises:
-            InputError: something does not exist, or cannot be.
+            InputError: one of them does not exist or is invalid.
 
         """
         from navfw.suite.case_session import generated_session, prepared_session
@@ -77,8 +77,8 @@ class Case:
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """A case, and where its picture goes (a folder), if it is kept."""
+    """A case, the folder for its picture, and whether the picture is kept."""
 
     case: Case
     pictures: Path
-    keep: Keep = "failed"
+    keep: KeptPictures = "failed"

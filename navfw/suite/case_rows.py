@@ -1,4 +1,4 @@
-"""Rows of the table that no result stands behind: what a case says of itself, and faults."""
+"""Parts of table rows that need no result: the columns of a case, and rows of faults."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["case_columns", "fault_row"]
 
 
 def fault_row(case: Case, reason: str, cause: Cause) -> RunRow:
-    """The row of a run that gave no result."""
+    """The row of a run that ended without a result."""
     return RunRow(
         **case_columns(case),
         outcome=Outcome.FAULT.value,

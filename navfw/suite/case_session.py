@@ -1,4 +1,4 @@
-"""The session of one run: from files, or of a world that the seed generates."""
+"""The session of one run: from files, or in a generated world."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ DEFAULT_DIFFICULTY = 0.5
 
 
 class Generated(Protocol):
-    """What a generator gives (``navfw.worldgen.GeneratedWorld``)."""
+    """The result of a world generator (``navfw.worldgen.GeneratedWorld``)."""
 
     @property
     def world(self) -> WorldSpec: ...  # noqa: D102
@@ -41,7 +41,7 @@ class Generated(Protocol):
 
 
 def generate(family: str, seed: int, difficulty: float) -> Generated:
-    """The world of a family; raises InputError where there is no such family."""
+    """A generated world; raises InputError if there is no such family."""
     from navfw import worldgen
 
     made: Generated = worldgen.generate(family, seed, difficulty)
@@ -71,13 +71,13 @@ def generated_session(
     registry: Registry,
     world_name: str,
 ) -> Session:
-    """The session of a generated world: the seed is that of the world, and of all noise.
+    """The session of a generated world; ``seed`` determines the world and all noise.
 
-    Without ``stack`` it is the mission's own, or the default one.
+    Without ``stack``, the stack named by the mission is used, else ``default``.
 
     Raises:
-        InputError: no such family or difficulty, an override that does not fit, or a world in
-            which the mission cannot be.
+        InputError: there is no such family or difficulty, an override is invalid, or the mission is
+            impossible in the world.
 
     """
     made = generate(family, seed, DEFAULT_DIFFICULTY if difficulty is None else difficulty)
@@ -125,7 +125,7 @@ def _start(spec: MissionSpec, topo_map: TopoMap) -> Pose:
         return Pose(*_place(topo_map, spec.start.place), spec.start.yaw)
     if isinstance(spec.start, tuple):
         return Pose(*spec.start)
-    raise WorldError("generated worlds have known starts; give the mission a start", key="start")
+    raise WorldError("a generated world needs a known start; give the mission a start", key="start")
 
 
 def _goals(spec: MissionSpec, topo_map: TopoMap) -> tuple[Waypoint, ...]:

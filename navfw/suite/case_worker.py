@@ -1,4 +1,4 @@
-"""One run, in a worker process: from a case to a row of the table, whatever happens."""
+"""One run in a worker process: from a case to a row of the table, even after an exception."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ __all__ = ["picture_name", "row_of", "run_job"]
 
 
 def run_job(job: Job) -> RunRow:
-    """Make the run. An exception becomes a row too: a fault with its error."""
+    """Run ``job`` and return its row; an exception gives a row with the outcome fault."""
     case = job.case
     try:
         _one_thread()
         session = case.session(_registry())
-        result = session.run(_ending_when_told)
+        result = session.run(_stop_on_request)
         return _with_picture(row_of(case, result), job, result)
     except InputError as error:
         return fault_row(case, str(error), Cause.BAD_INPUT)
@@ -46,12 +46,12 @@ def run_job(job: Job) -> RunRow:
 
 
 def row_of(case: Case, result: MissionResult) -> RunRow:
-    """The row of a run that came to an end."""
+    """The row of a run with a result."""
     summary = result.summary()
     spec = result.session.mission.spec
     good = result.outcome.succeeded
     time, shortest = summary["sim_time_s"], summary["shortest_path_m"]
-    same = {
+    numbers = {
         name: summary[name]
         for name in (
             "outcome",
@@ -74,27 +74,27 @@ def row_of(case: Case, result: MissionResult) -> RunRow:
     }
     return RunRow(
         **case_columns(case),
-        **same,
-        cause=_why(result),
+        **numbers,
+        cause=_cause(result),
         collision_cause=summary["collision_cause"] or "",
         sct=sct(good, time, shortest, spec.robot.max_v),
         barn_score=barn_score(good, time, shortest),
     )
 
 
-def _why(result: MissionResult) -> str:
-    """The cause of a failure; "" when there was none."""
+def _cause(result: MissionResult) -> str:
+    """The cause of a failure; "" for a run that succeeded or was cancelled."""
     if result.outcome.succeeded or result.outcome is Outcome.CANCELLED:
         return ""
     try:
         return str(classify(collect_symptoms(result)) or "")
-    except Exception:  # the result stands, even if nobody can say how it came about
+    except Exception:  # a failed classification does not invalidate the result
         traceback.print_exc(file=sys.stderr)
         return str(Cause.UNKNOWN)
 
 
 def picture_name(case: Case) -> str:
-    """A file name that says which run it is, and that no other run of the table has."""
+    """A file name that is unique among the runs of the table and tells which run it is."""
     where = () if case.family else (case.world_name, case.mission_name)
     which = (case.variant,) if case.variant else (case.stack_name,)
     parts = dict.fromkeys((case.entry, *where, *which, str(case.seed)))
@@ -110,13 +110,13 @@ def _with_picture(row: RunRow, job: Job, result: MissionResult) -> RunRow:
     file = job.pictures / picture_name(job.case)
     try:
         draw(result, file)
-    except Exception:  # a full disk, say: the result stands without its picture
+    except Exception:  # for example a full disk: the result is kept without its picture
         traceback.print_exc(file=sys.stderr)
         return row
     return dataclasses.replace(row, picture=f"{job.pictures.name}/{file.name}")
 
 
-def _ending_when_told(progress: Progress) -> None:
+def _stop_on_request(progress: Progress) -> None:
     del progress
     if stop_requested():
         raise KeyboardInterrupt
@@ -124,7 +124,7 @@ def _ending_when_told(progress: Progress) -> None:
 
 @functools.cache
 def _registry() -> Registry:
-    """Plugins are imported once a process; each run builds a stack of its own from them."""
+    """The plugins, imported once per process; each run builds a new stack from them."""
     from navfw.plugins import default_registry
 
     return default_registry()

@@ -1,4 +1,4 @@
-"""A suite's summary as a Markdown table, to be put into a page."""
+"""A suite's summary as a Markdown table."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from typing import Any
 __all__ = ["markdown_table", "pipe_table"]
 
 _P_SHOWN = 1e-4
-"""Smaller values of p are all shown as smaller than this."""
+"""Values of p below this are shown as "< 0.0001"."""
 
 
 def markdown_table(summary: Mapping[str, Any]) -> str:
-    """One line for each variant, with its success in every entry; without variants, for each entry.
+    """One row per variant, with its success in every entry; without variants, one row per entry.
 
     Success in percent with its Wilson interval (95 %); ``p`` is of McNemar's exact test against the
-    first variant. Time is the mean of the runs that arrived.
+    first variant. Time is the mean over the runs that reached their goals.
     """
     if "by_variant" in summary:
         return _variants(summary)

@@ -1,4 +1,4 @@
-"""Two tables over the same runs, pair by pair: whether B is better than A, or was lucky."""
+"""Paired comparison of two tables over the same runs, with a test of significance."""
 
 from __future__ import annotations
 
@@ -38,14 +38,13 @@ def of_variant(rows: Sequence[RunRow], name: str | None) -> Sequence[RunRow]:
 
 
 def pair_up(first: Sequence[RunRow], second: Sequence[RunRow]) -> list[RunPair]:
-    """The runs that both tables have, in the order of the first.
+    """The runs in both tables, in the order of the first table.
 
-    Tables with one stack for each run are paired whatever the stacks are called, and so are those
-    of one variant each: comparing them is what this is for. Runs that a person cancelled are left
-    out.
+    Tables with one stack per run are paired regardless of the names of the stacks, and tables with
+    one variant each regardless of the names of the variants. Cancelled runs are left out.
 
     Raises:
-        InputError: no run is in both.
+        InputError: no run is in both tables.
 
     """
     by_variant = any(len({row.variant for row in rows}) > 1 for rows in (first, second))
@@ -54,7 +53,7 @@ def pair_up(first: Sequence[RunRow], second: Sequence[RunRow]) -> list[RunPair]:
         kept = row.key._replace(stack="")
         return kept if by_variant else kept._replace(variant="")
 
-    # missions may each have a stack of their own; only the same mission with two needs telling
+    # the stack is part of the key only where a mission was run with several stacks
     by_stack = any(len({bare(row) for row in rows}) < len(rows) for rows in (first, second))
 
     def key(row: RunRow) -> RunKey:
@@ -76,12 +75,12 @@ def pair_up(first: Sequence[RunRow], second: Sequence[RunRow]) -> list[RunPair]:
 def compare_tables(first: Sequence[RunRow], second: Sequence[RunRow]) -> dict[str, Any]:
     """The paired comparison of two tables, B minus A; plain data.
 
-    ``p`` is of McNemar's exact test on success. ``spl_difference`` is the median over all pairs;
-    ``time_difference_s`` and ``time_ratio`` are medians over the pairs in which both arrived.
-    ``gained`` and ``lost`` name the runs that only B, and only A, accomplished.
+    ``p`` is that of McNemar's exact test on success. ``spl_difference`` is the median over all
+    pairs; ``time_difference_s`` and ``time_ratio`` are medians over the pairs in which both runs
+    succeeded. ``gained`` and ``lost`` list the runs in which only B, and only A, succeeded.
 
     Raises:
-        InputError: no run is in both.
+        InputError: no run is in both tables.
 
     """
     pairs = pair_up(first, second)
@@ -119,7 +118,7 @@ def compare_tables(first: Sequence[RunRow], second: Sequence[RunRow]) -> dict[st
 
 
 def _named(row: RunRow) -> dict[str, Any]:
-    """The run that failed, with why."""
+    """The failed run of a pair, with its outcome and cause."""
     return {
         "entry": row.entry,
         "world": row.world,

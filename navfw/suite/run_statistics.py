@@ -1,4 +1,4 @@
-"""The few statistics of an evaluation: intervals, paired tests, scores of single runs."""
+"""Statistics of an evaluation: confidence intervals, paired tests, scores of single runs."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from statistics import NormalDist
 __all__ = ["barn_score", "mcnemar_exact", "sct", "wilson"]
 
 BARN_SPEED = 2.0
-"""The BARN challenge's reference speed [m/s]: OT is the path's length over this."""
+"""The BARN challenge's reference speed [m/s]: OT is the path's length divided by it."""
 
 
 def wilson(successes: int, runs: int, confidence: float = 0.95) -> tuple[float, float]:
-    """Wilson's score interval of a share (Wilson 1927); (0, 1) when there are no runs.
+    """Wilson's score interval of a proportion (Wilson 1927); (0, 1) without runs.
 
-    Unlike the usual one it stays honest near 0 and 1, where success rates ought to be.
+    Unlike the normal approximation it keeps its coverage for proportions near 0 and 1.
 
     >>> low, high = wilson(200, 200)
     >>> round(low, 4), high
@@ -35,25 +35,25 @@ def wilson(successes: int, runs: int, confidence: float = 0.95) -> tuple[float, 
 def mcnemar_exact(only_a: int, only_b: int) -> float:
     """Two-sided exact p of McNemar's test: pairs in which only A, and only B, succeeded.
 
-    Pairs in which both or neither did say nothing about which of them is better.
+    Pairs in which both or neither succeeded do not enter the test.
 
     >>> mcnemar_exact(0, 5)
     0.0625
     """
     pairs = only_a + only_b
-    tail = ways = 1  # to choose none of the pairs
+    tail = ways = 1  # the number of ways to choose none of the pairs
     for k in range(1, min(only_a, only_b) + 1):
         ways = ways * (pairs - k + 1) // k
         tail += ways
-    return min(1.0, tail / (1 << pairs) * 2)  # whole numbers: exact for any number of pairs
+    return min(1.0, tail / (1 << pairs) * 2)  # integers: exact for any number of pairs
 
 
 def sct(succeeded: bool, time: float, shortest: float, max_speed: float) -> float:
     """Success weighted by completion time (Yokoyama, Ha, Batra 2021, arXiv 2103.08022).
 
     S T / max(C, T) with C the ``time`` [s] taken and T the fastest time. T here is ``shortest``
-    [m] at ``max_speed`` [m/s], which no robot that has to start, turn and stop can reach: a value
-    below the paper's, which plans T with the robot's dynamics.
+    [m] at ``max_speed`` [m/s], a bound that no robot reaches, as it has to accelerate, turn and
+    stop: the value is below the paper's, which plans T with the robot's dynamics.
 
     >>> sct(True, time=40.0, shortest=10.0, max_speed=0.5)
     0.5
@@ -66,8 +66,8 @@ def sct(succeeded: bool, time: float, shortest: float, max_speed: float) -> floa
 def barn_score(succeeded: bool, time: float, path: float) -> float:
     """The BARN challenge's score of a run: success x OT / clip(AT, 2 OT, 8 OT).
 
-    OT is the length [m] of the reference ``path`` at 2 m/s, AT the ``time`` [s] taken; so 0.5 is
-    the best there is, and a robot of 0.5 m/s can reach 0.25.
+    OT is the time for the length [m] of the reference ``path`` at 2 m/s, AT the ``time`` [s] taken.
+    The best score is 0.5; a robot of 0.5 m/s reaches at most 0.25.
 
     >>> barn_score(True, time=25.0, path=10.0)
     0.2

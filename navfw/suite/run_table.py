@@ -1,4 +1,4 @@
-"""The table of a suite: one row per run, as CSV, written whole or not at all."""
+"""The table of a suite: one row per run, as CSV, written atomically."""
 
 from __future__ import annotations
 
@@ -20,10 +20,11 @@ from navfw.missions.outcome import Outcome
 __all__ = ["COLUMNS", "RunKey", "RunRow", "columns_of", "read_table", "write_table", "write_text"]
 
 _MAX_TABLE = 500_000_000
+"""Largest size of a table [byte]; a larger file is refused before it is read."""
 
 
 class RunKey(NamedTuple):
-    """What makes a run of a suite this one and no other."""
+    """The columns that identify a run of a suite."""
 
     entry: str
     world: str
@@ -35,11 +36,11 @@ class RunKey(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunRow:
-    """One run. Lengths in metres, times in seconds; None where a run gave no such number.
+    """One run. Lengths in metres, times in seconds; None where a run has no such number.
 
-    ``cause`` says why a failed run failed (``navfw.suite.failure_causes``); ``collision_cause`` who
-    moved into whom: robot or mover. ``picture`` is a file beside the table. ``variant`` is empty
-    in suites without variants, and their tables have no such column.
+    ``cause`` is the cause of a failure (``navfw.suite.failure_causes``), ``collision_cause`` the
+    body that moved into the other: "robot" or "mover". ``picture`` is a file beside the table.
+    ``variant`` is empty in suites without variants; their tables have no such column.
     """
 
     entry: str
@@ -74,7 +75,7 @@ class RunRow:
 
     @property
     def key(self) -> RunKey:
-        """Which run it is."""
+        """The columns that identify the run."""
         return RunKey(self.entry, self.world, self.mission, self.seed, self.stack, self.variant)
 
     @property
@@ -88,7 +89,7 @@ _TYPES = typing.get_type_hints(RunRow)
 
 
 def columns_of(rows: Iterable[RunRow]) -> tuple[str, ...]:
-    """The columns of a table of ``rows``: without that of the variant, if none has one."""
+    """The columns of a table of ``rows``; ``variant`` is left out if no row has one."""
     if any(row.variant for row in rows):
         return COLUMNS
     return tuple(name for name in COLUMNS if name != "variant")
@@ -98,7 +99,7 @@ def write_table(path: Path, rows: Iterable[RunRow]) -> None:
     """Write ``rows`` as CSV; floats keep every digit, None is an empty cell.
 
     Raises:
-        InputError: the file cannot be written; what was there stays as it was.
+        InputError: the file cannot be written; an existing file stays unchanged.
 
     """
     rows = list(rows)
@@ -108,7 +109,7 @@ def write_table(path: Path, rows: Iterable[RunRow]) -> None:
 
 
 def write_text(path: Path, content: str | Iterable[Iterable[str]]) -> None:
-    """Replace the file at ``path`` by a text, or by rows of CSV, in one step."""
+    """Replace the file at ``path`` atomically by a text, or by rows of CSV."""
     name = None
     try:
         handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
@@ -128,7 +129,7 @@ def write_text(path: Path, content: str | Iterable[Iterable[str]]) -> None:
 
 
 def read_table(path: str | Path) -> list[RunRow]:
-    """The rows of a table.
+    """The rows of the table at ``path``.
 
     Raises:
         ConfigError: there is no such file, or it is not a suite's table; with file and line.
@@ -154,7 +155,7 @@ def read_table(path: str | Path) -> list[RunRow]:
     seen: set[RunKey] = set()
     for row in rows:
         if row.key in seen:
-            raise ConfigError(f"holds the run {tuple(row.key)} twice", file=name)
+            raise ConfigError(f"contains the run {tuple(row.key)} twice", file=name)
         seen.add(row.key)
     return rows
 
@@ -164,7 +165,7 @@ def _row(cells: dict[str, Any], file: str, line: int) -> RunRow:
     for column in COLUMNS:
         text = cells.get(column, "") if column == "variant" else cells[column]
         if text is None:
-            raise ConfigError("the line ends too early", file=file, line=line)
+            raise ConfigError("the line has too few cells", file=file, line=line)
         try:
             values[column] = _value(text, _TYPES[column])
         except ValueError:

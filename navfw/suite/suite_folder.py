@@ -1,9 +1,8 @@
-"""The folder of a suite: its table, summary, what it is of, and pictures.
+"""The folder of a suite: table, summary, configuration and pictures.
 
-``table.csv`` has one row a run, ``summary.json`` what they come to, ``table.md`` that for a page.
-
-``suite.json`` says what the table is of, so that a table that was interrupted is only ever
-continued with the same worlds, missions and stacks.
+``table.csv`` has one row per run, ``summary.json`` the summary, ``table.md`` the summary as
+Markdown. ``suite.json`` identifies worlds, missions and stacks, so that an interrupted table is
+continued with the same ones only.
 """
 
 from __future__ import annotations
@@ -29,18 +28,18 @@ MARKDOWN = "table.md"
 
 @dataclass(frozen=True)
 class SuiteFolder:
-    """Where a suite's results go; see ``open_folder``."""
+    """The folder of a suite's results; ``open`` creates it or continues it."""
 
     path: Path
 
     @property
     def table(self) -> Path:
-        """The table, one row a run."""
+        """The file of the table, one row per run."""
         return self.path / TABLE
 
     @property
     def pictures(self) -> Path:
-        """The folder of the pictures of runs."""
+        """The folder of the runs' pictures."""
         return self.path / PICTURES
 
     @classmethod
@@ -56,11 +55,11 @@ class SuiteFolder:
         return cls(place)
 
     def open(self, plan: SuitePlan, revision: str, *, resume: bool) -> list[RunRow]:
-        """Make the folder, or go on with what is in it; the rows it already has.
+        """Create the folder, or continue its table with ``resume``; returns the rows in the table.
 
         Raises:
-            InputError: it cannot be written, has something in it (without ``resume``), or is of
-                another suite or configuration.
+            InputError: the folder cannot be written, is not empty (without ``resume``), or belongs
+                to another suite or configuration.
 
         """
         rows: list[RunRow] = []
@@ -100,17 +99,17 @@ class SuiteFolder:
         write_text(self.path / MARKDOWN, markdown_table(summary))
 
     def tidy(self) -> None:
-        """Remove the folder of pictures if there is none."""
+        """Remove the folder of pictures if it is empty."""
         if self.pictures.is_dir() and not any(self.pictures.iterdir()):
             self.pictures.rmdir()
 
     @property
     def revisions(self) -> list[str]:
-        """The revisions of the code that made the table."""
+        """The revisions of the code that produced the table."""
         return list(self.about().get("revisions", []))
 
     def about(self) -> dict[str, Any]:
-        """What ``suite.json`` holds: suite, its hash, options, content, revisions, machines.
+        """The content of ``suite.json``: suite, its hash, options, content, revisions, machines.
 
         Raises:
             ConfigError: there is no such file, or it is damaged.
@@ -123,21 +122,21 @@ class SuiteFolder:
             what = f"cannot be read, so the table beside it cannot be continued: {error}"
             raise ConfigError(what, file=file) from None
         if not isinstance(about, dict) or not isinstance(about.get("content"), dict):
-            raise ConfigError("does not hold what navfw suite writes", file=file)
+            raise ConfigError("is not a file written by navfw suite", file=file)
         return about
 
     def _compare(self, known: Mapping[str, str], wanted: Mapping[str, str]) -> None:
         differing = [name for name in {**wanted, **known} if known.get(name) != wanted.get(name)]
         if differing:
-            what = f"is of another suite or configuration: {differing[0]} differs"
+            what = f"belongs to another suite or configuration: {differing[0]} differs"
             more = f" (and {len(differing) - 1} more)" if len(differing) > 1 else ""
             raise InputError(f"{what}{more}; choose another --out", file=self.path)
 
     def _refuse_foreign(self) -> None:
         if self.path.exists() and not self.path.is_dir():
-            raise InputError("is a file; a suite needs a folder of its own", file=self.path)
+            raise InputError("is a file; a suite needs a folder", file=self.path)
         if self.table.is_file():
-            what = "holds a table already: go on with it by --resume, or choose another --out"
+            what = "contains a table already: continue it with --resume, or choose another --out"
             raise InputError(what, file=self.path)
         if self.path.is_dir() and any(self.path.iterdir()):
             raise InputError("is not empty; choose another --out", file=self.path)

@@ -1,4 +1,4 @@
-"""A whole suite: what is missing is run, the table grows, the summary follows."""
+"""Runs a suite: all cases without a row, with table and summary saved on the way."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from navfw.missions.outcome import Outcome
-from navfw.suite.case import Case, Job, Keep
+from navfw.suite.case import Case, Job, KeptPictures
 from navfw.suite.case_rows import fault_row
 from navfw.suite.case_worker import run_job
 from navfw.suite.failure_causes import Cause
@@ -21,15 +21,15 @@ from navfw.suite.worker_pool import WorkerFailure, WorkerPool
 __all__ = ["SuiteResult", "run_suite"]
 
 SAVE_PERIOD = 2.0
-"""Seconds between two writings of the table: what a power cut can cost."""
+"""Shortest time [s] between two saves of the table: at most this work is lost by a power cut."""
 
 LIMIT = 900.0
-"""Seconds of the clock on the wall that a run may take."""
+"""Default wall-clock limit of a run [s]."""
 
 
 @dataclass(frozen=True)
 class SuiteResult:
-    """What a suite gave: its rows in the plan's order, and whether any run is missing."""
+    """The rows of a suite in the plan's order, their summary, and whether no run is missing."""
 
     rows: tuple[RunRow, ...]
     summary: dict[str, Any]
@@ -41,48 +41,49 @@ def run_suite(
     out: SuiteFolder,
     *,
     workers: int = 1,
-    keep: Keep = "failed",
+    keep: KeptPictures = "failed",
     have: Sequence[RunRow] = (),
     limit: float = LIMIT,
     work: Callable[[Job], RunRow] = run_job,
-    tell: Callable[[Case, RunRow], None] | None = None,
+    on_row: Callable[[Case, RunRow], None] | None = None,
 ) -> SuiteResult:
-    """Run all cases of ``plan`` that are not among the rows it may already ``have``.
+    """Run all cases of ``plan`` that have no row in ``have`` yet.
 
-    ``tell`` hears of every run as it ends. A KeyboardInterrupt ends the evaluation early: the
-    table in ``out`` then has all the runs that have ended, and is valid.
+    ``on_row`` is called with every run as it ends. A KeyboardInterrupt ends the suite early; the
+    table in ``out`` is valid and contains all runs that have ended.
 
     Raises:
         InputError: the table cannot be written.
-        SimulationError: no worker process stays alive.
+        SimulationError: every worker process dies before it completes a run.
 
     """
-    keeper = _TableKeeper(plan, out, have)
-    jobs = [Job(case, out.pictures, keep) for case in plan.cases if case.key not in keeper.rows]
+    table = _TableKeeper(plan, out, have)
+    jobs = [Job(case, out.pictures, keep) for case in plan.cases if case.key not in table.rows]
     interrupted = False
     try:
         with WorkerPool(work, max(1, min(workers, len(jobs))), limit) as pool:
             for job, result in pool.run(jobs):
-                row = _dead(job.case, result) if isinstance(result, WorkerFailure) else result
+                row = _failed_row(job.case, result) if isinstance(result, WorkerFailure) else result
                 if row.outcome == Outcome.CANCELLED:
                     continue
-                keeper.add(row)
-                if tell is not None:
-                    tell(job.case, row)
+                table.add(row)
+                if on_row is not None:
+                    on_row(job.case, row)
     except KeyboardInterrupt:
         interrupted = True
     finally:
-        done = keeper.finish()
-    assert done.complete or interrupted or not jobs  # noqa: S101 - every job gives a row
+        done = table.finish()
+    assert done.complete or interrupted or not jobs  # noqa: S101 - every job yields a row
     return done
 
 
-def _dead(case: Case, died: WorkerFailure) -> RunRow:
-    return fault_row(case, died.reason, Cause.TOO_LONG if died.too_long else Cause.PROCESS_DIED)
+def _failed_row(case: Case, failure: WorkerFailure) -> RunRow:
+    cause = Cause.TOO_LONG if failure.too_long else Cause.PROCESS_DIED
+    return fault_row(case, failure.reason, cause)
 
 
 class _TableKeeper:
-    """Keeps the rows, and every now and then the files."""
+    """Holds the rows, and saves table and summary every SAVE_PERIOD."""
 
     def __init__(self, plan: SuitePlan, out: SuiteFolder, have: Sequence[RunRow]) -> None:
         self.plan = plan
@@ -102,7 +103,7 @@ class _TableKeeper:
 
     def _save(self) -> SuiteResult:
         order = {case.key: case.index for case in self.plan.cases}
-        # rows of other seeds, from an earlier evaluation into the same table, come last
+        # rows of other seeds, from earlier runs of the suite into the same table, come last
         rows = sorted(self.rows.values(), key=lambda row: order.get(row.key, len(order)))
         complete = all(key in self.rows for key in order)
         summary = {

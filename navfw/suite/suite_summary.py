@@ -1,4 +1,4 @@
-"""What a table of runs comes to."""
+"""The summary of a table of runs."""
 
 from __future__ import annotations
 
@@ -17,20 +17,21 @@ __all__ = ["summarize"]
 
 
 ENOUGH = 0.9
-"""Share of runs that have to arrive where arrival is expected."""
+"""Smallest share of successful runs with which an entry with ``expect: arrival`` passes."""
 
 
 def summarize(rows: Sequence[RunRow], expect: Mapping[str, Expect] | None = None) -> dict[str, Any]:
-    """The numbers of all runs, and of each entry under ``by_entry``; plain data.
+    """The summary of all runs, and of each entry under ``by_entry``; plain data.
 
-    ``success`` is a share with its Wilson interval (95 %). SPL, SCT and the BARN score are means
-    over all runs, failures being 0. ``collisions`` are counted contacts, ``collision_rate`` the
-    share of runs with one, ``collisions_by_robot`` the runs in which the robot's own motion led
-    into it. ``mean_time_s`` is of the runs that arrived. What no run gave is None. With more
-    than one stack, ``by_stack`` has the numbers of each. Entries of which ``expect`` says what
-    passes have ``expect``, the number of runs that ``passed``, and whether the entry ``passes``.
-    With variants, ``by_variant`` has instead of ``by_stack`` the numbers of each, by entry too, and
-    ``p``: of McNemar's exact test on success against the first of them.
+    ``success`` is a proportion with its Wilson interval (95 %). SPL, SCT and the BARN score are
+    means over all runs, 0 for failures. ``collisions`` is the number of collisions,
+    ``collision_rate`` the share of runs with one, ``collisions_by_robot`` the number of runs in
+    which the robot moved into the object. ``mean_time_s`` is over the successful runs. Numbers that
+    no run has are None. With more than one stack, ``by_stack`` has the summary of each. Entries in
+    ``expect`` have ``expect``, the number of runs that ``passed``, and whether the entry
+    ``passes``. With variants, ``by_variant`` replaces ``by_stack``; it has the summary of each
+    variant and of its entries, and ``p`` of McNemar's exact test on success against the first
+    variant.
     """
     summary = _numbers(rows)
     by_entry = _split(rows, lambda row: row.entry)
@@ -53,7 +54,7 @@ def summarize(rows: Sequence[RunRow], expect: Mapping[str, Expect] | None = None
 
 
 def _by_variant(rows: Sequence[RunRow]) -> dict[str, Any]:
-    """The numbers of each variant, in the order of the table."""
+    """The summary of each variant, in the order of the table."""
     parts: dict[str, list[RunRow]] = {}
     for row in rows:
         parts.setdefault(row.variant, []).append(row)
@@ -70,17 +71,17 @@ def _by_variant(rows: Sequence[RunRow]) -> dict[str, Any]:
 
 
 def _run(row: RunRow) -> tuple[str, str, str, int]:
-    """Which run it is, whatever the variant."""
+    """The columns that identify a run across variants."""
     return row.entry, row.world, row.mission, row.seed
 
 
 def _passed(row: RunRow, wanted: Expect) -> bool:
-    """Whether the run did what passes; a stop has to have an outcome that says why."""
+    """Whether the run passes; a stop passes without a collision and with a known reason."""
     if wanted == "arrival":
         return row.succeeded
     ended = {Outcome.REACHED, Outcome.STUCK, Outcome.TIMEOUT, Outcome.LOST}
-    told = row.outcome == Outcome.FAULT and row.cause == Cause.SENSOR_FAILED
-    return not row.collisions and (row.outcome in ended or told)
+    sensor = row.outcome == Outcome.FAULT and row.cause == Cause.SENSOR_FAILED
+    return not row.collisions and (row.outcome in ended or sensor)
 
 
 def _split(rows: Sequence[RunRow], key: Callable[[RunRow], str]) -> dict[str, Any]:

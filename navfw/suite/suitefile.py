@@ -1,4 +1,4 @@
-"""Suite files: which worlds, missions and families of generated worlds an evaluation runs.
+"""Suite files: the worlds, missions and families of generated worlds of an evaluation.
 
 ::
 
@@ -10,15 +10,15 @@
         missions: [lobby-to-lab]      # default: all of the world
         stack: default
         set: {avoid.spare: 0.1, mission.timeout: 120}
-      - name: black for 6 s           # what happens on the way, and what passes then
+      - name: black for 6 s           # events during the mission, and what passes then
         family: rooms
         events: [{at: 8, lasting: 6, camera: black}]
         expect: arrival
       - worlds: ../imported           # a folder of worlds, each with its missions; see --worlds
-    variants:                         # every run once with each of them, to be compared
+    variants:                         # every run is made with each variant
       default: {}
       paper: {stack: paper}
-      no-memory: {set: {motion.memory: false}}
+      no-memory: {set: {local_map.memory: false}}
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ MAX_SEED = 2**32
 MAX_SEEDS = 100_000
 
 Expect = Literal["arrival", "stop"]
-"""What passes: arriving, or standing still before contact for a reason that is told."""
+"""What passes: reaching the goals, or a stop without a collision for a known reason."""
 
 Name = Annotated[str, Field(min_length=1, max_length=60, pattern=r"^[\w][\w .+-]*$")]
 Difficulty = Annotated[float, Field(ge=0.0, le=1.0)]
@@ -69,11 +69,11 @@ def _ascending(interval: tuple[float, float]) -> tuple[float, float]:
 
 
 class EntrySpec(StrictModel):
-    """One line of a suite: a world, a folder of worlds, or a family of generated ones."""
+    """An entry of a suite: a world, a folder of worlds, or a family of generated worlds."""
 
-    name: Annotated[Name | None, Field(description="in the table [default: world or family]")] = (
-        None
-    )
+    name: Annotated[
+        Name | None, Field(description="name in the table [default: world or family]")
+    ] = None
     world: Annotated[str | None, Field(description="a world's name or file")] = None
     missions: Annotated[
         tuple[str, ...] | None,
@@ -82,24 +82,24 @@ class EntrySpec(StrictModel):
     worlds: Annotated[
         str | None, Field(description="a folder of worlds; relative to the suite file")
     ] = None
-    family: Annotated[str | None, Field(description="of generated worlds")] = None
+    family: Annotated[str | None, Field(description="a family of generated worlds")] = None
     difficulty: Annotated[
         Difficulty | Annotated[tuple[Difficulty, Difficulty], AfterValidator(_ascending)] | None,
-        Field(description="of the family, 0 to 1; or [from, to], drawn from the seed"),
+        Field(description="of the family, 0 to 1; or [from, to], drawn by the seed"),
     ] = None
     stack: Annotated[
-        str | None, Field(description="a stack's name or file [default: each mission's own]")
+        str | None, Field(description="a stack's name or file [default: each mission's]")
     ] = None
     set: Annotated[
-        Mapping[str, Any], Field(description="what differs, as with --set: {avoid.spare: 0.1}")
+        Mapping[str, Any], Field(description="changed values, as with --set: {avoid.spare: 0.1}")
     ] = Field(default_factory=dict)
     events: Annotated[
         tuple[EventSpec, ...] | None,
-        Field(max_length=1000, description="in place of the missions' events"),
+        Field(max_length=1000, description="replace the missions' events"),
     ] = None
     expect: Annotated[
         Expect | None,
-        Field(description="what passes: 90 % arrivals, or a stop before contact in every run"),
+        Field(description="what passes: 90 % of the runs arrive, or all stop without collision"),
     ] = None
 
     @model_validator(mode="after")
@@ -116,7 +116,7 @@ class EntrySpec(StrictModel):
 
     @property
     def title(self) -> str:
-        """What the table calls it."""
+        """Its name in the table."""
         if self.name is not None:
             return self.name
         source = self.family or self.world or self.worlds or ""
@@ -125,7 +125,7 @@ class EntrySpec(StrictModel):
 
     @property
     def overrides(self) -> tuple[str, ...]:
-        """``events`` and ``set`` as ``--set`` has it; JSON is YAML: each value means the same."""
+        """``events`` and ``set`` as arguments of ``--set``; values are JSON, a subset of YAML."""
         given = dict(self.set)
         if self.events is not None:
             events = [event.model_dump(mode="json", exclude_unset=True) for event in self.events]
@@ -134,18 +134,18 @@ class EntrySpec(StrictModel):
 
 
 class VariantSpec(StrictModel):
-    """One way to run all of a suite, to be compared with the others."""
+    """A variant: changes applied to all runs of a suite."""
 
     stack: Annotated[
-        str | None, Field(description="a stack's name or file, in place of the entries'")
+        str | None, Field(description="a stack's name or file; replaces the entries'")
     ] = None
     set: Annotated[
-        Mapping[str, Any], Field(description="what differs, on top of what entries set")
+        Mapping[str, Any], Field(description="changed values, applied after those of the entries")
     ] = Field(default_factory=dict)
 
     @property
     def overrides(self) -> tuple[str, ...]:
-        """``set`` as ``--set`` has it."""
+        """``set`` as arguments of ``--set``."""
         return _options(self.set)
 
 
@@ -156,17 +156,17 @@ def _options(given: Mapping[str, Any]) -> tuple[str, ...]:
 class SuiteSpec(StrictModel):
     """A suite as its file has it."""
 
-    description: Annotated[str, Field(description="one line for a person")] = ""
+    description: Annotated[str, Field(description="one line for people")] = ""
     entries: Annotated[tuple[EntrySpec, ...], Field(min_length=1, max_length=1000)]
     variants: Annotated[
         Mapping[Name, VariantSpec | None],
-        Field(max_length=100, description="by name: every run is made once with each"),
+        Field(max_length=100, description="by name: every run is made with each"),
     ] = Field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Suite:
-    """A suite file that has been read."""
+    """A loaded suite file."""
 
     name: str
     file: Path
@@ -175,14 +175,14 @@ class Suite:
 
     @property
     def variants(self) -> dict[str, VariantSpec]:
-        """The variants by name; a single one without a name where the suite has none."""
+        """The variants by name; a single variant without a name if the suite has none."""
         given = {name: spec or VariantSpec() for name, spec in self.spec.variants.items()}
         return given or {"": VariantSpec()}
 
-    def blame(
+    def located(
         self, error: InputError, index: int, key: str | None = None, variant: str = ""
     ) -> InputError:
-        """``error`` as the fault of this suite's entry or variant: with its file, line and key."""
+        """``error`` with the file, line and key of this entry or variant."""
         path: KeyPath = ("variants", variant) if variant else ("entries", index)
         if key is not None:
             path = (*path, key)
@@ -197,11 +197,11 @@ class Suite:
 
 
 def load_suite(name: str | Path) -> Suite:
-    """The suite of that name or file; ``navfw.suite.suite_plan`` checks the worlds it names.
+    """Load the suite of that name or file; ``navfw.suite.suite_plan`` checks its worlds.
 
     Raises:
         UnknownNameError: there is no suite of that name.
-        ConfigError: the file breaks the schema, or two entries have one name.
+        ConfigError: the file breaks the schema, or two entries have the same name.
 
     """
     file = find_suite(name)
@@ -211,8 +211,8 @@ def load_suite(name: str | Path) -> Suite:
     titles: dict[str, int] = {}
     for index, entry in enumerate(spec.entries):
         if entry.title in titles:
-            what = f"a second entry called {entry.title!r}; give one of them a name of its own"
-            raise suite.blame(ConfigError(what), index)
+            what = f"a second entry called {entry.title!r}; give one of them another name"
+            raise suite.located(ConfigError(what), index)
         titles[entry.title] = index
     return suite
 
@@ -234,7 +234,7 @@ def find_suite(name: str | Path) -> Path:
 
 
 def list_suites() -> dict[str, Path]:
-    """All suites by name; a project's own go before shipped ones."""
+    """All suites by name; those of the project take precedence over shipped ones."""
     folders = [shipped_folder(), *([project] if (project := project_folder()) else [])]
     return {
         file.stem: file

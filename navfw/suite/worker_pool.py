@@ -1,7 +1,7 @@
-"""Jobs in worker processes: each single-threaded, each replaceable, none able to stop the others.
+"""Jobs in worker processes: single-threaded, replaceable, isolated from each other.
 
-One executor of one process for each worker: when a process dies, it is known whose job it was.
-Processes are spawned, not forked, so that no state of this process leaks into a run.
+Each worker is an executor with one process, so that the job of a dead process is known. Processes
+are spawned, not forked, so that no state of this process leaks into a run.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ from navfw.errors import SimulationError
 __all__ = ["WorkerFailure", "WorkerPool", "stop_requested"]
 
 RECYCLE = 100
-"""Jobs after which a process is replaced: the simulator and its libraries leak a little."""
+"""Number of jobs after which a process is replaced: the simulator's libraries leak memory."""
 
 GRACE = 10.0
-"""Seconds a worker gets to end its job once all are told to stop."""
+"""Time [s] for a worker to end its job after a request to stop."""
 
 _THREADS = ("OMP", "OPENBLAS", "MKL", "NUMEXPR", "NUMBA", "VECLIB_MAXIMUM")
 
@@ -39,7 +39,7 @@ ResultT = TypeVar("ResultT")
 
 
 class _Flag(Protocol):
-    """A byte that all processes share. No Event: those lock, and whoever dies holding it..."""
+    """A byte shared by all processes. An Event has a lock, which a dying process would keep."""
 
     value: int
 
@@ -49,23 +49,23 @@ _stop: _Flag | None = None
 
 @dataclass(frozen=True, slots=True)
 class WorkerFailure:
-    """The process of a job ended without an answer; ``too_long`` when its time [s] was up."""
+    """A job whose process ended without a result; ``too_long``: it exceeded the time limit."""
 
     reason: str
     too_long: bool = False
 
 
 def stop_requested() -> bool:
-    """In a worker: whether the job shall end now, because a person wants it."""
+    """In a worker process: whether the user has stopped the suite."""
     return _stop is not None and _stop.value != 0
 
 
 @dataclass
 class WorkerPool(Generic[JobT, ResultT]):
-    """A context manager; ``run`` gives each job with its result, in the order of completion.
+    """A context manager; ``run`` yields each job with its result, in the order of completion.
 
-    ``work`` is a function of a module (it travels by name). A job that takes longer than
-    ``limit`` [s] of the clock on the wall is ended with its process.
+    ``work`` is a function of a module (it is pickled by name). A job that takes longer than
+    ``limit`` [s] of wall-clock time is ended with its process.
     """
 
     work: Callable[[JobT], ResultT]
@@ -94,16 +94,16 @@ class WorkerPool(Generic[JobT, ResultT]):
             slot.close()
 
     def run(self, jobs: Iterable[JobT]) -> Iterator[tuple[JobT, ResultT | WorkerFailure]]:
-        """Do all jobs.
+        """Run all jobs.
 
         Raises:
-            SimulationError: one process after the other dies, and none has ever done a job.
+            SimulationError: several processes have died, and none has completed a job.
 
         """
         waiting = deque(jobs)
         busy: dict[Future[ResultT], tuple[_WorkerSlot, JobT]] = {}
         idle = list(self._slots)
-        deaths, done = 0, 0
+        failed, done = 0, 0
         while waiting or busy:
             while idle and waiting:
                 slot, job = idle.pop(), waiting.popleft()
@@ -113,16 +113,16 @@ class WorkerPool(Generic[JobT, ResultT]):
                 slot, job = busy.pop(future)
                 idle.append(slot)
                 result = slot.result(future, self.limit)
-                deaths += isinstance(result, WorkerFailure)
+                failed += isinstance(result, WorkerFailure)
                 done += not isinstance(result, WorkerFailure)
-                if not done and deaths > self.workers + 2:
-                    assert isinstance(result, WorkerFailure)  # noqa: S101 - nothing else has come yet
-                    raise SimulationError(f"no worker process stays alive: {result.reason}")
+                if not done and failed > self.workers + 2:
+                    assert isinstance(result, WorkerFailure)  # noqa: S101 - all results so far are failures
+                    raise SimulationError(f"all worker processes die: {result.reason}")
                 yield job, result
 
 
 class _WorkerSlot:
-    """A place for one process at a time."""
+    """One worker: its process, which is replaced after RECYCLE jobs or when it dies."""
 
     def __init__(self, context: SpawnContext, stop: _Flag, recycle: int) -> None:
         self._context = context
@@ -150,9 +150,9 @@ class _WorkerSlot:
         except BrokenProcessPool:
             self.close()
             if time.monotonic() - self._began >= limit:
-                return WorkerFailure(f"took longer than {limit:g} s of the clock on the wall", True)
-            return WorkerFailure("the process of the run ended without a word")
-        except Exception as error:  # what the job raised, or what would not travel back
+                return WorkerFailure(f"exceeded the wall-clock limit of {limit:g} s", True)
+            return WorkerFailure("the process of the run ended without a result")
+        except Exception as error:  # raised by the job, or a result that cannot be pickled
             return WorkerFailure(f"{type(error).__name__}: {error}")
 
     def close(self) -> None:
@@ -163,7 +163,7 @@ class _WorkerSlot:
 
 @contextlib.contextmanager
 def _single_threaded() -> Iterator[None]:
-    """Processes started inside find their numerical libraries told to use one thread."""
+    """Processes started inside use one thread in their numerical libraries."""
     wanted = {f"{library}_NUM_THREADS": "1" for library in _THREADS[:-1]}
     wanted |= {f"{_THREADS[-1]}_THREADS": "1", "OPENCV_FOR_THREADS_NUM": "1"}
     before = {name: os.environ.get(name) for name in wanted}
@@ -182,15 +182,15 @@ def _single_threaded() -> Iterator[None]:
 
 
 def _begin(stop: _Flag) -> None:
-    """Make a fresh process a worker: Ctrl-C is for the parent, and no parent means no work."""
-    global _stop  # noqa: PLW0603 - the one thing a worker process knows
+    """Set up a worker process: it ignores Ctrl-C, and ends when its parent ends."""
+    global _stop  # noqa: PLW0603 - the only state of a worker process
     _stop = stop
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_watch, args=(stop,), daemon=True).start()
 
 
 def _watch(stop: _Flag) -> None:
-    """End this process when its parent is gone, or when it does not stop although told to."""
+    """End this process when its parent has ended, or GRACE after a request to stop."""
     parent = multiprocessing.parent_process()
     while parent is None or parent.is_alive():
         time.sleep(1.0)

@@ -44,7 +44,7 @@ def test_navground_drives_our_robot() -> None:
 
 
 @pytest.mark.parametrize(
-    "override", ["derotate=false", "floor_model=false", "motion.local_plan=false", "refine=false"]
+    "override", ["derotate=false", "floor_model=false", "local_map.planning=false", "refine=false"]
 )
 def test_parts_of_the_stack_can_be_left_out(override: str) -> None:
     result = drive("default", override, "mission.timeout=6")

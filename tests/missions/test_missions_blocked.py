@@ -1,4 +1,4 @@
-"""A way that is barred and on no map: the robot finds out, goes round, or says what is shut."""
+"""A blocked passage that is open on the map: detection, detour, or a report that it is closed."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import pytest
 
 from navfw.missions.outcome import Outcome
 from navfw.missions.session import MissionResult, prepare
+from navfw.papfis.papfis import Papfis
 from navfw.sim.worldfile import load_world
 
 WORLD = """\
@@ -78,7 +79,9 @@ def test_a_crate_in_the_way_is_found_and_another_way_taken(
     result = drive(tmp_path, monkeypatch, 1.5)
     assert result.outcome is Outcome.REACHED, result.reason
     assert result.metrics.collisions == 0
-    assert result.session.stack.planner.replans >= 1
+    planner = result.session.stack.planner
+    assert isinstance(planner, Papfis)
+    assert planner.replans >= 1
     passed = result.run.log.true
     assert passed[:, 1].max() > 4.0  # by the northern gap
 

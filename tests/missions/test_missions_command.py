@@ -120,7 +120,7 @@ def test_ctrl_c_ends_as_cancelled_with_the_folder_intact(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize(
-    ("words", "says"),
+    ("words", "message"),
     [
         (["run", "ofice", "lobby-to-lab"], "did you mean 'office'?"),
         (["run", "office", "lobby-to-lap"], "did you mean 'lobby-to-lab'?"),
@@ -141,7 +141,7 @@ def test_ctrl_c_ends_as_cancelled_with_the_folder_intact(tmp_path: Path) -> None
     ],
 )
 def test_bad_input_is_told_in_one_message_and_leaves_nothing(
-    words: list[str], says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    words: list[str], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("DISPLAY", raising=False)
@@ -151,7 +151,7 @@ def test_bad_input_is_told_in_one_message_and_leaves_nothing(
     (tmp_path / "mine" / "notes.txt").write_text("text")
     done = CliRunner().invoke(app, words)
     assert done.exit_code == 2, done.output
-    assert says in done.stderr
+    assert message in done.stderr
     assert "Traceback" not in done.output
     assert done.stdout == ""
     assert sorted(p.name for p in tmp_path.rglob("*")) == ["file.txt", "mine", "notes.txt"]

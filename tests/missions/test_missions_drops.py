@@ -48,7 +48,7 @@ def test_a_drop_of_a_mission_is_in_its_world_and_on_nobodys_way(tmp_path: Path) 
 
 
 @pytest.mark.parametrize(
-    ("drop", "says"),
+    ("drop", "message"),
     [
         (DROP.replace("0.8", "0"), r"mission.yaml:5: drops\[0\].depth: expected a number >= 0.05"),
         (DROP.replace("[3, 4]", "[3, 9]"), r"mission.yaml:5: drops\[0\].x: 'shaft' reaches off"),
@@ -56,8 +56,8 @@ def test_a_drop_of_a_mission_is_in_its_world_and_on_nobodys_way(tmp_path: Path) 
         (DROP.replace("[3, 4]", "[0.5, 1.5]"), r"mission.yaml:1: start: .*'shaft'"),
     ],
 )
-def test_a_wrong_drop_is_named_with_line_and_key(tmp_path: Path, drop: str, says: str) -> None:
-    with pytest.raises(InputError, match=says):
+def test_a_wrong_drop_is_named_with_line_and_key(tmp_path: Path, drop: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
         prepare(*hall(tmp_path, drop))
 
 
@@ -67,7 +67,7 @@ def test_a_hole_is_seen_where_it_is_and_driven_round(tmp_path: Path, seed: int) 
     session = prepare(*hall(tmp_path), seed=seed)
     result = session.run()
     assert result.outcome is Outcome.REACHED, result.reason
-    points = np.array(session.stack.mofis.passages.drops.points())
+    points = np.array(session.stack.local_map.drops.points())
     assert len(points) >= 3
     # odometry starts at the origin: the robot began at (1, 1.7), heading along x
     truth = drop_rectangle(session.world.drops[0]).distance(np.add(points, (1.0, 1.7)))

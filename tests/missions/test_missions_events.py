@@ -78,14 +78,14 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("event", "key", "says"), WRONG, ids=[event for event, _, _ in WRONG])
+@pytest.mark.parametrize(("event", "key", "message"), WRONG, ids=[event for event, _, _ in WRONG])
 def test_a_wrong_event_is_named_with_line_key_and_remedy(
-    tmp_path: Path, event: str, key: str, says: str
+    tmp_path: Path, event: str, key: str, message: str
 ) -> None:
     with pytest.raises(InputError) as caught:
         prepare("paper-room", mission(tmp_path, event))
     assert f"events.yaml:6: {key}: " in str(caught.value)
-    assert says in str(caught.value)
+    assert message in str(caught.value)
     assert "\n" not in str(caught.value)
 
 

@@ -40,7 +40,7 @@ def test_a_replay_sees_the_same_landmarks(stack: Path, tmp_path: Path) -> None:
     taken = [r for r in recording.readings() if r.landmark_frame is not None]
     wanted = session.mission.spec.robot.landmark_camera
     assert len(taken) == pytest.approx(result.run.sim_time * wanted.rate, abs=2)
-    assert set(session.stack.state.seen)  # the lobby has markers
+    assert set(session.stack.state.detection_counts)  # the lobby has markers
     again = replay(folder.final)
     assert again.same
     assert result.timings["landmark_frames"] > 0.0
@@ -52,7 +52,7 @@ def test_a_stack_that_recognises_nothing_pays_nothing(tmp_path: Path) -> None:
     session = prepare("office", "lobby-to-lab", seed=2, stack=file, overrides=["mission.timeout=3"])
     result = session.run()
     assert "landmark_frames" not in result.timings
-    assert session.stack.state.seen == {}
+    assert session.stack.state.detection_counts == {}
 
 
 @pytest.mark.slow

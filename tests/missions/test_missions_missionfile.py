@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from navfw.config.lookup import find, list_missions, list_worlds
+from navfw.config.lookup import NamedFile, find, list_missions, list_worlds
 from navfw.errors import ConfigError, InputError, UnknownNameError, WorldError
 from navfw.missions.missionfile import MissionFile, load_mission
 from navfw.missions.session import prepare
@@ -87,7 +87,7 @@ def test_the_robot_may_differ(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "error", "line", "says"),
+    ("old", "new", "error", "line", "message"),
     [
         ("[lab]", "[labb]", UnknownNameError, 4, "did you mean 'lab'?"),
         ("[lab]", "[]", ConfigError, 4, "goals"),
@@ -106,16 +106,16 @@ def test_the_robot_may_differ(tmp_path: Path) -> None:
     ],
 )
 def test_a_wrong_file_is_named_with_line_and_remedy(
-    tmp_path: Path, old: str, new: str, error: type[InputError], line: int, says: str
+    tmp_path: Path, old: str, new: str, error: type[InputError], line: int, message: str
 ) -> None:
     with pytest.raises(error) as caught:
         mission(tmp_path, GOOD.replace(old, new))
     assert f"mission.yaml:{line}" in str(caught.value)
-    assert says in str(caught.value)
+    assert message in str(caught.value)
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "line", "key", "says"),
+    ("old", "new", "line", "key", "message"),
     [
         ("[1.2, 1.2, 0.6]", "[5.0, 3.0, 0]", 3, "start", "lobby-meeting-wall"),
         ("[1.2, 1.2, 0.6]", "[1.2, 0.2, 0]", 3, "start", "0.18"),
@@ -126,13 +126,13 @@ def test_a_wrong_file_is_named_with_line_and_remedy(
     ],
 )
 def test_what_cannot_be_in_the_world_is_named_too(
-    tmp_path: Path, office: FloorPlan, old: str, new: str, line: int, key: str, says: str
+    tmp_path: Path, office: FloorPlan, old: str, new: str, line: int, key: str, message: str
 ) -> None:
     loaded = mission(tmp_path, GOOD.replace(old, new))
     with pytest.raises(WorldError) as caught:
         loaded.check(office)
     assert f"mission.yaml:{line}: {key}: " in str(caught.value)
-    assert says in str(caught.value)
+    assert message in str(caught.value)
 
 
 def test_the_shortest_way_goes_past_all_goals_in_order(tmp_path: Path, office: FloorPlan) -> None:
@@ -147,9 +147,9 @@ SHIPPED = [(world.name, found) for world in list_worlds() for found in list_miss
 
 
 @pytest.mark.parametrize(("world", "found"), SHIPPED, ids=[f"{w}/{f.name}" for w, f in SHIPPED])
-def test_every_shipped_mission_can_be(world: str, found: object) -> None:
+def test_every_shipped_mission_is_possible(world: str, found: NamedFile) -> None:
     spec = load_world(find("world", world))
-    loaded = load_mission(found.path)  # type: ignore[attr-defined]
+    loaded = load_mission(found.path)
     shortest = loaded.check(FloorPlan.from_world(spec))
     assert loaded.spec.description
     assert shortest > 2.0 * loaded.spec.success.within

@@ -121,7 +121,7 @@ def test_breakage_ends_the_run_in_order(
 
 def test_a_mission_that_the_stack_refuses_is_the_users_error() -> None:
     class Refuser(ScriptedPilot):
-        def start(self, pose: Pose, goals: Sequence[Waypoint]) -> None:
+        def start(self, pose: Pose | None, goals: Sequence[Waypoint]) -> None:
             raise MapError("no way to the goal")
 
     with pytest.raises(MapError, match="no way to the goal"):

@@ -1,4 +1,4 @@
-"""Learning what OFFIS says where: the drives, and the command."""
+"""Learning the situation model from recorded drives: the drives, and the command."""
 
 from __future__ import annotations
 

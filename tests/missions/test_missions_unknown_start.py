@@ -77,7 +77,7 @@ def test_a_told_start_is_never_drawn(tmp_path: Path, office: FloorPlan) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "error", "says"),
+    ("text", "error", "message"),
     [
         (ANYWHERE.replace("unknown", "somewhere"), ConfigError, "unknown"),
         (TWO.replace("kitchen", "kichen"), UnknownNameError, "kitchen"),
@@ -86,9 +86,9 @@ def test_a_told_start_is_never_drawn(tmp_path: Path, office: FloorPlan) -> None:
     ],
 )
 def test_a_wrong_start_is_one_clear_error(
-    tmp_path: Path, text: str, error: type[InputError], says: str
+    tmp_path: Path, text: str, error: type[InputError], message: str
 ) -> None:
-    with pytest.raises(error, match=says) as caught:
+    with pytest.raises(error, match=message) as caught:
         mission(tmp_path, text)
     assert "mission.yaml" in str(caught.value)
 

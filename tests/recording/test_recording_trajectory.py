@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import struct
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -60,10 +61,10 @@ def test_thinned_out_indices_keep_both_ends(ticks: int) -> None:
         assert np.diff(picked[:-1]).tolist() == [6] * (len(picked) - 2)
 
 
-def picture(**changes: object) -> TrajectoryPicture:
+def picture(**changes: Any) -> TrajectoryPicture:
     square = np.array([[0.0, 0.0], [0.4, 0.0], [0.4, 0.4], [0.0, 0.4]])
     wall, table = square + np.array([1.5, 1.0]), square + np.array([0.5, -1.2])
-    values: dict[str, object] = {
+    values: dict[str, Any] = {
         "title": "here / there, seed 1: reached",
         "reason": "stopped 0.1 m from 'there'",
         "numbers": "3.1 m in 5.0 s",
@@ -75,7 +76,7 @@ def picture(**changes: object) -> TrajectoryPicture:
         "robot_radius": 0.18,
         "places": {"there": (3.0, 0.2), "door": (1.0, 0.0), "doorway": (1.01, 0.0)},
     }
-    return TrajectoryPicture(**(values | changes))  # type: ignore[arg-type]
+    return TrajectoryPicture(**(values | changes))
 
 
 def drawn(path: Path, log: RunLog, shown: TrajectoryPicture) -> Array:

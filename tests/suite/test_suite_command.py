@@ -97,7 +97,7 @@ def processes_in(group: int) -> bool:
 
 
 @pytest.mark.parametrize(
-    ("words", "says"),
+    ("words", "message"),
     [
         (["suite", "none.yaml", "--seeds", "0:1"], "none.yaml: there is no such file"),
         (["suite", "ofice", "--seeds", "0:1"], "did you mean 'office'?"),
@@ -121,7 +121,7 @@ def processes_in(group: int) -> bool:
     ],
 )
 def test_bad_input_is_told_in_one_message_and_leaves_nothing(
-    words: list[str], says: str, folder: Path
+    words: list[str], message: str, folder: Path
 ) -> None:
     mine = folder / "mine"
     mine.mkdir()
@@ -137,7 +137,7 @@ def test_bad_input_is_told_in_one_message_and_leaves_nothing(
     before = sorted(folder.rglob("*"))
     done = navfw(*words)
     assert done.exit_code == 2, done.output
-    assert says in " ".join(done.stderr.replace("│", " ").split())
+    assert message in " ".join(done.stderr.replace("│", " ").split())
     assert "Traceback" not in done.output
     assert done.stdout == ""
     assert sorted(folder.rglob("*")) == before

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 import suite_samples as samples
@@ -26,18 +27,18 @@ def plan(*seeds: int) -> SuitePlan:
 
 
 def run(
-    wanted: SuitePlan, out: SuiteFolder, *, resume: bool = False, **options: object
+    wanted: SuitePlan, out: SuiteFolder, *, resume: bool = False, **options: Any
 ) -> SuiteResult:
     have = out.open(wanted, "abc", resume=resume)
-    return run_suite(wanted, out, have=have, **{"work": samples.fake_run, **options})  # type: ignore[arg-type]
+    return run_suite(wanted, out, have=have, **{"work": samples.fake_run, **options})
 
 
 def test_the_table_is_complete_and_in_order(tmp_path: Path) -> None:
     out = SuiteFolder(tmp_path / "out")
-    told: list[int] = []
-    done = run(plan(5, 4, 3, 2), out, workers=2, tell=lambda case, row: told.append(row.seed))
+    seeds: list[int] = []
+    done = run(plan(5, 4, 3, 2), out, workers=2, on_row=lambda case, row: seeds.append(row.seed))
     assert done.complete
-    assert sorted(told) == [2, 3, 4, 5]
+    assert sorted(seeds) == [2, 3, 4, 5]
     rows = read_table(out.table)
     assert rows == list(done.rows)
     assert [row.seed for row in rows] == [5, 4, 3, 2]
@@ -55,7 +56,7 @@ def test_a_run_whose_process_dies_is_a_fault_with_its_reason(tmp_path: Path) -> 
     done = run(plan(2, 3, 4), out, work=samples.fake_run_that_dies_on_3)
     fault = done.rows[1]
     assert (fault.seed, fault.outcome, fault.cause) == (3, "fault", "process_died")
-    assert "without a word" in fault.reason
+    assert "without a result" in fault.reason
     assert [row.outcome for row in done.rows] == ["reached", "fault", "reached"]
     assert done.summary["success"] == pytest.approx(2 / 3)
 
@@ -68,7 +69,7 @@ def test_ctrl_c_leaves_what_has_ended_and_resume_does_the_rest(tmp_path: Path) -
             raise KeyboardInterrupt
 
     wanted = plan(2, 3, 4, 5)
-    first = run(wanted, out, tell=press)
+    first = run(wanted, out, on_row=press)
     assert not first.complete
     assert first.summary["complete"] is False
     assert [row.seed for row in read_table(out.table)] == [2, 3]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 import suite_samples as samples
@@ -11,7 +12,7 @@ from navfw.errors import ConfigError, InputError
 from navfw.plugins import default_registry
 from navfw.suite.suite_plan import plan_runs
 from navfw.suite.suite_summary import summarize
-from navfw.suite.suitefile import load_suite
+from navfw.suite.suitefile import Expect, load_suite
 
 EVENTS = """\
 entries:
@@ -39,7 +40,7 @@ def test_events_of_an_entry_are_those_of_its_missions(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "says"),
+    ("old", "new", "message"),
     [
         ("camera: black", "camera: blak", "failing.yaml:3: entries[0].events[0].camera: "),
         ("at: 8", "at: -8", "failing.yaml:3: entries[0].events[0].at: "),
@@ -47,20 +48,22 @@ def test_events_of_an_entry_are_those_of_its_missions(tmp_path: Path) -> None:
         ("camera: black", "behavior: {name: avod, does: hangs}", "did you mean 'avoid'?"),
     ],
 )
-def test_wrong_events_are_the_suite_s_fault(tmp_path: Path, old: str, new: str, says: str) -> None:
+def test_wrong_events_are_the_suite_s_fault(
+    tmp_path: Path, old: str, new: str, message: str
+) -> None:
     with pytest.raises((ConfigError, InputError)) as caught:
         plan_runs(
             load_suite(suite_file(tmp_path, EVENTS.replace(old, new))), range(1), default_registry()
         )
-    assert says in str(caught.value)
+    assert message in str(caught.value)
     assert "failing.yaml" in str(caught.value)
 
 
-def passes(expect: str, **changes: object) -> bool:
+def passes(expect: Expect, **changes: Any) -> bool:
     rows = [samples.row(seed) for seed in range(9)]
     rows.append(samples.row(9, **changes))
     entry = rows[0].entry
-    summary = summarize(rows, {entry: expect})  # type: ignore[dict-item]
+    summary = summarize(rows, {entry: expect})
     found = summary["by_entry"][entry]
     assert found["expect"] == expect
     assert found["passed"] >= 9

@@ -11,7 +11,7 @@ from navfw.errors import InputError, UnknownNameError, WorldError
 from navfw.missions.missionspec import MissionSpec
 from navfw.plugins import default_registry
 from navfw.sim.worldspec import BoxSpec, WorldSpec
-from navfw.suite import compose
+from navfw.suite import case_session
 from navfw.suite.case import Job
 from navfw.suite.case_worker import run_job
 from navfw.suite.suite_plan import SuitePlan, plan_runs
@@ -43,7 +43,7 @@ def fake_generate(family: str, seed: int, difficulty: float) -> Made:
 
 @pytest.fixture(autouse=True)
 def _generator(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(compose, "generate", fake_generate)
+    monkeypatch.setattr(case_session, "generate", fake_generate)
 
 
 def planned(folder: Path, entry: str, seeds: range) -> SuitePlan:
@@ -72,7 +72,7 @@ def test_the_seed_makes_the_world_and_overrides_reach_the_mission(tmp_path: Path
 
 
 @pytest.mark.parametrize(
-    ("entry", "says"),
+    ("entry", "message"),
     [
         (
             "{family: boxxes}",
@@ -84,10 +84,10 @@ def test_the_seed_makes_the_world_and_overrides_reach_the_mission(tmp_path: Path
         ("{family: boxes, stack: defalt}", "entries[0].stack: unknown stack"),
     ],
 )
-def test_what_cannot_be_is_told_before_any_run(entry: str, says: str, tmp_path: Path) -> None:
+def test_what_cannot_be_is_told_before_any_run(entry: str, message: str, tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
         planned(tmp_path, entry, range(2))
-    assert says in str(caught.value)
+    assert message in str(caught.value)
 
 
 def test_a_seed_that_cannot_be_made_is_a_fault_of_its_run(tmp_path: Path) -> None:
@@ -115,7 +115,7 @@ def test_an_exception_in_a_run_is_a_fault_with_its_place(
     def broken(family: str, seed: int, difficulty: float) -> Made:
         raise ZeroDivisionError("of the generator")
 
-    monkeypatch.setattr(compose, "generate", broken)
+    monkeypatch.setattr(case_session, "generate", broken)
     row = run_job(Job(plan.cases[0], tmp_path))
     assert (row.outcome, row.cause) == ("fault", "exception")
     assert row.reason.startswith("ZeroDivisionError: of the generator (test_suite_families.py:")

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from navfw.errors import InputError
-from navfw.suite.suite_plan import draw_difficulty
+from navfw.suite.entry_cases import draw_difficulty
 from navfw.suite.suitefile import list_suites, load_suite, parse_seeds
 
 
@@ -39,7 +39,7 @@ entries:
 
 
 @pytest.mark.parametrize(
-    ("text", "says"),
+    ("text", "message"),
     [
         ("entries: []", "entries"),
         ("description: nothing", "entries"),
@@ -54,10 +54,10 @@ entries:
         ("entries: [{world: a, name: '../up'}]", "name"),
     ],
 )
-def test_bad_suites_are_told_with_file_and_line(text: str, says: str, tmp_path: Path) -> None:
+def test_bad_suites_are_told_with_file_and_line(text: str, message: str, tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
         load_suite(suite(tmp_path, text))
-    assert says in str(caught.value)
+    assert message in str(caught.value)
     assert "mine.yaml:1" in str(caught.value)
 
 

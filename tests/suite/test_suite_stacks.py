@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -28,11 +29,11 @@ def world(tmp_path: Path) -> Path:
     return folder
 
 
-def stacks(world: Path, entry: str, variants: str = "", **options: object) -> dict[str, str]:
+def stacks(world: Path, entry: str, variants: str = "", **options: Any) -> dict[str, str]:
     """The stack of each mission (and variant) of a suite with one entry."""
     file = world.parent / "mine.yaml"
     file.write_text(f"entries:\n  - {{world: {world / 'world.yaml'}{entry}}}\n{variants}")
-    plan = plan_runs(load_suite(file), range(1), default_registry(), **options)  # type: ignore[arg-type]
+    plan = plan_runs(load_suite(file), range(1), default_registry(), **options)
     found = {}
     for case in plan.cases:
         session = case.session(default_registry())

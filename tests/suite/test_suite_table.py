@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -54,12 +55,12 @@ def test_a_failed_write_leaves_the_old_table(tmp_path: Path) -> None:
     file = tmp_path / "table.csv"
     write_table(file, [row(1)])
 
-    def rows() -> object:
+    def rows() -> Iterator[RunRow]:
         yield row(2)
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        write_table(file, rows())  # type: ignore[arg-type]
+        write_table(file, rows())
     assert read_table(file) == [row(1)]
     assert list(tmp_path.iterdir()) == [file]
 
@@ -75,21 +76,23 @@ def lines(*rows: RunRow, folder: Path) -> list[str]:
 
 
 @pytest.mark.parametrize(
-    ("change", "says"),
+    ("change", "message"),
     [
         (lambda ls: [ls[0].replace("spl,", ""), *ls[1:]], "no column 'spl'"),
         (lambda ls: [ls[0], ls[1].replace(",20.0,", ",soon,")], "2: sim_time_s: expected a number"),
         (lambda ls: [ls[0], ls[1].replace(",reached,", ",won,")], "2: outcome: expected one of"),
-        (lambda ls: [ls[0], ls[1][:20]], "2: the line ends too early"),
+        (lambda ls: [ls[0], ls[1][:20]], "2: the line has too few cells"),
         (lambda ls: [ls[0], ls[1], ls[1]], "twice"),
         (lambda ls: [], "no column 'entry'"),
     ],
 )
-def test_what_is_no_table_is_told_with_its_line(change: object, says: str, tmp_path: Path) -> None:
+def test_what_is_no_table_is_refused_with_its_line(
+    change: Callable[[list[str]], list[str]], message: str, tmp_path: Path
+) -> None:
     good = lines(row(1), folder=tmp_path)
     file = tmp_path / "bad.csv"
-    file.write_text("\n".join(change(good)) + "\n")  # type: ignore[operator]
-    with pytest.raises(ConfigError, match=says):
+    file.write_text("\n".join(change(good)) + "\n")
+    with pytest.raises(ConfigError, match=message):
         read_table(file)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 import suite_samples as samples
@@ -27,14 +28,14 @@ entries:
 variants:
   default:
   paper: {stack: paper}
-  no-memory: {set: {motion.memory: false, ego_map.hit: 1.5}}
+  no-memory: {set: {local_map.memory: false, occupancy.hit: 1.5}}
 """
 
 
-def plan_of(text: str, folder: Path, **options: object) -> SuitePlan:
+def plan_of(text: str, folder: Path, **options: Any) -> SuitePlan:
     file = folder / "mine.yaml"
     file.write_text(text)
-    return plan_runs(load_suite(file), range(2), default_registry(), **options)  # type: ignore[arg-type]
+    return plan_runs(load_suite(file), range(2), default_registry(), **options)
 
 
 def test_every_run_is_made_with_every_variant(tmp_path: Path) -> None:
@@ -47,11 +48,11 @@ def test_every_run_is_made_with_every_variant(tmp_path: Path) -> None:
     last = plan.cases[-1]
     assert last.overrides == (
         "mission.timeout=9",
-        "motion.memory=false",
-        "ego_map.hit=1.5",
+        "local_map.memory=false",
+        "occupancy.hit=1.5",
     )
     session = last.session(default_registry())
-    assert session.stack.resolved.motion.memory is False
+    assert session.stack.resolved.settings.local_map.memory is False
     assert len({case.key for case in plan.cases}) == 6
 
 
@@ -61,20 +62,24 @@ def test_chosen_variants_alone_are_run(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "options", "says"),
+    ("change", "options", "message"),
     [
         (("stack: paper", "stack: papre"), {}, r"mine\.yaml:5: variants\.paper\.stack: .*'paper'"),
-        (("motion.memory", "motion.memry"), {}, r"mine\.yaml:6: variants\.no-memory: .*'memory'"),
+        (
+            ("local_map.memory", "local_map.memry"),
+            {},
+            r"mine\.yaml:6: variants\.no-memory: .*'memory'",
+        ),
         (("missions: [straight]", "missions: [nowhere]"), {}, r"mine\.yaml:2: entries\[0\]"),
         (("stack: paper", "stak: paper"), {}, r"mine\.yaml:5: variants\.paper\.stak"),
         (("", ""), {"variants": ["papre"]}, "--variant: unknown variant .* did you mean 'paper'"),
-        (("", ""), {"stacks": ["oracle"]}, "--stack: the variant 'paper' has a stack of its own"),
+        (("", ""), {"stacks": ["oracle"]}, "--stack: the variant 'paper' names a stack itself"),
     ],
 )
 def test_what_is_wrong_is_blamed_on_the_variant_that_says_it(
-    tmp_path: Path, change: tuple[str, str], options: dict[str, object], says: str
+    tmp_path: Path, change: tuple[str, str], options: dict[str, object], message: str
 ) -> None:
-    with pytest.raises(InputError, match=says):
+    with pytest.raises(InputError, match=message):
         plan_of(SUITE.replace(*change), tmp_path, **options)
 
 

@@ -46,7 +46,9 @@ class Stop(Behavior):
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_shipped_behaviors_keep_the_contract(name: str) -> None:
-    check_behavior(default_registry().get("behavior", name))  # type: ignore[arg-type]
+    cls = default_registry().get("behavior", name)
+    assert issubclass(cls, Behavior)
+    check_behavior(cls)
 
 
 def test_a_simple_behavior_passes() -> None:
@@ -55,7 +57,9 @@ def test_a_simple_behavior_passes() -> None:
 
 @pytest.mark.parametrize("name", COMPOSITES)
 def test_shipped_composites_keep_the_contract(name: str) -> None:
-    check_composite(default_registry().get("composite", name))  # type: ignore[arg-type]
+    cls = default_registry().get("composite", name)
+    assert issubclass(cls, Composite)
+    check_composite(cls)
 
 
 class Even(Composite):
@@ -76,7 +80,7 @@ def test_a_simple_composite_passes() -> None:
 
 
 @pytest.mark.parametrize(
-    ("cls", "says"),
+    ("cls", "message"),
     [
         (weighing(lambda self, context: {"avoid": 1.5}), r"not numbers in \[0, 1\]"),
         (weighing(lambda self, context: {"avoid": math.nan}), r"not numbers in \[0, 1\]"),
@@ -93,8 +97,8 @@ def test_a_simple_composite_passes() -> None:
         ),
     ],
 )
-def test_what_is_wrong_with_a_composite_is_told(cls: type[Composite], says: str) -> None:
-    with pytest.raises(PluginError, match=says):
+def test_what_is_wrong_with_a_composite_is_told(cls: type[Composite], message: str) -> None:
+    with pytest.raises(PluginError, match=message):
         check_composite(cls)
 
 
@@ -113,7 +117,7 @@ def proposing(change: Any) -> type[Behavior]:
 
 
 @pytest.mark.parametrize(
-    ("change", "says"),
+    ("change", "message"),
     [
         (lambda c: {"applicability": 1.5}, "applicability 1.5"),
         (lambda c: {"applicability": math.nan}, "applicability nan"),
@@ -129,10 +133,10 @@ def proposing(change: Any) -> type[Behavior]:
         (lambda c: {"reason": c.percept.sentence or "-"}, "'before the first look'"),
     ],
 )
-def test_an_unusable_proposal_is_named(change: Any, says: str) -> None:
+def test_an_unusable_proposal_is_named(change: Any, message: str) -> None:
     with pytest.raises(PluginError) as caught:
         check_behavior(proposing(change))
-    assert says in str(caught.value)
+    assert message in str(caught.value)
 
 
 def test_the_message_names_file_and_class() -> None:
@@ -168,7 +172,7 @@ def propose_slowly(self: Any, context: Context) -> Any:
 
 
 @pytest.mark.parametrize(
-    ("propose", "says"),
+    ("propose", "message"),
     [
         (propose_wrong_type, "returned float, not a Proposal"),
         (propose_with_shared_state, "a fresh instance"),
@@ -177,10 +181,10 @@ def propose_slowly(self: Any, context: Context) -> Any:
         (propose_slowly, "ms is the limit"),
     ],
 )
-def test_bad_manners_are_named(propose: Any, says: str) -> None:
+def test_bad_manners_are_named(propose: Any, message: str) -> None:
     with pytest.raises(PluginError) as caught:
         check_behavior(variant(propose=propose), budget=0.001)
-    assert says in str(caught.value)
+    assert message in str(caught.value)
 
 
 def test_parameters_want_descriptions() -> None:

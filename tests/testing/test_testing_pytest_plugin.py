@@ -119,8 +119,8 @@ def test_a_mission_that_cannot_be_driven_says_why(pytester: pytest.Pytester) -> 
     done = outcomes(pytester, text)
     done.assert_outcomes(errors=len(CANNOT_BE_DRIVEN))
     sections = done.stdout.str().split("ERROR at setup of test_")[1:]
-    for section, says in zip(sections, CANNOT_BE_DRIVEN.values(), strict=True):
-        assert says in section
+    for section, message in zip(sections, CANNOT_BE_DRIVEN.values(), strict=True):
+        assert message in section
         assert "Traceback" not in section
 
 
@@ -141,8 +141,8 @@ def test_a_miswritten_marker_is_told_when_collecting(pytester: pytest.Pytester) 
     done = pytester.runpytest_inprocess("-p", "no:cacheprovider")
     done.assert_outcomes(errors=len(MISWRITTEN))
     sections = done.stdout.str().split("ERROR collecting test_")[1:]
-    for section, says in zip(sections, MISWRITTEN.values(), strict=True):
-        assert says in section
+    for section, message in zip(sections, MISWRITTEN.values(), strict=True):
+        assert message in section
 
 
 def test_the_fixture_alone_says_what_it_needs(pytester: pytest.Pytester) -> None:

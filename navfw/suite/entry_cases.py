@@ -1,0 +1,108 @@
+"""The runs of an entry of a suite: a case for each of its missions, then one for each seed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from navfw.config.document import shown_path
+from navfw.config.lookup import find, find_mission, list_missions
+from navfw.errors import ConfigError, InputError
+from navfw.suite.case import Case
+from navfw.suite.suitefile import EntrySpec, Suite
+
+__all__ = ["case_templates", "draw_difficulty", "with_seed"]
+
+_DIFFICULTY_STREAM = 0xD1F
+"""Spawn key of the random stream that draws difficulties; other uses of the seed have others."""
+
+
+def case_templates(
+    suite: Suite, index: int, entry: EntrySpec, worlds: Path | None
+) -> Iterator[Case]:
+    """A case for each mission of an entry, still without seed, stack and overrides.
+
+    ``worlds`` replaces the folder named by the entry.
+
+    Raises:
+        InputError: a world or mission does not exist; the message has the suite's file, line and
+            key.
+
+    """
+    blank = Case(0, entry.title, 0, "", "", "", "")
+    if entry.family is not None:
+        yield replace(blank, family=entry.family, mission_name="cross")
+        return
+    key = "world" if entry.world is not None else "worlds"
+    try:
+        if entry.world is not None:
+            files = [find("world", entry.world)]
+        else:
+            files = _world_files(suite, entry.worlds or "", worlds)
+        for file in files:
+            key = "missions" if entry.missions else key
+            for name, mission in _missions(file, entry):
+                yield replace(
+                    blank,
+                    world=str(file.absolute()),
+                    mission=str(mission.absolute()),
+                    world_name=file.parent.name,
+                    mission_name=name,
+                )
+    except InputError as error:
+        raise suite.located(error, index, key) from None
+
+
+def _world_files(suite: Suite, given: str, worlds: Path | None) -> list[Path]:
+    """The worlds in a folder, or the one whose own folder it is."""
+    folder = worlds if worlds is not None else suite.file.parent / given
+    if (folder / "world.yaml").is_file():
+        return [folder / "world.yaml"]
+    files = sorted(folder.glob("*/world.yaml"), key=lambda file: _natural(file.parent.name))
+    if not files:
+        what = "contains no worlds" if folder.is_dir() else "there is no such folder"
+        help_ = "name a folder of worlds (as navfw import writes them) with --worlds"
+        raise ConfigError(f"{what}; {help_}", file=shown_path(folder))
+    return files
+
+
+def _natural(name: str) -> tuple[Any, ...]:
+    """A key that sorts world-2 before world-10."""
+    digits = "".join(c if c.isdigit() else " " for c in name).split()
+    return (name.rstrip("0123456789"), [int(number) for number in digits[-1:]], name)
+
+
+def _missions(world: Path, entry: EntrySpec) -> list[tuple[str, Path]]:
+    of_world = world if entry.world is None else entry.world
+    if entry.missions:
+        files = [find_mission(of_world, name) for name in entry.missions]
+        return [(file.stem, file) for file in files]
+    found = [(mission.name, mission.path) for mission in list_missions(of_world)]
+    if not found:
+        raise ConfigError("the world has no missions", file=shown_path(world))
+    return found
+
+
+def draw_difficulty(difficulty: float | tuple[float, float] | None, seed: int) -> float | None:
+    """The difficulty of a seed: the number itself, or one drawn from the range (3 digits)."""
+    if not isinstance(difficulty, tuple):
+        return difficulty
+    stream = np.random.SeedSequence(seed, spawn_key=(_DIFFICULTY_STREAM,))
+    low, high = difficulty
+    return round(low + (high - low) * float(np.random.default_rng(stream).random()), 3)
+
+
+def with_seed(case: Case, entry: EntrySpec, seed: int) -> Case:
+    """``case`` with this seed; in a generated world also with its name and difficulty."""
+    if not case.family:
+        return replace(case, seed=seed)
+    return replace(
+        case,
+        seed=seed,
+        world_name=f"{case.family}-{seed}",
+        difficulty=draw_difficulty(entry.difficulty, seed),
+    )
