@@ -1,6 +1,7 @@
-"""Kinds of landmark and their appearance: the plates that worlds show and recognisers detect.
+"""Kinds of landmark and their appearance: the plates that the simulator renders.
 
-A landmark is a flat upright square. Other kinds than the two here are plugins.
+A landmark is a flat upright square. ``aruco`` markers are on a white plate a third larger than the
+marker, as detection needs the contrast to a bright rim. Other kinds than the two here are plugins.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ __all__ = [
 ]
 
 ARUCO_IDS = 1000
-"""Ids of the largest dictionary; the smaller ones of 4 x 4 modules are its beginning."""
+"""Number of ids in the largest dictionary; the smaller ones of 4 x 4 modules are its first part."""
 _DICTIONARIES = {
     50: cv2.aruco.DICT_4X4_50,
     100: cv2.aruco.DICT_4X4_100,
@@ -36,14 +37,17 @@ _DICTIONARIES = {
     1000: cv2.aruco.DICT_4X4_1000,
 }
 _MODULES = 6
+"""Modules along a marker's side, with its black border."""
 _MODULE = 32
-"""Texels along the edge of a marker's module."""
+"""Texels along a module's side."""
 _POSTER = 256
+"""Texels along a poster's side."""
 _SHAPES = 70
+"""Number of shapes on a poster."""
 
 
 def identity_of(kind: str, number: int) -> str:
-    """What detections call a landmark: kind and id, as in ``aruco-7``."""
+    """The identity of a landmark in detections: kind and id, as in ``aruco-7``."""
     return f"{kind}-{number}"
 
 
@@ -72,7 +76,7 @@ class ArucoMarker(LandmarkKind):
 
 
 class Poster(LandmarkKind):
-    """A picture made from its id, without a rim; its size is the picture's side."""
+    """A picture generated from its id, without a rim; its size is the picture's side."""
 
     name: ClassVar[str] = "poster"
 
@@ -121,13 +125,13 @@ def _aruco_plate(number: int) -> Image:
 
 @lru_cache(maxsize=256)
 def poster_image(number: int) -> Image:
-    """The poster of that number: overlapping discs, bars and polygons in front of soft clouds.
+    """Luminance (256, 256), read-only, of a poster: discs, bars and polygons over smooth noise.
 
-    Read-only (256, 256). Seeded by the number alone; shapes from a thirtieth to a third of the side
-    give corners at every distance, and the clouds make no two neighbourhoods alike.
+    Seeded by ``number`` alone. Shapes from a thirtieth to a third of the side give features at
+    every distance; the noise makes the surroundings of every feature different.
     """
     rng = np.random.default_rng([number, 20090213])
-    canvas = _clouds(rng)
+    canvas = _smooth_noise(rng)
     for span in np.geomspace(0.34, 0.035, _SHAPES):
         grey = float(rng.uniform(15.0, 240.0))
         _shape(canvas, rng, 0.5 * span * _POSTER, grey)
@@ -137,7 +141,7 @@ def poster_image(number: int) -> Image:
     return image
 
 
-def _clouds(rng: np.random.Generator) -> Array:
+def _smooth_noise(rng: np.random.Generator) -> Array:
     canvas = np.full((_POSTER, _POSTER), 128.0)
     for cells in (3, 6, 12):
         waves = rng.standard_normal((cells, cells))
@@ -148,7 +152,7 @@ def _clouds(rng: np.random.Generator) -> Array:
 
 
 def _shape(canvas: Array, rng: np.random.Generator, radius: float, grey: float) -> None:
-    """One disc, bar or polygon of that radius [px], anywhere."""
+    """Draw one disc, bar or polygon of ``radius`` [px] at a random position."""
     middle = rng.uniform(0.0, _POSTER, 2)
     style = int(rng.integers(4))
     if style == 0:

@@ -1,4 +1,4 @@
-"""Square markers (OpenCV's ArUco, 4 x 4 modules) in single images."""
+"""The recogniser ``aruco``: square markers (OpenCV's ArUco, 4 x 4 modules) in single images."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ __all__ = ["Aruco"]
 
 
 class Aruco(FeatureRecognizer):
-    """Finds square markers of 4 x 4 modules; detections have the bearing and range of each."""
+    """Detects square markers of 4 x 4 modules, with the bearing and range of each."""
 
     name: ClassVar[str] = "aruco"
     landmark_frames: ClassVar[bool] = True
 
     class Params(FeatureRecognizer.Params):
-        """How markers are sought, and how well their corners are found."""
+        """Dictionary, assumed size, corner accuracy and least size in the image."""
 
         ids: Annotated[
             Literal[50, 100, 250, 1000],
-            Field(description="size of the dictionary: fewer are harder to mistake"),
+            Field(description="size of the dictionary: fewer ids give fewer confusions"),
         ] = 100
         size: Annotated[
             float, Field(gt=0.0, le=3.0, description="side of markers that are not in the map [m]")
@@ -47,21 +47,21 @@ class Aruco(FeatureRecognizer):
     def __init__(self, robot: RobotModel, params: Params | None = None) -> None:
         super().__init__(robot, params)
         self._sizes: Mapping[int, float] = {}
-        wanted = cv2.aruco.DetectorParameters()
-        # by default the outline of a large marker's white rim may count as its double, and win;
-        # with less than 0.03 an outline within the black frame may win (15 % too far, measured)
-        wanted.minMarkerDistanceRate = 0.03
-        # without, dark squares look smaller the farther they are: 5 % too far at 4 m (measured)
-        wanted.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
-        wanted.cornerRefinementWinSize = 3
-        self._detector = cv2.aruco.ArucoDetector(marker_dictionary(self.params.ids), wanted)
+        settings = cv2.aruco.DetectorParameters()
+        # at the default (larger) value the outline of a large marker's white rim can replace that
+        # of the marker; below 0.03 an outline within the black frame can (range 15 % too large)
+        settings.minMarkerDistanceRate = 0.03
+        # without refinement dark squares shrink with distance: range 5 % too large at 4 m
+        settings.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+        settings.cornerRefinementWinSize = 3
+        self._detector = cv2.aruco.ArucoDetector(marker_dictionary(self.params.ids), settings)
 
     def set_map(self, topo_map: TopoMap) -> None:
-        """Learn the sizes of the map's markers."""
+        """Set the map, which gives the markers' sizes."""
         self._sizes = landmark_sizes(topo_map, "aruco")
 
     def recognize(self, frame: Frame) -> Sequence[LandmarkDetection]:
-        """All upright markers in ``frame``, in the order of their ids; of two alike the larger."""
+        """All upright markers in ``frame``, ordered by id; of two with one id the larger."""
         found, ids, _ = self._detector.detectMarkers(frame.image)
         if ids is None or not len(ids):
             return ()

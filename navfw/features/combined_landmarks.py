@@ -1,4 +1,4 @@
-"""Markers and posters together, as one recogniser."""
+"""The recogniser ``landmarks``: markers and posters."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ __all__ = ["Landmarks"]
 
 
 class Landmarks(FeatureRecognizer):
-    """Finds markers and posters; posters cost nothing where the map has none."""
+    """Detects markers and posters; without posters in the map only markers cost time."""
 
     name: ClassVar[str] = "landmarks"
     landmark_frames: ClassVar[bool] = True
 
     class Params(FeatureRecognizer.Params):
-        """The parameters of each part."""
+        """The parameters of both recognisers."""
 
         aruco: Annotated[Aruco.Params, Field(description="of markers")] = Aruco.Params()
         posters: Annotated[Posters.Params, Field(description="of posters")] = Posters.Params()
@@ -39,12 +39,12 @@ class Landmarks(FeatureRecognizer):
         )
 
     def reset(self) -> None:
-        """Forget the last run."""
+        """Reset both recognisers."""
         for part in self._parts:
             part.reset()
 
     def set_map(self, topo_map: TopoMap) -> None:
-        """Learn what the map's landmarks look like."""
+        """Set the map, which gives the landmarks' sizes and the posters to detect."""
         for part in self._parts:
             part.set_map(topo_map)
 

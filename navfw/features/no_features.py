@@ -1,4 +1,4 @@
-"""No feature recognition: for stacks that find their way by dead reckoning alone."""
+"""The recogniser ``none``: no landmarks, for stacks that localise by dead reckoning."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ __all__ = ["NoFeatures"]
 
 
 class NoFeatures(FeatureRecognizer):
-    """Recognizes nothing: no frame has landmarks in it."""
+    """Detects nothing."""
 
     name: ClassVar[str] = "none"
 
     def recognize(self, frame: Frame) -> Sequence[LandmarkDetection]:
-        """No landmarks, whatever ``frame`` shows."""
+        """No landmarks in any ``frame``."""
         del frame
         return ()

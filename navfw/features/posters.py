@@ -1,4 +1,4 @@
-"""Posters, "natural" landmarks: ORB features, ratio test, and a homography that enough agree on."""
+"""The recogniser ``posters``: pictures, found by ORB features, ratio test and homography."""
 
 from __future__ import annotations
 
@@ -21,20 +21,21 @@ from navfw.topomap import TopoMap
 __all__ = ["Posters"]
 
 _SIDES = (160, 64)
-"""Sides [px] of the reference pictures: near by and far off."""
+"""Sides [px] of the templates: one for near, one for distant posters."""
 _ENLARGED = 2
-"""Frames are enlarged so much: ORB's patches are 31 px wide, a far poster hardly is."""
-_FEATURES = 800
-_LEARNT = 250
-"""Features sought in a frame, and learnt of a picture at each size."""
-_AGREE = 3.0
-"""Largest distance [px, enlarged] of a match from where the homography has it."""
+"""Factor by which frames are enlarged: ORB's patches are 31 px wide, like distant posters."""
+_FRAME_FEATURES = 800
+_TEMPLATE_FEATURES = 250
+"""Number of features extracted from a frame, and from a template at each size."""
+_INLIER_DISTANCE = 3.0
+"""Largest reprojection error [px, enlarged] of an inlier of the homography."""
 _MAX_BYTES = 20_000_000
+"""Largest size of a picture file [bytes]."""
 
 
 @dataclass(frozen=True, slots=True)
 class _PosterTemplate:
-    """One poster as it is recognised: points (N, 2) as shares of its side, descriptors (N, 32)."""
+    """Features of one poster: points (N, 2) as shares of its side, descriptors (N, 32)."""
 
     number: int
     points: Array
@@ -42,26 +43,27 @@ class _PosterTemplate:
 
 
 class Posters(FeatureRecognizer):
-    """Finds pictures that it has learnt; detections have the bearing and range of each."""
+    """Detects the posters of the map and of files, with the bearing and range of each."""
 
     name: ClassVar[str] = "posters"
     landmark_frames: ClassVar[bool] = True
 
     class Params(FeatureRecognizer.Params):
-        """How posters are matched, and pictures of posters that are not made from their id."""
+        """Matching thresholds, and pictures of posters that are not generated from their id."""
 
         images: Annotated[
             Mapping[int, str],
-            Field(description="picture files of square posters, by id; others are made by the id"),
+            Field(description="files of square posters, by id; others are generated from the id"),
         ] = {}
         size: Annotated[
             float, Field(gt=0.0, le=10.0, description="side of posters that are not in the map [m]")
         ] = 0.5
         ratio: Annotated[
-            float, Field(gt=0.0, le=1.0, description="best match over second best, at most")
+            float,
+            Field(gt=0.0, le=1.0, description="largest ratio of best to second match distance"),
         ] = 0.8
         inliers: Annotated[
-            int, Field(ge=8, le=500, description="matches that must agree on where the poster is")
+            int, Field(ge=8, le=500, description="least number of inliers of the homography")
         ] = 12
         corner_sigma: Annotated[
             float, Field(gt=0.0, le=20.0, description="standard deviation of a corner [px]")
@@ -71,22 +73,24 @@ class Posters(FeatureRecognizer):
 
     def __init__(self, robot: RobotModel, params: Params | None = None) -> None:
         super().__init__(robot, params)
-        self._orb = cv2.ORB.create(nfeatures=_FEATURES, edgeThreshold=12, fastThreshold=10)
-        self._learner = cv2.ORB.create(nfeatures=_LEARNT, edgeThreshold=12, fastThreshold=10)
+        self._orb = cv2.ORB.create(nfeatures=_FRAME_FEATURES, edgeThreshold=12, fastThreshold=10)
+        self._template_orb = cv2.ORB.create(
+            nfeatures=_TEMPLATE_FEATURES, edgeThreshold=12, fastThreshold=10
+        )
         self._matcher = cv2.BFMatcher(cv2.NORM_HAMMING)
         self._own = {number: _read(file) for number, file in self.params.images.items()}
-        self._learnt: dict[int, _PosterTemplate] = {}
+        self._templates: dict[int, _PosterTemplate] = {}
         self._sizes: Mapping[int, float] = {}
         self._wanted: tuple[_PosterTemplate, ...] = ()
         self._choose(self._own)
 
     def set_map(self, topo_map: TopoMap) -> None:
-        """Learn the posters of the map, beside those given as files."""
+        """Set the map, whose posters are detected beside those given as files."""
         self._sizes = landmark_sizes(topo_map, "poster")
         self._choose([*self._own, *self._sizes])
 
     def recognize(self, frame: Frame) -> Sequence[LandmarkDetection]:
-        """All learnt posters in ``frame``, in the order of their ids."""
+        """All posters in ``frame``, ordered by id."""
         if not self._wanted:
             return ()
         height, width = frame.image.shape
@@ -99,47 +103,45 @@ class Posters(FeatureRecognizer):
         points = np.array([keypoint.pt for keypoint in keypoints], np.float64)
         camera = self.robot.landmark_view.model_copy(update={"width": width, "height": height})
         detections = []
-        for reference in self._wanted:
-            corners = self._find(reference, points, descriptors.astype(np.uint8, copy=False))
+        for template in self._wanted:
+            corners = self._find(template, points, descriptors.astype(np.uint8, copy=False))
             if corners is None:
                 continue
             pixels = (corners + 0.5) / _ENLARGED - 0.5
-            side = self._sizes.get(reference.number, self.params.size)
+            side = self._sizes.get(template.number, self.params.size)
             sigma = self.params.corner_sigma
             detections.append(
-                square_detection(
-                    frame.time, "poster", reference.number, pixels, side, camera, sigma
-                )
+                square_detection(frame.time, "poster", template.number, pixels, side, camera, sigma)
             )
         return tuple(detections)
 
     def _choose(self, numbers: Sequence[int] | Mapping[int, object]) -> None:
         for number in numbers:
-            if number not in self._learnt:
+            if number not in self._templates:
                 own = self._own.get(number)
-                self._learnt[number] = self._learn(
+                self._templates[number] = self._template(
                     number, poster_image(number) if own is None else own
                 )
-        self._wanted = tuple(self._learnt[number] for number in sorted(set(numbers)))
+        self._wanted = tuple(self._templates[number] for number in sorted(set(numbers)))
 
-    def _learn(self, number: int, picture: Image) -> _PosterTemplate:
-        """Features of a picture at all sizes at which it may be seen."""
+    def _template(self, number: int, picture: Image) -> _PosterTemplate:
+        """Features of a picture at all sizes in ``_SIDES``."""
         points, descriptors = [np.zeros((0, 2))], [np.zeros((0, 32), np.uint8)]
         for side in _SIDES:
             seen = cv2.resize(picture, (side, side), interpolation=cv2.INTER_AREA)
-            keypoints, found = self._learner.detectAndCompute(seen, None)
+            keypoints, found = self._template_orb.detectAndCompute(seen, None)
             if found is not None:
                 points.append((np.array([k.pt for k in keypoints]) + 0.5) / side)
                 descriptors.append(found.astype(np.uint8, copy=False))
         return _PosterTemplate(number, np.concatenate(points), np.concatenate(descriptors))
 
-    def _find(self, reference: _PosterTemplate, points: Array, descriptors: Image) -> Array | None:
-        """Corners (4, 2) [px] of the poster among what has been found; None: it is not there."""
+    def _find(self, template: _PosterTemplate, points: Array, descriptors: Image) -> Array | None:
+        """Corners (4, 2) [px] of the poster among the frame's features; None if it is not there."""
         least = self.params.inliers
-        if len(reference.descriptors) < 2:
+        if len(template.descriptors) < 2:
             return None
-        # of a reference at several sizes one point may match twice: ask from the reference's side
-        pairs = self._matcher.knnMatch(reference.descriptors, descriptors, k=2)
+        # templates have several sizes, so one point of the frame can match twice: match from there
+        pairs = self._matcher.knnMatch(template.descriptors, descriptors, k=2)
         good = [
             pair[0]
             for pair in pairs
@@ -147,12 +149,12 @@ class Posters(FeatureRecognizer):
         ]
         if len(good) < least:
             return None
-        there = reference.points[[match.queryIdx for match in good]]
+        there = template.points[[match.queryIdx for match in good]]
         here = points[[match.trainIdx for match in good]]
-        homography, mask = cv2.findHomography(there, here, cv2.USAC_DEFAULT, _AGREE)
+        homography, mask = cv2.findHomography(there, here, cv2.USAC_DEFAULT, _INLIER_DISTANCE)
         if homography is None or int(np.count_nonzero(mask)) < least:
             return None
-        # points found twice are no two witnesses
+        # count points of the frame matched twice only once
         agreed = {tuple(point) for point in np.rint(here[np.ravel(mask) > 0]).tolist()}
         square = np.array([[[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]])
         corners = cv2.perspectiveTransform(square, homography)[0].astype(np.float64)
@@ -160,7 +162,7 @@ class Posters(FeatureRecognizer):
 
 
 def _plausible(corners: Array) -> bool:
-    """Whether corners (4, 2) can be those of an upright square seen from its front."""
+    """Whether corners (4, 2) can be those of an upright square viewed from its front."""
     if not (np.isfinite(corners).all() and is_upright(corners)):
         return False
     left, right = corners[3, 1] - corners[0, 1], corners[2, 1] - corners[1, 1]
@@ -173,7 +175,7 @@ def _read(file: str) -> Image:
     """A picture from a file, as luminance.
 
     Raises:
-        ConfigError: there is no such file, it is too large, or no picture.
+        ConfigError: there is no such file, it is too large, or not a picture.
 
     """
     from pathlib import Path

@@ -1,8 +1,8 @@
-"""From the corners of an upright square in the image to bearing and range, with their covariance.
+"""Bearing and range of an upright square, with covariance, from its corners in the image.
 
-The pose of one small square is ambiguous: two of them look alike. Its range is not: it is upright,
-and so are its two sides. Each side's length over the difference of its ends' slopes is its
-distance along the floor, whatever way the square faces (METHOD 4.6: range and bearing only).
+The orientation of a small square is ambiguous (two solutions), but its range is not: both of its
+sides are vertical, and the length of a side over the difference of its ends' slopes is its
+horizontal distance, at any orientation (METHOD 4.6: range and bearing only).
 """
 
 from __future__ import annotations
@@ -20,24 +20,26 @@ from navfw.topomap import TopoMap
 __all__ = ["is_upright", "landmark_sizes", "locate", "locate_with_covariance", "square_detection"]
 
 _STEP = 0.25
-_LEAN = 0.25
-"""Largest lean of a side, across over down: cameras and plates stand upright."""
+"""Step of the numerical derivative [px]."""
+_MAX_LEAN = 0.25
+"""Largest lean of a side (horizontal over vertical extent): camera and plates are upright."""
 _BEARING_FLOOR = math.radians(0.3)
 _RANGE_FLOOR = 0.01
-"""What does not come from the corners: mount, focal length, the plate itself; range as a share."""
+"""Standard deviations of errors other than the corners': camera mount, focal length, plate. Bearing
+in rad, range as a share."""
 
 
 def landmark_sizes(topo_map: TopoMap, kind: str) -> Mapping[int, float]:
-    """Sides [m] of the map's landmarks of a kind, by id."""
+    """Sides [m] of the map's landmarks of ``kind``, by id."""
     marks = topo_map.landmarks.values()
     return {mark.id: mark.size for mark in marks if mark.kind == kind}
 
 
 def locate(corners: Array, side: float, camera: CameraModel) -> Array:
-    """Bearing [rad] and range [m] in base_link (..., 2) of the middle of upright squares.
+    """Bearing [rad] and range [m] in base_link (..., 2) of the centres of upright squares.
 
     ``corners`` (..., 4, 2) [px, relative to the principal point] are top left, top right, bottom
-    right, bottom left as seen; ``side`` [m] is the squares' side.
+    right, bottom left in the image; ``side`` [m] is the squares' side.
     """
     ahead = np.full((*corners.shape[:-1], 1), camera.focal)
     rays = np.concatenate([corners, ahead], axis=-1) @ camera.base_from_camera.T
@@ -70,9 +72,9 @@ def locate_with_covariance(
 
 
 def is_upright(corners: Array) -> bool:
-    """Whether corners (4, 2) are those of a square that stands upright, seen from its front."""
+    """Whether corners (4, 2) can be those of an upright square viewed from its front."""
     left, right = corners[3] - corners[0], corners[2] - corners[1]
-    leans = abs(left[0]) > _LEAN * left[1] or abs(right[0]) > _LEAN * right[1]
+    leans = abs(left[0]) > _MAX_LEAN * left[1] or abs(right[0]) > _MAX_LEAN * right[1]
     return bool(not leans and corners[0, 0] < corners[1, 0] and corners[3, 0] < corners[2, 0])
 
 
@@ -85,7 +87,10 @@ def square_detection(
     camera: CameraModel,
     sigma: float,
 ) -> LandmarkDetection:
-    """The detection of a landmark with corners ``pixels`` (4, 2), from the image's corner."""
+    """The detection of a landmark with corners ``pixels`` (4, 2) [px, from the image's corner].
+
+    ``side`` [m] is the landmark's side, ``sigma`` [px] the corners' standard deviation.
+    """
     corners = pixels - 0.5 * np.array([camera.width - 1, camera.height - 1])
     (bearing, away), covariance = locate_with_covariance(corners, side, camera, sigma)
     return LandmarkDetection(

@@ -1,4 +1,4 @@
-"""The free ground of a world as a grid of clearances, and its skeleton."""
+"""The clearance grid of a world: the distance to the nearest obstacle, cell by cell."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from navfw.signals import Array, Mask
+from navfw.signals import Array
 
-__all__ = ["ClearanceGrid", "thinned"]
+__all__ = ["ClearanceGrid"]
 
 
 @dataclass(frozen=True, slots=True)
 class ClearanceGrid:
-    """Distances to the nearest solid: ``clearance`` (rows, cols) [m], negative inside solids.
+    """Distances to the nearest obstacle: ``clearance`` (rows, cols) [m], negative inside one.
 
-    Cell (i, j) has its middle at ``origin + (j, i) * cell`` [m].
+    The centre of cell (i, j) is at ``origin + (j, i) * cell`` [m].
     """
 
     origin: tuple[float, float]
@@ -31,7 +31,10 @@ class ClearanceGrid:
         clearances: Callable[[Array], Array],
         cell: float = 0.05,
     ) -> ClearanceGrid:
-        """The ground within ``bounds`` (x0, y0, x1, y1) [m]; its edge counts as a wall."""
+        """The grid within ``bounds`` (x0, y0, x1, y1) [m]; the boundary counts as a wall.
+
+        ``clearances`` gives the distances [m] of points (N, 2) to the nearest obstacle.
+        """
         x0, y0, x1, y1 = bounds
         x = np.arange(x0 + 0.5 * cell, x1, cell)
         y = np.arange(y0 + 0.5 * cell, y1, cell)
@@ -44,7 +47,7 @@ class ClearanceGrid:
         return cls((float(x[0]), float(y[0])), cell, free.reshape(len(y), len(x)))
 
     def point(self, row: float, column: float) -> tuple[float, float]:
-        """(x, y) [m] of the middle of a cell."""
+        """(x, y) [m] of the centre of a cell."""
         return self.origin[0] + column * self.cell, self.origin[1] + row * self.cell
 
     def at(self, x: float, y: float) -> float:
@@ -64,33 +67,3 @@ class ClearanceGrid:
         i = np.clip(np.rint((y - self.origin[1]) / self.cell).astype(int), 0, rows - 1)
         j = np.clip(np.rint((x - self.origin[0]) / self.cell).astype(int), 0, columns - 1)
         return float(self.clearance[i, j].min())
-
-
-def thinned(mask: Mask) -> Mask:
-    """The skeleton of ``mask``, one cell wide and connected as it was (Zhang and Suen 1984)."""
-    shape = np.pad(mask, 1).astype(np.uint8)
-    while True:
-        before = int(shape.sum())
-        for first in (True, False):
-            # the neighbours, clockwise from the one above
-            n = [
-                shape[:-2, 1:-1],
-                shape[:-2, 2:],
-                shape[1:-1, 2:],
-                shape[2:, 2:],
-                shape[2:, 1:-1],
-                shape[2:, :-2],
-                shape[1:-1, :-2],
-                shape[:-2, :-2],
-            ]
-            count = np.sum(n, axis=0)
-            rises = np.sum([(n[k] == 0) & (n[(k + 1) % 8] == 1) for k in range(8)], axis=0)
-            up, right, down, left = n[0], n[2], n[4], n[6]
-            if first:
-                edge = (up & right & down) | (right & down & left)
-            else:
-                edge = (up & right & left) | (up & down & left)
-            gone = (count >= 2) & (count <= 6) & (rises == 1) & (edge == 0)
-            shape[1:-1, 1:-1][gone] = 0
-        if int(shape.sum()) == before:
-            return shape[1:-1, 1:-1] > 0

@@ -19,13 +19,12 @@ __all__ = [
 
 PlaceKind = Literal["room", "door", "corridor", "junction", "corner", "danger"]
 
-
 PLACE_KINDS: tuple[PlaceKind, ...] = get_args(PlaceKind)
 
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """A named point x, y [m] that a robot can go to (a ``danger`` place: better not)."""
+    """A named point x, y [m] that a robot can drive to; it avoids ``danger`` places."""
 
     name: str
     x: float
@@ -39,11 +38,12 @@ class Place:
 
 @dataclass(frozen=True, slots=True)
 class Passage:
-    """A way between the places ``a`` and ``b``, free both ways and straight unless longer.
+    """An edge of the map: passable in both directions between the places ``a`` and ``b``.
 
-    ``length`` [m] is at least the straight distance; ``width`` [m] is the free width at the
-    narrowest point. ``danger`` (0 none, 1 stairs or a pillar in the way), ``doorness`` (1: through
-    a door) and ``uncertainty`` (1: nobody knows whether it is open) are in [0, 1].
+    ``length`` [m] is at least the straight distance, and a passage of that length is straight;
+    ``width`` [m] is the free width at the narrowest point. ``danger`` (0 none, 1 stairs or an
+    obstacle), ``doorness`` (1: through a door) and ``uncertainty`` (1: may be open or closed) are
+    in [0, 1].
     """
 
     a: str
@@ -56,7 +56,7 @@ class Passage:
 
     @property
     def ends(self) -> frozenset[str]:
-        """Both places, in no order: the passage's identity in a map."""
+        """The names of both places, unordered: the passage's identity in a map."""
         return frozenset((self.a, self.b))
 
     def other(self, place: str) -> str:
@@ -71,9 +71,9 @@ class Passage:
 class Landmark:
     """A flat upright square that a camera can recognise.
 
-    Its centre is at x, y [m] and ``z`` [m] above the floor, its side is ``size`` [m] long, and it
-    faces ``yaw`` [rad, counter-clockwise from x]: there stands who looks at it squarely. ``id`` is
-    the number that recognition reads from it, one of its kind.
+    Its centre is at x, y [m] and ``z`` [m] above the floor, its side is ``size`` [m] long, and its
+    normal points to ``yaw`` [rad, counter-clockwise from x]. ``id`` is the number that recognition
+    gives it, unique among those of its ``kind``.
     """
 
     name: str
@@ -87,5 +87,5 @@ class Landmark:
 
     @property
     def identity(self) -> str:
-        """What detections call it: kind and id, as in ``aruco-7``."""
+        """The identity in detections: kind and id, as in ``aruco-7``."""
         return f"{self.kind}-{self.id}"

@@ -1,10 +1,10 @@
 """The GeoJSON of Nav2's route server: places as Points, edges as MultiLineStrings.
 
-A FeatureCollection in which every feature has a number of its own, ``properties.id``. A Point is a
-node; its name and kind are in ``properties.metadata``. An edge goes one way, from the node
-``properties.startid`` to ``properties.endid``, so each passage is two edges; what navfw knows of it
-is in ``metadata``, too. ``cost`` is its length. Landmarks, which Nav2 does not know, are a member
-``landmarks`` of the collection: as features it would take them for nodes.
+A FeatureCollection in which every feature has a unique number, ``properties.id``. A Point is a
+node; its name and kind are in ``properties.metadata``. An edge is directed, from the node
+``properties.startid`` to ``properties.endid``, so each passage is two edges; its other values are
+in ``metadata`` too. ``cost`` is its length. Landmarks, which Nav2 lacks, are a member ``landmarks``
+of the collection: as features Nav2 would read them as nodes.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _EDGES = ("MultiLineString", "LineString")
 
 
 def geojson_text(topo_map: TopoMap) -> str:
-    """The map as the text of a GeoJSON file, a line for each feature."""
+    """The map as the text of a GeoJSON file, one line for each feature."""
     ids = {name: number for number, name in enumerate(topo_map.places)}
     features: list[dict[str, Any]] = [
         _feature(
@@ -79,20 +79,20 @@ def _feature(geometry: dict[str, Any], properties: dict[str, Any]) -> dict[str, 
 def read_geojson(text: str, file: str, both_ways: bool = False) -> TopoMap:
     """The map in the text of a GeoJSON file.
 
-    Nodes without a name are called by their number. Lengths that the metadata do not have are the
-    straight distances.
+    A node without a name gets its number as name, an edge without a length its straight distance.
 
     Raises:
         ConfigError: it is not JSON, or a value is out of bounds.
-        MapError: it is no FeatureCollection, a feature lacks a property, ids are given twice or
-            name nothing, an edge leads only one way (unless ``both_ways``), or the map contradicts
-            itself.
+        MapError: it is not a FeatureCollection, a feature lacks a property, an id is duplicate or
+            unknown, an edge is one-way (unless ``both_ways``), or the map is invalid.
 
     """
     return _GeoJsonReader(text, file, both_ways).read()
 
 
 class _GeoJsonReader:
+    """Reads one file, keeping the line of each feature for error messages."""
+
     def __init__(self, text: str, file: str, both_ways: bool) -> None:
         self._text = text
         self._file = file
@@ -140,7 +140,7 @@ class _GeoJsonReader:
         key = f"features[{index}]"
         number, properties = self._number(feature, index, "id", line)
         if number in self._names:
-            raise self._taken(f"{key}.properties.id", number, line)
+            raise self._duplicate_id(f"{key}.properties.id", number, line)
         at = feature["geometry"].get("coordinates")
         if not (isinstance(at, list) and len(at) >= 2 and all(map(_is_number, at[:2]))):
             raise self._error(
@@ -156,7 +156,7 @@ class _GeoJsonReader:
     def _add_edge(self, feature: dict[str, Any], index: int, line: int) -> None:
         number, properties = self._number(feature, index, "id", line)
         if number in self._lines:
-            raise self._taken(f"features[{index}].properties.id", number, line)
+            raise self._duplicate_id(f"features[{index}].properties.id", number, line)
         self._lines[number] = line
         start, end = (self._end(feature, index, key, line) for key in ("startid", "endid"))
         self._importer.add_edge(start, end, self._metadata(properties), line, directed=True)
@@ -187,7 +187,7 @@ class _GeoJsonReader:
             return value, properties or {}
         got = "it is missing" if value is None else f"got {_short(value)}"
         raise self._error(
-            f"features[{index}].properties.{key}", f"expected the id, a whole number: {got}", line
+            f"features[{index}].properties.{key}", f"expected the id, an integer: {got}", line
         )
 
     @staticmethod
@@ -195,7 +195,7 @@ class _GeoJsonReader:
         known = properties.get("metadata")
         return known if isinstance(known, dict) else {}
 
-    def _taken(self, key: str, number: int, line: int) -> MapError:
+    def _duplicate_id(self, key: str, number: int, line: int) -> MapError:
         return self._error(
             key,
             f"a second feature with the id {number} (the first is in line {self._lines[number]}); "
@@ -233,7 +233,7 @@ def _lines_of_features(text: str) -> Iterator[int]:
 
 
 def _next(text: str, at: int) -> int:
-    """The next character that is neither space nor comma."""
+    """The index of the next character that is neither space nor comma."""
     while text[at] in " \t\r\n,":
         at += 1
     return at
@@ -244,7 +244,7 @@ def _is_number(value: object) -> bool:
 
 
 def _no_constant(name: str) -> None:
-    raise ValueError(f"{name} is no number")
+    raise ValueError(f"{name} is not a number")
 
 
 def _short(value: object) -> str:

@@ -1,6 +1,6 @@
-"""GraphML, the XML that graph tools exchange: nodes with x, y and kind, undirected edges.
+"""GraphML, the XML format of graph tools: nodes with x, y and kind, undirected edges.
 
-What a map knows of a place or a passage are data of its node or edge, by the keys of the map file;
+The values of a place or passage are data of its node or edge, with the keys of the map file;
 landmarks are data of the graph, as JSON.
 """
 
@@ -64,13 +64,15 @@ def read_graphml(text: str, file: str, both_ways: bool = False) -> TopoMap:
     Raises:
         ConfigError: it is not XML, declares entities, or a value is missing or out of bounds.
         MapError: it has no graph, an edge is directed and its counterpart is missing (unless
-            ``both_ways``), or the map contradicts itself.
+            ``both_ways``), or the map is invalid.
 
     """
     return _GraphmlReader(file, both_ways).read(text)
 
 
 class _GraphmlReader:
+    """Reads one file by expat's events, keeping the line of each element for error messages."""
+
     def __init__(self, file: str, both_ways: bool) -> None:
         self._file = file
         self._importer = MapImporter(file, both_ways)
@@ -89,7 +91,7 @@ class _GraphmlReader:
 
     def read(self, text: str) -> TopoMap:
         try:
-            # as bytes in the encoding that was read: the declaration may name another
+            # as UTF-8 bytes: the declaration may name another encoding
             self._parser.Parse(text.encode(), True)
         except expat.ExpatError as error:
             reason = expat.ErrorString(error.code)
@@ -112,7 +114,7 @@ class _GraphmlReader:
             self._name = attributes.get("id", "")
             self._directed = attributes.get("edgedefault") == "directed"
         elif element == "hyperedge":
-            raise self._error(element, "a passage joins two places: make it several edges")
+            raise self._error(element, "a passage connects two places: use several edges")
 
     def _characters(self, text: str) -> None:
         self._text += text
@@ -121,7 +123,7 @@ class _GraphmlReader:
         element, attributes, line = self._open.pop()
         values = self._values.pop()
         if element == "data" and self._open:
-            self._note(attributes.get("key", ""), line)
+            self._store_data(attributes.get("key", ""), line)
         elif element == "node":
             name = self._attribute(element, attributes, "id", line)
             self._importer.add_place(name, values, line, f"node {name!r}")
@@ -133,8 +135,8 @@ class _GraphmlReader:
         elif element == "graph" and "landmarks" in values:
             self._add_landmarks(values["landmarks"], line)
 
-    def _note(self, key: str, line: int) -> None:
-        """A datum of the element around it, as the type that its key declares."""
+    def _store_data(self, key: str, line: int) -> None:
+        """Store a <data> value in its parent element, as the type that its key declares."""
         name, kind = self._keys.get(key, (key, "string"))
         value: Any = self._text
         if kind in _NUMBERS:
@@ -148,7 +150,7 @@ class _GraphmlReader:
                     key=name,
                 ) from None
             if isinstance(value, float) and not math.isfinite(value):
-                return  # wide open: a map file has no width then, either
+                return  # unlimited width: the key is left out, as in a map file
         self._values[-1][name] = value
 
     def _add_landmarks(self, text: str, line: int) -> None:

@@ -1,9 +1,9 @@
-"""A map derived from a world's geometry: for a person to name and edit, not for a robot's eyes.
+"""A draft map derived from a world's geometry, for a person to name and edit.
 
-The skeleton of the free ground gives the ways. Where it passes a short narrow gap is a door; the
-doors part the ground into rooms, and corridors where it is long for its width; where ways meet in a
-corridor is a junction, where they bend a corner. Each door gets a place straight before and behind
-it, so that robots cross it squarely.
+The skeleton of the free space gives the lines. A short narrow gap on a line is a door. The doors
+divide the free space into regions: corridors, which are long for their width, and rooms. Lines meet
+at junctions and bend at corners. Each door gets a place straight before and behind it, so that
+robots cross it at a right angle.
 """
 
 from __future__ import annotations
@@ -30,80 +30,80 @@ Point = tuple[float, float]
 Bounds = tuple[float, float, float, float]
 
 MARGIN = 0.07
-"""Clearance [m] beyond the robot's radius that ways keep."""
+"""Clearance [m] that passages keep beyond the robot's radius."""
 
 DOOR_WIDTH = 1.5
-"""Gaps wider than this [m] are no doors."""
+"""Largest width of a door [m]."""
 
 BEFORE_DOOR = 0.8
-"""Distance [m] of the places before and behind a door."""
+"""Distance [m] from a door to the places before and behind it."""
 
-LONG = 4.0
-"""ClearanceGrid that is so many times larger than the square of its width is a corridor."""
+CORRIDOR_RATIO = 4.0
+"""A region whose area exceeds this many times the square of its width is a corridor."""
 
-NEAR = 0.6
-"""Places nearer than this [m] become one, where a robot can go straight between them."""
+MERGE_DISTANCE = 0.6
+"""Places nearer than this [m] are merged, where the straight line between them is free."""
 
-ROUND = 1.5
-"""A way that is so many times longer than straight leads round something."""
+DETOUR_RATIO = 1.5
+"""Length of a line over its straight distance from which it leads round an obstacle."""
 
-COMFORT = 0.45
-"""Straight ways need no more clearance than this [m]."""
+ENOUGH_CLEARANCE = 0.45
+"""Clearance [m] that always suffices for a straight passage."""
 
 
 def build_map(
     name: str,
-    ground: ClearanceGrid,
+    grid: ClearanceGrid,
     robot: RobotModel | None = None,
     rooms: Mapping[str, tuple[float, float, float, float]] | None = None,
 ) -> TopoMap:
-    """The map of ``ground`` for ``robot`` (the usual one).
+    """The map of the free space in ``grid`` for ``robot`` (default: ``RobotModel()``).
 
-    ``rooms`` (x0, x1, y0, y1) [m] by name, where known, give places their names.
+    ``rooms`` (x0, x1, y0, y1) [m] by name, where given, provide the names of places.
 
     Raises:
-        MapError: there is nowhere for the robot to go.
+        MapError: there is no free space for the robot.
 
     """
     robot = robot or RobotModel()
     need = robot.radius + MARGIN
-    graph = skeleton_graph(ground, need)
+    graph = skeleton_graph(grid, need)
     if not graph:
-        raise MapError(f"no ground is free for a robot of radius {robot.radius:g} m", key=name)
-    draft = _WayGraph(ground, need)
+        raise MapError(f"no space is free for a robot of radius {robot.radius:g} m", key=name)
+    lines = _StraightLines(grid, need)
     for a, b, data in list(graph.edges(data=True)):
-        draft.add_way(graph, min(a, b), max(a, b), data["line"])
+        lines.add_line(graph, min(a, b), max(a, b), data["line"])
     for node in nx.isolates(graph):
-        draft.knot(graph, node)
-    draft.merge()
-    return draft.finish(name, rooms or {})
+        lines.point_of(graph, node)
+    lines.merge()
+    return lines.finish(name, rooms or {})
 
 
-class _WayGraph:
-    """Collects points and straight free lines between them."""
+class _StraightLines:
+    """The skeleton's lines as points and free straight segments between them."""
 
-    def __init__(self, ground: ClearanceGrid, need: float) -> None:
-        self.ground = ground
+    def __init__(self, grid: ClearanceGrid, need: float) -> None:
+        self.grid = grid
         self.need = need
         self.graph = nx.Graph()
         self.doors: dict[int, Point] = {}  # by point: the direction through the door
-        self._knots: dict[int, int] = {}
+        self._point_of_node: dict[int, int] = {}
         self._count = 0
 
-    def knot(self, skeleton: nx.MultiGraph, node: int) -> int:
-        """The point of a node of the skeleton."""
-        if node not in self._knots:
-            self._knots[node] = self._point(skeleton.nodes[node]["at"])
-        return self._knots[node]
+    def point_of(self, skeleton: nx.MultiGraph, node: int) -> int:
+        """The point at a node of the skeleton."""
+        if node not in self._point_of_node:
+            self._point_of_node[node] = self._point(skeleton.nodes[node]["at"])
+        return self._point_of_node[node]
 
-    def add_way(self, skeleton: nx.MultiGraph, a: int, b: int, line: Array) -> None:
-        """A line of the skeleton between two of its nodes, with the doors in it."""
-        last, begin = self.knot(skeleton, a), 0
-        for index, through in _doors(self.ground, line):
+    def add_line(self, skeleton: nx.MultiGraph, a: int, b: int, line: Array) -> None:
+        """Add a line of the skeleton between two of its nodes, with its doors."""
+        last, begin = self.point_of(skeleton, a), 0
+        for index, through in _doors(self.grid, line):
             before, behind = (self._beside_door(line[index], through, sign) for sign in (-1, 1))
             door = self._point((float(line[index, 0]), float(line[index, 1])), door=through)
-            start = _within(line, index, -1)
-            end = _within(line, index, 1)
+            start = _beyond_door(line, index, -1)
+            end = _beyond_door(line, index, 1)
             if before is not None and start > begin:
                 last = self._follow(last, before, line[begin : start + 1])
             elif index > begin:
@@ -113,17 +113,17 @@ class _WayGraph:
             if behind is not None and end < len(line) - 1:
                 self.graph.add_edge(door, behind)
                 last, begin = behind, end
-        self._follow(last, self.knot(skeleton, b), line[begin:])
+        self._follow(last, self.point_of(skeleton, b), line[begin:])
 
     def _beside_door(self, at: Array, through: Point, sign: int) -> int | None:
         x = float(at[0]) + sign * BEFORE_DOOR * through[0]
         y = float(at[1]) + sign * BEFORE_DOOR * through[1]
-        if self.ground.along((float(at[0]), float(at[1])), (x, y)) < self.need:
+        if self.grid.along((float(at[0]), float(at[1])), (x, y)) < self.need:
             return None
         return self._point((x, y))
 
     def _follow(self, start: int, end: int | None, line: Array) -> int:
-        """Straight lines along ``line`` from a point to another; gives the last point."""
+        """Add straight segments along ``line`` from one point to another; returns the last."""
         points = [self._at(start), *((float(x), float(y)) for x, y in line[1:-1])]
         if end is not None:
             points.append(self._at(end))
@@ -138,26 +138,26 @@ class _WayGraph:
         return last
 
     def _farthest(self, points: list[Point], here: int) -> int:
-        """The last of the points that is seen from ``here`` with room enough."""
+        """The last of the points in a straight line from ``here`` with enough clearance."""
         low, walked, best = math.inf, 0.0, here + 1
         for ahead in range(here + 1, len(points)):
-            low = min(low, self.ground.at(*points[ahead]))
+            low = min(low, self.grid.at(*points[ahead]))
             walked += math.dist(points[ahead - 1], points[ahead])
-            if walked > ROUND * math.dist(points[here], points[ahead]) + NEAR:
-                break  # the way leads round something and back
-            room = min(0.8 * low, COMFORT)
-            if self.ground.along(points[here], points[ahead]) >= max(room, self.need - 0.03):
+            if walked > DETOUR_RATIO * math.dist(points[here], points[ahead]) + MERGE_DISTANCE:
+                break  # the line leads round an obstacle
+            wanted = min(0.8 * low, ENOUGH_CLEARANCE)
+            if self.grid.along(points[here], points[ahead]) >= max(wanted, self.need - 0.03):
                 best = ahead
         return best
 
     def merge(self) -> None:
-        """Make one point of two that are near each other, doors and their neighbours excepted."""
+        """Merge points near each other, except doors and their neighbours."""
         fixed = set(self.doors)
         for door in self.doors:
             fixed.update(self.graph[door])
-        if self.graph.number_of_edges():  # sides of doors that no way needed
+        if self.graph.number_of_edges():  # places beside doors without a line
             self.graph.remove_nodes_from(list(nx.isolates(self.graph)))
-        # what is left beside the largest part is shut in: nobody gets there
+        # keep the largest connected part only: the others cannot be reached from it
         kept = max(nx.connected_components(self.graph), key=len)
         self.graph.remove_nodes_from([point for point in self.graph if point not in kept])
         self.doors = {point: d for point, d in self.doors.items() if point in kept}
@@ -165,10 +165,10 @@ class _WayGraph:
         while changed:
             changed = False
             for a, b in list(self.graph.edges):
-                if math.dist(self._at(a), self._at(b)) >= NEAR or {a, b} <= fixed:
+                if math.dist(self._at(a), self._at(b)) >= MERGE_DISTANCE or {a, b} <= fixed:
                     continue
                 kept, gone = (a, b) if a in fixed or b not in fixed else (b, a)
-                if gone in fixed or not self._sees(kept, gone):
+                if gone in fixed or not self._can_replace(kept, gone):
                     continue
                 self.graph.add_edges_from(
                     (kept, other) for other in list(self.graph[gone]) if other != kept
@@ -177,34 +177,34 @@ class _WayGraph:
                 changed = True
                 break
 
-    def _sees(self, kept: int, gone: int) -> bool:
-        """Whether ``kept`` can take the place of ``gone`` for all its neighbours."""
+    def _can_replace(self, kept: int, gone: int) -> bool:
+        """Whether the lines from ``kept`` to all neighbours of ``gone`` are free."""
         return all(
-            self.ground.along(self._at(kept), self._at(other)) >= self.need - 0.03
+            self.grid.along(self._at(kept), self._at(other)) >= self.need - 0.03
             for other in self.graph[gone]
             if other != kept
         )
 
     def finish(self, name: str, rooms: Mapping[str, Bounds]) -> TopoMap:
-        """The map, with places named after ``rooms``."""
+        """The map of all points, named after ``rooms``."""
         names = _Names(rooms)
         doors = ((self._at(point), through) for point, through in self.doors.items())
-        regions = _Regions(self.ground, doors)
+        regions = _Regions(self.grid, doors)
         places: dict[int, Place] = {}
-        hearts = {
-            region: max(points, key=lambda point: self.ground.at(*self._at(point)))
+        centres = {
+            region: max(points, key=lambda point: self.grid.at(*self._at(point)))
             for region, points in self._by_region(regions).items()
             if not regions.is_corridor(region)
         }
-        chosen = set(hearts.values())
-        # rooms first: theirs are the names without numbers
+        chosen = set(centres.values())
+        # the centres of rooms first: they get the names without numbers
         for point in sorted(self.graph, key=lambda point: (point not in chosen, point)):
             at = self._at(point)
             kind = self._kind(point, regions, point in chosen)
             if point in self.doors:
                 label = names.door(at, self.doors[point])
             else:
-                label = (names.heart if point in chosen else names.place)(at, kind)
+                label = (names.centre if point in chosen else names.place)(at, kind)
             places[point] = Place(label, round(at[0], 2), round(at[1], 2), kind)
         passages = [
             passage
@@ -217,7 +217,7 @@ class _WayGraph:
         length = a.distance(b.x, b.y)
         if length == 0.0:
             return None
-        width = math.floor(40.0 * self.ground.along((a.x, a.y), (b.x, b.y))) / 20.0
+        width = math.floor(40.0 * self.grid.along((a.x, a.y), (b.x, b.y))) / 20.0
         doorness = float("door" in (a.kind, b.kind))
         return Passage(a.name, b.name, length, max(width, 0.05), doorness=doorness)
 
@@ -229,7 +229,7 @@ class _WayGraph:
                 found.setdefault(region, []).append(point)
         return found
 
-    def _kind(self, point: int, regions: _Regions, heart: bool) -> PlaceKind:
+    def _kind(self, point: int, regions: _Regions, centre: bool) -> PlaceKind:
         if point in self.doors:
             return "door"
         around = [self._at(other) for other in self.graph[point]]
@@ -239,7 +239,7 @@ class _WayGraph:
             a, b = (math.atan2(at[1] - y, at[0] - x) for at in around)
             bent = abs(math.pi - abs(a - b) % (2.0 * math.pi)) > math.radians(40.0)
         if not regions.is_corridor(regions.at(x, y)):
-            return "corner" if bent and not heart else "room"
+            return "corner" if bent and not centre else "room"
         if len(around) > 2:
             return "junction"
         return "corner" if bent else "corridor"
@@ -257,12 +257,12 @@ class _WayGraph:
 
 
 class _Regions:
-    """The ground, cut at its doors: 0 where it is not free, else the number of a region."""
+    """The regions of free space between the doors: 0 where occupied, else a region's number."""
 
-    def __init__(self, ground: ClearanceGrid, doors: Iterable[tuple[Point, Point]]) -> None:
-        self._ground = ground
-        free = (ground.clearance > 0.1).astype(np.uint8)
-        half = 0.5 * DOOR_WIDTH / ground.cell
+    def __init__(self, grid: ClearanceGrid, doors: Iterable[tuple[Point, Point]]) -> None:
+        self._grid = grid
+        free = (grid.clearance > 0.1).astype(np.uint8)
+        half = 0.5 * DOOR_WIDTH / grid.cell
         for at, through in doors:
             row, column = self._index(*at)
             ends = [
@@ -278,37 +278,37 @@ class _Regions:
         return int(self._labels[self._index(x, y)])
 
     def is_corridor(self, region: int) -> bool:
-        """Whether the region is long for its width."""
+        """Whether the region is long for its width (``CORRIDOR_RATIO``)."""
         if region not in self._corridors:
             mine = self._labels == region
-            width = 2.0 * float(self._ground.clearance[mine].max())
-            area = float(mine.sum()) * self._ground.cell**2
-            self._corridors[region] = region > 0 and area > LONG * width * width
+            width = 2.0 * float(self._grid.clearance[mine].max())
+            area = float(mine.sum()) * self._grid.cell**2
+            self._corridors[region] = region > 0 and area > CORRIDOR_RATIO * width * width
         return self._corridors[region]
 
     def _index(self, x: float, y: float) -> tuple[int, int]:
-        cell, (x0, y0) = self._ground.cell, self._ground.origin
+        cell, (x0, y0) = self._grid.cell, self._grid.origin
         return round((y - y0) / cell), round((x - x0) / cell)
 
 
 class _Names:
-    """Gives places names that tell where they are, each once."""
+    """Unique names for places, after the rooms that contain them."""
 
     def __init__(self, rooms: Mapping[str, Bounds]) -> None:
-        # of rooms within rooms the smallest
+        # smallest first: of nested rooms the inner one gives the name
         self._rooms = sorted(rooms.items(), key=lambda room: _area(room[1]))
         self._taken: set[str] = set()
 
-    def heart(self, at: Point, kind: str) -> str:
-        """For the one place that stands for a room."""
+    def centre(self, at: Point, kind: str) -> str:
+        """The name of the place that represents a room."""
         return self._free(self._room(*at) or kind, first=True)
 
     def place(self, at: Point, kind: str) -> str:
-        """For any other place."""
+        """The name of any other place."""
         return self._free(self._room(*at) or kind, first=False)
 
     def door(self, at: Point, through: Point) -> str:
-        """For a door: the rooms at its sides."""
+        """The name of a door: that of the rooms on its sides."""
         sides = []
         for sign in (-1, 1):
             room = self._room(at[0] + sign * 0.5 * through[0], at[1] + sign * 0.5 * through[1])
@@ -334,12 +334,12 @@ def _area(bounds: Bounds) -> float:
     return (x1 - x0) * (y1 - y0)
 
 
-def _doors(ground: ClearanceGrid, line: Array) -> list[tuple[int, Point]]:
-    """Where ``line`` passes a door: index, and the direction through it.
+def _doors(grid: ClearanceGrid, line: Array) -> list[tuple[int, Point]]:
+    """The doors on ``line``: index of each, and the unit direction through it.
 
-    A door is the narrowest point of a gap that widens at once at both sides.
+    A door is the narrowest point of a gap that widens shortly on both sides.
     """
-    clearance = np.array([ground.at(*point) for point in line])
+    clearance = np.array([grid.at(*point) for point in line])
     found: list[tuple[int, Point]] = []
     for index in range(1, len(line) - 1):
         here = clearance[index]
@@ -349,11 +349,11 @@ def _doors(ground: ClearanceGrid, line: Array) -> list[tuple[int, Point]]:
         through = _direction(line, index)
         at = line[index]
         opens = [
-            ground.at(at[0] + sign * 0.4 * through[0], at[1] + sign * 0.4 * through[1])
+            grid.at(at[0] + sign * 0.4 * through[0], at[1] + sign * 0.4 * through[1])
             for sign in (-1, 1)
         ]
         jambs = [
-            ground.at(at[0] - sign * reach * through[1], at[1] + sign * reach * through[0])
+            grid.at(at[0] - sign * reach * through[1], at[1] + sign * reach * through[0])
             for sign in (-1, 1)
             for reach in (here + 0.05,)
         ]
@@ -364,7 +364,7 @@ def _doors(ground: ClearanceGrid, line: Array) -> list[tuple[int, Point]]:
 
 
 def _direction(line: Array, index: int) -> Point:
-    """The direction of ``line`` around a point, along an axis where it is nearly so."""
+    """The unit direction of ``line`` at a point; along an axis if within 15 degrees of it."""
     step = line[min(index + 6, len(line) - 1)] - line[max(index - 6, 0)]
     angle = math.atan2(step[1], step[0])
     square = 0.5 * math.pi * round(angle / (0.5 * math.pi))
@@ -373,8 +373,8 @@ def _direction(line: Array, index: int) -> Point:
     return math.cos(angle), math.sin(angle)
 
 
-def _within(line: Array, index: int, step: int) -> int:
-    """The first point of ``line`` from ``index`` on that is as far as the place beside a door."""
+def _beyond_door(line: Array, index: int, step: int) -> int:
+    """Index of the first point of ``line`` at least ``BEFORE_DOOR`` from ``index``."""
     here = index
     while 0 < here < len(line) - 1 and np.linalg.norm(line[here] - line[index]) < BEFORE_DOOR:
         here += step

@@ -1,4 +1,4 @@
-"""What is wrong with a readable map: apart, too narrow, in walls, not so wide as it says."""
+"""Problems of a valid map: unconnected parts, narrow passages, places in walls, wrong widths."""
 
 from __future__ import annotations
 
@@ -24,21 +24,23 @@ MapProblemKind = Literal[
 Clearances = Callable[[Array], Array]
 """Distances [m] of points (N, 2) in ``map`` to the nearest solid; negative inside one."""
 
-SAME_SPOT = 0.05
-"""Places so near each other [m] are one place twice."""
+SAME_POINT = 0.05
+"""Distance [m] below which two places count as duplicates."""
 
 STRAIGHT = 1.02
-"""Passages longer than the straight line by more than this factor are bent: nobody knows how."""
+"""Length over straight distance beyond which a passage is curved, its course unknown, and its
+clearance not checked."""
 
 WIDTH_ROUNDING = 0.05
-"""How much wider than it is a passage may be said to be [m]."""
+"""Tolerance [m] of a passage's width in the map above its free width in the world."""
 
 STEP = 0.02
+"""Spacing of the points at which a passage's clearance is checked [m]."""
 
 
 @dataclass(frozen=True, slots=True)
 class MapProblem:
-    """One thing that a person should look at; ``where`` names the place or passage."""
+    """One problem for the map's author to inspect; ``where`` names the place or passage."""
 
     kind: MapProblemKind
     where: str
@@ -52,28 +54,32 @@ class MapProblem:
 def check_map(
     topo_map: TopoMap, clearances: Clearances | None = None, robot: RobotModel | None = None
 ) -> list[MapProblem]:
-    """Everything that hinders ``robot`` (the usual one) in ``topo_map``; empty for a good map.
+    """All problems of ``topo_map`` for ``robot``; empty if none.
 
-    With ``clearances``, the geometry of the world that it is a map of, walls are looked at, too.
+    With ``clearances``, those of the mapped world, walls are checked too.
     """
     robot = robot or RobotModel()
-    found = [*_apart(topo_map), *_narrow(topo_map, robot), *_duplicates(topo_map)]
+    found = [
+        *_unconnected_parts(topo_map),
+        *_narrow_passages(topo_map, robot),
+        *_duplicates(topo_map),
+    ]
     if clearances is not None:
-        found += _in_walls(topo_map, clearances, robot)
-        found += _along(topo_map, clearances, robot)
+        found += _places_in_walls(topo_map, clearances, robot)
+        found += _blocked_passages(topo_map, clearances, robot)
     return found
 
 
-def _apart(topo_map: TopoMap) -> Iterator[MapProblem]:
+def _unconnected_parts(topo_map: TopoMap) -> Iterator[MapProblem]:
     for part in topo_map.parts[1:]:
         names = sorted(part)
         listed = ", ".join(names[:5]) + (", ..." if len(names) > 5 else "")
         yield MapProblem(
-            "apart", names[0], f"no edge leads from {listed} to the rest of the map; add one"
+            "apart", names[0], f"no edge connects {listed} with the rest of the map; add one"
         )
 
 
-def _narrow(topo_map: TopoMap, robot: RobotModel) -> Iterator[MapProblem]:
+def _narrow_passages(topo_map: TopoMap, robot: RobotModel) -> Iterator[MapProblem]:
     need = 2.0 * robot.radius
     narrow = [passage for passage in topo_map.passages if passage.width <= need]
     for passage in narrow:
@@ -95,27 +101,32 @@ def _narrow(topo_map: TopoMap, robot: RobotModel) -> Iterator[MapProblem]:
 def _duplicates(topo_map: TopoMap) -> Iterator[MapProblem]:
     every = list(topo_map.places.values())
     for index, place in enumerate(every):
-        near = np.nonzero(topo_map.place_distances(place.x, place.y)[:index] < SAME_SPOT)[0]
+        near = np.nonzero(topo_map.place_distances(place.x, place.y)[:index] < SAME_POINT)[0]
         for other in near:
             yield MapProblem(
                 "duplicate",
                 place.name,
-                f"at the same spot as {every[int(other)].name!r}; remove one of them",
+                f"at the same point as {every[int(other)].name!r}; remove one of them",
             )
 
 
-def _in_walls(topo_map: TopoMap, clearances: Clearances, robot: RobotModel) -> Iterator[MapProblem]:
+def _places_in_walls(
+    topo_map: TopoMap, clearances: Clearances, robot: RobotModel
+) -> Iterator[MapProblem]:
     every = list(topo_map.places.values())
     free = clearances(np.array([(place.x, place.y) for place in every]))
-    for place, room in zip(every, free.tolist(), strict=True):
-        if room < robot.radius:
-            what = "inside something" if room < 0.0 else f"{room:.2f} m from something"
+    for place, clearance in zip(every, free.tolist(), strict=True):
+        if clearance < robot.radius:
+            near = f"{clearance:.2f} m from an obstacle"
+            what = "inside an obstacle" if clearance < 0.0 else near
             yield MapProblem(
                 "in-wall", place.name, f"{what}, the robot needs {robot.radius:g} m; move it"
             )
 
 
-def _along(topo_map: TopoMap, clearances: Clearances, robot: RobotModel) -> Iterator[MapProblem]:
+def _blocked_passages(
+    topo_map: TopoMap, clearances: Clearances, robot: RobotModel
+) -> Iterator[MapProblem]:
     for passage in topo_map.passages:
         a, b = topo_map.places[passage.a], topo_map.places[passage.b]
         if passage.length > STRAIGHT * a.distance(b.x, b.y) + WIDTH_ROUNDING:
@@ -124,18 +135,20 @@ def _along(topo_map: TopoMap, clearances: Clearances, robot: RobotModel) -> Iter
         worst = int(np.argmin(free))
         at = f"at ({line[worst, 0]:.2f}, {line[worst, 1]:.2f})"
         if free[worst] < robot.radius:
-            what = "crosses something" if free[worst] <= 0.0 else f"has {free[worst]:.2f} m of room"
+            clear = f"has {free[worst]:.2f} m of clearance"
+            what = "crosses an obstacle" if free[worst] <= 0.0 else clear
             message = f"{what} {at}, the robot needs {robot.radius:g} m to each side"
             yield MapProblem("blocked", str(passage), message)
         elif math.isfinite(passage.width) and passage.width > 2.0 * free[worst] + WIDTH_ROUNDING:
             yield MapProblem(
                 "width",
                 str(passage),
-                f"said to be {passage.width:g} m wide, but has {2.0 * free[worst]:.2f} m {at}",
+                f"{passage.width:g} m wide in the map, {2.0 * free[worst]:.2f} m in the world {at}",
             )
 
 
 def _line(topo_map: TopoMap, passage: Passage, clearances: Clearances) -> tuple[Array, Array]:
+    """Points (N, 2) [m] along the passage, and their clearances (N,) [m]."""
     a, b = topo_map.places[passage.a], topo_map.places[passage.b]
     count = 2 + int(a.distance(b.x, b.y) / STEP)
     line = np.linspace((a.x, a.y), (b.x, b.y), count)

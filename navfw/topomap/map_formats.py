@@ -1,8 +1,8 @@
-"""Maps in the files of others: which format a file has by its suffix, reading, writing.
+"""Map files of several formats, chosen by their suffix: reading and writing.
 
-``.yaml`` is navfw's own (``files``), ``.graphml`` is read by graph tools such as networkx, yEd and
-Gephi (``graphml``), ``.geojson`` is that of Nav2's route server (``geojson``). All three keep
-everything a map knows.
+``.yaml`` is navfw's own format (``mapfile``), ``.graphml`` that of graph tools such as networkx,
+yEd and Gephi (``graphml``), ``.geojson`` that of Nav2's route server (``geojson``). All three
+preserve the whole map.
 """
 
 from __future__ import annotations
@@ -32,15 +32,14 @@ SUFFIXES: tuple[str, ...] = tuple(_WRITERS)
 
 
 def load_any_map(path: str | Path, both_ways: bool = False) -> TopoMap:
-    """The map in a file of any of the formats; its suffix says which.
+    """The map in a file of any format, chosen by its suffix.
 
-    ``both_ways`` takes edges that lead only one way, which navfw's maps do not know, for passages
-    that hold both ways.
+    With ``both_ways`` a one-way edge becomes a passage, which is always two-way.
 
     Raises:
         ConfigError: the file cannot be read, or is not of its format.
-        MapError: the suffix is unknown, what the format asks for is missing, an edge leads only
-            one way, or the map contradicts itself.
+        MapError: the suffix is unknown, something that the format requires is missing, an edge is
+            one-way, or the map is invalid.
 
     """
     path = Path(path)
@@ -54,7 +53,7 @@ def load_any_map(path: str | Path, both_ways: bool = False) -> TopoMap:
 
 
 def save_map(topo_map: TopoMap, path: str | Path) -> None:
-    """Write the map in the format that the suffix says; an old file is replaced as a whole.
+    """Write the map in the format of the suffix, replacing an old file atomically.
 
     Raises:
         MapError: the suffix is unknown.

@@ -1,4 +1,4 @@
-"""Maps from other formats, collected with the lines they came from and checked like our own."""
+"""Import of maps in other formats: entries with their line numbers, validated like a map file."""
 
 from __future__ import annotations
 
@@ -18,9 +18,10 @@ LANDMARK_KEYS = tuple(MapLandmarkSpec.model_fields)
 
 
 class MapImporter:
-    """What a foreign file says, as the document that a map file would be.
+    """Collects places, edges and landmarks, and builds the document of an equivalent map file.
 
-    What other tools store besides is left out: of the given values only navfw's keys are kept.
+    Of the given values only the keys of a map file are kept. With ``both_ways`` a one-way edge
+    counts as a passage; without it the opposite edge is required.
     """
 
     def __init__(self, file: str, both_ways: bool) -> None:
@@ -34,10 +35,10 @@ class MapImporter:
         self._directed: set[tuple[str, str]] = set()
 
     def add_place(self, name: str, values: dict[str, Any], line: int, key: str) -> None:
-        """A place; ``key`` is what the file calls it.
+        """Add a place; ``key`` names it in error messages.
 
         Raises:
-            MapError: there is one of that name.
+            MapError: there is already a place of that name.
 
         """
         if name in self._places:
@@ -54,7 +55,7 @@ class MapImporter:
     def add_edge(
         self, a: str, b: str, values: dict[str, Any], line: int, directed: bool = False
     ) -> None:
-        """An edge; a directed one waits for its counterpart."""
+        """Add an edge; a ``directed`` one makes a passage together with the opposite edge."""
         if directed and not self._both_ways:
             if (b, a) in self._one_way:
                 del self._one_way[b, a]
@@ -68,7 +69,7 @@ class MapImporter:
         self._edges.append({"from": a, "to": b, **_kept(values, EDGE_KEYS)})
 
     def add_landmark(self, name: str, values: dict[str, Any], line: int) -> None:
-        """A landmark."""
+        """Add a landmark."""
         self._landmarks[name] = _kept(values, LANDMARK_KEYS)
         self._origins["landmarks", name] = Origin(self._file, line)
 
@@ -77,12 +78,12 @@ class MapImporter:
 
         Raises:
             ConfigError: a value is missing or out of bounds.
-            MapError: an edge leads only one way, or the map contradicts itself.
+            MapError: an edge is one-way only, or the map is invalid.
 
         """
         for (a, b), index in self._one_way.items():
             raise MapError(
-                f"leads only from {a!r} to {b!r}, but passages hold both ways: add the edge from "
+                f"leads only from {a!r} to {b!r}, but passages are two-way: add the edge from "
                 f"{b!r} to {a!r}, or convert with --both-ways",
                 file=self._file,
                 line=self._origins["edges", index].line,

@@ -1,4 +1,4 @@
-"""Map files: YAML in, with every mistake named by file, line and key; YAML out.
+"""Map files in YAML: reading, with errors located by file, line and key, and writing.
 
 ::
 
@@ -30,10 +30,10 @@ from navfw.topomap.validation import MapViolation, map_violations
 __all__ = ["MAX_BYTES", "load_map", "map_data", "map_text", "read_map"]
 
 MAX_BYTES = 8_000_000
-"""Room for maps of some ten thousand places."""
+"""Largest size of a map file [bytes]: enough for some ten thousand places."""
 
 _PLAIN = re.compile(r"(?!(?i:true|false|yes|no|on|off|null|nan|inf)$)[A-Za-z][\w-]*", re.ASCII)
-"""Texts that YAML takes for nothing but text."""
+"""Texts that YAML reads as text without quotes."""
 
 
 def load_map(path: str | Path) -> TopoMap:
@@ -41,15 +41,15 @@ def load_map(path: str | Path) -> TopoMap:
 
     Raises:
         ConfigError: the file cannot be read or breaks the schema.
-        MapError: what it says contradicts itself: an edge names a place that is missing, a length
-            is impossible, a passage is given twice. The message lists all of it, a line each.
+        MapError: the map is invalid: an edge names a place that is missing, a length is
+            impossible, a passage is given twice. The message lists every error, one a line.
 
     """
     return read_map(load_yaml(path, max_bytes=MAX_BYTES))
 
 
 def read_map(document: YamlDocument) -> TopoMap:
-    """The map in a document that has been read already; raises like ``load_map``."""
+    """The map in a parsed document; raises like ``load_map``."""
     spec = validate(document, MapSpec)
     places = [Place(name, at.x, at.y, at.kind) for name, at in spec.places.items()]
     known = {place.name: place for place in places}
@@ -65,7 +65,7 @@ def read_map(document: YamlDocument) -> TopoMap:
 
 
 def map_data(topo_map: TopoMap) -> dict[str, Any]:
-    """``topo_map`` as a map file has it, as plain data; what a default says is left out."""
+    """``topo_map`` as plain data with the keys of a map file, without values that are defaults."""
     data: dict[str, Any] = {
         "name": topo_map.name,
         "places": {
@@ -85,7 +85,7 @@ def map_data(topo_map: TopoMap) -> dict[str, Any]:
 
 
 def map_text(topo_map: TopoMap) -> str:
-    """``topo_map`` as the text of a map file, a line for each place, edge and landmark."""
+    """``topo_map`` as the text of a map file, one line for each place, edge and landmark."""
     data = map_data(topo_map)
     lines = [f"name: {_scalar(data['name'])}", "", "places:"]
     lines += [f"  {_scalar(name)}: {_flow(values)}" for name, values in data["places"].items()]
@@ -113,10 +113,10 @@ def _flow(values: dict[str, Any]) -> str:
 
 
 def _scalar(value: str | float) -> str:
-    """A scalar as YAML reads it back: names in quotes where they could be anything else."""
+    """A scalar in YAML; texts in quotes where YAML would read them as another type."""
     if isinstance(value, str):
         return value if _PLAIN.fullmatch(value) else f'"{"".join(map(_escaped, value))}"'
-    # YAML's 1e-07 is a text: numbers need a point in their mantissa
+    # YAML reads 1e-07 as text: a number needs a point in its mantissa
     text = repr(float(value)) if isinstance(value, float) else str(value)
     return re.sub(r"^(-?\d+)e", r"\1.0e", text)
 
@@ -130,7 +130,7 @@ def _escaped(character: str) -> str:
 def _passage(edge: EdgeSpec, places: dict[str, Place]) -> Passage:
     ends = [places[name] for name in (edge.from_, edge.to) if name in places]
     kinds = {place.kind for place in ends}
-    # with an end missing there is no length to tell; the missing end is what gets reported
+    # without one of the ends the length is unknown; validation reports the missing end
     straight = ends[0].distance(ends[1].x, ends[1].y) if len(ends) == 2 else math.nan
     return Passage(
         a=edge.from_,

@@ -17,15 +17,15 @@ Coordinate = Annotated[float, Field(ge=-1e6, le=1e6)]
 
 
 class PlaceSpec(StrictModel):
-    """A place as the file has it."""
+    """The keys of a place."""
 
     x: Annotated[Coordinate, Field(description="in the map frame [m]")]
     y: Annotated[Coordinate, Field(description="in the map frame [m]")]
-    kind: Annotated[PlaceKind, Field(description="what a robot finds there")] = "room"
+    kind: Annotated[PlaceKind, Field(description="kind of place")] = "room"
 
 
 class EdgeSpec(StrictModel):
-    """A passage as the file has it; lengths that are wrong are found with the places known."""
+    """The keys of a passage; its numbers are validated together with its places."""
 
     from_: Annotated[str, Field(alias="from", description="a place")]
     to: Annotated[str, Field(description="another place")]
@@ -33,7 +33,7 @@ class EdgeSpec(StrictModel):
         float | None, Field(description="[m]; the straight distance when left out")
     ] = None
     width: Annotated[
-        float | None, Field(description="free width at the narrowest point [m]; wide open if none")
+        float | None, Field(description="free width at the narrowest point [m]; unlimited if none")
     ] = None
     danger: Annotated[
         Share | None, Field(description="0 to 1; 1 at danger places, else 0, when left out")
@@ -41,33 +41,36 @@ class EdgeSpec(StrictModel):
     doorness: Annotated[
         Share | None, Field(description="0 to 1; 1 at door places, else 0, when left out")
     ] = None
-    uncertainty: Annotated[Share, Field(description="0 to 1: is it open at all?")] = 0.0
+    uncertainty: Annotated[Share, Field(description="0 to 1; 1: may be open or closed")] = 0.0
 
 
 class MapLandmarkSpec(StrictModel):
-    """A landmark as the file has it: a flat upright square."""
+    """The keys of a landmark: a flat upright square."""
 
     kind: Annotated[
         str,
         AfterValidator(check_landmark_kind),
         Field(description="aruco, poster, or the name of a plugin"),
     ] = "aruco"
-    id: Annotated[int, Field(ge=0, le=1_000_000, description="its own among those of its kind")]
+    id: Annotated[int, Field(ge=0, le=1_000_000, description="unique among those of its kind")]
     x: Annotated[Coordinate, Field(description="of the centre, in the map frame [m]")]
     y: Annotated[Coordinate, Field(description="of the centre, in the map frame [m]")]
     z: Annotated[float, Field(ge=0.0, le=100.0, description="centre above the floor [m]")] = 0.5
     yaw: Annotated[
-        float, Field(ge=-6.3, le=6.3, description="where it faces, counter-clockwise from x [rad]")
+        float,
+        Field(
+            ge=-6.3, le=6.3, description="direction of its normal, counter-clockwise from x [rad]"
+        ),
     ]
     size: Annotated[float, Field(gt=0.0, le=10.0, description="length of its side [m]")] = 0.25
 
 
 class MapSpec(StrictModel):
-    """A whole map file."""
+    """The keys of a map file."""
 
     name: Annotated[str, Field(min_length=1, description="of the map")]
     places: Annotated[dict[str, PlaceSpec], Field(description="by name")]
     edges: list[EdgeSpec] = Field(default_factory=list, description="passages between places")
     landmarks: dict[str, MapLandmarkSpec] = Field(
-        default_factory=dict, description="what a camera can recognise, by name"
+        default_factory=dict, description="squares that a camera can recognise, by name"
     )

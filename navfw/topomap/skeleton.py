@@ -1,4 +1,4 @@
-"""The skeleton of free ground as a graph: where ways meet or end, and the lines between."""
+"""The skeleton of free space as a graph: junctions and ends, and the lines between them."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import networkx as nx
 import numpy as np
 
 from navfw.signals import Mask
-from navfw.topomap.clearance_grid import ClearanceGrid, thinned
+from navfw.topomap.clearance_grid import ClearanceGrid
 
-__all__ = ["skeleton_graph"]
+__all__ = ["skeleton_graph", "thinned"]
 
 SPUR = 1.6
-"""Twigs into corners are at most so many times as long as the ground is wide where they begin."""
+"""Largest length of a spur into a corner, over the clearance where it branches off."""
 
 Cell = tuple[int, int]
 
@@ -19,50 +19,50 @@ _EDGES = ((-1, 0), (0, 1), (1, 0), (0, -1))
 _CORNERS = ((-1, -1), (-1, 1), (1, 1), (1, -1))
 
 
-def skeleton_graph(ground: ClearanceGrid, clearance: float) -> nx.MultiGraph:
-    """Where a robot that keeps ``clearance`` [m] can go, as lines midway between the solids.
+def skeleton_graph(grid: ClearanceGrid, clearance: float) -> nx.MultiGraph:
+    """The paths of a robot that keeps ``clearance`` [m], as lines midway between obstacles.
 
     Nodes have ``at`` (x, y) [m]; edges have ``line`` (n, 2) [m], from the node with the smaller
-    number to the other. Twigs into the corners of rooms are taken off.
+    number to the other. Spurs into the corners of rooms are removed.
     """
-    graph = _traced(ground, thinned(ground.clearance >= clearance))
-    while _pruned(graph, ground):
-        _joined(graph)
+    graph = _traced(grid, thinned(grid.clearance >= clearance))
+    while _remove_spurs(graph, grid):
+        _merge_lines(graph)
     return graph
 
 
-def _traced(ground: ClearanceGrid, skeleton: Mask) -> nx.MultiGraph:
-    """The skeleton's cells as knots, where ways meet or end, and lines of cells between them."""
+def _traced(grid: ClearanceGrid, skeleton: Mask) -> nx.MultiGraph:
+    """The skeleton as a graph: its nodes are the cells with other than two neighbours."""
     cells = _neighbours(skeleton)
-    knots = [cell for cell, near in cells.items() if len(near) != 2]
-    numbers = {cell: number for number, cell in enumerate(knots)}
+    nodes = [cell for cell, near in cells.items() if len(near) != 2]
+    numbers = {cell: number for number, cell in enumerate(nodes)}
     graph = nx.MultiGraph()
-    graph.add_nodes_from((number, {"at": ground.point(*cell)}) for cell, number in numbers.items())
-    walked: set[Cell] = set()
-    for knot in knots:
-        for first in cells[knot]:
-            way = _walk(cells, knot, first, numbers)
-            a, b = numbers[knot], numbers[way[-1]]
-            # each line is met from both its ends, and one of two knots side by side has no cells
-            if way[1] in walked or way[-2] in walked or (len(way) == 2 and a > b):
+    graph.add_nodes_from((number, {"at": grid.point(*cell)}) for cell, number in numbers.items())
+    visited: set[Cell] = set()
+    for node in nodes:
+        for first in cells[node]:
+            path = _walk(cells, node, first, numbers)
+            a, b = numbers[node], numbers[path[-1]]
+            # each line is found from both ends; one between adjacent nodes has no cells of its own
+            if path[1] in visited or path[-2] in visited or (len(path) == 2 and a > b):
                 continue
-            walked.update(way[1:-1])
-            line = np.array([ground.point(*cell) for cell in way])
+            visited.update(path[1:-1])
+            line = np.array([grid.point(*cell) for cell in path])
             graph.add_edge(a, b, line=line if a <= b else line[::-1])
-    for cell in cells:  # what is left are rings
-        if cell in walked or cell in numbers:
+    for cell in cells:  # the rest are closed rings
+        if cell in visited or cell in numbers:
             continue
         numbers[cell] = len(numbers)
-        way = _walk(cells, cell, cells[cell][0], numbers)
-        walked.update(way)
-        graph.add_node(numbers[cell], at=ground.point(*cell))
-        line = np.array([ground.point(*each) for each in way])
+        path = _walk(cells, cell, cells[cell][0], numbers)
+        visited.update(path)
+        graph.add_node(numbers[cell], at=grid.point(*cell))
+        line = np.array([grid.point(*each) for each in path])
         graph.add_edge(numbers[cell], numbers[cell], line=line)
     return graph
 
 
 def _neighbours(skeleton: Mask) -> dict[Cell, list[Cell]]:
-    """The cells next to each: at an edge, or at a corner where no cell joins the two by edges."""
+    """Each cell's neighbours: by edge, or by corner where no edge neighbour connects the two."""
     rows, columns = np.nonzero(skeleton)
     inside = set(zip(rows.tolist(), columns.tolist(), strict=True))
     found: dict[Cell, list[Cell]] = {}
@@ -80,31 +80,31 @@ def _neighbours(skeleton: Mask) -> dict[Cell, list[Cell]]:
 def _walk(
     cells: dict[Cell, list[Cell]], start: Cell, first: Cell, stops: dict[Cell, int]
 ) -> list[Cell]:
-    """From one knot on, by way of ``first``, to the next."""
-    way = [start, first]
-    while way[-1] not in stops:
-        way.append(next(cell for cell in cells[way[-1]] if cell != way[-2]))
-    return way
+    """The cells from ``start`` through ``first`` to the next of ``stops``."""
+    path = [start, first]
+    while path[-1] not in stops:
+        path.append(next(cell for cell in cells[path[-1]] if cell != path[-2]))
+    return path
 
 
-def _pruned(graph: nx.MultiGraph, ground: ClearanceGrid) -> bool:
-    """Take off the twigs that end in corners; whether there were any."""
-    twigs = []
+def _remove_spurs(graph: nx.MultiGraph, grid: ClearanceGrid) -> bool:
+    """Remove the spurs that end in corners; returns whether there were any."""
+    spurs = []
     for node in graph:
         if graph.degree(node) != 1:
             continue
         ((_, root, data),) = graph.edges(node, data=True)
-        wide = ground.at(*graph.nodes[root]["at"])
+        wide = grid.at(*graph.nodes[root]["at"])
         length = float(np.linalg.norm(np.diff(data["line"], axis=0), axis=1).sum())
-        narrowing = ground.at(*graph.nodes[node]["at"]) < 0.6 * wide
+        narrowing = grid.at(*graph.nodes[node]["at"]) < 0.6 * wide
         if narrowing and length < SPUR * wide and graph.degree(root) > 1:
-            twigs.append(node)
-    graph.remove_nodes_from(twigs)
-    return bool(twigs)
+            spurs.append(node)
+    graph.remove_nodes_from(spurs)
+    return bool(spurs)
 
 
-def _joined(graph: nx.MultiGraph) -> None:
-    """Make one line of the two at each node where nothing meets any more."""
+def _merge_lines(graph: nx.MultiGraph) -> None:
+    """Merge the two lines at each node of degree two."""
     for node in list(graph):
         around = list(graph.edges(node, data=True, keys=True))
         if len(around) != 2 or graph.degree(node) != 2:
@@ -117,3 +117,33 @@ def _joined(graph: nx.MultiGraph) -> None:
         line = np.vstack([there, back[1:]])
         graph.remove_node(node)
         graph.add_edge(a, b, line=line if a <= b else line[::-1])
+
+
+def thinned(mask: Mask) -> Mask:
+    """The skeleton of ``mask``, one cell wide, same connectivity (Zhang and Suen 1984)."""
+    shape = np.pad(mask, 1).astype(np.uint8)
+    while True:
+        before = int(shape.sum())
+        for first in (True, False):
+            # the neighbours, clockwise from the one above
+            n = [
+                shape[:-2, 1:-1],
+                shape[:-2, 2:],
+                shape[1:-1, 2:],
+                shape[2:, 2:],
+                shape[2:, 1:-1],
+                shape[2:, :-2],
+                shape[1:-1, :-2],
+                shape[:-2, :-2],
+            ]
+            count = np.sum(n, axis=0)
+            rises = np.sum([(n[k] == 0) & (n[(k + 1) % 8] == 1) for k in range(8)], axis=0)
+            up, right, down, left = n[0], n[2], n[4], n[6]
+            if first:
+                edge = (up & right & down) | (right & down & left)
+            else:
+                edge = (up & right & left) | (up & down & left)
+            gone = (count >= 2) & (count <= 6) & (rises == 1) & (edge == 0)
+            shape[1:-1, 1:-1][gone] = 0
+        if int(shape.sum()) == before:
+            return shape[1:-1, 1:-1] > 0

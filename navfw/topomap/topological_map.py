@@ -1,6 +1,6 @@
-"""Places, passages and landmarks, and the map that holds them as a networkx graph.
+"""The topological map: places and passages as a networkx graph, with landmarks (METHOD 4.1).
 
-Lengths in metres, positions in the ``map`` frame (REP-105). Source: METHOD 4.1.
+Lengths in metres, positions in the ``map`` frame (REP-105).
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ __all__ = ["PassageProjection", "TopoMap"]
 
 @dataclass(frozen=True, slots=True)
 class PassageProjection:
-    """Where a point stands beside a passage.
+    """The projection of a point onto the straight line between a passage's ends.
 
-    ``along`` [m] is the foot's distance from place ``a`` on the straight line to ``b`` (whose
-    length is ``span`` [m]), ``aside`` [m] the point's distance from that foot.
+    ``along`` [m] is the distance of the projected point from place ``a``, ``span`` [m] that between
+    the two places, ``aside`` [m] that from the point to its projection.
     """
 
     passage: Passage
@@ -36,7 +36,7 @@ class PassageProjection:
     aside: float
 
     def to_end(self, place: str) -> float:
-        """Distance [m] from the foot to that end of the passage, in the passage's own length."""
+        """Distance [m] from the projected point to an end, scaled to the passage's length."""
         share = 0.0 if self.span == 0.0 else self.along / self.span
         return self.passage.length * (share if place == self.passage.a else 1.0 - share)
 
@@ -45,8 +45,8 @@ class TopoMap:
     """An undirected topological map over a networkx graph.
 
     ``graph`` has the places' names as nodes, with the attribute ``place``, and the attribute
-    ``passage`` on its edges. A map is not changed once built: what a planner learns on the way
-    stays in the planner.
+    ``passage`` on its edges. A map is immutable: closed passages and changed costs are state of the
+    planner.
 
     >>> hall, door = Place("hall", 0.0, 0.0), Place("door", 3.0, 0.0, "door")
     >>> office = TopoMap("office", [hall, door], [Passage("hall", "door", 3.0, width=0.9)])
@@ -54,7 +54,7 @@ class TopoMap:
     'hall'
 
     Raises:
-        MapError: the map has no place or contradicts itself; every contradiction is listed.
+        MapError: the map has no place, or violations (``validation``); the message lists all.
 
     """
 
@@ -92,7 +92,7 @@ class TopoMap:
         """The place of that name.
 
         Raises:
-            UnknownNameError: the map has none; the message says which name is near.
+            UnknownNameError: the map has none; the message names the nearest one.
 
         """
         try:
@@ -102,23 +102,23 @@ class TopoMap:
 
     @functools.cached_property
     def landmarks_by_identity(self) -> Mapping[str, Landmark]:
-        """The landmarks by what detections call them (``aruco-7``)."""
+        """The landmarks by their identity in detections (``aruco-7``)."""
         return MappingProxyType({mark.identity: mark for mark in self.landmarks.values()})
 
     def passage(self, a: str, b: str) -> Passage:
-        """The passage between two places, whichever way it is listed.
+        """The passage between two places, given in either order.
 
         Raises:
             UnknownNameError: there is no such place.
-            MapError: there are both places, but no passage between them.
+            MapError: both places exist, but no passage connects them.
 
         """
         self.place(a)
         self.place(b)
         if not self.graph.has_edge(a, b):
             raise MapError(
-                f"there is no passage between {a!r} and {b!r}; from {a!r} lead: "
-                + (", ".join(self.graph[a]) or "none"),
+                f"there is no passage between {a!r} and {b!r}; those of {a!r} lead to: "
+                + (", ".join(self.graph[a]) or "no place"),
                 file=self.file,
             )
         passage: Passage = self.graph.edges[a, b]["passage"]
@@ -136,13 +136,13 @@ class TopoMap:
         return tuple(sorted(found, key=len, reverse=True))
 
     def part_of(self, place: str) -> frozenset[str]:
-        """All places that can be reached from ``place``, itself among them."""
+        """The names of all places connected with ``place``, including itself."""
         self.place(place)
         return self._part_by_place[place]
 
     @functools.cached_property
     def isolated(self) -> frozenset[str]:
-        """The places that no passage touches."""
+        """The places without passages."""
         return frozenset(nx.isolates(self.graph))
 
     @functools.cached_property
@@ -150,22 +150,22 @@ class TopoMap:
         return {place: part for part in self.parts for place in part}
 
     def place_distances(self, x: float, y: float) -> Array:
-        """(places,) straight distances [m] from the point to all places, in the map's order."""
+        """(places,) straight distances [m] from (x, y) to all places, in the map's order."""
         return np.hypot(self._points[:, 0] - x, self._points[:, 1] - y)
 
     def nearest_place(self, x: float, y: float) -> Place:
-        """The place at the smallest straight distance, walls or not."""
+        """The place at the smallest straight distance, regardless of walls."""
         return list(self.places.values())[int(np.argmin(self.place_distances(x, y)))]
 
     def nearest_passage(self, x: float, y: float) -> PassageProjection | None:
-        """The passage nearest to the point, or None in a map without passages."""
+        """The projection onto the nearest passage; None in a map without passages."""
         found = self.project_onto_passages(x, y, slack=0.0)
         return found[0] if found else None
 
     def project_onto_passages(
         self, x: float, y: float, slack: float, among: Sequence[Passage] | None = None
     ) -> list[PassageProjection]:
-        """The nearest passage and those at most ``slack`` [m] farther, nearest first.
+        """Projections onto the nearest passage and those up to ``slack`` [m] farther, by distance.
 
         ``among`` restricts the choice to some of the map's passages.
         """
@@ -186,9 +186,11 @@ class TopoMap:
         ]
 
     def _project(self, x: float, y: float) -> tuple[Array, Array]:
-        """For every passage the foot's distance from its start and the point's from the foot."""
+        """Projections onto all passages: distances along and aside, (passages,) [m] each.
+
+        A passage between two places at the same point has its projection at the first.
+        """
         offset = np.array((x, y)) - self._starts
-        # two places at one spot make a passage of no extent: its foot is its start
         safe = np.where(self._spans > 0.0, self._spans, 1.0)
         along = np.clip(np.sum(offset * self._legs, axis=1) / safe, 0.0, self._spans)
         foot = self._legs * (along / safe)[:, None]

@@ -1,4 +1,7 @@
-"""What makes places, passages and landmarks impossible as a map, said for a person to repair it."""
+"""Map validation: violations that make places, passages and landmarks unusable as a map.
+
+Checked whenever a map is built. ``map_check`` has the further checks of a valid map.
+"""
 
 from __future__ import annotations
 
@@ -13,21 +16,21 @@ from navfw.topomap.elements import Landmark, Passage, Place
 __all__ = ["MapViolation", "map_violations"]
 
 LENGTH_ROUNDING = 0.005
-"""How much shorter than the straight line a length may be [m]: people write two decimals."""
+"""Tolerance [m] of a length below the straight distance: map files round to two decimals."""
 
-Where: TypeAlias = tuple[str | int, ...]
+KeyPath: TypeAlias = tuple[str | int, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class MapViolation:
-    """One thing that cannot be; ``where`` is its path in a map file's structure.
+    """One error in a map; ``where`` is its path in a map file's structure.
 
-    ``first`` is the path of what was there before, where two things exclude each other.
+    ``first`` is the path of the earlier entry, where two entries exclude each other.
     """
 
-    where: Where
+    where: KeyPath
     message: str
-    first: Where | None = None
+    first: KeyPath | None = None
 
     def __str__(self) -> str:
         return ".".join(map(str, self.where)) + ": " + self.message
@@ -36,20 +39,20 @@ class MapViolation:
 def map_violations(
     places: Sequence[Place], passages: Sequence[Passage], landmarks: Sequence[Landmark] = ()
 ) -> list[MapViolation]:
-    """Everything that is wrong, in the order of the map; empty for a sound map."""
+    """All violations, in the order of the map; empty for a valid map."""
     if not places:
         return [MapViolation(("places",), "expected at least one place, got none")]
     return [
-        *_in_places(places),
-        *_in_passages(places, passages),
-        *_in_landmarks(landmarks),
+        *_place_violations(places),
+        *_passage_violations(places, passages),
+        *_landmark_violations(landmarks),
     ]
 
 
-def _in_places(places: Iterable[Place]) -> Iterator[MapViolation]:
+def _place_violations(places: Iterable[Place]) -> Iterator[MapViolation]:
     seen: set[str] = set()
     for place in places:
-        where: Where = ("places", place.name)
+        where: KeyPath = ("places", place.name)
         if place.name in seen:
             yield MapViolation(where, f"a second place {place.name!r}; give it another name")
         seen.add(place.name)
@@ -57,35 +60,39 @@ def _in_places(places: Iterable[Place]) -> Iterator[MapViolation]:
             yield MapViolation(where, f"expected finite x and y [m], got ({place.x}, {place.y})")
 
 
-def _in_passages(places: Sequence[Place], passages: Sequence[Passage]) -> Iterator[MapViolation]:
+def _passage_violations(
+    places: Sequence[Place], passages: Sequence[Passage]
+) -> Iterator[MapViolation]:
     known = {place.name: place for place in places}
     seen: dict[frozenset[str], int] = {}
     for index, passage in enumerate(passages):
-        where: Where = ("edges", index)
-        unknown = [(key, end) for key, end in _named_ends(passage) if end not in known]
+        where: KeyPath = ("edges", index)
+        unknown = [(key, end) for key, end in _keyed_ends(passage) if end not in known]
         for key, end in unknown:
             yield MapViolation(
                 (*where, key), f"there is no place {end!r}; {did_you_mean(end, known)}"
             )
         if passage.a == passage.b:
-            yield MapViolation(where, f"leads from {passage.a!r} to itself; name two places")
+            yield MapViolation(where, f"connects {passage.a!r} to itself; name two places")
         elif passage.ends in seen:
             yield MapViolation(
                 where,
-                f"{passage} is the same passage as edges.{seen[passage.ends]}: passages hold both "
-                "ways; remove one, or put a place on the second way",
+                f"{passage} is the same passage as edges.{seen[passage.ends]}: passages are "
+                "two-way; remove one, or put a place on the second",
                 first=("edges", seen[passage.ends]),
             )
         seen.setdefault(passage.ends, index)
         if not unknown:
-            yield from _in_numbers(where, passage, known[passage.a], known[passage.b])
+            yield from _number_violations(where, passage, known[passage.a], known[passage.b])
 
 
-def _named_ends(passage: Passage) -> tuple[tuple[str, str], tuple[str, str]]:
+def _keyed_ends(passage: Passage) -> tuple[tuple[str, str], tuple[str, str]]:
     return ("from", passage.a), ("to", passage.b)
 
 
-def _in_numbers(where: Where, passage: Passage, a: Place, b: Place) -> Iterator[MapViolation]:
+def _number_violations(
+    where: KeyPath, passage: Passage, a: Place, b: Place
+) -> Iterator[MapViolation]:
     straight = a.distance(b.x, b.y)
     if not (passage.length > 0.0 and math.isfinite(passage.length)):
         remedy = "leave it out for the straight distance" if straight > 0.0 else "move a place"
@@ -106,18 +113,18 @@ def _in_numbers(where: Where, passage: Passage, a: Place, b: Place) -> Iterator[
             yield MapViolation((*where, key), f"expected 0 to 1, got {value:g}")
 
 
-def _in_landmarks(landmarks: Sequence[Landmark]) -> Iterator[MapViolation]:
+def _landmark_violations(landmarks: Sequence[Landmark]) -> Iterator[MapViolation]:
     names: set[str] = set()
     seen: dict[str, str] = {}
     for mark in landmarks:
-        where: Where = ("landmarks", mark.name)
+        where: KeyPath = ("landmarks", mark.name)
         if mark.name in names:
             yield MapViolation(where, f"a second landmark {mark.name!r}; give it another name")
         elif mark.identity in seen:
             yield MapViolation(
                 (*where, "id"),
-                f"a second {mark.identity}: {seen[mark.identity]!r} has that id; detections could "
-                "not tell them apart, so give each landmark of a kind its own id",
+                f"a second {mark.identity}: {seen[mark.identity]!r} has that id; detections cannot "
+                "distinguish them, so give each landmark of a kind its own id",
                 first=("landmarks", seen[mark.identity], "id"),
             )
         names.add(mark.name)

@@ -1,4 +1,4 @@
-"""Markers and posters in rendered scenes with known truth; geometry; unknown ids; bad pictures."""
+"""Markers and posters in rendered scenes with known poses; geometry; unknown ids; bad files."""
 
 from __future__ import annotations
 
@@ -58,11 +58,11 @@ def of_posters(*ids: int) -> TopoMap:
 
 
 def corners_of(camera: CameraModel, x: float, y: float, yaw: float, side: float) -> Array:
-    """Where the corners of an upright square at (x, y) of base_link are in the image, exactly."""
+    """Exact image corners (4, 2) of an upright square at (x, y) [m] in base_link."""
     across = np.array([math.sin(yaw), -math.cos(yaw), 0.0]) * 0.5 * side
     up = np.array([0.0, 0.0, 0.5 * side])
     middle = np.array([x - camera.mount_forward, y, 0.1])
-    # for who looks at it, the left side is opposite to where "across" points
+    # in the image the left side is opposite to the direction of "across"
     points = [middle + sx * across + sz * up for sx, sz in ((1, 1), (-1, 1), (-1, -1), (1, -1))]
     seen = np.array(points) @ camera.base_from_camera
     found: Array = camera.focal * seen[:, :2] / seen[:, 2:]
@@ -75,7 +75,7 @@ def corners_of(camera: CameraModel, x: float, y: float, yaw: float, side: float)
     turned=st.floats(-1.2, 1.2),
     pitch=st.floats(-0.3, 0.3),
 )
-def test_bearing_and_range_are_exact_whatever_way_a_square_faces(
+def test_bearing_and_range_are_exact_at_any_orientation(
     away: float, aside: float, turned: float, pitch: float
 ) -> None:
     camera = ROBOT.landmark_view.model_copy(update={"pitch": pitch})
@@ -83,7 +83,7 @@ def test_bearing_and_range_are_exact_whatever_way_a_square_faces(
     corners = corners_of(camera, x, y, math.pi + aside + turned, 0.25)
     assert is_upright(corners) or abs(pitch) > 0.1
     bearing, reach = locate(corners, 0.25, camera)
-    # both sides are exact, and the middle lies between them
+    # both sides are exact, and the centre is their mean
     assert bearing == pytest.approx(math.atan2(y, x), abs=2e-2 / away**2)
     assert reach == pytest.approx(math.hypot(x, y), rel=2e-2 / away**2)
 
@@ -94,12 +94,12 @@ def test_covariance_is_that_of_corners_moved_at_random() -> None:
     _, covariance = locate_with_covariance(corners, 0.25, camera, 0.4)
     drawn = locate(corners + 0.4 * rng.standard_normal((20_000, 4, 2)), 0.25, camera)
     spread = np.cov(drawn.T)
-    # the floors for what does not come from corners come on top
+    # the floors for errors other than the corners' are added
     floors = np.diag([math.radians(0.3) ** 2, (0.01 * math.hypot(3.0, 0.5)) ** 2])
     np.testing.assert_allclose(covariance - floors, spread, rtol=0.1, atol=3e-6)
 
 
-def test_markers_are_found_and_placed_as_their_covariance_says(hall: Simulation) -> None:
+def test_markers_are_detected_consistently_with_their_covariance(hall: Simulation) -> None:
     recognizer, rng = Aruco(ROBOT), np.random.default_rng(1)
     found, chi = 0, []
     views = [(d, a) for d in (1.0, 1.5, 2.0, 3.0, 3.5) for a in (0.0, 0.5, 0.75)] * 4
@@ -115,13 +115,13 @@ def test_markers_are_found_and_placed_as_their_covariance_says(hall: Simulation)
             assert abs(error[0]) < math.radians(1.0)
             chi.append(float(error @ np.linalg.solve(seen.covariance, error)))
     assert found >= 0.95 * len(views)
-    # two degrees of freedom: mean 2; neither boasting nor worthless
+    # two degrees of freedom: mean 2 for exact covariances
     assert 0.5 < float(np.mean(chi)) < 3.0
     assert float(np.mean(np.array(chi) < 9.21)) >= 0.97
 
 
 def test_large_markers_are_not_lost_to_their_rims() -> None:
-    """The trap of METHOD 4.6: the outline of the white plate, taken for the marker's double."""
+    """METHOD 4.6: the outline of the white plate must not replace that of the marker."""
     recognizer, rng = Aruco(ROBOT), np.random.default_rng(2)
     plate = landmark_kind("aruco").plate_image(7)
     for side in (32, 48, 64, 80, 90):
@@ -136,7 +136,7 @@ def test_large_markers_are_not_lost_to_their_rims() -> None:
         assert seen.range == pytest.approx(height + 0.1, rel=0.05)
 
 
-def test_markers_that_do_not_stand_upright_are_none_of_ours() -> None:
+def test_markers_that_are_not_upright_are_rejected() -> None:
     image = np.full((96, 480), 110, np.uint8)
     plate = cv2.resize(
         landmark_kind("aruco").plate_image(7), (60, 60), interpolation=cv2.INTER_AREA
@@ -145,7 +145,7 @@ def test_markers_that_do_not_stand_upright_are_none_of_ours() -> None:
     assert Aruco(ROBOT).recognize(Frame(0.0, image)) == ()
 
 
-def test_posters_are_found_and_not_mistaken(hall: Simulation) -> None:
+def test_posters_are_detected_without_confusions(hall: Simulation) -> None:
     recognizer, rng = Posters(ROBOT), np.random.default_rng(4)
     recognizer.set_map(of_posters(*range(8)))
     others = Posters(ROBOT)
@@ -165,7 +165,7 @@ def test_posters_are_found_and_not_mistaken(hall: Simulation) -> None:
     assert found >= 0.8 * len(views)
 
 
-def test_both_kinds_in_one_and_unknown_ids_are_passed_on(hall: Simulation) -> None:
+def test_both_kinds_are_detected_with_unmapped_ids_too(hall: Simulation) -> None:
     both = Landmarks(ROBOT)
     both.set_map(of_posters(3))  # marker 7 is in no map
     image, _, _ = view_of(hall, MARKER, 2.0, 0.0, 0.0)
@@ -186,7 +186,7 @@ def test_a_poster_can_be_any_picture(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("content", [None, b"no picture"])
-def test_a_poster_that_is_no_picture_is_refused_by_name(
+def test_a_poster_file_that_is_not_a_picture_is_an_error(
     tmp_path: Path, content: bytes | None
 ) -> None:
     file = tmp_path / "photo.png"
@@ -196,14 +196,14 @@ def test_a_poster_that_is_no_picture_is_refused_by_name(
         Posters(ROBOT, Posters.Params(images={5: str(file)}))
 
 
-def test_frames_without_anything_have_no_landmarks() -> None:
+def test_empty_frames_have_no_landmarks() -> None:
     both = Landmarks(ROBOT)
     both.set_map(of_posters(1, 2))
     for grey in (0, 128, 255):
         assert both.recognize(Frame(0.0, np.full((96, 480), grey, np.uint8))) == ()
 
 
-def test_dictionaries_are_each_others_beginnings() -> None:
+def test_smaller_dictionaries_are_the_first_part_of_larger_ones() -> None:
     large = marker_dictionary(1000).bytesList
     for ids in (50, 100, 250):
         np.testing.assert_array_equal(marker_dictionary(ids).bytesList, large[:ids])

@@ -1,4 +1,4 @@
-"""Drives along true tracks with the sensors' own noise, and a recogniser of landmarks that errs."""
+"""Drives along exact tracks with noisy sensors, and a simulated recogniser of landmarks."""
 
 from __future__ import annotations
 
@@ -96,10 +96,9 @@ def drive(
 
 
 class FakeRecognizer:
-    """Sees landmarks within range, in front of the camera and not from behind, with noise.
+    """Detects landmarks within range, in the field of view and from their front, with noise.
 
-    ``misses`` is the share of detections that fail, ``confused`` the share read as another
-    landmark.
+    ``misses`` is the share of missed detections, ``confused`` that of wrong identities.
     """
 
     def __init__(
@@ -150,7 +149,7 @@ class FakeRecognizer:
 def displaced(
     landmarks: Sequence[Landmark], share: float, rng: np.random.Generator, by: float = 2.0
 ) -> list[Landmark]:
-    """The landmarks as they really are: this share stands elsewhere, or (every third) nowhere."""
+    """The landmarks of the world: this share is displaced or, every third of them, missing."""
     wrong = rng.permutation(len(landmarks))[: max(1, round(share * len(landmarks)))]
     real = list(landmarks)
     gone = []
@@ -174,7 +173,7 @@ def with_landmarks(topo_map: TopoMap, landmarks: Iterable[Landmark]) -> TopoMap:
 def corridor_landmarks(
     points: Sequence[tuple[float, float]], spacing: float = 6.0, aside: float = 1.1
 ) -> list[Landmark]:
-    """Landmarks beside the way through ``points``, on alternate sides, facing across it."""
+    """Landmarks beside the line through ``points``, on alternate sides, facing across it."""
     marks: list[Landmark] = []
     for (ax, ay), (bx, by) in pairwise(points):
         length = math.hypot(bx - ax, by - ay)
@@ -182,16 +181,16 @@ def corridor_landmarks(
         for along in np.arange(0.5 * spacing, length, spacing):
             side = 1.0 if len(marks) % 2 else -1.0
             x, y = ax + along * ux - side * aside * uy, ay + along * uy + side * aside * ux
-            # turned a little toward who comes
+            # turned a little toward the approaching robot
             yaw = math.atan2(-side * ux - uy, side * uy - ux)
             marks.append(Landmark(f"mark-{len(marks)}", "aruco", len(marks), x, y, yaw))
     return marks
 
 
 def place_landmarks(topo_map: TopoMap, every: int = 2, seed: int = 5) -> list[Landmark]:
-    """A landmark a metre beside every second place that is no door, facing it."""
+    """A landmark a metre beside every second place that is not a door, facing it."""
     rng = np.random.default_rng(seed)
-    marks = []
+    marks: list[Landmark] = []
     for index, place in enumerate(topo_map.places.values()):
         if index % every or place.kind in {"door", "danger"}:
             continue
@@ -203,7 +202,7 @@ def place_landmarks(topo_map: TopoMap, every: int = 2, seed: int = 5) -> list[La
 
 
 def tour(topo_map: TopoMap, rng: np.random.Generator, goals: int) -> list[tuple[float, float]]:
-    """The points of a way from place to place, from a place and past goals drawn at random."""
+    """The points of a tour from a random place by the shortest paths to random goals."""
     names = [p.name for p in topo_map.places.values() if p.kind not in {"door", "danger"}]
     here = names[int(rng.integers(len(names)))]
     way = [here]
@@ -218,7 +217,7 @@ def tour(topo_map: TopoMap, rng: np.random.Generator, goals: int) -> list[tuple[
 
 @dataclass(frozen=True)
 class Report:
-    """What became of a drive: one entry per camera frame."""
+    """A localiser's results on a drive: one entry per camera frame."""
 
     time: Array
     driven: Array
@@ -229,14 +228,14 @@ class Report:
     updates: int
 
     @property
-    def found(self) -> int | None:
-        """The first frame at which the belief is sure and right."""
+    def localized_at(self) -> int | None:
+        """The first frame with confidence of at least 0.9 and an error of at most 1 m."""
         right = np.flatnonzero((self.confidence >= 0.9) & (self.error <= 1.0))
         return int(right[0]) if len(right) else None
 
     @property
-    def surely_wrong(self) -> float:
-        """Time [s] of sure and wrong beliefs."""
+    def confidently_wrong(self) -> float:
+        """Time [s] with confidence of at least 0.9 and an error above 1 m."""
         return 0.1 * float(((self.confidence >= 0.9) & (self.error > 1.0)).sum())
 
 
@@ -247,7 +246,7 @@ def follow(
     recognizer: FakeRecognizer,
     start: Pose | None,
 ) -> Report:
-    """Let ``localizer`` follow a drive."""
+    """Run ``localizer`` on a drive."""
     localizer.reset()
     rows: list[tuple[float, ...]] = []
     updates, begun = 0, False
@@ -269,4 +268,5 @@ def follow(
         rows.append((moment.time, moment.driven, error, nees, belief.confidence, belief.lost))
         updates = belief.updates
     table = np.array(rows).T
-    return Report(*table[:5], table[5] > 0.0, updates)
+    time, driven, position_error, nees, confidence, lost = table
+    return Report(time, driven, position_error, nees, confidence, lost > 0.0, updates)

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from hypothesis import strategies as st
 
+from navfw.papfis import Papfis
 from navfw.signals import Belief, Pose, Waypoint
 from navfw.topomap import Passage, Place, TopoMap, load_map
 
@@ -16,7 +17,7 @@ MAPS = Path(__file__).parents[2] / "maps"
 
 
 def office() -> TopoMap:
-    """The map that ships."""
+    """The shipped map of the office."""
     return load_map(MAPS / "office.yaml")
 
 
@@ -31,19 +32,28 @@ def line(*places: Place, **values: float) -> list[Passage]:
 
 
 def goal(x: float, y: float, place: str = "goal", tolerance: float = 0.3) -> Waypoint:
+    """A final waypoint at (x, y) [m]."""
     return Waypoint(x, y, tolerance, place, "goal", final=True)
 
 
 def belief(x: float, y: float) -> Belief:
+    """An exact position estimate."""
     return Belief(0.0, Pose(x, y, 0.0), np.zeros((3, 3)))
+
+
+def next_waypoint(papfis: Papfis, x: float, y: float) -> Waypoint:
+    """The planner's waypoint from (x, y) [m], where the last goal is still ahead."""
+    waypoint = papfis.update(belief(x, y))
+    assert waypoint is not None
+    return waypoint
 
 
 @st.composite
 def random_maps(draw: st.DrawFn) -> TopoMap:
     """Up to 12 distinct places with random passages, some longer than straight, some dangerous."""
     tens = st.integers(-100, 100)
-    spots = draw(st.lists(st.tuples(tens, tens), min_size=2, max_size=12, unique=True))
-    places = [Place(f"p{i}", x / 10, y / 10) for i, (x, y) in enumerate(spots)]
+    points = draw(st.lists(st.tuples(tens, tens), min_size=2, max_size=12, unique=True))
+    places = [Place(f"p{i}", x / 10, y / 10) for i, (x, y) in enumerate(points)]
     pairs = [(a, b) for i, a in enumerate(places) for b in places[:i]]
     chosen = draw(st.lists(st.sampled_from(pairs), min_size=1, max_size=25, unique=True))
     share = st.floats(0.0, 1.0)

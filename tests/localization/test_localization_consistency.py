@@ -1,7 +1,7 @@
-"""The Kalman filter is as uncertain as it is wrong, whatever the sensors, if their sheets are true.
+"""Consistency of the Kalman filter for all sensor presets, given their correct data sheets.
 
-NEES is the squared error of the pose by the covariance, 3 on average; NIS that of a landmark's
-detection, 2 on average. A filter on the safe side has less, and one that is too sure has more.
+NEES is the normalised squared error of the pose, 3 on average for exact covariances; NIS that of a
+landmark detection, 2 on average. Conservative filters have less, overconfident ones more.
 """
 
 from __future__ import annotations
@@ -11,12 +11,13 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from localization_drives import FakeRecognizer, Report, drive, follow, straight_drive
-from test_localization_ekf import HALL, MARKS, RING, START
+from localization_hall import HALL, MARKS, RING, START
 
-from navfw.localization import metric_filter
 from navfw.localization.ekf import Ekf
+from navfw.localization.landmark_model import Association, associate
 from navfw.localization.motion_model import MotionParams, motion_noise
 from navfw.robot import RobotModel
+from navfw.signals import Array
 from navfw.sim.sensor_models import PRESETS, SensorParams
 
 Trip = Callable[..., tuple[Report, list[float]]]
@@ -25,42 +26,48 @@ Trip = Callable[..., tuple[Report, list[float]]]
 @pytest.fixture
 def trip(monkeypatch: pytest.MonkeyPatch) -> Trip:
     """Drive rounds with the sensors of a preset; the report, and the NIS of every detection."""
-    surprises: list[float] = []
-    usual = metric_filter.associate
+    distances: list[float] = []
 
-    def listening(*args: object) -> object:
-        found = usual(*args)  # type: ignore[arg-type]
-        surprises.append(found.distance)
+    def recording(
+        state: Array,
+        covariance: Array,
+        measured: Array,
+        noise: Array,
+        at: tuple[float, float],
+        existence: float,
+    ) -> Association:
+        found = associate(state, covariance, measured, noise, at, existence)
+        distances.append(found.distance)
         return found
 
-    monkeypatch.setattr(metric_filter, "associate", listening)
+    monkeypatch.setattr("navfw.localization.metric_filter.associate", recording)
 
     def run(
         preset: str, seed: int, *, rounds: int = 1, seen: bool = True, sheet: str | None = None
     ) -> tuple[Report, list[float]]:
-        surprises.clear()
+        distances.clear()
         rng = np.random.default_rng(seed)
         sensors = SensorParams.preset(preset)
         ekf = Ekf(RobotModel(odometry=SensorParams.preset(sheet or preset).sheet))
         moments = drive(START, straight_drive(RING[:4] * rounds + RING[:1]), rng, sensors)
         recognizer = FakeRecognizer(MARKS if seen else [], rng, confused=0.0)
-        return follow(ekf, HALL, moments, recognizer, START), list(surprises)
+        return follow(ekf, HALL, moments, recognizer, START), list(distances)
 
     return run
 
 
 @pytest.mark.parametrize("preset", PRESETS)
 def test_with_landmarks_it_is_consistent(trip: Trip, preset: str) -> None:
-    report, surprises = trip(preset, 1)
+    report, distances = trip(preset, 1)
     assert report.nees.mean() < 3.0
     assert np.percentile(report.nees, 95) < 7.8
-    assert 0.2 < np.mean(surprises) < 2.5
-    if preset != "perfect":  # which is surer than the landmarks allow it to be
+    assert 0.2 < np.mean(distances) < 2.5
+    if preset != "perfect":  # there the floors on the covariance dominate
         assert report.nees.mean() > 0.2
 
 
 @pytest.mark.parametrize("preset", PRESETS)
-def test_without_landmarks_it_knows_how_far_it_drifts(trip: Trip, preset: str) -> None:
+def test_without_landmarks_the_covariance_follows_the_drift(trip: Trip, preset: str) -> None:
     ends = [trip(preset, seed, seen=False)[0].nees[-1] for seed in range(2)]
     assert np.mean(ends) < 6.0
     if preset != "perfect":
@@ -74,23 +81,23 @@ def test_it_is_consistent_over_many_drives(trip: Trip, preset: str) -> None:
     nees = np.array([report.nees.mean() for report, _ in runs])
     assert nees.mean() < 2.0
     assert nees.max() < 3.0
-    assert 0.2 < np.mean([np.mean(surprises) for _, surprises in runs]) < 2.2
-    # of poor sensors one round: after two the heading is lost by a radian, which no ellipse tells
+    assert 0.2 < np.mean([np.mean(distances) for _, distances in runs]) < 2.2
+    # one round only: after two with poor sensors the heading error is a radian, far from Gaussian
     blind = [trip(preset, seed, seen=False)[0].nees[-1] for seed in range(10)]
     assert np.mean(blind) < 3.5
 
 
-def test_with_the_sheets_of_better_sensors_it_is_too_sure(trip: Trip) -> None:
+def test_with_the_sheets_of_better_sensors_it_is_overconfident(trip: Trip) -> None:
     report, _ = trip("poor", 1, sheet="good")
     assert report.nees.mean() > 6.0
 
 
-def test_what_parameters_say_goes_before_the_sheets() -> None:
+def test_parameters_take_precedence_over_the_sheets() -> None:
     robot = RobotModel(odometry=SensorParams.preset("poor").sheet)
     better = motion_noise(MotionParams(), RobotModel())
     poor = motion_noise(MotionParams(), robot)
     for name in ("along", "yaw_by_time", "bias", "bias_walk"):
         assert getattr(poor, name) > 1.5 * getattr(better, name)
-        told = motion_noise(MotionParams(**{name: 0.123, "margin": 3.0}), robot)
-        assert getattr(told, name) == 0.123
+        noise = motion_noise(MotionParams(**{name: 0.123, "margin": 3.0}), robot)
+        assert getattr(noise, name) == 0.123
     assert motion_noise(MotionParams(margin=3.0), robot).along == pytest.approx(2.0 * poor.along)

@@ -7,30 +7,20 @@ import pytest
 from localization_drives import (
     FakeRecognizer,
     Report,
-    corridor_landmarks,
     displaced,
     drive,
     follow,
     straight_drive,
     with_landmarks,
 )
+from localization_hall import HALL, MARKS, RING, START
 
 from navfw.errors import InputError
 from navfw.localization.ekf import Ekf
 from navfw.robot import RobotModel
 from navfw.signals import LandmarkDetection, Odometry, Pose, Twist
 from navfw.sim.sensor_models import SensorParams
-from navfw.topomap import Landmark, Passage, Place, TopoMap
-
-RING = [(0.0, 0.0), (14.0, 0.0), (14.0, 8.0), (0.0, 8.0), (0.0, 0.0)]
-CORNERS = [Place(f"corner-{i}", *point) for i, point in enumerate(RING[:4])]
-SIDES = [
-    Passage(a.name, b.name, math.hypot(a.x - b.x, a.y - b.y), 2.0)
-    for a, b in zip(CORNERS, [*CORNERS[1:], CORNERS[0]], strict=True)
-]
-MARKS = corridor_landmarks(RING)
-HALL = TopoMap("ring", CORNERS, SIDES, landmarks=MARKS)
-START = Pose(0.0, 0.0, 0.0)
+from navfw.topomap import Landmark
 
 
 def round_trip(
@@ -51,17 +41,17 @@ def round_trip(
 
 
 @pytest.mark.parametrize("seed", [0, 1])
-def test_landmarks_keep_the_error_small_and_the_covariance_honest(seed: int) -> None:
+def test_with_landmarks_the_error_is_small_and_the_covariance_consistent(seed: int) -> None:
     report, _ = round_trip(seed)
     assert np.percentile(report.error, 95) < 0.2
-    # three dimensions: 3 on average if exact; the filter is to be on the safe side, not far off
+    # 3 on average for exact covariances of three dimensions; a little less is conservative
     assert 0.2 < report.nees.mean() < 3.5
     assert np.percentile(report.nees, 95) < 9.5
     assert report.updates > 30
     assert not report.lost.any()
 
 
-def test_without_landmarks_it_drifts_and_says_so() -> None:
+def test_without_landmarks_it_drifts_and_the_confidence_falls() -> None:
     report, _ = round_trip(2, rounds=2, seen=False, sensors=SensorParams.preset("poor"))
     seeing, _ = round_trip(2, rounds=2, sensors=SensorParams.preset("poor"))
     assert report.error[-1] > 0.5
@@ -70,7 +60,7 @@ def test_without_landmarks_it_drifts_and_says_so() -> None:
 
 
 @pytest.mark.parametrize("seed", [3, 4])
-def test_a_landmark_in_six_that_stands_elsewhere_leads_it_nowhere(seed: int) -> None:
+def test_one_displaced_landmark_in_six_does_no_harm(seed: int) -> None:
     report, ekf = round_trip(seed, rounds=2, wrong=0.16)
     assert np.percentile(report.error, 95) < 0.35
     assert report.error.max() < 0.6
@@ -79,7 +69,7 @@ def test_a_landmark_in_six_that_stands_elsewhere_leads_it_nowhere(seed: int) -> 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(10))
-def test_a_hundred_metres_with_wrong_landmarks(seed: int) -> None:
+def test_a_hundred_metres_with_displaced_landmarks(seed: int) -> None:
     report, _ = round_trip(seed, rounds=3, wrong=0.1)
     assert report.driven[-1] > 100.0
     assert np.percentile(report.error, 95) < 0.35
@@ -106,7 +96,7 @@ def detection(
     return LandmarkDetection(time, identity, math.atan2(y, x), math.hypot(x, y) + off, noise)
 
 
-def test_what_is_not_in_the_map_changes_nothing() -> None:
+def test_unmapped_landmarks_change_nothing() -> None:
     ekf = Ekf(RobotModel())
     ekf.start(HALL, START, still(0.0))
     before = ekf.update(still(0.1), None, ())
@@ -115,8 +105,8 @@ def test_what_is_not_in_the_map_changes_nothing() -> None:
     assert after.updates == 0
 
 
-def test_looking_on_says_little_more() -> None:
-    """A hundred detections of one landmark in ten seconds are no hundred measurements."""
+def test_repeated_detections_add_little_information() -> None:
+    """A hundred detections of one landmark in ten seconds are not independent."""
     ekf = Ekf(RobotModel(), Ekf.Params(start_xy=0.5, least_xy=0.0, least_yaw=0.0))
     ekf.start(HALL, START, still(0.0))
     spreads = []
@@ -129,7 +119,7 @@ def test_looking_on_says_little_more() -> None:
     assert spreads[-1] < spreads[0]
 
 
-def test_a_late_sighting_counts_from_where_it_was_made() -> None:
+def test_a_late_detection_counts_from_the_pose_of_its_image() -> None:
     ekf = Ekf(RobotModel(), Ekf.Params(start_xy=0.3))
     ekf.start(HALL, START, still(0.0))
     then = Pose(0.05, 0.0, 0.0)
@@ -143,7 +133,7 @@ def test_a_late_sighting_counts_from_where_it_was_made() -> None:
     assert belief.pose.y == pytest.approx(0.0, abs=0.02)
 
 
-def test_three_landmarks_in_a_row_that_do_not_fit_speak_against_the_pose() -> None:
+def test_consistent_landmarks_that_do_not_fit_move_the_pose() -> None:
     marks = [Landmark(f"m{i}", "aruco", i, 3.0, -2.0 + i, math.pi) for i in range(5)]
     hall = with_landmarks(HALL, marks)
     ekf = Ekf(RobotModel())

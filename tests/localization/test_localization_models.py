@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -38,7 +39,7 @@ def covariance_of(factor: list[float]) -> Array:
     return np.asarray(root @ root.T + 1e-4 * np.eye(4))
 
 
-def numeric(function, at: Array, step: float = 1e-6) -> Array:  # type: ignore[no-untyped-def]
+def numeric(function: Callable[[Array], Array], at: Array, step: float = 1e-6) -> Array:
     columns = []
     for axis in range(len(at)):
         up, down = at.copy(), at.copy()
@@ -84,7 +85,7 @@ def test_the_joseph_form_stays_positive_for_any_gain(
 
 
 @given(states, factors, st.floats(-0.3, 0.3), st.floats(-0.5, 0.5), st.floats(0.05, 0.99))
-def test_an_update_keeps_the_covariance_positive_and_moves_no_farther_than_the_ekf(
+def test_an_update_keeps_the_covariance_positive_and_moves_at_most_as_far_as_the_ekf(
     state: Array, factor: list[float], bearing: float, distance: float, existence: float
 ) -> None:
     covariance = 0.05 * covariance_of(factor)
@@ -100,7 +101,7 @@ def test_an_update_keeps_the_covariance_positive_and_moves_no_farther_than_the_e
     )
 
 
-def test_what_lies_outside_the_gate_changes_nothing() -> None:
+def test_detections_outside_the_gate_change_nothing() -> None:
     state, covariance = np.zeros(4), np.diag((0.01, 0.01, 1e-3, 1e-6))
     seen = expected_measurement(state, 3.0, 0.0)[0] + np.array((0.0, 1.5))
     found = associate(state, covariance, seen, np.diag((1e-4, 1e-2)), (3.0, 0.0), 0.9)
@@ -129,12 +130,12 @@ def test_process_noise_is_positive_and_turns_with_the_robot(
     c, s = math.cos(yaw), math.sin(yaw)
     turn = np.array([[c, -s], [s, c]])
     assert np.allclose(noise[:2, :2], turn @ ahead[:2, :2] @ turn.T)
-    told = process_noise(yaw, moved, dt, sigma, commanded=True)
-    assert np.trace(told) >= np.trace(noise)
+    commanded = process_noise(yaw, moved, dt, sigma, commanded=True)
+    assert np.trace(commanded) >= np.trace(noise)
 
 
 @given(st.lists(st.floats(0.0, 1e6), max_size=40), st.floats(0.5, 0.95))
-def test_trust_is_a_probability_that_three_looks_against_it_break(
+def test_three_misses_lower_an_existence_probability_below_one_half(
     likelihoods: list[float], prior: float
 ) -> None:
     existence = LandmarkExistence(prior)

@@ -1,4 +1,4 @@
-"""What OFFIS says where: the table, how it is learnt, its file, and what it does to a belief."""
+"""Situation tables: probabilities, learning, files, and their effect on a belief."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from navfw.signals import Odometry, Pose, Twist
 from navfw.topomap import PLACE_KINDS, Passage, Place, TopoMap
 
 degrees = st.dictionaries(st.sampled_from([*ELEMENTARY, "door or corner"]), st.floats(0.0, 1.0))
-looks = st.lists(st.tuples(st.sampled_from(PLACE_KINDS), degrees), min_size=1, max_size=60)
+observations = st.lists(st.tuples(st.sampled_from(PLACE_KINDS), degrees), min_size=1, max_size=60)
 
 PLACES = [
     Place("hall", 0.0, 0.0, "room"),
@@ -53,11 +53,11 @@ def shipped() -> SituationTable:
     return table
 
 
-def test_it_knows_the_situations_of_offis() -> None:
+def test_the_situations_are_those_of_offis() -> None:
     assert {*SITUATIONS, "unknown"} == set(ELEMENTARY)
 
 
-def test_the_shipped_table_has_all_kinds_and_tells_them_apart() -> None:
+def test_the_shipped_table_has_all_kinds_and_separates_them() -> None:
     table = shipped()
     assert set(table.seen_at) == set(PLACE_KINDS)
     for row in table.seen_at.values():
@@ -70,7 +70,7 @@ def test_the_shipped_table_has_all_kinds_and_tells_them_apart() -> None:
 
 
 @given(degrees)
-def test_situations_never_veto(situations: dict[str, float]) -> None:
+def test_situations_never_exclude_a_place(situations: dict[str, float]) -> None:
     likelihoods = shipped().likelihoods(MAP, situations)
     if likelihoods is None:
         assert situation_shares(situations)[1] == 0.0
@@ -79,7 +79,7 @@ def test_situations_never_veto(situations: dict[str, float]) -> None:
         assert likelihoods.max() == pytest.approx(1.0)
 
 
-def test_a_corridor_speaks_for_corridors_and_the_unknown_for_nothing() -> None:
+def test_a_corridor_favours_corridors_and_unknown_nothing() -> None:
     likelihoods = shipped().likelihoods(MAP, {"corridor": 0.9})
     assert likelihoods is not None
     assert list(MAP.places)[int(likelihoods.argmax())] == "gallery"
@@ -89,8 +89,8 @@ def test_a_corridor_speaks_for_corridors_and_the_unknown_for_nothing() -> None:
     assert shipped().likelihoods(MAP, {"unknown": 1.0}) is None
 
 
-@given(looks)
-def test_what_is_learnt_is_a_distribution_that_takes_left_for_right(
+@given(observations)
+def test_a_learnt_table_is_a_distribution_symmetric_in_left_and_right(
     seen: list[tuple[str, dict[str, float]]],
 ) -> None:
     if not any(situation_shares(situations)[1] for _, situations in seen):
@@ -119,12 +119,12 @@ def test_what_is_learnt_is_a_distribution_that_takes_left_for_right(
 
 
 def drawn(kind: str, rng: np.random.Generator) -> dict[str, float]:
-    """What OFFIS says at a place of that kind, as it usually does."""
+    """A random observation at a place of that kind, distributed as ``USUAL``."""
     names, shares = zip(*USUAL[kind].items(), strict=True)
     return {names[int(rng.choice(len(names), p=shares))]: float(rng.uniform(0.6, 1.0))}
 
 
-def test_much_is_learnt_as_it_is_and_little_is_drawn_to_the_mean() -> None:
+def test_few_observations_are_drawn_to_the_mean_and_many_are_not() -> None:
     rng = np.random.default_rng(0)
     seen = [(kind, drawn(kind, rng)) for kind in USUAL for _ in range(1000)]
     table = learn_table(seen)
@@ -138,7 +138,7 @@ def test_much_is_learnt_as_it_is_and_little_is_drawn_to_the_mean() -> None:
     assert np.allclose(one.seen_at["corner"], mean, atol=0.06)
 
 
-def test_a_table_is_what_its_file_says(tmp_path: Path) -> None:
+def test_a_table_is_the_same_after_writing_and_reading(tmp_path: Path) -> None:
     file = tmp_path / "mine.yaml"
     file.write_text(shipped().text('from "all" drives: many'))
     again = load_table(file)
@@ -149,7 +149,7 @@ def test_a_table_is_what_its_file_says(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "error", "says"),
+    ("text", "error", "expected"),
     [
         ("seen_at: {room: {door: 1}, dor: {door: 1}}", UnknownNameError, "mean 'door'?"),
         ("seen_at: {room: {dooor: 1}}", UnknownNameError, "seen_at.room.dooor: unknown situation"),
@@ -159,22 +159,22 @@ def test_a_table_is_what_its_file_says(tmp_path: Path) -> None:
         ("seen_at: {}", ConfigError, "seen_at"),
     ],
 )
-def test_a_wrong_table_is_told(
-    text: str, error: type[InputError], says: str, tmp_path: Path
+def test_an_invalid_table_is_an_error(
+    text: str, error: type[InputError], expected: str, tmp_path: Path
 ) -> None:
     file = tmp_path / "mine.yaml"
     file.write_text(text)
     with pytest.raises(error) as caught:
         load_table(file)
     assert "mine.yaml:1" in str(caught.value)
-    assert says in str(caught.value)
+    assert expected in str(caught.value)
 
 
 def odometry(x: float) -> Odometry:
     return Odometry(0.0, Pose(x, 0.0, 0.0), Twist(0.4, 0.0), 0.0, False)
 
 
-def test_localisers_refuse_a_table_that_is_not_there() -> None:
+def test_localisers_refuse_a_missing_table() -> None:
     robot = RobotModel()
     topological = Topological.Params(discrete=DiscreteParams(situations="nowhere.yaml"))
     for localizer in (
@@ -185,7 +185,7 @@ def test_localisers_refuse_a_table_that_is_not_there() -> None:
             localizer.start(MAP, Pose(0.0, 0.0, 0.0), odometry(0.0))
 
 
-def test_who_hears_offis_knows_better_where_he_is() -> None:
+def test_situations_improve_the_place_posterior() -> None:
     """Back and forth along a row of places, from an unknown start, without landmarks."""
     rng = np.random.default_rng(1)
     table = learn_table([(kind, drawn(kind, rng)) for kind in USUAL for _ in range(200)])

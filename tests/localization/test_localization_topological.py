@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import math
 import time as clock
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -32,12 +33,14 @@ MAP = with_landmarks(HOSPITAL, MARKS)
 
 
 class Timed(Topological):
-    """Counts its own time."""
+    """Measures its computing time."""
 
     spent = 0.0
     frames = 0
 
-    def update(self, odometry: Odometry, percept: Percept | None, detections) -> Belief:  # type: ignore[no-untyped-def, override]
+    def update(
+        self, odometry: Odometry, percept: Percept | None, detections: Sequence[LandmarkDetection]
+    ) -> Belief:
         begun = clock.perf_counter()
         belief = super().update(odometry, percept, detections)
         self.spent += clock.perf_counter() - begun
@@ -53,7 +56,7 @@ def go(
     goals: int = 2,
     sensors: SensorParams | None = None,
 ) -> tuple[Report, Timed]:
-    """Two seconds' rest, a turn on the spot, then a tour of the hospital."""
+    """Two seconds of rest, a turn on the spot, then a tour of the hospital."""
     rng = np.random.default_rng(seed)
     real = displaced(MARKS, wrong, rng) if wrong else MARKS
     points = tour(MAP, rng, goals)
@@ -68,18 +71,18 @@ def go(
 
 
 @pytest.mark.parametrize("seed", [0, 3])
-def test_put_down_somewhere_it_finds_out_where(seed: int) -> None:
+def test_it_finds_an_unknown_start(seed: int) -> None:
     report, _ = go(seed)
     assert report.lost[0]
-    assert report.found is not None
-    assert report.driven[report.found] < 25.0
-    assert report.surely_wrong == 0.0
-    after = report.error[report.found :]
+    assert report.localized_at is not None
+    assert report.driven[report.localized_at] < 25.0
+    assert report.confidently_wrong == 0.0
+    after = report.error[report.localized_at :]
     assert np.percentile(after, 95) < 0.35
-    assert not report.lost[report.found :].any()
+    assert not report.lost[report.localized_at :].any()
 
 
-def test_a_known_start_stays_known_though_landmarks_stand_elsewhere() -> None:
+def test_a_known_start_stays_known_with_displaced_landmarks() -> None:
     report, localizer = go(0, known=True, wrong=0.1)
     assert localizer.relocations == 0
     assert np.percentile(report.error, 95) < 0.35
@@ -91,31 +94,31 @@ def test_a_known_start_stays_known_though_landmarks_stand_elsewhere() -> None:
 @pytest.mark.parametrize("wrong", [0.0, 0.1])
 def test_twenty_starts_in_the_hospital(wrong: float) -> None:
     reports = [go(100 + seed, wrong=wrong, goals=3)[0] for seed in range(20)]
-    within = [r for r in reports if r.found is not None and r.driven[r.found] <= 25.0]
+    within = [r for r in reports if r.localized_at is not None and r.driven[r.localized_at] <= 25.0]
     assert len(within) >= 18
-    assert sum(r.surely_wrong > 0.0 for r in reports) <= 1
+    assert sum(r.confidently_wrong > 0.0 for r in reports) <= 1
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
-def test_a_long_patrol_of_the_hospital_with_wrong_landmarks(seed: int) -> None:
+def test_a_long_patrol_of_the_hospital_with_displaced_landmarks(seed: int) -> None:
     report, localizer = go(200 + seed, known=True, wrong=0.1, goals=25)
     assert report.driven[-1] > 400.0
     assert np.percentile(report.error, 95) < 0.35
     assert localizer.relocations == 0
 
 
-def test_carried_away_it_doubts_and_then_knows_better() -> None:
-    """Told a wrong start, it must find out: the belief says so before it is right again."""
+def test_from_a_wrong_start_it_relocates() -> None:
+    """From a wrong start the confidence falls before the pose is right again."""
     rng = np.random.default_rng(1)
     points = tour(MAP, rng, 3)
     (ax, ay), (bx, by) = points[:2]
     true = Pose(ax, ay, math.atan2(by - ay, bx - ax))
-    told = Pose(ax + 9.0, ay - 6.0, true.yaw + 1.0)
+    wrong_start = Pose(ax + 9.0, ay - 6.0, true.yaw + 1.0)
     localizer = Topological(RobotModel())
     twists = [*turn_round(), *straight_drive(points)]
     moments = drive(true, twists, rng)
-    report = follow(localizer, MAP, moments, FakeRecognizer(MARKS, rng), told)
+    report = follow(localizer, MAP, moments, FakeRecognizer(MARKS, rng), wrong_start)
     assert localizer.relocations == 1
     assert report.error[0] > 8.0
     assert report.error[-1] < 0.3
@@ -123,7 +126,7 @@ def test_carried_away_it_doubts_and_then_knows_better() -> None:
     assert report.confidence[wrong].min() < 0.9
 
 
-def test_one_landmark_is_not_enough_to_be_sure() -> None:
+def test_one_landmark_does_not_suffice() -> None:
     localizer = Topological(RobotModel())
     still = [Odometry(0.1 * i, Pose(0, 0, 0), Twist(0, 0), 0.0, True) for i in range(60)]
     localizer.start(MAP, None, still[0])

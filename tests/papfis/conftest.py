@@ -1,4 +1,4 @@
-"""The rule base of the edge costs is compiled before any test's time counts."""
+"""Compiles the rule base of the edge costs before the first test, whose time is limited."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ def leads_to(router: Router, x: float, y: float, place: str | None = None) -> se
 
 
 @given(random_maps(), coordinates, coordinates)
-def test_getting_to_a_place_never_costs_less_than_the_straight_way(
+def test_access_never_costs_less_than_the_straight_distance(
     topo_map: TopoMap, x: float, y: float
 ) -> None:
     access = Router(topo_map, ROBOT).access(Endpoint(x, y))
@@ -41,18 +41,18 @@ def test_getting_to_a_place_never_costs_less_than_the_straight_way(
         (4.6, 1.3, "lobby"),  # the side door leads on from here: within its passage
     ],
 )
-def test_a_point_belongs_to_its_own_room(x: float, y: float, rooms: str) -> None:
+def test_a_point_has_access_within_its_room_only(x: float, y: float, rooms: str) -> None:
     places = leads_to(OFFICE, x, y) - {"side-door"}
     assert places
     assert all(place.startswith(rooms) for place in places), places
 
 
-def test_within_a_passage_both_ends_are_ahead_even_through_a_door() -> None:
+def test_within_a_passage_both_ends_are_reachable_even_through_a_door() -> None:
     assert leads_to(OFFICE, 3.3, 4.6) == {"corridor-lobby", "lobby-door"}
     assert {"lobby-door", "lobby-entrance"} <= leads_to(OFFICE, 3.2, 4.15)
 
 
-def test_beside_a_door_its_passage_leads_only_away_from_it() -> None:
+def test_beside_a_passage_its_door_is_not_reachable() -> None:
     hall, door, cell = Place("hall", 0, 0), Place("door", 2, 0, "door"), Place("cell", 4, 0)
     router = Router(TopoMap("m", [hall, door, cell], line(hall, door, cell, width=0.9)), ROBOT)
     assert leads_to(router, 1.7, 1.2) == {"hall"}
@@ -65,21 +65,21 @@ def test_a_known_place_restricts_the_choice() -> None:
     assert leads_to(OFFICE, 14.4, 8.4, "lab") <= {"lab", "lab-north", "lab-west", "lab-entrance"}
 
 
-def test_a_place_without_passages_is_headed_for_straight() -> None:
+def test_a_place_without_passages_is_reached_straight() -> None:
     router = Router(TopoMap("m", [Place("only", 1, 1)], []), ROBOT)
     access = router.access(Endpoint(4, 5))
     assert list(access.costs) == ["only"]
     assert access.distance == pytest.approx(5.0)
 
 
-def test_in_a_shut_passage_only_the_nearer_end_is_ahead() -> None:
+def test_in_a_closed_passage_only_the_nearer_end_is_reachable() -> None:
     a, b = Place("a", 0, 0), Place("b", 4, 0)
     router = Router(TopoMap("m", [a, b], [joined(a, b, width=0.3)]), ROBOT)
     assert leads_to(router, 1.0, 0.0) == {"a"}
     assert leads_to(router, 3.0, 0.0) == {"b"}
 
 
-def test_a_named_part_hides_the_others() -> None:
+def test_a_given_part_excludes_the_others() -> None:
     a, b, c, d = (Place(n, x, 0) for n, x in zip("abcd", (0, 2, 2.2, 4.2), strict=True))
     router = Router(TopoMap("m", [a, b, c, d], [joined(a, b), joined(c, d)]), ROBOT)
     near = Endpoint(2.2, 0.1)
@@ -91,4 +91,6 @@ def test_an_infinite_width_hides_nothing() -> None:
     a, b = Place("a", 0, 0), Place("b", 4, 0)
     access = Router(TopoMap("m", [a, b], [Passage("a", "b", 4.0)]), ROBOT).access(Endpoint(1, 3))
     assert set(access.costs) == {"a", "b"}
-    assert access.passage_to("a").width == math.inf
+    passage = access.passage_to("a")
+    assert passage is not None
+    assert passage.width == math.inf

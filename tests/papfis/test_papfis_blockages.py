@@ -1,4 +1,4 @@
-"""The way changes with what is seen of it: barred, open again, dangerous."""
+"""Passages closed, reopened and marked dangerous by passage reports change the route."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from dataclasses import replace
 import pytest
 from papfis_maps import belief, goal, joined, line
 
-from navfw.papfis import Papfis
+from navfw.papfis import Papfis, Router
 from navfw.robot import RobotModel
-from navfw.signals import Belief, PassageReport, PassageStatus, Waypoint
+from navfw.signals import PassageReport, PassageStatus, Waypoint
 from navfw.topomap import Place, TopoMap
 
 ROBOT = RobotModel()
@@ -36,55 +36,70 @@ def ring(detour: bool = True, **values: float) -> TopoMap:
 
 
 class Drive:
-    """A planner on its way, told what there is to see once a second."""
+    """A planner under way, with a passage report once a second."""
 
-    def __init__(self, topo_map: TopoMap, **params: float) -> None:
-        self.papfis = Papfis(ROBOT, Papfis.Params(**params))
+    def __init__(self, topo_map: TopoMap, params: Papfis.Params | None = None) -> None:
+        self.papfis = Papfis(ROBOT, params)
         self.papfis.reset()
         self.papfis.start(topo_map, [goal(9, 0, "end")])
         self.time = 0.0
         self.at = (0.0, 0.0)
 
-    def go(self, x: float, y: float) -> Waypoint | None:
+    def go(self, x: float, y: float) -> Waypoint:
         self.at = (x, y)
-        return self.papfis.update(self._belief())
+        return self._update()
 
-    def see(
+    def report(
         self,
-        state: PassageStatus,
+        status: PassageStatus,
         ends: tuple[str, str],
         times: int = 1,
         drops: tuple[tuple[float, float], ...] = (),
-    ) -> Waypoint | None:
-        head = None
+    ) -> Waypoint:
         for _ in range(times):
             self.time += 1.0
             queries = [q for q in self.papfis.queries if frozenset(q.passage) == frozenset(ends)]
-            self.papfis.observe(PassageReport(self.time, tuple((q, state) for q in queries), drops))
-            head = self.papfis.update(self._belief())
-        return head
+            passages = tuple((query, status) for query in queries)
+            self.papfis.observe(PassageReport(self.time, passages, drops))
+            ahead = self._update()
+        return ahead
 
-    def wait(self, seconds: float) -> Waypoint | None:
+    def wait(self, seconds: float) -> Waypoint:
         self.time += seconds
-        return self.papfis.update(self._belief())
+        return self._update()
 
     @property
     def ahead(self) -> list[str]:
         return [waypoint.place for waypoint in self.papfis.path]
 
-    def _belief(self) -> Belief:
-        return replace(belief(*self.at), time=self.time)
+    @property
+    def closed(self) -> list[str]:
+        return [str(passage) for passage in self.papfis.closed]
+
+    @property
+    def no_route_reason(self) -> str | None:
+        return self.papfis.no_route_reason
+
+    @property
+    def router(self) -> Router:
+        assert self.papfis._router is not None
+        return self.papfis._router
+
+    def _update(self) -> Waypoint:
+        waypoint = self.papfis.update(replace(belief(*self.at), time=self.time))
+        assert waypoint is not None
+        return waypoint
 
 
-def on_the_way(topo_map: TopoMap, **params: float) -> Drive:
-    drive = Drive(topo_map, **params)
+def on_the_way(topo_map: TopoMap, params: Papfis.Params | None = None) -> Drive:
+    drive = Drive(topo_map, params)
     drive.go(0, 0)
     drive.go(2.9, 0)
     assert drive.ahead == ["far", "end"]
     return drive
 
 
-def test_the_planner_asks_about_the_legs_within_reach() -> None:
+def test_the_planner_queries_the_legs_within_range() -> None:
     drive = Drive(ring())
     drive.go(0, 0)
     assert [query.passage for query in drive.papfis.queries] == [("start", "near")]
@@ -94,116 +109,116 @@ def test_the_planner_asks_about_the_legs_within_reach() -> None:
     assert (second.passage, second.start) == (("near", "far"), (3.0, 0.0))
 
 
-def test_a_passage_seen_barred_three_times_is_gone_round() -> None:
+def test_three_votes_close_a_passage_and_change_the_route() -> None:
     drive = on_the_way(ring())
-    assert drive.see("closed", ("near", "far"), 2).place == "far"
-    assert drive.see("closed", ("near", "far")).place == "north"
+    assert drive.report("closed", ("near", "far"), 2).place == "far"
+    assert drive.report("closed", ("near", "far")).place == "north"
     assert drive.ahead == ["north", "far", "end"]
-    assert [str(passage) for passage in drive.papfis.closed] == ["near - far"]
+    assert drive.closed == ["near - far"]
     assert (drive.papfis.no_route_reason, drive.papfis.replans) == (None, 1)
     assert drive.papfis.explain()["closed"] == [["near", "far"]]
 
 
-def test_looks_in_short_succession_count_once() -> None:
-    drive = on_the_way(ring(), vote_interval=10.0)
-    drive.see("closed", ("near", "far"), 20)  # of which two are ten seconds apart
-    assert not drive.papfis.closed
-    drive.see("closed", ("near", "far"))
-    assert drive.papfis.closed
+def test_votes_within_the_interval_count_once() -> None:
+    drive = on_the_way(ring(), Papfis.Params(vote_interval=10.0))
+    drive.report("closed", ("near", "far"), 20)  # of which two are ten seconds apart
+    assert not drive.closed
+    drive.report("closed", ("near", "far"))
+    assert drive.closed
 
 
-def test_open_looks_speak_against_closed_ones_and_unknown_for_nothing() -> None:
+def test_open_and_closed_votes_cancel_and_unknown_has_no_effect() -> None:
     drive = on_the_way(ring())
     for _ in range(10):
-        drive.see("closed", ("near", "far"), 2)
-        drive.see("unknown", ("near", "far"), 5)
-        drive.see("open", ("near", "far"), 2)
-    assert not drive.papfis.closed
+        drive.report("closed", ("near", "far"), 2)
+        drive.report("unknown", ("near", "far"), 5)
+        drive.report("open", ("near", "far"), 2)
+    assert not drive.closed
 
 
-def test_a_closed_passage_is_tried_again_later_but_not_liked() -> None:
-    drive = on_the_way(ring(), closed_for=60.0)
-    before = drive.papfis._router.costs.of(ring().passage("near", "far"))
-    drive.see("closed", ("near", "far"), 3)
+def test_a_closed_passage_is_open_again_later_at_a_higher_cost() -> None:
+    drive = on_the_way(ring(), Papfis.Params(closed_for=60.0))
+    before = drive.router.costs.of(ring().passage("near", "far"))
+    drive.report("closed", ("near", "far"), 3)
     drive.wait(59.0)
-    assert drive.papfis.closed
+    assert drive.closed
     drive.wait(2.0)
-    assert not drive.papfis.closed
-    after = drive.papfis._router.costs
+    assert not drive.closed
+    after = drive.router.costs
     assert before < after.of(ring().passage("near", "far")) < 5.0 * before
     assert after.explain(ring().passage("near", "far"))["inputs"]["uncertainty"] == 1.0
-    assert drive.ahead == ["north", "far", "end"]  # no reason to turn round
+    assert drive.ahead == ["north", "far", "end"]  # the new route is kept
 
 
-def test_without_another_way_the_old_plan_holds_and_the_passage_is_named() -> None:
+def test_without_another_route_the_old_one_is_kept_and_the_passage_named() -> None:
     drive = on_the_way(ring(detour=False))
-    assert drive.see("closed", ("near", "far"), 3).place == "far"
-    assert drive.papfis.no_route_reason == "the only route to end is closed: near - far"
-    drive.see("open", ("near", "far"), 3)
-    assert drive.papfis.no_route_reason is None
-    assert not drive.papfis.closed
+    assert drive.report("closed", ("near", "far"), 3).place == "far"
+    assert drive.no_route_reason == "the only route to end is closed: near - far"
+    drive.report("open", ("near", "far"), 3)
+    assert not drive.no_route_reason
+    assert not drive.closed
 
 
-def test_the_free_way_back_does_not_reopen_a_passage() -> None:
+def test_a_free_leg_back_does_not_reopen_a_passage() -> None:
     drive = on_the_way(ring())
     drive.go(4.5, 0)
-    drive.see("closed", ("near", "far"), 3)
+    drive.report("closed", ("near", "far"), 3)
     assert drive.ahead == ["near", "north", "far", "end"]
-    assert drive.papfis.queries[0].end == (3.0, 0.0)  # in the barred passage, but back
-    drive.see("open", ("near", "far"), 10)
-    assert [str(passage) for passage in drive.papfis.closed] == ["near - far"]
+    assert drive.papfis.queries[0].end == (3.0, 0.0)  # in the closed passage, but back
+    drive.report("open", ("near", "far"), 10)
+    assert drive.closed == ["near - far"]
 
 
-def test_a_shut_way_is_open_again_when_the_time_is_over() -> None:
-    drive = on_the_way(ring(detour=False), closed_for=30.0)
-    drive.see("closed", ("near", "far"), 3)
+def test_the_only_route_is_open_again_when_the_time_is_over() -> None:
+    drive = on_the_way(ring(detour=False), Papfis.Params(closed_for=30.0))
+    drive.report("closed", ("near", "far"), 3)
     assert drive.papfis.no_route_reason
     assert drive.wait(31.0).place == "far"
     assert drive.papfis.no_route_reason is None
 
 
-def test_who_stands_in_a_barred_passage_leaves_it_the_way_he_came() -> None:
-    """At three quarters of the way the far end is nearer, but behind what bars the way."""
+def test_a_robot_in_a_closed_passage_leaves_it_by_the_end_behind_it() -> None:
+    """At three quarters of the passage the far end is nearer, but behind the obstacle."""
     drive = on_the_way(ring())
     drive.go(5.2, 0)
-    assert drive.see("closed", ("near", "far"), 3).place == "near"
+    assert drive.report("closed", ("near", "far"), 3).place == "near"
     assert drive.ahead == ["near", "north", "far", "end"]
 
 
-def test_a_drop_on_the_way_is_gone_round_and_one_beside_it_is_not() -> None:
+def test_a_drop_in_a_passage_changes_the_route_and_one_beside_it_does_not() -> None:
     drive = on_the_way(ring())
-    drive.see("open", ("near", "far"), drops=((4.5, -1.5),))
+    drive.report("open", ("near", "far"), drops=((4.5, -1.5),))
     assert drive.ahead == ["far", "end"]
-    drive.see("open", ("near", "far"), drops=((4.5, 0.4),))
+    drive.report("open", ("near", "far"), drops=((4.5, 0.4),))
     assert drive.ahead == ["north", "far", "end"]
-    told = drive.papfis._router.costs.explain(ring().passage("near", "far"))
-    assert (told["avoided"], told["inputs"]["danger"]) == (True, 1.0)
+    explained = drive.router.costs.explain(ring().passage("near", "far"))
+    assert (explained["avoided"], explained["inputs"]["danger"]) == (True, 1.0)
 
 
-def test_a_drop_on_the_only_way_shuts_nothing() -> None:
+def test_a_drop_on_the_only_route_closes_nothing() -> None:
     drive = on_the_way(ring(detour=False))
-    drive.see("open", ("near", "far"), drops=((4.5, 0.0),))
+    drive.report("open", ("near", "far"), drops=((4.5, 0.0),))
     assert drive.ahead == ["far", "end"]
     assert drive.papfis.no_route_reason is None
 
 
-def test_a_known_danger_is_taken_when_the_safe_way_is_barred() -> None:
+def test_a_dangerous_passage_is_used_when_the_safe_one_is_closed() -> None:
     drive = on_the_way(ring(danger=1.0))
-    assert drive.see("closed", ("near", "far"), 3).place == "north"
+    assert drive.report("closed", ("near", "far"), 3).place == "north"
     assert any(passage["avoided"] for passage in drive.papfis.explain()["passages"])
 
 
-def test_a_run_begins_without_what_the_last_one_learnt() -> None:
+def test_reset_reopens_closed_passages() -> None:
     drive = on_the_way(ring())
-    drive.see("closed", ("near", "far"), 3)
+    drive.report("closed", ("near", "far"), 3)
     drive.papfis.reset()
     drive.papfis.start(ring(), [goal(9, 0, "end")])
-    assert drive.go(2.9, 0) is not None
+    drive.go(2.9, 0)
     assert drive.ahead == ["far", "end"]
-    assert not drive.papfis.closed
+    assert not drive.closed
 
 
-def test_later_goals_are_planned_with_what_is_closed() -> None:
+def test_later_goals_are_planned_without_closed_passages() -> None:
     papfis = Papfis(ROBOT)
     papfis.reset()
     papfis.start(ring(detour=False), [goal(3, 0, "near"), goal(9, 0, "end")])
@@ -211,14 +226,13 @@ def test_later_goals_are_planned_with_what_is_closed() -> None:
     drive.papfis = papfis
     drive.go(0, 0)
     drive.go(1.0, 0)
-    router = papfis._router
-    router.close(router.topo_map.passage("near", "far"))
-    assert drive.go(2.9, 0).place == "far"  # the plan of before holds
+    drive.router.close(drive.router.topo_map.passage("near", "far"))
+    assert drive.go(2.9, 0).place == "far"  # the old route is kept
     assert papfis.no_route_reason == "the only route to end is closed: near - far"
 
 
 @pytest.mark.parametrize("start", [(0.0, 0.0), (2.9, 0.0)])
-def test_a_silent_memory_changes_nothing(start: tuple[float, float]) -> None:
+def test_an_empty_report_changes_nothing(start: tuple[float, float]) -> None:
     drive = Drive(ring())
     drive.go(*start)
     before = drive.ahead

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from papfis_maps import belief, goal, joined, line, office
+from papfis_maps import belief, goal, joined, line, next_waypoint, office
 
 from navfw.errors import MapError
 from navfw.papfis import Papfis
@@ -31,30 +31,31 @@ def planner(topo_map: TopoMap, *goals: Waypoint, **params: float) -> Papfis:
 
 
 def walk(papfis: Papfis, start: Point, step: float = 0.05) -> tuple[list[Point], list[Waypoint]]:
-    """Head straight for every waypoint with a perfect belief: the track and the waypoints."""
-    at, track, heads = start, [start], []
+    """Go straight to every waypoint with an exact belief: the track and the waypoints."""
+    at, track = start, [start]
+    waypoints: list[Waypoint] = []
     for _ in range(2000):
-        head = papfis.update(belief(*at))
-        if head is None:
-            return track, heads
-        if not heads or heads[-1] != head:
-            heads.append(head)
-        distance = math.dist(at, (head.x, head.y))
+        ahead = papfis.update(belief(*at))
+        if ahead is None:
+            return track, waypoints
+        if not waypoints or waypoints[-1] != ahead:
+            waypoints.append(ahead)
+        distance = math.dist(at, (ahead.x, ahead.y))
         at = (
-            at[0] + step * (head.x - at[0]) / distance,
-            at[1] + step * (head.y - at[1]) / distance,
+            at[0] + step * (ahead.x - at[0]) / distance,
+            at[1] + step * (ahead.y - at[1]) / distance,
         )
         track.append(at)
     raise AssertionError(f"not there after {len(track)} steps: {at}")
 
 
-def test_the_walk_from_lobby_to_lab_is_free_and_crosses_two_doors() -> None:
+def test_the_track_from_lobby_to_lab_is_free_and_crosses_two_doors() -> None:
     papfis = planner(office(), LAB)
-    track, heads = walk(papfis, (1.2, 1.2))
-    doors = [w for w in heads if w.kind == "door"]
+    track, waypoints = walk(papfis, (1.2, 1.2))
+    doors = [w for w in waypoints if w.kind == "door"]
     assert [door.place for door in doors] == ["lobby-door", "lab-door"]
     assert all((door.tolerance, door.width) == (0.25, 0.95) for door in doors)
-    assert (heads[-1].kind, heads[-1].place, heads[-1].final) == ("goal", "lab", True)
+    assert (waypoints[-1].kind, waypoints[-1].place, waypoints[-1].final) == ("goal", "lab", True)
     assert math.dist(track[-1], (LAB.x, LAB.y)) <= LAB.tolerance
     plan = FloorPlan.from_world(load_world(ROOT / "worlds" / "office" / "world.yaml"))
     assert float(plan.clearances(np.array(track)).min()) > ROBOT.radius
@@ -63,19 +64,19 @@ def test_the_walk_from_lobby_to_lab_is_free_and_crosses_two_doors() -> None:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_no_walk_leads_through_a_wall(seed: int) -> None:
+def test_no_track_crosses_a_wall(seed: int) -> None:
     plan = FloorPlan.from_world(load_world(ROOT / "worlds" / "office" / "world.yaml"))
     walls = FloorPlan(plan.bounds, tuple(s for s in plan.solids if s.kind == "wall"))
     rng = np.random.default_rng(seed)
-    spots = rng.uniform((0.3, 0.3), (15.7, 9.7), (200, 2))
-    spots = spots[plan.clearances(spots) > 0.3][:20]
+    points = rng.uniform((0.3, 0.3), (15.7, 9.7), (200, 2))
+    points = points[plan.clearances(points) > 0.3][:20]
     topo_map = office()
-    for start, end in zip(spots[::2], spots[1::2], strict=True):
+    for start, end in zip(points[::2], points[1::2], strict=True):
         track, _ = walk(planner(topo_map, goal(*end)), (float(start[0]), float(start[1])))
         assert float(walls.clearances(np.array(track)).min()) > 0.0, (start, end)
 
 
-def test_the_path_is_what_lies_ahead_through_to_the_last_goal() -> None:
+def test_the_path_has_the_waypoints_ahead_up_to_the_last_goal() -> None:
     papfis = planner(office(), goal(9.9, 8.1, "kitchen"), LAB)
     head = papfis.update(belief(1.2, 1.2))
     ahead = papfis.path
@@ -87,25 +88,25 @@ def test_the_path_is_what_lies_ahead_through_to_the_last_goal() -> None:
     assert len(papfis.path) < before
 
 
-def test_goals_are_visited_in_order_and_then_there_is_nothing_left() -> None:
+def test_goals_are_visited_in_order() -> None:
     lobby = goal(3.0, 2.0, "lobby")
-    _, heads = walk(planner(office(), LAB, lobby, LAB), (9.0, 5.0))
-    assert [w.place for w in heads if w.final] == ["lab", "lobby", "lab"]
+    _, waypoints = walk(planner(office(), LAB, lobby, LAB), (9.0, 5.0))
+    assert [w.place for w in waypoints if w.final] == ["lab", "lobby", "lab"]
 
 
 def test_a_goal_without_a_place_is_reached_through_its_room() -> None:
-    _, heads = walk(planner(office(), goal(7.4, 6.6)), (4.5, 5.0))
-    assert [w.place for w in heads][-3:] == ["office-b-door", "office-b-entrance", "goal"]
+    _, waypoints = walk(planner(office(), goal(7.4, 6.6)), (4.5, 5.0))
+    assert [w.place for w in waypoints][-3:] == ["office-b-door", "office-b-entrance", "goal"]
 
 
 def test_far_from_the_leg_it_replans() -> None:
     papfis = planner(office(), LAB)
     papfis.update(belief(1.2, 1.2))
-    assert papfis.update(belief(1.2, 2.6)).place == "lobby"  # 1.4 m off: not yet
+    assert next_waypoint(papfis, 1.2, 2.6).place == "lobby"  # 1.4 m off: not yet
     assert papfis.replans == 0
-    head = papfis.update(belief(9.0, 5.0))  # carried into the corridor
+    ahead = next_waypoint(papfis, 9.0, 5.0)  # carried into the corridor
     assert papfis.replans == 1
-    assert head.place == "corridor-kitchen"
+    assert ahead.place == "corridor-kitchen"
     papfis.update(belief(9.1, 5.0))
     assert papfis.replans == 1
 
@@ -114,23 +115,23 @@ def test_off_the_path_without_a_route_the_old_one_is_kept() -> None:
     a, b, c = Place("a", 0, 0), Place("b", 4, 0), Place("c", 4, 9)
     topo_map = TopoMap("m", [a, b, c], [joined(a, b), joined(b, c, width=0.3)])
     papfis = planner(topo_map, goal(0, 0, "a"))
-    assert papfis.update(belief(4.0, 0.0)).place == "a"
-    assert papfis.update(belief(4.0, 8.0)).place == "a"
-    assert papfis.update(belief(4.0, 8.0)).place == "a"
+    assert next_waypoint(papfis, 4.0, 0.0).place == "a"
+    assert next_waypoint(papfis, 4.0, 8.0).place == "a"
+    assert next_waypoint(papfis, 4.0, 8.0).place == "a"
     assert papfis.replans == 1
 
 
-def test_a_later_waypoint_reached_first_passes_those_before_it_but_no_door() -> None:
+def test_reaching_a_later_waypoint_passes_those_before_it_except_doors() -> None:
     a, b, c, e = Place("a", 0, 0), Place("b", 2, 1), Place("c", 4, 0), Place("e", 6.7, 0)
     d = Place("d", 6, 0, "door")
     topo_map = TopoMap("m", [a, b, c, d, e], line(a, b, c, d, e, width=0.9))
     papfis = planner(
         topo_map, goal(12, 0), passing=0.9, beside_door_passing=0.8, replan_distance=5.0
     )
-    assert papfis.update(belief(0.0, 0.0)).place == "b"
-    assert papfis.update(belief(3.5, -0.6)).place == "d"
-    assert papfis.update(belief(5.95, 0.5)).place == "d"  # beside the door, within reach of e
-    assert papfis.update(belief(5.95, 0.1)).kind == "goal"
+    assert next_waypoint(papfis, 0.0, 0.0).place == "b"
+    assert next_waypoint(papfis, 3.5, -0.6).place == "d"
+    assert next_waypoint(papfis, 5.95, 0.5).place == "d"  # beside the door, within reach of e
+    assert next_waypoint(papfis, 5.95, 0.1).kind == "goal"
 
 
 def test_no_goals_no_waypoints() -> None:
@@ -143,19 +144,23 @@ def test_a_goal_at_the_start_is_reached_at_once() -> None:
     assert planner(office(), goal(1.2, 1.4)).update(belief(1.2, 1.2)) is None
 
 
-def test_the_plan_explains_itself_as_plain_data() -> None:
+def test_the_plan_is_explained_as_plain_data() -> None:
     papfis = planner(office(), LAB)
     assert papfis.explain() == {}
     papfis.update(belief(1.2, 1.2))
-    told = json.loads(json.dumps(papfis.explain()))
-    assert told["places"][-1] == "lab"
-    through_door = next(p for p in told["passages"] if p["to"] == "lobby-door")
+    explained = json.loads(json.dumps(papfis.explain()))
+    assert explained["places"][-1] == "lab"
+    through_door = next(p for p in explained["passages"] if p["to"] == "lobby-door")
     assert "clearance IS fair" in through_door["rules"][0]["rule"]
-    total = told["entry_cost"] + sum(p["cost"] for p in told["passages"]) + told["exit_cost"]
-    assert told["cost"] == pytest.approx(total)
+    total = (
+        explained["entry_cost"]
+        + sum(p["cost"] for p in explained["passages"])
+        + explained["exit_cost"]
+    )
+    assert explained["cost"] == pytest.approx(total)
 
 
-def test_start_and_goal_in_different_parts_is_an_error_that_says_so() -> None:
+def test_start_and_goal_in_different_parts_are_an_error() -> None:
     a, b, c, d = (Place(n, x, 0) for n, x in zip("abcd", (0, 2, 4, 6), strict=True))
     topo_map = TopoMap("m", [a, b, c, d], [joined(a, b), joined(c, d)])
     with pytest.raises(MapError, match="does not connect the start"):
@@ -164,7 +169,7 @@ def test_start_and_goal_in_different_parts_is_an_error_that_says_so() -> None:
         planner(topo_map, goal(0, 0, "a"), goal(6, 0, "d"))
 
 
-def test_goals_far_off_the_map_are_an_error_that_says_so() -> None:
+def test_goals_far_off_the_map_are_an_error() -> None:
     with pytest.raises(MapError, match=r"goal \(16\.00, 30\.00\) is 2\d\.\d m away.*add a place"):
         planner(office(), goal(16, 30))
 
@@ -172,8 +177,8 @@ def test_goals_far_off_the_map_are_an_error_that_says_so() -> None:
 HERE, NEXT = (0.0, 0.0), (2.0, 0.0)
 
 
-def waypoint(kind: str = "corridor", tolerance: float = 0.3, **values: float) -> Waypoint:
-    return Waypoint(*NEXT, tolerance, "p", kind, final=False, **values)
+def waypoint(kind: str, width: float) -> Waypoint:
+    return Waypoint(*NEXT, 0.3, "p", kind, final=False, width=width)
 
 
 @pytest.mark.parametrize(
@@ -184,16 +189,16 @@ def waypoint(kind: str = "corridor", tolerance: float = 0.3, **values: float) ->
         ((2.1, 0.8), "corridor", (4, 0), True),  # beyond, within reach
         ((2.1, 1.2), "corridor", (4, 0), False),  # beyond, too far aside
         ((1.9, 0.8), "corridor", (4, 0), False),  # aside, but not beyond
-        ((1.7, 0.5), "corridor", (2, 4), True),  # the corner is cut
+        ((1.7, 0.5), "corridor", (2, 4), True),  # cutting the corner
         ((1.3, 0.5), "corridor", (2, 4), False),
         ((2.1, 0.4), "door", (4, 0), True),  # through the gap
         ((2.1, 0.5), "door", (4, 0), False),  # beside the gap
-        ((1.2, 0.4), "corridor", (0, 0.1), False),  # the way leads back: only nearness counts
+        ((1.2, 0.4), "corridor", (0, 0.1), False),  # a turn back: only the distance counts
     ],
 )
 def test_when_a_waypoint_is_passed(at: Point, kind: str, after: Point, passed: bool) -> None:
     following = Waypoint(*after, 0.3, "q", "room", final=False)
-    assert has_passed(at, HERE, waypoint(kind, width=0.9), following, PassingTolerances()) is passed
+    assert has_passed(at, HERE, waypoint(kind, 0.9), following, PassingTolerances()) is passed
 
 
 def test_a_final_waypoint_must_be_reached() -> None:

@@ -17,7 +17,7 @@ coordinates = st.floats(-12.0, 12.0)
 
 
 @given(random_maps(), coordinates, coordinates, coordinates, coordinates)
-def test_a_route_hangs_together_and_its_costs_add_up(
+def test_a_route_is_connected_and_its_costs_add_up(
     topo_map: TopoMap, x: float, y: float, goal_x: float, goal_y: float
 ) -> None:
     router = Router(topo_map, ROBOT)
@@ -35,11 +35,11 @@ def test_a_route_hangs_together_and_its_costs_add_up(
         assert passage.ends == {a, b}
     total = route.entry_cost + sum(map(router.costs.of, route.passages)) + route.exit_cost
     assert route.cost == pytest.approx(total)
-    told = router.explain(route)
-    assert [step["cost"] for step in told] == [router.costs.of(p) for p in route.passages]
+    explained = router.explain(route)
+    assert [step["cost"] for step in explained] == [router.costs.of(p) for p in route.passages]
 
 
-def test_high_danger_is_avoided_unless_there_is_no_other_way() -> None:
+def test_high_danger_is_avoided_unless_there_is_no_other_route() -> None:
     a, b, c = Place("a", 0, 0), Place("b", 4, 0), Place("c", 2, 40)
     stairs = joined(a, b, danger=0.9)
     around = TopoMap("around", [a, b, c], [stairs, joined(a, c), joined(c, b)])
@@ -61,7 +61,7 @@ def test_some_danger_is_worth_a_small_detour_only() -> None:
         assert route.places == way
 
 
-def test_beside_one_passage_the_way_is_straight() -> None:
+def test_between_two_points_beside_one_passage_the_route_is_straight() -> None:
     route = Router(office(), ROBOT).route(Endpoint(10.2, 5.1), Endpoint(12.4, 4.9))
     assert route.places == ()
     assert route.widths == (1.5,)
@@ -75,7 +75,7 @@ def test_lobby_to_lab_goes_through_two_doors_and_the_corridor() -> None:
     assert 17.0 < route.length < 21.0
 
 
-def test_parts_that_are_apart_are_named() -> None:
+def test_unconnected_parts_are_named() -> None:
     places = [Place("hall", 0, 0), Place("cell", 4, 0), Place("attic", 30, 0), Place("den", 34, 0)]
     apart = [joined(places[0], places[1]), joined(places[2], places[3])]
     router = Router(TopoMap("m", places, apart, file="maps/m.yaml"), ROBOT)

@@ -1,4 +1,4 @@
-"""The maps that ship, against the true geometry of the worlds that they are maps of."""
+"""The shipped maps, compared with the geometry of their worlds."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def load(name: str) -> tuple[TopoMap, FloorPlan]:
 
 
 @pytest.mark.parametrize("name", ["office", "hospital", "paper-room", "empty"])
-def test_every_passage_is_free_for_the_robot_and_as_wide_as_it_says(name: str) -> None:
+def test_every_passage_is_free_for_the_robot_and_as_wide_as_mapped(name: str) -> None:
     topo_map, plan = load(name)
     radius = RobotModel().radius
     assert topo_map.passages
@@ -38,14 +38,14 @@ def test_every_passage_is_free_for_the_robot_and_as_wide_as_it_says(name: str) -
 
 
 @pytest.mark.parametrize("name", ["office", "hospital", "paper-room", "empty"])
-def test_the_maps_hang_together(name: str) -> None:
+def test_the_maps_are_connected(name: str) -> None:
     topo_map, _ = load(name)
     assert len(topo_map.parts) == 1
 
 
 @pytest.mark.parametrize("name", ["office", "hospital", "paper-room"])
 def test_doors_are_approached_straight(name: str) -> None:
-    """Every door has a place before and one behind it, in line: robots cross it squarely."""
+    """Every door has places before and behind it, in line: robots cross it at a right angle."""
     topo_map, _ = load(name)
     doors = [place for place in topo_map.places.values() if place.kind == "door"]
     assert doors

@@ -18,7 +18,7 @@ A, B, C = Place("a", 0, 0), Place("b", 4, 0), Place("c", 8, 0)
 
 
 def wall(x: float) -> Callable[[Array], Array]:
-    """A wall of no thickness at x [m], from y -1 m up."""
+    """A wall of zero thickness at x [m], for y above -1 m."""
 
     def clearances(points: Array) -> Array:
         beside = np.maximum(-1.0 - points[:, 1], 0.0)
@@ -27,12 +27,14 @@ def wall(x: float) -> Callable[[Array], Array]:
     return clearances
 
 
-def found(topo_map: TopoMap, clearances: Callable[[Array], Array] | None = None) -> set[tuple]:
+def found(
+    topo_map: TopoMap, clearances: Callable[[Array], Array] | None = None
+) -> set[tuple[str, str]]:
     return {(problem.kind, problem.where) for problem in check_map(topo_map, clearances)}
 
 
 @pytest.mark.parametrize("name", ["office", "hospital", "paper-room", "empty"])
-def test_nothing_is_wrong_with_the_maps_that_ship(name: str) -> None:
+def test_the_shipped_maps_have_no_problems(name: str) -> None:
     world = load_world(ROOT / "worlds" / name / "world.yaml")
     plan = FloorPlan.from_world(world)
     assert check_map(load_map(ROOT / "maps" / f"{name}.yaml"), plan.clearances) == []
@@ -42,14 +44,14 @@ def test_parts_without_a_passage_are_apart() -> None:
     assert found(TopoMap("m", [A, B, C], [Passage("a", "b", 4.0)])) == {("apart", "c")}
 
 
-def test_narrow_passages_and_what_lies_behind_them() -> None:
+def test_narrow_passages_and_the_places_behind_them() -> None:
     narrow = 2.0 * RobotModel().radius
     passages = [Passage("a", "b", 4.0), Passage("b", "c", 4.0, width=narrow)]
     problems = found(TopoMap("m", [A, B, C], passages))
     assert problems == {("narrow", "b - c"), ("unreachable", "c")}
 
 
-def test_places_at_one_spot() -> None:
+def test_places_at_one_point() -> None:
     twin = Place("twin", 4.01, 0.0)
     passages = [Passage("a", "b", 4.0), Passage("b", "twin", 0.5)]
     assert found(TopoMap("m", [A, B, twin], passages)) == {("duplicate", "twin")}
@@ -62,14 +64,14 @@ def test_walls_across_passages_and_near_places() -> None:
     assert found(topo_map, wall(4.1)) == at_b
 
 
-def test_bent_passages_are_taken_at_their_word() -> None:
+def test_curved_passages_are_not_checked_for_clearance() -> None:
     assert found(TopoMap("m", [A, B], [Passage("a", "b", 9.0)]), wall(2.0)) == set()
 
 
-def test_widths_that_are_not_there() -> None:
+def test_widths_above_the_free_width() -> None:
     low = Place("low", 0, -1.5), Place("down", 4, -1.5)
     wide, fair = (TopoMap("m", low, [Passage("low", "down", 4.0, width=w)]) for w in (1.2, 1.0))
     assert found(wide, wall(2.0)) == {("width", "low - down")}
     assert found(fair, wall(2.0)) == set()
     (problem,) = check_map(wide, wall(2.0))
-    assert "1.2 m wide, but has 1.00 m at (1.99, -1.50)" in problem.message
+    assert "1.2 m wide in the map, 1.00 m in the world at (1.99, -1.50)" in problem.message

@@ -26,7 +26,7 @@ qualities = st.fixed_dictionaries(
 
 
 def costs_of(*qualities: dict[str, float], params: CostParams | None = None) -> EdgeCosts:
-    """Passages of 2 m, all alike but for ``qualities``."""
+    """Passages of 2 m that differ in ``qualities`` only."""
     places = [Place(f"p{i}", 2.0 * i, 0.0) for i in range(len(qualities) + 1)]
     passages = [
         Passage(f"p{i}", f"p{i + 1}", 2.0, **quality) for i, quality in enumerate(qualities)
@@ -82,8 +82,8 @@ def test_no_passage_costs_less_than_its_length(quality: dict[str, float], aversi
 
 
 @given(qualities)
-def test_firing_strengths_share_one(quality: dict[str, float]) -> None:
-    """What keeps the mean monotone, and the explanation adding up: see the rule base's head."""
+def test_firing_strengths_sum_to_one(quality: dict[str, float]) -> None:
+    """The property that keeps the mean monotone: see the comment in the rule base."""
     inputs = inputs_of([Passage("a", "b", 2.0, **quality)], ROBOT)
     firing = FIS.evaluate(inputs).firing
     assert firing.sum() == pytest.approx(1.0, abs=1e-9)
@@ -111,21 +111,21 @@ def test_explanations_name_the_rules_and_add_up() -> None:
     places = [Place("a", 0, 0), Place("b", 2, 0)]
     passage = Passage("a", "b", 2.0, width=0.95, danger=0.3, doorness=1.0, uncertainty=0.1)
     costs = EdgeCosts(TopoMap("m", places, [passage]), ROBOT)
-    told = costs.explain(passage)
-    assert (told["from"], told["to"], told["length"]) == ("a", "b", 2.0)
-    assert told["cost"] == pytest.approx(costs.of(passage))
-    assert told["cost"] == pytest.approx(2.0 * (1.0 + 4.0 * told["penalty"]))
-    assert told["inputs"]["clearance"] == pytest.approx(0.295)
+    explained = costs.explain(passage)
+    assert (explained["from"], explained["to"], explained["length"]) == ("a", "b", 2.0)
+    assert explained["cost"] == pytest.approx(costs.of(passage))
+    assert explained["cost"] == pytest.approx(2.0 * (1.0 + 4.0 * explained["penalty"]))
+    assert explained["inputs"]["clearance"] == pytest.approx(0.295)
     sentences = {rule.sentence for rule in load_rule_base(RULE_BASE).rules}
-    strengths = [rule["strength"] for rule in told["rules"]]
+    strengths = [rule["strength"] for rule in explained["rules"]]
     assert strengths == sorted(strengths, reverse=True)
     assert len(strengths) >= 2
-    assert all(rule["rule"] in sentences for rule in told["rules"])
+    assert all(rule["rule"] in sentences for rule in explained["rules"])
 
 
 def test_an_impassable_passage_is_explained_without_infinities() -> None:
     places = [Place("a", 0, 0), Place("b", 2, 0)]
     passage = Passage("a", "b", 2.0, width=0.3)
-    told = EdgeCosts(TopoMap("m", places, [passage]), ROBOT).explain(passage)
-    assert told["cost"] is None
-    assert told["passable"] is False
+    explained = EdgeCosts(TopoMap("m", places, [passage]), ROBOT).explain(passage)
+    assert explained["cost"] is None
+    assert explained["passable"] is False

@@ -1,4 +1,4 @@
-"""Maps derived from geometry: doors where they are, free passages, everything connected."""
+"""Maps derived from geometry: doors in their places, free passages, all connected."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from navfw.sim.floorplan import FloorPlan
 from navfw.sim.worldfile import load_world
 from navfw.sim.worldspec import WorldSpec
 from navfw.topomap import TopoMap
-from navfw.topomap.clearance_grid import ClearanceGrid, thinned
+from navfw.topomap.clearance_grid import ClearanceGrid
 from navfw.topomap.map_builder import build_map
 from navfw.topomap.map_check import check_map
-from navfw.topomap.skeleton import skeleton_graph
+from navfw.topomap.skeleton import skeleton_graph, thinned
 
 ROOT = Path(__file__).parents[2]
 
@@ -62,7 +62,7 @@ def test_a_built_map_fits_its_world(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["office", pytest.param("hospital", marks=pytest.mark.slow)])
-def test_every_door_is_found_where_it_is_and_nothing_else(name: str) -> None:
+def test_exactly_the_doors_of_the_world_are_found(name: str) -> None:
     topo_map, world, _ = built(name)
     openings = [opening.at for wall in world.walls for opening in wall.openings]
     doors = [place for place in topo_map.places.values() if place.kind == "door"]
@@ -102,7 +102,7 @@ def test_two_rooms_and_a_door() -> None:
     assert max(p.width for p in topo_map.passages_at(door.name)) <= 1.0
 
 
-def test_there_is_a_way_round_each_side_of_a_thing() -> None:
+def test_passages_lead_round_both_sides_of_an_obstacle() -> None:
     topo_map = build_map("table", ground((3.0, 1.5, 5.0, 2.5)))
     cycles = nx.cycle_basis(topo_map.graph)
     assert len(cycles) == 1
@@ -116,21 +116,21 @@ def test_a_bend_has_a_corner() -> None:
     assert len(topo_map.parts) == 1
 
 
-def test_gaps_too_narrow_for_the_robot_are_no_ways() -> None:
+def test_gaps_too_narrow_for_the_robot_have_no_passage() -> None:
     halves = ground((3.95, 0, 4.05, 1.8), (3.95, 2.2, 4.05, 4))
     topo_map = build_map("halves", halves)
     xs = [place.x for place in topo_map.places.values()]
     assert max(xs) < 4.0 or min(xs) > 4.0
 
 
-def test_full_ground_has_no_map() -> None:
-    with pytest.raises(MapError, match="no ground is free"):
+def test_without_free_space_there_is_no_map() -> None:
+    with pytest.raises(MapError, match="no space is free"):
         build_map("full", ground((0, 0, 8, 4)))
 
 
 @settings(max_examples=30, deadline=None)
 @given(st.integers(0, 2**32 - 1))
-def test_thinning_keeps_what_hangs_together(seed: int) -> None:
+def test_thinning_keeps_the_connectivity(seed: int) -> None:
     rng = np.random.default_rng(seed)
     mask = cv2.resize(rng.random((6, 8)), (80, 60), interpolation=cv2.INTER_CUBIC) > 0.4
     skeleton = thinned(mask)
@@ -143,7 +143,7 @@ def test_thinning_keeps_what_hangs_together(seed: int) -> None:
     assert skeleton.sum() < 0.5 * mask.sum() + 10
 
 
-def test_the_skeleton_of_a_corridor_is_its_middle_line() -> None:
+def test_the_skeleton_of_a_corridor_is_its_centre_line() -> None:
     graph = skeleton_graph(ground(size=(8.0, 1.6)), 0.25)
     lines = [data["line"] for _, _, data in graph.edges(data=True)]
     assert len(lines) == 1

@@ -18,7 +18,7 @@ from navfw.topomap import Place, TopoMap
 
 
 def reference(topo_map: TopoMap, costs: Array, start: str, end: str) -> float:
-    """By networkx; inf where there is no way."""
+    """By networkx; inf where there is no path."""
     graph = nx.Graph()
     graph.add_nodes_from(topo_map.places)
     for passage, cost in zip(topo_map.passages, costs, strict=True):
@@ -52,7 +52,9 @@ def test_the_cost_is_that_of_dijkstra(topo_map: TopoMap) -> None:
 
 
 @given(random_maps(), st.data())
-def test_another_passage_never_makes_the_way_worse(topo_map: TopoMap, data: st.DataObject) -> None:
+def test_another_passage_never_makes_the_path_costlier(
+    topo_map: TopoMap, data: st.DataObject
+) -> None:
     costs = EdgeCosts(topo_map, RobotModel()).values
     first, *_, last = topo_map.places
     taken = {passage.ends for passage in topo_map.passages}
@@ -69,7 +71,7 @@ def test_another_passage_never_makes_the_way_worse(topo_map: TopoMap, data: st.D
 
 
 @given(random_maps(), st.data())
-def test_several_entries_and_exits_are_weighed_together(
+def test_several_entries_and_exits_are_searched_together(
     topo_map: TopoMap, data: st.DataObject
 ) -> None:
     costs = EdgeCosts(topo_map, RobotModel()).values

@@ -24,7 +24,7 @@ def odometry(pose: Pose) -> Odometry:
 
 
 def driven(seed: int, false_share: float = 0.0) -> tuple[LandmarkMapper, list[tuple[float, float]]]:
-    """Three rounds on a circle, with odometry that turns 1 % too far; the last dead reckonings."""
+    """Three rounds on a circle; odometry turns 1 % too far. The mapper and the odometry errors."""
     rng = np.random.default_rng(seed)
     mapper = LandmarkMapper(START)
     true, measured = START, Pose(0.0, 0.0, 0.0)
@@ -50,7 +50,7 @@ def driven(seed: int, false_share: float = 0.0) -> tuple[LandmarkMapper, list[tu
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_landmarks_come_out_right_although_the_odometry_drifts(seed: int) -> None:
+def test_landmarks_are_accurate_although_the_odometry_drifts(seed: int) -> None:
     mapper, ends = driven(seed)
     learnt = mapper.estimate()
     assert {found.identity for found in learnt} <= set(MARKS)
@@ -60,17 +60,17 @@ def test_landmarks_come_out_right_although_the_odometry_drifts(seed: int) -> Non
     assert drift > 0.3
     assert max(errors) < 0.25
     assert math.sqrt(np.mean(np.square(errors))) < 0.5 * drift
-    # sigma says about how wrong they are
+    # sigma is consistent with the errors
     assert all(error < 4.0 * found.sigma for error, found in zip(errors, learnt, strict=True))
 
 
-def test_false_sightings_do_little_harm() -> None:
+def test_false_detections_do_little_harm() -> None:
     mapper, _ = driven(3, false_share=0.05)
     errors = [math.dist((f.x, f.y), MARKS[f.identity]) for f in mapper.estimate()]
     assert max(errors) < 0.35
 
 
-def test_what_was_seen_too_rarely_is_left_out() -> None:
+def test_landmarks_with_few_detections_are_left_out() -> None:
     mapper = LandmarkMapper(START)
     for k in range(4):
         look = LandmarkDetection(0.0, "aruco-1", 0.1, 2.0, np.diag(SIGMAS**2))
@@ -81,12 +81,12 @@ def test_what_was_seen_too_rarely_is_left_out() -> None:
     assert (found.x, found.y) == pytest.approx(
         START.to_parent(2 * math.cos(0.1), 2 * math.sin(0.1))
     )
-    # it faces who looked at it
+    # the normal points to the robot
     assert found.yaw == pytest.approx(START.yaw + 0.1 - math.pi, abs=1e-6)
     assert LandmarkMapper(START).estimate() == []
 
 
-def test_the_map_keeps_what_it_knew_and_takes_what_was_learnt(tmp_path: Path) -> None:
+def test_estimates_move_known_landmarks_and_add_others(tmp_path: Path) -> None:
     known = [
         Landmark("old", "aruco", 1, 0.0, 0.0, 0.0, z=1.2, size=0.3),
         Landmark("aruco-2", "poster", 9, 5.0, 5.0, 0.0),

@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from navfw.errors import ConfigError, InputError, MapError
-from navfw.topomap import Landmark, Passage, Place, TopoMap, load_map
+from navfw.topomap import PLACE_KINDS, Landmark, Passage, Place, TopoMap, load_map
 from navfw.topomap.map_formats import load_any_map, save_map
 
 MAPS = Path(__file__).parents[2] / "maps"
@@ -23,9 +23,9 @@ coordinates = st.floats(-1e3, 1e3)
 
 @st.composite
 def whole_maps(draw: st.DrawFn) -> TopoMap:
-    """Maps that use all that a map can say."""
+    """Maps with all elements and values."""
     chosen = draw(st.lists(names, min_size=2, max_size=6, unique=True))
-    kinds = st.sampled_from(["room", "door", "corridor", "junction", "corner", "danger"])
+    kinds = st.sampled_from(PLACE_KINDS)
     places = [Place(n, draw(coordinates), draw(coordinates), draw(kinds)) for n in chosen]
     pairs = [(a, b) for i, a in enumerate(places) for b in places[:i]]
     passages = [
@@ -65,14 +65,14 @@ def content(topo_map: TopoMap) -> tuple[Any, ...]:
 @pytest.mark.parametrize("suffix", FORMATS)
 @settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(whole_maps())
-def test_every_format_keeps_everything(tmp_path: Path, suffix: str, topo_map: TopoMap) -> None:
+def test_every_format_preserves_the_map(tmp_path: Path, suffix: str, topo_map: TopoMap) -> None:
     path = tmp_path / f"m.{suffix}"
     save_map(topo_map, path)
     assert content(load_any_map(path)) == content(topo_map)
     assert [p.name for p in tmp_path.iterdir()] == [path.name]
 
 
-def test_the_office_goes_round_through_all_formats(tmp_path: Path) -> None:
+def test_the_office_survives_conversion_through_all_formats(tmp_path: Path) -> None:
     office = load_map(MAPS / "office.yaml")
     topo_map = office
     for suffix in ("geojson", "graphml", "yaml", "graphml", "geojson"):
@@ -81,7 +81,7 @@ def test_the_office_goes_round_through_all_formats(tmp_path: Path) -> None:
     assert content(topo_map) == content(office)
 
 
-def test_networkx_reads_the_graphml_and_we_read_that_of_networkx(tmp_path: Path) -> None:
+def test_graphml_is_exchanged_with_networkx(tmp_path: Path) -> None:
     office = load_map(MAPS / "office.yaml")
     save_map(office, tmp_path / "a.graphml")
     graph = nx.read_graphml(tmp_path / "a.graphml")
@@ -102,7 +102,7 @@ def feature(kind: str, **properties: Any) -> dict[str, Any]:
 
 
 def nav2_graph() -> dict[str, Any]:
-    """A graph as Nav2's tools write it: no names, edges without coordinates, other metadata."""
+    """A graph as written by Nav2's tools: no names, edges without coordinates, other metadata."""
     return {
         "type": "FeatureCollection",
         "name": "graph",
@@ -128,7 +128,7 @@ def test_a_graph_of_nav2_is_read(tmp_path: Path) -> None:
     assert topo_map.passages == (Passage("0", "1", 5.0),)
 
 
-def test_what_we_write_has_what_nav2_asks_for(tmp_path: Path) -> None:
+def test_geojson_has_what_nav2_requires(tmp_path: Path) -> None:
     office = load_map(MAPS / "office.yaml")
     save_map(office, tmp_path / "office.geojson")
     data = json.loads((tmp_path / "office.geojson").read_text())
@@ -160,7 +160,7 @@ def test_what_we_write_has_what_nav2_asks_for(tmp_path: Path) -> None:
         (0, ("properties", "metadata"), {"kind": "x"}, ["places.0.kind", "known: corner"]),
     ],
 )
-def test_features_that_lack_something_are_named_with_their_line(
+def test_errors_in_geojson_name_their_line(
     tmp_path: Path, index: int, path: tuple[str, str], value: Any, words: list[str]
 ) -> None:
     data = nav2_graph()
@@ -178,7 +178,7 @@ def test_features_that_lack_something_are_named_with_their_line(
         assert line == opening[index]
 
 
-def test_one_way_edges_are_taken_both_ways_on_request(tmp_path: Path) -> None:
+def test_one_way_edges_become_passages_on_request(tmp_path: Path) -> None:
     data = nav2_graph()
     del data["features"][3]
     with pytest.raises(MapError, match="leads only from"):
@@ -215,10 +215,10 @@ GRAPHML = """\
         ('"undirected"', '"directed"', MapError, 9, ["leads only", "--both-ways"]),
         ("</graph>\n", "", ConfigError, 10, ["not valid XML", "mismatched tag"]),
         ("<?xml", '<!DOCTYPE g [<!ENTITY e "x">]><!-- ', ConfigError, 1, ["entity"]),
-        ("<edge", "<hyperedge/><edge", MapError, 9, ["joins two places"]),
+        ("<edge", "<hyperedge/><edge", MapError, 9, ["connects two places"]),
     ],
 )
-def test_mistakes_in_graphml_have_their_line(
+def test_errors_in_graphml_name_their_line(
     tmp_path: Path, old: str, new: str, error: type[InputError], line: int, words: list[str]
 ) -> None:
     assert old in GRAPHML
@@ -240,14 +240,14 @@ def test_mistakes_in_graphml_have_their_line(
         ("m.geojson", '{"type": "Feature"}', ["type", "FeatureCollection"]),
         ("m.geojson", '{"type": "FeatureCollection"}', ["features", "list"]),
         ("m.geojson", '{"type": "FeatureCollection", "features": []}', ["at least one place"]),
-        ("m.geojson", '{"a": NaN}', ["NaN is no number"]),
+        ("m.geojson", '{"a": NaN}', ["NaN is not a number"]),
         ("m.geojson", "[" * 100_000, ["not valid JSON"]),
         ("m.graphml", "<a/>", ["there is no <graph>"]),
         ("m.txt", "", [".graphml", "m.txt"]),
         ("none.geojson", None, ["none.geojson", "no such file"]),
     ],
 )
-def test_what_is_no_map_says_so(
+def test_files_that_are_not_maps_are_errors(
     tmp_path: Path, name: str, text: str | None, words: list[str]
 ) -> None:
     if text is not None:

@@ -42,7 +42,7 @@ def write(folder: Path, text: str) -> Path:
     return path
 
 
-def test_a_file_becomes_a_map_with_what_it_leaves_out_filled_in(tmp_path: Path) -> None:
+def test_values_left_out_get_defaults(tmp_path: Path) -> None:
     topo_map = load_map(write(tmp_path, GOOD))
     assert topo_map.name == "flat"
     assert topo_map.place("hall").kind == "room"
@@ -89,7 +89,7 @@ def test_a_file_becomes_a_map_with_what_it_leaves_out_filled_in(tmp_path: Path) 
         ("uncertainty: 0.5", "danger: 2", ConfigError, 8, ["edges[1].danger", "2"]),
     ],
 )
-def test_mistakes_are_named_with_file_line_and_key(
+def test_errors_name_file_line_and_key(
     tmp_path: Path, old: str, new: str, error: type[InputError], line: int, words: list[str]
 ) -> None:
     assert old in GOOD
@@ -111,12 +111,12 @@ def test_one_message_lists_all_errors(tmp_path: Path) -> None:
     assert "flat.yaml:8: edges[1].length" in lines[2]
 
 
-def test_a_map_without_places_says_so(tmp_path: Path) -> None:
+def test_a_map_without_places_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(MapError, match="places: expected at least one place"):
         load_map(write(tmp_path, "name: none\nplaces: {}\n"))
 
 
-def test_apart_is_no_error_by_itself(tmp_path: Path) -> None:
+def test_unconnected_parts_are_no_error(tmp_path: Path) -> None:
     topo_map = load_map(
         write(tmp_path, GOOD.replace("  - {from: hall, to: door, width: 0.9}\n", ""))
     )

@@ -10,16 +10,22 @@ from navfw.topomap import Place, TopoMap
 
 
 def test_a_plan_explains_each_passage_and_adds_up() -> None:
-    told = plan_route(office(), "lobby", "lab").explain()
-    assert (told["places"][0], told["places"][-1]) == ("lobby", "lab")
-    assert [p["to"] in told["places"] for p in told["passages"]] == [True] * len(told["passages"])
-    assert all(passage["rules"] for passage in told["passages"])
-    parts = told["entry_cost"] + sum(p["cost"] for p in told["passages"]) + told["exit_cost"]
-    assert told["cost"] == pytest.approx(parts)
-    assert told["closed"] == []
+    explained = plan_route(office(), "lobby", "lab").explain()
+    assert (explained["places"][0], explained["places"][-1]) == ("lobby", "lab")
+    assert [p["to"] in explained["places"] for p in explained["passages"]] == [True] * len(
+        explained["passages"]
+    )
+    assert all(passage["rules"] for passage in explained["passages"])
+    parts = (
+        explained["entry_cost"]
+        + sum(p["cost"] for p in explained["passages"])
+        + explained["exit_cost"]
+    )
+    assert explained["cost"] == pytest.approx(parts)
+    assert explained["closed"] == []
 
 
-def test_what_is_to_be_avoided_is_gone_round() -> None:
+def test_avoided_passages_are_not_used() -> None:
     short = plan_route(office(), "lobby", "meeting")
     assert "side-door" in short.route.places
     other = plan_route(office(), "lobby", "meeting", avoid=["side-door:lobby-side"])
@@ -28,14 +34,14 @@ def test_what_is_to_be_avoided_is_gone_round() -> None:
     assert other.explain()["closed"] == [["lobby-side", "side-door"]]
 
 
-def test_with_all_ways_avoided_there_is_none_and_they_are_named() -> None:
+def test_without_a_route_the_avoided_passages_are_named() -> None:
     with pytest.raises(MapError, match=r"without closed passages: .*lab-entrance - lab\b"):
         plan_route(
             office(), "lobby", "lab", avoid=["lab-entrance:lab", "lab:lab-west", "lab:lab-north"]
         )
 
 
-def test_stairs_are_avoided_unless_there_is_no_other_way() -> None:
+def test_stairs_are_avoided_unless_there_is_no_other_route() -> None:
     a, b = Place("a", 0, 0), Place("b", 10, 0)
     stairs, round_ = Place("stairs", 5, 0, "danger"), Place("round", 5, 20)
     near = [joined(a, stairs, danger=1.0), joined(stairs, b, danger=1.0)]
@@ -48,7 +54,7 @@ def test_stairs_are_avoided_unless_there_is_no_other_way() -> None:
     assert all(passage["avoided"] for passage in plan.explain()["passages"])
 
 
-def test_points_are_places_to_start_from() -> None:
+def test_points_can_be_start_and_goal() -> None:
     assert parse_endpoint(office(), " 1.5, -2e0") == Endpoint(1.5, -2.0)
     assert parse_endpoint(office(), "lab").place == "lab"
     with pytest.raises(UnknownNameError, match="did you mean 'lab'"):

@@ -36,7 +36,7 @@ def closest_by_sampling(topo_map: TopoMap, passage: Passage, x: float, y: float)
 
 
 @given(chains(), points)
-def test_footings_are_the_nearest_points_of_passages(
+def test_projections_are_the_nearest_points_of_passages(
     topo_map: TopoMap, point: tuple[float, float]
 ) -> None:
     footings = topo_map.project_onto_passages(*point, slack=1e9)
@@ -51,7 +51,7 @@ def test_footings_are_the_nearest_points_of_passages(
 
 
 @given(chains(), points, st.floats(0.0, 5.0))
-def test_footings_keep_to_the_slack_and_to_the_choice(
+def test_projections_are_within_the_slack_and_the_choice(
     topo_map: TopoMap, point: tuple[float, float], slack: float
 ) -> None:
     everything = topo_map.project_onto_passages(*point, slack=1e9)
@@ -77,7 +77,7 @@ def test_nearest_place_is_no_farther_than_any(
 HALL, DOOR, CELL = Place("hall", 0, 0), Place("door", 3, 0, "door"), Place("cell", 9, 9)
 
 
-def test_accessors_hand_out_what_the_graph_holds() -> None:
+def test_accessors_return_the_elements_of_the_graph() -> None:
     passage = straight(HALL, DOOR, width=0.9)
     topo_map = TopoMap("m", [HALL, DOOR, CELL], [passage])
     assert isinstance(topo_map.graph, nx.Graph)
@@ -90,7 +90,7 @@ def test_accessors_hand_out_what_the_graph_holds() -> None:
     assert topo_map.isolated == {"cell"}
 
 
-def test_a_map_without_passages_has_places_all_the_same() -> None:
+def test_a_map_without_passages_has_places() -> None:
     topo_map = TopoMap("m", [CELL], [])
     assert topo_map.nearest_passage(0.0, 0.0) is None
     assert topo_map.nearest_place(0.0, 0.0) is CELL
@@ -100,7 +100,7 @@ def test_unknown_names_come_with_the_nearest() -> None:
     topo_map = TopoMap("m", [HALL, DOOR, CELL], [straight(HALL, DOOR)])
     with pytest.raises(UnknownNameError, match="unknown place 'hal': did you mean 'hall'"):
         topo_map.place("hal")
-    with pytest.raises(MapError, match=r"no passage between 'hall' and 'cell'.*lead: door"):
+    with pytest.raises(MapError, match=r"no passage between 'hall' and 'cell'.*lead to: door"):
         topo_map.passage("hall", "cell")
 
 
@@ -111,7 +111,7 @@ def test_unknown_names_come_with_the_nearest() -> None:
             Passage("hall", "dor", 3.0),
             r"edges\.0\.to: there is no place 'dor'; did you mean 'door'",
         ),
-        (Passage("hall", "hall", 1.0), "from 'hall' to itself"),
+        (Passage("hall", "hall", 1.0), "connects 'hall' to itself"),
         (Passage("hall", "door", 0.0), r"edges\.0\.length: expected more than 0 m, got 0"),
         (Passage("hall", "door", -2.0), "expected more than 0 m, got -2"),
         (Passage("hall", "door", math.nan), "expected more than 0 m, got nan"),
@@ -120,12 +120,12 @@ def test_unknown_names_come_with_the_nearest() -> None:
         (Passage("hall", "door", 3.0, danger=1.5), r"edges\.0\.danger: expected 0 to 1, got 1\.5"),
     ],
 )
-def test_contradictions_are_refused(passage: Passage, message: str) -> None:
+def test_violations_are_refused(passage: Passage, message: str) -> None:
     with pytest.raises(MapError, match=message):
         TopoMap("m", [HALL, DOOR], [passage])
 
 
-def test_things_given_twice_are_refused() -> None:
+def test_duplicates_are_refused() -> None:
     with pytest.raises(MapError, match="a second place 'hall'"):
         TopoMap("m", [HALL, Place("hall", 1, 1)], [])
     with pytest.raises(MapError, match=r"door - hall is the same passage as edges\.0"):
@@ -134,6 +134,6 @@ def test_things_given_twice_are_refused() -> None:
         TopoMap("m", [], [])
 
 
-def test_lengths_rounded_to_centimetres_are_no_contradiction() -> None:
+def test_lengths_rounded_to_centimetres_are_no_violation() -> None:
     corner = Place("corner", 1, 1)
     assert TopoMap("m", [HALL, corner], [Passage("hall", "corner", 1.41)]).passages
