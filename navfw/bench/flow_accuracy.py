@@ -30,8 +30,8 @@ from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Array, CameraMotion, FlowField, Frame, FramePair
 
 __all__ = [
-    "Errors",
-    "PairTruth",
+    "FlowErrors",
+    "TruePairSource",
     "all_processors",
     "bench_flow",
     "match_template_ratio",
@@ -49,7 +49,7 @@ EDGE_STEP = 0.12
 """Neighbouring pixels whose nearness differs by that part show two surfaces."""
 
 
-class PairTruth:
+class TruePairSource:
     """The truth of one pair at a time (``navfw.flow.ideal.TruthSource``)."""
 
     def __init__(self) -> None:
@@ -69,7 +69,7 @@ class PairTruth:
 
 
 @dataclass
-class Errors:
+class FlowErrors:
     """What one processor gave, vector by vector, for the trusted ones; arrays of one length.
 
     ``off`` (n, 2) [px] is measured less true flow, ``sigma`` [px] what the processor said of it,
@@ -143,11 +143,11 @@ def bench_flow(
 
 def measure(
     processor: FlowProcessor, pairs: Iterable[TruePair], worlds: Sequence[str] = WORLDS
-) -> Errors:
+) -> FlowErrors:
     """Run ``processor`` over ``pairs`` and compare each trusted vector with the true one."""
     camera = processor.robot.camera
     motions, world_names = list(MOTIONS), list(worlds)
-    truth = PairTruth()
+    truth = TruePairSource()
     if isinstance(processor, Ideal):
         processor.set_truth(truth)
     parts: list[tuple[Array, ...]] = []
@@ -171,7 +171,7 @@ def measure(
     off, sigma, edge, motion_of, world_of = (
         np.concatenate(part) for part in zip(*parts, strict=True)
     )
-    return Errors(
+    return FlowErrors(
         off, sigma, edge.astype(bool), motion_of.astype(int), world_of.astype(int), cells, costs
     )
 
@@ -223,7 +223,7 @@ def statistics(off: Array, sigma: Array, cells: int) -> dict[str, Any]:
     }
 
 
-def _summary(errors: Errors, worlds: Sequence[str]) -> dict[str, Any]:
+def _summary(errors: FlowErrors, worlds: Sequence[str]) -> dict[str, Any]:
     total = int(errors.cells.sum())
 
     def of(chosen: npt.NDArray[np.bool_], cells: int) -> dict[str, Any]:
@@ -244,7 +244,7 @@ def _summary(errors: Errors, worlds: Sequence[str]) -> dict[str, Any]:
     }
 
 
-def _calibration(errors: Errors) -> list[dict[str, Any]]:
+def _calibration(errors: FlowErrors) -> list[dict[str, Any]]:
     rows = []
     for low, high in itertools.pairwise(SIGMA_BINS):
         chosen = (errors.sigma >= low) & (errors.sigma < high)

@@ -24,8 +24,8 @@ from typing import Any
 
 import numpy as np
 
-from navfw.bench.samples import VIEWS_PER_WORLD, Sample, samples_of_world
-from navfw.bench.truth import Truth, true_term
+from navfw.bench.perception_samples import VIEWS_PER_WORLD, PerceptionSample, samples_of_world
+from navfw.bench.view_truth import ViewTruth, true_term
 from navfw.interfaces import Perception
 from navfw.offis.distances import TERMS
 from navfw.offis.elementary_situations import ELEMENTARY, TABLE
@@ -34,7 +34,7 @@ from navfw.offis.pyramid import QUADRANTS
 from navfw.robot import RobotModel
 from navfw.signals import FlowField, Percept, Twist
 
-__all__ = ["HELD_OUT_SEED", "TUNING_SEEDS", "Answer", "answer", "markdown", "run", "score"]
+__all__ = ["HELD_OUT_SEED", "TUNING_SEEDS", "PerceptScore", "answer", "markdown", "run", "score"]
 
 TUNING_SEEDS = (1, 2, 3)
 """Seeds that the rule bases were tuned on: report none of them."""
@@ -51,7 +51,7 @@ FAR = 1.7
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class PerceptScore:
     """What OFFIS said of one view, what of it was right (None: no clear situation), and why not."""
 
     quadrants: frozenset[str]
@@ -102,7 +102,7 @@ def run(
     }
 
 
-def _samples(seed: int, workers: int) -> Iterable[Sample]:
+def _samples(seed: int, workers: int) -> Iterable[PerceptionSample]:
     """Samples world by world, without end, in the same order for any number of workers."""
     if workers <= 1:
         number = 0
@@ -118,11 +118,11 @@ def _samples(seed: int, workers: int) -> Iterable[Sample]:
             number += len(jobs)
 
 
-def _world(job: tuple[int, int]) -> list[Sample]:
+def _world(job: tuple[int, int]) -> list[PerceptionSample]:
     return list(samples_of_world(*job, views=VIEWS_PER_WORLD))
 
 
-def answer(offis: Perception, flow: FlowField, twist: Twist, truth: Truth) -> Answer:
+def answer(offis: Perception, flow: FlowField, twist: Twist, truth: ViewTruth) -> PerceptScore:
     """Let ``offis`` interpret one flow field, and compare with the truth."""
     offis.reset()
     percept = offis.perceive(flow, twist)
@@ -144,7 +144,7 @@ def answer(offis: Perception, flow: FlowField, twist: Twist, truth: Truth) -> An
         causes.append(f"distance: {_why_distance(truth, flow, twist)}")
     if not (table_right is not False and elementary_right is not False):
         causes.append(f"situation: {_why_situation(truth, elementary)}")
-    return Answer(
+    return PerceptScore(
         quadrants=quadrants,
         term=term,
         table=table,
@@ -157,13 +157,13 @@ def answer(offis: Perception, flow: FlowField, twist: Twist, truth: Truth) -> An
     )
 
 
-def _beyond_search(truth: Truth, flow: FlowField) -> bool:
+def _beyond_search(truth: ViewTruth, flow: FlowField) -> bool:
     """Whether the nearest thing, at the image's border, moves farther than is searched."""
     reach = float(np.abs(flow.points[..., 0]).max()) * flow.motion.baseline
     return max(truth.nearness) * reach > Offis.Params().longest_flow
 
 
-def _why_quadrant(truth: Truth, flow: FlowField) -> str:
+def _why_quadrant(truth: ViewTruth, flow: FlowField) -> str:
     upper, lower = max(truth.nearness[:2]), max(truth.nearness[2:])
     if truth.certain <= {"P3", "P4"} and lower > 1.2 * upper:
         return "low thing on the floor"
@@ -172,7 +172,7 @@ def _why_quadrant(truth: Truth, flow: FlowField) -> str:
     return "noise on far things" if truth.distance > FAR else "other"
 
 
-def _why_distance(truth: Truth, flow: FlowField, twist: Twist) -> str:
+def _why_distance(truth: ViewTruth, flow: FlowField, twist: Twist) -> str:
     around = {true_term(truth.distance * f, twist.v) for f in (1.0 - BOUNDARY, 1.0 + BOUNDARY)}
     if around != {truth.term}:
         return "true distance at a term's boundary"
@@ -181,7 +181,7 @@ def _why_distance(truth: Truth, flow: FlowField, twist: Twist) -> str:
     return "nearest thing missed or misplaced"
 
 
-def _why_situation(truth: Truth, elementary: str) -> str:
+def _why_situation(truth: ViewTruth, elementary: str) -> str:
     if elementary == "unknown":
         return "nothing sure"
     if "door" in truth.situations and elementary != "door":
@@ -195,7 +195,7 @@ def _strongest(percept: Percept, names: Sequence[str]) -> str:
     return max(names, key=percept.situations.__getitem__)
 
 
-def score(truths: Sequence[Truth], answers: Sequence[Answer]) -> dict[str, Any]:
+def score(truths: Sequence[ViewTruth], answers: Sequence[PerceptScore]) -> dict[str, Any]:
     """The figures of ``run`` from truths and answers."""
     both = list(zip(truths, answers, strict=True))
     clear = [(t, a) for t, a in both if t.clear]

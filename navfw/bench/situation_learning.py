@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from navfw.plugins import Registry
     from navfw.suite.suite_plan import SuitePlan
 
-__all__ = ["Learnt", "learn_situations", "place_accuracy", "tables"]
+__all__ = ["LearntSituations", "learn_situations", "place_accuracy", "tables"]
 
 EVERY = 10
 """Of so many camera frames one is looked at."""
@@ -31,7 +31,7 @@ _PRIOR = 0.85
 
 
 @dataclass(frozen=True)
-class Learnt:
+class LearntSituations:
     """A table, and what such tables are worth in each entry's drives."""
 
     table: SituationTable
@@ -52,7 +52,9 @@ class Learnt:
         }
 
 
-def learn_situations(plan: SuitePlan, registry: Registry, say: Callable[[str], None]) -> Learnt:
+def learn_situations(
+    plan: SuitePlan, registry: Registry, say: Callable[[str], None]
+) -> LearntSituations:
     """Drive all runs of a suite, and learn from them.
 
     Raises:
@@ -71,7 +73,7 @@ def learn_situations(plan: SuitePlan, registry: Registry, say: Callable[[str], N
             others = [drive for name, rest in drives.items() if name != entry for drive in rest]
             worth[entry] = _worth(own, _table(others))
     everything = [drive for part in drives.values() for drive in part]
-    return Learnt(_table(everything), len(everything), worth)
+    return LearntSituations(_table(everything), len(everything), worth)
 
 
 def _table(drives: Sequence[SituationDrive]) -> SituationTable:
@@ -115,7 +117,7 @@ def place_accuracy(
     return float(np.mean(right)), float(np.mean(probability))
 
 
-def tables(learnt: Learnt) -> list[tuple[str, list[str], list[list[str]]]]:
+def tables(learnt: LearntSituations) -> list[tuple[str, list[str], list[list[str]]]]:
     """The table, and its worth, as tables for people: title, columns, rows."""
     said = [
         [kind, f"{learnt.table.observations.get(kind, 0.0):.0f}", *(f"{p:.2f}" for p in row)]

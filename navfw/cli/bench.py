@@ -89,8 +89,8 @@ def perception(
 ) -> None:
     """Measure perception: accuracy against true geometry, flow, speed, recorded images."""
     with quiet_stdout():
-        from navfw.bench.perception import (
-            Extent,
+        from navfw.bench.perception_benchmark import (
+            SampleSizes,
             bench_perception,
             find_data,
             page_folder,
@@ -104,7 +104,7 @@ def perception(
         folder = None if out is None else page_folder(out)
         result = plain_json(
             bench_perception(
-                Extent(poses=poses, comparisons=comparisons, places=places),
+                SampleSizes(poses=poses, comparisons=comparisons, places=places),
                 seed,
                 workers or usable_cores(),
                 recorded,
@@ -135,7 +135,7 @@ def planning(
 ) -> None:
     """Time PAPFIS on a large map, and A* of networkx on the same costs."""
     with quiet_stdout():
-        from navfw.bench.planning import bench_planning
+        from navfw.bench.planning_time import bench_planning
         from navfw.recording.provenance import provenance
 
         result = bench_planning(places, repeats, seed)

@@ -21,7 +21,7 @@ def landmarks(
 ) -> None:
     """Measure the recognition of landmarks over distance and angle, and its time per frame."""
     with quiet_stdout():
-        from navfw.bench.landmarks import bench_landmarks, tables
+        from navfw.bench.landmark_recognition import bench_landmarks, tables
         from navfw.recording.provenance import provenance
 
         result = bench_landmarks(views, seed, print_status)

@@ -31,7 +31,7 @@ def reproduce(
 ) -> None:
     """Repeat the paper's experiments; exit with 1 if a check of the results fails."""
     with quiet_stdout():
-        from navfw.reproduce.run import reproduce as run
+        from navfw.reproduce.reproduction import reproduce as run
 
         result = run(out, seed, views, print_status)
     if json:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from navfw.bench.datasets import (
+from navfw.bench.tum_accuracy import (
     FR1_DISTORTION,
     FR1_MATRIX,
     bench_approach,

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from navfw.bench.perception_accuracy import FIGURES, markdown, run, score
-from navfw.bench.samples import samples_of_world
-from navfw.bench.scenes import random_views, random_world
-from navfw.bench.truth import WallTruth, true_term, truth_of
+from navfw.bench.perception_samples import samples_of_world
+from navfw.bench.random_views import random_views, random_world
+from navfw.bench.view_truth import WallGeometry, true_term, truth_of
 from navfw.offis.nearness import triangulate
 from navfw.robot import RobotModel
 from navfw.signals import Pose
@@ -40,7 +40,7 @@ UP, RIGHT = 0.5 * math.pi, 0.0
 
 
 def situations(x, y, yaw):
-    return set(WallTruth(ROOM).situations(Pose(x, y, yaw), ROBOT.camera))
+    return set(WallGeometry(ROOM).situations(Pose(x, y, yaw), ROBOT.camera))
 
 
 @pytest.mark.parametrize(
@@ -68,7 +68,7 @@ def test_an_opening_beside_the_axis_or_too_far_is_no_door_ahead():
 def test_the_nearest_object_is_found_in_the_true_depth():
     with Simulation(ROOM, ROBOT, Pose(11.0, 1.0, 0.0), seed=0) as sim:
         _, depth = sim.render_from(Pose(2.0, 5.75, RIGHT))
-        truth = truth_of(WallTruth(ROOM), Pose(2.0, 5.75, RIGHT), 0.3, depth, ROBOT)
+        truth = truth_of(WallGeometry(ROOM), Pose(2.0, 5.75, RIGHT), 0.3, depth, ROBOT)
     # the box's face is 0.65 m before the camera, low and on the left
     assert truth.certain == {"P3"}
     assert truth.distance == pytest.approx(0.65, abs=0.02)
@@ -85,7 +85,7 @@ def test_random_worlds_are_sound_and_views_free(seed):
     rng = np.random.default_rng(seed)
     world = random_world(rng, "world")
     check_world(world)
-    walls = WallTruth(world)
+    walls = WallGeometry(world)
     views = random_views(rng, world, ROBOT, 6, lambda pose: walls.situations(pose, ROBOT.camera))
     assert len(views) == 6
     for view in views:

@@ -2,7 +2,12 @@ from __future__ import annotations
 
 import pytest
 
-from navfw.bench.speed import LARGEST_DIFFERENCE, compare_rule_bases, time_flow, time_offis
+from navfw.bench.perception_time import (
+    LARGEST_DIFFERENCE,
+    compare_rule_bases,
+    time_flow,
+    time_offis,
+)
 from navfw.offis.fuzzy_systems import RULES
 
 

@@ -8,8 +8,14 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from navfw.bench import datasets, flow_accuracy, flow_pairs, perception_accuracy, speed
-from navfw.bench.perception import REACHES, Reach
+from navfw.bench import (
+    flow_accuracy,
+    flow_pairs,
+    perception_accuracy,
+    perception_time,
+    tum_accuracy,
+)
+from navfw.bench.perception_benchmark import TARGETS, Target
 from navfw.cli import app
 
 HEADLINES = (
@@ -71,10 +77,10 @@ def measured(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
         row = {"from_s": 0.0, "to_s": 5.0, "n": 9, "median_rel_error": 0.02, "raw_median": 0.1}
         return {"ttc_median_rel_error": 0.02, "by_time": [row]}
 
-    monkeypatch.setattr(speed, "run", run_speed)
+    monkeypatch.setattr(perception_time, "run", run_speed)
     monkeypatch.setattr(flow_accuracy, "bench_flow", run_flow)
     monkeypatch.setattr(perception_accuracy, "run", run_accuracy)
-    monkeypatch.setattr(datasets, "bench_approach", run_approach)
+    monkeypatch.setattr(tum_accuracy, "bench_approach", run_approach)
     return arguments
 
 
@@ -133,10 +139,10 @@ def test_bad_input(tmp_path: Path) -> None:
 
 
 def test_every_reach_is_a_key_of_the_result() -> None:
-    assert {reach.key for reach in REACHES} == {*HEADLINES, "far_for_near"}
-    assert Reach("a", 0.5, True, "").reached(0.5) is True
-    assert Reach("a", 0.5, False, "").reached(0.6) is False
-    assert Reach("a", 0.5, False, "").reached(None) is None
+    assert {reach.key for reach in TARGETS} == {*HEADLINES, "far_for_near"}
+    assert Target("a", 0.5, True, "").met(0.5) is True
+    assert Target("a", 0.5, False, "").met(0.6) is False
+    assert Target("a", 0.5, False, "").met(None) is None
 
 
 @pytest.mark.slow

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navfw.bench.landmarks import view_of
+from navfw.bench.landmark_recognition import view_of
 from navfw.errors import ConfigError
 from navfw.features.aruco import Aruco
 from navfw.features.combined_landmarks import Landmarks

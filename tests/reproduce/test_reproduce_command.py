@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from navfw.cli import app
-from navfw.reproduce import run
+from navfw.reproduce import paper_tables, reproduction
 
 
 @pytest.fixture
@@ -21,8 +21,8 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
         numbers = {"L=2, means": both, "L=1, means and variances": both}
         return {"views": views, "clear": 1, "seed": seed, "offis": {"a": both}, "numbers": numbers}
 
-    monkeypatch.setattr(run, "compare_metrics", compare)
-    monkeypatch.setattr(run, "timings", partial(run.timings, repeats=2))
+    monkeypatch.setattr(reproduction, "compare_metrics", compare)
+    monkeypatch.setattr(reproduction, "timings", partial(paper_tables.timings, repeats=2))
 
 
 @pytest.mark.usefixtures("quick")

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from navfw.reproduce.metrics import _discriminate, _features, compare_metrics
+from navfw.reproduce.metric_comparison import _discriminate, _features, compare_metrics
 from navfw.robot import RobotModel
 from navfw.testing.behavior_scenes import wall_flow
 

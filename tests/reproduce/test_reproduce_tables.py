@@ -9,12 +9,20 @@ import pytest
 
 from navfw.config.lookup import find
 from navfw.flow.derotation import rotational_flow
-from navfw.reproduce.page import write_page
-from navfw.reproduce.pictures import scene_picture, waypoint_picture
-from navfw.reproduce.scenes import SCENES, hand_held
-from navfw.reproduce.tables import FAST, SceneRow, WaypointRow, as_data, checks, table2, table3
-from navfw.reproduce.trajectory import FAST_TURN, WAYPOINTS, before, drive, length
-from navfw.reproduce.views import front_of, ideal
+from navfw.reproduce.office_scenes import SCENES, hand_held
+from navfw.reproduce.paper_tables import (
+    FAST,
+    SceneRow,
+    WaypointRow,
+    as_data,
+    checks,
+    table2,
+    table3,
+)
+from navfw.reproduce.paper_trajectory import FAST_TURN, WAYPOINTS, before, drive, length
+from navfw.reproduce.rendered_views import front_of, ideal
+from navfw.reproduce.reproduction_page import write_page
+from navfw.reproduce.reproduction_pictures import scene_picture, waypoint_picture
 from navfw.robot import RobotModel
 from navfw.sim import FloorPlan, load_world
 

@@ -14,11 +14,11 @@ import cv2
 from navfw.atomic import AtomicFolder
 from navfw.config.lookup import find
 from navfw.recording.run_folder import plain_json
-from navfw.reproduce.metrics import compare_metrics
-from navfw.reproduce.page import PAPER_TIMES, write_page
-from navfw.reproduce.pictures import draw_map, scene_picture, waypoint_picture
-from navfw.reproduce.tables import as_data, checks, table2, table3, timings
-from navfw.reproduce.trajectory import drive
+from navfw.reproduce.metric_comparison import compare_metrics
+from navfw.reproduce.paper_tables import as_data, checks, table2, table3, timings
+from navfw.reproduce.paper_trajectory import drive
+from navfw.reproduce.reproduction_page import PAPER_TIMES, write_page
+from navfw.reproduce.reproduction_pictures import draw_map, scene_picture, waypoint_picture
 from navfw.sim.worldfile import load_world
 
 __all__ = ["reproduce"]

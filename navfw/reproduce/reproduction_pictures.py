@@ -11,8 +11,8 @@ import numpy as np
 
 from navfw.perceive.lettering import write
 from navfw.perceive.overlay import draw_flow
-from navfw.reproduce.tables import FAST, SceneRow, WaypointRow
-from navfw.reproduce.trajectory import Moment
+from navfw.reproduce.paper_tables import FAST, SceneRow, WaypointRow
+from navfw.reproduce.paper_trajectory import TrajectoryPoint
 from navfw.signals import FlowField, Image
 from navfw.sim.floorplan import FloorPlan
 from navfw.sim.worldspec import WorldSpec
@@ -72,7 +72,9 @@ def _beside(parts: list[Image]) -> Image:
     return np.concatenate(joined, axis=1)
 
 
-def draw_map(path: Path, world: WorldSpec, way: list[Moment], rows: list[WaypointRow]) -> None:
+def draw_map(
+    path: Path, world: WorldSpec, way: list[TrajectoryPoint], rows: list[WaypointRow]
+) -> None:
     """The room from above with the trajectory and its red waypoints (Fig. 16), as PNG."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure

@@ -13,7 +13,15 @@ from itertools import pairwise
 
 from navfw.signals import Pose, Twist, wrap_angle
 
-__all__ = ["FAST_TURN", "PLACES", "START", "WAYPOINTS", "Moment", "Waypoint", "drive"]
+__all__ = [
+    "FAST_TURN",
+    "PLACES",
+    "START",
+    "WAYPOINTS",
+    "TrajectoryPoint",
+    "TrajectoryWaypoint",
+    "drive",
+]
 
 START = Pose(0.9, 2.3, 0.0)
 """Where the robot starts, in the map of ``paper-room``."""
@@ -29,7 +37,7 @@ _LONGEST = 60.0
 
 
 @dataclass(frozen=True, slots=True)
-class Moment:
+class TrajectoryPoint:
     """Where the robot is at ``time`` [s], with what ``twist`` it goes on."""
 
     time: float
@@ -38,7 +46,7 @@ class Moment:
 
 
 @dataclass(frozen=True, slots=True)
-class Waypoint:
+class TrajectoryWaypoint:
     """A red point of the trajectory: its number, when it is passed [s], what the robot does."""
 
     number: int
@@ -47,18 +55,18 @@ class Waypoint:
 
 
 WAYPOINTS = (
-    Waypoint(1, 3.0, "goes on between the box and the column"),
-    Waypoint(2, 8.0, "heads for the corner"),
-    Waypoint(3, 11.3, "turns left, fast"),
-    Waypoint(4, 13.2, "goes on along the partition"),
-    Waypoint(5, 17.4, "goes through the door"),
-    Waypoint(6, 20.0, "goes to the wall of the next room"),
-    Waypoint(7, 23.0, "goes to its corner"),
+    TrajectoryWaypoint(1, 3.0, "goes on between the box and the column"),
+    TrajectoryWaypoint(2, 8.0, "heads for the corner"),
+    TrajectoryWaypoint(3, 11.3, "turns left, fast"),
+    TrajectoryWaypoint(4, 13.2, "goes on along the partition"),
+    TrajectoryWaypoint(5, 17.4, "goes through the door"),
+    TrajectoryWaypoint(6, 20.0, "goes to the wall of the next room"),
+    TrajectoryWaypoint(7, 23.0, "goes to its corner"),
 )
 """The red points, in order."""
 
 
-def drive() -> list[Moment]:
+def drive() -> list[TrajectoryPoint]:
     """The way from ``START`` over all of ``PLACES``, in steps of 1/60 s."""
     pose, time, way = START, 0.0, []
     places = list(PLACES)
@@ -70,18 +78,18 @@ def drive() -> list[Moment]:
         bearing = math.atan2(y, x)
         turn = min(max(_GAIN * bearing, -FAST_TURN), FAST_TURN)
         twist = Twist(_SPEED * max(math.cos(bearing), 0.45), turn)
-        way.append(Moment(time, pose, twist))
+        way.append(TrajectoryPoint(time, pose, twist))
         pose = pose.compose(_arc(twist, _STEP))
         time += _STEP
     return way
 
 
-def before(moment: Moment, seconds: float) -> Pose:
+def before(moment: TrajectoryPoint, seconds: float) -> Pose:
     """Where the robot was ``seconds`` [s] before, had it gone on all the while as it does now."""
     return moment.pose.compose(_arc(moment.twist, -seconds))
 
 
-def length(way: list[Moment]) -> float:
+def length(way: list[TrajectoryPoint]) -> float:
     """Length of the way [m]."""
     return sum(math.dist((a.pose.x, a.pose.y), (b.pose.x, b.pose.y)) for a, b in pairwise(way))
 

@@ -10,14 +10,14 @@ from pathlib import Path
 from typing import Any
 
 from navfw.atomic import AtomicFolder
-from navfw.bench import datasets, flow_accuracy, perception_accuracy, speed
+from navfw.bench import flow_accuracy, perception_accuracy, perception_time, tum_accuracy
 from navfw.errors import InputError
 
 __all__ = [
-    "REACHES",
-    "Extent",
-    "Reach",
+    "TARGETS",
+    "SampleSizes",
     "Table",
+    "Target",
     "bench_perception",
     "find_data",
     "page",
@@ -31,7 +31,7 @@ Table = tuple[str, Sequence[str], Sequence[Sequence[object]]]
 
 
 @dataclass(frozen=True, slots=True)
-class Reach:
+class Target:
     """What is aimed at: ``key`` of the result, ``limit``, and whether more is better."""
 
     key: str
@@ -39,24 +39,24 @@ class Reach:
     more: bool
     what: str
 
-    def reached(self, value: float | None) -> bool | None:
+    def met(self, value: float | None) -> bool | None:
         """Whether ``value`` is good enough; None when it was not measured."""
         if value is None:
             return None
         return value >= self.limit if self.more else value <= self.limit
 
 
-REACHES = (
-    Reach("offis_ms", 0.5, False, "OFFIS, obstacles and situation, 12 x 16, two layers [ms]"),
-    Reach("offis_skfuzzy_ratio", 500.0, True, "times faster than through scikit-fuzzy"),
-    Reach("offis_max_abs_diff", 1e-6, False, "largest difference from scikit-fuzzy"),
-    Reach("block_matching_ratio", 2.5, True, "block matching over a loop of matchTemplate"),
-    Reach("nearest_quadrant_accuracy", 0.95, True, "nearest quadrant right"),
-    Reach("distance_accuracy", 0.90, True, "distance term right"),
-    Reach("far_for_near", 0.01, False, "far said for near"),
-    Reach("situation_contains_truth", 0.95, True, "Table 1's alternatives contain the truth"),
-    Reach("situation_top1", 0.85, True, "top situation right"),
-    Reach("ttc_median_rel_error", 0.15, False, "time to contact below 5 s, median relative error"),
+TARGETS = (
+    Target("offis_ms", 0.5, False, "OFFIS, obstacles and situation, 12 x 16, two layers [ms]"),
+    Target("offis_skfuzzy_ratio", 500.0, True, "times faster than through scikit-fuzzy"),
+    Target("offis_max_abs_diff", 1e-6, False, "largest difference from scikit-fuzzy"),
+    Target("block_matching_ratio", 2.5, True, "block matching over a loop of matchTemplate"),
+    Target("nearest_quadrant_accuracy", 0.95, True, "nearest quadrant right"),
+    Target("distance_accuracy", 0.90, True, "distance term right"),
+    Target("far_for_near", 0.01, False, "far said for near"),
+    Target("situation_contains_truth", 0.95, True, "Table 1's alternatives contain the truth"),
+    Target("situation_top1", 0.85, True, "top situation right"),
+    Target("ttc_median_rel_error", 0.15, False, "time to contact below 5 s, median relative error"),
 )
 """What issue and benchmark aim at."""
 
@@ -70,7 +70,7 @@ _ACCURACY = (
 
 
 @dataclass(frozen=True, slots=True)
-class Extent:
+class SampleSizes:
     """How much is measured: random views, inputs of each rule base, poses a world for the flow."""
 
     poses: int = 1000
@@ -111,7 +111,7 @@ def find_data(folder: Path) -> dict[str, Path]:
 
 
 def bench_perception(
-    extent: Extent,
+    extent: SampleSizes,
     seed: int | None = None,
     workers: int = 1,
     data: Mapping[str, Path] | None = None,
@@ -119,23 +119,23 @@ def bench_perception(
 ) -> dict[str, Any]:
     """Measure everything, as plain data.
 
-    The keys of ``REACHES`` (None: not measured) and ``ideal``, the accuracies with ideal flow; then
+    The keys of ``TARGETS`` (None: not measured) and ``ideal``, the accuracies with ideal flow; then
     the parts in full: ``accuracy``, ``speed``, ``flow``, and ``approach`` and ``tum`` (None without
     their ``data``). ``seed`` is that of the random views, ``workers`` the number of processes for
     what is not timed.
     """
     seed = perception_accuracy.HELD_OUT_SEED if seed is None else seed
     tell(f"speed, and {extent.comparisons} inputs of every rule base by scikit-fuzzy")
-    costs = speed.run(extent.comparisons, extent.repeats, workers)
+    costs = perception_time.run(extent.comparisons, extent.repeats, workers)
     tell(f"flow at {extent.places} poses of each world")
     flow = flow_accuracy.bench_flow(extent.places, seed=seed, tick=lambda text: tell(f"  {text}"))
     approach = tum = None
     if data is not None and "approach" in data:
         tell("the recorded approach")
-        approach = datasets.bench_approach(data["approach"])
+        approach = tum_accuracy.bench_approach(data["approach"])
     if data is not None and "tum_fr1" in data:
         tell("the recorded office")
-        tum = datasets.bench_tum(data["tum_fr1"])
+        tum = tum_accuracy.bench_tum(data["tum_fr1"])
     tell(f"accuracy over {extent.poses} views")
 
     def count(done: int) -> None:
@@ -162,9 +162,9 @@ def bench_perception(
 def tables(result: Mapping[str, Any]) -> Iterator[Table]:
     """The result for people."""
     rows = []
-    for reach in REACHES:
+    for reach in TARGETS:
         value = result[reach.key]
-        good = reach.reached(value)
+        good = reach.met(value)
         rows.append(
             (
                 reach.what,
@@ -222,7 +222,7 @@ def page(result: Mapping[str, Any]) -> str:
     parts.append(flow_accuracy.table(dict(result["flow"])))
     if result["tum"] is not None:
         parts.append("## Recorded office (TUM fr1)\n")
-        parts.append(datasets.tum_table(result["tum"]))
+        parts.append(tum_accuracy.tum_table(result["tum"]))
     if result["approach"] is not None:
         parts.append(_approach(result["approach"]))
     return "\n".join(parts)

@@ -3,7 +3,7 @@
 A world is a corridor with two rooms on either side, doors to them, perhaps a wall slanting across a
 room's corner, and perhaps furniture. A view is a pose of the robot with the motion that led to it,
 aimed at a situation (a door, a corner, ...) or at nothing in particular. What is really seen from
-there is found from the geometry by ``navfw.bench.truth``.
+there is found from the geometry by ``navfw.bench.view_truth``.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from navfw.sim.worldspec import (
     WorldSpec,
 )
 
-__all__ = ["AIMS", "YARD", "View", "random_views", "random_world"]
+__all__ = ["AIMS", "YARD", "RandomView", "random_views", "random_world"]
 
 AIMS = ("corridor", "door", "corner", "wall", "slope wall", "anywhere")
 """What a view may be aimed at."""
@@ -54,7 +54,7 @@ STRAIGHT_SHARE = 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class View:
+class RandomView:
     """``pose`` [m, rad] of the robot while it drives with ``twist``; ``aim`` is one of AIMS."""
 
     pose: Pose
@@ -203,7 +203,7 @@ def random_views(
     robot: RobotModel,
     count: int,
     situations: Callable[[Pose], Sequence[str]],
-) -> list[View]:
+) -> list[RandomView]:
     """``count`` views of ``world``, the AIMS in turn; the robot has driven there without a touch.
 
     A view aimed at a situation is one where the walls make that situation (``situations`` tells),
@@ -213,14 +213,14 @@ def random_views(
     """
     plan = FloorPlan.from_world(world, robot.height)
     first = int(rng.integers(len(AIMS)))
-    views: list[View] = []
+    views: list[RandomView] = []
     for i in range(count):
         aim = AIMS[(first + i) % len(AIMS)]
         for attempt in range(TRIES):
             pose = _aimed(rng, world, aim)
             turning = rng.random() >= STRAIGHT_SHARE
             rate = float(rng.uniform(-0.6, 0.6)) if turning else 0.0
-            view = View(pose, Twist(float(rng.uniform(0.1, 0.4)), rate), aim)
+            view = RandomView(pose, Twist(float(rng.uniform(0.1, 0.4)), rate), aim)
             if not _is_free(plan, view, robot):
                 continue
             shown = aim == "anywhere" or any(
@@ -309,7 +309,7 @@ def _wall_point(rng: np.random.Generator, world: WorldSpec) -> Facing:
     return x, y, segment.yaw + float(rng.choice([-0.5, 0.5])) * math.pi
 
 
-def _is_free(plan: FloorPlan, view: View, robot: RobotModel) -> bool:
+def _is_free(plan: FloorPlan, view: RandomView, robot: RobotModel) -> bool:
     """Whether the robot fits where it is and where it was up to a second ago."""
     poses = [view.before(seconds) for seconds in (0.0, 0.25, 0.5, 0.75, 1.0)]
     points = np.array([(pose.x, pose.y) for pose in poses])

@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from navfw.bench.samples import Sample, samples_of_world
+from navfw.bench.perception_samples import PerceptionSample, samples_of_world
 from navfw.offis.offis import Offis
 from navfw.offis.pyramid import QUADRANTS, Channels, Pyramid
-from navfw.reproduce.views import judge
+from navfw.reproduce.rendered_views import judge
 from navfw.robot import RobotModel
 from navfw.signals import Array, FlowField, Twist
 
@@ -94,7 +94,9 @@ class _Share:
 
 
 def _scores(
-    params: Offis.Params, seen: Sequence[tuple[FlowField, Twist]], samples: Sequence[Sample]
+    params: Offis.Params,
+    seen: Sequence[tuple[FlowField, Twist]],
+    samples: Sequence[PerceptionSample],
 ) -> dict[str, float | None]:
     offis = Offis(RobotModel(), params)
     shares = {name: _Share() for name in ("quadrant", "distance", "situation")}
@@ -121,7 +123,9 @@ def _features(flow: FlowField, layers: int, variances: bool) -> Array:
     return np.asarray(np.log(np.concatenate(columns) + 0.05))
 
 
-def _classified(features: Sequence[Array], samples: Sequence[Sample]) -> dict[str, float | None]:
+def _classified(
+    features: Sequence[Array], samples: Sequence[PerceptionSample]
+) -> dict[str, float | None]:
     """Share of right answers of the classifier for nearest quadrant and situation."""
     table = np.stack(features)
     quadrant = [QUADRANTS[int(np.argmax(sample.truth.nearness))] for sample in samples]

@@ -2,7 +2,7 @@
 
 The data are not part of the repository: each function takes the folder that holds them.
 
-- ``bench_approach``: see ``navfw.bench.approach``.
+- ``bench_approach``: see ``navfw.bench.recorded_approach``.
 - ``bench_tum``: a piece of a sequence of the TUM RGB-D benchmark (Sturm et al. 2012, CC BY 4.0).
 """
 
@@ -20,9 +20,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from navfw.bench.approach import bench_approach, contact_times, read_image
 from navfw.bench.flow_accuracy import TRUSTED, all_processors, statistics
 from navfw.bench.flow_pairs import TruePair
+from navfw.bench.recorded_approach import bench_approach, contact_times, read_image
 from navfw.errors import ConfigError
 from navfw.flow.grid import grid_points
 from navfw.flow.ideal import Ideal, nearness_at, true_vectors
@@ -60,7 +60,7 @@ def bench_tum(
         ConfigError: the folder does not hold what it should.
 
     """
-    recorded = _Recording(Path(folder))
+    recorded = _TumRecording(Path(folder))
     found = []
     for size in sizes:
         pairs = list(tum_pairs(folder, size, recorded))
@@ -108,13 +108,13 @@ def tum_table(result: Mapping[str, Any]) -> str:
 
 
 def tum_pairs(
-    folder: str | Path, size: tuple[int, int], recorded: _Recording | None = None
+    folder: str | Path, size: tuple[int, int], recorded: _TumRecording | None = None
 ) -> Iterator[TruePair]:
     """Pairs of consecutive colour frames, undistorted and at ``size`` (width, height).
 
     ``depth`` is that of the current frame, 0 where it is not known.
     """
-    recorded = _Recording(Path(folder)) if recorded is None else recorded
+    recorded = _TumRecording(Path(folder)) if recorded is None else recorded
     camera = _tum_camera(size)
     views = recorded.views
     images = [_rectified(read_image(view.colour), camera) for view in views]
@@ -131,7 +131,7 @@ def tum_pairs(
 
 
 @dataclass(frozen=True)
-class _View:
+class _PosedImage:
     """A colour image with its pose, and the depth image next to it with its own pose.
 
     ``place`` (3,) [m] and ``axes`` (3, 3; columns: right, down, ahead) in the world.
@@ -146,17 +146,19 @@ class _View:
     depth_axes: Array
 
 
-class _Recording:
+class _TumRecording:
     """Associates colour, depth and pose by time."""
 
     def __init__(self, folder: Path) -> None:
         colour, depth = _listing(folder, "rgb.txt"), _listing(folder, "depth.txt")
         self._poses = _poses(folder / "groundtruth.txt")
-        self.views: list[_View] = []
+        self.views: list[_PosedImage] = []
         for stamp, file in colour:
             at, near = min(depth, key=lambda item: abs(item[0] - stamp))
             if abs(at - stamp) <= LARGEST_GAP:
-                self.views.append(_View(stamp, file, *self._pose(stamp), near, *self._pose(at)))
+                self.views.append(
+                    _PosedImage(stamp, file, *self._pose(stamp), near, *self._pose(at))
+                )
         if len(self.views) < 2:
             raise ConfigError("has no two colour images with depth near in time", file=folder)
 
@@ -217,7 +219,7 @@ def _matrix(camera: CameraModel) -> Array:
     return np.array([[f, 0.0, x], [0.0, f, y], [0.0, 0.0, 1.0]])
 
 
-def _seen_depth(view: _View, camera: CameraModel) -> npt.NDArray[np.float32]:
+def _seen_depth(view: _PosedImage, camera: CameraModel) -> npt.NDArray[np.float32]:
     """Depth (height, width) [m] from the colour image's own pose; 0 where nobody measured.
 
     The depth image was taken a little before or after: its points are carried to the colour

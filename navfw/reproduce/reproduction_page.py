@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from navfw.offis.pyramid import position
-from navfw.reproduce.tables import FAST, PERIOD, SceneRow, WaypointRow
-from navfw.reproduce.views import Reading, Shot
+from navfw.reproduce.paper_tables import FAST, PERIOD, SceneRow, WaypointRow
+from navfw.reproduce.rendered_views import CheckedPercept, RenderedPair
 
 __all__ = ["PAPER_TIMES", "write_page"]
 
@@ -218,7 +218,7 @@ def _timings(timings: Mapping[str, float]) -> Iterator[str]:
     yield ""
 
 
-def _truth(shot: Shot) -> str:
+def _truth(shot: RenderedPair) -> str:
     truth = shot.truth
     where = " and ".join(position(name) for name in sorted(truth.certain))
     front = {
@@ -228,7 +228,7 @@ def _truth(shot: Shot) -> str:
     return f"nearest {where}, {truth.distance:.2f} m ({truth.term}); {front}."
 
 
-def _verdict(reading: Reading) -> str:
+def _verdict(reading: CheckedPercept) -> str:
     if reading.right:
         return "right"
     wrong = [

@@ -14,8 +14,8 @@ from functools import cache
 
 import numpy as np
 
-from navfw.bench.scenes import YARD, View, random_views, random_world
-from navfw.bench.truth import Truth, WallTruth, truth_of
+from navfw.bench.random_views import YARD, RandomView, random_views, random_world
+from navfw.bench.view_truth import ViewTruth, WallGeometry, truth_of
 from navfw.egomotion.camera_motion import camera_motion
 from navfw.egomotion.odometer import Odometer
 from navfw.egomotion.pairing import FrameBuffer, PairingParams
@@ -28,7 +28,7 @@ from navfw.sim.sensor_models import GyroModel, SensorParams, WheelEncoderModel
 from navfw.sim.simulation import Simulation
 from navfw.sim.worldspec import WorldSpec
 
-__all__ = ["VIEWS_PER_WORLD", "Sample", "ideal_flow", "samples_of_world"]
+__all__ = ["VIEWS_PER_WORLD", "PerceptionSample", "ideal_flow", "samples_of_world"]
 
 VIEWS_PER_WORLD = 12
 """Views of one world: enough to make building it cheap, few enough for variety."""
@@ -38,18 +38,20 @@ _STANDING, _DRIVING = 2.0, 2.0
 
 
 @dataclass(frozen=True, slots=True)
-class Sample:
+class PerceptionSample:
     """One view: flow as measured with the measured twist, ideal flow with the true one, truth."""
 
-    view: View
+    view: RandomView
     furnished: bool
     flow: FlowField
     twist: Twist
     ideal: FlowField
-    truth: Truth
+    truth: ViewTruth
 
 
-def samples_of_world(seed: int, number: int, views: int = VIEWS_PER_WORLD) -> Iterator[Sample]:
+def samples_of_world(
+    seed: int, number: int, views: int = VIEWS_PER_WORLD
+) -> Iterator[PerceptionSample]:
     """``views`` samples from world ``number`` of a ``seed``: the same ones whenever called.
 
     Views in which the default pairing finds no pair (turning fast, hardly moving) are left out,
@@ -58,7 +60,7 @@ def samples_of_world(seed: int, number: int, views: int = VIEWS_PER_WORLD) -> It
     rng = np.random.default_rng([seed, number])
     robot, sensors = RobotModel(), SensorParams()
     world = random_world(rng, f"world {number}")
-    walls = WallTruth(world)
+    walls = WallGeometry(world)
     chosen = random_views(
         rng, world, robot, views, lambda pose: walls.situations(pose, robot.camera)
     )
@@ -73,8 +75,12 @@ def samples_of_world(seed: int, number: int, views: int = VIEWS_PER_WORLD) -> It
 
 
 def _sample(
-    rng: np.random.Generator, sim: Simulation, walls: WallTruth, view: View, sensors: SensorParams
-) -> Sample | None:
+    rng: np.random.Generator,
+    sim: Simulation,
+    walls: WallGeometry,
+    view: RandomView,
+    sensors: SensorParams,
+) -> PerceptionSample | None:
     robot = sim.robot
     found = _pair(rng, robot, view, sensors)
     if found is None:
@@ -91,7 +97,7 @@ def _sample(
     raw = processor.compute(FramePair(frames[0], frames[1], motion))
     flow = refine(raw, robot.camera).apply(raw, robot.camera)
     true_motion = camera_motion(robot, past_pose, view.pose, motion.dt, yaw_rate_sigma=0, slip=0)
-    return Sample(
+    return PerceptionSample(
         view=view,
         furnished=_furnished(sim.world),
         flow=flow,
@@ -111,7 +117,7 @@ def _processor() -> BlockMatching:
 
 
 def _pair(
-    rng: np.random.Generator, robot: RobotModel, view: View, sensors: SensorParams
+    rng: np.random.Generator, robot: RobotModel, view: RandomView, sensors: SensorParams
 ) -> tuple[CameraMotion, Twist, float, float] | None:
     """Measured motion, measured twist, and times of both frames of the pair; None when none is."""
     gyro = GyroModel(sensors, rng)

@@ -11,9 +11,25 @@ from typing import Any
 from navfw.config.lookup import find
 from navfw.flow.block_matching import BlockMatching
 from navfw.offis.offis import Offis
-from navfw.reproduce.scenes import COLS, ROWS, SCENES, SPEED, STEP, OfficeScene, hand_held
-from navfw.reproduce.trajectory import START, WAYPOINTS, Moment, Waypoint, before, drive
-from navfw.reproduce.views import Eye, Reading, Shot, derotated, ideal, matched, not_derotated, read
+from navfw.reproduce.office_scenes import COLS, ROWS, SCENES, SPEED, STEP, OfficeScene, hand_held
+from navfw.reproduce.paper_trajectory import (
+    START,
+    WAYPOINTS,
+    TrajectoryPoint,
+    TrajectoryWaypoint,
+    before,
+    drive,
+)
+from navfw.reproduce.rendered_views import (
+    CheckedPercept,
+    RenderedPair,
+    ViewRenderer,
+    derotated,
+    ideal,
+    matched,
+    not_derotated,
+    read,
+)
 from navfw.robot import RobotModel
 from navfw.signals import FlowField, FramePair, Pose
 from navfw.sim.worldfile import load_world
@@ -46,10 +62,10 @@ class WaypointRow:
     "removed" or "left in", mode "normalised" or "raw means".
     """
 
-    waypoint: Waypoint
-    moment: Moment
-    shot: Shot
-    readings: Mapping[tuple[str, str, str], Reading]
+    waypoint: TrajectoryWaypoint
+    moment: TrajectoryPoint
+    shot: RenderedPair
+    readings: Mapping[tuple[str, str, str], CheckedPercept]
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,8 +73,8 @@ class SceneRow:
     """A situation of Table 3: readings by (flow, mode)."""
 
     scene: OfficeScene
-    shot: Shot
-    readings: Mapping[tuple[str, str], Reading]
+    shot: RenderedPair
+    readings: Mapping[tuple[str, str], CheckedPercept]
 
 
 def table2(seed: int) -> list[WaypointRow]:
@@ -71,7 +87,7 @@ def table2(seed: int) -> list[WaypointRow]:
     modes = _modes(robot, SEARCH)
     params = BlockMatching.Params(search=SEARCH)
     rows = []
-    with Eye(load_world(find("world", "paper-room")), robot, START, seed) as eye:
+    with ViewRenderer(load_world(find("world", "paper-room")), robot, START, seed) as eye:
         for waypoint in WAYPOINTS:
             moment = way[round(waypoint.time * 60.0)]
             shot = eye.look(before(moment, PERIOD), moment.pose, PERIOD)
@@ -102,7 +118,7 @@ def table3(seed: int) -> list[SceneRow]:
     rows = []
     for scene in SCENES:
         past = scene.pose.compose(Pose(-STEP, 0.0, 0.0))
-        with Eye(scene.world, robot, scene.pose, seed + scene.number) as eye:
+        with ViewRenderer(scene.world, robot, scene.pose, seed + scene.number) as eye:
             shot = eye.look(past, scene.pose, STEP / SPEED)
         flows = {
             "ideal": derotated(ideal(shot, robot, ROWS, COLS), robot, with_refinement=False),
@@ -163,7 +179,7 @@ def timings(rows: list[WaypointRow], scenes: list[SceneRow], repeats: int = 30) 
     }
 
 
-def _offis_time(offis: Offis, seen: list[tuple[FlowField, Shot]], repeats: int) -> float:
+def _offis_time(offis: Offis, seen: list[tuple[FlowField, RenderedPair]], repeats: int) -> float:
     times = []
     for _ in range(repeats):
         for flow, shot in seen:
@@ -217,7 +233,7 @@ def as_data(rows: list[WaypointRow], scenes: list[SceneRow]) -> dict[str, Any]:
     }
 
 
-def _truth(shot: Shot) -> dict[str, Any]:
+def _truth(shot: RenderedPair) -> dict[str, Any]:
     truth = shot.truth
     return {
         "quadrants": sorted(truth.certain),
@@ -228,7 +244,7 @@ def _truth(shot: Shot) -> dict[str, Any]:
     }
 
 
-def _reading(reading: Reading) -> dict[str, Any]:
+def _reading(reading: CheckedPercept) -> dict[str, Any]:
     return {
         "sentence": reading.percept.sentence,
         "right": reading.right,

@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 
 from navfw.bench.flow_accuracy import match_template_ratio
-from navfw.bench.samples import samples_of_world
+from navfw.bench.perception_samples import samples_of_world
 from navfw.fuzzy import load_rule_base
 from navfw.fuzzy.fis_benchmark import FisComparison, compare
 from navfw.fuzzy.reference_fis import ReferenceFis

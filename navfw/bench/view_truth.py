@@ -47,7 +47,7 @@ from navfw.sim.shapes import Rectangle
 from navfw.sim.solids import opening_segment, solids_of, wall_segments
 from navfw.sim.worldspec import WorldSpec
 
-__all__ = ["Truth", "WallTruth", "true_term", "truth_of"]
+__all__ = ["ViewTruth", "WallGeometry", "true_term", "truth_of"]
 
 CELL_AREA = 100
 """Pixels: of one cell of a 12 x 16 grid over 160 x 120 pixels."""
@@ -63,7 +63,7 @@ STANDING = 0.05
 
 
 @dataclass(frozen=True, slots=True)
-class Truth:
+class ViewTruth:
     """The truth of one view.
 
     ``nearness`` (4,) [1/m] of P1..P4; ``certain`` and ``possible`` name the quadrants of the
@@ -86,7 +86,7 @@ class Truth:
         return self.situations not in {("mixed",), ("hidden",)}
 
 
-class WallTruth:
+class WallGeometry:
     """The walls of one world: faces to cast rays against, and openings."""
 
     def __init__(self, world: WorldSpec) -> None:
@@ -196,8 +196,8 @@ class WallTruth:
 
 
 def truth_of(
-    walls: WallTruth, pose: Pose, speed: float, depth: DepthImage, robot: RobotModel
-) -> Truth:
+    walls: WallGeometry, pose: Pose, speed: float, depth: DepthImage, robot: RobotModel
+) -> ViewTruth:
     """The truth of the view from ``pose``, whose rendered true ``depth`` (height, width) [m] is."""
     camera = robot.camera
     rows, columns = depth.shape
@@ -219,7 +219,7 @@ def truth_of(
     hides = expected & solid & (depth < 0.97 * walls_depth - 0.02)
     hidden = [hides[:, side].sum() / max(expected[:, side].sum(), 1) for side in sides]
     situations = walls.situations(pose, camera)
-    return Truth(
+    return ViewTruth(
         nearness=tuple(each),
         certain=_alike(each, ALIKE),
         possible=_alike(each, UNLIKE),

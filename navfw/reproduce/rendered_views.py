@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from navfw.bench.truth import Truth, WallTruth, truth_of
+from navfw.bench.view_truth import ViewTruth, WallGeometry, truth_of
 from navfw.egomotion.camera_motion import camera_motion
 from navfw.flow.block_matching import BlockMatching
 from navfw.flow.derotation import derotate
@@ -24,14 +24,14 @@ from navfw.sim.sensor_models import SensorParams
 from navfw.sim.simulation import Simulation
 from navfw.sim.worldspec import WorldSpec
 
-__all__ = ["Eye", "Reading", "Shot", "front_of", "judge", "read"]
+__all__ = ["CheckedPercept", "RenderedPair", "ViewRenderer", "front_of", "judge", "read"]
 
 IMAGE_NOISE = 2.0
 """Standard deviation of the image noise [grey levels]."""
 
 
 @dataclass(frozen=True, slots=True)
-class Shot:
+class RenderedPair:
     """A pair of images with everything that is true of them.
 
     ``depth`` (height, width) [m] belongs to the second image; ``motion`` is the camera's true one.
@@ -41,11 +41,11 @@ class Shot:
     depth: DepthImage
     motion: CameraMotion
     twist: Twist
-    truth: Truth
+    truth: ViewTruth
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class CheckedPercept:
     """What OFFIS says of a flow field, and what of that is right (None: the truth is unclear)."""
 
     flow: FlowField
@@ -60,23 +60,23 @@ class Reading:
         return self.quadrant and self.distance and self.situation is not False
 
 
-class Eye:
+class ViewRenderer:
     """A robot's camera in a world. Use as a context manager."""
 
     def __init__(self, world: WorldSpec, robot: RobotModel, start: Pose, seed: int) -> None:
         self.robot = robot
-        self._walls = WallTruth(world)
+        self._walls = WallGeometry(world)
         self._rng = np.random.default_rng(seed)
         # twice the size and averaged, as a ray tracer would: TinyRenderer aliases
         self._sim = Simulation(world, robot, start, 0, SensorParams(supersample=2))
 
-    def __enter__(self) -> Eye:
+    def __enter__(self) -> ViewRenderer:
         return self
 
     def __exit__(self, *_: object) -> None:
         self._sim.close()
 
-    def look(self, past: Pose, now: Pose, dt: float) -> Shot:
+    def look(self, past: Pose, now: Pose, dt: float) -> RenderedPair:
         """The images from two poses ``dt`` [s] apart."""
         robot = self.robot
         before, _ = self._sim.render_from(past)
@@ -85,7 +85,7 @@ class Eye:
         step = past.relative(now)
         twist = Twist(float(np.hypot(step.x, step.y)) / dt, step.yaw / dt)
         frames = Frame(0.0, self._exposed(before)), Frame(dt, self._exposed(after))
-        return Shot(
+        return RenderedPair(
             FramePair(*frames, motion),
             depth,
             motion,
@@ -98,7 +98,7 @@ class Eye:
         return np.asarray(np.clip(np.rint(noisy), 0, 255), dtype=np.uint8)
 
 
-def ideal(shot: Shot, robot: RobotModel, rows: int = 12, cols: int = 16) -> FlowField:
+def ideal(shot: RenderedPair, robot: RobotModel, rows: int = 12, cols: int = 16) -> FlowField:
     """The true flow of ``shot``, rotation and all: the paper's synthetic mode (sec 6.1)."""
     camera = robot.camera
     points = grid_points(camera, rows, cols)
@@ -116,7 +116,7 @@ def ideal(shot: Shot, robot: RobotModel, rows: int = 12, cols: int = 16) -> Flow
 
 
 def matched(
-    shot: Shot, robot: RobotModel, params: BlockMatching.Params, *, gyro: bool
+    shot: RenderedPair, robot: RobotModel, params: BlockMatching.Params, *, gyro: bool
 ) -> FlowField:
     """Flow of ``shot`` by block matching; without ``gyro`` the search knows of no rotation."""
     motion = shot.motion if gyro else _unturned(shot.motion)
@@ -140,18 +140,18 @@ def _unturned(motion: CameraMotion) -> CameraMotion:
     return dataclasses.replace(motion, rotation=np.eye(3))
 
 
-def read(offis: Offis, flow: FlowField, shot: Shot) -> Reading:
+def read(offis: Offis, flow: FlowField, shot: RenderedPair) -> CheckedPercept:
     """Let ``offis`` interpret derotated ``flow``, and hold that against the truth."""
     offis.reset()
     percept = offis.perceive(flow, shot.twist)
-    return Reading(flow, percept, *judge(percept, shot.truth))
+    return CheckedPercept(flow, percept, *judge(percept, shot.truth))
 
 
-def judge(percept: Percept, truth: Truth) -> tuple[bool, bool, bool | None]:
+def judge(percept: Percept, truth: ViewTruth) -> tuple[bool, bool, bool | None]:
     """Whether nearest quadrants, distance term and what is in front (None: unclear) are right.
 
     Every quadrant named must be possible and one of them certain; the front must name a true
-    situation. See ``navfw.bench.truth`` for what is true.
+    situation. See ``navfw.bench.view_truth`` for what is true.
     """
     named = percept.obstacles["layer1"]
     quadrant = bool(named.keys() & truth.certain) and named.keys() <= truth.possible
