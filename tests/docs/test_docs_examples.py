@@ -20,6 +20,7 @@ from navfw.missions.session import MissionResult, prepare
 from navfw.plugins import default_registry
 from navfw.stackfile import load_stack
 from navfw.testing import check_behavior, check_composite
+from navfw.worldgen import generate
 
 WITH_RUNS = [page for page in PAGES if any(words[0] == "run" for words in commands(page))]
 
@@ -50,9 +51,16 @@ def test_the_pages_have_all_the_files_of_their_examples() -> None:
         "tests/test_cautious.py",
     }
     assert set(files_of(ROOT / "docs" / "plugins.md")) == {
-        "behaviors/there_and_back.py",
-        "behaviors/largest_sum.py",
+        "plugins/there_and_back.py",
+        "plugins/largest_sum.py",
+        "plugins/apriltag.py",
+        "plugins/columns.py",
+        "plugins/rush_hour.py",
         "stacks/mine.yaml",
+        "stacks/tags.yaml",
+        "worlds/hall/world.yaml",
+        "worlds/hall/missions/rush.yaml",
+        "maps/hall.yaml",
     }
     assert set(files_of(ROOT / "docs" / "worlds.md")) == {
         "worlds/den/world.yaml",
@@ -87,6 +95,30 @@ def test_the_flow_processor_and_the_fusion_drive() -> None:
     result = prepare("empty", "straight", seed=1, stack="mine").run()
     assert result.outcome is Outcome.REACHED, result.reason
     assert not list(result.run.faults)
+
+
+@pytest.mark.usefixtures("project")
+def test_the_landmark_kind_and_the_event_take_part_in_a_mission() -> None:
+    session = prepare("hall", "rush", seed=1)
+    result = session.run()
+    assert result.outcome is Outcome.REACHED, result.reason
+    assert set(session.stack.state.detection_counts) == {"apriltag-7", "apriltag-8"}
+    assert session.stack.state.belief is not None
+    assert session.stack.state.belief.updates > 0
+    begun = [set(record.given) - {"at", "lasting"} for record in result.run.events]
+    assert begun == [{"light"}, {"obstacle"}, {"obstacle"}]
+
+
+@pytest.mark.usefixtures("project")
+def test_the_family_of_worlds_is_generated_and_driven(tmp_path: Path) -> None:
+    for seed, difficulty in ((1, 0.0), (2, 1.0)):
+        made = generate("columns", seed, difficulty)
+        assert len(made.world.cylinders) >= 4
+        again = generate("columns", seed, difficulty)
+        assert again.world == made.world
+    folder = made.write(tmp_path / "columns")
+    result = prepare(str(folder), "cross", seed=1).run()
+    assert result.outcome is Outcome.REACHED, result.reason
 
 
 @pytest.fixture(scope="module")
