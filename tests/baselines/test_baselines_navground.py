@@ -1,14 +1,14 @@
-"""Navground's HL behaviour as a plugin: it sees what the truth tells it, and goes around."""
+"""Navground's HL behaviour as a plugin: it avoids the obstacles of the true surroundings."""
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from navfw.baselines import navground
 from navfw.baselines.navground import Navground
 from navfw.baselines.surroundings import Surroundings
 from navfw.errors import MissingExtraError, PluginError
@@ -21,8 +21,8 @@ ROBOT = RobotModel()
 OPEN = contexts_of(BehaviorScene("open", Twist(0.3, 0.0), waypoint=(4.0, 0.0), ticks=3))[-1]
 
 
-class Told:
-    """A source of truth with these things around."""
+class FixedSurroundings:
+    """A source of true surroundings with these obstacles."""
 
     def __init__(
         self,
@@ -41,7 +41,7 @@ class Told:
         return self.around
 
 
-def wanted(proposal: Proposal, context: Context) -> Twist:
+def desired_twist(proposal: Proposal, context: Context) -> Twist:
     desire = proposal.desirability
     return Twist(
         float((desire * context.commands.v[:, None]).sum() / desire.sum()),
@@ -49,37 +49,40 @@ def wanted(proposal: Proposal, context: Context) -> Twist:
     )
 
 
-def drive(truth: Told, context: Context = OPEN) -> Twist:
+def drive(truth: FixedSurroundings, context: Context = OPEN) -> Twist:
     pytest.importorskip("navground", reason="the extra navground is not installed")
     behavior = Navground(ROBOT)
     behavior.set_truth(truth)
     proposal = behavior.propose(context)
     assert proposal.applicability == 1.0
-    return wanted(proposal, context)
+    return desired_twist(proposal, context)
 
 
 def test_in_the_open_it_goes_straight_on() -> None:
-    twist = drive(Told())
+    twist = drive(FixedSurroundings())
     assert twist.v > 0.3
     assert abs(twist.w) < 0.05
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
-def test_it_goes_around_what_stands_in_the_way_on_the_shorter_side(side: float) -> None:
+def test_it_passes_an_obstacle_on_the_shorter_side(side: float) -> None:
     disc = [[1.0, side * 0.15, 0.3]]
-    assert drive(Told(discs=disc)).w * side < -0.2
+    assert drive(FixedSurroundings(discs=disc)).w * side < -0.2
     wall = [[[1.0, side * 2.0], [1.0, -side * 0.2]]]
-    assert drive(Told(edges=wall)).w * side < -0.2
+    assert drive(FixedSurroundings(edges=wall)).w * side < -0.2
 
 
-def test_it_gives_way_to_who_walks_into_its_way() -> None:
+def test_it_gives_way_to_a_crossing_person() -> None:
     crossing = [[1.2, -0.9, 0.25, 0.0, 0.5]]
     standing = [[1.2, -0.9, 0.25, 0.0, 0.0]]
-    here, there = drive(Told(walkers=crossing)), drive(Told(walkers=standing))
+    here, there = (
+        drive(FixedSurroundings(walkers=crossing)),
+        drive(FixedSurroundings(walkers=standing)),
+    )
     assert abs(here.w - there.w) + abs(here.v - there.v) > 0.1
 
 
-def test_it_is_an_oracle_and_has_to_be_told_the_truth() -> None:
+def test_it_is_an_oracle_and_needs_the_true_surroundings() -> None:
     pytest.importorskip("navground", reason="the extra navground is not installed")
     assert Navground.oracle
     with pytest.raises(PluginError, match="needs the simulator's truth"):
@@ -87,11 +90,11 @@ def test_it_is_an_oracle_and_has_to_be_told_the_truth() -> None:
     assert Navground(ROBOT).propose(replace(OPEN, waypoint=None)).applicability == 0.0
 
 
-def test_without_the_package_it_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_the_package_the_error_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     def missing(name: str) -> object:
         raise ImportError(name)
 
-    monkeypatch.setattr(navground.importlib, "import_module", missing)
+    monkeypatch.setattr(importlib, "import_module", missing)
     with pytest.raises(MissingExtraError, match=r"pip install 'navfw\[navground\]'") as caught:
         Navground(ROBOT)
     assert caught.value.extra == "navground"

@@ -1,4 +1,4 @@
-"""LOCOM keeps the drive's limits whatever it is told."""
+"""LOCOM keeps the limits of the drive for every command."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def test_reaches_the_command_and_holds_it() -> None:
     assert twist == Twist(0.3, 0.5)
 
 
-def test_a_stale_command_is_none() -> None:
+def test_a_stale_command_brakes_to_a_standstill() -> None:
     locom = Unicycle(ROBOT)
     for k in range(60):
         locom.control(command(k * DT, 0.3, 0.0), odometry(k * DT), DT)
@@ -58,7 +58,7 @@ def test_a_stale_command_is_none() -> None:
     assert twist == Twist(0.0, 0.0)
 
 
-def test_curves_are_taken_slowly() -> None:
+def test_speed_in_curves_keeps_the_lateral_acceleration() -> None:
     locom = Unicycle(ROBOT)
     for k in range(240):
         twist = locom.control(command(k * DT, ROBOT.max_v, ROBOT.max_w), odometry(k * DT), DT)
