@@ -128,8 +128,8 @@ class Posters(FeatureRecognizer):
         """Features of a picture at all sizes in ``_SIDES``."""
         points, descriptors = [np.zeros((0, 2))], [np.zeros((0, 32), np.uint8)]
         for side in _SIDES:
-            seen = cv2.resize(picture, (side, side), interpolation=cv2.INTER_AREA)
-            keypoints, found = self._template_orb.detectAndCompute(seen, None)
+            scaled = cv2.resize(picture, (side, side), interpolation=cv2.INTER_AREA)
+            keypoints, found = self._template_orb.detectAndCompute(scaled, None)
             if found is not None:
                 points.append((np.array([k.pt for k in keypoints]) + 0.5) / side)
                 descriptors.append(found.astype(np.uint8, copy=False))

@@ -166,8 +166,8 @@ class Router:
         legs = (entry.passage_to(first.name), *passages, leave.passage_to(last.name))
         length = first.distance(*start.point) + last.distance(*goal.point)
         length += sum(passage.length for passage in passages)
-        ways = entry.costs[first.name], leave.costs[last.name]
-        return Route(start, goal, found.places, passages, legs, found.cost, length, *ways)
+        end_costs = entry.costs[first.name], leave.costs[last.name]
+        return Route(start, goal, found.places, passages, legs, found.cost, length, *end_costs)
 
     def _direct_cost(self, entry: Access, leave: Access) -> tuple[float, Passage] | None:
         """Cost and passage of a route along one passage that start and goal both project onto."""
@@ -177,8 +177,8 @@ class Router:
             for b in leave.projections
             if a.passage is b.passage
         ]
-        ways = (way for way in options if math.isfinite(way[0]))
-        return min(ways, key=lambda way: (way[0], way[1].width), default=None)
+        finite = (option for option in options if math.isfinite(option[0]))
+        return min(finite, key=lambda option: (option[0], option[1].width), default=None)
 
     def _cost_between(self, a: PassageProjection, b: PassageProjection) -> float:
         factor = self.costs.factor(a.passage)

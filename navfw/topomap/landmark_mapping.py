@@ -159,12 +159,14 @@ class _PoseGraph:
     def _step_factor(self, i: int) -> tuple[npt.NDArray[np.int64], Array, Array, Array]:
         a = self._start if i == 0 else self._poses[i - 1]
         b, step = self._poses[i], self._steps[i]
-        seen = a.relative(b)
-        residual = np.array([seen.x - step.x, seen.y - step.y, wrap_angle(seen.yaw - step.yaw)])
+        relative = a.relative(b)
+        residual = np.array(
+            [relative.x - step.x, relative.y - step.y, wrap_angle(relative.yaw - step.yaw)]
+        )
         c, s = math.cos(a.yaw), math.sin(a.yaw)
         of_b = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
         of_a = -of_b.copy()
-        of_a[:2, 2] = seen.y, -seen.x
+        of_a[:2, 2] = relative.y, -relative.x
         along = _STEP_SHARE * math.hypot(step.x, step.y) + _STEP_FLOOR
         turn = _TURN_SHARE * abs(step.yaw) + _TURN_FLOOR
         information = np.diag([along**-2, along**-2, turn**-2])
