@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import networkx as nx
 import numpy as np
 
@@ -146,4 +147,11 @@ def thinned(mask: Mask) -> Mask:
             gone = (count >= 2) & (count <= 6) & (rises == 1) & (edge == 0)
             shape[1:-1, 1:-1][gone] = 0
         if int(shape.sum()) == before:
-            return shape[1:-1, 1:-1] > 0
+            break
+    skeleton: Mask = shape[1:-1, 1:-1] > 0
+    # parts that shrink to a square of 2 x 2 cells vanish: keep the innermost cell of each
+    count, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=8)
+    for part in set(range(1, count)) - set(labels[skeleton].tolist()):
+        depth = cv2.distanceTransform((labels == part).astype(np.uint8), cv2.DIST_L2, 3)
+        skeleton[np.unravel_index(int(depth.argmax()), depth.shape)] = True
+    return skeleton
