@@ -10,6 +10,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from navfw.context import Context
     from navfw.interfaces import (
         Behavior,
         Composite,
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
         Perception,
         Planner,
     )
-    from navfw.mofis.context import Context
     from navfw.mofis.ruled import RuledBehavior, RuledComposite
     from navfw.mofis.rules import BehaviorRules
     from navfw.robot import CameraModel, RobotModel
@@ -46,7 +46,7 @@ _HOMES = {
     "CameraModel": "navfw.robot",
     "Command": "navfw.signals",
     "Composite": "navfw.interfaces",
-    "Context": "navfw.mofis.context",
+    "Context": "navfw.context",
     "Controller": "navfw.interfaces",
     "Explain": "navfw.signals",
     "FeatureRecognizer": "navfw.interfaces",

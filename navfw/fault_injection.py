@@ -6,8 +6,8 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
+from navfw.context import Context
 from navfw.interfaces import Behavior
-from navfw.mofis.context import Context
 from navfw.mofis.watchdog import BehaviorTimeout
 from navfw.signals import Proposal
 

@@ -37,7 +37,7 @@ from navfw.signals import (
 if TYPE_CHECKING:
     import numpy as np
 
-    from navfw.mofis.context import Context
+    from navfw.context import Context
     from navfw.sim.worldspec import WorldSpec
     from navfw.topomap import TopoMap
     from navfw.worldgen.world_draft import WorldDraft

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, cast
 
+from navfw.context import CommandGrid
 from navfw.egomotion.odometer import Odometer
 from navfw.egomotion.odometry_history import OdometryHistory
 from navfw.interfaces import (
@@ -22,7 +23,6 @@ from navfw.interfaces import (
 )
 from navfw.localmap import LocalMap
 from navfw.locom.trim import WheelTrim
-from navfw.mofis.command_grid import CommandGrid
 from navfw.mofis.explanation import explain_command
 from navfw.mofis.mofis import DecisionInputs, Mofis
 from navfw.movers import ConflictPredictor, Tracker

@@ -18,11 +18,11 @@ from navfw.config.layering import layered
 from navfw.config.lookup import find
 from navfw.config.overrides import Override, apply_overrides, parse_override
 from navfw.config.yamlfile import validate
+from navfw.context import CommandGridParams
 from navfw.egomotion.pairing import PairingParams
 from navfw.errors import ConfigError, UnknownNameError, did_you_mean
 from navfw.interfaces import Plugin
 from navfw.localmap import LocalMapParams
-from navfw.mofis.command_grid import CommandGridParams
 from navfw.movers import MoverParams
 from navfw.safety import SafetyParams
 

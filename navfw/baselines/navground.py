@@ -14,10 +14,9 @@ from typing import Annotated, Any, ClassVar
 from pydantic import Field
 
 from navfw.baselines.surroundings import Surroundings, SurroundingsSource
+from navfw.context import Context, peak
 from navfw.errors import MissingExtraError, PluginError
 from navfw.interfaces import Behavior
-from navfw.mofis.command_grid import peak
-from navfw.mofis.context import Context
 from navfw.robot import RobotModel
 from navfw.signals import Array, Proposal
 

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, TypeAlias
 
-import navfw
 from navfw.config.document import no_such_file
 from navfw.errors import ConfigError, UnknownNameError
 
@@ -35,6 +34,7 @@ __all__ = [
 
 Kind: TypeAlias = Literal["world", "map", "stack", "mission"]
 _SUFFIXES = {".yaml", ".yml"}
+_PACKAGE = Path(__file__).parents[1]
 
 
 @dataclass(frozen=True)
@@ -94,9 +94,8 @@ def shipped_folder() -> Path:
 
     ``navfw/shipped`` in an installed package, the repository's root in a checkout.
     """
-    package = Path(navfw.__file__).parent
-    installed = package / "shipped"
-    return installed if installed.is_dir() else package.parent
+    installed = _PACKAGE / "shipped"
+    return installed if installed.is_dir() else _PACKAGE.parent
 
 
 def _data_folders() -> list[_DataFolders]:
@@ -106,7 +105,7 @@ def _data_folders() -> list[_DataFolders]:
             "shipped",
             shipped / "worlds",
             shipped / "maps",
-            Path(navfw.__file__).parent / "stacks",
+            _PACKAGE / "stacks",
             shipped / "behaviors",
         )
     ]

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from navfw.context import CommandGrid
 from navfw.interfaces import Composite
-from navfw.mofis.command_grid import CommandGrid
 from navfw.signals import Command, Proposal
 
 __all__ = ["explain_command"]

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+from navfw.context import CommandGrid, Context
 from navfw.interfaces import Behavior, Composite, Fusion
 from navfw.localmap import LocalMap
-from navfw.mofis.command_grid import CommandGrid
-from navfw.mofis.context import Context
 from navfw.mofis.progress import ProgressMonitor
 from navfw.mofis.proposal_check import proposal_error
 from navfw.mofis.watchdog import BehaviorTimeout, Watchdog

@@ -7,8 +7,8 @@ from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from navfw.context import Context
 from navfw.interfaces import Behavior, Composite, Plugin
-from navfw.mofis.context import Context
 from navfw.mofis.rules import BehaviorRules
 from navfw.robot import RobotModel
 from navfw.signals import Explain

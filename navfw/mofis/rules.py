@@ -8,8 +8,8 @@ from typing import Any
 import numba
 import numpy as np
 
+from navfw.context import CommandGrid
 from navfw.fuzzy import CompiledFis, Inference, RuleBase, load_rule_base, parse_rule_base
-from navfw.mofis.command_grid import CommandGrid
 from navfw.signals import Array
 
 __all__ = ["BehaviorRules", "Verdict"]

@@ -20,7 +20,7 @@ from navfw.signals import Proposal
 from navfw.testing.behavior_scenes import SCENES, BehaviorScene, contexts_of
 
 if TYPE_CHECKING:
-    from navfw.mofis.context import Context
+    from navfw.context import Context
 
 __all__ = ["BUDGET", "check_behavior", "check_composite"]
 

@@ -12,10 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from navfw.context import CommandGrid, Context
 from navfw.interfaces import Fusion
 from navfw.localmap import LocalMap
-from navfw.mofis.command_grid import CommandGrid
-from navfw.mofis.context import Context
 from navfw.mofis.mofis import DecisionInputs, Mofis
 from navfw.offis.offis import Offis
 from navfw.robot import RobotModel

@@ -14,6 +14,7 @@ from architecture_sources import (
     MODULES,
     ROOT,
     dotted,
+    import_contracts,
     imports,
     module_name,
     names,
@@ -103,6 +104,18 @@ def test_modules_define_the_names_of_their_all() -> None:
             module = importlib.import_module(module_name(path))
             missing += [f"{module.__name__}.{n}" for n in module.__all__ if not hasattr(module, n)]
     assert missing == []
+
+
+def test_contracts_leave_out_imports_for_type_checking_alone() -> None:
+    left_out = {
+        text for contract in import_contracts() for text in contract.get("ignore_imports", ())
+    }
+    for text in left_out:
+        importer, _, imported = text.partition(" -> ")
+        tree = tree_of(ROOT / f"{importer.replace('.', '/')}.py")
+        for node in list(tree.body):
+            if not (isinstance(node, ast.If) and dotted(node.test) == "TYPE_CHECKING"):
+                assert imported not in {module for module, _ in imports(node)}, text
 
 
 def test_only_sim_talks_to_the_physics_engine() -> None:

@@ -11,8 +11,8 @@ import pytest
 
 from navfw.baselines.navground import Navground
 from navfw.baselines.surroundings import Surroundings
+from navfw.context import Context
 from navfw.errors import MissingExtraError, PluginError
-from navfw.mofis.context import Context
 from navfw.robot import RobotModel
 from navfw.signals import Proposal, Twist
 from navfw.testing.behavior_scenes import BehaviorScene, contexts_of

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from navfw.context import Context
 from navfw.errors import InputError
 from navfw.interfaces import Behavior, Composite
 from navfw.localmap.local_planner import LocalGoal
-from navfw.mofis.context import Context
 from navfw.plugins import Registry, default_registry
 from navfw.robot import RobotModel
 from navfw.signals import Belief, Proposal, Twist, Waypoint

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from navfw.context import Context
 from navfw.interfaces import Behavior
-from navfw.mofis.context import Context
 from navfw.plugins import default_registry
 from navfw.robot import RobotModel
 from navfw.signals import Pose, Proposal, Twist

@@ -7,9 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from navfw.context import Context, quadrant_distances
 from navfw.interfaces import Behavior
-from navfw.mofis.context import Context
-from navfw.mofis.quadrant_distances import quadrant_distances
 from navfw.plugins import default_registry
 from navfw.robot import RobotModel
 from navfw.signals import Pose, Proposal, Twist

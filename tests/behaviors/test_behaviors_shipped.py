@@ -8,10 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from navfw.context import CommandGrid, Context
 from navfw.interfaces import Behavior, Composite
 from navfw.localmap.local_planner import LocalGoal
-from navfw.mofis.command_grid import CommandGrid
-from navfw.mofis.context import Context
 from navfw.movers.conflict_prediction import ConflictParams, predict_conflicts
 from navfw.movers.tracking import Track
 from navfw.plugins import Registry, default_registry

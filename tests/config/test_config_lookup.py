@@ -5,7 +5,6 @@ from pathlib import Path
 
 import pytest
 
-import navfw
 from navfw.config import lookup
 from navfw.errors import ConfigError, UnknownNameError
 
@@ -56,7 +55,7 @@ def test_shipped_files_are_found_by_name(shipped: Path) -> None:
     assert lookup.find("world", "office") == shipped / "worlds/office/world.yaml"
     assert lookup.find("map", "office") == shipped / "maps/office.yaml"
     assert lookup.find("mission", "office/to-lab") == lookup.find_mission("office", "to-lab")
-    assert lookup.behavior_folders() == [shipped / "behaviors"]
+    assert lookup.plugin_folders() == [shipped / "behaviors"]
 
 
 @pytest.mark.parametrize(
@@ -106,10 +105,12 @@ def test_a_project_adds_missions_to_a_shipped_world(shipped: Path, project: Path
     assert lookup.find_mission("office", "patrol") == own
 
 
-def test_behaviors_of_the_project_come_after_the_shipped_ones(shipped: Path, project: Path) -> None:
-    assert lookup.behavior_folders() == [shipped / "behaviors"]
+def test_plugins_of_the_project_come_after_the_shipped_ones(shipped: Path, project: Path) -> None:
+    assert lookup.plugin_folders() == [shipped / "behaviors"]
     (project / "behaviors").mkdir()
-    assert lookup.behavior_folders() == [shipped / "behaviors", project / "behaviors"]
+    assert lookup.plugin_folders() == [shipped / "behaviors", project / "behaviors"]
+    (project / "plugins").mkdir()
+    assert lookup.plugin_folders()[2:] == [project / "plugins"]
 
 
 def test_the_checkout_is_not_its_own_second_project(
@@ -117,7 +118,7 @@ def test_the_checkout_is_not_its_own_second_project(
 ) -> None:
     write(shipped / "navfw.toml", "")
     monkeypatch.chdir(shipped)
-    assert lookup.behavior_folders() == [shipped / "behaviors"]
+    assert lookup.plugin_folders() == [shipped / "behaviors"]
     assert names(lookup.list_worlds()) == ["empty (shipped)", "office (shipped)"]
 
 
@@ -176,7 +177,7 @@ def test_a_missing_path_names_the_nearest_file(shipped: Path, tmp_path: Path) ->
 
 def test_the_real_shipped_folder_has_its_behaviors() -> None:
     assert lookup.shipped_folder() == HOME
-    assert HOME / "behaviors" in lookup.behavior_folders()
+    assert HOME / "behaviors" in lookup.plugin_folders()
     assert "default" in [found.name for found in lookup.list_stacks()]
 
 
@@ -184,5 +185,5 @@ def test_an_installed_package_contains_the_shipped_files(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "navfw" / "shipped").mkdir(parents=True)
-    monkeypatch.setattr(navfw, "__file__", str(tmp_path / "navfw" / "__init__.py"))
+    monkeypatch.setattr(lookup, "_PACKAGE", tmp_path / "navfw")
     assert lookup.shipped_folder() == tmp_path / "navfw" / "shipped"

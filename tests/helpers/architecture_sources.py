@@ -7,6 +7,7 @@ import tomllib
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 ROOT = Path(__file__).parents[2]
 MODULES = sorted((ROOT / "navfw").rglob("*.py"))
@@ -57,13 +58,17 @@ def dotted(node: ast.AST) -> str:
     return ""
 
 
+def import_contracts() -> list[dict[str, Any]]:
+    """The import contracts in ``pyproject.toml``."""
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    contracts: list[dict[str, Any]] = settings["tool"]["importlinter"]["contracts"]
+    return contracts
+
+
 def stack_modules() -> list[Path]:
     """The modules of the stack, as in the import contract on honest sensing."""
-    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     (contract,) = (
-        contract
-        for contract in settings["tool"]["importlinter"]["contracts"]
-        if contract["name"].startswith("honest sensing")
+        contract for contract in import_contracts() if contract["name"].startswith("honest sensing")
     )
     found: list[Path] = []
     for name in contract["source_modules"]:

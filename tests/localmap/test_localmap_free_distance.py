@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from navfw.context import CommandGrid
 from navfw.localmap.cost_kernels import cost_to_go
 from navfw.localmap.free_distance import Arcs, arcs_of, free_distance, ranges_around
 from navfw.localmap.local_planner import LocalPlanner
 from navfw.localmap.occupancy_grid import OccupancyGrid
-from navfw.mofis.command_grid import CommandGrid
 from navfw.robot import RobotModel
 from navfw.signals import Pose, Twist
 

@@ -10,11 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+from navfw.context import CommandGrid, Context
 from navfw.interfaces import Behavior, Composite, Fusion
 from navfw.localmap.free_distance import look_around, sweep
 from navfw.localmap.occupancy_grid import OccupancyGrid
-from navfw.mofis.command_grid import CommandGrid
-from navfw.mofis.context import Context
 from navfw.mofis.explanation import explain_command
 from navfw.mofis.fusion.blend import BlendFusion
 from navfw.mofis.fusion.damn import DamnFusion

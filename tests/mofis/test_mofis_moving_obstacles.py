@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from navfw.context import Context
 from navfw.fault_injection import inject_faults
 from navfw.interfaces import Behavior
-from navfw.mofis.context import Context
 from navfw.mofis.fusion.fuzzy import FuzzyFusion
 from navfw.mofis.mofis import Mofis
 from navfw.robot import RobotModel

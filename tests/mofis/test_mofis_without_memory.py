@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
+from navfw.context import Context
 from navfw.interfaces import Behavior
-from navfw.mofis.context import Context
 from navfw.mofis.fusion.fuzzy import FuzzyFusion
 from navfw.mofis.mofis import Mofis, MofisParams
 from navfw.offis.offis import Offis

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from navfw.mofis.command_grid import CommandGrid
+from navfw.context import CommandGrid
 from navfw.movers.conflict_prediction import ConflictParams, ConflictPredictor
 from navfw.movers.tracking import Track
 from navfw.robot import RobotModel

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from pydantic import Field
 
+from navfw.context import Context
 from navfw.errors import PluginError
 from navfw.interfaces import Behavior, Composite
-from navfw.mofis.context import Context
 from navfw.plugins import default_registry
 from navfw.robot import RobotModel
 from navfw.signals import Label, Proposal, Twist

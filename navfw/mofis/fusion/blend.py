@@ -6,8 +6,8 @@ from typing import ClassVar
 
 import numpy as np
 
+from navfw.context import Context
 from navfw.interfaces import Fusion
-from navfw.mofis.context import Context
 from navfw.mofis.fusion.common import Proposals, command_at, no_command, prohibition_of
 from navfw.signals import Array, Command
 

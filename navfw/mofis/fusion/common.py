@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from navfw.mofis.context import Context
+from navfw.context import Context
 from navfw.signals import Array, Command, Mask, Proposal, Twist
 
 __all__ = [

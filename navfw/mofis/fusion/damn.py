@@ -8,8 +8,8 @@ import numpy as np
 from pydantic import Field
 from scipy import ndimage
 
+from navfw.context import Context
 from navfw.interfaces import Fusion
-from navfw.mofis.context import Context
 from navfw.mofis.fusion.common import Proposals, command_at, no_command, prohibition_of, shares_of
 from navfw.signals import Command
 

@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 from pydantic import Field
 
+from navfw.context import Context
 from navfw.interfaces import Fusion
-from navfw.mofis.context import Context
 from navfw.mofis.fusion.common import (
     Proposals,
     command_at,

@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
+from navfw.context import Context
 from navfw.interfaces import Fusion
-from navfw.mofis.context import Context
 from navfw.mofis.fusion.common import Proposals, command_at, no_command, prohibition_of
 from navfw.signals import Array, Command
 

@@ -7,8 +7,8 @@ from typing import Annotated, ClassVar
 import numpy as np
 from pydantic import Field
 
+from navfw.context import Context
 from navfw.interfaces import Fusion
-from navfw.mofis.context import Context
 from navfw.mofis.fusion.common import Proposals, command_at, no_command
 from navfw.signals import Command
 

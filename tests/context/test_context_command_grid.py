@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navfw.mofis.command_grid import CommandGrid, peak
+from navfw.context import CommandGrid, peak
 from navfw.robot import RobotModel
 
 GRID = CommandGrid(RobotModel())

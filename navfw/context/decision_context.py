@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from navfw.context.command_grid import CommandGrid
+from navfw.context.quadrant_distances import QuadrantDistances, quadrant_distances
 from navfw.localmap import Arcs, LocalGoal, Ranges
-from navfw.mofis.command_grid import CommandGrid
-from navfw.mofis.quadrant_distances import QuadrantDistances, quadrant_distances
 from navfw.robot import RobotModel
 from navfw.signals import (
     Belief,
