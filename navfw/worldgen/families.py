@@ -44,7 +44,7 @@ class Maze(WorldFamily):
 
 
 class Moving(WorldFamily):
-    """A hall with walking people; some stop for the robot and some do not."""
+    """A hall with walking people, some of whom yield to the robot."""
 
     name: ClassVar[str] = "moving"
 

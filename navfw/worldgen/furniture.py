@@ -1,4 +1,4 @@
-"""Furniture: along the walls and in the middle of rooms, with room to pass everything."""
+"""Furniture along the walls and in the middle of rooms, with passable gaps."""
 
 from __future__ import annotations
 
@@ -36,6 +36,7 @@ _FREE_ROUND = (
     ("round-table", (0.35, 0.5), (0.72, 0.76)),
 )
 _TO_WALL = 0.02
+"""Distance of furniture along a wall from the wall [m]."""
 
 
 def furnish(
@@ -44,11 +45,10 @@ def furnish(
     density: float,
     gap: float,
 ) -> None:
-    """Put furniture into rooms (name, x and y between wall faces [m]).
+    """Add furniture to rooms (name, x and y between wall faces [m]).
 
-    There are ``density`` pieces a square metre, at least ``gap`` [m] apart.
-
-    What stands along a wall touches it nearly; everything else leaves a gap to the wall as well.
+    There are ``density`` pieces per square metre, at least ``gap`` [m] apart. Pieces along a wall
+    are almost in contact with it; the others are at least ``gap`` from the walls as well.
     """
     textures = draft.palette.draw_many("thing", 6)
     for name, x, y in rooms:
@@ -79,7 +79,7 @@ def _named(draft: WorldDraft, kind: str, room: str) -> str:
 def _along_wall(
     draft: WorldDraft, room: str, x: Interval, y: Interval, gap: float, textures: tuple[str, ...]
 ) -> bool:
-    """A box with its back to one of the four walls, in a corner or a passage away from it."""
+    """Try a box with its back to a wall: in a corner, or at least ``gap`` [m] from it."""
     rng = draft.rng
     kind, lengths, depths, heights = _ALONG_WALLS[int(rng.integers(len(_ALONG_WALLS)))]
     length, depth, height = _pick(rng, lengths), _pick(rng, depths), _pick(rng, heights)
@@ -90,14 +90,14 @@ def _along_wall(
     if low >= high:
         return False
     at = rng.uniform(low, high)
-    if min(at - low, high - at) < gap:  # too near a corner to pass behind: into the corner
+    if min(at - low, high - at) < gap:  # no passable gap to the corner: move it there
         at = low if at - low < high - at else high
     back = across[1] - inset - 0.5 * depth if far else across[0] + inset + 0.5 * depth
     if axis == 0:
         box = Rectangle(back, at, 0.5 * depth, 0.5 * length)
     else:
         box = Rectangle(at, back, 0.5 * length, 0.5 * depth)
-    if not (across[1] - across[0] - depth - 2 * inset >= gap and draft.has_room(box, gap)):
+    if not (across[1] - across[0] - depth - 2 * inset >= gap and draft.fits(box, gap)):
         return False
     draft.add_box(_named(draft, kind, room), box, height, draft.palette.pick(textures))
     return True
@@ -106,7 +106,7 @@ def _along_wall(
 def _standing_free(
     draft: WorldDraft, room: str, x: Interval, y: Interval, gap: float, textures: tuple[str, ...]
 ) -> bool:
-    """A box or a round thing in the middle, that can be passed on all sides."""
+    """Try a box or cylinder in the middle, with a passable gap on all sides."""
     rng = draft.rng
     at = float(rng.uniform(*x)), float(rng.uniform(*y))
     texture = draft.palette.pick(textures)
@@ -120,7 +120,7 @@ def _standing_free(
         shape = Rectangle(*at, _pick(rng, lengths), _pick(rng, depths), yaw)
     height = _pick(rng, heights)
     x0, y0, x1, y1 = shape.bounds
-    if min(x0 - x[0], x[1] - x1, y0 - y[0], y[1] - y1) < gap or not draft.has_room(shape, gap):
+    if min(x0 - x[0], x[1] - x1, y0 - y[0], y[1] - y1) < gap or not draft.fits(shape, gap):
         return False
     if isinstance(shape, Circle):
         draft.add_cylinder(_named(draft, kind, room), shape, height, texture)

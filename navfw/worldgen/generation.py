@@ -1,4 +1,4 @@
-"""``generate``: a family, a seed and a difficulty become a world that can be crossed."""
+"""Generation of a traversable world with a mission from family, seed and difficulty."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from navfw.worldgen.families import Clutter, Corridors, Maze, Moving, Poles, Roo
 from navfw.worldgen.generated_world import MAP_FILE, GeneratedWorld
 from navfw.worldgen.world_draft import ROBOT, Unsuitable, WorldDraft
 
-__all__ = ["FAMILIES", "MAX_SEED", "SHORTEST_WAY", "generate"]
+__all__ = ["FAMILIES", "MAX_SEED", "SHORTEST_PATH", "generate"]
 
 _SHIPPED: dict[str, type[WorldFamily]] = {
     family.name: family for family in (Rooms, Clutter, Corridors, Maze, Moving, Poles)
@@ -25,13 +25,14 @@ _SHIPPED: dict[str, type[WorldFamily]] = {
 FAMILIES = tuple(_SHIPPED)
 """The names of the shipped families."""
 
-SHORTEST_WAY = 5.0
-"""Start and goal are at least this far [m] apart, as the robot drives."""
+SHORTEST_PATH = 5.0
+"""Least length of the shortest path from start to goal [m]."""
 
 MAX_SEED = 2**63 - 1
+"""Largest seed."""
 
 _ATTEMPTS = 60
-"""Sub-seeds tried before a family gives up; none of the tested seeds needs more than a few."""
+"""Largest number of sub-seeds tried; tested seeds need only a few."""
 
 
 def _family(name: str) -> WorldFamily:
@@ -47,8 +48,8 @@ def _family(name: str) -> WorldFamily:
 def generate(family: str, seed: int, difficulty: float = 0.5) -> GeneratedWorld:
     """The world of that family and seed; the same arguments give the same world.
 
-    Draws that leave no passage of the robot's width and a margin, or a way of less than 5 m, are
-    dropped, and the next sub-seed is tried.
+    A draw without a path for the robot with a margin, or with a path shorter than
+    ``SHORTEST_PATH``, is discarded, and the next sub-seed is tried.
 
     Raises:
         UnknownNameError: no family has that name.
@@ -68,7 +69,7 @@ def generate(family: str, seed: int, difficulty: float = 0.5) -> GeneratedWorld:
         except Unsuitable:
             continue
     raise InputError(
-        f"{family} with seed {seed} and difficulty {difficulty:g} gave no world with a passage in"
+        f"{family} with seed {seed} and difficulty {difficulty:g} gave no traversable world in"
         f" {_ATTEMPTS} attempts; choose another seed"
     )
 
@@ -76,19 +77,19 @@ def generate(family: str, seed: int, difficulty: float = 0.5) -> GeneratedWorld:
 def _finish(
     draft: WorldDraft, family: str, seed: int, difficulty: float, attempt: int
 ) -> GeneratedWorld:
-    """Check the draft, and set its mission."""
+    """Check the draft and add its mission."""
     world = draft.world(f"{family}-{seed}")
     check_world(world)
-    plan = draft.plan()
+    plan = draft.floor_plan()
     start = draft.start[:2]
     try:
-        # with the margin first: what only just fits is no passage
+        # with the margin first: a path that only just fits does not count
         plan.shortest_path(start, draft.goal, draft.clearance)
         shortest = plan.shortest_path(start, draft.goal, ROBOT.radius)[0]
     except WorldError as error:
         raise Unsuitable(str(error)) from None
-    if shortest < SHORTEST_WAY:
-        raise Unsuitable(f"only {shortest:.1f} m to drive")
+    if shortest < SHORTEST_PATH:
+        raise Unsuitable(f"a path of only {shortest:.1f} m")
     mission = _mission(draft, family, difficulty, shortest)
     has_map = draft.topo_map is not None
     topo_map = draft.topo_map or goals_map([start, draft.goal])
@@ -112,7 +113,7 @@ def _mission(draft: WorldDraft, family: str, difficulty: float, shortest: float)
         "start": draft.start,
         "goals": [goal],
         "tolerance": 0.15,
-        # a quarter of the top speed will do
+        # a quarter of the top speed suffices
         "timeout": float(round(draft.time_allowance + 8.0 * shortest)),
     }
     if draft.topo_map is not None:

@@ -1,4 +1,4 @@
-"""The family ``maze``: a grid of cells, walls between them, hardly a loop."""
+"""The family ``maze``: a grid of cells with walls between them and few loops."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import networkx as nx
 import numpy as np
 
 from navfw.topomap import PlaceKind
-from navfw.worldgen.partition import Line, walls_along
+from navfw.worldgen.partition import WallLine, walls_along
 from navfw.worldgen.roadmap import Roadmap
 from navfw.worldgen.world_draft import WALL, Point, Unsuitable, WorldDraft, blend
 
@@ -16,16 +16,16 @@ __all__ = ["build"]
 
 Cell = tuple[int, int]
 _LONGEST = 30.0
-"""No way through a maze is longer than about this [m]."""
+"""Limit of the path from start to goal [m], in cells times their size."""
 
 
 def build(rng: np.random.Generator, difficulty: float) -> WorldDraft:
-    """5 to 8 cells a side, each 1.6 m wide when easy, 1.1 m when difficult."""
+    """5 to 8 cells by 5 to 8; each 1.6 m wide when easy, 1.1 m when difficult."""
     cell = round(
         float(np.clip(blend(1.55, 1.15, difficulty) + rng.uniform(-0.05, 0.05), 1.1, 1.6)), 3
     )
     columns, rows = (int(n) for n in rng.integers(5, 7, 2) + round(2.0 * difficulty))
-    draft = WorldDraft.begin(rng, columns * cell + WALL, rows * cell + WALL)
+    draft = WorldDraft.empty(rng, columns * cell + WALL, rows * cell + WALL)
     draft.enclose(draft.palette.draw("wall"))
     draft.ceiling = draft.palette.draw("ceiling")
     maze = _carve(rng, columns, rows, loops=blend(0.2, 0.06, difficulty))
@@ -37,17 +37,18 @@ def build(rng: np.random.Generator, difficulty: float) -> WorldDraft:
     ]
     start, goal = _ends(rng, maze, cell)
     onward = nx.shortest_path(maze, start, goal)[1]
-    draft.set_ends(_middle(start, cell), _middle(goal, cell), towards=_middle(onward, cell))
+    draft.set_start_and_goal(
+        _middle(start, cell), _middle(goal, cell), towards=_middle(onward, cell)
+    )
     draft.time_allowance = 45.0
-    _chart(draft, maze, cell, goal)
+    _add_map(draft, maze, cell, goal)
     return draft
 
 
 def _carve(rng: np.random.Generator, columns: int, rows: int, loops: float) -> nx.Graph:
-    """Cells joined where there is no wall: a random tree and a share of the other neighbours."""
+    """Graph of the cells without a wall between: a random tree and a share of other edges."""
     grid = nx.grid_2d_graph(columns, rows)
     for a, b in grid.edges:
-        # ways that go on straight are a little more likely, as people build
         grid.edges[a, b]["weight"] = rng.random()
     maze = nx.minimum_spanning_tree(grid)
     others = [edge for edge in grid.edges if not maze.has_edge(*edge)]
@@ -57,8 +58,8 @@ def _carve(rng: np.random.Generator, columns: int, rows: int, loops: float) -> n
     return maze
 
 
-def _lines(maze: nx.Graph, columns: int, rows: int, cell: float) -> Iterator[Line]:
-    """Walls between cells that are not joined, as long as they go straight on."""
+def _lines(maze: nx.Graph, columns: int, rows: int, cell: float) -> Iterator[WallLine]:
+    """Walls between unconnected cells, collinear pieces merged."""
     half = 0.5 * WALL
     for axis, (across, along) in enumerate(((columns, rows), (rows, columns))):
         for i in range(1, across):
@@ -70,7 +71,7 @@ def _lines(maze: nx.Graph, columns: int, rows: int, cell: float) -> Iterator[Lin
                     begin = j
                 elif not closed and begin is not None:
                     at, low, high = (round(half + n * cell, 3) for n in (i, begin, j))
-                    yield Line(axis, at, low, high)
+                    yield WallLine(axis, at, low, high)
                     begin = None
 
 
@@ -80,22 +81,22 @@ def _middle(cell: Cell, size: float) -> Point:
 
 
 def _ends(rng: np.random.Generator, maze: nx.Graph, cell: float) -> tuple[Cell, Cell]:
-    """A corner cell, and one of the farthest from it that is not too far."""
+    """A corner cell, and one of the farthest cells within ``_LONGEST`` of it."""
     cells = sorted(maze.nodes)
     corners = [c for c in cells if c[0] in (0, cells[-1][0]) and c[1] in (0, cells[-1][1])]
     start = corners[int(rng.integers(len(corners)))]
     steps = nx.single_source_shortest_path_length(maze, start)
     near = {c: n for c, n in steps.items() if 7.0 < n * cell < _LONGEST}
     if not near:
-        raise Unsuitable("everything is near, or too far")
+        raise Unsuitable("no goal at a suitable distance")
     most = max(near.values())
     farthest = sorted(c for c, n in near.items() if n == most)
     return start, farthest[int(rng.integers(len(farthest)))]
 
 
-def _chart(draft: WorldDraft, maze: nx.Graph, cell: float, goal: Cell) -> None:
-    """A place for every cell where the way bends, branches or ends."""
-    road = Roadmap(draft.plan())
+def _add_map(draft: WorldDraft, maze: nx.Graph, cell: float, goal: Cell) -> None:
+    """The map: a place for every cell, a passage between connected cells."""
+    roadmap = Roadmap(draft.floor_plan())
     names: dict[Cell, str] = {}
     for at in sorted(maze.nodes):
         beyond = sorted(maze[at])
@@ -104,9 +105,9 @@ def _chart(draft: WorldDraft, maze: nx.Graph, cell: float, goal: Cell) -> None:
         )
         kind: PlaceKind = "junction" if len(beyond) > 2 else "corridor" if straight else "corner"
         names[at] = "goal" if at == goal else f"cell-{at[0]}-{at[1]}"
-        road.add(names[at], *_middle(at, cell), kind)
+        roadmap.add(names[at], *_middle(at, cell), kind)
     for a, b in maze.edges:
-        if not road.link(names[a], names[b], cell - WALL):
+        if not roadmap.add_passage(names[a], names[b], cell - WALL):
             raise Unsuitable("cells too narrow")
     draft.goal_place = "goal"
-    draft.topo_map = road.finish("generated-maze")
+    draft.topo_map = roadmap.build("generated-maze")

@@ -1,4 +1,4 @@
-"""The family ``moving``: a room with people-sized cylinders that walk, and a few that stand."""
+"""The family ``moving``: a hall with person-sized moving obstacles and a few static ones."""
 
 from __future__ import annotations
 
@@ -16,35 +16,36 @@ from navfw.worldgen.world_draft import ROBOT, Point, Unsuitable, WorldDraft, ble
 __all__ = ["build"]
 
 _RADIUS, _HEIGHT = 0.25, 1.7
+"""Size of a person's cylinder [m]."""
 
-AMONG_PEOPLE = ROBOT.model_copy(update={"side_views": SideViews(), "max_v": 0.8})
-"""A robot for places where people walk: they come from the side, and catch up with a slow one."""
+PEDESTRIANS_ROBOT = ROBOT.model_copy(update={"side_views": SideViews(), "max_v": 0.8})
+"""The robot: side views and 0.8 m/s, since people approach from the side and from behind."""
 
-PEDESTRIANS = "pedestrians"
-"""The stack for such places."""
+PEDESTRIANS_STACK = "pedestrians"
+"""The stack for worlds with moving obstacles."""
 
 
 def build(rng: np.random.Generator, difficulty: float) -> WorldDraft:
-    """Two to seven people; the more difficult, the more of them do not yield."""
-    draft = WorldDraft.begin(rng, rng.uniform(8.0, 12.0), rng.uniform(6.5, 9.5))
+    """Two to seven people; more, and a larger share that does not yield, when difficult."""
+    draft = WorldDraft.empty(rng, rng.uniform(8.0, 12.0), rng.uniform(6.5, 9.5))
     draft.enclose(draft.palette.draw("wall"))
     count = int(np.clip(round(blend(2, 6, difficulty) + rng.uniform(-1, 1)), 2, 7))
     _set_ends(draft)
-    _stand_things(draft, round(blend(1, 5, difficulty)))
+    _add_static(draft, round(blend(1, 5, difficulty)))
     clothes = draft.palette.draw_many("person", 4)
-    plan = draft.plan()
+    plan = draft.floor_plan()
     for number in range(1, count + 1):
         yields = bool(rng.random() >= blend(0.3, 0.6, difficulty))
         _add_person(draft, plan, f"person-{number}", yields, draft.palette.pick(clothes))
-    walkers = sum(not mover.yields for mover in draft.movers)
-    draft.description = f"A hall where {count} people walk, {walkers} of whom do not yield."
+    unyielding = sum(not mover.yields for mover in draft.movers)
+    draft.description = f"A hall with {count} walking people, {unyielding} of whom do not yield."
     draft.time_allowance = 45.0
-    draft.robot, draft.stack = AMONG_PEOPLE, PEDESTRIANS
+    draft.robot, draft.stack = PEDESTRIANS_ROBOT, PEDESTRIANS_STACK
     return draft
 
 
 def _set_ends(draft: WorldDraft) -> None:
-    """From one end of the room to the other."""
+    """Start and goal at opposite ends of the hall."""
     rng = draft.rng
     width, depth = draft.x[1], draft.y[1]
     start = (0.9, float(rng.uniform(0.2, 0.8) * depth))
@@ -53,10 +54,10 @@ def _set_ends(draft: WorldDraft) -> None:
         start, goal = goal, start
     draft.keep_free(*start, 0.9)
     draft.keep_free(*goal, 0.9)
-    draft.set_ends(start, goal)
+    draft.set_start_and_goal(start, goal)
 
 
-def _stand_things(draft: WorldDraft, count: int) -> None:
+def _add_static(draft: WorldDraft, count: int) -> None:
     rng = draft.rng
     textures = draft.palette.draw_many("thing", 3)
     for _ in range(20 * count):
@@ -66,19 +67,19 @@ def _stand_things(draft: WorldDraft, count: int) -> None:
         number, texture = len(draft.shapes) + 1, draft.palette.pick(textures)
         if rng.random() < 0.5:
             circle = Circle(*at, rng.uniform(0.15, 0.4))
-            if draft.has_room(circle, 1.4):
+            if draft.fits(circle, 1.4):
                 draft.add_cylinder(f"column-{number}", circle, rng.uniform(0.7, 2.2), texture)
             continue
         half_x, half_y = rng.uniform(0.2, 0.5, 2)
         box = Rectangle(*at, half_x, half_y, rng.uniform(0.0, math.pi))
-        if draft.has_room(box, 1.4):
+        if draft.fits(box, 1.4):
             draft.add_box(f"box-{number}", box, rng.uniform(0.5, 1.4), texture)
 
 
 def _add_person(draft: WorldDraft, plan: FloorPlan, name: str, yields: bool, texture: str) -> None:
-    """Someone with a way of two to four points that leads through nothing.
+    """Add a person with a free path of two to four points.
 
-    Start and goal are not walked over: a robot that waits there is left in peace.
+    The path keeps away from start and goal, where the robot may stand.
     """
     rng = draft.rng
     for _ in range(60):
@@ -106,10 +107,11 @@ def _add_person(draft: WorldDraft, plan: FloorPlan, name: str, yields: bool, tex
             )
         )
         return
-    raise Unsuitable("nowhere to walk")
+    raise Unsuitable("no free path for a person")
 
 
 def _is_free(draft: WorldDraft, plan: FloorPlan, legs: list[tuple[Point, Point]]) -> bool:
+    """Whether the legs are clear of solids, start and goal."""
     ends = np.array([draft.start[:2], draft.goal])
     for a, b in legs:
         line = np.linspace(a, b, max(int(math.dist(a, b) / 0.05), 2))

@@ -1,4 +1,4 @@
-"""Walls around regions of the plane that are unions of rectangles: corridors, cells, side rooms."""
+"""Walls around regions of the plane that are unions of rectangles, such as corridors."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ import numpy.typing as npt
 from navfw.sim.worldspec import OpeningSpec, WallSpec
 from navfw.worldgen.world_draft import WALL
 
-__all__ = ["Area", "Gap", "Line", "boundary_lines", "walls_along"]
+__all__ = ["DoorGap", "FloorArea", "WallLine", "boundary_lines", "walls_along"]
 
-# ends reach into the wall they meet, but not to its far face, where two faces would share a plane
 _FILL = 0.4 * WALL
+"""Extension of a wall's ends into the wall that they meet [m]: faces are not coplanar."""
 
 
 @dataclass(frozen=True, slots=True)
-class Area:
-    """A rectangle of free floor; areas of the same region have no wall between them."""
+class FloorArea:
+    """A rectangle of free floor [m]; areas of one region have no wall between them."""
 
     x: tuple[float, float]
     y: tuple[float, float]
@@ -28,8 +28,8 @@ class Area:
 
 
 @dataclass(frozen=True, slots=True)
-class Gap:
-    """A door gap: its middle [m] and width [m]; it lies on some line."""
+class DoorGap:
+    """A door gap on a wall line: its centre [m] and width [m]."""
 
     name: str
     at: tuple[float, float]
@@ -37,40 +37,40 @@ class Gap:
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
-    """Where a wall stands: at ``at`` [m] on ``axis`` (0: x), from ``low`` to ``high``."""
+class WallLine:
+    """A wall's centre line: at ``at`` [m] on ``axis`` (0: x), from ``low`` to ``high`` [m]."""
 
     axis: int
     at: float
     low: float
     high: float
 
-    def holds(self, point: tuple[float, float], half: float) -> bool:
-        """Whether a gap of that half width fits into the line around the point."""
+    def contains(self, point: tuple[float, float], half: float) -> bool:
+        """Whether a gap of half width ``half`` [m] around the point is within the line."""
         along = point[1 - self.axis]
         on = abs(point[self.axis] - self.at) < 1e-6
         return on and self.low + half <= along <= self.high - half
 
 
-def boundary_lines(areas: Sequence[Area]) -> list[Line]:
-    """The lines between regions, and between regions and the rest of the world."""
+def boundary_lines(areas: Sequence[FloorArea]) -> list[WallLine]:
+    """The lines between regions, and between regions and their surroundings."""
     xs = np.unique([edge for area in areas for edge in area.x])
     ys = np.unique([edge for area in areas for edge in area.y])
-    region = np.zeros((xs.size + 1, ys.size + 1), dtype=np.int64)  # with a rim of nothing
+    region = np.zeros((xs.size + 1, ys.size + 1), dtype=np.int64)  # with a border of region 0
     for area in areas:
         i, j = np.searchsorted(xs, area.x), np.searchsorted(ys, area.y)
         region[i[0] + 1 : i[1] + 1, j[0] + 1 : j[1] + 1] = area.region
-    lines = [Line(0, *numbers) for numbers in _runs(region, xs, ys)]
-    lines += [Line(1, *numbers) for numbers in _runs(region.T, ys, xs)]
+    lines = [WallLine(0, *numbers) for numbers in _boundary_intervals(region, xs, ys)]
+    lines += [WallLine(1, *numbers) for numbers in _boundary_intervals(region.T, ys, xs)]
     return lines
 
 
-def _runs(
+def _boundary_intervals(
     region: npt.NDArray[np.int64],
     at: npt.NDArray[np.float64],
     along: npt.NDArray[np.float64],
 ) -> Iterator[tuple[float, float, float]]:
-    """(at, low, high) of maximal straight stretches where the region changes across ``at``."""
+    """(at, low, high) of maximal intervals in which the region changes across ``at``."""
     differ = region[:-1] != region[1:]
     for i, row in enumerate(differ):
         changes = np.flatnonzero(np.diff(row[1:-1].astype(int), prepend=0, append=0))
@@ -80,9 +80,9 @@ def _runs(
 
 
 def walls_along(
-    lines: Sequence[Line], gaps: Sequence[Gap], texture: str, height: float = 2.4
+    lines: Sequence[WallLine], gaps: Sequence[DoorGap], texture: str, height: float = 2.4
 ) -> list[WallSpec]:
-    """A wall on every line, with its gaps; its ends reach into the walls that it meets."""
+    """A wall on every line, with its gaps; its ends extend into the walls that they meet."""
     walls = []
     for number, line in enumerate(lines, start=1):
         low, high = round(line.low - _FILL, 3), round(line.high + _FILL, 3)
@@ -91,7 +91,7 @@ def walls_along(
         openings = tuple(
             OpeningSpec(name=gap.name, at=gap.at, width=gap.width)
             for gap in gaps
-            if line.holds(gap.at, 0.5 * gap.width)
+            if line.contains(gap.at, 0.5 * gap.width)
         )
         walls.append(
             WallSpec(

@@ -1,7 +1,7 @@
-"""The family ``poles``: thin poles, clustered by a cellular automaton as BARN's are.
+"""The family ``poles``: thin poles, clustered by a cellular automaton as in BARN.
 
 BARN (Perille et al. 2020) fills 30 x 30 cells of 0.15 m at random, smooths them, and puts a pole
-in every filled cell, between two rows of poles. Here the rows are walls, and the poles vary.
+in every filled cell, between two rows of poles. Here walls replace the rows, and radii vary.
 """
 
 from __future__ import annotations
@@ -10,25 +10,25 @@ import numpy as np
 import numpy.typing as npt
 
 from navfw.sim.shapes import Circle
-from navfw.worldgen.world_draft import POLES, QUICK, ROBOT, WALL, WorldDraft, blend
+from navfw.worldgen.world_draft import FAST_ROBOT, POLES_STACK, ROBOT, WALL, WorldDraft, blend
 
 __all__ = ["build"]
 
 CELL = 0.15
-"""Edge [m] of the automaton's cells, as in BARN."""
+"""Edge of the automaton's cells [m], as in BARN."""
 _ROWS, _LENGTH = 30, 36
 _RUN_UP = 1.6
-"""Free floor [m] before and behind the field."""
+"""Length of the free floor at both ends of the field [m]."""
 
 
 def build(rng: np.random.Generator, difficulty: float) -> WorldDraft:
     """A field 4.5 m wide and 5.4 m long, crossed lengthwise."""
     width, length = _ROWS * CELL + 2 * WALL, _LENGTH * CELL + 2 * _RUN_UP
-    draft = WorldDraft.begin(rng, length, width)
+    draft = WorldDraft.empty(rng, length, width)
     draft.enclose(draft.palette.draw("wall"), height=1.6)
     filled = _automaton(rng, blend(0.17, 0.235, difficulty))
     draft.description = "A field of thin poles between walls, clustered as in BARN worlds."
-    draft.robot, draft.stack = QUICK, POLES
+    draft.robot, draft.stack = FAST_ROBOT, POLES_STACK
     draft.clearance = ROBOT.radius + blend(0.17, 0.09, difficulty)
     _set_ends(draft)
     textures = draft.palette.draw_many("thing", 4)
@@ -39,7 +39,10 @@ def build(rng: np.random.Generator, difficulty: float) -> WorldDraft:
 
 
 def _automaton(rng: np.random.Generator, fill: float) -> npt.NDArray[np.bool_]:
-    """(rows, columns) filled cells: a random fill, smoothed (five neighbours fill, one clears)."""
+    """Filled cells (rows, columns): random, then smoothed.
+
+    A cell with five or more filled neighbours is filled, one with at most one is cleared.
+    """
     cells = rng.random((_ROWS, _LENGTH)) < fill
     for _ in range(int(rng.integers(2, 4))):
         padded = np.pad(cells, 1, constant_values=False).astype(int)
@@ -54,7 +57,7 @@ def _automaton(rng: np.random.Generator, fill: float) -> npt.NDArray[np.bool_]:
 
 
 def _poles(rng: np.random.Generator, filled: npt.NDArray[np.bool_]) -> list[list[float]]:
-    """[x, y, radius] [m] of a pole in every filled cell; none touches another, or a wall."""
+    """[x, y, radius] [m] of a pole in every filled cell, clear of other poles and the walls."""
     rows, columns = np.nonzero(filled)
     across = (rows + 0.5) * CELL + rng.uniform(-0.02, 0.02, rows.size)
     along = (columns + 0.5) * CELL + rng.uniform(-0.02, 0.02, rows.size)
@@ -69,10 +72,10 @@ def _poles(rng: np.random.Generator, filled: npt.NDArray[np.bool_]) -> list[list
 
 
 def _set_ends(draft: WorldDraft) -> None:
-    """From one end of the field to the other, either way."""
+    """Start and goal at opposite ends of the field, in either direction."""
     rng = draft.rng
     y_start, y_goal = rng.uniform(0.3, 0.7, 2) * draft.y[1]
     near, far = 0.8, draft.x[1] - 0.8
     if rng.random() < 0.5:
         near, far = far, near
-    draft.set_ends((near, y_start), (far, y_goal), towards=(far, y_start))
+    draft.set_start_and_goal((near, y_start), (far, y_goal), towards=(far, y_start))

@@ -1,7 +1,7 @@
-"""Making a topological map of a world one knows: places, and passages that are truly free.
+"""Topological map of a known floor plan: places, and passages that are free.
 
-A passage is straight and keeps a robot's clearance; where a thing stands between two places, the
-shortest way round it gives further places.
+A passage is straight and has clearance for the robot. Where a solid is between two places, the
+corners of the shortest path around it become places.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ from navfw.worldgen.world_draft import Point, Unsuitable
 __all__ = ["Roadmap"]
 
 CLEARANCES = (0.45, 0.38, 0.32, 0.27)
-"""Distances [m] kept from everything, from comfortable to what still lets the robot pass."""
+"""Clearances [m] tried in turn, down to the least one that lets the robot pass."""
 
-_APART = 0.35
-"""Places nearer than this [m] are one place."""
+_MERGE_DISTANCE = 0.35
+"""A corner closer to an existing place than this [m] is replaced by it."""
 _DETOUR = 1.25
-"""Two places of one room get a passage of their own when the way between them is so much longer."""
+"""Ratio of path length to distance above which two places of a room get a direct passage."""
 
 Inside = Callable[[float, float], bool]
 
 
 class Roadmap:
-    """Collects places and passages for the map of a floor plan."""
+    """Builder of a floor plan's map: collects places and passages."""
 
     def __init__(self, plan: FloorPlan) -> None:
         self.plan = plan
@@ -42,23 +42,23 @@ class Roadmap:
         self._counts: dict[str, int] = {}
 
     def add(self, name: str, x: float, y: float, kind: PlaceKind = "room") -> str:
-        """A place at a point [m]; returns its name."""
+        """Add a place at a point [m]; returns its name."""
         self.places[name] = Place(name, round(float(x), 3), round(float(y), 3), kind)
         return name
 
-    def number(self, stem: str) -> str:
-        """``stem-1``, ``stem-2`` and so on."""
+    def numbered(self, stem: str) -> str:
+        """The next unused name ``stem-1``, ``stem-2`` and so on."""
         self._counts[stem] = self._counts.get(stem, 0) + 1
         return f"{stem}-{self._counts[stem]}"
 
     def clearance_between(self, a: Place, b: Place) -> float:
-        """Smallest distance [m] of the straight line between two places to anything."""
+        """Clearance of the straight line between two places [m]."""
         count = max(int(a.distance(b.x, b.y) / 0.04), 2)
         line = np.linspace((a.x, a.y), (b.x, b.y), count)
         return float(self.plan.clearances(line).min())
 
-    def link(self, a: str, b: str, width: float = math.inf) -> bool:
-        """A straight passage, if it is free; at most ``width`` [m] wide."""
+    def add_passage(self, a: str, b: str, width: float = math.inf) -> bool:
+        """Add a straight passage, at most ``width`` [m] wide, if it is free; returns whether."""
         start, end = self.places[a], self.places[b]
         free = self.clearance_between(start, end)
         if free < CLEARANCES[-1]:
@@ -73,12 +73,12 @@ class Roadmap:
         self.passages.setdefault(passage.ends, passage)
         return True
 
-    def lead(self, a: str, b: str, stem: str, inside: Inside, width: float = math.inf) -> bool:
-        """A way from a to b: straight, or round what is in between by places named after ``stem``.
+    def connect(self, a: str, b: str, stem: str, inside: Inside, width: float = math.inf) -> bool:
+        """Connect a and b: directly, or around solids through new places named after ``stem``.
 
-        False when no way stays where ``inside`` (x, y) holds.
+        Returns False when no path stays where ``inside`` (x, y) is true.
         """
-        if self.link(a, b, width):
+        if self.add_passage(a, b, width):
             return True
         start, end = self.places[a], self.places[b]
         for clearance in CLEARANCES:
@@ -88,11 +88,11 @@ class Roadmap:
                 continue
             if not all(inside(x, y) for x, y in path):
                 continue
-            return self._follow(a, b, self._thin(path), stem, width)
+            return self._add_path(a, b, self._simplified(path), stem, width)
         return False
 
-    def _thin(self, path: Array) -> Array:
-        """The way with as few corners as the clearance allows."""
+    def _simplified(self, path: Array) -> Array:
+        """The path with as few corners as the clearance allows."""
         kept = [path[0]]
         i = 0
         while i < len(path) - 1:
@@ -108,42 +108,42 @@ class Roadmap:
             kept.append(path[i])
         return np.array(kept)
 
-    def _follow(self, a: str, b: str, path: Array, stem: str, width: float) -> bool:
+    def _add_path(self, a: str, b: str, path: Array, stem: str, width: float) -> bool:
         names = [a]
         for x, y in path[1:-1]:
-            near = [p for p in self.places.values() if p.distance(x, y) < _APART]
+            near = [p for p in self.places.values() if p.distance(x, y) < _MERGE_DISTANCE]
             if near and near[0].name not in (*names, b):
                 names.append(near[0].name)
             else:
-                names.append(self.add(self.number(stem), x, y, "corner"))
-        links = [self.link(c, d, width) for c, d in pairwise([*names, b])]
+                names.append(self.add(self.numbered(stem), x, y, "corner"))
+        links = [self.add_passage(c, d, width) for c, d in pairwise([*names, b])]
         return all(links)
 
-    def join(self, names: Sequence[str], stem: str, inside: Inside) -> None:
-        """Join all places of one room: passages where one sees another, ways round otherwise.
+    def connect_all(self, names: Sequence[str], stem: str, inside: Inside) -> None:
+        """Connect all places of one room: directly where the line is free, else around solids.
 
         Raises:
-            Unsuitable: some place cannot be reached inside the room.
+            Unsuitable: a place cannot be reached inside the room.
 
         """
         pairs = sorted(combinations(names, 2), key=lambda pair: self._distance(*pair))
         for a, b in pairs:
             if self.clearance_between(self.places[a], self.places[b]) < CLEARANCES[0]:
-                continue  # a tight one only if need be
-            if self._way(a, b) > 1.1 * self._distance(a, b):
-                self.link(a, b)
+                continue  # narrow passages only where needed, below
+            if self._path_length(a, b) > 1.1 * self._distance(a, b):
+                self.add_passage(a, b)
         for a, b in pairs:
-            if math.isinf(self._way(a, b)) and not self.lead(a, b, stem, inside):
-                raise Unsuitable(f"no way from {a} to {b}")
+            if math.isinf(self._path_length(a, b)) and not self.connect(a, b, stem, inside):
+                raise Unsuitable(f"no path from {a} to {b}")
         for a, b in pairs:
-            if self._way(a, b) > _DETOUR * self._distance(a, b):
-                self.link(a, b)
+            if self._path_length(a, b) > _DETOUR * self._distance(a, b):
+                self.add_passage(a, b)
 
     def _distance(self, a: str, b: str) -> float:
         end = self.places[b]
         return self.places[a].distance(end.x, end.y)
 
-    def _way(self, a: str, b: str) -> float:
+    def _path_length(self, a: str, b: str) -> float:
         graph = nx.Graph()
         graph.add_nodes_from(self.places)
         graph.add_weighted_edges_from((p.a, p.b, p.length) for p in self.passages.values())
@@ -152,8 +152,8 @@ class Roadmap:
         except nx.NetworkXNoPath:
             return math.inf
 
-    def middle_of(self, low: Point, high: Point, away: float = 0.8) -> Point:
-        """A point of the rectangle that is free by ``away`` [m], or as much as can be, and central.
+    def central_point(self, low: Point, high: Point, away: float = 0.8) -> Point:
+        """A central point of a rectangle with a clearance of ``away`` [m], or as large as possible.
 
         Raises:
             Unsuitable: no point is free for a robot.
@@ -166,17 +166,17 @@ class Roadmap:
         off = np.linalg.norm(points - (0.5 * (x0 + x1), 0.5 * (y0 + y1)), axis=1)
         best = int(np.argmax(np.minimum(free, away) - 0.1 * off))
         if free[best] < CLEARANCES[-1]:
-            raise Unsuitable("a room without a free place")
+            raise Unsuitable("a room without a free point")
         return float(points[best, 0]), float(points[best, 1])
 
-    def finish(self, name: str) -> TopoMap:
+    def build(self, name: str) -> TopoMap:
         """The map.
 
         Raises:
-            Unsuitable: it falls into parts.
+            Unsuitable: it is not connected.
 
         """
         topo_map = TopoMap(name, self.places.values(), self.passages.values())
         if len(topo_map.parts) > 1:
-            raise Unsuitable("the map falls into parts")
+            raise Unsuitable("the map is not connected")
         return topo_map

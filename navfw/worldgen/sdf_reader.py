@@ -1,7 +1,7 @@
-"""Gazebo's world files (SDF), read with care: the cylinders and boxes that stand in them.
+"""Reader of Gazebo's world files (SDF): their upright static cylinders and boxes.
 
-XML without document types or entities, of bounded size. What is no upright static cylinder or box
-is not guessed at, but listed by name.
+The XML must have no document type or entities, and a bounded size and depth. Unsupported elements
+are listed by line and name.
 """
 
 from __future__ import annotations
@@ -21,14 +21,16 @@ from navfw.signals import Array
 __all__ = ["MAX_BYTES", "SdfShape", "SdfWorld", "read_sdf"]
 
 MAX_BYTES = 20_000_000
-"""The largest BARN world has 0.7 MB."""
+"""Largest size of a file [bytes]; the largest BARN world has 0.7 MB."""
 
 _MAX_DEPTH = 60
+"""Largest nesting of elements."""
 _LINE = "navfw-line"
+"""Attribute with the line of an element."""
 _UPRIGHT = 1e-3
-"""How far [rad] a thing may lean and still count as upright."""
+"""Largest tilt of an upright shape [rad]."""
 
-# parts of a world that are not things standing in it
+# elements of a world that are no solids
 _IGNORED = frozenset(
     {
         *("light", "physics", "gravity", "magnetic_field", "atmosphere", "scene", "gui", "wind"),
@@ -40,7 +42,7 @@ _GROUND = ("model://ground_plane", "model://sun", "ground_plane", "sun")
 
 @dataclass(frozen=True, slots=True)
 class SdfShape:
-    """A cylinder (radius > 0) or a box (size) around (x, y, z) [m], turned by yaw [rad]."""
+    """A cylinder (radius > 0) or a box (size) with centre (x, y, z) [m] and yaw [rad]."""
 
     name: str
     x: float
@@ -54,7 +56,7 @@ class SdfShape:
 
 @dataclass
 class SdfWorld:
-    """What a file holds: shapes, and what is ``unsupported``, a line for each."""
+    """The content of a file: shapes, and a message for each ``unsupported`` element."""
 
     shapes: list[SdfShape] = field(default_factory=list)
     unsupported: list[str] = field(default_factory=list)
@@ -64,7 +66,7 @@ def read_sdf(path: str | Path) -> SdfWorld:
     """The shapes in an SDF world file.
 
     Raises:
-        ConfigError: the file cannot be read, is no SDF world, or a number in it is none.
+        ConfigError: the file cannot be read, is not an SDF world, or has an invalid number.
 
     """
     path = Path(path)
@@ -81,7 +83,7 @@ def read_sdf(path: str | Path) -> SdfWorld:
 
 
 def _parse(path: Path) -> Element:
-    """The tree, every element with its line; no declarations, nothing from elsewhere."""
+    """The element tree, with the line of every element; no declarations or external entities."""
     try:
         if path.stat().st_size > MAX_BYTES:
             raise ConfigError(f"is larger than {MAX_BYTES // 1_000_000} MB", file=path)
@@ -133,7 +135,7 @@ def _line(element: Element) -> int:
 
 
 def _transform(numbers: list[float]) -> Array:
-    """(4, 4) of x, y, z [m], roll, pitch, yaw [rad] (about fixed axes, roll first)."""
+    """Transform (4, 4) of x, y, z [m], roll, pitch, yaw [rad] (about fixed axes, roll first)."""
     x, y, z, roll, pitch, yaw = numbers
     (cr, sr), (cp, sp), (cy, sy) = ((math.cos(a), math.sin(a)) for a in (roll, pitch, yaw))
     return np.array(
@@ -156,7 +158,7 @@ class _SdfReader:
         self._moved: dict[str, Element] = {}
 
     def read(self, world: Element) -> SdfWorld:
-        # a saved state says where models have got to: Gazebo begins there
+        # a saved state has the models' poses at which Gazebo starts
         state = world.find("state")
         if state is not None:
             self._moved = {m.get("name", ""): m for m in state.findall("model")}
@@ -205,12 +207,12 @@ class _SdfReader:
             self._include(include)
 
     def _pose(self, element: Element, model: str) -> Array | None:
-        """The pose; None (and listed) where it counts from a frame of its own."""
+        """The pose; None, listed as unsupported, when it refers to another frame."""
         pose = element.find("pose")
         if pose is None:
             return np.eye(4)
         if pose.get("relative_to") or pose.get("frame"):
-            self._unsupported(pose, f"a pose in another frame, of the model {model!r}")
+            self._unsupported(pose, f"a pose in another frame of the model {model!r}")
             return None
         return _transform(self._numbers(element, "pose", 6, [0.0] * 6))
 
@@ -226,7 +228,7 @@ class _SdfReader:
 
     def _cylinder(self, shape: Element, pose: Array, model: str) -> None:
         if abs(pose[2, 2]) < math.cos(_UPRIGHT):
-            self._unsupported(shape, f"a cylinder that lies or leans, of the model {model!r}")
+            self._unsupported(shape, f"a tilted cylinder of the model {model!r}")
             return
         radius, length = (self._size(shape, key, 1)[0] for key in ("radius", "length"))
         x, y, z = pose[:3, 3].tolist()
@@ -236,9 +238,9 @@ class _SdfReader:
         size = self._size(shape, "size", 3)
         upright = int(np.argmax(np.abs(pose[2, :3])))
         if abs(pose[2, upright]) < math.cos(_UPRIGHT):
-            self._unsupported(shape, f"a box that leans, of the model {model!r}")
+            self._unsupported(shape, f"a tilted box of the model {model!r}")
             return
-        # a box may lie on any of its sides: the two other edges are level
+        # a box may rest on any of its faces: its two other edges are horizontal
         first, second = ((upright + 1) % 3, (upright + 2) % 3)
         yaw = math.atan2(pose[1, first], pose[0, first])
         x, y, z = pose[:3, 3].tolist()
@@ -252,7 +254,7 @@ class _SdfReader:
         self.found.unsupported.append(f"line {_line(element)}: {what}")
 
     def _name(self, model: str) -> str:
-        """A name of its own for every shape."""
+        """A unique name for a shape."""
         name, number = model[:50], 1
         while name in self._taken:
             number += 1
@@ -293,6 +295,6 @@ class _SdfReader:
 
 
 def _solid_geometries(model: Element) -> Iterator[Element]:
-    """The shapes of a model that one can run into."""
+    """The collision shapes of a model except ground planes."""
     for geometry in model.iterfind(".//collision/geometry"):
         yield from (shape for shape in geometry if shape.tag not in ("plane", "empty"))

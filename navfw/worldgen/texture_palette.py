@@ -1,4 +1,4 @@
-"""How generated worlds look: textures drawn by role, each seeded, all with contrast for flow."""
+"""Random textures of generated worlds by role, all with contrast for the optical flow."""
 
 from __future__ import annotations
 
@@ -33,19 +33,19 @@ _BRIGHTNESS: Mapping[Role, tuple[float, float]] = MappingProxyType(
         "person": (95.0, 140.0),
     }
 )
-# floors are seen at a slant: detail finer than this would alias (see navfw.sim.textures)
 _FINEST: Mapping[Role, float] = MappingProxyType({"floor": 0.045})
+"""Finest detail [m] by role: coarser on floors, seen at a shallow angle, against aliasing."""
 
 
 class Palette:
-    """The textures of one world, by name; ``draw`` adds one more."""
+    """The textures of one world by name; ``draw`` adds one."""
 
     def __init__(self, rng: np.random.Generator) -> None:
         self._rng = rng
         self.textures: dict[str, TextureSpec] = {}
 
     def draw(self, role: Role) -> str:
-        """A new texture for that role; returns its name."""
+        """Add a random texture for a role; returns its name."""
         rng = self._rng
         name = f"{role}-{sum(known.startswith(role) for known in self.textures) + 1}"
         styles = _STYLES[role]
@@ -62,9 +62,9 @@ class Palette:
         return name
 
     def draw_many(self, role: Role, count: int) -> tuple[str, ...]:
-        """``count`` new textures for that role."""
+        """Add ``count`` random textures for a role; returns their names."""
         return tuple(self.draw(role) for _ in range(count))
 
     def pick(self, names: tuple[str, ...]) -> str:
-        """One of ``names`` by chance."""
+        """One of ``names`` at random."""
         return names[int(self._rng.integers(len(names)))]

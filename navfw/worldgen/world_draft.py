@@ -1,4 +1,4 @@
-"""A world in the making: what stands where, and whether one thing more has room."""
+"""A world under construction: its solids so far, and whether another one fits."""
 
 from __future__ import annotations
 
@@ -28,37 +28,38 @@ __all__ = ["MARGIN", "WALL", "KeepFree", "Point", "Unsuitable", "WorldDraft", "b
 Point = tuple[float, float]
 
 WALL = 0.1
-"""Thickness [m] of walls."""
+"""Thickness of walls [m]."""
 
 MARGIN = 0.06
-"""Every generated passage is at least so much [m] wider than the robot on either side."""
+"""Least clearance of the robot on either side of a generated passage [m]."""
 
 ROBOT = RobotModel()
+"""The robot for which worlds are traversable."""
 
-QUICK = ROBOT.model_copy(update={"max_v": 1.2})
-"""The robot for fields of poles: BARN's score counts time against a robot of 2 m/s."""
+FAST_ROBOT = ROBOT.model_copy(update={"max_v": 1.2})
+"""The robot for fields of poles: BARN's score is relative to the time of a robot at 2 m/s."""
 
-POLES = "poles"
+POLES_STACK = "poles"
 """The stack for fields of poles."""
 
 
 class Unsuitable(Exception):  # noqa: N818 - not an error: the next sub-seed is tried
-    """These draws gave no world with a passage."""
+    """The random draws gave no suitable world."""
 
 
 def blend(easy: float, hard: float, difficulty: float) -> float:
-    """``easy`` at difficulty 0, ``hard`` at 1."""
+    """Linear interpolation: ``easy`` at difficulty 0, ``hard`` at 1."""
     return easy + (hard - easy) * difficulty
 
 
 def rounded(*values: float) -> tuple[float, ...]:
-    """Values to the millimetre: what a file of three decimals says."""
+    """Values rounded to three decimals, as in the files."""
     return tuple(round(float(value), 3) for value in values)
 
 
 @dataclass(frozen=True, slots=True)
 class KeepFree:
-    """A point that everything keeps ``radius`` [m] away from: a door, the start, the goal."""
+    """A point around which ``radius`` [m] stays free of solids: a door, the start, the goal."""
 
     x: float
     y: float
@@ -67,7 +68,7 @@ class KeepFree:
 
 @dataclass
 class WorldDraft:
-    """A world in the making, within x and y [m]; ``start`` (x, y, yaw) and ``goal`` (x, y)."""
+    """A world under construction, within x and y [m]; ``start`` (x, y, yaw), ``goal`` (x, y)."""
 
     rng: np.random.Generator
     x: tuple[float, float]
@@ -94,8 +95,8 @@ class WorldDraft:
     stack: str | None = None
 
     @classmethod
-    def begin(cls, rng: np.random.Generator, width: float, depth: float) -> WorldDraft:
-        """An empty floor of that size [m]."""
+    def empty(cls, rng: np.random.Generator, width: float, depth: float) -> WorldDraft:
+        """An empty floor of ``width`` (x) and ``depth`` (y) [m]."""
         palette = Palette(rng)
         width, depth = rounded(width, depth)
         draft = cls(rng, (0.0, width), (0.0, depth), palette)
@@ -103,7 +104,7 @@ class WorldDraft:
         return draft
 
     def enclose(self, texture: str, height: float = 2.4) -> None:
-        """An outer wall on the inside edge of the floor."""
+        """Add an outer wall along the edge of the floor."""
         (x0, x1), (y0, y1) = self.x, self.y
         x0, y0, x1, y1 = rounded(x0 + WALL / 2, y0 + WALL / 2, x1 - WALL / 2, y1 - WALL / 2)
         corners = ((x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0))
@@ -112,22 +113,22 @@ class WorldDraft:
         )
 
     def keep_free(self, x: float, y: float, radius: float) -> None:
-        """Let nothing be placed nearer than ``radius`` [m] to a point."""
+        """Keep solids at least ``radius`` [m] from a point."""
         self.free.append(KeepFree(x, y, radius))
 
-    def set_ends(self, start: Point, goal: Point, towards: Point | None = None) -> None:
-        """Where the mission begins (looking at ``towards``, or the goal) and ends."""
-        aim = goal if towards is None else towards
-        yaw = math.atan2(aim[1] - start[1], aim[0] - start[0])
+    def set_start_and_goal(self, start: Point, goal: Point, towards: Point | None = None) -> None:
+        """Set the mission's start, facing ``towards`` or the goal, and its goal [m]."""
+        facing = goal if towards is None else towards
+        yaw = math.atan2(facing[1] - start[1], facing[0] - start[0])
         x, y, yaw = rounded(*start, yaw)
         self.start = (x, y, yaw)
         gx, gy = rounded(*goal)
         self.goal = (gx, gy)
 
-    # --- things -------------------------------------------------------------------------------
+    # --- solids -------------------------------------------------------------------------------
 
-    def has_room(self, shape: Shape, gap: float) -> bool:
-        """Whether a thing may stand there, ``gap`` [m] from all other things."""
+    def fits(self, shape: Shape, gap: float) -> bool:
+        """Whether a solid may be added: ``gap`` [m] from the others, outside kept-free circles."""
         for point in self.free:
             if float(shape.distance(np.array([[point.x, point.y]]))[0]) < point.radius:
                 return False
@@ -136,7 +137,7 @@ class WorldDraft:
     def add_box(
         self, name: str, shape: Rectangle, height: float, texture: str, **more: Any
     ) -> None:
-        """A box of that outline."""
+        """Add a box with this outline."""
         self.shapes.append(shape)
         x, y, yaw = rounded(shape.x, shape.y, shape.yaw)
         width, depth, tall = rounded(2 * shape.half_x, 2 * shape.half_y, height)
@@ -146,7 +147,7 @@ class WorldDraft:
         )
 
     def add_cylinder(self, name: str, shape: Circle, height: float, texture: str) -> None:
-        """A cylinder of that outline."""
+        """Add a cylinder with this outline."""
         self.shapes.append(shape)
         x, y, radius, tall = rounded(shape.x, shape.y, shape.radius, height)
         self.cylinders.append(
@@ -156,7 +157,7 @@ class WorldDraft:
     # ------------------------------------------------------------------------------------------
 
     def world(self, name: str) -> WorldSpec:
-        """The world as it stands now."""
+        """The specification of the world so far."""
         return WorldSpec(
             name=name,
             description=self.description,
@@ -173,6 +174,6 @@ class WorldDraft:
             textures=dict(self.palette.textures),
         )
 
-    def plan(self) -> FloorPlan:
-        """The floor plan of what stands now."""
+    def floor_plan(self) -> FloorPlan:
+        """The floor plan of the world so far."""
         return FloorPlan.from_world(self.world("draft"), ROBOT.height)

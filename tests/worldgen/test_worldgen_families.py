@@ -1,4 +1,4 @@
-"""Every family: the same seed gives the same world, which can be crossed and keeps its promises."""
+"""Every family: worlds are reproducible, traversable, and have the specified properties."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ from navfw.sim.shapes import gap_between
 from navfw.sim.simulation import Simulation
 from navfw.sim.solids import solids_of
 from navfw.sim.worldfile import load_world
+from navfw.sim.worldspec import MoverSpec
 from navfw.topomap import load_map
 from navfw.worldgen import FAMILIES, GeneratedWorld, generate
 from navfw.worldgen.generated_world import MAP_FILE
@@ -38,7 +39,7 @@ WITH_MAP = {"rooms", "corridors", "maze"}
 
 @pytest.fixture(scope="module")
 def made() -> dict[tuple[str, int, float], GeneratedWorld]:
-    """One world for each case, made once."""
+    """One world for each case, generated once."""
     return {case: generate(*case) for case in CASES}
 
 
@@ -57,7 +58,7 @@ def goal_of(world: GeneratedWorld) -> tuple[float, float]:
 
 
 def connected(plan: FloorPlan, a: tuple[float, float], b: tuple[float, float], wide: float) -> bool:
-    """Whether a disc of that radius can get from a to b: flood fill, apart from the path search."""
+    """Whether a disc of radius ``wide`` can move from a to b, by flood fill of the grid."""
     grid = plan.configuration_space(wide, cell=0.03)
     labels = ndimage.label(~grid.occupied)[0]
     first, last = labels[grid.index(*a)], labels[grid.index(*b)]
@@ -65,14 +66,14 @@ def connected(plan: FloorPlan, a: tuple[float, float], b: tuple[float, float], w
 
 
 @pytest.mark.parametrize("case", CASES, ids=str)
-def test_can_be_crossed(
+def test_world_is_traversable_in_time(
     made: dict[tuple[str, int, float], GeneratedWorld], case: tuple[str, int, float]
 ) -> None:
     world = made[case]
     plan = FloorPlan.from_world(world.world)
     assert connected(plan, start_of(world), goal_of(world), ROBOT.radius + 0.04)
     assert world.shortest >= 5.0
-    # at a quarter of its top speed the robot is in time
+    # a quarter of the top speed suffices
     assert world.mission.timeout > world.shortest / (0.25 * ROBOT.max_v)
 
 
@@ -100,7 +101,7 @@ def test_same_world_in_a_fresh_process(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("case", CASES, ids=str)
-def test_files_say_the_same(
+def test_files_have_the_same_content(
     made: dict[tuple[str, int, float], GeneratedWorld], case: tuple[str, int, float], tmp_path: Path
 ) -> None:
     world = made[case]
@@ -128,7 +129,7 @@ def test_passages_of_the_map_are_free(
         assert free > ROBOT.radius + 0.05, passage
         assert passage.width <= 2 * free + 0.02, passage
     assert topo_map.part_of("goal") == frozenset(topo_map.places)
-    # from the start a place can be seen
+    # a place can be reached straight from the start
     start = Pose(*start_of(world), 0.0)
     assert any(
         plan.straight_path_free(np.array([start.x, start.y]), np.array([p.x, p.y]), ROBOT.radius)
@@ -142,13 +143,13 @@ def test_passages_of_the_map_are_free(
     st.integers(0, 2**63 - 1),
     st.floats(0, 1, allow_nan=False),
 )
-def test_any_seed_gives_a_passage(family: str, seed: int, difficulty: float) -> None:
+def test_any_seed_gives_a_traversable_world(family: str, seed: int, difficulty: float) -> None:
     world = generate(family, seed, difficulty)
     plan = FloorPlan.from_world(world.world)
     assert plan.shortest_path(start_of(world), goal_of(world), ROBOT.radius + 0.04)[0] >= 5.0
 
 
-# --- what each family promises ----------------------------------------------------------------
+# --- properties of each family ----------------------------------------------------------------
 
 
 def test_rooms(made: dict[tuple[str, int, float], GeneratedWorld]) -> None:
@@ -198,7 +199,7 @@ def test_maze(made: dict[tuple[str, int, float], GeneratedWorld]) -> None:
         for place in world.topo_map.places.values():
             cell = 2 * plan.clearance(place.x, place.y) + 0.1
             assert cell > 1.1 - 0.002
-            # at a junction only the posts of the walls around are near
+            # at a junction only the wall ends at its corners are near
             assert cell < 1.6 + 0.002 or place.kind == "junction"
 
 
@@ -228,7 +229,7 @@ def test_poles(made: dict[tuple[str, int, float], GeneratedWorld]) -> None:
 
 
 def test_moving(made: dict[tuple[str, int, float], GeneratedWorld]) -> None:
-    movers = []
+    movers: list[MoverSpec] = []
     for (family, _, _), world in made.items():
         if family != "moving":
             continue
@@ -243,7 +244,7 @@ def test_moving(made: dict[tuple[str, int, float], GeneratedWorld]) -> None:
 
 
 @pytest.mark.parametrize("family", FAMILIES)
-def test_can_be_built_and_seen(
+def test_can_be_simulated_and_rendered(
     made: dict[tuple[str, int, float], GeneratedWorld], family: str
 ) -> None:
     world = made[(family, 1, 0.5)]
@@ -255,7 +256,7 @@ def test_can_be_built_and_seen(
             sim.advance(1.0 / 60.0)
         assert sim.contacts == ()
     assert frame is not None
-    assert frame.image[60:].std() > 15.0  # the floor before the robot has texture
+    assert frame.image[60:].std() > 15.0  # the floor in front of the robot has texture
 
 
 # --- bad input --------------------------------------------------------------------------------
@@ -272,7 +273,7 @@ def test_bad_input() -> None:
             generate("poles", 0, difficulty)
 
 
-def test_writes_over_nothing_but_its_own(tmp_path: Path) -> None:
+def test_write_overwrites_generated_folders_only(tmp_path: Path) -> None:
     world = generate("moving", 0, 0.0)
     world.write(tmp_path / "a")
     world.write(tmp_path / "a")
@@ -286,7 +287,7 @@ def test_writes_over_nothing_but_its_own(tmp_path: Path) -> None:
         world.write(tmp_path / "c")
     with pytest.raises(InputError, match="is a file"):
         world.write(tmp_path / "b" / "thesis.txt")
-    # a world with a map made again as one without leaves no map behind
+    # a map of the previous world is removed
     generate("maze", 0, 0.0).write(tmp_path / "a")
     assert (tmp_path / "a" / MAP_FILE).exists()
     world.write(tmp_path / "a")

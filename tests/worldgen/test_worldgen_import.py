@@ -1,4 +1,4 @@
-"""Gazebo worlds: what is read, what is refused, and what becomes of it."""
+"""Import of Gazebo worlds: supported shapes, errors, the resulting world and mission."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def test_shapes_and_poses(tmp_path: Path) -> None:
     found = read_sdf(sdf(tmp_path, nested))
     assert found.unsupported == []
     first, second, inner = found.shapes
-    # 1 2 turned left, then (1, 0) ahead, then (0, 1) to the left
+    # at (1, 2), turned left; then (1, 0) ahead, then (0, 1) to the left
     assert (first.x, first.y, first.z) == pytest.approx((0.0, 3.0, 0.5))
     assert first.yaw == pytest.approx(math.pi / 2 + 0.25)
     assert (first.size, first.height) == ((1.0, 2.0), 3.0)
@@ -70,10 +70,10 @@ def test_shapes_and_poses(tmp_path: Path) -> None:
     assert len({shape.name for shape in found.shapes}) == 3
 
 
-def test_a_box_may_lie_on_its_side(tmp_path: Path) -> None:
+def test_box_may_rest_on_any_face(tmp_path: Path) -> None:
     path = sdf(tmp_path, model("plank", box("1 2 3"), f"0 0 1 {math.pi / 2} 0 0.3"))
     (plank,) = read_sdf(path).shapes
-    # rolled about x: its 2 m stand upright, 1 m and 3 m lie level
+    # rolled about x: the edge of 2 m is vertical, those of 1 m and 3 m are horizontal
     assert plank.height == pytest.approx(2.0)
     assert sorted(plank.size) == pytest.approx([1.0, 3.0])
     world = import_world(path, start=(-5, 0, 0), goal=(5, 1)).world
@@ -108,7 +108,7 @@ UNSUPPORTED = {
 
 
 @pytest.mark.parametrize("what", UNSUPPORTED)
-def test_unsupported_is_named_and_refused(tmp_path: Path, what: str) -> None:
+def test_unsupported_elements_are_errors_with_line_and_name(tmp_path: Path, what: str) -> None:
     path = sdf(tmp_path, model("post", cylinder(), "3 3 0.5 0 0 0"), UNSUPPORTED[what])
     with pytest.raises(InputError, match="--skip-unsupported") as caught:
         import_world(path, start=(0, 0, 0), goal=(0, 4))
@@ -141,7 +141,7 @@ def test_unsupported_is_named_and_refused(tmp_path: Path, what: str) -> None:
         (f"<sdf><world>{model('m', '<box/>')}</world></sdf>", "above 0 m, got none"),
     ],
 )
-def test_what_is_no_world(tmp_path: Path, text: str, message: str) -> None:
+def test_invalid_files_are_errors(tmp_path: Path, text: str, message: str) -> None:
     path = tmp_path / "bad.world"
     path.write_text(text)
     with pytest.raises(ConfigError, match=message) as caught:
@@ -177,10 +177,10 @@ def test_levels_and_overlaps(tmp_path: Path) -> None:
     beam, *walls = made.world.boxes
     assert (beam.base, beam.size[2]) == pytest.approx((1.8, 0.4))
     assert [wall.name for wall in walls] == ["wall", "wall-2"]
-    load_world(made.write(tmp_path / "out") / "world.yaml")  # walls reach into each other
+    load_world(made.write(tmp_path / "out") / "world.yaml")  # the walls overlap
 
 
-def test_start_and_goal_must_be_said_and_free(tmp_path: Path) -> None:
+def test_start_and_goal_must_be_given_and_free(tmp_path: Path) -> None:
     path = sdf(tmp_path, model("post", cylinder(1.0), "2 2 0.5 0 0 0"))
     with pytest.raises(InputError, match="give --start and --goal"):
         import_world(path)
@@ -201,7 +201,7 @@ def test_start_and_goal_must_be_said_and_free(tmp_path: Path) -> None:
 
 
 def barn(tmp_path: Path) -> Path:
-    """A world as BARN has them: poles sunk half into the ground, on a grid of 0.15 m."""
+    """A world like BARN's: poles half below the ground, on a grid of 0.15 m."""
     poles = [
         model(f"unit_cylinder_{i}", cylinder(0.075), f"{-4.425 + 0.15 * i:.3f} 0.075 0 0 0 0")
         for i in range(30)
@@ -210,14 +210,14 @@ def barn(tmp_path: Path) -> Path:
     return sdf(tmp_path, *poles)
 
 
-def test_barn_worlds_bring_their_mission(tmp_path: Path) -> None:
+def test_barn_worlds_have_the_standard_mission(tmp_path: Path) -> None:
     made = import_world(barn(tmp_path))
     assert made.barn
     assert made.mission.start == (-2.25, 3.0, 1.57)
     assert made.mission.timeout == 100.0
     assert made.mission.success.within == 1.0
     assert {pole.height for pole in made.world.cylinders} == {POLE_HEIGHT}
-    assert "Ours: the poles' height of 1 m, procedural textures" in made.world.description
+    assert "Added: the poles' height of 1 m, procedural textures" in made.world.description
     assert made.shortest == pytest.approx(10.0, abs=0.1)
     session = prepare(made.write(tmp_path / "out"), "cross")
     assert session.mission.goals[0].x == -2.25
@@ -281,7 +281,7 @@ def test_generate_command(tmp_path: Path) -> None:
         (["rooms", "--difficulty", "easy"], "--difficulty"),
     ],
 )
-def test_generate_refuses(words: list[str], message: str, tmp_path: Path) -> None:
+def test_generate_reports_invalid_arguments(words: list[str], message: str, tmp_path: Path) -> None:
     out = tmp_path / "out"
     answer = CliRunner().invoke(app, ["generate", *words, "--out", str(out)])
     assert answer.exit_code == 2
