@@ -58,9 +58,8 @@ def plan_runs(
 
     ``stacks``, if given, replace those of the entries: every entry is run with each of them. An
     entry without a stack uses the stack named by each mission. ``overrides`` follow those of the
-    entries. ``worlds`` replaces every folder named by an entry. ``variants`` are the variants to
-    run; all of the suite's if empty. A variant that needs a package that is not installed is left
-    out and listed in the plan's ``skipped``.
+    entries. ``worlds`` replaces every folder named by an entry. ``variants`` are those to run, all
+    if empty. A variant whose package is not installed is listed in the plan's ``skipped``.
 
     Raises:
         InputError: a world, mission, family or stack does not exist or is invalid; the message has

@@ -78,7 +78,6 @@ def test_modules_are_short_and_have_docstrings() -> None:
     assert [shown(path) for path in SOURCES if not ast.get_docstring(tree_of(path))] == []
 
 
-@pytest.mark.xfail(reason="one function of the suite is still being split", strict=False)
 def test_functions_are_short() -> None:
     # a compiled loop reads best in one piece
     found = {
