@@ -1,1 +1,1 @@
-"""Recording: what a run leaves behind - the run folder, the picture, the sensor readings."""
+"""Recording: the run folder, the log of a run, its picture, sensor readings and their replay."""

@@ -1,4 +1,4 @@
-"""The picture of a map: its places and passages over the world's floor plan, with a route in it."""
+"""The picture of a map: places and passages over the world's floor plan, optionally a route."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from navfw.recording.top_view import WorldOutline, draw_names, draw_outline, make_bare
+from navfw.recording.top_view import WorldOutline, draw_names, draw_outline, style_axes
 from navfw.topomap import TopoMap
 
 if TYPE_CHECKING:
@@ -27,6 +27,7 @@ _KIND_COLORS = {
 }
 _PASSAGE, _DANGER, _ROUTE, _LANDMARK, _NAME = "#7FA7C9", "#D00000", "#B0004E", "#CC79A7", "#3A3A3A"
 _WIDEST = 2.0
+"""Largest drawn width of a passage [m]."""
 
 
 class _Point(Protocol):
@@ -37,21 +38,21 @@ class _Point(Protocol):
 
 
 class MarkedRoute(Protocol):
-    """What the picture shows of a route (``navfw.papfis.Route``)."""
+    """The part of a route that the picture shows (``navfw.papfis.Route``)."""
 
     @property
     def start(self) -> _Point:
-        """Where it begins."""
+        """Its start."""
         ...
 
     @property
     def goal(self) -> _Point:
-        """Where it ends."""
+        """Its end."""
         ...
 
     @property
     def places(self) -> Sequence[str]:
-        """The places it passes."""
+        """The names of the places on it, in order."""
         ...
 
 
@@ -62,9 +63,9 @@ def draw_map(
     route: MarkedRoute | None = None,
     avoid: Sequence[Sequence[str]] = (),
 ) -> None:
-    """Write the picture as PNG; passages are drawn as wide as they are, up to 2 m.
+    """Write the picture as PNG; passages are drawn to scale, up to a width of 2 m.
 
-    ``avoid`` are the ends of passages that are crossed out.
+    ``avoid`` has the two ends of each passage that is crossed out.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -89,7 +90,7 @@ def draw_map(
     _draw_places(axes, topo_map)
     _draw_landmarks(axes, topo_map)
     _draw_names(axes, topo_map, () if route is None else route.places)
-    make_bare(axes)
+    style_axes(axes)
     axes.set_title(
         f"{topo_map.name}: {len(topo_map.places)} places, {len(topo_map.passages)} passages",
         fontsize=11,
@@ -132,9 +133,9 @@ def _draw_route(axes: Axes, topo_map: TopoMap, route: MarkedRoute) -> None:
 
 def _draw_places(axes: Axes, topo_map: TopoMap) -> None:
     for kind, color in _KIND_COLORS.items():
-        mine = [place for place in topo_map.places.values() if place.kind == kind]
-        if mine:
-            xs, ys = [place.x for place in mine], [place.y for place in mine]
+        of_kind = [place for place in topo_map.places.values() if place.kind == kind]
+        if of_kind:
+            xs, ys = [place.x for place in of_kind], [place.y for place in of_kind]
             axes.plot(xs, ys, marker="o", ms=4.5, color=color, ls="", zorder=6, label=kind)
 
 
@@ -148,7 +149,7 @@ def _draw_landmarks(axes: Axes, topo_map: TopoMap) -> None:
 
 
 def _draw_names(axes: Axes, topo_map: TopoMap, first: Sequence[str]) -> None:
-    """Names of places, those of the route and short ones first."""
+    """Write the names of places: those on the route first, then short names first."""
     names = sorted(topo_map.places, key=lambda name: (name not in first, len(name)))
     places = {name: (topo_map.places[name].x, topo_map.places[name].y) for name in names}
     draw_names(axes, places, _NAME, zorder=9)

@@ -1,4 +1,4 @@
-"""The folder a run leaves behind, written whole or not at all."""
+"""The folder of a run's results, written atomically."""
 
 from __future__ import annotations
 
@@ -16,13 +16,14 @@ __all__ = ["FILES", "RESULT", "RunFolder", "plain_json", "read_result"]
 
 RESULT = "result.json"
 FILES = frozenset({RESULT, "trajectory.png", "recording.npz", "map.yaml", "stack.yaml"})
-"""Every file that a run writes; a folder with anything else in it is never replaced."""
+"""The files of a run folder; a folder with any other file in it is never replaced."""
 
 _MAX_RESULT = 16_000_000
+"""Largest size of a result file [byte]."""
 
 
 def plain_json(value: Any) -> Any:
-    """``value`` with numpy scalars, tuples and paths as JSON has them; inf and nan become null."""
+    """``value`` with numpy scalars, tuples and paths as JSON values; inf and nan become null."""
     if isinstance(value, Mapping):
         return {str(key): plain_json(item) for key, item in value.items()}
     if isinstance(value, list | tuple | set | frozenset):
@@ -62,7 +63,7 @@ class RunFolder(AtomicTarget):
         (self.path / name).write_text(text + "\n", encoding="utf-8")
 
     def write_yaml(self, name: str, value: Any) -> None:
-        """Write plain data as YAML; JSON is YAML, so no number loses a digit on the way back."""
+        """Write plain data as YAML, in its subset JSON, which keeps all digits of numbers."""
         self.write_json(name, value)
 
     def _move_into_place(self) -> None:
@@ -71,7 +72,7 @@ class RunFolder(AtomicTarget):
             place = self.target
             if self.numbered and number > 1:
                 place = self.target.with_name(f"{self.target.name}-{number}")
-            # one look only: what appears after it is another run's, and the rename will tell
+            # checked once: if another run creates the folder after this, the rename fails
             if place.exists():
                 if self.numbered:
                     number += 1
@@ -81,7 +82,7 @@ class RunFolder(AtomicTarget):
             try:
                 self.path.rename(place)
             except OSError:
-                if not (self.numbered and place.exists()):  # another run took the name just now
+                if not (self.numbered and place.exists()):  # created by another run in the meantime
                     raise
                 continue
             self.final = place
@@ -92,13 +93,13 @@ def _refuse_foreign(target: Path) -> None:
     if not target.exists():
         return
     if not target.is_dir():
-        raise InputError("is a file; the run needs a folder of its own", file=target)
+        raise InputError("is a file; the run needs a folder", file=target)
     names = {entry.name for entry in target.iterdir()}
     if not names:
         return
     foreign = sorted(names - FILES)
     if RESULT not in names or foreign:
-        found = f"it holds {foreign[0]!r}" if foreign else f"it holds no {RESULT}"
+        found = f"it contains {foreign[0]!r}" if foreign else f"it has no {RESULT}"
         raise InputError(
             f"is not a run folder ({found}), so it is not overwritten; choose another --out",
             file=target,
@@ -122,5 +123,5 @@ def read_result(folder: str | Path) -> dict[str, Any]:
     except (OSError, ValueError, RecursionError) as error:
         raise ConfigError(f"cannot be read: {error}", file=path) from error
     if not isinstance(result, dict):
-        raise ConfigError("does not hold one object", file=path)
+        raise ConfigError("expected one JSON object", file=path)
     return result

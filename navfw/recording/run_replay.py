@@ -1,7 +1,6 @@
-"""The stack alone, fed with recorded sensor readings: the same commands must come out.
+"""Replay: the stack is run on recorded sensor readings and must give the same commands.
 
-Nothing here knows a simulator. That the commands agree shows that the stack has seen nothing but
-what the recording holds.
+No simulator is involved: equal commands show that the stack has no input besides the recording.
 """
 
 from __future__ import annotations
@@ -28,24 +27,24 @@ if TYPE_CHECKING:
 __all__ = ["ReplayResult", "explain_at", "replay", "replay_commands"]
 
 
-class Driver(Protocol):
-    """What can be replayed: a stack."""
+class ReplayedStack(Protocol):
+    """The part of a stack that a replay uses."""
 
     def start(self, pose: Pose | None, goals: Sequence[Waypoint]) -> None:
-        """Begin at ``pose`` (None: unknown), to visit ``goals`` in order."""
+        """Start at ``pose`` in ``map`` (None: unknown), with ``goals`` to visit in order."""
         ...
 
     def step(self, reading: SensorReading) -> Twist:
-        """What to drive until the next control tick."""
+        """The twist to drive until the next control tick."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class ReplayResult:
-    """What a replay gave: both command streams' hashes, and where they part.
+    """The result of a replay: hashes of both command streams, and their first difference.
 
-    ``first_difference`` is the first tick with another command, or None; ``complete`` is false when
-    the recording ends before its run did.
+    ``first_difference`` is the first tick with another command, or None. ``complete`` is false if
+    the recording ends before its run.
     """
 
     command_hash: str
@@ -56,7 +55,7 @@ class ReplayResult:
 
     @property
     def same(self) -> bool:
-        """Whether the stack gave the very same commands again."""
+        """Whether the stack gave exactly the recorded commands."""
         return self.command_hash == self.recorded_hash
 
 
@@ -79,7 +78,7 @@ class _RecordedAction(BaseModel):
 
 
 class _RecordedEvent(BaseModel):
-    """An event of the run. Of all kinds, only those that befell the stack itself play a part."""
+    """An event of the run; a replay uses only faults of behaviours, the others act on sensors."""
 
     model_config = ConfigDict(extra="ignore", allow_inf_nan=False)
     event: _RecordedAction
@@ -88,7 +87,7 @@ class _RecordedEvent(BaseModel):
 
 
 class _RecordedMission(BaseModel):
-    """What a replay needs of a mission; the rest of the record is for people."""
+    """The part of a recorded mission that a replay uses."""
 
     model_config = ConfigDict(extra="ignore", allow_inf_nan=False)
     start: tuple[float, float, float]
@@ -99,42 +98,43 @@ class _RecordedMission(BaseModel):
 
 
 def replay(folder: str | Path) -> ReplayResult:
-    """Run the stack again on what was recorded in a run folder.
+    """Run the stack on the sensor readings in a run folder.
 
     Raises:
         InputError: the folder is not that of a run with ``--record``, or is damaged.
 
     """
     stack, recording, start, goals = _load(Path(folder))
-    failures = _FaultReplay(Path(folder), stack)
-    return compare_commands(recording, replay_commands(stack, recording, start, goals, failures.at))
+    faults = _FaultReplay(Path(folder), stack)
+    commands = replay_commands(stack, recording, start, goals, faults.update)
+    return compare_commands(recording, commands)
 
 
 def explain_at(folder: str | Path, time: float) -> dict[str, Any]:
     """Why the command in force at ``time`` [s] of a recorded run was given, as plain data.
 
-    What each behaviour said of it, the rules that fired with their strengths, and what OFFIS
-    inferred from which numbers (``Stack.explain``).
+    The proposal of each behaviour for it, the rules that fired with their strengths, and the inputs
+    and results of OFFIS (``Stack.explain``).
 
     Raises:
-        InputError: the folder is not that of a run with ``--record``, or is damaged; or it has no
-            command at that time.
+        InputError: the folder is not that of a run with ``--record``, or is damaged; or no command
+            was in force at that time.
 
     """
     stack, recording, start, goals = _load(Path(folder))
-    failures = _FaultReplay(Path(folder), stack)
+    faults = _FaultReplay(Path(folder), stack)
     stack.start(start, goals)
     last = float(recording.sensors[-1, 0]) if len(recording) else 0.0
     for reading in recording.readings():
         if reading.time > time + 1e-9:
             break
-        failures.at(reading.time)
+        faults.update(reading.time)
         stack.step(reading)
     explanation = stack.explain()
     if time < 0.0 or time > last + 1.0 or not explanation:
         raise InputError(
             f"no command was in force at {time:g} s; expected a time within the run's "
-            f"{last:.1f} s, after it has begun to move",
+            f"{last:.1f} s, after its first command",
             file=folder,
             key="--at",
         )
@@ -142,14 +142,14 @@ def explain_at(folder: str | Path, time: float) -> dict[str, Any]:
 
 
 def _load(folder: Path) -> tuple[Stack, SensorRecording, Pose | None, list[Waypoint]]:
-    """The stack, the readings, the start (None: not told) and the goals of a recorded run."""
+    """The stack, the readings, the start (None: unknown) and the goals of a recorded run."""
     from navfw.plugins import default_registry
     from navfw.stack import Stack
     from navfw.topomap import load_map
 
     mission = _mission(read_result(folder), folder)
     if not (folder / "recording.npz").is_file():
-        raise ConfigError("holds no sensor readings; run again with --record", file=folder)
+        raise ConfigError("contains no sensor readings; run again with --record", file=folder)
     recording = load_recording(folder / "recording.npz")
     stack = Stack.load(
         folder / "stack.yaml", mission.robot, load_map(folder / "map.yaml"), default_registry()
@@ -162,27 +162,27 @@ def _load(folder: Path) -> tuple[Stack, SensorRecording, Pose | None, list[Waypo
 
 
 class _FaultReplay:
-    """Lets the stack's behaviours fail again when they were made to fail in the run."""
+    """Repeats the faults of behaviours that were injected during the run."""
 
     def __init__(self, folder: Path, stack: Stack) -> None:
         self._waiting: list[tuple[float, Callable[[Failure], None], Failure]] = []
-        for happened in _happened(folder):
-            failure = happened.event.behavior
-            if failure is None or failure.name not in stack.mofis.behaviors:
+        for recorded in _recorded_events(folder):
+            fault = recorded.event.behavior
+            if fault is None or fault.name not in stack.mofis.behaviors:
                 continue
-            saboteur = inject_faults(stack.mofis.behaviors, failure.name)
-            self._waiting.append((happened.began_s, saboteur.begin, failure.does))
-            if happened.ended_s is not None:
-                self._waiting.append((happened.ended_s, saboteur.end, failure.does))
+            injector = inject_faults(stack.mofis.behaviors, fault.name)
+            self._waiting.append((recorded.began_s, injector.begin, fault.does))
+            if recorded.ended_s is not None:
+                self._waiting.append((recorded.ended_s, injector.end, fault.does))
 
-    def at(self, time: float) -> None:
-        """What begins or ends at ``time`` [s] does so."""
+    def update(self, time: float) -> None:
+        """Begin and end the faults due at ``time`` [s]."""
         for due in [waiting for waiting in self._waiting if waiting[0] <= time + 1e-9]:
             due[1](due[2])
             self._waiting.remove(due)
 
 
-def _happened(folder: Path) -> list[_RecordedEvent]:
+def _recorded_events(folder: Path) -> list[_RecordedEvent]:
     events = read_result(folder).get("events", [])
     if not isinstance(events, list):
         raise ConfigError("expected a list", file=folder / RESULT, key="events")
@@ -194,27 +194,27 @@ def _happened(folder: Path) -> list[_RecordedEvent]:
 
 
 def replay_commands(
-    driver: Driver,
+    stack: ReplayedStack,
     recording: SensorRecording,
     start: Pose | None,
     goals: Sequence[Waypoint],
     before: Callable[[float], None] | None = None,
 ) -> Array:
-    """(n, 2) the commands v [m/s], w [rad/s] that ``driver`` gives to the recorded readings.
+    """(n, 2) the commands v [m/s], w [rad/s] of ``stack`` for the recorded readings.
 
-    ``before`` is called with the time [s] of each reading before it is given.
+    ``before`` is called with the time [s] of each reading before the stack's step.
     """
-    driver.start(start, goals)
+    stack.start(start, goals)
     twists = []
     for reading in recording.readings():
         if before is not None:
             before(reading.time)
-        twists.append(driver.step(reading))
+        twists.append(stack.step(reading))
     return np.array([(twist.v, twist.w) for twist in twists], dtype=np.float64).reshape(-1, 2)
 
 
 def compare_commands(recording: SensorRecording, commands: Array) -> ReplayResult:
-    """How ``commands`` (n, 2) agree with the recorded ones, to the last bit."""
+    """Compare ``commands`` (n, 2) with the recorded ones, bit by bit."""
     times = recording.sensors[:, :1]
     differ = np.flatnonzero((commands != recording.commands).any(axis=1))
     return ReplayResult(

@@ -1,7 +1,8 @@
-"""Sensor readings on disk, so that the stack can be run again from them alone.
+"""Sensor readings on disk: the only input of a replay besides map and stack.
 
-One ``.npz`` of plain arrays (never pickles). Both ways are bounded: a recorder stops at its limit
-and says so, and a file is measured by its headers before any of it is unpacked.
+One ``.npz`` of plain arrays, without pickles. The size is bounded: a recorder stops at its limit
+and marks the recording as incomplete, and the size of a file is read from its headers before it is
+unpacked.
 """
 
 from __future__ import annotations
@@ -22,11 +23,11 @@ from navfw.signals import Array, Encoders, Frame, Image, Inertial, SensorReading
 __all__ = ["MAX_BYTES", "SensorRecorder", "SensorRecording", "load_recording"]
 
 MAX_BYTES = 1 << 30
-"""Most bytes a recording may hold, unpacked: an hour of 160x120 images at 10 Hz is 0.7 GB."""
+"""Largest unpacked size of a recording [byte]; 1 h of 160x120 images at 10 Hz is 0.7 GB."""
 
 _NONE = -1
 _SIDES = 2
-"""Side views of a frame, as wide as each other."""
+"""Number of side views of a frame; they have equal widths."""
 _SENSOR_COLUMNS = 6  # time, roll, pitch, yaw rate; inertial time; encoder time
 
 
@@ -45,10 +46,12 @@ class _Frames:
 
 @dataclass(frozen=True, slots=True)
 class SensorRecording:
-    """What a run's sensors gave and what its stack answered, tick by tick (n ticks).
+    """Sensor readings and commands of a run (n control ticks).
 
-    ``commands`` (n, 2): v [m/s] and w [rad/s] as driven. ``complete`` is false when the recorder
-    reached its limit before the run ended.
+    ``sensors`` (n, 6): time [s], roll, pitch and yaw rate [rad/s], time of the inertial reading
+    and of the encoders [s]. ``ticks`` (n, 2): encoder counts left, right. ``commands`` (n, 2):
+    v [m/s] and w [rad/s]. ``complete`` is false if the recorder reached its limit before the end
+    of the run.
     """
 
     sensors: Array
@@ -63,7 +66,7 @@ class SensorRecording:
         return len(self.sensors)
 
     def readings(self) -> Iterator[SensorReading]:
-        """The sensor readings, one per control tick, as the stack got them."""
+        """The sensor readings of the stack, one per control tick."""
         for tick, row in enumerate(self.sensors.tolist()):
             time, roll, pitch, yaw, inertial_time, encoder_time = row
             left, right = self.ticks[tick].tolist()
@@ -76,7 +79,7 @@ class SensorRecording:
             )
 
     def _frame(self, tick: int) -> Frame | None:
-        """The frame of that tick, with the side views that were recorded with it."""
+        """The frame of a tick with its side views."""
         frame, sides = self.frames.get(tick), self.side_frames.get(tick)
         if frame is None or sides is None:
             return frame
@@ -86,20 +89,18 @@ class SensorRecording:
 
 @dataclass(slots=True)
 class _FrameList:
-    """Images as they come; a stream keeps one size from the first image on."""
+    """Collects a stream of images of equal size."""
 
     at: list[int] = field(default_factory=list)
     time: list[float] = field(default_factory=list)
     image: list[Image] = field(default_factory=list)
 
-    def add(self, frame: Frame | None) -> int:
-        """Keep ``frame``; returns the bytes it costs."""
+    def add(self, frame: Frame | None) -> None:
+        """Add one tick, with or without a frame."""
         self.at.append(_NONE if frame is None else len(self.image))
-        if frame is None:
-            return 0
-        self.time.append(frame.time)
-        self.image.append(frame.image.copy())
-        return int(frame.image.nbytes)
+        if frame is not None:
+            self.time.append(frame.time)
+            self.image.append(frame.image.copy())
 
     def arrays(self, name: str) -> dict[str, npt.NDArray[Any]]:
         stack = np.stack(self.image) if self.image else np.zeros((0, 1, 1), dtype=np.uint8)
@@ -112,7 +113,7 @@ class _FrameList:
 
 @dataclass(slots=True)
 class SensorRecorder:
-    """Keeps readings and commands in memory (at most ``max_bytes``) until ``save``."""
+    """Collects readings and commands in memory, at most ``max_bytes``, until ``save``."""
 
     max_bytes: int = MAX_BYTES
     complete: bool = field(init=False, default=True)
@@ -125,7 +126,7 @@ class SensorRecorder:
     _side_frames: _FrameList = field(init=False, default_factory=_FrameList)
 
     def add(self, reading: SensorReading, v: float, w: float) -> None:
-        """One control tick: what the sensors gave, and the twist that the stack answered with."""
+        """Add one control tick: the reading, and the stack's twist v [m/s], w [rad/s]."""
         frames = reading.frame, reading.landmark_frame, _sides_of(reading.frame)
         cost = 96 + sum(frame.image.nbytes for frame in frames if frame)
         if not self.complete or self._bytes + cost > self.max_bytes:
@@ -150,7 +151,7 @@ class SensorRecorder:
             stream.add(frame)
 
     def save(self, path: Path) -> None:
-        """Write everything to ``path`` (.npz)."""
+        """Write the recording to ``path`` (.npz)."""
         arrays: dict[str, Any] = {
             "sensors": np.array(self._sensors, dtype=np.float64).reshape(-1, _SENSOR_COLUMNS),
             "ticks": np.array(self._ticks, dtype=np.int64).reshape(-1, 2),
@@ -178,10 +179,10 @@ _SIDE_FILES = {f"{name}.npy" for name in _LAYOUT if name.startswith("sides")}
 
 
 def load_recording(path: str | Path, max_bytes: int = MAX_BYTES) -> SensorRecording:
-    """Read what ``ReadingsRecorder.save`` wrote.
+    """Load a recording written by ``SensorRecorder.save``.
 
     Raises:
-        ConfigError: the file is missing, too large, or not such a recording.
+        ConfigError: the file does not exist, is too large, or is not such a recording.
 
     """
     path = Path(path)
@@ -206,25 +207,25 @@ def _read_arrays(path: Path, max_bytes: int) -> dict[str, npt.NDArray[Any]]:
     with zipfile.ZipFile(path) as archive:
         sizes = {info.filename: info.file_size for info in archive.infolist()}
     expected = {f"{name}.npy" for name in _LAYOUT}
-    # recordings from before there were side views have none
+    # a recording without side views may lack their arrays
     if not set(sizes) & _SIDE_FILES:
         expected -= _SIDE_FILES
     if set(sizes) != expected:
         odd = ", ".join(sorted(set(sizes) ^ expected)[:3])
-        raise ValueError(f"its arrays are not the expected ones ({odd})")
+        raise ValueError(f"unexpected or missing arrays ({odd})")
     if sum(sizes.values()) > max_bytes:
-        raise ValueError(f"it unpacks to {sum(sizes.values())} bytes; at most {max_bytes}")
+        raise ValueError(f"unpacked size of {sum(sizes.values())} bytes exceeds {max_bytes}")
     with np.load(path, allow_pickle=False) as data:
         arrays = _FrameList([_NONE] * len(data["sensors"])).arrays("sides")
         arrays |= {name: data[name] for name in _LAYOUT if f"{name}.npy" in expected}
     for name, (dtype, dimensions) in _LAYOUT.items():
         if arrays[name].dtype.str != dtype or arrays[name].ndim != dimensions:
-            raise ValueError(f"array {name!r} should be {dtype} with {dimensions} dimensions")
+            raise ValueError(f"expected array {name!r} to be {dtype} with {dimensions} dimensions")
     return arrays
 
 
 def _sides_of(frame: Frame | None) -> Frame | None:
-    """The side views of a frame, joined into one image; None without any."""
+    """The side views of a frame, joined into one image; None without side views."""
     if frame is None or not frame.sides:
         return None
     return Frame(frame.time, np.hstack(frame.sides))
@@ -239,7 +240,7 @@ def _check(recording: SensorRecording, path: Path) -> None:
     wide = recording.sensors.shape == (ticks, _SENSOR_COLUMNS)
     pairs = recording.ticks.shape == recording.commands.shape == (ticks, 2)
     if not (wide and pairs):
-        raise ConfigError("not a recording of sensor readings: its lengths differ", file=path)
+        raise ConfigError("not a recording of sensor readings: lengths differ", file=path)
     for frames in (recording.frames, recording.landmark_frames, recording.side_frames):
         images = len(frames.image)
         counted = len(frames.at) == ticks and len(frames.time) == images

@@ -1,4 +1,4 @@
-"""What pictures seen from above share: the outline of the world, bare axes, names of places."""
+"""Common parts of top-view pictures: outline of the world, plain axes, names of places."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.transforms import Bbox
 
-__all__ = ["OutlineDisc", "Point", "WorldOutline", "draw_names", "draw_outline", "make_bare"]
+__all__ = ["OutlineDisc", "Point", "WorldOutline", "draw_names", "draw_outline", "style_axes"]
 
 Point = tuple[float, float]
 
@@ -21,7 +21,7 @@ _WALL, _FURNITURE, _EDGE, _FLOOR = "#4A4A4A", "#D9D2C5", "#8C8577", "#FBFAF7"
 
 @dataclass(frozen=True, slots=True)
 class OutlineDisc:
-    """A round thing seen from above: centre x, y and radius [m]."""
+    """A round object in top view: centre x, y [m, map frame] and radius [m]."""
 
     x: float
     y: float
@@ -30,15 +30,15 @@ class OutlineDisc:
 
 @dataclass(frozen=True, slots=True)
 class WorldOutline:
-    """A world seen from above; polygons are (k, 2) [m] in ``map``."""
+    """A world in top view; polygons are (k, 2) [m] in ``map``."""
 
     walls: Sequence[Array] = ()
     furniture: Sequence[Array] = ()
     discs: Sequence[OutlineDisc] = ()
 
 
-def make_bare(axes: Axes) -> None:
-    """Floor for a ground, small grey numbers, and no frame."""
+def style_axes(axes: Axes) -> None:
+    """Set a floor-coloured background, small grey tick labels, and no frame."""
     axes.set_facecolor(_FLOOR)
     axes.tick_params(labelsize=8, colors="#666666", length=2)
     for spine in axes.spines.values():
@@ -46,7 +46,7 @@ def make_bare(axes: Axes) -> None:
 
 
 def draw_outline(axes: Axes, outline: WorldOutline, edge: float, wall_edge: float) -> None:
-    """Furniture and walls, below all else, with edges so wide [points]."""
+    """Draw furniture and walls below everything else; ``edge``, ``wall_edge``: line widths."""
     from matplotlib.patches import Circle, Polygon
 
     for polygon in outline.furniture:
@@ -59,7 +59,7 @@ def draw_outline(axes: Axes, outline: WorldOutline, edge: float, wall_edge: floa
 
 
 def draw_names(axes: Axes, places: Mapping[str, Point], color: str, zorder: int) -> None:
-    """Names beside ``places``, those that come first in it first, as long as they find room.
+    """Write names beside ``places``, in their order; names that would overlap others are left out.
 
     The limits of ``axes`` have to be set before.
     """

@@ -1,4 +1,4 @@
-"""The picture of a run: where the robot truly went, where it thought it was, and who led."""
+"""The picture of a run: true path coloured by leading behaviour, estimated path, contacts."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from navfw.recording.run_log import RunLog
-from navfw.recording.top_view import Point, WorldOutline, draw_names, draw_outline, make_bare
+from navfw.recording.top_view import Point, WorldOutline, draw_names, draw_outline, style_axes
 from navfw.signals import Array, Pose
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 __all__ = ["TrajectoryPicture", "draw_trajectory"]
 
-# Okabe and Ito's colours: told apart by colour-blind readers too. Known behaviours keep theirs.
+# Okabe and Ito's colours, distinct for colour-blind readers; shipped behaviours have fixed ones
 _PALETTE = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#B8A800", "#6A51A3")
 _FIXED = {
     "go_to_xy": "#0072B2",
@@ -34,14 +34,14 @@ _ESTIMATE, _PLACE, _START, _GOAL, _CONTACT = "#303030", "#7A7A7A", "#2E7D32", "#
 _BAD_OUTCOME, _GOOD_OUTCOME = "#B00020", "#2E7D32"
 
 _LEGEND_WIDTH = 1.25
-"""What an entry of the legend takes on average, short and long ones together [inch]."""
+"""Mean width of an entry of the legend [inch]."""
 
 
 @dataclass(frozen=True, slots=True)
 class TrajectoryPicture:
-    """What the picture of one run shows besides its log.
+    """The content of the picture of a run, besides its log.
 
-    ``title``, ``reason`` and ``numbers`` open it, a line each; ``good`` colours the title.
+    ``title``, ``reason`` and ``numbers`` are its first lines; ``good`` sets the title's colour.
     ``places`` are those of the topological map; ``zone`` [m] is the radius of the success zone
     about each goal.
     """
@@ -60,8 +60,8 @@ class TrajectoryPicture:
 
 def draw_trajectory(path: Path, log: RunLog, picture: TrajectoryPicture) -> None:
     """Write the picture of ``log`` as PNG to ``path``."""
-    # The object interface with the Agg canvas: no window system, and pyplot's global state stays
-    # untouched, whatever the caller's program does with it.
+    # the object interface with the Agg canvas needs no window system and leaves pyplot's global
+    # state to the calling program
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -79,7 +79,7 @@ def draw_trajectory(path: Path, log: RunLog, picture: TrajectoryPicture) -> None
     axes.set_ylim(low[1], high[1])
     axes.set_aspect("equal")
     _draw_names(axes, log, picture)
-    make_bare(axes)
+    style_axes(axes)
     axes.set_xlabel("x [m]", fontsize=8, color="#666666", labelpad=1)
     axes.set_ylabel("y [m]", fontsize=8, color="#666666", labelpad=1)
     _write_header(figure, picture, inches)
@@ -130,7 +130,7 @@ def _draw_world(axes: Axes, picture: TrajectoryPicture) -> None:
 
 
 def _draw_names(axes: Axes, log: RunLog, picture: TrajectoryPicture) -> None:
-    """Names of places, those that matter to this run first."""
+    """Write the names of places: goals and waypoints first, then short names first."""
     passed = {waypoint.place for waypoint in log.waypoints}
 
     def rank(name: str) -> tuple[bool, int]:
@@ -150,11 +150,11 @@ def _draw_paths(axes: Axes, log: RunLog) -> None:
     segments = np.stack([true[:-1], true[1:]], axis=1)
     leader = log.leader[shown][1:]
     for index, (name, color) in enumerate(_colors(log.leaders).items()):
-        mine = segments[leader == index]
-        if not len(mine):
+        led = segments[leader == index]
+        if not len(led):
             continue
-        label = f"{name or 'standing'} ({100.0 * len(mine) / len(segments):.0f} %)"
-        lines = LineCollection(list(mine), colors=color, linewidths=3.2, label=label, zorder=5)
+        label = f"{name or 'standing'} ({100.0 * len(led) / len(segments):.0f} %)"
+        lines = LineCollection(list(led), colors=color, linewidths=3.2, label=label, zorder=5)
         lines.set_capstyle("round")
         axes.add_collection(lines)
     axes.plot(*estimate.T, color=_ESTIMATE, lw=0.9, ls=(0, (4, 2)), label="estimate", zorder=6)
@@ -197,7 +197,7 @@ def _draw_marks(axes: Axes, log: RunLog, picture: TrajectoryPicture) -> None:
     if log.contacts:
         xs, ys = [c.x for c in log.contacts], [c.y for c in log.contacts]
         axes.plot(
-            xs, ys, marker="X", ms=11, mfc=_CONTACT, mec="white", ls="", zorder=9, label="hit"
+            xs, ys, marker="X", ms=11, mfc=_CONTACT, mec="white", ls="", zorder=9, label="contact"
         )
         axes.annotate(
             log.contacts[0].body,

@@ -1,9 +1,9 @@
-"""Help for testing a robot: missions as pytest tests, a check for behaviours, fakes.
+"""Tools for tests: missions as pytest tests, conformance checks for plugins, fakes.
 
 - ``@pytest.mark.mission(...)`` with the ``mission`` fixture (a ``MissionRun``);
-- ``check_behavior(MyBehavior)`` and ``check_composite(MyComposite)``, conformance tests for those
-  of one's own;
-- ``fakes``: a simulator and pilots that are exact and quick.
+- ``check_behavior(MyBehavior)`` and ``check_composite(MyComposite)``: conformance tests for user
+  plugins;
+- ``fakes``: an exact and fast simulator, and pilots for it.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ __all__ = ["MissionRun", "check_behavior", "check_composite"]
 
 
 def __getattr__(name: str) -> Any:
-    # pytest loads this package in every session: nothing is imported before it is wanted
+    # pytest loads this package in every session: imports are deferred until they are used
     if name == "MissionRun":
         from navfw.testing.pytest_plugin import MissionRun
 

@@ -1,4 +1,4 @@
-"""Conformance tests for a behaviour or composite of one's own: ``check_behavior(MyBehavior)``."""
+"""Conformance tests for user behaviours and composites: ``check_behavior(MyBehavior)``."""
 
 from __future__ import annotations
 
@@ -25,9 +25,10 @@ if TYPE_CHECKING:
 __all__ = ["BUDGET", "check_behavior", "check_composite"]
 
 BUDGET = 0.05
-"""Most computing time [s] that a proposal may usually take: half of a camera period."""
+"""Largest median computing time [s] of a proposal: half of a camera period."""
 
-_LIMIT = 12  # problems told at once
+_LIMIT = 12
+"""Largest number of problems listed in an error."""
 
 
 def check_behavior(
@@ -37,13 +38,13 @@ def check_behavior(
     robot: RobotModel | None = None,
     budget: float = BUDGET,
 ) -> None:
-    """Try a behaviour in many situations; return if it keeps the contract.
+    """Run a behaviour in many scenes; return if it keeps the contract of behaviours.
 
-    Beyond what registering verifies: that every parameter has a description; that the behaviour can
-    be built (with ``params``, or its defaults); that in each scene of
-    ``navfw.testing.behavior_scenes`` it proposes something usable, leaves the context alone, gives
-    a reason of one line and an explanation that is plain data; that it proposes the same again in a
-    fresh instance and after ``reset()``; and that it usually takes less than ``budget`` [s].
+    Checked besides the verification at registration: every parameter has a description; the
+    behaviour can be built with ``params``, or its defaults; in each scene of
+    ``navfw.testing.behavior_scenes`` it returns a valid proposal, does not change the context, and
+    gives a reason of one line and an explanation in plain data; its proposals are the same in a new
+    instance and after ``reset()``; and its median computing time is at most ``budget`` [s].
 
     >>> def test_my_behavior():
     ...     check_behavior(MyBehavior)
@@ -63,11 +64,11 @@ def check_composite(
     *,
     robot: RobotModel | None = None,
 ) -> None:
-    """Try a composite behaviour in many situations; return if it keeps the contract.
+    """Run a composite in many scenes; return if it keeps the contract of composites.
 
-    As ``check_behavior`` does: in each scene its weights have to be numbers in [0, 1] by the names
-    of primitives, the same again in a fresh instance and after ``reset()``; the context has to be
-    left alone, and ``explain()`` to give plain data.
+    As in ``check_behavior``: in each scene its weights are numbers in [0, 1] by the names of
+    primitives, the same in a new instance and after ``reset()``; the context is not changed, and
+    ``explain()`` gives plain data.
 
     Raises:
         PluginError: it breaks the contract; the message lists everything that was found.
@@ -81,11 +82,11 @@ def check_composite(
 def _raise_if_any(cls: type[Plugin], kind: str, problems: Sequence[str]) -> None:
     if not problems:
         return
-    told = "".join(f"\n- {problem}" for problem in problems[:_LIMIT])
+    listed = "".join(f"\n- {problem}" for problem in problems[:_LIMIT])
     more = len(problems) - _LIMIT
     rest = f"\n- and {more} more" if more > 0 else ""
     raise PluginError(
-        f"does not keep the contract of a {kind}:{told}{rest}",
+        f"does not keep the contract of a {kind}:{listed}{rest}",
         file=source_file(cls),
         key=f"class {cls.__qualname__}",
     )
@@ -104,28 +105,28 @@ def _composite_problems(
     try:
         composite, other = cls(robot, params), cls(robot, params)
     except Exception as error:  # the class may do anything
-        yield f"{cls.__name__}(robot, params) raised {_told(error)}"
+        yield f"{cls.__name__}(robot, params) raised {_message(error)}"
         return
     for scene in SCENES:
         contexts = contexts_of(scene, robot)
         try:
             found = [_weights(each, contexts) for each in (composite, other, composite)]
-        except _Wrong as error:
+        except _ContractBreach as error:
             yield f"in the scene {scene.name!r} {error}"
             continue
         if not found[0] == found[1] == found[2]:
             yield (
-                f"in the scene {scene.name!r} it weighs otherwise in a fresh instance or after "
-                "reset(): keep no state outside the instance, and forget it in reset()"
+                f"in the scene {scene.name!r} its weights differ in a new instance or after "
+                "reset(): keep no state outside the instance, and clear it in reset()"
             )
 
 
-class _Wrong(Exception):  # noqa: N818 - never leaves this module
-    """What a composite did wrong."""
+class _ContractBreach(Exception):  # noqa: N818 - used in this module only
+    """How a composite breaks its contract."""
 
 
 def _weights(composite: Composite, contexts: Sequence[Context]) -> list[dict[str, float]]:
-    """What it gives in every context, from a reset on."""
+    """The weights in every context, after a reset."""
     given: list[dict[str, float]] = []
     try:
         composite.reset()
@@ -133,16 +134,18 @@ def _weights(composite: Composite, contexts: Sequence[Context]) -> list[dict[str
             before = _digest(context)
             weights = dict(composite.weigh(context))
             if _digest(context) != before:
-                raise _Wrong("it changes the context, which others read too: work on copies")
+                raise _ContractBreach(
+                    "it changes the context, which other plugins read too: work on copies"
+                )
             wrong = {n: w for n, w in weights.items() if not (isinstance(n, str) and 0 <= w <= 1)}
             if wrong:
-                raise _Wrong(f"weights {wrong} are not numbers in [0, 1] by name")
+                raise _ContractBreach(f"weights {wrong} are not numbers in [0, 1] by name")
             json.dumps(plain_json([dict(rule) for rule in composite.explain()]), allow_nan=False)
             given.append(weights)
-    except _Wrong:
+    except _ContractBreach:
         raise
     except Exception as error:  # a plugin may raise anything
-        raise _Wrong(f"it raised {_told(error)}") from error
+        raise _ContractBreach(f"it raised {_message(error)}") from error
     return given
 
 
@@ -153,7 +156,7 @@ def _problems(
     try:
         behavior, other = cls(robot, params), cls(robot, params)
     except Exception as error:  # the class may do anything
-        yield f"{cls.__name__}(robot, params) raised {_told(error)}"
+        yield f"{cls.__name__}(robot, params) raised {_message(error)}"
         return
     durations: list[float] = []
     drives = [(scene, contexts_of(scene, robot)) for scene in SCENES]
@@ -162,38 +165,38 @@ def _problems(
         yield from found
         if found:
             continue
-        for again, what in ((other, "a fresh instance"), (behavior, "reset()")):
+        for again, what in ((other, "a new instance"), (behavior, "the same one after reset()")):
             if _drive(again, scene, contexts, [])[1] != digest:
                 yield (
-                    f"in the scene {scene.name!r} it proposes something else after {what}: draw no"
-                    " random numbers, keep no state outside the instance, and forget it in reset()"
+                    f"in the scene {scene.name!r} its proposals differ in {what}: use no random"
+                    " numbers, keep no state outside the instance, and clear it in reset()"
                 )
     if durations and median(durations) > budget:
         usual = 1e3 * median(durations)
-        yield f"a proposal usually takes {usual:.0f} ms; {1e3 * budget:.0f} ms is the limit"
+        yield f"a proposal takes {usual:.0f} ms (median); the limit is {1e3 * budget:.0f} ms"
 
 
 def _drive(
     behavior: Behavior, scene: BehaviorScene, contexts: Sequence[Context], durations: list[float]
 ) -> tuple[list[str], str]:
-    """What went wrong in one scene, and a digest of all that was proposed."""
+    """Problems in one scene, and a digest of all proposals."""
     problems: dict[str, None] = {}
     digest = hashlib.sha256()
     try:
         behavior.reset()
     except Exception as error:  # a plugin may raise anything
-        return [f"reset() raised {_told(error)}"], ""
+        return [f"reset() raised {_message(error)}"], ""
     for context in contexts:
         before = _digest(context)
         began = time.perf_counter()
         try:
             proposal: object = behavior.propose(context)
         except Exception as error:
-            problems[f"propose raised {_told(error)}"] = None
+            problems[f"propose raised {_message(error)}"] = None
             continue
         durations.append(time.perf_counter() - began)
         if _digest(context) != before:
-            problems["it changes the context, which others read too: work on copies"] = None
+            problems["it changes the context, which other plugins read too: work on copies"] = None
         problems.update(dict.fromkeys(_faults(proposal, context)))
         if isinstance(proposal, Proposal):
             digest.update(_bytes(proposal))
@@ -201,7 +204,7 @@ def _drive(
 
 
 def _faults(proposal: object, context: Context) -> Iterator[str]:
-    """What is wrong with a proposal, the way MOFIS looks at it and a little closer."""
+    """Problems of a proposal: the checks of MOFIS, and of ranges and reason."""
     if not isinstance(proposal, Proposal):
         yield f"propose returned {type(proposal).__name__}, not a Proposal"
         return
@@ -216,14 +219,14 @@ def _faults(proposal: object, context: Context) -> Iterator[str]:
         elif layer.min() < 0.0 or layer.max() > 1.0 + 1e-9:
             yield f"{name} has values outside [0, 1]: {layer.min():g} to {layer.max():g}"
     if not isinstance(proposal.reason, str) or not proposal.reason.strip():
-        yield "the proposal has no reason: say in a line why"
+        yield "the proposal has no reason: give one line of text"
     elif "\n" in proposal.reason:
-        yield "the reason has several lines: one is shown"
+        yield "the reason has several lines: give one line of text"
     try:
         explanation = [dict(rule) for rule in proposal.explain(0, 0)]
         json.dumps(plain_json(explanation), allow_nan=False)
-    except Exception as error:  # whatever the plugin gives in its place
-        yield f"explain(0, 0) does not give plain data: {_told(error)}"
+    except Exception as error:  # a plugin may return anything
+        yield f"explain(0, 0) does not give plain data: {_message(error)}"
 
 
 def _bytes(proposal: Proposal) -> bytes:
@@ -244,6 +247,6 @@ def _digest(context: Context) -> str:
     return digest.hexdigest()
 
 
-def _told(error: Exception) -> str:
+def _message(error: Exception) -> str:
     first = (str(error).splitlines() or [""])[0]
     return f"{type(error).__name__}: {first}"

@@ -1,7 +1,7 @@
-"""Exact little scenes: what a behaviour may meet, without a simulator.
+"""Scenes for tests of behaviours: contexts of short drives, without a simulator.
 
-A robot in a box of walls sees flow computed from geometry alone; OFFIS and the ego map make of it
-what they make of real flow. Each scene gives the contexts of one short drive.
+The flow of a robot between walls is computed from geometry alone; OFFIS and the local map process
+it as they process measured flow.
 """
 
 from __future__ import annotations
@@ -35,19 +35,22 @@ from navfw.signals import (
 __all__ = ["SCENES", "BehaviorScene", "contexts_of", "wall_flow"]
 
 PERIOD = 0.1
-"""Time [s] from frame to frame."""
+"""Time [s] between frames."""
 
-_BASELINE = 0.06  # m between the two frames of a pair
+_BASELINE = 0.06
+"""Distance driven [m] between the two frames of a pair."""
+
 _GRID = (12, 16)
+"""Rows and columns of the flow field."""
 
 
 @dataclass(frozen=True, slots=True)
 class BehaviorScene:
-    """A drive of ``ticks`` frames at constant ``twist``, from the middle of nowhere along x.
+    """A drive of ``ticks`` frames at constant ``twist``, from the origin along x.
 
-    ``ahead``, ``left``, ``right`` are distances [m] of walls from the start, ``waypoint`` is where
-    to go (x, y) [m], or None. ``wheels_turn`` is false for a robot that is held: it commands the
-    twist and does not move. ``sees`` is false where there is no percept yet.
+    ``ahead``, ``left``, ``right`` are distances [m] of walls from the start, ``waypoint`` is a
+    position (x, y) [m], or None. ``moves`` is false for a robot with blocked wheels: it commands
+    the twist and does not move. ``perceives`` is false before the first percept.
     """
 
     name: str
@@ -57,49 +60,48 @@ class BehaviorScene:
     left: float = 20.0
     right: float = 20.0
     ticks: int = 8
-    wheels_turn: bool = True
-    sees: bool = True
+    moves: bool = True
+    perceives: bool = True
 
 
 SCENES: tuple[BehaviorScene, ...] = (
-    BehaviorScene("before the first look", Twist(0.0, 0.0), sees=False, ticks=2),
-    BehaviorScene("nowhere to go", Twist(0.0, 0.0), waypoint=None),
+    BehaviorScene("before the first percept", Twist(0.0, 0.0), perceives=False, ticks=2),
+    BehaviorScene("no waypoint", Twist(0.0, 0.0), waypoint=None),
     BehaviorScene("open floor", Twist(0.3, 0.0)),
     BehaviorScene("goal on the left", Twist(0.2, 0.3), waypoint=(1.0, 2.0)),
     BehaviorScene("goal behind", Twist(0.2, 0.0), waypoint=(-2.0, 0.1)),
-    BehaviorScene("goal at hand", Twist(0.1, 0.0), waypoint=(0.2, 0.0)),
+    BehaviorScene("goal close", Twist(0.1, 0.0), waypoint=(0.2, 0.0)),
     BehaviorScene("wall ahead", Twist(0.3, 0.0), ahead=1.0),
-    BehaviorScene("wall very near", Twist(0.2, 0.0), ahead=0.45),
+    BehaviorScene("wall close ahead", Twist(0.2, 0.0), ahead=0.45),
     BehaviorScene("wall on the left", Twist(0.3, 0.0), left=0.5),
     BehaviorScene("wall on the right", Twist(0.3, 0.0), right=0.5),
     BehaviorScene("corridor", Twist(0.3, 0.0), left=0.7, right=0.7),
     BehaviorScene("dead end", Twist(0.1, 0.0), ahead=0.6, left=0.4, right=0.4),
-    BehaviorScene("held fast", Twist(0.3, 0.0), wheels_turn=False, ticks=30),
-    BehaviorScene("backing out", Twist(-0.1, 0.0), ahead=0.5, left=0.6),
+    BehaviorScene("wheels blocked", Twist(0.3, 0.0), moves=False, ticks=30),
+    BehaviorScene("reversing", Twist(-0.1, 0.0), ahead=0.5, left=0.6),
     BehaviorScene("turning on the spot", Twist(0.0, 1.0), left=1.0),
 )
-"""Situations that every behaviour should live through."""
+"""The scenes in which ``check_behavior`` runs a behaviour."""
 
 
 def contexts_of(scene: BehaviorScene, robot: RobotModel | None = None) -> list[Context]:
-    """The context of every frame of ``scene``, as MOFIS gives it to its behaviours."""
+    """The context of every frame of ``scene``, as MOFIS passes it to its behaviours."""
     robot = robot or RobotModel()
     local_map = LocalMap(robot)
     mofis = Mofis(robot, {}, _Scripted(robot, scene.twist), CommandGrid(robot), local_map)
     offis = Offis(robot)
     pose = Pose(0.0, 0.0, 0.0)
-    moves = scene.wheels_turn
-    twist = scene.twist if moves else Twist(0.0, 0.0)
+    twist = scene.twist if scene.moves else Twist(0.0, 0.0)
     flow: FlowField | None = None
     percept: Percept | None = None
     contexts = []
     for tick in range(1, scene.ticks + 1):
         time = tick * PERIOD
-        if moves:
+        if scene.moves:
             pose = pose.compose(Pose(twist.v * PERIOD, 0.0, twist.w * PERIOD))
         odometry = Odometry(time, pose, twist, 0.0, still=twist == Twist(0.0, 0.0))
         percepts: Sequence[Percept] = ()
-        if scene.sees and moves and twist.v:
+        if scene.perceives and scene.moves and twist.v:
             walls = (scene.ahead - pose.x, scene.left - pose.y, scene.right + pose.y)
             flow = wall_flow(robot, time, *walls)
             percepts = [offis.perceive(flow, twist)]
@@ -114,9 +116,9 @@ def contexts_of(scene: BehaviorScene, robot: RobotModel | None = None) -> list[C
 
 
 def wall_flow(robot: RobotModel, time: float, ahead: float, left: float, right: float) -> FlowField:
-    """The exact derotated flow of a robot that has come straight on, between walls and on a floor.
+    """The exact derotated flow of a robot driving straight on a floor between walls.
 
-    ``ahead``, ``left`` and ``right`` [m] are distances of endless walls from the robot's centre.
+    ``ahead``, ``left`` and ``right`` [m] are distances of infinite walls from the robot's centre.
     """
     camera = robot.camera
     rows, cols = _GRID
@@ -159,7 +161,7 @@ def _waypoint(point: tuple[float, float] | None) -> Waypoint | None:
 
 
 class _Scripted(Fusion):
-    """Commands what the scene says, whatever is proposed."""
+    """Commands the scene's twist, regardless of the proposals."""
 
     name = "scripted"
 
@@ -168,5 +170,5 @@ class _Scripted(Fusion):
         self._twist = twist
 
     def fuse(self, context: Context, proposals: Mapping[str, Proposal]) -> Command:
-        """The command of the script."""
-        return Command(context.time, self._twist, "script", "as the scene says")
+        """The scene's command."""
+        return Command(context.time, self._twist, "script", "the scene's twist")

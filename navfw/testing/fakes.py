@@ -1,7 +1,7 @@
-"""Stand-ins for tests: a simulator without physics, and pilots that drive without seeing.
+"""Fakes for tests: a kinematic simulator, and pilots that drive without perception.
 
-They have the methods that ``navfw.missions.runner`` asks for, run in microseconds a tick, and are
-exact: what a test says about its own part is not blurred by anyone else's.
+They implement the protocols of ``navfw.missions.runner``, take microseconds per tick, and are
+exact: errors in a test come from the tested part alone.
 """
 
 from __future__ import annotations
@@ -41,10 +41,10 @@ class Post:
 
 
 class FakeSimulator:
-    """A robot that does exactly what its wheels say, among round posts, with perfect sensors.
+    """A robot with ideal wheels and sensors among round posts.
 
-    The camera gives noise images (seeded), so that frames differ from each other and from run to
-    run of another seed. Posts are touched, but stop nobody.
+    Camera images are seeded noise, so that frames differ from each other and between seeds. A post
+    gives a contact, but does not stop the robot.
     """
 
     def __init__(
@@ -83,11 +83,11 @@ class FakeSimulator:
         )
 
     def drive(self, left: float, right: float) -> None:
-        """Wheel speeds [rad/s]; the fake robot has them at once."""
+        """Set the wheel speeds [rad/s]; they apply immediately."""
         self._wheels = (left, right)
 
     def advance(self, dt: float) -> None:
-        """Move along the arc of the present wheel speeds for ``dt`` [s]."""
+        """Move along the arc of the wheel speeds for ``dt`` [s]."""
         twist = self.robot.twist(*self._wheels)
         middle = self._pose.yaw + 0.5 * twist.w * dt
         # the chord of the arc: exact for constant wheel speeds
@@ -108,13 +108,13 @@ class FakeSimulator:
         )
 
     def true_pose(self) -> Pose:
-        """Where the robot is."""
+        """The robot's pose."""
         return self._pose
 
 
 @dataclass(frozen=True, slots=True)
 class FakeState:
-    """The parts of a stack's state that the runner and displays look at."""
+    """The parts of a stack's state that the runner and displays use."""
 
     belief: Belief | None = None
     path: tuple[Waypoint, ...] = ()
@@ -127,7 +127,7 @@ class FakeState:
 
 
 class ScriptedPilot:
-    """Drives a list of twists, one a tick, then says that it has finished (or is stuck)."""
+    """Drives a list of twists, one per tick, then is finished (or stuck for the reason given)."""
 
     def __init__(self, twists: Iterable[Twist], stuck: str | None = None) -> None:
         self.timings: Mapping[str, float] = {}
@@ -137,13 +137,13 @@ class ScriptedPilot:
         self._tick = 0
 
     def start(self, pose: Pose | None, goals: Sequence[Waypoint]) -> None:
-        """Begin the script anew; goals are shown as the path, and not cared for otherwise."""
+        """Restart the script; the goals become the path and have no other effect."""
         self._tick = 0
         pose = pose or Pose(0.0, 0.0, 0.0)
         self.state = FakeState(path=tuple(goals), belief=Belief(0.0, pose, np.zeros((3, 3))))
 
     def step(self, reading: SensorReading) -> Twist:
-        """The next twist of the script; standing still after its end."""
+        """The next twist of the script; zero after its end."""
         over = self._tick >= len(self._script)
         twist = Twist(0.0, 0.0) if over else self._script[self._tick]
         self._tick += 1
@@ -158,9 +158,9 @@ class ScriptedPilot:
 
 
 class FakePilot:
-    """Drives straight from goal to goal by dead reckoning from encoders and gyro; sees nothing.
+    """Drives straight from goal to goal by dead reckoning from encoders and gyro.
 
-    ``yaw_error`` [rad] misleads it about its starting direction, so that it gets lost.
+    ``yaw_error`` [rad] is added to the starting yaw, so that it gets lost.
     """
 
     def __init__(self, robot: RobotModel | None = None, yaw_error: float = 0.0) -> None:
@@ -173,7 +173,7 @@ class FakePilot:
         self._last: SensorReading | None = None
 
     def start(self, pose: Pose | None, goals: Sequence[Waypoint]) -> None:
-        """Begin at ``pose`` (unknown: it believes in the origin), to visit ``goals`` in order."""
+        """Start at ``pose`` (None: the origin is assumed), with ``goals`` to visit in order."""
         pose = pose or Pose(0.0, 0.0, 0.0)
         self._pose = Pose(pose.x, pose.y, wrap_angle(pose.yaw + self.yaw_error))
         self._goals = tuple(goals)
@@ -181,7 +181,7 @@ class FakePilot:
         self.state = FakeState(path=self._goals)
 
     def step(self, reading: SensorReading) -> Twist:
-        """Turn towards the goal, then drive."""
+        """Turn towards the goal, then drive straight."""
         self._reckon(reading)
         while self._goals and self._left(self._goals[0]) <= self._goals[0].tolerance:
             self._goals = self._goals[1:]

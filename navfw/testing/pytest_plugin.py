@@ -9,9 +9,9 @@
         assert mission.outcome == "reached"
         assert mission.metrics.min_clearance_m > 0.05
 
-The marked test runs once for each seed. A test that fails shows the outcome, the reason and where
-the picture of the run is. Pytest loads this module in every session of everybody who has navfw
-installed: it imports nothing heavy until a mission is driven.
+The marked test runs once for each seed. A failing test shows the outcome, the reason and the path
+of the run's picture. Pytest loads this module in every session where navfw is installed, so it
+imports other modules only when a mission is driven.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _MISSION = "mission"
 
 
 class MissionRun:
-    """What the ``mission`` fixture gives: one mission, driven."""
+    """The value of the ``mission`` fixture: the result of one mission."""
 
     def __init__(self, result: MissionResult, folder: Path) -> None:
         self.result = result
@@ -54,46 +54,46 @@ class MissionRun:
 
     @property
     def outcome(self) -> Outcome:
-        """How it ended; compares equal to its word: ``mission.outcome == "reached"``."""
+        """The outcome; equal to its text: ``mission.outcome == "reached"``."""
         return self.result.outcome
 
     @property
     def reason(self) -> str:
-        """How it ended, in a sentence."""
+        """The reason of the outcome, one sentence."""
         return self.result.reason
 
     @property
     def metrics(self) -> RunMetrics:
-        """The numbers of the run."""
+        """The metrics of the run."""
         return self.result.metrics
 
     @property
     def log(self) -> RunLog:
-        """The whole run, tick by tick."""
+        """The log of the run, one row per control tick."""
         return self.result.run.log
 
     @property
     def path(self) -> Array:
-        """(n, 3) true poses x, y [m], yaw [rad] in the map, one for each control tick."""
+        """(n, 3) true poses x, y [m], yaw [rad] in the map, one per control tick."""
         return self.log.true
 
     @property
     def commands(self) -> Array:
-        """(n, 3) time [s], v [m/s], w [rad/s], one for each control tick."""
+        """(n, 3) time [s], v [m/s], w [rad/s], one per control tick."""
         return self.log.command_stream
 
     @property
     def command_hash(self) -> str:
-        """The fingerprint of the commands: equal for equal bytes."""
+        """The hash of the commands, equal for bit-identical commands."""
         return self.log.command_hash
 
     @property
     def seed(self) -> int:
-        """The seed of all noise."""
+        """The seed of the run."""
         return self.result.session.seed
 
     def save(self) -> Path:
-        """Write the run folder, if that has not been done; returns it."""
+        """Write the run folder, unless it exists; returns its path."""
         from navfw.missions.run_report import write_run
         from navfw.recording.run_folder import RunFolder
 
@@ -109,7 +109,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         "--mission-runs",
         metavar="DIR",
         default=None,
-        help="keep the run folders of all missions in DIR [default: only of failed tests, in"
+        help="keep the run folders of all missions in DIR [default: only those of failed tests, in"
         " pytest's temporary folder]",
     )
 
@@ -125,32 +125,34 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
         return
     marker = metafunc.definition.get_closest_marker(_MISSION)
     if marker is None:
-        return  # the fixture says so, where the test is known by name
+        return  # the fixture reports it, with the name of the test
     metafunc.parametrize(_MISSION, list(_cases(marker, metafunc.definition.nodeid)), indirect=True)
 
 
 def _cases(marker: pytest.Mark, where: str) -> Iterator[Any]:
-    """A ``pytest.param`` for each run that the marker asks for."""
+    """A ``pytest.param`` for each run of the marker."""
     wrong = [name for name in marker.kwargs if name not in _KEYS]
     if wrong:
         from navfw.errors import did_you_mean
 
-        _misuse(where, f"it has no {wrong[0]!r}: {did_you_mean(wrong[0], _KEYS)}")
+        _misuse(where, f"unknown argument {wrong[0]!r}: {did_you_mean(wrong[0], _KEYS)}")
     given = {**dict(zip(_KEYS, marker.args, strict=False)), **marker.kwargs}
     missing = [name for name in ("world", "mission") if name not in given]
-    if missing or len(marker.args) > len(_KEYS):
-        _misuse(where, f"it needs {' and '.join(missing) or 'fewer arguments'}")
+    if missing:
+        _misuse(where, f"missing argument: {' and '.join(missing)}")
+    if len(marker.args) > len(_KEYS):
+        _misuse(where, f"expected at most {len(_KEYS)} arguments, got {len(marker.args)}")
     missions = _several(given["mission"])
     seeds = list(given.get("seeds", (0,)))
     if not missions or not seeds:
-        _misuse(where, "it needs at least one mission and one seed")
+        _misuse(where, "expected at least one mission and one seed")
     for mission in missions:
         for entry in seeds:
-            # a seed may come with marks of its own: pytest.param(7, marks=pytest.mark.slow)
+            # a seed may have marks: pytest.param(7, marks=pytest.mark.slow)
             param = entry if hasattr(entry, "marks") else pytest.param(entry)
             (seed,) = param.values
             if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
-                _misuse(where, f"a seed is a whole number, not {seed!r}")
+                _misuse(where, f"expected a seed that is a whole number >= 0, got {seed!r}")
             case = {
                 "world": str(given["world"]),
                 "mission": mission,
@@ -175,9 +177,9 @@ _RUN: pytest.StashKey[MissionRun] = pytest.StashKey()
 
 @pytest.fixture
 def mission(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> MissionRun:
-    """The mission of the test's ``mission`` marker, driven; see ``MissionRun``.
+    """The result of the mission in the test's ``mission`` marker; see ``MissionRun``.
 
-    Equal runs are driven once in a session: the same seed gives the same commands.
+    Equal missions are driven once per session: the same seed gives the same commands.
     """
     case = getattr(request, "param", None)
     if case is None:
@@ -210,7 +212,7 @@ def _drive(case: dict[str, Any]) -> MissionResult:
         result = session.run()
     except InputError as error:
         pytest.fail(f"the mission cannot be driven: {error}", pytrace=False)
-    if result.outcome == "cancelled":  # the runner has caught it; pytest wants it too
+    if result.outcome == "cancelled":  # caught by the runner; pytest has to stop as well
         raise KeyboardInterrupt
     return result
 
@@ -229,7 +231,7 @@ def _folder_name(case: dict[str, Any]) -> str:
 def pytest_runtest_makereport(
     item: pytest.Item, call: pytest.CallInfo[None]
 ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    """Tell, with a failed test, how its mission ended and where the picture is."""
+    """Add outcome and picture of the mission to the report of a failed test."""
     report = yield
     run = item.stash.get(_RUN, None)
     if run is not None and call.when == "call" and report.failed:
@@ -240,12 +242,12 @@ def pytest_runtest_makereport(
 def _describe(run: MissionRun) -> Iterator[str]:
     session, verdict = run.result.session, run.result.run.verdict
     yield f"{session.world_name}/{session.mission_name}, seed {session.seed}"
-    led = verdict.behavior or "nobody"
-    yield f"outcome: {verdict.outcome} after {verdict.time:.1f} s, {led} led last"
+    leader = verdict.behavior or "none"
+    yield f"outcome: {verdict.outcome} after {verdict.time:.1f} s, leading behaviour: {leader}"
     yield f"reason:  {verdict.reason}"
     try:
         yield f"picture: {run.save() / 'trajectory.png'}"
-    except Exception as error:  # the test's own failure matters more than a picture
+    except Exception as error:  # a missing picture must not hide the test's failure
         yield f"picture: none, {error}"
     if verdict.trace:
         yield verdict.trace

@@ -120,7 +120,7 @@ def test_avoid_allows_the_open_floor_that_it_has_seen(registry: Registry) -> Non
 
 
 def test_avoid_doubts_what_it_has_not_seen(registry: Registry) -> None:
-    scene = BehaviorScene("blind", Twist(0.0, 0.0), sees=False, ticks=2)
+    scene = BehaviorScene("blind", Twist(0.0, 0.0), perceives=False, ticks=2)
     context, proposal = propose(registry, "avoid", scene)
     straight = context.commands.w.size // 2
     slow = int(np.searchsorted(context.commands.v, 0.05))
@@ -193,7 +193,7 @@ def test_traverse_door_only_at_doors_and_slowly_in_narrow_ones(registry: Registr
 
 
 def test_peek_creeps_into_the_unseen_only(registry: Registry) -> None:
-    blind = BehaviorScene("blind", Twist(0.0, 0.0), sees=False, ticks=2)
+    blind = BehaviorScene("blind", Twist(0.0, 0.0), perceives=False, ticks=2)
     context, proposal = propose(registry, "peek", blind)
     assert proposal.applicability > 0.4
     assert 0.0 < wanted(context, proposal).v < 0.4 * context.commands.max_v
@@ -234,7 +234,7 @@ def test_emergency_sleeps_while_all_is_well(registry: Registry) -> None:
 
 
 def test_emergency_stops_a_robot_that_is_held(registry: Registry) -> None:
-    held = BehaviorScene("held", Twist(0.3, 0.0), wheels_turn=False, ticks=30)
+    held = BehaviorScene("held", Twist(0.3, 0.0), moves=False, ticks=30)
     context, proposal = propose(registry, "emergency", held)
     assert proposal.applicability == 1.0
     assert np.all(proposal.prohibition[context.commands.v > 0.0] == 1.0)

@@ -89,10 +89,10 @@ def test_a_recorder_keeps_to_its_limit(tmp_path: Path) -> None:
     assert 0 < len(recording) < TICKS
 
 
-def test_a_file_is_measured_before_it_is_unpacked(tmp_path: Path) -> None:
+def test_the_size_is_checked_before_unpacking(tmp_path: Path) -> None:
     path = tmp_path / "recording.npz"
     recorded(random_readings(3), path)
-    with pytest.raises(ConfigError, match="at most 1000"):
+    with pytest.raises(ConfigError, match="exceeds 1000"):
         load_recording(path, max_bytes=1000)
 
 

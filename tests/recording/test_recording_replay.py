@@ -110,10 +110,12 @@ def test_every_command_is_explained_rule_by_rule(driven: tuple[MissionResult, Pa
     assert leader["rules"], "the leader's rules fired"
     assert all("IF" in rule["rule"] and 0.0 < rule["strength"] <= 1.0 for rule in leader["rules"])
     assert explanation["perception"]["sentence"].startswith("Layer1")
-    assert sum(said["weight"] for said in explanation["behaviors"].values()) == pytest.approx(1.0)
+    assert sum(
+        behavior["weight"] for behavior in explanation["behaviors"].values()
+    ) == pytest.approx(1.0)
     assert explanation["composite"]["name"] == "travel"
     assert explanation["composite"]["weights"]["go_to_xy"] == 1.0
-    assert "idle IS moving_on" in explanation["composite"]["rules"][0]["rule"]
+    assert "idle IS progressing" in explanation["composite"]["rules"][0]["rule"]
     assert json.loads(json.dumps(explanation)) == explanation, "it is plain data"
 
 
@@ -130,4 +132,4 @@ def test_explain_prints_the_rules(driven: tuple[MissionResult, Path]) -> None:
     assert done.exit_code == 0
     assert "go_to_xy" in done.stdout
     assert "IF bearing IS" in done.stdout
-    assert "travel gives go_to_xy 1.00" in done.stdout
+    assert "travel weights go_to_xy 1.00" in done.stdout

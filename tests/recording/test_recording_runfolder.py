@@ -74,7 +74,7 @@ def test_a_file_is_no_place_for_a_run(tmp_path: Path) -> None:
 
 def test_a_folder_that_became_foreign_meanwhile_is_not_touched(tmp_path: Path) -> None:
     target = write(tmp_path / "run")
-    with pytest.raises(InputError, match="holds 'notes"), RunFolder(target) as folder:
+    with pytest.raises(InputError, match="contains 'notes"), RunFolder(target) as folder:
         folder.write_json(RESULT, {})
         (target / "notes.txt").write_text("mine")
     assert (target / "notes.txt").read_text() == "mine"

@@ -97,7 +97,7 @@ def test_a_simple_composite_passes() -> None:
         ),
     ],
 )
-def test_what_is_wrong_with_a_composite_is_told(cls: type[Composite], message: str) -> None:
+def test_a_composite_s_breach_of_the_contract_is_named(cls: type[Composite], message: str) -> None:
     with pytest.raises(PluginError, match=message):
         check_composite(cls)
 
@@ -129,8 +129,8 @@ def proposing(change: Any) -> type[Behavior]:
         (lambda c: {"explain": lambda row, column: [object()]}, "plain data"),
         (lambda c: {"explain": None}, "plain data"),
         # only in one of the scenes: there is no waypoint
-        (lambda c: {"reason": f"to {c.waypoint.place}"}, "'nowhere to go'"),
-        (lambda c: {"reason": c.percept.sentence or "-"}, "'before the first look'"),
+        (lambda c: {"reason": f"to {c.waypoint.place}"}, "'no waypoint'"),
+        (lambda c: {"reason": c.percept.sentence or "-"}, "'before the first percept'"),
     ],
 )
 def test_an_unusable_proposal_is_named(change: Any, message: str) -> None:
@@ -175,19 +175,19 @@ def propose_slowly(self: Any, context: Context) -> Any:
     ("propose", "message"),
     [
         (propose_wrong_type, "returned float, not a Proposal"),
-        (propose_with_shared_state, "a fresh instance"),
+        (propose_with_shared_state, "a new instance"),
         (propose_without_reset, "after reset()"),
         (propose_in_the_context, "changes the context"),
-        (propose_slowly, "ms is the limit"),
+        (propose_slowly, "the limit is 1 ms"),
     ],
 )
-def test_bad_manners_are_named(propose: Any, message: str) -> None:
+def test_a_breach_of_the_contract_is_named(propose: Any, message: str) -> None:
     with pytest.raises(PluginError) as caught:
         check_behavior(variant(propose=propose), budget=0.001)
     assert message in str(caught.value)
 
 
-def test_parameters_want_descriptions() -> None:
+def test_parameters_need_descriptions() -> None:
     class Bare(Stop):
         """Has an undescribed parameter."""
 
@@ -220,7 +220,7 @@ def test_scenes_are_what_they_say(scene: BehaviorScene) -> None:
     last = contexts_of(scene, robot)[-1]
     assert (last.waypoint is None) == (scene.waypoint is None)
     driven = last.pose.x
-    if scene.sees and scene.twist.v > 0.0 and scene.wheels_turn:
+    if scene.perceives and scene.twist.v > 0.0 and scene.moves:
         assert last.percept is not None
         if scene.ahead < 2.0 and scene.left > 1.0:
             assert last.ranges.front == pytest.approx(scene.ahead - driven - robot.radius, abs=0.15)
@@ -230,7 +230,7 @@ def test_scenes_are_what_they_say(scene: BehaviorScene) -> None:
             assert last.ranges.right < scene.right + 0.1
     if scene.ahead == scene.left == scene.right:
         assert last.ranges.front > 1.0
-    assert (last.stalled > 1.0) == (not scene.wheels_turn)
+    assert (last.stalled > 1.0) == (not scene.moves)
 
 
 def test_the_flow_of_a_wall_gives_its_distance() -> None:

@@ -89,7 +89,7 @@ def test_a_failure_shows_outcome_reason_and_picture(pytester: pytest.Pytester) -
     assert (result["outcome"], result["seed"]) == ("timeout", 4)
 
 
-def test_a_test_that_holds_leaves_no_folder_unless_asked(pytester: pytest.Pytester) -> None:
+def test_a_passing_test_leaves_no_folder_by_default(pytester: pytest.Pytester) -> None:
     text = f"""
     @pytest.mark.mission(world="empty", mission="straight", {SHORT})
     def test_it(mission, tmp_path_factory):
@@ -111,7 +111,7 @@ CANNOT_BE_DRIVEN = {
 }
 
 
-def test_a_mission_that_cannot_be_driven_says_why(pytester: pytest.Pytester) -> None:
+def test_a_mission_that_cannot_be_driven_reports_the_reason(pytester: pytest.Pytester) -> None:
     text = "".join(
         f"@pytest.mark.mission({marker})\ndef test_{number}(mission):\n    pass\n"
         for number, marker in enumerate(CANNOT_BE_DRIVEN)
@@ -125,8 +125,8 @@ def test_a_mission_that_cannot_be_driven_says_why(pytester: pytest.Pytester) -> 
 
 
 MISWRITTEN = {
-    'world="empty"': "needs mission",
-    'mission="straight"': "needs world",
+    'world="empty"': "missing argument: mission",
+    'mission="straight"': "missing argument: world",
     'world="empty", mission="straight", seed=1': "did you mean 'seeds'?",
     'world="empty", mission="straight", seeds=[]': "at least one",
     'world="empty", mission="straight", seeds=["a"]': "whole number",
@@ -134,7 +134,7 @@ MISWRITTEN = {
 }
 
 
-def test_a_miswritten_marker_is_told_when_collecting(pytester: pytest.Pytester) -> None:
+def test_a_miswritten_marker_is_reported_when_collecting(pytester: pytest.Pytester) -> None:
     for number, marker in enumerate(MISWRITTEN):
         text = f"{IMPORT}@pytest.mark.mission({marker})\ndef test_it(mission):\n    pass\n"
         pytester.path.joinpath(f"test_{number}.py").write_text(text)
@@ -145,7 +145,7 @@ def test_a_miswritten_marker_is_told_when_collecting(pytester: pytest.Pytester) 
         assert message in section
 
 
-def test_the_fixture_alone_says_what_it_needs(pytester: pytest.Pytester) -> None:
+def test_the_fixture_without_a_marker_reports_it(pytester: pytest.Pytester) -> None:
     done = outcomes(pytester, "def test_it(mission):\n    pass\n")
     done.assert_outcomes(errors=1)
     assert "@pytest.mark.mission" in done.stdout.str()
