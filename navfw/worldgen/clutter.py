@@ -18,7 +18,7 @@ def build(rng: np.random.Generator, difficulty: float) -> WorldDraft:
     draft.enclose(draft.palette.draw("wall"))
     gap = blend(1.2, 0.75, difficulty)
     draft.description = f"A walled area with boxes and cylinders at least {gap:.2f} m apart."
-    _set_ends(draft)
+    _set_start_and_goal(draft)
     textures = draft.palette.draw_many("thing", 5)
     area = draft.x[1] * draft.y[1]
     wanted = round(area * blend(0.12, 0.34, difficulty))
@@ -29,7 +29,7 @@ def build(rng: np.random.Generator, difficulty: float) -> WorldDraft:
     return draft
 
 
-def _set_ends(draft: WorldDraft) -> None:
+def _set_start_and_goal(draft: WorldDraft) -> None:
     """Start and goal near opposite sides, along x or y, in either direction."""
     rng = draft.rng
     size = np.array([draft.x[1], draft.y[1]])

@@ -30,7 +30,7 @@ def build(rng: np.random.Generator, difficulty: float) -> WorldDraft:
     draft = WorldDraft.empty(rng, rng.uniform(8.0, 12.0), rng.uniform(6.5, 9.5))
     draft.enclose(draft.palette.draw("wall"))
     count = int(np.clip(round(blend(2, 6, difficulty) + rng.uniform(-1, 1)), 2, 7))
-    _set_ends(draft)
+    _set_start_and_goal(draft)
     _add_static(draft, round(blend(1, 5, difficulty)))
     clothes = draft.palette.draw_many("person", 4)
     plan = draft.floor_plan()
@@ -44,7 +44,7 @@ def build(rng: np.random.Generator, difficulty: float) -> WorldDraft:
     return draft
 
 
-def _set_ends(draft: WorldDraft) -> None:
+def _set_start_and_goal(draft: WorldDraft) -> None:
     """Start and goal at opposite ends of the hall."""
     rng = draft.rng
     width, depth = draft.x[1], draft.y[1]

@@ -30,7 +30,7 @@ def build(rng: np.random.Generator, difficulty: float) -> WorldDraft:
     draft.description = "A field of thin poles between walls, clustered as in BARN worlds."
     draft.robot, draft.stack = FAST_ROBOT, POLES_STACK
     draft.clearance = ROBOT.radius + blend(0.17, 0.09, difficulty)
-    _set_ends(draft)
+    _set_start_and_goal(draft)
     textures = draft.palette.draw_many("thing", 4)
     for number, (x, y, radius) in enumerate(_poles(rng, filled), start=1):
         texture = draft.palette.pick(textures)
@@ -71,7 +71,7 @@ def _poles(rng: np.random.Generator, filled: npt.NDArray[np.bool_]) -> list[list
     return poles
 
 
-def _set_ends(draft: WorldDraft) -> None:
+def _set_start_and_goal(draft: WorldDraft) -> None:
     """Start and goal at opposite ends of the field, in either direction."""
     rng = draft.rng
     y_start, y_goal = rng.uniform(0.3, 0.7, 2) * draft.y[1]

@@ -275,7 +275,7 @@ def test_generate_command(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["rooom"], "unknown family of worlds 'rooom': did you mean 'rooms'?"),
+        (["rooom"], "unknown family plugin 'rooom': did you mean 'rooms'?"),
         (["rooms", "--seed", "-3"], "seed: expected a seed from 0"),
         (["rooms", "--difficulty", "1.01"], "difficulty: expected 0 to 1, got 1.01"),
         (["rooms", "--difficulty", "easy"], "--difficulty"),
