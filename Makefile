@@ -7,7 +7,7 @@ run: | uv
 	$(UV) run navfw run office lobby-to-lab
 
 test: check
-	$(UV) run pytest -n auto --maxprocesses 4 --dist worksteal
+	$(UV) run pytest -n auto --maxprocesses 4 --dist worksteal --cov
 
 check: | uv
 	$(UV) run ruff check

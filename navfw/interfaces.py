@@ -38,9 +38,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from navfw.context import Context
-    from navfw.sim.worldspec import WorldSpec
     from navfw.topomap import TopoMap
-    from navfw.worldgen.world_draft import WorldDraft
 
 __all__ = [
     "KINDS",
@@ -270,8 +268,11 @@ class MissionEvent(Plugin):
     kind = "event"
 
     @abstractmethod
-    def actions(self, world: WorldSpec) -> Sequence[Mapping[str, Any]]:
-        """The actions that begin together, as in mission files: ``{"light": {"share": 0.2}}``."""
+    def actions(self, world: Mapping[str, Any]) -> Sequence[Mapping[str, Any]]:
+        """The actions that begin together, as in mission files: ``{"light": {"share": 0.2}}``.
+
+        ``world`` is the contents of the world file.
+        """
 
 
 class WorldFamily(Plugin):
@@ -280,8 +281,8 @@ class WorldFamily(Plugin):
     kind = "family"
 
     @abstractmethod
-    def build(self, rng: np.random.Generator, difficulty: float) -> WorldDraft:
-        """One world drawn with ``rng``; ``difficulty`` is in [0, 1].
+    def build(self, rng: np.random.Generator, difficulty: float) -> object:
+        """A ``navfw.worldgen.world_draft.WorldDraft`` from ``rng``; ``difficulty`` is in [0, 1].
 
         Raises:
             navfw.worldgen.world_draft.Unsuitable: the draw is not usable; another one is tried.

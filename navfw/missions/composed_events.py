@@ -8,7 +8,6 @@ from typing import Annotated, Any, ClassVar
 from pydantic import Field
 
 from navfw.interfaces import MissionEvent
-from navfw.sim.worldspec import WorldSpec
 
 __all__ = ["Blackout"]
 
@@ -25,9 +24,9 @@ class Blackout(MissionEvent):
 
     params: Params
 
-    def actions(self, world: WorldSpec) -> Sequence[Mapping[str, Any]]:
+    def actions(self, world: Mapping[str, Any]) -> Sequence[Mapping[str, Any]]:
         """Dim the lamps, and close every open door."""
-        doors = [door.name for door in world.doors if door.state == "open"]
+        doors = [door["name"] for door in world["doors"] if door["state"] == "open"]
         return [
             {"light": {"share": self.params.light}},
             *({"door": {"name": name, "state": "closed"}} for name in doors),

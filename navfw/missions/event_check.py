@@ -82,7 +82,7 @@ def _parts(
     event = plugin(robot, validate(document, plugin.Params, (*path, name)))
     trigger = spec.model_dump(exclude_unset=True, exclude={"plugin"})
     try:
-        actions = [dict(action) for action in event.actions(world)]
+        actions = [dict(action) for action in event.actions(world.model_dump(mode="json"))]
         parts = [EventSpec.model_validate({**trigger, **action}) for action in actions]
     except ValidationError as error:
         first = error.errors(include_url=False)[0]

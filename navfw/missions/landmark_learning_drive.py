@@ -9,6 +9,7 @@ from typing import Any
 
 from navfw.errors import MapError
 from navfw.features.combined_landmarks import Landmarks
+from navfw.landmark_appearance import landmark_kind
 from navfw.missions.runner import Progress, RunResult, run_task
 from navfw.missions.session import Session
 from navfw.missions.stack_observer import StackObserver
@@ -101,4 +102,9 @@ def learn_landmarks(
             " check that the world has landmarks along the path",
             file=session.mission.file,
         )
-    return LearningDrive(run, tuple(learnt), with_landmarks(stack.topo_map, learnt))
+    return LearningDrive(run, tuple(learnt), with_landmarks(stack.topo_map, learnt, _default_size))
+
+
+def _default_size(kind: str) -> float:
+    """Side [m] of landmarks of a kind that are not in the map yet."""
+    return landmark_kind(kind).default_size

@@ -9,15 +9,13 @@ beyond ``_HUBER`` sigma get less weight (Huber), so that a few false detections 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
 from navfw.errors import MapError
-from navfw.interfaces import LandmarkKind
-from navfw.landmark_appearance import landmark_kind
 from navfw.signals import Array, LandmarkDetection, Odometry, Pose, wrap_angle
 from navfw.topomap.elements import Landmark
 from navfw.topomap.topological_map import TopoMap
@@ -197,12 +195,17 @@ def _position(pose: Pose, detection: LandmarkDetection) -> tuple[float, float]:
     )
 
 
-def with_landmarks(topo_map: TopoMap, estimates: Sequence[LandmarkEstimate]) -> TopoMap:
+def with_landmarks(
+    topo_map: TopoMap,
+    estimates: Sequence[LandmarkEstimate],
+    default_size: Callable[[str], float],
+) -> TopoMap:
     """The map with the estimates: known landmarks moved (size and height kept), others added.
+
+    ``default_size`` gives the side [m] of new landmarks by their kind.
 
     Raises:
         MapError: an identity is not of the form ``KIND-NUMBER``, as ``aruco-7``.
-        UnknownNameError: there is no such kind of landmark.
 
     """
     marks = {mark.identity: mark for mark in topo_map.landmarks.values()}
@@ -212,9 +215,9 @@ def with_landmarks(topo_map: TopoMap, estimates: Sequence[LandmarkEstimate]) -> 
         kind, number = _parsed(estimate.identity)
         name = old.name if old is not None else _unused(estimate.identity, names)
         names.add(name)
-        height, size = (_DEFAULT_HEIGHT, kind.default_size) if old is None else (old.z, old.size)
+        height, size = (_DEFAULT_HEIGHT, default_size(kind)) if old is None else (old.z, old.size)
         pose = round(estimate.x, 3), round(estimate.y, 3), round(estimate.yaw, 3)
-        marks[estimate.identity] = Landmark(name, kind.name, number, *pose, z=height, size=size)
+        marks[estimate.identity] = Landmark(name, kind, number, *pose, z=height, size=size)
     return TopoMap(
         topo_map.name,
         list(topo_map.places.values()),
@@ -224,13 +227,13 @@ def with_landmarks(topo_map: TopoMap, estimates: Sequence[LandmarkEstimate]) -> 
     )
 
 
-def _parsed(identity: str) -> tuple[LandmarkKind, int]:
+def _parsed(identity: str) -> tuple[str, int]:
     kind, _, number = identity.rpartition("-")
     if not kind or not number.isdecimal():
         raise MapError(
             f"{identity!r} is not the identity of a landmark; expected kind and id, as in aruco-7"
         )
-    return landmark_kind(kind), int(number)
+    return kind, int(number)
 
 
 def _unused(wanted: str, taken: set[str]) -> str:

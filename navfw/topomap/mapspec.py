@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import AfterValidator, Field
+from pydantic import Field
 
 from navfw.config.strict_model import StrictModel
-from navfw.landmark_appearance import check_landmark_kind
 from navfw.topomap.elements import PlaceKind
 
 __all__ = ["EdgeSpec", "MapLandmarkSpec", "MapSpec", "PlaceSpec"]
@@ -49,8 +48,7 @@ class MapLandmarkSpec(StrictModel):
 
     kind: Annotated[
         str,
-        AfterValidator(check_landmark_kind),
-        Field(description="aruco, poster, or the name of a plugin"),
+        Field(pattern=r"^[A-Za-z_]\w*$", description="aruco, poster, or the name of a plugin"),
     ] = "aruco"
     id: Annotated[int, Field(ge=0, le=1_000_000, description="unique among those of its kind")]
     x: Annotated[Coordinate, Field(description="of the centre, in the map frame [m]")]

@@ -7,7 +7,7 @@ from typing import cast
 
 import numpy as np
 
-from navfw.errors import InputError, WorldError
+from navfw.errors import InputError, PluginError, WorldError
 from navfw.interfaces import WorldFamily
 from navfw.missions.missionfile import goals_map
 from navfw.missions.missionspec import MissionSpec
@@ -65,7 +65,11 @@ def generate(family: str, seed: int, difficulty: float = 0.5) -> GeneratedWorld:
     for attempt in range(_ATTEMPTS):
         rng = np.random.default_rng([zlib.crc32(family.encode()), seed, attempt])
         try:
-            return _finish(build(rng, difficulty), family, seed, difficulty, attempt)
+            draft = build(rng, difficulty)
+            if not isinstance(draft, WorldDraft):
+                what = f"build returned {type(draft).__name__}, not a WorldDraft"
+                raise PluginError(what, key=family)
+            return _finish(draft, family, seed, difficulty, attempt)
         except Unsuitable:
             continue
     raise InputError(

@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 import tarfile
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -112,10 +113,30 @@ def test_an_installed_navfw_lists_its_files_from_any_folder(
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.slow
-def test_an_installed_navfw_drives_from_any_folder(installed: Path, tmp_path: Path) -> None:
-    done = navfw(installed, tmp_path, "run", "empty", "straight", "--json")
+def test_the_wheel_drives_in_an_empty_environment(dist: Path, tmp_path: Path) -> None:
+    (wheel,) = dist.glob("*.whl")
+    environment, elsewhere = tmp_path / "environment", tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    with (ROOT / "pyproject.toml").open("rb") as file:
+        pins = tomllib.load(file)["tool"]["uv"]["constraint-dependencies"]
+    (tmp_path / "pins.txt").write_text("\n".join(pins), encoding="utf-8")
+    python = environment / "bin" / "python"
+    install = ["pip", "install", "--python", str(python), "-c", str(tmp_path / "pins.txt")]
+    for words in (["venv", "--python", sys.executable, str(environment)], [*install, str(wheel)]):
+        done = subprocess.run(  # noqa: S603 - uv, fixed arguments
+            [uv(), *words, "--quiet"], capture_output=True, text=True, timeout=600, check=False
+        )
+        assert done.returncode == 0, done.stderr
+    done = subprocess.run(  # noqa: S603 - the command just installed
+        [str(environment / "bin" / "navfw"), "run", "empty", "straight", "--json"],
+        cwd=elsewhere,
+        env={name: value for name, value in os.environ.items() if name != "PYTHONPATH"},
+        capture_output=True,
+        text=True,
+        timeout=600,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
     answer = json.loads(done.stdout)
     assert answer["outcome"] == "reached"
-    assert (tmp_path / answer["run_folder"] / "trajectory.png").is_file()
+    assert (elsewhere / answer["run_folder"] / "trajectory.png").is_file()

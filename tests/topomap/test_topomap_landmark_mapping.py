@@ -96,7 +96,7 @@ def test_estimates_move_known_landmarks_and_add_others(tmp_path: Path) -> None:
         LandmarkEstimate("aruco-1", 1.0, 2.0, 0.5, 0.1, 5),
         LandmarkEstimate("aruco-2", 3.0, 4.0, -1.0, 0.1, 4),
     ]
-    after = with_landmarks(before, estimates)
+    after = with_landmarks(before, estimates, {"aruco": 0.25, "poster": 0.5}.__getitem__)
     file = tmp_path / "map.yaml"
     file.write_text(map_text(after), encoding="utf-8")
     marks = load_map(file).landmarks
@@ -104,4 +104,4 @@ def test_estimates_move_known_landmarks_and_add_others(tmp_path: Path) -> None:
     assert marks["aruco-2"] == known[1]
     assert marks["aruco-2-2"].id == 2
     with pytest.raises(MapError, match="lamp"):
-        with_landmarks(before, [LandmarkEstimate("lamp", 1.0, 2.0, 0.0, 0.1, 5)])
+        with_landmarks(before, [LandmarkEstimate("lamp", 1.0, 2.0, 0.0, 0.1, 5)], len)
