@@ -1,1 +1,1 @@
-"""Benchmarks of the parts: measured against truth or references, given as plain data."""
+"""Benchmarks of single parts against ground truth or a reference; results are plain data."""

@@ -1,15 +1,14 @@
-"""How far flow processors are off on rendered frames, how well they know it, what they cost.
+"""Errors of flow processors on rendered frames, calibration of their sigma, computing time.
 
-Accuracy is measured on pairs with true depth and motion (``navfw.bench.flow_pairs``); where none
-are given, on those of several worlds. Costs are processor times of single calls, which other
-programs on the same cores disturb less than the clock on the wall.
+The truth follows from the depth and motion of rendered pairs (``navfw.bench.flow_pairs``). Times
+are CPU times of single calls, since other programs on the same cores disturb wall times more.
 """
 
 from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from statistics import median
 from typing import Any
@@ -42,15 +41,17 @@ __all__ = [
 ]
 
 TRUSTED = 0.3
-"""Vectors of at least this confidence count."""
+"""Least confidence of the vectors that are evaluated."""
 EDGE_REACH = 12
-"""A cell is at a depth edge when one lies within that distance of its point: in its window [px]."""
+"""Largest distance [px] of a depth edge from a cell's point for the cell to count as at an edge:
+half the matching window."""
 EDGE_STEP = 0.12
-"""Neighbouring pixels whose nearness differs by that part show two surfaces."""
+"""Relative difference of the nearness of two neighbouring pixels from which on they show two
+surfaces."""
 
 
 class TruePairSource:
-    """The truth of one pair at a time (``navfw.flow.ideal.TruthSource``)."""
+    """True depth and motion of one pair at a time (``navfw.flow.ideal.TruthSource``)."""
 
     def __init__(self) -> None:
         self.now: TruePair | None = None
@@ -70,12 +71,12 @@ class TruePairSource:
 
 @dataclass
 class FlowErrors:
-    """What one processor gave, vector by vector, for the trusted ones; arrays of one length.
+    """Errors of the trusted vectors of one processor; arrays of the same length n.
 
-    ``off`` (n, 2) [px] is measured less true flow, ``sigma`` [px] what the processor said of it,
-    ``edge`` whether a depth edge lies within the window, ``motion`` and ``world`` the indices in
-    ``motions`` and ``worlds`` of the benchmark. ``cells`` counts all cells by motion, trusted or
-    not; ``milliseconds`` are the costs of the calls.
+    ``off`` (n, 2) [px] is measured minus true flow, ``sigma`` [px] the processor's own estimate of
+    the error, ``edge`` whether a depth edge lies within the window, ``motion`` and ``world``
+    indices into ``motions`` and ``worlds`` of the benchmark. ``cells`` counts all cells by motion,
+    trusted or not; ``milliseconds`` are the times of the calls.
     """
 
     off: Array
@@ -88,7 +89,7 @@ class FlowErrors:
 
 
 def all_processors(robot: RobotModel) -> dict[str, FlowProcessor]:
-    """Every processor that ships, and block matching as the paper had it (the peak's top alone)."""
+    """Every shipped processor, and block matching as in the paper (peak only, no subpixel fit)."""
     return {
         "block_matching": BlockMatching(robot),
         "block_matching, peak only": BlockMatching(robot, BlockMatching.Params(subpixel="peak")),
@@ -104,31 +105,31 @@ def bench_flow(
     seed: int = 0,
     robot: RobotModel | None = None,
     worlds: Sequence[str] = WORLDS,
-    processors: dict[str, FlowProcessor] | None = None,
+    processors: Mapping[str, FlowProcessor] | None = None,
     tick: Callable[[str], None] | None = None,
 ) -> dict[str, Any]:
     """Measure ``processors`` (default: all) at ``places`` random poses of each world.
 
-    ``tick`` is told what is going on. Returns plain data:
+    ``tick`` is called with a status text at each step. Returns plain data:
 
     - ``pairs``: number of frame pairs; ``places``, ``seed``, ``worlds``, ``motions``;
-    - ``trusted_from``: the confidence from which vectors count;
-    - ``processors``: by name, the ``statistics`` of all trusted vectors, and ``ms`` (median cost of
-      one call), under ``by_motion``, ``by_world``, ``edges`` (cells with a depth edge in their
-      window) and ``smooth`` (the others) the same of parts, and under ``calibration`` a list of
+    - ``trusted_from``: least confidence of the vectors evaluated;
+    - ``processors``: by name, the ``statistics`` of all trusted vectors and ``ms`` (median time of
+      a call); the same of subsets in ``by_motion``, ``by_world``, ``edges`` (cells with a depth
+      edge in their window) and ``smooth`` (the other cells); and ``calibration``, a list of
       {``sigma_from``, ``sigma_to``, ``n``, ``rms``, ``within_1_sigma``, ``within_2_sigma``};
     - ``block_matching_ratio``, ``match_template_ms``: see ``match_template_ratio``.
     """
-    say = tick or (lambda _: None)
+    report = tick or (lambda _: None)
     robot = RobotModel() if robot is None else robot
     processors = all_processors(robot) if processors is None else processors
-    say("rendering")
+    report("rendering")
     pairs = list(rendered_pairs(load_worlds(worlds), robot, places, seed))
     measured = {}
     for name, processor in processors.items():
-        say(name)
+        report(name)
         measured[name] = _summary(measure(processor, pairs, worlds), worlds)
-    say("matchTemplate")
+    report("matchTemplate")
     return {
         "pairs": len(pairs),
         "places": places,
@@ -156,7 +157,7 @@ def measure(
     for true in pairs:
         truth.now = true
         if not costs:
-            processor.compute(true.pair)  # compiling is nobody's cost
+            processor.compute(true.pair)  # compiles kernels, which is not timed
         begun = time.thread_time()
         flow = processor.compute(true.pair)
         costs.append(1e3 * (time.thread_time() - begun))
@@ -265,18 +266,18 @@ def _calibration(errors: FlowErrors) -> list[dict[str, Any]]:
     return rows
 
 
-# --- the loop that block matching replaces ------------------------------------------------------
+# --- reference: a loop over matchTemplate - ------------------------------------------------------
 
 
 def match_template_ratio(
     robot: RobotModel, pairs: Sequence[FramePair], processor: BlockMatching | None = None
 ) -> dict[str, float]:
-    """Cost of OpenCV's ``matchTemplate`` in a loop over the windows, against block matching's.
+    """CPU time of a loop of OpenCV's ``matchTemplate`` over the windows, against block matching.
 
-    The loop finds whole-pixel peaks alone; block matching does all of its work, confidence and
-    registration included. Keys: ``match_template_ms``, ``block_matching_ms``,
-    ``block_matching_peak_ms`` (without registration) and ``block_matching_ratio``, medians over
-    ``pairs``, taken in turns.
+    The loop finds whole-pixel peaks only; block matching includes confidence and subpixel
+    registration. Keys: ``match_template_ms``, ``block_matching_ms``, ``block_matching_peak_ms``
+    (without registration) and ``block_matching_ratio``; medians over ``pairs``, with the three
+    methods called in turns.
     """
     matcher = processor or BlockMatching(robot)
     peak = BlockMatching(robot, matcher.params.model_copy(update={"subpixel": "peak"}))

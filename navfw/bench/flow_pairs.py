@@ -1,4 +1,4 @@
-"""Rendered frame pairs with true depth and true motion, to measure flow processors on."""
+"""Rendered frame pairs with true depth and true motion, for measuring flow processors."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from navfw.sim.worldspec import BoxSpec, CylinderSpec, WallSpec
 __all__ = ["MOTIONS", "WORLDS", "TruePair", "corridor_world", "load_worlds", "rendered_pairs"]
 
 WORLDS = ("office", "paper-room", "corridor")
-"""Worlds that pairs are rendered in; ``corridor`` is made here, the others ship."""
+"""Worlds in which pairs are rendered: ``corridor`` is built here, the others are shipped."""
 
 PERIOD = 0.2
 """Time between the frames of a pair [s]."""
 IMAGE_NOISE = 2.0
-"""Standard deviation of the image noise, as by the simulator's default sensors [grey levels]."""
+"""Standard deviation of the image noise [grey levels], as in the simulator's default sensors."""
 YAW_SIGMA = 0.001
-"""Standard deviation of the turn that the processors are told, about the true one [rad]."""
+"""Standard deviation [rad] of the measured turn about the true one."""
 _CLEARANCE = 0.35
-"""Poses keep that far from everything [m]: as near as a mission comes."""
+"""Least distance [m] of robot and camera to anything: about the least in missions."""
 
 
 def _straight(centimetres: float) -> Pose:
@@ -36,7 +36,7 @@ def _straight(centimetres: float) -> Pose:
 
 
 def _arc(centimetres: float, degrees: float) -> Pose:
-    """Where an arc of that length and turn ends, seen from where it begins."""
+    """Pose at the end of an arc of that length and turn, in the frame of its start."""
     way, turn = 0.01 * centimetres, math.radians(degrees)
     chord = way * math.sin(0.5 * turn) / (0.5 * turn)
     return Pose(chord * math.cos(0.5 * turn), chord * math.sin(0.5 * turn), turn)
@@ -54,15 +54,15 @@ MOTIONS: dict[str, tuple[Pose, ...]] = {
     "arc 8 cm 4 deg": (_arc(8, 4), _arc(8, -4)),
     "arc 6 cm 8 deg": (_arc(6, 8), _arc(6, -8)),
 }
-"""Motions of base_link from the past frame to the current one, by their name in the tables."""
+"""Motions of base_link from the past frame to the current one, by name; variants take turns."""
 
 
 @dataclass(frozen=True, slots=True)
 class TruePair:
-    """A frame pair whose truth is known.
+    """A frame pair with ground truth.
 
-    ``pair.motion`` is what the robot measured, ``motion`` the truth; ``depth`` (height, width) [m]
-    belongs to the current frame, inf where there is nothing.
+    ``pair.motion`` is the measured camera motion, ``motion`` the true one; ``depth``
+    (height, width) [m] belongs to the current frame, inf where there is no surface.
     """
 
     world: str
@@ -73,7 +73,7 @@ class TruePair:
 
 
 def corridor_world(seed: int = 0) -> WorldSpec:
-    """A corridor 1.8 m wide and 9 m long, open above, with a few obstacles along its walls."""
+    """A corridor 1.8 m wide and 9 m long, without ceiling, with four obstacles along the walls."""
     rng = np.random.default_rng(seed)
     boxes, cylinders = [], []
     for k in range(4):
@@ -101,10 +101,10 @@ def corridor_world(seed: int = 0) -> WorldSpec:
 
 
 def load_worlds(names: Sequence[str] = WORLDS) -> dict[str, WorldSpec]:
-    """Worlds by name; ``corridor`` is made, the others are looked up.
+    """Worlds by name; ``corridor`` is built, the others are loaded from their files.
 
     Raises:
-        InputError: a world is unknown or its file is wrong.
+        InputError: a world is unknown, or its file breaks the schema.
 
     """
     return {n: corridor_world() if n == "corridor" else load_world(find("world", n)) for n in names}
@@ -118,10 +118,10 @@ def rendered_pairs(
     noise: float = IMAGE_NOISE,
     motions: dict[str, tuple[Pose, ...]] = MOTIONS,
 ) -> Iterator[TruePair]:
-    """At ``places`` random free poses of each world, one pair of every motion.
+    """One pair of every motion at each of ``places`` random free poses of each world.
 
-    Of a motion with variants (left and right, say) they take turns. The same arguments give the
-    same pairs.
+    The variants of a motion (left and right, for example) take turns. ``noise`` is the standard
+    deviation of the image noise [grey levels]. The same arguments give the same pairs.
     """
     for name, world in worlds.items():
         rng = np.random.default_rng([seed, *name.encode()])
@@ -144,7 +144,7 @@ def rendered_pairs(
 
 
 def _start(world: WorldSpec, robot: RobotModel) -> Pose:
-    """Some free pose for the robot's body, which then stays out of sight: it is never drawn."""
+    """A free pose for the robot's body, which is never drawn."""
     from navfw.sim.floorplan import FloorPlan
 
     plan = FloorPlan.from_world(world, robot.height)
@@ -171,7 +171,7 @@ def _exposed(image: Image, noise: float, rng: np.random.Generator) -> Image:
 
 
 def _measured(true: CameraMotion, robot: RobotModel, rng: np.random.Generator) -> CameraMotion:
-    """``true`` as a gyro would tell it: the turn a little off."""
+    """``true`` with a rotation error as of a gyro: about the vertical, with YAW_SIGMA."""
     base = robot.camera.base_from_camera
     error = base.T @ yaw_rotation(YAW_SIGMA * float(rng.standard_normal())) @ base
     return replace(true, rotation=error @ true.rotation, yaw_sigma=YAW_SIGMA)

@@ -1,4 +1,4 @@
-"""What ``navfw.bench.flow_accuracy`` found, for people: Markdown tables and a plot."""
+"""Results of ``navfw.bench.flow_accuracy`` as Markdown tables and a plot."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ import numpy as np
 __all__ = ["SIGMA_BINS", "plot", "table"]
 
 SIGMA_BINS = (0.0, 0.05, 0.1, 0.2, 0.4, 0.8, np.inf)
-"""Of the calibration table [px]."""
+"""Limits [px] of the intervals of sigma in the calibration table."""
 
 
 def table(result: dict[str, Any]) -> str:
-    """Markdown: a table of all processors, one of their errors by motion, one of calibration."""
+    """Tables of all processors, of their errors by motion, and of the calibration of sigma."""
     processors: dict[str, dict[str, Any]] = result["processors"]
     head = ["processor", "trusted", "median", "95 %", "> 0.5 px", "within 2 sigma", "ms"]
     lines = [
@@ -57,8 +57,8 @@ def table(result: dict[str, Any]) -> str:
             ),
         ),
         "",
-        "Root mean square error of the components [px], and the share within two sigma, by the"
-        " sigma said:",
+        "Root mean square error of the components [px], and the share within two sigma, by"
+        " the processor's sigma:",
         "",
         *_rows(["sigma [px]", *processors], _calibration_rows(processors)),
     ]
@@ -90,7 +90,7 @@ def _percent(value: float | None) -> str:
 
 
 def plot(result: dict[str, Any], path: str | Path) -> None:
-    """Draw error against cost, errors by motion, and calibration into the file ``path``."""
+    """Plot error over time, errors by motion, and calibration into the file ``path``."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -117,7 +117,7 @@ def plot(result: dict[str, Any], path: str | Path) -> None:
             markersize=3,
         )
     cost.set(
-        xlabel="cost [ms]",
+        xlabel="CPU time [ms]",
         ylabel="end-point error [px]: median to 95 %",
         xscale="log",
         yscale="log",
@@ -127,7 +127,7 @@ def plot(result: dict[str, Any], path: str | Path) -> None:
     motion.set(ylabel="95 % of errors below [px]")
     limits = [0.02, 1.0]
     calibration.plot(limits, limits, "k--", linewidth=0.8)
-    calibration.set(xlabel="sigma said [px]", ylabel="error found (rms) [px]")
+    calibration.set(xlabel="sigma of the processor [px]", ylabel="root mean square error [px]")
     calibration.set(xscale="log", yscale="log")
     for axes in (cost, motion, calibration):
         axes.grid(alpha=0.3)

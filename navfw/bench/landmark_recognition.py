@@ -1,4 +1,4 @@
-"""How far and how squarely landmarks must be seen to be recognised, how right that is, its cost."""
+"""Detection rate, errors and time of landmark recognition over distance and viewing angle."""
 
 from __future__ import annotations
 
@@ -22,16 +22,17 @@ from navfw.topomap import Landmark, Place, TopoMap
 __all__ = ["ANGLES", "DISTANCES", "SIZES", "bench_landmarks", "tables", "view_of"]
 
 DISTANCES = (1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0)
-"""From the camera to the landmark [m]."""
+"""Distances [m] from camera to landmark."""
 ANGLES = (0, 25, 45, 60)
-"""Between the landmark's face and the direction to the camera [deg]."""
+"""Angles [deg] between the landmark's normal and the direction to the camera."""
 SIZES: Mapping[str, float] = {"aruco": 0.25, "poster": 0.5}
-"""Sides [m]."""
-_LEARNT = 10
-"""Posters in the map, so that there is something to mistake one for."""
+"""Side lengths [m]."""
+_ON_MAP = 10
+"""Number of landmarks on the map: with a single one none could be mistaken for another."""
 _NOISE = 2.0
+"""Standard deviation of the image noise [grey levels]."""
 _WIDEST = 0.55
-"""The landmark is up to so far off the image's middle [rad]."""
+"""Largest bearing [rad] of the landmark in the image."""
 
 
 def view_of(
@@ -39,7 +40,8 @@ def view_of(
 ) -> tuple[Image, float, float]:
     """The image of a landmark, and its true bearing [rad] and range [m] in base_link.
 
-    ``angle`` [rad] is between its face and the camera, ``aside`` [rad] its direction in the image.
+    ``distance`` [m] from the camera, ``angle`` [rad] between the landmark's normal and the
+    direction to the camera, ``aside`` [rad] its bearing in the image.
     """
     camera = simulation.robot.camera
     direction = mark.yaw + angle
@@ -55,9 +57,13 @@ def view_of(
 
 
 def bench_landmarks(
-    views: int, seed: int = 0, say: Callable[[str], None] = lambda _: None
+    views: int, seed: int = 0, report: Callable[[str], None] = lambda _: None
 ) -> dict[str, Any]:
-    """Detection, errors and cost by kind, distance and angle, each over so many rendered views."""
+    """Detection rate, errors and time by kind, distance and angle; plain data.
+
+    ``views`` images are rendered for each kind, distance and angle. ``report`` is called with a
+    status text for each kind.
+    """
     robot = RobotModel()
     recognizers: Mapping[str, FeatureRecognizer] = {
         "aruco": Aruco(robot),
@@ -65,7 +71,7 @@ def bench_landmarks(
     }
     kinds = {}
     for kind, recognizer in recognizers.items():
-        say(f"{kind}: {len(DISTANCES) * len(ANGLES) * views} views")
+        report(f"{kind}: {len(DISTANCES) * len(ANGLES) * views} views")
         kinds[kind] = _bench_kind(kind, recognizer, robot, views, np.random.default_rng(seed))
     wanted = robot.landmark_camera
     return {
@@ -122,7 +128,7 @@ def _bench_kind(
 
 
 def _error(detection: LandmarkDetection, bearing: float, away: float) -> tuple[float, float, float]:
-    """Bearing error [rad], range error [m], and both by the covariance (chi-square, 2)."""
+    """Bearing error [rad], range error [m], and their squared Mahalanobis distance."""
     error = np.array([detection.bearing - bearing, detection.range - away])
     chi = float(error @ np.linalg.solve(detection.covariance, error))
     return float(error[0]), float(error[1]), chi
@@ -164,12 +170,12 @@ def _hall(kind: str) -> WorldSpec:
 
 def _map(kind: str) -> TopoMap:
     size = SIZES[kind]
-    marks = [Landmark(f"mark-{i}", kind, i, 0.0, 0.0, 0.0, size=size) for i in range(_LEARNT)]
+    marks = [Landmark(f"mark-{i}", kind, i, 0.0, 0.0, 0.0, size=size) for i in range(_ON_MAP)]
     return TopoMap("hall", [Place("here", 2.0, 6.0)], [], landmarks=marks)
 
 
 def tables(result: dict[str, Any]) -> list[tuple[str, list[str], list[tuple[str, ...]]]]:
-    """(title, columns, rows) for people."""
+    """Tables for printing: title, columns, rows."""
     out = []
     for kind, found in result["kinds"].items():
         columns = ["distance [m]", *(f"{angle} deg" for angle in ANGLES), "range error [m]"]
@@ -180,9 +186,9 @@ def tables(result: dict[str, Any]) -> list[tuple[str, list[str], list[tuple[str,
             worst = f"{_rms(np.array(errors)):.3f}" if errors else "-"
             rows.append((f"{distance:g}", *(f"{row['detected']:.2f}" for row in here), worst))
         title = (
-            f"{kind}, {found['size_m']:g} m: share recognised;"
-            f" {found['recognize_ms']:.1f} ms a frame ({found['render_ms']:.1f} ms to render it),"
-            f" {found['false_per_frame']:.4f} false ones"
+            f"{kind}, {found['size_m']:g} m: detection rate;"
+            f" {found['recognize_ms']:.1f} ms per frame ({found['render_ms']:.1f} ms to render it),"
+            f" {found['false_per_frame']:.4f} false detections per frame"
         )
         out.append((title, columns, rows))
     return out

@@ -1,14 +1,14 @@
-"""How often OFFIS is right: a thousand and more random views against their geometry.
+"""Accuracy of OFFIS on random views, against the truth from the world's geometry.
 
-``run`` renders the views (``scenes``, ``samples``), lets OFFIS interpret the block matching's flow
-and, beside it, ideal flow, and compares with the truth (``truth``, which defines it). What counts:
+``run`` renders the views (``random_views``, ``perception_samples``), lets OFFIS interpret the flow
+of block matching and ideal flow, and compares with the truth (``view_truth`` defines it):
 
-- *nearest quadrant*: right when every quadrant that OFFIS names for the nearest object is possible
-  and one of them is certain;
+- *nearest quadrant*: correct if every quadrant that OFFIS names for the nearest object is possible
+  and at least one of them is certain;
 - *distance*: the term of the nearest named quadrant against the true term. "far" for "near" is the
-  dangerous error; terms that are farther than the truth by one are counted, too;
-- *situation contains truth*: the strongest of Table 1's alternatives names a true situation;
-- *top situation*: the strongest elementary situation is a true one.
+  dangerous error; terms that are one step too far are counted as well;
+- *situation contains truth*: the most probable entry of Table 1 names a true situation;
+- *top situation*: the most probable elementary situation is a true one.
 
 Views whose truth is "mixed" or "hidden" count for quadrant and distance, not for situations.
 """
@@ -34,25 +34,40 @@ from navfw.offis.pyramid import QUADRANTS
 from navfw.robot import RobotModel
 from navfw.signals import FlowField, Percept, Twist
 
-__all__ = ["HELD_OUT_SEED", "TUNING_SEEDS", "PerceptScore", "answer", "markdown", "run", "score"]
+__all__ = [
+    "HELD_OUT_SEED",
+    "TUNING_SEEDS",
+    "PerceptScore",
+    "markdown",
+    "run",
+    "score",
+    "score_percept",
+]
 
 TUNING_SEEDS = (1, 2, 3)
-"""Seeds that the rule bases were tuned on: report none of them."""
+"""Seeds that the rule bases were tuned on; results are not reported on them."""
 
 HELD_OUT_SEED = 101
-"""The seed of the figures that are reported."""
+"""Seed of the reported results."""
 
 NONE = "none"
+"""The distance term of a percept without a named quadrant."""
+
 BOUNDARY = 0.1
-"""A true distance nearer than this share to where the term changes is at a boundary."""
+"""A distance error is put down to a term's boundary if another term holds within this share of the
+true distance."""
 
 FAR = 1.7
-"""Distance [m] from which on noise alone makes quadrants alike."""
+"""Distance [m] from which on the flow noise exceeds the difference between the quadrants."""
 
 
 @dataclass(frozen=True, slots=True)
 class PerceptScore:
-    """What OFFIS said of one view, what of it was right (None: no clear situation), and why not."""
+    """What OFFIS inferred of one view, which parts are correct, and the causes of its errors.
+
+    ``table`` is the most probable entry of Table 1, ``elementary`` the most probable elementary
+    situation; ``table_right`` and ``elementary_right`` are None without a clear situation.
+    """
 
     quadrants: frozenset[str]
     term: str
@@ -74,24 +89,24 @@ def run(
 ) -> dict[str, Any]:
     """Accuracy over ``poses`` random views of a ``seed``, as plain data.
 
-    Keys: ``poses``, ``seed``; ``nearest_quadrant_accuracy``, ``nearest_quadrant_exact`` (the named
-    quadrants are all certain ones and no others), ``distance_accuracy``, ``far_for_near`` and
-    ``one_term_too_far`` (shares of all views), ``situation_contains_truth``, ``situation_top1``,
-    ``situations`` (number of views with a clear one; the two above are None when it is 0);
-    ``confusion``: ``quadrant`` (true nearest ->
-    named first -> count), ``distance``, ``table`` and ``situation`` (truth -> answer -> count);
-    ``causes``: count of each cause of error. ``ideal`` holds the same of ideal flow.
+    Keys: ``poses``, ``seed``; ``nearest_quadrant_accuracy``, ``nearest_quadrant_exact`` (all
+    certain quadrants are named, and none that is not possible), ``distance_accuracy``,
+    ``far_for_near`` and ``one_term_too_far`` (shares of all views), ``situation_contains_truth``,
+    ``situation_top1``, ``situations`` (number of views with a clear situation; the two before are
+    None when it is 0); ``confusion``: ``quadrant``, ``distance``, ``table`` and ``situation``
+    (truth -> inferred -> count); ``causes``: count of each cause of error. ``ideal`` has the same
+    values for ideal flow.
 
-    The result does not depend on ``workers`` (processes). ``progress`` is told the number of views
-    seen so far.
+    The result does not depend on ``workers``, the number of processes. ``progress`` is called with
+    the number of views done so far.
     """
     robot = RobotModel()
     offis, ideal = Offis(robot, params), Offis(robot, params)
     samples, measured, perfect = [], [], []
     for sample in islice(_samples(seed, workers), poses):
         samples.append(sample.truth)
-        measured.append(answer(offis, sample.flow, sample.twist, sample.truth))
-        perfect.append(answer(ideal, sample.ideal, sample.view.twist, sample.truth))
+        measured.append(score_percept(offis, sample.flow, sample.twist, sample.truth))
+        perfect.append(score_percept(ideal, sample.ideal, sample.view.twist, sample.truth))
         if progress is not None:
             progress(len(samples))
     return {
@@ -103,7 +118,7 @@ def run(
 
 
 def _samples(seed: int, workers: int) -> Iterable[PerceptionSample]:
-    """Samples world by world, without end, in the same order for any number of workers."""
+    """An endless sequence of samples, world by world, in an order independent of ``workers``."""
     if workers <= 1:
         number = 0
         while True:
@@ -122,8 +137,10 @@ def _world(job: tuple[int, int]) -> list[PerceptionSample]:
     return list(samples_of_world(*job, views=VIEWS_PER_WORLD))
 
 
-def answer(offis: Perception, flow: FlowField, twist: Twist, truth: ViewTruth) -> PerceptScore:
-    """Let ``offis`` interpret one flow field, and compare with the truth."""
+def score_percept(
+    offis: Perception, flow: FlowField, twist: Twist, truth: ViewTruth
+) -> PerceptScore:
+    """Compare the percept that ``offis`` infers from one flow field with the truth."""
     offis.reset()
     percept = offis.perceive(flow, twist)
     named = percept.obstacles["layer1"]
@@ -158,7 +175,7 @@ def answer(offis: Perception, flow: FlowField, twist: Twist, truth: ViewTruth) -
 
 
 def _beyond_search(truth: ViewTruth, flow: FlowField) -> bool:
-    """Whether the nearest thing, at the image's border, moves farther than is searched."""
+    """Whether the nearest object's flow at the image border exceeds the search range."""
     reach = float(np.abs(flow.points[..., 0]).max()) * flow.motion.baseline
     return max(truth.nearness) * reach > Offis.Params().longest_flow
 
@@ -166,10 +183,10 @@ def _beyond_search(truth: ViewTruth, flow: FlowField) -> bool:
 def _why_quadrant(truth: ViewTruth, flow: FlowField) -> str:
     upper, lower = max(truth.nearness[:2]), max(truth.nearness[2:])
     if truth.certain <= {"P3", "P4"} and lower > 1.2 * upper:
-        return "low thing on the floor"
+        return "low object on the floor"
     if _beyond_search(truth, flow):
-        return "nearest thing moves beyond the search"
-    return "noise on far things" if truth.distance > FAR else "other"
+        return "nearest object moves beyond the search range"
+    return "noise on far objects" if truth.distance > FAR else "other"
 
 
 def _why_distance(truth: ViewTruth, flow: FlowField, twist: Twist) -> str:
@@ -177,17 +194,17 @@ def _why_distance(truth: ViewTruth, flow: FlowField, twist: Twist) -> str:
     if around != {truth.term}:
         return "true distance at a term's boundary"
     if _beyond_search(truth, flow):
-        return "nearest thing moves beyond the search"
-    return "nearest thing missed or misplaced"
+        return "nearest object moves beyond the search range"
+    return "nearest object missed or misplaced"
 
 
 def _why_situation(truth: ViewTruth, elementary: str) -> str:
     if elementary == "unknown":
-        return "nothing sure"
+        return "no situation inferred"
     if "door" in truth.situations and elementary != "door":
-        return "door not found"
+        return "door not recognised"
     if elementary == "door":
-        return "door where there is none"
+        return "door inferred, none there"
     return "slope of a plane"
 
 
@@ -195,9 +212,9 @@ def _strongest(percept: Percept, names: Sequence[str]) -> str:
     return max(names, key=percept.situations.__getitem__)
 
 
-def score(truths: Sequence[ViewTruth], answers: Sequence[PerceptScore]) -> dict[str, Any]:
-    """The figures of ``run`` from truths and answers."""
-    both = list(zip(truths, answers, strict=True))
+def score(truths: Sequence[ViewTruth], scores: Sequence[PerceptScore]) -> dict[str, Any]:
+    """The values that ``run`` returns, from truths and percept scores of the same views."""
+    both = list(zip(truths, scores, strict=True))
     clear = [(t, a) for t, a in both if t.clear]
     farther = [TERMS.index(a.term) - TERMS.index(t.term) for t, a in both if a.term != NONE]
     exact = [a.quadrants >= t.certain and a.quadrants <= t.possible for t, a in both]
@@ -216,7 +233,7 @@ def score(truths: Sequence[ViewTruth], answers: Sequence[PerceptScore]) -> dict[
             "table": _confusion((" + ".join(t.situations), a.table) for t, a in both),
             "situation": _confusion((" + ".join(t.situations), a.elementary) for t, a in both),
         },
-        "causes": dict(Counter(cause for a in answers for cause in a.causes).most_common()),
+        "causes": dict(Counter(cause for a in scores for cause in a.causes).most_common()),
     }
 
 
@@ -231,41 +248,41 @@ def _share(right: Iterable[bool]) -> float | None:
 
 def _confusion(pairs: Iterable[tuple[str, str]]) -> dict[str, dict[str, int]]:
     table: dict[str, Counter[str]] = {}
-    for truth, said in pairs:
-        table.setdefault(truth, Counter())[said] += 1
+    for truth, inferred in pairs:
+        table.setdefault(truth, Counter())[inferred] += 1
     return {truth: dict(table[truth].most_common()) for truth in sorted(table)}
 
 
 FIGURES = {
-    "nearest_quadrant_accuracy": ("nearest quadrant right", 0.95),
-    "nearest_quadrant_exact": ("nearest quadrants exactly", None),
-    "distance_accuracy": ("distance term right", 0.90),
-    "far_for_near": ("far for near", -0.01),
+    "nearest_quadrant_accuracy": ("nearest quadrant correct", 0.95),
+    "nearest_quadrant_exact": ("nearest quadrants exact", None),
+    "distance_accuracy": ("distance term correct", 0.90),
+    "far_for_near": ("far inferred, near true", -0.01),
     "one_term_too_far": ("one term too far", None),
     "situation_contains_truth": ("Table 1's alternatives contain the truth", 0.95),
-    "situation_top1": ("top situation right", 0.85),
+    "situation_top1": ("most probable situation correct", 0.85),
 }
-"""The figures, with what is to be reached (negative: not to be exceeded)."""
+"""Titles and limits of the values: to be reached, or, if negative, not to be exceeded."""
 
 
 def markdown(result: Mapping[str, Any]) -> str:
-    """The figures of ``run`` and its confusion tables as Markdown."""
+    """The values of ``run`` and its confusion tables as Markdown."""
     lines = [
         f"{result['poses']} random views (seed {result['seed']}), {result['situations']} of them "
         "with a clear situation.",
         "",
-        "| | block matching | ideal flow | to reach |",
+        "| | block matching | ideal flow | target |",
         "|---|---:|---:|---:|",
     ]
-    for key, (name, reach) in FIGURES.items():
-        aim = "" if reach is None else f"{'>=' if reach > 0 else '<='} {abs(reach):.0%}"
+    for key, (name, target) in FIGURES.items():
+        limit = "" if target is None else f"{'>=' if target > 0 else '<='} {abs(target):.0%}"
         shares = (result[key], result["ideal"][key])
-        told = ("-" if share is None else f"{share:.1%}" for share in shares)
-        lines.append(f"| {name} | {' | '.join(told)} | {aim} |")
+        cells = ("-" if share is None else f"{share:.1%}" for share in shares)
+        lines.append(f"| {name} | {' | '.join(cells)} | {limit} |")
     for key, title in (
         ("distance", "Distance term"),
-        ("table", "Table 1's strongest entry"),
-        ("situation", "Top situation"),
+        ("table", "Most probable entry of Table 1"),
+        ("situation", "Most probable situation"),
         ("quadrant", "Nearest quadrants"),
     ):
         lines += ["", f"{title}, block matching (truth in rows):", ""]
@@ -281,8 +298,10 @@ def _table(confusion: Mapping[str, Mapping[str, int]]) -> list[str]:
     totals: Counter[str] = Counter()
     for row in confusion.values():
         totals.update(row)
-    answers = [answer for answer, _ in totals.most_common()]
-    lines = ["| | " + " | ".join(answers) + " |", "|---|" + "---:|" * len(answers)]
+    columns = [inferred for inferred, _ in totals.most_common()]
+    lines = ["| | " + " | ".join(columns) + " |", "|---|" + "---:|" * len(columns)]
     for truth, row in confusion.items():
-        lines.append(f"| {truth} | " + " | ".join(str(row.get(a, "")) for a in answers) + " |")
+        lines.append(
+            f"| {truth} | " + " | ".join(str(row.get(column, "")) for column in columns) + " |"
+        )
     return lines

@@ -1,4 +1,4 @@
-"""Perception as a whole: accuracy, flow, speed, recorded images; one result, one page."""
+"""``navfw bench perception``: accuracy, flow, computing time, recorded images; result and page."""
 
 from __future__ import annotations
 
@@ -10,7 +10,13 @@ from pathlib import Path
 from typing import Any
 
 from navfw.atomic import AtomicFolder
-from navfw.bench import flow_accuracy, perception_accuracy, perception_time, tum_accuracy
+from navfw.bench import (
+    flow_accuracy,
+    perception_accuracy,
+    perception_time,
+    recorded_approach,
+    tum_accuracy,
+)
 from navfw.errors import InputError
 
 __all__ = [
@@ -32,7 +38,10 @@ Table = tuple[str, Sequence[str], Sequence[Sequence[object]]]
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """What is aimed at: ``key`` of the result, ``limit``, and whether more is better."""
+    """A limit for one value of the result.
+
+    ``key`` names the value; it has to be at least ``limit`` if ``more``, else at most ``limit``.
+    """
 
     key: str
     limit: float
@@ -40,7 +49,7 @@ class Target:
     what: str
 
     def met(self, value: float | None) -> bool | None:
-        """Whether ``value`` is good enough; None when it was not measured."""
+        """Whether ``value`` is within the limit; None when it was not measured."""
         if value is None:
             return None
         return value >= self.limit if self.more else value <= self.limit
@@ -48,17 +57,17 @@ class Target:
 
 TARGETS = (
     Target("offis_ms", 0.5, False, "OFFIS, obstacles and situation, 12 x 16, two layers [ms]"),
-    Target("offis_skfuzzy_ratio", 500.0, True, "times faster than through scikit-fuzzy"),
+    Target("offis_skfuzzy_ratio", 500.0, True, "OFFIS, times faster than scikit-fuzzy"),
     Target("offis_max_abs_diff", 1e-6, False, "largest difference from scikit-fuzzy"),
-    Target("block_matching_ratio", 2.5, True, "block matching over a loop of matchTemplate"),
-    Target("nearest_quadrant_accuracy", 0.95, True, "nearest quadrant right"),
-    Target("distance_accuracy", 0.90, True, "distance term right"),
-    Target("far_for_near", 0.01, False, "far said for near"),
+    Target("block_matching_ratio", 2.5, True, "block matching, times faster than matchTemplate"),
+    Target("nearest_quadrant_accuracy", 0.95, True, "nearest quadrant correct"),
+    Target("distance_accuracy", 0.90, True, "distance term correct"),
+    Target("far_for_near", 0.01, False, "far inferred, near true"),
     Target("situation_contains_truth", 0.95, True, "Table 1's alternatives contain the truth"),
-    Target("situation_top1", 0.85, True, "top situation right"),
+    Target("situation_top1", 0.85, True, "most probable situation correct"),
     Target("ttc_median_rel_error", 0.15, False, "time to contact below 5 s, median relative error"),
 )
-"""What issue and benchmark aim at."""
+"""The limits that perception has to meet."""
 
 _ACCURACY = (
     "nearest_quadrant_accuracy",
@@ -71,7 +80,10 @@ _ACCURACY = (
 
 @dataclass(frozen=True, slots=True)
 class SampleSizes:
-    """How much is measured: random views, inputs of each rule base, poses a world for the flow."""
+    """Numbers of samples: random views, inputs of each rule base, poses in each world for the flow.
+
+    ``repeats`` is the number of timed calls.
+    """
 
     poses: int = 1000
     comparisons: int = 10_000
@@ -80,10 +92,10 @@ class SampleSizes:
 
 
 def page_folder(out: Path) -> AtomicFolder:
-    """The folder of the page, to be entered; an earlier page in it is replaced.
+    """The folder of the page, as a context manager; an earlier page in it is replaced.
 
     Raises:
-        InputError: it holds something else.
+        InputError: the folder holds other files.
 
     """
     return AtomicFolder(out, re.compile(r"index\.md|result\.json|flow\.png"), "--out")
@@ -98,10 +110,10 @@ def write_page(result: Mapping[str, Any], folder: Path) -> None:
 
 
 def find_data(folder: Path) -> dict[str, Path]:
-    """Which recorded data ``folder`` holds: "approach", "tum_fr1" or both.
+    """The recorded data in ``folder`` by name: "approach", "tum_fr1" or both.
 
     Raises:
-        InputError: none.
+        InputError: the folder holds neither.
 
     """
     found = {name: folder / name for name in ("approach", "tum_fr1") if (folder / name).is_dir()}
@@ -115,32 +127,32 @@ def bench_perception(
     seed: int | None = None,
     workers: int = 1,
     data: Mapping[str, Path] | None = None,
-    tell: Callable[[str], None] = lambda _: None,
+    report: Callable[[str], None] = lambda _: None,
 ) -> dict[str, Any]:
-    """Measure everything, as plain data.
+    """Measure accuracy, flow, computing time and recorded images; plain data.
 
-    The keys of ``TARGETS`` (None: not measured) and ``ideal``, the accuracies with ideal flow; then
-    the parts in full: ``accuracy``, ``speed``, ``flow``, and ``approach`` and ``tum`` (None without
-    their ``data``). ``seed`` is that of the random views, ``workers`` the number of processes for
-    what is not timed.
+    Keys: those of ``TARGETS`` (None: not measured); ``ideal``, the accuracies with ideal flow; and
+    the complete parts ``accuracy``, ``speed``, ``flow``, ``approach`` and ``tum`` (the last two
+    None without their ``data``). ``seed`` is the seed of the random views, ``workers`` the number
+    of processes for what is not timed. ``report`` is called with a status text at each step.
     """
     seed = perception_accuracy.HELD_OUT_SEED if seed is None else seed
-    tell(f"speed, and {extent.comparisons} inputs of every rule base by scikit-fuzzy")
+    report(f"time, and {extent.comparisons} inputs of every rule base by scikit-fuzzy")
     costs = perception_time.run(extent.comparisons, extent.repeats, workers)
-    tell(f"flow at {extent.places} poses of each world")
-    flow = flow_accuracy.bench_flow(extent.places, seed=seed, tick=lambda text: tell(f"  {text}"))
+    report(f"flow at {extent.places} poses of each world")
+    flow = flow_accuracy.bench_flow(extent.places, seed=seed, tick=lambda text: report(f"  {text}"))
     approach = tum = None
     if data is not None and "approach" in data:
-        tell("the recorded approach")
-        approach = tum_accuracy.bench_approach(data["approach"])
+        report("the recorded approach")
+        approach = recorded_approach.bench_approach(data["approach"])
     if data is not None and "tum_fr1" in data:
-        tell("the recorded office")
+        report("the recorded office")
         tum = tum_accuracy.bench_tum(data["tum_fr1"])
-    tell(f"accuracy over {extent.poses} views")
+    report(f"accuracy over {extent.poses} views")
 
     def count(done: int) -> None:
         if done % 100 == 0:
-            tell(f"  {done} of {extent.poses}")
+            report(f"  {done} of {extent.poses}")
 
     accuracy = perception_accuracy.run(extent.poses, seed, workers, progress=count)
     return {
@@ -160,21 +172,21 @@ def bench_perception(
 
 
 def tables(result: Mapping[str, Any]) -> Iterator[Table]:
-    """The result for people."""
+    """Tables of the result for printing."""
     rows = []
-    for reach in TARGETS:
-        value = result[reach.key]
-        good = reach.met(value)
+    for target in TARGETS:
+        value = result[target.key]
+        good = target.met(value)
         rows.append(
             (
-                reach.what,
+                target.what,
                 _number(value),
-                _number(result["ideal"].get(reach.key)),
-                f"{'at least' if reach.more else 'at most'} {reach.limit:g}",
+                _number(result["ideal"].get(target.key)),
+                f"{'at least' if target.more else 'at most'} {target.limit:g}",
                 {None: "not measured", True: "yes", False: "no"}[good],
             )
         )
-    yield "Perception", ("what", "measured", "with ideal flow", "aim", "reached"), rows
+    yield "Perception", ("quantity", "measured", "with ideal flow", "target", "met"), rows
     processors = result["flow"]["processors"]
     yield (
         f"Flow on {result['flow']['pairs']} rendered pairs, end-point errors [px]",
@@ -193,24 +205,24 @@ def tables(result: Mapping[str, Any]) -> Iterator[Table]:
     )
     for flow, part in (("", result["accuracy"]), (", ideal flow", result["accuracy"]["ideal"])):
         for name, confusion in part["confusion"].items():
-            said = sorted({answer for answers in confusion.values() for answer in answers})
+            inferred = sorted({term for counts in confusion.values() for term in counts})
             yield (
-                f"{name.capitalize()}{flow}: truth (rows) and answer",
-                ("", *said),
+                f"{name.capitalize()}{flow}: truth (rows), inferred (columns)",
+                ("", *inferred),
                 [
-                    (truth, *(answers.get(answer, "") for answer in said))
-                    for truth, answers in confusion.items()
+                    (truth, *(counts.get(term, "") for term in inferred))
+                    for truth, counts in confusion.items()
                 ],
             )
 
 
 def page(result: Mapping[str, Any]) -> str:
-    """Everything in Markdown; refers to ``flow.png``."""
+    """The whole result in Markdown; refers to ``flow.png``."""
     parts = [
-        "# Perception, measured\n",
+        "# Benchmark of perception\n",
         f"{result['accuracy']['poses']} random views of seed {result['accuracy']['seed']};"
-        f" {result['speed']['comparisons']} random inputs of every rule base; times are medians on"
-        " this machine, one thread.\n",
+        f" {result['speed']['comparisons']} random inputs of every rule base; times are medians"
+        " of one thread.\n",
     ]
     for title, columns, rows in tables(result):
         parts.append(f"## {title}\n")
@@ -218,7 +230,7 @@ def page(result: Mapping[str, Any]) -> str:
         parts.append("|---" * len(columns) + "|")
         parts += ["| " + " | ".join(map(str, row)) + " |" for row in rows]
         parts.append("")
-    parts.append("## Flow in full\n\n![error and cost of the processors](flow.png)\n")
+    parts.append("## Flow in full\n\n![error and time of the processors](flow.png)\n")
     parts.append(flow_accuracy.table(dict(result["flow"])))
     if result["tum"] is not None:
         parts.append("## Recorded office (TUM fr1)\n")
@@ -231,7 +243,7 @@ def page(result: Mapping[str, Any]) -> str:
 def _approach(approach: Mapping[str, Any]) -> str:
     lines = [
         "## Recorded approach: time to contact\n",
-        "| time to impact [s] | frames | median relative error | of single pairs |",
+        "| time to impact [s] | frames | median relative error | unsmoothed |",
         "|---|---|---|---|",
     ]
     lines += [

@@ -1,9 +1,9 @@
-"""Views as the robot would get them: a rendered frame pair with measured motion, flow, and truth.
+"""Samples for measuring perception: rendered frame pair, measured motion, flow, and truth.
 
-The robot stands for two seconds (the gyro's bias is learnt), then drives the view's arc; gyro and
-encoders are read at control rate with the noise of the chosen sensors, the odometer and the frame
+The robot stands still while the gyro's bias is estimated, then drives the view's arc. Gyro and
+encoders are read at control rate with the noise of the chosen sensors; the odometer and the frame
 buffer of the default stack choose the pair. Only its two frames are rendered, from the true poses
-and with image noise. The robot does not pitch or roll here.
+and with image noise. Pitch and roll are zero.
 """
 
 from __future__ import annotations
@@ -31,15 +31,15 @@ from navfw.sim.worldspec import WorldSpec
 __all__ = ["VIEWS_PER_WORLD", "PerceptionSample", "ideal_flow", "samples_of_world"]
 
 VIEWS_PER_WORLD = 12
-"""Views of one world: enough to make building it cheap, few enough for variety."""
+"""Views in each world: many enough that building worlds costs little, few enough for variety."""
 
 _STANDING, _DRIVING = 2.0, 2.0
-"""Seconds of either before the view."""
+"""Time [s] that the robot stands, and drives, before the view."""
 
 
 @dataclass(frozen=True, slots=True)
 class PerceptionSample:
-    """One view: flow as measured with the measured twist, ideal flow with the true one, truth."""
+    """One view: measured flow and twist, ideal flow (which goes with ``view.twist``), and truth."""
 
     view: RandomView
     furnished: bool
@@ -52,10 +52,10 @@ class PerceptionSample:
 def samples_of_world(
     seed: int, number: int, views: int = VIEWS_PER_WORLD
 ) -> Iterator[PerceptionSample]:
-    """``views`` samples from world ``number`` of a ``seed``: the same ones whenever called.
+    """At most ``views`` samples from world ``number`` of a ``seed``; repeatable.
 
-    Views in which the default pairing finds no pair (turning fast, hardly moving) are left out,
-    since nothing is interpreted then.
+    Views in which the default pairing finds no frame pair (fast turn, hardly any motion) are left
+    out: the stack does not interpret them either.
     """
     rng = np.random.default_rng([seed, number])
     robot, sensors = RobotModel(), SensorParams()
@@ -119,7 +119,7 @@ def _processor() -> BlockMatching:
 def _pair(
     rng: np.random.Generator, robot: RobotModel, view: RandomView, sensors: SensorParams
 ) -> tuple[CameraMotion, Twist, float, float] | None:
-    """Measured motion, measured twist, and times of both frames of the pair; None when none is."""
+    """Measured motion, measured twist, times [s] of both frames; None without a pair."""
     gyro = GyroModel(sensors, rng)
     wheels = WheelEncoderModel(sensors, robot, rng)
     odometer = Odometer(robot)
@@ -161,7 +161,8 @@ def ideal_flow(
 ) -> FlowField:
     """Derotated flow without error at ``points`` (rows, cols, 2) [px], from true depth and motion.
 
-    What is infinitely far (the sky) has confidence 0: nothing moves there that could be matched.
+    ``depth`` (height, width) [m], ``focal`` [px], ``time`` [s] of the current frame. Points at
+    infinite depth (the sky) have confidence 0.
     """
     height, width = depth.shape
     nearness = np.where(np.isfinite(depth), 1.0 / np.maximum(depth, 1e-3), 0.0)

@@ -1,7 +1,7 @@
-"""What OFFIS costs, beside the same rule bases in scikit-fuzzy, and what block matching costs.
+"""Computing time of OFFIS, of the same rule bases in scikit-fuzzy, and of block matching.
 
-Times are medians on this machine, now, in one thread. The ratios come from one run, so that another
-machine or another load changes both sides alike.
+Times are medians of one thread. Both sides of a ratio are measured in the same run, so that
+machine and load affect them alike.
 """
 
 from __future__ import annotations
@@ -29,24 +29,23 @@ from navfw.signals import CameraMotion, FlowField, Frame, FramePair, Twist
 __all__ = ["LARGEST_DIFFERENCE", "compare_rule_bases", "run", "time_flow", "time_offis"]
 
 LARGEST_DIFFERENCE = 1e-6
-"""By how much the compiled rule bases may differ from scikit-fuzzy."""
+"""Largest allowed difference between a compiled rule base and scikit-fuzzy, in output units."""
 
 _SEED, _WORLD = 7, 0
 _REFERENCE_FRAMES = 6
 
 
 def run(comparisons: int = 10_000, repeats: int = 1000, workers: int = 1) -> dict[str, Any]:
-    """Measure everything, as plain data.
+    """Measure all times, and compare every rule base with scikit-fuzzy; plain data.
 
-    Keys: ``offis_ms`` (obstacles and situation together: all of ``perceive``), ``inference_ms``
-    (its fuzzy inferences alone), ``skfuzzy_ms`` (the same inferences by scikit-fuzzy),
-    ``offis_skfuzzy_ratio`` (skfuzzy_ms / inference_ms: the same rule bases on the same inputs),
-    ``offis_whole_ratio`` (skfuzzy_ms / offis_ms: against all that OFFIS does),
-    ``inferences`` (samples evaluated per frame); ``offis_max_abs_diff`` over ``comparisons``
-    random inputs of every rule base, with ``rule_bases`` one by one; ``block_matching_ratio`` and
-    what else ``flow_accuracy.match_template_ratio`` gives.
+    Keys: ``offis_ms`` (one call of ``perceive``: obstacles and situation), ``inference_ms`` (its
+    fuzzy inferences alone), ``skfuzzy_ms`` (the same inferences by scikit-fuzzy),
+    ``offis_skfuzzy_ratio`` (skfuzzy_ms / inference_ms), ``offis_whole_ratio`` (skfuzzy_ms /
+    offis_ms), ``inferences`` (samples evaluated per frame); ``offis_max_abs_diff`` over
+    ``comparisons`` random inputs of every rule base, and ``rule_bases`` one by one; the keys of
+    ``flow_accuracy.match_template_ratio``.
 
-    The comparison takes some 20 ms an input (scikit-fuzzy); ``workers`` processes share it.
+    scikit-fuzzy takes about 20 ms per input; ``workers`` processes share the comparison.
     """
     compared = compare_rule_bases(comparisons, workers)
     return {
@@ -59,7 +58,7 @@ def run(comparisons: int = 10_000, repeats: int = 1000, workers: int = 1) -> dic
 
 
 def time_offis(repeats: int = 1000) -> dict[str, Any]:
-    """OFFIS on rendered views: 12 x 16 vectors, two layers, default parameters."""
+    """Times of OFFIS on rendered views: 12 x 16 vectors, two layers, default parameters."""
     flows = [(sample.flow, sample.twist) for sample in samples_of_world(_SEED, _WORLD)]
     offis = Offis(RobotModel())
     whole = _median_ms(lambda k: offis.perceive(*flows[k % len(flows)]), repeats)
@@ -85,7 +84,7 @@ def time_offis(repeats: int = 1000) -> dict[str, Any]:
 def _evaluations(offis: Offis, flow: FlowField, twist: Twist) -> tuple[FuzzyEvaluation, ...]:
     explanation = offis.perceive(flow, twist).explanation
     if not isinstance(explanation, PerceptExplanation):
-        raise TypeError(f"expected OFFIS to explain itself, got {type(explanation).__name__}")
+        raise TypeError(f"expected an explanation by OFFIS, got {type(explanation).__name__}")
     return explanation.evaluations
 
 
@@ -122,7 +121,7 @@ def _compare(job: tuple[str, int]) -> FisComparison:
 
 
 def time_flow(repeats: int = 200) -> dict[str, float]:
-    """Block matching, 12 x 16 windows of 24 px within 8 px, against a loop of matchTemplate."""
+    """Block matching, 12 x 16 windows of 24 px, search of 8 px, against a loop of matchTemplate."""
     threads = cv2.getNumThreads()
     cv2.setNumThreads(1)
     try:
@@ -132,7 +131,7 @@ def time_flow(repeats: int = 200) -> dict[str, float]:
 
 
 def _textured_pair() -> FramePair:
-    """Two frames of smooth noise, three and two pixels apart."""
+    """Two frames of smooth noise, displaced by (3, 2) px."""
     rng = np.random.default_rng(_SEED)
     noise = cv2.GaussianBlur(rng.normal(0.0, 1.0, (140, 180)), (0, 0), 1.5)
     picture = np.clip(128.0 + 40.0 * noise / noise.std(), 0, 255).astype(np.uint8)

@@ -1,4 +1,4 @@
-"""What planning costs on a large map, beside networkx' A* on the same graph and costs."""
+"""Computing time of planning on a large map, compared with A* of networkx on the same costs."""
 
 from __future__ import annotations
 
@@ -19,30 +19,31 @@ from navfw.topomap import Passage, Place, TopoMap
 __all__ = ["bench_planning", "large_map"]
 
 SPACING = 4.0
-"""Distance [m] of neighbouring places, before they are moved at random."""
+"""Distance [m] of neighbouring places before their random displacement."""
 
-FARTHEST = 0.5
-"""Ways lead over at least this part of the map's diagonal."""
+LEAST_DISTANCE = 0.5
+"""Least straight distance from start to goal, as a share of the map's diagonal."""
 
 Result = TypeVar("Result")
 
 
 def bench_planning(places: int = 10_000, repeats: int = 20, seed: int = 0) -> dict[str, Any]:
-    """Plan ``repeats`` far ways through a generated map, and again after closing passages on them.
+    """Plan ``repeats`` long routes through a generated map, and again with a passage closed.
 
-    Every plan's cost is compared with that of networkx, whose weight is an attribute looked up.
-    Times are in milliseconds, as median, least and most; ``costs_ms`` is the inference of all
-    passages' costs, once for each map and robot, ``replan_ms`` closes the passage in the middle of
-    the way and plans from the place before it.
+    The cost of every route is checked against networkx, which looks its weights up as attributes.
+    Times [ms] are given as median, least and largest. ``costs_ms``: inference of the costs of all
+    passages, once for each map and robot; ``first_plan_ms``: the first route; ``replan_ms``: the
+    route from the place before the middle passage after that passage is closed;
+    ``networkx_ms``: ``networkx.astar_path``.
 
     Raises:
-        AssertionError: a plan is not as cheap as that of networkx.
+        AssertionError: a route is more expensive than that of networkx.
 
     """
     rng = np.random.default_rng(seed)
     topo_map = large_map(places, rng)
     robot = RobotModel()
-    Router(large_map(100, np.random.default_rng(seed)), robot)  # compiling is no part of planning
+    Router(large_map(100, np.random.default_rng(seed)), robot)  # compile kernels before timing
     times: dict[str, list[float]] = {
         key: [] for key in ("costs_ms", "first_plan_ms", "replan_ms", "networkx_ms")
     }
@@ -73,7 +74,10 @@ def bench_planning(places: int = 10_000, repeats: int = 20, seed: int = 0) -> di
 
 
 def large_map(places: int, rng: np.random.Generator) -> TopoMap:
-    """A connected map of about ``places`` places: a bent grid, with gaps, doors and dangers."""
+    """A connected map of about ``places`` places: a distorted grid without some of its passages.
+
+    Widths, danger, doors and uncertainty of the passages are random.
+    """
     side = max(round(math.sqrt(places)), 2)
     grid = np.stack(np.meshgrid(np.arange(side), np.arange(side)), axis=-1).reshape(-1, 2)
     points = SPACING * grid + rng.uniform(-1.5, 1.5, (side * side, 2))
@@ -114,7 +118,7 @@ def _far_pairs(
 ) -> Sequence[tuple[Endpoint, Endpoint]]:
     every = list(topo_map.places.values())
     xs, ys = [place.x for place in every], [place.y for place in every]
-    least = FARTHEST * math.hypot(max(xs) - min(xs), max(ys) - min(ys))
+    least = LEAST_DISTANCE * math.hypot(max(xs) - min(xs), max(ys) - min(ys))
     pairs: list[tuple[Endpoint, Endpoint]] = []
     while len(pairs) < count:
         a, b = (every[int(i)] for i in rng.integers(len(every), size=2))
@@ -143,7 +147,7 @@ def _reference(topo_map: TopoMap, graph: nx.Graph, start: Endpoint, goal: Endpoi
 
 
 def _replan(topo_map: TopoMap, router: Router, route: Route, graph: nx.Graph) -> float:
-    """Close the passage in the middle of the way; the time [ms] until there is another way."""
+    """Time [ms] to close the middle passage of the route and to plan another route."""
     middle = len(route.passages) // 2
     closed, place = route.passages[middle], topo_map.places[route.places[middle]]
     here = Endpoint(place.x, place.y, place.name)
@@ -163,11 +167,11 @@ def _check(graph: nx.Graph, route: Route, way: Sequence[str]) -> None:
         sum(graph.edges[pair]["cost"] for pair in pairwise(names)) for names in (route.places, way)
     )
     if not math.isclose(ours, theirs, rel_tol=1e-9):
-        raise AssertionError(f"a plan costs {ours}, that of networkx {theirs}")
+        raise AssertionError(f"the route costs {ours}, that of networkx {theirs}")
 
 
 def _timed(call: Callable[[], Result]) -> tuple[float, Result]:
-    """Wall time [ms] of a call, and what it gave."""
+    """Wall time [ms] of a call, and its result."""
     begin = time.perf_counter()
     result = call()
     return 1e3 * (time.perf_counter() - begin), result

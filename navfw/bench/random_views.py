@@ -1,9 +1,9 @@
 """Random worlds and random views of them, for measuring perception.
 
-A world is a corridor with two rooms on either side, doors to them, perhaps a wall slanting across a
-room's corner, and perhaps furniture. A view is a pose of the robot with the motion that led to it,
-aimed at a situation (a door, a corner, ...) or at nothing in particular. What is really seen from
-there is found from the geometry by ``navfw.bench.view_truth``.
+A world is a corridor with two rooms on either side and doors. Half of the worlds have a wall that
+slants across a room's corner, and half have furniture. A view is a pose of the robot with the
+motion that led to it, drawn so that it shows a wanted situation (a door, a corner, ...) or without
+such a condition. ``navfw.bench.view_truth`` finds the true situation from the geometry.
 """
 
 from __future__ import annotations
@@ -33,36 +33,36 @@ from navfw.sim.worldspec import (
 __all__ = ["AIMS", "YARD", "RandomView", "random_views", "random_world"]
 
 AIMS = ("corridor", "door", "corner", "wall", "slope wall", "anywhere")
-"""What a view may be aimed at."""
+"""The situations that views are drawn for; ``anywhere`` sets no condition."""
 
 MARGIN = 0.1
-"""Room [m] that the robot's body keeps to everything in every view."""
+"""Least clearance [m] of the robot's body in every view."""
 
 YARD = 1.2
-"""Width [m] of the strip of floor outside the walls where the simulated robot waits, out of sight.
+"""Width [m] of the strip of floor outside the walls for the body of the simulated robot.
 
-Views are rendered from poses where it does not stand; it must not appear in them."""
+Views are rendered from other poses than the body's; it must not appear in them."""
 
 CLEAR_OF_DOORS = 0.8
-"""Furniture keeps this far [m] off the middle of doors."""
+"""Least distance [m] of furniture from the middle of a door."""
 
 TRIES = 200
-"""How often a view is drawn; the second half of them takes whatever comes."""
+"""Number of draws for a view; the second half accepts views without the wanted situation."""
 
 STRAIGHT_SHARE = 0.5
-"""Share of views while driving straight; the others turn."""
+"""Share of the views on a straight path; the others are on an arc."""
 
 
 @dataclass(frozen=True, slots=True)
 class RandomView:
-    """``pose`` [m, rad] of the robot while it drives with ``twist``; ``aim`` is one of AIMS."""
+    """``pose`` of the robot in the map while it drives with ``twist``; ``aim`` is one of AIMS."""
 
     pose: Pose
     twist: Twist
     aim: str
 
     def before(self, seconds: float) -> Pose:
-        """Where the robot was ``seconds`` ago: it has driven this arc all the time."""
+        """The robot's pose ``seconds`` [s] earlier on the same arc."""
         way, turn = -self.twist.v * seconds, -self.twist.w * seconds
         chord = way * np.sinc(turn / (2.0 * math.pi))
         step = Pose(chord * math.cos(0.5 * turn), chord * math.sin(0.5 * turn), wrap_angle(turn))
@@ -73,7 +73,7 @@ Box = tuple[float, float, float, float]  # x from, x to, y from, y to [m]
 
 
 def random_world(rng: np.random.Generator, name: str) -> WorldSpec:
-    """Two rooms on either side of a corridor 1.3 to 2.4 m wide; every other world is furnished."""
+    """Two rooms on either side of a corridor 1.3 to 2.4 m wide; half of them with furniture."""
     length = float(rng.uniform(9.0, 16.0))
     south, north = rng.uniform(3.5, 8.0, 2).tolist()
     width = float(rng.uniform(1.3, 2.4))
@@ -140,7 +140,7 @@ def _furnished(rng: np.random.Generator, world: WorldSpec, boxes: dict[str, Box]
     doors = [Circle(*o.at, CLEAR_OF_DOORS) for wall in world.walls for o in wall.openings]
     made: list[BoxSpec | CylinderSpec] = []
     for room, (x0, x1, y0, y1) in boxes.items():
-        # a corridor stays passable: little things along its walls
+        # small objects only, so that the corridor stays passable
         narrow = room == "corridor"
         for _ in range(int(rng.integers(1, 8))):
             x, y = float(rng.uniform(x0, x1)), float(rng.uniform(y0, y1))
@@ -204,12 +204,11 @@ def random_views(
     count: int,
     situations: Callable[[Pose], Sequence[str]],
 ) -> list[RandomView]:
-    """``count`` views of ``world``, the AIMS in turn; the robot has driven there without a touch.
+    """At most ``count`` views of ``world``, for the AIMS in turn, with MARGIN to everything.
 
-    A view aimed at a situation is one where the walls make that situation (``situations`` tells),
-    as far as some tries find one. Speeds are uniform in 0.1 to 0.4 m/s. Half of the views drive
-    straight, the others turn with up to 0.6 rad/s either way. Fewer views come back when the world
-    has too little room.
+    ``situations`` gives the elementary situations that the walls form at a pose. Speeds are
+    uniform in 0.1 to 0.4 m/s; half of the views are on a straight path, the others turn at up to
+    0.6 rad/s. Fewer views are returned if the world has too little free space.
     """
     plan = FloorPlan.from_world(world, robot.height)
     first = int(rng.integers(len(AIMS)))
@@ -259,7 +258,7 @@ def _along_corridor(rng: np.random.Generator, world: WorldSpec) -> Pose:
     return Pose(float(rng.uniform(*corridor.x)), float(rng.uniform(*corridor.y)), wrap_angle(yaw))
 
 
-Facing = tuple[float, float, float]  # x, y [m] and the direction [rad] from where one looks at it
+Facing = tuple[float, float, float]  # x, y [m] of a target, direction [rad] towards the viewer
 
 
 def _towards(
@@ -269,9 +268,10 @@ def _towards(
     aslant: float,
     beside: float,
 ) -> Pose:
-    """A pose that looks at ``target``, up to ``aslant`` [rad] off its direction.
+    """A pose with the optical axis on ``target``, off by up to ``beside`` [rad].
 
-    The gaze misses the target by up to ``beside`` [rad].
+    The viewing direction is up to ``aslant`` [rad] off the target's; ``distances`` [m] is the
+    interval of the distance.
     """
     x, y, facing = target
     distance = float(rng.uniform(*distances))
@@ -286,7 +286,7 @@ def _door(rng: np.random.Generator, world: WorldSpec) -> Facing:
     doors = [(wall, opening) for wall in world.walls for opening in wall.openings]
     wall, opening = doors[int(rng.integers(len(doors)))]
     index = opening_segment(wall, opening)
-    assert index is not None  # noqa: S101 - the world has been checked
+    assert index is not None  # noqa: S101 - checked before
     side = wall_segments(wall)[index].yaw + float(rng.choice([-0.5, 0.5])) * math.pi
     return (*opening.at, side)
 
@@ -310,7 +310,7 @@ def _wall_point(rng: np.random.Generator, world: WorldSpec) -> Facing:
 
 
 def _is_free(plan: FloorPlan, view: RandomView, robot: RobotModel) -> bool:
-    """Whether the robot fits where it is and where it was up to a second ago."""
+    """Whether the robot keeps MARGIN at its pose and on the last second of its path."""
     poses = [view.before(seconds) for seconds in (0.0, 0.25, 0.5, 0.75, 1.0)]
     points = np.array([(pose.x, pose.y) for pose in poses])
     _, y0, x1, y1 = plan.bounds

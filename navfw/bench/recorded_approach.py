@@ -1,6 +1,6 @@
-"""Flow on a recorded pure approach: times to contact against the recorded times to impact.
+"""Time to contact on a recorded straight approach to a wall, against the recorded time to impact.
 
-The data are not part of the repository: ``bench_approach`` takes the folder that holds them, frames
+The data are not part of the repository: ``bench_approach`` takes the folder with the frames
 ``image_1.jpg`` ... and ``TTI.mat`` (Huizerd, AE4317_Autonomous_Flight_of_MAVs, MIT licence).
 """
 
@@ -25,32 +25,35 @@ from navfw.signals import Array, CameraMotion, Frame, FramePair, Image
 __all__ = ["bench_approach", "contact_times", "read_image"]
 
 ZOOM_FROM = 0.05
-"""When the image is expected to grow by more, the past one is magnified before matching."""
+"""Expected relative growth of the image between two frames above which the past frame is magnified
+before matching: the displacements that remain then stay within the search range."""
 STILL = CameraMotion(np.eye(3), np.zeros(3), 0.0)
+"""No camera motion: the matcher must not predict any displacement."""
 
 
 def bench_approach(folder: str | Path) -> dict[str, Any]:
-    """Time to contact of every frame of the approach, against the recorded time to impact.
+    """Error of the time to contact in every frame of the approach.
 
-    Each frame is compared with the one before it: block matching, and a fit of the growth about a
-    focus of expansion; speed and focal length are not used. Which frame has which value: see
-    ``_paired``. Returns plain data:
+    Each frame is matched to the previous one by block matching; the time to contact follows from
+    a fit of the expansion about a focus. Neither speed nor focal length is used. ``_paired``
+    assigns the recorded times to the frames. Returns plain data:
 
-    - ``frames``, ``values``: how many there are;
-    - ``pairing_offset_frames``: by how many frames the estimates would have to be shifted along
-      the values to fit best (0: the pairing is right); ``step_s``, time between frames;
-      ``other_pairing_median_rel_error``: what the first key below would be, were the first frame
-      paired with the first value instead;
-    - ``ttc_median_rel_error``, ``ttc_p95_rel_error``: of the causally smoothed estimate, where the
-      truth is below 5 s; ``raw_median_rel_error``, ``raw_p95_rel_error`` of single pairs;
-      ``all_median_rel_error``: of the smoothed one over all frames;
+    - ``frames``, ``values``: number of frames and of recorded times; ``step_s``: frame interval;
+    - ``pairing_offset_frames``: shift of the estimates along the recorded times that fits best, in
+      frames (0: the assignment of times to frames is right);
+      ``other_pairing_median_rel_error``: ``ttc_median_rel_error`` if the first frame had the first
+      recorded time instead;
+    - ``ttc_median_rel_error``, ``ttc_p95_rel_error``: relative error of the causally smoothed
+      estimate where the true time is below 5 s; ``raw_median_rel_error``,
+      ``raw_p95_rel_error``: of the unsmoothed estimate; ``all_median_rel_error``: of the smoothed
+      estimate over all frames;
     - ``answered``: share of the frames below 5 s with a measurement of their own;
     - ``by_time``: list of {``from_s``, ``to_s``, ``n``, ``median_rel_error``, ``raw_median``};
-    - ``truth_s``, ``smoothed_s``, ``raw_s``: lists, one value a frame from the second on (None: no
-      measurement).
+    - ``truth_s``, ``smoothed_s``, ``raw_s``: one value [s] a frame from the second frame on (None:
+      no measurement).
 
     Raises:
-        ConfigError: the folder does not hold what it should.
+        ConfigError: frames or times are missing, or their numbers do not match.
 
     """
     images, truth, step, count = _paired(Path(folder))
@@ -92,11 +95,11 @@ def bench_approach(folder: str | Path) -> dict[str, Any]:
 
 
 def _paired(folder: Path) -> tuple[list[Image], Array, float, int]:
-    """Frames in order, the time to impact [s] of each, the time between them [s], all values.
+    """Frames in order, time to impact [s] of each, frame interval [s], number of recorded times.
 
-    There are 101 values, 10.0 to 0.0 s by 0.1 s, and 99 frames numbered from 1: the value of frame
-    k is number k counted from 0, so that the first value, at the very start, and the last, at the
-    impact itself, have no image. That is what the images say, too: see ``pairing_offset_frames``.
+    The recording has 101 times, 10.0 to 0.0 s in steps of 0.1 s, and 99 frames numbered from 1.
+    Frame k has the time of index k (from 0): the first time, at the start, and the last, at the
+    impact, have no frame. ``pairing_offset_frames`` confirms this assignment from the images.
     """
     from scipy.io import loadmat
 
@@ -118,10 +121,10 @@ def _paired(folder: Path) -> tuple[list[Image], Array, float, int]:
 
 
 def contact_times(images: Sequence[Image], step: float) -> tuple[Array, Array]:
-    """Times to contact [s] of the second frame and all later ones: of single pairs, and smoothed.
+    """Times to contact [s] from the second frame on: of single frame pairs, and smoothed.
 
-    A single pair's is NaN where nothing was measured. Each pair uses what the ones before it said
-    only to foresee how much the image has grown.
+    ``step`` [s] is the frame interval. The value of a single pair is NaN without a measurement.
+    Earlier pairs are used only to predict how much the image has grown.
     """
     height, width = images[0].shape
     camera = CameraModel(width=width, height=height)
@@ -131,17 +134,20 @@ def contact_times(images: Sequence[Image], step: float) -> tuple[Array, Array]:
     smoother = ContactFilter()
     raw, smoothed = [], []
     for past, now in itertools.pairwise(images):
-        foreseen = smoother.time_to_contact - step
-        rate = step / (foreseen + step) if math.isfinite(foreseen) and foreseen > 0.0 else 0.0
+        predicted = smoother.time_to_contact - step
+        rate = step / (predicted + step) if math.isfinite(predicted) and predicted > 0.0 else 0.0
         found = _growth(matcher, past, now, min(rate, 0.7))
         smoothed.append(smoother.update(step, found, step))
         raw.append(found.time_to_contact(step) if found is not None else math.nan)
     return np.array(raw), np.array(smoothed)
 
 
-def _growth(matcher: BlockMatching, past: Image, now: Image, foreseen: float) -> Expansion | None:
-    """How ``now`` has grown from ``past``; ``foreseen`` growth is matched away beforehand."""
-    zoom = foreseen if foreseen > ZOOM_FROM else 0.0
+def _growth(matcher: BlockMatching, past: Image, now: Image, predicted: float) -> Expansion | None:
+    """Relative growth of the image from ``past`` to ``now``.
+
+    ``past`` is magnified by the ``predicted`` growth first, if that exceeds ``ZOOM_FROM``.
+    """
+    zoom = predicted if predicted > ZOOM_FROM else 0.0
     height, width = past.shape
     centre_x, centre_y = 0.5 * (width - 1), 0.5 * (height - 1)
     keep = 1.0 - zoom
@@ -155,19 +161,19 @@ def _growth(matcher: BlockMatching, past: Image, now: Image, foreseen: float) ->
     found = fit_expansion(matcher.compute(FramePair(Frame(0.0, seen), Frame(1.0, now), STILL)))
     if found is None:
         return None
-    # both growths one after the other
+    # compose the predicted growth with the measured remainder
     rate = 1.0 - keep * (1.0 - found.rate)
     focus = keep * found.rate * found.focus / rate if rate else found.focus
     return Expansion(rate, keep * found.sigma, focus, found.support)
 
 
 def _cells(size: int) -> int:
-    """About 16 cells along a side that they divide."""
+    """Number of cells along an image side of ``size`` [px]: the divisor nearest to 16."""
     return min((n for n in range(4, size // 8 + 1) if size % n == 0), key=lambda n: abs(n - 16))
 
 
 def _offset(raw: Array, true: Array, step: float) -> float:
-    """How many frames too early the estimates come, by the median of their differences."""
+    """Median of true minus estimated time, in frames."""
     good = np.isfinite(raw) & (true > 1.0)
     return float(np.median(true[good] - raw[good]) / step)
 
@@ -181,8 +187,13 @@ def _listed(values: Array) -> list[float | None]:
 
 
 def read_image(file: Path) -> Image:
-    """Luminance of an image file."""
+    """Luminance (height, width) of an image file.
+
+    Raises:
+        ConfigError: the file is no readable image.
+
+    """
     image = cv2.imread(str(file), cv2.IMREAD_GRAYSCALE)
     if image is None:
-        raise ConfigError("is no image that can be read", file=file)
+        raise ConfigError("is no readable image", file=file)
     return np.asarray(image, dtype=np.uint8)

@@ -1,7 +1,8 @@
-"""What OFFIS says where, learnt on drives, and what it is worth to who has nothing else.
+"""Learn how often OFFIS infers each situation at each kind of place, and measure the benefit.
 
-Its worth is measured without landmarks, by the discrete filter on the odometry of the same drives:
-with a table that was learnt on the other entries of the suite, and with none.
+The benefit is the accuracy of the discrete localisation filter without landmarks, on the odometry
+of the same drives: with a table learnt on the other entries of the suite (leave one entry out), and
+without a table.
 """
 
 from __future__ import annotations
@@ -25,18 +26,22 @@ if TYPE_CHECKING:
 __all__ = ["LearntSituations", "learn_situations", "place_accuracy", "tables"]
 
 EVERY = 10
-"""Of so many camera frames one is looked at."""
+"""The filter's accuracy is evaluated at one camera frame in this many."""
 
 _PRIOR = 0.85
+"""Prior existence probability of a landmark. The filter needs one; no landmark is observed here."""
 
 
 @dataclass(frozen=True)
 class LearntSituations:
-    """A table, and what such tables are worth in each entry's drives."""
+    """A table learnt on ``drives`` drives, and by entry the accuracy with and without a table.
+
+    The table behind ``accuracy`` was learnt on the other entries; see ``place_accuracy``.
+    """
 
     table: SituationTable
     drives: int
-    worth: Mapping[str, Mapping[str, float]]
+    accuracy: Mapping[str, Mapping[str, float]]
 
     def as_data(self) -> dict[str, Any]:
         """Plain data for ``--json``."""
@@ -48,17 +53,19 @@ class LearntSituations:
             "drives": self.drives,
             "observations": dict(self.table.observations),
             "seen_at": rows,
-            "worth": {entry: dict(numbers) for entry, numbers in self.worth.items()},
+            "accuracy": {entry: dict(numbers) for entry, numbers in self.accuracy.items()},
         }
 
 
 def learn_situations(
-    plan: SuitePlan, registry: Registry, say: Callable[[str], None]
+    plan: SuitePlan, registry: Registry, report: Callable[[str], None]
 ) -> LearntSituations:
-    """Drive all runs of a suite, and learn from them.
+    """Drive all runs of a suite and learn a table from them.
+
+    ``report`` is called with a status text after each drive.
 
     Raises:
-        InputError: OFFIS had nothing to say on any of them.
+        InputError: OFFIS inferred no situation on any drive.
 
     """
     drives: dict[str, list[SituationDrive]] = {}
@@ -66,14 +73,14 @@ def learn_situations(
         drive = record_situations(case.session(registry))
         drives.setdefault(case.entry, []).append(drive)
         where = f"{case.world_name} {case.mission_name} {case.seed}"
-        say(f"{case.index + 1} of {len(plan.cases)}: {where}: {drive.outcome}")
-    worth = {}
+        report(f"{case.index + 1} of {len(plan.cases)}: {where}: {drive.outcome}")
+    accuracy = {}
     if len(drives) > 1:
         for entry, own in drives.items():
             others = [drive for name, rest in drives.items() if name != entry for drive in rest]
-            worth[entry] = _worth(own, _table(others))
+            accuracy[entry] = _accuracy(own, _table(others))
     everything = [drive for part in drives.values() for drive in part]
-    return LearntSituations(_table(everything), len(everything), worth)
+    return LearntSituations(_table(everything), len(everything), accuracy)
 
 
 def _table(drives: Sequence[SituationDrive]) -> SituationTable:
@@ -83,11 +90,11 @@ def _table(drives: Sequence[SituationDrive]) -> SituationTable:
         raise InputError(f"{error} on {len(drives)} drives: there is nothing to learn") from None
 
 
-def _worth(drives: Sequence[SituationDrive], table: SituationTable) -> dict[str, float]:
+def _accuracy(drives: Sequence[SituationDrive], table: SituationTable) -> dict[str, float]:
     found = {"drives": float(len(drives))}
     for start, known in (("known", True), ("unknown", False)):
-        for name, heard in (("without", None), ("with", table)):
-            pairs = [place_accuracy(drive, heard, known) for drive in drives]
+        for name, used in (("without", None), ("with", table)):
+            pairs = [place_accuracy(drive, used, known) for drive in drives]
             right, probability = np.mean(pairs, axis=0).tolist()
             found[f"{start}_right_{name}"] = right
             found[f"{start}_probability_{name}"] = probability
@@ -97,10 +104,11 @@ def _worth(drives: Sequence[SituationDrive], table: SituationTable) -> dict[str,
 def place_accuracy(
     drive: SituationDrive, table: SituationTable | None, known: bool
 ) -> tuple[float, float]:
-    """How well the discrete filter knows its place by odometry and ``table``, without landmarks.
+    """Accuracy of the discrete filter with odometry and ``table``, without landmarks.
 
-    The share of time in which the likeliest place is the right one, and the mean probability of the
-    right one. It is told the start if that is ``known``.
+    The share of time in which the most probable place is the true one, and the mean probability
+    of the true place. With ``known`` the filter starts at the true place, else from a uniform
+    distribution.
     """
     existence = LandmarkExistence(_PRIOR)
     belief = DiscreteFilter(drive.topo_map, DiscreteParams(), _PRIOR, existence, table)
@@ -118,24 +126,22 @@ def place_accuracy(
 
 
 def tables(learnt: LearntSituations) -> list[tuple[str, list[str], list[list[str]]]]:
-    """The table, and its worth, as tables for people: title, columns, rows."""
-    said = [
+    """The table and the accuracies for printing: title, columns, rows."""
+    shares = [
         [kind, f"{learnt.table.observations.get(kind, 0.0):.0f}", *(f"{p:.2f}" for p in row)]
         for kind, row in learnt.table.seen_at.items()
     ]
-    found = [
-        ("what OFFIS says, by the kind of place", ["place", "observations", *SITUATIONS], said)
-    ]
+    found = [("probability of each situation", ["place", "observations", *SITUATIONS], shares)]
     keys = [
         f"{start}_{what}_{name}"
         for start in ("known", "unknown")
         for what in ("right", "probability")
         for name in ("without", "with")
     ]
-    worth = [
+    accuracies = [
         [entry, f"{numbers['drives']:.0f}", *(f"{numbers[key]:.2f}" for key in keys)]
-        for entry, numbers in learnt.worth.items()
+        for entry, numbers in learnt.accuracy.items()
     ]
     columns = ["entry", "drives", *(key.replace("_", " ") for key in keys)]
-    title = "without landmarks, by a table of the other entries: start, place right or probability"
-    return [*found, (title, columns, worth)] if worth else found
+    title = "place without landmarks, by start; table learnt on the other entries"
+    return [*found, (title, columns, accuracies)] if accuracies else found

@@ -1,32 +1,32 @@
-"""What a view of a world truly shows, from its geometry alone: the truth OFFIS is measured by.
+"""Ground truth of a view, from the world's geometry alone; OFFIS is measured against it.
 
-*Objects* are whatever stands in view except floor and ceiling. The *nearness of a quadrant* is that
-which ``CELL_AREA`` of its pixels (the area of one cell of the grid: the smallest thing the grid can
-tell) show or exceed, 1/Z with the depth Z along the optical axis. The *nearest object* is in the
-quadrants whose nearness is as big as the biggest one's. "As big" is a fuzzy notion, so the truth is
-two sets: the quadrants of 85 % and more of the biggest are *certain*, those of 65 % and more
-*possible*.
+*Objects* are all surfaces in view except floor and ceiling. The *nearness of a quadrant* is the
+largest value of 1/Z (Z: depth along the optical axis) that at least ``CELL_AREA`` of its pixels
+reach; that is the area of one grid cell, the smallest object that the grid resolves. The *nearest
+object* is in the quadrants whose nearness is about the largest. "About" is fuzzy, so the truth is
+two sets: quadrants with 85 % and more of the largest nearness are *certain*, those with 65 % and
+more *possible*.
 
-The *distance term* is what the rule base ``distance.yaml`` says of the true distance of the nearest
-object at the true speed.
+The *distance term* is the result of the rule base ``distance.yaml`` for the true distance of the
+nearest object at the true speed.
 
-The *elementary situation* (paper sec 4.4 and Table 1) is made by the walls, found by casting a ray
-through each image column at camera height against the walls alone. The *plane of a half image* is
-the wall plane that fills at least two thirds of its columns; its *slope* is the angle to the image
-plane, positive where the outer side is nearer. Several may hold at once:
+The *elementary situation* (paper sec 4.4 and Table 1) follows from the walls alone: a ray is cast
+through each image column at camera height. The *plane of a half image* is the wall plane that fills
+at least two thirds of its columns; its *slope* is the angle to the image plane, positive where the
+outer side is nearer. Several situations may hold at once:
 
 - ``wall``: both halves show the same plane, at most 13 degrees aslant;
 - ``left slope wall`` / ``right slope wall``: the same, 13 to 60 degrees aslant, left / right side
-  nearer. Within 3 degrees of the 13, wall and slope wall are both true;
+  nearer. From 10 to 16 degrees wall and slope wall are both true;
 - ``corner``: the halves show two planes that meet there, concave, at less than 150 degrees;
 - ``corridor``: two planes facing each other, both steeper than 60 degrees;
-- ``door``: the optical axis passes through an opening in a wall that can be seen through, which
-  appears at least 24 px wide (one window of the flow), reaches at least 8 px to either side of the
-  axis, and leaves at least a quarter of each half for what is beside it.
+- ``door``: the optical axis passes through a visible opening in a wall, which appears at least
+  24 px wide (one matching window), extends at least 8 px to either side of the axis, and leaves at
+  least a quarter of each image half for what is beside it.
 
-13 and 60 degrees are where the terms of ``slope.yaml`` cross. Where none of these holds the view is
-``mixed``; where furniture hides more than a third of the walls in either half, no elementary
-situation can be seen: ``hidden``. Neither counts for or against the situations.
+The terms of ``slope.yaml`` cross at 13 and 60 degrees. A view without any of these situations is
+``mixed``; a view with more than a third of the walls of either half behind furniture is ``hidden``.
+Neither counts for or against the situations.
 """
 
 from __future__ import annotations
@@ -50,26 +50,32 @@ from navfw.sim.worldspec import WorldSpec
 __all__ = ["ViewTruth", "WallGeometry", "true_term", "truth_of"]
 
 CELL_AREA = 100
-"""Pixels: of one cell of a 12 x 16 grid over 160 x 120 pixels."""
+"""Area [px] of one cell of a 12 x 16 grid over 160 x 120 px."""
 
 ALIKE, UNLIKE = 0.85, 0.65
-"""From which share of the biggest nearness on another is surely, and possibly, as big."""
+"""Shares of the largest nearness from which on a quadrant is certain, and possible."""
 
 ORTHOGONAL, STEEP = math.radians(13.0), math.radians(60.0)
+"""Slopes [rad] at which the terms of ``slope.yaml`` cross."""
+
 FUZZY = math.radians(3.0)
+"""Half-width [rad] of the interval of slopes in which wall and slope wall both hold."""
+
 DOMINANT, HIDDEN = 2.0 / 3.0, 1.0 / 3.0
-STANDING = 0.05
-"""Height [m] from which on something is no floor."""
+"""Least share of a half's columns on one plane; largest share of its walls behind furniture."""
+
+FLOOR_MARGIN = 0.05
+"""Height [m] above the floor, and below the ceiling, within which pixels belong to these."""
 
 
 @dataclass(frozen=True, slots=True)
 class ViewTruth:
-    """The truth of one view.
+    """Ground truth of one view.
 
     ``nearness`` (4,) [1/m] of P1..P4; ``certain`` and ``possible`` name the quadrants of the
-    nearest object; ``distance`` [m] is its depth and ``term`` its distance term. ``situations`` are
-    all that hold, or ``("mixed",)``, or ``("hidden",)``. ``furniture`` is the share of the image's
-    wall pixels that things hide.
+    nearest object; ``distance`` [m] is its depth and ``term`` its distance term. ``situations``
+    are all that hold, or ``("mixed",)``, or ``("hidden",)``. ``furniture`` is the share of the
+    wall pixels that are behind furniture.
     """
 
     nearness: tuple[float, ...]
@@ -87,7 +93,7 @@ class ViewTruth:
 
 
 class WallGeometry:
-    """The walls of one world: faces to cast rays against, and openings."""
+    """The walls of one world: faces for ray casting, their planes, and openings."""
 
     def __init__(self, world: WorldSpec) -> None:
         starts, ends, planes = [], [], []
@@ -116,8 +122,8 @@ class WallGeometry:
         ]
         self.height = max((wall.height for wall in world.walls), default=0.0)
 
-    def look(self, pose: Pose, camera: CameraModel) -> tuple[Array, npt.NDArray[np.int64]]:
-        """Depth [m] (inf: none) and face seen, at camera height, of each image column (width,)."""
+    def cast(self, pose: Pose, camera: CameraModel) -> tuple[Array, npt.NDArray[np.int64]]:
+        """Depth [m] (inf: no wall) and face of each image column (width,), at camera height."""
         x = np.arange(camera.width) - 0.5 * (camera.width - 1)
         eye, ahead, right = _axes(pose, camera)
         rays = ahead + x[:, None] / camera.focal * right  # depth 1 along the optical axis
@@ -133,8 +139,8 @@ class WallGeometry:
         return depth[np.arange(x.size), face], face
 
     def situations(self, pose: Pose, camera: CameraModel) -> tuple[str, ...]:
-        """All elementary situations that the walls make, or ``("mixed",)``."""
-        depth, face = self.look(pose, camera)
+        """All elementary situations that the walls form, or ``("mixed",)``."""
+        depth, face = self.cast(pose, camera)
         half = camera.width // 2
         left = self._dominant(face[:half], depth[:half])
         right = self._dominant(face[half:], depth[half:])
@@ -146,7 +152,7 @@ class WallGeometry:
         return tuple(found) or ("mixed",)
 
     def _dominant(self, face: npt.NDArray[np.int64], depth: Array) -> int | None:
-        """A face of the plane that fills two thirds of the columns."""
+        """A face of the plane that fills two thirds of the columns; None without one."""
         planes = np.where(np.isfinite(depth), self._plane[face], -1)
         values, counts = np.unique(planes, return_counts=True)
         best = int(values[counts.argmax()])
@@ -198,12 +204,12 @@ class WallGeometry:
 def truth_of(
     walls: WallGeometry, pose: Pose, speed: float, depth: DepthImage, robot: RobotModel
 ) -> ViewTruth:
-    """The truth of the view from ``pose``, whose rendered true ``depth`` (height, width) [m] is."""
+    """Ground truth of the view from ``pose`` at ``speed`` [m/s], with its ``depth`` image [m]."""
     camera = robot.camera
     rows, columns = depth.shape
     y = np.arange(rows)[:, None] - 0.5 * (rows - 1)
     height = camera.mount_height - depth * (y / camera.focal)
-    solid = np.isfinite(depth) & (height > STANDING) & (height < walls.height - STANDING)
+    solid = np.isfinite(depth) & (height > FLOOR_MARGIN) & (height < walls.height - FLOOR_MARGIN)
     nearness = np.where(solid, 1.0 / np.maximum(depth, 1e-3), 0.0)
     halves = np.s_[: rows // 2], np.s_[rows // 2 :]
     sides = np.s_[: columns // 2], np.s_[columns // 2 :]
@@ -213,9 +219,11 @@ def truth_of(
     biggest = max(each)
     distance = 1.0 / max(biggest, 1e-3)
 
-    walls_depth, _ = walls.look(pose, camera)
+    walls_depth, _ = walls.cast(pose, camera)
     wall_height = camera.mount_height - walls_depth * (y / camera.focal)
-    expected = np.isfinite(walls_depth) & (wall_height > STANDING) & (wall_height < walls.height)
+    expected = (
+        np.isfinite(walls_depth) & (wall_height > FLOOR_MARGIN) & (wall_height < walls.height)
+    )
     hides = expected & solid & (depth < 0.97 * walls_depth - 0.02)
     hidden = [hides[:, side].sum() / max(expected[:, side].sum(), 1) for side in sides]
     situations = walls.situations(pose, camera)
@@ -231,7 +239,7 @@ def truth_of(
 
 
 def true_term(distance: float, speed: float) -> str:
-    """The distance term that the rule base gives to a distance [m] at a speed [m/s]."""
+    """The distance term by ``distance.yaml`` for a distance [m] at a speed [m/s]."""
     from navfw.offis.distances import TERMS
 
     found = find_distances(np.array([1.0 / distance]), np.ones(1), speed)
@@ -244,7 +252,7 @@ def _alike(nearness: list[float], share: float) -> frozenset[str]:
 
 
 def _axes(pose: Pose, camera: CameraModel) -> tuple[Array, Array, Array]:
-    """Eye, optical axis and right-hand axis of the camera in the plane."""
+    """Camera position [m], optical axis and right-hand axis, in the plane (2,) each."""
     ahead = np.array([math.cos(pose.yaw), math.sin(pose.yaw)])
     right = np.array([math.sin(pose.yaw), -math.cos(pose.yaw)])
     return np.array([pose.x, pose.y]) + camera.mount_forward * ahead, ahead, right

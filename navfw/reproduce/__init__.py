@@ -1,1 +1,1 @@
-"""The paper's experiments again (sec 4.3 and 6): Tables 2 and 3, the metrics, the timings."""
+"""The paper's experiments repeated (sec 4.3 and 6): Tables 2 and 3, region metrics, timings."""

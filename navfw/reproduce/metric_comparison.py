@@ -1,9 +1,8 @@
-"""Section 4.3 again: two layers of means against one layer of means and variances.
+"""Section 4.3 of the paper: two layers of means against one layer of means and variances.
 
-Two comparisons on generated views whose truth is known. *OFFIS itself*, set to either metric. And,
-since OFFIS may make up for a metric by other means, *the numbers alone*: a plain linear classifier
-is given nothing but the region metrics of the raw flow, and has to tell the situation and the
-nearest quadrant.
+Two comparisons on generated views with ground truth. *OFFIS* with either metric; and, since OFFIS
+may compensate for a metric by other means, *the metrics alone*: a linear classifier infers
+situation and nearest quadrant from nothing but the region metrics of the raw flow.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ import numpy.typing as npt
 from navfw.bench.perception_samples import PerceptionSample, samples_of_world
 from navfw.offis.offis import Offis
 from navfw.offis.pyramid import QUADRANTS, Channels, Pyramid
-from navfw.reproduce.rendered_views import judge
+from navfw.reproduce.rendered_views import check_percept
 from navfw.robot import RobotModel
 from navfw.signals import Array, FlowField, Twist
 
@@ -35,17 +34,21 @@ SETTINGS: dict[str, Offis.Params] = {
     ),
     "normalised, L=2, nearest eighth": Offis.Params(mode="nearness", layers=2),
 }
-"""OFFIS as compared: the paper's two first; the normalised ones are this package's."""
+"""The parameters of OFFIS compared: the paper's two come first, the normalised ones are navfw's."""
 
 _FOLDS = 10
+"""Folds of the cross-validation."""
+
 _RIDGE = 0.3
+"""Ridge added to the covariance of the standardised features."""
 
 
 def compare_metrics(views: int, seed: int) -> dict[str, Any]:
     """Both comparisons on ``views`` views of a ``seed``, with ideal flow and with block matching.
 
-    Shares of right answers: ``offis[setting][flow]`` with ``quadrant``, ``distance`` and
-    ``situation``; ``numbers[metric][flow]`` with ``quadrant`` and ``situation`` (10-fold).
+    Shares of correct results: ``offis[setting][flow]`` with ``quadrant``, ``distance`` and
+    ``situation``; ``numbers[metric][flow]`` with ``quadrant`` and ``situation``, the classifier's
+    by 10-fold cross-validation.
     """
     samples = list(islice(_samples(seed), views))
     flows = {
@@ -80,17 +83,19 @@ def _samples(seed: int) -> Any:
 
 @dataclass(slots=True)
 class _Share:
+    """A share of correct results; None counts for nothing."""
+
     right: int = 0
-    asked: int = 0
+    count: int = 0
 
     def add(self, right: bool | None) -> None:
         if right is not None:
             self.right += right
-            self.asked += 1
+            self.count += 1
 
     @property
     def value(self) -> float | None:
-        return self.right / self.asked if self.asked else None
+        return self.right / self.count if self.count else None
 
 
 def _scores(
@@ -101,14 +106,17 @@ def _scores(
     offis = Offis(RobotModel(), params)
     shares = {name: _Share() for name in ("quadrant", "distance", "situation")}
     for (flow, twist), sample in zip(seen, samples, strict=True):
-        found = judge(offis.perceive(flow, twist), sample.truth)
+        found = check_percept(offis.perceive(flow, twist), sample.truth)
         for share, right in zip(shares.values(), found, strict=True):
             share.add(right)
     return {name: share.value for name, share in shares.items()}
 
 
 def _features(flow: FlowField, layers: int, variances: bool) -> Array:
-    """The deepest layer's means of |u| and |v| [px], and their standard deviations if asked."""
+    """Logarithms of the deepest layer's means of |u| and |v| [px], as features.
+
+    With ``variances`` the standard deviations [px] come after the means.
+    """
     pyramid = Pyramid(flow.shape, layers)
     known = (flow.confidence > 0.0).astype(np.float64)
     size = np.where(known[..., None] > 0.0, np.abs(flow.vectors), 0.0)
@@ -119,25 +127,25 @@ def _features(flow: FlowField, layers: int, variances: bool) -> Array:
     columns = [regions.mu_u[part], regions.mu_v[part]]
     if variances:
         columns += [np.sqrt(regions.var_u[part]), np.sqrt(regions.var_v[part])]
-    # logarithms: what counts are ratios between regions, as in the paper's rules
+    # logarithms turn the ratios between regions, which the paper's rules use, into differences
     return np.asarray(np.log(np.concatenate(columns) + 0.05))
 
 
 def _classified(
     features: Sequence[Array], samples: Sequence[PerceptionSample]
 ) -> dict[str, float | None]:
-    """Share of right answers of the classifier for nearest quadrant and situation."""
+    """Share of correct results of the classifier for nearest quadrant and situation."""
     table = np.stack(features)
     quadrant = [QUADRANTS[int(np.argmax(sample.truth.nearness))] for sample in samples]
     possible = [sample.truth.possible for sample in samples]
     clear = np.array([sample.truth.clear for sample in samples])
     situation = [sample.truth.situations for sample in samples]
-    said = _cross_validated(table, quadrant)
-    right = [name in names for name, names in zip(said, possible, strict=True)]
+    quadrants = _cross_validated(table, quadrant)
+    right = [name in names for name, names in zip(quadrants, possible, strict=True)]
     front = [names[0] for names, use in zip(situation, clear, strict=True) if use]
-    told = _cross_validated(table[clear], front)
+    fronts = _cross_validated(table[clear], front)
     true = [names for names, use in zip(situation, clear, strict=True) if use]
-    hits = [name in names for name, names in zip(told, true, strict=True)]
+    hits = [name in names for name, names in zip(fronts, true, strict=True)]
     return {
         "quadrant": float(np.mean(right)) if right else None,
         "situation": float(np.mean(hits)) if hits else None,
@@ -145,26 +153,26 @@ def _classified(
 
 
 def _cross_validated(table: Array, labels: Sequence[str]) -> list[str]:
-    """Answers of a linear discriminant for each row, learnt from the other folds' rows."""
-    answers = [""] * len(labels)
+    """The label of each row by a linear discriminant trained on the other folds."""
+    found = [""] * len(labels)
     fold = np.arange(len(labels)) % _FOLDS
     for k in range(_FOLDS):
-        learn, ask = fold != k, fold == k
-        if not ask.any() or not learn.any():
+        training, test = fold != k, fold == k
+        if not test.any() or not training.any():
             continue
-        known = [label for label, use in zip(labels, learn, strict=True) if use]
-        found = _discriminate(table[learn], known, table[ask])
-        for index, answer in zip(np.flatnonzero(ask), found, strict=True):
-            answers[index] = answer
-    return answers
+        known = [label for label, use in zip(labels, training, strict=True) if use]
+        inferred = _discriminate(table[training], known, table[test])
+        for index, label in zip(np.flatnonzero(test), inferred, strict=True):
+            found[index] = label
+    return found
 
 
-def _discriminate(learn: Array, labels: Sequence[str], ask: Array) -> list[str]:
-    """Linear discriminant analysis with a pooled, ridged covariance."""
+def _discriminate(training: Array, labels: Sequence[str], test: Array) -> list[str]:
+    """The labels of ``test`` rows by linear discriminant analysis with a ridged covariance."""
     classes = sorted(set(labels))
     which: npt.NDArray[np.int64] = np.array([classes.index(label) for label in labels])
-    centre, spread = learn.mean(axis=0), learn.std(axis=0) + 1e-9
-    x, y = (learn - centre) / spread, (ask - centre) / spread
+    centre, spread = training.mean(axis=0), training.std(axis=0) + 1e-9
+    x, y = (training - centre) / spread, (test - centre) / spread
     means = np.stack([x[which == c].mean(axis=0) for c in range(len(classes))])
     within = x - means[which]
     covariance = within.T @ within / len(x) + _RIDGE * np.eye(x.shape[1])

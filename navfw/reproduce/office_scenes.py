@@ -1,7 +1,7 @@
-"""The paper's three situations in an office (Table 3), built as little worlds.
+"""The paper's three situations in an office (Table 3), built as small worlds.
 
-The paper's images are 108 x 144 (rows x columns) with 10 x 15 vectors, which no whole number of
-pixels divides; the grid here lies over the middle 100 x 135 pixels of such an image.
+The paper's images have 108 x 144 pixels (rows x columns) and 10 x 15 vectors, which do not divide
+them; the grid here covers the central 100 x 135 pixels of such an image.
 """
 
 from __future__ import annotations
@@ -25,13 +25,14 @@ __all__ = ["COLS", "IMAGE", "ROWS", "SCENES", "STEP", "OfficeScene", "hand_held"
 IMAGE = (108, 144)
 """Rows and columns of the paper's images [px]."""
 ROWS, COLS = 10, 15
+"""Size of the flow grid."""
 STEP = 0.06
-"""Way of the camera between two images, strictly forward [m]."""
+"""Forward motion [m] of the camera between two images."""
 SPEED = 0.3
-"""Its speed [m/s]."""
+"""Speed [m/s] of the camera."""
 
 _TEXTURES = {
-    # seen at a flat angle: anything finer would shimmer in images this small
+    # seen at a grazing angle, where a finer texture would alias in images this small
     "tiles": TextureSpec(style="stone", seed=34, finest=0.12, colour=(0.85, 0.87, 0.9)),
     "lining": TextureSpec(style="panels", seed=31, colour=(0.95, 0.9, 0.8)),
     "boards": TextureSpec(style="wood", seed=32, brightness=110.0, colour=(0.9, 0.7, 0.5)),
@@ -41,7 +42,7 @@ _TEXTURES = {
 
 @dataclass(frozen=True, slots=True)
 class OfficeScene:
-    """One of the situations: the world, where the camera is, and what the paper reports."""
+    """One of the situations: world, pose of the camera, and ``paper``, the sentence it reports."""
 
     number: int
     title: str
@@ -51,7 +52,10 @@ class OfficeScene:
 
 
 def hand_held() -> RobotModel:
-    """A compact camera as the paper moved it: 55 cm above the floor, level, 65 degrees wide."""
+    """The paper's hand-held camera: level, 0.55 m above the floor, 65 degrees wide.
+
+    Height and width of view are assumed; the paper does not give them.
+    """
     whole = 0.5 * IMAGE[1] / math.tan(0.5 * math.radians(65.0))
     width, height = 9 * COLS, 10 * ROWS
     camera = CameraModel(
@@ -95,7 +99,7 @@ def _chair(x: float, y: float) -> tuple[BoxSpec | CylinderSpec, ...]:
 
 
 def _room_with_door() -> WorldSpec:
-    """A room; in the wall ahead is a door, between two cupboards that hang beside it."""
+    """A room with a door in the wall ahead, between two hanging shelves."""
     ring = ((0.05, -1.95), (7.95, -1.95), (7.95, 1.95), (0.05, 1.95), (0.05, -1.95))
     door = OpeningSpec(name="door", at=(4.0, 0.0), width=0.9)
     return WorldSpec(
@@ -162,4 +166,4 @@ SCENES = (
         " distance; Front is a door",
     ),
 )
-"""Table 3: situation, and what the paper's OFFIS says of it."""
+"""The situations of Table 3, each with the sentence of the paper's OFFIS."""

@@ -1,4 +1,4 @@
-"""Tables 2 and 3 of the paper, read anew: every view with everything that OFFIS says of it."""
+"""Tables 2 and 3 of the paper: the checked percepts of OFFIS for every view."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from navfw.reproduce.rendered_views import (
     CheckedPercept,
     RenderedPair,
     ViewRenderer,
+    checked_percept,
     derotated,
-    ideal,
-    matched,
+    matched_flow,
     not_derotated,
-    read,
+    true_flow,
 )
 from navfw.robot import RobotModel
 from navfw.signals import FlowField, FramePair, Pose
@@ -49,36 +49,36 @@ __all__ = [
 PERIOD = 0.15
 """Time between the two images at a waypoint [s]."""
 FAST = 3
-"""The waypoint of the fast left turn."""
+"""Number of the waypoint at the fast left turn."""
 SEARCH = 16
-"""Search of the block matching at the waypoints [px]: it holds the fast turn without gyro, too."""
+"""Search range [px] of block matching at the waypoints: enough for the fast turn without gyro."""
 
 
 @dataclass(frozen=True, slots=True)
 class WaypointRow:
-    """A waypoint of Table 2: readings by flow, derotation and mode.
+    """A waypoint of Table 2 with its percepts.
 
-    Keys of ``readings``: (flow, rotation, mode) with flow "ideal" or "block matching", rotation
+    Keys of ``percepts``: (flow, rotation, mode) with flow "ideal" or "block matching", rotation
     "removed" or "left in", mode "normalised" or "raw means".
     """
 
     waypoint: TrajectoryWaypoint
-    moment: TrajectoryPoint
-    shot: RenderedPair
-    readings: Mapping[tuple[str, str, str], CheckedPercept]
+    point: TrajectoryPoint
+    view: RenderedPair
+    percepts: Mapping[tuple[str, str, str], CheckedPercept]
 
 
 @dataclass(frozen=True, slots=True)
 class SceneRow:
-    """A situation of Table 3: readings by (flow, mode)."""
+    """A situation of Table 3; keys of ``percepts``: (flow, mode) as in ``WaypointRow``."""
 
     scene: OfficeScene
-    shot: RenderedPair
-    readings: Mapping[tuple[str, str], CheckedPercept]
+    view: RenderedPair
+    percepts: Mapping[tuple[str, str], CheckedPercept]
 
 
 def table2(seed: int) -> list[WaypointRow]:
-    """Every red waypoint of the trajectory through the paper's room, with and without derotation.
+    """Every waypoint of the trajectory through the paper's room, with and without derotation.
 
     Images 120 x 160, grid 12 x 16, two layers.
     """
@@ -87,26 +87,26 @@ def table2(seed: int) -> list[WaypointRow]:
     modes = _modes(robot, SEARCH)
     params = BlockMatching.Params(search=SEARCH)
     rows = []
-    with ViewRenderer(load_world(find("world", "paper-room")), robot, START, seed) as eye:
+    with ViewRenderer(load_world(find("world", "paper-room")), robot, START, seed) as renderer:
         for waypoint in WAYPOINTS:
-            moment = way[round(waypoint.time * 60.0)]
-            shot = eye.look(before(moment, PERIOD), moment.pose, PERIOD)
-            true = ideal(shot, robot)
-            with_gyro = matched(shot, robot, params, gyro=True)
+            point = way[round(waypoint.time * 60.0)]
+            view = renderer.render(before(point, PERIOD), point.pose, PERIOD)
+            true = true_flow(view, robot)
+            with_gyro = matched_flow(view, robot, params, gyro=True)
             flows = {
                 ("ideal", "removed"): derotated(true, robot, with_refinement=False),
                 ("ideal", "left in"): not_derotated(true),
                 ("block matching", "removed"): derotated(with_gyro, robot, with_refinement=True),
                 ("block matching", "left in"): not_derotated(
-                    matched(shot, robot, params, gyro=False)
+                    matched_flow(view, robot, params, gyro=False)
                 ),
             }
-            readings = {
-                (kind, rotation, mode): read(offis, flow, shot)
+            percepts = {
+                (kind, rotation, mode): checked_percept(offis, flow, view)
                 for (kind, rotation), flow in flows.items()
                 for mode, offis in modes.items()
             }
-            rows.append(WaypointRow(waypoint, moment, shot, readings))
+            rows.append(WaypointRow(waypoint, point, view, percepts))
     return rows
 
 
@@ -118,20 +118,20 @@ def table3(seed: int) -> list[SceneRow]:
     rows = []
     for scene in SCENES:
         past = scene.pose.compose(Pose(-STEP, 0.0, 0.0))
-        with ViewRenderer(scene.world, robot, scene.pose, seed + scene.number) as eye:
-            shot = eye.look(past, scene.pose, STEP / SPEED)
+        with ViewRenderer(scene.world, robot, scene.pose, seed + scene.number) as renderer:
+            view = renderer.render(past, scene.pose, STEP / SPEED)
         flows = {
-            "ideal": derotated(ideal(shot, robot, ROWS, COLS), robot, with_refinement=False),
+            "ideal": derotated(true_flow(view, robot, ROWS, COLS), robot, with_refinement=False),
             "block matching": derotated(
-                matched(shot, robot, params, gyro=True), robot, with_refinement=True
+                matched_flow(view, robot, params, gyro=True), robot, with_refinement=True
             ),
         }
-        readings = {
-            (kind, mode): read(offis, flow, shot)
+        percepts = {
+            (kind, mode): checked_percept(offis, flow, view)
             for kind, flow in flows.items()
             for mode, offis in modes.items()
         }
-        rows.append(SceneRow(scene, shot, readings))
+        rows.append(SceneRow(scene, view, percepts))
     return rows
 
 
@@ -143,23 +143,23 @@ def _modes(robot: RobotModel, search: int = 8) -> dict[str, Offis]:
 
 
 def checks(rows: list[WaypointRow]) -> dict[str, bool]:
-    """What the reproduction must show: the fast turn wrong without derotation, right with it."""
+    """The checks of the reproduction: the fast turn is wrong without derotation, right with it."""
     fast = next(row for row in rows if row.waypoint.number == FAST)
     others = [row for row in rows if row is not fast]
     found = {}
     for kind in ("ideal", "block matching"):
-        found[f"fast turn right with derotation, {kind} flow"] = fast.readings[
+        found[f"fast turn: correct with derotation, {kind} flow"] = fast.percepts[
             kind, "removed", "normalised"
         ].right
         for mode in ("normalised", "raw means"):
-            found[f"fast turn wrong without derotation, {kind} flow, {mode}"] = not fast.readings[
+            found[f"fast turn: wrong without derotation, {kind} flow, {mode}"] = not fast.percepts[
                 kind, "left in", mode
             ].right
-    found["other waypoints right with derotation, ideal flow"] = all(
-        row.readings["ideal", "removed", "normalised"].right for row in others
+    found["other waypoints: correct with derotation, ideal flow"] = all(
+        row.percepts["ideal", "removed", "normalised"].right for row in others
     )
-    found["other waypoints right without derotation, ideal flow"] = all(
-        row.readings["ideal", "left in", "normalised"].right for row in others
+    found["other waypoints: correct without derotation, ideal flow"] = all(
+        row.percepts["ideal", "left in", "normalised"].right for row in others
     )
     return found
 
@@ -168,10 +168,10 @@ def timings(rows: list[WaypointRow], scenes: list[SceneRow], repeats: int = 30) 
     """Median times [ms] of one OFFIS inference (obstacles and situation), and of one flow field."""
     robot, held = RobotModel(), hand_held()
     offis, other = Offis(robot), Offis(held)
-    normal = [(row.readings["ideal", "removed", "normalised"].flow, row.shot) for row in rows]
-    small = [(row.readings["block matching", "normalised"].flow, row.shot) for row in scenes]
+    normal = [(row.percepts["ideal", "removed", "normalised"].flow, row.view) for row in rows]
+    small = [(row.percepts["block matching", "normalised"].flow, row.view) for row in scenes]
     matching = BlockMatching(robot)
-    pairs = [row.shot.pair for row in rows]
+    pairs = [row.view.pair for row in rows]
     return {
         "offis_12x16_ms": _offis_time(offis, normal, repeats),
         "offis_10x15_ms": _offis_time(other, small, repeats),
@@ -182,9 +182,9 @@ def timings(rows: list[WaypointRow], scenes: list[SceneRow], repeats: int = 30) 
 def _offis_time(offis: Offis, seen: list[tuple[FlowField, RenderedPair]], repeats: int) -> float:
     times = []
     for _ in range(repeats):
-        for flow, shot in seen:
+        for flow, view in seen:
             begun = perf_counter()
-            offis.perceive(flow, shot.twist)
+            offis.perceive(flow, view.twist)
             times.append(perf_counter() - begun)
     return 1e3 * median(times)
 
@@ -206,13 +206,13 @@ def as_data(rows: list[WaypointRow], scenes: list[SceneRow]) -> dict[str, Any]:
             {
                 "waypoint": row.waypoint.number,
                 "doing": row.waypoint.doing,
-                "pose": [round(v, 4) for v in (row.moment.pose.x, row.moment.pose.y)]
-                + [round(row.moment.pose.yaw, 4)],
-                "twist": [round(row.moment.twist.v, 4), round(row.moment.twist.w, 4)],
-                "truth": _truth(row.shot),
+                "pose": [round(v, 4) for v in (row.point.pose.x, row.point.pose.y)]
+                + [round(row.point.pose.yaw, 4)],
+                "twist": [round(row.point.twist.v, 4), round(row.point.twist.w, 4)],
+                "truth": _truth(row.view),
                 "readings": [
-                    {"flow": kind, "rotation": rotation, "mode": mode, **_reading(reading)}
-                    for (kind, rotation, mode), reading in row.readings.items()
+                    {"flow": kind, "rotation": rotation, "mode": mode, **_reading(checked)}
+                    for (kind, rotation, mode), checked in row.percepts.items()
                 ],
             }
             for row in rows
@@ -222,10 +222,10 @@ def as_data(rows: list[WaypointRow], scenes: list[SceneRow]) -> dict[str, Any]:
                 "situation": row.scene.number,
                 "title": row.scene.title,
                 "paper": row.scene.paper,
-                "truth": _truth(row.shot),
+                "truth": _truth(row.view),
                 "readings": [
-                    {"flow": kind, "mode": mode, **_reading(reading)}
-                    for (kind, mode), reading in row.readings.items()
+                    {"flow": kind, "mode": mode, **_reading(checked)}
+                    for (kind, mode), checked in row.percepts.items()
                 ],
             }
             for row in scenes
@@ -233,8 +233,8 @@ def as_data(rows: list[WaypointRow], scenes: list[SceneRow]) -> dict[str, Any]:
     }
 
 
-def _truth(shot: RenderedPair) -> dict[str, Any]:
-    truth = shot.truth
+def _truth(view: RenderedPair) -> dict[str, Any]:
+    truth = view.truth
     return {
         "quadrants": sorted(truth.certain),
         "possible": sorted(truth.possible),
@@ -244,11 +244,11 @@ def _truth(shot: RenderedPair) -> dict[str, Any]:
     }
 
 
-def _reading(reading: CheckedPercept) -> dict[str, Any]:
+def _reading(checked: CheckedPercept) -> dict[str, Any]:
     return {
-        "sentence": reading.percept.sentence,
-        "right": reading.right,
-        "quadrant_right": reading.quadrant,
-        "distance_right": reading.distance,
-        "situation_right": reading.situation,
+        "sentence": checked.percept.sentence,
+        "right": checked.right,
+        "quadrant_right": checked.quadrant,
+        "distance_right": checked.distance,
+        "situation_right": checked.situation,
     }

@@ -1,8 +1,8 @@
-"""The paper's simulated trajectory (Fig. 16): go-to-XY through a room, with red waypoints.
+"""The paper's simulated trajectory (Fig. 16): go-to-XY through a room, with marked waypoints.
 
-The figure's numbers are not in the text, so the way is our own: from the room's corner between its
-round and square objects to the door and through it. At waypoint 3 the next place to go to lies far
-to the left, and the robot turns as fast as it can, as in the paper.
+The figure's coordinates are not in the text, so the path is navfw's own: from a corner of the room
+between its round and square objects to the door and through it. At waypoint 3 the next goal is far
+to the left, and the robot turns at its highest rate, as in the paper.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ __all__ = [
 ]
 
 START = Pose(0.9, 2.3, 0.0)
-"""Where the robot starts, in the map of ``paper-room``."""
+"""Start pose of the robot in the map of ``paper-room``."""
 
 PLACES = ((3.2, 2.3), (4.6, 1.4), (5.2, 3.0), (7.4, 3.2), (8.1, 2.2))
-"""Places that go-to-XY visits in turn [m]."""
+"""Goals (x, y) [m] of go-to-XY, in order."""
 
 FAST_TURN = 0.9
 """Highest turning rate [rad/s], reached at waypoint 3."""
@@ -38,7 +38,7 @@ _LONGEST = 60.0
 
 @dataclass(frozen=True, slots=True)
 class TrajectoryPoint:
-    """Where the robot is at ``time`` [s], with what ``twist`` it goes on."""
+    """Pose at ``time`` [s], and the twist from there on."""
 
     time: float
     pose: Pose
@@ -47,7 +47,7 @@ class TrajectoryPoint:
 
 @dataclass(frozen=True, slots=True)
 class TrajectoryWaypoint:
-    """A red point of the trajectory: its number, when it is passed [s], what the robot does."""
+    """A marked point: number, time [s] at which the robot passes it, the robot's action."""
 
     number: int
     time: float
@@ -63,11 +63,11 @@ WAYPOINTS = (
     TrajectoryWaypoint(6, 20.0, "goes to the wall of the next room"),
     TrajectoryWaypoint(7, 23.0, "goes to its corner"),
 )
-"""The red points, in order."""
+"""The marked points, in order."""
 
 
 def drive() -> list[TrajectoryPoint]:
-    """The way from ``START`` over all of ``PLACES``, in steps of 1/60 s."""
+    """The trajectory from ``START`` over all of ``PLACES``, in steps of 1/60 s."""
     pose, time, way = START, 0.0, []
     places = list(PLACES)
     while places and time < _LONGEST:
@@ -84,13 +84,13 @@ def drive() -> list[TrajectoryPoint]:
     return way
 
 
-def before(moment: TrajectoryPoint, seconds: float) -> Pose:
-    """Where the robot was ``seconds`` [s] before, had it gone on all the while as it does now."""
-    return moment.pose.compose(_arc(moment.twist, -seconds))
+def before(point: TrajectoryPoint, seconds: float) -> Pose:
+    """The pose ``seconds`` [s] earlier on the arc of the present twist."""
+    return point.pose.compose(_arc(point.twist, -seconds))
 
 
 def length(way: list[TrajectoryPoint]) -> float:
-    """Length of the way [m]."""
+    """Length [m] of a trajectory."""
     return sum(math.dist((a.pose.x, a.pose.y), (b.pose.x, b.pose.y)) for a, b in pairwise(way))
 
 

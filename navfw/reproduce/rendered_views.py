@@ -1,4 +1,4 @@
-"""One view of a simulated world: two images, true depth and motion, flow, and what OFFIS reads."""
+"""Rendered image pairs with ground truth, their flow, and the percepts of OFFIS checked."""
 
 from __future__ import annotations
 
@@ -24,7 +24,14 @@ from navfw.sim.sensor_models import SensorParams
 from navfw.sim.simulation import Simulation
 from navfw.sim.worldspec import WorldSpec
 
-__all__ = ["CheckedPercept", "RenderedPair", "ViewRenderer", "front_of", "judge", "read"]
+__all__ = [
+    "CheckedPercept",
+    "RenderedPair",
+    "ViewRenderer",
+    "check_percept",
+    "checked_percept",
+    "front_of",
+]
 
 IMAGE_NOISE = 2.0
 """Standard deviation of the image noise [grey levels]."""
@@ -32,9 +39,10 @@ IMAGE_NOISE = 2.0
 
 @dataclass(frozen=True, slots=True)
 class RenderedPair:
-    """A pair of images with everything that is true of them.
+    """A rendered image pair with its ground truth.
 
-    ``depth`` (height, width) [m] belongs to the second image; ``motion`` is the camera's true one.
+    ``depth`` (height, width) [m] belongs to the second image; ``motion`` is the camera's true
+    motion, ``twist`` the robot's.
     """
 
     pair: FramePair
@@ -46,7 +54,10 @@ class RenderedPair:
 
 @dataclass(frozen=True, slots=True)
 class CheckedPercept:
-    """What OFFIS says of a flow field, and what of that is right (None: the truth is unclear)."""
+    """A percept of OFFIS from ``flow``, and which parts of it are correct.
+
+    ``situation`` is None where the walls form no elementary situation.
+    """
 
     flow: FlowField
     percept: Percept
@@ -56,18 +67,21 @@ class CheckedPercept:
 
     @property
     def right(self) -> bool:
-        """Whether nothing is wrong."""
+        """Whether no part is wrong."""
         return self.quadrant and self.distance and self.situation is not False
 
 
 class ViewRenderer:
-    """A robot's camera in a world. Use as a context manager."""
+    """Renders image pairs with a robot's camera in a world; a context manager.
+
+    ``seed`` is that of the image noise. The robot's body stays at ``start``.
+    """
 
     def __init__(self, world: WorldSpec, robot: RobotModel, start: Pose, seed: int) -> None:
         self.robot = robot
         self._walls = WallGeometry(world)
         self._rng = np.random.default_rng(seed)
-        # twice the size and averaged, as a ray tracer would: TinyRenderer aliases
+        # rendered at twice the size and averaged, against aliasing
         self._sim = Simulation(world, robot, start, 0, SensorParams(supersample=2))
 
     def __enter__(self) -> ViewRenderer:
@@ -76,8 +90,8 @@ class ViewRenderer:
     def __exit__(self, *_: object) -> None:
         self._sim.close()
 
-    def look(self, past: Pose, now: Pose, dt: float) -> RenderedPair:
-        """The images from two poses ``dt`` [s] apart."""
+    def render(self, past: Pose, now: Pose, dt: float) -> RenderedPair:
+        """The images from two poses, ``dt`` [s] apart."""
         robot = self.robot
         before, _ = self._sim.render_from(past)
         after, depth = self._sim.render_from(now)
@@ -98,41 +112,41 @@ class ViewRenderer:
         return np.asarray(np.clip(np.rint(noisy), 0, 255), dtype=np.uint8)
 
 
-def ideal(shot: RenderedPair, robot: RobotModel, rows: int = 12, cols: int = 16) -> FlowField:
-    """The true flow of ``shot``, rotation and all: the paper's synthetic mode (sec 6.1)."""
+def true_flow(view: RenderedPair, robot: RobotModel, rows: int = 12, cols: int = 16) -> FlowField:
+    """The true flow of ``view``, rotation included: the paper's synthetic mode (sec 6.1)."""
     camera = robot.camera
     points = grid_points(camera, rows, cols)
-    nearness = nearness_at(points, shot.depth, camera)
-    vectors = true_vectors(points, nearness, shot.motion, camera.focal)
+    nearness = nearness_at(points, view.depth, camera)
+    vectors = true_vectors(points, nearness, view.motion, camera.focal)
     seen = np.asarray(np.isfinite(vectors).all(axis=-1))
     return FlowField(
-        time=shot.pair.now.time,
+        time=view.pair.now.time,
         points=points,
         vectors=np.where(seen[..., None], vectors, 0.0),
         confidence=np.where(seen, 1.0, 0.0),
         sigma=np.full(seen.shape, SIGMA),
-        motion=shot.motion,
+        motion=view.motion,
     )
 
 
-def matched(
-    shot: RenderedPair, robot: RobotModel, params: BlockMatching.Params, *, gyro: bool
+def matched_flow(
+    view: RenderedPair, robot: RobotModel, params: BlockMatching.Params, *, gyro: bool
 ) -> FlowField:
-    """Flow of ``shot`` by block matching; without ``gyro`` the search knows of no rotation."""
-    motion = shot.motion if gyro else _unturned(shot.motion)
-    pair = dataclasses.replace(shot.pair, motion=motion)
+    """Flow of ``view`` by block matching; without ``gyro`` no rotation is predicted."""
+    motion = view.motion if gyro else _unturned(view.motion)
+    pair = dataclasses.replace(view.pair, motion=motion)
     return BlockMatching(robot, params).compute(pair)
 
 
 def derotated(flow: FlowField, robot: RobotModel, *, with_refinement: bool) -> FlowField:
-    """``flow`` without its rotational part, by the gyro alone or refined by the flow itself."""
+    """``flow`` without its rotational part: from the gyro alone, or refined by the flow."""
     if with_refinement:
         return refine(flow, robot.camera).apply(flow, robot.camera)
     return derotate(flow, robot.camera)
 
 
 def not_derotated(flow: FlowField) -> FlowField:
-    """``flow`` as it is, taken for that of a camera that did not turn: the paper's waypoint 3."""
+    """``flow`` unchanged but labelled as without rotation: the error of the paper's waypoint 3."""
     return dataclasses.replace(flow, motion=_unturned(flow.motion), derotated=True)
 
 
@@ -140,18 +154,18 @@ def _unturned(motion: CameraMotion) -> CameraMotion:
     return dataclasses.replace(motion, rotation=np.eye(3))
 
 
-def read(offis: Offis, flow: FlowField, shot: RenderedPair) -> CheckedPercept:
-    """Let ``offis`` interpret derotated ``flow``, and hold that against the truth."""
+def checked_percept(offis: Offis, flow: FlowField, view: RenderedPair) -> CheckedPercept:
+    """The percept of ``offis`` from derotated ``flow``, compared with the truth of ``view``."""
     offis.reset()
-    percept = offis.perceive(flow, shot.twist)
-    return CheckedPercept(flow, percept, *judge(percept, shot.truth))
+    percept = offis.perceive(flow, view.twist)
+    return CheckedPercept(flow, percept, *check_percept(percept, view.truth))
 
 
-def judge(percept: Percept, truth: ViewTruth) -> tuple[bool, bool, bool | None]:
-    """Whether nearest quadrants, distance term and what is in front (None: unclear) are right.
+def check_percept(percept: Percept, truth: ViewTruth) -> tuple[bool, bool, bool | None]:
+    """Whether nearest quadrants, distance term and situation in front are correct.
 
-    Every quadrant named must be possible and one of them certain; the front must name a true
-    situation. See ``navfw.bench.view_truth`` for what is true.
+    Every named quadrant must be possible and at least one certain; the situation must be a true
+    one, and is None where the walls form none. ``navfw.bench.view_truth`` defines the truth.
     """
     named = percept.obstacles["layer1"]
     quadrant = bool(named.keys() & truth.certain) and named.keys() <= truth.possible
@@ -164,7 +178,7 @@ def judge(percept: Percept, truth: ViewTruth) -> tuple[bool, bool, bool | None]:
 
 
 def front_of(percept: Percept) -> str:
-    """What the sentence says to be in front: an entry of Table 1, or plain "door"."""
+    """The situation in front by the percept's sentence: an entry of Table 1, or "door"."""
     for part in percept.sentence.split("; "):
         if part.startswith("Front is "):
             return part.removeprefix("Front is ").removeprefix("a ")

@@ -1,4 +1,4 @@
-"""Everything at once: render, read, compare, time, and write the folder."""
+"""``navfw reproduce``: render, interpret, compare, time, and write the folder."""
 
 from __future__ import annotations
 
@@ -27,25 +27,26 @@ _OURS = re.compile(r"index\.md|result\.json|map\.png|(waypoint|scene)-[0-9]+\.pn
 
 
 def reproduce(
-    out: Path, seed: int, views: int, tell: Callable[[str], None] = lambda _: None
+    out: Path, seed: int, views: int, report: Callable[[str], None] = lambda _: None
 ) -> dict[str, Any]:
-    """Write the reproduction to the folder ``out``, whole or not at all; returns it as plain data.
+    """Write the reproduction to the folder ``out``, atomically; returns the result as plain data.
 
-    ``views`` is the number of views of section 4.3's comparison. All but ``timings`` is the same
-    whenever ``seed`` and ``views`` are: ``digest`` is the SHA-256 of that.
+    ``views`` is the number of views in the comparison of section 4.3. Everything except
+    ``timings`` depends on ``seed`` and ``views`` only; ``digest`` is the SHA-256 of it.
+    ``report`` is called with a status text at each step.
 
     Raises:
-        InputError: ``out`` holds something else, or cannot be written.
+        InputError: ``out`` holds other files, or cannot be written.
 
     """
     with AtomicFolder(out, _OURS, "--out") as folder:
-        tell("Table 2: the trajectory")
+        report("Table 2: the trajectory")
         rows = table2(seed)
-        tell("Table 3: the office")
+        report("Table 3: the office")
         scenes = table3(seed)
-        tell(f"section 4.3: {views} views")
+        report(f"section 4.3: {views} views")
         metrics = compare_metrics(views, seed)
-        tell("times")
+        report("times")
         times = timings(rows, scenes)
         shown = checks(rows)
         result = plain_json(
@@ -53,7 +54,7 @@ def reproduce(
         )
         digest = hashlib.sha256(json.dumps(result, sort_keys=True).encode()).hexdigest()
         result |= {"digest": digest, "timings": {**times, "paper": dict(PAPER_TIMES)}}
-        tell("pictures")
+        report("pictures")
         world = load_world(find("world", "paper-room"))
         draw_map(folder.path / "map.png", world, drive(), rows)
         for row in rows:

@@ -1,4 +1,4 @@
-"""The page that shows the reproduction, in Markdown."""
+"""The page of ``navfw reproduce``, in Markdown."""
 
 from __future__ import annotations
 
@@ -12,48 +12,46 @@ from navfw.reproduce.rendered_views import CheckedPercept, RenderedPair
 __all__ = ["PAPER_TIMES", "write_page"]
 
 PAPER_TIMES = {"obstacles_s": 0.16, "situation_synthetic_s": 0.58, "situation_real_s": 0.62}
-"""The paper's times of OFFIS [s], on an Athlon XP 2600+ at 2.09 GHz."""
+"""Times of OFFIS [s] in the paper, on an Athlon XP 2600+ at 2.09 GHz."""
 
 _INTRODUCTION = """\
-# The paper's experiments again
+# The paper's experiments, repeated
 
 N. A. Mai, K. Janschek: *Bio-inspired Optical Flow Interpretation with Fuzzy Logic for
 Behavior-Based Robot Control*, RAAD 2009. This page was written by `navfw reproduce --seed {seed}`;
-the same seed gives the same images, readings and tables (only the times vary).
+the same seed gives the same images, percepts and tables (only the times vary).
 
-"Right" is judged against the geometry of the world, not against what one would like to read: the
-quadrants named for the nearest object must hold it, its distance term must be that of the true
-distance, and what is said of the front must name a situation that the walls really make (where
-they make none of Table 1's, or furniture hides them, the front is not judged and the truth says
-so).
+Percepts are checked against the geometry of the world: the quadrants named for the nearest object
+must contain it, its distance term must be that of the true distance, and the situation in front
+must be one that the walls form. Where the walls form none of Table 1's situations, or furniture
+hides them, the situation is not checked, as the line "Truth" notes.
 
-OFFIS is read in two modes. *Normalised* is this package's default: nearness instead of raw flow,
-floor removed. *Raw means* is the paper to the letter: means of the flow's components as they are.
+OFFIS runs in two modes. *Normalised* is navfw's default: nearness instead of raw flow, floor
+removed. *Raw means* follows the paper literally: means of the flow's components.
 """
 
 _DIFFERENCES = """\
 ## What differs from the paper
 
-- Figs. 11, 13, 15 (membership functions), Fig. 16 (room and way) and the body of Table 2 are not in
-  the text available here. Rule bases, room and trajectory are our own; only their make-up follows
-  the text. Whether waypoint 3's false conclusion reads word for word like the paper's cannot be
-  known.
-- The images are rendered by PyBullet's software renderer, not POV-Ray; the "real" images of Table 3
-  are rendered, too.
-- Without derotation the raw means say something false with confidence, as the paper reports. The
-  normalised mode notices that the flow contradicts the motion and mostly says "unknown": wrong as a
-  reading, but not a false conclusion.
-- With the rotation removed, the raw means often name lower quadrants: the floor's flow is the
-  biggest there. The paper's rules for that are not given; the normalised mode removes the floor and
-  reports it as "Floor in front".
-- Raw means make flow that belongs to the place in the image look like slope (a flat wall flows
-  three times as fast in its outer half); the raw mode's slope rules are centred on that pattern.
-- Upper and lower quadrants come from the usual numbering of quadrants, since Fig. 4 is missing.
-- Table 3: 10 x 15 cells do not divide 108 x 144 pixels; the grid lies over the middle 100 x 135.
-  The camera (55 cm high, 65 degrees wide) and all distances are our guess.
-- Table 3 prints "Floor in front" for situations 1 and 2. Read from block matching, it is missing
-  where the windows on the near floor, whose flow changes most from row to row, find no match.
-- The paper times obstacles and situation one by one; here one inference gives both.
+- Figs. 11, 13, 15 (membership functions), Fig. 16 (room and trajectory) and the body of Table 2
+  are not in the available text. Rule bases, room and trajectory are navfw's own; only their
+  structure follows the text. The wording of the paper's false conclusion at waypoint 3 is unknown.
+- The images are rendered by a software renderer, not by POV-Ray; the "real" images of Table 3 are
+  rendered as well.
+- Without derotation the raw means lead to a false conclusion with high confidence, as the paper
+  reports. The normalised mode detects that the flow is inconsistent with the motion and mostly
+  infers "unknown": wrong, but not a false conclusion.
+- With the rotation removed, the raw means often name lower quadrants, where the flow of the floor
+  is largest. The paper's rules for that case are not given; the normalised mode removes the floor
+  and reports it as "Floor in front".
+- In raw means the position in the image looks like slope (a frontal wall flows three times as fast
+  in its outer half); the slope rules of that mode are centred on this pattern.
+- Upper and lower quadrants follow the usual numbering of quadrants, since Fig. 4 is missing.
+- Table 3: 10 x 15 cells do not divide 108 x 144 pixels; the grid covers the central 100 x 135. The
+  camera (55 cm high, 65 degrees wide) and all distances are assumed.
+- Table 3 prints "Floor in front" for situations 1 and 2. With block matching it is missing where
+  the windows on the near floor, whose flow changes most from row to row, find no match.
+- The paper times obstacles and situation separately; here one inference gives both.
 """
 
 
@@ -65,7 +63,7 @@ def write_page(
     timings: Mapping[str, float],
     checks: Mapping[str, bool],
 ) -> str:
-    """The whole page; pictures are referred to by ``waypoint-N.png`` and ``scene-N.png``."""
+    """The whole page; its pictures are ``map.png``, ``waypoint-N.png`` and ``scene-N.png``."""
     parts = [
         _INTRODUCTION.format(seed=seed),
         *_summary(rows, checks),
@@ -79,20 +77,20 @@ def write_page(
 
 
 def _summary(rows: Sequence[WaypointRow], checks: Mapping[str, bool]) -> Iterator[str]:
-    yield "## In short\n"
-    yield "| shown | |"
+    yield "## Summary\n"
+    yield "| check | |"
     yield "|---|---|"
     for name, good in checks.items():
         yield f"| {name} | {'yes' if good else '**no**'} |"
     for kind in ("ideal", "block matching"):
         for mode in ("normalised", "raw means"):
             right = {
-                rotation: sum(row.readings[kind, rotation, mode].right for row in rows)
+                rotation: sum(row.percepts[kind, rotation, mode].right for row in rows)
                 for rotation in ("removed", "left in")
             }
             yield (
-                f"| waypoints read right, {kind} flow, {mode} | {right['removed']} of {len(rows)}"
-                f" with derotation, {right['left in']} without |"
+                f"| waypoints with correct percepts, {kind} flow, {mode} |"
+                f" {right['removed']} of {len(rows)} with derotation, {right['left in']} without |"
             )
     yield ""
 
@@ -100,25 +98,25 @@ def _summary(rows: Sequence[WaypointRow], checks: Mapping[str, bool]) -> Iterato
 def _table2(rows: Sequence[WaypointRow]) -> Iterator[str]:
     yield "## Table 2: waypoints of the simulated trajectory\n"
     yield (
-        "Images 120 x 160, 12 x 16 vectors, two layers. Go-to-XY through the room; at waypoint"
+        "Images 120 x 160, 12 x 16 vectors, two layers. The behaviour is go-to-XY; at waypoint"
         f" {FAST} the robot turns left at 0.9 rad/s. The images of a pair are"
-        f" {PERIOD:g} s apart. Block matching searches 16 px around, so that the fast turn stays"
-        " within its reach without gyro, too.\n"
+        f" {PERIOD:g} s apart. Block matching searches 16 px, so that the fast turn stays within"
+        " the search range even without the gyro.\n"
     )
     yield "![the room from above](map.png)\n"
     for row in rows:
-        number, twist = row.waypoint.number, row.moment.twist
+        number, twist = row.waypoint.number, row.point.twist
         yield (
             f"### Waypoint {number}: the robot {row.waypoint.doing}"
             f" ({twist.v:.2f} m/s, {twist.w:+.2f} rad/s)\n"
         )
         yield f"![waypoint {number}](waypoint-{number}.png)\n"
-        yield f"Truth: {_truth(row.shot)}\n"
+        yield f"Truth: {_truth(row.view)}\n"
         yield "| flow | rotation | mode | OFFIS | |"
         yield "|---|---|---|---|---|"
-        for (kind, rotation, mode), reading in row.readings.items():
-            sentence = reading.percept.sentence
-            yield f"| {kind} | {rotation} | {mode} | {sentence} | {_verdict(reading)} |"
+        for (kind, rotation, mode), checked in row.percepts.items():
+            sentence = checked.percept.sentence
+            yield f"| {kind} | {rotation} | {mode} | {sentence} | {_verdict(checked)} |"
         yield ""
 
 
@@ -126,18 +124,18 @@ def _table3(scenes: Sequence[SceneRow]) -> Iterator[str]:
     yield "## Table 3: three situations in an office\n"
     yield (
         "Images 108 x 144, 10 x 15 vectors, windows of 24 x 24 px, the camera strictly forward."
-        " Beside each reading stands what the paper printed for its own office.\n"
+        " The first row of each table is what the paper printed for its own office.\n"
     )
     for row in scenes:
         number = row.scene.number
         yield f"### Situation {number}: {row.scene.title}\n"
         yield f"![situation {number}](scene-{number}.png)\n"
-        yield f"Truth: {_truth(row.shot)}\n"
+        yield f"Truth: {_truth(row.view)}\n"
         yield "| | OFFIS | |"
         yield "|---|---|---|"
         yield f"| the paper | {row.scene.paper} | |"
-        for (kind, mode), reading in row.readings.items():
-            yield f"| {kind}, {mode} | {reading.percept.sentence} | {_verdict(reading)} |"
+        for (kind, mode), checked in row.percepts.items():
+            yield f"| {kind}, {mode} | {checked.percept.sentence} | {_verdict(checked)} |"
         yield ""
 
 
@@ -145,9 +143,9 @@ def _metrics(metrics: Mapping[str, Any]) -> Iterator[str]:
     yield "## Section 4.3: two layers of means, or one layer of means and variances?\n"
     yield (
         f"{metrics['views']} generated views ({metrics['clear']} of them with a clear situation)."
-        " First OFFIS itself, set to either metric: it takes the situation from the planes, so a"
-        " metric changes only which region counts as biggest. The paper's claim, two layers of"
-        " means at least as good, is about the first two lines.\n"
+        " First OFFIS with either metric: it infers the situation from the planes, so a metric"
+        " only changes which region counts as nearest. The paper's claim, that two layers of"
+        " means are at least as good, concerns the first two rows.\n"
     )
     kinds = ("ideal", "block matching")
     yield (
@@ -165,12 +163,12 @@ def _metrics(metrics: Mapping[str, Any]) -> Iterator[str]:
         yield f"| {name} | " + " | ".join(map(_percent, shares)) + " |"
     yield ""
     yield (
-        "Then the numbers alone: a linear discriminant sees nothing but the means (and standard"
-        " deviations) of |u| and |v| in the regions, and is asked, on views it has not seen, for"
-        " the nearest quadrant and the elementary situation.\n"
+        "Then the metrics alone: a linear discriminant infers nearest quadrant and elementary"
+        " situation from the means (and standard deviations) of |u| and |v| in the regions, on"
+        " views that it was not trained on.\n"
     )
     yield (
-        "| numbers | "
+        "| metrics | "
         + " | ".join(f"{what}, {kind}" for kind in kinds for what in ("quadrant", "situation"))
         + " |"
     )
@@ -183,7 +181,7 @@ def _metrics(metrics: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _verdict_on_metrics(found: Mapping[str, Any]) -> str:
-    """What the numbers say of the paper's claim."""
+    """Whether the classifier's results agree with the paper's claim, as a sentence."""
     means, both = found["L=2, means"], found["L=1, means and variances"]
     held: list[str] = []
     missed: list[str] = []
@@ -218,8 +216,8 @@ def _timings(timings: Mapping[str, float]) -> Iterator[str]:
     yield ""
 
 
-def _truth(shot: RenderedPair) -> str:
-    truth = shot.truth
+def _truth(view: RenderedPair) -> str:
+    truth = view.truth
     where = " and ".join(position(name) for name in sorted(truth.certain))
     front = {
         "mixed": "in front none of Table 1's situations",
@@ -228,15 +226,15 @@ def _truth(shot: RenderedPair) -> str:
     return f"nearest {where}, {truth.distance:.2f} m ({truth.term}); {front}."
 
 
-def _verdict(reading: CheckedPercept) -> str:
-    if reading.right:
-        return "right"
+def _verdict(checked: CheckedPercept) -> str:
+    if checked.right:
+        return "correct"
     wrong = [
         name
         for name, good in (
-            ("quadrant", reading.quadrant),
-            ("distance", reading.distance),
-            ("front", reading.situation is not False),
+            ("quadrant", checked.quadrant),
+            ("distance", checked.distance),
+            ("front", checked.situation is not False),
         )
         if not good
     ]

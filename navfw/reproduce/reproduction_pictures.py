@@ -1,4 +1,4 @@
-"""The pictures of the page: the room with the way through it, images with their flow."""
+"""The pictures of the page: the room with the trajectory, and images with their flow."""
 
 from __future__ import annotations
 
@@ -25,22 +25,22 @@ _PAPER, _INK = (255, 255, 255), (40, 40, 40)
 
 
 def waypoint_picture(row: WaypointRow) -> Image:
-    """The image, its ideal flow without and with the rotation, and the block matching's."""
-    image = row.shot.pair.now.image
+    """The image; its ideal flow without and with rotation; the flow of block matching."""
+    image = row.view.pair.now.image
     parts = [_panel(image, None, f"waypoint {row.waypoint.number}")]
     for kind, rotation, title in (
         ("ideal", "removed", "ideal flow, rotation removed"),
         ("ideal", "left in", "ideal flow, rotation left in"),
         ("block matching", "removed", "block matching, rotation removed"),
     ):
-        parts.append(_panel(image, row.readings[kind, rotation, "normalised"].flow, title))
+        parts.append(_panel(image, row.percepts[kind, rotation, "normalised"].flow, title))
     return np.concatenate([_beside(parts[:2]), _beside(parts[2:])])
 
 
 def scene_picture(row: SceneRow) -> Image:
-    """The image, and the block matching's flow over it, as in the paper's Fig. 18."""
-    image = row.shot.pair.now.image
-    flow = row.readings["block matching", "normalised"].flow
+    """The image, and the flow of block matching over it, as in the paper's Fig. 18."""
+    image = row.view.pair.now.image
+    flow = row.percepts["block matching", "normalised"].flow
     return _beside(
         [
             _panel(image, None, f"situation {row.scene.number}"),
@@ -56,7 +56,7 @@ def _panel(image: Image, flow: FlowField | None, title: str) -> Image:
     colour = np.asarray(cv2.cvtColor(large, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
     if flow is not None:
         colour = np.asarray(0.45 * colour + 20.0, dtype=np.uint8)
-        # shown are all vectors: what OFFIS rejects is its own affair
+        # all vectors are drawn, also those that OFFIS rejects
         shown = np.maximum(flow.confidence, 0.4 * (flow.sigma < 5.0))
         draw_flow(colour, dataclasses.replace(flow, confidence=shown), float(_GAIN))
     strip = np.full((_STRIP, colour.shape[1], 3), _PAPER, dtype=np.uint8)
@@ -75,7 +75,7 @@ def _beside(parts: list[Image]) -> Image:
 def draw_map(
     path: Path, world: WorldSpec, way: list[TrajectoryPoint], rows: list[WaypointRow]
 ) -> None:
-    """The room from above with the trajectory and its red waypoints (Fig. 16), as PNG."""
+    """Write the room from above with trajectory and waypoints (Fig. 16) as PNG."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
     from matplotlib.patches import Circle, Polygon
@@ -91,7 +91,7 @@ def draw_map(
         axes.add_patch(Circle((disc.x, disc.y), disc.radius, facecolor="#D9D2C5"))
     axes.plot([m.pose.x for m in way], [m.pose.y for m in way], color="#0072B2", linewidth=1.5)
     for row in rows:
-        pose = row.moment.pose
+        pose = row.point.pose
         fast = row.waypoint.number == FAST
         axes.plot(pose.x, pose.y, "o", color="#D00000", markersize=9 if fast else 6)
         ahead = 0.4 * math.cos(pose.yaw), 0.4 * math.sin(pose.yaw)
@@ -101,7 +101,7 @@ def draw_map(
             (pose.x, pose.y),
             arrowprops={"arrowstyle": "->", "color": "#D00000"},
         )
-        # beside the way, on the side that it does not come from
+        # label beside the trajectory
         side = 14.0 * math.sin(pose.yaw) - 4.0, -14.0 * math.cos(pose.yaw) - 4.0
         axes.annotate(
             f"{row.waypoint.number}{' fast left turn' if fast else ''}",

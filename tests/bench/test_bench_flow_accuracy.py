@@ -80,7 +80,7 @@ def test_pairs_repeat_and_motions_are_what_they_are_called() -> None:
     assert np.trace(by_name["turn 8 deg"].motion.rotation) == pytest.approx(
         1 + 2 * np.cos(np.radians(8))
     )
-    # what the robot is told of the turn is a little off
+    # the measured turn differs from the true one
     assert not np.allclose(by_name["8 cm"].pair.motion.rotation, np.eye(3), atol=1e-6)
 
 

@@ -39,7 +39,7 @@ ROOM = WorldSpec(
 UP, RIGHT = 0.5 * math.pi, 0.0
 
 
-def situations(x, y, yaw):
+def situations(x: float, y: float, yaw: float) -> set[str]:
     return set(WallGeometry(ROOM).situations(Pose(x, y, yaw), ROBOT.camera))
 
 
@@ -56,16 +56,18 @@ def situations(x, y, yaw):
         ((8.3, 4.8, RIGHT), {"corridor"}),
     ],
 )
-def test_situations_follow_from_the_walls(pose, expected):
+def test_situations_follow_from_the_walls(
+    pose: tuple[float, float, float], expected: set[str]
+) -> None:
     assert situations(*pose) == expected
 
 
-def test_an_opening_beside_the_axis_or_too_far_is_no_door_ahead():
+def test_an_opening_beside_the_axis_or_too_far_is_no_door_ahead() -> None:
     assert "door" not in situations(7.0, 2.5, UP)
     assert "door" not in situations(6.0, 0.4, UP)
 
 
-def test_the_nearest_object_is_found_in_the_true_depth():
+def test_the_nearest_object_is_found_in_the_true_depth() -> None:
     with Simulation(ROOM, ROBOT, Pose(11.0, 1.0, 0.0), seed=0) as sim:
         _, depth = sim.render_from(Pose(2.0, 5.75, RIGHT))
         truth = truth_of(WallGeometry(ROOM), Pose(2.0, 5.75, RIGHT), 0.3, depth, ROBOT)
@@ -75,13 +77,13 @@ def test_the_nearest_object_is_found_in_the_true_depth():
     assert truth.term == "near"
 
 
-def test_the_true_term_follows_distance_and_speed():
+def test_the_true_term_follows_distance_and_speed() -> None:
     assert [true_term(d, 0.0) for d in (0.5, 1.5, 4.0)] == ["near", "middle", "far"]
     assert true_term(1.5, 0.4 * 2) == "near"
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_random_worlds_are_sound_and_views_free(seed):
+def test_random_worlds_are_sound_and_views_free(seed: int) -> None:
     rng = np.random.default_rng(seed)
     world = random_world(rng, "world")
     check_world(world)
@@ -93,7 +95,7 @@ def test_random_worlds_are_sound_and_views_free(seed):
         assert abs(view.twist.w) <= 0.6
 
 
-def test_a_view_drove_its_arc():
+def test_a_view_drove_its_arc() -> None:
     rng = np.random.default_rng(3)
     world = random_world(rng, "world")
     view = random_views(rng, world, ROBOT, 1, lambda _: ("wall",))[0]
@@ -104,7 +106,7 @@ def test_a_view_drove_its_arc():
     assert (forward.x, forward.y, forward.yaw) == pytest.approx((again.x, again.y, again.yaw))
 
 
-def test_ideal_flow_gives_the_true_nearness():
+def test_ideal_flow_gives_the_true_nearness() -> None:
     samples = list(samples_of_world(11, 0, views=2))
     assert samples
     for sample in samples:
@@ -114,7 +116,7 @@ def test_ideal_flow_gives_the_true_nearness():
         assert 0.8 < nearest / max(sample.truth.nearness[:2]) < 1.05
 
 
-def test_a_small_run_has_all_figures_and_repeats():
+def test_a_small_run_has_all_figures_and_repeats() -> None:
     result = run(poses=5, seed=12)
     again = run(poses=5, seed=12)
     assert json.loads(json.dumps(result)) == json.loads(json.dumps(again))
@@ -124,10 +126,10 @@ def test_a_small_run_has_all_figures_and_repeats():
         assert 0.0 <= result["ideal"][key] <= 1.0
     assert sum(sum(row.values()) for row in result["confusion"]["distance"].values()) == 5
     assert result["nearest_quadrant_accuracy"] >= 0.6
-    assert "| nearest quadrant right |" in markdown(result)
+    assert "| nearest quadrant correct |" in markdown(result)
 
 
-def test_shares_of_nothing_are_not_numbers_but_none():
+def test_shares_of_nothing_are_not_numbers_but_none() -> None:
     empty = score([], [])
     assert empty["situation_top1"] is None
     assert empty["situations"] == 0

@@ -14,8 +14,8 @@ def test_the_map_is_as_large_as_asked_for_and_in_one_part() -> None:
 
 
 def test_plans_are_timed_and_as_cheap_as_those_of_networkx() -> None:
-    told = bench_planning(places=400, repeats=3, seed=1)  # compares every cost
+    result = bench_planning(places=400, repeats=3, seed=1)  # compares every cost
     for key in ("costs_ms", "first_plan_ms", "replan_ms", "networkx_ms"):
-        assert 0.0 < told[key]["min"] <= told[key]["median"] <= told[key]["max"]
-    ratio = told["first_plan_ms"]["median"] / told["networkx_ms"]["median"]
-    assert told["first_plan_over_networkx"] == ratio
+        assert 0.0 < result[key]["min"] <= result[key]["median"] <= result[key]["max"]
+    ratio = result["first_plan_ms"]["median"] / result["networkx_ms"]["median"]
+    assert result["first_plan_over_networkx"] == ratio

@@ -13,7 +13,7 @@ from navfw.bench import (
     flow_pairs,
     perception_accuracy,
     perception_time,
-    tum_accuracy,
+    recorded_approach,
 )
 from navfw.bench.perception_benchmark import TARGETS, Target
 from navfw.cli import app
@@ -80,7 +80,7 @@ def measured(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     monkeypatch.setattr(perception_time, "run", run_speed)
     monkeypatch.setattr(flow_accuracy, "bench_flow", run_flow)
     monkeypatch.setattr(perception_accuracy, "run", run_accuracy)
-    monkeypatch.setattr(tum_accuracy, "bench_approach", run_approach)
+    monkeypatch.setattr(recorded_approach, "bench_approach", run_approach)
     return arguments
 
 
@@ -108,9 +108,9 @@ def test_tables_show_which_targets_are_reached(measured: dict[str, Any]) -> None
     done = bench("--workers", "1")
     assert done.exit_code == 0, done.output
     lines = {" ".join(line.split()) for line in done.stdout.splitlines()}
-    assert "nearest quadrant right 0.97 0.97 at least 0.95 yes" in lines
-    assert "distance term right 0.88 0.88 at least 0.9 no" in lines
-    assert "top situation right - - at least 0.85 not measured" in lines
+    assert "nearest quadrant correct 0.97 0.97 at least 0.95 yes" in lines
+    assert "distance term correct 0.88 0.88 at least 0.9 no" in lines
+    assert "most probable situation correct - - at least 0.85 not measured" in lines
     assert "near 1 7" in lines  # confusion: columns far, middle, near
     assert measured["speed"] == (10_000, 1)
 
@@ -125,7 +125,7 @@ def test_data_and_page(measured: dict[str, Any], tmp_path: Path) -> None:
     assert {path.name for path in out.iterdir()} == {"index.md", "result.json", "flow.png"}
     page = (out / "index.md").read_text()
     assert "| 0 to 5 | 9 | 2.0 % | 10.0 % |" in page
-    assert "![error and cost of the processors](flow.png)" in page
+    assert "![error and time of the processors](flow.png)" in page
 
 
 def test_bad_input(tmp_path: Path) -> None:

@@ -70,9 +70,9 @@ def test_the_command_writes_a_table_that_localisers_load(tmp_path: Path) -> None
     assert done.exit_code == 0, done.output
     told = json.loads(done.stdout)
     assert told["drives"] == 2
-    assert set(told["worth"]) == {"paper-room", "office"}
+    assert set(told["accuracy"]) == {"paper-room", "office"}
     assert all(0.0 <= share <= 1.0 for share in told["seen_at"]["room"].values())
-    assert told["worth"]["office"]["known_right_with"] > 0.5
+    assert told["accuracy"]["office"]["known_right_with"] > 0.5
     table = load_table(out)
     assert table.seen_at["room"].tolist() == pytest.approx(
         list(told["seen_at"]["room"].values()), abs=1e-3

@@ -20,7 +20,7 @@ from navfw.reproduce.paper_tables import (
     table3,
 )
 from navfw.reproduce.paper_trajectory import FAST_TURN, WAYPOINTS, before, drive, length
-from navfw.reproduce.rendered_views import front_of, ideal
+from navfw.reproduce.rendered_views import front_of, true_flow
 from navfw.reproduce.reproduction_page import write_page
 from navfw.reproduce.reproduction_pictures import scene_picture, waypoint_picture
 from navfw.robot import RobotModel
@@ -42,7 +42,7 @@ def test_the_way_is_free_and_smooth() -> None:
     plan = FloorPlan.from_world(load_world(find("world", "paper-room")), 0.4)
     assert min(plan.clearance(m.pose.x, m.pose.y) for m in way) > RobotModel().radius + 0.1
     assert 7.0 < length(way) < 12.0
-    turns = [abs(moment.twist.w) for moment in way]
+    turns = [abs(point.twist.w) for point in way]
     assert max(turns) == FAST_TURN
 
 
@@ -72,11 +72,11 @@ def test_fast_turn_reads_wrong_without_derotation_and_right_with(
     assert all(found.values()), found
     fast = next(row for row in waypoints if row.waypoint.number == FAST)
     for kind in ("ideal", "block matching"):
-        right = fast.readings[kind, "removed", "normalised"]
+        right = fast.percepts[kind, "removed", "normalised"]
         assert front_of(right.percept) != "unknown"
         assert right.percept.floor_in_front > 0.5
     # the paper's own way to read it: everything near, nothing recognised
-    false = fast.readings["ideal", "left in", "raw means"].percept
+    false = fast.percepts["ideal", "left in", "raw means"].percept
     assert set(false.obstacles["layer1"]) == {"P1", "P2", "P3", "P4"}
     assert set(false.obstacles["layer1"].values()) == {"near"}
 
@@ -84,8 +84,8 @@ def test_fast_turn_reads_wrong_without_derotation_and_right_with(
 def test_ideal_flow_is_translation_and_rotation(waypoints: list[WaypointRow]) -> None:
     robot = RobotModel()
     for row in waypoints:
-        whole = ideal(row.shot, robot)
-        rest = row.readings["ideal", "removed", "normalised"].flow
+        whole = true_flow(row.view, robot)
+        rest = row.percepts["ideal", "removed", "normalised"].flow
         turned = rotational_flow(whole.points, whole.motion.rotation, robot.camera.focal)
         # exact derotation and the rotational flow differ in second order only
         limit = 0.02 + 0.1 * np.abs(turned).max()
@@ -98,19 +98,19 @@ def test_the_same_seed_gives_the_same_readings(
 ) -> None:
     again = as_data(table2(seed=0), table3(seed=0))
     assert again == as_data(waypoints, scenes)
-    image = waypoints[0].shot.pair.now.image
-    assert (table2(seed=1)[0].shot.pair.now.image != image).any()
+    image = waypoints[0].view.pair.now.image
+    assert (table2(seed=1)[0].view.pair.now.image != image).any()
 
 
 def test_the_three_situations(scenes: list[SceneRow]) -> None:
     assert [row.scene.number for row in scenes] == [1, 2, 3]
     for row in scenes:
-        assert row.shot.pair.now.image.shape == (100, 135)
+        assert row.view.pair.now.image.shape == (100, 135)
         for kind in ("ideal", "block matching"):
-            reading = row.readings[kind, "normalised"]
-            assert reading.flow.shape == (10, 15)
-            assert reading.right, (row.scene.title, reading.percept.sentence)
-    corridor, chair, door = (row.readings["ideal", "normalised"].percept for row in scenes)
+            checked = row.percepts[kind, "normalised"]
+            assert checked.flow.shape == (10, 15)
+            assert checked.right, (row.scene.title, checked.percept.sentence)
+    corridor, chair, door = (row.percepts["ideal", "normalised"].percept for row in scenes)
     # as the paper prints them
     assert corridor.obstacles["layer1"] == {"P2": "middle"}
     assert chair.obstacles["layer1"] == {"P3": "near"}
@@ -139,8 +139,8 @@ def test_page_and_pictures(waypoints: list[WaypointRow], scenes: list[SceneRow])
     assert "| 160 + 580 ms | 0.50 ms | 1480 |" in page
     for row in waypoints:
         assert f"![waypoint {row.waypoint.number}](waypoint-{row.waypoint.number}.png)" in page
-        for reading in row.readings.values():
-            assert reading.percept.sentence in page
+        for checked in row.percepts.values():
+            assert checked.percept.sentence in page
     for scene in scenes:
         assert scene.scene.paper in page
     assert "at least as good for: quadrant, ideal (50 % against 50 %)" in page

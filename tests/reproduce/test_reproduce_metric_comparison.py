@@ -7,7 +7,7 @@ from navfw.robot import RobotModel
 from navfw.testing.behavior_scenes import wall_flow
 
 
-def test_discriminant_tells_what_can_be_told() -> None:
+def test_discriminant_separates_separable_classes_only() -> None:
     rng = np.random.default_rng(0)
     labels = ["left", "right"] * 100
     shift = np.array([[-1.0, 0.0], [1.0, 0.0]] * 100)

@@ -1,0 +1,180 @@
+"""Frame pairs with known depth and motion from a sequence of the TUM RGB-D benchmark.
+
+The data (Sturm et al. 2012, CC BY 4.0) are not part of the repository: the functions take the
+folder of a sequence of the freiburg1 camera, with ``rgb.txt``, ``depth.txt``, ``groundtruth.txt``
+and the images that these list.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from navfw.bench.flow_pairs import TruePair
+from navfw.bench.recorded_approach import read_image
+from navfw.errors import ConfigError
+from navfw.robot import CameraModel
+from navfw.signals import Array, CameraMotion, Frame, FramePair, Image
+
+__all__ = ["FR1_DISTORTION", "FR1_MATRIX", "TumRecording", "tum_camera", "tum_pairs"]
+
+FR1_MATRIX = np.array([[517.3, 0.0, 318.6], [0.0, 516.5, 255.3], [0.0, 0.0, 1.0]])
+"""Intrinsic matrix [px] of the colour camera of the freiburg1 sequences, at 640 x 480."""
+FR1_DISTORTION = np.array([0.2624, -0.9531, -0.0054, 0.0026, 1.1633])
+"""Distortion coefficients of that camera (k1, k2, p1, p2, k3), as OpenCV has them."""
+DEPTH_UNIT = 5000.0
+"""Value of a depth image for one metre."""
+LARGEST_GAP = 0.02
+"""Largest time [s] between a colour image and the depth image assigned to it."""
+
+
+def tum_pairs(
+    folder: str | Path, size: tuple[int, int], recorded: TumRecording | None = None
+) -> Iterator[TruePair]:
+    """Pairs of consecutive colour frames, undistorted and scaled to ``size`` (width, height).
+
+    ``depth`` belongs to the current frame; it is 0 where it is unknown.
+
+    Raises:
+        ConfigError: the folder lacks a file, or a file cannot be read.
+
+    """
+    recorded = TumRecording(Path(folder)) if recorded is None else recorded
+    camera = tum_camera(size)
+    posed = recorded.images
+    images = [_rectified(read_image(image.colour), camera) for image in posed]
+    for k in range(1, len(posed)):
+        past, now = posed[k - 1], posed[k]
+        motion = CameraMotion(
+            rotation=now.axes.T @ past.axes,
+            translation=now.axes.T @ (now.place - past.place),
+            dt=now.time - past.time,
+        )
+        depth = _registered_depth(now, camera)
+        pair = FramePair(Frame(past.time, images[k - 1]), Frame(now.time, images[k]), motion)
+        yield TruePair("tum", "consecutive", pair, motion, depth)
+
+
+@dataclass(frozen=True)
+class _PosedImage:
+    """A colour image with the camera's pose, and the nearest depth image in time with its pose.
+
+    ``place`` (3,) [m] is the camera's position in the world, the columns of ``axes`` (3, 3) are
+    its right, down and forward directions. ``time`` [s].
+    """
+
+    time: float
+    colour: Path
+    place: Array
+    axes: Array
+    depth: Path
+    depth_place: Array
+    depth_axes: Array
+
+
+class TumRecording:
+    """A sequence: colour images, each with the depth image and the pose nearest in time."""
+
+    def __init__(self, folder: Path) -> None:
+        colour, depth = _listing(folder, "rgb.txt"), _listing(folder, "depth.txt")
+        self._poses = _poses(folder / "groundtruth.txt")
+        self.images: list[_PosedImage] = []
+        for stamp, file in colour:
+            at, near = min(depth, key=lambda item: abs(item[0] - stamp))
+            if abs(at - stamp) <= LARGEST_GAP:
+                self.images.append(
+                    _PosedImage(stamp, file, *self._pose(stamp), near, *self._pose(at))
+                )
+        if len(self.images) < 2:
+            raise ConfigError(
+                f"expected two colour images with a depth image within {LARGEST_GAP} s", file=folder
+            )
+
+    def _pose(self, stamp: float) -> tuple[Array, Array]:
+        """Position and axes at a time, interpolated between the recorded poses."""
+        from scipy.spatial.transform import Rotation, Slerp
+
+        times = self._poses[:, 0]
+        k = int(np.clip(np.searchsorted(times, stamp), 1, len(times) - 1))
+        share = float((stamp - times[k - 1]) / (times[k] - times[k - 1]))
+        place = (1.0 - share) * self._poses[k - 1, 1:4] + share * self._poses[k, 1:4]
+        turn = Slerp([0.0, 1.0], Rotation.from_quat(self._poses[k - 1 : k + 1, 4:8]))
+        return place, np.asarray(turn(min(max(share, 0.0), 1.0)).as_matrix(), dtype=np.float64)
+
+
+def _listing(folder: Path, name: str) -> list[tuple[float, Path]]:
+    """Time stamps [s] and existing files of an index file."""
+    try:
+        lines = (folder / name).read_text(encoding="utf-8").splitlines()
+    except OSError as error:
+        raise ConfigError(f"expected {name}: {error.strerror}", file=folder) from None
+    pairs = [line.split() for line in lines if line and not line.startswith("#")]
+    return [(float(t), folder / f) for t, f in pairs if (folder / f).is_file()]
+
+
+def _poses(file: Path) -> Array:
+    """(n, 8): time [s], position [m], quaternion (x, y, z, w), in order of time."""
+    try:
+        poses = np.loadtxt(file, comments="#", ndmin=2, dtype=np.float64)
+    except (OSError, ValueError) as error:
+        raise ConfigError(
+            f"expected lines of time, place, quaternion: {error}", file=file
+        ) from None
+    return poses[np.argsort(poses[:, 0])]
+
+
+def tum_camera(size: tuple[int, int]) -> CameraModel:
+    """A pinhole camera with FR1's horizontal focal length and a central principal point."""
+    hfov = 2.0 * math.atan(0.5 * 640 / FR1_MATRIX[0, 0])
+    return CameraModel(width=size[0], height=size[1], hfov=hfov)
+
+
+def _rectified(image: Image, camera: CameraModel) -> Image:
+    """``image`` (480, 640) without lens distortion, scaled to the size of ``camera``."""
+    full = tum_camera((640, 480))
+    matrix = _matrix(full)
+    maps = cv2.initUndistortRectifyMap(
+        FR1_MATRIX, FR1_DISTORTION, np.eye(3), matrix, (640, 480), cv2.CV_32FC1
+    )
+    straight = cv2.remap(image, maps[0], maps[1], cv2.INTER_LINEAR)
+    reduced = cv2.resize(straight, (camera.width, camera.height), interpolation=cv2.INTER_AREA)
+    return np.asarray(reduced, dtype=np.uint8)
+
+
+def _matrix(camera: CameraModel) -> Array:
+    """Intrinsic matrix (3, 3) [px]."""
+    f = camera.focal
+    x, y = 0.5 * (camera.width - 1), 0.5 * (camera.height - 1)
+    return np.array([[f, 0.0, x], [0.0, f, y], [0.0, 0.0, 1.0]])
+
+
+def _registered_depth(image: _PosedImage, camera: CameraModel) -> npt.NDArray[np.float32]:
+    """Depth (height, width) [m] seen from the colour image's pose; 0 where it is unknown.
+
+    The depth image was taken slightly earlier or later: its points are transformed to the pose of
+    the colour image. Where several points fall into one pixel, the nearest is kept.
+    """
+    measured = np.asarray(cv2.imread(str(image.depth), cv2.IMREAD_UNCHANGED), dtype=np.float64)
+    measured /= DEPTH_UNIT
+    rows, columns = np.nonzero(measured > 0.0)
+    pixels = np.stack([columns, rows], axis=-1).astype(np.float64)
+    straight = cv2.undistortPoints(pixels[:, None], FR1_MATRIX, FR1_DISTORTION)
+    rays = np.concatenate([np.asarray(straight)[:, 0], np.ones((len(pixels), 1))], axis=1)
+    world = (rays * measured[rows, columns, None]) @ image.depth_axes.T + image.depth_place
+    points = (world - image.place) @ image.axes
+    points = points[points[:, 2] > 0.1]
+    at = np.rint(camera.focal * points[:, :2] / points[:, 2:] + _matrix(camera)[:2, 2])
+    inside = ((at >= 0) & (at < (camera.width, camera.height))).all(axis=1)
+    x, y = at[inside].astype(np.int64).T
+    nearness = np.zeros((camera.height, camera.width))
+    np.maximum.at(nearness, (y, x), 1.0 / points[inside, 2])
+    filled = nearness > 0.0
+    depth = np.zeros(nearness.shape, np.float32)
+    depth[filled] = (1.0 / nearness[filled]).astype(np.float32)
+    return depth
