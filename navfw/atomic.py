@@ -70,7 +70,7 @@ class AtomicTarget(ABC):
 class AtomicFolder(AtomicTarget):
     """A folder that is written atomically and replaces an earlier one.
 
-    ``ours`` matches the names of the files that an earlier folder may contain; ``option`` is the
+    ``replaceable`` matches the names of files that an earlier folder may contain; ``option`` is the
     command line option that names the target.
 
     Raises:
@@ -78,9 +78,9 @@ class AtomicFolder(AtomicTarget):
 
     """
 
-    def __init__(self, target: Path, ours: re.Pattern[str], option: str) -> None:
+    def __init__(self, target: Path, replaceable: re.Pattern[str], option: str) -> None:
         super().__init__(target)
-        self._ours, self._option = ours, option
+        self._replaceable, self._option = replaceable, option
         self._refuse_foreign()
 
     def _move_into_place(self) -> None:
@@ -95,7 +95,7 @@ class AtomicFolder(AtomicTarget):
         if not self.target.is_dir():
             raise InputError("expected a folder, got a file", file=self.target)
         names = sorted(entry.name for entry in self.target.iterdir())
-        foreign = [name for name in names if not self._ours.fullmatch(name)]
+        foreign = [name for name in names if not self._replaceable.fullmatch(name)]
         if foreign:
             raise InputError(
                 f"contains {foreign[0]!r}, so it is not replaced; choose another {self._option}",

@@ -35,7 +35,7 @@ def loop(
     repeats: Annotated[int, typer.Option(min=1, max=100, help="Number of laps.")] = 3,
     json: Json = False,
 ) -> None:
-    """Time the whole loop, and rendering with physics alone, on one core."""
+    """Time the whole loop, and rendering with physics alone. Runs on one core."""
     with quiet_stdout():
         from navfw.missions.loop_timing import bench_loop
         from navfw.missions.session import prepare
@@ -87,7 +87,7 @@ def perception(
     out: PageFolder = None,
     json: Json = False,
 ) -> None:
-    """Measure perception: accuracy against true geometry, flow, speed, recorded images."""
+    """Measure accuracy and speed of perception. Covers flow, situations and recorded images."""
     with quiet_stdout():
         from navfw.bench.perception_benchmark import (
             SampleSizes,
@@ -133,7 +133,7 @@ def planning(
     seed: Annotated[int, typer.Option(min=0, help="Seed of the map and the routes.")] = 0,
     json: Json = False,
 ) -> None:
-    """Time PAPFIS on a large map, and A* of networkx on the same costs."""
+    """Time planning on a large map. Compares PAPFIS with A* of networkx."""
     with quiet_stdout():
         from navfw.bench.planning_time import bench_planning
         from navfw.recording.provenance import provenance

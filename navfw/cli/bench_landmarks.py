@@ -19,7 +19,7 @@ def landmarks(
     seed: Annotated[int, typer.Option(min=0, help="Seed of the views and their noise.")] = 0,
     json: Json = False,
 ) -> None:
-    """Measure the recognition of landmarks over distance and angle, and its time per frame."""
+    """Measure landmark recognition. Varies distance and angle, and measures the time per frame."""
     with quiet_stdout():
         from navfw.bench.landmark_recognition import bench_landmarks, tables
         from navfw.recording.provenance import provenance

@@ -22,7 +22,7 @@ def explain(
     at: Annotated[float, typer.Option("--at", help="Time since the start of the run [s].")],
     json: Json = False,
 ) -> None:
-    """Explain the command at one moment: the behaviours, and the rules that fired."""
+    """Explain the command at one moment. Lists the behaviours, and the rules that fired."""
     with quiet_stdout():
         from navfw.recording.run_replay import explain_at
 

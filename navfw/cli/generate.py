@@ -27,7 +27,7 @@ def generate(
     ] = None,
     json: Json = False,
 ) -> None:
-    """Generate a world with a path from start to goal; run it with navfw run FOLDER cross."""
+    """Generate a world from a seed. Drive in it with navfw run FOLDER cross."""
     from navfw.worldgen import generate as make
     from navfw.worldgen.generated_world import MISSION
 

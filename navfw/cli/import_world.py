@@ -35,7 +35,7 @@ def import_(
     ] = False,
     json: Json = False,
 ) -> None:
-    """Convert a Gazebo world; run it with navfw run FOLDER cross."""
+    """Convert a Gazebo world. Drive in it with navfw run FOLDER cross."""
     from navfw.worldgen.gazebo_import import import_world
     from navfw.worldgen.generated_world import MISSION
 

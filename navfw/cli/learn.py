@@ -35,7 +35,7 @@ def situations(
     out: Annotated[Path, typer.Option(help="File to write.")] = Path("situations.yaml"),
     json: Json = False,
 ) -> None:
-    """Learn how often OFFIS infers each situation at each kind of place (METHOD 4.4)."""
+    """Learn the situations at places. The table says how often OFFIS infers each (METHOD 4.4)."""
     with quiet_stdout():
         from navfw.bench.situation_learning import learn_situations, tables
         from navfw.errors import InputError

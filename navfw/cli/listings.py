@@ -89,7 +89,7 @@ def plugins(
     ] = None,
     json: Json = False,
 ) -> None:
-    """List the plugins with their parameters; broken ones with their error."""
+    """List the plugins with their parameters. Broken ones are listed with their error."""
     with quiet_stdout():
         from navfw.plugins.registry import check_kind, default_registry
 

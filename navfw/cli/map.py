@@ -35,7 +35,7 @@ def show(
     out: Annotated[Path | None, typer.Option(help="PNG file to write [default: MAP.png].")] = None,
     json: Json = False,
 ) -> None:
-    """Draw a map over the floor plan of its world, and count its elements."""
+    """Draw a map over its world's floor plan."""
     from navfw.cli.map_inputs import find_map, outline_for
     from navfw.recording.map_picture import draw_map
 
@@ -67,7 +67,7 @@ def show(
 
 
 def check(map_: Map, world: OverWorld = None, json: Json = False) -> None:
-    """Check a map, alone and against its world; exit with 1 if there are problems."""
+    """Check a map and its world. Exit with 1 if there are problems."""
     from navfw.cli.map_inputs import find_map, floor_plan
     from navfw.topomap.map_check import check_map
 
@@ -99,7 +99,7 @@ def build(
     out: Annotated[Path, typer.Option(help="Map file to write.")],
     json: Json = False,
 ) -> None:
-    """Build a map from the geometry of a world, as a draft to edit."""
+    """Build a draft of a map from a world."""
     from navfw.config.lookup import find
     from navfw.sim.floorplan import FloorPlan
     from navfw.sim.worldfile import load_world
@@ -135,7 +135,7 @@ def convert(
     ] = False,
     json: Json = False,
 ) -> None:
-    """Convert a map between YAML, GraphML and the GeoJSON of Nav2's route server."""
+    """Convert a map to another format. Formats: YAML, GraphML, GeoJSON of Nav2's route server."""
     from navfw.cli.map_inputs import find_map
     from navfw.topomap.map_formats import save_map
 

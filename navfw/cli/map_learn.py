@@ -26,7 +26,7 @@ def learn(
     ] = 3,
     json: Json = False,
 ) -> None:
-    """Drive a mission and add the detected landmarks to its map."""
+    """Add detected landmarks to a map. Drives a mission, and writes its map with them."""
     with quiet_stdout():
         from navfw.missions.landmark_learning_drive import learn_landmarks
         from navfw.missions.session import prepare

@@ -9,10 +9,14 @@ import typer
 
 __all__ = ["Json", "Map", "Mission", "NoiseSeed", "Recorded", "Stack", "World"]
 
-World = Annotated[str, typer.Argument(help="Name or file of a world.")]
-Mission = Annotated[str, typer.Argument(help="Name of a mission of that world, or a file.")]
+World = Annotated[str, typer.Argument(metavar="WORLD", help="Name or file of a world.")]
+Mission = Annotated[
+    str, typer.Argument(metavar="MISSION", help="Name of a mission of that world, or a file.")
+]
 Map = Annotated[str, typer.Argument(metavar="MAP", help="Name or file of a map.")]
-Recorded = Annotated[Path, typer.Argument(help="Run folder written by navfw run --record.")]
+Recorded = Annotated[
+    Path, typer.Argument(metavar="RUN_FOLDER", help="Run folder written by navfw run --record.")
+]
 Stack = Annotated[str, typer.Option(help="Name or file of a stack.")]
 NoiseSeed = Annotated[int, typer.Option(min=0, help="Seed of all noise.")]
 Json = Annotated[

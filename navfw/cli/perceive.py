@@ -96,7 +96,7 @@ def perceive(
     overlay: Overlay = None,
     json: JsonList = False,
 ) -> None:
-    """Perceive obstacles, distances and the situation in images of a camera that moves ahead."""
+    """Run perception on recorded images. Lists obstacles, distances and the situation."""
     with quiet_stdout():
         from navfw.perceive.gyro_record import load_gyro_record
         from navfw.perceive.image_sources import open_source

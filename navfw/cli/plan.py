@@ -35,7 +35,7 @@ def plan(
     ] = None,
     json: Json = False,
 ) -> None:
-    """Plan a route without driving it; list the cost of each passage and the rules behind it."""
+    """Plan a route without driving it. Lists the cost of each passage and the rules behind it."""
     from navfw.cli.map_inputs import find_map, outline_for
     from navfw.papfis.route_plan import plan_route
 

@@ -19,7 +19,7 @@ def replay(
     folder: Recorded,
     json: Json = False,
 ) -> None:
-    """Run the stack on recorded sensor readings; exit with 1 if the commands differ."""
+    """Run the stack on recorded readings. Exit with 1 if the commands differ."""
     with quiet_stdout():
         from navfw.recording.run_replay import replay as run_again
 

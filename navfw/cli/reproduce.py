@@ -29,7 +29,7 @@ def reproduce(
     ] = 200,
     json: Json = False,
 ) -> None:
-    """Repeat the paper's experiments; exit with 1 if a check of the results fails."""
+    """Repeat the paper's experiments. Exit with 1 if a check of the results fails."""
     with quiet_stdout():
         from navfw.reproduce.reproduction import reproduce as run
 

@@ -70,7 +70,7 @@ def run(
     json: Json = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="Print no progress.")] = False,
 ) -> None:
-    """Drive a mission; exit with 0 for success, 1 for failure, 2 for invalid input."""
+    """Drive a mission. Exit with 0 for success, 1 for failure, 2 for invalid input."""
     with quiet_stdout():
         result, folder = _drive(
             world, mission, seed, stack, set_ or [], out, record=record, gui=gui, quiet=quiet

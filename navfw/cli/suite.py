@@ -81,7 +81,7 @@ def suite(
     json: Json = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress bar.")] = False,
 ) -> None:
-    """Run every mission of a suite with every seed; exit with 0 when done, 1 when interrupted."""
+    """Run a suite with many seeds. Exit with 0 when complete, 1 when interrupted."""
     if resume and out is None:
         raise typer.BadParameter("needs --out, the folder to resume", param_hint="--resume")
     with quiet_stdout():
@@ -131,7 +131,7 @@ def compare(
     variant_b: Annotated[str | None, typer.Option(help="Use only this variant of B.")] = None,
     json: Json = False,
 ) -> None:
-    """Compare two tables run by run, with significance tests."""
+    """Compare two tables run by run."""
     from navfw.suite.paired_comparison import compare_tables, of_variant
     from navfw.suite.run_table import read_table
 

@@ -128,7 +128,7 @@ def test_stacks(project: Path) -> None:
 def test_plugins(project: Path) -> None:
     rows = listed("plugins", "--kind", "behavior")
     assert rows["hover"]["status"] == "ok"
-    assert rows["hover"]["summary"] == "Stays where it is."
+    assert rows["hover"]["summary"] == "Keeps its position."
     assert rows["hover"]["parameters"] == [
         {
             "name": "height",
@@ -146,7 +146,8 @@ def test_plugins(project: Path) -> None:
 
 
 def test_plugins_of_all_kinds_are_listed_in_the_order_of_the_kinds() -> None:
-    kinds = [row["kind"] for row in listed("plugins").values()]
+    done = CliRunner().invoke(app, ["plugins", "--json"])
+    kinds = [row["kind"] for row in json.loads(done.stdout)]
     assert list(dict.fromkeys(kinds)) == list(KINDS)
 
 
@@ -244,6 +245,11 @@ def test_version() -> None:
     name, number = done.stdout.split()
     assert name == "navfw"
     assert number.count(".") == 2
+
+
+def test_help_keeps_units_and_defaults_in_brackets() -> None:
+    assert "[default: runs/WORLD-MISSION-SEED]" in CliRunner().invoke(app, ["run", "--help"]).stdout
+    assert "speed [m/s]" in CliRunner().invoke(app, ["perceive", "--help"]).stdout
 
 
 def test_help_names_every_command_and_imports_nothing_heavy() -> None:
