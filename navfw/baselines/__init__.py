@@ -1,1 +1,1 @@
-"""Behaviours of other packages, wrapped as plugins to compare with; each is told the truth."""
+"""Behaviours of other packages, wrapped as plugins to compare with; with the simulator's truth."""

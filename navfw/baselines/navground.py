@@ -28,7 +28,7 @@ Metres = Annotated[float, Field(ge=0.0, le=20.0)]
 class Navground(Behavior):
     """Navground's HL behaviour: turns to the direction that leads nearest to the waypoint.
 
-    It is told everything that stands or walks around the robot, and none of the camera's images.
+    Its input is the true position of all obstacles around the robot, and no camera image.
     Its twist is proposed as the only one worth desiring.
     """
 
@@ -68,12 +68,12 @@ class Navground(Behavior):
         """Desire navground's twist toward the waypoint.
 
         Raises:
-            PluginError: nobody has given a source of truth.
+            PluginError: no source of truth was set.
 
         """
         commands = context.commands
         if context.waypoint is None:
-            return Proposal(0.0, commands.zeros(), commands.zeros(), "nowhere to go")
+            return Proposal(0.0, commands.zeros(), commands.zeros(), "no waypoint")
         if self._truth is None:
             raise PluginError(
                 "needs the simulator's truth, which only a mission can give", key=self.name
@@ -91,7 +91,7 @@ class Navground(Behavior):
         )
 
     def _ask(self, context: Context, around: Surroundings) -> tuple[float, float]:
-        """Navground's command (v [m/s], w [rad/s]); everything is told in base_link."""
+        """Navground's command (v [m/s], w [rad/s]); all inputs are in base_link."""
         core = self._core
         agent = self._agent(context)
         state = agent.environment_state

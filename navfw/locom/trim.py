@@ -1,4 +1,4 @@
-"""A wheel that lags behind gets more: what is asked of the drive is what it is to do."""
+"""Wheel trim: compensates a wheel that reaches only a share of its commanded speed."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from navfw.signals import Encoders, Twist
 
 __all__ = ["WheelTrim"]
 
-#: What each wheel did is compared with what it was told over so long [s].
+#: Time over which commanded and measured rotation of a wheel are compared [s].
 WINDOW = 0.6
-#: Ways shorter than this [m] say nothing about a wheel.
-LEAST_WAY = 0.06
-#: A wheel that reaches this share of its speed is sound: slip and unequal radii do no more.
-SOUND = 0.88
-#: One that reaches less is not weak: it is blocked, or not counted.
+#: Least commanded distance of a wheel for a comparison [m].
+MIN_DISTANCE = 0.06
+#: Share of the speed from which a wheel is healthy: slip and unequal radii explain the rest.
+HEALTHY = 0.88
+#: Share of the speed below which a wheel is blocked or its encoder silent, not weak.
 WEAKEST = 0.4
-#: What is learnt of a wheel replaces what was known of it with this time constant [s].
-LEARNING = 0.5
+#: Time constant of the estimate of a wheel's share [s].
+TIME_CONSTANT = 0.5
 
 
 class WheelTrim:
-    """Learns from the encoders which share of its speed each wheel reaches, and makes up for it.
+    """Estimates by the encoders which share of its speed each wheel reaches, and compensates.
 
-    Nothing is changed for sound wheels.
+    Commands of healthy wheels are not changed.
     """
 
     def __init__(self, robot: RobotModel) -> None:
@@ -34,22 +34,22 @@ class WheelTrim:
         self.reset()
 
     def reset(self) -> None:
-        """Both wheels are sound."""
+        """Back to two healthy wheels."""
         self._shares = [1.0, 1.0]
-        self._told = (0.0, 0.0)
+        self._commanded = (0.0, 0.0)
         self._sums = (0.0, 0.0)
-        # (time [s], what the wheels (left, right) were told and did since the start [rad])
+        # time [s], commanded and measured rotation [rad] of the wheels (left, right)
         self._past: deque[tuple[float, tuple[float, float], tuple[float, float]]] = deque()
 
     @property
     def shares(self) -> tuple[float, float]:
-        """Which share of its speed each wheel (left, right) reaches, as far as known."""
+        """Share of its speed that each wheel (left, right) reaches, as estimated."""
         left, right = self._shares
         return left, right
 
     def update(self, encoders: Encoders) -> None:
-        """Take note of what the wheels have done."""
-        done = (
+        """Take in the newest encoder reading."""
+        measured = (
             encoders.left * self._radians_per_tick,
             encoders.right * self._radians_per_tick,
         )
@@ -57,34 +57,34 @@ class WheelTrim:
         if self._past:
             dt = encoders.time - self._past[-1][0]
             self._sums = (
-                self._sums[0] + self._told[0] * dt,
-                self._sums[1] + self._told[1] * dt,
+                self._sums[0] + self._commanded[0] * dt,
+                self._sums[1] + self._commanded[1] * dt,
             )
-        self._past.append((encoders.time, self._sums, done))
+        self._past.append((encoders.time, self._sums, measured))
         while encoders.time - self._past[0][0] > WINDOW:
             self._past.popleft()
         if dt > 0.0 and encoders.time - self._past[0][0] > 0.8 * WINDOW:
             for index in range(2):
-                self._learn(index, dt)
+                self._estimate(index, dt)
 
     def apply(self, twist: Twist) -> Twist:
-        """What to tell the drive so that it does ``twist``."""
+        """The twist to command so that the robot drives ``twist``."""
         speeds = self._robot.wheel_speeds(twist)
-        if min(self._shares) < SOUND:
-            weak = [share if share < SOUND else 1.0 for share in self._shares]
+        if min(self._shares) < HEALTHY:
+            weak = [share if share < HEALTHY else 1.0 for share in self._shares]
             speeds = (speeds[0] / weak[0], speeds[1] / weak[1])
             twist = self._robot.twist(*speeds)
-        self._told = speeds
+        self._commanded = speeds
         return twist
 
-    def _learn(self, index: int, dt: float) -> None:
-        _, told_then, done_then = self._past[0]
-        _, told_now, done_now = self._past[-1]
-        told = told_now[index] - told_then[index]
-        done = done_now[index] - done_then[index]
-        if abs(told) * self._robot.wheel_radius < LEAST_WAY:
+    def _estimate(self, index: int, dt: float) -> None:
+        _, commanded_then, measured_then = self._past[0]
+        _, commanded_now, measured_now = self._past[-1]
+        commanded = commanded_now[index] - commanded_then[index]
+        measured = measured_now[index] - measured_then[index]
+        if abs(commanded) * self._robot.wheel_radius < MIN_DISTANCE:
             return
-        share = done / told
+        share = measured / commanded
         if WEAKEST <= share <= 1.3:
-            rate = -math.expm1(-dt / LEARNING)
+            rate = -math.expm1(-dt / TIME_CONSTANT)
             self._shares[index] += rate * (min(share, 1.0) - self._shares[index])

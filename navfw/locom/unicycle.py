@@ -19,14 +19,14 @@ class Unicycle(Controller):
 
     Speed and turning rate move toward the command with bounded acceleration; forward speed is
     limited in curves so that lateral acceleration stays within bounds; slowing down is as hard as
-    braking, speeding up is gentler. A command older than ``stale`` counts as none, and one that
-    says emergency never drives forward.
+    braking, speeding up is gentler. A command older than ``stale`` is void, and an emergency
+    command never drives forward.
     """
 
     name: ClassVar[str] = "unicycle"
 
     class Params(Controller.Params):
-        """How commands are followed."""
+        """The age limit of commands."""
 
         stale: Annotated[
             float, Field(gt=0.0, le=5.0, description="age from which a command is void [s]")
@@ -39,7 +39,7 @@ class Unicycle(Controller):
         self.reset()
 
     def reset(self) -> None:
-        """Stand still."""
+        """Back to standstill."""
         self._v = 0.0
         self._w = 0.0
 

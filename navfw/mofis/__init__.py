@@ -1,1 +1,1 @@
-"""MOFIS: primitive behaviours, the short-term ego map, and fuzzy command fusion (paper sec 2)."""
+"""MOFIS: primitive behaviours and fuzzy command fusion (paper sec 2)."""
