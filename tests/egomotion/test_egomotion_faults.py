@@ -54,7 +54,7 @@ class Drive:
 
 @pytest.mark.parametrize("dead", ["left", "right"])
 @given(v=st.floats(0.15, 0.5), w=st.floats(-0.6, 0.6))
-def test_one_wheel_and_the_gyro_tell_the_way(dead: str, v: float, w: float) -> None:
+def test_one_encoder_and_the_gyro_give_the_pose(dead: str, v: float, w: float) -> None:
     whole, half = Drive(), Drive()
     whole.go(2.0, v, w)
     half.go(2.0, v, w, dead=dead)
@@ -66,14 +66,14 @@ def test_one_wheel_and_the_gyro_tell_the_way(dead: str, v: float, w: float) -> N
     assert half.odometry.twist.v == pytest.approx(v, abs=0.02)
 
 
-def test_without_encoders_the_robot_does_not_believe_that_it_stands() -> None:
+def test_silent_encoders_are_no_standstill() -> None:
     drive = Drive()
     drive.go(0.2, 0.4, dead="both")
     assert drive.odometry.silent
     drive.go(0.8, 0.4, dead="both")
     assert not drive.odometry.still
     assert drive.odometry.pose.x == pytest.approx(0.4, abs=0.04)
-    # turning slowly teaches no bias
+    # a slow turn is not learnt as bias
     drive.go(2.0, 0.0, 0.1, dead="both")
     assert drive.odometry.yaw_bias == 0.0
     assert not drive.go(0.1, 0.2).silent
@@ -85,7 +85,7 @@ def test_one_wheel_without_gyro_is_not_enough() -> None:
     assert drive.odometry.silent
 
 
-def test_a_wheel_that_is_not_asked_to_turn_is_not_silent() -> None:
+def test_the_encoder_of_a_wheel_at_rest_is_not_silent() -> None:
     drive = Drive()
     assert not drive.go(3.0, 0.0, dead="both").silent
     assert drive.odometry.still
@@ -153,16 +153,16 @@ def test_without_gyro_yaw_is_less_certain_and_the_flow_corrects_unequal_wheels()
 
 
 @given(st.lists(st.tuples(st.integers(1, 50), st.floats(-0.5, 0.5)), min_size=1, max_size=60))
-def test_a_wheel_that_counts_is_never_silent(steps: list[tuple[int, float]]) -> None:
+def test_an_encoder_that_counts_is_never_silent(steps: list[tuple[int, float]]) -> None:
     detector, count = EncoderFaultDetector(ROBOT), 0
-    for tick, (marks, v) in enumerate(steps):
-        count += marks
+    for tick, (ticks, v) in enumerate(steps):
+        count += ticks
         detector.update(Encoders(tick * DT, count, count), Twist(v, 0.0))
         assert detector.silent == (False, False)
         assert not detector.doubtful
 
 
-def test_late_frames_find_where_they_were_taken() -> None:
+def test_the_history_gives_the_odometry_of_late_frames() -> None:
     history = OdometryHistory()
     with pytest.raises(IndexError):
         history.at(0.0)

@@ -1,3 +1,5 @@
+"""The odometer: pose and twist from encoders and gyro, and the gyro's bias."""
+
 from __future__ import annotations
 
 import math
@@ -63,7 +65,7 @@ def test_measured_twist_is_smooth_and_right() -> None:
     assert speeds[-1].w == pytest.approx(0.4)
 
 
-def test_bias_is_learned_while_still_and_the_heading_does_not_drift() -> None:
+def test_bias_is_learnt_at_standstill_and_the_heading_does_not_drift() -> None:
     drive = Drive(bias=0.03, noise=0.005)
     standing = drive.go(0.0, 0.0, 2.0)
     assert standing.still
@@ -76,7 +78,7 @@ def test_bias_is_learned_while_still_and_the_heading_does_not_drift() -> None:
     assert driven.twist.w == pytest.approx(0.0, abs=0.02)
 
 
-def test_bias_is_not_learned_while_moving_or_just_stopped() -> None:
+def test_bias_is_not_learnt_while_moving_or_just_stopped() -> None:
     drive = Drive(bias=0.02)
     drive.go(0.2, 0.5, 1.0)
     before = drive.odometry.yaw_bias
@@ -88,12 +90,12 @@ def test_bias_is_not_learned_while_moving_or_just_stopped() -> None:
     assert drive.odometry.yaw_bias == pytest.approx(0.06, abs=0.01)
 
 
-def test_slow_creeping_is_not_still() -> None:
+def test_slow_driving_is_no_standstill() -> None:
     drive = Drive(bias=0.01)
     assert not drive.go(0.005, 0.0, 2.0).still
 
 
-def test_a_robot_turned_by_hand_does_not_take_it_for_bias() -> None:
+def test_an_external_turn_at_standstill_is_not_learnt_as_bias() -> None:
     drive = Drive(bias=0.01)
     drive.go(0.0, 0.0, 1.0)
     for _ in range(60):
@@ -104,7 +106,7 @@ def test_a_robot_turned_by_hand_does_not_take_it_for_bias() -> None:
     assert drive.odometry.twist.w == pytest.approx(1.0, abs=1e-6)
 
 
-def test_a_lost_gyro_reading_is_bridged_by_the_wheels() -> None:
+def test_missing_gyro_readings_are_replaced_by_the_wheels() -> None:
     drive = Drive()
     drive.go(0.2, 0.5, 1.0)
     drive.bias = math.nan
