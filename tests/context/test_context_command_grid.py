@@ -1,4 +1,4 @@
-"""The command grid: what behaviours build their layers from."""
+"""The command grid: the sets and layers that behaviours build proposals from."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a context tells of the way there, and a belief of how unsure it is."""
+"""The context's distance to doors, bearing and way to the waypoint; the sigma of a belief."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def test_only_a_door_that_is_the_waypoint_has_a_distance() -> None:
     assert replace(OPEN, waypoint=None).door_distance == math.inf
 
 
-def test_barred_takes_an_aim_that_cannot_be_reached() -> None:
+def test_the_way_is_barred_if_the_local_goal_is_not_reachable() -> None:
     assert OPEN.local_goal is not None
     assert not replace(OPEN, local_goal=replace(OPEN.local_goal, reachable=True)).barred
     assert replace(OPEN, local_goal=replace(OPEN.local_goal, reachable=False)).barred
@@ -34,7 +34,7 @@ def test_barred_takes_an_aim_that_cannot_be_reached() -> None:
 
 
 @given(st.floats(-math.pi, math.pi), st.floats(-3.1, 3.1))
-def test_turn_to_is_the_shorter_way_round(heading: float, turn: float) -> None:
+def test_turns_are_the_shorter_way_round(heading: float, turn: float) -> None:
     context = replace(OPEN, pose=Pose(1.0, 2.0, heading))
     assert context.turn_to(heading + turn) == pytest.approx(turn)
     assert context.turn_to(heading + turn + 2.0 * math.pi) == pytest.approx(turn)

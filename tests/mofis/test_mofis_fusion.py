@@ -1,8 +1,8 @@
-"""Command fusion: desires are blended, prohibitions hold, two ways round are not averaged."""
+"""Command fusion: desires are blended, prohibitions hold, alternatives are not averaged."""
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 import pytest
@@ -12,15 +12,14 @@ from hypothesis.extra import numpy as hnp
 
 from navfw.context import CommandGrid, Context
 from navfw.interfaces import Behavior, Composite, Fusion
-from navfw.localmap.free_distance import look_around, sweep
-from navfw.localmap.occupancy_grid import OccupancyGrid
+from navfw.localmap import LocalMap
 from navfw.mofis.explanation import explain_command
 from navfw.mofis.fusion.blend import BlendFusion
 from navfw.mofis.fusion.damn import DamnFusion
 from navfw.mofis.fusion.fuzzy import FuzzyFusion
 from navfw.mofis.fusion.pareto import ParetoFusion, pareto_front
 from navfw.mofis.fusion.priority import PriorityFusion
-from navfw.mofis.mofis import Mofis
+from navfw.mofis.mofis import DecisionInputs, Mofis
 from navfw.robot import RobotModel
 from navfw.signals import Array, Belief, Command, Odometry, Pose, Proposal, Twist, Waypoint
 
@@ -29,10 +28,20 @@ GRID = CommandGrid(ROBOT)
 LAYER = hnp.arrays(np.float64, GRID.shape, elements=st.floats(0, 1, width=32))
 
 
+def updated_map() -> LocalMap:
+    """A local map around the origin in which nothing has been observed."""
+    local_map = LocalMap(ROBOT)
+    local_map.update(
+        Odometry(0.0, Pose(0, 0, 0), Twist(0, 0), 0.0, still=False), (), None, Pose(0, 0, 0)
+    )
+    return local_map
+
+
+MAP = updated_map()
+
+
 def context(previous: Command | None = None) -> Context:
-    occupancy = OccupancyGrid(ROBOT)
     pose = Pose(0, 0, 0)
-    occupancy.move(pose, 0.0)
     return Context(
         time=1.0,
         robot=ROBOT,
@@ -41,8 +50,8 @@ def context(previous: Command | None = None) -> Context:
         pose=pose,
         belief=Belief(1.0, pose, np.eye(3)),
         percept=None,
-        arcs=sweep(occupancy, pose, GRID, 0.04),
-        ranges=look_around(occupancy, pose),
+        arcs=MAP.arcs(pose, GRID.v, GRID.w),
+        ranges=MAP.ranges(pose),
         waypoint=None,
         local_goal=None,
         previous=previous,
@@ -51,11 +60,12 @@ def context(previous: Command | None = None) -> Context:
     )
 
 
-def wish(applicability: float, desire: Array, forbid: Array | None = None) -> Proposal:
-    return Proposal(applicability, desire, GRID.zeros() if forbid is None else forbid, "wish")
+def proposal(applicability: float, desire: Array, prohibit: Array | None = None) -> Proposal:
+    return Proposal(applicability, desire, GRID.zeros() if prohibit is None else prohibit, "test")
 
 
 def bump(v: float, w: float, width: float = 0.15) -> Array:
+    """Desirability around the command (v, w), relative to the top speeds."""
     speed = np.exp(-(((GRID.relative_v - v) / width) ** 2))
     turn = np.exp(-(((GRID.relative_w - w) / width) ** 2))
     return GRID.product(speed, turn)
@@ -63,50 +73,52 @@ def bump(v: float, w: float, width: float = 0.15) -> Array:
 
 @pytest.mark.parametrize("blend", ["sum", "max"])
 @settings(max_examples=40, deadline=None)
-@given(desire=LAYER, forbid=LAYER, other=LAYER)
-def test_a_forbidden_command_is_never_chosen(
-    blend: str, desire: Array, forbid: Array, other: Array
+@given(desire=LAYER, prohibit=LAYER, other=LAYER)
+def test_a_prohibited_command_is_never_chosen(
+    blend: Literal["sum", "max"], desire: Array, prohibit: Array, other: Array
 ) -> None:
     fusion = FuzzyFusion(ROBOT, FuzzyFusion.Params(blend=blend))
-    command = fusion.fuse(context(), {"a": wish(0.7, desire, forbid), "b": wish(0.5, other)})
+    command = fusion.fuse(
+        context(), {"a": proposal(0.7, desire, prohibit), "b": proposal(0.5, other)}
+    )
     if command.leader != "none":
         row, column = GRID.nearest(command.twist)
-        assert forbid[row, column] <= fusion.params.cut
+        assert prohibit[row, column] <= fusion.params.cut
 
 
-def test_everything_forbidden_means_standing_still() -> None:
-    forbid = np.ones(GRID.shape)
-    command = FuzzyFusion(ROBOT).fuse(context(), {"a": wish(1.0, bump(1, 0), forbid)})
+def test_if_all_commands_are_prohibited_the_robot_stops() -> None:
+    prohibit = np.ones(GRID.shape)
+    command = FuzzyFusion(ROBOT).fuse(context(), {"a": proposal(1.0, bump(1, 0), prohibit)})
     assert command.twist == Twist(0.0, 0.0)
     assert command.leader == "none"
     assert command.emergency
 
 
-def test_only_forward_forbidden_is_an_emergency_with_a_way_out() -> None:
-    forbid = GRID.zeros()
-    forbid[GRID.v > 0.0] = 1.0
+def test_if_forward_commands_are_prohibited_it_is_an_emergency_with_a_way_out() -> None:
+    prohibit = GRID.zeros()
+    prohibit[GRID.v > 0.0] = 1.0
     desire = np.maximum(bump(1, 0), bump(0, 0.5))
-    command = FuzzyFusion(ROBOT).fuse(context(), {"a": wish(1.0, desire, forbid)})
+    command = FuzzyFusion(ROBOT).fuse(context(), {"a": proposal(1.0, desire, prohibit)})
     assert command.emergency
     assert command.twist.v <= 0.0
     assert command.twist.w > 0.1
 
 
-def test_two_ways_round_are_not_averaged_into_the_obstacle() -> None:
+def test_two_ways_round_an_obstacle_are_not_averaged() -> None:
     desire = np.maximum(bump(0.6, -0.6), 1.05 * bump(0.6, 0.6)).clip(0, 1)
-    command = FuzzyFusion(ROBOT).fuse(context(), {"a": wish(1.0, desire)})
+    command = FuzzyFusion(ROBOT).fuse(context(), {"a": proposal(1.0, desire)})
     assert abs(command.twist.w) > 0.4 * GRID.max_w
 
 
-def test_it_stays_with_the_side_once_chosen() -> None:
+def test_the_side_once_chosen_is_kept() -> None:
     desire = np.maximum(bump(0.6, -0.6), bump(0.6, 0.6))
     before = Command(0.9, Twist(0.6 * GRID.max_v, -0.6 * GRID.max_w), "a", "")
-    command = FuzzyFusion(ROBOT).fuse(context(before), {"a": wish(1.0, desire)})
+    command = FuzzyFusion(ROBOT).fuse(context(before), {"a": proposal(1.0, desire)})
     assert command.twist.w < 0.0
 
 
 def test_the_more_applicable_behavior_leads() -> None:
-    proposals = {"strong": wish(0.9, bump(0.5, 0.8)), "weak": wish(0.2, bump(0.5, -0.8))}
+    proposals = {"strong": proposal(0.9, bump(0.5, 0.8)), "weak": proposal(0.2, bump(0.5, -0.8))}
     command = FuzzyFusion(ROBOT).fuse(context(), proposals)
     assert command.leader == "strong"
     assert command.twist.w > 0.0
@@ -117,37 +129,39 @@ def test_the_more_applicable_behavior_leads() -> None:
 @given(LAYER, st.floats(0.1, 1.0))
 def test_scaling_all_applicabilities_changes_nothing(desire: Array, factor: float) -> None:
     fusion = FuzzyFusion(ROBOT)
-    one = fusion.fuse(context(), {"a": wish(1.0, desire), "b": wish(0.5, bump(0.4, 0))})
-    two = fusion.fuse(context(), {"a": wish(factor, desire), "b": wish(0.5 * factor, bump(0.4, 0))})
+    one = fusion.fuse(context(), {"a": proposal(1.0, desire), "b": proposal(0.5, bump(0.4, 0))})
+    two = fusion.fuse(
+        context(), {"a": proposal(factor, desire), "b": proposal(0.5 * factor, bump(0.4, 0))}
+    )
     assert one.twist.v == pytest.approx(two.twist.v, abs=1e-6)
     assert one.twist.w == pytest.approx(two.twist.w, abs=1e-6)
 
 
 class Broken(Behavior):
-    """Does one thing wrong, as told."""
+    """Returns an invalid proposal or raises, by its ``defect``."""
 
     name = "broken"
-    deed = "raise"
+    defect = "raise"
 
     def propose(self, context: Context) -> Proposal:
         good = bump(0.5, 0.0)
-        match self.deed:
+        match self.defect:
             case "raise":
                 raise ZeroDivisionError("no reason")
             case "nan":
-                return wish(1.0, good * np.nan)
+                return proposal(1.0, good * np.nan)
             case "shape":
-                return wish(1.0, good[:-1])
+                return proposal(1.0, good[:-1])
             case "range":
-                return wish(1.0, good * 3.0)
+                return proposal(1.0, good * 3.0)
             case "applicability":
-                return wish(float("nan"), good)
+                return proposal(float("nan"), good)
             case _:
                 return "go"  # type: ignore[return-value]
 
 
 class Steady(Behavior):
-    """Drives straight on."""
+    """Desires to drive straight on."""
 
     name = "steady"
 
@@ -155,64 +169,74 @@ class Steady(Behavior):
         return Proposal(1.0, bump(0.5, 0.0), GRID.zeros(), "straight on")
 
 
-@pytest.mark.parametrize("deed", ["raise", "nan", "shape", "range", "applicability", "type"])
-def test_a_broken_behavior_costs_itself_the_tick_and_nobody_else(deed: str) -> None:
+INPUTS = DecisionInputs(
+    odometry=Odometry(1.0, Pose(0, 0, 0), Twist(0, 0), 0.0, still=False),
+    belief=Belief(1.0, Pose(0, 0, 0), np.eye(3)),
+    waypoint=Waypoint(3.0, 0.0, 0.3, "there", "goal", final=True),
+)
+
+
+def mofis_with(behaviors: dict[str, Behavior], composite: Composite | None = None) -> Mofis:
+    return Mofis(ROBOT, behaviors, FuzzyFusion(ROBOT), GRID, updated_map(), composite)
+
+
+@pytest.mark.parametrize("defect", ["raise", "nan", "shape", "range", "applicability", "type"])
+def test_a_broken_behavior_loses_the_tick_and_the_others_decide(defect: str) -> None:
     broken = Broken(ROBOT)
-    broken.deed = deed
-    mofis = Mofis(ROBOT, {"broken": broken, "steady": Steady(ROBOT)}, FuzzyFusion(ROBOT))
-    odometry = Odometry(1.0, Pose(0, 0, 0), Twist(0, 0), 0.0, still=False)
-    waypoint = Waypoint(3.0, 0.0, 0.3, "there", "goal", final=True)
-    command = mofis.decide(odometry, Belief(1.0, Pose(0, 0, 0), np.eye(3)), (), waypoint)
+    broken.defect = defect
+    mofis = mofis_with({"broken": broken, "steady": Steady(ROBOT)})
+    command = mofis.decide(INPUTS)
     assert command.leader == "steady"
     assert command.twist.v > 0.1
-    mofis.decide(odometry, Belief(1.0, Pose(0, 0, 0), np.eye(3)), (), waypoint)
-    assert [(fault.behavior, fault.count) for fault in mofis.faults] == [("broken", 2)]
+    mofis.decide(INPUTS)
+    assert [(fault.plugin, fault.count) for fault in mofis.faults] == [("broken", 2)]
     explanation = explain_command(command, mofis.proposals, mofis.commands)
     assert explanation["behaviors"]["steady"]["desirability"] > 0.5
     assert "broken" not in explanation["behaviors"]
 
 
-ALL = [FuzzyFusion, PriorityFusion, DamnFusion, BlendFusion, ParetoFusion]
+ALL: list[type[Fusion]] = [FuzzyFusion, PriorityFusion, DamnFusion, BlendFusion, ParetoFusion]
 
 
 @pytest.mark.parametrize("fusion", ALL)
-def test_every_fusion_follows_the_only_wish(fusion: type[Fusion]) -> None:
-    command = fusion(ROBOT).fuse(context(), {"a": wish(1.0, bump(0.6, 0.4))})
+def test_every_fusion_follows_the_only_proposal(fusion: type[Fusion]) -> None:
+    command = fusion(ROBOT).fuse(context(), {"a": proposal(1.0, bump(0.6, 0.4))})
     assert command.leader == "a"
     assert command.twist.v == pytest.approx(0.6 * GRID.max_v, abs=0.1 * GRID.max_v)
     assert command.twist.w == pytest.approx(0.4 * GRID.max_w, abs=0.1 * GRID.max_w)
 
 
 @pytest.mark.parametrize("fusion", ALL)
-def test_every_fusion_stands_still_without_a_wish(fusion: type[Fusion]) -> None:
-    command = fusion(ROBOT).fuse(context(), {"a": wish(0.0, GRID.zeros())})
+def test_every_fusion_stops_without_an_applicable_proposal(fusion: type[Fusion]) -> None:
+    command = fusion(ROBOT).fuse(context(), {"a": proposal(0.0, GRID.zeros())})
     assert command.twist == Twist(0.0, 0.0)
     assert command.leader == "none"
 
 
 @pytest.mark.parametrize("fusion", ALL)
 @settings(max_examples=15, deadline=None)
-@given(desire=LAYER, forbid=LAYER, other=LAYER, share=st.floats(0, 1))
+@given(desire=LAYER, prohibit=LAYER, other=LAYER, share=st.floats(0, 1))
 def test_every_fusion_stays_on_the_grid(
-    fusion: type[Fusion], desire: Array, forbid: Array, other: Array, share: float
+    fusion: type[Fusion], desire: Array, prohibit: Array, other: Array, share: float
 ) -> None:
-    proposals = {"a": wish(0.8, desire, forbid), "b": wish(share, other)}
+    proposals = {"a": proposal(0.8, desire, prohibit), "b": proposal(share, other)}
     command = fusion(ROBOT).fuse(context(), proposals)
     assert GRID.v[0] - 1e-9 <= command.twist.v <= GRID.v[-1] + 1e-9
     assert abs(command.twist.w) <= GRID.max_w + 1e-9
 
 
-def test_pareto_never_takes_what_is_forbidden_or_dominated() -> None:
-    forbid = GRID.zeros()
-    forbid[:, GRID.w > 0] = 1.0
+def test_pareto_chooses_no_prohibited_or_dominated_command() -> None:
+    prohibit = GRID.zeros()
+    prohibit[:, GRID.w > 0] = 1.0
     command = ParetoFusion(ROBOT).fuse(
-        context(), {"a": wish(0.9, bump(0.5, 0.5), forbid), "b": wish(0.9, bump(0.5, -0.5))}
+        context(),
+        {"a": proposal(0.9, bump(0.5, 0.5), prohibit), "b": proposal(0.9, bump(0.5, -0.5))},
     )
     assert command.twist.w <= 0.0
 
 
 @given(hnp.arrays(np.float64, (3, 12), elements=st.floats(0, 1, width=16)))
-def test_the_pareto_front_is_what_nobody_dominates(objectives: Array) -> None:
+def test_the_pareto_front_is_all_that_is_not_dominated(objectives: Array) -> None:
     front = set(pareto_front(objectives).tolist())
     for j in range(objectives.shape[1]):
         dominated = any(
@@ -223,43 +247,40 @@ def test_the_pareto_front_is_what_nobody_dominates(objectives: Array) -> None:
         assert (j in front) != dominated
 
 
-def test_damn_counts_votes_against_as_much_as_they_apply() -> None:
+def test_damn_weighs_votes_against_by_applicability() -> None:
     ahead = bump(0.8, 0.0)
-    forbid = np.where(GRID.v[:, None] > 0.3, 1.0, 0.0) + GRID.zeros()
+    prohibit = np.where(GRID.v[:, None] > 0.3, 1.0, 0.0) + GRID.zeros()
     # hardly applicable, it is outvoted; fully applicable, it is not
     for applicability, fast in ((0.1, True), (1.0, False)):
-        against = wish(applicability, GRID.zeros(), forbid)
-        command = DamnFusion(ROBOT).fuse(context(), {"go": wish(0.9, ahead), "no": against})
+        against = proposal(applicability, GRID.zeros(), prohibit)
+        command = DamnFusion(ROBOT).fuse(context(), {"go": proposal(0.9, ahead), "no": against})
         assert (command.twist.v > 0.3) == fast
 
 
-def test_priority_lets_the_first_in_order_have_it_all() -> None:
-    proposals = {"go_to_xy": wish(0.9, bump(0.8, 0.0)), "avoid": wish(0.9, bump(0.2, 0.9))}
+def test_priority_follows_the_first_applicable_behavior() -> None:
+    proposals = {"go_to_xy": proposal(0.9, bump(0.8, 0.0)), "avoid": proposal(0.9, bump(0.2, 0.9))}
     fusion = PriorityFusion(ROBOT)
     assert fusion.fuse(context(), proposals).leader == "avoid"
-    calm = {"go_to_xy": wish(0.9, bump(0.8, 0.0)), "avoid": wish(0.1, bump(0.2, 0.9))}
-    assert fusion.fuse(context(), calm).leader == "go_to_xy"
+    lower = {"go_to_xy": proposal(0.9, bump(0.8, 0.0)), "avoid": proposal(0.1, bump(0.2, 0.9))}
+    assert fusion.fuse(context(), lower).leader == "go_to_xy"
 
 
-class Loud(Composite):
-    """Gives `steady` a third, and fails when told to."""
+class FixedWeights(Composite):
+    """Gives the weights that are set."""
 
-    name = "loud"
+    name = "fixed_weights"
     weights: ClassVar[dict[str, float]] = {"steady": 0.3}
 
     def weigh(self, context: Context) -> dict[str, float]:
         return self.weights
 
 
-def test_a_composite_weighs_its_primitives_and_may_fail_alone() -> None:
-    composite = Loud(ROBOT)
-    mofis = Mofis(ROBOT, {"steady": Steady(ROBOT)}, FuzzyFusion(ROBOT), composite=composite)
-    odometry = Odometry(1.0, Pose(0, 0, 0), Twist(0, 0), 0.0, still=False)
-    waypoint = Waypoint(3.0, 0.0, 0.3, "there", "goal", final=True)
-    belief = Belief(1.0, Pose(0, 0, 0), np.eye(3))
-    mofis.decide(odometry, belief, (), waypoint)
+def test_a_composite_weighs_primitives_and_they_decide_when_it_fails() -> None:
+    composite = FixedWeights(ROBOT)
+    mofis = mofis_with({"steady": Steady(ROBOT)}, composite)
+    mofis.decide(INPUTS)
     assert mofis.proposals["steady"].applicability == pytest.approx(0.3)
     composite.weights = {"steady": 7.0}  # type: ignore[misc]
-    mofis.decide(odometry, belief, (), waypoint)
+    mofis.decide(INPUTS)
     assert mofis.proposals["steady"].applicability == 1.0
-    assert "loud" in str(mofis.faults[0])
+    assert "fixed_weights" in str(mofis.faults[0])

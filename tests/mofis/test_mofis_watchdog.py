@@ -1,4 +1,4 @@
-"""Behaviours that hang are ended, rest, and are asked again; nothing waits for them."""
+"""The watchdog: behaviours that hang are ended, suspended, and called again later."""
 
 from __future__ import annotations
 
@@ -8,25 +8,32 @@ import time
 
 import pytest
 
-from navfw.mofis.watchdog import LONGEST_REST, REST, BehaviorTimeout, Watchdog, time_limit
+from navfw.mofis.watchdog import (
+    LONGEST_SUSPENSION,
+    SUSPENSION,
+    BehaviorTimeout,
+    Watchdog,
+    time_limit,
+)
 
 
 def hang() -> None:
+    """Never return, and catch every exception."""
     while True:
         try:
             time.sleep(0.01)
-        except Exception:  # noqa: S112 - as a careless behaviour would
+        except Exception:  # noqa: S112 - as a behaviour might
             continue
 
 
-def test_what_hangs_is_ended_even_if_it_swallows_all_exceptions() -> None:
+def test_a_call_that_hangs_is_ended_even_if_it_catches_all_exceptions() -> None:
     begun = time.monotonic()
-    with pytest.raises(BehaviorTimeout, match=r"no answer within 0.2 s"), time_limit(0.2):
+    with pytest.raises(BehaviorTimeout, match=r"no result within 0.2 s"), time_limit(0.2):
         hang()
     assert time.monotonic() - begun < 2.0
 
 
-def test_what_answers_in_time_is_left_alone() -> None:
+def test_a_call_that_returns_in_time_leaves_the_timer_as_it_was() -> None:
     before = signal.getsignal(signal.SIGALRM)
     with time_limit(5.0):
         pass
@@ -34,7 +41,7 @@ def test_what_answers_in_time_is_left_alone() -> None:
     assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
 
 
-def test_another_s_timer_goes_on() -> None:
+def test_a_timer_set_before_goes_on() -> None:
     rung: list[int] = []
     before = signal.signal(signal.SIGALRM, lambda number, _: rung.append(number))
     try:
@@ -49,7 +56,7 @@ def test_another_s_timer_goes_on() -> None:
         signal.signal(signal.SIGALRM, before)
 
 
-def test_in_other_threads_nothing_is_limited_and_nothing_breaks() -> None:
+def test_in_other_threads_no_call_is_limited() -> None:
     done: list[bool] = []
 
     def work() -> None:
@@ -63,33 +70,37 @@ def test_in_other_threads_nothing_is_limited_and_nothing_breaks() -> None:
     assert done == [True]
 
 
-def test_who_gave_no_answer_rests_longer_each_time() -> None:
-    dog = Watchdog()
-    now, rests = 0.0, []
+def test_suspensions_grow_with_every_time_out() -> None:
+    watchdog = Watchdog()
+    now, durations = 0.0, []
     for _ in range(8):
-        assert dog.admits("slow", now)
-        assert dog.admits("sound", now)
-        with pytest.raises(BehaviorTimeout), dog.watching("slow", now):
+        assert watchdog.admits("slow", now)
+        assert watchdog.admits("correct", now)
+        with pytest.raises(BehaviorTimeout), watchdog.watching("slow", now):
             raise BehaviorTimeout("late")
-        rest = 0.0
-        while not dog.admits("slow", now + rest):
-            rest += 0.1
-        rests.append(rest)
-        now += rest
-    assert rests[:3] == pytest.approx([REST, 2 * REST, 4 * REST], abs=0.11)
-    assert rests[-1] == pytest.approx(LONGEST_REST, abs=0.11)
-    dog.reset()
-    assert dog.admits("slow", now)
+        duration = 0.0
+        while not watchdog.admits("slow", now + duration):
+            duration += 0.1
+        durations.append(duration)
+        now += duration
+    first = SUSPENSION
+    assert durations[:3] == pytest.approx([first, 2 * first, 4 * first], abs=0.11)
+    assert durations[-1] == pytest.approx(LONGEST_SUSPENSION, abs=0.11)
+    watchdog.reset()
+    assert watchdog.admits("slow", now)
 
 
-def test_one_alarm_serves_many_questions() -> None:
-    dog = Watchdog(patience=0.2, first=0.2)
-    with dog.on_duty():
-        with dog.watching("sound", 0.0):
+def test_one_alarm_serves_many_calls() -> None:
+    watchdog = Watchdog(limit=0.2, first_limit=0.2)
+    with watchdog.on_duty():
+        with watchdog.watching("correct", 0.0):
             pass
         for _ in range(2):
-            with pytest.raises(BehaviorTimeout, match=r"within 0.2 s"), dog.watching("slow", 0.0):
+            with (
+                pytest.raises(BehaviorTimeout, match=r"within 0.2 s"),
+                watchdog.watching("slow", 0.0),
+            ):
                 time.sleep(5.0)
-        time.sleep(0.3)  # between two questions nobody is hurried
-    assert dog.admits("sound", 0.0)
-    assert not dog.admits("slow", 0.0)
+        time.sleep(0.3)  # between two calls nothing is limited
+    assert watchdog.admits("correct", 0.0)
+    assert not watchdog.admits("slow", 0.0)

@@ -1,0 +1,94 @@
+"""A whole stack for tests: chosen behaviours, and views by a script instead of camera images."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import cache
+
+from navfw.config.lookup import find
+from navfw.context import Context
+from navfw.interfaces import Behavior
+from navfw.plugins import Registry, default_registry
+from navfw.robot import RobotModel
+from navfw.signals import Frame, Odometry, Pose, Proposal, Waypoint
+from navfw.stack import Stack
+from navfw.stackfile import Choice, load_stack
+from navfw.testing.fakes import FakeSimulator
+from navfw.topomap import Passage, Place, TopoMap
+from navfw.vision import View, Vision
+
+ROBOT = RobotModel()
+START = Pose(0.0, 0.0, 0.0)
+GOAL = Waypoint(3.0, 0.0, 0.3, "goal", "goal", final=True)
+LINE = TopoMap(
+    "line",
+    [Place("start", 0.0, 0.0), Place("goal", 3.0, 0.0)],
+    [Passage("start", "goal", 3.0)],
+)
+"""A map of two places: the start at the origin, and a goal 3 m ahead."""
+
+Script = Callable[[Frame, Odometry], View]
+
+
+@cache
+def registry() -> Registry:
+    """The registry with the behaviours that ship."""
+    return default_registry()
+
+
+class ScriptedVision(Vision):
+    """Vision whose views come from a script; ``frames`` are those it was given."""
+
+    def __init__(self, script: Script) -> None:
+        self.script = script
+        self.frames: list[Frame] = []
+
+    def reset(self) -> None:
+        """Drop all frames."""
+        self.frames.clear()
+
+    def process(self, frame: Frame, odometry: Odometry) -> View:
+        """The view of the script."""
+        self.frames.append(frame)
+        return self.script(frame, odometry)
+
+
+class Idle(Behavior):
+    """Desires and prohibits nothing."""
+
+    name = "idle"
+
+    def propose(self, context: Context) -> Proposal:
+        """A proposal that does not apply."""
+        nothing = context.commands.zeros()
+        return Proposal(0.0, nothing, nothing, "nothing")
+
+
+def sample_stack(
+    *behaviors: type[Behavior],
+    script: Script = lambda frame, odometry: View(),
+    overrides: Sequence[str] = (),
+    stack: str = "default",
+) -> Stack:
+    """A started stack at START without warm-up, on its way to GOAL.
+
+    ``behaviors`` replace those of the shipped ``stack``; without any it has one that is idle.
+    """
+    config = load_stack(find("stack", stack), registry(), ["warmup=0", *overrides])
+    chosen = {plugin.name: Choice(plugin.name, plugin, plugin.Params()) for plugin in behaviors}
+    config = replace(config, behaviors=chosen or {"idle": Choice("idle", Idle, Idle.Params())})
+    built = Stack(config, ROBOT, LINE)
+    built.vision = ScriptedVision(script)
+    built.start(START, [GOAL])
+    return built
+
+
+def drive(stack: Stack, seconds: float, simulator: FakeSimulator | None = None) -> FakeSimulator:
+    """Step ``stack`` at its control rate; the simulator, with which to drive on."""
+    simulator = simulator or FakeSimulator(START, ROBOT)
+    for _ in range(round(seconds * ROBOT.control_rate)):
+        twist = stack.step(simulator.read())
+        simulator.drive(*ROBOT.wheel_speeds(twist))
+        simulator.advance(1.0 / ROBOT.control_rate)
+    return simulator

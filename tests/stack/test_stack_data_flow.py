@@ -1,0 +1,162 @@
+"""Data flow one way: what vision hands on, and what the stack makes of it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from architecture_sources import ROOT, imports, tree_of
+from stack_samples import GOAL, ROBOT, START, drive, sample_stack
+
+from navfw.context import Context
+from navfw.egomotion import Odometer
+from navfw.flow.derotation import rotational_flow
+from navfw.interfaces import FlowProcessor
+from navfw.offis.offis import Offis
+from navfw.signals import (
+    CameraMotion,
+    FlowField,
+    Frame,
+    FramePair,
+    Odometry,
+    Pose,
+    Twist,
+    YawCorrection,
+)
+from navfw.stack import TIMED
+from navfw.stackfile import StackSettings
+from navfw.testing.behavior_scenes import wall_flow
+from navfw.testing.fakes import FakeSimulator
+from navfw.vision import View, Vision
+
+OFFIS = Offis(ROBOT)
+
+
+def wall_view(frame: Frame) -> View:
+    """Flow and percept of a wall 2 m ahead."""
+    flow = wall_flow(ROBOT, frame.time, 2.0, 20.0, 20.0)
+    return View(flows=(flow,), percepts=(OFFIS.perceive(flow, Twist(0.3, 0.0)),))
+
+
+def test_behaviours_get_the_newest_flow_and_percept() -> None:
+    shown = [False, True, False, True]
+    stack = sample_stack(
+        script=lambda frame, odometry: wall_view(frame) if shown[round(10 * frame.time)] else View()
+    )
+    contexts: list[Context] = []
+    simulator: FakeSimulator | None = None
+    for _ in shown:
+        simulator = drive(stack, 0.1, simulator)
+        assert stack.mofis.context is not None
+        contexts.append(stack.mofis.context)
+    none, first, same, second = contexts
+    assert (none.flow, none.percept) == (None, None)
+    assert first.flow is not None
+    assert first.percept is not None
+    assert first.flow.time == pytest.approx(0.1, abs=0.001)
+    assert first.flow.derotated
+    assert same.flow is first.flow
+    assert same.percept is first.percept
+    assert second.flow is not first.flow
+    assert second.percept is not first.percept
+    # a new mission starts without any
+    shown[0] = False
+    stack.start(START, [GOAL])
+    drive(stack, 0.1)
+    assert stack.mofis.context is not None
+    assert (stack.mofis.context.flow, stack.mofis.context.percept) == (None, None)
+
+
+# --- yaw corrections ------------------------------------------------------------------------------
+
+
+class TurnedFlow(FlowProcessor):
+    """Exact flow of a wall, of a camera that turned by ``yaw`` [rad] more than was measured."""
+
+    name = "turned_flow"
+    yaw = 0.01
+
+    def compute(self, pair: FramePair) -> FlowField:
+        """Flow of a wall 2 m ahead, with the part of the turn that was not measured."""
+        flow = wall_flow(ROBOT, pair.now.time, 2.0, 1.0, 1.0)
+        c, s = math.cos(self.yaw), math.sin(self.yaw)
+        # now from past: the image turns against the camera
+        turn = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+        vectors = flow.vectors + rotational_flow(flow.points, turn, ROBOT.camera.focal)
+        return replace(flow, vectors=vectors, derotated=False)
+
+
+def view_of(*, gyro_stale: bool = False, **settings: bool) -> View:
+    """The view of a camera that moves straight on, by vision with these settings."""
+    timings = dict.fromkeys(TIMED, 0.0)
+    vision = Vision(
+        ROBOT, StackSettings.model_validate(settings), TurnedFlow(ROBOT), OFFIS, timings
+    )
+    image = np.zeros((ROBOT.camera.height, ROBOT.camera.width), np.uint8)
+    view = View()
+    for k in range(4):
+        pose = Pose(0.03 * k, 0.0, 0.0)
+        odometry = Odometry(0.1 * k, pose, Twist(0.3, 0.0), 0.0, False, gyro_stale=gyro_stale)
+        view = vision.process(Frame(0.1 * k, image), odometry)
+    return view
+
+
+def test_a_view_carries_the_yaw_that_the_flow_adds_with_its_sigma() -> None:
+    view = view_of()
+    assert len(view.yaw_corrections) == len(view.flows) >= 1
+    for correction in view.yaw_corrections:
+        assert correction.yaw == pytest.approx(TurnedFlow.yaw, abs=0.002)
+        assert 0.0 < correction.sigma < 0.005
+        assert np.array_equal(correction.motion.rotation, np.eye(3)), "the motion as measured"
+
+
+def test_without_gyro_the_measured_yaw_is_less_certain() -> None:
+    usual, stale = (view_of(gyro_stale=stale).yaw_corrections[0] for stale in (False, True))
+    assert stale.motion.yaw_sigma == pytest.approx(0.1 * stale.motion.baseline)
+    assert stale.motion.yaw_sigma > usual.motion.yaw_sigma
+
+
+@pytest.mark.parametrize("setting", ["derotate", "refine"])
+def test_without_refinement_there_is_nothing_to_correct(setting: str) -> None:
+    view = view_of(**{setting: False})
+    assert view.yaw_corrections == ()
+    assert all(flow.derotated for flow in view.flows)
+
+
+class RecordingOdometer(Odometer):
+    """An odometer that records the corrections it is given."""
+
+    def __init__(self) -> None:
+        super().__init__(ROBOT)
+        self.corrections: list[YawCorrection] = []
+
+    def correct(self, correction: YawCorrection) -> None:
+        self.corrections.append(correction)
+        super().correct(correction)
+
+
+def test_the_stack_applies_every_yaw_correction_once_in_order() -> None:
+    motion = CameraMotion(np.eye(3), np.array([0.0, 0.0, 0.08]), 0.2)
+    given: list[YawCorrection] = []
+    odometer = RecordingOdometer()
+
+    def script(frame: Frame, odometry: Odometry) -> View:
+        assert odometer.corrections == given, "vision has corrected nothing itself"
+        new = tuple(YawCorrection(0.01 * k, 0.001, motion) for k in (len(given), len(given) + 1))
+        given.extend(new)
+        return View(yaw_corrections=new)
+
+    stack = sample_stack(script=script)
+    stack.odometer = odometer
+    drive(stack, 0.45)
+    assert len(given) == 10
+    assert [id(correction) for correction in odometer.corrections] == list(map(id, given))
+
+
+def test_vision_knows_no_odometer() -> None:
+    used = {name for module, name in imports(tree_of(ROOT / "navfw" / "vision.py"))}
+    assert "Odometer" not in used
+    vision = Vision(ROBOT, StackSettings(), TurnedFlow(ROBOT), OFFIS, {})
+    assert not [value for value in vars(vision).values() if isinstance(value, Odometer)]
