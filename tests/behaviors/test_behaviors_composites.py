@@ -1,4 +1,4 @@
-"""Composites: travel's sisters patrol, search and react, and one of a user's own."""
+"""Composites beside travel: patrol, search and react, and one in a user's own folder."""
 
 from __future__ import annotations
 
@@ -55,10 +55,10 @@ def wanted(context: Context, proposal: Proposal) -> Twist:
 # --- patrol --------------------------------------------------------------------------------------
 
 
-def test_patrol_cruises_and_is_cautious_at_doors_and_beside_things() -> None:
+def test_patrol_cruises_and_is_cautious_at_doors_and_beside_obstacles() -> None:
     patrol = composite("patrol")
-    calm = patrol.weigh(OPEN)
-    assert calm["cruise"] == pytest.approx(0.3)
+    in_the_open = patrol.weigh(OPEN)
+    assert in_the_open["cruise"] == pytest.approx(0.3)
     assert patrol.weigh(replace(OPEN, waypoint=DOOR))["cruise"] == 1.0
     close = contexts_of(BehaviorScene("beside", Twist(0.3, 0.0), left=0.45, ticks=20))[-1]
     assert patrol.weigh(close)["cruise"] > 0.9
@@ -66,15 +66,15 @@ def test_patrol_cruises_and_is_cautious_at_doors_and_beside_things() -> None:
     assert "IF" in str(patrol.explain()[0]["rule"])
 
 
-def test_patrol_does_as_travel_when_nothing_gets_on() -> None:
+def test_patrol_weighs_as_travel_does_without_progress() -> None:
     barred = LocalGoal(0.8, 0.0, math.inf, reachable=False, detour=math.inf)
-    caught = composite("patrol").weigh(replace(OPEN, idle=20.0, local_goal=barred))
-    assert caught["follow_wall"] == 1.0
-    assert caught["cruise"] == 0.0
-    assert caught["go_to_xy"] < 0.5
+    stuck = composite("patrol").weigh(replace(OPEN, idle=20.0, local_goal=barred))
+    assert stuck["follow_wall"] == 1.0
+    assert stuck["cruise"] == 0.0
+    assert stuck["go_to_xy"] < 0.5
 
 
-def test_cruise_is_calm_in_the_open_and_slower_at_a_door() -> None:
+def test_cruise_is_moderate_in_the_open_and_slower_at_a_door() -> None:
     cruise = behavior("cruise")
     in_the_open = wanted(OPEN, cruise.propose(OPEN)).v
     at_door = replace(OPEN, waypoint=DOOR)
@@ -86,7 +86,8 @@ def test_cruise_is_calm_in_the_open_and_slower_at_a_door() -> None:
 # --- search --------------------------------------------------------------------------------------
 
 
-def doubting(time: float, sigma: float, twist: Twist) -> Context:
+def uncertain(time: float, sigma: float, twist: Twist) -> Context:
+    """OPEN with a position uncertain by ``sigma`` [m]."""
     belief = Belief(time, OPEN.pose, np.diag([sigma**2, 0.01, 0.01]))
     return replace(OPEN, time=time, belief=belief, twist=twist)
 
@@ -95,25 +96,27 @@ def leader(weights: dict[str, float]) -> str:
     return max(("go_to_xy", "look_around", "explore"), key=weights.__getitem__)
 
 
-def test_search_travels_while_it_is_sure() -> None:
-    weights = dict(composite("search").weigh(doubting(1.0, 0.2, Twist(0.3, 0.0))))
+def test_search_travels_while_the_position_is_certain() -> None:
+    weights = dict(composite("search").weigh(uncertain(1.0, 0.2, Twist(0.3, 0.0))))
     assert leader(weights) == "go_to_xy"
     assert weights["look_around"] == weights["explore"] == 0.0
 
 
 @pytest.mark.parametrize("idle", [0.0, 8.0, 30.0])
 @pytest.mark.parametrize("at", [OPEN, CORRIDOR, replace(OPEN, waypoint=DOOR)])
-def test_search_weighs_as_travel_does_while_it_is_sure(at: Context, idle: float) -> None:
+def test_search_weighs_as_travel_does_while_the_position_is_certain(
+    at: Context, idle: float
+) -> None:
     barred = LocalGoal(1.0, 0.0, 5.0, reachable=False, detour=3.0)
     for context in (replace(at, idle=idle), replace(at, idle=idle, local_goal=barred)):
-        sure = replace(context, belief=replace(context.belief, covariance=np.diag([0.01] * 3)))
-        weights = dict(composite("search").weigh(sure))
-        for name, weight in composite("travel").weigh(sure).items():
+        certain = replace(context, belief=replace(context.belief, covariance=np.diag([0.01] * 3)))
+        weights = dict(composite("search").weigh(certain))
+        for name, weight in composite("travel").weigh(certain).items():
             assert weights[name] == pytest.approx(weight, abs=1e-9), name
 
 
 def test_search_never_gives_up_while_the_belief_is_lost() -> None:
-    """However small the covariance: one landmark may have told it a wrong place exactly."""
+    """However small the covariance: one wrong landmark gives a small one at a wrong place."""
     search = composite("search")
     for k in range(140):
         belief = Belief(1.0 + k, OPEN.pose, np.diag([0.01] * 3), confidence=0.1, lost=True)
@@ -121,12 +124,12 @@ def test_search_never_gives_up_while_the_belief_is_lost() -> None:
         assert leader(dict(search.weigh(replace(context, twist=Twist(0.0, 0.1))))) != "go_to_xy"
 
 
-def test_search_looks_round_then_explores_then_looks_again() -> None:
+def test_search_alternates_between_looking_around_and_exploring() -> None:
     search = composite("search")
     told = []
     time, twist = 1.0, Twist(0.0, 1.0)
     while time < 30.0:
-        told.append(leader(dict(search.weigh(doubting(time, 1.0, twist)))))
+        told.append(leader(dict(search.weigh(uncertain(time, 1.0, twist)))))
         twist = Twist(0.0, 1.0) if told[-1] == "look_around" else Twist(0.3, 0.0)
         time += 0.1
     order = [name for k, name in enumerate(told) if k == 0 or told[k - 1] != name]
@@ -136,19 +139,19 @@ def test_search_looks_round_then_explores_then_looks_again() -> None:
     assert stretch == pytest.approx(67, abs=2), "2 m at 0.3 m/s"
 
 
-def test_search_ends_when_the_belief_is_sure_again_and_starts_anew() -> None:
+def test_search_ends_when_the_position_is_certain_and_starts_anew() -> None:
     search = composite("search")
     for k in range(70):
-        last = leader(dict(search.weigh(doubting(1.0 + 0.1 * k, 1.0, Twist(0.0, 1.0)))))
+        last = leader(dict(search.weigh(uncertain(1.0 + 0.1 * k, 1.0, Twist(0.0, 1.0)))))
     assert last == "explore"
-    assert leader(dict(search.weigh(doubting(8.1, 0.1, Twist(0.0, 0.0))))) == "go_to_xy"
-    assert leader(dict(search.weigh(doubting(8.2, 1.0, Twist(0.0, 0.0))))) == "look_around"
+    assert leader(dict(search.weigh(uncertain(8.1, 0.1, Twist(0.0, 0.0))))) == "go_to_xy"
+    assert leader(dict(search.weigh(uncertain(8.2, 1.0, Twist(0.0, 0.0))))) == "look_around"
 
 
-def test_a_search_in_vain_is_given_up_for_a_while() -> None:
+def test_search_without_result_is_suspended_for_a_while() -> None:
     search = composite("search")
     told = {
-        k: leader(dict(search.weigh(doubting(1.0 + k, 1.0, Twist(0.0, 0.1))))) for k in range(140)
+        k: leader(dict(search.weigh(uncertain(1.0 + k, 1.0, Twist(0.0, 0.1))))) for k in range(140)
     }
     assert told[10] == "look_around"
     assert told[70] == told[115] == "go_to_xy"
@@ -163,30 +166,30 @@ def test_look_around_turns_on_the_spot_toward_the_waypoint_first() -> None:
         assert twist.w * sign > 0.3
 
 
-def test_explore_heads_for_what_is_open_and_unseen() -> None:
+def test_explore_heads_for_free_unobserved_space() -> None:
     bearings = OPEN.ranges.bearings
     free = np.full(bearings.size, 0.6)
-    seen = free.copy()
+    observed = free.copy()
     left = (bearings > 0.6) & (bearings < 1.4)
     free[left] = 3.0
-    ranges = replace(OPEN.ranges, free=free, seen=np.minimum(seen, free))
+    ranges = replace(OPEN.ranges, free=free, observed=np.minimum(observed, free))
     context = replace(OPEN, ranges=ranges)
     assert wanted(context, behavior("explore").propose(context)).w > 0.4
-    # of two open ways, the one that has not been seen
+    # of two free ways, the unobserved one
     right = (bearings < -0.6) & (bearings > -1.4)
     free[right] = 3.0
-    seen[left] = 3.0
+    observed[left] = 3.0
     explore = behavior("explore")
     assert wanted(
-        context, explore.propose(replace(context, ranges=replace(ranges, seen=seen)))
+        context, explore.propose(replace(context, ranges=replace(ranges, observed=observed)))
     ).w < (-0.4)
 
 
-def test_explore_creeps_where_nothing_ahead_has_been_seen() -> None:
+def test_explore_creeps_where_nothing_ahead_is_observed() -> None:
     free = np.full(OPEN.ranges.bearings.size, 3.0)
     speeds = []
-    for seen in (0.0, 3.0):
-        ranges = replace(OPEN.ranges, free=free, seen=np.full_like(free, seen))
+    for observed in (0.0, 3.0):
+        ranges = replace(OPEN.ranges, free=free, observed=np.full_like(free, observed))
         context = replace(OPEN, ranges=ranges)
         speeds.append(wanted(context, behavior("explore").propose(context)).v)
     assert 0.02 < speeds[0] < 0.12
@@ -196,23 +199,23 @@ def test_explore_creeps_where_nothing_ahead_has_been_seen() -> None:
 # --- react ---------------------------------------------------------------------------------------
 
 
-def test_react_follows_walls_only_where_it_gets_no_nearer() -> None:
+def test_react_follows_walls_only_without_progress() -> None:
     react = composite("react")
     wall = contexts_of(BehaviorScene("wall", Twist(0.3, 0.0), ahead=0.9))[-1]
     moving = react.weigh(replace(wall, idle=0.0))
     assert moving["follow_wall_quadrants"] == 0.0
     assert moving["go_to_xy"] < 0.5 < moving["avoid_quadrants"]
-    caught = react.weigh(replace(wall, idle=20.0))
-    assert caught["follow_wall_quadrants"] == 1.0
-    assert caught["go_to_xy"] == 0.0
+    stuck = react.weigh(replace(wall, idle=20.0))
+    assert stuck["follow_wall_quadrants"] == 1.0
+    assert stuck["go_to_xy"] == 0.0
     assert react.weigh(replace(OPEN, idle=20.0))["go_to_xy"] == 1.0
     assert react.explain()
 
 
-# --- of a user's own -----------------------------------------------------------------------------
+# --- in a user's own folder ----------------------------------------------------------------------
 
 TIMID = '''
-"""Timid: a composite of a user's own."""
+"""Timid: a composite in a user's own folder."""
 
 from collections.abc import Mapping
 from typing import ClassVar
@@ -221,7 +224,7 @@ from navfw import Composite, Context
 
 
 class Timid(Composite):
-    """Gives the goal a say only where nothing is near."""
+    """Weighs the goal by the free distance ahead."""
 
     name: ClassVar[str] = "timid"
 
@@ -230,7 +233,7 @@ class Timid(Composite):
 '''
 
 
-def test_a_composite_of_a_users_own_is_found_chosen_and_told(tmp_path: Path) -> None:
+def test_a_composite_in_a_users_folder_is_found_chosen_and_listed(tmp_path: Path) -> None:
     (tmp_path / "timid.py").write_text(TIMID)
     registry = default_registry([tmp_path])
     listed = [entry for entry in registry.listing("composite") if entry["name"] == "timid"]
@@ -241,7 +244,7 @@ def test_a_composite_of_a_users_own_is_found_chosen_and_told(tmp_path: Path) -> 
 
 
 RULED = '''
-"""Wary: a composite of a user's own, by rules."""
+"""Wary: a composite in a user's own folder, by rules."""
 
 from typing import ClassVar
 
@@ -249,7 +252,7 @@ from navfw import RuledComposite
 
 
 class Wary(RuledComposite):
-    """Lets the goal count where there is room."""
+    """Weighs the goal fully where there is room."""
 
     name: ClassVar[str] = "wary"
 
@@ -272,7 +275,7 @@ rules:
 """
 
 
-def test_a_composite_by_rules_needs_its_inputs_and_a_file_of_rules_alone(tmp_path: Path) -> None:
+def test_a_composite_by_rules_needs_its_inputs_and_a_rule_file(tmp_path: Path) -> None:
     (tmp_path / "wary.py").write_text(RULED)
     cls = default_registry([tmp_path]).get("composite", "wary")
     assert issubclass(cls, Composite)
@@ -292,21 +295,21 @@ def test_a_composite_by_rules_needs_its_inputs_and_a_file_of_rules_alone(tmp_pat
 
 
 @pytest.mark.parametrize(
-    ("instead", "says"),
+    ("instead", "message"),
     [
         ("def input(self, context)", "missing inputs(self, context); define it instead of 'input'"),
         ("def inputs(self)", "inputs(self) has the wrong parameters: no 'context'"),
     ],
 )
 def test_a_composite_by_rules_without_inputs_is_refused_at_once(
-    tmp_path: Path, instead: str, says: str
+    tmp_path: Path, instead: str, message: str
 ) -> None:
     (tmp_path / "wary.py").write_text(RULED.replace("def inputs(self, context)", instead))
     (broken,) = default_registry([tmp_path]).broken()
-    assert says in broken["error"]
+    assert message in broken["error"]
 
 
-def test_a_broken_composite_is_told_and_stops_nothing_else(tmp_path: Path) -> None:
+def test_a_broken_composite_is_listed_and_others_still_load(tmp_path: Path) -> None:
     (tmp_path / "timid.py").write_text(
         TIMID.replace("def weigh(self, context", "def weigh(self, it")
     )

@@ -1,4 +1,4 @@
-"""The simple flow robots: balance, and saccades by the divergence."""
+"""Behaviours that use the flow alone: balance, and saccades by the divergence."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def built(name: str) -> Behavior:
     return behavior
 
 
-def seeing(ahead: float = 20.0, left: float = 20.0, right: float = 20.0) -> Context:
+def with_walls(ahead: float = 20.0, left: float = 20.0, right: float = 20.0) -> Context:
     return replace(OPEN, flow=wall_flow(ROBOT, OPEN.time, ahead, left, right))
 
 
@@ -44,9 +44,9 @@ def wanted(context: Context, proposal: Proposal) -> Twist:
 @given(st.floats(0.3, 1.2), st.floats(0.3, 1.2))
 def test_balance_turns_away_from_the_nearer_wall_and_mirrors(left: float, right: float) -> None:
     behavior = built("balance")
-    context = seeing(left=left, right=right)
+    context = with_walls(left=left, right=right)
     here = wanted(context, behavior.propose(context)).w
-    mirrored = seeing(left=right, right=left)
+    mirrored = with_walls(left=right, right=left)
     assert wanted(mirrored, behavior.propose(mirrored)).w == pytest.approx(-here, abs=0.03)
     if abs(left - right) > 0.3:
         assert here * (left - right) > 0.0
@@ -57,7 +57,7 @@ def test_balance_is_drawn_to_the_goal_and_slower_in_turns() -> None:
     straight = wanted(OPEN, behavior.propose(OPEN))
     assert abs(straight.w) < 0.03
     assert straight.v == pytest.approx(0.3, abs=0.03)
-    aside = replace(seeing(), belief=replace(OPEN.belief, pose=Pose(0.0, 0.0, -1.0)))
+    aside = replace(with_walls(), belief=replace(OPEN.belief, pose=Pose(0.0, 0.0, -1.0)))
     turning = wanted(aside, behavior.propose(aside))
     assert turning.w > 0.3
     assert turning.v < straight.v
@@ -65,22 +65,22 @@ def test_balance_is_drawn_to_the_goal_and_slower_in_turns() -> None:
 
 def test_balance_needs_fresh_flow_of_both_sides() -> None:
     behavior = built("balance")
-    context = seeing(left=0.4)
+    context = with_walls(left=0.4)
     assert wanted(context, behavior.propose(context)).w < -0.3
     assert context.flow is not None
     half = context.flow.confidence * (context.flow.points[..., 0] < 0.0)
-    blind = replace(context, flow=replace(context.flow, confidence=half))
+    half_blind = replace(context, flow=replace(context.flow, confidence=half))
     old = replace(context, time=context.time + 2.0)
-    for unsure in (blind, old, replace(context, flow=None)):
-        assert abs(wanted(unsure, behavior.propose(unsure)).w) < 0.05
+    for unusable in (half_blind, old, replace(context, flow=None)):
+        assert abs(wanted(unusable, behavior.propose(unusable)).w) < 0.05
 
 
-def drive_toward(distance: float, looks: int = 3) -> tuple[Context, Proposal]:
-    """The divergence robot before a wall, after so many looks at it."""
+def drive_toward(distance: float, frames: int = 3) -> tuple[Context, Proposal]:
+    """The divergence behaviour before a wall, after so many frames of it."""
     behavior = built("divergence")
-    for look in range(looks):
-        time = OPEN.time + 0.1 * look
-        flow = wall_flow(ROBOT, time, distance - 0.03 * look, 20.0, 0.9)
+    for k in range(frames):
+        time = OPEN.time + 0.1 * k
+        flow = wall_flow(ROBOT, time, distance - 0.03 * k, 20.0, 0.9)
         context = replace(OPEN, time=time, flow=flow)
         proposal = behavior.propose(context)
     return context, proposal
@@ -98,22 +98,22 @@ def test_divergence_drives_on_while_contact_is_far_and_turns_before_it() -> None
     assert "saccade" in proposal.reason
 
 
-def test_one_look_is_not_believed() -> None:
-    context, proposal = drive_toward(0.7, looks=1)
+def test_one_frame_is_not_enough_for_a_saccade() -> None:
+    context, proposal = drive_toward(0.7, frames=1)
     assert wanted(context, proposal).v > 0.25
 
 
 def test_divergence_measures_the_time_to_contact() -> None:
     # 6 cm between frames 0.2 s apart are 0.3 m/s; the camera is 0.1 m ahead of the axle
-    _, proposal = drive_toward(2.0, looks=1)
-    told = float(proposal.reason.split()[2])
-    assert told == pytest.approx((2.0 - 0.1) / 0.3, rel=0.1)
+    _, proposal = drive_toward(2.0, frames=1)
+    seconds = float(proposal.reason.split()[2])
+    assert seconds == pytest.approx((2.0 - 0.1) / 0.3, rel=0.1)
 
 
-def test_after_a_saccade_it_goes_straight_on_for_a_while() -> None:
+def test_after_a_saccade_it_drives_straight_on_for_a_while() -> None:
     behavior = built("divergence")
-    for look in range(2):
-        time = OPEN.time + 0.1 * look
+    for k in range(2):
+        time = OPEN.time + 0.1 * k
         flow = wall_flow(ROBOT, time, 0.7, 20.0, 0.9)
         behavior.propose(replace(OPEN, time=time, flow=flow))
     pose = Pose(OPEN.pose.x, OPEN.pose.y, OPEN.pose.yaw + 1.0)
@@ -129,5 +129,5 @@ def test_after_a_saccade_it_goes_straight_on_for_a_while() -> None:
 
 
 @pytest.mark.parametrize("name", ["balance", "divergence"])
-def test_they_want_nothing_without_a_waypoint(name: str) -> None:
+def test_they_do_not_apply_without_a_waypoint(name: str) -> None:
     assert built(name).propose(replace(OPEN, waypoint=None)).applicability == 0.0

@@ -1,4 +1,4 @@
-"""The primitives of the stack as published: what near, middle and far alone make them do."""
+"""The primitives of the stack as published: they decide by near, middle and far alone."""
 
 from __future__ import annotations
 
@@ -38,30 +38,32 @@ def wanted(context: Context, proposal: Proposal) -> Twist:
     )
 
 
-def test_sight_is_near_on_the_side_of_a_wall_and_far_elsewhere() -> None:
-    sight = last(BehaviorScene("left", Twist(0.3, 0.0), left=0.5)).sight
-    assert sight is not None
-    assert (sight.left, sight.right, sight.ahead) == (0.0, 1.0, 1.0)
-    ahead = last(BehaviorScene("ahead", Twist(0.3, 0.0), ahead=0.9)).sight
+def test_quadrant_distances_are_near_on_the_side_of_a_wall_and_far_elsewhere() -> None:
+    beside = last(BehaviorScene("left", Twist(0.3, 0.0), left=0.5)).quadrant_distances
+    assert beside is not None
+    assert (beside.left, beside.right, beside.ahead) == (0.0, 1.0, 1.0)
+    ahead = last(BehaviorScene("ahead", Twist(0.3, 0.0), ahead=0.9)).quadrant_distances
     assert ahead is not None
     assert max(ahead.left, ahead.right, ahead.ahead) < 0.2
-    corridor = last(BehaviorScene("corridor", Twist(0.3, 0.0), left=0.7, right=0.7)).sight
+    corridor = last(
+        BehaviorScene("corridor", Twist(0.3, 0.0), left=0.7, right=0.7)
+    ).quadrant_distances
     assert corridor is not None
     assert corridor.ahead == 1.0, "walls beside a corridor are not ahead"
     assert max(corridor.left, corridor.right) < 0.2
 
 
-def test_what_is_unknown_is_neither_near_nor_free() -> None:
+def test_unknown_quadrants_are_neither_near_nor_far() -> None:
     percept = last(BehaviorScene("open", Twist(0.3, 0.0))).percept
     assert percept is not None
     nothing = dict.fromkeys(("near", "middle", "far"), 0.0)
     blind = replace(percept, quadrants=dict.fromkeys(percept.quadrants, nothing))
-    sight = quadrant_distances(blind, percept.time + 2.0)
-    assert (sight.left, sight.right) == (0.5, 0.5)
-    assert sight.age == pytest.approx(2.0)
+    unknown = quadrant_distances(blind, percept.time + 2.0)
+    assert (unknown.left, unknown.right) == (0.5, 0.5)
+    assert unknown.age == pytest.approx(2.0)
 
 
-def test_with_one_layer_ahead_is_what_both_halves_show() -> None:
+def test_with_one_layer_ahead_is_the_farther_half() -> None:
     percept = last(BehaviorScene("ahead", Twist(0.3, 0.0), ahead=0.9)).percept
     assert percept is not None
     shallow = replace(percept, obstacles={"layer1": percept.obstacles["layer1"]})
@@ -91,7 +93,7 @@ def test_before_a_wall_it_turns_hard_to_the_waypoints_side_and_not_fast(
     assert not proposal.prohibition[context.commands.v <= 0.05].any()
 
 
-def test_what_was_seen_long_ago_counts_no_more() -> None:
+def test_old_percepts_are_ignored() -> None:
     context = last(BehaviorScene("wall", Twist(0.3, 0.0), ahead=0.9))
     late = replace(context, time=context.time + 1.0)
     for name in ("avoid_quadrants", "follow_wall_quadrants"):
@@ -100,9 +102,9 @@ def test_what_was_seen_long_ago_counts_no_more() -> None:
 
 @pytest.mark.parametrize(("side", "sign"), [("left", 1.0), ("right", -1.0)])
 def test_following_a_wall_keeps_it_between_near_and_middle(side: str, sign: float) -> None:
-    def turn(gap: float) -> float:
+    def turn(distance: float) -> float:
         scene = BehaviorScene("beside", Twist(0.2, 0.0))
-        scene = replace(scene, left=gap) if side == "left" else replace(scene, right=gap)
+        scene = replace(scene, left=distance) if side == "left" else replace(scene, right=distance)
         context = last(scene)
         return wanted(context, built("follow_wall_quadrants").propose(context)).w * sign
 
@@ -124,7 +126,7 @@ def test_an_emergency_turns_on_the_spot_to_its_end() -> None:
     while behavior.propose(context).applicability:
         turned += 0.1
         pose = Pose(context.pose.x, context.pose.y, context.pose.yaw + 0.1)
-        # nothing is seen while turning: the percept grows old
+        # there is no percept while turning: the last one ages
         context = replace(context, pose=pose, time=context.time + 0.2)
         assert turned < 2.0
     assert 0.8 < turned < 1.2

@@ -1,4 +1,4 @@
-"""The behaviours we ship keep their contract and do what their names say."""
+"""The shipped behaviours keep their contract and propose what their names say."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ import pytest
 from navfw.context import CommandGrid, Context
 from navfw.interfaces import Behavior, Composite
 from navfw.localmap.local_planner import LocalGoal
-from navfw.movers.conflict_prediction import ConflictParams, predict_conflicts
+from navfw.movers.conflict_prediction import ConflictParams, ConflictPredictor
 from navfw.movers.tracking import Track
 from navfw.plugins import Registry, default_registry
 from navfw.robot import RobotModel
-from navfw.signals import Pose, Proposal, Twist, Waypoint
+from navfw.signals import Odometry, Pose, Proposal, Twist, Waypoint
 from navfw.testing import check_behavior
 from navfw.testing.behavior_scenes import BehaviorScene, contexts_of
 
@@ -58,7 +58,7 @@ def propose(registry: Registry, name: str, scene: BehaviorScene) -> tuple[Contex
 
 
 def wanted(context: Context, proposal: Proposal) -> Twist:
-    """The centre of what a proposal desires."""
+    """The centre of the commands that a proposal desires."""
     desire = proposal.desirability
     return Twist(
         float((desire * context.commands.v[:, None]).sum() / desire.sum()),
@@ -93,14 +93,14 @@ def test_go_to_xy_drives_fast_straight_on_and_slowly_at_the_goal(registry: Regis
     assert abs(far.w) < 0.05
 
 
-def test_go_to_xy_wants_nothing_without_a_waypoint(registry: Registry) -> None:
+def test_go_to_xy_does_not_apply_without_a_waypoint(registry: Registry) -> None:
     _, proposal = propose(
         registry, "go_to_xy", BehaviorScene("nowhere", Twist(0.1, 0.0), waypoint=None)
     )
     assert proposal.applicability == 0.0
 
 
-def test_avoid_forbids_what_cannot_stop_before_the_wall(registry: Registry) -> None:
+def test_avoid_prohibits_commands_that_cannot_stop_before_the_wall(registry: Registry) -> None:
     context, proposal = propose(
         registry, "avoid", BehaviorScene("wall", Twist(0.2, 0.0), ahead=0.75, ticks=14)
     )
@@ -110,16 +110,16 @@ def test_avoid_forbids_what_cannot_stop_before_the_wall(registry: Registry) -> N
     standing = int(np.flatnonzero(context.commands.v == 0.0)[0])
     assert np.all(proposal.prohibition[standing] < 0.5)  # turning on the spot is always allowed
     rules = proposal.explain(len(context.commands.v) - 1, straight)
-    assert rules and "forbid IS yes" in rules[0]["rule"]
+    assert rules and "prohibit IS yes" in rules[0]["rule"]
 
 
-def test_avoid_allows_the_open_floor_that_it_has_seen(registry: Registry) -> None:
+def test_avoid_allows_observed_open_floor(registry: Registry) -> None:
     context, proposal = propose(registry, "avoid", BehaviorScene("open", Twist(0.3, 0.0), ticks=14))
     straight = context.commands.w.size // 2
     assert proposal.prohibition[-1, straight] < 0.5
 
 
-def test_avoid_doubts_what_it_has_not_seen(registry: Registry) -> None:
+def test_avoid_discourages_fast_commands_into_unobserved_space(registry: Registry) -> None:
     scene = BehaviorScene("blind", Twist(0.0, 0.0), perceives=False, ticks=2)
     context, proposal = propose(registry, "avoid", scene)
     straight = context.commands.w.size // 2
@@ -129,9 +129,9 @@ def test_avoid_doubts_what_it_has_not_seen(registry: Registry) -> None:
 
 @pytest.mark.parametrize(("side", "sign"), [("left", 1.0), ("right", -1.0)])
 def test_follow_wall_keeps_its_distance(registry: Registry, side: str, sign: float) -> None:
-    def beside(gap: float) -> BehaviorScene:
+    def beside(distance: float) -> BehaviorScene:
         scene = BehaviorScene("beside a wall", Twist(0.2, 0.0), ticks=16)
-        return replace(scene, left=gap) if side == "left" else replace(scene, right=gap)
+        return replace(scene, left=distance) if side == "left" else replace(scene, right=distance)
 
     near, far = beside(0.32), beside(0.8)
     assert wanted(*propose(registry, "follow_wall", near)).w * sign < -0.05
@@ -139,14 +139,14 @@ def test_follow_wall_keeps_its_distance(registry: Registry, side: str, sign: flo
 
 
 def weigh(registry: Registry, scene: BehaviorScene, **changes: object) -> dict[str, float]:
-    """What `travel` gives its primitives at the end of a scene."""
+    """The weights that ``travel`` gives its primitives at the end of a scene."""
     cls = registry.get("composite", "travel")
     assert issubclass(cls, Composite)
     context = replace(contexts_of(scene)[-1], **changes)  # type: ignore[arg-type]
     return dict(cls(ROBOT).weigh(context))
 
 
-def test_travel_follows_walls_only_when_nothing_else_gets_on(registry: Registry) -> None:
+def test_travel_follows_walls_only_without_progress(registry: Registry) -> None:
     scene = BehaviorScene("moving", Twist(0.2, 0.0), left=0.5, ticks=10)
     moving = weigh(registry, scene)
     assert moving["follow_wall"] == 0.0
@@ -192,7 +192,7 @@ def test_traverse_door_only_at_doors_and_slowly_in_narrow_ones(registry: Registr
     assert through(0.6).v < through(1.2).v
 
 
-def test_peek_creeps_into_the_unseen_only(registry: Registry) -> None:
+def test_peek_creeps_into_unobserved_space_only(registry: Registry) -> None:
     blind = BehaviorScene("blind", Twist(0.0, 0.0), perceives=False, ticks=2)
     context, proposal = propose(registry, "peek", blind)
     assert proposal.applicability > 0.4
@@ -224,7 +224,7 @@ def test_escape_backs_out_and_then_turns(registry: Registry) -> None:
     assert not phases[-1], "then it turns on the spot"
 
 
-def test_emergency_sleeps_while_all_is_well(registry: Registry) -> None:
+def test_emergency_does_not_apply_on_open_floor(registry: Registry) -> None:
     context, proposal = propose(
         registry, "emergency", BehaviorScene("open", Twist(0.3, 0.0), ticks=10)
     )
@@ -233,7 +233,7 @@ def test_emergency_sleeps_while_all_is_well(registry: Registry) -> None:
     assert context.stalled == 0.0
 
 
-def test_emergency_stops_a_robot_that_is_held(registry: Registry) -> None:
+def test_emergency_stops_a_robot_whose_wheels_do_not_turn(registry: Registry) -> None:
     held = BehaviorScene("held", Twist(0.3, 0.0), moves=False, ticks=30)
     context, proposal = propose(registry, "emergency", held)
     assert proposal.applicability == 1.0
@@ -247,35 +247,37 @@ def test_emergency_stops_before_a_wall_that_is_too_near(registry: Registry) -> N
     assert proposal.applicability == 1.0
 
 
-def met(context: Context, *tracks: Track, twist: Twist) -> Context:
-    """``context`` of a robot that drives ``twist`` and knows of these movers."""
-    encounters = predict_conflicts(
-        tracks, ROBOT, context.commands, context.pose, twist, 0.0, ConflictParams(doubt=0.0)
-    )
-    return replace(context, conflicts=encounters, twist=twist)
+def with_conflicts(context: Context, *tracks: Track, twist: Twist) -> Context:
+    """``context`` of a robot that drives ``twist`` among moving obstacles with these ``tracks``."""
+    odometry = Odometry(0.0, context.pose, twist, 0.0, still=False)
+    predictor = ConflictPredictor(ROBOT, ConflictParams(uncertainty=0.0))
+    conflicts = predictor.predict(tracks, odometry, context.commands.v, context.commands.w)
+    return replace(context, conflicts=conflicts, twist=twist)
 
 
-def walker(context: Context, x: float, y: float, vx: float, vy: float) -> Track:
-    """Somebody at (x, y) in base_link, going (vx, vy) in odom; the scenes face along odom's x."""
+def person(context: Context, x: float, y: float, vx: float, vy: float) -> Track:
+    """A person at (x, y) in base_link with (vx, vy) in odom; scenes face along odom's x."""
     place = context.pose.to_parent(x, y)
     return Track(np.array([*place, vx, vy]), 0.01 * np.eye(4), 0.25, 0.0, 5)
 
 
-def judged(registry: Registry, *tracks: tuple[float, float, float, float], v: float) -> Proposal:
+def give_way_proposal(
+    registry: Registry, *tracks: tuple[float, float, float, float], v: float
+) -> Proposal:
     behavior = behavior_class(registry, "give_way")(ROBOT)
     context = list(contexts_of(BehaviorScene("open floor", Twist(0.3, 0.0))))[-1]
-    walkers = [walker(context, *track) for track in tracks]
-    return behavior.propose(met(context, *walkers, twist=Twist(v, 0.0)))
+    people = [person(context, *track) for track in tracks]
+    return behavior.propose(with_conflicts(context, *people, twist=Twist(v, 0.0)))
 
 
-def test_give_way_says_nothing_where_nobody_walks(registry: Registry) -> None:
-    proposal = judged(registry, v=0.4)
+def test_give_way_does_not_apply_without_moving_obstacles(registry: Registry) -> None:
+    proposal = give_way_proposal(registry, v=0.4)
     assert proposal.applicability == 0.0
     assert not proposal.prohibition.any()
 
 
-def test_give_way_waits_for_who_crosses(registry: Registry) -> None:
-    proposal = judged(registry, (0.9, -0.9, 0.0, 0.45), v=0.45)
+def test_give_way_waits_for_a_crossing_obstacle(registry: Registry) -> None:
+    proposal = give_way_proposal(registry, (0.9, -0.9, 0.0, 0.45), v=0.45)
     commands = CommandGrid(ROBOT)
     ahead, waiting = commands.nearest(Twist(0.5, 0.0)), commands.nearest(Twist(0.0, 0.0))
     assert proposal.applicability > 0.5
@@ -284,9 +286,9 @@ def test_give_way_waits_for_who_crosses(registry: Registry) -> None:
     assert any("touching" in rule["rule"] for rule in proposal.explain(*ahead))
 
 
-def test_give_way_does_not_stand_where_somebody_walks(registry: Registry) -> None:
-    # straight at the robot's left half, past a robot that moves aside
-    proposal = judged(registry, (1.0, 0.25, -0.5, 0.0), v=0.0)
+def test_give_way_leaves_the_way_of_an_approaching_obstacle(registry: Registry) -> None:
+    # toward the robot's left half; it passes a robot that moves aside
+    proposal = give_way_proposal(registry, (1.0, 0.25, -0.5, 0.0), v=0.0)
     commands = CommandGrid(ROBOT)
     standing = commands.nearest(Twist(0.0, 0.0))
     best = np.unravel_index(int(proposal.desirability.argmax()), commands.shape)
@@ -294,31 +296,31 @@ def test_give_way_does_not_stand_where_somebody_walks(registry: Registry) -> Non
     assert commands.v[best[0]] != 0.0
 
 
-def test_give_way_does_not_drive_at_who_is_at_hand(registry: Registry) -> None:
-    # standing beside the way: nobody comes, but whoever drives on touches
-    proposal = judged(registry, (0.6, 0.1, 0.0, 0.0), v=0.2)
+def test_give_way_does_not_drive_toward_a_close_obstacle(registry: Registry) -> None:
+    # it stands beside the way and would be touched by a robot that drives on
+    proposal = give_way_proposal(registry, (0.6, 0.1, 0.0, 0.0), v=0.2)
     commands = CommandGrid(ROBOT)
-    at_them = proposal.prohibition[commands.nearest(Twist(0.2, 0.0))]
-    assert at_them > 0.8
+    toward = proposal.prohibition[commands.nearest(Twist(0.2, 0.0))]
+    assert toward > 0.8
     assert any(
-        "closing" in rule["rule"] for rule in proposal.explain(*commands.nearest(Twist(0.2, 0.0)))
+        "approach" in rule["rule"] for rule in proposal.explain(*commands.nearest(Twist(0.2, 0.0)))
     )
     assert proposal.prohibition[commands.nearest(Twist(0.0, 0.8))] < 0.5
     assert proposal.prohibition[commands.nearest(Twist(-0.15, 0.0))] < 0.5
 
 
-def test_a_turn_to_drive_off_lasts_as_long_as_suits(registry: Registry) -> None:
-    # straight on at a robot that stands: a quarter turn and away is better than half of one
+def test_the_best_duration_of_a_turn_counts(registry: Registry) -> None:
+    # toward a standing robot: a quarter turn before driving off is better than half a turn
     context = list(contexts_of(BehaviorScene("open floor", Twist(0.3, 0.0))))[-1]
-    context = met(context, walker(context, 1.6, 0.0, -0.4, 0.0), twist=Twist(0.0, 0.0))
+    context = with_conflicts(context, person(context, 1.6, 0.0, -0.4, 0.0), twist=Twist(0.0, 0.0))
     assert context.conflicts is not None
-    gap, commands = context.conflicts.gap, context.commands
-    off = gap[commands.nearest(Twist(0.0, 1.2))]
-    assert off > 0.1 > gap[commands.nearest(Twist(0.0, 0.0))]
-    assert context.conflicts.closing.max() == 0.0  # nobody is at hand yet
+    distance, commands = context.conflicts.distance, context.commands
+    off = distance[commands.nearest(Twist(0.0, 1.2))]
+    assert off > 0.1 > distance[commands.nearest(Twist(0.0, 0.0))]
+    assert context.conflicts.approach.max() == 0.0  # no obstacle is close yet
 
 
-def test_give_way_leaves_the_least_bad_way_out(registry: Registry) -> None:
+def test_give_way_allows_the_least_bad_command(registry: Registry) -> None:
     around = [(0.6, 0.0, -0.4, 0.0), (-0.6, 0.0, 0.4, 0.0), (0.0, 0.6, 0.0, -0.4)]
-    proposal = judged(registry, *around, (0.0, -0.6, 0.0, 0.4), v=0.0)
+    proposal = give_way_proposal(registry, *around, (0.0, -0.6, 0.0, 0.4), v=0.0)
     assert proposal.prohibition.min() < 0.5
