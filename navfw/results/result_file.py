@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import combinations
 from pathlib import Path
 from typing import Annotated, Final, Literal, TypeAlias
 
@@ -97,6 +98,7 @@ class StoredSuiteResult(_StoredBase):
     """
 
     kind: Literal["suite"] = "suite"
+    seeds: Annotated[str, Field(pattern=r"^\d+:\d+$")]
     suite: str
     suite_hash: str
     variant: str = ""
@@ -104,6 +106,12 @@ class StoredSuiteResult(_StoredBase):
     parts: Mapping[str, Figures]
     p: Share | None = None
     against: str = ""
+
+    @property
+    def seed_range(self) -> range:
+        """``seeds`` as numbers."""
+        first, _, last = self.seeds.partition(":")
+        return range(int(first), int(last))
 
 
 class StoredValues(_StoredBase):
@@ -121,10 +129,21 @@ def load_results(folder: Path) -> list[StoredResult]:
 
     Raises:
         ConfigError: a file is no JSON, breaks the schema, is of another version or is named unlike
-            its result; the message names file, line and key.
+            its result, or two results share runs; the message names file, line and key.
 
     """
-    return [_load(file) for file in sorted(folder.glob("*.json"))]
+    results = [_load(file) for file in sorted(folder.glob("*.json"))]
+    _check_overlaps(folder, [r for r in results if isinstance(r, StoredSuiteResult)])
+    return results
+
+
+def _check_overlaps(folder: Path, results: Sequence[StoredSuiteResult]) -> None:
+    """Refuse two results of one suite with the same options and common seeds."""
+    for first, second in combinations(results, 2):
+        same = [result.command.replace(result.seeds, "", 1) for result in (first, second)]
+        if same[0] == same[1] and not {*first.seed_range}.isdisjoint(second.seed_range):
+            what = f"has seeds in common with {second.name}.json; remove one of the files"
+            raise ConfigError(what, file=folder / f"{first.name}.json", key="seeds")
 
 
 def _load(file: Path) -> StoredResult:

@@ -63,6 +63,19 @@ def test_what_is_no_json_is_told(tmp_path: Path) -> None:
         load_results(tmp_path)
 
 
+def test_two_results_share_no_runs(tmp_path: Path) -> None:
+    save_result(tmp_path, suite_result())
+    paper = "navfw suite rooms --seeds 3:9 --stack paper"
+    save_result(tmp_path, suite_result("rooms-3-9-paper", seeds="3:9", command=paper))
+    assert len(load_results(tmp_path)) == 2
+    wider = suite_result("rooms-3-9", seeds="3:9", command="navfw suite rooms --seeds 3:9")
+    save_result(tmp_path, wider)
+    with pytest.raises(
+        ConfigError, match=r"rooms-0-4\.json: seeds: has seeds in common with rooms"
+    ):
+        load_results(tmp_path)
+
+
 def test_only_a_result_of_the_same_command_is_replaced(tmp_path: Path) -> None:
     file = save_result(tmp_path, suite_result())
     save_result(tmp_path, suite_result(revision="newer"))
@@ -210,7 +223,8 @@ def test_a_page_out_of_date_is_told_and_renewed(tmp_path: Path) -> None:
     assert "| rooms | 0:4 |" in folder.with_suffix(".md").read_text()
     assert readme.read_text() == f"- Rooms: {place.format('3 reached')}.\n"
     assert navfw("--check") == (0, "up to date\n")
-    save_result(folder, suite_result("rooms-4-8"))
+    more = suite_result("rooms-4-8", seeds="4:8", command="navfw suite rooms --seeds 4:8")
+    save_result(folder, more)
     assert navfw("--check")[0] == 1
     sentences.write_text(place.format("{{value rooms reached}} and {{value faults passed}}"))
     navfw()
