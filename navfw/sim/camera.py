@@ -27,8 +27,8 @@ _NOISE_BANK = 1 << 20
 """Size of the noise drawn once [bytes]; every frame uses a random section of it."""
 _WIDEST = 2.8
 """Limit of the horizontal field of view with a fault [rad]: a pinhole image ends at pi."""
-# OpenGL's camera axes (right, up, back) from the camera frame's (right, down, ahead)
 _RIGHT_UP_BACK = np.array([[1.0], [-1.0], [-1.0]])
+"""Signs of OpenGL's camera axes (right, up, back) relative to right, down, ahead."""
 
 
 class RenderRequest(NamedTuple):

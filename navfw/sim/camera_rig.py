@@ -146,7 +146,7 @@ class CameraRig:
         """The true motion of the camera between two recent frames, pitch and roll included.
 
         Raises:
-            SimulationError: one of the frames is not from here, or too old.
+            SimulationError: one of the frames is not from this simulation, or too old.
 
         """
         bodies = dict(self._captured)

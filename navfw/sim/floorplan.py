@@ -22,8 +22,8 @@ __all__ = ["ConfigurationSpaceGrid", "FloorPlan", "NamedShape"]
 
 CELL = 0.05
 """Edge of a cell of the search grid [m]."""
-# straight, diagonal and knight's moves: 16 directions keep the found path near the shortest one
 _MOVES = ((0, 1), (1, 0), (1, 1), (1, -1), (1, 2), (2, 1), (2, -1), (1, -2))
+"""Straight, diagonal and knight's moves: with their opposites, 16 directions of the search."""
 
 
 @dataclass(frozen=True, slots=True)

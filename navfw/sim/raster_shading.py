@@ -20,6 +20,7 @@ Bytes = npt.NDArray[np.uint8]
 
 _ZERO, _ONE = np.float32(0.0), np.float32(1.0)
 _WHITE, _BRIGHTEST = np.uint8(255), np.float32(255.0)
+"""Background, and the limit of a channel."""
 _OUTSIDE_GREY = np.float32(128.0)
 """Luminance for texture coordinates outside a texture."""
 _NOTHING, _OUTSIDE = -1, -2

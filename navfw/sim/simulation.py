@@ -293,7 +293,7 @@ class Simulation:
         """The true motion of the camera between two recent frames, pitch and roll included.
 
         Raises:
-            SimulationError: one of the frames is not from here, or too old.
+            SimulationError: one of the frames is not from this simulation, or too old.
 
         """
         return self._rig.true_motion(past, now)

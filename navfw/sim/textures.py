@@ -1,6 +1,6 @@
 """Procedural textures: seeded, periodic, band-limited, with contrast for the optical flow.
 
-TinyRenderer, like the renderer here, samples textures by nearest neighbour without mipmaps: detail
+The rasteriser, like TinyRenderer, samples textures by nearest neighbour without mipmaps: detail
 finer than about two pixels at the working distance aliases and disturbs the flow (METHOD sec 0).
 Every pattern is therefore low-pass filtered with a cutoff of half a cycle per ``finest`` metres.
 """
@@ -29,6 +29,7 @@ RESOLUTION = 512
 _COARSEST = 1.0
 """Longest wavelength [m]: longer ones do not help the correlation of a 24 px window."""
 _LUMA = np.array([0.299, 0.587, 0.114])
+"""Weights of red, green and blue in the luminance (Rec. 601)."""
 
 STOCK: Mapping[str, Mapping[str, object]] = MappingProxyType(
     {

@@ -14,7 +14,6 @@ __all__ = ["furnish"]
 
 Interval = tuple[float, float]
 
-# name, length along the wall, depth, height [m]: smallest and largest
 _ALONG_WALLS = (
     ("desk", (1.2, 1.6), (0.65, 0.8), (0.72, 0.76)),
     ("shelf", (0.8, 1.5), (0.3, 0.45), (1.4, 2.0)),
@@ -22,12 +21,12 @@ _ALONG_WALLS = (
     ("sofa", (1.4, 1.8), (0.7, 0.8), (0.7, 0.85)),
     ("fridge", (0.6, 0.7), (0.6, 0.65), (1.5, 1.8)),
 )
-# name, half length, half depth, height [m]
+"""Boxes along walls: name, intervals of length along the wall, depth and height [m]."""
 _FREE_BOXES = (
     ("crate", (0.25, 0.4), (0.25, 0.4), (0.5, 0.9)),
     ("table", (0.5, 0.8), (0.35, 0.5), (0.7, 0.76)),
 )
-# name, radius, height [m]
+"""Free-standing boxes: name, intervals of half length, half depth and height [m]."""
 _FREE_ROUND = (
     ("plant", (0.17, 0.27), (0.8, 1.4)),
     ("column", (0.15, 0.25), (2.4, 2.4)),
@@ -35,6 +34,7 @@ _FREE_ROUND = (
     ("bin", (0.15, 0.22), (0.5, 0.8)),
     ("round-table", (0.35, 0.5), (0.72, 0.76)),
 )
+"""Free-standing cylinders: name, intervals of radius and height [m]."""
 _TO_WALL = 0.02
 """Distance of furniture along a wall from the wall [m]."""
 

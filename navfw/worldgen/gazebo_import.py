@@ -34,8 +34,10 @@ POLE_HEIGHT = 1.0
 """Height of BARN's poles [m]: in the files, half of their 1 m is below the ground."""
 
 _BARN_RADIUS = 0.075
+"""Radius of BARN's poles [m]."""
 _BARN_START: Start = (-2.25, 3.0, 1.57)
 _BARN_GOAL: Goal = (-2.25, 13.0)
+"""Start (x, y [m], yaw [rad]) and goal (x, y [m]) of BARN's mission."""
 _BORDER = 3.0
 """Width of the floor around all solids, start and goal [m]."""
 

@@ -24,6 +24,7 @@ MAP_FILE = "map.yaml"
 """Name of the map file in a generated folder, beside ``world.yaml``."""
 
 _HEADER = "# Made by navfw"
+"""Beginning of generated files, by which they are recognised."""
 _NOTICE = f"{_HEADER}; generating it again overwrites changes.\n"
 
 

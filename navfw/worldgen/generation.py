@@ -21,6 +21,7 @@ __all__ = ["FAMILIES", "MAX_SEED", "SHORTEST_PATH", "generate"]
 _SHIPPED: dict[str, type[WorldFamily]] = {
     family.name: family for family in (Rooms, Clutter, Corridors, Maze, Moving, Poles)
 }
+"""The shipped families by name."""
 
 FAMILIES = tuple(_SHIPPED)
 """The names of the shipped families."""

@@ -17,6 +17,7 @@ __all__ = ["build"]
 CELL = 0.15
 """Edge of the automaton's cells [m], as in BARN."""
 _ROWS, _LENGTH = 30, 36
+"""Cells across and along the field."""
 _RUN_UP = 1.6
 """Length of the free floor at both ends of the field [m]."""
 

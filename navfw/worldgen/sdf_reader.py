@@ -30,14 +30,15 @@ _LINE = "navfw-line"
 _UPRIGHT = 1e-3
 """Largest tilt of an upright shape [rad]."""
 
-# elements of a world that are no solids
 _IGNORED = frozenset(
     {
         *("light", "physics", "gravity", "magnetic_field", "atmosphere", "scene", "gui", "wind"),
         *("spherical_coordinates", "state", "plugin", "audio", "frame", "joint"),
     }
 )
+"""Elements of a world that are no solids."""
 _GROUND = ("model://ground_plane", "model://sun", "ground_plane", "sun")
+"""Included models that are ignored."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,6 +24,7 @@ _STYLES: Mapping[Role, tuple[Style, ...]] = MappingProxyType(
         "person": ("carpet", "stone"),
     }
 )
+"""Styles by role."""
 _BRIGHTNESS: Mapping[Role, tuple[float, float]] = MappingProxyType(
     {
         "floor": (110.0, 150.0),
@@ -33,6 +34,7 @@ _BRIGHTNESS: Mapping[Role, tuple[float, float]] = MappingProxyType(
         "person": (95.0, 140.0),
     }
 )
+"""Interval of the mean luminance [grey levels] by role."""
 _FINEST: Mapping[Role, float] = MappingProxyType({"floor": 0.045})
 """Finest detail [m] by role: coarser on floors, seen at a shallow angle, against aliasing."""
 
