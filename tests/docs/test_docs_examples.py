@@ -12,8 +12,10 @@ from pathlib import Path
 
 import pytest
 from docs_pages import PAGES, ROOT, commands, files_of, load_module, table
+from typer.testing import CliRunner
 
 from navfw import Behavior, Composite
+from navfw.cli import app
 from navfw.config.overrides import parse_override
 from navfw.missions.outcome import Outcome
 from navfw.missions.session import MissionResult, prepare
@@ -195,6 +197,8 @@ def test_the_code_that_asks_why_runs(capsys: pytest.CaptureFixture[str]) -> None
 @pytest.mark.usefixtures("project")
 @pytest.mark.parametrize("page", WITH_RUNS, ids=lambda page: page.name)
 def test_worlds_missions_stacks_and_values_of_commands_exist(page: Path) -> None:
+    for words in (words for words in commands(page) if words[0] == "generate"):
+        assert CliRunner().invoke(app, words).exit_code == 0
     for words in (words for words in commands(page) if words[0] == "run"):
         world, mission = words[1:3]
         options = list(itertools.pairwise(words[3:]))
