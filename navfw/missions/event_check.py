@@ -175,8 +175,8 @@ class _Checker:
                 floor = f"x {list(world.x)} y {list(world.y)} [m]"
                 self._refuse((*path, "at"), f"{[x, y]} lies off the floor, {floor}")
             if hole := drop_under(world, obstacle.footprint(x, y)):
-                what = f"{obstacle.name!r} overlaps the drop {hole.name!r}, x {list(hole.x)}"
-                what += f" y {list(hole.y)} [m]; move it, or make it smaller"
+                what = f"{obstacle.name!r} would have no floor under it at {hole.name!r}, x"
+                what += f" {list(hole.x)} y {list(hole.y)} [m]; move it, or make it smaller"
                 self._refuse((*path, "at"), what)
 
     def _known(self, what: str, name: str, known: Iterable[str], path: KeyPath) -> None:

@@ -1,4 +1,4 @@
-"""Rows, suites and jobs for the suite's tests; light, since worker processes import it."""
+"""Rows, cases and jobs for the suite's tests; quick to import in worker processes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from navfw.suite.run_table import RunRow
 
 
 def row(seed: int = 0, outcome: str = "reached", **values: Any) -> RunRow:
-    """A row with plausible numbers; what does not matter to a test has a default."""
+    """A row with plausible numbers as defaults."""
     good = outcome == "reached"
     numbers: dict[str, Any] = {
         "entry": "rooms",
@@ -34,7 +34,7 @@ def row(seed: int = 0, outcome: str = "reached", **values: Any) -> RunRow:
 
 
 def case(seed: int, index: int | None = None, **values: Any) -> Case:
-    """A case of a family nobody has to generate."""
+    """A case of a family; its world is not generated."""
     parts: dict[str, Any] = {
         "entry": "rooms",
         "stack": "default.yaml",
@@ -46,7 +46,7 @@ def case(seed: int, index: int | None = None, **values: Any) -> Case:
     return Case(index=seed if index is None else index, seed=seed, **{**parts, **values})
 
 
-# --- what workers do in tests: functions, since they travel by name -------------------------------
+# --- the workers' functions: at module level, since they are pickled by name ----------------------
 
 
 def square(number: int) -> int:
@@ -59,7 +59,7 @@ def napping(seconds: float) -> int:
 
 
 def meet(folder: str) -> bool:
-    """Whether another process comes while this one waits."""
+    """Whether another process runs at the same time."""
     here = Path(folder)
     (here / str(os.getpid())).touch()
     end = time.monotonic() + 60.0
@@ -82,7 +82,7 @@ def sleep_on_13(number: int) -> int:
 
 def raise_on_13(number: int) -> int:
     if number == 13:
-        raise ValueError("thirteen is not to be had")
+        raise ValueError("thirteen is refused")
     return number
 
 
@@ -95,7 +95,7 @@ def environment(name: str) -> str | None:
 
 
 def fake_run(job: Job) -> RunRow:
-    """Reaches with even seeds; with odd ones it times out."""
+    """Reached for even seeds, timeout for odd ones."""
     good = job.case.seed % 2 == 0
     outcome, cause = ("reached", "") if good else ("timeout", "slow")
     return RunRow(
@@ -116,6 +116,6 @@ def fake_run_that_dies_on_3(job: Job) -> RunRow:
 
 
 def fake_run_by_hand(job: Job) -> RunRow:
-    """Leaves a mark, so that a test knows which runs were made."""
+    """Creates a file, so that a test can list the runs."""
     Path(job.pictures, f"{job.case.seed}.png").touch()
     return fake_run(job)

@@ -1,4 +1,4 @@
-"""The stacks to compare with, in short missions; the truth that oracles are told; rounds."""
+"""Baseline stacks in short missions; the truth for oracle stacks; rounds."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def test_every_stack_gets_to_a_goal_in_the_open(stack: str) -> None:
     assert result.summary()["oracle"] is (stack == "oracle")
 
 
-def test_navground_drives_our_robot() -> None:
+def test_navground_drives_the_robot() -> None:
     pytest.importorskip("navground", reason="the extra navground is not installed")
     result = drive("navground")
     assert result.outcome == "reached", result.reason
@@ -46,7 +46,7 @@ def test_navground_drives_our_robot() -> None:
 @pytest.mark.parametrize(
     "override", ["derotate=false", "floor_model=false", "local_map.planning=false", "refine=false"]
 )
-def test_parts_of_the_stack_can_be_left_out(override: str) -> None:
+def test_parts_of_the_stack_can_be_disabled(override: str) -> None:
     result = drive("default", override, "mission.timeout=6")
     assert result.outcome == "timeout"
     assert result.run.faults == ()
@@ -54,7 +54,7 @@ def test_parts_of_the_stack_can_be_left_out(override: str) -> None:
     assert result.run.log.command_hash != usual.run.log.command_hash
 
 
-def test_a_robot_in_doubt_looks_round_and_explores() -> None:
+def test_an_unlocalised_robot_turns_and_explores() -> None:
     result = drive("search", "search.sigma=0.03", "mission.timeout=25")
     led = set(result.run.log.leaders)
     assert {"look_around", "explore"} <= led
@@ -79,11 +79,11 @@ WORLD = {
 }
 
 
-def test_the_surroundings_are_those_of_the_world_as_the_robot_sees_them() -> None:
+def test_true_surroundings_are_in_base_link() -> None:
     world = WorldSpec.model_validate(WORLD)
     with Simulation(world, RobotModel(), Pose(0.0, 0.0, math.pi / 2.0), seed=0) as simulation:
         around = SimulatorTruth(simulation).surroundings(3.5)
-    # the robot looks along y: the box in the world's east is on its right
+    # the robot faces along y: the box to the east is on its right
     ends = around.edges.reshape(-1, 2)
     assert ends.min(axis=0) == pytest.approx([-0.4, -2.2], abs=0.01)
     assert ends.max(axis=0) == pytest.approx([0.4, -1.8], abs=0.01)
@@ -95,7 +95,7 @@ def test_the_surroundings_are_those_of_the_world_as_the_robot_sees_them() -> Non
     assert walker[3:] == pytest.approx([0.4, 0.0], abs=0.01), "it walks the way the robot looks"
 
 
-def test_without_a_floor_model_nothing_below_the_horizon_is_trusted() -> None:
+def test_without_a_floor_model_flow_below_the_horizon_is_unknown() -> None:
     robot = RobotModel()
     flow = wall_flow(robot, 1.0, 2.0, 20.0, 20.0)
     kept = above_horizon(flow, robot.camera).confidence
@@ -125,7 +125,7 @@ def test_rounds_repeat_the_goals(tmp_path: Path) -> None:
         load_mission(file).check(plan)
 
 
-def test_the_map_of_goals_leads_round_again(tmp_path: Path) -> None:
+def test_the_map_of_goals_closes_the_round(tmp_path: Path) -> None:
     file = tmp_path / "round.yaml"
     file.write_text("start: [0, 0, 0]\ngoals: [{x: 2, y: 0}, {x: 2, y: 2}]\nrounds: 2\n")
     topo_map = load_mission(file).topo_map

@@ -54,7 +54,7 @@ MISSION = "map: pair\nstart: [1.2, 1.5, 0]\ngoals: [east]\ntimeout: 200\n"
 
 
 def drive(folder: Path, monkeypatch: pytest.MonkeyPatch, *barred: float) -> MissionResult:
-    """Cross from west to east with crates in the gaps at these y [m], of which no map knows."""
+    """Cross from west to east with unmapped crates in the gaps at these y [m]."""
     files = {
         "navfw.toml": "",
         "worlds/pair/world.yaml": WORLD,
@@ -69,11 +69,11 @@ def drive(folder: Path, monkeypatch: pytest.MonkeyPatch, *barred: float) -> Miss
         (folder / name).write_text(text)
     monkeypatch.chdir(folder)
     session = prepare("pair", "cross", seed=1)
-    # checked with its gaps free: a mission that cannot be done is refused beforehand
+    # prepared with free gaps: an impossible mission is refused
     return replace(session, world=load_world(folder / "barred.yaml")).run()
 
 
-def test_a_crate_in_the_way_is_found_and_another_way_taken(
+def test_a_blocked_passage_is_detected_and_avoided(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     result = drive(tmp_path, monkeypatch, 1.5)
@@ -83,11 +83,11 @@ def test_a_crate_in_the_way_is_found_and_another_way_taken(
     assert isinstance(planner, Papfis)
     assert planner.replans >= 1
     passed = result.run.log.true
-    assert passed[:, 1].max() > 4.0  # by the northern gap
+    assert passed[:, 1].max() > 4.0  # through the northern gap
 
 
 @pytest.mark.slow
-def test_with_all_ways_barred_the_robot_says_so(
+def test_with_all_passages_blocked_the_mission_ends_stuck_with_the_reason(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     result = drive(tmp_path, monkeypatch, 1.5, 4.5)

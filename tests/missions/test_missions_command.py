@@ -1,4 +1,4 @@
-"""``navfw run`` and ``navfw bench loop`` as a person types them."""
+"""``navfw run`` and ``navfw bench loop`` as subprocesses."""
 
 from __future__ import annotations
 
@@ -52,12 +52,12 @@ def finish(process: subprocess.Popen[str]) -> tuple[int, str, str]:
 
 @pytest.fixture(scope="module")
 def twice(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[dict[str, Any], str, Path]]:
-    """The same run in two fresh processes: answer, stderr, and working folder of each."""
+    """The same run in two new processes: output, stderr and working folder of each."""
     folder = tmp_path_factory.mktemp("run")
     answers = []
     for _ in range(2):
         code, out, err = finish(start(*SHORT, "--json", folder=folder))
-        assert code == 1, err  # three seconds are not enough: it ran and failed
+        assert code == 1, err  # 3 s are too short: a run that fails
         answers.append((json.loads(out), err, folder))
     return answers
 
@@ -140,7 +140,7 @@ def test_ctrl_c_ends_as_cancelled_with_the_folder_intact(tmp_path: Path) -> None
         (["bench", "loop", "--world", "ofice"], "did you mean 'office'?"),
     ],
 )
-def test_bad_input_is_told_in_one_message_and_leaves_nothing(
+def test_bad_input_gives_one_message_and_leaves_no_files(
     words: list[str], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -170,7 +170,7 @@ def test_bench_gives_ratio_speed_and_memory(capfd: pytest.CaptureFixture[str]) -
     assert answer["render_physics_wall_s"] == pytest.approx(
         spent + 1e-3 * 20 * answer["pybullet_render_ms"], rel=0.3
     )
-    # the same pixels, with more divisions
+    # PyBullet's renderer draws the same images more slowly
     assert answer["pybullet_render_ms"] > answer["stage_ms"]["render"]
     assert answer["real_time_factor"] == pytest.approx(
         answer["sim_time_s"] / answer["loop_wall_s"], rel=0.5

@@ -1,4 +1,4 @@
-"""Missions with stairs and doors that close: what the robot sees of holes, and what it does."""
+"""Missions with drops, stairs and closing doors: detection and avoidance."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def office(mission: str, seed: int = 0) -> MissionResult:
     return prepare("office", mission, seed=seed).run()
 
 
-def test_a_drop_of_a_mission_is_in_its_world_and_on_nobodys_way(tmp_path: Path) -> None:
+def test_a_mission_s_drop_is_in_its_world_and_on_no_path(tmp_path: Path) -> None:
     session = prepare(*hall(tmp_path))
     assert [drop.name for drop in session.world.drops] == ["shaft"]
     assert session.plan.clearance(3.5, 1.8) < 0.0
@@ -51,8 +51,11 @@ def test_a_drop_of_a_mission_is_in_its_world_and_on_nobodys_way(tmp_path: Path) 
     ("drop", "message"),
     [
         (DROP.replace("0.8", "0"), r"mission.yaml:5: drops\[0\].depth: expected a number >= 0.05"),
-        (DROP.replace("[3, 4]", "[3, 9]"), r"mission.yaml:5: drops\[0\].x: 'shaft' reaches off"),
-        (DROP.replace("[3, 4]", "[0, 1.5]"), r"mission.yaml:5: drops\[0\].x: 'wall' would stand"),
+        (DROP.replace("[3, 4]", "[3, 9]"), r"mission.yaml:5: drops\[0\].x: 'shaft' extends beyond"),
+        (
+            DROP.replace("[3, 4]", "[0, 1.5]"),
+            r"mission.yaml:5: drops\[0\].x: 'wall' would have no",
+        ),
         (DROP.replace("[3, 4]", "[0.5, 1.5]"), r"mission.yaml:1: start: .*'shaft'"),
     ],
 )
@@ -63,20 +66,20 @@ def test_a_wrong_drop_is_named_with_line_and_key(tmp_path: Path, drop: str, mess
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
-def test_a_hole_is_seen_where_it_is_and_driven_round(tmp_path: Path, seed: int) -> None:
+def test_a_drop_is_detected_at_its_position_and_avoided(tmp_path: Path, seed: int) -> None:
     session = prepare(*hall(tmp_path), seed=seed)
     result = session.run()
     assert result.outcome is Outcome.REACHED, result.reason
     points = np.array(session.stack.local_map.drops.points())
     assert len(points) >= 3
-    # odometry starts at the origin: the robot began at (1, 1.7), heading along x
+    # odometry starts at the origin: the start is (1, 1.7), heading along x
     truth = drop_rectangle(session.world.drops[0]).distance(np.add(points, (1.0, 1.7)))
     assert truth.max() < 0.25
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
-def test_unmapped_stairs_are_not_driven_into(seed: int) -> None:
+def test_unmapped_stairs_are_avoided(seed: int) -> None:
     result = office("stairs", seed)
     assert result.outcome is Outcome.REACHED, result.reason
 
@@ -90,13 +93,13 @@ def test_mapped_stairs_are_avoided_from_the_start() -> None:
 
 
 @pytest.mark.slow
-def test_another_way_is_taken_when_a_door_closes() -> None:
+def test_another_route_is_taken_when_a_door_closes() -> None:
     result = office("door-closes")
     assert result.outcome is Outcome.REACHED, result.reason
 
 
 @pytest.mark.slow
-def test_a_closed_only_door_ends_stuck_and_is_named_soon() -> None:
+def test_a_closed_only_door_ends_stuck_and_is_named() -> None:
     result = office("only-door-closes")
     assert result.outcome is Outcome.STUCK
     assert "office-a-door - office-a-entrance" in result.reason

@@ -1,4 +1,4 @@
-"""Events of missions: what may be written, when they happen, and what a robot makes of them."""
+"""Events of missions: their schema and checks, their times, and their effect on the robot."""
 
 from __future__ import annotations
 
@@ -99,17 +99,17 @@ HOLE = "mission.drops=[{name: shaft, x: [2.0, 2.6], y: [2.0, 2.6]}]"
 
 
 @pytest.mark.parametrize("shape", ["radius: 0.2", "size: [0.5, 0.3], yaw: 0.7"])
-def test_an_obstacle_over_a_hole_is_refused(tmp_path: Path, shape: str) -> None:
+def test_an_obstacle_over_a_drop_is_refused(tmp_path: Path, shape: str) -> None:
     file = mission(tmp_path, f"{{at: 1, obstacle: {{at: [1.9, 2.3], {shape}}}}}")
     with pytest.raises(InputError) as caught:
         prepare("paper-room", file, overrides=[HOLE])
     text = str(caught.value)
-    assert "events.yaml:6: events[1].obstacle.at: 'obstacle' overlaps the drop" in text
-    assert "the drop 'shaft', x [2.0, 2.6] y [2.0, 2.6] [m]; move it" in text
-    assert prepare("paper-room", file).events  # without the hole it may stand there
+    assert "events.yaml:6: events[1].obstacle.at: 'obstacle' would have no floor" in text
+    assert "at 'shaft', x [2.0, 2.6] y [2.0, 2.6] [m]; move it" in text
+    assert prepare("paper-room", file).events  # possible without the drop
 
 
-def test_an_obstacle_beside_a_hole_has_a_name_of_its_own(tmp_path: Path) -> None:
+def test_an_obstacle_beside_a_drop_needs_another_name(tmp_path: Path) -> None:
     thing = "{at: 1, obstacle: {name: %s, at: [1.7, 2.3], radius: 0.2}}"
     assert prepare("paper-room", mission(tmp_path, thing % "carton"), overrides=[HOLE]).events
     with pytest.raises(InputError, match=r"events\[1\].obstacle.name: .*'shaft' is taken"):
@@ -126,7 +126,7 @@ def test_a_wrong_event_is_bad_input_on_the_command_line(tmp_path: Path) -> None:
     assert not out.exists()
 
 
-def test_a_door_that_an_event_opens_may_stand_in_the_only_way(tmp_path: Path) -> None:
+def test_a_door_that_an_event_opens_may_be_on_the_only_path(tmp_path: Path) -> None:
     (tmp_path / "world.yaml").write_text("""
 name: gate
 x: [0, 6]
@@ -145,11 +145,11 @@ doors:
     assert prepare(tmp_path / "world.yaml", file).shortest == pytest.approx(4.0, abs=0.05)
 
 
-# --- when they happen ----------------------------------------------------------------------------
+# --- the times ----------------------------------------------------------------------------------
 
 
-class Stage:
-    """Notes what it is told."""
+class Target:
+    """Records the calls."""
 
     def __init__(self) -> None:
         self.active: list[object] = []
@@ -162,17 +162,17 @@ class Stage:
 
 
 def test_events_begin_and_end_by_simulated_time() -> None:
-    stage, black, out = Stage(), CameraFault(black=True), GyroFault(dropout=True)
+    target, black, out = Target(), CameraFault(black=True), GyroFault(dropout=True)
     clock = EventClock(
         [
-            (Event(black, {"camera": "black"}, at=2.0, lasting=3.0), stage),
-            (Event(out, {"gyro": "dropout"}, at=4.0), stage),
+            (Event(black, {"camera": "black"}, at=2.0, lasting=3.0), target),
+            (Event(out, {"gyro": "dropout"}, at=4.0), target),
         ]
     )
     seen = {}
     for tick in range(80):
         clock.tick(0.1 * tick, HERE)
-        seen[tick] = list(stage.active)
+        seen[tick] = list(target.active)
     assert [tick for tick in seen if black in seen[tick]] == list(range(20, 50))
     assert [tick for tick in seen if out in seen[tick]] == list(range(40, 80))
     first, second = (record.as_data() for record in clock.log)
@@ -181,20 +181,20 @@ def test_events_begin_and_end_by_simulated_time() -> None:
 
 
 def test_an_event_near_a_point_happens_once() -> None:
-    stage, black = Stage(), CameraFault(black=True)
+    target, black = Target(), CameraFault(black=True)
     event = Event(black, {}, point=(1.0, 1.0), within=0.5, lasting=0.3)
-    clock = EventClock([(event, stage)])
+    clock = EventClock([(event, target)])
     clock.tick(0.0, HERE)
-    assert not stage.active
+    assert not target.active
     clock.tick(0.1, Pose(0.6, 0.8, 0.0))
-    assert stage.active == [black]
+    assert target.active == [black]
     for tick in range(2, 9):
         clock.tick(0.1 * tick, Pose(1.0, 1.0, 0.0))
-    assert not stage.active
+    assert not target.active
     assert len(clock.log) == 1
 
 
-# --- what a robot makes of them ------------------------------------------------------------------
+# --- the effect on the robot ---------------------------------------------------------------------
 
 
 def run(*events: str, timeout: float = 40.0, record: bool = False) -> MissionResult:
@@ -239,7 +239,9 @@ def test_a_failing_behaviour_is_recorded_and_fails_again_in_the_replay(tmp_path:
     ],
 )
 @pytest.mark.slow
-def test_a_sensor_out_for_good_ends_the_mission_before_contact(event: str, reason: str) -> None:
+def test_a_permanent_sensor_failure_ends_the_mission_without_collision(
+    event: str, reason: str
+) -> None:
     result = run(event)
     assert result.outcome == "fault"
     assert reason in result.reason
@@ -260,13 +262,13 @@ def test_a_sensor_out_for_good_ends_the_mission_before_contact(event: str, reaso
     ],
 )
 @pytest.mark.slow
-def test_a_robot_goes_on_when_it_can(event: str) -> None:
+def test_the_mission_continues_after_a_temporary_fault(event: str) -> None:
     result = run(event, timeout=90)
     assert (result.outcome, result.metrics.collisions) == ("reached", 0)
 
 
 @pytest.mark.slow
-def test_clearance_counts_what_stood_there_meanwhile() -> None:
+def test_clearance_includes_temporary_obstacles() -> None:
     result = run("{at: 3, lasting: 4, obstacle: {ahead: 0.7, radius: 0.1}}", timeout=7)
     assert result.metrics.min_clearance_m < 0.55
     assert result.metrics.collisions == 0

@@ -1,4 +1,4 @@
-"""Landmarks on missions: replay with landmark frames, what is seen, learning, and the commands."""
+"""Landmarks on missions: replay with landmark frames, detections, learning, commands."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def stack(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return file
 
 
-def test_a_replay_sees_the_same_landmarks(stack: Path, tmp_path: Path) -> None:
+def test_a_replay_has_the_same_landmark_frames(stack: Path, tmp_path: Path) -> None:
     session = prepare("office", "lobby-to-lab", seed=2, stack=stack, overrides=SHORT)
     result = session.run(record=True)
     with RunFolder(tmp_path / "run") as folder:
@@ -46,7 +46,7 @@ def test_a_replay_sees_the_same_landmarks(stack: Path, tmp_path: Path) -> None:
     assert result.timings["landmark_frames"] > 0.0
 
 
-def test_a_stack_that_recognises_nothing_pays_nothing(tmp_path: Path) -> None:
+def test_a_stack_without_landmarks_renders_no_landmark_frames(tmp_path: Path) -> None:
     file = tmp_path / "blind.yaml"
     file.write_text("base: default\nfeatures: {none: }\nlocalizer: {dead_reckoning: }\n")
     session = prepare("office", "lobby-to-lab", seed=2, stack=file, overrides=["mission.timeout=3"])
@@ -58,27 +58,27 @@ def test_a_stack_that_recognises_nothing_pays_nothing(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_landmarks_are_learnt_on_a_drive(tmp_path: Path) -> None:
     file = tmp_path / "learnt.yaml"
-    told = CliRunner().invoke(
+    done = CliRunner().invoke(
         app,
         ["map", "learn", "office", "lobby-to-lab", "--out", str(file), "--least", "2", "--json"],
     )
-    assert told.exit_code == 0, told.output
-    answer = json.loads(told.stdout)
+    assert done.exit_code == 0, done.output
+    answer = json.loads(done.stdout)
     assert answer["learnt"] == len(answer["landmarks"]) >= 5
     assert all(row["error_m"] < 0.4 for row in answer["landmarks"])
     assert load_map(file).landmarks
 
 
-def test_a_world_without_landmarks_teaches_nothing() -> None:
+def test_a_world_without_landmarks_is_an_error() -> None:
     session = prepare("empty", "straight", seed=1, overrides=["mission.timeout=3"])
-    with pytest.raises(MapError, match="no landmark was seen 3 times"):
+    with pytest.raises(MapError, match="no landmark was detected 3 times"):
         learn_landmarks(session)
 
 
 def test_bench_landmarks_prints_its_table() -> None:
-    told = CliRunner().invoke(app, ["bench", "landmarks", "--views", "1", "--json"])
-    assert told.exit_code == 0, told.output
-    answer = json.loads(told.stdout)
+    done = CliRunner().invoke(app, ["bench", "landmarks", "--views", "1", "--json"])
+    assert done.exit_code == 0, done.output
+    answer = json.loads(done.stdout)
     assert set(answer["kinds"]) == {"aruco", "poster"}
     near = [row for row in answer["kinds"]["aruco"]["rows"] if row["distance_m"] <= 2.0]
     assert sum(row["detected"] for row in near) >= 0.8 * len(near)

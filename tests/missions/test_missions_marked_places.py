@@ -1,4 +1,4 @@
-"""Who is put down at any place of the hospital sees a marker once he turns round."""
+"""A full turn at any place of the hospital shows a marker."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def simulation(hospital: TopoMap) -> Iterator[Simulation]:
 
 
 def seen_around(simulation: Simulation, hospital: TopoMap, place: Place) -> set[str]:
-    """The markers of the map that are recognised in a full turn at ``place``."""
+    """The markers of the map that are detected in a full turn at ``place``."""
     recognizer = Aruco(RobotModel())
     recognizer.set_map(hospital)
     found: set[str] = set()
@@ -51,14 +51,14 @@ def seen_around(simulation: Simulation, hospital: TopoMap, place: Place) -> set[
 @pytest.mark.parametrize(
     ("name", "number"), [("pharmacy-east", 81), ("kitchen-west", 82), ("kitchen-west", 83)]
 )
-def test_corners_behind_furniture_have_markers_of_their_own(
+def test_corners_behind_furniture_have_markers(
     simulation: Simulation, hospital: TopoMap, name: str, number: int
 ) -> None:
     assert f"aruco-{number}" in seen_around(simulation, hospital, hospital.places[name])
 
 
 @pytest.mark.slow
-def test_a_marker_is_seen_from_wherever_the_robot_may_be_put_down(
+def test_a_marker_is_detected_from_every_start_place(
     simulation: Simulation, hospital: TopoMap
 ) -> None:
     places = start_candidates(hospital, [])

@@ -1,4 +1,4 @@
-"""Mission files: what is in them, and what is said about a wrong one."""
+"""Mission files: their content, and the errors for wrong ones."""
 
 from __future__ import annotations
 
@@ -63,12 +63,12 @@ def test_without_a_map_the_goals_are_the_map(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("preset", PRESETS)
-def test_the_robot_knows_the_data_sheets_of_its_sensors(tmp_path: Path, preset: str) -> None:
+def test_the_robot_has_the_error_data_of_its_sensors(tmp_path: Path, preset: str) -> None:
     text = GOOD + f"sensors: {{preset: {preset}, slip: 0.123}}\n"
     sheet = SensorParams.preset(preset).sheet
-    assert mission(tmp_path, text).spec.robot.odometry == sheet  # but not what differs from them
-    told = mission(tmp_path, text + "robot: {odometry: {gyro_noise: 0.02}}\n").spec.robot.odometry
-    assert told == sheet.model_copy(update={"gyro_noise": 0.02})
+    assert mission(tmp_path, text).spec.robot.odometry == sheet  # without the changes to the preset
+    given = mission(tmp_path, text + "robot: {odometry: {gyro_noise: 0.02}}\n").spec.robot.odometry
+    assert given == sheet.model_copy(update={"gyro_noise": 0.02})
     assert mission(tmp_path, GOOD).spec.robot.odometry == RobotModel().odometry
 
 
@@ -125,7 +125,7 @@ def test_a_wrong_file_is_named_with_line_and_remedy(
         ("timeout: 60", "robot: {radius: 0.49, track: 0.5}", 4, "goals[0]", "reached"),
     ],
 )
-def test_what_cannot_be_in_the_world_is_named_too(
+def test_what_is_impossible_in_the_world_is_named(
     tmp_path: Path, office: FloorPlan, old: str, new: str, line: int, key: str, message: str
 ) -> None:
     loaded = mission(tmp_path, GOOD.replace(old, new))
@@ -135,7 +135,9 @@ def test_what_cannot_be_in_the_world_is_named_too(
     assert message in str(caught.value)
 
 
-def test_the_shortest_way_goes_past_all_goals_in_order(tmp_path: Path, office: FloorPlan) -> None:
+def test_the_shortest_path_leads_through_all_goals_in_order(
+    tmp_path: Path, office: FloorPlan
+) -> None:
     there = mission(tmp_path, GOOD).check(office)
     and_back = GOOD.replace("[lab]", "[lab, {x: 1.2, y: 1.2}]")
     assert mission(tmp_path, and_back).check(office) == pytest.approx(2.0 * there, rel=0.01)
@@ -153,7 +155,7 @@ def test_every_shipped_mission_is_possible(world: str, found: NamedFile) -> None
     shortest = loaded.check(FloorPlan.from_world(spec))
     assert loaded.spec.description
     assert shortest > 2.0 * loaded.spec.success.within
-    # twice the time that a robot at a quarter of its top speed would need
+    # at least twice the time at top speed
     assert loaded.spec.timeout > 2.0 * shortest / loaded.spec.robot.max_v
 
 

@@ -1,4 +1,4 @@
-"""Missions among those who walk: who caused a collision, and clearance at the right time."""
+"""Missions with movers: the cause of a collision, and clearance at the right time."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ def run(folder: Path, top_speed: float, world: str = WORLD) -> MissionResult:
     return prepare(folder, "up", overrides=["mission.timeout=3"]).run()
 
 
-def test_who_is_run_into_is_not_the_cause(tmp_path: Path) -> None:
-    # a robot that hardly moves, and someone who comes from its right
+def test_a_robot_hit_by_a_mover_is_not_the_cause(tmp_path: Path) -> None:
+    # a robot that hardly moves, and a mover from its right
     result = run(tmp_path, 0.02)
     assert result.outcome is Outcome.COLLIDED
     assert result.collision_cause == "mover"
     assert result.summary()["collision_cause"] == "mover"
-    # truly touched: the plan alone, empty as it is, would say that nothing was near
+    # the static plan alone, which is empty, would give an infinite clearance
     assert result.metrics.min_clearance_m == pytest.approx(0.0, abs=0.02)
 
 

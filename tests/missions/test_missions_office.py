@@ -1,4 +1,4 @@
-"""Missions in the office, as a user of navfw would write them."""
+"""Missions in the office, with the ``mission`` marker."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def test_the_robot_drives_from_the_lobby_to_the_lab(mission: MissionRun) -> None
 
 
 @pytest.mark.mission(world="office", mission="lobby-to-lab", seeds=[1])
-def test_commands_keep_to_what_the_robot_can(mission: MissionRun) -> None:
+def test_commands_keep_the_robot_s_limits(mission: MissionRun) -> None:
     robot = mission.result.session.mission.spec.robot
     v, w = mission.commands[:, 1], mission.commands[:, 2]
     assert v.max() <= robot.max_v
@@ -37,5 +37,5 @@ def test_commands_keep_to_what_the_robot_can(mission: MissionRun) -> None:
     mission=["lab-to-lobby", "meeting-to-kitchen", "workshop-to-office-a", "kitchen-tour"],
     seeds=range(5),
 )
-def test_the_other_ways_through_the_office(mission: MissionRun) -> None:
+def test_the_other_missions_of_the_office(mission: MissionRun) -> None:
     assert mission.outcome == "reached"

@@ -17,7 +17,7 @@ def test_the_robot_finds_out_through_the_door(mission: MissionRun) -> None:
 
 
 @pytest.mark.mission(world="paper-room", mission="around-objects", seeds=[0, *MORE_SEEDS])
-def test_objects_are_passed_and_not_touched(mission: MissionRun) -> None:
+def test_objects_are_passed_without_contact(mission: MissionRun) -> None:
     assert mission.outcome == "reached"
     assert mission.metrics.collisions == 0
     assert mission.metrics.spl > 0.6

@@ -1,4 +1,4 @@
-"""The loop, driven by fakes: every way a mission can end, and the command stream's fingerprint."""
+"""The mission loop with fakes: every outcome, and the hash of the command stream."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def test_a_good_run_is_reached_in_the_success_zone() -> None:
     assert run.sim_time == pytest.approx(run.log.ticks / ROBOT.control_rate)
 
 
-def test_a_touch_ends_the_run_at_once() -> None:
+def test_a_contact_ends_the_run_at_once() -> None:
     simulator = FakeSimulator(START, posts=[Post("column", 1.0, 0.2)])
     run = run_task(task(), FakePilot(), simulator)
     assert run.verdict.outcome is Outcome.COLLIDED
@@ -49,7 +49,7 @@ def test_a_touch_ends_the_run_at_once() -> None:
     assert math.hypot(contact.x - 1.0, contact.y - 0.2) == pytest.approx(0.28, abs=0.01)
 
 
-def test_a_stack_that_is_mistaken_is_lost_and_told_how_far() -> None:
+def test_a_stack_with_a_wrong_estimate_is_lost_with_the_distance() -> None:
     run = run_task(task(), FakePilot(yaw_error=0.5), FakeSimulator(START))
     assert run.verdict.outcome is Outcome.LOST
     x, y, _ = run.log.true[-1]
@@ -66,7 +66,7 @@ def test_goals_count_only_in_order_and_when_truly_visited() -> None:
     assert "2.00 m" in skipped.verdict.reason
 
 
-def test_time_runs_out_at_the_stated_moment() -> None:
+def test_the_timeout_ends_the_run_at_its_time() -> None:
     pilot = ScriptedPilot([Twist(0.1, 0.0)] * 10_000)
     run = run_task(task(timeout=2.0), pilot, FakeSimulator(START))
     assert run.verdict.outcome is Outcome.TIMEOUT
@@ -80,13 +80,13 @@ def test_turning_on_the_spot_for_long_is_stuck() -> None:
     assert run.sim_time == pytest.approx(3.0, abs=0.05)
 
 
-def test_the_stack_may_say_itself_that_it_is_stuck() -> None:
+def test_the_stack_may_report_that_it_is_stuck() -> None:
     run = run_task(task(), ScriptedPilot([], stuck="walls all round"), FakeSimulator(START))
     assert (run.verdict.outcome, run.verdict.reason) == (Outcome.STUCK, "walls all round")
 
 
 class BrokenPilot(ScriptedPilot):
-    """Works until tick 5, then does what it was given."""
+    """Works until tick 5, then raises or returns what it was given."""
 
     def __init__(self, breakage: BaseException | Twist) -> None:
         super().__init__([Twist(0.2, 0.0)] * 5)
@@ -109,7 +109,7 @@ class BrokenPilot(ScriptedPilot):
         (KeyboardInterrupt(), Outcome.CANCELLED, "by the user"),
     ],
 )
-def test_breakage_ends_the_run_in_order(
+def test_an_exception_or_bad_command_ends_the_run_with_a_result(
     breakage: BaseException | Twist, outcome: Outcome, reason: str
 ) -> None:
     run = run_task(task(), BrokenPilot(breakage), FakeSimulator(START))
@@ -119,7 +119,7 @@ def test_breakage_ends_the_run_in_order(
     assert ("Traceback" in run.verdict.trace) == (isinstance(breakage, Exception))
 
 
-def test_a_mission_that_the_stack_refuses_is_the_users_error() -> None:
+def test_a_mission_that_the_stack_refuses_is_an_input_error() -> None:
     class Refuser(ScriptedPilot):
         def start(self, pose: Pose | None, goals: Sequence[Waypoint]) -> None:
             raise MapError("no way to the goal")
@@ -139,7 +139,7 @@ def test_a_fault_that_repeats_is_listed_once_with_its_last_count() -> None:
     assert run.faults == ("avoid: bad (10)",)
 
 
-def test_progress_tells_distance_and_who_leads() -> None:
+def test_progress_has_distance_and_leading_behaviour() -> None:
     seen: list[Progress] = []
     run_task(task(goal(2.0, 0.0)), FakePilot(), FakeSimulator(START), progress=seen.append)
     assert seen[0].distance == pytest.approx(2.0)
@@ -157,9 +157,7 @@ def test_progress_tells_distance_and_who_leads() -> None:
     ),
     changed=st.integers(0, 39),
 )
-def test_the_hash_tells_equal_command_streams_from_different_ones(
-    twists: list[Twist], changed: int
-) -> None:
+def test_the_hash_distinguishes_command_streams(twists: list[Twist], changed: int) -> None:
     def hash_of(script: list[Twist]) -> str:
         return run_task(task(), ScriptedPilot(script), FakeSimulator(START)).log.command_hash
 

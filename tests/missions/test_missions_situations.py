@@ -51,7 +51,7 @@ def test_a_drive_has_a_sample_for_each_frame_and_a_spaced_one_for_each_quarter_m
     )
 
 
-def test_odometry_from_a_known_start_knows_its_place(drive: SituationDrive) -> None:
+def test_odometry_from_a_known_start_gives_the_place(drive: SituationDrive) -> None:
     table = learn_table(drive.observations())
     right, probability = place_accuracy(drive, table, known=True)
     assert right > 0.8
@@ -68,14 +68,14 @@ def test_the_command_writes_a_table_that_localisers_load(tmp_path: Path) -> None
         app, ["learn", "situations", str(suite), "--seeds", "3:4", "--out", str(out), "--json"]
     )
     assert done.exit_code == 0, done.output
-    told = json.loads(done.stdout)
-    assert told["drives"] == 2
-    assert set(told["accuracy"]) == {"paper-room", "office"}
-    assert all(0.0 <= share <= 1.0 for share in told["seen_at"]["room"].values())
-    assert told["accuracy"]["office"]["known_right_with"] > 0.5
+    answer = json.loads(done.stdout)
+    assert answer["drives"] == 2
+    assert set(answer["accuracy"]) == {"paper-room", "office"}
+    assert all(0.0 <= share <= 1.0 for share in answer["seen_at"]["room"].values())
+    assert answer["accuracy"]["office"]["known_right_with"] > 0.5
     table = load_table(out)
     assert table.seen_at["room"].tolist() == pytest.approx(
-        list(told["seen_at"]["room"].values()), abs=1e-3
+        list(answer["seen_at"]["room"].values()), abs=1e-3
     )
     stack = tmp_path / "heard.yaml"
     stack.write_text(f"base: default\nlocalizer: {{bayes: {{situations: {out}}}}}\n")
@@ -86,10 +86,10 @@ def test_the_command_writes_a_table_that_localisers_load(tmp_path: Path) -> None
 def test_a_folder_is_no_file_to_write(tmp_path: Path) -> None:
     done = CliRunner().invoke(app, ["learn", "situations", "--out", str(tmp_path)])
     assert done.exit_code == 2
-    assert "is a folder" in done.output
+    assert "got a folder" in done.output
 
 
-def test_where_nothing_is_heard_nothing_is_learnt(tmp_path: Path) -> None:
+def test_drives_without_situations_are_an_error(tmp_path: Path) -> None:
     suite = tmp_path / "still.yaml"
     suite.write_text("entries: [{world: empty, missions: [straight], set: {mission.timeout: 0.5}}]")
     plan = plan_runs(load_suite(suite), range(1), default_registry())

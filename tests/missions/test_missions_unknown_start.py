@@ -1,4 +1,4 @@
-"""Missions whose start the robot is not told: the files, the draw, the loop, the numbers."""
+"""Missions with an unknown start: files, draw of the start, runs, metrics."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def test_the_start_may_be_drawn_among_some_places(tmp_path: Path, office: FloorP
     assert drawn == {place.x for place in loaded.starts}
 
 
-def test_a_told_start_is_never_drawn(tmp_path: Path, office: FloorPlan) -> None:
+def test_a_known_start_is_never_drawn(tmp_path: Path, office: FloorPlan) -> None:
     loaded = mission(tmp_path, ANYWHERE.replace("unknown", "{place: kitchen}"))
     assert loaded.start_known
     assert loaded.placed(3, office) is loaded
@@ -93,7 +93,7 @@ def test_a_wrong_start_is_one_clear_error(
     assert "mission.yaml" in str(caught.value)
 
 
-def test_places_that_are_not_free_are_passed_over() -> None:
+def test_places_that_are_not_free_are_skipped() -> None:
     places = [Place("taken", 0.0, 0.0), Place("free", 1.0, 0.0)]
 
     def check(place: Place) -> None:
@@ -109,12 +109,12 @@ class Clueless:
     """Turns on the spot with a lost belief."""
 
     def __init__(self) -> None:
-        self.told: list[Pose | None] = []
+        self.poses: list[Pose | None] = []
         self.timings: dict[str, float] = {}
         self.state = FakeState()
 
     def start(self, pose: Pose | None, goals: Sequence[Waypoint]) -> None:
-        self.told.append(pose)
+        self.poses.append(pose)
 
     def step(self, reading: SensorReading) -> Twist:
         belief = Belief(reading.time, Pose(0, 0, 0), np.eye(3), confidence=0.1, lost=True)
@@ -122,13 +122,13 @@ class Clueless:
         return Twist(0.0, 0.5)
 
 
-def test_who_does_not_know_where_he_is_when_the_time_is_up_is_lost() -> None:
+def test_a_lost_belief_at_the_timeout_is_the_outcome_lost() -> None:
     start = Pose(3.0, 1.0, 0.0)
     goal = Waypoint(5.0, 1.0, 0.3, "there", "goal", final=True)
     task = Task(RobotModel(), start, (goal,), timeout=3.0, start_known=False)
     pilot = Clueless()
     run = run_task(task, pilot, FakeSimulator(start))
-    assert pilot.told == [None]
+    assert pilot.poses == [None]
     assert run.verdict.outcome is Outcome.LOST
     assert "position estimate lost" in run.verdict.reason
     numbers = measure_localization(run.log, run.log.every(0.1))
@@ -137,8 +137,8 @@ def test_who_does_not_know_where_he_is_when_the_time_is_up_is_lost() -> None:
     assert numbers.lost_s == pytest.approx(3.0, abs=0.1)
 
 
-def test_the_numbers_tell_when_it_knew_and_how_long_it_was_wrong() -> None:
-    """Lost for 2 s, sure of a wrong place for 1 s, then right, 0.2 m off; 0.5 m/s all the time."""
+def test_localization_metrics_have_the_times_of_correct_and_wrong_beliefs() -> None:
+    """Lost for 2 s, confident and wrong for 1 s, then correct with 0.2 m error; at 0.5 m/s."""
     recorder = RunLogger()
     for tick in range(601):
         time = tick / 60.0
@@ -173,7 +173,7 @@ def test_a_stack_that_cannot_find_its_start_refuses_the_mission(tmp_path: Path) 
         prepare("office", file, seed=1).run()
 
 
-def test_without_a_landmark_in_sight_it_looks_round_and_plans_nothing(tmp_path: Path) -> None:
+def test_without_a_visible_landmark_the_robot_turns_and_has_no_plan(tmp_path: Path) -> None:
     (tmp_path / "find.yaml").write_text(ANYWHERE + "timeout: 6\n")
     (tmp_path / "seeker.yaml").write_text(STACK)
     session = prepare("office", tmp_path / "find.yaml", seed=1, stack=tmp_path / "seeker.yaml")

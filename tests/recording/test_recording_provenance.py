@@ -1,4 +1,4 @@
-"""The revision and the kind of machine that a result is measured with."""
+"""The revision and the kind of machine of a result."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def repository(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_a_changed_tree_is_marked_dirty_but_for_its_docs(repository: Path) -> None:
+def test_a_changed_tree_is_marked_dirty_except_for_docs(repository: Path) -> None:
     head = git(repository, "rev-parse", "HEAD")
     assert git_revision(repository / "docs") == head
     (repository / "docs" / "page.md").write_text("written between two runs")
@@ -42,7 +42,7 @@ def test_a_changed_tree_is_marked_dirty_but_for_its_docs(repository: Path) -> No
     assert git_revision(repository / "docs") == f"{head}-dirty"
 
 
-def test_the_project_goes_before_navfw_itself(
+def test_the_project_s_revision_takes_precedence_over_navfw_s(
     repository: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(repository)
@@ -51,12 +51,12 @@ def test_the_project_goes_before_navfw_itself(
     assert code_revision().startswith("navfw ") or len(code_revision().split("-")[0]) == 40
 
 
-def test_without_git_the_version_says_what_it_was(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_git_the_version_is_the_revision(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("shutil.which", lambda _: None)
     assert code_revision() == "navfw 0.1.0"
 
 
-def test_the_machine_is_a_kind_and_no_name() -> None:
+def test_the_machine_kind_has_no_host_name() -> None:
     found = machine_kind()
     assert set(found) == {"processor", "cores", "python", "system"}
     assert found["cores"] >= 1

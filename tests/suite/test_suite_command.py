@@ -1,4 +1,4 @@
-"""``navfw suite`` and ``navfw compare`` as a person types them."""
+"""``navfw suite`` and ``navfw compare`` as subprocesses."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_a_suite_runs_and_its_runs_are_those_of_navfw_run(folder: Path) -> None:
     assert summary["outcomes"] == {"timeout": 2}
     assert summary["causes"] == {"timeout: slow": 2}
     assert set(summary["by_entry"]) == {"empty"}
-    assert [tuple(run) for run in runs] == [columns_of([])] * 2  # without one for variants
+    assert [tuple(run) for run in runs] == [columns_of([])] * 2  # without the column of variants
     alone = prepare("empty", "straight", seed=5, overrides=["mission.timeout=3"]).run()
     assert runs[1]["command_hash"] == alone.run.log.command_hash
     assert runs[0]["command_hash"] != runs[1]["command_hash"]
@@ -74,7 +74,7 @@ def test_ctrl_c_leaves_a_valid_table_and_no_process(folder: Path) -> None:
     while not (table.is_file() and len(table.read_text().splitlines()) > 1):
         assert process.poll() is None, "it ended before it began"
         time.sleep(0.1)
-    os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to parent and workers
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal sends it: to parent and workers
     out, _ = process.communicate(timeout=300)
     assert process.returncode == 1
     answer = json.loads(out)
@@ -120,7 +120,7 @@ def processes_in(group: int) -> bool:
         (["compare", "tiny.yaml", "tiny.yaml"], "is not a table of navfw suite"),
     ],
 )
-def test_bad_input_is_told_in_one_message_and_leaves_nothing(
+def test_bad_input_gives_one_message_and_leaves_no_files(
     words: list[str], message: str, folder: Path
 ) -> None:
     mine = folder / "mine"

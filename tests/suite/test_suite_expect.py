@@ -28,7 +28,7 @@ def suite_file(folder: Path, text: str) -> Path:
     return file
 
 
-def test_events_of_an_entry_are_those_of_its_missions(tmp_path: Path) -> None:
+def test_events_of_an_entry_apply_to_its_missions(tmp_path: Path) -> None:
     plan = plan_runs(load_suite(suite_file(tmp_path, EVENTS)), range(2), default_registry())
     assert plan.expect == {"black": "stop", "usual": "arrival"}
     black, _, usual, _ = plan.cases
@@ -48,7 +48,7 @@ def test_events_of_an_entry_are_those_of_its_missions(tmp_path: Path) -> None:
         ("camera: black", "behavior: {name: avod, does: hangs}", "did you mean 'avoid'?"),
     ],
 )
-def test_wrong_events_are_the_suite_s_fault(
+def test_wrong_events_are_located_in_the_suite(
     tmp_path: Path, old: str, new: str, message: str
 ) -> None:
     with pytest.raises((ConfigError, InputError)) as caught:
@@ -87,7 +87,7 @@ def test_nine_arrivals_of_ten_pass() -> None:
         ({"outcome": "collided", "collisions": 1}, False),
     ],
 )
-def test_every_stop_has_to_be_before_contact_and_for_a_reason(
+def test_every_stop_has_to_be_without_collision_and_for_a_known_reason(
     changes: dict[str, object], passed: bool
 ) -> None:
     assert passes("stop", **changes) == passed

@@ -1,4 +1,4 @@
-"""Which stack a run of a suite has: --stack, the variant's, the entry's, the mission's, default."""
+"""Precedence of stacks: --stack, the variant's, the entry's, the mission's, ``default``."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from navfw.suite.suitefile import load_suite
 
 @pytest.fixture
 def world(tmp_path: Path) -> Path:
-    """A world with a mission that names the stack ``search``, and one that names none."""
+    """A world with a mission that names the stack ``search``, and one without a stack."""
     folder = tmp_path / "field"
     shutil.copytree(shipped_folder() / "worlds" / "empty", folder)
     missions = folder / "missions"
@@ -42,15 +42,15 @@ def stacks(world: Path, entry: str, variants: str = "", **options: Any) -> dict[
     return found
 
 
-def test_each_mission_is_driven_with_its_own_stack(world: Path) -> None:
+def test_each_mission_is_driven_with_the_stack_it_names(world: Path) -> None:
     assert stacks(world, "") == {"plain": "default", "seek": "search"}
 
 
-def test_the_stack_of_an_entry_goes_before_the_missions(world: Path) -> None:
+def test_the_stack_of_an_entry_takes_precedence_over_the_mission_s(world: Path) -> None:
     assert stacks(world, ", stack: paper") == {"plain": "paper", "seek": "paper"}
 
 
-def test_the_stack_of_a_variant_goes_before_both(world: Path) -> None:
+def test_the_stack_of_a_variant_takes_precedence_over_both(world: Path) -> None:
     variants = "variants: {own: {}, set: {set: {mission.timeout: 5}}, other: {stack: patrol}}\n"
     assert stacks(world, ", missions: [seek]", variants) == {
         "seek own": "search",
@@ -61,7 +61,7 @@ def test_the_stack_of_a_variant_goes_before_both(world: Path) -> None:
     assert stacks(world, entry, variants)["seek other"] == "patrol"
 
 
-def test_the_stack_of_the_option_goes_before_all(world: Path) -> None:
+def test_the_stack_of_the_option_takes_precedence_over_all(world: Path) -> None:
     expected = {"plain": "patrol", "seek": "patrol"}
     assert stacks(world, ", stack: paper", stacks=["patrol"]) == expected
 
@@ -71,7 +71,7 @@ def test_an_override_may_name_the_stack_of_a_mission(world: Path) -> None:
     assert stacks(world, entry) == {"plain": "patrol", "seek": "patrol"}
 
 
-def test_a_stack_that_a_mission_names_in_vain_is_told_with_its_line(world: Path) -> None:
+def test_an_unknown_stack_of_a_mission_is_refused_with_its_line(world: Path) -> None:
     seek = world / "missions" / "seek.yaml"
     seek.write_text(seek.read_text().replace("search", "serach"))
     with pytest.raises(InputError) as caught:
@@ -82,7 +82,7 @@ def test_a_stack_that_a_mission_names_in_vain_is_told_with_its_line(world: Path)
 
 
 @pytest.mark.parametrize("name", ["office", "hospital"])
-def test_shipped_suites_drive_long_ways_with_landmarks(name: str) -> None:
+def test_long_missions_of_shipped_suites_use_landmarks(name: str) -> None:
     plan = plan_runs(load_suite(name), range(1), default_registry())
     used = {case.mission_name: case.stack_name for case in plan.cases}
     assert set(used.values()) == {"default", "landmarks"}

@@ -1,4 +1,4 @@
-"""Variants of a suite: every run once with each, in one table, compared with the first."""
+"""Variants of a suite: every run with each variant, in one table, compared with the first."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def test_every_run_is_made_with_every_variant(tmp_path: Path) -> None:
     assert len({case.key for case in plan.cases}) == 6
 
 
-def test_chosen_variants_alone_are_run(tmp_path: Path) -> None:
+def test_only_chosen_variants_are_run(tmp_path: Path) -> None:
     plan = plan_of(SUITE, tmp_path, variants=["no-memory", "default"])
     assert list(dict.fromkeys(case.variant for case in plan.cases)) == ["default", "no-memory"]
 
@@ -76,14 +76,14 @@ def test_chosen_variants_alone_are_run(tmp_path: Path) -> None:
         (("", ""), {"stacks": ["oracle"]}, "--stack: the variant 'paper' names a stack itself"),
     ],
 )
-def test_what_is_wrong_is_blamed_on_the_variant_that_says_it(
+def test_an_error_is_located_at_the_variant_that_causes_it(
     tmp_path: Path, change: tuple[str, str], options: dict[str, object], message: str
 ) -> None:
     with pytest.raises(InputError, match=message):
         plan_of(SUITE.replace(*change), tmp_path, **options)
 
 
-def test_a_variant_that_lacks_its_package_is_skipped_and_told(
+def test_a_variant_without_its_package_is_skipped_and_listed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def missing(module: str) -> object:
@@ -125,7 +125,7 @@ def test_the_summary_is_per_variant_and_overall() -> None:
     assert "by_variant" not in summarize([row(seed) for seed in range(3)])
 
 
-def test_the_markdown_table_has_a_line_for_each_variant_and_a_column_for_each_entry() -> None:
+def test_the_markdown_table_has_a_row_per_variant_and_a_column_per_entry() -> None:
     summary = {**summarize(rows()), "skipped": {"navground": "needs | navground"}}
     lines = markdown_table(summary).splitlines()
     assert lines[0] == "| variant | runs | success [95 %] | collided | SPL | time | p | rooms |"
@@ -148,7 +148,7 @@ def test_variants_are_compared_with_each_other() -> None:
         of_variant(table, "papre")
 
 
-def test_an_evaluation_writes_the_variants_table(tmp_path: Path) -> None:
+def test_a_suite_writes_the_table_of_variants(tmp_path: Path) -> None:
     out = SuiteFolder(tmp_path / "out")
     plan = plan_of(SUITE, tmp_path)
     have = out.open(plan, "abc", resume=False)
@@ -164,7 +164,7 @@ def test_an_evaluation_writes_the_variants_table(tmp_path: Path) -> None:
     assert (out.path / "table.md").read_text() == markdown_table(summary)
 
 
-def test_the_ablations_that_ship_can_all_be_run() -> None:
+def test_all_variants_of_the_shipped_ablations_are_valid() -> None:
     pytest.importorskip("navground", reason="the extra navground is not installed")
     suite = load_suite(find_suite("ablations"))
     plan = plan_runs(suite, range(8000, 8001), default_registry())

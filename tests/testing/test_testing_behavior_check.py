@@ -1,4 +1,4 @@
-"""check_behavior lets good behaviours pass and tells what is wrong with bad ones."""
+"""check_behavior accepts valid behaviours and names the problems of others."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from navfw.testing import check_behavior, check_composite
 from navfw.testing.behavior_scenes import SCENES, BehaviorScene, contexts_of, wall_flow
 
 REGISTRY = default_registry()
-# one that needs truth has nothing to say in a scene, where nobody gives it
+# behaviours that need the simulator's truth do not work in a scene
 SHIPPED = [n for n in REGISTRY.names("behavior") if not REGISTRY.get("behavior", n).oracle]
 COMPOSITES = REGISTRY.names("composite")
 
@@ -36,7 +36,7 @@ def spoil(context: Context) -> dict[str, float]:
 
 
 class Stop(Behavior):
-    """Wants to stand still."""
+    """Proposes to stand still."""
 
     name: ClassVar[str] = "stop"
 
@@ -63,7 +63,7 @@ def test_shipped_composites_keep_the_contract(name: str) -> None:
 
 
 class Even(Composite):
-    """Gives all the same."""
+    """Gives all primitives the same weight."""
 
     name: ClassVar[str] = "even"
 
@@ -128,7 +128,7 @@ def proposing(change: Any) -> type[Behavior]:
         (lambda c: {"reason": "a\nb"}, "several lines"),
         (lambda c: {"explain": lambda row, column: [object()]}, "plain data"),
         (lambda c: {"explain": None}, "plain data"),
-        # only in one of the scenes: there is no waypoint
+        # fails in a single scene: the one without a waypoint
         (lambda c: {"reason": f"to {c.waypoint.place}"}, "'no waypoint'"),
         (lambda c: {"reason": c.percept.sentence or "-"}, "'before the first percept'"),
     ],
@@ -215,7 +215,7 @@ def test_what_the_registry_would_refuse_is_refused() -> None:
 
 
 @pytest.mark.parametrize("scene", SCENES, ids=lambda scene: str(scene.name))
-def test_scenes_are_what_they_say(scene: BehaviorScene) -> None:
+def test_scenes_match_their_description(scene: BehaviorScene) -> None:
     robot = RobotModel()
     last = contexts_of(scene, robot)[-1]
     assert (last.waypoint is None) == (scene.waypoint is None)
@@ -245,6 +245,6 @@ def test_the_flow_of_a_wall_gives_its_distance() -> None:
     assert np.median(1.0 / percept.nearness[wall]) == pytest.approx(depth, rel=0.02)
 
 
-def test_the_scenes_file_is_no_test_of_a_simulator() -> None:
+def test_the_scenes_need_no_simulator() -> None:
     text = Path(contexts_of.__code__.co_filename).read_text(encoding="utf-8")
     assert "navfw.sim" not in text

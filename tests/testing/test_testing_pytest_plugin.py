@@ -1,4 +1,4 @@
-"""The pytest plugin, tried the way its users would: tests that hold, fail, and are miswritten."""
+"""The pytest plugin: tests that pass, fail, and have a wrong marker."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SHORT = 'set=["mission.timeout=1.5"]'  # every run ends after 1.5 s, as a timeou
 
 @pytest.fixture(scope="module", autouse=True)
 def _everything_imported(tmp_path_factory: pytest.TempPathFactory) -> None:
-    """Pytester forgets modules imported inside it, and numpy does not stand a second import."""
+    """Pytester removes modules imported inside it, and numpy cannot be imported twice."""
     from navfw.missions.run_report import draw
     from navfw.missions.session import prepare
 
@@ -163,7 +163,7 @@ import navfw.testing.pytest_plugin
 heavy = ("numpy", "pybullet", "cv2", "numba", "matplotlib", "pydantic", "networkx", "navfw.sim")
 print([name for name in heavy if name in sys.modules])
 """
-    done = subprocess.run(  # noqa: S603 - this Python, words of our own
+    done = subprocess.run(  # noqa: S603 - this Python, fixed arguments
         [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True
     )
     assert done.stdout.strip() == "[]"

@@ -1,4 +1,4 @@
-"""Summaries and paired comparisons of tables whose numbers can be checked by hand."""
+"""Summaries and paired comparisons of tables with known results."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def test_a_summary_counts_every_run() -> None:
     assert found["by_stack"]["paper"]["missions"] == 1
 
 
-def test_a_summary_of_nothing_knows_nothing() -> None:
+def test_the_summary_of_no_runs_has_no_numbers() -> None:
     found = summarize([])
     assert (found["missions"], found["success"], found["spl"]) == (0, None, None)
     assert (found["success_low"], found["success_high"]) == (0.0, 1.0)
@@ -69,7 +69,7 @@ def test_tables_of_several_stacks_are_paired_by_stack() -> None:
     assert (found["pairs"], found["success_difference"], found["p"]) == (2, 0.0, 1.0)
 
 
-def test_missions_with_stacks_of_their_own_are_paired_with_those_of_one_stack() -> None:
+def test_missions_with_different_stacks_are_paired_with_those_of_one_stack() -> None:
     own = [row(1, mission="near", stack="default"), row(1, mission="far", stack="landmarks")]
     one = [row(1, mission="near", stack="paper"), row(1, "lost", mission="far", stack="paper")]
     found = compare_tables(own, one)
@@ -77,7 +77,7 @@ def test_missions_with_stacks_of_their_own_are_paired_with_those_of_one_stack() 
     assert [run["mission"] for run in found["lost"]] == ["far"]
 
 
-def test_cancelled_runs_have_no_say() -> None:
+def test_cancelled_runs_are_left_out() -> None:
     found = compare_tables([row(1, "cancelled"), row(2)], [row(1), row(2)])
     assert found["pairs"] == 1
 

@@ -1,4 +1,4 @@
-"""Names of places in pictures: as many as find room, those that come first first."""
+"""Names of places in pictures: without overlaps, in the given order."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from navfw.recording.top_view import draw_names
 
 
-def test_a_name_that_finds_no_room_is_left_out() -> None:
+def test_an_overlapping_name_is_left_out() -> None:
     figure = Figure(figsize=(5.0, 5.0))
     FigureCanvasAgg(figure)
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))

@@ -1,4 +1,4 @@
-"""Metrics of tracks whose numbers are known beforehand."""
+"""Metrics of runs with known results."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def metrics(log: RunLog, shortest: float = 2.0, succeeded: bool = True) -> RunMe
     )
 
 
-def test_a_straight_run_has_the_numbers_of_a_ruler() -> None:
+def test_a_straight_run_has_the_measured_lengths() -> None:
     found = metrics(straight(3.0, 10.0, drift=0.2))
     assert found.path_length_m == pytest.approx(3.0)
     assert found.spl == pytest.approx(2.0 / 3.0)
@@ -65,19 +65,19 @@ def test_a_straight_run_has_the_numbers_of_a_ruler() -> None:
     assert (found.collisions, found.emergencies) == (0, 0)
 
 
-def test_failure_earns_nothing_and_shortcuts_no_more_than_one() -> None:
+def test_spl_is_0_for_a_failure_and_at_most_1() -> None:
     assert metrics(straight(3.0, 10.0), succeeded=False).spl == 0.0
-    # the goal's zone begins before the goal: driving less than the shortest way is no merit
+    # the success zone extends around the goal: a driven path may be shorter than the shortest one
     assert metrics(straight(1.6, 10.0), shortest=2.0).spl == 1.0
 
 
-def test_a_run_that_never_began_has_numbers_too() -> None:
+def test_a_run_without_ticks_has_metrics() -> None:
     found = metrics(RunLogger().log(), succeeded=False)
     assert (found.path_length_m, found.mean_speed, found.spl) == (0.0, 0.0, 0.0)
     assert found.distance_to_goal_m == pytest.approx(math.hypot(3.0, 0.4))
 
 
-def test_in_the_open_the_clearance_is_infinite_and_no_nan() -> None:
+def test_without_objects_the_clearance_is_infinite_and_nothing_is_nan() -> None:
     class Open:
         def clearances(self, points: Array) -> Array:
             return np.full(len(points), math.inf)
@@ -98,13 +98,13 @@ def test_each_emergency_counts_once() -> None:
 
 
 @given(st.lists(st.floats(0.0, 100.0), max_size=30), st.randoms())
-def test_collisions_are_debounced_whatever_the_order(times: list[float], random: object) -> None:
+def test_collisions_are_debounced_in_any_order(times: list[float], random: object) -> None:
     contacts = [Contact(time, 0.0, 0.0, "wall") for time in times]
     count = count_collisions(contacts)
     assert count_collisions(contacts[::-1]) == count
     assert (count > 0) == bool(times)
     assert count <= 101
-    # contacts far apart all count
+    # contacts far apart in time all count
     apart = [Contact(2.0 * i, 0.0, 0.0, "wall") for i in range(len(times))]
     assert count_collisions(apart) == len(times)
 

@@ -1,4 +1,4 @@
-"""Honest sensing: the stack in a process of its own, with recorded readings and no simulator."""
+"""Honest sensing: a replay in a process without the simulator gives the same commands."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from navfw.missions.session import MissionResult, prepare
 from navfw.recording.run_folder import RESULT, RunFolder, read_result
 from navfw.recording.run_replay import explain_at, replay
 
-# The stack runs where PyBullet cannot even be imported: None in sys.modules makes import fail.
+# None in sys.modules makes the import of PyBullet fail.
 ALONE = """
 import json, sys
 sys.modules["pybullet"] = None
@@ -43,7 +43,9 @@ def driven(tmp_path_factory: pytest.TempPathFactory) -> tuple[MissionResult, Pat
     return result, folder.final
 
 
-def test_the_stack_alone_gives_the_same_commands(driven: tuple[MissionResult, Path]) -> None:
+def test_the_stack_without_simulator_gives_the_same_commands(
+    driven: tuple[MissionResult, Path],
+) -> None:
     result, folder = driven
     done = subprocess.run(  # noqa: S603 - this Python, words of our own
         [sys.executable, "-c", ALONE, str(folder)],
@@ -65,7 +67,7 @@ def test_the_stack_alone_gives_the_same_commands(driven: tuple[MissionResult, Pa
 def test_another_image_gives_other_commands(
     driven: tuple[MissionResult, Path], tmp_path: Path
 ) -> None:
-    """The replay really computes: it does not hand back what was recorded."""
+    """A replay computes its commands; it does not return the recorded ones."""
     import numpy as np
 
     _, folder = driven
@@ -82,7 +84,7 @@ def test_another_image_gives_other_commands(
     assert again.first_difference >= 30 * 6
 
 
-def test_a_run_without_recording_says_how_to_get_one(
+def test_a_run_without_recording_is_refused_with_the_remedy(
     driven: tuple[MissionResult, Path], tmp_path: Path
 ) -> None:
     _, folder = driven
@@ -120,7 +122,7 @@ def test_every_command_is_explained_rule_by_rule(driven: tuple[MissionResult, Pa
 
 
 @pytest.mark.parametrize("time", [-1.0, 0.5, 1000.0])
-def test_there_is_nothing_to_explain_when_nothing_was_commanded(
+def test_a_time_without_a_command_cannot_be_explained(
     driven: tuple[MissionResult, Path], time: float
 ) -> None:
     with pytest.raises(InputError, match="no command was in force"):

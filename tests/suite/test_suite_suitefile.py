@@ -1,4 +1,4 @@
-"""Suite files and seeds: what they may say, and how it is told when they say something else."""
+"""Suite files and seeds: valid ones, and the errors for wrong ones."""
 
 from __future__ import annotations
 
@@ -54,24 +54,24 @@ entries:
         ("entries: [{world: a, name: '../up'}]", "name"),
     ],
 )
-def test_bad_suites_are_told_with_file_and_line(text: str, message: str, tmp_path: Path) -> None:
+def test_bad_suites_are_refused_with_file_and_line(text: str, message: str, tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
         load_suite(suite(tmp_path, text))
     assert message in str(caught.value)
     assert "mine.yaml:1" in str(caught.value)
 
 
-def test_an_unknown_suite_is_told_with_the_nearest() -> None:
+def test_an_unknown_suite_is_refused_with_the_nearest_name() -> None:
     with pytest.raises(InputError, match="unknown suite 'ofice': did you mean 'office'"):
         load_suite("ofice")
 
 
 @pytest.mark.parametrize("name", sorted(list_suites()))
-def test_shipped_suites_can_be_read(name: str) -> None:
+def test_shipped_suites_can_be_loaded(name: str) -> None:
     assert load_suite(name).spec.description
 
 
-def test_a_project_has_suites_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_project_can_have_suites(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "navfw.toml").touch()
     (tmp_path / "worlds" / "suites").mkdir(parents=True)
     (tmp_path / "worlds" / "suites" / "office.yaml").write_text("entries: [{family: rooms}]")
@@ -95,7 +95,7 @@ def test_other_seeds_are_refused_by_name(text: str) -> None:
         parse_seeds(text)
 
 
-def test_the_difficulty_is_the_seeds_alone_and_fills_its_range() -> None:
+def test_the_difficulty_depends_on_the_seed_and_fills_its_range() -> None:
     drawn = [draw_difficulty((0.2, 0.8), seed) for seed in range(300)]
     assert drawn == [draw_difficulty((0.2, 0.8), seed) for seed in range(300)]
     values = [value for value in drawn if value is not None]

@@ -1,4 +1,4 @@
-"""Intervals and tests against scipy; scores at the points where their formulae are known."""
+"""Intervals and tests compared with scipy; scores at points with known values."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from navfw.suite.run_statistics import barn_score, mcnemar_exact, sct, wilson
 
 
 @given(st.integers(1, 2000).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n))))
-def test_wilson_is_scipys(counts: tuple[int, int]) -> None:
+def test_wilson_equals_scipy(counts: tuple[int, int]) -> None:
     successes, runs = counts
     expected = binomtest(successes, runs).proportion_ci(0.95, method="wilson")
     assert wilson(successes, runs) == pytest.approx((expected.low, expected.high), abs=1e-9)
@@ -26,13 +26,13 @@ def test_wilson_at_values_from_the_literature() -> None:
 
 
 @given(st.integers(0, 300), st.integers(0, 300))
-def test_mcnemar_is_the_binomial_test_of_the_pairs_that_differ(a: int, b: int) -> None:
+def test_mcnemar_equals_the_binomial_test_of_discordant_pairs(a: int, b: int) -> None:
     expected = binomtest(min(a, b), a + b).pvalue if a + b else 1.0
     assert mcnemar_exact(a, b) == pytest.approx(expected, rel=1e-9)
     assert mcnemar_exact(a, b) == mcnemar_exact(b, a)
 
 
-def test_mcnemar_of_very_many_pairs_neither_overflows_nor_rounds_to_one() -> None:
+def test_mcnemar_is_exact_for_many_pairs() -> None:
     assert 0.0 < mcnemar_exact(5000, 6000) < 1e-15
 
 

@@ -1,4 +1,4 @@
-"""Families of generated worlds, with a generator of the test's own: one room, one box."""
+"""Families of generated worlds, with a generator in the test: one room, one box."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Made:
 
 
 def fake_generate(family: str, seed: int, difficulty: float) -> Made:
-    """The box moves with the seed and grows with the difficulty; seed 13 cannot be."""
+    """The box moves with the seed and grows with the difficulty; seed 13 is impossible."""
     if family != "boxes":
         raise UnknownNameError("family of worlds", family, ["boxes"])
     if seed == 13:
@@ -52,7 +52,7 @@ def planned(folder: Path, entry: str, seeds: range) -> SuitePlan:
     return plan_runs(load_suite(file), seeds, default_registry())
 
 
-def test_the_seed_makes_the_world_and_overrides_reach_the_mission(tmp_path: Path) -> None:
+def test_the_seed_determines_the_world_and_overrides_apply_to_the_mission(tmp_path: Path) -> None:
     entry = "{family: boxes, difficulty: [0.1, 0.9], set: {mission.timeout: 7, robot.max_v: 0.3}}"
     plan = planned(tmp_path, entry, range(3, 6))
     assert [case.key[:4] for case in plan.cases] == [
@@ -84,13 +84,15 @@ def test_the_seed_makes_the_world_and_overrides_reach_the_mission(tmp_path: Path
         ("{family: boxes, stack: defalt}", "entries[0].stack: unknown stack"),
     ],
 )
-def test_what_cannot_be_is_told_before_any_run(entry: str, message: str, tmp_path: Path) -> None:
+def test_impossible_entries_are_refused_before_any_run(
+    entry: str, message: str, tmp_path: Path
+) -> None:
     with pytest.raises(InputError) as caught:
         planned(tmp_path, entry, range(2))
     assert message in str(caught.value)
 
 
-def test_a_seed_that_cannot_be_made_is_a_fault_of_its_run(tmp_path: Path) -> None:
+def test_an_impossible_seed_is_a_fault_of_its_run(tmp_path: Path) -> None:
     plan = planned(tmp_path, "{family: boxes}", range(12, 14))
     row = run_job(Job(plan.cases[1], tmp_path))
     assert (row.seed, row.outcome, row.cause) == (13, "fault", "bad_input")
@@ -107,7 +109,7 @@ def test_a_generated_run_gives_a_full_row_and_its_picture(tmp_path: Path) -> Non
     assert (tmp_path.parent / row.picture).is_file()
 
 
-def test_an_exception_in_a_run_is_a_fault_with_its_place(
+def test_an_exception_in_a_run_is_a_fault_with_its_source_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     plan = planned(tmp_path, "{family: boxes}", range(1))

@@ -1,4 +1,4 @@
-"""Run folders appear whole or not at all, and never in place of somebody's files."""
+"""Run folders are written atomically and never replace other files."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_an_earlier_run_is_replaced(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("files", [["notes.txt"], [RESULT, "notes.txt"], ["trajectory.png"]])
-def test_what_is_not_a_run_is_not_touched(tmp_path: Path, files: list[str]) -> None:
+def test_a_folder_that_is_no_run_folder_is_not_changed(tmp_path: Path, files: list[str]) -> None:
     target = tmp_path / "mine"
     target.mkdir()
     for name in files:
@@ -63,7 +63,7 @@ def test_what_is_not_a_run_is_not_touched(tmp_path: Path, files: list[str]) -> N
     assert sorted(entry.name for entry in target.iterdir()) == sorted(files)
 
 
-def test_a_file_is_no_place_for_a_run(tmp_path: Path) -> None:
+def test_a_file_is_refused_as_run_folder(tmp_path: Path) -> None:
     target = tmp_path / "mine"
     target.write_text("text")
     with pytest.raises(InputError, match="is a file"):
@@ -72,7 +72,7 @@ def test_a_file_is_no_place_for_a_run(tmp_path: Path) -> None:
         pass
 
 
-def test_a_folder_that_became_foreign_meanwhile_is_not_touched(tmp_path: Path) -> None:
+def test_a_file_added_during_the_run_keeps_the_folder_from_being_replaced(tmp_path: Path) -> None:
     target = write(tmp_path / "run")
     with pytest.raises(InputError, match="contains 'notes"), RunFolder(target) as folder:
         folder.write_json(RESULT, {})
@@ -97,7 +97,7 @@ def test_numbered_folders_never_collide(tmp_path: Path) -> None:
     assert texts == {str(number) for number in range(8)}
 
 
-def test_json_is_plain(tmp_path: Path) -> None:
+def test_json_has_plain_values_only(tmp_path: Path) -> None:
     value = {"a": np.float64(1.5), "b": (np.int16(2), np.bool_(True)), "c": math.inf, "d": tmp_path}
     text = json.dumps(plain_json(value), allow_nan=False)
     assert json.loads(text) == {"a": 1.5, "b": [2, True], "c": None, "d": str(tmp_path)}
@@ -110,6 +110,6 @@ def test_a_broken_result_is_an_error_that_names_the_file(tmp_path: Path, text: s
         read_result(tmp_path)
 
 
-def test_a_folder_without_result_is_no_run(tmp_path: Path) -> None:
+def test_a_folder_without_result_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="not a run folder"):
         read_result(tmp_path)

@@ -61,7 +61,7 @@ def test_a_run_whose_process_dies_is_a_fault_with_its_reason(tmp_path: Path) -> 
     assert done.summary["success"] == pytest.approx(2 / 3)
 
 
-def test_ctrl_c_leaves_what_has_ended_and_resume_does_the_rest(tmp_path: Path) -> None:
+def test_ctrl_c_keeps_finished_runs_and_resume_makes_the_others(tmp_path: Path) -> None:
     out = SuiteFolder(tmp_path / "out")
 
     def press(case: Case, row: RunRow) -> None:
@@ -78,11 +78,11 @@ def test_ctrl_c_leaves_what_has_ended_and_resume_does_the_rest(tmp_path: Path) -
     assert marked.complete
     assert [row.seed for row in marked.rows] == [2, 3, 4, 5]
     made = sorted(file.stem for file in out.pictures.iterdir())
-    assert made == ["4", "5"]  # the others were not run again
+    assert made == ["4", "5"]  # finished runs are not repeated
     assert run(wanted, out, resume=True, work=samples.die).complete  # nothing is left to do
 
 
-def test_a_table_may_grow_by_seeds(tmp_path: Path) -> None:
+def test_a_table_can_be_extended_by_seeds(tmp_path: Path) -> None:
     out = SuiteFolder(tmp_path / "out")
     run(plan(2, 3), out)
     grown = run(plan(3, 4), out, resume=True)
@@ -100,7 +100,7 @@ def test_resuming_with_another_configuration_is_refused(tmp_path: Path) -> None:
     assert out.table.read_text() == before
 
 
-def test_revisions_are_remembered(tmp_path: Path) -> None:
+def test_revisions_are_recorded(tmp_path: Path) -> None:
     out = SuiteFolder(tmp_path / "out")
     run(plan(2), out)
     out.open(plan(2), "def-dirty", resume=True)

@@ -1,4 +1,4 @@
-"""The table: what is written is read again, and what is no table is refused."""
+"""The table: it is read as written, and invalid files are refused."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ texts = st.text(st.characters(codec="utf-8"), max_size=40)
 
 
 @given(number=numbers, reason=texts, collisions=st.none() | st.integers(0, 99), world=texts)
-def test_rows_come_back_as_they_were(
+def test_rows_are_read_as_written(
     tmp_path_factory: pytest.TempPathFactory,
     number: float | None,
     reason: str,
@@ -28,20 +28,20 @@ def test_rows_come_back_as_they_were(
     world: str,
 ) -> None:
     file = tmp_path_factory.mktemp("table") / "table.csv"
-    world, reason = " ".join(world.split()), " ".join(reason.split())  # one line, as promised
+    world, reason = " ".join(world.split()), " ".join(reason.split())  # written as one line
     rows = [row(1, world=world, spl=number, reason=reason, collisions=collisions), row(2)]
     write_table(file, rows)
     assert read_table(file) == rows
 
 
-def test_a_reason_of_several_lines_becomes_one(tmp_path: Path) -> None:
+def test_a_reason_of_several_lines_becomes_one_line(tmp_path: Path) -> None:
     file = tmp_path / "table.csv"
     write_table(file, [row(reason="first\nsecond\tthird")])
     assert len(file.read_text().splitlines()) == 2
     assert read_table(file)[0].reason == "first second third"
 
 
-def test_others_can_read_it(tmp_path: Path) -> None:
+def test_the_table_is_standard_csv(tmp_path: Path) -> None:
     file = tmp_path / "table.csv"
     write_table(file, [row(7, min_clearance_m=math.inf, spl=math.nan, reason='a "b", c')])
     with file.open(newline="") as stream:
@@ -65,7 +65,7 @@ def test_a_failed_write_leaves_the_old_table(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [file]
 
 
-def test_a_table_that_cannot_be_written_is_told(tmp_path: Path) -> None:
+def test_a_table_that_cannot_be_written_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="cannot be written"):
         write_table(tmp_path / "missing" / "table.csv", [])
 
@@ -86,7 +86,7 @@ def lines(*rows: RunRow, folder: Path) -> list[str]:
         (lambda ls: [], "no column 'entry'"),
     ],
 )
-def test_what_is_no_table_is_refused_with_its_line(
+def test_an_invalid_table_is_refused_with_its_line(
     change: Callable[[list[str]], list[str]], message: str, tmp_path: Path
 ) -> None:
     good = lines(row(1), folder=tmp_path)
@@ -96,7 +96,7 @@ def test_what_is_no_table_is_refused_with_its_line(
         read_table(file)
 
 
-def test_no_file_and_no_text_are_told(tmp_path: Path) -> None:
+def test_a_missing_or_binary_file_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="no such file"):
         read_table(tmp_path / "none.csv")
     (tmp_path / "binary.csv").write_bytes(b"\xff\xfe\x00entry")

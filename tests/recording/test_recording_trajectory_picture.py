@@ -1,4 +1,4 @@
-"""The log's arithmetic, and a picture that is really drawn."""
+"""The log of a run, and its picture."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def curved_log(ticks: int = 300) -> RunLog:
     return recorder.log()
 
 
-def test_a_track_keeps_what_was_added() -> None:
+def test_a_log_keeps_what_was_added() -> None:
     log = curved_log()
     assert log.ticks == 300
     assert log.leaders == ("go_to_xy", "avoid")
@@ -51,7 +51,7 @@ def test_a_track_keeps_what_was_added() -> None:
 
 
 @pytest.mark.parametrize("ticks", [0, 1, 2, 5, 61, 300])
-def test_thinned_out_indices_keep_both_ends(ticks: int) -> None:
+def test_sampled_indices_keep_both_ends(ticks: int) -> None:
     log = curved_log(ticks)
     picked = log.every(0.1)
     assert len(picked) <= ticks
@@ -91,12 +91,12 @@ def share_of(image: Array, color: str) -> float:
     return float((np.abs(image - wanted).max(axis=2) < 12.0).mean())
 
 
-def test_the_picture_shows_who_led_where(tmp_path: Path) -> None:
+def test_the_path_has_the_colours_of_the_leading_behaviours(tmp_path: Path) -> None:
     image = drawn(tmp_path / "a.png", curved_log(), picture())
     assert min(image.shape[:2]) > 400
     for color in ("#0072B2", "#E69F00", "#4A4A4A", "#D9D2C5", "#D00000"):
         assert share_of(image, color) > 1e-4, color
-    # the same picture without the log has none of the leaders' colours
+    # the picture of an empty log has none of the leaders' colours
     bare = drawn(tmp_path / "b.png", RunLogger().log(), picture())
     assert share_of(bare, "#E69F00") < 1e-5
 
@@ -107,13 +107,13 @@ def test_the_same_run_gives_the_same_picture(tmp_path: Path) -> None:
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
 
 
-def test_a_world_without_anything_can_be_drawn(tmp_path: Path) -> None:
+def test_an_empty_world_can_be_drawn(tmp_path: Path) -> None:
     empty = picture(outline=WorldOutline(), places={}, good=False)
     image = drawn(tmp_path / "a.png", curved_log(1), empty)
     assert share_of(image, "#B0004E") > 0.0
 
 
-def test_the_legend_of_many_behaviours_is_whole(tmp_path: Path) -> None:
+def test_the_legend_of_many_behaviours_is_complete(tmp_path: Path) -> None:
     recorder = RunLogger()
     leaders = ("", "centre_corridor", "traverse_door", "follow_wall", "emergency", "give_way")
     for tick in range(600):

@@ -1,4 +1,4 @@
-"""Recorded readings come back bit by bit; a file that is not one of ours is refused."""
+"""Recorded readings are loaded bit by bit; any other file is refused."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def same_frame(a: Frame | None, b: Frame | None) -> bool:
     )
 
 
-def test_readings_come_back_as_they_were(tmp_path: Path) -> None:
+def test_readings_are_loaded_as_recorded(tmp_path: Path) -> None:
     path = tmp_path / "recording.npz"
     readings = random_readings(1)
     recorded(readings, path)
@@ -76,12 +76,12 @@ def test_readings_come_back_as_they_were(tmp_path: Path) -> None:
     assert np.array_equal(recording.commands[:, 0], 0.1 * np.arange(TICKS))
 
 
-def test_an_empty_recording_is_one(tmp_path: Path) -> None:
+def test_an_empty_recording_can_be_loaded(tmp_path: Path) -> None:
     recorded([], tmp_path / "empty.npz")
     assert list(load_recording(tmp_path / "empty.npz").readings()) == []
 
 
-def test_a_recorder_keeps_to_its_limit(tmp_path: Path) -> None:
+def test_a_recorder_keeps_its_size_limit(tmp_path: Path) -> None:
     path = tmp_path / "recording.npz"
     recorded(random_readings(2), path, max_bytes=3000)
     recording = load_recording(path)
@@ -123,7 +123,7 @@ def broken_files(folder: Path) -> list[Path]:
     return [*files, other]
 
 
-def test_whatever_is_no_recording_is_refused_with_its_name(tmp_path: Path) -> None:
+def test_a_file_that_is_no_recording_is_refused_with_its_name(tmp_path: Path) -> None:
     for path in broken_files(tmp_path):
         with pytest.raises(ConfigError, match=path.name):
             load_recording(path)

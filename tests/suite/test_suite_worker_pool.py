@@ -1,4 +1,4 @@
-"""Worker processes: as many as asked for, single-threaded, replaceable."""
+"""Worker processes: parallel, single-threaded, replaceable."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from navfw.errors import SimulationError
 from navfw.suite.worker_pool import WorkerFailure, WorkerPool
 
 
-def test_jobs_run_side_by_side_in_processes_of_their_own(tmp_path: Path) -> None:
+def test_jobs_run_in_parallel_in_separate_processes(tmp_path: Path) -> None:
     with WorkerPool(samples.meet, workers=2, limit=120.0) as pool:
         assert [met for _, met in pool.run([str(tmp_path)] * 2)] == [True, True]
     assert str(os.getpid()) not in {file.name for file in tmp_path.iterdir()}
@@ -24,11 +24,11 @@ def test_jobs_run_side_by_side_in_processes_of_their_own(tmp_path: Path) -> None
     ("work", "message", "limit"),
     [
         (samples.crash_on_13, "ended without a result", 60.0),
-        (samples.raise_on_13, "ValueError: thirteen is not to be had", 60.0),
+        (samples.raise_on_13, "ValueError: thirteen is refused", 60.0),
         (samples.sleep_on_13, "the wall-clock limit of 2 s", 2.0),
     ],
 )
-def test_a_job_that_fails_is_reported_and_stops_no_other(
+def test_a_failing_job_is_reported_and_the_others_complete(
     work: Callable[[int], int], message: str, limit: float
 ) -> None:
     with WorkerPool(work, workers=2, limit=limit) as pool:
@@ -46,7 +46,7 @@ def test_processes_are_replaced_after_some_jobs() -> None:
     assert pids[0] == pids[1] != pids[2] == pids[3]
 
 
-def test_workers_are_told_to_use_one_thread_and_the_parent_keeps_its_own(
+def test_workers_use_one_thread_and_the_parent_s_environment_is_unchanged(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     names = ["OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"]
@@ -58,7 +58,7 @@ def test_workers_are_told_to_use_one_thread_and_the_parent_keeps_its_own(
     assert "OPENBLAS_NUM_THREADS" not in os.environ
 
 
-def test_when_no_process_ever_does_a_job_the_pool_gives_up() -> None:
+def test_a_pool_whose_processes_all_die_raises() -> None:
     with (
         WorkerPool(samples.die, workers=1, limit=60.0) as pool,
         pytest.raises(SimulationError, match="all worker processes die"),
@@ -66,7 +66,7 @@ def test_when_no_process_ever_does_a_job_the_pool_gives_up() -> None:
         list(pool.run(range(100)))
 
 
-def test_an_abandoned_pool_ends_without_doing_the_rest() -> None:
+def test_leaving_the_pool_skips_the_remaining_jobs() -> None:
     began = time.monotonic()
     with WorkerPool(samples.napping, workers=1, limit=60.0) as pool:
         for _ in pool.run([0.1] * 6000):
