@@ -77,21 +77,26 @@ def bench_approach(folder: str | Path) -> dict[str, Any]:
         "raw_p95_rel_error": _quantile(raw_errors[close & measured], 0.95),
         "all_median_rel_error": _quantile(errors, 0.5),
         "answered": float(measured[close].mean()),
-        "by_time": [
-            {
-                "from_s": low,
-                "to_s": high,
-                "n": int(chosen.sum()),
-                "median_rel_error": _quantile(errors[chosen], 0.5),
-                "raw_median": _quantile(raw_errors[chosen & measured], 0.5),
-            }
-            for low, high in ((0.0, 0.5), (0.5, 1.0), (1.0, 2.0), (2.0, 5.0), (5.0, 10.0))
-            if (chosen := (true >= low) & (true < high)).any()
-        ],
+        "by_time": _by_time(true, errors, np.where(measured, raw_errors, np.nan)),
         "truth_s": true.tolist(),
         "smoothed_s": _listed(smoothed),
         "raw_s": _listed(raw),
     }
+
+
+def _by_time(true: Array, errors: Array, raw_errors: Array) -> list[dict[str, Any]]:
+    """Median errors by intervals of the true time [s]; NaN in ``raw_errors``: not measured."""
+    return [
+        {
+            "from_s": low,
+            "to_s": high,
+            "n": int(chosen.sum()),
+            "median_rel_error": _quantile(errors[chosen], 0.5),
+            "raw_median": _quantile(raw_errors[chosen & np.isfinite(raw_errors)], 0.5),
+        }
+        for low, high in ((0.0, 0.5), (0.5, 1.0), (1.0, 2.0), (2.0, 5.0), (5.0, 10.0))
+        if (chosen := (true >= low) & (true < high)).any()
+    ]
 
 
 def _paired(folder: Path) -> tuple[list[Image], Array, float, int]:
