@@ -49,8 +49,7 @@ def bench_approach(folder: str | Path) -> dict[str, Any]:
       estimate over all frames;
     - ``answered``: share of the frames below 5 s with a measurement of their own;
     - ``by_time``: list of {``from_s``, ``to_s``, ``n``, ``median_rel_error``, ``raw_median``};
-    - ``truth_s``, ``smoothed_s``, ``raw_s``: one value [s] a frame from the second frame on (None:
-      no measurement).
+    - ``truth_s``, ``smoothed_s``, ``raw_s``: a value [s] per frame from the second on, or None.
 
     Raises:
         ConfigError: frames or times are missing, or their numbers do not match.

@@ -14,7 +14,7 @@ from architecture_sources import (
     MODULES,
     ROOT,
     dotted,
-    import_contracts,
+    import_settings,
     imports,
     module_name,
     names,
@@ -105,16 +105,10 @@ def test_modules_define_the_names_of_their_all() -> None:
     assert missing == []
 
 
-def test_contracts_leave_out_imports_for_type_checking_alone() -> None:
-    left_out = {
-        text for contract in import_contracts() for text in contract.get("ignore_imports", ())
-    }
-    for text in left_out:
-        importer, _, imported = text.partition(" -> ")
-        tree = tree_of(ROOT / f"{importer.replace('.', '/')}.py")
-        for node in list(tree.body):
-            if not (isinstance(node, ast.If) and dotted(node.test) == "TYPE_CHECKING"):
-                assert imported not in {module for module, _ in imports(node)}, text
+def test_import_contracts_have_no_exceptions() -> None:
+    assert import_settings()["exclude_type_checking_imports"] is False
+    for contract in import_settings()["contracts"]:
+        assert not {"ignore_imports", "skip_descendants"} & contract.keys(), contract["name"]
 
 
 def test_only_sim_talks_to_the_physics_engine() -> None:

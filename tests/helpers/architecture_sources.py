@@ -58,17 +58,19 @@ def dotted(node: ast.AST) -> str:
     return ""
 
 
-def import_contracts() -> list[dict[str, Any]]:
-    """The import contracts in ``pyproject.toml``."""
+def import_settings() -> dict[str, Any]:
+    """The settings of import-linter in ``pyproject.toml``, with its contracts."""
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-    contracts: list[dict[str, Any]] = settings["tool"]["importlinter"]["contracts"]
-    return contracts
+    found: dict[str, Any] = settings["tool"]["importlinter"]
+    return found
 
 
 def stack_modules() -> list[Path]:
     """The modules of the stack, as in the import contract on honest sensing."""
     (contract,) = (
-        contract for contract in import_contracts() if contract["name"].startswith("honest sensing")
+        contract
+        for contract in import_settings()["contracts"]
+        if contract["name"].startswith("honest sensing")
     )
     found: list[Path] = []
     for name in contract["source_modules"]:

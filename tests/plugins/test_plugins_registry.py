@@ -27,7 +27,7 @@ def test_register_and_get() -> None:
         "kind": "features",
         "status": "ok",
         "source": "a test",
-        "summary": "Recognizes nothing: no frame has landmarks in it.",
+        "summary": "Detects nothing.",
         "parameters": [],
         "error": None,
     }
