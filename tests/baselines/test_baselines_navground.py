@@ -8,13 +8,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from behavior_samples import desired_twist
 
 from navfw.baselines.navground import Navground
 from navfw.baselines.surroundings import Surroundings
 from navfw.context import Context
 from navfw.errors import MissingExtraError, PluginError
 from navfw.robot import RobotModel
-from navfw.signals import Proposal, Twist
+from navfw.signals import Twist
 from navfw.testing.behavior_scenes import BehaviorScene, contexts_of
 
 ROBOT = RobotModel()
@@ -41,21 +42,13 @@ class FixedSurroundings:
         return self.around
 
 
-def desired_twist(proposal: Proposal, context: Context) -> Twist:
-    desire = proposal.desirability
-    return Twist(
-        float((desire * context.commands.v[:, None]).sum() / desire.sum()),
-        float((desire * context.commands.w[None, :]).sum() / desire.sum()),
-    )
-
-
 def drive(truth: FixedSurroundings, context: Context = OPEN) -> Twist:
     pytest.importorskip("navground", reason="the extra navground is not installed")
     behavior = Navground(ROBOT)
     behavior.set_truth(truth)
     proposal = behavior.propose(context)
     assert proposal.applicability == 1.0
-    return desired_twist(proposal, context)
+    return desired_twist(context, proposal)
 
 
 def test_in_the_open_it_goes_straight_on() -> None:

@@ -8,14 +8,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from behavior_samples import behavior_of, composite_of, desired_twist
 
 from navfw.context import Context
 from navfw.errors import InputError
-from navfw.interfaces import Behavior, Composite
+from navfw.interfaces import Composite
 from navfw.localmap.local_planner import LocalGoal
 from navfw.plugins import Registry, default_registry
 from navfw.robot import RobotModel
-from navfw.signals import Belief, Proposal, Twist, Waypoint
+from navfw.signals import Belief, Twist, Waypoint
 from navfw.stackfile import load_stack
 from navfw.testing.behavior_scenes import BehaviorScene, contexts_of
 
@@ -28,35 +29,11 @@ CORRIDOR = contexts_of(BehaviorScene("corridor", Twist(0.3, 0.0), left=0.7, righ
 DOOR = Waypoint(OPEN.pose.x + 0.7, 0.0, 0.25, "door", "door", final=False, width=0.9)
 
 
-def composite(name: str) -> Composite:
-    cls = REGISTRY.get("composite", name)
-    assert issubclass(cls, Composite)
-    built = cls(ROBOT)
-    built.reset()
-    return built
-
-
-def behavior(name: str) -> Behavior:
-    cls = REGISTRY.get("behavior", name)
-    assert issubclass(cls, Behavior)
-    built = cls(ROBOT)
-    built.reset()
-    return built
-
-
-def wanted(context: Context, proposal: Proposal) -> Twist:
-    desire = proposal.desirability
-    return Twist(
-        float((desire * context.commands.v[:, None]).sum() / desire.sum()),
-        float((desire * context.commands.w[None, :]).sum() / desire.sum()),
-    )
-
-
 # --- patrol --------------------------------------------------------------------------------------
 
 
 def test_patrol_cruises_and_is_cautious_at_doors_and_beside_obstacles() -> None:
-    patrol = composite("patrol")
+    patrol = composite_of("patrol")
     in_the_open = patrol.weigh(OPEN)
     assert in_the_open["cruise"] == pytest.approx(0.3)
     assert patrol.weigh(replace(OPEN, waypoint=DOOR))["cruise"] == 1.0
@@ -68,18 +45,18 @@ def test_patrol_cruises_and_is_cautious_at_doors_and_beside_obstacles() -> None:
 
 def test_patrol_weighs_as_travel_does_without_progress() -> None:
     barred = LocalGoal(0.8, 0.0, math.inf, reachable=False, detour=math.inf)
-    stuck = composite("patrol").weigh(replace(OPEN, idle=20.0, local_goal=barred))
+    stuck = composite_of("patrol").weigh(replace(OPEN, idle=20.0, local_goal=barred))
     assert stuck["follow_wall"] == 1.0
     assert stuck["cruise"] == 0.0
     assert stuck["go_to_xy"] < 0.5
 
 
 def test_cruise_is_moderate_in_the_open_and_slower_at_a_door() -> None:
-    cruise = behavior("cruise")
-    in_the_open = wanted(OPEN, cruise.propose(OPEN)).v
+    cruise = behavior_of("cruise")
+    in_the_open = desired_twist(OPEN, cruise.propose(OPEN)).v
     at_door = replace(OPEN, waypoint=DOOR)
     assert 0.25 < in_the_open < 0.8 * OPEN.commands.max_v
-    assert wanted(at_door, cruise.propose(at_door)).v < 0.7 * in_the_open
+    assert desired_twist(at_door, cruise.propose(at_door)).v < 0.7 * in_the_open
     assert cruise.propose(replace(OPEN, waypoint=None)).applicability == 0.0
 
 
@@ -97,7 +74,7 @@ def leader(weights: dict[str, float]) -> str:
 
 
 def test_search_travels_while_the_position_is_certain() -> None:
-    weights = dict(composite("search").weigh(uncertain(1.0, 0.2, Twist(0.3, 0.0))))
+    weights = dict(composite_of("search").weigh(uncertain(1.0, 0.2, Twist(0.3, 0.0))))
     assert leader(weights) == "go_to_xy"
     assert weights["look_around"] == weights["explore"] == 0.0
 
@@ -110,14 +87,14 @@ def test_search_weighs_as_travel_does_while_the_position_is_certain(
     barred = LocalGoal(1.0, 0.0, 5.0, reachable=False, detour=3.0)
     for context in (replace(at, idle=idle), replace(at, idle=idle, local_goal=barred)):
         certain = replace(context, belief=replace(context.belief, covariance=np.diag([0.01] * 3)))
-        weights = dict(composite("search").weigh(certain))
-        for name, weight in composite("travel").weigh(certain).items():
+        weights = dict(composite_of("search").weigh(certain))
+        for name, weight in composite_of("travel").weigh(certain).items():
             assert weights[name] == pytest.approx(weight, abs=1e-9), name
 
 
 def test_search_never_gives_up_while_the_belief_is_lost() -> None:
     """However small the covariance: one wrong landmark gives a small one at a wrong place."""
-    search = composite("search")
+    search = composite_of("search")
     for k in range(140):
         belief = Belief(1.0 + k, OPEN.pose, np.diag([0.01] * 3), confidence=0.1, lost=True)
         context = replace(OPEN, time=1.0 + k, belief=belief, waypoint=None, local_goal=None)
@@ -125,22 +102,22 @@ def test_search_never_gives_up_while_the_belief_is_lost() -> None:
 
 
 def test_search_alternates_between_looking_around_and_exploring() -> None:
-    search = composite("search")
-    told = []
+    search = composite_of("search")
+    leaders = []
     time, twist = 1.0, Twist(0.0, 1.0)
     while time < 30.0:
-        told.append(leader(dict(search.weigh(uncertain(time, 1.0, twist)))))
-        twist = Twist(0.0, 1.0) if told[-1] == "look_around" else Twist(0.3, 0.0)
+        leaders.append(leader(dict(search.weigh(uncertain(time, 1.0, twist)))))
+        twist = Twist(0.0, 1.0) if leaders[-1] == "look_around" else Twist(0.3, 0.0)
         time += 0.1
-    order = [name for k, name in enumerate(told) if k == 0 or told[k - 1] != name]
+    order = [name for k, name in enumerate(leaders) if k == 0 or leaders[k - 1] != name]
     assert order[:4] == ["look_around", "explore", "look_around", "explore"]
-    assert told.index("explore") == pytest.approx(63, abs=2), "one turn at 1 rad/s"
-    stretch = told[told.index("explore") :].index("look_around")
+    assert leaders.index("explore") == pytest.approx(63, abs=2), "one turn at 1 rad/s"
+    stretch = leaders[leaders.index("explore") :].index("look_around")
     assert stretch == pytest.approx(67, abs=2), "2 m at 0.3 m/s"
 
 
 def test_search_ends_when_the_position_is_certain_and_starts_anew() -> None:
-    search = composite("search")
+    search = composite_of("search")
     for k in range(70):
         last = leader(dict(search.weigh(uncertain(1.0 + 0.1 * k, 1.0, Twist(0.0, 1.0)))))
     assert last == "explore"
@@ -149,19 +126,19 @@ def test_search_ends_when_the_position_is_certain_and_starts_anew() -> None:
 
 
 def test_search_without_result_is_suspended_for_a_while() -> None:
-    search = composite("search")
-    told = {
+    search = composite_of("search")
+    leaders = {
         k: leader(dict(search.weigh(uncertain(1.0 + k, 1.0, Twist(0.0, 0.1))))) for k in range(140)
     }
-    assert told[10] == "look_around"
-    assert told[70] == told[115] == "go_to_xy"
-    assert told[125] == "look_around"
+    assert leaders[10] == "look_around"
+    assert leaders[70] == leaders[115] == "go_to_xy"
+    assert leaders[125] == "look_around"
 
 
 def test_look_around_turns_on_the_spot_toward_the_waypoint_first() -> None:
     aside = replace(OPEN, waypoint=Waypoint(0.0, -3.0, 0.3, "there", "goal", final=True))
     for context, sign in ((OPEN, 1.0), (aside, -1.0)):
-        twist = wanted(context, behavior("look_around").propose(context))
+        twist = desired_twist(context, behavior_of("look_around").propose(context))
         assert twist.v == 0.0
         assert twist.w * sign > 0.3
 
@@ -174,13 +151,13 @@ def test_explore_heads_for_free_unobserved_space() -> None:
     free[left] = 3.0
     ranges = replace(OPEN.ranges, free=free, observed=np.minimum(observed, free))
     context = replace(OPEN, ranges=ranges)
-    assert wanted(context, behavior("explore").propose(context)).w > 0.4
+    assert desired_twist(context, behavior_of("explore").propose(context)).w > 0.4
     # of two free ways, the unobserved one
     right = (bearings < -0.6) & (bearings > -1.4)
     free[right] = 3.0
     observed[left] = 3.0
-    explore = behavior("explore")
-    assert wanted(
+    explore = behavior_of("explore")
+    assert desired_twist(
         context, explore.propose(replace(context, ranges=replace(ranges, observed=observed)))
     ).w < (-0.4)
 
@@ -191,7 +168,7 @@ def test_explore_creeps_where_nothing_ahead_is_observed() -> None:
     for observed in (0.0, 3.0):
         ranges = replace(OPEN.ranges, free=free, observed=np.full_like(free, observed))
         context = replace(OPEN, ranges=ranges)
-        speeds.append(wanted(context, behavior("explore").propose(context)).v)
+        speeds.append(desired_twist(context, behavior_of("explore").propose(context)).v)
     assert 0.02 < speeds[0] < 0.12
     assert speeds[1] > 0.2
 
@@ -200,7 +177,7 @@ def test_explore_creeps_where_nothing_ahead_is_observed() -> None:
 
 
 def test_react_follows_walls_only_without_progress() -> None:
-    react = composite("react")
+    react = composite_of("react")
     wall = contexts_of(BehaviorScene("wall", Twist(0.3, 0.0), ahead=0.9))[-1]
     moving = react.weigh(replace(wall, idle=0.0))
     assert moving["follow_wall_quadrants"] == 0.0

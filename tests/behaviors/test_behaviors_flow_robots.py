@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from behavior_samples import behavior_of, desired_twist
 from hypothesis import given
 from hypothesis import strategies as st
 
 from navfw.context import Context
-from navfw.interfaces import Behavior
 from navfw.plugins import default_registry
 from navfw.robot import RobotModel
 from navfw.signals import Pose, Proposal, Twist
@@ -21,63 +21,47 @@ REGISTRY = default_registry()
 OPEN = contexts_of(BehaviorScene("open", Twist(0.3, 0.0), waypoint=(9.0, 0.0), ticks=3))[-1]
 
 
-def built(name: str) -> Behavior:
-    cls = REGISTRY.get("behavior", name)
-    assert issubclass(cls, Behavior)
-    behavior = cls(ROBOT)
-    behavior.reset()
-    return behavior
-
-
 def with_walls(ahead: float = 20.0, left: float = 20.0, right: float = 20.0) -> Context:
     return replace(OPEN, flow=wall_flow(ROBOT, OPEN.time, ahead, left, right))
 
 
-def wanted(context: Context, proposal: Proposal) -> Twist:
-    desire = proposal.desirability
-    return Twist(
-        float((desire * context.commands.v[:, None]).sum() / desire.sum()),
-        float((desire * context.commands.w[None, :]).sum() / desire.sum()),
-    )
-
-
 @given(st.floats(0.3, 1.2), st.floats(0.3, 1.2))
 def test_balance_turns_away_from_the_nearer_wall_and_mirrors(left: float, right: float) -> None:
-    behavior = built("balance")
+    behavior = behavior_of("balance")
     context = with_walls(left=left, right=right)
-    here = wanted(context, behavior.propose(context)).w
+    here = desired_twist(context, behavior.propose(context)).w
     mirrored = with_walls(left=right, right=left)
-    assert wanted(mirrored, behavior.propose(mirrored)).w == pytest.approx(-here, abs=0.03)
+    assert desired_twist(mirrored, behavior.propose(mirrored)).w == pytest.approx(-here, abs=0.03)
     if abs(left - right) > 0.3:
         assert here * (left - right) > 0.0
 
 
 def test_balance_is_drawn_to_the_goal_and_slower_in_turns() -> None:
-    behavior = built("balance")
-    straight = wanted(OPEN, behavior.propose(OPEN))
+    behavior = behavior_of("balance")
+    straight = desired_twist(OPEN, behavior.propose(OPEN))
     assert abs(straight.w) < 0.03
     assert straight.v == pytest.approx(0.3, abs=0.03)
     aside = replace(with_walls(), belief=replace(OPEN.belief, pose=Pose(0.0, 0.0, -1.0)))
-    turning = wanted(aside, behavior.propose(aside))
+    turning = desired_twist(aside, behavior.propose(aside))
     assert turning.w > 0.3
     assert turning.v < straight.v
 
 
 def test_balance_needs_fresh_flow_of_both_sides() -> None:
-    behavior = built("balance")
+    behavior = behavior_of("balance")
     context = with_walls(left=0.4)
-    assert wanted(context, behavior.propose(context)).w < -0.3
+    assert desired_twist(context, behavior.propose(context)).w < -0.3
     assert context.flow is not None
     half = context.flow.confidence * (context.flow.points[..., 0] < 0.0)
     half_blind = replace(context, flow=replace(context.flow, confidence=half))
     old = replace(context, time=context.time + 2.0)
     for unusable in (half_blind, old, replace(context, flow=None)):
-        assert abs(wanted(unusable, behavior.propose(unusable)).w) < 0.05
+        assert abs(desired_twist(unusable, behavior.propose(unusable)).w) < 0.05
 
 
 def drive_toward(distance: float, frames: int = 3) -> tuple[Context, Proposal]:
     """The divergence behaviour before a wall, after so many frames of it."""
-    behavior = built("divergence")
+    behavior = behavior_of("divergence")
     for k in range(frames):
         time = OPEN.time + 0.1 * k
         flow = wall_flow(ROBOT, time, distance - 0.03 * k, 20.0, 0.9)
@@ -88,11 +72,11 @@ def drive_toward(distance: float, frames: int = 3) -> tuple[Context, Proposal]:
 
 def test_divergence_drives_on_while_contact_is_far_and_turns_before_it() -> None:
     context, proposal = drive_toward(3.0)
-    twist = wanted(context, proposal)
+    twist = desired_twist(context, proposal)
     assert twist.v > 0.25
     assert abs(twist.w) < 0.05
     context, proposal = drive_toward(0.7)
-    twist = wanted(context, proposal)
+    twist = desired_twist(context, proposal)
     assert abs(twist.v) < 0.02
     assert twist.w > 0.7, "to the left: the flow is larger on the right"
     assert "saccade" in proposal.reason
@@ -100,7 +84,7 @@ def test_divergence_drives_on_while_contact_is_far_and_turns_before_it() -> None
 
 def test_one_frame_is_not_enough_for_a_saccade() -> None:
     context, proposal = drive_toward(0.7, frames=1)
-    assert wanted(context, proposal).v > 0.25
+    assert desired_twist(context, proposal).v > 0.25
 
 
 def test_divergence_measures_the_time_to_contact() -> None:
@@ -111,7 +95,7 @@ def test_divergence_measures_the_time_to_contact() -> None:
 
 
 def test_after_a_saccade_it_drives_straight_on_for_a_while() -> None:
-    behavior = built("divergence")
+    behavior = behavior_of("divergence")
     for k in range(2):
         time = OPEN.time + 0.1 * k
         flow = wall_flow(ROBOT, time, 0.7, 20.0, 0.9)
@@ -119,15 +103,15 @@ def test_after_a_saccade_it_drives_straight_on_for_a_while() -> None:
     pose = Pose(OPEN.pose.x, OPEN.pose.y, OPEN.pose.yaw + 1.0)
     away = replace(OPEN, time=OPEN.time + 1.5, pose=pose)
     away = replace(away, belief=replace(OPEN.belief, pose=pose))
-    twist = wanted(away, behavior.propose(away))
+    twist = desired_twist(away, behavior.propose(away))
     assert twist.v > 0.25
     assert abs(twist.w) < 0.05, "not back to the goal at once"
     there = Pose(pose.x + 0.9 * np.cos(pose.yaw), pose.y + 0.9 * np.sin(pose.yaw), pose.yaw)
     later = replace(away, time=away.time + 3.0, pose=there)
     later = replace(later, belief=replace(OPEN.belief, pose=there))
-    assert wanted(later, behavior.propose(later)).w < -0.3, "then to the goal again"
+    assert desired_twist(later, behavior.propose(later)).w < -0.3, "then to the goal again"
 
 
 @pytest.mark.parametrize("name", ["balance", "divergence"])
 def test_they_do_not_apply_without_a_waypoint(name: str) -> None:
-    assert built(name).propose(replace(OPEN, waypoint=None)).applicability == 0.0
+    assert behavior_of(name).propose(replace(OPEN, waypoint=None)).applicability == 0.0

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from behavior_samples import behavior_of, desired_twist
 
 from navfw.context import Context, quadrant_distances
-from navfw.interfaces import Behavior
 from navfw.plugins import default_registry
 from navfw.robot import RobotModel
-from navfw.signals import Pose, Proposal, Twist
+from navfw.signals import Pose, Twist
 from navfw.testing.behavior_scenes import BehaviorScene, contexts_of
 
 ROBOT = RobotModel()
@@ -20,22 +20,6 @@ REGISTRY = default_registry()
 
 def last(scene: BehaviorScene) -> Context:
     return contexts_of(scene)[-1]
-
-
-def built(name: str) -> Behavior:
-    cls = REGISTRY.get("behavior", name)
-    assert issubclass(cls, Behavior)
-    behavior = cls(ROBOT)
-    behavior.reset()
-    return behavior
-
-
-def wanted(context: Context, proposal: Proposal) -> Twist:
-    desire = proposal.desirability
-    return Twist(
-        float((desire * context.commands.v[:, None]).sum() / desire.sum()),
-        float((desire * context.commands.w[None, :]).sum() / desire.sum()),
-    )
 
 
 def test_quadrant_distances_are_near_on_the_side_of_a_wall_and_far_elsewhere() -> None:
@@ -75,9 +59,9 @@ def test_it_turns_away_from_the_nearer_half(side: str, sign: float) -> None:
     scene = BehaviorScene("beside", Twist(0.3, 0.0))
     scene = replace(scene, left=0.5) if side == "left" else replace(scene, right=0.5)
     context = last(scene)
-    proposal = built("avoid_quadrants").propose(context)
+    proposal = behavior_of("avoid_quadrants").propose(context)
     assert proposal.applicability > 0.8
-    assert wanted(context, proposal).w * sign > 0.3
+    assert desired_twist(context, proposal).w * sign > 0.3
 
 
 @pytest.mark.parametrize(("goal", "sign"), [((2.0, 1.5), 1.0), ((2.0, -1.5), -1.0)])
@@ -85,8 +69,8 @@ def test_before_a_wall_it_turns_hard_to_the_waypoints_side_and_not_fast(
     goal: tuple[float, float], sign: float
 ) -> None:
     context = last(BehaviorScene("wall", Twist(0.3, 0.0), waypoint=goal, ahead=0.9))
-    proposal = built("avoid_quadrants").propose(context)
-    twist = wanted(context, proposal)
+    proposal = behavior_of("avoid_quadrants").propose(context)
+    twist = desired_twist(context, proposal)
     assert twist.w * sign > 0.7
     assert twist.v < 0.2
     assert np.all(proposal.prohibition[-1] > 0.0), "driving on at full speed is discouraged"
@@ -97,7 +81,7 @@ def test_old_percepts_are_ignored() -> None:
     context = last(BehaviorScene("wall", Twist(0.3, 0.0), ahead=0.9))
     late = replace(context, time=context.time + 1.0)
     for name in ("avoid_quadrants", "follow_wall_quadrants"):
-        assert built(name).propose(late).applicability == 0.0
+        assert behavior_of(name).propose(late).applicability == 0.0
 
 
 @pytest.mark.parametrize(("side", "sign"), [("left", 1.0), ("right", -1.0)])
@@ -106,21 +90,23 @@ def test_following_a_wall_keeps_it_between_near_and_middle(side: str, sign: floa
         scene = BehaviorScene("beside", Twist(0.2, 0.0))
         scene = replace(scene, left=distance) if side == "left" else replace(scene, right=distance)
         context = last(scene)
-        return wanted(context, built("follow_wall_quadrants").propose(context)).w * sign
+        return (
+            desired_twist(context, behavior_of("follow_wall_quadrants").propose(context)).w * sign
+        )
 
     assert turn(0.4) < -0.1
     assert turn(1.8) > 0.1
 
 
 def test_an_emergency_turns_on_the_spot_to_its_end() -> None:
-    behavior = built("emergency_quadrants")
+    behavior = behavior_of("emergency_quadrants")
     drive = contexts_of(BehaviorScene("late", Twist(0.3, 0.0), waypoint=(3.0, 2.0), ahead=0.6))
     context = drive[-1]
     assert context.quadrant_distances is not None and context.quadrant_distances.floor < 0.2
     proposal = behavior.propose(context)
     assert proposal.applicability == 1.0
     assert np.all(proposal.prohibition[context.commands.v > 0.0] == 1.0)
-    twist = wanted(context, proposal)
+    twist = desired_twist(context, proposal)
     assert (twist.v, twist.w > 0.5) == (0.0, True), "to the side of the waypoint"
     turned = 0.0
     while behavior.propose(context).applicability:
@@ -134,4 +120,4 @@ def test_an_emergency_turns_on_the_spot_to_its_end() -> None:
 
 def test_an_emergency_is_none_on_open_floor() -> None:
     context = last(BehaviorScene("open", Twist(0.3, 0.0)))
-    assert built("emergency_quadrants").propose(context).applicability == 0.0
+    assert behavior_of("emergency_quadrants").propose(context).applicability == 0.0

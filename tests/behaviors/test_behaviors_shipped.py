@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from behavior_samples import desired_twist
 
 from navfw.context import CommandGrid, Context
 from navfw.interfaces import Behavior, Composite
@@ -57,15 +58,6 @@ def propose(registry: Registry, name: str, scene: BehaviorScene) -> tuple[Contex
     return proposals[-1]
 
 
-def wanted(context: Context, proposal: Proposal) -> Twist:
-    """The centre of the commands that a proposal desires."""
-    desire = proposal.desirability
-    return Twist(
-        float((desire * context.commands.v[:, None]).sum() / desire.sum()),
-        float((desire * context.commands.w[None, :]).sum() / desire.sum()),
-    )
-
-
 @pytest.mark.parametrize(
     ("waypoint", "sign"), [((1.0, 2.0), 1.0), ((1.0, -2.0), -1.0), ((-2.0, 0.3), 1.0)]
 )
@@ -74,18 +66,18 @@ def test_go_to_xy_turns_toward_the_waypoint(
 ) -> None:
     scene = BehaviorScene("goal aside", Twist(0.1, 0.0), waypoint=waypoint, ticks=2)
     context, proposal = propose(registry, "go_to_xy", scene)
-    assert wanted(context, proposal).w * sign > 0.15
+    assert desired_twist(context, proposal).w * sign > 0.15
 
 
 def test_go_to_xy_drives_fast_straight_on_and_slowly_at_the_goal(registry: Registry) -> None:
-    far = wanted(
+    far = desired_twist(
         *propose(
             registry,
             "go_to_xy",
             BehaviorScene("far", Twist(0.3, 0.0), waypoint=(4.0, 0.0), ticks=25),
         )
     )
-    near = wanted(
+    near = desired_twist(
         *propose(registry, "go_to_xy", BehaviorScene("near", Twist(0.1, 0.0), waypoint=(0.25, 0.0)))
     )
     assert far.v > 0.3
@@ -134,8 +126,8 @@ def test_follow_wall_keeps_its_distance(registry: Registry, side: str, sign: flo
         return replace(scene, left=distance) if side == "left" else replace(scene, right=distance)
 
     near, far = beside(0.32), beside(0.8)
-    assert wanted(*propose(registry, "follow_wall", near)).w * sign < -0.05
-    assert wanted(*propose(registry, "follow_wall", far)).w * sign > 0.05
+    assert desired_twist(*propose(registry, "follow_wall", near)).w * sign < -0.05
+    assert desired_twist(*propose(registry, "follow_wall", far)).w * sign > 0.05
 
 
 def weigh(registry: Registry, scene: BehaviorScene, **changes: object) -> dict[str, float]:
@@ -176,7 +168,7 @@ def test_centre_corridor_turns_away_from_the_nearer_wall(
     scene = replace(scene, left=0.45) if nearer == "left" else replace(scene, right=0.45)
     context, proposal = propose(registry, "centre_corridor", scene)
     assert proposal.applicability > 0.2
-    assert wanted(context, proposal).w * sign > 0.05
+    assert desired_twist(context, proposal).w * sign > 0.05
 
 
 def test_traverse_door_only_at_doors_and_slowly_in_narrow_ones(registry: Registry) -> None:
@@ -187,7 +179,7 @@ def test_traverse_door_only_at_doors_and_slowly_in_narrow_ones(registry: Registr
     def through(width: float) -> Twist:
         x = context.belief.pose.x + 0.8
         door = Waypoint(x, 0.0, 0.25, "door", "door", final=False, width=width)
-        return wanted(context, cls(ROBOT).propose(replace(context, waypoint=door)))
+        return desired_twist(context, cls(ROBOT).propose(replace(context, waypoint=door)))
 
     assert through(0.6).v < through(1.2).v
 
@@ -196,7 +188,7 @@ def test_peek_creeps_into_unobserved_space_only(registry: Registry) -> None:
     blind = BehaviorScene("blind", Twist(0.0, 0.0), perceives=False, ticks=2)
     context, proposal = propose(registry, "peek", blind)
     assert proposal.applicability > 0.4
-    assert 0.0 < wanted(context, proposal).v < 0.4 * context.commands.max_v
+    assert 0.0 < desired_twist(context, proposal).v < 0.4 * context.commands.max_v
     _, seeing = propose(registry, "peek", BehaviorScene("open", Twist(0.3, 0.0), ticks=20))
     assert seeing.applicability < 0.05
 
@@ -216,7 +208,7 @@ def test_escape_backs_out_and_then_turns(registry: Registry) -> None:
         if proposal.applicability == 0.0:
             continue
         assert np.all(proposal.prohibition[now.commands.v > 0.0] == 1.0)
-        phases.append(wanted(now, proposal).v < 0.0)
+        phases.append(desired_twist(now, proposal).v < 0.0)
         if phases[-1] and len(phases) > 5:  # it has backed out by now
             pose = standing.pose
             standing = replace(standing, pose=Pose(pose.x - 0.3, pose.y, pose.yaw))
@@ -238,7 +230,7 @@ def test_emergency_stops_a_robot_whose_wheels_do_not_turn(registry: Registry) ->
     context, proposal = propose(registry, "emergency", held)
     assert proposal.applicability == 1.0
     assert np.all(proposal.prohibition[context.commands.v > 0.0] == 1.0)
-    assert wanted(context, proposal).v <= 0.0
+    assert desired_twist(context, proposal).v <= 0.0
 
 
 def test_emergency_stops_before_a_wall_that_is_too_near(registry: Registry) -> None:

@@ -42,7 +42,7 @@ def test_after_a_detection_every_frame_is_searched_fully_for_a_while() -> None:
     assert set(modes(schedule, quiet, quiet + 4)) == {"coarse", "idle"}
 
 
-def test_every_frame_is_searched_fully_if_the_schedule_is_told_so() -> None:
+def test_with_always_full_every_frame_is_searched_fully() -> None:
     assert set(modes(DetectionSchedule(always_full=True), 0, 40)) == {"full"}
 
 

@@ -1,0 +1,39 @@
+"""Shipped behaviours and composites by name, and the twist that a proposal desires."""
+
+from __future__ import annotations
+
+from navfw.context import Context
+from navfw.interfaces import Behavior, Composite
+from navfw.plugins import default_registry
+from navfw.robot import RobotModel
+from navfw.signals import Proposal, Twist
+
+ROBOT = RobotModel()
+REGISTRY = default_registry()
+
+
+def behavior_of(name: str) -> Behavior:
+    """The behaviour with default parameters, at the start of a run."""
+    cls = REGISTRY.get("behavior", name)
+    assert issubclass(cls, Behavior)
+    built = cls(ROBOT)
+    built.reset()
+    return built
+
+
+def composite_of(name: str) -> Composite:
+    """The composite with default parameters, at the start of a run."""
+    cls = REGISTRY.get("composite", name)
+    assert issubclass(cls, Composite)
+    built = cls(ROBOT)
+    built.reset()
+    return built
+
+
+def desired_twist(context: Context, proposal: Proposal) -> Twist:
+    """The centre of the commands that ``proposal`` desires."""
+    desire = proposal.desirability
+    return Twist(
+        float((desire * context.commands.v[:, None]).sum() / desire.sum()),
+        float((desire * context.commands.w[None, :]).sum() / desire.sum()),
+    )
