@@ -18,6 +18,7 @@ from navfw.topomap.mapfile import map_data
 __all__ = ["default_folder", "draw", "outline_of", "resolved_config", "versions", "write_run"]
 
 _LIBRARIES = ("pybullet", "numpy", "numba", "opencv-python-headless", "scikit-fuzzy", "networkx")
+"""Libraries whose versions are recorded."""
 
 
 def default_folder(session: Session) -> Path:

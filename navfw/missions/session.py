@@ -46,8 +46,10 @@ if TYPE_CHECKING:
 __all__ = ["MissionResult", "Session", "mission_stack", "prepare", "split_overrides"]
 
 DEFAULT_STACK = "default"
+"""The stack of a mission that names none."""
 
 _MISSION_PARTS = ("robot", "sensors")
+"""Keys of a mission file that overrides may begin with; others need ``mission.`` before them."""
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,8 @@ from navfw.errors import ConfigError, InputError
 __all__ = ["FILES", "RESULT", "RunFolder", "plain_json", "read_result"]
 
 RESULT = "result.json"
+"""The file with outcome, metrics and configuration of a run."""
+
 FILES = frozenset({RESULT, "trajectory.png", "recording.npz", "map.yaml", "stack.yaml"})
 """The files of a run folder; a folder with any other file in it is never replaced."""
 

@@ -26,9 +26,13 @@ MAX_BYTES = 1 << 30
 """Largest unpacked size of a recording [byte]; 1 h of 160x120 images at 10 Hz is 0.7 GB."""
 
 _NONE = -1
+"""Index of a tick without a frame."""
+
 _SIDES = 2
 """Number of side views of a frame; they have equal widths."""
-_SENSOR_COLUMNS = 6  # time, roll, pitch, yaw rate; inertial time; encoder time
+
+_SENSOR_COLUMNS = 6
+"""Time, roll, pitch and yaw rate, time of the inertial reading, time of the encoders."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 __all__ = ["Generated", "generate", "generated_session", "prepared_session"]
 
 DEFAULT_DIFFICULTY = 0.5
+"""Difficulty of generated worlds in entries without one: the middle of the range 0 to 1."""
 
 
 class Generated(Protocol):

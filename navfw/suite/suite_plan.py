@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["SuitePlan", "plan_runs"]
 
 MAX_RUNS = 200_000
+"""Largest number of runs of a suite, against mistyped ranges of seeds."""
 
 
 @dataclass(frozen=True)

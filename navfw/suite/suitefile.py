@@ -54,6 +54,7 @@ MAX_SEED = 2**32
 """Seeds are below this."""
 
 MAX_SEEDS = 100_000
+"""Largest number of seeds of a suite, against mistyped ranges."""
 
 Expect = Literal["arrival", "stop"]
 """What passes: reaching the goals, or a stop without a collision for a known reason."""

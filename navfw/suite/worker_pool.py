@@ -33,6 +33,7 @@ GRACE = 10.0
 """Time [s] for a worker to end its job after a request to stop."""
 
 _THREADS = ("OMP", "OPENBLAS", "MKL", "NUMEXPR", "NUMBA", "VECLIB_MAXIMUM")
+"""First parts of the environment variables that limit the threads of numerical libraries."""
 
 JobT = TypeVar("JobT")
 ResultT = TypeVar("ResultT")
