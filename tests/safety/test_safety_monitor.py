@@ -9,38 +9,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from safety_samples import ORIGIN, ROBOT, monitor_with, odometry, picture, reading
 
-from navfw.localmap import FreeDistance, LocalMap
-from navfw.robot import RobotModel
+from navfw.localmap import LocalMap
 from navfw.safety import SafetyMonitor
-from navfw.signals import Encoders, Frame, Image, Inertial, Odometry, Pose, SensorReading, Twist
+from navfw.signals import Image, Odometry, Pose, Twist
 
-ROBOT = RobotModel()
 RATE = 60.0
-RNG = np.random.default_rng(1)
-
-
-def picture(mean: float = 120.0, spread: float = 30.0) -> Image:
-    noise = RNG.normal(mean, spread, (120, 160))
-    return np.clip(noise, 0, 255).astype(np.uint8)
-
-
-class FixedDistances(LocalMap):
-    """A local map with the same free distances [m] for every pose and twist."""
-
-    def __init__(self, contact: float = 10.0, unobserved: float = 10.0) -> None:
-        super().__init__(ROBOT)
-        self.distances = FreeDistance(contact, unobserved)
-
-    def free_distance(self, pose: Pose, twist: Twist) -> FreeDistance:
-        return self.distances
-
-
-ORIGIN = Pose(0.0, 0.0, 0.0)
-
-
-def monitor_with(contact: float = 10.0, unobserved: float = 10.0) -> SafetyMonitor:
-    return SafetyMonitor(ROBOT, FixedDistances(contact, unobserved))
 
 
 class Drive:
@@ -65,19 +40,12 @@ class Drive:
             time = self.tick / RATE
             frame = None
             if self.tick % 6 == 0 and image is not None:
-                frame = Frame(time, picture() if isinstance(image, str) else image)
+                frame = picture() if isinstance(image, str) else image
             self.x += wanted.v * moves / RATE
-            reading = SensorReading(
-                time,
-                Inertial(time - gyro_age, 0.0, 0.0, 0.0),
-                Encoders(time - encoder_age, 0, 0),
-                frame,
-            )
-            odometry = Odometry(
-                time, Pose(self.x, 0.0, 0.0), Twist(wanted.v * moves, 0.0), 0.0, still=False
-            )
-            self.monitor.update(reading, odometry)
-            self.verdict = self.monitor.limit(wanted, time, odometry.pose)
+            now = reading(time, frame, gyro_age=gyro_age, encoder_age=encoder_age)
+            measured = odometry(time, self.x, v=wanted.v * moves)
+            self.monitor.update(now, measured)
+            self.verdict = self.monitor.limit(wanted, time, measured.pose)
             driven = self.verdict.twist
             self.tick += 1
         return driven
@@ -217,11 +185,9 @@ def feed(
     monitor: SafetyMonitor, time: float, image: Image | None, *, x: float = 0.0, **more: float
 ) -> None:
     """Update with one reading; its frame is ``late`` [s] old, the encoders may be ``silent``."""
-    frame = None if image is None else Frame(time - more.get("late", 0.0), image)
-    reading = SensorReading(time, Inertial(time, 0, 0, 0), Encoders(time, 0, 0), frame)
+    now = reading(time, image, frame_age=more.get("late", 0.0))
     silent = bool(more.get("silent", 0.0))
-    odometry = Odometry(time, Pose(x, 0, 0), Twist(0.3, 0.0), 0.0, still=False, silent=silent)
-    monitor.update(reading, odometry)
+    monitor.update(now, odometry(time, x, v=0.3, silent=silent))
 
 
 def test_the_age_of_a_frame_counts_from_its_time_stamp() -> None:
@@ -288,3 +254,220 @@ def test_without_valid_frames_the_robot_reverses_a_little_and_no_farther() -> No
     assert "without a valid frame" in drive.monitor.limit(back, drive.tick / RATE, ORIGIN).reason
     assert drive.run(0.1, Twist(0.0, 0.5), image=None).w == 0.5
     assert drive.run(0.2, back).v == back.v  # frames are valid again
+
+
+# --- thresholds -----------------------------------------------------------------------------------
+
+
+@given(st.floats(0.0, 0.4))
+def test_full_braking_ends_the_gap_before_the_obstacle(room: float) -> None:
+    monitor = monitor_with(room)
+    p = monitor.params
+    verdict = monitor.limit(Twist(ROBOT.max_v, 0.5), 0.0, ORIGIN)
+    v = verdict.twist.v
+    if v < ROBOT.max_v:
+        distance = v * p.latency + v**2 / (2.0 * ROBOT.max_brake)
+        assert distance == pytest.approx(max(room - p.gap, 0.0), abs=1e-9)
+        assert verdict.reason == "no room to stop"
+    else:
+        assert verdict.reason == ""
+    assert verdict.stopped == (room <= p.gap)
+    assert verdict.twist.w == 0.5
+
+
+def test_braking_before_unobserved_space_is_as_hard_as_before_an_obstacle() -> None:
+    ahead = Twist(ROBOT.max_v, 0.0)
+    obstacle = monitor_with(0.15, 10.0).limit(ahead, 0.0, ORIGIN).twist.v
+    unobserved = monitor_with(10.0, 0.15).limit(ahead, 0.0, ORIGIN)
+    assert obstacle > monitor_with().params.creep
+    assert unobserved.twist.v == obstacle
+    assert unobserved.reason == "unobserved space ahead"
+
+
+@pytest.mark.parametrize(("beyond", "v"), [(1e-6, -0.1), (0.0, 0.0)])
+def test_reversing_keeps_the_gap_to_obstacles_and_to_unobserved_space(
+    beyond: float, v: float
+) -> None:
+    gap = monitor_with().params.gap
+    back = Twist(-0.1, 0.0)
+    assert monitor_with(gap + beyond, 10.0).limit(back, 0.0, ORIGIN).twist.v == v
+    rim = ROBOT.radius + gap + beyond
+    assert monitor_with(10.0, rim).limit(back, 0.0, ORIGIN).twist.v == v
+
+
+@pytest.mark.parametrize(
+    ("wanted", "driven"),
+    [
+        (Twist(9.0, 0.0), Twist(ROBOT.max_v, 0.0)),
+        (Twist(-9.0, 0.0), Twist(-ROBOT.max_reverse, 0.0)),
+        (Twist(0.0, 9.0), Twist(0.0, ROBOT.max_w)),
+        (Twist(0.0, -9.0), Twist(0.0, -ROBOT.max_w)),
+    ],
+)
+def test_commands_beyond_the_drive_are_clipped_and_reported(wanted: Twist, driven: Twist) -> None:
+    verdict = monitor_with().limit(wanted, 0.0, ORIGIN)
+    assert verdict.twist == driven
+    assert verdict.reason == "the command exceeds the drive's limits"
+    assert not verdict.stopped
+
+
+@pytest.mark.parametrize("wanted", [Twist(math.nan, 0.0), Twist(0.3, math.inf)])
+def test_a_command_that_is_not_finite_stops(wanted: Twist) -> None:
+    verdict = monitor_with().limit(wanted, 0.0, ORIGIN)
+    assert verdict.twist == Twist(0.0, 0.0)
+    assert verdict.reason == "the command is not finite"
+    assert verdict.stopped
+
+
+@pytest.mark.parametrize(
+    ("ages", "v", "reason"),
+    [
+        ({"frame_age": 0.44}, 0.4, ""),
+        ({"frame_age": 0.46}, 0.12, "the camera is late"),
+        ({"frame_age": 1.19}, 0.12, "the camera is late"),
+        ({"frame_age": 1.21}, 0.0, "the camera is silent"),
+        ({"gyro_age": 0.19}, 0.4, ""),
+        ({"gyro_age": 0.21}, 0.12, "the gyro is silent"),
+        ({"encoder_age": 0.49}, 0.4, ""),
+        ({"encoder_age": 0.51}, 0.0, "the wheel encoders are silent"),
+        ({"gyro_age": 9.0, "frame_age": 0.5}, 0.12, "the camera is late"),
+        ({"encoder_age": 0.6, "frame_age": 2.0}, 0.0, "the wheel encoders are silent"),
+    ],
+)
+def test_old_readings_limit_the_speed_from_their_thresholds(
+    ages: dict[str, float], v: float, reason: str
+) -> None:
+    monitor = monitor_with()
+    monitor.update(reading(10.0, picture(), **ages), odometry(10.0, v=0.4))
+    verdict = monitor.limit(Twist(0.4, 0.7), 10.0, ORIGIN)
+    assert verdict.twist == Twist(v, 0.7)
+    assert verdict.reason == reason
+    assert verdict.stopped == (v == 0.0)
+    # less speed than the cap is left alone
+    assert monitor.limit(Twist(0.0, 0.7), 10.0, ORIGIN).reason == ""
+
+
+def driving(
+    monitor: SafetyMonitor, begin: float, end: float, wanted: float, v: float
+) -> list[float]:
+    """Speeds driven from time ``begin`` to ``end`` [s], at 20 Hz, while the wheels do ``v``."""
+    driven = []
+    for tick in range(round(20 * begin), round(20 * end)):
+        time = tick / 20.0
+        monitor.update(reading(time, picture()), odometry(time, time * v, v=v))
+        driven.append(monitor.limit(Twist(wanted, 0.0), time, ORIGIN).twist.v)
+    return driven
+
+
+@pytest.mark.parametrize(
+    ("wanted", "v", "stalls"),
+    [
+        (0.3, 0.05, True),
+        (0.3, 0.07, False),
+        (0.07, 0.0, False),
+        (0.09, 0.0, True),
+        (-0.1, 0.0, False),
+    ],
+)
+def test_wheels_stall_below_a_fifth_of_the_commanded_speed(
+    wanted: float, v: float, stalls: bool
+) -> None:
+    monitor = monitor_with()
+    assert set(driving(monitor, 0.0, 0.8, wanted, v)) == {wanted}, "not before the stall time"
+    later = driving(monitor, 0.8, 4.0, wanted, v)
+    assert (0.0 in later) == stalls
+    assert monitor.limit(Twist(wanted, 0.4), 4.0, ORIGIN).twist.w == 0.4
+
+
+def test_after_a_stall_the_robot_stands_for_a_while_and_tries_again() -> None:
+    monitor = monitor_with()
+    driven = driving(monitor, 0.0, 4.0, 0.3, 0.0)
+    first = driven.index(0.0) / 20.0
+    # the wheels are commanded from the first tick on; two ticks until the stall counts
+    assert first == pytest.approx(0.8 + 0.1, abs=0.051)
+    again = driven.index(0.3, driven.index(0.0)) / 20.0
+    assert again - first == pytest.approx(1.0, abs=0.01)
+    assert 0.0 in driven[round(20 * again) :], "still stalled: it stands again"
+
+
+def test_a_wheel_that_follows_in_between_is_no_stall() -> None:
+    monitor = monitor_with()
+    driving(monitor, 0.0, 0.7, 0.3, 0.0)
+    driving(monitor, 0.7, 0.8, 0.3, 0.3)
+    assert 0.0 not in driving(monitor, 0.8, 1.5, 0.3, 0.0)
+
+
+def reversed_blindly(monitor: SafetyMonitor, v: float, seconds: float) -> float:
+    """Distance [m] reversed in so many seconds without frames, at ``v`` [m/s]."""
+    monitor.update(reading(0.0, picture()), odometry(0.0, v=v))
+    driven = 0.0
+    for tick in range(1, round(20 * seconds)):
+        time = tick / 20.0
+        now = monitor.limit(Twist(v, 0.0), time, ORIGIN).twist.v
+        # the camera counts as silent from camera_stop on
+        driven += max(-now, 0.0) / 20.0 if time > monitor.params.camera_stop else 0.0
+        monitor.update(reading(time), odometry(time, v=now))
+    return driven
+
+
+def test_reverse_without_frames_is_limited_in_distance() -> None:
+    monitor = monitor_with()
+    assert reversed_blindly(monitor, -0.1, 10.0) == pytest.approx(0.3, abs=0.011)
+    monitor.reset()
+    assert reversed_blindly(monitor, -0.05, 15.0) == pytest.approx(0.3, abs=0.011)
+    # a valid frame allows for the whole distance again
+    monitor.update(reading(15.0, picture()), odometry(15.0))
+    assert monitor.limit(Twist(-0.1, 0.0), 15.0, ORIGIN).twist.v == -0.1
+
+
+def test_probes_of_silent_encoders_are_short_and_slow() -> None:
+    monitor = monitor_with()
+    monitor.update(reading(0.0, picture()), odometry(0.0))
+    forward, backward = [], []
+    for tick in range(1, 60 * 7):
+        time = tick / 60.0
+        monitor.update(reading(time, picture()), odometry(time, silent=True))
+        forward.append(monitor.limit(Twist(0.4, 0.0), time, ORIGIN).twist.v)
+        backward.append(monitor.limit(Twist(-0.1, 0.0), time, ORIGIN).twist.v)
+    probing = {k + 1 for k, v in enumerate(forward) if v}
+    assert {forward[k - 1] for k in probing} == {monitor.params.probe}
+    assert {-backward[k - 1] for k in probing} == {monitor.params.probe}
+    assert {k + 1 for k, v in enumerate(backward) if v} == probing
+    # the last 0.3 s of every 3 s
+    expected = {k for k in range(1, 60 * 7) if (k / 60.0) % 3.0 > 2.7}
+    assert len(probing ^ expected) <= 2
+    reason = monitor.limit(Twist(0.4, 0.0), 7.0, ORIGIN).reason
+    assert reason == "the wheel encoders do not count"
+
+
+@pytest.mark.parametrize(
+    ("sensor", "text"),
+    [("camera", "the camera is silent, for 21 s"), ("encoders", "the wheel encoders do not count")],
+)
+def test_a_sensor_that_gives_no_reading_for_long_is_named(sensor: str, text: str) -> None:
+    monitor = monitor_with()
+    monitor.update(reading(0.0, picture()), odometry(0.0))
+    for age, failed in ((19.9, False), (20.6, True)):
+        old = {"encoder_age": age} if sensor == "encoders" else {}
+        frame = picture() if sensor == "encoders" else None
+        monitor.update(reading(age, frame, **old), odometry(age))
+        assert (monitor.failure is not None) == failed
+    assert text in str(monitor.failure)
+    monitor.reset()
+    assert monitor.failure is None
+
+
+def test_reset_drops_stall_standstill_and_reverse() -> None:
+    monitor = monitor_with()
+    assert 0.0 in driving(monitor, 0.0, 1.2, 0.3, 0.0)
+    monitor.reset()
+    assert driving(monitor, 0.0, 0.5, 0.3, 0.3)[0] == 0.3
+    driving(monitor, 0.5, 1.2, 0.3, 0.0)
+    monitor.reset()
+    assert 0.0 not in driving(monitor, 1.2, 1.9, 0.3, 0.0), "the time without following is dropped"
+    reversed_blindly(monitor, -0.1, 10.0)
+    monitor.reset()
+    assert monitor.limit(Twist(-0.1, 0.0), 0.0, ORIGIN).twist.v == -0.1
+    # no commanded speed, and no time of the last run
+    monitor.update(reading(100.0), odometry(100.0, v=-0.1))
+    assert monitor.limit(Twist(-0.1, 0.0), 100.0, ORIGIN).twist.v == -0.1
