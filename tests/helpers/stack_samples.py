@@ -6,12 +6,25 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache
 
+import numpy as np
+
 from navfw.config.lookup import find
 from navfw.context import Context
-from navfw.interfaces import Behavior
+from navfw.interfaces import Behavior, FeatureRecognizer, Localizer, Planner
 from navfw.plugins import Registry, default_registry
 from navfw.robot import RobotModel
-from navfw.signals import Frame, Odometry, Pose, Proposal, Waypoint
+from navfw.signals import (
+    Belief,
+    Frame,
+    LandmarkDetection,
+    Odometry,
+    PassageQuery,
+    PassageReport,
+    Percept,
+    Pose,
+    Proposal,
+    Waypoint,
+)
 from navfw.stack import Stack
 from navfw.stackfile import Choice, load_stack
 from navfw.testing.fakes import FakeSimulator
@@ -63,6 +76,86 @@ class Idle(Behavior):
         """A proposal that does not apply."""
         nothing = context.commands.zeros()
         return Proposal(0.0, nothing, nothing, "nothing")
+
+
+class RecordingPlanner(Planner):
+    """Always gives ``waypoint``; records the beliefs and reports that it gets."""
+
+    name = "recording_planner"
+
+    def reset(self) -> None:
+        """Back to GOAL and no records."""
+        self.waypoint: Waypoint | None = GOAL
+        self.reason: str | None = None
+        self.legs: tuple[PassageQuery, ...] = ()
+        self.reports: list[PassageReport] = []
+        self.beliefs: list[Belief] = []
+
+    def start(self, topo_map: TopoMap, goals: Sequence[Waypoint]) -> None:
+        """Nothing to do: the goal is fixed."""
+
+    def update(self, belief: Belief) -> Waypoint | None:
+        """The fixed waypoint."""
+        self.beliefs.append(belief)
+        return self.waypoint
+
+    @property
+    def path(self) -> Sequence[Waypoint]:
+        """The waypoint alone."""
+        return () if self.waypoint is None else (self.waypoint,)
+
+    @property
+    def queries(self) -> Sequence[PassageQuery]:
+        """The legs that a test has set."""
+        return self.legs
+
+    def observe(self, report: PassageReport) -> None:
+        """Record the report."""
+        self.reports.append(report)
+
+    @property
+    def no_route_reason(self) -> str | None:
+        """The reason that a test has set."""
+        return self.reason
+
+
+class RecordingLocalizer(Localizer):
+    """Takes the odometry for the pose; records what it gets. ``lost`` is set by a test."""
+
+    name = "recording_localizer"
+
+    def reset(self) -> None:
+        """Back to no records."""
+        self.lost = False
+        self.starts: list[tuple[TopoMap, Pose | None, Odometry]] = []
+        self.updates: list[tuple[Odometry, Percept | None, Sequence[LandmarkDetection]]] = []
+
+    def start(self, topo_map: TopoMap, pose: Pose | None, odometry: Odometry) -> None:
+        """Record the start."""
+        self.starts.append((topo_map, pose, odometry))
+
+    def update(
+        self, odometry: Odometry, percept: Percept | None, detections: Sequence[LandmarkDetection]
+    ) -> Belief:
+        """The belief at the pose of the odometry."""
+        self.updates.append((odometry, percept, detections))
+        return Belief(odometry.time, odometry.pose, 1e-4 * np.eye(3), lost=self.lost)
+
+
+class RecordingFeatures(FeatureRecognizer):
+    """Gives the ``detections`` that a test has set; records the frames that it gets."""
+
+    name = "recording_features"
+
+    def reset(self) -> None:
+        """Back to no detections and no records."""
+        self.detections: tuple[LandmarkDetection, ...] = ()
+        self.frames: list[Frame] = []
+
+    def recognize(self, frame: Frame) -> Sequence[LandmarkDetection]:
+        """The detections that a test has set."""
+        self.frames.append(frame)
+        return self.detections
 
 
 def sample_stack(
