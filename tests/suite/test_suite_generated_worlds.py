@@ -120,5 +120,6 @@ def test_an_exception_in_a_run_is_a_fault_with_its_source_line(
     monkeypatch.setattr(case_session, "generate", broken)
     row = run_job(Job(plan.cases[0], tmp_path))
     assert (row.outcome, row.cause) == ("fault", "exception")
-    assert row.reason.startswith("ZeroDivisionError: of the generator (test_suite_generated_worlds.py:")
+    place = "test_suite_generated_worlds.py:"
+    assert row.reason.startswith(f"ZeroDivisionError: of the generator ({place}")
     assert "Traceback" in capsys.readouterr().err
