@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navfw.locom.trim import WheelTrim
+from navfw.locom.trim import MIN_DISTANCE, TIME_CONSTANT, WEAKEST, WINDOW, WheelTrim
 from navfw.robot import RobotModel
 from navfw.signals import Encoders, Twist
 
@@ -79,3 +79,93 @@ def test_weak_wheels_stand_at_a_twist_of_zero() -> None:
     drive = Drive(0.7, 1.0)
     drive.go(4.0, Twist(0.4, 0.0))
     assert drive.trim.apply(Twist(0.0, 0.0)) == Twist(0.0, 0.0)
+
+
+# --- against a reference --------------------------------------------------------------------------
+
+FINE = RobotModel(ticks_per_turn=10**9)
+"""A robot whose encoders are exact."""
+STEP = 0.017
+"""Time [s] between readings: no threshold is a multiple of it."""
+
+
+def expected_share(
+    times: list[float], commanded: list[float], measured: list[float], before: float
+) -> float:
+    """The next share of a wheel, from its commanded and measured rotations [rad] so far."""
+    now = len(times) - 1
+    then = next(k for k in range(now + 1) if times[now] - times[k] <= WINDOW)
+    way = commanded[now] - commanded[then]
+    if times[now] - times[then] <= 0.8 * WINDOW or abs(way) * FINE.wheel_radius < MIN_DISTANCE:
+        return before
+    share = (measured[now] - measured[then]) / way
+    if not WEAKEST <= share <= 1.3:
+        return before
+    keep = math.exp(-(times[now] - times[now - 1]) / TIME_CONSTANT)
+    return keep * before + (1.0 - keep) * min(share, 1.0)
+
+
+SHARES = st.sampled_from([0.21, 0.41, 0.63, 0.87, 0.95, 1.0, 1.23, 1.35])
+PHASES = st.lists(
+    st.tuples(
+        st.integers(5, 50),  # frames
+        st.floats(-0.15, 0.5),  # v [m/s]
+        st.floats(-1.0, 1.0),  # w [rad/s]
+        SHARES,  # of the left wheel
+        SHARES,  # of the right wheel
+    ),
+    min_size=1,
+    max_size=5,
+)
+
+
+@given(PHASES)
+def test_shares_are_those_of_the_last_window(
+    phases: list[tuple[int, float, float, float, float]],
+) -> None:
+    trim = WheelTrim(FINE)
+    times: list[float] = []
+    commanded: tuple[list[float], list[float]] = ([], [])
+    measured: tuple[list[float], list[float]] = ([], [])
+    expected = [1.0, 1.0]
+    turned, sums, speeds, shares = [0.0, 0.0], [0.0, 0.0], (0.0, 0.0), (1.0, 1.0)
+    for frames, v, w, *now in phases:
+        for _ in range(frames):
+            times.append(STEP * len(times))
+            for side in range(2):
+                if len(times) > 1:
+                    sums[side] += speeds[side] * STEP
+                    turned[side] += speeds[side] * shares[side] * STEP
+                commanded[side].append(sums[side])
+                measured[side].append(turned[side])
+                if len(times) > 1:
+                    expected[side] = expected_share(
+                        times, commanded[side], measured[side], expected[side]
+                    )
+            ticks = [round(a / (2.0 * math.pi) * FINE.ticks_per_turn) for a in turned]
+            trim.update(Encoders(times[-1], ticks[0], ticks[1]))
+            assert trim.shares == pytest.approx(expected, abs=1e-6)
+            speeds, shares = FINE.wheel_speeds(trim.apply(Twist(v, w))), (now[0], now[1])
+
+
+@pytest.mark.parametrize(
+    ("shares", "factors"),
+    [
+        ((0.87, 1.0), (1.0 / 0.87, 1.0)),
+        ((0.89, 1.0), (1.0, 1.0)),
+        ((1.0, 0.5), (1.0, 2.0)),
+        ((0.95, 0.5), (1.0, 2.0)),
+        ((0.6, 0.8), (1.0 / 0.6, 1.0 / 0.8)),
+    ],
+)
+@given(v=st.floats(-0.15, 0.5), w=st.floats(-1.5, 1.5))
+def test_weak_wheels_alone_are_driven_faster(
+    shares: tuple[float, float], factors: tuple[float, float], v: float, w: float
+) -> None:
+    trim = WheelTrim(ROBOT)
+    trim._shares = list(shares)
+    left, right = ROBOT.wheel_speeds(trim.apply(Twist(v, w)))
+    wanted = ROBOT.wheel_speeds(Twist(v, w))
+    assert (left, right) == pytest.approx(
+        (factors[0] * wanted[0], factors[1] * wanted[1]), abs=1e-9
+    )
