@@ -1,0 +1,28 @@
+"""Occupancy grids with boxes, for tests of the local map."""
+
+from __future__ import annotations
+
+from navfw.localmap.occupancy_grid import OccupancyGrid
+from navfw.robot import RobotModel
+from navfw.signals import Pose
+
+ROBOT = RobotModel()
+ORIGIN = Pose(0, 0, 0)
+WALL_AHEAD = (1.0, 1.2, -3.0, 3.0)
+"""A wall across the way (x from, x to, y from, y to) [m]."""
+
+
+def grid_with(*boxes: tuple[float, float, float, float], observed: bool = True) -> OccupancyGrid:
+    """A grid around the origin with occupied ``boxes`` (x from, x to, y from, y to) [m].
+
+    All other cells are observed free, or unobserved but for the footprint of the robot.
+    """
+    occupancy = OccupancyGrid(ROBOT)
+    occupancy.update(ORIGIN, 0.0)
+    if observed:
+        occupancy.log_odds[:] = -1.0
+    for x0, x1, y0, y1 in boxes:
+        r0, c0 = occupancy.index(x0, y0)
+        r1, c1 = occupancy.index(x1, y1)
+        occupancy.log_odds[r0 : r1 + 1, c0 : c1 + 1] = 3.0
+    return occupancy

@@ -1,0 +1,265 @@
+"""The local planner: cost-to-go, descent along it, and the local goal."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from localmap_samples import ORIGIN, grid_with
+
+from navfw.localmap.cost_kernels import cost_to_go, descend, first_leg
+from navfw.localmap.local_planner import LocalPlanner, LocalPlannerParams
+from navfw.signals import Array, OccupiedDisc, Pose
+
+
+def test_cost_to_go_in_the_open_is_the_distance() -> None:
+    n = 61
+    value = np.full((n, n), np.inf)
+    value[30, 30] = 0.0
+    cost_to_go(np.ones((n, n)), value, 24)
+    rows, columns = np.indices((n, n))
+    true = np.hypot(rows - 30, columns - 30)
+    assert np.all(value >= true - 1e-6)
+    # first order: the error at the source is of the order of a cell and does not grow much
+    assert np.max(value - true) < 2.0
+
+
+def test_cost_to_go_leads_round_a_wall() -> None:
+    n = 41
+    cost = np.ones((n, n))
+    cost[20, 5:] = np.inf
+    value = np.full((n, n), np.inf)
+    value[30, 35] = 0.0
+    cost_to_go(cost, value, 60)
+    assert np.all(np.isinf(value[20, 5:]))
+    # round the wall's end at column 4
+    shortest = math.hypot(30 - 20, 35 - 4) + math.hypot(20 - 10, 35 - 4)
+    assert value[10, 35] == pytest.approx(shortest, rel=0.08)
+
+
+def test_the_local_goal_leads_round_an_obstacle() -> None:
+    box = (0.8, 1.1, -0.5, 0.9)
+    goal = LocalPlanner().plan(grid_with(box), ORIGIN, 2.0, 0.0)
+    assert goal.reachable
+    assert goal.bearing < -0.2  # the way on the right is shorter
+    assert 0.6 < goal.distance < 1.0
+    assert goal.detour > 1.05
+
+
+@pytest.mark.parametrize("yaw", [0.9, -0.9])
+def test_of_two_equal_ways_the_one_that_the_robot_faces(yaw: float) -> None:
+    box = (0.5, 0.9, -0.45, 0.45)
+    goal = LocalPlanner().plan(grid_with(box), Pose(0, 0, yaw), 2.0, 0.0)
+    assert goal.reachable
+    assert abs(goal.bearing) < 0.6
+    # a slightly longer way on that side does not make the robot turn round
+    longer = (0.5, 0.9, -0.45 - 0.1 * (yaw < 0), 0.45 + 0.1 * (yaw > 0))
+    assert abs(LocalPlanner().plan(grid_with(longer), Pose(0, 0, yaw), 2.0, 0.0).bearing) < 0.6
+
+
+def test_a_much_longer_way_does_not_save_a_turn() -> None:
+    longer = (0.5, 0.9, -0.45, 2.5)
+    goal = LocalPlanner().plan(grid_with(longer), Pose(0, 0, 0.9), 2.0, 0.0)
+    assert goal.bearing < -0.6
+
+
+def test_the_local_goal_is_straight_ahead_in_the_open() -> None:
+    goal = LocalPlanner().plan(grid_with(), Pose(0, 0, 0.3), 30.0, 0.0)  # beyond the grid's border
+    assert goal.reachable
+    assert goal.bearing == pytest.approx(-0.3, abs=0.12)
+
+
+def test_between_four_walls_no_way_is_reachable() -> None:
+    cage = [(-1, 1, 0.9, 1), (-1, 1, -1, -0.9), (0.9, 1, -1, 1), (-1, -0.9, -1, 1)]
+    goal = LocalPlanner().plan(grid_with(*cage), ORIGIN, 2.0, 0.0)
+    assert not goal.reachable
+    assert goal.bearing == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("bearing", np.radians(np.arange(-180, 180, 30)))
+@pytest.mark.parametrize("distance", [2.0, 30.0])
+def test_the_local_goal_is_toward_the_target_on_every_side(bearing: float, distance: float) -> None:
+    # 30 m are beyond the border of the grid
+    x, y = distance * math.cos(bearing), distance * math.sin(bearing)
+    goal = LocalPlanner().plan(grid_with(), Pose(0, 0, bearing), x, y)
+    assert goal.reachable
+    assert goal.bearing == pytest.approx(0.0, abs=0.12)
+    assert goal.distance == pytest.approx(0.8, abs=0.06)
+    assert goal.detour == pytest.approx(1.0, abs=0.08)
+    assert goal.cost == pytest.approx(distance, abs=0.25)
+
+
+@pytest.mark.parametrize("distance", [0.3, 0.6])
+def test_a_target_nearby_is_the_local_goal(distance: float) -> None:
+    goal = LocalPlanner().plan(grid_with(), ORIGIN, 0.0, distance)
+    assert (goal.x, goal.y) == pytest.approx((0.0, distance), abs=0.11)
+
+
+def test_the_distance_of_the_local_goal_is_that_of_the_parameter() -> None:
+    planner = LocalPlanner(LocalPlannerParams(distance=1.5))
+    assert planner.plan(grid_with(), ORIGIN, 3.0, 0.0).distance == pytest.approx(1.5, abs=0.06)
+
+
+def test_a_target_within_an_obstacle_is_still_headed_for() -> None:
+    goal = LocalPlanner().plan(grid_with((1.8, 2.2, 0.3, 0.7)), ORIGIN, 2.0, 0.5)
+    assert goal.bearing == pytest.approx(math.atan2(0.5, 2.0), abs=0.1)
+    assert goal.distance == pytest.approx(0.8, abs=0.06)
+
+
+def test_without_a_way_the_local_goal_is_straight_toward_the_target() -> None:
+    cage = [(-1, 1, 0.9, 1), (-1, 1, -1, -0.9), (0.9, 1, -1, 1), (-1, -0.9, -1, 1)]
+    pose = Pose(0.1, 0.0, 0.4)
+    for target, distance in (((2.0, 1.0), 0.8), ((0.1, 2.0), 0.8)):
+        goal = LocalPlanner().plan(grid_with(*cage), pose, *target)
+        expected = pose.to_local(*target)
+        assert not goal.reachable
+        assert goal.bearing == pytest.approx(math.atan2(expected[1], expected[0]))
+        assert goal.distance == pytest.approx(distance)
+        assert goal.cost == goal.detour == math.inf
+
+
+def test_a_robot_that_is_too_close_to_an_obstacle_drives_off() -> None:
+    # 0.12 m from the robot's centre to the box on its right
+    goal = LocalPlanner().plan(grid_with((-0.5, 0.5, -0.3, -0.12)), ORIGIN, 2.0, 0.0)
+    assert goal.reachable
+    assert goal.y > 0.02
+    assert goal.x > 0.3
+    assert 2.0 < goal.cost < 3.5
+
+
+def test_moving_obstacles_bar_the_way_of_one_plan_alone() -> None:
+    occupancy = grid_with((0.8, 1.1, -0.5, 0.9))
+    planner = LocalPlanner()
+    alone = planner.plan(occupancy, ORIGIN, 2.0, 0.0)
+    person = OccupiedDisc(0.9, -0.8, 0.3)
+    assert alone.bearing < -0.2
+    assert planner.plan(occupancy, ORIGIN, 2.0, 0.0, (person,)).bearing > 0.2
+    assert planner.plan(occupancy, ORIGIN, 2.0, 0.0) == alone
+
+
+def test_observed_floor_is_cheaper_than_unobserved_floor() -> None:
+    occupancy = grid_with((0.7, 1.3, -0.4, 0.4))
+    for side in (1.0, -1.0):
+        occupancy.log_odds[occupancy.log_odds < 0.0] = -1.0
+        rows, columns = np.nonzero(occupancy.log_odds < 0.0)
+        y = occupancy.origin[1] + occupancy.params.cell * rows
+        unobserved = side * y > 0.2
+        occupancy.log_odds[rows[unobserved], columns[unobserved]] = 0.0
+        occupancy.update(ORIGIN, 0.0)
+        planner = LocalPlanner(LocalPlannerParams(unobserved_price=2.0))
+        assert planner.plan(occupancy, ORIGIN, 2.2, 0.0).bearing * side < -0.1
+        occupancy.log_odds[rows, columns] = -1.0
+
+
+# --- kernels --------------------------------------------------------------------------------------
+
+
+def distance_to(row: float, column: float, n: int = 41) -> Array:
+    """(n, n) distance [cells] of each cell from (row, column)."""
+    rows, columns = np.indices((n, n))
+    return np.asarray(np.hypot(rows - row, columns - column))
+
+
+@given(st.floats(3.0, 37.0), st.floats(3.0, 37.0))
+def test_descent_leads_straight_to_the_source(row: float, column: float) -> None:
+    path = np.empty((200, 2))
+    count = descend(distance_to(20, 20), row, column, 200, path)
+    start = math.hypot(row - 20, column - 20)
+    if start < 1.5:
+        return
+    steps = np.diff(np.vstack([[row, column], path[:count]]), axis=0)
+    assert np.hypot(*steps.T) == pytest.approx(np.full(count, 0.5))
+    # it ends at the minimum, without turning back
+    assert math.hypot(*(path[count - 1] - 20.0)) < 0.8
+    assert count == pytest.approx(2.0 * start, abs=2.0)
+    # the last steps are around the minimum
+    offset = (path[: count - 3] - 20.0) @ [-(column - 20.0), row - 20.0] / start
+    assert np.abs(offset).max(initial=0.0) < 0.3
+    # as many steps as asked for, and no more
+    assert descend(distance_to(20, 20), row, column, 3, np.empty((3, 2))) == min(3, count)
+
+
+@pytest.mark.parametrize("place", [(-2.0, 20.0), (20.0, -2.0), (43.0, 20.0), (20.0, 43.0)])
+def test_there_is_no_descent_outside_the_grid(place: tuple[float, float]) -> None:
+    assert descend(distance_to(20, 20), *place, 10, np.empty((10, 2))) == 0
+
+
+@pytest.mark.parametrize(
+    "place", [(0.0, 20.0), (20.0, 0.0), (40.0, 20.0), (20.0, 40.0), (40.0, 40.0)]
+)
+def test_descent_begins_at_the_border(place: tuple[float, float]) -> None:
+    path = np.empty((90, 2))
+    count = descend(distance_to(20, 20), *place, 90, path)
+    assert math.hypot(*(path[count - 1] - 20.0)) < 0.8
+
+
+def test_there_is_no_descent_on_a_plain() -> None:
+    assert descend(np.ones((41, 41)), 20.3, 20.3, 10, np.empty((10, 2))) == 0
+
+
+def test_descent_leads_along_a_barred_area_and_out_of_it() -> None:
+    value = distance_to(20, 35)
+    value[10:31, 18:22] = np.inf
+    path = np.empty((10, 2))
+    # within the barred area: to the nearest passable cell
+    assert descend(value, 20.0, 21.0, 2, path) == 2
+    assert (path[0, 0], path[0, 1]) == pytest.approx((20.0, 21.5))
+    assert descend(value, 20.0, 18.0, 2, path) == 2
+    assert (path[0, 0], path[0, 1]) == pytest.approx((20.0, 17.5))
+    # beside it: to the lowest cell around
+    assert descend(value, 12.0, 17.0, 1, path) == 1
+    assert not np.isinf(value[round(path[0, 0]), round(path[0, 1])])
+    # deep within it there is none
+    value[10:31, 10:30] = np.inf
+    assert descend(value, 20.0, 20.0, 2, path) == 0
+
+
+def reference_leg(
+    value: Array, cost: Array, at: tuple[float, float], yaw: float, length: float, price: float
+) -> tuple[float, float]:
+    """The least total price of a leg of ``length`` [cells], and its bearing [rad]."""
+    best, chosen = math.inf, math.nan
+    for bearing in BEARINGS:
+        direction = 0.5 * np.array([math.sin(yaw + bearing), math.cos(yaw + bearing)])
+        points = np.array(at) + direction * np.arange(1, int(2.0 * length) + 1)[:, None]
+        cells = np.round(points).astype(int)
+        if (cells < 0).any() or (cells >= len(value)).any():
+            continue
+        prices = cost[cells[:, 0], cells[:, 1]]
+        prices[:3] = np.where(np.isinf(prices[:3]), 5.0, prices[:3])
+        total = price * abs(bearing) + 0.5 * prices.sum() + value[tuple(cells[-1])]
+        if total < best - 1e-12:
+            best, chosen = total, bearing
+    return best, chosen
+
+
+BEARINGS = np.linspace(-math.pi, math.pi, 49)[:-1]
+
+
+@settings(max_examples=60)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    row=st.floats(2.0, 38.0),
+    column=st.floats(2.0, 38.0),
+    yaw=st.floats(-3.1, 3.1),
+    barred=st.sampled_from([0.0, 0.05, 0.5]),
+)
+def test_the_first_leg_is_the_cheapest(
+    seed: int, row: float, column: float, yaw: float, barred: float
+) -> None:
+    rng = np.random.default_rng(seed)
+    cost = rng.uniform(1.0, 3.0, (41, 41))
+    cost[rng.random(cost.shape) < barred] = np.inf
+    value = rng.uniform(0.0, 9.0, (41, 41))
+    value[np.isinf(cost)] = np.inf
+    least, bearing = reference_leg(value, cost, (row, column), yaw, 4.0, 2.0)
+    end_row, end_column, chosen = first_leg(value, cost, row, column, yaw, BEARINGS, 4.0, 2.0)
+    if math.isinf(least):
+        assert end_row == -1.0
+        return
+    assert chosen == pytest.approx(bearing)
+    expected = row + 4.0 * math.sin(yaw + bearing), column + 4.0 * math.cos(yaw + bearing)
+    assert (end_row, end_column) == pytest.approx(expected)
