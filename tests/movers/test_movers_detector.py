@@ -1,0 +1,197 @@
+"""Detection of moving objects in rendered frames: one camera, and all views of the lens."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from movers_scenes import Board, frame_at
+
+from navfw.egomotion.pairing import FrameBuffer, PairingParams
+from navfw.movers import MultiViewDetector
+from navfw.movers.detection_schedule import QUIET_TIME
+from navfw.movers.detector import MovingObjectDetector
+from navfw.robot import CameraModel, RobotModel, SideViews
+from navfw.signals import MovingObject, Stixels, Twist
+
+ROBOT = RobotModel()
+WIDE = RobotModel(side_views=SideViews())
+PAIRING = PairingParams()
+PERSON = Board(1.5, -0.3, vy=0.5)
+"""Crosses to the left, 1.4 m before the camera at the origin."""
+SLOW = Twist(0.2, 0.0)
+
+
+def detect(
+    detector: MovingObjectDetector,
+    boards: tuple[Board, ...],
+    twist: Twist = SLOW,
+    *,
+    frames: int = 5,
+    robot: RobotModel = ROBOT,
+    first: int = 0,
+) -> list[tuple[MovingObject, ...]]:
+    """The detections in each of ``frames`` frames at 10 Hz."""
+    return [
+        detector.detect(*frame_at(robot, 0.1 * k, twist, boards))
+        for k in range(first, first + frames)
+    ]
+
+
+@pytest.mark.parametrize("v", [0.0, 0.2, 0.4])
+def test_a_crossing_person_is_detected_from_a_pair_of_frames_on(v: float) -> None:
+    detector = MovingObjectDetector(ROBOT, PAIRING, always_full=True)
+    found = detect(detector, (PERSON,), Twist(v, 0.0))
+    assert found[0] == ()
+    for k in range(2, 5):
+        ((person),) = found[k]
+        time = 0.1 * k
+        x, y = PERSON.at(time)
+        ahead = x - v * time - ROBOT.camera.mount_forward
+        assert person.time == pytest.approx(time)
+        assert person.bearing == pytest.approx(math.atan2(y, ahead), abs=0.1)
+        assert person.distance == pytest.approx(math.hypot(ahead, y), rel=0.2)
+        assert person.velocity()[1] == pytest.approx(0.5, abs=0.2)
+
+
+@pytest.mark.parametrize("twist", [Twist(0.0, 0.0), SLOW, Twist(0.4, 0.0), Twist(0.2, 0.3)])
+def test_nothing_is_detected_among_static_boards(twist: Twist) -> None:
+    boards = (Board(1.5, -0.3), Board(2.2, 0.6), Board(1.1, 0.5, width=0.1))
+    for always_full in (True, False):
+        detector = MovingObjectDetector(ROBOT, PAIRING, always_full=always_full)
+        assert set(detect(detector, boards, twist, frames=6)) == {()}
+
+
+def test_while_nothing_moves_frames_are_searched_coarsely_or_not_at_all() -> None:
+    detector = MovingObjectDetector(ROBOT, PAIRING)
+    flows = []
+    for k in range(6):
+        detector.detect(*frame_at(ROBOT, 0.1 * k, SLOW, ()))
+        flows.append(detector.flow)
+    assert flows == [None] * 6, "no dense flow of a frame that was not searched fully"
+    # a person enters: a few frames later every frame is searched fully
+    found = detect(detector, (PERSON,), frames=6, first=6)
+    assert () in found
+    assert len(found[-1]) == len(found[-2]) == 1
+    assert detector.flow is not None
+    detect(detector, (PERSON,), frames=1, first=12 + round(10 * QUIET_TIME) + 5)
+    assert detector.flow is None
+
+
+def test_with_always_full_the_dense_flow_is_of_the_newest_frame() -> None:
+    detector = MovingObjectDetector(ROBOT, PAIRING, always_full=True)
+    detect(detector, (), frames=4)
+    flow = detector.flow
+    assert flow is not None
+    assert flow.time == pytest.approx(0.3)
+    assert flow.derotated
+    assert flow.motion.dt == pytest.approx(0.2)
+    detector.reset()
+    after_reset = [detector.flow]
+    detect(detector, (), frames=1, first=4)
+    after_reset.append(detector.flow)
+    assert after_reset == [None, None], "no pair of frames yet"
+
+
+@pytest.mark.parametrize(("x", "interval"), [(0.8, 0.1), (1.5, 0.2)])
+def test_near_objects_are_searched_for_over_a_shorter_time(x: float, interval: float) -> None:
+    detector = MovingObjectDetector(ROBOT, PAIRING, always_full=True)
+    person = Board(x, -0.2, vy=0.4)
+    *_, found = detect(detector, (person,), Twist(0.0, 0.0), frames=4)
+    assert len(found) == 1
+    detect(detector, (person,), Twist(0.0, 0.0), frames=1, first=4)
+    assert detector.flow is not None
+    assert detector.flow.motion.dt == pytest.approx(interval)
+
+
+@pytest.mark.parametrize(("v", "interval"), [(0.2, 0.2), (0.4, 0.1)])
+def test_sideways_motion_is_searched_over_a_shorter_time(v: float, interval: float) -> None:
+    side = ROBOT.with_camera(WIDE.side_cameras[0])
+    detector = MovingObjectDetector(side, PAIRING, always_full=True)
+    detect(detector, (), Twist(v, 0.0), robot=side, frames=4)
+    assert detector.flow is not None
+    assert detector.flow.motion.dt == pytest.approx(interval)
+
+
+def test_a_camera_that_does_not_see_the_floor_detects_nothing() -> None:
+    up = ROBOT.with_camera(CameraModel(pitch=-0.9))
+    detector = MovingObjectDetector(up, PAIRING, always_full=True)
+    assert set(detect(detector, (PERSON,), robot=up)) == {()}
+    assert detector.flow is None
+
+
+# --- all views ------------------------------------------------------------------------------------
+
+
+def test_side_views_detect_what_the_camera_does_not_see() -> None:
+    # far to the left of the camera's view
+    beside = Board(0.9, 1.4, width=0.8, vx=-0.4)
+    wide = MultiViewDetector(WIDE, PAIRING, moving_objects=True, stixels=False)
+    narrow = MultiViewDetector(ROBOT, PAIRING, moving_objects=True, stixels=False)
+    found: tuple[MovingObject, ...] = ()
+    for k in range(4):
+        frame, odometry = frame_at(WIDE, 0.1 * k, Twist(0.0, 0.0), (beside,))
+        found = wide.detect(frame, odometry)
+        assert narrow.detect(frame, odometry) == ()
+    assert len(found) == 1
+    x, y = beside.at(0.3)
+    assert found[0].bearing == pytest.approx(math.atan2(y, x - 0.1), abs=0.25)
+    wide.reset()
+    assert wide.detect(*frame_at(WIDE, 0.4, Twist(0.0, 0.0), (beside,))) == ()
+
+
+def stixels_of(
+    detector: MultiViewDetector, v: float, boards: tuple[Board, ...], frames: int = 5
+) -> Stixels | None:
+    """Stixels of the last of ``frames`` frames."""
+    buffer = FrameBuffer(ROBOT, PAIRING)
+    found = None
+    for k in range(frames):
+        frame, odometry = frame_at(ROBOT, 0.1 * k, Twist(v, 0.0), boards)
+        buffer.add(frame, odometry)
+        detector.detect(frame, odometry)
+        found = detector.stixels(buffer.pairs(), odometry)
+    return found
+
+
+POLE = Board(0.8, 0.15, width=0.15)
+
+
+@pytest.mark.parametrize("v", [0.1, 0.3, 0.5])
+def test_a_pole_gives_stixels_at_its_distance(v: float) -> None:
+    frames = 12 if v < 0.2 else 5
+    detector = MultiViewDetector(ROBOT, PAIRING, moving_objects=False, stixels=True)
+    stixels = stixels_of(detector, v, (POLE,), frames)
+    assert stixels is not None
+    distance = POLE.x - ROBOT.camera.mount_forward - v * 0.1 * (frames - 1)
+    confident = stixels.confidence > 0.3
+    middle = confident & (abs(stixels.slope - POLE.y / distance) < 0.08)
+    assert middle.any()
+    assert stixels.nearness[middle] == pytest.approx(1.0 / distance, rel=0.12)
+    assert (abs(stixels.slope - POLE.y / distance)[confident] < 0.2).all()
+
+
+def test_a_short_baseline_takes_the_flow_of_the_longer_pair() -> None:
+    detector = MultiViewDetector(ROBOT, PAIRING, moving_objects=False, stixels=True)
+    # 2 cm in 0.2 s are too short; the frame buffer's pair has a longer way
+    stixels = stixels_of(detector, 0.1, (POLE,), 12)
+    assert stixels is not None
+    # a robot that stands knows nothing
+    standing = MultiViewDetector(ROBOT, PAIRING, moving_objects=False, stixels=True)
+    assert stixels_of(standing, 0.0, (POLE,)) is None
+
+
+def test_only_what_is_wanted_is_detected() -> None:
+    boards = (PERSON,)
+    stixels_only = MultiViewDetector(ROBOT, PAIRING, moving_objects=False, stixels=True)
+    objects_only = MultiViewDetector(ROBOT, PAIRING, moving_objects=True, stixels=False)
+    neither = MultiViewDetector(ROBOT, PAIRING, moving_objects=False, stixels=False)
+    for k in range(5):
+        frame, odometry = frame_at(ROBOT, 0.1 * k, Twist(0.3, 0.0), boards)
+        assert stixels_only.detect(frame, odometry) == ()
+        found = objects_only.detect(frame, odometry)
+        assert neither.detect(frame, odometry) == ()
+        assert objects_only.stixels((), odometry) is None
+        assert neither.stixels((), odometry) is None
+    assert len(found) == 1
+    assert stixels_only.stixels((), odometry) is not None
