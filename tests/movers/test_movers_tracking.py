@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -275,3 +276,168 @@ def test_an_old_track_that_overlaps_the_robot_is_dropped() -> None:
     assert tracker.tracks == [track], "just updated: the object may be beside the robot"
     tracker.prune(track.time + 0.5, here)
     assert tracker.tracks == []
+
+
+# --- the filter -----------------------------------------------------------------------------------
+
+
+def test_the_covariance_of_tracks_is_that_of_their_errors() -> None:
+    # normalised errors of 4 states over many runs: 4 in the mean, if model and filter agree
+    rng = np.random.default_rng(0)
+    p = TrackerParams(gate=20.0, max_speed=9.0, distance_sigma=0.08)
+    pose, dt, squares = Pose(0.5, -0.3, 0.7), 0.1, []
+    camera = np.array(pose.to_parent(AHEAD, 0.0))
+    for _ in range(150):
+        away, aside = rng.uniform(1.2, 1.8), rng.uniform(-0.4, 0.4)
+        place = camera + away * np.array([math.cos(pose.yaw + aside), math.sin(pose.yaw + aside)])
+        velocity = rng.normal(0.0, p.speed_sigma, 2)
+        tracker = Tracker(ROBOT, p)
+        for k in range(8):
+            off = place - camera
+            away, bearing = math.hypot(*off), math.atan2(off[1], off[0]) - pose.yaw
+            front = away - p.radius[0]
+            noise = rng.normal(0.0, [math.hypot(p.distance_sigma * front, 0.06), 1.0, 1.0, 1.0])
+            c, s = math.cos(pose.yaw), math.sin(pose.yaw)
+            local = np.array([[c, s], [-s, c]]) @ velocity + 0.15 * noise[2:]
+            tracker.update(
+                [
+                    detection(
+                        k * dt,
+                        bearing + math.hypot(p.bearing_sigma * away, 0.06) / away * noise[1],
+                        front + noise[0],
+                        velocity=(local[0], local[1]),
+                        certainty=0.15**-2,
+                    )
+                ],
+                pose,
+            )
+            (track,) = tracker.tracks
+            error = track.state - np.concatenate([place, velocity])
+            squares.append(error @ np.linalg.solve(track.covariance, error))
+            push = rng.normal(0.0, p.acceleration_sigma, 2)
+            place = place + velocity * dt + 0.5 * push * dt * dt
+            velocity = velocity + push * dt
+    assert np.mean(squares) == pytest.approx(4.0, rel=0.12)
+
+
+def test_the_first_estimate_joins_detection_and_prior() -> None:
+    tracker = Tracker(ROBOT)
+    pose = Pose(0.2, 0.1, 0.5 * math.pi)
+    found = detection(3.0, 0.0, 1.0, velocity=(0.4, 0.0), certainty=100.0)
+    tracker.update([found], pose)
+    (track,) = tracker.tracks
+    # ahead of the robot is +y in odom
+    assert track.state[:2] == pytest.approx([0.2, 0.1 + AHEAD + 1.0 + 0.22])
+    weight = 100.0 / (100.0 + tracker.params.speed_sigma**-2)
+    assert track.state[2:] == pytest.approx([0.0, 0.4 * weight], abs=1e-9)
+    along, across = math.hypot(0.2 * 1.0, 0.06), math.hypot(0.06 * 1.22, 0.06)
+    speed = 1.0 / (100.0 + tracker.params.speed_sigma**-2)
+    assert np.allclose(track.covariance, np.diag([across**2, along**2, speed, speed]))
+    assert (track.hits, track.time, track.radius) == (1, 3.0, 0.22)
+
+
+@pytest.mark.parametrize(("width", "radius"), [(0.05, 0.22), (0.28, math.tan(0.28)), (0.6, 0.35)])
+def test_the_radius_follows_the_width_within_its_bounds(width: float, radius: float) -> None:
+    tracker = Tracker(ROBOT)
+    tracker.update([detection(0.0, 0.0, 1.0, width=width)], START)
+    assert tracker.tracks[0].radius == pytest.approx(radius)
+    # a correction takes half of the difference
+    tracker.update([detection(0.1, 0.0, 1.0, width=0.6)], START)
+    assert tracker.tracks[0].radius == pytest.approx(0.5 * (radius + 0.35))
+
+
+def test_the_path_of_a_track_is_covered_by_discs() -> None:
+    tracker = Tracker(ROBOT)
+    moving = Track(np.array([1.0, 0.2, 0.6, -0.8]), 1e-4 * np.eye(4), 0.22, 2.0, 2)
+    tracker.tracks = [moving]
+    discs = tracker.occupied_discs(2.5)
+    assert (discs[0].x, discs[0].y) == pytest.approx((1.3, -0.2))
+    # 1 m/s over the path time of 0.6 s
+    assert (discs[-1].x, discs[-1].y) == pytest.approx((1.3 + 0.36, -0.2 - 0.48))
+    gaps = [math.dist((a.x, a.y), (b.x, b.y)) for a, b in itertools.pairwise(discs)]
+    assert max(gaps) <= 0.22 + 1e-9
+    assert len(discs) == 4
+    assert {disc.radius for disc in discs} == {0.22}
+    moving.hits = 1
+    assert tracker.occupied_discs(2.5) == ()
+
+
+@pytest.mark.parametrize(
+    ("hits", "min_hits", "confirmed"), [(1, 2, False), (2, 2, True), (2, 3, False), (1, 1, True)]
+)
+def test_tracks_are_confirmed_from_the_number_of_hits(
+    hits: int, min_hits: int, confirmed: bool
+) -> None:
+    tracker = Tracker(ROBOT, TrackerParams(min_hits=min_hits))
+    tracker.tracks = [Track(np.array([1.0, 0.0, 0.0, 0.0]), np.eye(4), 0.22, 0.0, hits)]
+    assert (len(tracker.confirmed) == 1) == confirmed
+
+
+@pytest.mark.parametrize(
+    ("away", "bearing", "in_view"),
+    [
+        (1.0, 0.0, True),
+        (1.0, math.radians(37.0), True),
+        (1.0, math.radians(39.0), False),
+        (1.0, math.radians(-37.0), True),
+        (1.0, math.radians(-39.0), False),
+        (1.95, 0.0, True),
+        (2.05, 0.0, False),
+        # the floor in view begins 0.47 m before the camera
+        (0.5, 0.0, True),
+        (0.44, 0.0, False),
+    ],
+)
+def test_tracks_are_in_view_where_they_should_be_detected(
+    away: float, bearing: float, in_view: bool
+) -> None:
+    tracker, pose = Tracker(ROBOT), Pose(-1.0, 2.0, 2.0)
+    x, y = pose.to_parent(AHEAD + away * math.cos(bearing), away * math.sin(bearing))
+    # where the track is predicted to be counts, not where it was
+    state = np.array([x - 0.3, y, 0.2, 0.0])
+    for age, kept in ((1.5, not in_view), (0.99, True)):
+        state[0] = x - 0.2 * age
+        tracker.tracks = [Track(state.copy(), 1e-4 * np.eye(4), 0.22, 0.0, 5)]
+        tracker.prune(age, pose)
+        assert bool(tracker.tracks) == kept
+
+
+@pytest.mark.parametrize(("away", "kept"), [(0.36, False), (0.38, True)])
+def test_tracks_that_overlap_the_robot_are_dropped_once_they_are_old(
+    away: float, kept: bool
+) -> None:
+    # rims of 0.18 m and 0.22 m that overlap by 3 cm
+    for age in (0.24, 0.26):
+        tracker = Tracker(ROBOT)
+        tracker.tracks = [Track(np.array([away, 0.0, 0.0, 0.0]), np.eye(4), 0.22, 0.0, 5)]
+        tracker.prune(age, START)
+        assert bool(tracker.tracks) == (kept or age < 0.25)
+
+
+@pytest.mark.parametrize(("apart", "merged"), [(0.29, True), (0.31, False)])
+def test_tracks_closer_than_the_merge_distance_are_one(apart: float, merged: bool) -> None:
+    tracker = Tracker(ROBOT, TrackerParams(gate=0.5))
+    old = Track(np.array([AHEAD + AWAY, apart, 0.0, 0.0]), 1e-6 * np.eye(4), 0.22, 0.0, 7)
+    tracker.tracks = [old]
+    tracker.update([detection(0.1, 0.0, AWAY - 0.22)], START)
+    new = tracker.tracks[-1]
+    assert new is not old
+    assert (old in tracker.tracks) != merged
+    assert new.hits == (7 if merged else 1)
+
+
+def test_two_detections_are_never_one_track_nor_merged() -> None:
+    tracker = Tracker(ROBOT)
+    tracker.tracks = [placed(0.0, 0.0)]
+    near, nearer = detection(0.0, 0.08, AWAY - 0.22), detection(0.0, -0.04, AWAY - 0.22)
+    tracker.update([near, nearer], START)
+    assert [track.hits for track in tracker.tracks] == [6, 1]
+    assert tracker.tracks[0].state[1] < 0.0, "the nearer detection is associated"
+
+
+def test_reset_drops_all_tracks() -> None:
+    tracker = Tracker(ROBOT)
+    cross(tracker, 0.5, 0.3)
+    tracker.reset()
+    assert tracker.tracks == []
+    assert tracker.confirmed == ()
