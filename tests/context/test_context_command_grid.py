@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from param_ranges import check_ranges
 
-from navfw.context import CommandGrid, peak
+from navfw.context import CommandGrid, CommandGridParams, peak
 from navfw.robot import RobotModel
 
 GRID = CommandGrid(RobotModel())
@@ -56,3 +57,16 @@ def test_forward_is_all_that_drives_forward() -> None:
     assert not layer[GRID.v <= 0.0].any()
     assert (GRID.v > 0.0).any()
     assert (GRID.v < 0.0).any()
+
+
+def test_parameters_are_within_their_ranges() -> None:
+    check_ranges(
+        CommandGridParams,
+        {
+            "forward": "[4, 40]",
+            "reverse": "[0, 10]",
+            "turns": "[5, 81]",
+            "cruise": "(0, 2]",
+            "turn_rate": "(0, 4]",
+        },
+    )

@@ -6,8 +6,12 @@ import math
 
 import numpy as np
 import pytest
+from param_ranges import check_ranges
 
 from navfw.localmap import LocalGoal, LocalMap, LocalMapParams, Ranges
+from navfw.localmap.local_planner import LocalPlannerParams
+from navfw.localmap.occupancy_grid import OccupancyParams
+from navfw.localmap.traversability import TraversabilityParams
 from navfw.offis.offis import Offis
 from navfw.robot import RobotModel
 from navfw.signals import Belief, Label, Odometry, Percept, Pose, Twist
@@ -169,3 +173,59 @@ def test_a_passage_report_gives_missing_floor_in_the_map_frame() -> None:
     ((x, y),) = report.drops
     distance = ROBOT.camera.mount_forward + 1.0
     assert (x, y) == pytest.approx((2.0, -1.0 + distance), abs=0.2)
+
+
+# --- parameters -----------------------------------------------------------------------------------
+
+
+def test_parameters_are_within_their_ranges() -> None:
+    metres = "[0, 5]"
+    check_ranges(LocalMapParams, {"margin": "[0, 0.3]"})
+    check_ranges(
+        OccupancyParams,
+        {
+            "extent": "(0, 30]",
+            "cell": "[0.02, 0.2]",
+            "hit": "(0, inf)",
+            "miss": "(0, inf)",
+            "clamp_min": "(-inf, 0)",
+            "clamp_max": "(0, inf)",
+            "occupied": "(0, inf)",
+            "observed_free": "(-inf, 0)",
+            "range": "(0, inf)",
+            "hit_width": "(0, 3]",
+            "decay": "(0, inf)",
+            "view_decay": "(0, inf)",
+            "min_confidence": "[0, 1]",
+            "over_weight": "[0, 1]",
+            "drop_weight": "[0, 1]",
+            "max_height": "(0, inf)",
+        },
+    )
+    check_ranges(
+        LocalPlannerParams,
+        {
+            "distance": "(0.1, 3]",
+            "clear": "[0, 1]",
+            "narrow_price": "[0, 50]",
+            "unobserved_price": "[0, 20]",
+            "turn_price": "[0, 2]",
+            "margin": "[0, 0.3]",
+        },
+    )
+    check_ranges(
+        TraversabilityParams,
+        {
+            "range": "(0.3, 10]",
+            "slack": metres,
+            "max_sigma": metres,
+            "max_half_width": metres,
+            "interval": "[0, 60]",
+        },
+    )
+
+
+@pytest.mark.parametrize("share", [(0.3, 0.3), (0.4, 0.3), (-0.1, 0.3), (0.1, 1.1)])
+def test_the_probabilities_of_a_hit_have_to_rise(share: tuple[float, float]) -> None:
+    with pytest.raises(ValueError, match="cell_share"):
+        OccupancyParams(cell_share=share)

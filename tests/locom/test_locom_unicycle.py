@@ -7,6 +7,7 @@ import math
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from param_ranges import check_ranges
 
 from navfw.locom.unicycle import Unicycle
 from navfw.robot import RobotModel
@@ -150,3 +151,7 @@ def test_reset_is_standstill() -> None:
     locom = settled(0.3, 0.5)
     locom.reset()
     assert locom.control(None, odometry(9.0), DT) == Twist(0.0, 0.0)
+
+
+def test_parameters_are_within_their_ranges() -> None:
+    check_ranges(Unicycle.Params, {"stale": "(0, 5]"})

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from param_ranges import check_ranges
 
 from navfw.context import CommandGrid
 from navfw.movers.conflict_prediction import ConflictParams, ConflictPredictor
@@ -161,3 +162,15 @@ def test_turns_on_the_spot_of_each_duration_are_tried(
     assert sorted(others)[-2] < expected - 0.05
     distance, _ = closest(conflicts(track(*moving)), 0.0, w)
     assert distance == pytest.approx(expected, abs=0.025)
+
+
+def test_parameters_are_within_their_ranges() -> None:
+    check_ranges(
+        ConflictParams,
+        {
+            "horizon": "(0, 10]",
+            "turn_time": "[0, 10]",
+            "onward_speed": "[0, 2]",
+            "uncertainty": "[0, 1]",
+        },
+    )

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from param_ranges import check_ranges
 
 from navfw.localmap.occupancy_grid import OccupancyGrid
 from navfw.movers.tracking import Track, Tracker, TrackerParams
@@ -441,3 +442,22 @@ def test_reset_drops_all_tracks() -> None:
     tracker.reset()
     assert tracker.tracks == []
     assert tracker.confirmed == ()
+
+
+def test_parameters_are_within_their_ranges() -> None:
+    positive = "(0, inf)"
+    check_ranges(
+        TrackerParams,
+        {
+            "max_age_in_view": "(0, 30]",
+            "max_age_out_of_view": "(0, 30]",
+            "gate": positive,
+            "bearing_sigma": positive,
+            "distance_sigma": positive,
+            "speed_sigma": positive,
+            "acceleration_sigma": positive,
+            "min_hits": "[1, 50]",
+            "max_speed": positive,
+            "path_time": "[0, 5]",
+        },
+    )

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from param_ranges import check_ranges
 from safety_samples import ORIGIN, ROBOT, monitor_with, odometry, picture, reading
 
 from navfw.localmap import LocalMap
-from navfw.safety import SafetyMonitor
+from navfw.safety import SafetyMonitor, SafetyParams
 from navfw.signals import Image, Odometry, Pose, Twist
 
 RATE = 60.0
@@ -471,3 +472,25 @@ def test_reset_drops_stall_standstill_and_reverse() -> None:
     # no commanded speed, and no time of the last run
     monitor.update(reading(100.0), odometry(100.0, v=-0.1))
     assert monitor.limit(Twist(-0.1, 0.0), 100.0, ORIGIN).twist.v == -0.1
+
+
+def test_parameters_are_within_their_ranges() -> None:
+    seconds = "(0, 60]"
+    check_ranges(
+        SafetyParams,
+        {
+            "latency": "[0, 1]",
+            "gap": "[0, 0.3]",
+            "slow": "(0, 1]",
+            "creep": "(0, 0.5]",
+            "camera_slow": seconds,
+            "camera_stop": seconds,
+            "blind_reverse": "[0, 2]",
+            "gyro_slow": seconds,
+            "encoder_stop": seconds,
+            "stall": seconds,
+            "stall_rest": seconds,
+            "probe": "(0, 0.5]",
+            "give_up": seconds,
+        },
+    )

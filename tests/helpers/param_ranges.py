@@ -1,0 +1,46 @@
+"""Check the ranges of parameters: both ends of every interval, and what is beyond them."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+
+import pytest
+from pydantic import BaseModel, ValidationError
+
+_INTERVAL = re.compile(r"([\[(])(\S+), (\S+)([\])])")
+
+
+def check_ranges(model: type[BaseModel], ranges: Mapping[str, str]) -> None:
+    """Assert that ``model`` accepts just the ``ranges``, as "(0, 1]", of all its numbers.
+
+    Integers have closed intervals. The model must be frozen and refuse unknown keys.
+    """
+    numbers = {
+        name
+        for name, value in model().model_dump().items()
+        if isinstance(value, int | float) and not isinstance(value, bool)
+    }
+    assert numbers == set(ranges)
+    for name, interval in ranges.items():
+        match = _INTERVAL.fullmatch(interval)
+        assert match is not None, interval
+        first, low, high, last = match.groups()
+        whole = isinstance(getattr(model(), name), int)
+        for end, closed, outward in ((low, first == "[", -1), (high, last == "]", 1)):
+            if math.isinf(float(end)):
+                assert model(**{name: outward * 1e9})
+                continue
+            value = int(end) if whole else float(end)
+            step = 1 if whole else 1e-6
+            inside = value if closed else value - outward * step
+            outside = value + outward * step if closed else value
+            assert getattr(model(**{name: inside}), name) == inside
+            with pytest.raises(ValidationError, match=name):
+                model(**{name: outside})
+    with pytest.raises(ValidationError, match="unknown_key"):
+        model(unknown_key=1)
+    some = next(iter(ranges))
+    with pytest.raises(ValidationError, match="frozen"):
+        setattr(model(), some, getattr(model(), some))
