@@ -7,7 +7,7 @@ run: | uv
 	$(UV) run navfw run office lobby-to-lab
 
 test: check
-	$(UV) run pytest -n auto --maxprocesses 4 --dist worksteal --cov
+	$(UV) run pytest -n auto --maxprocesses 4 --dist worksteal $(PYTEST_OPTIONS)
 
 check: | uv
 	$(UV) run ruff check

@@ -21,11 +21,12 @@ def find_map(name: str, both_ways: bool = False) -> TopoMap:
 
     """
     from navfw.config.lookup import find
+    from navfw.landmark_appearance import check_landmark_kind
     from navfw.topomap.map_formats import SUFFIXES, load_any_map
 
     path = Path(name)
     foreign = path.suffix.lower() in SUFFIXES and path.suffix.lower() not in {".yaml", ".yml"}
-    return load_any_map(path if foreign else find("map", name), both_ways)
+    return load_any_map(path if foreign else find("map", name), both_ways, check_landmark_kind)
 
 
 def floor_plan(topo_map: TopoMap, world: str | None) -> FloorPlan | None:

@@ -18,6 +18,7 @@ from navfw.config.document import KeyPath, YamlDocument, key_text, load_yaml
 from navfw.config.lookup import find
 from navfw.config.overrides import Override, apply_overrides
 from navfw.errors import ConfigError, UnknownNameError, WorldError
+from navfw.landmark_appearance import check_landmark_kind
 from navfw.missions.missionspec import (
     MissionSpec,
     PlaceStart,
@@ -151,7 +152,7 @@ def _find_map(path: Path, document: YamlDocument, name: str) -> TopoMap:
         file = find("map", name, base=path.parent)
     except UnknownNameError as error:
         raise _unknown(document, ("map",), error.what, name, error.known) from None
-    return load_map(file)
+    return load_map(file, check_landmark_kind)
 
 
 def _start(document: YamlDocument, spec: MissionSpec, topo_map: TopoMap) -> Pose:

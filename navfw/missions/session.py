@@ -19,7 +19,6 @@ from navfw.config.lookup import find, find_mission
 from navfw.config.overrides import Override, parse_override
 from navfw.errors import UnknownNameError
 from navfw.fault_injection import FaultInjector, inject_faults
-from navfw.landmark_appearance import landmark_kind
 from navfw.missions.event_check import resolve_events, with_doors_open
 from navfw.missions.event_clock import Event, EventClock, EventTarget
 from navfw.missions.eventspec import BehaviorFault
@@ -38,7 +37,6 @@ from navfw.sim.world_check import check_world
 from navfw.sim.worldfile import load_world
 from navfw.sim.worldspec import WorldSpec
 from navfw.stack import Stack
-from navfw.topomap import TopoMap
 
 if TYPE_CHECKING:
     from navfw.plugins import Registry
@@ -281,7 +279,6 @@ def prepare(
     opened = FloorPlan.from_world(with_doors_open(world_spec, loaded.spec.events), height)
     loaded = loaded.placed(seed, opened)
     shortest = loaded.check(opened)
-    _check_landmark_kinds(loaded.topo_map)
     stack_file = mission_stack(loaded) if stack is None else find("stack", stack)
     registry = registry or _registry()
     built = Stack.load(stack_file, loaded.spec.robot, loaded.topo_map, registry, for_stack)
@@ -306,18 +303,6 @@ def prepare(
             registry,
         ),
     )
-
-
-def _check_landmark_kinds(topo_map: TopoMap) -> None:
-    """Raise UnknownNameError or PluginError for a landmark of a kind that does not exist."""
-    for mark in topo_map.landmarks.values():
-        try:
-            landmark_kind(mark.kind)
-        except UnknownNameError as error:
-            key = f"landmarks.{mark.name}.kind"
-            raise UnknownNameError(
-                error.what, error.name, error.known, file=topo_map.file, key=key
-            ) from None
 
 
 def with_drops(world: WorldSpec, mission: MissionFile) -> WorldSpec:

@@ -15,6 +15,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from navfw.errors import ConfigError, InputError
 from navfw.fault_injection import Failure, inject_faults
+from navfw.landmark_appearance import check_landmark_kind
 from navfw.recording.run_folder import RESULT, read_result
 from navfw.recording.run_log import hash_commands
 from navfw.recording.sensor_recording import SensorRecording, load_recording
@@ -152,7 +153,10 @@ def _load(folder: Path) -> tuple[Stack, SensorRecording, Pose | None, list[Waypo
         raise ConfigError("contains no sensor readings; run again with --record", file=folder)
     recording = load_recording(folder / "recording.npz")
     stack = Stack.load(
-        folder / "stack.yaml", mission.robot, load_map(folder / "map.yaml"), default_registry()
+        folder / "stack.yaml",
+        mission.robot,
+        load_map(folder / "map.yaml", check_landmark_kind),
+        default_registry(),
     )
     goals = [
         Waypoint(goal.x, goal.y, mission.tolerance, goal.place, "goal", final=True)

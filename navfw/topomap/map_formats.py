@@ -14,7 +14,7 @@ from navfw.config.document import no_such_file, shown_path
 from navfw.errors import ConfigError, MapError
 from navfw.topomap.geojson import geojson_text, read_geojson
 from navfw.topomap.graphml import graphml_text, read_graphml
-from navfw.topomap.mapfile import MAX_BYTES, load_map, map_text
+from navfw.topomap.mapfile import MAX_BYTES, KindCheck, load_map, map_text
 from navfw.topomap.topological_map import TopoMap
 
 __all__ = ["SUFFIXES", "load_any_map", "save_map"]
@@ -31,10 +31,13 @@ SUFFIXES: tuple[str, ...] = tuple(_WRITERS)
 """The suffixes of map files."""
 
 
-def load_any_map(path: str | Path, both_ways: bool = False) -> TopoMap:
+def load_any_map(
+    path: str | Path, both_ways: bool = False, check_kind: KindCheck | None = None
+) -> TopoMap:
     """The map in a file of any format, chosen by its suffix.
 
-    With ``both_ways`` a one-way edge becomes a passage, which is always two-way.
+    With ``both_ways`` a one-way edge becomes a passage, which is always two-way. ``check_kind``
+    knows the kinds of landmark of YAML maps; other formats have the shipped ones alone.
 
     Raises:
         ConfigError: the file cannot be read, or is not of its format.
@@ -45,7 +48,7 @@ def load_any_map(path: str | Path, both_ways: bool = False) -> TopoMap:
     path = Path(path)
     suffix = _suffix(path)
     if _WRITERS[suffix] is map_text:
-        return load_map(path)
+        return load_map(path) if check_kind is None else load_map(path, check_kind)
     text = _read(path)
     if _WRITERS[suffix] is graphml_text:
         return read_graphml(text, shown_path(path), both_ways)

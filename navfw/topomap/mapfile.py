@@ -16,18 +16,18 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 from navfw.config.yamlfile import YamlDocument, key_text, load_yaml, validate
-from navfw.errors import MapError
+from navfw.errors import ConfigError, MapError, did_you_mean
 from navfw.topomap.elements import Landmark, Passage, Place
 from navfw.topomap.mapspec import EdgeSpec, MapSpec
 from navfw.topomap.topological_map import TopoMap
 from navfw.topomap.validation import MapViolation, map_violations
 
-__all__ = ["MAX_BYTES", "load_map", "map_data", "map_text", "read_map"]
+__all__ = ["MAX_BYTES", "KindCheck", "load_map", "map_data", "map_text", "read_map"]
 
 MAX_BYTES = 8_000_000
 """Largest size of a map file [bytes]: enough for some ten thousand places."""
@@ -36,8 +36,20 @@ _PLAIN = re.compile(r"(?!(?i:true|false|yes|no|on|off|null|nan|inf)$)[A-Za-z][\w
 """Texts that YAML reads as text without quotes."""
 
 
-def load_map(path: str | Path) -> TopoMap:
-    """The map in the file at ``path``.
+KindCheck = Callable[[str], str]
+"""Returns the name of a kind of landmark, or raises ValueError if there is none of that name."""
+
+_SHIPPED_KINDS = ("aruco", "poster")
+
+
+def _shipped_kind(name: str) -> str:
+    if name not in _SHIPPED_KINDS:
+        raise ValueError(f"unknown kind of landmark {name!r}: {did_you_mean(name, _SHIPPED_KINDS)}")
+    return name
+
+
+def load_map(path: str | Path, check_kind: KindCheck = _shipped_kind) -> TopoMap:
+    """The map in the file at ``path``; ``check_kind`` knows the kinds of landmark.
 
     Raises:
         ConfigError: the file cannot be read or breaks the schema.
@@ -45,12 +57,19 @@ def load_map(path: str | Path) -> TopoMap:
             impossible, a passage is given twice. The message lists every error, one a line.
 
     """
-    return read_map(load_yaml(path, max_bytes=MAX_BYTES))
+    return read_map(load_yaml(path, max_bytes=MAX_BYTES), check_kind)
 
 
-def read_map(document: YamlDocument) -> TopoMap:
+def read_map(document: YamlDocument, check_kind: KindCheck = _shipped_kind) -> TopoMap:
     """The map in a parsed document; raises like ``load_map``."""
     spec = validate(document, MapSpec)
+    for name, at in spec.landmarks.items():
+        try:
+            check_kind(at.kind)
+        except ValueError as error:
+            path = ("landmarks", name, "kind")
+            line, key = document.line_of(path), key_text(path)
+            raise ConfigError(str(error), file=document.file, line=line, key=key) from None
     places = [Place(name, at.x, at.y, at.kind) for name, at in spec.places.items()]
     known = {place.name: place for place in places}
     passages = [_passage(edge, known) for edge in spec.edges]
