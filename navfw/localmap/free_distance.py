@@ -97,8 +97,7 @@ def free_distance(
     """
     if not occupancy.located:
         return FreeDistance(0.0, 0.0)
-    row, column = occupancy.index(pose.x, pose.y)
-    if not (0 <= row < occupancy.size and 0 <= column < occupancy.size):
+    if not occupancy.contains(pose.x, pose.y):
         return FreeDistance(0.0, 0.0)
     ground = _ground(occupancy, occupancy.footprint_observed)
     v, w = float(twist.v), float(twist.w)
@@ -110,11 +109,11 @@ def free_distance(
 
 def _ground(occupancy: OccupancyGrid, observed: npt.NDArray[np.uint8]) -> Ground:
     """The arrays that rays are cast through; ``observed`` (n, n) says where floor was seen."""
-    return Ground(occupancy.clearance, observed, *occupancy.origin, occupancy.params.cell)
+    return occupancy.clearance, observed, *occupancy.origin, occupancy.params.cell
 
 
 def _start(pose: Pose) -> Start:
-    return Start(float(pose.x), float(pose.y), float(pose.yaw))
+    return float(pose.x), float(pose.y), float(pose.yaw)
 
 
 @dataclass(frozen=True)  # without slots: the cached properties serve many behaviours

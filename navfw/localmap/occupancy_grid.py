@@ -269,6 +269,12 @@ class OccupancyGrid:
         """Whether the grid has a position: false until the first ``update``."""
         return self._origin is not None
 
+    def contains(self, x: float, y: float) -> bool:
+        """Whether the odom point (x, y) [m] lies on the grid; call it once there is an origin."""
+        left, bottom = self.origin
+        side = (self.size - 1) * self.params.cell
+        return 0.0 <= x - left <= side and 0.0 <= y - bottom <= side
+
     def index(self, x: float, y: float) -> tuple[int, int]:
         """(row, column) of the odom point (x, y) [m]; may lie outside the grid."""
         cell = self.params.cell

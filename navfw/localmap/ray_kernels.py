@@ -6,7 +6,6 @@ All work on square grids indexed [row, column] = [y, x] in the odom frame's dire
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -17,27 +16,13 @@ from navfw.signals import Array
 __all__ = ["Ground", "Start", "cast_ranges", "follow_arc", "least_within", "sweep_arcs"]
 
 
-class Ground(NamedTuple):
-    """What rays are cast through.
+Ground = tuple[Array, npt.NDArray[np.uint8], float, float, float]
+"""What rays are cast through: ``clearance`` (n, n) [m], the distance of each cell to the nearest
+occupied one; ``observed`` (n, n), > 0 where a cell has been observed free; origin x and y [m, odom]
+of the centre of cell [0, 0]; cell size [m]. A plain tuple: numba dispatches named ones slowly."""
 
-    ``clearance`` (n, n) [m] is the distance of each cell to the nearest occupied one, ``observed``
-    (n, n) > 0 where the cell has been observed free; (``origin_x``, ``origin_y``) [m, odom] is the
-    centre of cell [0, 0], ``cell`` the cell size [m].
-    """
-
-    clearance: Array
-    observed: npt.NDArray[np.uint8]
-    origin_x: float
-    origin_y: float
-    cell: float
-
-
-class Start(NamedTuple):
-    """Where rays and arcs begin: x, y [m] and yaw [rad] in odom."""
-
-    x: float
-    y: float
-    yaw: float
+Start = tuple[float, float, float]
+"""Where rays and arcs begin: x, y [m] and yaw [rad] in odom."""
 
 
 @numba.njit(cache=True)

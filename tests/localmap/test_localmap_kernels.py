@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from navfw.localmap.cost_kernels import cost_to_go, price_cells
-from navfw.localmap.ray_kernels import Ground, Start, least_within, sweep_arcs
+from navfw.localmap.ray_kernels import least_within, sweep_arcs
 from navfw.localmap.sensor_kernels import decay_view, merge_evidence, rays_of
 from navfw.robot import RobotModel
 from navfw.signals import Array, Mask
@@ -145,10 +145,10 @@ def test_arcs_are_swept_step_by_step(seed: int, yaw: float) -> None:
     blocked = rng.random((81, 81)) < 0.02
     blocked[39:42, 39:42] = False
     clearance = np.where(blocked, 0.0, 1.0)
-    ground = Ground(clearance, np.ones(blocked.shape, np.uint8), 0.0, 0.0, 0.05)
+    ground = (clearance, np.ones(blocked.shape, np.uint8), 0.0, 0.0, 0.05)
     speeds, turns = np.array([-0.2, 0.1, 0.4]), np.linspace(-1.2, 1.2, 7)
     free, observed, least = np.empty((3, 3, 7))
-    start = Start(2.0 + 1e-4, 2.0 + 1e-4, yaw)
+    start = (2.0 + 1e-4, 2.0 + 1e-4, yaw)
     sweep_arcs(ground, start, speeds, turns, 0.04, 1.5, 0.6, free, observed, least)
     expected = [[free_length(v, w, yaw, blocked, 0.05, 1.5) for w in turns] for v in speeds]
     np.testing.assert_allclose(free, expected, atol=1e-9)

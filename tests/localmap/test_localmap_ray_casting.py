@@ -28,7 +28,7 @@ def cell_of(x: float, y: float) -> tuple[int, int] | None:
 
 
 def ground_of(clearance: Array, observed: Array) -> Ground:
-    return Ground(clearance, observed.astype(np.uint8), *ORIGIN, CELL)
+    return (clearance, observed.astype(np.uint8), *ORIGIN, CELL)
 
 
 def reference_arc(
@@ -94,7 +94,7 @@ def test_arcs_are_those_of_the_reference(seed: int, tight: bool, v: float, w: fl
     clearance, observed = random_ground(rng, tight)
     # off the centre, so that arcs leave the grid at times
     x, y = (c + rng.uniform(-0.9, 0.9) for c in CENTRE) if not tight else CENTRE
-    start = Start(x + 1e-4, y + 1e-4, rng.uniform(-3.1, 3.1))
+    start = (x + 1e-4, y + 1e-4, rng.uniform(-3.1, 3.1))
     expected = reference_arc(clearance, observed, start, v, w)
     found = follow_arc(ground_of(clearance, observed), start, v, w, RADIUS, REACH, HORIZON)
     assert found == pytest.approx(expected, abs=1e-9)
@@ -106,7 +106,7 @@ def test_arcs_end_where_they_leave_the_grid(yaw: float) -> None:
     ground = ground_of(clearance, observed)
     # 0.5 m from the border ahead, which is half a cell beyond the last cell's centre
     off = 0.5 * (SIZE - 1) * CELL + 0.5 * CELL - 0.5
-    start = Start(CENTRE[0] + off * math.cos(yaw), CENTRE[1] + off * math.sin(yaw), yaw)
+    start = (CENTRE[0] + off * math.cos(yaw), CENTRE[1] + off * math.sin(yaw), yaw)
     free, seen, clear = follow_arc(ground, start, 0.3, 0.0, RADIUS, REACH, HORIZON)
     assert free == pytest.approx(0.5, abs=0.5 * CELL)
     assert seen == free
@@ -121,7 +121,7 @@ def test_an_arc_of_half_a_turn_is_as_good_as_an_endless_one() -> None:
     radius = 0.2
     # occupied beside the start, where the second half of the circle would lead
     clearance[row - 2 : row + 3, column - 9 : column - 3] = 0.0
-    start = Start(*CENTRE, 0.5 * math.pi)
+    start = (*CENTRE, 0.5 * math.pi)
     for w in (0.3 / radius, -0.3 / radius):
         free, _, _ = follow_arc(ground_of(clearance, observed), start, 0.3, w, RADIUS, REACH, 0.0)
         assert (free == REACH) == (w < 0.0), "to the left it would close on the obstacle"
@@ -145,14 +145,14 @@ def test_ranges_are_the_first_occupied_and_the_first_unobserved_cell(
         clearance = np.minimum(clearance, CELL * np.hypot(rows - r, columns - c))
     observed = rng.random((SIZE, SIZE)) < rng.choice([0.9, 1.0])
     observed &= np.roll(observed, 1, 0) & np.roll(observed, 1, 1)
-    start = Start(CENTRE[0] + 1e-4, CENTRE[1] + 1e-4, rng.uniform(-3.1, 3.1))
+    start = (CENTRE[0] + 1e-4, CENTRE[1] + 1e-4, rng.uniform(-3.1, 3.1))
     free, seen = np.empty((2, BEARINGS.size))
     cast_ranges(ground_of(clearance, observed), start, BEARINGS, limit, free, seen)
     for bearing, range_, first in zip(BEARINGS, free, seen, strict=True):
-        c, s = math.cos(bearing + start.yaw), math.sin(bearing + start.yaw)
+        c, s = math.cos(bearing + start[2]), math.sin(bearing + start.yaw)
 
         def at(distance: float, c: float = c, s: float = s) -> tuple[int, int] | None:
-            return cell_of(start.x + distance * c, start.y + distance * s)
+            return cell_of(start[0] + distance * c, start[1] + distance * s)
 
         hit, gap = at(range_), at(first)
         assert range_ == limit or (hit is not None and clearance[hit] < CELL)
@@ -171,10 +171,10 @@ def test_ranges_are_the_first_occupied_and_the_first_unobserved_cell(
 def test_ranges_in_an_empty_grid_are_the_limit() -> None:
     ground = ground_of(np.full((SIZE, SIZE), 8.0), np.ones((SIZE, SIZE)))
     free, seen = np.zeros((2, BEARINGS.size))
-    cast_ranges(ground, Start(*CENTRE, 0.3), BEARINGS, 1.1, free, seen)
+    cast_ranges(ground, (*CENTRE, 0.3), BEARINGS, 1.1, free, seen)
     assert (free == 1.1).all()
     assert (seen == 1.1).all()
     # beyond the grid's border nothing is known to be occupied, nor is anything unobserved
-    cast_ranges(ground, Start(*CENTRE, 0.3), BEARINGS, 9.0, free, seen)
+    cast_ranges(ground, (*CENTRE, 0.3), BEARINGS, 9.0, free, seen)
     assert (free == 9.0).all()
     assert (seen == 9.0).all()
