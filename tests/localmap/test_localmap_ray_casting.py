@@ -149,7 +149,7 @@ def test_ranges_are_the_first_occupied_and_the_first_unobserved_cell(
     free, seen = np.empty((2, BEARINGS.size))
     cast_ranges(ground_of(clearance, observed), start, BEARINGS, limit, free, seen)
     for bearing, range_, first in zip(BEARINGS, free, seen, strict=True):
-        c, s = math.cos(bearing + start[2]), math.sin(bearing + start.yaw)
+        c, s = math.cos(bearing + start[2]), math.sin(bearing + start[2])
 
         def at(distance: float, c: float = c, s: float = s) -> tuple[int, int] | None:
             return cell_of(start[0] + distance * c, start[1] + distance * s)
