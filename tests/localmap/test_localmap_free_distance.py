@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -11,7 +13,7 @@ from hypothesis import strategies as st
 from localmap_samples import ORIGIN, ROBOT, WALL_AHEAD, grid_with
 
 from navfw.context import CommandGrid
-from navfw.localmap.free_distance import Arcs, arcs_of, free_distance, ranges_around
+from navfw.localmap.free_distance import Arcs, Ranges, arcs_of, free_distance, ranges_around
 from navfw.localmap.occupancy_grid import OccupancyGrid
 from navfw.signals import Pose, Twist
 
@@ -87,3 +89,106 @@ def test_free_distance_of_a_twist_is_that_of_its_arc() -> None:
     assert ahead.unobserved > ahead.contact - 1e-9
     assert free_distance(occupancy, ORIGIN, Twist(-0.1, 0.0)) == (1.0, 1.0)
     assert free_distance(occupancy, ORIGIN, Twist(0.0, 1.0)) == (1.0, 1.0)
+
+
+def test_clearance_is_the_least_of_the_first_stretch() -> None:
+    # boxes beside the way straight on, 0.3 m from its middle
+    for x, counts in ((0.3, True), (0.55, True), (0.8, False)):
+        clear = arcs(grid_with((x, x + 0.05, 0.3, 0.5))).clearance[FASTEST, STRAIGHT]
+        nearest = 0.3 if counts else math.hypot(0.3, x - 0.6)
+        # the clearance is that of the body's rim, whatever margin the free lengths keep
+        assert clear == pytest.approx(nearest - ROBOT.radius, abs=0.06)
+    occupancy = grid_with((0.3, 0.35, 0.3, 0.5))
+    straight = [arcs(occupancy, margin=m).clearance[FASTEST, STRAIGHT] for m in (0.0, 0.08)]
+    assert straight[1] == pytest.approx(straight[0])
+
+
+def test_arcs_reach_1_6_m_and_those_of_a_twist_1_m() -> None:
+    occupancy = grid_with()
+    assert arcs(occupancy).reach == 1.6
+    assert (arcs(occupancy).free == 1.6).all()
+    assert free_distance(occupancy, ORIGIN, Twist(0.3, 0.0)) == (1.0, 1.0)
+    far = grid_with((1.5, 1.6, -0.1, 0.1))
+    assert free_distance(far, ORIGIN, Twist(0.3, 0.0)).contact == 1.0
+    assert arcs(far).free[FASTEST, STRAIGHT] < 1.4
+
+
+def test_behind_the_robot_the_rim_keeps_out_of_unobserved_cells() -> None:
+    occupancy = grid_with()
+    # unobserved from 0.8 m behind the centre on; 0.1 m beside the centre have to be observed
+    _, column = occupancy.index(-0.8, 0.0)
+    occupancy.log_odds[:, : column + 1] = 0.0
+    expected = 0.8 - 0.1 - ROBOT.radius
+    for margin in (0.0, 0.1):
+        behind = arcs(occupancy, margin=margin).free[0, STRAIGHT]
+        assert behind == pytest.approx(expected - margin, abs=0.07)
+    assert arcs(occupancy, margin=0.0).observed[0, STRAIGHT] == pytest.approx(0.7, abs=0.07)
+
+
+def ranges_of(free: Callable[[float], float], limit: float = 3.0) -> Ranges:
+    """Ranges every 7.5 degrees, ``free`` [m] by the bearing [degrees]."""
+    bearings = np.radians(np.arange(-172.5, 180.1, 7.5))
+    values = np.array([free(math.degrees(bearing)) for bearing in bearings])
+    return Ranges(bearings, values, values, limit)
+
+
+def one_near(bearing: float, at: float) -> float:
+    """0.5 m at the bearing ``at`` [degrees], else 2 m."""
+    return 0.5 if abs(bearing - at) < 1.0 else 2.0
+
+
+@pytest.mark.parametrize(
+    ("side", "low", "high"), [("front", -30, 30), ("left", 30, 120), ("right", -120, -30)]
+)
+def test_the_ranges_of_a_side_are_the_least_within_its_sector(
+    side: str, low: float, high: float
+) -> None:
+    for bearing in np.arange(-172.5, 180.1, 7.5):
+        near = functools.partial(one_near, at=float(bearing))
+        ranges = ranges_of(near)
+        inside = low - 1e-6 <= bearing <= high + 1e-6
+        assert getattr(ranges, side) == (0.5 if inside else 2.0)
+
+
+@pytest.mark.parametrize(
+    ("left", "right", "front", "degree"),
+    [
+        (0.7, 0.7, 2.0, 1.0),
+        (0.8, 0.5, 2.0, 1.0),
+        (1.2, 0.5, 2.0, 0.5),
+        (0.5, 1.2, 2.0, 0.5),
+        (1.6, 0.5, 2.0, 0.0),
+        (2.9, 0.5, 2.0, 0.0),
+        (0.7, 0.7, 0.4, 0.5),
+        (1.2, 0.5, 0.4, 0.25),
+        (0.7, 0.7, 0.0, 0.0),
+    ],
+)
+def test_a_corridor_has_walls_at_both_sides_and_free_space_ahead(
+    left: float, right: float, front: float, degree: float
+) -> None:
+    def free(bearing: float) -> float:
+        if 29 < abs(bearing) < 31:
+            return 3.0  # 30 degrees belong to front and side
+        if abs(bearing) < 30:
+            return front
+        return left if bearing > 0 else right
+
+    ranges = ranges_of(free)
+    assert ranges.corridor == pytest.approx(degree)
+
+
+def test_ranges_are_all_around_up_to_3_m_from_the_rim() -> None:
+    ranges = ranges_around(grid_with(), ORIGIN)
+    assert ranges.bearings == pytest.approx(np.radians(np.arange(-172.5, 180.1, 7.5)))
+    assert not ranges.bearings.flags.writeable
+    assert ranges.limit == 3.0
+    assert (ranges.free == 3.0 - ROBOT.radius).all()
+    assert (ranges.observed == 3.0 - ROBOT.radius).all()
+    # within an obstacle there is no distance, not a negative one
+    inside = ranges_around(grid_with((-0.1, 0.1, -0.1, 0.1)), ORIGIN)
+    assert (inside.free == 0.0).all()
+    assert (inside.observed == 0.0).all()
+    unobserved = ranges_around(grid_with(observed=False), ORIGIN)
+    assert (unobserved.free == 3.0 - ROBOT.radius).all()
+    assert unobserved.observed == pytest.approx(np.zeros(48), abs=0.07)
