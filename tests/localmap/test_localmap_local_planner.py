@@ -224,7 +224,8 @@ def reference_leg(
     best, chosen = math.inf, math.nan
     for bearing in BEARINGS:
         direction = 0.5 * np.array([math.sin(yaw + bearing), math.cos(yaw + bearing)])
-        points = np.array(at) + direction * np.arange(1, int(2.0 * length) + 1)[:, None]
+        # summed step by step, as the kernel does: on the border of two cells rounding decides
+        points = np.cumsum([np.array(at), *[direction] * int(2.0 * length)], axis=0)[1:]
         cells = np.round(points).astype(int)
         if (cells < 0).any() or (cells >= len(value)).any():
             continue
