@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from navfw.errors import InputError
+from navfw.interruption import interruptible
 from navfw.missions.event_clock import EventClock, EventRecord
 from navfw.missions.outcome import MissionVerdict, Outcome
 from navfw.missions.progress_checkers import GoalChecker, ProgressChecker, goal_name
@@ -181,7 +182,7 @@ def run_task(
     readings: SensorRecorder | None = None,
     events: EventClock | None = None,
 ) -> RunResult:
-    """Drive until the mission ends; a KeyboardInterrupt ends it as cancelled.
+    """Drive until the mission ends; Ctrl-C or SIGTERM ends it as cancelled.
 
     ``readings`` records the sensor readings for a replay; ``events`` is updated at every tick.
     Wall-clock time is used in reports only and does not influence the run.
@@ -240,10 +241,11 @@ class _MissionLoop:
     def _drive(self) -> MissionVerdict:
         verdict: MissionVerdict | None = None
         try:
-            start = self.task.start if self.task.start_known else None
-            self.pilot.start(start, self.task.goals)
-            while verdict is None:
-                verdict = self._tick()
+            with interruptible():
+                start = self.task.start if self.task.start_known else None
+                self.pilot.start(start, self.task.goals)
+                while verdict is None:
+                    verdict = self._tick()
         except KeyboardInterrupt:
             verdict = self._verdict(Outcome.CANCELLED, "stopped by the user")
         except Exception as error:  # a plugin may raise anything; the run still gives a result

@@ -1,0 +1,59 @@
+"""Interruption by signals: Ctrl-C and SIGTERM become KeyboardInterrupt, and say that they were."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from collections.abc import Iterator
+
+import pytest
+
+from navfw.interruption import interrupted, interruptible
+
+
+@pytest.fixture(autouse=True)
+def _usual_handlers() -> Iterator[None]:
+    """The handlers of an interactive process, whatever pytest was started with."""
+    before = {n: signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)}
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_interrupts_and_is_told_from_a_raised_interrupt(number: signal.Signals) -> None:
+    with interruptible():
+        with pytest.raises(KeyboardInterrupt):
+            raise KeyboardInterrupt
+        assert not interrupted()
+        with pytest.raises(KeyboardInterrupt, match=number.name):
+            os.kill(os.getpid(), number)
+        assert interrupted()
+    assert not interrupted()
+
+
+def test_handlers_are_restored_and_an_ignored_signal_stays_ignored() -> None:
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    before = signal.getsignal(signal.SIGINT)
+    with interruptible():
+        assert signal.getsignal(signal.SIGINT) is not before
+        os.kill(os.getpid(), signal.SIGTERM)
+        assert not interrupted()
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_a_thread_other_than_the_main_one_changes_no_handler() -> None:
+    before = signal.getsignal(signal.SIGINT)
+    found: list[object] = []
+
+    def work() -> None:
+        with interruptible():
+            found.append(signal.getsignal(signal.SIGINT))
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    assert found == [before]
