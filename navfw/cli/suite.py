@@ -163,6 +163,7 @@ def _print_summary(summary: dict[str, Any], rows: tuple[RunRow, ...]) -> None:
     if len(parts) > 1:
         parts["all"] = summary
     columns = ["", "runs", "success [95 %]", "collided", "SPL", "SCT", "BARN", "time", "clearance"]
+    columns.append("faults")
     lines = [_line(name, part) for name, part in parts.items()]
     if any("expect" in part for part in parts.values()):
         columns.append("passes")
@@ -195,6 +196,7 @@ def _line(name: str, part: dict[str, Any]) -> list[str]:
         _number(part["barn_score"], 3),
         _number(part["mean_time_s"], 1, " s"),
         _number(part["min_clearance_m"], 2, " m"),
+        str(part["plugin_faults"]),
     ]
 
 

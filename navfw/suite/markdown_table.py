@@ -15,7 +15,8 @@ def markdown_table(summary: Mapping[str, Any]) -> str:
     """One row per variant, with its success in every entry; without variants, one row per entry.
 
     Success in percent with its Wilson interval (95 %); ``p`` is of McNemar's exact test against the
-    first variant. Time is the mean over the runs that reached their goals.
+    first variant. Time is the mean over the runs that reached their goals. ``faults`` counts plugin
+    faults.
     """
     if "by_variant" in summary:
         return _variants(summary)
@@ -28,7 +29,7 @@ def markdown_table(summary: Mapping[str, Any]) -> str:
     return pipe_table(["entry", *_COLUMNS], rows)
 
 
-_COLUMNS = ("runs", "success [95 %]", "collided", "SPL", "time")
+_COLUMNS = ("runs", "success [95 %]", "collided", "SPL", "time", "faults")
 
 
 def _variants(summary: Mapping[str, Any]) -> str:
@@ -38,7 +39,7 @@ def _variants(summary: Mapping[str, Any]) -> str:
         of_entries = [_percent(part["by_entry"].get(e, {}).get("success")) for e in entries]
         rows.append([name, *_numbers(part), _p(part["p"]) if number else "", *of_entries])
     for name, reason in summary.get("skipped", {}).items():
-        rows.append([name, "0", f"skipped: {reason}", *[""] * (4 + len(entries))])
+        rows.append([name, "0", f"skipped: {reason}", *[""] * (len(_COLUMNS) - 1 + len(entries))])
     return pipe_table(["variant", *_COLUMNS, "p", *entries], rows)
 
 
@@ -51,6 +52,7 @@ def _numbers(part: Mapping[str, Any]) -> list[str]:
         _percent(part["collision_rate"]),
         "" if part["spl"] is None else f"{part['spl']:.2f}",
         "" if time is None else f"{time:.0f} s",
+        str(part["plugin_faults"]),
     ]
 
 

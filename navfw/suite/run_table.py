@@ -41,6 +41,7 @@ class RunRow:
     ``cause`` is the cause of a failure (``navfw.suite.failure_causes``), ``collision_cause`` the
     body that moved into the other: "robot" or "mover". ``picture`` is a file beside the table.
     ``variant`` is empty in suites without variants; their tables have no such column.
+    ``plugin_faults`` is the number of kinds of plugin faults; tables of older versions lack it.
     """
 
     entry: str
@@ -69,6 +70,7 @@ class RunRow:
     distance_to_goal_m: float | None = None
     estimate_error_m: float | None = None
     emergencies: int | None = None
+    plugin_faults: int | None = None
     barn_score: float | None = None
     command_hash: str = ""
     picture: str = ""
@@ -86,6 +88,9 @@ class RunRow:
 
 COLUMNS = tuple(field.name for field in dataclasses.fields(RunRow))
 _TYPES = typing.get_type_hints(RunRow)
+
+_OPTIONAL = {"variant", "plugin_faults"}
+"""Columns that a table may lack."""
 
 
 def columns_of(rows: Iterable[RunRow]) -> tuple[str, ...]:
@@ -144,7 +149,7 @@ def read_table(path: str | Path) -> list[RunRow]:
             raise ConfigError(f"is larger than {_MAX_TABLE} bytes", file=name)
         with path.open(encoding="utf-8", newline="") as stream:
             reader = csv.DictReader(stream)
-            found = {"variant", *(reader.fieldnames or ())}
+            found = {*_OPTIONAL, *(reader.fieldnames or ())}
             missing = [column for column in COLUMNS if column not in found]
             if missing:
                 what = f"is not a table of navfw suite: it has no column {missing[0]!r}"
@@ -163,7 +168,7 @@ def read_table(path: str | Path) -> list[RunRow]:
 def _row(cells: dict[str, Any], file: str, line: int) -> RunRow:
     values: dict[str, Any] = {}
     for column in COLUMNS:
-        text = cells.get(column, "") if column == "variant" else cells[column]
+        text = cells.get(column, "") if column in _OPTIONAL else cells[column]
         if text is None:
             raise ConfigError("the line has too few cells", file=file, line=line)
         try:

@@ -100,12 +100,15 @@ def test_an_impossible_seed_is_a_fault_of_its_run(tmp_path: Path) -> None:
 
 
 def test_a_generated_run_gives_a_full_row_and_its_picture(tmp_path: Path) -> None:
-    plan = planned(tmp_path, "{family: boxes, set: {mission.timeout: 4}}", range(1))
+    failing = "[{at: 1, lasting: 1, behavior: {name: avoid, does: raises}}]"
+    entry = f"{{family: boxes, set: {{mission.timeout: 4}}, events: {failing}}}"
+    plan = planned(tmp_path, entry, range(1))
     row = run_job(Job(plan.cases[0], tmp_path))
     assert (row.entry, row.family, row.world) == ("boxes", "boxes", "boxes-0")
     assert (row.outcome, row.cause) == ("timeout", "slow")
     assert row.shortest_path_m == pytest.approx(4.0)
     assert len(row.command_hash) == 64
+    assert row.plugin_faults == 1  # of one kind
     assert (tmp_path.parent / row.picture).is_file()
 
 

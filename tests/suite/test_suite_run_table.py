@@ -14,6 +14,7 @@ from suite_samples import row
 
 from navfw.errors import ConfigError, InputError
 from navfw.suite.run_table import COLUMNS, RunRow, read_table, write_table
+from navfw.suite.suite_summary import summarize
 
 numbers = st.none() | st.floats(allow_nan=False)
 texts = st.text(st.characters(codec="utf-8"), max_size=40)
@@ -94,6 +95,18 @@ def test_an_invalid_table_is_refused_with_its_line(
     file.write_text("\n".join(change(good)) + "\n")
     with pytest.raises(ConfigError, match=message):
         read_table(file)
+
+
+def test_a_table_without_the_column_of_plugin_faults_is_read(tmp_path: Path) -> None:
+    file = tmp_path / "table.csv"
+    write_table(file, [row(1, plugin_faults=4)])
+    assert read_table(file)[0].plugin_faults == 4
+    assert summarize([*read_table(file), row(2, plugin_faults=3)])["plugin_faults"] == 7
+    with file.open(newline="") as stream:
+        head, cells = csv.reader(stream)
+    at = head.index("plugin_faults")
+    file.write_text("\n".join(",".join(line[:at] + line[at + 1 :]) for line in (head, cells)))
+    assert read_table(file)[0].plugin_faults is None
 
 
 def test_a_missing_or_binary_file_is_refused(tmp_path: Path) -> None:

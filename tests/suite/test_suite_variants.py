@@ -128,8 +128,9 @@ def test_the_summary_is_per_variant_and_overall() -> None:
 def test_the_markdown_table_has_a_row_per_variant_and_a_column_per_entry() -> None:
     summary = {**summarize(rows()), "skipped": {"navground": "needs | navground"}}
     lines = markdown_table(summary).splitlines()
-    assert lines[0] == "| variant | runs | success [95 %] | collided | SPL | time | p | rooms |"
-    assert lines[2].startswith("| default | 8 | 100 % [68, 100] | 0 % | 0.90 | 20 s |  | 100 % |")
+    head = "| variant | runs | success [95 %] | collided | SPL | time | faults | p | rooms |"
+    assert lines[0] == head
+    assert lines[2] == "| default | 8 | 100 % [68, 100] | 0 % | 0.90 | 20 s | 0 |  | 100 % |"
     assert lines[3].startswith("| paper | 8 | 25 % [7, 59] | 0 % |")
     assert "| 0.031 | 25 % |" in lines[3]
     assert lines[4].startswith(r"| navground | 0 | skipped: needs \| navground |")
