@@ -14,7 +14,8 @@ class GiveWay(RuledBehavior):
     """Rates every command by its closest approach to moving obstacles.
 
     If all commands lead too close, those with the largest distance are desired; standing still is
-    not among them when an obstacle is on a collision course with a standing robot.
+    not among them when an obstacle is on a collision course with a standing robot. While the robot
+    rolls, even braking may approach a close obstacle: what no command avoids counts against none.
     """
 
     name: ClassVar[str] = "give_way"
@@ -46,14 +47,19 @@ class GiveWay(RuledBehavior):
         if conflicts is None:
             nothing = context.commands.zeros()
             return Proposal(0.0, nothing, nothing, "no moving obstacle")
-        # driving toward a close obstacle is no way out; standing still never counts as that
-        best = float(conflicts.distance[conflicts.approach <= self.params.approach].max())
+        # what no command avoids, as a rolling robot cannot stop at once, counts against none
+        unavoidable = float(conflicts.approach.min())
+        approach = conflicts.approach
+        if unavoidable > self.params.approach:
+            approach = approach - unavoidable
+        # driving toward a close obstacle is no way out
+        best = float(conflicts.distance[approach <= self.params.approach].max())
         verdict = self.rules.evaluate_all(
             distance=conflicts.distance,
             worse=np.maximum(best - conflicts.distance, 0.0),
             time=conflicts.time,
             near=np.full(conflicts.distance.shape, conflicts.nearest),
-            approach=conflicts.approach,
+            approach=approach,
         )
         least = float(conflicts.distance.min())
         return Proposal(
