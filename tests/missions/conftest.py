@@ -1,0 +1,25 @@
+"""Every run of a mission in these tests fails its test where a plugin faults uninvited."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from navfw.missions.eventspec import BehaviorFault
+from navfw.missions.session import MissionResult, Session
+
+
+@pytest.fixture(autouse=True)
+def no_plugin_faults(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Check the faults of every ``Session.run``; those that the mission injects are left out."""
+    run = Session.run
+
+    def checked(session: Session, *args: Any, **kwargs: Any) -> MissionResult:
+        result = run(session, *args, **kwargs)
+        actions = [event.action for event in session.events]
+        injected = tuple(f"{a.name}: " for a in actions if isinstance(a, BehaviorFault))
+        assert [fault for fault in result.run.faults if not fault.startswith(injected)] == []
+        return result
+
+    monkeypatch.setattr(Session, "run", checked)
