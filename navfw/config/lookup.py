@@ -1,7 +1,11 @@
 """Find worlds, missions, maps, stacks and behaviours by name or path.
 
 A project is the nearest folder, from the working folder upwards, that has a ``navfw.toml`` or a
-``pyproject.toml`` with a ``[tool.navfw]`` table. It has the same shape as navfw's repository:
+``pyproject.toml`` with a ``[tool.navfw]`` table. The search ends below the first folder that
+another user owns or that anyone may write to, as ``/tmp``: a project planted there is never used.
+The working folder itself is always looked at.
+
+A project has the same shape as navfw's repository:
 ``worlds/<world>/world.yaml``, ``worlds/<world>/missions/*.yaml``, ``maps/*.yaml``,
 ``stacks/*.yaml``, ``behaviors/*.py``. A file of the project takes precedence over the shipped one
 of the same name.
@@ -16,6 +20,7 @@ from pathlib import Path
 from typing import Literal, TypeAlias
 
 from navfw.config.document import no_such_file
+from navfw.config.ownership import own_folders
 from navfw.errors import ConfigError, UnknownNameError
 
 __all__ = [
@@ -29,6 +34,7 @@ __all__ = [
     "list_worlds",
     "plugin_folders",
     "project_folder",
+    "project_plugin_folders",
     "shipped_folder",
 ]
 
@@ -68,7 +74,8 @@ def project_folder(start: Path | None = None) -> Path | None:
         start = Path.cwd() if start is None else start.absolute()
     except FileNotFoundError:  # the working folder has been removed
         return None
-    return next((folder for folder in (start, *start.parents) if _is_project(folder)), None)
+    around = (folder for folder in own_folders(start) if folder != start)
+    return next((folder for folder in (start, *around) if _is_project(folder)), None)
 
 
 def _is_project(folder: Path) -> bool:
@@ -118,8 +125,17 @@ def _data_folders() -> list[_DataFolders]:
 
 def plugin_folders() -> list[Path]:
     """Folders with plugins: the shipped one, then the project's ``behaviors`` and ``plugins``."""
-    folders = [part.behaviors for part in reversed(_data_folders())]
-    folders += [part.behaviors.with_name("plugins") for part in _data_folders()[:-1]]
+    shipped = _data_folders()[-1].behaviors
+    return [shipped] * shipped.is_dir() + project_plugin_folders()
+
+
+def project_plugin_folders() -> list[Path]:
+    """The folders ``behaviors`` and ``plugins`` of the project, as far as they exist.
+
+    None in a checkout of navfw: what it ships is no project.
+    """
+    folders = [part.behaviors for part in _data_folders() if part.source == "project"]
+    folders += [folder.with_name("plugins") for folder in folders]
     return [folder for folder in folders if folder.is_dir()]
 
 

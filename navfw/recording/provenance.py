@@ -5,14 +5,13 @@ from __future__ import annotations
 import os
 import platform
 import shlex
-import shutil
-import subprocess
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import navfw
 from navfw.config.lookup import project_folder
+from navfw.recording.git_checkout import GitCheckout
 
 __all__ = [
     "DIRTY",
@@ -38,20 +37,22 @@ def code_revision() -> str:
         found = git_revision(project)
     else:
         # an installed copy may lie inside another repository, which does not track it
-        tracked = _git(source.parent, "ls-files", "--error-unmatch", source.name) is not None
+        checkout = GitCheckout.around(source.parent)
+        tracked = checkout is not None and checkout.tracks(source)
         found = git_revision(source.parent) if tracked else None
     return found or f"navfw {_version()}"
 
 
 def git_revision(folder: Path) -> str | None:
-    """The commit checked out around ``folder``; None without git.
+    """The commit checked out around ``folder``; None without git, or if another user owns a part.
 
     ``-dirty`` is appended when tracked files have uncommitted changes, except those in ``docs`` at
     the top of the repository: no run reads them, and results are written there between runs.
     """
-    revision = _git(folder, "rev-parse", "HEAD")
-    where = (":(top)", ":(top,exclude)docs")
-    changed = _git(folder, "status", "--porcelain", "--untracked-files=no", "--", *where)
+    checkout = GitCheckout.around(folder)
+    if checkout is None:
+        return None
+    revision, changed = checkout.head(), checkout.changed(":(top)", ":(top,exclude)docs")
     if revision is None or changed is None:
         return None
     return revision + (DIRTY if changed else "")
@@ -103,21 +104,3 @@ def _version() -> str:
     from importlib import metadata
 
     return metadata.version("navfw")
-
-
-def _git(folder: Path, *words: str) -> str | None:
-    """What ``git`` prints when called in ``folder``; None if there is no git or it fails."""
-    git = shutil.which("git")
-    if git is None:
-        return None
-    try:
-        done = subprocess.run(  # noqa: S603 - fixed words, no shell
-            [git, "-C", str(folder), *words],
-            capture_output=True,
-            text=True,
-            timeout=5.0,
-            check=True,
-        )
-    except (OSError, subprocess.SubprocessError):
-        return None
-    return done.stdout.strip()
