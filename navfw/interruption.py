@@ -1,7 +1,8 @@
-"""Interruption of a run from outside: Ctrl-C and SIGTERM, both as KeyboardInterrupt.
+"""Interruption from outside: Ctrl-C and SIGTERM, both as KeyboardInterrupt, or deferred.
 
-The handlers also set a flag, so that a KeyboardInterrupt raised by a plugin can be told from one
-that the user has sent.
+A flag says whether a signal has arrived, so that a KeyboardInterrupt raised by a plugin can be told
+from one that the user has sent. A signal that the process ignores stays ignored, and a thread other
+than the main one has no signals: it cannot be interrupted.
 """
 
 from __future__ import annotations
@@ -10,48 +11,109 @@ import signal
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from types import FrameType
 
-__all__ = ["interrupted", "interruptible"]
+__all__ = ["deferred", "interrupted", "interruptible"]
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
-_interrupted = False
+
+@dataclass
+class _SignalState:
+    """What a signal does now, and what the last one did; signals are those of the process.
+
+    ``handled``: the handlers are installed. ``raising``: a signal raises KeyboardInterrupt, else it
+    is kept in ``pending``, by name.
+    """
+
+    handled: bool = False
+    raising: bool = False
+    interrupted: bool = False
+    pending: str = ""
+
+
+_state = _SignalState()
 
 
 def interrupted() -> bool:
     """Whether the innermost ``interruptible`` context has been interrupted."""
-    return _interrupted
+    return _state.interrupted
 
 
 @contextmanager
 def interruptible() -> Iterator[None]:
     """Raise KeyboardInterrupt inside this context on Ctrl-C or SIGTERM.
 
-    A signal that the process ignores stays ignored, and a thread other than the main one has no
-    signals: it cannot be interrupted.
+    A signal that was deferred around this context is raised at its beginning.
     """
-    global _interrupted  # noqa: PLW0603 - signals are those of the process
-    before = _interrupted
-    _interrupted = False
     if threading.current_thread() is not threading.main_thread():
         yield
+        return
+    with _handlers():
+        raising, interrupted = _state.raising, _state.interrupted
+        try:
+            _state.interrupted = False
+            _state.raising = True
+            _raise_pending()
+            yield
+        finally:
+            _state.raising, _state.interrupted = raising, interrupted
+
+
+@contextmanager
+def deferred() -> Iterator[None]:
+    """Inside this context Ctrl-C and SIGTERM wait: for ``interruptible``, or for its end.
+
+    At its end a waiting signal is raised as KeyboardInterrupt, unless another exception is on its
+    way, or a deferring context lies around this one.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    with _handlers() as outermost:
+        raising = _state.raising
+        try:
+            _state.raising = False
+            yield
+        finally:
+            _state.raising = raising
+        if raising or outermost:
+            _raise_pending()
+
+
+@contextmanager
+def _handlers() -> Iterator[bool]:
+    """The handlers of both signals; yields whether they were not installed before."""
+    if _state.handled:
+        yield False
         return
     handlers = {
         number: signal.signal(number, _interrupt)
         for number in _SIGNALS
         if signal.getsignal(number) is not signal.SIG_IGN
     }
+    _state.handled, _state.pending = True, ""
     try:
-        yield
+        yield True
     finally:
+        _state.handled = False
         for number, handler in handlers.items():
             signal.signal(number, handler)
-        _interrupted = before
+
+
+def _raise_pending() -> None:
+    name, _state.pending = _state.pending, ""
+    if name:
+        _state.interrupted = True
+        raise KeyboardInterrupt(name)
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
     del frame
-    global _interrupted  # noqa: PLW0603 - signals are those of the process
-    _interrupted = True
-    raise KeyboardInterrupt(signal.Signals(number).name)
+    name = signal.Signals(number).name
+    if not _state.raising:
+        _state.pending = name
+        return
+    _state.interrupted = True
+    raise KeyboardInterrupt(name)

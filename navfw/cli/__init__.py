@@ -3,7 +3,8 @@
 Each module of ``COMMANDS`` has a function ``add_to(app)`` that adds its commands. All modules are
 imported for every ``navfw --help``; expensive imports are therefore inside the commands.
 
-Exit codes: 0 success, 1 the command ran and failed, 2 an argument, option or file is wrong.
+Exit codes: 0 success, 1 the command ran and failed, 2 an argument, option or file is wrong, 3 it
+ran, but its results could not be written completely.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import typer
 from typer.core import TyperGroup
 
 from navfw.errors import InputError, NavfwError
+from navfw.interruption import interruptible
 
 __all__ = ["COMMANDS", "app", "main"]
 
@@ -44,7 +46,8 @@ class _Group(TyperGroup):
 
     def invoke(self, ctx: Any) -> Any:
         try:
-            return super().invoke(ctx)
+            with interruptible():  # SIGTERM ends a command as Ctrl-C does: nothing is left behind
+                return super().invoke(ctx)
         except NavfwError as error:
             typer.echo(f"navfw: {error}", err=True)
             raise typer.Exit(2 if isinstance(error, InputError) else 1) from None

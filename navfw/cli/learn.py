@@ -37,6 +37,7 @@ def situations(
 ) -> None:
     """Learn the situations at places. The table says how often OFFIS infers each (METHOD 4.4)."""
     with quiet_stdout():
+        from navfw.atomic import write_text
         from navfw.bench.situation_learning import learn_situations, tables
         from navfw.errors import InputError
         from navfw.plugins import default_registry
@@ -49,11 +50,7 @@ def situations(
         plan = plan_runs(load_suite(suite), parse_seeds(seeds), registry)
         learnt = learn_situations(plan, registry, print_status)
         provenance = f"navfw learn situations {suite} --seeds {seeds}: {learnt.drives} drives"
-        try:
-            out.parent.mkdir(parents=True, exist_ok=True)
-            out.write_text(learnt.table.text(provenance), encoding="utf-8")
-        except OSError as error:
-            raise InputError(f"cannot be written: {error.strerror}", file=out) from None
+        write_text(out, learnt.table.text(provenance), parents=True)
     if json:
         print_json({"file": str(out), **learnt.as_data()})
     else:

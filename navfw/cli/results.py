@@ -60,8 +60,8 @@ def write(
     folder: Folder = _FOLDER,
 ) -> None:
     """Write FOLDER.md from the template and the results, and the marked tables of the README."""
+    from navfw.atomic import write_text
     from navfw.results.results_page import current_pages
-    from navfw.suite.run_table import write_text
 
     _check(folder)
     pages = current_pages(folder)

@@ -16,6 +16,7 @@ import typer
 from navfw.cli.options import Json, Mission, World
 from navfw.cli.output import console, print_json, quiet_stdout
 from navfw.errors import InputError
+from navfw.interruption import deferred, interruptible
 
 if TYPE_CHECKING:
     from navfw.missions.runner import Progress
@@ -25,6 +26,9 @@ __all__ = ["add_to"]
 
 LINE_PERIOD = 5.0
 """Interval between progress lines where stderr is not a terminal [s]."""
+
+NOT_SAVED = 3
+"""Exit code of a finished drive whose run folder could not be written completely."""
 
 LINE_WIDTH = 200
 """Largest length of such a line [characters]."""
@@ -70,19 +74,25 @@ def run(
     json: Json = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="Print no progress.")] = False,
 ) -> None:
-    """Drive a mission. Exit with 0 for success, 1 for failure, 2 for invalid input."""
-    with quiet_stdout():
-        result, folder = _drive(
-            world, mission, seed, stack, set_ or [], out, record=record, gui=gui, quiet=quiet
-        )
-    summary = {**result.summary(), "run_folder": str(folder)}
-    if json:
-        from navfw.recording.run_folder import plain_json
+    """Drive a mission. Exit with 0 for success, 1 for failure, 2 for invalid input.
 
-        print_json(plain_json(summary))
-    else:
-        _print_result(summary)
-    raise typer.Exit(result.outcome.exit_code)
+    Exit with 3 if a file of the run folder could not be written; the result is printed anyway.
+    """
+    with deferred():
+        with quiet_stdout():
+            result, folder, missing = _drive(
+                world, mission, seed, stack, set_ or [], out, record=record, gui=gui, quiet=quiet
+            )
+        summary = {**result.summary(), "run_folder": None if folder is None else str(folder)}
+        if json:
+            from navfw.recording.run_folder import plain_json
+
+            print_json(plain_json(summary))
+        else:
+            _print_result(summary)
+        if missing:
+            _tell_missing(missing, folder)
+        raise typer.Exit(NOT_SAVED if missing else result.outcome.exit_code)
 
 
 def _drive(
@@ -96,8 +106,11 @@ def _drive(
     record: bool,
     gui: bool,
     quiet: bool,
-) -> tuple[MissionResult, Path]:
-    """Run the mission and write its folder, after all input has been checked."""
+) -> tuple[MissionResult, Path | None, tuple[str, ...]]:
+    """Run the mission and write its folder, after all input has been checked.
+
+    Returns the result, the folder with it, None if it could not be written, and what is missing.
+    """
     from navfw.missions.run_report import default_folder, write_run
     from navfw.missions.session import prepare
     from navfw.recording.run_folder import RunFolder
@@ -105,13 +118,29 @@ def _drive(
     if gui and sys.platform == "linux" and not os.environ.get("DISPLAY"):
         # PyBullet would end the process without a message
         raise InputError("needs a display, but DISPLAY is not set", key="--gui")
-    session = prepare(world, mission, seed=seed, stack=stack, overrides=overrides)
+    with interruptible():  # up to here there is nothing to save
+        session = prepare(world, mission, seed=seed, stack=stack, overrides=overrides)
     target = RunFolder(out or default_folder(session), numbered=out is None)
-    with target:
-        with _ProgressLine(quiet=quiet) as line:
-            result = session.run(line.show, gui=gui, record=record)
-        write_run(result, target)
-    return result, target.final or target.target
+    result = None
+    try:
+        with target:
+            with _ProgressLine(quiet=quiet) as line:
+                result = session.run(line.show, gui=gui, record=record)
+            missing = write_run(result, target)
+    except InputError as error:
+        if result is None:
+            raise
+        missing = (str(error),)
+    return result, target.final, missing
+
+
+def _tell_missing(missing: tuple[str, ...], folder: Path | None) -> None:
+    """Tell on stderr what was not written, and what was."""
+    for what in missing:
+        typer.echo(f"navfw: {what}", err=True)
+    names = [] if folder is None else sorted(file.name for file in folder.iterdir())
+    saved = f"{', '.join(names)} in {folder}" if names else "nothing; the result is on stdout"
+    typer.echo(f"navfw: saved: {saved}", err=True)
 
 
 def _print_result(summary: dict[str, Any]) -> None:
@@ -134,7 +163,7 @@ def _print_result(summary: dict[str, Any]) -> None:
         f" {summary['estimate_error_m']:.2f} m",
         "speed": f"{summary['real_time_factor']:.1f} x real time ({summary['wall_time_s']:.1f} s)",
         "commands": summary["command_hash"][:16],
-        "run folder": summary["run_folder"],
+        "run folder": summary["run_folder"] or "none, the result could not be written",
     }
     for name, text in rows.items():
         screen.print(f"  {name:<11} {text}", markup=False, soft_wrap=True)

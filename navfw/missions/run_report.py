@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import platform
+from collections.abc import Callable
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from navfw.interruption import deferred, interruptible
 from navfw.missions.session import MissionResult, Session
 from navfw.recording.provenance import code_revision, machine_kind
-from navfw.recording.run_folder import RESULT, RunFolder
+from navfw.recording.run_folder import PICTURE, RESULT, RunFolder
 from navfw.recording.top_view import OutlineDisc, WorldOutline
 from navfw.recording.trajectory_picture import TrajectoryPicture, draw_trajectory
 from navfw.sim.floorplan import FloorPlan
@@ -26,28 +28,57 @@ def default_folder(session: Session) -> Path:
     return Path("runs") / f"{session.world_name}-{session.mission_name}-{session.seed}"
 
 
-def write_run(result: MissionResult, target: RunFolder) -> None:
-    """Write all files of the run into the (temporary) folder of ``target``."""
+def write_run(result: MissionResult, target: RunFolder) -> tuple[str, ...]:
+    """Write all files of the run into the (temporary) folder of ``target``, the result first.
+
+    Returns why files are missing, if any are: a picture or a recording that cannot be written, or
+    that the user interrupts, does not cost the result.
+
+    Raises:
+        InputError: the result cannot be written.
+
+    """
     session = result.session
     summary = result.summary()
-    target.write_json(
-        RESULT,
-        {
-            **summary,
-            "trace": result.run.verdict.trace,
-            "config": resolved_config(session),
-            "overrides": session.overrides,
-            "versions": versions(),
-            "stack": session.stack_file.stem,
-            "revision": code_revision(),
-            "machine": machine_kind(),
-        },
-    )
-    draw(result, target.path / "trajectory.png")
+    with deferred():
+        target.write_json(
+            RESULT,
+            {
+                **summary,
+                "trace": result.run.verdict.trace,
+                "config": resolved_config(session),
+                "overrides": session.overrides,
+                "versions": versions(),
+                "stack": session.stack_file.stem,
+                "revision": code_revision(),
+                "machine": machine_kind(),
+            },
+        )
+    parts: dict[str, Callable[[Path], object]] = {PICTURE: lambda path: draw(result, path)}
     if result.readings is not None:
-        result.readings.save(target.path / "recording.npz")
-        target.write_yaml("map.yaml", map_data(session.mission.topo_map))
-        target.write_yaml("stack.yaml", session.stack.config)
+        config, topo_map = session.stack.config, session.mission.topo_map
+        parts["map.yaml"] = lambda path: target.write_yaml(path.name, map_data(topo_map))
+        parts["stack.yaml"] = lambda path: target.write_yaml(path.name, config)
+        parts["recording.npz"] = result.readings.save
+    missing = ((name, _why_missing(target.path / name, write)) for name, write in parts.items())
+    return tuple(f"{name} is missing: {why}" for name, why in missing if why)
+
+
+def _why_missing(path: Path, write: Callable[[Path], object]) -> str:
+    """Write a file of the run; returns why it is missing, "" if it is not."""
+    try:
+        with interruptible():
+            write(path)
+    except KeyboardInterrupt:
+        why = "interrupted"
+    except OSError as error:
+        why = error.strerror or str(error)
+    except Exception as error:  # of a drawing or compressing library
+        why = f"{type(error).__name__}: {error}"
+    else:
+        return ""
+    path.unlink(missing_ok=True)
+    return why
 
 
 def draw(result: MissionResult, path: Path) -> None:

@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import json
 import math
-import shutil
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from navfw.atomic import AtomicTarget
 from navfw.errors import ConfigError, InputError
+from navfw.target_lock import lock_first_free
 
-__all__ = ["FILES", "RESULT", "RunFolder", "plain_json", "read_result"]
+__all__ = ["FILES", "PICTURE", "RESULT", "RunFolder", "plain_json", "read_result"]
 
 RESULT = "result.json"
 """The file with outcome, metrics and configuration of a run."""
 
-FILES = frozenset({RESULT, "trajectory.png", "recording.npz", "map.yaml", "stack.yaml"})
+PICTURE = "trajectory.png"
+"""The file with the trajectory from above."""
+
+FILES = frozenset({RESULT, PICTURE, "recording.npz", "map.yaml", "stack.yaml"})
 """The files of a run folder; a folder with any other file in it is never replaced."""
 
 _MAX_RESULT = 16_000_000
@@ -44,68 +47,67 @@ class RunFolder(AtomicTarget):
 
     ``with RunFolder(target) as folder:`` gives a folder whose ``path`` is temporary; leaving the
     block without an exception moves it to ``target`` (see ``final``), leaving it with one removes
-    it. An earlier run at ``target`` is replaced; anything else there is refused. With
-    ``numbered=True`` the target's name gets ``-2``, ``-3``, ... until it is free.
+    it. An earlier run at ``target`` is replaced; anything else there is refused. If other files get
+    there during the run, the folder is kept beside it, with a number, and the error says so.
 
     Raises:
-        InputError: the target exists and is not a run folder, or cannot be written.
+        InputError: the target exists and is not a run folder, cannot be written, or is being
+            written by another process.
 
     """
 
     def __init__(self, target: str | Path, *, numbered: bool = False) -> None:
-        super().__init__(Path(target))
-        self.numbered = numbered
+        super().__init__(Path(target), numbered=numbered)
         self.final: Path | None = None
-        if not numbered:
-            _refuse_foreign(self.target)
+        if not numbered and (why := self._foreign()):
+            raise InputError(why, file=self.target)
 
     def write_json(self, name: str, value: Any) -> None:
-        """Write ``value`` as indented JSON (see ``plain_json``)."""
+        """Write ``value`` as indented JSON (see ``plain_json``).
+
+        Raises:
+            InputError: the file cannot be written, for example because the disk is full.
+
+        """
         text = json.dumps(plain_json(value), indent=2, allow_nan=False)
-        (self.path / name).write_text(text + "\n", encoding="utf-8")
+        file = self.path / name
+        try:
+            file.write_text(text + "\n", encoding="utf-8")
+        except OSError as error:
+            what = f"{name} cannot be written: {error.strerror or error}"
+            raise InputError(what, file=self.target) from error
 
     def write_yaml(self, name: str, value: Any) -> None:
         """Write plain data as YAML, in its subset JSON, which keeps all digits of numbers."""
         self.write_json(name, value)
 
     def _move_into_place(self) -> None:
-        number = 1
-        while True:
-            place = self.target
-            if self.numbered and number > 1:
-                place = self.target.with_name(f"{self.target.name}-{number}")
-            # checked once: if another run creates the folder after this, the rename fails
-            if place.exists():
-                if self.numbered:
-                    number += 1
-                    continue
-                _refuse_foreign(place)
-                shutil.rmtree(place)
-            try:
-                self.path.rename(place)
-            except OSError:
-                if not (self.numbered and place.exists()):  # created by another run in the meantime
-                    raise
-                continue
-            self.final = place
+        why = self._foreign()
+        if not why:
+            self._replace()
+            self.final = self.target
             return
+        beside = lock_first_free(self.place)
+        try:
+            self.path.rename(beside.target)
+        finally:
+            beside.release()
+        self.final = self.target.with_name(beside.target.name)
+        raise InputError(f"{why}; the run is in {self.final}", file=self.target)
 
-
-def _refuse_foreign(target: Path) -> None:
-    if not target.exists():
-        return
-    if not target.is_dir():
-        raise InputError("is a file; the run needs a folder", file=target)
-    names = {entry.name for entry in target.iterdir()}
-    if not names:
-        return
-    foreign = sorted(names - FILES)
-    if RESULT not in names or foreign:
+    def _foreign(self) -> str:
+        """Why what is at the target must not be replaced; "" if there is nothing, or a run."""
+        if not self.place.exists():
+            return ""
+        if not self.place.is_dir():
+            return "is a file; the run needs a folder"
+        names = {entry.name for entry in self.place.iterdir()}
+        foreign = sorted(names - FILES)
+        if not names or (RESULT in names and not foreign):
+            return ""
         found = f"it contains {foreign[0]!r}" if foreign else f"it has no {RESULT}"
-        raise InputError(
-            f"is not a run folder ({found}), so it is not overwritten; choose another --out",
-            file=target,
-        )
+        what = f"is not a run folder ({found}), so it is not overwritten"
+        return f"{what}; choose another {self.option}"
 
 
 def read_result(folder: str | Path) -> dict[str, Any]:

@@ -10,12 +10,12 @@ from typing import Annotated, Final, Literal, TypeAlias
 
 from pydantic import Field, JsonValue
 
+from navfw.atomic import write_text
 from navfw.config.document import YamlDocument
 from navfw.config.strict_model import StrictModel
 from navfw.config.yamlfile import load_yaml, validate
 from navfw.errors import ConfigError
 from navfw.recording.provenance import DIRTY
-from navfw.suite.run_table import write_text
 
 __all__ = [
     "FORMAT",

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterable, Sequence
-from pathlib import Path
 from typing import Any
 
 import cv2
 
+from navfw.atomic import scratch_folder
 from navfw.signals import Image
 from navfw.sim.engine import bullet
 from navfw.sim.meshes import Mesh
@@ -62,9 +61,9 @@ class Display:
     def _texture(self, image: Image) -> int:
         """PyBullet's id of a texture; PyBullet loads textures from files only."""
         if id(image) not in self._textures:
-            with tempfile.TemporaryDirectory(prefix="navfw-textures-") as folder:
+            with scratch_folder("textures") as folder:
                 # uncompressed: ten times as fast as PNG
-                path = Path(folder) / "texture.bmp"
+                path = folder / "texture.bmp"
                 cv2.imwrite(str(path), cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
                 self._textures[id(image)] = int(self._call("loadTexture", str(path)))
         return self._textures[id(image)]

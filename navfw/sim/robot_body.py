@@ -8,13 +8,12 @@ The wheels' collision shapes are spheres with one contact point each; cylinders 
 from __future__ import annotations
 
 import math
-import tempfile
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from navfw.atomic import scratch_folder
 from navfw.robot import RobotModel
 from navfw.signals import Array, Pose, wrap_angle
 from navfw.sim.engine import bullet
@@ -106,8 +105,8 @@ class RobotBody:
 
     def __init__(self, robot: RobotModel, client: int, start: Pose) -> None:
         self._client = client
-        with tempfile.TemporaryDirectory(prefix="navfw-robot-") as folder:
-            path = Path(folder) / "robot.urdf"
+        with scratch_folder("robot") as folder:
+            path = folder / "robot.urdf"
             path.write_text(robot_urdf(robot), encoding="utf-8")
             turn = [0.0, 0.0, math.sin(0.5 * start.yaw), math.cos(0.5 * start.yaw)]
             # without self collision (the default) and with our own inertias

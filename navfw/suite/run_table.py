@@ -5,19 +5,18 @@ from __future__ import annotations
 import csv
 import dataclasses
 import math
-import os
-import tempfile
 import typing
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from navfw.atomic import write_text
 from navfw.config.document import no_such_file, shown_path
-from navfw.errors import ConfigError, InputError
+from navfw.errors import ConfigError
 from navfw.missions.outcome import Outcome
 
-__all__ = ["COLUMNS", "RunKey", "RunRow", "columns_of", "read_table", "write_table", "write_text"]
+__all__ = ["COLUMNS", "RunKey", "RunRow", "columns_of", "read_table", "write_table"]
 
 _MAX_TABLE = 500_000_000
 """Largest size of a table [byte]; a larger file is refused before it is read."""
@@ -111,26 +110,6 @@ def write_table(path: Path, rows: Iterable[RunRow]) -> None:
     columns = columns_of(rows)
     lines = [columns, *([_cell(getattr(row, name)) for name in columns] for row in rows)]
     write_text(path, lines)
-
-
-def write_text(path: Path, content: str | Iterable[Iterable[str]]) -> None:
-    """Replace the file at ``path`` atomically by a text, or by rows of CSV."""
-    name = None
-    try:
-        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-        with os.fdopen(handle, "w", encoding="utf-8", newline="") as stream:
-            if isinstance(content, str):
-                stream.write(content)
-            else:
-                csv.writer(stream, lineterminator="\n").writerows(content)
-        Path(name).chmod(0o644)
-        Path(name).replace(path)
-    except OSError as error:
-        raise InputError(f"cannot be written: {error.strerror or error}", file=path) from error
-    except BaseException:
-        if name is not None:
-            Path(name).unlink(missing_ok=True)
-        raise
 
 
 def read_table(path: str | Path) -> list[RunRow]:

@@ -13,11 +13,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from navfw.atomic import write_text
 from navfw.errors import ConfigError, InputError
 from navfw.recording.provenance import machine_kind
 from navfw.recording.run_folder import plain_json
 from navfw.suite.markdown_table import markdown_table
-from navfw.suite.run_table import RunRow, read_table, write_table, write_text
+from navfw.suite.run_table import RunRow, read_table, write_table
 from navfw.suite.suite_plan import SuitePlan
 
 __all__ = ["SuiteFolder"]

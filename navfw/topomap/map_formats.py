@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+from navfw.atomic import write_text
 from navfw.config.document import no_such_file, shown_path
 from navfw.errors import ConfigError, MapError
 from navfw.topomap.geojson import geojson_text, read_geojson
@@ -60,19 +61,12 @@ def save_map(topo_map: TopoMap, path: str | Path) -> None:
 
     Raises:
         MapError: the suffix is unknown.
-        ConfigError: the file cannot be written.
+        InputError: the file cannot be written.
 
     """
     path = Path(path)
     text = _WRITERS[_suffix(path)](topo_map)
-    beside = path.with_name(f".{path.name}.part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        beside.write_text(text, encoding="utf-8")
-        beside.replace(path)
-    except OSError as error:
-        beside.unlink(missing_ok=True)
-        raise ConfigError(f"cannot write: {error.strerror}", file=shown_path(path)) from None
+    write_text(path, text, parents=True)
 
 
 def _suffix(path: Path) -> str:

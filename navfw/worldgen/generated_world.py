@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import io
 import math
-import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from navfw.atomic import write_text
 from navfw.errors import InputError
 from navfw.missions.missionspec import MissionSpec
 from navfw.sim.worldspec import WorldSpec
@@ -137,6 +137,4 @@ def _write_yaml(path: Path, data: Mapping[str, Any]) -> None:
     yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
     stream = io.StringIO()
     yaml.dump(dict(data), stream)
-    part = path.with_suffix(".part")
-    part.write_text(_NOTICE + stream.getvalue(), encoding="utf-8")
-    shutil.move(part, path)
+    write_text(path, _NOTICE + stream.getvalue())
