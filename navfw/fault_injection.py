@@ -7,8 +7,8 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from navfw.context import Context
+from navfw.guard import PluginTimeout
 from navfw.interfaces import Behavior
-from navfw.mofis.watchdog import BehaviorTimeout
 from navfw.signals import Proposal
 
 __all__ = ["Failure", "FaultInjector", "inject_faults"]
@@ -46,14 +46,14 @@ class FaultInjector(Behavior):
 
         Raises:
             RuntimeError: the failure ``raises`` is active.
-            BehaviorTimeout: the failure ``hangs`` is active.
+            PluginTimeout: the failure ``hangs`` is active.
 
         """
         match self._active[-1] if self._active else None:
             case "raises":
                 raise RuntimeError("injected exception (event of the mission)")
             case "hangs":
-                raise BehaviorTimeout("injected time-out (event of the mission)")
+                raise PluginTimeout("injected time-out (event of the mission)")
             case "returns_nan":
                 invalid = np.full(context.commands.shape, np.nan)
                 return Proposal(1.0, invalid, invalid, "injected NaN (event of the mission)")

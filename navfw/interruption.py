@@ -29,7 +29,7 @@ class _SignalState:
 
     handled: bool = False
     raising: bool = False
-    interrupted: bool = False
+    interrupted: bool = True
     pending: str = ""
 
 
@@ -37,7 +37,10 @@ _state = _SignalState()
 
 
 def interrupted() -> bool:
-    """Whether the innermost ``interruptible`` context has been interrupted."""
+    """Whether the innermost ``interruptible`` context has been interrupted.
+
+    True outside of any: a KeyboardInterrupt is then taken for one that the user has sent.
+    """
     return _state.interrupted
 
 

@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
 from navfw.context import CommandGrid
 from navfw.egomotion.odometer import Odometer
 from navfw.egomotion.odometry_history import OdometryHistory
-from navfw.interfaces import (
-    Behavior,
-    Composite,
-    Controller,
-    FeatureRecognizer,
-    FlowProcessor,
-    Fusion,
-    Localizer,
-    Perception,
-    Planner,
+from navfw.guard import PluginGuard
+from navfw.guard.guarded_stages import (
+    GuardedController,
+    GuardedFeatures,
+    GuardedFlow,
+    GuardedLocalizer,
+    GuardedPerception,
+    GuardedPlanner,
 )
+from navfw.interfaces import Behavior
 from navfw.localmap import LocalMap
 from navfw.locom.trim import WheelTrim
 from navfw.mofis.explanation import explain_command
@@ -30,28 +29,25 @@ from navfw.robot import RobotModel
 from navfw.safety import SafetyMonitor, SafetyVerdict
 from navfw.signals import (
     Belief,
-    Command,
     FlowField,
     Frame,
     LandmarkDetection,
-    MovingObject,
     OccupiedDisc,
     Odometry,
     PassageReport,
     Percept,
     Pose,
-    Proposal,
     SensorReading,
-    Stixels,
     Twist,
     Waypoint,
 )
+from navfw.stack_state import StackState
 from navfw.stackfile import PluginSource, StackConfig, load_stack
 from navfw.stopwatch import timed
 from navfw.topomap import TopoMap
 from navfw.vision import View, Vision
 
-__all__ = ["Stack", "StackState"]
+__all__ = ["Stack"]
 
 STUCK_AFTER = 60.0
 """Time without progress toward a waypoint [s] after which the stack gives up."""
@@ -73,41 +69,14 @@ TIMED = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class StackState:
-    """State and decision of the stack at its last step; read only, for displays and records.
-
-    ``flows`` are the newest derotated flow fields; ``stuck`` is why the stack gave up, ``fault``
-    which sensor has failed for good, or None. ``landmark_detections`` are those of the last frame,
-    known to the map or not; ``detection_counts`` counts all so far, by identity.
-    """
-
-    time: float
-    odometry: Odometry | None = None
-    belief: Belief | None = None
-    flows: tuple[FlowField, ...] = ()
-    percept: Percept | None = None
-    moving_objects: tuple[MovingObject, ...] = ()
-    stixels: Stixels | None = None
-    waypoint: Waypoint | None = None
-    path: tuple[Waypoint, ...] = ()
-    proposals: Mapping[str, Proposal] | None = None
-    command: Command | None = None
-    finished: bool = False
-    stuck: str | None = None
-    fault: str | None = None
-    faults: tuple[str, ...] = ()
-    landmark_detections: tuple[LandmarkDetection, ...] = ()
-    detection_counts: Mapping[str, int] = field(default_factory=dict)
-
-
 class Stack:
     """Composes the stages. Its only inputs are sensor readings and the map file."""
 
     def __init__(self, config: StackConfig, robot: RobotModel, topo_map: TopoMap) -> None:
+        self.guard = PluginGuard()
+
         def build(stage: str) -> Any:
-            choice = config.stages[stage]
-            return choice.plugin(robot, choice.params)
+            return self.guard.construct(config.stages[stage], robot)
 
         settings = config.settings
         self.resolved = config
@@ -119,16 +88,16 @@ class Stack:
         self.vision = Vision(
             robot,
             settings,
-            cast(FlowProcessor, build("flow")),
-            cast(Perception, build("perception")),
+            GuardedFlow(self.guard, build("flow")),
+            GuardedPerception(self.guard, build("perception")),
             self.timings,
         )
-        self.features = cast(FeatureRecognizer, build("features"))
-        self.localizer = cast(Localizer, build("localizer"))
-        self.planner = cast(Planner, build("planner"))
-        self.controller = cast(Controller, build("controller"))
+        self.features = GuardedFeatures(self.guard, build("features"))
+        self.localizer = GuardedLocalizer(self.guard, build("localizer"))
+        self.planner = GuardedPlanner(self.guard, build("planner"))
+        self.controller = GuardedController(self.guard, build("controller"))
         behaviors = {
-            name: cast(Behavior, choice.plugin(robot, choice.params))
+            name: cast(Behavior, self.guard.construct(choice, robot))
             for name, choice in config.behaviors.items()
         }
         self.local_map = LocalMap(robot, settings.local_map)
@@ -137,10 +106,11 @@ class Stack:
         self.mofis = Mofis(
             robot,
             behaviors,
-            cast(Fusion, build("fusion")),
+            build("fusion"),
             CommandGrid(robot, settings.commands),
             self.local_map,
-            cast(Composite, build("composite")),
+            build("composite"),
+            self.guard,
         )
         self.safety = SafetyMonitor(robot, self.local_map, settings.safety)
         self.verdict = SafetyVerdict(Twist(0.0, 0.0))
@@ -181,9 +151,8 @@ class Stack:
         if state is None or state.command is None or state.proposals is None:
             return {}
         mofis = self.mofis
-        explanation = explain_command(
-            state.command, state.proposals, mofis.commands, mofis.composite, mofis.weights
-        )
+        with self.guard.on_duty(state.time):
+            explanation = explain_command(state.command, state.proposals, mofis)
         if state.percept is not None:
             explanation["perception"] = {
                 "sentence": state.percept.sentence,
@@ -194,7 +163,18 @@ class Stack:
         return explanation
 
     def start(self, pose: Pose | None, goals: Sequence[Waypoint]) -> None:
-        """Begin a mission at ``pose`` (map frame; None: unknown): visit ``goals`` in order."""
+        """Begin a mission at ``pose`` (map frame; None: unknown): visit ``goals`` in order.
+
+        Raises:
+            InputError: a plugin refuses the mission.
+            PluginCallError: a plugin fails, so the mission cannot begin.
+
+        """
+        self.guard.reset()
+        with self.guard.on_duty(0.0):
+            self._start(pose, goals)
+
+    def _start(self, pose: Pose | None, goals: Sequence[Waypoint]) -> None:
         self.odometer.reset()
         self.history.reset()
         self.trim.reset()
@@ -225,11 +205,15 @@ class Stack:
 
     def step(self, reading: SensorReading) -> Twist:
         """One control tick: the twist to drive until the next reading."""
+        with self.guard.on_duty(reading.time):
+            return self._step(reading)
+
+    def _step(self, reading: SensorReading) -> Twist:
         odometry = self.odometer.update(reading.inertial, reading.encoders, self.verdict.twist)
         self.history.add(odometry)
         self.trim.update(reading.encoders)
         with timed(self.timings, "safety"):
-            self.safety.update(reading, odometry)
+            self.safety.update(reading, odometry, tuple(self.guard.failing.values()))
         if self._began is None:
             self._began = reading.time
         if reading.frame is not None:
@@ -271,15 +255,16 @@ class Stack:
             moving_objects=view.moving_objects,
             stixels=view.stixels,
             waypoint=waypoint,
-            path=tuple(self.planner.path),
+            path=self.planner.path,
             proposals=self.mofis.proposals,
             command=command,
             finished=finished,
             stuck=self._stuck(reading.time, waypoint, idle),
-            faults=tuple(str(fault) for fault in self.mofis.faults),
+            faults=tuple(str(fault) for fault in self.guard.faults),
             landmark_detections=detections,
             detection_counts=_counted(self.state.detection_counts, detections),
         )
+        self.guard.starting = False
         if command is not None:
             self._decided = self.state
 
@@ -297,7 +282,7 @@ class Stack:
         if shown is None:
             return view, ()
         with timed(self.timings, "features"):
-            return view, tuple(self.features.recognize(shown))
+            return view, self.features.recognize(shown)
 
     def _localize(
         self,

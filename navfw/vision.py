@@ -9,7 +9,7 @@ from navfw.egomotion.pairing import FrameBuffer
 from navfw.flow.derotation import derotate
 from navfw.flow.horizon import above_horizon
 from navfw.flow.refinement import refine
-from navfw.interfaces import FlowProcessor, Perception
+from navfw.guard.guarded_stages import GuardedFlow, GuardedPerception
 from navfw.movers import MultiViewDetector
 from navfw.robot import RobotModel
 from navfw.signals import (
@@ -32,8 +32,9 @@ class View:
     """What one frame shows, compared with earlier frames.
 
     ``flows`` are the derotated flow fields of all useful pairs and ``percepts`` what OFFIS makes of
-    each; empty while the robot has not moved. ``moving_objects`` are detections in all views,
-    ``stixels`` upright obstacles by image columns. ``yaw_corrections`` are for the odometer.
+    them; empty while the robot has not moved, and where the stage fails. ``moving_objects`` are
+    detections in all views, ``stixels`` upright obstacles by image columns. ``yaw_corrections`` are
+    for the odometer.
     """
 
     flows: tuple[FlowField, ...] = ()
@@ -55,8 +56,8 @@ class Vision:
         self,
         robot: RobotModel,
         settings: StackSettings,
-        flow: FlowProcessor,
-        perception: Perception,
+        flow: GuardedFlow,
+        perception: GuardedPerception,
         timings: dict[str, float],
     ) -> None:
         self.flow = flow
@@ -87,10 +88,15 @@ class Vision:
         self._frames.add(frame, odometry)
         for pair in self._frames.pairs():
             with timed(self.timings, "flow"):
-                flow, correction = self._derotated(self.flow.compute(pair), odometry)
+                computed = self.flow.compute(pair)
+                if computed is None:
+                    continue
+                flow, correction = self._derotated(computed, odometry)
             with timed(self.timings, "perception"):
-                percepts.append(self.perception.perceive(flow, odometry.twist))
+                percept = self.perception.perceive(flow, odometry.twist)
             flows.append(flow)
+            if percept is not None:
+                percepts.append(percept)
             if correction is not None:
                 corrections.append(correction)
         with timed(self.timings, "movers"):

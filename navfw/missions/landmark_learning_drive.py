@@ -14,7 +14,8 @@ from navfw.missions.runner import Progress, RunResult, run_task
 from navfw.missions.session import Session
 from navfw.missions.stack_observer import StackObserver
 from navfw.signals import SensorReading
-from navfw.stack import Stack, StackState
+from navfw.stack import Stack
+from navfw.stack_state import StackState
 from navfw.topomap import TopoMap
 from navfw.topomap.landmark_mapping import LandmarkEstimate, LandmarkMapper, with_landmarks
 
@@ -91,7 +92,7 @@ def learn_landmarks(
             file=session.mission.file,
         )
     if not stack.features.landmark_frames:
-        stack.features = Landmarks(stack.robot)
+        stack.features.plugin = Landmarks(stack.robot)
     mapper = LandmarkMapper(session.mission.start)
     with session.simulation() as simulator:
         run = run_task(session.task, _LandmarkRecorder(stack, mapper), simulator, progress)

@@ -87,8 +87,8 @@ def reveal(simulation: Simulation, stack: Stack) -> None:
     if not stack.resolved.settings.oracle:
         return
     truth = SimulatorTruth(simulation)
-    if isinstance(stack.vision.flow, Ideal):
-        stack.vision.flow.set_truth(truth)
+    if isinstance(stack.vision.flow.plugin, Ideal):
+        stack.vision.flow.plugin.set_truth(truth)
     for behavior in stack.mofis.behaviors.values():
         if isinstance(behavior, Navground):
             behavior.set_truth(truth)

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from navfw.errors import InputError
+from navfw.guard import PluginCallError
 from navfw.interruption import interruptible
 from navfw.missions.event_clock import EventClock, EventRecord
 from navfw.missions.outcome import MissionVerdict, Outcome
@@ -38,7 +39,7 @@ _MAX_FAULTS = 100
 
 
 class PilotState(Protocol):
-    """The part of a stack's state that the runner reads (``navfw.stack.StackState``)."""
+    """The part of a stack's state that the runner reads (``navfw.stack_state.StackState``)."""
 
     @property
     def belief(self) -> Belief | None: ...  # noqa: D102
@@ -248,6 +249,8 @@ class _MissionLoop:
                     verdict = self._tick()
         except KeyboardInterrupt:
             verdict = self._verdict(Outcome.CANCELLED, "stopped by the user")
+        except PluginCallError as error:
+            verdict = self._verdict(Outcome.FAULT, str(error))
         except Exception as error:  # a plugin may raise anything; the run still gives a result
             if isinstance(error, InputError) and self.logger.ticks == 0:
                 raise

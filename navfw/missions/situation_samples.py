@@ -13,7 +13,8 @@ from navfw.missions.runner import Simulator, run_task
 from navfw.missions.session import Session
 from navfw.missions.stack_observer import StackObserver
 from navfw.signals import Odometry, Percept, Pose, SensorReading
-from navfw.stack import Stack, StackState
+from navfw.stack import Stack
+from navfw.stack_state import StackState
 from navfw.topomap import TopoMap
 
 __all__ = ["SituationDrive", "SituationSample", "record_situations"]

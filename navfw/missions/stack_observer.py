@@ -6,7 +6,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 
 from navfw.signals import Pose, SensorReading, Twist, Waypoint
-from navfw.stack import Stack, StackState
+from navfw.stack import Stack
+from navfw.stack_state import StackState
 
 __all__ = ["StackObserver"]
 

@@ -2,30 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
-from navfw.context import CommandGrid
-from navfw.interfaces import Composite
+from navfw.guard import PluginCallError, PluginGuard, label_of
+from navfw.guard.answers import items, mapping
+from navfw.mofis.mofis import Mofis
 from navfw.signals import Command, Proposal
 
 __all__ = ["explain_command"]
 
 
 def explain_command(
-    command: Command,
-    proposals: Mapping[str, Proposal],
-    grid: CommandGrid,
-    composite: Composite | None = None,
-    weights: Mapping[str, float] | None = None,
+    command: Command, proposals: Mapping[str, Proposal], mofis: Mofis
 ) -> dict[str, Any]:
     """The command as plain data, with the rating of it by every behaviour.
 
     For each behaviour: applicability, desirability and prohibition of this command, the reason, and
-    the rules that fired for it, strongest first. With a ``composite``: the ``weights`` of the
-    primitives, and the rules that fired for them.
+    the rules that fired for it, strongest first. With a composite: the weights of the primitives,
+    and the rules that fired for them. A plugin that fails to explain gives no rules.
     """
-    row, column = grid.nearest(command.twist)
+    row, column = mofis.commands.nearest(command.twist)
     explanation = {
         "time": command.time,
         "v": command.twist.v,
@@ -40,15 +37,29 @@ def explain_command(
                 "desirability": float(proposal.desirability[row, column]),
                 "prohibition": float(proposal.prohibition[row, column]),
                 "reason": proposal.reason,
-                "rules": [dict(rule) for rule in proposal.explain(row, column)],
+                "rules": _rules(mofis.guard, f"behavior {name}", proposal.explain, row, column),
             }
             for name, proposal in proposals.items()
         },
     }
-    if composite is not None:
+    if mofis.composite is not None:
         explanation["composite"] = {
-            "name": composite.name,
-            "weights": {name: float(weight) for name, weight in (weights or {}).items()},
-            "rules": [dict(rule) for rule in composite.explain()],
+            "name": mofis.composite.name,
+            "weights": {name: float(weight) for name, weight in mofis.weights.items()},
+            "rules": _rules(mofis.guard, label_of(mofis.composite), mofis.composite.explain),
         }
     return explanation
+
+
+def _rules(
+    guard: PluginGuard, plugin: str, explain: Callable[..., object], *command: int
+) -> list[dict[str, Any]]:
+    """The rules that a plugin says fired; none when it fails."""
+    try:
+        return guard.call(plugin, explain, *command, check=_check_rules)
+    except PluginCallError:
+        return []
+
+
+def _check_rules(answer: object) -> list[dict[str, Any]]:
+    return [mapping(rule, "a rule") for rule in items(answer, "explain's answer")]

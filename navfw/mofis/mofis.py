@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import partial
+from types import MappingProxyType
 
 from navfw.context import CommandGrid, Context
-from navfw.interfaces import Behavior, Composite, Fusion
+from navfw.guard import PluginCallError, PluginGuard, label_of
+from navfw.guard.answers import nothing
+from navfw.guard.stage_answers import check_command, check_proposal, check_weights
+from navfw.interfaces import Behavior, Composite, Fusion, Plugin
 from navfw.localmap import LocalMap
 from navfw.mofis.progress import ProgressMonitor
-from navfw.mofis.proposal_check import proposal_error
-from navfw.mofis.watchdog import BehaviorTimeout, Watchdog
 from navfw.robot import RobotModel
 from navfw.signals import (
     Belief,
@@ -24,21 +27,7 @@ from navfw.signals import (
     Waypoint,
 )
 
-__all__ = ["DecisionInputs", "Mofis", "PluginFault"]
-
-
-@dataclass(frozen=True, slots=True)
-class PluginFault:
-    """An error of a plugin, first at ``time`` [s], ``count`` times in all."""
-
-    time: float
-    plugin: str
-    error: str
-    count: int = 1
-
-    def __str__(self) -> str:
-        times = "once" if self.count == 1 else f"{self.count} times"
-        return f"{self.plugin}: {self.error} ({times}, first at {self.time:.1f} s)"
+__all__ = ["DecisionInputs", "Mofis"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,8 +51,7 @@ class DecisionInputs:
 class Mofis:
     """Decides once per camera frame, by the behaviours' proposals and the local map.
 
-    A behaviour that raises an exception or returns an invalid proposal loses the tick and is
-    recorded in ``faults``; the others decide without it.
+    A behaviour that fails, in the sense of ``guard``, loses the tick; the others decide without it.
     """
 
     def __init__(
@@ -74,36 +62,36 @@ class Mofis:
         commands: CommandGrid,
         local_map: LocalMap,
         composite: Composite | None = None,
+        guard: PluginGuard | None = None,
     ) -> None:
         self.robot = robot
+        self.guard = guard or PluginGuard()
         self.behaviors = dict(behaviors)
         self.composite = composite
         self.fusion = fusion
         self.commands = commands
         self.local_map = local_map
-        self.watchdog = Watchdog()
         self.progress = ProgressMonitor()
         self.reset()
 
     def reset(self) -> None:
-        """Back to the start of a run, all plugins included."""
-        self.fusion.reset()
+        """Back to the start of a run, all plugins included.
+
+        Raises:
+            PluginCallError: a plugin fails, so the run cannot begin.
+
+        """
+        plugins: dict[str, Plugin] = {label_of(self.fusion): self.fusion}
         if self.composite is not None:
-            self.composite.reset()
-        for behavior in self.behaviors.values():
-            behavior.reset()
-        self.watchdog.reset()
+            plugins[label_of(self.composite)] = self.composite
+        plugins |= {f"behavior {name}": behavior for name, behavior in self.behaviors.items()}
+        for label, plugin in plugins.items():
+            self.guard.call(label, plugin.reset, check=nothing)
         self.progress.reset()
-        self._faults: dict[tuple[str, str], PluginFault] = {}
         self.proposals: dict[str, Proposal] = {}
         self.weights: Mapping[str, float] = {}
         self.context: Context | None = None
         self._previous: Command | None = None
-
-    @property
-    def faults(self) -> tuple[PluginFault, ...]:
-        """Errors of plugins in this run, each kind of error once, oldest first."""
-        return tuple(self._faults.values())
 
     @property
     def handles_moving_obstacles(self) -> bool:
@@ -118,17 +106,16 @@ class Mofis:
         """Time [s] without progress toward the waypoint, at the last decision."""
         return 0.0 if self.context is None else self.context.idle
 
-    def decide(self, inputs: DecisionInputs) -> Command:
-        """The command for now."""
+    def decide(self, inputs: DecisionInputs) -> Command | None:
+        """The command for now; None when the fusion fails."""
         context = self.context = self._context(inputs)
         self.weights = self._weigh(context)
         self.proposals = {}
-        with self.watchdog.on_duty():
-            for name, behavior in self.behaviors.items():
-                proposal = self._propose(name, behavior, context)
-                if proposal is not None:
-                    self.proposals[name] = proposal.weighted(self.weights.get(name, 1.0))
-        self._previous = self.fusion.fuse(context, self.proposals)
+        for name, behavior in self.behaviors.items():
+            proposal = self._propose(name, behavior, context)
+            if proposal is not None:
+                self.proposals[name] = proposal.weighted(self.weights.get(name, 1.0))
+        self._previous = self._fuse(context)
         return self._previous
 
     def _context(self, inputs: DecisionInputs) -> Context:
@@ -162,34 +149,25 @@ class Mofis:
         """The composite's weight of each primitive; none when it fails or there is none."""
         if self.composite is None:
             return {}
+        weigh = self.composite.weigh
         try:
-            weights = dict(self.composite.weigh(context))
-            wrong = {name: w for name, w in weights.items() if not 0.0 <= w <= 1.0}
-            error = f"weights {wrong} are not in [0, 1]" if wrong else None
-        except Exception as exception:  # a plugin may raise anything; the robot drives on
-            weights, error = {}, f"{type(exception).__name__}: {exception}"
-        if error is None:
-            return weights
-        self._record_fault(context.time, self.composite.name, error)
-        return {}
+            return self.guard.call(label_of(self.composite), weigh, context, check=check_weights)
+        except PluginCallError:
+            return {}
 
     def _propose(self, name: str, behavior: Behavior, context: Context) -> Proposal | None:
-        """The behaviour's proposal, or None (and a recorded fault) when it is not usable."""
-        if not self.watchdog.admits(name, context.time):
-            return None
+        """The behaviour's proposal; None when it fails."""
+        check = partial(check_proposal, shape=self.commands.shape)
         try:
-            with self.watchdog.watching(name, context.time):
-                proposal = behavior.propose(context)
-            error = proposal_error(proposal, self.commands.shape)
-        except BehaviorTimeout as timeout:
-            proposal, error = None, f"took too long: {timeout}"
-        except Exception as exception:  # a plugin may raise anything; the robot drives on
-            proposal, error = None, f"{type(exception).__name__}: {exception}"
-        if error is None:
-            return proposal
-        self._record_fault(context.time, name, error)
-        return None
+            return self.guard.call(f"behavior {name}", behavior.propose, context, check=check)
+        except PluginCallError:
+            return None
 
-    def _record_fault(self, time: float, name: str, error: str) -> None:
-        known = self._faults.get((name, error), PluginFault(time, name, error, 0))
-        self._faults[name, error] = replace(known, count=known.count + 1)
+    def _fuse(self, context: Context) -> Command | None:
+        """The fused command; None when the fusion fails."""
+        label, proposals = label_of(self.fusion), MappingProxyType(self.proposals)
+        fuse = self.fusion.fuse
+        try:
+            return self.guard.call(label, fuse, context, proposals, check=check_command, vital=True)
+        except PluginCallError:
+            return None

@@ -13,6 +13,7 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from navfw.guard import FailingStage
 from navfw.localmap import LocalMap
 from navfw.robot import RobotModel
 from navfw.safety.senses import Senses
@@ -43,12 +44,14 @@ class SafetyParams(BaseModel):
     creep: Annotated[
         float, Field(gt=0.0, le=0.5, description="speed into unobserved space [m/s]")
     ] = 0.15
-    camera_slow: Annotated[Seconds, Field(description="age of the last valid frame: slow [s]")] = (
-        0.45
-    )
-    camera_stop: Annotated[Seconds, Field(description="age of the last valid frame: stop [s]")] = (
-        1.2
-    )
+    camera_slow: Annotated[
+        Seconds,
+        Field(description="age of the last valid frame, or time that a stage fails: slow [s]"),
+    ] = 0.45
+    camera_stop: Annotated[
+        Seconds,
+        Field(description="age of the last valid frame, or time that a stage fails: stop [s]"),
+    ] = 1.2
     blind_reverse: Annotated[
         float, Field(ge=0.0, le=2.0, description="longest reverse without a valid frame [m]")
     ] = 0.3
@@ -62,7 +65,7 @@ class SafetyParams(BaseModel):
         float, Field(gt=0.0, le=0.5, description="speed of a probe of silent encoders [m/s]")
     ] = 0.05
     give_up: Annotated[
-        Seconds, Field(description="failure time of a sensor that ends the run [s]")
+        Seconds, Field(description="failure time of a sensor or stage that ends the run [s]")
     ] = 20.0
 
 
@@ -102,10 +105,17 @@ class SafetyMonitor:
         self._rest_until = -math.inf
         self._last_time: float | None = None
         self._blind_reverse = 0.0
+        self._failing: FailingStage | None = None
 
-    def update(self, reading: SensorReading, odometry: Odometry) -> None:
-        """Take in the newest reading."""
+    def update(
+        self,
+        reading: SensorReading,
+        odometry: Odometry,
+        failing: tuple[FailingStage, ...] = (),
+    ) -> None:
+        """Take in the newest reading, and the stages of the stack that fail at present."""
         self.senses.update(reading, odometry)
+        self._failing = min(failing, key=lambda stage: stage.since, default=None)
         self._watch_wheels(odometry)
         self._watch_reverse(odometry)
 
@@ -148,14 +158,23 @@ class SafetyMonitor:
 
     @property
     def failure(self) -> str | None:
-        """The sensor that has failed for too long for the run to go on; None without one."""
+        """What has failed for too long for the run to go on, sensor or stage; None without."""
         senses, patience = self.senses, self.params.give_up
         if senses.camera_age > patience:
             trouble = senses.trouble or "the camera is silent"
             return f"{trouble}, for {senses.camera_age:.0f} s"
         if max(senses.silence, senses.encoder_age) > patience:
             return f"the wheel encoders do not count, for {patience:.0f} s"
+        if self._failing is not None and self._failing_for > patience:
+            return f"{self._failing.plugin}: {self._failing.error}, for {self._failing_for:.0f} s"
         return None
+
+    @property
+    def _failing_for(self) -> float:
+        """Time [s] for which a stage has been failing; 0 without one."""
+        if self._failing is None or self._last_time is None:
+            return 0.0
+        return self._last_time - self._failing.since
 
     def _silence_cap(self) -> float:
         """Top speed either way [m/s] while encoders are silent: zero but for short probes.
@@ -169,14 +188,17 @@ class SafetyMonitor:
         return self.params.probe if silence % _PROBE_PERIOD > _PROBE_PERIOD - _PROBE_TIME else 0.0
 
     def _source_cap(self) -> tuple[float, str]:
-        """Top forward speed [m/s] that the state of the sensors allows, and why."""
+        """Top forward speed [m/s] that the state of sensors and stages allows, and why."""
         p, senses = self.params, self.senses
         if senses.encoder_age > p.encoder_stop:
             return 0.0, "the wheel encoders are silent"
-        if senses.camera_age > p.camera_stop:
-            return 0.0, senses.trouble or "the camera is silent"
-        if senses.camera_age > p.camera_slow:
-            return p.slow, senses.trouble or "the camera is late"
+        blind, trouble = senses.camera_age, senses.trouble
+        if self._failing is not None and self._failing_for > blind:
+            blind, trouble = self._failing_for, f"{self._failing.plugin} fails"
+        if blind > p.camera_stop:
+            return 0.0, trouble or "the camera is silent"
+        if blind > p.camera_slow:
+            return p.slow, trouble or "the camera is late"
         if senses.gyro_age > p.gyro_slow:
             return p.slow, "the gyro is silent"
         return math.inf, ""

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from random_contexts import COMMANDS, ROBOT, conflicts, contexts, drives, layers
 
 from navfw.context import Context
+from navfw.guard.stage_answers import check_proposal
 from navfw.interfaces import Fusion
-from navfw.mofis.proposal_check import proposal_error
 from navfw.signals import Conflicts, Proposal, Twist
 from navfw.testing.behavior_scenes import BehaviorScene, contexts_of
 
@@ -38,7 +38,7 @@ def test_every_shipped_behavior_proposes_in_every_context(name: str, drive: list
     behavior = behavior_of(name)
     for context in drive:
         proposal = behavior.propose(context)
-        assert proposal_error(proposal, COMMANDS.shape) is None
+        check_proposal(proposal, COMMANDS.shape)
         assert len(proposal.reason.splitlines()) == 1
 
 
@@ -80,7 +80,7 @@ def test_every_shipped_fusion_gives_a_command_for_every_proposal(
 @given(found=conflicts())
 def test_give_way_always_leaves_a_command(found: Conflicts) -> None:
     proposal = behavior_of("give_way").propose(replace(PLAIN, conflicts=found))
-    assert proposal_error(proposal, COMMANDS.shape) is None
+    check_proposal(proposal, COMMANDS.shape)
     assert proposal.prohibition.min() < 0.5
 
 

@@ -119,14 +119,14 @@ def test_an_oracle_mission_is_marked(tmp_path: Path) -> None:
 def test_an_honest_mission_is_given_nothing(tmp_path: Path) -> None:
     session = prepare("office", "lobby-to-lab", overrides=["mission.timeout=0.2"])
     assert session.run().summary()["oracle"] is False
-    session.stack.vision.flow = Ideal(ROBOT)  # slipped past the stack file
+    session.stack.vision.flow.plugin = Ideal(ROBOT)  # slipped past the stack file
     with session.simulation() as simulation:
         reveal(simulation, session.stack)
         frame = simulation.read().frame
         assert frame is not None
         pair = FramePair(frame, frame, CameraMotion(np.eye(3), np.zeros(3), 0.1))
         with pytest.raises(PluginError):
-            session.stack.vision.flow.compute(pair)
+            session.stack.vision.flow.plugin.compute(pair)
 
 
 def test_the_simulators_truth_is_that_of_its_frames() -> None:

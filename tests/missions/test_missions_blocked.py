@@ -79,7 +79,7 @@ def test_a_blocked_passage_is_detected_and_avoided(
     result = drive(tmp_path, monkeypatch, 1.5)
     assert result.outcome is Outcome.REACHED, result.reason
     assert result.metrics.collisions == 0
-    planner = result.session.stack.planner
+    planner = result.session.stack.planner.plugin
     assert isinstance(planner, Papfis)
     assert planner.replans >= 1
     passed = result.run.log.true

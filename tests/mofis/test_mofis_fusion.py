@@ -186,11 +186,12 @@ def test_a_broken_behavior_loses_the_tick_and_the_others_decide(defect: str) -> 
     broken.defect = defect
     mofis = mofis_with({"broken": broken, "steady": Steady(ROBOT)})
     command = mofis.decide(INPUTS)
+    assert command is not None
     assert command.leader == "steady"
     assert command.twist.v > 0.1
     mofis.decide(INPUTS)
-    assert [(fault.plugin, fault.count) for fault in mofis.faults] == [("broken", 2)]
-    explanation = explain_command(command, mofis.proposals, mofis.commands)
+    assert [(fault.plugin, fault.count) for fault in mofis.guard.faults] == [("behavior broken", 2)]
+    explanation = explain_command(command, mofis.proposals, mofis)
     assert explanation["behaviors"]["steady"]["desirability"] > 0.5
     assert "broken" not in explanation["behaviors"]
 
@@ -283,4 +284,4 @@ def test_a_composite_weighs_primitives_and_they_decide_when_it_fails() -> None:
     composite.weights = {"steady": 7.0}  # type: ignore[misc]
     mofis.decide(INPUTS)
     assert mofis.proposals["steady"].applicability == 1.0
-    assert "fixed_weights" in str(mofis.faults[0])
+    assert "fixed_weights" in str(mofis.guard.faults[0])

@@ -13,6 +13,8 @@ from stack_samples import GOAL, ROBOT, START, drive, sample_stack
 from navfw.context import Context
 from navfw.egomotion import Odometer
 from navfw.flow.derotation import rotational_flow
+from navfw.guard import PluginGuard
+from navfw.guard.guarded_stages import GuardedFlow, GuardedPerception
 from navfw.interfaces import FlowProcessor
 from navfw.offis.offis import Offis
 from navfw.signals import (
@@ -88,12 +90,17 @@ class TurnedFlow(FlowProcessor):
         return replace(flow, vectors=vectors, derotated=False)
 
 
+def vision_of(settings: StackSettings, timings: dict[str, float]) -> Vision:
+    """Vision with the turned flow."""
+    guard = PluginGuard()
+    flow = GuardedFlow(guard, TurnedFlow(ROBOT))
+    return Vision(ROBOT, settings, flow, GuardedPerception(guard, OFFIS), timings)
+
+
 def view_of(*, gyro_stale: bool = False, **settings: bool) -> View:
     """The view of a camera that moves straight on, by vision with these settings."""
     timings = dict.fromkeys(TIMED, 0.0)
-    vision = Vision(
-        ROBOT, StackSettings.model_validate(settings), TurnedFlow(ROBOT), OFFIS, timings
-    )
+    vision = vision_of(StackSettings.model_validate(settings), timings)
     image = np.zeros((ROBOT.camera.height, ROBOT.camera.width), np.uint8)
     view = View()
     for k in range(4):
@@ -158,5 +165,5 @@ def test_the_stack_applies_every_yaw_correction_once_in_order() -> None:
 def test_vision_knows_no_odometer() -> None:
     used = {name for module, name in imports(tree_of(ROOT / "navfw" / "vision.py"))}
     assert "Odometer" not in used
-    vision = Vision(ROBOT, StackSettings(), TurnedFlow(ROBOT), OFFIS, {})
+    vision = vision_of(StackSettings(), {})
     assert not [value for value in vars(vision).values() if isinstance(value, Odometer)]

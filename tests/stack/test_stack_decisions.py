@@ -38,7 +38,8 @@ from navfw.signals import (
     Stixels,
     Twist,
 )
-from navfw.stack import NO_ROUTE_AFTER, STUCK_AFTER, TIMED, Stack, StackState
+from navfw.stack import NO_ROUTE_AFTER, STUCK_AFTER, TIMED, Stack
+from navfw.stack_state import StackState
 from navfw.testing.behavior_scenes import wall_flow
 from navfw.vision import View
 
@@ -66,8 +67,8 @@ class Rig:
     features: RecordingFeatures = field(default_factory=lambda: RecordingFeatures(ROBOT))
 
     def __post_init__(self) -> None:
-        self.stack.planner, self.stack.localizer = self.planner, self.localizer
-        self.stack.features = self.features
+        self.stack.planner.plugin, self.stack.localizer.plugin = self.planner, self.localizer
+        self.stack.features.plugin = self.features
         self.stack.start(START, [GOAL])
 
     def step(
@@ -100,12 +101,14 @@ def test_the_stages_get_what_the_frame_shows() -> None:
     rig.step(0.0)
     state = rig.stack.state
     assert rig.localizer.starts == [(LINE, START, state.odometry)]
-    assert rig.localizer.updates == [(state.odometry, view.percept, (seen,))]
+    [(odometry, percept, detections)] = rig.localizer.updates
+    assert (odometry, percept) == (state.odometry, view.percept)
+    assert [found.identity for found in detections] == [seen.identity]
     assert rig.planner.beliefs == [state.belief]
     assert (state.waypoint, state.path) == (GOAL, (GOAL,))
     assert state.flows is view.flows
     assert state.percept is view.percept
-    assert state.landmark_detections == (seen,)
+    assert [found.identity for found in state.landmark_detections] == [seen.identity]
     assert state.command is not None
     assert state.time == 0.0
     # the next frame shows no percept: the state keeps the last, the localiser gets none
@@ -182,7 +185,8 @@ def test_detections_are_counted_by_identity() -> None:
     for time, detections in ((0.0, ()), (0.1, (a, b)), (0.2, (a,)), (0.3, ())):
         rig.features.detections = detections
         rig.step(time)
-        assert rig.stack.state.landmark_detections == detections
+        found = rig.stack.state.landmark_detections
+        assert [one.identity for one in found] == [one.identity for one in detections]
     assert rig.stack.state.detection_counts == {"a": 2, "b": 1}
     rig.stack.start(START, [GOAL])
     rig.step(10.0)

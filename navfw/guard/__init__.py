@@ -1,0 +1,29 @@
+"""The plugin boundary: whatever a plugin does costs its own call, and is told.
+
+- ``plugin_guard``: calls a plugin within a time limit, contains what it raises, checks its answer;
+- ``watchdog``: the time limit, by an interval timer of the process;
+- ``heartbeat``: the call in progress, in memory shared with a supervising process;
+- ``answers``: the checks, one for each kind of answer;
+- ``guarded_stages``: the stages of the stack with a fallback for a call that failed;
+- ``process_state``: what a run must leave as it was in its process.
+"""
+
+from __future__ import annotations
+
+from navfw.guard.plugin_guard import (
+    FailingStage,
+    PluginCallError,
+    PluginFault,
+    PluginGuard,
+    label_of,
+)
+from navfw.guard.watchdog import PluginTimeout
+
+__all__ = [
+    "FailingStage",
+    "PluginCallError",
+    "PluginFault",
+    "PluginGuard",
+    "PluginTimeout",
+    "label_of",
+]

@@ -1,0 +1,259 @@
+"""The stages of the stack behind the guard: the same calls, with a fallback for each failure.
+
+A stage that fails costs what it would have said: the frame shows nothing, the belief moves with the
+odometry, the last waypoint stays. The safety monitor slows the robot, then stops it, while a vital
+stage fails (``PluginGuard.failing``). ``plugin`` is the stage itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any, Generic, TypeVar
+
+import numpy as np
+
+from navfw.guard.answers import nothing
+from navfw.guard.plugin_guard import PluginCallError, PluginGuard, label_of
+from navfw.guard.stage_answers import (
+    check_belief,
+    check_detections,
+    check_flow,
+    check_path,
+    check_percept,
+    check_queries,
+    check_reason,
+    check_twist,
+    check_waypoint,
+)
+from navfw.interfaces import (
+    Controller,
+    FeatureRecognizer,
+    FlowProcessor,
+    Localizer,
+    Perception,
+    Planner,
+    Plugin,
+)
+from navfw.signals import (
+    Belief,
+    Command,
+    FlowField,
+    Frame,
+    FramePair,
+    LandmarkDetection,
+    Odometry,
+    PassageQuery,
+    PassageReport,
+    Percept,
+    Pose,
+    Twist,
+    Waypoint,
+)
+from navfw.topomap import TopoMap
+
+__all__ = [
+    "GuardedController",
+    "GuardedFeatures",
+    "GuardedFlow",
+    "GuardedLocalizer",
+    "GuardedPerception",
+    "GuardedPlanner",
+    "GuardedStage",
+]
+
+PluginT = TypeVar("PluginT", bound=Plugin)
+AnswerT = TypeVar("AnswerT")
+
+_UNKNOWN_POSITION = 1e3
+"""Standard deviation [m, rad] of a belief without any answer of the localizer."""
+
+
+class GuardedStage(Generic[PluginT]):
+    """A stage's plugin, called by a guard under the name ``KIND NAME``."""
+
+    def __init__(self, guard: PluginGuard, plugin: PluginT) -> None:
+        self.guard = guard
+        self.plugin = plugin
+
+    @property
+    def label(self) -> str:
+        """Kind and name, as faults give them."""
+        return label_of(self.plugin)
+
+    def attempt(
+        self, function: Callable[[], object], check: Callable[[Any], AnswerT], otherwise: AnswerT
+    ) -> AnswerT:
+        """The checked answer, or ``otherwise`` when the plugin fails."""
+        try:
+            return self.guard.call(self.label, function, check=check)
+        except PluginCallError:
+            return otherwise
+
+    def reset(self) -> None:
+        """Back to the start of a run.
+
+        Raises:
+            PluginCallError: the plugin fails, so the run cannot begin.
+
+        """
+        self.guard.call(self.label, self.plugin.reset, check=nothing)
+
+
+class GuardedFlow(GuardedStage[FlowProcessor]):
+    """A flow processor; None for a pair of frames at which it fails."""
+
+    def compute(self, pair: FramePair) -> FlowField | None:
+        """The flow of ``pair``."""
+        check = partial(check_flow, pair=pair)
+        try:
+            return self.guard.call(self.label, self.plugin.compute, pair, check=check, vital=True)
+        except PluginCallError:
+            return None
+
+
+class GuardedPerception(GuardedStage[Perception]):
+    """OFFIS; None for a flow field at which it fails."""
+
+    def perceive(self, flow: FlowField, twist: Twist) -> Percept | None:
+        """The percept of ``flow``."""
+        check = partial(check_percept, flow=flow)
+        perceive = self.plugin.perceive
+        try:
+            return self.guard.call(self.label, perceive, flow, twist, check=check, vital=True)
+        except PluginCallError:
+            return None
+
+
+class GuardedFeatures(GuardedStage[FeatureRecognizer]):
+    """A landmark recogniser; no detections in a frame at which it fails."""
+
+    @property
+    def landmark_frames(self) -> bool:
+        """Whether it gets landmark frames in place of the camera's."""
+        return bool(self.plugin.landmark_frames)
+
+    def set_map(self, topo_map: TopoMap) -> None:
+        """Set the map. Raises PluginCallError if the plugin fails."""
+        self.guard.call(self.label, self.plugin.set_map, topo_map, check=nothing)
+
+    def recognize(self, frame: Frame) -> tuple[LandmarkDetection, ...]:
+        """The landmarks detected in ``frame``."""
+        try:
+            return self.guard.call(self.label, self.plugin.recognize, frame, check=check_detections)
+        except PluginCallError:
+            return ()
+
+
+class GuardedLocalizer(GuardedStage[Localizer]):
+    """A localiser; while it fails, the last belief moves with the odometry.
+
+    Without any belief so far the robot is lost.
+    """
+
+    _last: tuple[Belief, Odometry] | None = None
+
+    def reset(self) -> None:
+        """Back to the start of a run. Raises PluginCallError if the plugin fails."""
+        self._last = None
+        super().reset()
+
+    def start(self, topo_map: TopoMap, pose: Pose | None, odometry: Odometry) -> None:
+        """Start at ``pose``. Raises PluginCallError if the plugin fails."""
+        self.guard.call(self.label, self.plugin.start, topo_map, pose, odometry, check=nothing)
+
+    def update(
+        self, odometry: Odometry, percept: Percept | None, detections: Sequence[LandmarkDetection]
+    ) -> Belief:
+        """The belief now."""
+        try:
+            belief = self.guard.call(
+                self.label,
+                self.plugin.update,
+                odometry,
+                percept,
+                detections,
+                check=check_belief,
+                vital=True,
+            )
+        except PluginCallError:
+            return self._extrapolated(odometry)
+        self._last = (belief, odometry)
+        return belief
+
+    def _extrapolated(self, odometry: Odometry) -> Belief:
+        if self._last is None:
+            unknown = np.eye(3) * _UNKNOWN_POSITION**2
+            return Belief(odometry.time, Pose(0.0, 0.0, 0.0), unknown, {}, 0.0, lost=True)
+        belief, before = self._last
+        moved = before.pose.relative(odometry.pose)
+        return replace(belief, time=odometry.time, pose=belief.pose.compose(moved))
+
+
+class GuardedPlanner(GuardedStage[Planner]):
+    """A planner; while it fails, the last waypoint stays.
+
+    Without any waypoint so far there is a failure instead: no waypoint would mean the end.
+    """
+
+    _last: Waypoint | None = None
+
+    def reset(self) -> None:
+        """Back to the start of a run. Raises PluginCallError if the plugin fails."""
+        self._last = None
+        super().reset()
+
+    def start(self, topo_map: TopoMap, goals: Sequence[Waypoint]) -> None:
+        """Start a mission. Raises PluginCallError if the plugin fails."""
+        self.guard.call(self.label, self.plugin.start, topo_map, goals, check=nothing)
+        self._last = goals[0] if goals else None
+
+    def update(self, belief: Belief) -> Waypoint | None:
+        """The waypoint to drive to, None at the end."""
+        try:
+            waypoint = self.guard.call(
+                self.label, self.plugin.update, belief, check=check_waypoint, vital=True
+            )
+        except PluginCallError:
+            return self._last
+        self._last = waypoint
+        return waypoint
+
+    def observe(self, report: PassageReport) -> None:
+        """Hand over the status of passages."""
+        self.attempt(lambda: self.plugin.observe(report), nothing, None)
+
+    @property
+    def path(self) -> tuple[Waypoint, ...]:
+        """The waypoints still ahead."""
+        return self.attempt(lambda: self.plugin.path, check_path, ())
+
+    @property
+    def queries(self) -> tuple[PassageQuery, ...]:
+        """The passages whose status the planner wants."""
+        return self.attempt(lambda: self.plugin.queries, check_queries, ())
+
+    @property
+    def no_route_reason(self) -> str | None:
+        """Why no route leads to the goal; None while there is one."""
+        return self.attempt(lambda: self.plugin.no_route_reason, check_reason, None)
+
+
+class GuardedController(GuardedStage[Controller]):
+    """LOCOM; standstill at a tick at which it fails."""
+
+    def control(self, command: Command | None, odometry: Odometry, dt: float) -> Twist:
+        """The twist for the next ``dt`` [s]."""
+        try:
+            return self.guard.call(
+                self.label,
+                self.plugin.control,
+                command,
+                odometry,
+                dt,
+                check=check_twist,
+                vital=True,
+            )
+        except PluginCallError:
+            return Twist(0.0, 0.0)

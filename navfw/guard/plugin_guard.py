@@ -1,0 +1,207 @@
+"""Calls of plugins: within a time limit, with checked answers, every failure contained and told."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, replace
+from typing import Any, Protocol, TypeVar
+
+from navfw.errors import InputError, PluginError
+from navfw.guard.answers import instance
+from navfw.guard.watchdog import PluginTimeout, Watchdog
+from navfw.interfaces import Plugin
+from navfw.interruption import interrupted
+from navfw.robot import RobotModel
+
+__all__ = ["FailingStage", "PluginCallError", "PluginFault", "PluginGuard", "label_of"]
+
+FIRST_LIMIT = 60.0
+"""Wall time limit of a plugin's first call in a run [s]: it may have to compile kernels."""
+
+LIMIT = 10.0
+"""Wall time limit of every other call [s]: some ten thousand times the usual run time."""
+
+SUSPENSION, LONGEST_SUSPENSION = 0.5, 16.0
+"""Simulated time [s] for which a plugin is not called after its first time-out, doubled each time,
+and its bound."""
+
+_MAX_ERROR = 300
+"""Length of the error of a fault [characters]."""
+
+_MAX_FAULTS = 1000
+"""Number of kinds of faults kept: a plugin may give a new error at every call."""
+
+AnswerT = TypeVar("AnswerT")
+
+
+def label_of(plugin: Plugin) -> str:
+    """Kind and name of ``plugin``, as faults give them."""
+    return f"{plugin.kind} {plugin.name}"
+
+
+class PluginCallError(Exception):
+    """A call of a plugin gave no usable answer. It is recorded in the guard's faults."""
+
+
+@dataclass(frozen=True, slots=True)
+class PluginFault:
+    """An error of a plugin, first at ``time`` [s], ``count`` times in all."""
+
+    time: float
+    plugin: str
+    error: str
+    count: int = 1
+
+    def __str__(self) -> str:
+        times = "once" if self.count == 1 else f"{self.count} times"
+        return f"{self.plugin}: {self.error} ({times}, first at {self.time:.1f} s)"
+
+
+@dataclass(frozen=True, slots=True)
+class FailingStage:
+    """A stage that the robot cannot do without: it fails ``since`` a time [s], with ``error``."""
+
+    plugin: str
+    since: float
+    error: str
+
+
+class PluginChoice(Protocol):
+    """A plugin class with its parameters (``navfw.stackfile.Choice``)."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def plugin(self) -> type[Plugin]: ...
+    @property
+    def params(self) -> Plugin.Params: ...
+
+
+class PluginGuard:
+    """Calls plugins on behalf of the stack.
+
+    A call fails if the plugin raises anything (SystemExit and KeyboardInterrupt included), exceeds
+    the time limit, or gives an answer that its check refuses. The failure is recorded in ``faults``
+    and PluginCallError is raised. After a time-out the plugin is suspended for some simulated time.
+    ``failing`` are stages whose last ``vital`` call has failed. While ``starting``, a plugin may
+    refuse the mission by an InputError.
+    """
+
+    def __init__(self, limit: float = LIMIT, first_limit: float = FIRST_LIMIT) -> None:
+        self._limit = limit
+        self._first_limit = first_limit
+        self._watchdog = Watchdog()
+        self.reset()
+
+    def reset(self) -> None:
+        """Back to the start of a run: no faults, nothing suspended."""
+        self.time = 0.0
+        self.starting = True
+        self._called: set[str] = set()
+        self._suspended: dict[str, tuple[float, float]] = {}
+        self._faults: dict[tuple[str, str], PluginFault] = {}
+        self._failing: dict[str, FailingStage] = {}
+
+    def on_duty(self, time: float) -> AbstractContextManager[None]:
+        """A context for the calls at simulated ``time`` [s]: inside, time limits are enforced."""
+        self.time = time
+        return self._watchdog.on_duty()
+
+    @property
+    def faults(self) -> tuple[PluginFault, ...]:
+        """Errors of plugins in this run, each kind of error once, oldest first."""
+        return tuple(self._faults.values())
+
+    @property
+    def failing(self) -> Mapping[str, FailingStage]:
+        """The vital stages that fail at present, by plugin."""
+        return self._failing
+
+    def construct(self, choice: PluginChoice, robot: RobotModel) -> Plugin:
+        """A plugin object of the class chosen.
+
+        Raises:
+            PluginError: its constructor fails.
+
+        """
+        cls = choice.plugin
+        try:
+            with self._watchdog.on_duty():
+                return self.call(
+                    f"{cls.kind} {cls.name}",
+                    cls,
+                    robot,
+                    choice.params,
+                    check=lambda made: instance(made, cls, "the class"),
+                )
+        except PluginCallError as error:
+            raise PluginError(f"cannot be constructed: {error}", key=choice.name) from None
+
+    def call(
+        self,
+        plugin: str,
+        function: Callable[..., Any],
+        *arguments: Any,
+        check: Callable[[Any], AnswerT],
+        vital: bool = False,
+    ) -> AnswerT:
+        """The checked answer of ``function(*arguments)``, a call of ``plugin``.
+
+        Raises:
+            PluginCallError: there is no usable answer.
+            KeyboardInterrupt: the user has interrupted the run.
+            InputError: the plugin refuses the mission at its start.
+
+        """
+        suspended = self._suspended.get(plugin)
+        if suspended is not None and self.time < suspended[0]:
+            raise PluginCallError("suspended after a time-out")
+        try:
+            self._watchdog.begin(
+                plugin, self._limit if plugin in self._called else self._first_limit
+            )
+            try:
+                answer = check(function(*arguments))
+            finally:
+                self._watchdog.end()
+        except PluginTimeout as timeout:
+            self._suspend(plugin)
+            raise self._failure(plugin, f"took too long: {timeout}", vital) from None
+        except BaseException as error:  # SystemExit, too: a plugin must not end the run
+            if isinstance(error, KeyboardInterrupt) and interrupted():
+                raise
+            if isinstance(error, InputError) and self.starting:
+                raise  # the plugin refuses the mission
+            raise self._failure(plugin, error_text(error), vital) from None
+        self._called.add(plugin)
+        if vital:
+            self._failing.pop(plugin, None)
+        return answer
+
+    def _failure(self, plugin: str, error: str, vital: bool) -> PluginCallError:
+        if vital and plugin not in self._failing:
+            self._failing[plugin] = FailingStage(plugin, self.time, error)
+        known = self._faults.get((plugin, error))
+        if known is not None:
+            self._faults[plugin, error] = replace(known, count=known.count + 1)
+        elif len(self._faults) < _MAX_FAULTS:
+            self._faults[plugin, error] = PluginFault(self.time, plugin, error)
+        return PluginCallError(f"{plugin}: {error}")
+
+    def _suspend(self, plugin: str) -> None:
+        duration = SUSPENSION
+        if plugin in self._suspended:
+            duration = min(2.0 * self._suspended[plugin][1], LONGEST_SUSPENSION)
+        self._suspended[plugin] = (self.time + duration, duration)
+
+
+def error_text(error: BaseException) -> str:
+    """Type and message of ``error`` on one line, shortened; the message may itself raise."""
+    kind = type(error).__name__
+    try:
+        message = " ".join(str(error).split())
+    except BaseException as second:  # __str__ is the plugin's
+        message = f"its message raises {type(second).__name__}"
+    text = f"{kind}: {message}" if message else kind
+    return text if len(text) <= _MAX_ERROR else f"{text[:_MAX_ERROR]}..."

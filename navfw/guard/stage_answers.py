@@ -1,0 +1,321 @@
+"""The check of each stage's answer: what passes between stages, made anew from what a plugin said.
+
+Each function takes the answer and, where needed, what it must agree with, and raises
+``AnswerError``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from navfw.guard.answers import (
+    AnswerError,
+    array,
+    degree,
+    degrees,
+    instance,
+    items,
+    mapping,
+    number,
+    pose,
+    text,
+    twist,
+)
+from navfw.signals import (
+    Array,
+    Belief,
+    Command,
+    FlowField,
+    FramePair,
+    Label,
+    LandmarkDetection,
+    PassageQuery,
+    Percept,
+    Proposal,
+    Twist,
+    Waypoint,
+)
+
+__all__ = [
+    "check_belief",
+    "check_command",
+    "check_detections",
+    "check_flow",
+    "check_path",
+    "check_percept",
+    "check_proposal",
+    "check_queries",
+    "check_reason",
+    "check_twist",
+    "check_waypoint",
+    "check_weights",
+]
+
+QUADRANTS = ("P1", "P2", "P3", "P4")
+_TERMS = ("near", "middle", "far")
+_LABELS = (min(Label), max(Label))
+
+
+def check_proposal(answer: Any, shape: tuple[int, int]) -> Proposal:
+    """A behaviour's proposal for a command grid of that shape."""
+    instance(answer, Proposal, "propose")
+    if not callable(answer.explain):
+        raise AnswerError("explain is no function")
+    return Proposal(
+        degree(answer.applicability, "applicability"),
+        degrees(answer.desirability, "desirability", shape),
+        degrees(answer.prohibition, "prohibition", shape),
+        text(answer.reason, "reason"),
+        answer.explain,
+    )
+
+
+def check_weights(answer: Any) -> dict[str, float]:
+    """A composite's weights of primitives."""
+    found = mapping(answer, "weigh's answer")
+    return {name: degree(weight, f"weight of {name}") for name, weight in found.items()}
+
+
+def check_command(answer: Any) -> Command:
+    """A fusion's command."""
+    command = instance(answer, Command, "fuse")
+    weights = mapping(answer.weights, "weights")
+    return replace(
+        command,
+        time=number(answer.time, "time"),
+        twist=twist(answer.twist, "twist"),
+        leader=text(answer.leader, "leader"),
+        reason=text(answer.reason, "reason"),
+        emergency=bool(answer.emergency),
+        weights={name: number(weight, f"weight of {name}") for name, weight in weights.items()},
+        explanation=_explanation(answer.explanation),
+    )
+
+
+def check_twist(answer: Any) -> Twist:
+    """A controller's twist."""
+    return twist(answer, "control's answer")
+
+
+def check_flow(answer: Any, pair: FramePair) -> FlowField:
+    """A flow processor's field of ``pair``; the motion is that of the pair.
+
+    ``sigma`` may be infinite where the confidence is 0.
+    """
+    instance(answer, FlowField, "compute")
+    shape = _grid_shape(answer.confidence)
+    confidence = degrees(answer.confidence, "confidence", shape)
+    hints = answer.inconsistency
+    return FlowField(
+        time=number(answer.time, "time"),
+        points=array(answer.points, "points", (*shape, 2)),
+        vectors=array(answer.vectors, "vectors", (*shape, 2)),
+        confidence=confidence,
+        sigma=_deviations(answer.sigma, shape, confidence),
+        motion=pair.motion,
+        derotated=bool(answer.derotated),
+        inconsistency=None if hints is None else degrees(hints, "inconsistency", shape),
+    )
+
+
+def check_percept(answer: Any, flow: FlowField) -> Percept:
+    """A perception's percept on the grid of ``flow``.
+
+    Nearness and sigma may be anything where the confidence is 0, height where the label is UNKNOWN.
+    """
+    instance(answer, Percept, "perceive")
+    shape = flow.shape
+    confidence = degrees(answer.confidence, "confidence", shape)
+    label = np.asarray(answer.label)
+    if label.dtype.kind not in "iu" or label.shape != shape:
+        raise AnswerError(f"label is {label.dtype} of shape {label.shape}, expected int8, {shape}")
+    if label.size and not (_LABELS[0] <= label.min() and label.max() <= _LABELS[1]):
+        raise AnswerError(f"label has values outside [{_LABELS[0]}, {_LABELS[1]}]")
+    known = confidence > 0.0
+    return Percept(
+        time=number(answer.time, "time"),
+        points=array(answer.points, "points", (*shape, 2)),
+        nearness=_finite_where(answer.nearness, "nearness", shape, known),
+        sigma=_deviations(answer.sigma, shape, confidence),
+        confidence=confidence,
+        height=_finite_where(answer.height, "height", shape, known & (label != Label.UNKNOWN)),
+        label=np.array(label, dtype=np.int8),
+        obstacles={
+            layer: {name: text(term, name) for name, term in mapping(names, layer).items()}
+            for layer, names in mapping(answer.obstacles, "obstacles").items()
+        },
+        quadrants=_quadrants(answer.quadrants),
+        planes=_numbers(answer.planes, "planes"),
+        slopes={
+            name: text(code, f"slope {name}")
+            for name, code in mapping(answer.slopes, "slopes").items()
+        },
+        situations={
+            name: degree(value, f"situation {name}")
+            for name, value in mapping(answer.situations, "situations").items()
+        },
+        floor_in_front=degree(answer.floor_in_front, "floor_in_front"),
+        sentence=text(answer.sentence, "sentence"),
+        explanation=_explanation(answer.explanation),
+    )
+
+
+def check_detections(answer: Any) -> tuple[LandmarkDetection, ...]:
+    """A feature recogniser's landmarks in one image."""
+    return tuple(_detection(item) for item in items(answer, "recognize's answer"))
+
+
+def _detection(answer: Any) -> LandmarkDetection:
+    instance(answer, LandmarkDetection, "recognize")
+    return LandmarkDetection(
+        number(answer.time, "time"),
+        text(answer.identity, "identity"),
+        number(answer.bearing, "bearing"),
+        number(answer.range, "range", 0.0),
+        _covariance(answer.covariance, 2),
+    )
+
+
+def check_belief(answer: Any) -> Belief:
+    """A localiser's belief."""
+    instance(answer, Belief, "update")
+    return Belief(
+        number(answer.time, "time"),
+        pose(answer.pose, "pose"),
+        _covariance(answer.covariance, 3),
+        {
+            name: degree(share, f"probability of {name}")
+            for name, share in mapping(answer.places, "places").items()
+        },
+        degree(answer.confidence, "confidence"),
+        bool(answer.lost),
+        int(number(answer.updates, "updates", 0.0)),
+    )
+
+
+def check_waypoint(answer: Any) -> Waypoint | None:
+    """A planner's waypoint, or None at the end."""
+    return None if answer is None else _waypoint(instance(answer, Waypoint, "update"))
+
+
+@lru_cache(maxsize=4096)  # a planner gives the same waypoints at every frame
+def _waypoint(answer: Waypoint) -> Waypoint:
+    passage = answer.passage
+    return Waypoint(
+        number(answer.x, "x"),
+        number(answer.y, "y"),
+        number(answer.tolerance, "tolerance", 0.0),
+        text(answer.place, "place"),
+        text(answer.kind, "kind"),
+        bool(answer.final),
+        _width(answer.width),
+        None if passage is None else _two_names(passage),
+    )
+
+
+def check_path(answer: Any) -> tuple[Waypoint, ...]:
+    """A planner's waypoints ahead."""
+    return tuple(_waypoint(instance(item, Waypoint, "path")) for item in items(answer, "path"))
+
+
+def check_queries(answer: Any) -> tuple[PassageQuery, ...]:
+    """A planner's queries for passages."""
+    found = items(answer, "queries")
+    return tuple(_query(instance(item, PassageQuery, "queries")) for item in found)
+
+
+@lru_cache(maxsize=4096)
+def _query(answer: PassageQuery) -> PassageQuery:
+    return PassageQuery(
+        _two_names(answer.passage),
+        _point(answer.start, "start"),
+        _point(answer.end, "end"),
+        _width(answer.width),
+    )
+
+
+def check_reason(answer: Any) -> str | None:
+    """A planner's reason why there is no route; None while there is one."""
+    return None if answer is None else text(answer, "no_route_reason")
+
+
+def _explanation(value: Any) -> Mapping[str, Any]:
+    """A mapping as it is: it may be computed on request."""
+    if not isinstance(value, Mapping):
+        raise AnswerError("explanation is no mapping")
+    return value
+
+
+def _grid_shape(confidence: Any) -> tuple[int, int]:
+    shape = np.shape(confidence)
+    if len(shape) != 2 or 0 in shape:
+        raise AnswerError(f"confidence has shape {shape}, expected (rows, cols)")
+    return shape[0], shape[1]
+
+
+def _finite_where(value: Any, what: str, shape: tuple[int, int], where: Any) -> Array:
+    """A new float64 array, finite ``where`` it is used; zero where it is not finite elsewhere."""
+    raw = np.asarray(value)
+    if raw.dtype.kind not in "fiub" or raw.shape != shape:
+        raise AnswerError(f"{what} is {raw.dtype} of shape {raw.shape}, expected float64, {shape}")
+    result: Array = np.array(raw, dtype=np.float64, order="C")
+    finite = np.isfinite(result)
+    if not finite.all() and not finite[where].all():
+        raise AnswerError(f"{what} has values that are not finite")
+    return result
+
+
+def _deviations(value: Any, shape: tuple[int, int], confidence: Array) -> Array:
+    """Standard deviations: at least 0, finite where the confidence is not 0."""
+    sigma = _finite_where(value, "sigma", shape, confidence > 0.0)
+    if sigma.min() < 0.0:
+        raise AnswerError("sigma has negative values")
+    return sigma
+
+
+def _covariance(value: Any, size: int) -> Array:
+    """A symmetric covariance (size, size) without negative variances."""
+    found = array(value, "covariance", (size, size))
+    if found.diagonal().min() < 0.0:
+        raise AnswerError("covariance has a negative variance")
+    if np.abs(found - found.T).max() > 1e-6 * max(1.0, float(np.abs(found).max())):
+        raise AnswerError("covariance is not symmetric")
+    return found
+
+
+def _quadrants(value: Any) -> dict[str, dict[str, float]]:
+    """Degrees of near, middle and far for each quadrant, the four of the image among them."""
+    found = {name: _numbers(terms, name) for name, terms in mapping(value, "quadrants").items()}
+    for name in QUADRANTS:
+        missing = [term for term in _TERMS if term not in found.get(name, {})]
+        if missing:
+            raise AnswerError(f"quadrants has no {name}.{missing[0]}")
+    return found
+
+
+def _numbers(value: Any, what: str) -> dict[str, float]:
+    return {name: number(item, f"{what}.{name}") for name, item in mapping(value, what).items()}
+
+
+def _width(value: Any) -> float:
+    return math.inf if value == math.inf else number(value, "width", 0.0)
+
+
+def _two_names(value: Any) -> tuple[str, str]:
+    names = items(value, "passage")
+    if len(names) != 2:
+        raise AnswerError(f"passage has {len(names)} names, expected 2")
+    return text(names[0], "passage"), text(names[1], "passage")
+
+
+def _point(value: Any, what: str) -> tuple[float, float]:
+    found = items(value, what)
+    if len(found) != 2:
+        raise AnswerError(f"{what} has {len(found)} numbers, expected x and y")
+    return number(found[0], what), number(found[1], what)

@@ -1,0 +1,195 @@
+"""The guard around plugin calls: what is contained, recorded, suspended, and let through."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable
+from typing import Any, NoReturn
+
+import pytest
+
+from navfw.errors import InputError, PluginError
+from navfw.guard import PluginCallError, PluginGuard, PluginTimeout
+from navfw.guard.answers import nothing, number
+from navfw.guard.plugin_guard import LONGEST_SUSPENSION, SUSPENSION, error_text
+from navfw.interfaces import Behavior, Plugin
+from navfw.interruption import interruptible
+from navfw.robot import RobotModel
+
+
+class OwnBaseError(BaseException):
+    """Not an Exception."""
+
+
+class Unprintable(Exception):  # noqa: N818 - as a plugin might call it
+    """Its message raises."""
+
+    def __str__(self) -> str:
+        raise SystemExit(3)
+
+
+def raiser(error: BaseException) -> Callable[[], NoReturn]:
+    """A function that raises ``error``."""
+
+    def fail() -> NoReturn:
+        raise error
+
+    return fail
+
+
+@pytest.mark.parametrize(
+    ("error", "told"),
+    [
+        (ValueError("no\nsense"), "ValueError: no sense"),
+        (SystemExit(0), "SystemExit: 0"),
+        (KeyboardInterrupt(), "KeyboardInterrupt"),
+        (GeneratorExit(), "GeneratorExit"),
+        (OwnBaseError("mine"), "OwnBaseError: mine"),
+        (Unprintable(), "Unprintable: its message raises SystemExit"),
+        (MemoryError("x" * 10_000), "MemoryError: xxx"),
+        (PluginTimeout("injected"), "took too long: injected"),
+    ],
+)
+def test_whatever_a_plugin_raises_is_its_fault(error: BaseException, told: str) -> None:
+    guard = PluginGuard()
+    guard.starting = False
+    guard.time = 1.5
+    with interruptible(), pytest.raises(PluginCallError, match=r"^behavior mine: "):
+        guard.call("behavior mine", raiser(error), check=nothing)
+    [fault] = guard.faults
+    assert (fault.time, fault.plugin, fault.count) == (1.5, "behavior mine", 1)
+    assert fault.error.startswith(told)
+    assert len(fault.error) < 400
+
+
+def test_the_users_interrupt_is_not_a_fault() -> None:
+    guard = PluginGuard()
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with interruptible(), pytest.raises(KeyboardInterrupt):
+            guard.call("flow mine", os.kill, os.getpid(), signal.SIGINT, check=nothing)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    with pytest.raises(KeyboardInterrupt):  # outside of a run it cannot be told from the user's
+        guard.call("flow mine", raiser(KeyboardInterrupt()), check=nothing)
+    assert guard.faults == ()
+
+
+def test_a_plugin_may_refuse_the_mission_at_its_start_only() -> None:
+    guard = PluginGuard()
+    refuse = raiser(InputError("no route"))
+    with pytest.raises(InputError, match="no route"):
+        guard.call("planner mine", refuse, check=nothing)
+    guard.starting = False
+    with pytest.raises(PluginCallError):
+        guard.call("planner mine", refuse, check=nothing)
+    assert guard.faults[0].error == "InputError: no route"
+
+
+def test_answers_are_checked_and_errors_counted_by_kind() -> None:
+    guard = PluginGuard()
+
+    def speed(answer: Any) -> float:
+        return number(answer, "speed", 0.0, 2.0)
+
+    assert guard.call("controller mine", lambda: 1, check=speed) == 1.0
+    for answer in ("fast", 3.0, 3.0, float("nan"), 1j, True):
+        with pytest.raises(PluginCallError):
+            guard.call("controller mine", lambda answer=answer: answer, check=speed)
+    assert [fault.count for fault in guard.faults] == [1, 2, 1, 1, 1]
+    assert str(guard.faults[1]).endswith("speed 3 is not in [0, 2] (2 times, first at 0.0 s)")
+
+
+def test_faults_are_bounded() -> None:
+    guard = PluginGuard()
+    for number_ in range(1200):
+        with pytest.raises(PluginCallError):
+            guard.call("behavior mine", raiser(ValueError(str(number_))), check=nothing)
+    assert len(guard.faults) == 1000
+
+
+def test_a_vital_stage_fails_from_its_first_failure_until_it_answers() -> None:
+    guard = PluginGuard()
+    for at in (1.0, 2.0):
+        guard.time = at
+        with pytest.raises(PluginCallError):
+            guard.call("flow mine", raiser(ValueError("a")), check=nothing, vital=True)
+    with pytest.raises(PluginCallError):
+        guard.call("behavior mine", raiser(ValueError("b")), check=nothing)
+    assert {name: stage.since for name, stage in guard.failing.items()} == {"flow mine": 1.0}
+    guard.call("flow mine", lambda: 1, check=nothing, vital=True)
+    assert guard.failing == {}
+
+
+def test_a_time_out_suspends_the_plugin_for_longer_each_time() -> None:
+    guard, durations = PluginGuard(limit=0.1, first_limit=0.1), []
+    for turn in range(8):
+        late = raiser(PluginTimeout("late"))
+        with pytest.raises(PluginCallError):
+            guard.call("behavior slow", late, check=nothing)
+        began = guard.time
+        while True:
+            try:
+                guard.call("behavior slow", lambda: 1, check=nothing)
+                break
+            except PluginCallError:
+                guard.time += 0.1
+        durations.append(guard.time - began)
+        assert guard.faults[0].count == turn + 1, "a suspended plugin is not called"
+    first = SUSPENSION
+    assert durations[:3] == pytest.approx([first, 2 * first, 4 * first], abs=0.11)
+    assert durations[-1] == pytest.approx(LONGEST_SUSPENSION, abs=0.11)
+
+
+def test_a_call_that_hangs_is_ended_and_the_next_one_gets_its_own_time() -> None:
+    guard = PluginGuard(limit=0.3, first_limit=0.6)
+    began = time.monotonic()
+    with guard.on_duty(0.0), pytest.raises(PluginCallError, match=r"within 0.6 s"):
+        guard.call("fusion slow", time.sleep, 30.0, check=nothing)
+    with guard.on_duty(0.0):
+        guard.call("fusion quick", time.sleep, 0.0, check=nothing)
+        with pytest.raises(PluginCallError, match=r"within 0.3 s"):
+            guard.call("fusion quick", time.sleep, 30.0, check=nothing)
+    assert time.monotonic() - began < 5.0
+
+
+class Sound(Behavior):
+    """Can be constructed."""
+
+    name = "sound"
+
+    def propose(self, context: object) -> NoReturn:
+        raise NotImplementedError
+
+
+class Unsound(Sound):
+    """Ends the program when constructed."""
+
+    name = "unsound"
+
+    def __init__(self, robot: RobotModel, params: Plugin.Params | None = None) -> None:
+        super().__init__(robot, params)
+        sys.exit(0)
+
+
+class Chosen:
+    """A choice of a plugin without parameters."""
+
+    def __init__(self, plugin: type[Plugin]) -> None:
+        self.plugin, self.name, self.params = plugin, plugin.name, plugin.Params()
+
+
+def test_a_constructor_that_fails_is_an_input_error() -> None:
+    guard = PluginGuard()
+    assert isinstance(guard.construct(Chosen(Sound), RobotModel()), Sound)
+    with pytest.raises(PluginError, match=r"unsound: cannot be constructed: .* SystemExit: 0"):
+        guard.construct(Chosen(Unsound), RobotModel())
+
+
+def test_an_error_is_told_on_one_short_line() -> None:
+    assert error_text(ValueError("a\n  b")) == "ValueError: a b"
+    assert error_text(ValueError()) == "ValueError"
+    assert len(error_text(ValueError("x" * 5000))) < 400
