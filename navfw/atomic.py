@@ -19,7 +19,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from navfw.errors import InputError
+from navfw.errors import InputError, SimulationError
 from navfw.interruption import deferred
 from navfw.target_lock import TargetInUseError, TargetLock, lock_first_free, sweep
 
@@ -29,12 +29,12 @@ _OF_THE_DISK = {errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EROFS, errno.EIO}
 """Errors while content is written that are those of the disk, not of the program."""
 
 
-def output_place(target: Path, option: str) -> Path:
+def output_place(target: Path, option: str, *, replaced: bool = True) -> Path:
     """The absolute place of an output; for a link, what it points to.
 
     Raises:
-        InputError: a link that points to nothing, or the root of a mounted file system, which
-            cannot be replaced.
+        InputError: a link that points to nothing, a place without the right to write, or, if it is
+            to be ``replaced``, the root of a mounted file system.
 
     """
     place = Path(os.path.abspath(target))  # noqa: PTH100 - resolves no links, unlike Path.resolve
@@ -43,7 +43,7 @@ def output_place(target: Path, option: str) -> Path:
             what = f"is a link to {place.readlink()}, which does not exist"
             raise InputError(f"{what}; choose another {option}", file=target)
         place = place.resolve()
-    if place.is_mount():
+    if replaced and place.is_mount():
         raise InputError(f"is a mount point; choose a folder in it as {option}", file=target)
     if place.exists() and not os.access(place, os.W_OK):
         raise _unwritable(target, PermissionError(errno.EACCES, os.strerror(errno.EACCES)))
@@ -206,7 +206,7 @@ def scratch_folder(purpose: str) -> Iterator[Path]:
     """A private folder in the system's temporary folder; those of dead processes are removed.
 
     Raises:
-        InputError: it cannot be written.
+        SimulationError: it cannot be written; the simulator reads files from it.
 
     """
     folder = Path(tempfile.gettempdir())
@@ -219,7 +219,7 @@ def scratch_folder(purpose: str) -> Iterator[Path]:
             finally:
                 shutil.rmtree(lock.part, ignore_errors=True)
     except OSError as error:
-        raise _unwritable(folder, error) from error
+        raise SimulationError(str(_unwritable(folder, error))) from error
 
 
 def _unwritable(target: Path, error: OSError) -> InputError:

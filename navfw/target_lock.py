@@ -47,6 +47,11 @@ class TargetLock:
         self._handle: int | None = None
 
     @property
+    def file(self) -> Path:
+        """The lock file."""
+        return self._beside("lock")
+
+    @property
     def part(self) -> Path:
         """The file or folder for unfinished content."""
         return self._beside("part")
@@ -90,13 +95,9 @@ class TargetLock:
         """Remove the lock file and release the lock."""
         if self._handle is not None:
             with contextlib.suppress(OSError):
-                self._file.unlink()
+                self.file.unlink()
             os.close(self._handle)
             self._handle = None
-
-    @property
-    def _file(self) -> Path:
-        return self._beside("lock")
 
     def _beside(self, word: str) -> Path:
         return self.target.with_name(f".{self.target.name}.navfw-{word}")
@@ -105,14 +106,14 @@ class TargetLock:
         """A handle of the lock file, and whether the file was there before."""
         flags = os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK
         try:
-            return os.open(self._file, flags | os.O_CREAT | os.O_EXCL, 0o600), False
+            return os.open(self.file, flags | os.O_CREAT | os.O_EXCL, 0o600), False
         except FileExistsError:
-            return os.open(self._file, flags | os.O_CREAT, 0o600), True
+            return os.open(self.file, flags | os.O_CREAT, 0o600), True
 
     def _is_current(self, handle: int) -> bool:
         """Whether the handle is that of the file at the path: the last holder removes the file."""
         try:
-            return os.path.samestat(os.fstat(handle), self._file.lstat())
+            return os.path.samestat(os.fstat(handle), self.file.lstat())
         except FileNotFoundError:
             return False
 

@@ -14,6 +14,7 @@ import typer
 
 from navfw.cli.options import Json
 from navfw.cli.output import print_json, print_table, quiet_stdout
+from navfw.interruption import deferred
 
 if TYPE_CHECKING:
     from navfw.suite.case import Case
@@ -81,7 +82,10 @@ def suite(
     json: Json = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress bar.")] = False,
 ) -> None:
-    """Run a suite with many seeds. Exit with 0 when complete, 1 when interrupted."""
+    """Run a suite with many seeds. Exit with 0 when every run has a result, 1 when not.
+
+    Exit with 3 if the table could not be written; the runs are printed anyway.
+    """
     if resume and out is None:
         raise typer.BadParameter("needs --out, the folder to resume", param_hint="--resume")
     with quiet_stdout():
@@ -102,26 +106,23 @@ def suite(
             worlds=worlds,
             variants=variant or [],
         )
-        for name, reason in plan.skipped.items():
-            typer.echo(f"navfw: variant {name} skipped: {reason}", err=True)
-        folder = SuiteFolder.choose(out, plan, span)
-        have = folder.open(plan, code_revision(), resume=resume)
-        with _SuiteProgress(plan.suite, plan.cases, have, quiet=quiet) as bar:
-            done = run_suite(
-                plan,
-                folder,
-                workers=workers,
-                keep=keep.value,
-                have=have,
-                limit=limit,
-                on_row=bar.update,
-            )
-    if json:
-        _print_json(done, folder.table)
-    else:
-        _print_summary(done.summary, done.rows)
-        typer.echo(f"table: {folder.table}")
-    raise typer.Exit(0 if done.complete else 1)
+    for name, reason in plan.skipped.items():
+        typer.echo(f"navfw: variant {name} skipped: {reason}", err=True)
+    with deferred():  # from here on there are runs to save and to print
+        with quiet_stdout(), SuiteFolder.claim(out, plan, span) as folder:
+            have = folder.open(plan, code_revision(), resume=resume)
+            with _SuiteProgress(plan.suite, plan.cases, have, quiet=quiet) as bar:
+                done = run_suite(
+                    plan,
+                    folder,
+                    workers=workers,
+                    keep=keep.value,
+                    have=have,
+                    limit=limit,
+                    on_row=bar.update,
+                )
+        _print_result(done, folder.table, json=json)
+        raise typer.Exit(done.exit_code)
 
 
 def compare(
@@ -144,6 +145,16 @@ def compare(
 
 
 # --- output --------------------------------------------------------------------------------------
+
+
+def _print_result(done: SuiteResult, table: Path, *, json: bool) -> None:
+    if json:
+        _print_json(done, table)
+    else:
+        _print_summary(done.summary, done.rows)
+        _print_table(done, table)
+    if done.unsaved:
+        typer.echo(f"navfw: {done.unsaved}; all runs are on stdout", err=True)
 
 
 def _print_json(done: SuiteResult, table: Path) -> None:
@@ -182,6 +193,20 @@ def _print_summary(summary: dict[str, Any], rows: tuple[RunRow, ...]) -> None:
         typer.echo(f"  and {len(failed) - MAX_SHOWN} more")
     if not summary["complete"]:
         typer.echo("interrupted; --resume runs the rest")
+    if died := summary["died"]:
+        typer.echo(f"{died} {'run' if died == 1 else 'runs'} died; --resume runs them again")
+
+
+def _print_table(done: SuiteResult, table: Path) -> None:
+    """The path of the table; the table itself where it could not be written."""
+    if not done.unsaved:
+        typer.echo(f"table: {table}")
+        return
+    import csv
+
+    from navfw.suite.run_table import table_cells
+
+    csv.writer(sys.stdout, lineterminator="\n").writerows(table_cells(done.rows))
 
 
 def _line(name: str, part: dict[str, Any]) -> list[str]:

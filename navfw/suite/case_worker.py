@@ -10,7 +10,7 @@ import traceback
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from navfw.errors import InputError
+from navfw.errors import InputError, SimulationError
 from navfw.missions.outcome import Outcome
 from navfw.missions.session import MissionResult
 from navfw.suite.case import Case, Job
@@ -29,7 +29,12 @@ __all__ = ["picture_name", "row_of", "run_job"]
 
 
 def run_job(job: Job) -> RunRow:
-    """Run ``job`` and return its row; an exception gives a row with the outcome fault."""
+    """Run ``job`` and return its row; an exception gives a row with the outcome fault.
+
+    Raises:
+        SimulationError: the simulator cannot be started, or its temporary files not be written.
+
+    """
     case = job.case
     try:
         _one_thread()
@@ -38,6 +43,8 @@ def run_job(job: Job) -> RunRow:
         return _with_picture(row_of(case, result), job, result)
     except InputError as error:
         return fault_row(case, str(error), Cause.BAD_INPUT)
+    except SimulationError:
+        raise  # of this machine now, not of the case: the run has no result
     except Exception as error:
         traceback.print_exc(file=sys.stderr)
         where = traceback.extract_tb(error.__traceback__)[-1]

@@ -15,8 +15,9 @@ from navfw.atomic import write_text
 from navfw.config.document import no_such_file, shown_path
 from navfw.errors import ConfigError
 from navfw.missions.outcome import Outcome
+from navfw.suite.failure_causes import Cause
 
-__all__ = ["COLUMNS", "RunKey", "RunRow", "columns_of", "read_table", "write_table"]
+__all__ = ["COLUMNS", "RunKey", "RunRow", "columns_of", "read_table", "table_cells", "write_table"]
 
 _MAX_TABLE = 500_000_000
 """Largest size of a table [byte]; a larger file is refused before it is read."""
@@ -84,6 +85,16 @@ class RunRow:
         """Whether the mission was accomplished."""
         return self.outcome == Outcome.REACHED
 
+    @property
+    def died(self) -> bool:
+        """Whether the process of the run ended without a result, or was ended after the limit."""
+        return self.outcome == Outcome.FAULT and self.cause in {Cause.PROCESS_DIED, Cause.TOO_LONG}
+
+    @property
+    def has_result(self) -> bool:
+        """Whether the run ended by itself; ``navfw suite --resume`` drives all others again."""
+        return self.outcome != Outcome.CANCELLED and not self.died
+
 
 COLUMNS = tuple(field.name for field in dataclasses.fields(RunRow))
 _TYPES = typing.get_type_hints(RunRow)
@@ -100,16 +111,20 @@ def columns_of(rows: Iterable[RunRow]) -> tuple[str, ...]:
 
 
 def write_table(path: Path, rows: Iterable[RunRow]) -> None:
-    """Write ``rows`` as CSV; floats keep every digit, None is an empty cell.
+    """Write ``rows`` as CSV (see ``table_cells``).
 
     Raises:
         InputError: the file cannot be written; an existing file stays unchanged.
 
     """
+    write_text(path, table_cells(rows))
+
+
+def table_cells(rows: Iterable[RunRow]) -> list[list[str]]:
+    """The cells of the table, its head first; floats keep every digit, None is empty."""
     rows = list(rows)
     columns = columns_of(rows)
-    lines = [columns, *([_cell(getattr(row, name)) for name in columns] for row in rows)]
-    write_text(path, lines)
+    return [list(columns), *([_cell(getattr(row, name)) for name in columns] for row in rows)]
 
 
 def read_table(path: str | Path) -> list[RunRow]:

@@ -7,19 +7,23 @@ continued with the same ones only.
 
 from __future__ import annotations
 
+import contextlib
+import itertools
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from navfw.atomic import write_text
+from navfw.atomic import output_place, write_text
 from navfw.errors import ConfigError, InputError
 from navfw.recording.provenance import machine_kind
 from navfw.recording.run_folder import plain_json
 from navfw.suite.markdown_table import markdown_table
 from navfw.suite.run_table import RunRow, read_table, write_table
 from navfw.suite.suite_plan import SuitePlan
+from navfw.target_lock import TargetInUseError, TargetLock, sweep
 
 __all__ = ["SuiteFolder"]
 
@@ -29,7 +33,7 @@ MARKDOWN = "table.md"
 
 @dataclass(frozen=True)
 class SuiteFolder:
-    """The folder of a suite's results; ``open`` creates it or continues it."""
+    """The folder of a suite's results; ``claim`` locks it, ``open`` creates or continues it."""
 
     path: Path
 
@@ -38,25 +42,49 @@ class SuiteFolder:
         """The file of the table, one row per run."""
         return self.path / TABLE
 
+    @cached_property
+    def lock(self) -> TargetLock:
+        """The lock on the folder; inside it, as the folder above may be read-only."""
+        return TargetLock(self.path.absolute() / "suite")
+
     @property
     def pictures(self) -> Path:
         """The folder of the runs' pictures."""
         return self.path / PICTURES
 
     @classmethod
-    def choose(cls, given: Path | None, plan: SuitePlan, seeds: range) -> SuiteFolder:
-        """The folder ``given``, or the first free one of ``runs/SUITE-A-B``, ``runs/...-2``."""
-        if given is not None:
-            return cls(given)
-        first = Path("runs") / f"{plan.suite}-{seeds.start}-{seeds.stop}"
-        place, number = first, 1
-        while place.exists():
-            number += 1
-            place = first.with_name(f"{first.name}-{number}")
-        return cls(place)
+    @contextlib.contextmanager
+    def claim(cls, given: Path | None, plan: SuitePlan, seeds: range) -> Iterator[SuiteFolder]:
+        """The folder ``given``, or the first free one of ``runs/SUITE-A-B``, ``runs/...-2``.
+
+        It is created, cleared of what a dead process left unfinished, and locked in this context.
+
+        Raises:
+            InputError: it cannot be written, or another process writes it.
+
+        """
+        default = Path("runs") / f"{plan.suite}-{seeds.start}-{seeds.stop}"
+        folder = cls(given or default)
+        try:
+            folder = cls(_created(given, default))
+            for part in (folder.path, folder.pictures):
+                sweep(part)
+            folder.lock.acquire()
+        except TargetInUseError as error:
+            what = "another suite is writing it; wait for it, or choose another --out"
+            raise TargetInUseError(what, file=folder.path) from error
+        except OSError as error:
+            what = f"cannot be written: {error.strerror or error}"
+            raise InputError(what, file=folder.path) from error
+        try:
+            yield folder
+        finally:
+            folder.lock.release()
 
     def open(self, plan: SuitePlan, revision: str, *, resume: bool) -> list[RunRow]:
         """Create the folder, or continue its table with ``resume``; returns the rows in the table.
+
+        Runs that ended without a result are left out: they are driven again.
 
         Raises:
             InputError: the folder cannot be written, is not empty (without ``resume``), or belongs
@@ -69,7 +97,7 @@ class SuiteFolder:
         if resume and self.table.is_file():
             known = self.about()
             self._compare(known.get("content", {}), plan.content)
-            rows = [row for row in read_table(self.table) if row.outcome != "cancelled"]
+            rows = [row for row in read_table(self.table) if row.has_result]
             before = known.get("revisions", [])
             revisions = list(dict.fromkeys([*before, revision]))
             others = known.get("machines", [])
@@ -134,14 +162,30 @@ class SuiteFolder:
             raise InputError(f"{what}{more}; choose another --out", file=self.path)
 
     def _refuse_foreign(self) -> None:
-        if self.path.exists() and not self.path.is_dir():
-            raise InputError("is a file; a suite needs a folder", file=self.path)
         if self.table.is_file():
             what = "contains a table already: continue it with --resume, or choose another --out"
             raise InputError(what, file=self.path)
-        if self.path.is_dir() and any(self.path.iterdir()):
+        if self.path.is_dir() and {file.name for file in self.path.iterdir()} - {
+            self.lock.file.name
+        }:
             raise InputError("is not empty; choose another --out", file=self.path)
 
     def _write(self, name: str, value: Mapping[str, Any]) -> None:
         text = json.dumps(plain_json(value), indent=2, allow_nan=False)
         write_text(self.path / name, text + "\n")
+
+
+def _created(given: Path | None, default: Path) -> Path:
+    """The folder ``given``, created if it is not there, or the first free one by ``default``."""
+    if given is not None:
+        place = output_place(given, "--out", replaced=False)
+        if place.exists() and not place.is_dir():
+            raise InputError("is a file; a suite needs a folder", file=given)
+        place.mkdir(parents=True, exist_ok=True)
+        return given
+    for number in itertools.count(1):
+        place = default if number == 1 else default.with_name(f"{default.name}-{number}")
+        with contextlib.suppress(FileExistsError):
+            place.mkdir(parents=True)
+            return place
+    raise AssertionError("numbers have no end")

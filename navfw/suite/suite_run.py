@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
+from navfw.errors import InputError
+from navfw.interruption import deferred
 from navfw.missions.outcome import Outcome
 from navfw.suite.case import Case, Job, KeptPictures
 from navfw.suite.case_rows import fault_row
@@ -29,11 +31,22 @@ LIMIT = 900.0
 
 @dataclass(frozen=True)
 class SuiteResult:
-    """The rows of a suite in the plan's order, their summary, and whether no run is missing."""
+    """The rows of a suite in the plan's order, their summary, and whether no run is missing.
+
+    ``unsaved`` is why table and summary could not be written at the end; "" if they were.
+    """
 
     rows: tuple[RunRow, ...]
     summary: dict[str, Any]
     complete: bool
+    unsaved: str = ""
+
+    @property
+    def exit_code(self) -> int:
+        """0: all runs have a result; 1: some have none; 3: the table could not be written."""
+        if self.unsaved:
+            return 3
+        return 0 if self.complete and not self.summary["died"] else 1
 
 
 def run_suite(
@@ -49,37 +62,38 @@ def run_suite(
 ) -> SuiteResult:
     """Run all cases of ``plan`` that have no row in ``have`` yet.
 
-    ``on_row`` is called with every run as it ends. A KeyboardInterrupt ends the suite early; the
-    table in ``out`` is valid and contains all runs that have ended.
+    ``on_row`` is called with every run as it ends. Ctrl-C, SIGTERM, or a table that cannot be
+    written end the suite early. The table in ``out`` is valid and contains all runs that have
+    ended, unless it cannot be written (``SuiteResult.unsaved``).
 
     Raises:
-        InputError: the table cannot be written.
         SimulationError: every worker process dies before it completes a run.
 
     """
     table = _TableKeeper(plan, out, have)
     jobs = [Job(case, out.pictures, keep) for case in plan.cases if case.key not in table.rows]
-    interrupted = False
-    try:
-        with WorkerPool(work, max(1, min(workers, len(jobs))), limit) as pool:
-            for job, result in pool.run(jobs):
-                row = _failed_row(job.case, result) if isinstance(result, WorkerFailure) else result
-                if row.outcome == Outcome.CANCELLED:
-                    continue
-                table.add(row)
-                if on_row is not None:
-                    on_row(job.case, row)
-    except KeyboardInterrupt:
-        interrupted = True
-    finally:
-        done = table.finish()
-    assert done.complete or interrupted or not jobs  # noqa: S101 - every job yields a row
+    with deferred():  # the pool alone is interrupted, while it waits for runs
+        try:
+            with WorkerPool(work, max(1, min(workers, len(jobs))), limit) as pool:
+                for job, result in pool.run(jobs):
+                    row = _row(job.case, result)
+                    if row.outcome == Outcome.CANCELLED:
+                        continue
+                    table.add(row)
+                    if on_row is not None:
+                        on_row(job.case, row)
+        except (KeyboardInterrupt, InputError):
+            pass  # the suite is incomplete, and its last result says why it is not saved
+        finally:
+            done = table.finish()
     return done
 
 
-def _failed_row(case: Case, failure: WorkerFailure) -> RunRow:
-    cause = Cause.TOO_LONG if failure.too_long else Cause.PROCESS_DIED
-    return fault_row(case, failure.reason, cause)
+def _row(case: Case, result: RunRow | WorkerFailure) -> RunRow:
+    if isinstance(result, RunRow):
+        return result
+    cause = Cause.TOO_LONG if result.too_long else Cause.PROCESS_DIED
+    return fault_row(case, result.reason, cause)
 
 
 class _TableKeeper:
@@ -88,20 +102,27 @@ class _TableKeeper:
     def __init__(self, plan: SuitePlan, out: SuiteFolder, have: Sequence[RunRow]) -> None:
         self.plan = plan
         self.out = out
+        self._revisions = out.revisions
         self.rows: dict[RunKey, RunRow] = {row.key: row for row in have}
         self._saved = time.monotonic()
 
     def add(self, row: RunRow) -> None:
         self.rows[row.key] = row
         if time.monotonic() - self._saved >= SAVE_PERIOD:
-            self._save()
+            done = self._result()
+            self.out.save(done.rows, done.summary)
+            self._saved = time.monotonic()
 
     def finish(self) -> SuiteResult:
-        done = self._save()
-        self.out.tidy()
+        done = self._result()
+        try:
+            self.out.save(done.rows, done.summary)
+            self.out.tidy()
+        except (InputError, OSError) as error:
+            return replace(done, unsaved=str(error))
         return done
 
-    def _save(self) -> SuiteResult:
+    def _result(self) -> SuiteResult:
         order = {case.key: case.index for case in self.plan.cases}
         # rows of other seeds, from earlier runs of the suite into the same table, come last
         rows = sorted(self.rows.values(), key=lambda row: order.get(row.key, len(order)))
@@ -111,8 +132,6 @@ class _TableKeeper:
             "complete": complete,
             **summarize(rows, self.plan.expect),
             **({"skipped": dict(self.plan.skipped)} if self.plan.skipped else {}),
-            "revisions": self.out.revisions,
+            "revisions": self._revisions,
         }
-        self.out.save(rows, summary)
-        self._saved = time.monotonic()
         return SuiteResult(tuple(rows), summary, complete)

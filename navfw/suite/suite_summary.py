@@ -26,12 +26,13 @@ def summarize(rows: Sequence[RunRow], expect: Mapping[str, Expect] | None = None
     ``success`` is a proportion with its Wilson interval (95 %). SPL, SCT and the BARN score are
     means over all runs, 0 for failures. ``collisions`` is the number of collisions,
     ``collision_rate`` the share of runs with one, ``collisions_by_robot`` the number of runs in
-    which the robot moved into the object, ``plugin_faults`` the number of kinds of plugin faults,
-    summed over the runs. ``mean_time_s`` is over the successful runs. Numbers that no run has are
-    None. With more than one stack, ``by_stack`` has the summary of each. Entries in ``expect`` have
-    ``expect``, the number of runs that ``passed``, and whether the entry ``passes``. With variants,
-    ``by_variant`` replaces ``by_stack``; it has the summary of each variant and of its entries, and
-    ``p`` of McNemar's exact test on success against the first variant.
+    which the robot moved into the object, ``died`` the number of runs whose process ended without a
+    result, ``plugin_faults`` the number of kinds of plugin faults, summed over the runs.
+    ``mean_time_s`` is over the successful runs. Numbers that no run has are None. With more than
+    one stack, ``by_stack`` has the summary of each. Entries in ``expect`` have ``expect``, the
+    number of runs that ``passed``, and whether the entry ``passes``. With variants, ``by_variant``
+    replaces ``by_stack``; it has the summary of each variant and of its entries, and ``p`` of
+    McNemar's exact test on success against the first variant.
     """
     summary = _numbers(rows)
     by_entry = _split(rows, lambda row: row.entry)
@@ -104,6 +105,7 @@ def _numbers(rows: Sequence[RunRow]) -> dict[str, Any]:
         "collisions": sum(row.collisions or 0 for row in rows),
         "collision_rate": len(hit) / count if count else None,
         "collisions_by_robot": sum(row.collision_cause == "robot" for row in hit),
+        "died": sum(row.died for row in rows),
         "plugin_faults": sum(row.plugin_faults or 0 for row in rows),
         "spl": _mean(row.spl or 0.0 for row in rows),
         "sct": _mean(row.sct or 0.0 for row in rows),

@@ -23,6 +23,7 @@ from types import TracebackType
 from typing import Any, Generic, Protocol, Self, TypeVar
 
 from navfw.errors import SimulationError
+from navfw.interruption import interruptible
 
 __all__ = ["WorkerFailure", "WorkerPool", "stop_requested"]
 
@@ -73,12 +74,14 @@ class WorkerPool(Generic[JobT, ResultT]):
     workers: int
     limit: float
     recycle: int = RECYCLE
+    _flag: _Flag = field(init=False)
     _slots: list[_WorkerSlot] = field(init=False, default_factory=list)
     _cleanup: contextlib.ExitStack = field(init=False, default_factory=contextlib.ExitStack)
 
     def __enter__(self) -> Self:
         context = multiprocessing.get_context("spawn")
         stop: _Flag = context.RawValue("b", 0)
+        self._flag = stop
         self._cleanup.enter_context(_single_threaded())
         self._cleanup.callback(setattr, stop, "value", 1)
         self._slots = [_WorkerSlot(context, stop, self.recycle) for _ in range(self.workers)]
@@ -99,27 +102,39 @@ class WorkerPool(Generic[JobT, ResultT]):
 
         Raises:
             SimulationError: several processes have died, and none has completed a job.
+            KeyboardInterrupt: of the user; raised once the workers have stopped, and what they had
+                finished by then has been yielded.
 
         """
         waiting = deque(jobs)
         busy: dict[Future[ResultT], tuple[_WorkerSlot, JobT]] = {}
         idle = list(self._slots)
-        failed, done = 0, 0
-        while waiting or busy:
-            while idle and waiting:
+        failed, done, stopping = 0, 0, False
+        while busy or (waiting and not stopping):
+            while not stopping and idle and waiting:
                 slot, job = idle.pop(), waiting.popleft()
                 busy[slot.submit(self.work, job, self.limit)] = (slot, job)
-            finished, _ = wait(busy, return_when=FIRST_COMPLETED)
+            try:
+                with interruptible():
+                    finished, _ = wait(busy, return_when=FIRST_COMPLETED)
+            except KeyboardInterrupt:
+                stopping = True
+                self._flag.value = 1  # the workers end within GRACE
+                continue
             for future in finished:
                 slot, job = busy.pop(future)
                 idle.append(slot)
                 result = slot.result(future, self.limit)
+                if stopping and isinstance(result, WorkerFailure):
+                    continue
                 failed += isinstance(result, WorkerFailure)
                 done += not isinstance(result, WorkerFailure)
                 if not done and failed > self.workers + 2:
                     assert isinstance(result, WorkerFailure)  # noqa: S101 - all results so far are failures
                     raise SimulationError(f"all worker processes die: {result.reason}")
                 yield job, result
+        if stopping:
+            raise KeyboardInterrupt
 
 
 class _WorkerSlot:

@@ -137,7 +137,7 @@ def test_default_folders_are_numbered(tmp_path: Path, monkeypatch: pytest.Monkey
     monkeypatch.chdir(tmp_path)
     names = []
     for _ in range(2):
-        out = SuiteFolder.choose(None, plan(2), range(2, 3))
-        out.open(plan(2), "abc", resume=False)
-        names.append(str(out.path))
+        with SuiteFolder.claim(None, plan(2), range(2, 3)) as out:
+            out.open(plan(2), "abc", resume=False)
+            names.append(str(out.path))
     assert names == ["runs/rooms-2-3", "runs/rooms-2-3-2"]
