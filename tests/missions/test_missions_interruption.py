@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from navfw.interruption import interrupted, interruptible
+from navfw.interruption import deferred, interrupted, interruptible
 
 
 @pytest.fixture(autouse=True)
@@ -57,3 +57,48 @@ def test_a_thread_other_than_the_main_one_changes_no_handler() -> None:
     thread.start()
     thread.join()
     assert found == [before]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_deferred_signal_waits_for_the_end_or_for_an_interruptible_part(
+    number: signal.Signals,
+) -> None:
+    steps: list[str] = []
+    with pytest.raises(KeyboardInterrupt, match=number.name), interruptible():
+        with deferred():
+            os.kill(os.getpid(), number)
+            steps.append("deferred")
+        steps.append("after")
+    with deferred():
+        os.kill(os.getpid(), number)
+        with pytest.raises(KeyboardInterrupt, match=number.name), interruptible():
+            steps.append("interruptible")
+        with deferred():
+            steps.append("once only")
+    assert steps == ["deferred", "once only"]
+
+
+def test_an_exit_is_not_replaced_by_a_signal_that_waits() -> None:
+    with pytest.raises(SystemExit), deferred():
+        os.kill(os.getpid(), signal.SIGTERM)
+        raise SystemExit(3)
+    with pytest.raises(KeyboardInterrupt), deferred():
+        os.kill(os.getpid(), signal.SIGTERM)
+    with interruptible():
+        assert not interrupted()
+
+
+def test_a_signal_may_come_at_any_moment_of_a_deferred_part() -> None:
+    """Both modes alternate under signals: none is lost, none arrives in a deferred part."""
+    caught, broken = 0, 0
+    for _ in range(200):
+        try:
+            with interruptible(), deferred():
+                try:
+                    os.kill(os.getpid(), signal.SIGTERM)
+                    sum(range(50))
+                except KeyboardInterrupt:
+                    broken += 1
+        except KeyboardInterrupt:
+            caught += 1
+    assert (caught, broken) == (200, 0)

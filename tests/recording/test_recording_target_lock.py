@@ -1,0 +1,187 @@
+"""Outputs are locked while they are written, and what dead processes left is removed."""
+
+from __future__ import annotations
+
+import errno
+import os
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import pytest
+
+from navfw.atomic import AtomicFolder, scratch_folder, write_text
+from navfw.errors import InputError
+from navfw.recording.run_folder import RESULT, RunFolder, read_result
+from navfw.target_lock import TargetInUseError, TargetLock, sweep
+
+PAGE = re.compile("index.md")
+
+HOLDER = """
+import signal, sys
+from pathlib import Path
+from navfw.recording.run_folder import RESULT, RunFolder
+with RunFolder(sys.argv[1], numbered=len(sys.argv) > 2) as folder:
+    folder.write_json(RESULT, {"text": "of the other process"})
+    print("ready", flush=True)
+    signal.pause()
+"""
+
+
+def holder(target: Path, *words: str) -> subprocess.Popen[str]:
+    """Another process that is writing a run folder, and does not end by itself."""
+    process = subprocess.Popen(  # noqa: S603 - this Python, words of our own
+        [sys.executable, "-c", HOLDER, str(target), *words], stdout=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "ready\n"
+    return process
+
+
+def kill(process: subprocess.Popen[str]) -> None:
+    process.send_signal(signal.SIGKILL)
+    process.communicate(timeout=60)
+
+
+def written(target: Path, *, numbered: bool = False) -> Path:
+    with RunFolder(target, numbered=numbered) as folder:
+        folder.write_json(RESULT, {"text": "one"})
+    assert folder.final is not None
+    return folder.final
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(entry.name for entry in folder.iterdir())
+
+
+def test_a_folder_in_use_is_refused_or_numbered_and_swept_after_kill_9(tmp_path: Path) -> None:
+    other = holder(tmp_path / "run")
+    try:
+        with pytest.raises(TargetInUseError, match="another process"), RunFolder(tmp_path / "run"):
+            pass
+        assert written(tmp_path / "run", numbered=True) == tmp_path / "run-2"
+        left = {".run.navfw-lock", ".run.navfw-part"}
+        assert left < set(names(tmp_path)), "the folder of a live process has been swept"
+    finally:
+        kill(other)
+    assert left < set(names(tmp_path))
+    written(tmp_path / "other")  # any start in the folder sweeps
+    assert names(tmp_path) == ["other", "run-2"]
+    assert written(tmp_path / "run") == tmp_path / "run"
+
+
+def test_what_cannot_be_proved_to_be_left_over_stays(tmp_path: Path) -> None:
+    mine = tmp_path / ".run.navfw-part"
+    mine.mkdir()
+    (mine / "notes.txt").touch()
+    (tmp_path / ".linked.navfw-lock").symlink_to(tmp_path / "elsewhere")
+    sweep(tmp_path)
+    assert names(tmp_path) == [".linked.navfw-lock", ".run.navfw-part"]
+    with pytest.raises(InputError, match="File exists"), RunFolder(tmp_path / "run"):
+        pass
+    assert names(mine) == ["notes.txt"]
+
+
+def test_a_process_killed_between_both_renames_leaves_the_earlier_run(tmp_path: Path) -> None:
+    written(tmp_path / "run")
+    lock = TargetLock(tmp_path / "run")
+    lock.file.touch()
+    lock.part.mkdir()
+    (tmp_path / "run").rename(lock.old)
+    sweep(tmp_path)
+    assert names(tmp_path) == ["run"]
+    assert read_result(tmp_path / "run") == {"text": "one"}
+
+
+def test_a_lock_is_exclusive_in_one_process_and_reusable(tmp_path: Path) -> None:
+    for _ in range(2):
+        with TargetLock(tmp_path / "a"), pytest.raises(TargetInUseError):
+            TargetLock(tmp_path / "a").acquire()
+    assert names(tmp_path) == []
+
+
+def test_links_are_followed_and_dangling_ones_refused(tmp_path: Path) -> None:
+    real = written(tmp_path / "real")
+    (tmp_path / "link").symlink_to(real)
+    assert written(tmp_path / "link") == tmp_path / "link"
+    assert (tmp_path / "link").is_symlink()
+    assert names(tmp_path) == ["link", "real"]
+    (tmp_path / "dangling").symlink_to(tmp_path / "none")
+    with pytest.raises(InputError, match=r"a link to .*none, which does not exist"):
+        RunFolder(tmp_path / "dangling")
+    with pytest.raises(InputError, match=r"a link to .*none, which does not exist"):
+        AtomicFolder(tmp_path / "dangling", PAGE, "--out")
+    with pytest.raises(InputError, match=r"a link to .*none, which does not exist"):
+        write_text(tmp_path / "dangling", "text")
+    (tmp_path / "to-a-file").symlink_to(real / RESULT)
+    with pytest.raises(InputError, match="is a file"):
+        RunFolder(tmp_path / "to-a-file")
+
+
+def test_devices_mount_points_and_read_only_folders_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="not a regular file"):
+        write_text(Path("/dev/null"), "text")
+    with pytest.raises(InputError, match="is a mount point"):
+        RunFolder("/")
+    if os.getuid() == 0:
+        return  # root may write anywhere
+    tmp_path.chmod(0o500)
+    with pytest.raises(InputError, match="Permission denied"), RunFolder(tmp_path / "run"):
+        pass
+
+
+def test_a_run_whose_target_was_taken_is_kept_beside(tmp_path: Path) -> None:
+    target = written(tmp_path / "run")
+    folder = RunFolder(target)
+    with pytest.raises(InputError, match=r"contains 'notes.*the run is in .*run-2"), folder:
+        folder.write_json(RESULT, {"text": "two"})
+        (target / "notes.txt").touch()
+    assert folder.final == tmp_path / "run-2"
+    assert read_result(tmp_path / "run-2") == {"text": "two"}
+    assert names(tmp_path) == ["run", "run-2"]
+
+
+def test_a_full_disk_is_an_error_that_names_the_target(tmp_path: Path) -> None:
+    out = tmp_path / "page"
+    full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    with (
+        pytest.raises(InputError, match=r"page: cannot be written: No space"),
+        AtomicFolder(out, PAGE, "--out"),
+    ):
+        raise full
+    with pytest.raises(FileNotFoundError), AtomicFolder(out, PAGE, "--out"):
+        raise FileNotFoundError  # an error of the program stays what it is
+    assert names(tmp_path) == []
+
+
+def test_a_folder_is_written_to_the_place_of_the_start(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "start").mkdir()
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "start")
+    with RunFolder("run") as folder:
+        folder.write_json(RESULT, {})
+        monkeypatch.chdir(tmp_path / "elsewhere")
+    assert names(tmp_path / "start") == ["run"]
+    assert names(tmp_path / "elsewhere") == []
+
+
+def test_scratch_folders_of_dead_processes_are_removed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    with scratch_folder("robot") as mine:
+        assert mine.is_dir()
+        dead = TargetLock(tmp_path / "navfw-robot-dead")
+        dead.file.touch()
+        dead.part.mkdir()
+        (dead.part / "robot.urdf").touch()
+        with scratch_folder("textures") as other:
+            assert mine.is_dir()
+            assert not dead.part.exists()
+            assert other.stat().st_mode & 0o777 == 0o700
+    assert names(tmp_path) == []
