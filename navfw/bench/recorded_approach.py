@@ -16,13 +16,18 @@ from typing import Any
 import cv2
 import numpy as np
 
+from navfw.config.image_file import read_image
+from navfw.config.input_file import is_file, open_input
 from navfw.errors import ConfigError
 from navfw.flow.block_matching import BlockMatching
 from navfw.flow.divergence import ContactFilter, Expansion, fit_expansion
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Array, CameraMotion, Frame, FramePair, Image
 
-__all__ = ["bench_approach", "contact_times", "read_image"]
+__all__ = ["bench_approach", "contact_times", "read_grey"]
+
+_MAX_TIMES = 1_000_000
+"""Largest size of the file of times [byte]; the original has 1 kB."""
 
 ZOOM_FROM = 0.05
 """Expected relative growth of the image between two frames above which the past frame is magnified
@@ -105,22 +110,20 @@ def _paired(folder: Path) -> tuple[list[Image], Array, float, int]:
     Frame k has the time of index k (from 0): the first time, at the start, and the last, at the
     impact, have no frame. ``pairing_offset_frames`` confirms this assignment from the images.
     """
-    from scipy.io import loadmat
-
     named = {}
     for file in folder.glob("image_*.jpg"):
         number = re.fullmatch(r"image_(\d+)", file.stem)
         if number:
             named[int(number[1])] = file
-    if not named or not (folder / "TTI.mat").is_file():
+    if not named or not is_file(folder / "TTI.mat"):
         raise ConfigError("expected image_1.jpg, image_2.jpg, ... and TTI.mat", file=folder)
-    values = np.asarray(loadmat(folder / "TTI.mat")["TTI"], dtype=np.float64).ravel()
+    values = _recorded_times(folder / "TTI.mat")
     numbers = sorted(named)
     if numbers != list(range(1, len(numbers) + 1)) or numbers[-1] >= len(values):
         raise ConfigError(
             f"{len(values)} times do not go with frames {numbers[0]} to {numbers[-1]}", file=folder
         )
-    images = [read_image(named[number]) for number in numbers]
+    images = [read_grey(named[number]) for number in numbers]
     return images, values[numbers], float(np.median(-np.diff(values))), len(values)
 
 
@@ -190,14 +193,22 @@ def _listed(values: Array) -> list[float | None]:
     return [float(v) if math.isfinite(v) else None for v in values]
 
 
-def read_image(file: Path) -> Image:
+def _recorded_times(file: Path) -> Array:
+    """The times to impact (n,) [s] in a file of MATLAB."""
+    from scipy.io import loadmat
+
+    with open_input(file, _MAX_TIMES) as stream:
+        try:
+            return np.asarray(loadmat(stream)["TTI"], dtype=np.float64).ravel()
+        except Exception as error:  # a damaged file makes scipy raise errors of many kinds
+            raise ConfigError(f"expected times to impact, TTI: {error}", file=file) from None
+
+
+def read_grey(file: Path) -> Image:
     """Luminance (height, width) of an image file.
 
     Raises:
         ConfigError: the file is no readable image.
 
     """
-    image = cv2.imread(str(file), cv2.IMREAD_GRAYSCALE)
-    if image is None:
-        raise ConfigError("is no readable image", file=file)
-    return np.asarray(image, dtype=np.uint8)
+    return read_image(file, cv2.IMREAD_GRAYSCALE).astype(np.uint8, copy=False)

@@ -17,12 +17,18 @@ import numpy as np
 import numpy.typing as npt
 
 from navfw.bench.flow_pairs import TruePair
-from navfw.bench.recorded_approach import read_image
+from navfw.bench.recorded_approach import read_grey
+from navfw.config.image_file import read_image
+from navfw.config.input_file import is_file, read_input_text
 from navfw.errors import ConfigError
 from navfw.robot import CameraModel
 from navfw.signals import Array, CameraMotion, Frame, FramePair, Image
 
 __all__ = ["FR1_DISTORTION", "FR1_MATRIX", "TumRecording", "tum_camera", "tum_pairs"]
+
+_MAX_LIST = 50_000_000
+"""Largest size of a list of images or poses [byte]; those of freiburg1 have 0.3 MB."""
+_POSE_COLUMNS = 8
 
 FR1_MATRIX = np.array([[517.3, 0.0, 318.6], [0.0, 516.5, 255.3], [0.0, 0.0, 1.0]])
 """Intrinsic matrix [px] of the colour camera of the freiburg1 sequences, at 640 x 480."""
@@ -48,7 +54,7 @@ def tum_pairs(
     recorded = TumRecording(Path(folder)) if recorded is None else recorded
     camera = tum_camera(size)
     posed = recorded.images
-    images = [_rectified(read_image(image.colour), camera) for image in posed]
+    images = [_rectified(read_grey(image.colour), camera) for image in posed]
     for k in range(1, len(posed)):
         past, now = posed[k - 1], posed[k]
         motion = CameraMotion(
@@ -110,19 +116,22 @@ class TumRecording:
 
 def _listing(folder: Path, name: str) -> list[tuple[float, Path]]:
     """Time stamps [s] and existing files of an index file."""
-    try:
-        lines = (folder / name).read_text(encoding="utf-8").splitlines()
-    except OSError as error:
-        raise ConfigError(f"expected {name}: {error.strerror}", file=folder) from None
+    lines = read_input_text(folder / name, _MAX_LIST).splitlines()
     pairs = [line.split() for line in lines if line and not line.startswith("#")]
-    return [(float(t), folder / f) for t, f in pairs if (folder / f).is_file()]
+    try:
+        return [(float(t), folder / f) for t, f in pairs if is_file(folder / f)]
+    except ValueError as error:
+        raise ConfigError(f"expected lines of time, file: {error}", file=folder / name) from None
 
 
 def _poses(file: Path) -> Array:
     """(n, 8): time [s], position [m], quaternion (x, y, z, w), in order of time."""
+    lines = read_input_text(file, _MAX_LIST).splitlines()
     try:
-        poses = np.loadtxt(file, comments="#", ndmin=2, dtype=np.float64)
-    except (OSError, ValueError) as error:
+        poses = np.loadtxt(lines, comments="#", ndmin=2, dtype=np.float64)
+        if poses.shape[1] != _POSE_COLUMNS:
+            raise ValueError(f"{poses.shape[1]} columns")
+    except ValueError as error:
         raise ConfigError(
             f"expected lines of time, place, quaternion: {error}", file=file
         ) from None
@@ -160,7 +169,7 @@ def _registered_depth(image: _PosedImage, camera: CameraModel) -> npt.NDArray[np
     The depth image was taken slightly earlier or later: its points are transformed to the pose of
     the colour image. Where several points fall into one pixel, the nearest is kept.
     """
-    measured = np.asarray(cv2.imread(str(image.depth), cv2.IMREAD_UNCHANGED), dtype=np.float64)
+    measured = np.asarray(read_image(image.depth, cv2.IMREAD_UNCHANGED), dtype=np.float64)
     measured /= DEPTH_UNIT
     rows, columns = np.nonzero(measured > 0.0)
     pixels = np.stack([columns, rows], axis=-1).astype(np.float64)

@@ -10,13 +10,12 @@ ran, but its results could not be written completely.
 from __future__ import annotations
 
 import importlib
-import io
-import sys
 from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
 
+from navfw.cli.standard_streams import standard_streams
 from navfw.errors import InputError, NavfwError
 from navfw.interruption import interruptible
 
@@ -89,7 +88,5 @@ for _module in COMMANDS:
 
 def main() -> None:
     """The console script; exits with navfw's exit code."""
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="replace")  # for terminals without Unicode
-    app()
+    with standard_streams():
+        app()

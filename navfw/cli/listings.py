@@ -110,7 +110,7 @@ def _describe(found: NamedFile) -> Row:
 
 def _rows(files: Iterable[NamedFile], *readers: Callable[[NamedFile], Row]) -> list[Row]:
     """A row per file; the row of an invalid file holds its error."""
-    from navfw.config.document import shown_path
+    from navfw.config.input_file import shown_path
     from navfw.errors import InputError
 
     rows = []

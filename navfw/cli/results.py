@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from navfw.cli.output import print_status
+from navfw.config.input_file import is_file, is_folder, read_input_text
 from navfw.errors import InputError
 
 __all__ = ["add_to"]
@@ -61,14 +62,14 @@ def write(
 ) -> None:
     """Write FOLDER.md from the template and the results, and the marked tables of the README."""
     from navfw.atomic import write_text
-    from navfw.results.results_page import current_pages
+    from navfw.results.results_page import MAX_PAGE, current_pages
 
     _check(folder)
     pages = current_pages(folder)
     old = [
         page
         for page, text in pages.items()
-        if not page.is_file() or page.read_text(encoding="utf-8") != text
+        if not is_file(page) or read_input_text(page, MAX_PAGE) != text
     ]
     for page in old:
         if not check:
@@ -80,6 +81,6 @@ def write(
 
 
 def _check(folder: Path) -> None:
-    if not folder.is_dir():
+    if not is_folder(folder):
         what = "there is no such folder; name the folder of results with --folder"
         raise InputError(what, file=folder)

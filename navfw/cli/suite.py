@@ -133,10 +133,11 @@ def compare(
     json: Json = False,
 ) -> None:
     """Compare two tables run by run."""
+    from navfw.config.input_file import is_folder
     from navfw.suite.paired_comparison import compare_tables, of_variant
     from navfw.suite.run_table import read_table
 
-    first, second = (read_table(path / "table.csv" if path.is_dir() else path) for path in (a, b))
+    first, second = (read_table(path / "table.csv" if is_folder(path) else path) for path in (a, b))
     found = compare_tables(of_variant(first, variant_a), of_variant(second, variant_b))
     if json:
         print_json(found)

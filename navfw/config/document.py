@@ -14,18 +14,18 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from ruamel.yaml.reader import ReaderError
 
-from navfw.errors import ConfigError, did_you_mean
+from navfw.config.input_file import read_input_text, shown_path
+from navfw.errors import ConfigError
 
 __all__ = [
+    "MAX_BYTES",
     "Data",
     "KeyPath",
     "Origin",
     "YamlDocument",
     "key_text",
     "load_yaml",
-    "no_such_file",
     "parse_yaml",
-    "shown_path",
 ]
 
 KeyPath: TypeAlias = tuple[str | int, ...]
@@ -33,6 +33,9 @@ KeyPath: TypeAlias = tuple[str | int, ...]
 
 Data: TypeAlias = Any
 """Data of a YAML file: None, bool, int, float, str, lists of these and dicts with str keys."""
+
+MAX_BYTES = 1_000_000
+"""Largest size of a file [byte], except for maps."""
 
 MAX_NODES = 300_000
 """Largest number of values in a file; a value counts again for each alias that repeats it.
@@ -111,7 +114,7 @@ def key_text(path: KeyPath) -> str:
     return text
 
 
-def load_yaml(path: str | Path, max_bytes: int = 1_000_000) -> YamlDocument:
+def load_yaml(path: str | Path, max_bytes: int = MAX_BYTES) -> YamlDocument:
     """Read the YAML mapping in ``path``; nothing in the file is ever executed.
 
     Raises:
@@ -119,26 +122,8 @@ def load_yaml(path: str | Path, max_bytes: int = 1_000_000) -> YamlDocument:
             not YAML, empty, not a mapping, or it repeats a key.
 
     """
-    path = Path(path)
-    name = shown_path(path)
-    try:
-        if not path.is_file():
-            raise no_such_file(path)
-        with path.open("rb") as stream:
-            raw = stream.read(max_bytes + 1)
-    except (OSError, ValueError) as error:  # ValueError: a null byte in the path
-        reason = error.strerror if isinstance(error, OSError) else error
-        raise ConfigError(f"cannot read the file: {reason}", file=name) from None
-    if len(raw) > max_bytes:
-        raise ConfigError(f"the file is too large: at most {max_bytes} bytes are read", file=name)
-    try:
-        text = raw.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = raw.count(b"\n", 0, error.start) + 1
-        raise ConfigError(
-            f"expected UTF-8 text, got byte 0x{raw[error.start]:02x}", file=name, line=line
-        ) from None
-    document = parse_yaml(text, name)
+    name = shown_path(Path(path))
+    document = parse_yaml(read_input_text(path, max_bytes), name)
     if document.data is None:
         raise ConfigError("the file is empty; expected a mapping ('key: value' lines)", file=name)
     if not isinstance(document.data, dict):
@@ -182,29 +167,6 @@ def parse_yaml(text: str, file: str | None = None) -> YamlDocument:
     builder = _NodeConverter(yaml, file)
     data = builder.build(root, (), root.start_mark.line + 1)
     return YamlDocument(file, data, MappingProxyType(builder.origins))
-
-
-def shown_path(path: Path) -> str:
-    """``path`` as error messages show it: relative to the working folder when it is inside."""
-    try:
-        return str(path.absolute().relative_to(Path.cwd()))
-    except (ValueError, OSError):
-        return str(path)
-
-
-def no_such_file(path: Path) -> ConfigError:
-    """The error for a ``path`` that is no regular file; names the nearest YAML file."""
-    name = shown_path(path)
-    if path.is_dir():
-        return ConfigError("expected a file, got a folder", file=name)
-    if path.exists():
-        return ConfigError("expected a regular file", file=name)
-    siblings: list[str] = []
-    if path.parent.is_dir():
-        siblings = [p.name for p in path.parent.iterdir() if p.suffix in {".yaml", ".yml"}]
-    near = did_you_mean(path.name, siblings)
-    hint = f"; {near}" if near.startswith("did") else ""
-    return ConfigError(f"there is no such file{hint}", file=name)
 
 
 class _NodeConverter:

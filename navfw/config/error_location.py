@@ -7,6 +7,7 @@ model, data and location together, and so tells labels from keys.
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, get_args, get_origin, get_type_hints
@@ -179,13 +180,15 @@ def _members(expected: ExpectedType) -> list[Any]:
     return [m for m in members if m is not type(None)]
 
 
-def _hinted(origin: Any) -> dict[str, ExpectedType]:
+@functools.cache
+def _hinted(origin: Any) -> Mapping[str, ExpectedType]:
     """The fields of a dataclass or named tuple."""
     hints = get_type_hints(origin, include_extras=True)
     return {name: ExpectedType(hint) for name, hint in hints.items()}
 
 
-def _fields(model: type[BaseModel]) -> dict[str, ExpectedType]:
+@functools.cache
+def _fields(model: type[BaseModel]) -> Mapping[str, ExpectedType]:
     fields: dict[str, ExpectedType] = {}
     for name, info in model.model_fields.items():
         alias = info.validation_alias if isinstance(info.validation_alias, str) else info.alias

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, TypeAlias
 
-from navfw.config.document import no_such_file
+from navfw.config.input_file import is_file, no_such_file, read_input_text
 from navfw.config.ownership import own_folders
 from navfw.errors import ConfigError, UnknownNameError
 
@@ -41,6 +41,8 @@ __all__ = [
 Kind: TypeAlias = Literal["world", "map", "stack", "mission"]
 _SUFFIXES = {".yaml", ".yml"}
 _PACKAGE = Path(__file__).parents[1]
+_MAX_PROJECT = 500_000
+"""Largest size of a ``pyproject.toml`` [byte]."""
 
 
 @dataclass(frozen=True)
@@ -80,19 +82,20 @@ def project_folder(start: Path | None = None) -> Path | None:
 
 def _is_project(folder: Path) -> bool:
     try:
-        if (folder / "navfw.toml").is_file():
+        if is_file(folder / "navfw.toml"):
             return True
-        text = (folder / "pyproject.toml").read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError):
+        text = read_input_text(folder / "pyproject.toml", _MAX_PROJECT)
+    except ConfigError:
         return False
     if "navfw" not in text:
         return False
     try:
         tool = tomllib.loads(text).get("tool", {})
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:  # also an integer of thousands of digits
         if "tool.navfw" not in text:
             return False
-        raise ConfigError(f"not valid TOML: {error}", file=folder / "pyproject.toml") from None
+        reason = "nested too deeply" if isinstance(error, RecursionError) else error
+        raise ConfigError(f"not valid TOML: {reason}", file=folder / "pyproject.toml") from None
     return isinstance(tool, dict) and "navfw" in tool
 
 
@@ -145,7 +148,7 @@ def list_worlds() -> list[NamedFile]:
         NamedFile(file.parent.name, file, part.source)
         for part in _data_folders()
         for file in sorted(part.worlds.glob("*/world.yaml"))
-        if not file.parent.name.startswith((".", "_"))
+        if is_file(file) and not file.parent.name.startswith((".", "_"))
     )
 
 
@@ -237,11 +240,11 @@ def _as_path(kind: Kind, name: str | Path, base: Path | None) -> Path | None:
     path = (base or Path()) / name
     text = str(name)
     looks_like_path = path.suffix in _SUFFIXES or "/" in text or "\\" in text
-    if kind == "world" and (path / "world.yaml").is_file():
+    if kind == "world" and is_file(path / "world.yaml"):
         return path / "world.yaml"
     if not looks_like_path:
         return None
-    if not path.is_file():
+    if not is_file(path):
         raise no_such_file(path)
     return path
 
@@ -255,7 +258,7 @@ def _pick(what: str, name: str, known: list[NamedFile]) -> Path:
 
 def _yaml_files(folder: Path, source: Literal["project", "shipped"]) -> Iterator[NamedFile]:
     for file in sorted(folder.glob("*.yaml")):
-        if not file.name.startswith((".", "_")):
+        if is_file(file) and not file.name.startswith((".", "_")):
             yield NamedFile(file.stem, file, source)
 
 

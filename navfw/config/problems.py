@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sized
+import dataclasses
+from collections.abc import Iterator, Mapping, Sequence, Sized
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,7 +15,10 @@ from navfw.config.error_location import ErrorLocation, ExpectedType, locate
 from navfw.config.type_descriptions import choices_of, members_of
 from navfw.errors import ConfigError, did_you_mean
 
-__all__ = ["FileProblem", "config_error", "problems_of", "shown"]
+__all__ = ["MAX_TOLD", "FileProblem", "config_error", "problems_of", "shown"]
+
+MAX_TOLD = 50
+"""Largest number of problems that one error tells; the others are counted."""
 
 
 @dataclass(frozen=True)
@@ -37,11 +41,17 @@ class FileProblem:
         return self.origin.option or key_text(self.path)
 
 
-def config_error(problems: list[FileProblem]) -> ConfigError:
-    """One error for all ``problems`` (at least one), one per line, in the order of the file."""
-    ordered = sorted(problems, key=lambda p: (p.origin.option is not None, p.origin.line or 0))
-    first, *others = ordered
-    message = "\n".join([first.message, *(str(other.error()) for other in others)])
+def config_error(problems: Sequence[FileProblem]) -> ConfigError:
+    """One error for ``problems`` (at least one), one per line, in the order of the file.
+
+    The first ``MAX_TOLD`` are told, the others counted.
+    """
+    ordered = sorted(problems, key=_order)
+    first, *others = ordered[:MAX_TOLD]
+    lines = [first.message, *(str(other.error()) for other in others)]
+    if len(ordered) > MAX_TOLD:
+        lines.append(f"and {len(ordered) - MAX_TOLD} more")
+    message = "\n".join(lines)
     return ConfigError(
         message, file=first.origin.file, line=first.origin.line, key=first.key or None
     )
@@ -50,30 +60,53 @@ def config_error(problems: list[FileProblem]) -> ConfigError:
 def problems_of(
     error: ValidationError, document: YamlDocument, model: type[BaseModel], at: KeyPath = ()
 ) -> list[FileProblem]:
-    """The problems in ``error``, from validating ``document`` at path ``at`` as ``model``."""
+    """The problems in ``error``, from validating ``document`` at path ``at`` as ``model``.
+
+    They are in the order of the file. Only the first ``MAX_TOLD`` are worded: comparing an unknown
+    key with the known ones takes a millisecond, and a file may have thousands. The others have
+    pydantic's message.
+    """
     data = document.at(at)
     found: list[tuple[ErrorDetails, ErrorLocation]] = [
         (detail, locate(detail["loc"], {} if data is None else data, model))
         for detail in error.errors(include_url=False)
         if not _is_echo(detail)
     ]
-    problems: list[FileProblem] = []
+    unworded: list[tuple[FileProblem, ErrorDetails, ErrorLocation]] = []
     for detail, location in _resolve_unions(found):
         path = (*at, *location.path)
         if detail["type"] == "union_tag_invalid":
             path = (*path, location.tag_key)
-        message = _message(detail, location)
-        origin = document.origin_of(path)
-        if origin.option is not None:
-            key = key_text(path)
-            given = origin.option.removeprefix("--set ").partition("=")[0]
-            message = message if given == key else f"{key}: {message}"
+        unworded.append(
+            (FileProblem(path, detail["msg"], document.origin_of(path)), detail, location)
+        )
+    unworded.sort(key=lambda item: _order(item[0]))
+    problems: dict[FileProblem, None] = {}  # an ordered set
+    for problem, detail, location in unworded:
+        if len(problems) < MAX_TOLD:
+            message = _located_message(document, problem, detail, location)
+            problems[dataclasses.replace(problem, message=message)] = None
         else:
-            message += _responsible_options(document, path, detail)
-        problem = FileProblem(path, message, origin)
-        if problem not in problems:
-            problems.append(problem)
-    return problems
+            problems[problem] = None
+    return list(problems)
+
+
+def _order(problem: FileProblem) -> tuple[bool, int]:
+    """The order in which problems are told: by lines of the file, then options."""
+    return problem.origin.option is not None, problem.origin.line or 0
+
+
+def _located_message(
+    document: YamlDocument, problem: FileProblem, detail: ErrorDetails, location: ErrorLocation
+) -> str:
+    """The message for ``problem``, with the option of the command line that is its cause."""
+    message = _message(detail, location)
+    option = problem.origin.option
+    if option is None:
+        return message + _responsible_options(document, problem.path, detail)
+    key = key_text(problem.path)
+    given = option.removeprefix("--set ").partition("=")[0]
+    return message if given == key else f"{key}: {message}"
 
 
 def _is_echo(detail: ErrorDetails) -> bool:

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from pydantic import Field
 
-from navfw.errors import ConfigError
+from navfw.config.image_file import read_image
 from navfw.features.square_localization import is_upright, landmark_sizes, square_detection
 from navfw.interfaces import FeatureRecognizer
 from navfw.landmark_appearance import poster_image
@@ -78,7 +78,7 @@ class Posters(FeatureRecognizer):
             nfeatures=_TEMPLATE_FEATURES, edgeThreshold=12, fastThreshold=10
         )
         self._matcher = cv2.BFMatcher(cv2.NORM_HAMMING)
-        self._own = {number: _read(file) for number, file in self.params.images.items()}
+        self._own = {number: _picture(file) for number, file in self.params.images.items()}
         self._templates: dict[int, _PosterTemplate] = {}
         self._sizes: Mapping[int, float] = {}
         self._wanted: tuple[_PosterTemplate, ...] = ()
@@ -171,25 +171,6 @@ def _plausible(corners: Array) -> bool:
     return bool(sides and min(left, right) > 10.0)
 
 
-def _read(file: str) -> Image:
-    """A picture from a file, as luminance.
-
-    Raises:
-        ConfigError: there is no such file, it is too large, or not a picture.
-
-    """
-    from pathlib import Path
-
-    path = Path(file)
-    try:
-        size = path.stat().st_size
-    except OSError as error:
-        raise ConfigError(
-            f"the poster's picture cannot be read: {error.strerror}", file=path
-        ) from error
-    if size > _MAX_BYTES:
-        raise ConfigError(f"the poster's picture has {size} bytes, at most {_MAX_BYTES}", file=path)
-    picture = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
-    if picture is None:
-        raise ConfigError("not a picture that OpenCV reads; give a PNG or JPEG file", file=path)
-    return picture.astype(np.uint8, copy=False)
+def _picture(file: str) -> Image:
+    """The luminance of a picture in a file; raises ConfigError."""
+    return read_image(file, cv2.IMREAD_GRAYSCALE, _MAX_BYTES).astype(np.uint8, copy=False)

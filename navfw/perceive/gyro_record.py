@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -10,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from navfw.config.input_file import read_input_text
 from navfw.errors import InputError, did_you_mean
 from navfw.signals import Array
 
@@ -21,7 +23,8 @@ COLUMNS = ("time", "yaw_rate", "pitch_rate", "roll_rate")
 RATES = COLUMNS[1:]
 _ALIASES = {"t": "time", "yaw": "yaw_rate", "pitch": "pitch_rate", "roll": "roll_rate"}
 _FASTEST = 50.0  # rad/s: above the range of gyros; larger values are probably degrees per second
-_MAX_BYTES = 200_000_000
+_MAX_BYTES = 50_000_000
+"""Largest size of a record [byte]: 15 minutes of readings at 1 kHz."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,19 +133,14 @@ def load_gyro_record(path: Path) -> GyroRecord:
 
 def _rows(path: Path) -> Iterator[tuple[int, list[str]]]:
     """Line number and cells of each line that is neither empty nor a comment."""
+    reader = csv.reader(io.StringIO(read_input_text(path, _MAX_BYTES), newline=""))
     try:
-        if path.stat().st_size > _MAX_BYTES:
-            raise InputError(f"is larger than {_MAX_BYTES} bytes", file=path)
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            reader = csv.reader(file)
-            for row in reader:
-                cells = [cell.strip() for cell in row]
-                if any(cells) and not cells[0].startswith("#"):
-                    yield reader.line_num, cells
-    except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror or error}", file=path) from error
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"is not a CSV file: {error}", file=path) from error
+        for row in reader:
+            cells = [cell.strip() for cell in row]
+            if any(cells) and not cells[0].startswith("#"):
+                yield reader.line_num, cells
+    except csv.Error as error:
+        raise InputError(f"is not a CSV file: {error}", file=path, line=reader.line_num) from None
 
 
 def _columns(path: Path, line: int, row: list[str]) -> tuple[list[str], bool]:

@@ -15,6 +15,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from navfw.config.image_file import MAX_PIXELS, read_image
+from navfw.config.input_file import is_file, is_folder, no_such_file, open_input, shown_path
 from navfw.errors import InputError
 from navfw.signals import Image
 
@@ -37,6 +39,9 @@ VIDEOS = frozenset({".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".m
 FRAME_RATE = 10.0
 """Frame rate assumed if none is known [1/s]."""
 _FRAME_RATES = (0.01, 10_000.0)
+_MAX_VIDEO = 20_000_000_000
+"""Largest size of a video file [byte]; it is read frame by frame."""
+_FRAME_SIZE = (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,16 +111,20 @@ class _Files(ImageSource):
 
     def _items(self) -> Iterator[SourceImage]:
         for path, time in zip(self._paths, self._times, strict=True):
-            yield SourceImage(path.name, time, _read_image(path))
+            yield SourceImage(path.name, time, np.asarray(read_image(path), np.uint8))
 
 
 class _Video(ImageSource):
     def __init__(self, path: Path, fps: float | None) -> None:
         self._path = path
-        with _silent():
+        with open_input(path, _MAX_VIDEO), _silent():
             self._film = cv2.VideoCapture(str(path))
-        if not self._film.isOpened():
-            raise InputError("is not a readable video", file=path)
+        width, height = (self._film.get(side) for side in _FRAME_SIZE)
+        if not (self._film.isOpened() and width * height > 0.0):
+            raise InputError("is not a readable video or image", file=shown_path(path))
+        if width * height > MAX_PIXELS:
+            what = f"the video's frames are too large: {width:.0f} x {height:.0f} pixels"
+            raise InputError(f"{what}, at most {MAX_PIXELS}", file=shown_path(path))
         rate, notes = fps, []
         if rate is None:
             rate = float(self._film.get(cv2.CAP_PROP_FPS))
@@ -162,12 +171,12 @@ def open_source(paths: Sequence[Path], fps: float | None = None) -> ImageSource:
     if fps is not None and not low <= fps <= high:
         raise InputError(f"must be between {low:g} and {high:g}, got {fps:g}", key="--fps")
     for path in paths:
-        if not path.exists():
-            raise InputError("no such file or folder", file=path)
-    if len(paths) == 1 and paths[0].is_dir():
+        if not is_file(path) and not is_folder(path):
+            raise no_such_file(path)
+    if len(paths) == 1 and is_folder(paths[0]):
         return _Files(_images_in(paths[0]), fps, f"the folder {paths[0]}")
     for path in paths:
-        if path.is_dir():
+        if is_folder(path):
             raise InputError("give one folder, or image files, not both", file=path)
     if len(paths) == 1 and paths[0].suffix.lower() not in IMAGES:
         return _Video(paths[0], fps)
@@ -190,11 +199,14 @@ def natural_key(path: Path) -> list[tuple[int, int, str]]:
 
 
 def _images_in(folder: Path) -> list[Path]:
-    entries = [entry for entry in folder.iterdir() if not entry.name.startswith(".")]
-    images = [e for e in entries if e.is_file() and e.suffix.lower() in IMAGES]
+    try:
+        entries = [entry for entry in folder.iterdir() if not entry.name.startswith(".")]
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", file=folder) from None
+    images = [e for e in entries if is_file(e) and e.suffix.lower() in IMAGES]
     if images:
         return sorted(images, key=natural_key)
-    others = sorted(e.name for e in entries if e.is_dir() or e.suffix.lower() in VIDEOS)
+    others = sorted(e.name for e in entries if is_folder(e) or e.suffix.lower() in VIDEOS)
     hint = f"; did you mean one of: {', '.join(others[:5])}?" if others else ""
     raise InputError(f"contains no images{hint}", file=folder)
 
@@ -207,19 +219,6 @@ def _times_in_names(paths: Sequence[Path]) -> list[float] | None:
     times = [stamp - stamps[0] for stamp in stamps]
     ascending = all(b > a for a, b in itertools.pairwise(times))
     return times if ascending else None
-
-
-def _read_image(path: Path) -> Image:
-    try:
-        data = np.fromfile(path, dtype=np.uint8)
-        image = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
-    except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror or error}", file=path) from error
-    except cv2.error as error:
-        raise InputError("is too large or damaged", file=path) from error
-    if image is None:
-        raise InputError("is not a readable image", file=path)
-    return np.asarray(image, dtype=np.uint8)
 
 
 @contextlib.contextmanager

@@ -15,7 +15,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, TypeVar
 
-from navfw.config.document import shown_path
+from navfw.config.input_file import shown_path
 from navfw.errors import PluginError, did_you_mean
 from navfw.interfaces import Plugin
 from navfw.plugins.verification import find_problems, kind_of, verify

@@ -10,7 +10,7 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any, cast
 
-from navfw.config.document import shown_path
+from navfw.config.input_file import shown_path
 from navfw.config.lookup import plugin_folders
 from navfw.config.type_descriptions import parameters_of
 from navfw.errors import InputError, PluginError, UnknownNameError

@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import inspect
 import keyword
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -12,11 +13,14 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from navfw import interfaces
-from navfw.config.document import shown_path
+from navfw.config.input_file import shown_path
 from navfw.config.problems import shown
 from navfw.errors import PluginError
 
 __all__ = ["find_problems", "kind_of", "source_file", "verify"]
+
+_WITHOUT_DOCSTRINGS = 2
+"""The level of ``python -O`` from which on classes have lost their docstrings."""
 
 _COROUTINES = (inspect.iscoroutinefunction, inspect.isasyncgenfunction)
 
@@ -82,7 +86,8 @@ def _problems(cls: type[Any]) -> Iterator[str]:
         yield "this is the base class itself; derive a class from it"
         return
     yield from _name_problems(cls, base)
-    if not (inspect.cleandoc(cls.__dict__.get("__doc__") or "")).strip():
+    documented = (inspect.cleandoc(cls.__dict__.get("__doc__") or "")).strip()
+    if not documented and sys.flags.optimize < _WITHOUT_DOCSTRINGS:
         yield "no docstring; describe the plugin in a sentence (listings show it)"
     yield from _method_problems(cls, base)
     yield from _params_problems(cls)

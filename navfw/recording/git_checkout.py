@@ -12,7 +12,6 @@ from __future__ import annotations
 import os
 import re
 import shutil
-import stat
 import subprocess
 import tempfile
 from collections.abc import Iterator
@@ -21,7 +20,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
 
+from navfw.config.input_file import read_input
 from navfw.config.ownership import own_folders, owned_by_user
+from navfw.errors import ConfigError
 
 __all__ = ["GitCheckout"]
 
@@ -159,10 +160,6 @@ def _linked(file: Path, prefix: str = "") -> Path | None:
 def _read(file: Path) -> str:
     """The text of a regular file of bounded size; empty for anything else."""
     try:
-        with os.fdopen(os.open(file, os.O_RDONLY | os.O_NONBLOCK), "rb") as stream:
-            about = os.fstat(stream.fileno())
-            if not stat.S_ISREG(about.st_mode) or about.st_size > MAX_BYTES:
-                return ""
-            return stream.read(MAX_BYTES).decode("utf-8", "replace")
-    except (OSError, ValueError):  # a name with a NUL byte, too
+        return read_input(file, MAX_BYTES).decode("utf-8", "replace")
+    except ConfigError:
         return ""

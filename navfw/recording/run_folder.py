@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from navfw.atomic import AtomicTarget
+from navfw.config.input_file import is_file
+from navfw.config.json_file import read_json_object
 from navfw.errors import ConfigError, InputError
 from navfw.target_lock import lock_first_free
 
@@ -22,9 +24,6 @@ PICTURE = "trajectory.png"
 
 FILES = frozenset({RESULT, PICTURE, "recording.npz", "map.yaml", "stack.yaml"})
 """The files of a run folder; a folder with any other file in it is never replaced."""
-
-_MAX_RESULT = 16_000_000
-"""Largest size of a result file [byte]."""
 
 
 def plain_json(value: Any) -> Any:
@@ -118,14 +117,6 @@ def read_result(folder: str | Path) -> dict[str, Any]:
 
     """
     path = Path(folder) / RESULT
-    try:
-        if path.stat().st_size > _MAX_RESULT:
-            raise ConfigError(f"is larger than {_MAX_RESULT} bytes", file=path)
-        result = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise ConfigError(f"is not a run folder: it has no {RESULT}", file=folder) from None
-    except (OSError, ValueError, RecursionError) as error:
-        raise ConfigError(f"cannot be read: {error}", file=path) from error
-    if not isinstance(result, dict):
-        raise ConfigError("expected one JSON object", file=path)
-    return result
+    if not is_file(path):
+        raise ConfigError(f"is not a run folder: it has no {RESULT}", file=folder)
+    return read_json_object(path)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError
 
+from navfw.config.input_file import is_file
 from navfw.errors import ConfigError, InputError
 from navfw.fault_injection import Failure, inject_faults
 from navfw.landmark_appearance import check_landmark_kind
@@ -149,7 +150,7 @@ def _load(folder: Path) -> tuple[Stack, SensorRecording, Pose | None, list[Waypo
     from navfw.topomap import load_map
 
     mission = _mission(read_result(folder), folder)
-    if not (folder / "recording.npz").is_file():
+    if not is_file(folder / "recording.npz"):
         raise ConfigError("contains no sensor readings; run again with --record", file=folder)
     recording = load_recording(folder / "recording.npz")
     stack = Stack.load(

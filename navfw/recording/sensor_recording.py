@@ -2,21 +2,24 @@
 
 One ``.npz`` of plain arrays, without pickles. The size is bounded: a recorder stops at its limit
 and marks the recording as incomplete, and the size of a file is read from its headers before it is
-unpacked.
+unpacked. Nothing of an array is unpacked before type, shape and size in its header are checked.
 """
 
 from __future__ import annotations
 
+import math
 import zipfile
 from array import array
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import numpy.typing as npt
+from numpy.lib import format as npy
 
+from navfw.config.input_file import open_input
 from navfw.errors import ConfigError
 from navfw.signals import Array, Encoders, Frame, Image, Inertial, SensorReading
 
@@ -179,6 +182,7 @@ _LAYOUT: dict[str, tuple[str, int]] = {
     for stream in ("frames", "landmarks", "sides")
     for part, kind in {"at": ("<i8", 1), "time": ("<f8", 1), "image": ("|u1", 3)}.items()
 }
+_NPY_VERSION = (1, 0)
 _SIDE_FILES = {f"{name}.npy" for name in _LAYOUT if name.startswith("sides")}
 
 
@@ -190,10 +194,14 @@ def load_recording(path: str | Path, max_bytes: int = MAX_BYTES) -> SensorRecord
 
     """
     path = Path(path)
-    try:
-        arrays = _read_arrays(path, max_bytes)
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
-        raise ConfigError(f"not a recording of sensor readings: {error}", file=path) from error
+    with open_input(path, max_bytes) as stream:
+        try:
+            arrays = _read_arrays(stream, max_bytes)
+        except Exception as error:
+            # zipfile, zlib and numpy raise errors of many kinds for damaged archives: BadZipFile,
+            # zlib.error, NotImplementedError, RuntimeError, TokenError, AttributeError and more
+            reason = str(error) or type(error).__name__
+            raise _no_recording(path, reason) from None
     recording = SensorRecording(
         sensors=arrays["sensors"],
         ticks=arrays["ticks"],
@@ -207,25 +215,36 @@ def load_recording(path: str | Path, max_bytes: int = MAX_BYTES) -> SensorRecord
     return recording
 
 
-def _read_arrays(path: Path, max_bytes: int) -> dict[str, npt.NDArray[Any]]:
-    with zipfile.ZipFile(path) as archive:
+def _read_arrays(stream: BinaryIO, max_bytes: int) -> dict[str, npt.NDArray[Any]]:
+    with zipfile.ZipFile(stream) as archive:
         sizes = {info.filename: info.file_size for info in archive.infolist()}
-    expected = {f"{name}.npy" for name in _LAYOUT}
-    # a recording without side views may lack their arrays
-    if not set(sizes) & _SIDE_FILES:
-        expected -= _SIDE_FILES
-    if set(sizes) != expected:
-        odd = ", ".join(sorted(set(sizes) ^ expected)[:3])
-        raise ValueError(f"unexpected or missing arrays ({odd})")
-    if sum(sizes.values()) > max_bytes:
-        raise ValueError(f"unpacked size of {sum(sizes.values())} bytes exceeds {max_bytes}")
-    with np.load(path, allow_pickle=False) as data:
-        arrays = _FrameList([_NONE] * len(data["sensors"])).arrays("sides")
-        arrays |= {name: data[name] for name in _LAYOUT if f"{name}.npy" in expected}
-    for name, (dtype, dimensions) in _LAYOUT.items():
-        if arrays[name].dtype.str != dtype or arrays[name].ndim != dimensions:
+        expected = {f"{name}.npy" for name in _LAYOUT}
+        # a recording without side views may lack their arrays
+        if not set(sizes) & _SIDE_FILES:
+            expected -= _SIDE_FILES
+        if set(sizes) != expected:
+            odd = ", ".join(sorted(set(sizes) ^ expected)[:3])
+            raise ValueError(f"unexpected or missing arrays ({odd})")
+        if sum(sizes.values()) > max_bytes:
+            raise ValueError(f"unpacked size of {sum(sizes.values())} bytes exceeds {max_bytes}")
+        found = {name: _read_array(archive, name) for name in _LAYOUT if f"{name}.npy" in expected}
+    return _FrameList([_NONE] * len(found["sensors"])).arrays("sides") | found
+
+
+def _read_array(archive: zipfile.ZipFile, name: str) -> npt.NDArray[Any]:
+    """An array of the archive, whose header must agree with ``_LAYOUT`` and with its size."""
+    dtype, dimensions = _LAYOUT[name]
+    info = archive.getinfo(f"{name}.npy")
+    with archive.open(info) as member:
+        if npy.read_magic(member) != _NPY_VERSION:
+            raise ValueError(f"array {name!r} is of another version of numpy's format")
+        shape, _, found = npy.read_array_header_1_0(member)
+        if found.str != dtype or len(shape) != dimensions:
             raise ValueError(f"expected array {name!r} to be {dtype} with {dimensions} dimensions")
-    return arrays
+        if member.tell() + found.itemsize * math.prod(shape) != info.file_size:
+            raise ValueError(f"the size of array {name!r} is not that of its shape {shape}")
+    with archive.open(info) as member:
+        return npy.read_array(member, allow_pickle=False)
 
 
 def _sides_of(frame: Frame | None) -> Frame | None:
@@ -244,9 +263,18 @@ def _check(recording: SensorRecording, path: Path) -> None:
     wide = recording.sensors.shape == (ticks, _SENSOR_COLUMNS)
     pairs = recording.ticks.shape == recording.commands.shape == (ticks, 2)
     if not (wide and pairs):
-        raise ConfigError("not a recording of sensor readings: lengths differ", file=path)
+        raise _no_recording(path, "lengths differ")
+    times = recording.sensors[:, 0]
+    if not np.isfinite(times).all() or (np.diff(times) <= 0.0).any():
+        raise _no_recording(path, "times do not increase")
     for frames in (recording.frames, recording.landmark_frames, recording.side_frames):
         images = len(frames.image)
         counted = len(frames.at) == ticks and len(frames.time) == images
         if not counted or np.any((frames.at < _NONE) | (frames.at >= images)):
-            raise ConfigError("not a recording of sensor readings: images are missing", file=path)
+            raise _no_recording(path, "images are missing")
+        if not np.isfinite(frames.time).all():
+            raise _no_recording(path, "the time of an image is not a number")
+
+
+def _no_recording(path: Path, reason: str) -> ConfigError:
+    return ConfigError(f"not a recording of sensor readings: {reason}", file=path)

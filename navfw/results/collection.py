@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
@@ -11,6 +10,8 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from navfw.config.input_file import is_file, is_folder
+from navfw.config.json_file import read_json_object
 from navfw.errors import ConfigError, InputError
 from navfw.recording.run_folder import RESULT, plain_json, read_result
 from navfw.results.result_file import (
@@ -57,11 +58,11 @@ def collect(source: Path, name: str | None = None) -> list[StoredResult]:
 
     """
     try:
-        if (source / "suite.json").is_file():
+        if is_file(source / "suite.json"):
             return _of_suite(SuiteFolder(source), name)
-        if source.is_dir():
+        if is_folder(source):
             return [_of_run(read_result(source), name)]
-        data = _read_json(source)
+        data = read_json_object(source)
         if "run_folder" in data:
             return [_of_run(read_result(str(data["run_folder"])), name)]
         return [_of_bench(data, source, name)]
@@ -93,7 +94,7 @@ def seed_range(seeds: Iterable[int], file: str | Path | None = None) -> str:
 
 
 def _of_suite(folder: SuiteFolder, name: str | None) -> list[StoredResult]:
-    about, summary = folder.about(), _read_json(folder.path / SUMMARY)
+    about, summary = folder.about(), read_json_object(folder.path / SUMMARY)
     if not summary.get("complete"):
         raise InputError("is incomplete: run the rest with --resume", file=folder.path)
     for key in ("revisions", "machines"):
@@ -224,13 +225,3 @@ def _values(data: Mapping[str, Any], depth: int = MAX_DEPTH) -> dict[str, Any]:
         if len(parts) <= MAX_LIST and not any(isinstance(part, dict | list) for part in parts):
             kept[key] = value
     return kept
-
-
-def _read_json(file: Path) -> dict[str, Any]:
-    try:
-        data = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
-        raise ConfigError(f"cannot be read as JSON: {error}", file=file) from None
-    if not isinstance(data, dict):
-        raise ConfigError("does not hold one object", file=file)
-    return data

@@ -12,6 +12,7 @@ from pydantic import Field, JsonValue
 
 from navfw.atomic import write_text
 from navfw.config.document import YamlDocument
+from navfw.config.json_file import read_json_object
 from navfw.config.strict_model import StrictModel
 from navfw.config.yamlfile import load_yaml, validate
 from navfw.errors import ConfigError
@@ -187,7 +188,6 @@ def save_result(folder: Path, result: StoredResult) -> Path:
 def _command_in(file: Path) -> object:
     """The command of the result in a file of whatever version; None if there is none."""
     try:
-        data = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        return read_json_object(file).get("command")
+    except ConfigError:
         return None
-    return data.get("command") if isinstance(data, dict) else None

@@ -25,6 +25,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
+from navfw.config.input_file import is_file, read_input_text
 from navfw.errors import ConfigError, UnknownNameError
 from navfw.recording.provenance import DIRTY
 from navfw.results.result_file import (
@@ -37,13 +38,16 @@ from navfw.results.result_file import (
 from navfw.suite.markdown_table import pipe_table
 from navfw.suite.suitefile import list_suites
 
-__all__ = ["SENTENCES", "TEMPLATE", "current_pages", "fill"]
+__all__ = ["MAX_PAGE", "SENTENCES", "TEMPLATE", "current_pages", "fill"]
 
 TEMPLATE = "template.md"
 """The template's name, beside the results."""
 
 SENTENCES = "readme.md"
 """The name of the file with the README's sentences, beside the results."""
+
+MAX_PAGE = 2_000_000
+"""Largest size of a template or page [byte]."""
 
 NOT_MEASURED = "not measured"
 
@@ -89,17 +93,19 @@ def current_pages(folder: Path) -> dict[Path, str]:
     template = folder / TEMPLATE
     results = load_results(folder)
     header = _HEADER.format(folder=f"{folder.parent.name}/{folder.name}")
-    pages = {folder.with_suffix(".md"): header + fill(_read(template), results, template)}
+    page = fill(read_input_text(template, MAX_PAGE), results, template)
+    pages = {folder.with_suffix(".md"): header + page}
     readme, sentences = folder.parent.parent / "README.md", folder / SENTENCES
-    if sentences.is_file():
-        filled = dict(_MARKED.findall(fill(_read(sentences), results, sentences)))
+    if is_file(sentences):
+        text = read_input_text(sentences, MAX_PAGE)
+        filled = dict(_MARKED.findall(fill(text, results, sentences)))
 
         def renewed(match: re.Match[str]) -> str:
             text = filled.get(match[1], NOT_MEASURED)
             text = NOT_MEASURED if NOT_MEASURED in text else text
             return f"<!-- result: {match[1]} -->{text}<!-- end -->"
 
-        pages[readme] = _MARKED.sub(renewed, _read(readme))
+        pages[readme] = _MARKED.sub(renewed, read_input_text(readme, MAX_PAGE))
     return pages
 
 
@@ -319,10 +325,3 @@ def _letter(number: int) -> str:
 
 def _number(value: float | None, digits: int = 2) -> str:
     return "" if value is None else f"{value:.{digits}f}"
-
-
-def _read(file: Path) -> str:
-    try:
-        return file.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"cannot be read: {error}", file=file) from None

@@ -8,6 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from navfw.config.document import MAX_BYTES
+from navfw.config.input_file import read_input_text
 from navfw.errors import InputError, MissingExtraError, UnknownNameError
 from navfw.missions.session import Session
 from navfw.suite.case import Case
@@ -56,9 +58,9 @@ def check_case(
     }
     if not case.family:
         world, mission = Path(case.world), Path(case.mission)
-        parts[f"world {case.world_name} of {title}"] = _digest(world.read_text("utf-8"))
+        parts[f"world {case.world_name} of {title}"] = _digest(_text(world))
         parts[f"mission {case.mission_name} of {case.world_name} of {title}"] = _digest(
-            [mission.read_text("utf-8"), _map_of(session)]
+            [_text(mission), _map_of(session)]
         )
     return case, parts
 
@@ -79,6 +81,10 @@ def _map_of(session: Session) -> dict[str, Any]:
     from navfw.topomap.mapfile import map_data
 
     return map_data(session.mission.topo_map)
+
+
+def _text(file: Path) -> str:
+    return read_input_text(file, MAX_BYTES)
 
 
 def _digest(value: Any) -> str:

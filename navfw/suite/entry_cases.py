@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from navfw.config.document import shown_path
+from navfw.config.input_file import is_file, is_folder, shown_path
 from navfw.config.lookup import find, find_mission, list_missions
 from navfw.errors import ConfigError, InputError
 from navfw.suite.case import Case
@@ -60,11 +60,11 @@ def case_templates(
 def _world_files(suite: Suite, given: str, worlds: Path | None) -> list[Path]:
     """The worlds in a folder, or the one whose own folder it is."""
     folder = worlds if worlds is not None else suite.file.parent / given
-    if (folder / "world.yaml").is_file():
+    if is_file(folder / "world.yaml"):
         return [folder / "world.yaml"]
     files = sorted(folder.glob("*/world.yaml"), key=lambda file: _natural(file.parent.name))
     if not files:
-        what = "contains no worlds" if folder.is_dir() else "there is no such folder"
+        what = "contains no worlds" if is_folder(folder) else "there is no such folder"
         help_ = "name a folder of worlds (as navfw import writes them) with --worlds"
         raise ConfigError(f"{what}; {help_}", file=shown_path(folder))
     return files

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import dataclasses
+import io
 import math
 import typing
 from collections.abc import Iterable
@@ -12,14 +13,14 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from navfw.atomic import write_text
-from navfw.config.document import no_such_file, shown_path
+from navfw.config.input_file import read_input_text, shown_path
 from navfw.errors import ConfigError
 from navfw.missions.outcome import Outcome
 from navfw.suite.failure_causes import Cause
 
 __all__ = ["COLUMNS", "RunKey", "RunRow", "columns_of", "read_table", "table_cells", "write_table"]
 
-_MAX_TABLE = 500_000_000
+_MAX_TABLE = 100_000_000
 """Largest size of a table [byte]; a larger file is refused before it is read."""
 
 
@@ -136,21 +137,18 @@ def read_table(path: str | Path) -> list[RunRow]:
     """
     path = Path(path)
     name = shown_path(path)
+    reader = csv.DictReader(io.StringIO(read_input_text(path, _MAX_TABLE), newline=""))
     try:
-        if not path.is_file():
-            raise no_such_file(path)
-        if path.stat().st_size > _MAX_TABLE:
-            raise ConfigError(f"is larger than {_MAX_TABLE} bytes", file=name)
-        with path.open(encoding="utf-8", newline="") as stream:
-            reader = csv.DictReader(stream)
-            found = {*_OPTIONAL, *(reader.fieldnames or ())}
-            missing = [column for column in COLUMNS if column not in found]
-            if missing:
-                what = f"is not a table of navfw suite: it has no column {missing[0]!r}"
-                raise ConfigError(what, file=name, line=1)
-            rows = [_row(cells, name, reader.line_num) for cells in reader]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise ConfigError(f"cannot be read as CSV: {error}", file=name) from None
+        found = {*_OPTIONAL, *(reader.fieldnames or ())}
+        missing = [column for column in COLUMNS if column not in found]
+        if missing:
+            what = f"is not a table of navfw suite: it has no column {missing[0]!r}"
+            raise ConfigError(what, file=name, line=1)
+        rows = [_row(cells, name, reader.line_num) for cells in reader]
+    except csv.Error as error:
+        raise ConfigError(
+            f"cannot be read as CSV: {error}", file=name, line=reader.line_num
+        ) from None
     seen: set[RunKey] = set()
     for row in rows:
         if row.key in seen:

@@ -17,6 +17,8 @@ from pathlib import Path
 from typing import Any
 
 from navfw.atomic import output_place, write_text
+from navfw.config.input_file import is_file, is_folder
+from navfw.config.json_file import read_json_object
 from navfw.errors import ConfigError, InputError
 from navfw.recording.provenance import machine_kind
 from navfw.recording.run_folder import plain_json
@@ -94,7 +96,7 @@ class SuiteFolder:
         rows: list[RunRow] = []
         revisions = [revision]
         machines = [machine_kind()]
-        if resume and self.table.is_file():
+        if resume and is_file(self.table):
             known = self.about()
             self._compare(known.get("content", {}), plan.content)
             rows = [row for row in read_table(self.table) if row.has_result]
@@ -146,11 +148,11 @@ class SuiteFolder:
         """
         file = self.path / ABOUT
         try:
-            about = json.loads(file.read_text(encoding="utf-8"))
-        except (OSError, ValueError, RecursionError) as error:
-            what = f"cannot be read, so the table beside it cannot be continued: {error}"
-            raise ConfigError(what, file=file) from None
-        if not isinstance(about, dict) or not isinstance(about.get("content"), dict):
+            about = read_json_object(file)
+        except ConfigError as error:
+            what = f"{error}; without it the table beside it cannot be continued"
+            raise ConfigError(what) from None
+        if not isinstance(about.get("content"), dict):
             raise ConfigError("is not a file written by navfw suite", file=file)
         return about
 
@@ -162,10 +164,10 @@ class SuiteFolder:
             raise InputError(f"{what}{more}; choose another --out", file=self.path)
 
     def _refuse_foreign(self) -> None:
-        if self.table.is_file():
+        if is_file(self.table):
             what = "contains a table already: continue it with --resume, or choose another --out"
             raise InputError(what, file=self.path)
-        if self.path.is_dir() and {file.name for file in self.path.iterdir()} - {
+        if is_folder(self.path) and {file.name for file in self.path.iterdir()} - {
             self.lock.file.name
         }:
             raise InputError("is not empty; choose another --out", file=self.path)

@@ -9,6 +9,8 @@ from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from navfw.config.document import MAX_BYTES
+from navfw.config.input_file import read_input
 from navfw.errors import InputError, MissingExtraError, UnknownNameError
 from navfw.suite.case import Case
 from navfw.suite.case_check import check_case
@@ -102,7 +104,7 @@ def plan_runs(
         content,
         expect={e.title: e.expect for e in suite.spec.entries if e.expect is not None},
         skipped=skipped,
-        suite_hash=hashlib.sha256(suite.file.read_bytes()).hexdigest(),
+        suite_hash=hashlib.sha256(read_input(suite.file, MAX_BYTES)).hexdigest(),
         options=_options(stacks, overrides, worlds),
     )
 

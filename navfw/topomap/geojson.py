@@ -14,7 +14,8 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
-from navfw.errors import ConfigError, MapError
+from navfw.config.json_file import parse_json
+from navfw.errors import MapError
 from navfw.topomap.elements import Passage
 from navfw.topomap.map_import import MapImporter
 from navfw.topomap.mapfile import map_data
@@ -101,14 +102,7 @@ class _GeoJsonReader:
         self._lines: dict[int, int] = {}
 
     def read(self) -> TopoMap:
-        try:
-            data = json.loads(self._text, parse_constant=_no_constant)
-        except json.JSONDecodeError as error:
-            raise ConfigError(
-                f"not valid JSON: {error.msg}", file=self._file, line=error.lineno
-            ) from None
-        except (ValueError, RecursionError) as error:
-            raise ConfigError(f"not valid JSON: {error}", file=self._file) from None
+        data = parse_json(self._text, self._file)
         if not isinstance(data, dict) or data.get("type") != "FeatureCollection":
             raise self._error("type", "expected a FeatureCollection", 1)
         features = data.get("features")
@@ -241,10 +235,6 @@ def _next(text: str, at: int) -> int:
 
 def _is_number(value: object) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool)
-
-
-def _no_constant(name: str) -> None:
-    raise ValueError(f"{name} is not a number")
 
 
 def _short(value: object) -> str:

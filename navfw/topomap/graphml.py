@@ -13,6 +13,7 @@ from typing import Any
 from xml.parsers import expat
 from xml.sax.saxutils import escape, quoteattr
 
+from navfw.config.json_file import parse_json
 from navfw.errors import ConfigError, MapError
 from navfw.topomap.map_import import EDGE_KEYS, PLACE_KEYS, MapImporter
 from navfw.topomap.mapfile import map_data
@@ -21,6 +22,9 @@ from navfw.topomap.topological_map import TopoMap
 __all__ = ["graphml_text", "read_graphml"]
 
 _NAMESPACE = "http://graphml.graphdrawing.org/xmlns"
+_MAX_DEPTH = 60
+"""Largest nesting of elements."""
+
 _NUMBERS = {"double": float, "float": float, "int": int, "long": int}
 
 
@@ -81,8 +85,9 @@ class _GraphmlReader:
         self._directed = False
         self._open: list[tuple[str, dict[str, str], int]] = []  # element, attributes, line
         self._values: list[dict[str, Any]] = []  # the data of each open element
-        self._text = ""
-        self._parser = expat.ParserCreate(namespace_separator=" ")
+        self._text: list[str] = []
+        # UTF-8 whatever the declaration says: the text has been decoded already
+        self._parser = expat.ParserCreate("utf-8", " ")
         self._parser.buffer_text = True
         self._parser.StartElementHandler = self._start
         self._parser.EndElementHandler = self._end
@@ -91,7 +96,6 @@ class _GraphmlReader:
 
     def read(self, text: str) -> TopoMap:
         try:
-            # as UTF-8 bytes: the declaration may name another encoding
             self._parser.Parse(text.encode(), True)
         except expat.ExpatError as error:
             reason = expat.ErrorString(error.code)
@@ -104,9 +108,11 @@ class _GraphmlReader:
 
     def _start(self, tag: str, attributes: dict[str, str]) -> None:
         element = tag.rpartition(" ")[2]
+        if len(self._open) >= _MAX_DEPTH:
+            raise self._error(element, f"nested too deeply: more than {_MAX_DEPTH} levels")
         self._open.append((element, attributes, self._parser.CurrentLineNumber))
         self._values.append({})
-        self._text = ""
+        self._text = []
         if element == "key":
             name = attributes.get("attr.name", "")
             self._keys[attributes.get("id", "")] = (name, attributes.get("attr.type", "string"))
@@ -117,7 +123,7 @@ class _GraphmlReader:
             raise self._error(element, "a passage connects two places: use several edges")
 
     def _characters(self, text: str) -> None:
-        self._text += text
+        self._text.append(text)
 
     def _end(self, _: str) -> None:
         element, attributes, line = self._open.pop()
@@ -138,13 +144,14 @@ class _GraphmlReader:
     def _store_data(self, key: str, line: int) -> None:
         """Store a <data> value in its parent element, as the type that its key declares."""
         name, kind = self._keys.get(key, (key, "string"))
-        value: Any = self._text
+        text = "".join(self._text)
+        value: Any = text
         if kind in _NUMBERS:
             try:
-                value = _NUMBERS[kind](self._text)
+                value = _NUMBERS[kind](text)
             except ValueError:
                 raise MapError(
-                    f"expected a number, got {self._text!r:.40}",
+                    f"expected a number, got {text!r:.40}",
                     file=self._file,
                     line=line,
                     key=name,
@@ -155,8 +162,8 @@ class _GraphmlReader:
 
     def _add_landmarks(self, text: str, line: int) -> None:
         try:
-            landmarks = json.loads(text)
-        except ValueError:
+            landmarks = parse_json(text, self._file)
+        except ConfigError:
             landmarks = None
         if not isinstance(landmarks, dict):
             raise MapError(

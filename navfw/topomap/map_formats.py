@@ -11,8 +11,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 from navfw.atomic import write_text
-from navfw.config.document import no_such_file, shown_path
-from navfw.errors import ConfigError, MapError
+from navfw.config.input_file import read_input_text, shown_path
+from navfw.errors import MapError
 from navfw.topomap.geojson import geojson_text, read_geojson
 from navfw.topomap.graphml import graphml_text, read_graphml
 from navfw.topomap.mapfile import MAX_BYTES, KindCheck, load_map, map_text
@@ -50,7 +50,7 @@ def load_any_map(
     suffix = _suffix(path)
     if _WRITERS[suffix] is map_text:
         return load_map(path) if check_kind is None else load_map(path, check_kind)
-    text = _read(path)
+    text = read_input_text(path, 4 * MAX_BYTES)
     if _WRITERS[suffix] is graphml_text:
         return read_graphml(text, shown_path(path), both_ways)
     return read_geojson(text, shown_path(path), both_ways)
@@ -75,21 +75,3 @@ def _suffix(path: Path) -> str:
         known = ", ".join(SUFFIXES)
         raise MapError(f"expected a map file ({known}), got {path.name!r}", file=shown_path(path))
     return suffix
-
-
-def _read(path: Path) -> str:
-    name = shown_path(path)
-    if not path.is_file():
-        raise no_such_file(path)
-    try:
-        with path.open("rb") as stream:
-            raw = stream.read(4 * MAX_BYTES + 1)
-    except OSError as error:
-        raise ConfigError(f"cannot read the file: {error.strerror}", file=name) from None
-    if len(raw) > 4 * MAX_BYTES:
-        raise ConfigError(f"the file is too large: at most {4 * MAX_BYTES} bytes", file=name)
-    try:
-        return raw.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = raw.count(b"\n", 0, error.start) + 1
-        raise ConfigError("expected UTF-8 text", file=name, line=line) from None

@@ -10,7 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from navfw.atomic import write_text
-from navfw.errors import InputError
+from navfw.config.document import MAX_BYTES
+from navfw.config.input_file import is_file, is_folder, open_input
+from navfw.errors import ConfigError, InputError
 from navfw.missions.missionspec import MissionSpec
 from navfw.sim.worldspec import WorldSpec
 from navfw.topomap import TopoMap
@@ -86,14 +88,16 @@ def write_world(
 
 def _check_target(folder: Path) -> None:
     """Refuse to overwrite anything but a generated folder."""
-    if folder.exists() and not folder.is_dir():
-        raise InputError("is a file; choose a folder to write the world to", file=folder)
-    if not folder.is_dir() or not any(folder.iterdir()):
+    if not is_folder(folder):
+        if is_file(folder):
+            raise InputError("is a file; choose a folder to write the world to", file=folder)
+        return
+    if not any(folder.iterdir()):
         return
     try:
-        with (folder / "world.yaml").open(encoding="utf-8") as stream:
-            made_here = stream.readline().startswith(_HEADER)
-    except (OSError, UnicodeDecodeError):
+        with open_input(folder / "world.yaml", MAX_BYTES) as stream:
+            made_here = stream.readline(len(_HEADER)) == _HEADER.encode()
+    except ConfigError:
         made_here = False
     if not made_here:
         raise InputError(

@@ -15,6 +15,7 @@ from xml.parsers import expat
 
 import numpy as np
 
+from navfw.config.input_file import read_input
 from navfw.errors import ConfigError
 from navfw.signals import Array
 
@@ -85,12 +86,7 @@ def read_sdf(path: str | Path) -> SdfWorld:
 
 def _parse(path: Path) -> Element:
     """The element tree, with the line of every element; no declarations or external entities."""
-    try:
-        if path.stat().st_size > MAX_BYTES:
-            raise ConfigError(f"is larger than {MAX_BYTES // 1_000_000} MB", file=path)
-        content = path.read_bytes()
-    except OSError as error:
-        raise ConfigError(f"cannot be read: {error.strerror}", file=path) from None
+    content = read_input(path, MAX_BYTES)
     parser = expat.ParserCreate()
     builder = TreeBuilder()
     depth = 0
@@ -125,6 +121,9 @@ def _parse(path: Path) -> Element:
         raise ConfigError(
             f"expected an SDF world, but it is not XML: {what}", file=path, line=error.lineno
         ) from None
+    except (LookupError, ValueError) as error:  # the declared encoding
+        what = f"cannot be decoded: {error}; save it as UTF-8"
+        raise ConfigError(what, file=path, line=1) from None
     return root
 
 

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import enum
+import time
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -8,6 +9,7 @@ import pytest
 from pydantic import BaseModel, ConfigDict, Field, RootModel, field_validator, model_validator
 
 from navfw.config.overrides import apply_overrides
+from navfw.config.problems import MAX_TOLD
 from navfw.config.type_descriptions import parameters_of
 from navfw.config.yamlfile import check, load_model, parse_yaml, validate
 from navfw.errors import ConfigError
@@ -333,3 +335,14 @@ def test_parameters_of_a_model() -> None:
     assert rows["names"] == rows["names"] | {"type": "list[str]", "default": []}
     assert rows["names"]["bounds"] == "with length <= 3"
     assert rows["box"]["default"] == {"kind": "box", "size": [1.0, 2.0]}
+
+
+def test_thousands_of_problems_are_told_up_to_a_bound() -> None:
+    keys = "".join(f"key-{number}: 1\n" for number in range(5000))
+    before = time.perf_counter()
+    lines = error(f"{GOOD}{keys}").splitlines()
+    assert len(lines) == MAX_TOLD + 1
+    assert "key-0: unknown key" in lines[0]
+    assert "key-49: unknown key" in lines[-2]
+    assert lines[-1] == f"and {5000 - MAX_TOLD} more"
+    assert time.perf_counter() - before < 10.0  # 5000 comparisons of names took a minute

@@ -114,5 +114,5 @@ def test_mixtures_are_refused(tmp_path: Path) -> None:
         open_source([tmp_path / "a" / "image_1.png", tmp_path / "a"])
     with pytest.raises(InputError, match="give one video, or image files, not both"):
         open_source([tmp_path / "a" / "image_1.png", tmp_path / "film.mp4"])
-    with pytest.raises(InputError, match="no such file or folder"):
+    with pytest.raises(InputError, match="there is no such file"):
         open_source([tmp_path / "nowhere"])

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import subprocess
+import sys
 import textwrap
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
@@ -263,3 +265,14 @@ def test_required_parameters_are_allowed() -> None:
 
     thing = type("Thing", (Good,), {"__doc__": "T.", "name": "thing", "Params": Params_})
     assert find_problems(thing) == []
+
+
+def test_docstrings_are_not_asked_for_where_python_removes_them() -> None:
+    code = (
+        "from navfw.locom.unicycle import Unicycle; from navfw.plugins.verification import verify;"
+        " print(Unicycle.__doc__); verify(Unicycle)"
+    )
+    done = subprocess.run(  # noqa: S603
+        [sys.executable, "-OO", "-c", code], capture_output=True, text=True, check=False
+    )
+    assert (done.stdout, done.stderr) == ("None\n", "")

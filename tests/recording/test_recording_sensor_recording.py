@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -92,8 +93,11 @@ def test_a_recorder_keeps_its_size_limit(tmp_path: Path) -> None:
 def test_the_size_is_checked_before_unpacking(tmp_path: Path) -> None:
     path = tmp_path / "recording.npz"
     recorded(random_readings(3), path)
-    with pytest.raises(ConfigError, match="exceeds 1000"):
+    size = path.stat().st_size
+    with pytest.raises(ConfigError, match="file is too large: at most 1000 bytes"):
         load_recording(path, max_bytes=1000)
+    with pytest.raises(ConfigError, match=f"exceeds {size}"):
+        load_recording(path, max_bytes=size)
 
 
 def broken_files(folder: Path) -> list[Path]:
@@ -151,3 +155,58 @@ def test_a_pilot_gives_the_same_commands_to_recorded_readings(tmp_path: Path) ->
     )
     assert not misled.same
     assert misled.first_difference == 0
+
+
+def members(path: Path) -> dict[str, bytes]:
+    with zipfile.ZipFile(path) as archive:
+        return {name: archive.read(name) for name in archive.namelist()}
+
+
+def rewritten(path: Path, name: str, content: bytes) -> Path:
+    parts = members(path) | {name: content}
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for member, data in parts.items():
+            archive.writestr(member, data)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda data: data.replace(b"(40, 6)", b"(1<<9,)"), "not a recording"),
+        (lambda data: data.replace(b"(40, 6)", b"(4**9,)"), "not a recording"),
+        (lambda data: data.replace(b"(40, 6), }   ", b"(99999, 9999)"), "not a recording"),
+        (lambda data: data.replace(b"(40, 6)", b"(41, 6)"), "not that of its shape"),
+        (lambda data: data.replace(b"\x01\x00", b"\x03\x00", 1), "another version"),
+        (lambda data: data[:-8] + b"\0\0\0\0\0\0\xf8\x7f", ""),
+        (lambda data: data[:100], "not a recording"),
+        (lambda data: data[:128] + data[176:224] + data[128:176] + data[224:], "do not increase"),
+    ],
+)
+def test_an_array_with_a_damaged_header_is_refused_unread(
+    change: Callable[[bytes], bytes], message: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "recording.npz"
+    recorded(random_readings(5), path)
+    rewritten(path, "sensors.npy", change(members(path)["sensors.npy"]))
+    if not message:  # a reading that is not a number is a fault of a sensor, and replayed as such
+        load_recording(path)
+        return
+    with pytest.raises(ConfigError, match=message):
+        load_recording(path)
+
+
+def test_every_flipped_byte_gives_a_recording_or_a_located_error(tmp_path: Path) -> None:
+    good = tmp_path / "good.npz"
+    recorded(random_readings(6)[:3], good)
+    content = good.read_bytes()
+    bad = tmp_path / "bad.npz"
+    refused = 0
+    for at in range(0, len(content), 7):
+        bad.write_bytes(content[:at] + bytes([content[at] ^ 0xFF]) + content[at + 1 :])
+        try:
+            load_recording(bad)
+        except ConfigError as error:
+            assert error.file == str(bad)
+            refused += 1
+    assert refused > 100

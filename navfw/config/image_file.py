@@ -1,0 +1,61 @@
+"""Image files: size in bytes and pixels is checked before anything is decoded."""
+
+from __future__ import annotations
+
+import io
+import warnings
+from pathlib import Path
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+from PIL import Image as PillowImage
+
+from navfw.config.input_file import read_input, shown_path
+from navfw.errors import ConfigError
+
+__all__ = ["MAX_BYTES", "MAX_PIXELS", "read_image"]
+
+MAX_BYTES = 100_000_000
+"""Largest size of an image file [byte]."""
+
+MAX_PIXELS = 64_000_000
+"""Largest number of pixels of an image: 192 MB in colour. Cameras of phones deliver 12 to 50."""
+
+
+def read_image(
+    path: str | Path, flags: int = cv2.IMREAD_COLOR, max_bytes: int = MAX_BYTES
+) -> npt.NDArray[np.uint8 | np.uint16]:
+    """The image in a file, decoded by OpenCV with ``flags`` (default: BGR, 8 bits).
+
+    Raises:
+        ConfigError: the file cannot be read, is no image, is damaged or too large.
+
+    """
+    name = shown_path(Path(path))
+    data = read_input(path, max_bytes)
+    width, height = _declared_size(data, name)
+    if width * height > MAX_PIXELS:
+        raise ConfigError(
+            f"the image is too large: {width} x {height} pixels, at most {MAX_PIXELS}", file=name
+        )
+    try:
+        image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), flags)
+    except cv2.error:
+        image = None
+    if image is None:
+        raise ConfigError("the image is damaged", file=name)
+    return image  # type: ignore[return-value]
+
+
+def _declared_size(data: bytes, name: str) -> tuple[int, int]:
+    """Width and height [px] by the header of an image file; its pixels are not decoded."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # remarks on the size, which is checked here
+            with PillowImage.open(io.BytesIO(data)) as image:
+                return image.size
+    except PillowImage.DecompressionBombError:
+        raise ConfigError("the image is too large", file=name) from None
+    except Exception:  # the readers of Pillow raise many kinds of errors for damaged headers
+        raise ConfigError("is not a readable image; give a PNG or JPEG file", file=name) from None

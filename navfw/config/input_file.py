@@ -1,0 +1,156 @@
+"""The one way to open a file that a person names or edits: regular files of bounded size.
+
+A device, pipe or socket has no end and may block, so the kind and size of the file are checked on
+the opened descriptor, before anything is read. ``tests/config/test_config_input_file.py`` asserts
+that no other module opens an input by itself.
+"""
+
+from __future__ import annotations
+
+import os
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import BinaryIO
+
+from navfw.errors import ConfigError, did_you_mean
+
+__all__ = [
+    "is_file",
+    "is_folder",
+    "no_such_file",
+    "open_input",
+    "read_input",
+    "read_input_text",
+    "shown_path",
+]
+
+_FLAGS = (
+    os.O_RDONLY
+    | getattr(os, "O_NONBLOCK", 0)  # opening a pipe must not wait for a writer
+    | getattr(os, "O_NOCTTY", 0)
+    | getattr(os, "O_BINARY", 0)
+)
+
+
+@contextmanager
+def open_input(path: str | Path, max_bytes: int) -> Iterator[BinaryIO]:
+    """The regular file at ``path`` (or behind a link there), opened for reading bytes.
+
+    Raises:
+        ConfigError: there is no such file, it is a folder, device, pipe or socket, cannot be read,
+            or has more than ``max_bytes``.
+
+    """
+    path = Path(path)
+    try:
+        descriptor = os.open(path, _FLAGS)
+    except FileNotFoundError:
+        raise no_such_file(path) from None
+    except (OSError, ValueError) as error:  # ValueError: a null byte in the path
+        raise _unreadable(path, error) from None
+    with os.fdopen(_checked(descriptor, path, max_bytes), "rb") as stream:
+        yield stream
+
+
+def read_input(path: str | Path, max_bytes: int) -> bytes:
+    """The content of the regular file at ``path``; raises like ``open_input``."""
+    with open_input(path, max_bytes) as stream:
+        try:
+            content = stream.read(max_bytes + 1)
+        except OSError as error:
+            raise _unreadable(Path(path), error) from None
+    if len(content) > max_bytes:  # it grew, or its file system knows no sizes
+        raise _too_large(Path(path), max_bytes)
+    return content
+
+
+def read_input_text(path: str | Path, max_bytes: int) -> str:
+    """The UTF-8 text in the regular file at ``path``, without a byte order mark.
+
+    Raises:
+        ConfigError: as ``open_input``, or the content is not UTF-8.
+
+    """
+    raw = read_input(path, max_bytes)
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        # with a byte order mark the position is counted behind it
+        text = raw.removeprefix(b"\xef\xbb\xbf")
+        line = text.count(b"\n", 0, error.start) + 1
+        raise ConfigError(
+            f"expected UTF-8 text, got byte 0x{text[error.start]:02x}",
+            file=shown_path(Path(path)),
+            line=line,
+        ) from None
+
+
+def is_file(path: str | Path) -> bool:
+    """Whether ``path`` is a regular file; false as well for names that no file can have."""
+    return stat.S_ISREG(_mode(path))
+
+
+def is_folder(path: str | Path) -> bool:
+    """Whether ``path`` is a folder; false as well for names that no folder can have."""
+    return stat.S_ISDIR(_mode(path))
+
+
+def shown_path(path: Path) -> str:
+    """``path`` as error messages show it: relative to the working folder when it is inside."""
+    try:
+        return str(path.absolute().relative_to(Path.cwd()))
+    except (ValueError, OSError):
+        return str(path)
+
+
+def no_such_file(path: Path) -> ConfigError:
+    """The error for a ``path`` that is no regular file; names the nearest file of its suffix."""
+    name = shown_path(path)
+    if is_folder(path):
+        return ConfigError("expected a file, got a folder", file=name)
+    if _mode(path):
+        return ConfigError(
+            "expected a regular file, got a device, pipe or socket; copy its content to a file",
+            file=name,
+        )
+    suffixes = {".yaml", ".yml"} if path.suffix in {".yaml", ".yml"} else {path.suffix}
+    siblings: list[str] = []
+    with suppress(OSError, ValueError):
+        siblings = [p.name for p in path.parent.iterdir() if p.suffix in suffixes]
+    near = did_you_mean(path.name, siblings)
+    hint = f"; {near}" if near.startswith("did") else ""
+    return ConfigError(f"there is no such file{hint}", file=name)
+
+
+def _checked(descriptor: int, path: Path, max_bytes: int) -> int:
+    """``descriptor``, of a regular file of at most ``max_bytes``; any other is closed."""
+    about = os.fstat(descriptor)
+    if stat.S_ISREG(about.st_mode) and about.st_size <= max_bytes:
+        return descriptor
+    os.close(descriptor)
+    if stat.S_ISREG(about.st_mode):
+        raise _too_large(path, max_bytes)
+    raise no_such_file(path)
+
+
+def _mode(path: str | Path) -> int:
+    """The kind of file at ``path`` as in ``stat``; 0 where there is none."""
+    try:
+        return os.stat(path).st_mode  # noqa: PTH116 - Path.stat is the same call
+    except (OSError, ValueError):
+        return 0
+
+
+def _unreadable(path: Path, error: OSError | ValueError) -> ConfigError:
+    if isinstance(error, OSError) and not is_file(path) and _mode(path):
+        return no_such_file(path)  # a socket, or a device that refuses
+    reason = (error.strerror if isinstance(error, OSError) else None) or error
+    return ConfigError(f"cannot read the file: {reason}", file=shown_path(path))
+
+
+def _too_large(path: Path, max_bytes: int) -> ConfigError:
+    return ConfigError(
+        f"the file is too large: at most {max_bytes} bytes are read", file=shown_path(path)
+    )

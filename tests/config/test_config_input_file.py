@@ -1,0 +1,194 @@
+"""Inputs are regular files of bounded size, and all are opened by one function."""
+
+from __future__ import annotations
+
+import ast
+import os
+import socket
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from architecture_sources import MODULES, dotted, shown, tree_of
+
+from navfw.config.document import load_yaml
+from navfw.config.image_file import read_image
+from navfw.config.input_file import is_file, is_folder, read_input, read_input_text
+from navfw.config.json_file import read_json_object
+from navfw.config.lookup import find, project_folder
+from navfw.errors import ConfigError, InputError
+from navfw.perceive.gyro_record import load_gyro_record
+from navfw.perceive.image_sources import open_source
+from navfw.recording.run_folder import read_result
+from navfw.recording.sensor_recording import load_recording
+from navfw.suite.run_table import read_table
+from navfw.suite.suitefile import load_suite
+from navfw.topomap.map_formats import load_any_map
+from navfw.worldgen.sdf_reader import read_sdf
+
+READERS = {
+    "open",
+    "read_text",
+    "read_bytes",
+    "fromfile",
+    "loadtxt",
+    "genfromtxt",
+    "memmap",
+    "imread",
+    "imreadmulti",
+    "VideoCapture",
+    "loadmat",
+    "ZipFile",
+    "parse",
+    "iterparse",
+}
+"""Functions that open a file by its name, whatever they belong to."""
+
+LOADERS = {"np.load", "numpy.load", "json.load", "tomllib.load", "pickle.load", "csv.reader"}
+
+ALLOWED = {
+    "navfw/config/input_file.py": {"os.open": "the one function"},
+    "navfw/config/image_file.py": {"PillowImage.open": "of bytes already read"},
+    "navfw/recording/sensor_recording.py": {
+        "zipfile.ZipFile": "of an opened input",
+        "archive.open": "a member of that archive",
+    },
+    "navfw/perceive/image_sources.py": {
+        "cv2.VideoCapture": "it takes a name only; the file is checked just before",
+        "os.open": "the null device",
+    },
+    "navfw/perceive/gyro_record.py": {"csv.reader": "of text already read"},
+    "navfw/bench/tum_recording.py": {"np.loadtxt": "of lines already read"},
+    "navfw/bench/recorded_approach.py": {"loadmat": "of an opened input"},
+    "navfw/sim/engine.py": {"os.open": "the null device"},
+    "navfw/cli/standard_streams.py": {"os.open": "the null device"},
+    "navfw/cli/suite.py": {"folder.open": "the folder of results"},
+    "navfw/atomic.py": {"lock.part.open": "a file to write"},
+    "navfw/target_lock.py": {"os.open": "the lock of an output"},
+    "navfw/recording/provenance.py": {"?.read_text": "/proc/cpuinfo"},
+}
+"""Calls of these names that open no input."""
+
+
+def opening_calls(path: Path) -> set[str]:
+    found = set()
+    for node in ast.walk(tree_of(path)):
+        if not isinstance(node, ast.Call):
+            continue
+        name = dotted(node.func)
+        last = node.func.attr if isinstance(node.func, ast.Attribute) else name
+        if last in READERS or name in LOADERS:
+            found.add(name or f"?.{last}")
+    return found
+
+
+@pytest.mark.parametrize("path", MODULES, ids=shown)
+def test_no_other_module_opens_an_input(path: Path) -> None:
+    assert opening_calls(path) <= set(ALLOWED.get(shown(path), {})), (
+        "read inputs with navfw.config.input_file"
+    )
+
+
+def test_every_exception_is_still_used() -> None:
+    by_name = {shown(path): path for path in MODULES}
+    for name, calls in ALLOWED.items():
+        assert set(calls) <= opening_calls(by_name[name]), name
+
+
+Read = Callable[[Path], object]
+
+INPUTS: dict[str, tuple[str, Read]] = {
+    "yaml": ("a.yaml", load_yaml),
+    "world": ("world.yaml", lambda path: find("world", path)),
+    "suite": ("a.yaml", load_suite),
+    "map": ("a.yaml", load_any_map),
+    "graphml": ("a.graphml", load_any_map),
+    "geojson": ("a.geojson", load_any_map),
+    "json": ("a.json", read_json_object),
+    "result": ("result.json", lambda path: read_result(path.parent)),
+    "recording": ("recording.npz", load_recording),
+    "table": ("table.csv", read_table),
+    "gyro": ("gyro.csv", load_gyro_record),
+    "image": ("a.png", read_image),
+    "video": ("a.mp4", lambda path: open_source([path])),
+    "sdf": ("a.world", read_sdf),
+}
+
+
+@pytest.mark.parametrize("kind", INPUTS)
+def test_a_pipe_device_socket_or_folder_is_refused_at_once(kind: str, tmp_path: Path) -> None:
+    name, read = INPUTS[kind]
+    for number, make in enumerate((os.mkfifo, to_zero, listen, os.mkdir)):
+        place = tmp_path / str(number)
+        place.mkdir()
+        make(place / name)
+        with pytest.raises(InputError, match=name) as raised:
+            read(place / name)
+        assert raised.value.file is not None
+
+
+def to_zero(path: Path) -> None:
+    path.symlink_to("/dev/zero")
+
+
+def listen(path: Path) -> None:
+    here = Path.cwd()
+    os.chdir(path.parent)  # names of sockets are short
+    try:
+        with socket.socket(socket.AF_UNIX) as server:
+            server.bind(path.name)
+    finally:
+        os.chdir(here)
+
+
+@pytest.mark.parametrize("kind", [kind for kind in INPUTS if kind != "result"])
+@pytest.mark.parametrize("name", ["x" * 300, "a\0b", "\udcff"])
+def test_a_name_that_no_file_has_is_refused(kind: str, name: str, tmp_path: Path) -> None:
+    suffix, read = Path(INPUTS[kind][0]).suffix, INPUTS[kind][1]
+    with pytest.raises(ConfigError, match=r"no such file|cannot read"):
+        read(tmp_path / f"{name}{suffix}")
+    assert not is_file(tmp_path / name)
+    assert not is_folder(tmp_path / name)
+
+
+def test_a_file_is_read_up_to_its_bound_and_through_a_link(tmp_path: Path) -> None:
+    (tmp_path / "file").write_bytes(b"12345")
+    (tmp_path / "link").symlink_to("file")
+    assert read_input(tmp_path / "link", 5) == b"12345"
+    with pytest.raises(ConfigError, match="too large: at most 4 bytes"):
+        read_input(tmp_path / "link", 4)
+
+
+def test_a_file_whose_size_is_unknown_is_bounded_as_well() -> None:
+    with pytest.raises(ConfigError, match="too large"):
+        read_input("/proc/self/maps", 10)
+
+
+def test_text_is_utf_8_with_or_without_a_mark(tmp_path: Path) -> None:
+    file = tmp_path / "a.txt"
+    file.write_bytes(b"\xef\xbb\xbfone\ntwo")
+    assert read_input_text(file, 100) == "one\ntwo"
+    file.write_bytes(b"\xef\xbb\xbfone\nt\xffwo")
+    with pytest.raises(ConfigError, match=r"a\.txt:2: expected UTF-8 text, got byte 0xff"):
+        read_input_text(file, 100)
+
+
+@pytest.mark.parametrize(
+    "text", ["[tool.navfw]\na = " + "[" * 3000, "[tool.navfw]\na = " + "9" * 5000, "[tool.navfw"]
+)
+def test_a_damaged_project_file_is_named(text: str, tmp_path: Path) -> None:
+    (tmp_path / "pyproject.toml").write_text(f"# tool.navfw\n{text}\n")
+    with pytest.raises(ConfigError, match=r"pyproject\.toml: not valid TOML"):
+        project_folder(tmp_path)
+
+
+def test_what_is_no_regular_file_makes_no_project(tmp_path: Path) -> None:
+    to_zero(tmp_path / "pyproject.toml")
+    assert project_folder(tmp_path) is None
+
+
+def test_a_picture_of_many_pixels_is_refused_before_it_is_decoded(tmp_path: Path) -> None:
+    file = tmp_path / "bomb.pgm"
+    file.write_bytes(b"P5 9000 9000 255\n" + b"\0" * 100)
+    with pytest.raises(ConfigError, match="too large: 9000 x 9000"):
+        read_image(file)
