@@ -170,11 +170,15 @@ class AtomicFolder(AtomicTarget):
 
 
 def write_text(
-    path: Path, content: str | Iterable[Iterable[str]], *, parents: bool = False
+    path: Path,
+    content: str | Iterable[Iterable[str]],
+    *,
+    parents: bool = False,
+    mode: int | None = None,
 ) -> None:
     """Replace the file at ``path`` atomically by a text, or by rows of CSV.
 
-    Folders above it are created if ``parents``.
+    Folders above it are created if ``parents``. ``mode``: its permissions, instead of the usual.
 
     Raises:
         InputError: the file cannot be written, or another process writes it; an existing one stays
@@ -190,6 +194,8 @@ def write_text(
         with deferred(), TargetLock(place) as lock:
             try:
                 with lock.part.open("x", encoding="utf-8", newline="") as stream:
+                    if mode is not None:
+                        lock.part.chmod(mode)
                     if isinstance(content, str):
                         stream.write(content)
                     else:

@@ -6,6 +6,7 @@ NavfwError
 │   ├── UnknownNameError  a world, mission, map, stack, plugin or place of that name does not exist
 │   ├── PluginError       a plugin cannot be used: wrong base, signature, name or parameters
 │   │   └── MissingExtraError  it needs an optional extra of navfw that is not installed
+│   ├── UntrustedCodeError    the project's plugins may not be executed; says how to allow it
 │   ├── RuleBaseError     a fuzzy rule base is malformed or leaves inputs uncovered
 │   ├── WorldError        a world or mission is impossible: start in a wall, goal unreachable
 │   └── MapError          a topological map is inconsistent
@@ -28,6 +29,7 @@ __all__ = [
     "RuleBaseError",
     "SimulationError",
     "UnknownNameError",
+    "UntrustedCodeError",
     "WorldError",
     "did_you_mean",
 ]
@@ -114,6 +116,10 @@ class MissingExtraError(PluginError):
             f"needs the package {extra}, which is not installed: pip install 'navfw[{extra}]'",
             key=key,
         )
+
+
+class UntrustedCodeError(InputError):
+    """The project has plugins, and the user has not agreed to execute them."""
 
 
 class RuleBaseError(InputError):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 
 from hypothesis import settings
@@ -13,3 +14,6 @@ settings.load_profile("navfw")
 # a shell that starts tests in the background has them ignore Ctrl-C, and all that they start, too
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+# the tests make projects with plugins in temporary folders
+os.environ["NAVFW_TRUST"] = "1"

@@ -16,6 +16,8 @@ import typer
 from typer.core import TyperGroup
 
 from navfw.cli.standard_streams import standard_streams
+from navfw.cli.trust import TrustOnce, accept_trust, ask_on_terminal
+from navfw.config.project_code import asking, trusting
 from navfw.errors import InputError, NavfwError
 from navfw.interruption import interruptible
 
@@ -36,16 +38,21 @@ COMMANDS = (
     "navfw.cli.bench",
     "navfw.cli.suite",
     "navfw.cli.results",
+    "navfw.cli.trust",
 )
 """Modules with commands, in the order of ``navfw --help``."""
 
 
 class _Group(TyperGroup):
-    """Prints a ``NavfwError`` as one message on stderr and exits with its code."""
+    """Prints a ``NavfwError`` as one message on stderr and exits with its code.
+
+    Before a project's plugins are executed for the first time it asks, where there is a terminal.
+    """
 
     def invoke(self, ctx: Any) -> Any:
         try:
-            with interruptible():  # SIGTERM ends a command as Ctrl-C does: nothing is left behind
+            # SIGTERM ends a command as Ctrl-C does: nothing is left behind
+            with interruptible(), asking(ask_on_terminal):
                 return super().invoke(ctx)
         except NavfwError as error:
             typer.echo(f"navfw: {error}", err=True)
@@ -74,16 +81,21 @@ def _version(wanted: bool) -> None:
 
 @app.callback()
 def _root(
+    ctx: typer.Context,
     version: Annotated[
         bool,
         typer.Option("--version", callback=_version, is_eager=True, help="Show the version."),
     ] = False,
+    trust: TrustOnce = False,
 ) -> None:
     del version
+    if trust:
+        ctx.with_resource(trusting())
 
 
 for _module in COMMANDS:
     importlib.import_module(_module).add_to(app)
+accept_trust(app)
 
 
 def main() -> None:

@@ -32,6 +32,7 @@ __all__ = [
     "list_missions",
     "list_stacks",
     "list_worlds",
+    "plugin_files",
     "plugin_folders",
     "project_folder",
     "project_plugin_folders",
@@ -108,7 +109,7 @@ def shipped_folder() -> Path:
     return installed if installed.is_dir() else _PACKAGE.parent
 
 
-def _data_folders() -> list[_DataFolders]:
+def _data_folders(start: Path | None = None) -> list[_DataFolders]:
     shipped = shipped_folder()
     found = [
         _DataFolders(
@@ -119,7 +120,7 @@ def _data_folders() -> list[_DataFolders]:
             shipped / "behaviors",
         )
     ]
-    project = project_folder()
+    project = project_folder(start)
     if project is not None and project.resolve() != shipped.resolve():
         folders = (project / part for part in ("worlds", "maps", "stacks", "behaviors"))
         found.insert(0, _DataFolders("project", *folders))
@@ -132,14 +133,25 @@ def plugin_folders() -> list[Path]:
     return [shipped] * shipped.is_dir() + project_plugin_folders()
 
 
-def project_plugin_folders() -> list[Path]:
-    """The folders ``behaviors`` and ``plugins`` of the project, as far as they exist.
+def project_plugin_folders(start: Path | None = None) -> list[Path]:
+    """The folders ``behaviors`` and ``plugins`` of the project around ``start``, if they exist.
 
     None in a checkout of navfw: what it ships is no project.
     """
-    folders = [part.behaviors for part in _data_folders() if part.source == "project"]
+    folders = [part.behaviors for part in _data_folders(start) if part.source == "project"]
     folders += [folder.with_name("plugins") for folder in folders]
     return [folder for folder in folders if folder.is_dir()]
+
+
+def plugin_files(folder: Path) -> list[Path]:
+    """The files of a folder of plugins that are imported: all ``*.py`` but ``_*.py``.
+
+    Raises:
+        OSError: ``folder`` cannot be read.
+
+    """
+    files = (path for path in folder.iterdir() if path.suffix == ".py")
+    return sorted(path for path in files if not path.name.startswith(("_", ".")))
 
 
 def list_worlds() -> list[NamedFile]:

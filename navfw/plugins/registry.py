@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import Any, cast
 
 from navfw.config.input_file import shown_path
-from navfw.config.lookup import plugin_folders
+from navfw.config.lookup import plugin_files, plugin_folders
+from navfw.config.project_code import require_trust
 from navfw.config.type_descriptions import parameters_of
 from navfw.errors import InputError, PluginError, UnknownNameError
 from navfw.interfaces import KINDS, Plugin
@@ -140,13 +141,13 @@ class Registry:
         """
         folder = Path(folder)
         try:
-            files = sorted(p for p in folder.iterdir() if p.suffix == ".py")
+            files = plugin_files(folder)
         except OSError as error:
             raise PluginError(
                 f"expected a folder of plugins: {error.strerror}", file=shown_path(folder)
             ) from None
         for file in files:
-            if not file.name.startswith(("_", ".")) and file.resolve() not in self._files:
+            if file.resolve() not in self._files:
                 self._files.add(file.resolve())
                 self._discover_file(file, kind)
 
@@ -293,12 +294,16 @@ def default_registry(folders: Iterable[str | Path] = ()) -> Registry:
 
     These are the shipped ones, the project's ``behaviors/`` and ``plugins/``, ``folders``, the
     entry points of installed packages, and classes decorated with ``plugin``. Of two plugins with
-    the same name, the one earlier in this order is kept.
+    the same name, the one earlier in this order is kept. The project's are imported only if the
+    user trusts the project, see ``navfw.config.project_code``; ``folders`` are named by the caller,
+    so they need no trust.
 
     Raises:
+        UntrustedCodeError: the project has plugins, and the user has not agreed to execute them.
         PluginError: one of ``folders`` is not a folder.
 
     """
+    require_trust()
     registry = Registry()
     for kind, plugins in BUILT_IN.items():
         for name, target in plugins.items():

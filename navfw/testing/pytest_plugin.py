@@ -16,6 +16,7 @@ imports other modules only when a mission is driven.
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Generator, Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -115,8 +116,20 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Register the marker."""
+    """Register the marker; trust the project whose tests are run, as they are its code, too."""
     config.addinivalue_line("markers", _MARKER)
+    from navfw.config.lookup import project_folder
+    from navfw.config.project_code import trusting
+    from navfw.errors import InputError
+
+    try:
+        project = project_folder(config.rootpath)
+    except InputError:  # a damaged pyproject.toml, told when something of it is used
+        return
+    if project is not None:
+        trust = contextlib.ExitStack()
+        trust.enter_context(trusting(project))
+        config.add_cleanup(trust.close)
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -173,3 +174,37 @@ def _dedent(text: str) -> str:
     import textwrap
 
     return textwrap.dedent(text)
+
+
+REGISTRY = """
+from navfw.plugins import default_registry
+def test_it(monkeypatch):
+    monkeypatch.chdir({folder!r})
+    assert "hover" in default_registry().names("behavior")
+"""
+
+
+def test_tests_execute_the_plugins_of_their_own_project_alone(
+    pytester: pytest.Pytester, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("NAVFW_TRUST")
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
+    other = tmp_path / "other"
+    for project in (pytester.path, other):
+        (project / "behaviors").mkdir(parents=True)
+        (project / "navfw.toml").touch()
+        (project / "behaviors" / "hover.py").touch()
+    for folder, passed in ((pytester.path, 1), (other, 0)):
+        tests = pytester.mkdir(f"tests_{passed}")
+        (tests / "test_it.py").write_text(REGISTRY.format(folder=str(folder)))
+        done = pytester.runpytest_inprocess("-p", "no:cacheprovider", tests)
+        done.assert_outcomes(passed=passed, failed=1 - passed)
+    done.stdout.fnmatch_lines(["*UntrustedCodeError: *not trusted, so its code is not executed*"])
+    assert "NAVFW_TRUST" not in os.environ
+
+
+def test_a_damaged_project_does_not_stop_other_tests(pytester: pytest.Pytester) -> None:
+    pytester.path.joinpath("pyproject.toml").write_text("[tool.navfw]\nx = \n")
+    pytester.makepyfile("def test_it():\n    pass\n")
+    done = pytester.runpytest_inprocess("-p", "no:cacheprovider", "-c", "/dev/null", "--rootdir=.")
+    done.assert_outcomes(passed=1)

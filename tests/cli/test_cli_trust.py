@@ -1,0 +1,257 @@
+"""``navfw trust``, ``--trust`` and the question: no plugin of a project is executed unasked."""
+
+from __future__ import annotations
+
+import os
+import pty
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer.main
+from typer.testing import CliRunner, Result
+
+from navfw.cli import app
+from navfw.config.project_code import LIBRARY_SETTINGS, TRUST_VARIABLE
+from navfw.config.trust_file import TrustFile
+from navfw.missions.session import prepare
+from navfw.plugins import default_registry
+
+BEHAVIOR = '''
+from pathlib import Path
+from navfw import Behavior
+
+Path(__file__).with_name("executed").touch()
+
+class Hover(Behavior):
+    """Keeps its position."""
+    name = "hover"
+    def propose(self, context): pass
+'''
+PLUGINS = ("plugins", "--kind", "behavior")
+PROCESS = [sys.executable, "-c", "from navfw.cli import main; main()"]
+
+
+@pytest.fixture
+def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A project around the working folder, whose plugin leaves a file when it is imported."""
+    monkeypatch.delenv(TRUST_VARIABLE)
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
+    folder = tmp_path / "my robot"
+    (folder / "behaviors").mkdir(parents=True)
+    (folder / "navfw.toml").touch()
+    (folder / "behaviors" / "hover.py").write_text(BEHAVIOR)
+    monkeypatch.chdir(folder)
+    return folder
+
+
+def invoke(*words: str) -> Result:
+    return CliRunner().invoke(app, words)
+
+
+def executed(project: Path) -> bool:
+    """Whether the project's plugin has been imported since the last call."""
+    marker = project / "behaviors" / "executed"
+    found = marker.exists()
+    marker.unlink(missing_ok=True)
+    return found
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        PLUGINS,
+        ("run", "empty", "straight"),
+        ("suite", "rooms", "--seeds", "0:1"),
+        ("generate", "no-such-family"),
+    ],
+)
+def test_without_trust_nothing_is_executed_or_written(words: list[str], project: Path) -> None:
+    done = invoke(*words)
+    assert (done.exit_code, done.stdout) == (2, "")
+    assert done.stderr.startswith(f"navfw: {project}: not trusted, so its code is not executed: ")
+    assert "behaviors/hover.py" in done.stderr
+    assert not executed(project)
+    assert sorted(path.name for path in project.iterdir()) == ["behaviors", "navfw.toml"]
+
+
+def test_the_python_interface_is_refused_as_well(project: Path) -> None:
+    for attempt in (default_registry, lambda: prepare("empty", "straight")):
+        with pytest.raises(Exception, match="not trusted, so its code is not executed"):
+            attempt()
+    assert not executed(project)
+
+
+def test_folders_that_the_caller_names_need_no_trust(project: Path, tmp_path: Path) -> None:
+    os.chdir(tmp_path)
+    assert "hover" in default_registry([project / "behaviors"]).names("behavior")
+    assert executed(project)
+
+
+@pytest.mark.parametrize("words", [("--trust", *PLUGINS), (*PLUGINS, "--trust")])
+def test_the_option_trusts_for_one_command(words: list[str], project: Path) -> None:
+    done = invoke(*words)
+    assert done.exit_code == 0, done.stderr
+    assert "hover" in done.stdout
+    assert executed(project)
+    assert invoke(*PLUGINS).exit_code == 2
+    assert not TrustFile().path.exists()
+
+
+def test_every_command_has_the_option() -> None:
+    def commands(group: Any) -> Iterator[Any]:
+        for command in group.commands.values():
+            yield from commands(command) if hasattr(command, "commands") else (command,)
+
+    without = {
+        command.name
+        for command in commands(typer.main.get_command(app))
+        if not any("--trust" in parameter.opts for parameter in command.params)
+    }
+    assert without == {"trust"}
+
+
+def test_trust_is_given_listed_and_taken_back(project: Path, tmp_path: Path) -> None:
+    assert invoke("trust", "--list").stdout == "No project is trusted.\n"
+    os.chdir(tmp_path)
+    done = invoke("trust", "my robot")
+    assert done.exit_code == 0, done.stderr
+    assert done.stdout.splitlines()[0].startswith(f"trusted: {project}, of user ")
+    assert "  behaviors/hover.py\n" in done.stdout
+    assert not executed(project)
+    assert invoke("trust", "--list").stdout.startswith(f"{project}  of user ")
+    os.chdir(project)
+    assert invoke(*PLUGINS).exit_code == 0
+    assert executed(project)
+    assert invoke("trust", "--remove", ".").stdout == f"no longer trusted: {project}\n"
+    assert invoke(*PLUGINS).exit_code == 2
+    assert not executed(project)
+
+
+def test_the_list_tells_of_folders_that_are_gone(project: Path) -> None:
+    TrustFile().add(project, project.stat().st_uid + 1)
+    TrustFile().add(project / "gone", project.stat().st_uid)
+    lines = invoke("trust", "--list").stdout.splitlines()
+    assert len(lines) == 2
+    assert all(line.endswith("; gone, or another user's now") for line in lines)
+    assert invoke("trust", "--remove", "gone").exit_code == 0
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("trust",), "expected DIR"),
+        (("trust", ".", "--list"), "expected DIR"),
+        (("trust", "--remove", "--list"), "expected DIR"),
+        (("trust", "--remove", "."), "unknown trusted folder"),
+        (("trust", "nowhere"), "nowhere: expected a folder with navfw.toml"),
+        (("trust", "/"), "/: expected a folder with navfw.toml"),
+    ],
+)
+def test_wrong_use_of_trust(words: list[str], message: str, project: Path) -> None:
+    done = invoke(*words)
+    assert (done.exit_code, done.stdout) == (2, "")
+    assert message in done.stderr
+
+
+def test_a_project_that_anyone_may_write_to_cannot_be_trusted(project: Path) -> None:
+    (project / "behaviors").chmod(0o777)
+    done = invoke("trust", ".")
+    assert (done.exit_code, done.stdout) == (2, "")
+    assert done.stderr.startswith(f"navfw: {project / 'behaviors'}: some other user can write")
+
+
+@pytest.mark.parametrize("name", LIBRARY_SETTINGS)
+def test_settings_of_libraries_need_trust_before_any_command(
+    name: str, project: Path, tmp_path: Path
+) -> None:
+    (project / "behaviors" / "hover.py").unlink()
+    (project / name).touch()
+    done = invoke("worlds")
+    assert (done.exit_code, done.stdout) == (2, "")
+    assert done.stderr.startswith(f"navfw: {project}: not trusted")
+    assert name in done.stderr
+    assert f"navfw trust '{project}'" in done.stderr
+    for words in (("--help",), ("worlds", "--help"), ("worlds", "--trust"), ("trust", ".")):
+        assert invoke(*words).exit_code == 0
+    assert invoke("worlds").exit_code == 0
+    (tmp_path / name).touch()  # in no project
+    os.chdir(tmp_path)
+    assert invoke("worlds").exit_code == 2
+    assert invoke("trust", ".").exit_code == 0
+    assert invoke("worlds").exit_code == 0
+
+
+def test_a_cache_of_compiled_code_in_the_working_folder_is_not_loaded(project: Path) -> None:
+    (project / "behaviors" / "hover.py").unlink()
+    (project / ".numba_config.yaml").write_text("cache_dir: cache\n")
+    words = [*PROCESS, "plan", "office", "lobby", "lab"]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=120, check=False)  # noqa: S603 - this Python
+    assert done.returncode == 2
+    assert not (project / "cache").exists()
+
+
+def on_terminal(answer: str) -> tuple[int, str, str]:
+    """Exit code, stdout, and what the terminal shows of ``navfw plugins`` with that answer."""
+    screen, terminal = pty.openpty()
+    with subprocess.Popen(  # noqa: S603 - this Python, words of our own
+        [*PROCESS, *PLUGINS], stdin=terminal, stderr=terminal, stdout=subprocess.PIPE, text=True
+    ) as process:
+        os.close(terminal)
+        os.write(screen, answer.encode())
+        stdout, _ = process.communicate(timeout=120)
+    shown = b""
+    while True:
+        try:
+            part = os.read(screen, 65536)
+        except OSError:  # all is read, and the other end is closed
+            break
+        shown += part
+    os.close(screen)
+    return process.returncode, stdout, shown.decode().replace("\r\n", "\n")
+
+
+@pytest.mark.parametrize("answer", ["\n", "\x04"])
+def test_any_answer_but_yes_on_a_terminal_is_a_no(answer: str, project: Path) -> None:
+    code, stdout, shown = on_terminal(answer)
+    assert (code, stdout) == (2, "")
+    assert f"The project in '{project}', of user " in shown
+    assert "\n  behaviors/hover.py\n" in shown
+    assert shown.count("[y/N]") == 1
+    assert "navfw trust" in shown
+    assert not executed(project)
+    assert not TrustFile().path.exists()
+
+
+def test_a_yes_on_a_terminal_is_asked_for_once(project: Path) -> None:
+    code, stdout, shown = on_terminal("y\n")
+    assert code == 0, shown
+    assert "hover" in stdout
+    assert "[y/N]" not in stdout
+    assert executed(project)
+    assert [entry.path for entry in TrustFile().folders()] == [str(project)]
+    assert invoke(*PLUGINS).exit_code == 0  # without a terminal: it need not ask
+
+
+def test_help_and_completion_execute_nothing(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(TRUST_VARIABLE, "1")
+    for words in (["--help"], ["--version"], [], ["run", "--help"], ["map", "check", "--help"]):
+        invoke(*words)
+        assert not executed(project), words
+    completion = {"_NAVFW_COMPLETE": "complete_bash", "COMP_WORDS": "navfw run ", "COMP_CWORD": "2"}
+    code = "import sys; sys.argv[0] = 'navfw'; from navfw.cli import main; main()"
+    subprocess.run(  # noqa: S603 - this Python, words of our own
+        [sys.executable, "-c", code],
+        env={**os.environ, **completion},
+        capture_output=True,
+        timeout=120,
+        check=False,
+    )
+    assert not executed(project)
+    assert invoke(*PLUGINS).exit_code == 0
+    assert executed(project)  # else this test would prove nothing
