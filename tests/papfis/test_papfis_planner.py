@@ -2,7 +2,9 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -12,10 +14,11 @@ from navfw.errors import MapError
 from navfw.papfis import Papfis
 from navfw.papfis.waypoints import PassingTolerances, distance_to_leg, has_passed
 from navfw.robot import RobotModel
-from navfw.signals import Waypoint
+from navfw.signals import Pose, Waypoint
 from navfw.sim.floorplan import FloorPlan
 from navfw.sim.worldfile import load_world
 from navfw.topomap import Place, TopoMap
+from navfw.topomap.elements import PlaceKind
 
 ROOT = Path(__file__).parents[2]
 ROBOT = RobotModel()
@@ -121,16 +124,21 @@ def test_off_the_path_without_a_route_the_old_one_is_kept() -> None:
     assert papfis.replans == 1
 
 
-def test_reaching_a_later_waypoint_passes_those_before_it_except_doors() -> None:
-    a, b, c, e = Place("a", 0, 0), Place("b", 2, 1), Place("c", 4, 0), Place("e", 6.7, 0)
-    d = Place("d", 6, 0, "door")
+@pytest.mark.parametrize("kind", get_args(PlaceKind))
+def test_reaching_a_later_waypoint_passes_those_before_it_except_doors(kind: PlaceKind) -> None:
+    a, b, c = Place("a", 0, 0), Place("b", 2, 1, kind), Place("c", 4, 0)
+    d, e = Place("d", 6, 0, "door"), Place("e", 6.7, 0)
     topo_map = TopoMap("m", [a, b, c, d, e], line(a, b, c, d, e, width=0.9))
     papfis = planner(
-        topo_map, goal(12, 0), passing=0.9, beside_door_passing=0.8, replan_distance=5.0
+        topo_map, goal(12, 0), passing=0.9, beside_door_passing=0.9, replan_distance=5.0
     )
     assert next_waypoint(papfis, 0.0, 0.0).place == "b"
+    assert next_waypoint(papfis, 3.5, -0.6).place == ("b" if kind == "door" else "d")
+    papfis.update(belief(2.0, 1.0))
     assert next_waypoint(papfis, 3.5, -0.6).place == "d"
-    assert next_waypoint(papfis, 5.95, 0.5).place == "d"  # beside the door, within reach of e
+    # beside the door, where e is within its tolerance
+    assert math.dist((5.99, 0.5), (e.x, e.y)) < 0.9
+    assert next_waypoint(papfis, 5.99, 0.5).place == "d"
     assert next_waypoint(papfis, 5.95, 0.1).kind == "goal"
 
 
@@ -199,6 +207,13 @@ def waypoint(kind: str, width: float) -> Waypoint:
 def test_when_a_waypoint_is_passed(at: Point, kind: str, after: Point, passed: bool) -> None:
     following = Waypoint(*after, 0.3, "q", "room", final=False)
     assert has_passed(at, HERE, waypoint(kind, 0.9), following, PassingTolerances()) is passed
+    # wherever the map's origin is, and however its axes are turned
+    for frame in (Pose(3.0, -2.0, 0.0), Pose(-1.0, 5.0, 2.0), Pose(0.5, 0.7, -1.2)):
+        here, there, start = (frame.to_parent(*point) for point in (NEXT, after, HERE))
+        moved = replace(waypoint(kind, 0.9), x=here[0], y=here[1])
+        beyond = replace(following, x=there[0], y=there[1])
+        at_now = frame.to_parent(*at)
+        assert has_passed(at_now, start, moved, beyond, PassingTolerances()) is passed
 
 
 def test_a_final_waypoint_must_be_reached() -> None:

@@ -1,0 +1,103 @@
+"""The waypoints of a route: which places become one, and its tolerance, width and passage."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import get_args
+
+import pytest
+from papfis_maps import goal, joined
+
+from navfw.papfis import Endpoint
+from navfw.papfis.access import AT_PLACE
+from navfw.papfis.routes import Route
+from navfw.papfis.waypoints import PassingTolerances, waypoints_of
+from navfw.signals import Waypoint
+from navfw.topomap import Place, TopoMap
+from navfw.topomap.elements import PlaceKind
+
+KINDS: tuple[PlaceKind, ...] = get_args(PlaceKind)
+PASSING = PassingTolerances(open=0.7, door=0.2, beside_door=0.4)
+
+
+def waypoints(
+    kinds: tuple[PlaceKind, ...],
+    widths: tuple[float, ...] = (),
+    *,
+    start: float = -3.0,
+    end: Waypoint,
+) -> list[Waypoint]:
+    """The waypoints of a route by way of places a, b, c, ... at x = 0, 3, 6, ... m.
+
+    They are of these ``kinds``, joined by passages of these ``widths`` [m] (1.2 m); the route
+    begins at x = ``start`` [m], off the passages, and ends at the goal ``end``, off them too.
+    """
+    places = [Place("abcdef"[k], 3.0 * k, 0.0, kind) for k, kind in enumerate(kinds)]
+    widths = widths or (1.2,) * (len(kinds) - 1)
+    passages = tuple(
+        joined(a, b, width=width) for (a, b), width in zip(pairwise(places), widths, strict=True)
+    )
+    route = Route(
+        start=Endpoint(start, 0.0),
+        goal=Endpoint(end.x, end.y),
+        places=tuple(place.name for place in places),
+        passages=passages,
+        legs=(None, *passages, None),
+        cost=1.0,
+        length=1.0,
+        entry_cost=0.0,
+        exit_cost=0.0,
+    )
+    return waypoints_of(route, end, TopoMap("row", places, passages), PASSING)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(("beyond", "within"), [(0.1, True), (0.29, True), (0.31, False)])
+def test_a_last_place_within_the_goals_tolerance_is_left_out_unless_it_is_a_door(
+    kind: PlaceKind, beyond: float, within: bool
+) -> None:
+    found = waypoints(("room", "room", kind), end=goal(6.0 + beyond, 0.0, tolerance=0.3))
+    left_out = within and kind != "door"
+    assert [w.place for w in found] == ["a", "b", *([] if left_out else ["c"]), "goal"]
+    # the passage that led to the place left out leads to the goal now
+    assert found[-1].passage == (("b", "c") if left_out else None)
+    assert [w.final for w in found] == [False] * (len(found) - 1) + [True]
+    assert (found[-1].kind, found[-1].tolerance, found[-1].x) == ("goal", 0.3, 6.0 + beyond)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(("away", "left_out"), [(0.9, True), (1.1, False)])
+def test_a_first_place_where_the_route_starts_is_left_out(
+    kind: PlaceKind, away: float, left_out: bool
+) -> None:
+    found = waypoints((kind, "room", "room"), start=-away * AT_PLACE, end=goal(9.0, 0.0))
+    assert [w.place for w in found] == [*([] if left_out else ["a"]), "b", "c", "goal"]
+    # each waypoint has the passage that leads there
+    assert [w.passage for w in found][-3:] == [("a", "b"), ("b", "c"), None]
+    assert [(w.x, w.y, w.kind) for w in found][-3:-1] == [(3.0, 0.0, "room"), (6.0, 0.0, "room")]
+
+
+def test_one_place_at_start_and_goal_is_left_out_once() -> None:
+    (found,) = waypoints(("room",), start=-0.05, end=goal(0.1, 0.0))
+    assert (found.place, found.final, found.passage) == ("goal", True, None)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("widths", [(1.4, 0.9), (0.9, 1.4)])
+def test_a_place_has_the_width_on_its_way_and_a_door_that_of_its_narrower_passage(
+    kind: PlaceKind, widths: tuple[float, float]
+) -> None:
+    at_a, at_b, at_c, end = waypoints(("room", kind, "room"), widths, end=goal(9.0, 0.0))
+    assert at_b.width == (min(widths) if kind == "door" else widths[0])
+    assert (at_a.width, at_c.width, end.width) == (math.inf, widths[1], math.inf)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("at", [0, 1, 3, 5])
+def test_tolerances_are_smaller_at_and_beside_doors_alone(kind: PlaceKind, at: int) -> None:
+    kinds: list[PlaceKind] = ["room"] * 6
+    kinds[at] = kind
+    found = waypoints(tuple(kinds), end=goal(21.0, 0.0))
+    away = {0: 0.2, 1: 0.4} if kind == "door" else {}
+    assert [w.tolerance for w in found[:-1]] == [away.get(abs(k - at), 0.7) for k in range(6)]
