@@ -64,8 +64,10 @@ def test_scaling_implication_equals_scikit_fuzzys_defuzzification(data: st.DataO
     assert_same(rule_base, ReferenceFis(rule_base), data.draw(samples(rule_base)))
 
 
-def test_the_reference_is_unchanged_by_resets_of_its_simulation() -> None:
-    # the simulation is reset every 500 runs; results must not change
+def test_the_reference_is_unchanged_by_resets_of_its_simulation(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # the simulation keeps all results; it is reset every 500 runs, and results must not change
     rule_base = rule_base_from_mapping(
         {
             "name": "x",
@@ -77,11 +79,20 @@ def test_the_reference_is_unchanged_by_resets_of_its_simulation() -> None:
         }
     )
     reference, compiled = ReferenceFis(rule_base), CompiledFis(rule_base)
-    for value in np.linspace(0.01, 1.0, 510).tolist():
+    reset, resets = reference.simulation.reset, []
+
+    def counted() -> None:
+        resets.append(value)
+        reset()
+
+    monkeypatch.setattr(reference.simulation, "reset", counted)
+    values = np.linspace(0.01, 1.0, 510).tolist()
+    for value in values:
         expected = reference.evaluate({"a": value}).outputs["o"]
         if value > 0.97:
             assert compiled.evaluate({"a": value}).outputs["o"] == pytest.approx(expected)
     assert expected[0] == pytest.approx(2 / 3)
+    assert resets == [values[499]]
 
 
 def test_a_nan_input_and_no_firing_rule_both_give_the_default() -> None:
@@ -111,8 +122,21 @@ def test_compare_measures_both_and_finds_them_equal() -> None:
 
 def test_random_inputs_stay_in_range_and_visit_corners() -> None:
     rule_base = rule_base_from_mapping(small())
-    rows = random_inputs(rule_base, 400, np.random.default_rng(0))
-    assert rows.shape == (2, 400)
-    assert rows[0].min() >= 0.0
-    assert rows[0].max() <= 2.0
+    rows = random_inputs(rule_base, 4000, np.random.default_rng(0))
+    assert rows.shape == (2, 4000)
+    for row, variable in zip(rows, rule_base.inputs.values(), strict=True):
+        assert row.min() >= variable.low
+        assert row.max() <= variable.high
+        width = variable.high - variable.low
+        every = {c for shape in variable.terms.values() for c in shape.corners}
+        corners = np.array(sorted(every))
+        off = row[:, None] - corners
+        off = off[np.arange(row.size), np.abs(off).argmin(axis=1)] / width
+        # half at the corners or a millionth of the range beside them, on both sides
+        near = np.abs(off) < 2e-6
+        assert near.mean() == pytest.approx(0.5, abs=0.05)
+        assert set(np.round(off[near] * 1e6).tolist()) == {-1.0, 0.0, 1.0}
+        # the others all over the range
+        quarter = np.histogram(row[~near], 4, (variable.low, variable.high))[0]
+        assert quarter.min() > 0.2 * (~near).sum()
     assert {0.5, 1.0} <= set(rows[0].tolist())

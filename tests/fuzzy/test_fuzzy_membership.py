@@ -53,6 +53,19 @@ def test_sampled_form_keeps_corners_and_edges(
         np.testing.assert_allclose(sampled[clear], shape(x)[clear], atol=tolerance)
 
 
+@pytest.mark.parametrize("width", [0.01, 1.0, 200.0])
+@pytest.mark.parametrize(("beside", "samples"), [(5e-7, 11), (-5e-7, 11), (2e-6, 12), (-2e-6, 12)])
+def test_even_samples_next_to_a_corner_are_left_out(
+    width: float, beside: float, samples: int
+) -> None:
+    # an even sample at 0.3 of the range, and a corner a millionth or so beside it
+    corner = (0.3 + beside) * width
+    triangle = make_shape("triangle", [0.0, corner, width])
+    universe = sample_universe(0.0, width, 11, [triangle])
+    assert universe.size == samples
+    assert corner in universe
+
+
 def test_hedges_act_from_the_term_outwards() -> None:
     degree = np.array([0.0, 0.25, 1.0])
     np.testing.assert_allclose(hedged(degree, ("very",)), [0.0, 0.0625, 1.0])
