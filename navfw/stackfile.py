@@ -141,6 +141,11 @@ class StackConfig:
     behaviors: Mapping[str, Choice]
     settings: StackSettings
 
+    @property
+    def plugins(self) -> tuple[type[Plugin], ...]:
+        """The classes of all plugins of the stack."""
+        return tuple(choice.plugin for choice in (*self.stages.values(), *self.behaviors.values()))
+
     def as_data(self) -> dict[str, Any]:
         """The resolved configuration as plain data; written as YAML it is a stack file again."""
         return {

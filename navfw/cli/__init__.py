@@ -10,12 +10,14 @@ ran, but its results could not be written completely.
 from __future__ import annotations
 
 import importlib
+import sys
 from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
 
 from navfw.cli.standard_streams import standard_streams
+from navfw.cli.supervisor import supervise
 from navfw.cli.trust import TrustOnce, accept_trust, ask_on_terminal
 from navfw.config.project_code import asking, trusting
 from navfw.errors import InputError, NavfwError
@@ -100,5 +102,12 @@ accept_trust(app)
 
 def main() -> None:
     """The console script; exits with navfw's exit code."""
+    command = next((word for word in sys.argv[1:] if not word.startswith("-")), "")
+    with standard_streams():
+        sys.exit(supervise(_run) if command == "run" else app())
+
+
+def _run() -> None:
+    """The command in a child process, with its own check that its output was written."""
     with standard_streams():
         app()

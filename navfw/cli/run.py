@@ -15,6 +15,7 @@ import typer
 
 from navfw.cli.options import Json, Mission, World
 from navfw.cli.output import console, print_json, quiet_stdout
+from navfw.cli.supervisor import announce
 from navfw.errors import InputError
 from navfw.interruption import deferred, interruptible
 
@@ -70,6 +71,10 @@ def run(
         bool,
         typer.Option("--record", help="Record the sensor readings, for navfw replay and explain."),
     ] = False,
+    limit: Annotated[
+        float | None,
+        typer.Option(min=1.0, help="Wall-clock limit [s]. Beyond it the run is a fault."),
+    ] = None,
     gui: Annotated[bool, typer.Option("--gui", help="Show the window of PyBullet.")] = False,
     json: Json = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="Print no progress.")] = False,
@@ -81,7 +86,17 @@ def run(
     with deferred():
         with quiet_stdout():
             result, folder, missing = _drive(
-                world, mission, seed, stack, set_ or [], out, record=record, gui=gui, quiet=quiet
+                world,
+                mission,
+                seed,
+                stack,
+                set_ or [],
+                out,
+                record=record,
+                gui=gui,
+                quiet=quiet,
+                as_json=json,
+                limit=math.inf if limit is None else limit,
             )
         summary = {**result.summary(), "run_folder": None if folder is None else str(folder)}
         if json:
@@ -106,6 +121,8 @@ def _drive(
     record: bool,
     gui: bool,
     quiet: bool,
+    as_json: bool,
+    limit: float,
 ) -> tuple[MissionResult, Path | None, tuple[str, ...]]:
     """Run the mission and write its folder, after all input has been checked.
 
@@ -124,8 +141,11 @@ def _drive(
     result = None
     try:
         with target:
+            given = {"world": session.world_name, "mission": session.mission_name, "seed": seed}
+            folder = target.target.absolute()
+            announce(given, folder, numbered=out is None, as_json=as_json, limit=limit)
             with _ProgressLine(quiet=quiet) as line:
-                result = session.run(line.show, gui=gui, record=record)
+                result = session.run(line.show, gui=gui, record=record, limit=limit)
             missing = write_run(result, target)
     except InputError as error:
         if result is None:

@@ -1,8 +1,8 @@
 """The plugin boundary: whatever a plugin does costs its own call, and is told.
 
 - ``plugin_guard``: calls a plugin within a time limit, contains what it raises, checks its answer;
-- ``watchdog``: the time limit, by an interval timer of the process;
-- ``heartbeat``: the call in progress, in memory shared with a supervising process;
+- ``watchdog``: the time limit, by an interval timer of the process; what it cannot end, a
+  supervising process ends (``navfw.heartbeat``);
 - ``answers``: the checks, one for each kind of answer;
 - ``guarded_stages``: the stages of the stack with a fallback for a call that failed;
 - ``process_state``: what a run must leave as it was in its process.

@@ -17,7 +17,7 @@ from navfw.robot import RobotModel
 __all__ = ["FailingStage", "PluginCallError", "PluginFault", "PluginGuard", "label_of"]
 
 FIRST_LIMIT = 60.0
-"""Wall time limit of a plugin's first call in a run [s]: it may have to compile kernels."""
+"""Wall time limit of a plugin's first call in a run [s]: it may load kernels and libraries."""
 
 LIMIT = 10.0
 """Wall time limit of every other call [s]: some ten thousand times the usual run time."""

@@ -13,12 +13,18 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from navfw.guard.heartbeat import begin_call, end_call
+from numba.core import event
+
+from navfw.heartbeat import begin_call, end_call, postpone
 
 __all__ = ["PluginTimeout", "Watchdog"]
 
 PERIOD = 0.25
 """Period [s] in which the interval timer compares the time with the deadline."""
+
+
+COMPILE_LIMIT = 1800.0
+"""Wall time [s] granted to the compilation of one kernel: on a busy machine some take a minute."""
 
 
 class PluginTimeout(BaseException):
@@ -32,16 +38,19 @@ class Watchdog:
     """Ends the plugin call in progress at its deadline.
 
     Works only in the main thread of a system with interval timers (not Windows), and only between
-    two steps of the interpreter. What it cannot end, a supervising process ends (``heartbeat``).
+    two steps of the interpreter. What it cannot end, a supervising process ends
+    (``navfw.heartbeat``).
     """
 
     def __init__(self) -> None:
         self._limit = math.inf
         self._deadline = math.inf
+        self._compiled = 0.0
 
     def begin(self, call: str, limit: float) -> None:
-        """Begin ``call``, which may take ``limit`` [s] of wall time."""
+        """Begin ``call``, which may take ``limit`` [s] of wall time besides compiling kernels."""
         self._limit = limit
+        self._compiled = _compilation.total
         self._deadline = time.monotonic() + limit
         begin_call(call, self._deadline)
 
@@ -77,5 +86,38 @@ class Watchdog:
 
     def _ring(self, number: int, frame: object) -> None:
         del number, frame
-        if time.monotonic() > self._deadline:
+        compiled = _compilation.total - self._compiled
+        if not _compilation.active and time.monotonic() > self._deadline + compiled:
             raise PluginTimeout(f"no result within {self._limit:g} s")
+
+
+class _Compilation(event.Listener):
+    """Numba's compilation of kernels: the ``total`` wall time [s], and whether it is ``active``."""
+
+    def __init__(self) -> None:
+        self.total = 0.0
+        self._depth = 0
+        self._began = 0.0
+
+    @property
+    def active(self) -> bool:
+        return self._depth > 0
+
+    def on_start(self, event: event.Event) -> None:
+        del event
+        if self._depth == 0:
+            self._began = time.monotonic()
+            postpone(COMPILE_LIMIT)
+        self._depth += 1
+
+    def on_end(self, event: event.Event) -> None:
+        del event
+        self._depth -= 1
+        if self._depth == 0:
+            spent = time.monotonic() - self._began
+            self.total += spent
+            postpone(spent - COMPILE_LIMIT)
+
+
+_compilation = _Compilation()
+event.register("numba:compile", _compilation)  # type: ignore[no-untyped-call]

@@ -182,18 +182,20 @@ def run_task(
     progress: Callable[[Progress], None] | None = None,
     readings: SensorRecorder | None = None,
     events: EventClock | None = None,
+    limit: float = math.inf,
 ) -> RunResult:
     """Drive until the mission ends; Ctrl-C or SIGTERM ends it as cancelled.
 
-    ``readings`` records the sensor readings for a replay; ``events`` is updated at every tick.
-    Wall-clock time is used in reports only and does not influence the run.
+    ``readings`` records the sensor readings for a replay; ``events`` is updated at every tick. A
+    run that takes longer than ``limit`` [s] of wall-clock time ends as a fault; otherwise that time
+    is used in reports only.
 
     Raises:
         InputError: the stack refuses the mission before the first tick, for example a goal to which
             the map has no route. Any later exception ends the run as a fault.
 
     """
-    return _MissionLoop(task, pilot, simulator, progress, readings, events).run()
+    return _MissionLoop(task, pilot, simulator, progress, readings, events, limit).run()
 
 
 class _MissionLoop:
@@ -207,6 +209,7 @@ class _MissionLoop:
         progress: Callable[[Progress], None] | None,
         readings: SensorRecorder | None,
         events: EventClock | None,
+        limit: float,
     ) -> None:
         self.task = task
         self.pilot = pilot
@@ -214,6 +217,7 @@ class _MissionLoop:
         self.progress = progress
         self.readings = readings
         self.events = events
+        self.limit = limit
         self.logger = RunLogger()
         self.dt = 1.0 / task.robot.control_rate
         self.goal_checker = GoalChecker(task.goals, task.success_radius)
@@ -270,7 +274,10 @@ class _MissionLoop:
         self._record(reading, pose, twist)
         self.simulator.drive(*self.task.robot.wheel_speeds(twist))
         self.simulator.advance(self.dt)
-        return self._judge(reading.time, self.simulator.true_pose(), twist)
+        verdict = self._judge(reading.time, self.simulator.true_pose(), twist)
+        if verdict is None and time.perf_counter() - self.began > self.limit:
+            verdict = self._verdict(Outcome.FAULT, f"wall-clock limit of {self.limit:g} s")
+        return verdict
 
     def _record(self, reading: SensorReading, pose: Pose, twist: Twist) -> None:
         state = self.pilot.state

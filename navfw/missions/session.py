@@ -7,6 +7,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
@@ -19,12 +20,14 @@ from navfw.config.lookup import find, find_mission
 from navfw.config.overrides import Override, parse_override
 from navfw.errors import UnknownNameError
 from navfw.fault_injection import FaultInjector, inject_faults
+from navfw.guard.process_state import ProcessState
 from navfw.missions.event_check import resolve_events, with_doors_open
 from navfw.missions.event_clock import Event, EventClock, EventTarget
 from navfw.missions.eventspec import BehaviorFault
 from navfw.missions.missionfile import MissionFile, load_mission
 from navfw.missions.oracle import reveal
 from navfw.missions.outcome import Outcome
+from navfw.missions.process_check import check_process
 from navfw.missions.run_metrics import RunMetrics, measure
 from navfw.missions.runner import Progress, RunResult, Task, run_task
 from navfw.recording.sensor_recording import SensorRecorder
@@ -106,17 +109,21 @@ class Session:
         *,
         gui: bool = False,
         record: bool = False,
+        limit: float = math.inf,
     ) -> MissionResult:
         """Drive the mission once; with ``record`` the sensor readings are kept for a replay.
+
+        A run that takes longer than ``limit`` [s] of wall-clock time ends as a fault.
 
         Raises:
             InputError: the stack refuses the mission before the robot has moved.
 
         """
         readings = SensorRecorder() if record else None
+        before = ProcessState.capture()
         with self.simulation(gui) as simulator:
             clock = EventClock((event, self._target(event, simulator)) for event in self.events)
-            run = run_task(self.task, self.stack, simulator, progress, readings, clock)
+            run = run_task(self.task, self.stack, simulator, progress, readings, clock, limit)
             changes = simulator.change_track()
             spent = simulator.timings
             cause = simulator.collision_cause
@@ -125,6 +132,7 @@ class Session:
         if self.stack.features.landmark_frames:
             timings["landmark_frames"] = spent.landmarks
         timings |= self.stack.timings
+        run = check_process(run, before, self.stack.resolved.plugins)
         return MissionResult(self, run, timings, readings, cause, movers, changes)
 
     def _target(self, event: Event, simulator: Simulation) -> EventTarget:

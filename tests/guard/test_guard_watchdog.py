@@ -6,10 +6,11 @@ import signal
 import threading
 import time
 
+import numba
 import pytest
 
-from navfw.guard.heartbeat import HEARTBEAT_SIZE, begin_call, end_call, read_call, set_memory
-from navfw.guard.watchdog import PluginTimeout, Watchdog
+from navfw.guard.watchdog import PERIOD, PluginTimeout, Watchdog
+from navfw.heartbeat import HEARTBEAT_SIZE, begin_call, end_call, read_call, set_memory
 
 
 def hang() -> None:
@@ -74,6 +75,24 @@ def test_in_other_threads_no_call_is_limited() -> None:
     thread.start()
     thread.join()
     assert done == [True]
+
+
+def _kernel(x: float) -> float:
+    total = 0.0
+    for k in range(10):
+        total += x**k if x > k else x * k
+    return total
+
+
+def test_compiling_a_kernel_does_not_count() -> None:
+    began = time.monotonic()
+    watchdog = Watchdog()
+    with watchdog.on_duty():
+        watchdog.begin("behavior compiling", 0.2)
+        for _ in range(4):
+            numba.njit(_kernel)(1.0)  # type: ignore[type-var]
+        watchdog.end()
+    assert time.monotonic() - began > 2 * PERIOD, "the alarm did not ring meanwhile"
 
 
 def test_the_supervisor_reads_the_call_in_progress_and_the_last_one() -> None:

@@ -17,6 +17,7 @@ __all__ = [
     "CallInProgress",
     "begin_call",
     "end_call",
+    "postpone",
     "read_call",
     "set_memory",
 ]
@@ -34,10 +35,18 @@ _memory: Any = None
 
 @dataclass(frozen=True, slots=True)
 class CallInProgress:
-    """The plugin ``call`` in progress, and its ``deadline`` [s] by ``time.monotonic``."""
+    """The plugin ``call`` in progress, and its ``deadline`` [s] by ``time.monotonic``.
+
+    Between two calls the deadline is infinite and ``call`` the last one.
+    """
 
     call: str
     deadline: float
+
+    @property
+    def plugin(self) -> str:
+        """Kind and name of the plugin that is being called; "" between two calls."""
+        return self.call if self.deadline < math.inf else ""
 
     def overdue(self, now: float) -> bool:
         """Whether the process is to be ended at ``now`` [s, monotonic]."""
@@ -55,6 +64,13 @@ def begin_call(call: str, deadline: float) -> None:
     """Tell the supervisor that ``call`` is in progress until ``deadline`` [s, monotonic]."""
     if _memory is not None:
         _LAYOUT.pack_into(_memory, 0, deadline, call.encode()[:120])
+
+
+def postpone(seconds: float) -> None:
+    """Move the deadline of the call in progress by ``seconds``; between two calls, nothing."""
+    if _memory is not None:
+        deadline = struct.unpack_from("<d", _memory, 0)[0]
+        struct.pack_into("<d", _memory, 0, deadline + seconds)
 
 
 def end_call() -> None:

@@ -1,0 +1,107 @@
+"""What a plugin must leave as it was in its process, captured before a run and compared after it.
+
+Plugins share the process with the stack. What they change there would act on the robot, on later
+runs, or on the result, and is told.
+"""
+
+from __future__ import annotations
+
+import os
+import random
+import sys
+import threading
+import warnings
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from types import FunctionType, ModuleType
+from typing import Any
+
+import numpy as np
+
+__all__ = ["ProcessState"]
+
+_PACKAGE = "navfw."
+_LIMIT = 3
+"""Number of changed functions named in a message."""
+
+
+@dataclass(frozen=True)
+class ProcessState:
+    """Working folder, environment, global random generators, warnings, threads, navfw's code."""
+
+    folder: str
+    environment: Mapping[str, str]
+    random: object
+    numpy_random: tuple[Any, ...]
+    warnings: tuple[object, ...]
+    threads: frozenset[threading.Thread]
+    code: Mapping[str, object]
+
+    @classmethod
+    def capture(cls) -> ProcessState:
+        """The state now."""
+        return cls(
+            folder=os.getcwd(),  # noqa: PTH109 - a text to compare
+            environment=dict(os.environ),
+            random=random.getstate(),
+            numpy_random=_numpy_random(),
+            warnings=tuple(warnings.filters),
+            threads=frozenset(threading.enumerate()),
+            code=_code(),
+        )
+
+    def changes(self) -> list[str]:
+        """What has changed since, each in a few words; the code apart (``changed_code``)."""
+        now = ProcessState.capture()
+        threads = len(now.threads - self.threads)
+        found = {
+            "the working folder was changed": now.folder != self.folder,
+            "the environment was changed": now.environment != self.environment,
+            "random's global generator was used": now.random != self.random,
+            "numpy's global generator was used": now.numpy_random != self.numpy_random,
+            "the filters of warnings were changed": now.warnings != self.warnings,
+            f"{threads} thread{'s' * (threads != 1)} left running": threads > 0,
+        }
+        return [what for what, changed in found.items() if changed]
+
+    def changed_code(self) -> str:
+        """Which functions of navfw were replaced since; "" if none."""
+        now = _code()
+        names = [name for name, value in self.code.items() if now.get(name) is not value]
+        more = f" and {len(names) - _LIMIT} more" if len(names) > _LIMIT else ""
+        return ", ".join(names[:_LIMIT]) + more
+
+    def restore(self) -> None:
+        """Set back the working folder, the environment, the generators and the warnings."""
+        os.chdir(self.folder)
+        os.environ.clear()
+        os.environ.update(self.environment)
+        random.setstate(self.random)  # type: ignore[arg-type]
+        np.random.set_state(self.numpy_random)  # noqa: NPY002 - the global one
+        warnings.filters[:] = self.warnings  # type: ignore[index]
+
+
+def _numpy_random() -> tuple[Any, ...]:
+    name, keys, *rest = np.random.get_state(legacy=True)  # noqa: NPY002 - the global one
+    return (name, tuple(np.asarray(keys).tolist()), *rest)
+
+
+def _code() -> dict[str, object]:
+    """The functions of navfw's modules and classes, by name; a replaced body counts, too."""
+    return {
+        name: value.__code__ if isinstance(value, FunctionType) else value
+        for module in list(sys.modules.values())
+        if isinstance(module, ModuleType) and module.__name__.startswith(_PACKAGE)
+        for name, value in _functions(module)
+    }
+
+
+def _functions(module: ModuleType) -> Iterator[tuple[str, object]]:
+    """Functions and methods that ``module`` defines, with their names."""
+    for name, value in list(vars(module).items()):
+        if isinstance(value, FunctionType):
+            yield f"{module.__name__}.{name}", value
+        elif isinstance(value, type) and value.__module__ == module.__name__:
+            for attribute, method in list(vars(value).items()):
+                if isinstance(method, FunctionType | property | classmethod | staticmethod):
+                    yield f"{module.__name__}.{name}.{attribute}", method
