@@ -7,9 +7,10 @@ import os
 import sys
 import threading
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Annotated, Any, Self
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn, Self
 
 import typer
 
@@ -83,23 +84,47 @@ def run(
 
     Exit with 3 if a file of the run folder could not be written; the result is printed anyway.
     """
+    _run(
+        _Request(
+            world,
+            mission,
+            seed,
+            stack,
+            tuple(set_ or ()),
+            out,
+            math.inf if limit is None else limit,
+            record=record,
+            gui=gui,
+            json=json,
+            quiet=quiet,
+        )
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Request:
+    """The arguments and options of one ``navfw run``."""
+
+    world: str
+    mission: str
+    seed: int
+    stack: str | None
+    overrides: tuple[str, ...]
+    out: Path | None
+    limit: float
+    record: bool
+    gui: bool
+    json: bool
+    quiet: bool
+
+
+def _run(request: _Request) -> NoReturn:
+    """Drive and print the result. No signal interrupts the printing."""
     with deferred():
         with quiet_stdout():
-            result, folder, missing = _drive(
-                world,
-                mission,
-                seed,
-                stack,
-                set_ or [],
-                out,
-                record=record,
-                gui=gui,
-                quiet=quiet,
-                as_json=json,
-                limit=math.inf if limit is None else limit,
-            )
+            result, folder, missing = _drive(request)
         summary = {**result.summary(), "run_folder": None if folder is None else str(folder)}
-        if json:
+        if request.json:
             from navfw.recording.run_folder import plain_json
 
             print_json(plain_json(summary))
@@ -110,20 +135,7 @@ def run(
         raise typer.Exit(NOT_SAVED if missing else result.outcome.exit_code)
 
 
-def _drive(
-    world: str,
-    mission: str,
-    seed: int,
-    stack: str | None,
-    overrides: list[str],
-    out: Path | None,
-    *,
-    record: bool,
-    gui: bool,
-    quiet: bool,
-    as_json: bool,
-    limit: float,
-) -> tuple[MissionResult, Path | None, tuple[str, ...]]:
+def _drive(request: _Request) -> tuple[MissionResult, Path | None, tuple[str, ...]]:
     """Run the mission and write its folder, after all input has been checked.
 
     Returns the result, the folder with it, None if it could not be written, and what is missing.
@@ -132,20 +144,34 @@ def _drive(
     from navfw.missions.session import prepare
     from navfw.recording.run_folder import RunFolder
 
-    if gui and sys.platform == "linux" and not os.environ.get("DISPLAY"):
+    if request.gui and sys.platform == "linux" and not os.environ.get("DISPLAY"):
         # PyBullet would end the process without a message
         raise InputError("needs a display, but DISPLAY is not set", key="--gui")
     with interruptible():  # up to here there is nothing to save
-        session = prepare(world, mission, seed=seed, stack=stack, overrides=overrides)
-    target = RunFolder(out or default_folder(session), numbered=out is None)
+        session = prepare(
+            request.world,
+            request.mission,
+            seed=request.seed,
+            stack=request.stack,
+            overrides=request.overrides,
+        )
+    numbered = request.out is None
+    target = RunFolder(request.out or default_folder(session), numbered=numbered)
     result = None
     try:
         with target:
-            given = {"world": session.world_name, "mission": session.mission_name, "seed": seed}
-            folder = target.target.absolute()
-            announce(given, folder, numbered=out is None, as_json=as_json, limit=limit)
-            with _ProgressLine(quiet=quiet) as line:
-                result = session.run(line.show, gui=gui, record=record, limit=limit)
+            given = {"world": session.world_name, "mission": session.mission_name}
+            announce(
+                {**given, "seed": session.seed},
+                target.target.absolute(),
+                numbered=numbered,
+                as_json=request.json,
+                limit=request.limit,
+            )
+            with _ProgressLine(quiet=request.quiet) as line:
+                result = session.run(
+                    line.show, gui=request.gui, record=request.record, limit=request.limit
+                )
             missing = write_run(result, target)
     except InputError as error:
         if result is None:

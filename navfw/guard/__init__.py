@@ -4,8 +4,7 @@
 - ``watchdog``: the time limit, by an interval timer of the process; what it cannot end, a
   supervising process ends (``navfw.heartbeat``);
 - ``answers``: the checks, one for each kind of answer;
-- ``guarded_stages``: the stages of the stack with a fallback for a call that failed;
-- ``process_state``: what a run must leave as it was in its process.
+- ``guarded_stages``: the stages of the stack with a fallback for a call that failed.
 """
 
 from __future__ import annotations

@@ -8,9 +8,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from navfw.config.lookup import shipped_folder
-from navfw.guard.process_state import ProcessState
 from navfw.interfaces import Plugin
 from navfw.missions.outcome import Outcome
+from navfw.missions.process_state import ProcessState
 from navfw.missions.runner import RunResult
 
 __all__ = ["check_process"]

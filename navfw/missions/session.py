@@ -20,7 +20,6 @@ from navfw.config.lookup import find, find_mission
 from navfw.config.overrides import Override, parse_override
 from navfw.errors import UnknownNameError
 from navfw.fault_injection import FaultInjector, inject_faults
-from navfw.guard.process_state import ProcessState
 from navfw.missions.event_check import resolve_events, with_doors_open
 from navfw.missions.event_clock import Event, EventClock, EventTarget
 from navfw.missions.eventspec import BehaviorFault
@@ -28,6 +27,7 @@ from navfw.missions.missionfile import MissionFile, load_mission
 from navfw.missions.oracle import reveal
 from navfw.missions.outcome import Outcome
 from navfw.missions.process_check import check_process
+from navfw.missions.process_state import ProcessState
 from navfw.missions.run_metrics import RunMetrics, measure
 from navfw.missions.runner import Progress, RunResult, Task, run_task
 from navfw.recording.sensor_recording import SensorRecorder
