@@ -23,9 +23,24 @@ from navfw.errors import InputError, SimulationError
 from navfw.interruption import deferred
 from navfw.target_lock import TargetInUseError, TargetLock, lock_first_free, sweep
 
-__all__ = ["AtomicFolder", "AtomicTarget", "output_place", "scratch_folder", "write_text"]
+__all__ = [
+    "AtomicFolder",
+    "AtomicTarget",
+    "atomic_file",
+    "output_place",
+    "scratch_folder",
+    "write_text",
+]
 
-_OF_THE_DISK = {errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EROFS, errno.EIO}
+_OF_THE_DISK = {
+    errno.ENOSPC,
+    errno.EFBIG,
+    errno.EDQUOT,
+    errno.EROFS,
+    errno.EIO,
+    errno.EACCES,
+    errno.EPERM,
+}
 """Errors while content is written that are those of the disk, not of the program."""
 
 
@@ -169,16 +184,11 @@ class AtomicFolder(AtomicTarget):
             )
 
 
-def write_text(
-    path: Path,
-    content: str | Iterable[Iterable[str]],
-    *,
-    parents: bool = False,
-    mode: int | None = None,
-) -> None:
-    """Replace the file at ``path`` atomically by a text, or by rows of CSV.
+@contextlib.contextmanager
+def atomic_file(path: Path, *, parents: bool = False) -> Iterator[Path]:
+    """A hidden file beside ``path``, to be written in this context.
 
-    Folders above it are created if ``parents``. ``mode``: its permissions, instead of the usual.
+    At its end it replaces ``path``. Folders above it are created if ``parents``.
 
     Raises:
         InputError: the file cannot be written, or another process writes it; an existing one stays
@@ -193,18 +203,35 @@ def write_text(
             place.parent.mkdir(parents=True, exist_ok=True)
         with deferred(), TargetLock(place) as lock:
             try:
-                with lock.part.open("x", encoding="utf-8", newline="") as stream:
-                    if mode is not None:
-                        lock.part.chmod(mode)
-                    if isinstance(content, str):
-                        stream.write(content)
-                    else:
-                        csv.writer(stream, lineterminator="\n").writerows(content)
+                yield lock.part
                 lock.part.replace(lock.target)
             finally:
                 lock.part.unlink(missing_ok=True)
     except OSError as error:
         raise _unwritable(path, error) from error
+
+
+def write_text(
+    path: Path,
+    content: str | Iterable[Iterable[str]],
+    *,
+    parents: bool = False,
+    mode: int | None = None,
+) -> None:
+    """Replace the file at ``path`` by a text, or by rows of CSV (see ``atomic_file``).
+
+    ``mode``: its permissions, instead of the usual.
+    """
+    with (
+        atomic_file(path, parents=parents) as part,
+        part.open("x", encoding="utf-8", newline="") as stream,
+    ):
+        if mode is not None:
+            part.chmod(mode)
+        if isinstance(content, str):
+            stream.write(content)
+        else:
+            csv.writer(stream, lineterminator="\n").writerows(content)
 
 
 @contextlib.contextmanager

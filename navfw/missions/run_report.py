@@ -8,6 +8,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from navfw.errors import InputError
 from navfw.interruption import deferred, interruptible
 from navfw.missions.session import MissionResult, Session
 from navfw.recording.provenance import code_revision, machine_kind
@@ -38,30 +39,36 @@ def write_run(result: MissionResult, target: RunFolder) -> tuple[str, ...]:
         InputError: the result cannot be written.
 
     """
-    session = result.session
-    summary = result.summary()
-    with deferred():
-        target.write_json(
-            RESULT,
-            {
-                **summary,
-                "trace": result.run.verdict.trace,
-                "config": resolved_config(session),
-                "overrides": session.overrides,
-                "versions": versions(),
-                "stack": session.stack_file.stem,
-                "revision": code_revision(),
-                "machine": machine_kind(),
-            },
-        )
-    parts: dict[str, Callable[[Path], object]] = {PICTURE: lambda path: draw(result, path)}
+    try:
+        with deferred():
+            target.write_json(RESULT, _content(result))
+    except OSError as error:
+        what = f"{RESULT} cannot be written: {error.strerror or error}"
+        raise InputError(what, file=target.target) from error
+    parts: dict[str, Callable[[Path], object]] = {}
     if result.readings is not None:
-        config, topo_map = session.stack.config, session.mission.topo_map
+        config, topo_map = result.session.stack.config, result.session.mission.topo_map
         parts["map.yaml"] = lambda path: target.write_yaml(path.name, map_data(topo_map))
         parts["stack.yaml"] = lambda path: target.write_yaml(path.name, config)
         parts["recording.npz"] = result.readings.save
+    parts[PICTURE] = lambda path: draw(result, path)
     missing = ((name, _why_missing(target.path / name, write)) for name, write in parts.items())
     return tuple(f"{name} is missing: {why}" for name, why in missing if why)
+
+
+def _content(result: MissionResult) -> dict[str, Any]:
+    """The content of ``result.json``."""
+    session = result.session
+    return {
+        **result.summary(),
+        "trace": result.run.verdict.trace,
+        "config": resolved_config(session),
+        "overrides": session.overrides,
+        "versions": versions(),
+        "stack": session.stack_file.stem,
+        "revision": code_revision(),
+        "machine": machine_kind(),
+    }
 
 
 def _why_missing(path: Path, write: Callable[[Path], object]) -> str:

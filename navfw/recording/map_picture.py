@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from navfw.atomic import atomic_file
 from navfw.recording.top_view import WorldOutline, draw_names, draw_outline, style_axes
 from navfw.topomap import TopoMap
 
@@ -97,8 +98,8 @@ def draw_map(
         loc="left",
     )
     figure.legend(loc="lower center", ncols=9, fontsize=8, frameon=False)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=110, format="png", metadata={"Software": "navfw"})
+    with atomic_file(path, parents=True) as part:
+        figure.savefig(part, dpi=110, format="png", metadata={"Software": "navfw"})
 
 
 def _draw_passages(axes: Axes, topo_map: TopoMap, avoid: Sequence[Sequence[str]]) -> None:

@@ -62,19 +62,9 @@ class RunFolder(AtomicTarget):
             raise InputError(why, file=self.target)
 
     def write_json(self, name: str, value: Any) -> None:
-        """Write ``value`` as indented JSON (see ``plain_json``).
-
-        Raises:
-            InputError: the file cannot be written, for example because the disk is full.
-
-        """
+        """Write ``value`` as indented JSON (see ``plain_json``)."""
         text = json.dumps(plain_json(value), indent=2, allow_nan=False)
-        file = self.path / name
-        try:
-            file.write_text(text + "\n", encoding="utf-8")
-        except OSError as error:
-            what = f"{name} cannot be written: {error.strerror or error}"
-            raise InputError(what, file=self.target) from error
+        (self.path / name).write_text(text + "\n", encoding="utf-8")
 
     def write_yaml(self, name: str, value: Any) -> None:
         """Write plain data as YAML, in its subset JSON, which keeps all digits of numbers."""

@@ -10,6 +10,7 @@ import traceback
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from navfw.atomic import atomic_file
 from navfw.errors import InputError, SimulationError
 from navfw.missions.outcome import Outcome
 from navfw.missions.session import MissionResult
@@ -117,7 +118,8 @@ def _with_picture(row: RunRow, job: Job, result: MissionResult) -> RunRow:
 
     file = job.pictures / picture_name(job.case)
     try:
-        draw(result, file)
+        with atomic_file(file) as part:
+            draw(result, part)
     except Exception:  # for example a full disk: the result is kept without its picture
         traceback.print_exc(file=sys.stderr)
         return row

@@ -71,7 +71,11 @@ def run_suite(
 
     """
     table = _TableKeeper(plan, out, have)
-    jobs = [Job(case, out.pictures, keep) for case in plan.cases if case.key not in table.rows]
+    jobs = [
+        Job(case, out.pictures.absolute(), keep)
+        for case in plan.cases
+        if case.key not in table.rows
+    ]
     with deferred():  # the pool alone is interrupted, while it waits for runs
         try:
             with WorkerPool(work, max(1, min(workers, len(jobs))), limit) as pool:

@@ -8,9 +8,11 @@ import time
 from pathlib import Path
 from typing import Any
 
+from navfw.atomic import atomic_file
 from navfw.suite.case import Case, Job
 from navfw.suite.case_rows import case_columns
 from navfw.suite.run_table import RunRow
+from navfw.suite.worker_pool import stop_requested
 
 
 def row(seed: int = 0, outcome: str = "reached", **values: Any) -> RunRow:
@@ -118,4 +120,15 @@ def fake_run_that_dies_on_3(job: Job) -> RunRow:
 def fake_run_by_hand(job: Job) -> RunRow:
     """Creates a file, so that a test can list the runs."""
     Path(job.pictures, f"{job.case.seed}.png").touch()
+    return fake_run(job)
+
+
+def slow_fake_run(job: Job) -> RunRow:
+    """A fake run of 0.15 s with a picture; it ends early when the suite is stopped."""
+    for _ in range(15):
+        time.sleep(0.01)
+        if stop_requested():
+            return RunRow(**case_columns(job.case), outcome="cancelled")
+    with atomic_file(job.pictures / f"{job.case.seed}.png") as part:
+        part.write_bytes(b"picture")
     return fake_run(job)

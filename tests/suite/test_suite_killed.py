@@ -1,0 +1,178 @@
+"""A suite whose parent or worker is killed at seeded moments is resumed and ends complete.
+
+``NAVFW_KILLS=20 uv run pytest -m slow tests/suite/test_suite_killed.py`` takes 20 moments.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import shutil
+import signal
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+import suite_samples
+from killing import Ended, Started, moments
+
+from navfw.suite.run_table import RunRow, read_table
+
+MANY = int(os.environ.get("NAVFW_KILLS", "5"))
+"""Moments for each signal in the slow tests."""
+
+FAKE = f"""
+sys.path.insert(0, {str(Path(suite_samples.__file__).parent)!r})
+from pathlib import Path
+from suite_samples import case, slow_fake_run
+from navfw.suite.suite_folder import SuiteFolder
+from navfw.suite.suite_plan import SuitePlan
+from navfw.suite.suite_run import run_suite
+plan = SuitePlan("rooms", tuple(case(seed) for seed in range(8)), {{"entry rooms": "1234"}})
+with SuiteFolder.claim(Path("o"), plan, range(8)) as folder:
+    have = folder.open(plan, "abc", resume=True)
+    done = run_suite(plan, folder, workers=2, have=have, work=slow_fake_run)
+sys.exit(done.exit_code)
+"""
+
+REAL = """
+from navfw.cli import main
+main()
+"""
+
+TINY = "entries: [{world: empty, missions: [straight], set: {mission.timeout: 1}}]\n"
+
+SIGNALS = [signal.SIGKILL, signal.SIGTERM, signal.SIGINT]
+
+
+@dataclass(frozen=True)
+class Undisturbed:
+    """Code and words of a suite, its wall time [s], and its hashes by seed."""
+
+    code: str
+    words: tuple[str, ...]
+    longest: float
+    hashes: dict[int, str]
+
+    def start(self, folder: Path) -> Started:
+        """Start the suite, or resume it."""
+        (folder / "tiny.yaml").write_text(TINY)
+        return Started(self.code, self.words, folder)
+
+
+def undisturbed(code: str, words: tuple[str, ...], folder: Path) -> Undisturbed:
+    first = Undisturbed(code, words, 0.0, {})
+    first.start(folder).ended()  # kernels are compiled
+    shutil.rmtree(folder / "o")
+    began = time.monotonic()
+    ended = first.start(folder).ended()
+    assert ended.code == 0, ended.stderr
+    hashes = {row.seed: row.command_hash for row in read_table(folder / "o" / "table.csv")}
+    return Undisturbed(code, words, time.monotonic() - began, hashes)
+
+
+@pytest.fixture(scope="module")
+def fake(tmp_path_factory: pytest.TempPathFactory) -> Undisturbed:
+    return undisturbed(FAKE, (), tmp_path_factory.mktemp("fake"))
+
+
+@pytest.fixture(scope="module")
+def real(tmp_path_factory: pytest.TempPathFactory) -> Undisturbed:
+    words = "suite tiny.yaml --seeds 0:4 --workers 2 --out o --resume --json --keep all"
+    return undisturbed(REAL, tuple(words.split()), tmp_path_factory.mktemp("real"))
+
+
+def rows_of(folder: Path) -> list[RunRow]:
+    """The rows of the table, valid at any time; none before it is there."""
+    table = folder / "o" / "table.csv"
+    return read_table(table) if table.exists() else []
+
+
+def check_files(folder: Path) -> None:
+    """Nothing hidden is left, and all files are whole."""
+    hidden = [file for file in folder.rglob(".*") if file.name != ".nv"]
+    assert not hidden
+    for file in (folder / "o").glob("*.json"):
+        json.loads(file.read_text())
+
+
+def check_stopped(ended: Ended, folder: Path, suite: Undisturbed) -> None:
+    """The table is valid and the exit code tells whether every run has a result."""
+    done = [row for row in rows_of(folder) if row.has_result]
+    if ended.code == 0:
+        assert {row.seed for row in done} == set(suite.hashes)
+    else:
+        assert len(rows_of(folder)) == len(done) < len(suite.hashes) or any(
+            row.died for row in rows_of(folder)
+        )
+        assert "Traceback" not in ended.stderr.replace("KeyboardInterrupt", "")
+        check_files(folder)
+
+
+def check_resumed(folder: Path, suite: Undisturbed) -> None:
+    """Resumed, the suite ends complete with every case once, and the same commands."""
+    kept = {row.seed: row for row in rows_of(folder) if row.has_result}
+    ended = suite.start(folder).ended()
+    assert ended.code == 0, ended.stderr
+    rows = rows_of(folder)
+    assert [(row.seed, row.command_hash) for row in rows] == sorted(suite.hashes.items())
+    assert all(row == kept.get(row.seed, row) for row in rows), "a finished run was driven again"
+    check_files(folder)
+
+
+def kill_parents(suite: Undisturbed, number: signal.Signals, count: int, folder: Path) -> None:
+    for index, moment in enumerate(moments(number, count, suite.longest)):
+        here = folder / f"parent-{index}"
+        here.mkdir()
+        started = suite.start(here)
+        if started.after(moment):
+            started.send(number)
+        ended = started.ended()  # with all workers
+        if number is not signal.SIGKILL:
+            check_stopped(ended, here, suite)
+        check_resumed(here, suite)
+        shutil.rmtree(here)
+
+
+def kill_workers(suite: Undisturbed, number: signal.Signals, count: int, folder: Path) -> None:
+    for index, moment in enumerate(moments(number, count, suite.longest)):
+        here = folder / f"worker-{index}"
+        here.mkdir()
+        started = suite.start(here)
+        workers: list[int] = []
+        while started.running() and not (workers := started.workers()):
+            time.sleep(0.01)
+        if started.after(0.7 * moment) and (workers := started.workers()):
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(workers[index % len(workers)], number)
+        check_stopped(started.ended(), here, suite)
+        check_resumed(here, suite)
+        shutil.rmtree(here)
+
+
+@pytest.mark.parametrize("number", SIGNALS)
+def test_a_killed_parent(fake: Undisturbed, number: signal.Signals, tmp_path: Path) -> None:
+    kill_parents(fake, number, 2, tmp_path)
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
+def test_a_killed_worker(fake: Undisturbed, number: signal.Signals, tmp_path: Path) -> None:
+    kill_workers(fake, number, 2, tmp_path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", SIGNALS)
+def test_a_parent_killed_at_many_moments(
+    real: Undisturbed, number: signal.Signals, tmp_path: Path
+) -> None:
+    kill_parents(real, number, MANY, tmp_path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", SIGNALS)
+def test_a_worker_killed_at_many_moments(
+    real: Undisturbed, number: signal.Signals, tmp_path: Path
+) -> None:
+    kill_workers(real, number, MANY, tmp_path)
