@@ -27,14 +27,15 @@ FAKE = f"""
 sys.path.insert(0, {str(Path(suite_samples.__file__).parent)!r})
 from pathlib import Path
 from suite_samples import case, slow_fake_run
+from navfw.interruption import deferred
 from navfw.suite.suite_folder import SuiteFolder
 from navfw.suite.suite_plan import SuitePlan
 from navfw.suite.suite_run import run_suite
 plan = SuitePlan("rooms", tuple(case(seed) for seed in range(8)), {{"entry rooms": "1234"}})
-with SuiteFolder.claim(Path("o"), plan, range(8)) as folder:
+with deferred(), SuiteFolder.claim(Path("o"), plan, range(8)) as folder:
     have = folder.open(plan, "abc", resume=True)
     done = run_suite(plan, folder, workers=2, have=have, work=slow_fake_run)
-sys.exit(done.exit_code)
+    sys.exit(done.exit_code)
 """
 
 REAL = """
@@ -107,7 +108,7 @@ def check_stopped(ended: Ended, folder: Path, suite: Undisturbed) -> None:
         assert len(rows_of(folder)) == len(done) < len(suite.hashes) or any(
             row.died for row in rows_of(folder)
         )
-        assert "Traceback" not in ended.stderr.replace("KeyboardInterrupt", "")
+        assert "Traceback" not in ended.stderr or not (folder / "o").exists()  # while importing
         check_files(folder)
 
 
