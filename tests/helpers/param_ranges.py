@@ -23,6 +23,7 @@ def check_ranges(model: type[BaseModel], ranges: Mapping[str, str]) -> None:
         if isinstance(value, int | float) and not isinstance(value, bool)
     }
     assert numbers == set(ranges)
+    assert model.model_validate(model().model_dump()), "the defaults are within the ranges"
     for name, interval in ranges.items():
         match = _INTERVAL.fullmatch(interval)
         assert match is not None, interval

@@ -146,6 +146,37 @@ def test_evidence_moves_with_the_robot_and_decays() -> None:
     assert occupancy.log_odds[occupancy.index(*place)] == pytest.approx(before / math.e, rel=0.02)
 
 
+@settings(max_examples=40, deadline=None)
+@given(st.floats(-5, 5), st.floats(-5, 5))
+def test_all_evidence_keeps_its_place_when_the_grid_follows_the_robot(dx: float, dy: float) -> None:
+    occupancy = OccupancyGrid(ROBOT, OccupancyParams(extent=4.0))
+    occupancy.update(Pose(0, 0, 0), 0.0)
+    n, cell = occupancy.size, occupancy.params.cell
+    evidence = np.arange(1.0, n * n + 1.0).reshape(n, n)
+    occupancy.log_odds[:] = evidence
+    old = occupancy.origin
+    occupancy.update(Pose(dx, dy, 0.0), 0.0)
+    new = occupancy.origin
+    # the robot stays near the middle
+    middle = np.array(new) + 0.5 * (n - 1) * cell
+    assert np.abs(middle - (dx, dy)).max() <= 0.5 + cell
+    columns, rows = (round((b - a) / cell) for a, b in zip(old, new, strict=True))
+    kept = np.zeros((n, n))
+    for row in range(max(0, -rows), min(n, n - rows)):
+        for column in range(max(0, -columns), min(n, n - columns)):
+            kept[row, column] = evidence[row + rows, column + columns]
+    away = occupancy.log_odds != occupancy.params.clamp_min  # but for the robot's footprint
+    assert np.array_equal(occupancy.log_odds[away], kept[away])
+    assert 0.9 * n * n < np.count_nonzero(away) < n * n
+
+
+@pytest.mark.parametrize(("height", "counts"), [(1.4, True), (1.6, False)])
+def test_points_high_above_the_floor_are_no_evidence(height: float, counts: bool) -> None:
+    point = percept_of(0.0, 1.0, Label.OBSTACLE)
+    high = dataclasses.replace(point, height=np.full((1, 1), height))
+    assert integrated([high] * 4, Pose(0, 0, 0)).occupied.any() == counts
+
+
 def test_evidence_outside_the_square_is_dropped() -> None:
     occupancy = OccupancyGrid(ROBOT, OccupancyParams(extent=4.0))
     occupancy = integrated([percept_of(0.0, 1.2, Label.OBSTACLE)] * 6, Pose(0, 0, 0), occupancy)

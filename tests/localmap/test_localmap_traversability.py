@@ -194,6 +194,32 @@ def test_clear_observations_make_a_drop_sooner_and_it_is_occupied() -> None:
 
 
 @pytest.mark.parametrize(
+    ("depth", "share", "sigma", "clear"),
+    [
+        # a point is clear below 0.85 of the floor's nearness ...
+        (0.6, 0.83, 0.02, True),
+        (0.6, 0.87, 0.02, False),
+        (1.0, 0.83, 0.02, True),
+        (1.0, 0.87, 0.02, False),
+        # ... and five sigma of it, which are 0.1 1/m at least
+        (1.4, 0.84, 0.001, True),
+        (1.4, 0.84, 0.025, False),
+        (0.6, 0.5, 0.16, True),
+        (0.6, 0.5, 0.17, False),
+    ],
+)
+def test_points_far_below_the_floor_are_clear(
+    depth: float, share: float, sigma: float, clear: bool
+) -> None:
+    one = floor_percept(0.0, Label.DROP, depth)
+    percept = replace(one, nearness=np.full((1, 1), share / depth), sigma=np.full((1, 1), sigma))
+    drops = DropMap(ROBOT)
+    for k in range(CERTAIN // CLEAR_VOTES):
+        drops.integrate(replace(percept, time=INTERVAL * k), HERE)
+    assert bool(drops.points()) is clear
+
+
+@pytest.mark.parametrize(
     ("cells", "confidence", "observations"),
     [
         ("DDF", (1.0, 1.0, 1.0), CERTAIN),
