@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -162,6 +163,112 @@ def test_turns_on_the_spot_of_each_duration_are_tried(
     assert sorted(others)[-2] < expected - 0.05
     distance, _ = closest(conflicts(track(*moving)), 0.0, w)
     assert distance == pytest.approx(expected, abs=0.025)
+
+
+# --- properties -----------------------------------------------------------------------------------
+
+
+def scattered(rng: np.random.Generator, count: int) -> list[Track]:
+    """Tracks within 2 m of the origin, with speeds up to 0.7 m/s per axis."""
+    return [
+        track(*rng.uniform((-2.0, -2.0, -0.5, -0.5), (2.0, 2.0, 0.5, 0.5)).tolist())
+        for _ in range(count)
+    ]
+
+
+@pytest.mark.parametrize("frame", [Pose(2.0, -1.0, 0.0), Pose(-0.3, 0.8, 2.5)])
+@pytest.mark.parametrize("twist", [STANDING, Twist(0.4, -0.5)])
+def test_the_prediction_is_the_same_wherever_odoms_origin_is(frame: Pose, twist: Twist) -> None:
+    here = scattered(np.random.default_rng(1), 3)
+    there = []
+    for one in here:
+        x, y, vx, vy = one.state.tolist()
+        ahead = Pose(0.0, 0.0, frame.yaw).to_parent(vx, vy)
+        there.append(track(*frame.to_parent(x, y), *ahead))
+    expected = conflicts(*here, twist=twist)
+    odometry = Odometry(0.0, frame, twist, 0.0, still=False)
+    found = ConflictPredictor(ROBOT, CERTAIN).predict(there, odometry, COMMANDS.v, COMMANDS.w)
+    assert found is not None
+    np.testing.assert_allclose(found.distance, expected.distance, atol=1e-9)
+    np.testing.assert_allclose(found.approach, expected.approach, atol=1e-9)
+    assert found.nearest == pytest.approx(expected.nearest)
+    # a time may fall on the next step by rounding
+    assert np.mean(np.abs(found.time - expected.time) > 1e-9) < 0.02
+
+
+def test_of_several_obstacles_the_closest_counts() -> None:
+    two = scattered(np.random.default_rng(2), 2)
+    moving = COMMANDS.v != 0.0  # of the turns on the spot the best one counts: other durations
+    both, *each = conflicts(*two), conflicts(two[0]), conflicts(two[1])
+    least = np.minimum(each[0].distance, each[1].distance)
+    np.testing.assert_allclose(both.distance[moving], least[moving])
+    np.testing.assert_allclose(both.approach, np.maximum(each[0].approach, each[1].approach))
+    assert both.nearest == min(each[0].nearest, each[1].nearest)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_way_of_a_command_is_that_of_its_drive(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    (obstacle,) = scattered(rng, 1)
+    twist = Twist(rng.uniform(-0.1, 0.5), rng.uniform(-1.0, 1.0))
+    predicted = conflicts(obstacle, twist=twist)
+    compared = 0
+    for v, w in itertools.product(COMMANDS.v[::2].tolist(), COMMANDS.w[::2].tolist()):
+        if v == 0.0 and w != 0.0:
+            continue
+        expected = distance_on_way(tuple(obstacle.state.tolist()), twist, v, w)
+        assert closest(predicted, v, w)[0] == pytest.approx(expected, abs=0.08)
+        compared += 1
+    assert compared > 20
+
+
+def distance_on_way(
+    moving: tuple[float, ...], twist: Twist, v: float, w: float, dt: float = 0.005
+) -> float:
+    """Distance [m] at closest approach of a robot that drives ``twist``, and is to drive (v, w).
+
+    It turns for the turn time, then drives straight on, within the limits of the drive. ``moving``
+    is x, y, vx, vy of the obstacle.
+    """
+    least, x, y, yaw = math.inf, 0.0, 0.0, 0.0
+    now, rate = twist.v, twist.w
+    for step in range(round(CERTAIN.horizon / dt)):
+        t = step * dt
+        off = moving[0] + moving[2] * t - x, moving[1] + moving[3] * t - y
+        least = min(least, math.hypot(*off) - TOUCH)
+        limit = ROBOT.max_accel if abs(v) > abs(now) else ROBOT.max_brake
+        now += float(np.clip(v - now, -limit * dt, limit * dt))
+        spin = ROBOT.max_turn_accel * dt
+        rate += float(np.clip((w if t < CERTAIN.turn_time else 0.0) - rate, -spin, spin))
+        yaw += rate * dt
+        x, y = x + now * dt * math.cos(yaw), y + now * dt * math.sin(yaw)
+    return least
+
+
+def test_contact_is_at_the_time_of_the_first_touch() -> None:
+    # numbers whose sums are exact: a distance is zero, not nearly so
+    robot = RobotModel(radius=0.25)
+    predictor = ConflictPredictor(robot, CERTAIN)
+    odometry = Odometry(0.0, Pose(0, 0, 0), STANDING, 0.0, still=True)
+    index = COMMANDS.nearest(STANDING)
+    for x, vx, time in (
+        (0.5, -0.25, 0.0),  # touches, and comes closer
+        (0.4, -0.1, 0.0),  # overlaps from the start
+        (0.5, 0.25, 0.0),  # goes away: never closer than now
+        (1.0, 0.0, 0.0),  # stands: as close at once as later
+        (1.0, -0.25, 2.0),
+    ):
+        predicted = predictor.predict([track(x, 0, vx, 0)], odometry, COMMANDS.v, COMMANDS.w)
+        assert predicted is not None
+        assert predicted.time[index] == pytest.approx(time, abs=1e-9), (x, vx)
+
+
+def test_distances_shrink_with_time_by_the_uncertainty() -> None:
+    standing = track(2.0, 0.0, 0.0, 0.0)
+    for uncertainty in (0.0, 0.05, 0.2):
+        params = ConflictParams(uncertainty=uncertainty, horizon=4.0)
+        distance, _ = closest(conflicts(standing, params=params), 0.0, 0.0)
+        assert distance == pytest.approx(2.0 - TOUCH - 4.0 * uncertainty, abs=1e-9)
 
 
 def test_parameters_are_within_their_ranges() -> None:

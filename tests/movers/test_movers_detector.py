@@ -140,6 +140,23 @@ def test_side_views_detect_what_the_camera_does_not_see() -> None:
     assert wide.detect(*frame_at(WIDE, 0.4, Twist(0.0, 0.0), (beside,))) == ()
 
 
+@pytest.mark.parametrize(
+    ("robot", "stixels", "every"), [(ROBOT, False, False), (ROBOT, True, True), (WIDE, False, True)]
+)
+def test_every_frame_is_searched_with_side_views_or_for_stixels(
+    robot: RobotModel, stixels: bool, every: bool
+) -> None:
+    found = []
+    for first in (1, 2):  # the frame in which a person enters; pairs of frames are 0.2 s apart
+        detector = MultiViewDetector(robot, PAIRING, moving_objects=True, stixels=stixels)
+        for k in range(first + 3):
+            boards = (PERSON,) if k >= first else ()
+            objects = detector.detect(*frame_at(robot, 0.1 * k, SLOW, boards))
+        found.append(len(objects))
+    # else every other frame is left out while nothing moves
+    assert found == ([1, 1] if every else [1, 0])
+
+
 def stixels_of(
     detector: MultiViewDetector, v: float, boards: tuple[Board, ...], frames: int = 5
 ) -> Stixels | None:
