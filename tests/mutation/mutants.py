@@ -5,8 +5,9 @@ tests of the room must then fail. A random sample is drawn, as all mutants take 
 
     uv run --group mutation python tests/mutation/mutants.py --sample 60 --workers 2
 
-Left out are mutants that cannot change what the code does: within annotations, and of decorators
-(``numba.njit`` only compiles). Exit code 1 if fewer mutants than ``--least`` percent are killed.
+Left out are mutants that cannot change what the code does: within annotations that nothing reads,
+of decorators (``numba.njit`` only compiles), and of whether compiled code is cached. Exit code 1 if
+fewer mutants than ``--least`` percent are killed.
 """
 
 from __future__ import annotations
@@ -52,12 +53,13 @@ print(json.dumps([str(result.worker_outcome.value), result.test_outcome and
 
 
 def mutants_of(source: Path) -> Iterator[dict[str, object]]:
-    """All mutants of a module, as Cosmic Ray specifies them, without those in annotations."""
+    """All mutants of a module, as Cosmic Ray specifies them, without those of no effect."""
     from cosmic_ray.commands.init import _all_work_items
 
+    tree = ast.parse(source.read_text(encoding="utf-8"))
     skipped = [
         (node.lineno, node.col_offset, node.end_lineno or 0, node.end_col_offset or 0)
-        for node in _annotations(ast.parse(source.read_text(encoding="utf-8")))
+        for node in (*_annotations(tree), *_cache_settings(tree))
     ]
     for item in _all_work_items([source], {}):
         (spec,) = item.mutations
@@ -77,7 +79,11 @@ def mutants_of(source: Path) -> Iterator[dict[str, object]]:
 
 
 def _annotations(tree: ast.AST) -> Iterator[ast.expr]:
-    """Annotations that are never evaluated: of arguments, results and local variables."""
+    """Annotations that are never evaluated, all modules postponing them.
+
+    Those of arguments, results and local variables, and of the fields of dataclasses, which nothing
+    inspects in these rooms. A pydantic model evaluates its own: those of other classes count.
+    """
     for node in ast.walk(tree):
         if isinstance(node, ast.FunctionDef):
             if node.returns is not None:
@@ -85,6 +91,26 @@ def _annotations(tree: ast.AST) -> Iterator[ast.expr]:
             arguments = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]
             yield from (a.annotation for a in arguments if a.annotation is not None)
             yield from (n.annotation for n in ast.walk(node) if isinstance(n, ast.AnnAssign))
+        elif isinstance(node, ast.ClassDef) and _is_dataclass(node):
+            # ClassVar is read as text, by name: it tells fields from other variables
+            yield from (
+                n.annotation
+                for n in node.body
+                if isinstance(n, ast.AnnAssign) and "ClassVar" not in ast.unparse(n.annotation)
+            )
+
+
+def _is_dataclass(node: ast.ClassDef) -> bool:
+    called = (d.func if isinstance(d, ast.Call) else d for d in node.decorator_list)
+    return any(isinstance(name, ast.Name) and name.id == "dataclass" for name in called)
+
+
+def _cache_settings(tree: ast.AST) -> Iterator[ast.expr]:
+    """The values of ``cache`` in decorators: whether machine code is kept on disk."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef):
+            calls = (d for d in node.decorator_list if isinstance(d, ast.Call))
+            yield from (k.value for call in calls for k in call.keywords if k.arg == "cache")
 
 
 def drawn(rooms: list[str], sample: int, seed: int) -> list[tuple[str, dict[str, object]]]:
