@@ -17,10 +17,15 @@ from typing import Any, TypeVar
 
 from navfw.config.input_file import shown_path
 from navfw.errors import PluginError, did_you_mean
+from navfw.guard.watchdog import Watchdog
 from navfw.interfaces import Plugin
+from navfw.interruption import interrupted
 from navfw.plugins.verification import find_problems, kind_of, verify
 
 __all__ = ["candidates_of", "decorated_plugins", "import_file", "import_object", "plugin"]
+
+IMPORT_LIMIT = 60.0
+"""Wall time limit of an import [s]: large libraries on a slow disk take some of it."""
 
 ClassT = TypeVar("ClassT", bound=type[Any])
 
@@ -72,12 +77,11 @@ def import_file(file: Path) -> tuple[ModuleType, list[type[Any]]]:
             raise PluginError("expected a Python file", file=shown_path(file))
         module = importlib.util.module_from_spec(spec)
         sys.modules[name] = module
-        with _quiet_stdout():
+        with _quiet_stdout(), _limited(file.name):
             spec.loader.exec_module(module)
-    except KeyboardInterrupt:
-        raise
     except BaseException as error:  # SystemExit, too: a plugin must not end the program
         sys.modules.pop(name, None)
+        _raise_interrupt(error)
         raise _import_error(error, file) from error
     finally:
         _collecting.reset(token)
@@ -93,11 +97,10 @@ def import_object(target: str) -> Any:
     """
     module_name, _, attribute = target.partition(":")
     try:
-        with _quiet_stdout():
+        with _quiet_stdout(), _limited(module_name):
             module = importlib.import_module(module_name)
-    except KeyboardInterrupt:
-        raise
     except BaseException as error:
+        _raise_interrupt(error)
         raise _import_error(error, None, target) from error
     value: Any = module
     for part in attribute.split(".") if attribute else []:
@@ -158,6 +161,24 @@ def _package_of(folder: Path) -> str:
         package.__path__ = [str(folder)]
         sys.modules[name] = package
     return name
+
+
+@contextlib.contextmanager
+def _limited(name: str) -> Iterator[None]:
+    """Limit the wall time of an import; PluginTimeout beyond."""
+    watchdog = Watchdog()
+    with watchdog.on_duty():
+        watchdog.begin(f"import of {name}", IMPORT_LIMIT)
+        try:
+            yield
+        finally:
+            watchdog.end()
+
+
+def _raise_interrupt(error: BaseException) -> None:
+    """Raise ``error`` again if it is the user's interrupt."""
+    if isinstance(error, KeyboardInterrupt) and interrupted():
+        raise error
 
 
 @contextlib.contextmanager

@@ -23,12 +23,16 @@ from types import TracebackType
 from typing import Any, Generic, Protocol, Self, TypeVar
 
 from navfw.errors import SimulationError
+from navfw.heartbeat import HEARTBEAT_SIZE, read_call, set_memory
 from navfw.interruption import interruptible
 
 __all__ = ["WorkerFailure", "WorkerPool", "stop_requested"]
 
 RECYCLE = 100
 """Number of jobs after which a process is replaced: the simulator's libraries leak memory."""
+
+PERIOD = 0.5
+"""Period [s] of looking for workers that hang in a plugin."""
 
 GRACE = 10.0
 """Time [s] for a worker to end its job after a request to stop."""
@@ -116,11 +120,13 @@ class WorkerPool(Generic[JobT, ResultT]):
                 busy[slot.submit(self.work, job, self.limit)] = (slot, job)
             try:
                 with interruptible():
-                    finished, _ = wait(busy, return_when=FIRST_COMPLETED)
+                    finished, _ = wait(busy, PERIOD, return_when=FIRST_COMPLETED)
             except KeyboardInterrupt:
                 stopping = True
                 self._flag.value = 1  # the workers end within GRACE
                 continue
+            for slot, _ in busy.values():
+                slot.end_if_overdue()
             for future in finished:
                 slot, job = busy.pop(future)
                 idle.append(slot)
@@ -147,6 +153,8 @@ class _WorkerSlot:
         self._jobs = 0
         self._began = 0.0
         self._executor: ProcessPoolExecutor | None = None
+        self._heartbeat = context.RawArray("b", HEARTBEAT_SIZE)
+        self._pid: _Flag = context.RawValue("i", 0)
 
     def submit(self, work: Callable[[Any], Any], job: object, limit: float) -> Future[Any]:
         if self._jobs >= self._recycle:
@@ -154,20 +162,31 @@ class _WorkerSlot:
         if self._executor is None:
             self._jobs = 0
             self._executor = ProcessPoolExecutor(
-                1, mp_context=self._context, initializer=_begin, initargs=(self._stop,)
+                1,
+                mp_context=self._context,
+                initializer=_begin,
+                initargs=(self._stop, self._pid, self._heartbeat),
             )
         self._jobs += 1
         self._began = time.monotonic()
         return self._executor.submit(_limited, work, job, limit)
+
+    def end_if_overdue(self) -> None:
+        """Kill a process that hangs in a plugin, where no signal reaches it."""
+        if self._pid.value and read_call(self._heartbeat).overdue(time.monotonic()):
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(self._pid.value, signal.SIGKILL)
 
     def result(self, future: Future[Any], limit: float) -> Any:
         try:
             return future.result()
         except BrokenProcessPool:
             self.close()
+            plugin = read_call(self._heartbeat).plugin
+            who = f"{plugin}: " if plugin else ""
             if time.monotonic() - self._began >= limit:
-                return WorkerFailure(f"exceeded the wall-clock limit of {limit:g} s", True)
-            return WorkerFailure("the process of the run ended without a result")
+                return WorkerFailure(f"{who}exceeded the wall-clock limit of {limit:g} s", True)
+            return WorkerFailure(f"{who}the process of the run ended without a result")
         except Exception as error:  # raised by the job, or a result that cannot be pickled
             return WorkerFailure(f"{type(error).__name__}: {error}")
 
@@ -197,18 +216,23 @@ def _single_threaded() -> Iterator[None]:
 # --- in the worker -------------------------------------------------------------------------------
 
 
-def _begin(stop: _Flag) -> None:
+def _begin(stop: _Flag, pid: _Flag, heartbeat: Any) -> None:
     """Set up a worker process: it ignores Ctrl-C, and ends when its parent ends."""
     global _stop  # noqa: PLW0603 - the only state of a worker process
     _stop = stop
+    pid.value = os.getpid()
+    set_memory(heartbeat)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_watch, args=(stop,), daemon=True).start()
 
 
 def _watch(stop: _Flag) -> None:
-    """End this process when its parent has ended, or GRACE after a request to stop."""
+    """End this process when its parent has ended, or GRACE after a request to stop.
+
+    Also when its main thread has ended: threads that plugins left behind do not.
+    """
     parent = multiprocessing.parent_process()
-    while parent is None or parent.is_alive():
+    while threading.main_thread().is_alive() and (parent is None or parent.is_alive()):
         time.sleep(1.0)
         if stop.value:
             time.sleep(GRACE)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
 import time
 from pathlib import Path
 from typing import Any
 
 from navfw.atomic import atomic_file
+from navfw.heartbeat import begin_call
 from navfw.suite.case import Case, Job
 from navfw.suite.case_rows import case_columns
 from navfw.suite.run_table import RunRow
@@ -132,3 +134,17 @@ def slow_fake_run(job: Job) -> RunRow:
     with atomic_file(job.pictures / f"{job.case.seed}.png") as part:
         part.write_bytes(b"picture")
     return fake_run(job)
+
+
+def hang_in_plugin_on_13(number: int) -> int:
+    """The number; on 13 a plugin's call that is long overdue, and that no signal ends."""
+    if number == 13:
+        begin_call("flow mine", time.monotonic() - 100.0)
+        time.sleep(1000.0)
+    return number
+
+
+def leave_a_thread(number: int) -> int:
+    """Square, and a thread that does not end."""
+    threading.Thread(target=time.sleep, args=(1000.0,)).start()
+    return square(number)

@@ -10,7 +10,8 @@ from plugins_samples import GOOD, discovered, put, statuses
 
 from navfw.errors import PluginError
 from navfw.interfaces import Behavior
-from navfw.plugins import Registry
+from navfw.interruption import interruptible
+from navfw.plugins import Registry, plugin_import
 from navfw.robot import RobotModel
 
 
@@ -107,6 +108,7 @@ def test_private_classes_and_bases_in_a_file_are_helpers(folder: Path) -> None:
         "file",
         '''
 from navfw.interfaces import Behavior
+from navfw.interruption import interruptible
 
 class _Hidden(Behavior): pass
 
@@ -186,10 +188,27 @@ def test_what_a_file_prints_goes_to_stderr(
     assert capsys.readouterr() == ("", "hello\n")
 
 
+@pytest.mark.parametrize(
+    "line", ["raise KeyboardInterrupt", "raise SystemExit(0)", "raise BaseException('x')"]
+)
+def test_a_file_cannot_end_the_program(folder: Path, line: str) -> None:
+    put(folder, "stop", f"{line}\n")
+    put(folder, "fine", cls="Fine")
+    with interruptible():
+        assert statuses(discovered(folder)) == {"stop": "broken", "fine": "ok"}
+
+
 def test_control_c_is_not_swallowed(folder: Path) -> None:
-    put(folder, "stop", "raise KeyboardInterrupt\n")
-    with pytest.raises(KeyboardInterrupt):
+    put(folder, "stop", "import os, signal\nos.kill(os.getpid(), signal.SIGTERM)\n")
+    with interruptible(), pytest.raises(KeyboardInterrupt):
         discovered(folder)
+
+
+def test_an_import_that_hangs_is_ended(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(plugin_import, "IMPORT_LIMIT", 0.3)
+    put(folder, "slow", "import time\ntime.sleep(1000)\n")
+    [broken] = discovered(folder).broken()
+    assert "no result within 0.3 s" in broken["error"]
 
 
 def test_a_missing_folder(tmp_path: Path) -> None:

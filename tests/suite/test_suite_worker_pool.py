@@ -24,6 +24,7 @@ def test_jobs_run_in_parallel_in_separate_processes(tmp_path: Path) -> None:
     ("work", "message", "limit"),
     [
         (samples.crash_on_13, "ended without a result", 60.0),
+        (samples.hang_in_plugin_on_13, "flow mine: the process of the run ended", 600.0),
         (samples.raise_on_13, "ValueError: thirteen is refused", 60.0),
         (samples.sleep_on_13, "the wall-clock limit of 2 s", 2.0),
     ],
@@ -38,6 +39,13 @@ def test_a_failing_job_is_reported_and_the_others_complete(
     assert message in bad.reason
     assert bad.too_long == (work is samples.sleep_on_13)
     assert results == {1: 1, 2: 2, 3: 3}
+
+
+def test_threads_that_a_job_leaves_behind_do_not_keep_its_process() -> None:
+    began = time.monotonic()
+    with WorkerPool(samples.leave_a_thread, workers=1, limit=60.0, recycle=1) as pool:
+        assert dict(pool.run([2, 3])) == {2: 4, 3: 9}
+    assert time.monotonic() - began < 60.0
 
 
 def test_processes_are_replaced_after_some_jobs() -> None:
