@@ -151,7 +151,7 @@ class Stack:
         if state is None or state.command is None or state.proposals is None:
             return {}
         mofis = self.mofis
-        with self.guard.on_duty(state.time):
+        with self.guard.on_duty():
             explanation = explain_command(state.command, state.proposals, mofis)
         if state.percept is not None:
             explanation["perception"] = {
@@ -171,7 +171,7 @@ class Stack:
 
         """
         self.guard.reset()
-        with self.guard.on_duty(0.0):
+        with self.guard.on_duty():
             self._start(pose, goals)
 
     def _start(self, pose: Pose | None, goals: Sequence[Waypoint]) -> None:
@@ -205,7 +205,10 @@ class Stack:
 
     def step(self, reading: SensorReading) -> Twist:
         """One control tick: the twist to drive until the next reading."""
-        with self.guard.on_duty(reading.time):
+        self.guard.time = reading.time
+        if self.guard.watching:
+            return self._step(reading)
+        with self.guard.on_duty():
             return self._step(reading)
 
     def _step(self, reading: SensorReading) -> Twist:

@@ -61,6 +61,8 @@ def instance(answer: object, cls: type[T], call: str) -> T:
 
 def number(value: Any, what: str, low: float = -math.inf, high: float = math.inf) -> float:
     """``value`` as a finite float in [low, high]."""
+    if type(value) is float and low <= value <= high and abs(value) != math.inf:
+        return value  # the usual case, told quickly
     if isinstance(value, bool | np.bool_) or not isinstance(
         value, int | float | np.integer | np.floating
     ):
@@ -80,6 +82,8 @@ def degree(value: Any, what: str) -> float:
 
 def text(value: Any, what: str) -> str:
     """``value`` as a text of bounded length."""
+    if type(value) is str and len(value) <= _MAX_TEXT:
+        return value
     if not isinstance(value, str):
         raise AnswerError(f"{what} is {_named(value)}, expected a text")
     return str(value[:_MAX_TEXT])

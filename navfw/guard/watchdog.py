@@ -11,7 +11,7 @@ import signal
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 
 from numba.core import event
 
@@ -35,7 +35,7 @@ class PluginTimeout(BaseException):
 
 
 class Watchdog:
-    """Ends the plugin call in progress at its deadline.
+    """Ends the plugin call in progress at its deadline, while it is ``active``.
 
     Works only in the main thread of a system with interval timers (not Windows), and only between
     two steps of the interpreter. What it cannot end, a supervising process ends
@@ -46,6 +46,7 @@ class Watchdog:
         self._limit = math.inf
         self._deadline = math.inf
         self._compiled = 0.0
+        self.active = False
 
     def begin(self, call: str, limit: float) -> None:
         """Begin ``call``, which may take ``limit`` [s] of wall time besides compiling kernels."""
@@ -63,13 +64,18 @@ class Watchdog:
     def on_duty(self) -> Iterator[None]:
         """Raise PluginTimeout inside this context in a call beyond its deadline.
 
-        A timer that was set before goes on afterwards.
+        Inside, ``active`` is true. A timer that was set before goes on afterwards.
         """
-        if not hasattr(signal, "setitimer") or (
-            threading.current_thread() is not threading.main_thread()
-        ):
-            yield
-            return
+        self.active, before = True, self.active
+        try:
+            with self._alarm() if not before and _can_alarm() else nullcontext():
+                yield
+        finally:
+            self.active = before
+
+    @contextmanager
+    def _alarm(self) -> Iterator[None]:
+        """The interval timer and its handler."""
         left, interval = signal.setitimer(signal.ITIMER_REAL, 0.0)
         began = time.monotonic()
         handler = signal.signal(signal.SIGALRM, self._ring)
@@ -89,6 +95,11 @@ class Watchdog:
         compiled = _compilation.total - self._compiled
         if not _compilation.active and time.monotonic() > self._deadline + compiled:
             raise PluginTimeout(f"no result within {self._limit:g} s")
+
+
+def _can_alarm() -> bool:
+    in_main = threading.current_thread() is threading.main_thread()
+    return in_main and hasattr(signal, "setitimer")
 
 
 class _Compilation(event.Listener):

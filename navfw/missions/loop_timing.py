@@ -110,7 +110,7 @@ class _Drive:
 
 def _drive(session: Session, seconds: float) -> _Drive:
     task = replace(session.task, timeout=seconds)
-    with session.simulation() as simulator:
+    with session.simulation() as simulator, session.stack.guard.on_duty():
         before = replace(simulator.timings)
         run = run_task(task, session.stack, simulator)
         spent = simulator.timings

@@ -121,7 +121,7 @@ class Session:
         """
         readings = SensorRecorder() if record else None
         before = ProcessState.capture()
-        with self.simulation(gui) as simulator:
+        with self.simulation(gui) as simulator, self.stack.guard.on_duty():
             clock = EventClock((event, self._target(event, simulator)) for event in self.events)
             run = run_task(self.task, self.stack, simulator, progress, readings, clock, limit)
             changes = simulator.change_track()
