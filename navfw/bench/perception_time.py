@@ -22,7 +22,7 @@ from navfw.fuzzy.fis_benchmark import FisComparison, compare
 from navfw.fuzzy.reference_fis import ReferenceFis
 from navfw.offis.fuzzy_systems import RULES, FuzzyEvaluation, infer
 from navfw.offis.offis import Offis
-from navfw.offis.percept_explanation import PerceptExplanation
+from navfw.offis.percept_explanation import PerceptExplanation, evaluations_of
 from navfw.robot import RobotModel
 from navfw.signals import CameraMotion, FlowField, Frame, FramePair, Twist
 
@@ -85,7 +85,7 @@ def _evaluations(offis: Offis, flow: FlowField, twist: Twist) -> tuple[FuzzyEval
     explanation = offis.perceive(flow, twist).explanation
     if not isinstance(explanation, PerceptExplanation):
         raise TypeError(f"expected an explanation by OFFIS, got {type(explanation).__name__}")
-    return explanation.evaluations
+    return evaluations_of(explanation)
 
 
 def _samples(evaluation: FuzzyEvaluation) -> int:

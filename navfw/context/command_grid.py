@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from navfw.robot import RobotModel
 from navfw.signals import Array, Twist
+from navfw.signals.immutable import Sealed, read_only
 
 __all__ = ["CommandGrid", "CommandGridParams", "peak"]
 
@@ -34,7 +35,7 @@ class CommandGridParams(BaseModel):
     ] = 1.2
 
 
-class CommandGrid:
+class CommandGrid(Sealed):
     """Speeds ``v`` (n_v,) [m/s] ascending and turning rates ``w`` (n_w,) [rad/s] ascending.
 
     ``relative_v`` and ``relative_w`` are the same in units of the top speed and top turning rate:
@@ -48,13 +49,15 @@ class CommandGrid:
         self.max_w = min(params.turn_rate, robot.max_w)
         turns = params.turns | 1  # an odd count contains zero
         backward = np.linspace(-robot.max_reverse, 0.0, params.reverse + 1)[:-1]
-        self.v: Array = np.concatenate([backward, np.linspace(0.0, self.max_v, params.forward)])
-        self.w: Array = np.linspace(-self.max_w, self.max_w, turns)
-        self.relative_v: Array = self.v / self.max_v
-        self.relative_w: Array = self.w / self.max_w
+        forward = np.linspace(0.0, self.max_v, params.forward)
+        self.v: Array = read_only(np.concatenate([backward, forward]))
+        self.w: Array = read_only(np.linspace(-self.max_w, self.max_w, turns))
+        self.relative_v: Array = read_only(self.v / self.max_v)
+        self.relative_w: Array = read_only(self.w / self.max_w)
         self.shape = (self.v.size, self.w.size)
         self.backward_rows = slice(0, backward.size)
         self.forward_rows = slice(backward.size + 1, self.v.size)
+        self._seal()
 
     def zeros(self) -> Array:
         """A (n_v, n_w) layer of zeros: nothing desired, nothing prohibited."""

@@ -15,6 +15,7 @@ from navfw.flow.grid_flow import MatchedFlow
 from navfw.flow.registration import register_windows
 from navfw.robot import RobotModel
 from navfw.signals import Array, FramePair, Image
+from navfw.signals.immutable import read_only
 
 __all__ = ["BlockMatching"]
 
@@ -113,13 +114,11 @@ class BlockMatching(MatchedFlow):
         p, camera = self.params, robot.camera
         self._x_windows = x = _windows(camera.width, p.cols, p.window, p.margin)
         self._y_windows = y = _windows(camera.height, p.rows, p.window, p.margin)
-        self._points = np.stack(
-            np.meshgrid(
-                x.mean(axis=1) - 0.5 * camera.width,
-                y.mean(axis=1) - 0.5 * camera.height,
-            ),
-            axis=-1,
+        centres = np.meshgrid(
+            x.mean(axis=1) - 0.5 * camera.width,
+            y.mean(axis=1) - 0.5 * camera.height,
         )
+        self._points = read_only(np.stack(centres, axis=-1))
         self._pixels = np.outer(y[:, 1] - y[:, 0], x[:, 1] - x[:, 0]).astype(np.float64)
 
     def _match(

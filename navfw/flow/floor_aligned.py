@@ -20,6 +20,7 @@ from navfw.flow.dense_flow import Dense
 from navfw.flow.grid import check_frame
 from navfw.robot import RobotModel
 from navfw.signals import Array, CameraMotion, FlowField, FramePair, Image
+from navfw.signals.immutable import read_only
 
 __all__ = ["FloorAlignedFlow"]
 
@@ -68,7 +69,7 @@ class FloorAlignedFlow:
         y = self._top + CELL * np.arange(self._rows) + 0.5 * (CELL - 1)
         self._centres = np.stack(np.meshgrid(x, y), axis=-1)
         cx, cy = 0.5 * (camera.width - 1), 0.5 * (camera.height - 1)
-        self._points = self._centres - np.array([cx, cy])
+        self._points = read_only(self._centres - np.array([cx, cy]))
         last = camera.width - 1.0 - EDGE, camera.height - 1.0 - EDGE
         self._border = np.array([EDGE, EDGE, *last])
         f = camera.focal

@@ -7,6 +7,7 @@ import numpy as np
 from navfw.errors import ConfigError
 from navfw.robot import CameraModel
 from navfw.signals import Array, Frame
+from navfw.signals.immutable import read_only
 
 __all__ = ["check_frame", "check_grid", "grid_points"]
 
@@ -38,7 +39,7 @@ def grid_points(camera: CameraModel, rows: int, cols: int) -> Array:
     """(rows, cols, 2) centres of the grid's cells [px, relative to the principal point]."""
     x = (np.arange(cols) + 0.5) * (camera.width / cols) - 0.5 * camera.width
     y = (np.arange(rows) + 0.5) * (camera.height / rows) - 0.5 * camera.height
-    return np.stack(np.meshgrid(x, y), axis=-1)
+    return read_only(np.stack(np.meshgrid(x, y), axis=-1))
 
 
 def check_frame(frame: Frame, camera: CameraModel) -> None:

@@ -82,7 +82,7 @@ class Ideal(GridFlow):
         seen = (np.abs(x) <= 0.5 * camera.width) & (np.abs(y) <= 0.5 * camera.height)
         return FlowField(
             time=pair.now.time,
-            points=self._points.copy(),
+            points=self._points,
             vectors=np.where(np.isfinite(vectors), vectors, 0.0),
             confidence=np.where(seen, 1.0, 0.0),
             sigma=np.where(seen, SIGMA, SIGMA_UNKNOWN),

@@ -20,12 +20,12 @@ from navfw.localmap.ray_kernels import (
     sweep_arcs,
 )
 from navfw.signals import Array, Pose, Twist
+from navfw.signals.immutable import freeze, read_only
 
 __all__ = ["Arcs", "FreeDistance", "Ranges", "arcs_of", "free_distance", "ranges_around"]
 
 SECTORS = 48
-_BEARINGS = np.linspace(-math.pi, math.pi, SECTORS + 1)[1:]
-_BEARINGS.flags.writeable = False
+_BEARINGS = read_only(np.linspace(-math.pi, math.pi, SECTORS + 1)[1:])
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +41,9 @@ class Arcs:
     observed: Array
     clearance: Array
     reach: float
+
+    def __post_init__(self) -> None:
+        freeze(self, "free", "observed", "clearance")
 
 
 class FreeDistance(NamedTuple):
@@ -128,6 +131,9 @@ class Ranges:
     free: Array
     observed: Array
     limit: float
+
+    def __post_init__(self) -> None:
+        freeze(self, "bearings", "free", "observed")
 
     def nearest(self, low: float, high: float) -> float:
         """Least free distance [m] for bearings in [low, high] [rad]."""

@@ -15,6 +15,7 @@ from navfw.interfaces import MissionEvent
 from navfw.missions.event_clock import Event
 from navfw.missions.eventspec import BehaviorFault, EventSpec, NearTrigger
 from navfw.robot import RobotModel
+from navfw.signals.immutable import immutable
 from navfw.sim.drop_geometry import drop_under
 from navfw.sim.event_actions import DoorChange, EventAction, Obstacle, Textureless
 from navfw.sim.textures import STOCK
@@ -82,7 +83,8 @@ def _parts(
     event = plugin(robot, validate(document, plugin.Params, (*path, name)))
     trigger = spec.model_dump(exclude_unset=True, exclude={"plugin"})
     try:
-        actions = [dict(action) for action in event.actions(world.model_dump(mode="json"))]
+        contents = immutable(world.model_dump(mode="json"))
+        actions = [dict(action) for action in event.actions(contents)]
         parts = [EventSpec.model_validate({**trigger, **action}) for action in actions]
     except ValidationError as error:
         first = error.errors(include_url=False)[0]

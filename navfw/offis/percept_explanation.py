@@ -14,8 +14,9 @@ from navfw.offis.planes import Planes
 from navfw.offis.pyramid import Pyramid, RegionStatistics
 from navfw.offis.slopes import SIDES, Slopes
 from navfw.offis.walls import Walls
+from navfw.signals.immutable import Sealed
 
-__all__ = ["OffisResults", "PerceptExplanation"]
+__all__ = ["OffisResults", "PerceptExplanation", "evaluations_of"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +35,7 @@ class OffisResults:
     situations: Situations
 
 
-class PerceptExplanation(Mapping[str, Any]):
+class PerceptExplanation(Sealed, Mapping[str, Any]):
     """A read-only mapping to plain data (dicts, lists, strings, floats), computed on access.
 
     Keys: ``mode``; ``report``, the content of the sentence as data; ``regions``, the statistics of
@@ -59,6 +60,7 @@ class PerceptExplanation(Mapping[str, Any]):
 
     def __init__(self, results: OffisResults) -> None:
         self._results = results
+        self._seal()
 
     def __getitem__(self, key: str) -> Any:
         if key not in self._KEYS:
@@ -70,19 +72,6 @@ class PerceptExplanation(Mapping[str, Any]):
 
     def __len__(self) -> int:
         return len(self._KEYS)
-
-    @property
-    def evaluations(self) -> tuple[FuzzyEvaluation, ...]:
-        """All fuzzy inferences of the frame, to be repeated by benchmarks."""
-        results = self._results
-        return (
-            results.planes.evaluation,
-            results.distances.evaluation,
-            results.borders.evaluation,
-            results.slopes.evaluation,
-            results.situations.table_evaluation,
-            results.situations.front_evaluation,
-        )
 
     def __repr__(self) -> str:
         return f"PerceptExplanation({', '.join(self._KEYS)})"
@@ -146,3 +135,16 @@ class PerceptExplanation(Mapping[str, Any]):
 
     def _front(self) -> dict[str, Any]:
         return self._results.situations.front_evaluation.explain(0)
+
+
+def evaluations_of(explanation: PerceptExplanation) -> tuple[FuzzyEvaluation, ...]:
+    """All fuzzy inferences of the frame, to be repeated by benchmarks."""
+    results = explanation._results
+    return (
+        results.planes.evaluation,
+        results.distances.evaluation,
+        results.borders.evaluation,
+        results.slopes.evaluation,
+        results.situations.table_evaluation,
+        results.situations.front_evaluation,
+    )

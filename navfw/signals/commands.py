@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from navfw.signals.geometry import Array, Twist
+from navfw.signals.immutable import freeze
 
 __all__ = ["Command", "Explain", "Proposal"]
 
@@ -32,6 +33,9 @@ class Proposal:
     reason: str
     explain: Explain = _no_rules
 
+    def __post_init__(self) -> None:
+        freeze(self, "desirability", "prohibition")
+
     def weighted(self, weight: float) -> Proposal:
         """The same proposal with its applicability scaled by ``weight``."""
         if weight == 1.0:
@@ -54,3 +58,6 @@ class Command:
     emergency: bool = False
     weights: Mapping[str, float] = field(default_factory=dict)
     explanation: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        freeze(self, "weights", "explanation")

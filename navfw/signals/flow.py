@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from navfw.signals.geometry import Array, Pose, Twist
+from navfw.signals.immutable import freeze
 from navfw.signals.sensors import Frame
 
 __all__ = ["CameraMotion", "FlowField", "FramePair", "Odometry", "YawCorrection"]
@@ -45,6 +46,9 @@ class CameraMotion:
     dt: float
     yaw_sigma: float = 0.0
     translation_sigma: float = 0.0
+
+    def __post_init__(self) -> None:
+        freeze(self, "rotation", "translation")
 
     @property
     def baseline(self) -> float:
@@ -96,6 +100,9 @@ class FlowField:
     motion: CameraMotion
     derotated: bool = False
     inconsistency: Array | None = None
+
+    def __post_init__(self) -> None:
+        freeze(self, "points", "vectors", "confidence", "sigma", "inconsistency")
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from navfw.signals.geometry import Array
+from navfw.signals.immutable import freeze
 
 __all__ = ["Conflicts", "OccupiedDisc"]
 
@@ -32,3 +33,6 @@ class Conflicts:
     time: Array
     approach: Array
     nearest: float
+
+    def __post_init__(self) -> None:
+        freeze(self, "distance", "time", "approach")

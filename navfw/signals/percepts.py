@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from navfw.signals.geometry import Array
+from navfw.signals.immutable import freeze
 
 __all__ = ["Label", "MovingObject", "Percept", "Stixels"]
 
@@ -48,6 +49,9 @@ class MovingObject:
     distance: float
     information: Array
     evidence: Array
+
+    def __post_init__(self) -> None:
+        freeze(self, "information", "evidence")
 
     def velocity(self, usual: float = 0.4) -> tuple[float, float]:
         """(ahead, left) [m/s] under a prior of zero mean and sigma ``usual`` [m/s] per axis."""
@@ -88,6 +92,10 @@ class Percept:
     sentence: str
     explanation: Mapping[str, Any] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        freeze(self, "points", "nearness", "sigma", "confidence", "height", "label")
+        freeze(self, "obstacles", "quadrants", "planes", "slopes", "situations", "explanation")
+
     @property
     def sees_depth(self) -> bool:
         """Whether any cell knows its nearness."""
@@ -112,6 +120,9 @@ class Stixels:
     nearness: Array
     sigma: Array
     confidence: Array
+
+    def __post_init__(self) -> None:
+        freeze(self, "slope", "nearness", "sigma", "confidence")
 
     def explain(self) -> list[dict[str, float]]:
         """The stixels with any confidence, from left to right, as plain data."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from navfw.signals.geometry import Array, Pose, position_sigma
+from navfw.signals.immutable import freeze
 
 __all__ = [
     "Belief",
@@ -32,6 +33,9 @@ class LandmarkDetection:
     range: float
     covariance: Array
 
+    def __post_init__(self) -> None:
+        freeze(self, "covariance")
+
 
 @dataclass(frozen=True, slots=True)
 class Belief:
@@ -50,6 +54,9 @@ class Belief:
     confidence: float = 1.0
     lost: bool = False
     updates: int = 0
+
+    def __post_init__(self) -> None:
+        freeze(self, "covariance", "places")
 
     @property
     def sigma(self) -> float:

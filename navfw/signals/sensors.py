@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from navfw.signals.geometry import Image
+from navfw.signals.immutable import freeze
 
 __all__ = ["Encoders", "Frame", "Inertial", "SensorReading"]
 
@@ -20,6 +21,9 @@ class Frame:
     time: float
     image: Image
     sides: tuple[Image, ...] = ()
+
+    def __post_init__(self) -> None:
+        freeze(self, "image", "sides")
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,6 +16,7 @@ import numpy as np
 
 from navfw.errors import MapError, UnknownNameError
 from navfw.signals import Array
+from navfw.signals.immutable import Sealed
 from navfw.topomap.elements import Landmark, Passage, Place
 from navfw.topomap.validation import map_violations
 
@@ -41,12 +42,10 @@ class PassageProjection:
         return self.passage.length * (share if place == self.passage.a else 1.0 - share)
 
 
-class TopoMap:
+class TopoMap(Sealed):
     """An undirected topological map over a networkx graph.
 
-    ``graph`` has the places' names as nodes, with the attribute ``place``, and the attribute
-    ``passage`` on its edges. A map is immutable: closed passages and changed costs are state of the
-    planner.
+    A map is immutable: closed passages and changed costs are state of the planner.
 
     >>> hall, door = Place("hall", 0.0, 0.0), Place("door", 3.0, 0.0, "door")
     >>> office = TopoMap("office", [hall, door], [Passage("hall", "door", 3.0, width=0.9)])
@@ -75,18 +74,27 @@ class TopoMap:
         self.places: Mapping[str, Place] = MappingProxyType({p.name: p for p in listed})
         self.passages = passages
         self.landmarks: Mapping[str, Landmark] = MappingProxyType({m.name: m for m in landmarks})
-        self.graph = nx.Graph(name=name)
-        self.graph.add_nodes_from((p.name, {"place": p}) for p in listed)
-        self.graph.add_edges_from((p.a, p.b, {"passage": p}) for p in passages)
+        self._graph = nx.Graph(name=name)
+        self._graph.add_nodes_from((p.name, {"place": p}) for p in listed)
+        self._graph.add_edges_from((p.a, p.b, {"passage": p}) for p in passages)
         self._points = np.array([(p.x, p.y) for p in listed])
         index = {place.name: i for i, place in enumerate(listed)}
         ends = np.array([(index[p.a], index[p.b]) for p in passages], dtype=np.intp).reshape(-1, 2)
         self._starts = self._points[ends[:, 0]]
         self._legs = self._points[ends[:, 1]] - self._starts
         self._spans = np.hypot(self._legs[:, 0], self._legs[:, 1])
+        self._seal()
 
     def __repr__(self) -> str:
         return f"TopoMap({self.name!r}, {len(self.places)} places, {len(self.passages)} passages)"
+
+    @property
+    def graph(self) -> nx.Graph:
+        """A networkx graph of the map, a new one each time, for its algorithms.
+
+        The places' names are its nodes, with the attribute ``place``; edges have ``passage``.
+        """
+        return self._graph.copy()
 
     def place(self, name: str) -> Place:
         """The place of that name.
@@ -115,24 +123,24 @@ class TopoMap:
         """
         self.place(a)
         self.place(b)
-        if not self.graph.has_edge(a, b):
+        if not self._graph.has_edge(a, b):
             raise MapError(
                 f"there is no passage between {a!r} and {b!r}; those of {a!r} lead to: "
-                + (", ".join(self.graph[a]) or "no place"),
+                + (", ".join(self._graph[a]) or "no place"),
                 file=self.file,
             )
-        passage: Passage = self.graph.edges[a, b]["passage"]
+        passage: Passage = self._graph.edges[a, b]["passage"]
         return passage
 
     def passages_at(self, place: str) -> tuple[Passage, ...]:
         """The passages that end at ``place``, in the order of the map."""
         self.place(place)
-        return tuple(data["passage"] for data in self.graph[place].values())
+        return tuple(data["passage"] for data in self._graph[place].values())
 
     @functools.cached_property
     def parts(self) -> tuple[frozenset[str], ...]:
         """The map's connected parts as sets of place names, largest first."""
-        found = [frozenset(part) for part in nx.connected_components(self.graph)]
+        found = [frozenset(part) for part in nx.connected_components(self._graph)]
         return tuple(sorted(found, key=len, reverse=True))
 
     def part_of(self, place: str) -> frozenset[str]:
@@ -143,7 +151,7 @@ class TopoMap:
     @functools.cached_property
     def isolated(self) -> frozenset[str]:
         """The places without passages."""
-        return frozenset(nx.isolates(self.graph))
+        return frozenset(nx.isolates(self._graph))
 
     @functools.cached_property
     def _part_by_place(self) -> dict[str, frozenset[str]]:

@@ -1,0 +1,94 @@
+"""Immutable values: what passes between stages cannot be changed by the plugins that get it."""
+
+from __future__ import annotations
+
+from collections.abc import MutableMapping
+from types import MappingProxyType
+from typing import Any, TypeVar
+
+import numpy as np
+
+__all__ = ["Sealed", "freeze", "immutable", "read_only"]
+
+_LEAVES = frozenset((float, str, int, bool, type(None)))
+_MAPPINGS = (MutableMapping, MappingProxyType)
+"""Mappings of which a copy is made; any other type of mapping has to be read only itself."""
+_REPLACED = (dict, tuple, *_MAPPINGS)
+_ARRAY: Any = np.ndarray
+_set_field = object.__setattr__
+ArrayT = TypeVar("ArrayT", bound=np.ndarray[Any, Any])
+
+
+def read_only(array: ArrayT) -> ArrayT:
+    """A copy of ``array`` that cannot be made writable; ``array`` itself if it is one already.
+
+    A flag alone is no protection: whoever gets an array, or a view of it, can set ``writeable``
+    again. The memory of the copy is a bytes object, for which numpy refuses that.
+    """
+    owner: object = array.base
+    if type(owner) is bytes:
+        return array
+    copy: Any = np.ndarray(array.shape, array.dtype, array.tobytes())
+    return copy  # type: ignore[no-any-return]
+
+
+def immutable(value: Any) -> Any:
+    """``value`` with its arrays, mappings, lists and sets replaced by immutable copies."""
+    kind = type(value)
+    if kind in _LEAVES:
+        return value
+    if kind is dict or isinstance(value, _MAPPINGS):
+        # most items are leaves: no need of a call for each
+        return MappingProxyType(
+            {key: v if type(v) in _LEAVES else immutable(v) for key, v in value.items()}
+        )
+    if isinstance(value, np.ndarray):
+        return read_only(value)
+    if kind is list or kind is tuple:
+        return tuple(immutable(item) for item in value)
+    return frozenset(value) if kind is set else value
+
+
+def freeze(instance: object, *names: str) -> None:
+    """Make the fields ``names`` of a frozen dataclass immutable; for its ``__post_init__``.
+
+    Arrays, mappings and tuples are replaced by immutable copies. Any other value stays as it is:
+    it is for the checks of what a plugin returns to refuse it.
+    """
+    for name in names:
+        value = getattr(instance, name)
+        if isinstance(value, _ARRAY):
+            if type(value.base) is not bytes:  # as in ``read_only``, without the call
+                value = _ARRAY(value.shape, value.dtype, value.tobytes())
+                _set_field(instance, name, value)
+        elif isinstance(value, _REPLACED):
+            _set_field(instance, name, immutable(value))
+
+
+class Sealed:
+    """A base of classes whose ``__init__`` ends with ``_seal()``: no attribute can be set then."""
+
+    _sealed = False
+
+    def _seal(self) -> None:
+        self._sealed = True
+
+    def __setattr__(self, name: str, value: object) -> None:
+        """Set an attribute, before ``_seal``.
+
+        Raises:
+            AttributeError: the instance is sealed.
+
+        """
+        if self._sealed:
+            raise AttributeError(f"{type(self).__name__} is read only: cannot set {name!r}")
+        super().__setattr__(name, value)
+
+    def __delattr__(self, name: str) -> None:
+        """Refuse.
+
+        Raises:
+            AttributeError: always.
+
+        """
+        raise AttributeError(f"{type(self).__name__} is read only: cannot delete {name!r}")

@@ -1,0 +1,229 @@
+"""What plugins are given cannot be changed: every field reachable from it is tried."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+import pytest
+from mutation_attempts import changeable
+from pydantic import BaseModel
+
+from navfw.context import Context
+from navfw.interfaces import KINDS, Plugin
+from navfw.missions.composed_events import Blackout
+from navfw.missions.session import Session, prepare
+from navfw.plugins import default_registry
+from navfw.robot import RobotModel
+from navfw.signals import Conflicts, FlowField
+from navfw.signals.immutable import Sealed, freeze, immutable, read_only
+
+EVENT = "mission.events=[{at: 1, plugin: {blackout: {}}}]"
+OWN = {"rng": "a random generator is given to be drawn from"}
+"""Arguments that a plugin may change."""
+OWN_PARAMETERS = {"posters.images", "landmarks.posters.images"}
+"""Mappings in parameters: no other plugin reads them, and mapping proxies cannot be copied."""
+
+
+class Arguments:
+    """The last value of each argument that the plugins of a stack were called with."""
+
+    def __init__(self) -> None:
+        self.last: dict[str, object] = {}
+
+    def watch(self, plugin: Plugin) -> None:
+        """Note the arguments of every method of the interface of ``plugin``'s kind."""
+        for name, method in inspect.getmembers(KINDS[plugin.kind], inspect.isfunction):
+            if not name.startswith("_") and name != "reset":
+                given = list(inspect.signature(method).parameters)[1:]
+                called = partial(self._call, plugin.kind, name, given, getattr(plugin, name))
+                setattr(plugin, name, called)
+
+    def _call(self, kind: str, name: str, given: list[str], method: Any, *args: Any) -> Any:
+        for argument, value in zip(given, args, strict=False):
+            if value is not None and value != ():
+                self.last[f"{kind}.{name}({argument})"] = value
+        return method(*args)
+
+
+@pytest.fixture(scope="module")
+def arguments() -> dict[str, object]:
+    """All arguments of the plugins of a drive through the office, by kind, method and name."""
+    noted = Arguments()
+    actions = Blackout.actions
+
+    def noting(event: Blackout, world: Mapping[str, Any]) -> Any:
+        noted.last["event.actions(world)"] = world
+        return actions(event, world)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Blackout, "actions", noting)
+        overrides = ["mission.timeout=4", EVENT]
+        session = prepare("office", "lobby-to-lab", stack="landmarks", overrides=overrides)
+    for plugin in _plugins(session):
+        noted.watch(plugin)
+    session.run()
+    noted.last["topo_map"] = session.mission.topo_map
+    noted.last["robot"] = session.stack.robot
+    return noted.last
+
+
+def _plugins(session: Session) -> list[Plugin]:
+    stack = session.stack
+    stages = [stack.vision.flow, stack.vision.perception, stack.features, stack.localizer]
+    assert stack.mofis.composite is not None
+    behavior = stack.mofis.behaviors["go_to_xy"]
+    return [
+        *stages,
+        stack.planner,
+        stack.mofis.composite,
+        behavior,
+        stack.mofis.fusion,
+        stack.controller,
+    ]
+
+
+def test_nothing_that_a_plugin_is_given_can_be_changed(arguments: dict[str, object]) -> None:
+    kinds = {name.partition(".")[0] for name in arguments} & set(KINDS)
+    assert kinds == set(KINDS) - {"landmark", "family"}, "these are given a number, and OWN"
+    for name, value in arguments.items():
+        assert changeable(value, name) == []
+
+
+def test_the_context_tried_has_all_its_parts(arguments: dict[str, object]) -> None:
+    context = arguments["behavior.propose(context)"]
+    assert isinstance(context, Context)
+    layer = np.ones(context.commands.shape)
+    whole = replace(context, conflicts=Conflicts(layer, layer.copy(), layer.copy(), 1.0))
+    assert all(getattr(whole, name) is not None for name in Context.__dataclass_fields__)
+    assert changeable(whole) == []
+
+
+def test_parameters_of_shipped_plugins_cannot_be_changed() -> None:
+    registry, robot = default_registry(), RobotModel()
+    for plugin in registry.listing():
+        if plugin["status"] == "ok":
+            cls = registry.get(plugin["kind"], plugin["name"])
+            required = [f for f in cls.Params.model_fields.values() if f.is_required()]
+            if not required:
+                assert set(changeable(cls.Params(), plugin["name"])) <= OWN_PARAMETERS
+    assert changeable(robot) == []
+
+
+def test_every_interface_is_tried() -> None:
+    for kind, base in KINDS.items():
+        for name, method in inspect.getmembers(base, inspect.isfunction):
+            for argument in list(inspect.signature(method).parameters)[1:]:
+                known = argument in OWN or kind in {"landmark", "family"} or name == "__init__"
+                assert known or name in base.__dict__, f"{kind}.{name}({argument})"
+
+
+# --- the attempts themselves ----------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Loose:
+    """Frozen, with a field of a mutable type."""
+
+    part: object = field(default_factory=list)
+
+
+@dataclass
+class _Open:
+    """Not frozen."""
+
+    part: float = 0.0
+
+
+class _OpenModel(BaseModel):
+    """Not frozen."""
+
+    part: float = 0.0
+
+
+@pytest.mark.parametrize(
+    "part",
+    [
+        [],
+        {},
+        set(),
+        {"a": 1.0},
+        np.zeros(3),
+        np.zeros(3)[1:],
+        np.zeros((2, 2)).T,
+        np.broadcast_to(np.zeros(3), (2, 3)),
+        np.frombuffer(bytearray(8)),
+        MappingProxyType({"a": []}),
+        (1.0, [2.0]),
+        _Open(),
+        _OpenModel(),
+        Sealed(),
+    ],
+    ids=lambda part: type(part).__name__,
+)
+def test_a_field_that_can_be_changed_is_found(part: object) -> None:
+    if isinstance(part, np.ndarray):
+        part.setflags(write=False)
+    assert changeable(_Loose(part))
+    assert not changeable(_Loose(immutable(())))
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        {"a": [1.0, {"b": np.zeros(2)}], "c": {1, 2}},
+        [np.arange(4.0).reshape(2, 2).T, "text", None],
+        np.zeros((0, 3)),
+        MappingProxyType({"a": {"b": 1.0}}),
+    ],
+)
+def test_immutable_copies_of_plain_data(value: object) -> None:
+    copy = immutable(value)
+    assert changeable(copy) == []
+    np.testing.assert_equal(_plain(copy), _plain(value))
+
+
+def test_a_read_only_copy_is_equal_and_made_once() -> None:
+    source = np.arange(6.0).reshape(2, 3)[:, ::-1]
+    copy = read_only(source)
+    assert copy.dtype == source.dtype
+    np.testing.assert_array_equal(copy, source)
+    source[:] = 0.0
+    assert copy.any()
+    assert read_only(copy) is copy
+
+
+def test_a_field_of_another_type_is_left_to_the_checks() -> None:
+    given: Any = [[1.0]]
+    loose = _Loose(given)
+    freeze(loose, "part")
+    assert loose.part is given
+
+
+def test_fields_keep_shared_grid_points() -> None:
+    registry = default_registry()
+    matcher: Any = registry.get("flow", "block_matching")(RobotModel())
+    points = matcher._points
+    flow = FlowField(0.0, points, points, points[..., 0], points[..., 0], None)  # type: ignore[arg-type]
+    assert flow.points is points
+
+
+def _plain(value: Any) -> Any:
+    """Dicts and lists in place of immutable copies."""
+    if isinstance(value, Mapping):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return set(value) if isinstance(value, set | frozenset) else value
+
+
+@pytest.fixture(autouse=True)
+def _in_this_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Away from any project whose plugins would be listed, too."""
+    monkeypatch.chdir(tmp_path)
