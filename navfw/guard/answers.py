@@ -1,7 +1,8 @@
 """Checks of what plugins answer: type, shape, finiteness, range.
 
-Each check returns the answer as a new object with float64 arrays and Python numbers: nothing behind
-it depends on what the plugin keeps or changes later. ``AnswerError`` says what is wrong.
+Each check returns the answer as a new object with immutable float64 arrays and Python numbers:
+nothing behind it depends on what the plugin keeps or changes later. ``AnswerError`` says what is
+wrong.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import numba
 import numpy as np
 
 from navfw.signals import Array, Pose, Twist
+from navfw.signals.immutable import read_only
 
 __all__ = [
     "MAX_ITEMS",
@@ -90,7 +92,7 @@ def text(value: Any, what: str) -> str:
 
 
 def array(value: Any, what: str, shape: tuple[int, ...]) -> Array:
-    """``value`` as a new float64 array of that shape, all finite."""
+    """``value`` as an immutable float64 array of that shape, all finite."""
     result = _real(value, what, shape)
     if not np.isfinite(result).all():
         raise AnswerError(f"{what} has values that are not finite")
@@ -98,7 +100,7 @@ def array(value: Any, what: str, shape: tuple[int, ...]) -> Array:
 
 
 def degrees(value: Any, what: str, shape: tuple[int, ...]) -> Array:
-    """``value`` as a new float64 array of that shape, all in [0, 1] up to rounding."""
+    """``value`` as an immutable float64 array of that shape, all in [0, 1] up to rounding."""
     result = _real(value, what, shape)
     if not _are_degrees(result):
         raise AnswerError(f"{what} has values outside [0, 1]")
@@ -139,7 +141,7 @@ def twist(value: Any, what: str) -> Twist:
 
 
 def _real(value: Any, what: str, shape: tuple[int, ...]) -> Array:
-    """``value`` as a new C-contiguous float64 array of that shape."""
+    """``value`` as an immutable, C-contiguous float64 array of that shape."""
     try:
         raw = np.asarray(value)
     except ValueError:
@@ -148,7 +150,7 @@ def _real(value: Any, what: str, shape: tuple[int, ...]) -> Array:
         raise AnswerError(f"{what} has values of type {raw.dtype}, expected float64")
     if raw.shape != shape:
         raise AnswerError(f"{what} has shape {raw.shape}, expected {shape}")
-    return np.array(raw, dtype=np.float64, order="C")
+    return read_only(raw.astype(np.float64, copy=False))
 
 
 @numba.njit(cache=True)

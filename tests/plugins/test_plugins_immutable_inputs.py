@@ -76,16 +76,16 @@ def arguments() -> dict[str, object]:
 
 def _plugins(session: Session) -> list[Plugin]:
     stack = session.stack
-    stages = [stack.vision.flow, stack.vision.perception, stack.features, stack.localizer]
-    assert stack.mofis.composite is not None
-    behavior = stack.mofis.behaviors["go_to_xy"]
+    vision, mofis = stack.vision, stack.mofis
+    assert mofis.composite is not None
+    stages = (stack.features, stack.localizer, stack.planner, stack.controller)
     return [
-        *stages,
-        stack.planner,
-        stack.mofis.composite,
-        behavior,
-        stack.mofis.fusion,
-        stack.controller,
+        vision.flow.plugin,
+        vision.perception.plugin,
+        *(stage.plugin for stage in stages),
+        mofis.composite,
+        mofis.behaviors["go_to_xy"],
+        mofis.fusion,
     ]
 
 
