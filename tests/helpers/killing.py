@@ -58,9 +58,9 @@ class Started:
             return True
         return False
 
-    def send(self, number: signal.Signals) -> None:
-        """Send the signal as it is sent in practice: Ctrl-C to the whole group of processes."""
-        if number is signal.SIGINT:
+    def send(self, number: signal.Signals, *, group: bool | None = None) -> None:
+        """Send the signal to the process, or to its group, as a terminal sends Ctrl-C."""
+        if number is signal.SIGINT if group is None else group:
             os.killpg(self.pid, number)
         else:
             self._process.send_signal(number)
@@ -79,10 +79,13 @@ class Started:
             file.close()
         return Ended(code, *texts)
 
+    def children(self) -> list[int]:
+        """The process ids of its child processes."""
+        return [int(pid) for pid in _text_of(f"{self.pid}/task/{self.pid}/children").split()]
+
     def workers(self) -> list[int]:
         """The process ids of worker processes."""
-        children = Path(f"/proc/{self.pid}/task/{self.pid}/children").read_text().split()
-        return [pid for pid in map(int, children) if "spawn_main" in _command_of(pid)]
+        return [pid for pid in self.children() if "spawn_main" in _text_of(f"{pid}/cmdline")]
 
 
 def moments(seed: int, count: int, longest: float) -> Iterator[float]:
@@ -100,8 +103,9 @@ def _group_exists(group: int) -> bool:
     return True
 
 
-def _command_of(pid: int) -> str:
+def _text_of(file: str) -> str:
+    """The text of a file of /proc; "" once its process has ended."""
     try:
-        return Path(f"/proc/{pid}/cmdline").read_text()
+        return Path("/proc", file).read_text()
     except (FileNotFoundError, ProcessLookupError):
         return ""
