@@ -16,7 +16,7 @@ import typer
 
 from navfw.cli.options import Json, Mission, World
 from navfw.cli.output import console, print_json, quiet_stdout
-from navfw.cli.supervisor import announce
+from navfw.cli.supervisor import announce, announce_end
 from navfw.errors import InputError
 from navfw.interruption import deferred, interruptible
 
@@ -172,6 +172,7 @@ def _drive(request: _Request) -> tuple[MissionResult, Path | None, tuple[str, ..
                 result = session.run(
                     line.show, gui=request.gui, record=request.record, limit=request.limit
                 )
+            announce_end()
             missing = write_run(result, target)
     except InputError as error:
         if result is None:

@@ -27,10 +27,13 @@ from typing import Any
 
 from navfw.heartbeat import HEARTBEAT_SIZE, read_call, set_memory
 
-__all__ = ["announce", "supervise"]
+__all__ = ["announce", "announce_end", "supervise"]
 
 PATIENCE = 10.0
 """Wall time [s] for a run to end by itself after a signal, or beyond its wall-clock limit."""
+
+SAVING = 600.0
+"""Wall time [s] to write the files of a finished drive; a signal does not shorten it."""
 
 LAST_STEPS = 5.0
 """Wall time [s] for a process to end after its last message: threads of plugins may not end."""
@@ -65,6 +68,11 @@ def announce(
     goes, with a number if it is taken and ``numbered``; ``limit`` [s] is the wall-clock limit.
     """
     _send({"run": [summary, str(folder), numbered, as_json, limit]})
+
+
+def announce_end() -> None:
+    """Tell the supervisor, if there is one, that the drive is over, and its files are written."""
+    _send({"driven": True})
 
 
 def supervise(command: Callable[[], object]) -> int:
@@ -145,6 +153,7 @@ class _Supervisor:
         self._code: int | None = None
         self._deadline = math.inf
         self._stopped = False
+        self._driven = False
 
     def wait(self) -> int:
         """The exit code of the child, or of the result written in its place."""
@@ -182,6 +191,8 @@ class _Supervisor:
             return ""
         if self._code is not None:
             return "finished, but did not end"
+        if self._driven:
+            return "the files of the run were not written in time"
         if self._stopped:
             return "stopped by the user"
         return "exceeded the wall-clock limit"
@@ -202,6 +213,9 @@ class _Supervisor:
         if "run" in message:
             self._run = _Announcement(*message["run"])
             self._deadline = now + self._run.limit + PATIENCE
+        elif "driven" in message:
+            self._driven = True
+            self._deadline = now + SAVING
         else:
             self._code = int(message["finished"])
             self._deadline = now + LAST_STEPS
@@ -214,7 +228,7 @@ class _Supervisor:
             del frame
             if number == signal.SIGTERM:
                 os.kill(self._child, number)
-            if not self._stopped:
+            if not self._stopped and not self._driven:
                 self._stopped = True
                 self._deadline = min(self._deadline, time.monotonic() + PATIENCE)
 
