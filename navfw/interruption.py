@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from types import FrameType
 
-__all__ = ["deferred", "interrupted", "interruptible"]
+__all__ = ["check_interrupted", "deferred", "interrupted", "interruptible"]
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
@@ -42,6 +42,16 @@ def interrupted() -> bool:
     True outside of any: a KeyboardInterrupt is then taken for one that the user has sent.
     """
     return _state.interrupted
+
+
+def check_interrupted() -> None:
+    """Raise KeyboardInterrupt if a signal has arrived in the innermost ``interruptible`` context.
+
+    Python drops what a handler raises in a finalizer or in a callback of compiled code, so a loop
+    that a signal is to end calls this.
+    """
+    if _state.raising and _state.interrupted:
+        raise KeyboardInterrupt
 
 
 @contextmanager

@@ -18,7 +18,7 @@ from navfw.cli.options import Json, Mission, World
 from navfw.cli.output import console, print_json, quiet_stdout
 from navfw.cli.supervisor import announce, announce_end
 from navfw.errors import InputError
-from navfw.interruption import deferred, interruptible
+from navfw.interruption import check_interrupted, deferred, interruptible
 
 if TYPE_CHECKING:
     from navfw.missions.runner import Progress
@@ -155,6 +155,7 @@ def _drive(request: _Request) -> tuple[MissionResult, Path | None, tuple[str, ..
             stack=request.stack,
             overrides=request.overrides,
         )
+        check_interrupted()
     numbered = request.out is None
     target = RunFolder(request.out or default_folder(session), numbered=numbered)
     result = None

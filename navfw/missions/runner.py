@@ -11,7 +11,7 @@ from typing import Protocol
 
 from navfw.errors import InputError
 from navfw.guard import PluginCallError
-from navfw.interruption import interruptible
+from navfw.interruption import check_interrupted, interruptible
 from navfw.missions.event_clock import EventClock, EventRecord
 from navfw.missions.outcome import MissionVerdict, Outcome
 from navfw.missions.progress_checkers import GoalChecker, ProgressChecker, goal_name
@@ -250,6 +250,7 @@ class _MissionLoop:
                 start = self.task.start if self.task.start_known else None
                 self.pilot.start(start, self.task.goals)
                 while verdict is None:
+                    check_interrupted()
                     verdict = self._tick()
         except KeyboardInterrupt:
             verdict = self._verdict(Outcome.CANCELLED, "stopped by the user")

@@ -24,7 +24,7 @@ from typing import Any, Generic, Protocol, Self, TypeVar
 
 from navfw.errors import SimulationError
 from navfw.heartbeat import HEARTBEAT_SIZE, read_call, set_memory
-from navfw.interruption import interruptible
+from navfw.interruption import check_interrupted, interruptible
 
 __all__ = ["WorkerFailure", "WorkerPool", "stop_requested"]
 
@@ -121,6 +121,7 @@ class WorkerPool(Generic[JobT, ResultT]):
             try:
                 with interruptible():
                     finished, _ = wait(busy, PERIOD, return_when=FIRST_COMPLETED)
+                    check_interrupted()
             except KeyboardInterrupt:
                 stopping = True
                 self._flag.value = 1  # the workers end within GRACE

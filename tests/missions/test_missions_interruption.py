@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from navfw.interruption import deferred, interrupted, interruptible
+from navfw.interruption import check_interrupted, deferred, interrupted, interruptible
 
 
 @pytest.fixture(autouse=True)
@@ -102,3 +102,17 @@ def test_a_signal_may_come_at_any_moment_of_a_deferred_part() -> None:
         except KeyboardInterrupt:
             caught += 1
     assert (caught, broken) == (200, 0)
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_a_signal_that_python_drops_in_a_finalizer_is_not_lost() -> None:
+    class Finalized:
+        def __del__(self) -> None:
+            os.kill(os.getpid(), signal.SIGTERM)
+            sum(range(50))
+
+    with interruptible():
+        check_interrupted()
+        Finalized()  # its KeyboardInterrupt is dropped
+        with pytest.raises(KeyboardInterrupt):
+            check_interrupted()
