@@ -191,3 +191,5 @@ def _print_plugins(rows: list[Row]) -> None:
             table.add_row("     ", *(Text(text) for text in (*texts, *about)))
         if row["parameters"]:
             out.print(table)
+        for note in row["notes"]:
+            out.print(Text(f"    note: {note}", style="yellow"))

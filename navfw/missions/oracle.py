@@ -11,12 +11,13 @@ from navfw.baselines.navground import Navground
 from navfw.baselines.surroundings import Surroundings
 from navfw.errors import SimulationError
 from navfw.flow.ideal import Ideal
+from navfw.interfaces import Plugin
 from navfw.signals import Array, CameraMotion, Frame, FramePair
 from navfw.sim.shapes import Circle, Shape
 from navfw.sim.simulation import Simulation
 from navfw.stack import Stack
 
-__all__ = ["SimulatorTruth", "reveal"]
+__all__ = ["SimulatorTruth", "plugins_of", "reveal"]
 
 
 class SimulatorTruth:
@@ -92,3 +93,17 @@ def reveal(simulation: Simulation, stack: Stack) -> None:
     for behavior in stack.mofis.behaviors.values():
         if isinstance(behavior, Navground):
             behavior.set_truth(truth)
+
+
+def plugins_of(stack: Stack) -> dict[str, Plugin]:
+    """All plugins of ``stack`` by name."""
+    vision, mofis = stack.vision, stack.mofis
+    stages = (stack.features, stack.localizer, stack.planner, stack.controller)
+    plugins: list[Plugin | None] = [
+        vision.flow.plugin,
+        vision.perception.plugin,
+        *(stage.plugin for stage in stages),
+        mofis.composite,
+        mofis.fusion,
+    ]
+    return {plugin.name: plugin for plugin in plugins if plugin is not None} | mofis.behaviors

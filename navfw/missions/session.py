@@ -24,12 +24,13 @@ from navfw.missions.event_check import resolve_events, with_doors_open
 from navfw.missions.event_clock import Event, EventClock, EventTarget
 from navfw.missions.eventspec import BehaviorFault
 from navfw.missions.missionfile import MissionFile, load_mission
-from navfw.missions.oracle import reveal
+from navfw.missions.oracle import plugins_of, reveal
 from navfw.missions.outcome import Outcome
 from navfw.missions.process_check import check_process
 from navfw.missions.process_state import ProcessState
 from navfw.missions.run_metrics import RunMetrics, measure
 from navfw.missions.runner import Progress, RunResult, Task, run_task
+from navfw.plugins.simulator_access import SimulatorWatch
 from navfw.recording.sensor_recording import SensorRecorder
 from navfw.signals import Array
 from navfw.sim.floorplan import FloorPlan
@@ -121,7 +122,8 @@ class Session:
         """
         readings = SensorRecorder() if record else None
         before = ProcessState.capture()
-        with self.simulation(gui) as simulator, self.stack.guard.on_duty():
+        watch = SimulatorWatch(plugins_of(self.stack))
+        with self.simulation(gui) as simulator, self.stack.guard.on_duty(), watch:
             clock = EventClock((event, self._target(event, simulator)) for event in self.events)
             run = run_task(self.task, self.stack, simulator, progress, readings, clock, limit)
             changes = simulator.change_track()
@@ -133,7 +135,7 @@ class Session:
             timings["landmark_frames"] = spent.landmarks
         timings |= self.stack.timings
         run = check_process(run, before, self.stack.resolved.plugins)
-        return MissionResult(self, run, timings, readings, cause, movers, changes)
+        return MissionResult(self, run, timings, readings, cause, movers, changes, watch.found())
 
     def _target(self, event: Event, simulator: Simulation) -> EventTarget:
         """A behaviour of the stack for a behaviour's fault, else the simulation."""
@@ -163,6 +165,7 @@ class MissionResult:
     ``collision_cause`` is "mover" when a mover ran into a robot that was not driving towards it,
     "robot" for any other collision, None without one. ``movers`` has the positions of the world's
     movers over time, ``changes`` the solids that existed for a part of the run only.
+    ``oracle_plugins`` names the plugins that used the simulator's truth, declared or found out.
     """
 
     session: Session
@@ -172,6 +175,7 @@ class MissionResult:
     collision_cause: str | None = None
     movers: MoverTrack | None = None
     changes: ChangeTrack | None = None
+    oracle_plugins: tuple[str, ...] = ()
 
     @property
     def outcome(self) -> Outcome:
@@ -229,7 +233,8 @@ class MissionResult:
             "mean_speed_m_s": metrics.mean_speed,
             "emergencies": metrics.emergencies,
             "command_hash": run.log.command_hash,
-            "oracle": self.session.stack.resolved.settings.oracle,
+            "oracle": self.session.stack.resolved.settings.oracle or bool(self.oracle_plugins),
+            "oracle_plugins": list(self.oracle_plugins),
             "faults": run.faults,
             "events": [event.as_data() for event in run.events],
             "stage_ms": metrics.stage_ms,

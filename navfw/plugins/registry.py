@@ -17,6 +17,7 @@ from navfw.config.type_descriptions import parameters_of
 from navfw.errors import InputError, PluginError, UnknownNameError
 from navfw.interfaces import KINDS, Plugin
 from navfw.plugins import plugin_import
+from navfw.plugins.simulator_access import access_notes
 from navfw.plugins.verification import kind_of, source_file, verify
 
 __all__ = ["BUILT_IN", "GROUPS", "Registry", "check_kind", "default_registry"]
@@ -191,7 +192,8 @@ class Registry:
         """Every plugin (of ``kind``) as plain data: description and parameters, or its error.
 
         Keys: name, kind, status (``ok`` or ``broken``), source, summary, parameters (each with
-        name, type, default, required, bounds, description), error (None when ok). Imports them all.
+        name, type, default, required, bounds, description), notes (how its source uses the
+        simulator, or could), error (None when ok). Imports them all.
         """
         if kind is not None:
             check_kind(kind)
@@ -285,6 +287,7 @@ class Registry:
             "parameters": []
             if cls is None
             else [parameter._asdict() for parameter in parameters_of(cls.Params)],
+            "notes": [] if cls is None else access_notes(cls),
             "error": None if entry.error is None else str(entry.error),
         }
 

@@ -29,6 +29,7 @@ def test_register_and_get() -> None:
         "source": "a test",
         "summary": "Detects nothing.",
         "parameters": [],
+        "notes": [],
         "error": None,
     }
 

@@ -1,0 +1,174 @@
+"""Plugins that use the simulator are found: in their source, and in a run."""
+
+from __future__ import annotations
+
+import builtins
+import importlib
+from pathlib import Path
+
+import pytest
+
+from navfw.missions.oracle import plugins_of
+from navfw.missions.session import MissionResult, prepare
+from navfw.plugins import default_registry
+from navfw.plugins.simulator_access import SimulatorWatch, source_findings
+from navfw.robot import RobotModel
+
+BEHAVIOR = '''\
+"""A behaviour."""
+
+{top}
+
+from navfw import Behavior, Context, Proposal
+
+
+class {title}(Behavior):
+    """Proposes nothing, and has a look."""
+
+    name = "{name}"
+
+    def propose(self, context: Context) -> Proposal:
+        nothing = context.commands.zeros()
+        {inside}
+        return Proposal(0.0, nothing, nothing, "a look")
+'''
+OBSCURE = '"".join(["py", "bullet"])'
+USERS = {
+    "imports_at_the_top": ("import pybullet", "pass"),
+    "imports_inside": ("", "import pybullet as engine"),
+    "imports_a_part": ("from navfw import sim", "pass"),
+    "imports_navfw_sim": ("", "from navfw.sim.simulation import Simulation"),
+    "imports_the_session": ("import navfw.missions.session as session", "pass"),
+    "imports_by_importlib": ("import importlib", 'importlib.import_module("pybullet")'),
+    "reads_sys_modules": ("import sys", 'sys.modules["pybullet"]'),
+    "names_it_in_pieces": ("import importlib", f"importlib.import_module({OBSCURE})"),
+    "imports_in_pieces": ("", f"__import__({OBSCURE})"),
+    "keeps_it": ("import sys", f"self.engine = [sys.modules[{OBSCURE}]]"),
+    "by_a_helper": ("from ._engine import pose_of", "pose_of(1)"),
+    "by_a_helper_module": ("from . import _engine", "pass"),
+}
+HELPER = (
+    '"""A helper."""\n\nimport pybullet\n\n\ndef pose_of(body):\n    return pybullet.__name__\n'
+)
+PLAIN = {
+    "plain": ("import sys\nimport importlib", 'importlib.import_module("json")'),
+    "by_a_detour": ("import ctypes\nimport gc\nimport sys", "len(sys.modules)"),
+}
+
+
+def write(folder: Path, behaviors: dict[str, tuple[str, str]]) -> Path:
+    """A folder of behaviours, with a stack file that has them all."""
+    (folder / "_engine.py").write_text(HELPER)
+    for name, (top, inside) in behaviors.items():
+        title = name.title().replace("_", "")
+        text = BEHAVIOR.format(name=name, title=title, top=top, inside=inside)
+        (folder / f"{name}.py").write_text(text)
+    stack = folder / "spying.yaml"
+    named = "".join(f"  {name}:\n" for name in behaviors)
+    stack.write_text(f"base: default\nbehaviors:\n  go_to_xy:\n{named}")
+    return stack
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory: pytest.TempPathFactory) -> MissionResult:
+    """A run with all of the behaviours above."""
+    folder = tmp_path_factory.mktemp("behaviors")
+    stack = write(folder, USERS | PLAIN)
+    registry = default_registry([folder])
+    overrides = ["mission.timeout=1.5"]
+    session = prepare("empty", "straight", stack=stack, overrides=overrides, registry=registry)
+    shipped = {"go_to_xy", "block_matching", "offis", "papfis", "fuzzy", "unicycle"}
+    assert set(plugins_of(session.stack)) >= shipped | set(USERS)
+    return session.run()
+
+
+def test_a_run_names_the_plugins_that_use_the_simulator(result: MissionResult) -> None:
+    assert result.run.faults == ()
+    assert set(result.oracle_plugins) == set(USERS)
+    summary = result.summary()
+    assert summary["oracle"] is True
+    assert summary["oracle_plugins"] == sorted(USERS)
+
+
+def test_imports_are_as_before_after_a_run(result: MissionResult) -> None:
+    assert result.oracle_plugins
+    assert builtins.__import__.__module__ == "builtins"
+    assert importlib.import_module.__module__ == "importlib"
+
+
+def test_shipped_plugins_do_not_use_the_simulator() -> None:
+    registry = default_registry()
+    assert [row["name"] for row in registry.listing() if row["notes"]] == []
+
+
+@pytest.mark.parametrize(
+    ("line", "what", "uses"),
+    [
+        ("import numpy, pybullet_data", "imports pybullet_data", True),
+        ("import navfw.sim.simulation", "imports navfw.sim.simulation", True),
+        ("from navfw import missions", "imports navfw.missions", True),
+        ("from pybullet_utils import bullet_client", "imports pybullet_utils", True),
+        ("def f():\n    import pybullet", "imports pybullet", True),
+        ("x = modules['navfw.sim']", "names the module navfw.sim", True),
+        ("import sys\nx = sys.modules", "reads sys.modules", False),
+        ("from sys import modules", "imports sys.modules", False),
+        ("from gc import get_objects as o", "imports gc.get_objects", False),
+        ("import ctypes", "imports ctypes", False),
+        ("import inspect\ninspect.currentframe()", "reads inspect.currentframe", False),
+    ],
+)
+def test_findings_in_a_source(tmp_path: Path, line: str, what: str, uses: bool) -> None:
+    file = tmp_path / "one.py"
+    file.write_text(line)
+    (found,) = source_findings(file)
+    assert (found.what, found.uses) == (what, uses)
+    assert found.line == line.count("\n") + 1
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "import numpy\nfrom navfw.signals import Pose\n",
+        '"""Not pybullet: navfw.sim is for others."""\nimport simulation\n',
+        "from navfw.simple import x\n",
+        "from . import sim\n",
+        "def broken(:\n",
+        "\0",
+    ],
+)
+def test_other_sources_have_no_findings(tmp_path: Path, text: str) -> None:
+    file = tmp_path / "one.py"
+    file.write_text(text)
+    assert source_findings(file) == ()
+    assert source_findings(tmp_path / "missing.py") == ()
+
+
+def test_a_changed_source_is_read_again(tmp_path: Path) -> None:
+    file = tmp_path / "one.py"
+    file.write_text("import pybullet\n")
+    assert source_findings(file)
+    file.write_text("import numpy\n# other\n")
+    import os
+
+    os.utime(file, ns=(1, 1))
+    assert not source_findings(file)
+
+
+def test_a_listing_has_notes(tmp_path: Path) -> None:
+    write(tmp_path, {"by_a_detour": PLAIN["by_a_detour"]})
+    registry = default_registry([tmp_path])
+    (row,) = (row for row in registry.listing("behavior") if row["name"] == "by_a_detour")
+    assert [note.rpartition(":")[2] for note in row["notes"]] == [
+        " imports ctypes",
+        " reads sys.modules",
+    ]
+    assert row["notes"][0].startswith(f"{tmp_path / 'by_a_detour.py'}:3: ")
+
+
+def test_imports_by_navfw_itself_count_for_nobody() -> None:
+    registry = default_registry()
+    behavior = registry.get("behavior", "cruise")(RobotModel())
+    with SimulatorWatch({"cruise": behavior}) as watch:
+        importlib.import_module("navfw.sim.shapes")
+        import navfw.sim.shapes  # noqa: F401
+    assert watch.found() == ()
