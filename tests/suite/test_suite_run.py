@@ -141,3 +141,51 @@ def test_default_folders_are_numbered(tmp_path: Path, monkeypatch: pytest.Monkey
             out.open(plan(2), "abc", resume=False)
             names.append(str(out.path))
     assert names == ["runs/rooms-2-3", "runs/rooms-2-3-2"]
+
+
+def test_died_runs_are_no_success_and_are_driven_again(tmp_path: Path) -> None:
+    out = SuiteFolder(tmp_path / "out")
+    died = run(plan(2, 3, 4), out, work=samples.fake_run_that_dies_on_3)
+    assert (died.complete, died.summary["died"], died.exit_code) == (True, 1, 1)
+    again = run(plan(2, 3, 4), out, resume=True, work=samples.fake_run_by_hand)
+    assert (again.complete, again.summary["died"], again.exit_code) == (True, 0, 0)
+    assert [row.outcome for row in again.rows] == ["reached", "timeout", "reached"]
+    assert [file.stem for file in out.pictures.iterdir()] == ["3"]
+
+
+def test_a_table_that_cannot_be_written_is_in_the_result(tmp_path: Path) -> None:
+    out = SuiteFolder(tmp_path / "out")
+
+    def lose_the_folder(case: Case, row: RunRow) -> None:
+        if row.seed == 3:
+            out.path.rename(tmp_path / "away")
+
+    done = run(plan(2, 3), out, on_row=lose_the_folder)
+    assert [row.seed for row in done.rows] == [2, 3]
+    assert "table.csv: cannot be written" in done.unsaved
+    assert done.exit_code == 3
+
+
+def test_a_folder_that_another_suite_writes_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    seeds = range(2, 3)
+    with SuiteFolder.claim(tmp_path / "out", plan(2), seeds) as out:
+        out.open(plan(2), "abc", resume=False)
+        second = SuiteFolder.claim(tmp_path / "out", plan(2), seeds)
+        with pytest.raises(InputError, match="another suite is writing it"), second:
+            pass
+    with SuiteFolder.claim(tmp_path / "out", plan(2), seeds) as out:
+        assert out.open(plan(2), "abc", resume=True) == []
+    assert sorted(file.name for file in out.path.iterdir()) == [
+        "pictures",
+        "suite.json",
+        "table.csv",
+    ]
+    (tmp_path / "link").symlink_to(tmp_path / "none")
+    with (
+        pytest.raises(InputError, match="is a link to"),
+        SuiteFolder.claim(tmp_path / "link", plan(2), seeds),
+    ):
+        pass
