@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from fault_pairs import uninvited_faults
 
-from navfw.missions.eventspec import BehaviorFault
 from navfw.missions.session import MissionResult, Session
 
 
@@ -17,9 +17,7 @@ def no_plugin_faults(monkeypatch: pytest.MonkeyPatch) -> None:
 
     def checked(session: Session, *args: Any, **kwargs: Any) -> MissionResult:
         result = run(session, *args, **kwargs)
-        actions = [event.action for event in session.events]
-        injected = tuple(f"{a.name}: " for a in actions if isinstance(a, BehaviorFault))
-        assert [fault for fault in result.run.faults if not fault.startswith(injected)] == []
+        assert uninvited_faults(result) == []
         return result
 
     monkeypatch.setattr(Session, "run", checked)

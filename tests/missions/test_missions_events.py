@@ -214,7 +214,7 @@ def test_a_failing_behaviour_is_recorded_and_fails_again_in_the_replay(tmp_path:
         record=True,
     )
     assert result.outcome == "timeout"
-    faults = {fault.partition(":")[0]: fault for fault in result.run.faults}
+    faults = {fault.partition(":")[0].split()[-1]: fault for fault in result.run.faults}
     assert set(faults) == {"avoid", "go_to_xy", "follow_wall"}
     assert "10 times" in faults["avoid"]
     assert "took too long" in faults["follow_wall"]

@@ -1,0 +1,69 @@
+"""Pairs of tolerable faults: entries of the suite ``faults`` that expect arrival, two by two."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+from navfw.missions.eventspec import BehaviorFault
+from navfw.missions.session import MissionResult, Session
+from navfw.plugins import Registry
+from navfw.suite.case_session import generated_session, prepared_session
+from navfw.suite.suitefile import EntrySpec, find_suite, load_suite
+
+SEED = 0
+_FAMILIES = ("corridors", "rooms")
+"""The first that one of a pair names is driven: faults of corridors need their length."""
+
+
+def survivable_entries() -> list[EntrySpec]:
+    """The entries with a fault with which the robot has to arrive."""
+    entries = load_suite(find_suite("faults")).spec.entries
+    return [entry for entry in entries if entry.expect == "arrival" and entry.events]
+
+
+def pairs() -> list[EntrySpec]:
+    """An entry for each two of ``survivable_entries``, with the events of both.
+
+    It is driven in the world of the first that names one, else in a family of one of them.
+    """
+    return [_merged(*pair) for pair in combinations(survivable_entries(), 2)]
+
+
+def _merged(one: EntrySpec, other: EntrySpec) -> EntrySpec:
+    place = next((entry for entry in (one, other) if entry.world), None)
+    if place is None:
+        families = {entry.family: entry for entry in (other, one)}
+        place = next(families[family] for family in _FAMILIES if family in families)
+    events = (*(one.events or ()), *(other.events or ()))
+    changed = {**other.set, **one.set}
+    return place.model_copy(
+        update={"name": f"{one.title} + {other.title}", "events": events, "set": changed}
+    )
+
+
+def session_of(entry: EntrySpec, registry: Registry) -> Session:
+    """The session of ``entry`` with ``SEED``."""
+    overrides = entry.overrides
+    if entry.world is not None:
+        (mission,) = entry.missions or ()
+        world = entry.world
+        return prepared_session(
+            world, mission, SEED, stack=entry.stack, overrides=overrides, registry=registry
+        )
+    assert isinstance(entry.difficulty, float)
+    return generated_session(
+        str(entry.family),
+        SEED,
+        entry.difficulty,
+        stack=entry.stack,
+        overrides=overrides,
+        registry=registry,
+        world_name=f"{entry.family}-{SEED}",
+    )
+
+
+def uninvited_faults(result: MissionResult) -> list[str]:
+    """The faults of plugins that the mission's events did not inject."""
+    actions = [event.action for event in result.session.events]
+    injected = tuple(f"behavior {a.name}: " for a in actions if isinstance(a, BehaviorFault))
+    return [fault for fault in result.run.faults if not fault.startswith(injected)]
