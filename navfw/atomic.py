@@ -27,6 +27,7 @@ __all__ = [
     "AtomicFolder",
     "AtomicTarget",
     "atomic_file",
+    "output_file",
     "output_place",
     "scratch_folder",
     "write_text",
@@ -60,8 +61,25 @@ def output_place(target: Path, option: str, *, replaced: bool = True) -> Path:
         place = place.resolve()
     if replaced and place.is_mount():
         raise InputError(f"is a mount point; choose a folder in it as {option}", file=target)
-    if place.exists() and not os.access(place, os.W_OK):
+    nearest = next(folder for folder in (place, *place.parents) if folder.exists())
+    if not os.access(nearest, os.W_OK):
         raise _unwritable(target, PermissionError(errno.EACCES, os.strerror(errno.EACCES)))
+    return place
+
+
+def output_file(target: Path, option: str = "") -> Path:
+    """The absolute place of a file to write (see ``output_place``), checked before the work.
+
+    Raises:
+        InputError: it cannot be written, or is a folder or a device.
+
+    """
+    place = output_place(target, option or "file")
+    key = option or None
+    if place.is_dir():
+        raise InputError("expected a file to write, got a folder", file=target, key=key)
+    if place.exists() and not place.is_file():
+        raise InputError("is not a regular file; choose another", file=target, key=key)
     return place
 
 
@@ -195,9 +213,7 @@ def atomic_file(path: Path, *, parents: bool = False) -> Iterator[Path]:
             unchanged.
 
     """
-    place = output_place(path, "file")
-    if place.exists() and not place.is_file():
-        raise InputError("is not a regular file; choose another file", file=path)
+    place = output_file(path)
     try:
         if parents:
             place.parent.mkdir(parents=True, exist_ok=True)

@@ -37,15 +37,13 @@ def situations(
 ) -> None:
     """Learn the situations at places. The table says how often OFFIS infers each (METHOD 4.4)."""
     with quiet_stdout():
-        from navfw.atomic import write_text
+        from navfw.atomic import output_file, write_text
         from navfw.bench.situation_learning import learn_situations, tables
-        from navfw.errors import InputError
         from navfw.plugins import default_registry
         from navfw.suite.suite_plan import plan_runs
         from navfw.suite.suitefile import load_suite, parse_seeds
 
-        if out.is_dir():
-            raise InputError("expected a file to write, got a folder", file=out, key="--out")
+        output_file(out, "--out")
         registry = default_registry()
         plan = plan_runs(load_suite(suite), parse_seeds(seeds), registry)
         learnt = learn_situations(plan, registry, print_status)

@@ -28,14 +28,17 @@ def learn(
 ) -> None:
     """Add detected landmarks to a map. Drives a mission, and writes its map with them."""
     with quiet_stdout():
+        from navfw.atomic import output_file
         from navfw.missions.landmark_learning_drive import learn_landmarks
         from navfw.missions.session import prepare
         from navfw.recording.run_folder import plain_json
         from navfw.topomap.map_formats import save_map
 
         session = prepare(world, mission, seed=seed, stack=stack)
+        name = Path(session.stack.topo_map.name).name
+        path = out or Path(f"{name}-learnt.yaml")
+        output_file(path, "--out")
         drive = learn_landmarks(session, least=least)
-        path = out or Path(f"{Path(drive.topo_map.name).name}-learnt.yaml")
         save_map(drive.topo_map, path)
         result = plain_json({**drive.as_data(session), "file": str(path)})
     if json:

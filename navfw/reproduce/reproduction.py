@@ -19,6 +19,7 @@ from navfw.reproduce.paper_tables import as_data, checks, table2, table3, timing
 from navfw.reproduce.paper_trajectory import drive
 from navfw.reproduce.reproduction_page import PAPER_TIMES, write_page
 from navfw.reproduce.reproduction_pictures import draw_map, scene_picture, waypoint_picture
+from navfw.signals import Image
 from navfw.sim.worldfile import load_world
 
 __all__ = ["reproduce"]
@@ -59,12 +60,17 @@ def reproduce(
         draw_map(folder.path / "map.png", world, drive(), rows)
         for row in rows:
             name = f"waypoint-{row.waypoint.number}.png"
-            cv2.imwrite(str(folder.path / name), waypoint_picture(row))
+            (folder.path / name).write_bytes(_png(waypoint_picture(row)))
         for scene in scenes:
             name = f"scene-{scene.scene.number}.png"
-            cv2.imwrite(str(folder.path / name), scene_picture(scene))
+            (folder.path / name).write_bytes(_png(scene_picture(scene)))
         page = write_page(seed, rows, scenes, metrics, times, shown)
         (folder.path / "index.md").write_text(page, encoding="utf-8")
         text = json.dumps(result, indent=2, allow_nan=False)
         (folder.path / "result.json").write_text(text + "\n", encoding="utf-8")
     return dict(result)
+
+
+def _png(picture: Image) -> bytes:
+    """The picture as PNG; OpenCV's own writing of files tells no reason when it fails."""
+    return cv2.imencode(".png", picture)[1].tobytes()
