@@ -45,7 +45,7 @@ class ProcessState:
             environment=dict(os.environ),
             random=random.getstate(),
             numpy_random=_numpy_random(),
-            warnings=tuple(warnings.filters),
+            warnings=_filters(),
             threads=frozenset(threading.enumerate()),
             code=_code(),
         )
@@ -78,7 +78,16 @@ class ProcessState:
         os.environ.update(self.environment)
         random.setstate(self.random)  # type: ignore[arg-type]
         np.random.set_state(self.numpy_random)  # noqa: NPY002 - the global one
-        warnings.filters[:] = self.warnings  # type: ignore[index]
+        if _filters() != self.warnings:
+            warnings.filters[:] = self.warnings  # type: ignore[index]
+
+
+def _filters() -> tuple[object, ...]:
+    """The filters of warnings in general.
+
+    Libraries add some for categories of their own when they are imported, which may be late.
+    """
+    return tuple(entry for entry in warnings.filters if entry[2].__module__ == "builtins")
 
 
 def _numpy_random() -> tuple[Any, ...]:
