@@ -19,7 +19,14 @@ __all__ = [
     "SideViews",
 ]
 
-Positive = Annotated[float, Field(gt=0.0)]
+Speed = Annotated[float, Field(gt=0.0, le=10.0)]
+"""[m/s]; the figures of all stages were chosen for robots up to 2 m/s."""
+Rate = Annotated[float, Field(ge=0.1, le=60.0)]
+"""Rate of frames [Hz]; a slower camera sees nothing in time, a faster one is not simulated."""
+Acceleration = Annotated[float, Field(gt=0.0, le=50.0)]
+"""[m/s^2]; tyres give 10."""
+GyroSigma = Annotated[float, Field(ge=0.0, le=1.0)]
+"""[rad/s]; the gyro of a telephone has 0.002."""
 
 _WIDEST_LENS = math.radians(110.0)
 """Largest half angle of view [rad]: fisheye lenses reach 220 degrees in all."""
@@ -35,10 +42,14 @@ class CameraModel(BaseModel):
     hfov: Annotated[float, Field(gt=0.2, lt=2.8, description="horizontal field of view [rad]")] = (
         math.radians(90.0)
     )
-    mount_height: Annotated[Positive, Field(description="above the floor [m]")] = 0.35
-    mount_forward: Annotated[float, Field(description="ahead of the wheel axle [m]")] = 0.10
+    mount_height: Annotated[float, Field(ge=0.01, le=60.0, description="above the floor [m]")] = (
+        0.35
+    )
+    mount_forward: Annotated[
+        float, Field(ge=-2.0, le=2.0, description="ahead of the wheel axle [m]")
+    ] = 0.10
     pitch: Annotated[float, Field(gt=-1.0, lt=1.0, description="nose-down positive [rad]")] = 0.0
-    rate: Annotated[Positive, Field(description="frames per second [Hz]")] = 10.0
+    rate: Annotated[Rate, Field(description="frames per second [Hz]")] = 10.0
 
     @property
     def focal(self) -> float:
@@ -104,7 +115,7 @@ class LandmarkCamera(BaseModel):
 
     width: Annotated[int, Field(ge=64, le=3840, description="image width [px]")] = 480
     height: Annotated[int, Field(ge=32, le=2160, description="image height [px]")] = 96
-    rate: Annotated[float, Field(gt=0.0, description="frames per second [Hz]")] = 1.25
+    rate: Annotated[Rate, Field(description="frames per second [Hz]")] = 1.25
 
 
 class OdometrySheet(BaseModel):
@@ -116,10 +127,10 @@ class OdometrySheet(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     gyro_noise: Annotated[
-        float, Field(ge=0.0, description="standard deviation of one reading [rad/s]")
+        GyroSigma, Field(description="standard deviation of one reading [rad/s]")
     ] = math.radians(0.1)
     gyro_bias_walk: Annotated[
-        float, Field(ge=0.0, description="random walk of the bias [rad/s per square root of s]")
+        GyroSigma, Field(description="random walk of the bias [rad/s per square root of s]")
     ] = math.radians(0.005)
     slip: Annotated[
         float,
@@ -138,19 +149,27 @@ class RobotModel(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    radius: Annotated[Positive, Field(description="of the round body [m]")] = 0.18
-    height: Annotated[Positive, Field(description="of the body with camera [m]")] = 0.40
-    wheel_radius: Annotated[Positive, Field(description="[m]")] = 0.05
-    track: Annotated[Positive, Field(description="distance between the wheels [m]")] = 0.28
-    ticks_per_turn: Annotated[int, Field(ge=16, description="encoder ticks a wheel turn")] = 2048
-    max_v: Annotated[Positive, Field(description="top forward speed [m/s]")] = 0.5
-    max_reverse: Annotated[Positive, Field(description="top backward speed [m/s]")] = 0.15
-    max_w: Annotated[Positive, Field(description="top turning rate [rad/s]")] = 1.6
-    max_accel: Annotated[Positive, Field(description="usual acceleration [m/s^2]")] = 0.6
-    max_brake: Annotated[Positive, Field(description="hardest braking [m/s^2]")] = 1.2
-    max_turn_accel: Annotated[Positive, Field(description="[rad/s^2]")] = 4.0
-    max_lateral: Annotated[Positive, Field(description="lateral acceleration [m/s^2]")] = 0.6
-    control_rate: Annotated[Positive, Field(description="LOCOM ticks [Hz]")] = 60.0
+    radius: Annotated[float, Field(ge=0.03, le=2.0, description="of the round body [m]")] = 0.18
+    height: Annotated[
+        float, Field(ge=0.03, le=100.0, description="of the body with camera [m]")
+    ] = 0.40
+    wheel_radius: Annotated[float, Field(ge=0.005, le=1.0, description="[m]")] = 0.05
+    track: Annotated[
+        float, Field(ge=0.02, le=4.0, description="distance between the wheels [m]")
+    ] = 0.28
+    ticks_per_turn: Annotated[
+        int, Field(ge=16, le=1_000_000, description="encoder ticks a wheel turn")
+    ] = 2048
+    max_v: Annotated[Speed, Field(description="top forward speed [m/s]")] = 0.5
+    max_reverse: Annotated[Speed, Field(description="top backward speed [m/s]")] = 0.15
+    max_w: Annotated[float, Field(gt=0.0, le=20.0, description="top turning rate [rad/s]")] = 1.6
+    max_accel: Annotated[Acceleration, Field(description="usual acceleration [m/s^2]")] = 0.6
+    max_brake: Annotated[Acceleration, Field(description="hardest braking [m/s^2]")] = 1.2
+    max_turn_accel: Annotated[float, Field(gt=0.0, le=200.0, description="[rad/s^2]")] = 4.0
+    max_lateral: Annotated[Acceleration, Field(description="lateral acceleration [m/s^2]")] = 0.6
+    control_rate: Annotated[
+        float, Field(ge=1.0, le=240.0, description="LOCOM ticks, up to those of physics [Hz]")
+    ] = 60.0
     camera: CameraModel = CameraModel()
     side_views: Annotated[
         SideViews | None, Field(description="what a wider lens shows beside the camera's image")

@@ -52,7 +52,7 @@ class Posters(FeatureRecognizer):
         """Matching thresholds, and pictures of posters that are not generated from their id."""
 
         images: Annotated[
-            Mapping[int, str],
+            Mapping[Annotated[int, Field(ge=0, le=1_000_000)], str],
             Field(description="files of square posters, by id; others are generated from the id"),
         ] = {}
         size: Annotated[

@@ -75,11 +75,11 @@ class BlockMatching(MatchedFlow):
             int, Field(ge=0, le=16, description="least distance of a window from the border [px]")
         ] = 2
         texture_low: Annotated[
-            float, Field(ge=0.5, description="grey deviation: no texture [grey levels]")
+            float, Field(ge=0.5, le=128.0, description="grey deviation: no texture [grey levels]")
         ] = 2.0
         texture_high: Annotated[
             float,
-            Field(gt=0.5, description="grey deviation: ample texture [grey levels]"),
+            Field(gt=0.5, le=128.0, description="grey deviation: ample texture [grey levels]"),
         ] = 6.0
         peak_low: Annotated[
             float, Field(ge=0.0, lt=1.0, description="peak correlation: no match")

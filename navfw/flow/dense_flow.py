@@ -41,10 +41,10 @@ class DenseFlow(MatchedFlow):
         """Grid, and limits of the confidence (METHOD 2.9)."""
 
         gradient_low: Annotated[
-            float, Field(ge=0.1, description="gradient: no texture [grey levels/px]")
+            float, Field(ge=0.1, le=255.0, description="gradient: no texture [grey levels/px]")
         ] = 0.8
         gradient_high: Annotated[
-            float, Field(gt=0.1, description="gradient: ample texture [grey levels/px]")
+            float, Field(gt=0.1, le=255.0, description="gradient: ample texture [grey levels/px]")
         ] = 2.5
         match_low: Annotated[float, Field(ge=0.0, lt=1.0, description="correlation: no match")] = (
             0.6
@@ -53,10 +53,10 @@ class DenseFlow(MatchedFlow):
             float, Field(gt=0.0, le=1.0, description="correlation: certain match")
         ] = 0.85
         spread_low: Annotated[
-            float, Field(ge=0.0, description="spread within a cell: one motion [px]")
+            float, Field(ge=0.0, le=100.0, description="spread within a cell: one motion [px]")
         ] = 1.0
         spread_high: Annotated[
-            float, Field(gt=0.0, description="spread within a cell: several motions [px]")
+            float, Field(gt=0.0, le=100.0, description="spread within a cell: several motions [px]")
         ] = 2.5
 
     params: Params

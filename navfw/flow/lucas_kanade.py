@@ -43,22 +43,22 @@ class LucasKanade(MatchedFlow):
         window: Annotated[int, Field(ge=5, le=63, description="side of a window [px]")] = 11
         levels: Annotated[int, Field(ge=0, le=5, description="halvings of the image")] = 2
         gradient_low: Annotated[
-            float, Field(ge=0.1, description="gradient: no texture [grey levels/px]")
+            float, Field(ge=0.1, le=255.0, description="gradient: no texture [grey levels/px]")
         ] = 0.8
         gradient_high: Annotated[
-            float, Field(gt=0.1, description="gradient: ample texture [grey levels/px]")
+            float, Field(gt=0.1, le=255.0, description="gradient: ample texture [grey levels/px]")
         ] = 2.5
         return_low: Annotated[
-            float, Field(ge=0.0, description="forward-backward error: certain match [px]")
+            float, Field(ge=0.0, le=100.0, description="forward-backward error: certain match [px]")
         ] = 0.3
         return_high: Annotated[
-            float, Field(gt=0.0, description="forward-backward error: no match [px]")
+            float, Field(gt=0.0, le=100.0, description="forward-backward error: no match [px]")
         ] = 1.0
         residual_low: Annotated[
-            float, Field(ge=0.0, description="residual over contrast: certain match")
+            float, Field(ge=0.0, le=100.0, description="residual over contrast: certain match")
         ] = 0.35
         residual_high: Annotated[
-            float, Field(gt=0.0, description="residual over contrast: no match")
+            float, Field(gt=0.0, le=100.0, description="residual over contrast: no match")
         ] = 0.7
 
     params: Params

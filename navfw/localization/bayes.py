@@ -31,7 +31,8 @@ class Bayes(Localizer):
         """The lattice, and the landmarks' accuracy and prior existence probability."""
 
         map_sigma: Annotated[
-            float, Field(ge=0.0, description="sigma of the landmarks' mapped positions [m]")
+            float,
+            Field(ge=0.0, le=10.0, description="sigma of the landmarks' mapped positions [m]"),
         ] = 0.03
         prior: Annotated[
             float,

@@ -23,7 +23,8 @@ from navfw.topomap import TopoMap
 
 __all__ = ["DeadReckoning"]
 
-NonNegative = Annotated[float, Field(ge=0.0)]
+NonNegative = Annotated[float, Field(ge=0.0, le=10.0)]
+"""Sigmas in metres and radians, and of their growth: 10 says that nothing is known."""
 
 
 class DeadReckoning(Localizer):

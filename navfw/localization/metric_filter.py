@@ -25,7 +25,8 @@ from navfw.signals import Array, Odometry, Pose, wrap_angle
 
 __all__ = ["MetricFilter", "MetricFilterParams"]
 
-NonNegative = Annotated[float, Field(ge=0.0)]
+NonNegative = Annotated[float, Field(ge=0.0, le=10.0)]
+"""Sigmas in metres and radians, and of their growth: 10 says that nothing is known."""
 
 INFLATION = 4.0
 """Factor on the pose covariance, at each observation, while consistent landmarks contradict the

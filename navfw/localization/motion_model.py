@@ -33,7 +33,8 @@ __all__ = [
     "transition",
 ]
 
-NonNegative = Annotated[float, Field(ge=0.0)]
+NonNegative = Annotated[float, Field(ge=0.0, le=10.0)]
+"""Sigmas in metres and radians, and of their growth: 10 says that nothing is known."""
 
 BETWEEN = 5.0
 """Usual distance driven between two landmark observations [m]."""

@@ -21,7 +21,8 @@ from navfw.signals import Array, Mask, OccupiedDisc, Percept, Pose, Stixels
 
 __all__ = ["OccupancyGrid", "OccupancyParams"]
 
-Positive = Annotated[float, Field(gt=0.0)]
+Positive = Annotated[float, Field(gt=0.0, le=100.0)]
+"""Log-odds, lengths [m] and times [s]: beyond 100 nothing changes any more."""
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
 
 _LEAST_SIGMA = 0.02
@@ -49,11 +50,13 @@ class OccupancyParams(BaseModel):
     cell: Annotated[float, Field(ge=0.02, le=0.2, description="cell size [m]")] = 0.05
     hit: Annotated[Positive, Field(description="log-odds added by one certain hit")] = 0.6
     miss: Annotated[Positive, Field(description="log-odds removed by one ray that passes")] = 0.33
-    clamp_min: Annotated[float, Field(lt=0.0, description="lower bound of the log-odds")] = -1.5
+    clamp_min: Annotated[
+        float, Field(lt=0.0, ge=-100.0, description="lower bound of the log-odds")
+    ] = -1.5
     clamp_max: Annotated[Positive, Field(description="upper bound of the log-odds")] = 3.0
     occupied: Annotated[Positive, Field(description="log-odds from which a cell is occupied")] = 0.7
     observed_free: Annotated[
-        float, Field(lt=0.0, description="log-odds up to which a cell is observed free")
+        float, Field(lt=0.0, ge=-100.0, description="log-odds up to which a cell is observed free")
     ] = -0.25
     range: Annotated[Positive, Field(description="largest range of a hit [m]")] = 3.0
     hit_width: Annotated[

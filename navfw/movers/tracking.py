@@ -21,7 +21,8 @@ from navfw.signals import Array, MovingObject, OccupiedDisc, Pose
 
 __all__ = ["Track", "Tracker", "TrackerParams"]
 
-Positive = Annotated[float, Field(gt=0.0)]
+Positive = Annotated[float, Field(gt=0.0, le=100.0)]
+"""Sigmas and speeds [m/s]: beyond 100 nothing changes any more."""
 
 MERGE_DISTANCE = 0.3
 """Tracks nearer to each other than this [m] are one object: people keep farther apart."""

@@ -28,7 +28,8 @@ from navfw.signals import Array, FlowField, Percept, Twist
 
 __all__ = ["Offis"]
 
-Positive = Annotated[float, Field(gt=0.0)]
+Positive = Annotated[float, Field(gt=0.0, le=100.0)]
+"""Lengths [m], of vectors [px], and multiples of sigma: beyond 100 nothing changes any more."""
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
 
 FARTHEST = 10.0
@@ -71,14 +72,15 @@ class Offis(Perception):
         obstacle_height: Annotated[
             Positive, Field(description="least height of an obstacle [m]")
         ] = 0.05
-        headroom: Annotated[float, Field(ge=0.0, description="clearance above the robot [m]")] = (
-            0.05
-        )
+        headroom: Annotated[
+            float, Field(ge=0.0, le=100.0, description="clearance above the robot [m]")
+        ] = 0.05
         drop_depth: Annotated[
             Positive, Field(description="least depth of a drop below the floor [m]")
         ] = 0.08
         wall_height: Annotated[
-            Positive, Field(description="height of walls; above are ceiling and sky [m]")
+            float,
+            Field(gt=0.0, le=1e6, description="height of walls; above are ceiling and sky [m]"),
         ] = 2.2
         longest_flow: Annotated[
             Positive, Field(description="search range of the flow processor [px]")

@@ -142,7 +142,10 @@ class Camera:
         """The image (height, width) with sensor noise."""
         if self._banks is None:
             return clean
-        begin = int(self._rng.integers(_NOISE_BANK - clean.size))
+        if clean.size >= self._banks[0].size:  # an image of megapixels: the noise repeats
+            positive, negative = (np.resize(bank, 2 * clean.size) for bank in self._banks)
+            self._banks = positive, negative
+        begin = int(self._rng.integers(self._banks[0].size - clean.size))
         brighter, darker = [
             bank[begin : begin + clean.size].reshape(clean.shape) for bank in self._banks
         ]

@@ -17,7 +17,8 @@ from navfw.signals import Encoders, Inertial
 __all__ = ["PRESETS", "GyroModel", "SensorParams", "WheelEncoderModel"]
 
 Fraction = Annotated[float, Field(ge=0.0, le=0.5)]
-Sigma = Annotated[float, Field(ge=0.0)]
+Sigma = Annotated[float, Field(ge=0.0, le=1.0)]
+"""[rad/s], as in ``OdometrySheet``."""
 
 
 class SensorParams(BaseModel):

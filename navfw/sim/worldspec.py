@@ -41,6 +41,8 @@ Point = tuple[Coordinate, Coordinate]
 Interval = Annotated[tuple[Coordinate, Coordinate], AfterValidator(_ascending)]
 Extent = Annotated[float, Field(ge=0.02, le=100.0)]
 Name = Annotated[str, Field(min_length=1, max_length=60)]
+Slope = Annotated[float, Field(ge=-1000.0, le=1000.0)]
+"""Only the direction of such a vector counts."""
 Channel = Annotated[float, Field(ge=0.0, le=1.0)]
 
 
@@ -50,7 +52,7 @@ class TextureSpec(StrictModel):
     style: Annotated[
         Literal["plaster", "carpet", "wood", "stone", "panels"], Field(description="pattern")
     ] = "plaster"
-    seed: Annotated[int, Field(ge=0, description="seed of the pattern")] = 0
+    seed: Annotated[int, Field(ge=0, lt=2**32, description="seed of the pattern")] = 0
     contrast: Annotated[
         float,
         Field(ge=0.0, le=60.0, description="standard deviation of the luminance [grey levels]"),
@@ -232,7 +234,7 @@ class LightSpec(StrictModel):
     """A directional and an ambient light; their sum is about 1 for a well exposed image."""
 
     direction: Annotated[
-        tuple[float, float, float], Field(description="vector towards the directional light")
+        tuple[Slope, Slope, Slope], Field(description="vector towards the directional light")
     ] = (0.4, -0.55, 1.0)
     ambient: Annotated[float, Field(ge=0.0, le=2.0, description="ambient intensity")] = 0.68
     diffuse: Annotated[float, Field(ge=0.0, le=2.0, description="directional intensity")] = 0.35

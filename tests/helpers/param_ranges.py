@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Mapping
 
@@ -30,9 +29,6 @@ def check_ranges(model: type[BaseModel], ranges: Mapping[str, str]) -> None:
         first, low, high, last = match.groups()
         whole = isinstance(getattr(model(), name), int)
         for end, closed, outward in ((low, first == "[", -1), (high, last == "]", 1)):
-            if math.isinf(float(end)):
-                assert model(**{name: outward * 1e9})
-                continue
             value = int(end) if whole else float(end)
             step = 1 if whole else 1e-6
             inside = value if closed else value - outward * step

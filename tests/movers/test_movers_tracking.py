@@ -445,7 +445,7 @@ def test_reset_drops_all_tracks() -> None:
 
 
 def test_parameters_are_within_their_ranges() -> None:
-    positive = "(0, inf)"
+    positive = "(0, 100]"
     check_ranges(
         TrackerParams,
         {

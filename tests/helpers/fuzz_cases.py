@@ -1,0 +1,169 @@
+"""Fuzz cases, each repeatable from a seed and its number, and the worker that tries them."""
+
+from __future__ import annotations
+
+import faulthandler
+import json
+import os
+import resource
+import shutil
+import sys
+import time
+import traceback
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from random import Random
+
+from fuzz_mutations import MUTATORS
+from fuzz_targets import TARGETS, Target, outcome_of
+
+__all__ = ["MAX_MEMORY", "MAX_TIME", "Tried", "Workshop", "work"]
+
+MAX_TIME = 5.0
+"""Largest computing time of a case [s]."""
+
+MAX_WAIT = 30.0
+"""Largest time of a case by the clock [s]; then its process is ended."""
+
+MAX_MEMORY = 1000.0
+"""Largest memory of a process while it reads a mutated input [MB]."""
+
+_PLACED = 0.03
+"""Share of the cases in which something else than a file is in the input's place."""
+
+
+@dataclass(frozen=True)
+class Tried:
+    """What became of a case; ``defect`` is empty for one that ended as it must."""
+
+    number: int
+    kind: str
+    code: int
+    seconds: float
+    megabytes: float
+    defect: str = ""
+
+
+def _pipe(path: Path) -> None:
+    os.mkfifo(path)
+
+
+def _device(path: Path) -> None:
+    path.symlink_to("/dev/zero")
+
+
+def _giant(path: Path) -> None:
+    with path.open("wb") as stream:
+        stream.truncate(3_000_000_000)
+
+
+def _nothing(path: Path) -> None:
+    del path
+
+
+def _circle(path: Path) -> None:
+    path.symlink_to(path.name)
+
+
+PLACED: tuple[Callable[[Path], object], ...] = (
+    _pipe,
+    _device,
+    _giant,
+    _nothing,
+    _circle,
+    Path.mkdir,
+    Path.touch,
+)
+
+
+class Workshop:
+    """A folder for each kind of input, with a valid input that the cases replace."""
+
+    def __init__(self, folder: Path, seed: int) -> None:
+        self._folder = folder
+        self._seed = seed
+        self._samples: dict[str, bytes] = {}
+
+    def sample(self, kind: str) -> tuple[Path, bytes]:
+        """The folder of a kind, and the content of its valid input."""
+        place = self._folder / kind
+        if kind not in self._samples:
+            place.mkdir(parents=True)
+            TARGETS[kind].prepare(place)
+            self._samples[kind] = (place / TARGETS[kind].file).read_bytes()
+        return place, self._samples[kind]
+
+    def write(self, number: int) -> tuple[str, Path]:
+        """Write the input of a case; returns its kind and folder."""
+        random = Random(f"{self._seed}:{number}")
+        kind = random.choices(list(TARGETS), [t.weight for t in TARGETS.values()])[0]
+        place, content = self.sample(kind)
+        target = TARGETS[kind]
+        file = place / target.file
+        clear(file)
+        if random.random() < _PLACED:
+            random.choice(PLACED)(file)
+        else:
+            digits = sys.get_int_max_str_digits()
+            sys.set_int_max_str_digits(0)  # to write integers that cannot be read
+            file.write_bytes(random.choice(MUTATORS[target.form])(content, random))
+            sys.set_int_max_str_digits(digits)
+        return kind, place
+
+    def attempt(self, number: int) -> Tried:
+        """Try a case."""
+        kind, place = self.write(number)
+        before = _megabytes()
+        faulthandler.dump_traceback_later(MAX_WAIT, exit=True)
+        begun = time.process_time()
+        try:
+            code, message = outcome_of(TARGETS[kind], place)
+            defect = _defect(TARGETS[kind], place, code, message)
+        except BaseException as error:  # whatever it is, it is a defect
+            frames = traceback.extract_tb(error.__traceback__)
+            where = next((f for f in reversed(frames) if "/navfw/" in f.filename), frames[-1])
+            place_in = f"{Path(where.filename).name}:{where.lineno}"
+            code, defect = -1, f"{place_in}: {type(error).__name__}: {str(error)[:200]}"
+        seconds = time.process_time() - begun
+        faulthandler.cancel_dump_traceback_later()
+        memory = _megabytes()
+        if seconds > MAX_TIME:
+            defect = defect or "took too long"
+        if memory > max(before, MAX_MEMORY):
+            defect = defect or "took too much memory"
+        return Tried(number, kind, code, seconds, memory, defect)
+
+
+def clear(path: Path) -> None:
+    """Remove whatever is at ``path``."""
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)
+
+
+def _defect(target: Target, place: Path, code: int, message: str) -> str:
+    if code not in target.allowed:
+        return f"exit code {code}: {message[:200]}"
+    if code == 2 and place.name not in message:
+        return f"the message names no file: {message[:200]}"
+    return ""
+
+
+def _megabytes() -> float:
+    """The largest memory of this process so far [MB]."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000.0
+
+
+def work(folder: Path, seed: int, numbers: Iterable[int], report: Path) -> None:
+    """Try the cases of these numbers; each gets a line in ``report`` before and after."""
+    shop = Workshop(folder, seed)
+    for kind in TARGETS:  # imports and compiled code are not the cases' time
+        place, _ = shop.sample(kind)
+        code, message = outcome_of(TARGETS[kind], place)
+        assert code in TARGETS[kind].allowed - {2}, f"the sample {kind}: {message}"
+    with report.open("a") as stream:
+        for number in numbers:
+            print(json.dumps({"began": number}), file=stream, flush=True)
+            print(json.dumps(asdict(shop.attempt(number))), file=stream, flush=True)

@@ -1,0 +1,221 @@
+"""Mutations of inputs: of their structure, of their bytes, of archives. All drawn from one seed."""
+
+from __future__ import annotations
+
+import copy
+import io
+import json
+import zipfile
+from collections.abc import Callable
+from random import Random
+from typing import Any, TypeAlias
+from xml.etree import ElementTree
+
+import numpy as np
+
+__all__ = ["MUTATORS", "mutate_archive", "mutate_bytes", "mutate_data", "mutate_xml"]
+
+Path: TypeAlias = tuple[Any, ...]
+Mutator: TypeAlias = Callable[[bytes, Random], bytes]
+
+
+def _nested(depth: int, inner: Any = 1) -> Any:
+    for _ in range(depth):
+        inner = [inner]
+    return inner
+
+
+VALUES: tuple[Any, ...] = (
+    *(None, True, False, 0, -1, 1, 2**31, -(2**63), 2**64, 10**400, 10**5000),
+    *(1e308, -1e308, 1e-308, 0.1, float("nan"), float("inf"), -float("inf")),
+    *("", " ", "x" * 300, "a\0b", "\u202e\U0001f916", "\ud800", "1.5", "yes", "2001-01-01"),
+    *("../../../etc/passwd", "/dev/zero", "/proc/self/mem", ".", "a" * 100_000, "%s{0}", "*&!"),
+    *([], {}, [[]], [None], {"": 1}, {"x": {"y": {"z": 1}}}, _nested(70), list(range(3000))),
+    *([1e308] * 3, [float("nan")] * 2, {"place": "nowhere"}, {"unknown": []}),
+)
+"""What a value is replaced with."""
+
+
+def mutate_data(data: Any, random: Random) -> Any:
+    """``data``, of mappings, lists and scalars, with one to three changes of its structure."""
+    data = copy.deepcopy(data)
+    for _ in range(random.choice((1, 1, 1, 2, 3))):
+        places = list(_places(data, ()))
+        if not places:
+            return random.choice(VALUES)
+        path = random.choice(places)
+        _change(_parent(data, path), path[-1], random)
+    return data
+
+
+def _places(data: Any, path: Path) -> Any:
+    items = (
+        data.items()
+        if isinstance(data, dict)
+        else enumerate(data[:200])
+        if isinstance(data, list)
+        else ()
+    )
+    for key, value in items:
+        yield (*path, key)
+        if len(path) < 12:
+            yield from _places(value, (*path, key))
+
+
+def _parent(data: Any, path: Path) -> Any:
+    for step in path[:-1]:
+        data = data[step]
+    return data
+
+
+def _change(parent: Any, key: Any, random: Random) -> None:
+    old = parent[key]
+    match random.randrange(9):
+        case 0:
+            del parent[key]
+        case 1 if isinstance(parent, list):
+            parent.insert(key, copy.deepcopy(old))
+        case 1:
+            parent[f"{key}-2"] = copy.deepcopy(old)
+        case 2 if isinstance(parent, dict):
+            parent[random.choice(("unknown", "", "x" * 300, "\0", str(key).upper()))] = old
+            del parent[key]
+        case 3 if isinstance(old, int | float):
+            parent[key] = random.choice((-old, old * 10, old * 1e6, old + 1, old / 1e6, str(old)))
+        case 4 if isinstance(old, list) and old:
+            parent[key] = random.choice((old[:-1], old * 2, old * 500, old[::-1], old[0]))
+        case 5:
+            parent[key] = [old]
+        case 6 if isinstance(parent, dict):
+            parent.update({f"key-{number}": number for number in range(random.choice((3, 2000)))})
+        case _:
+            parent[key] = copy.deepcopy(random.choice(VALUES))
+
+
+TOKENS = (
+    *(b"\0", b"\xff\xfe", b"\xef\xbb\xbf", b"\r\n", b"\t", b"---\n", b"...", b"!!python/object:os"),
+    *(b"&a [*a]", b"<<: *a", b"? ", b": ", b"- ", b"{", b"[" * 3000, b"]", b"'", b'"', b"\\u0000"),
+    *(b"<!DOCTYPE x [<!ENTITY e 'x'>]>", b"<?xml version='1.0' encoding='no-such'?>", b"]]>"),
+    *(b"9" * 5000, b"1e999", b"-", b".nan", b"\xf0\x9f\xa4\x96", b"#", b",", b"\x80" * 40, b"%"),
+)
+"""What is inserted into bytes."""
+
+
+def mutate_bytes(content: bytes, random: Random) -> bytes:
+    """``content`` with one to four changes of its bytes."""
+    data = bytearray(content)
+    for _ in range(random.choice((1, 1, 2, 4))):
+        at = random.randrange(len(data) + 1)
+        size = random.choice((1, 2, 8, 64, 1000))
+        match random.randrange(8):
+            case 0 | 1 if at < len(data):
+                data[at] ^= 1 << random.randrange(8)
+            case 2 if at < len(data):
+                data[at] = random.randrange(256)
+            case 3:
+                del data[at:]
+            case 4:
+                del data[at : at + size]
+            case 5:
+                data[at:at] = data[at : at + size] * random.choice((1, 2, 100))
+            case 6:
+                data[at : at + size] = bytes(min(size, len(data) - at))
+            case _:
+                data[at:at] = random.choice(TOKENS)
+    return bytes(data)
+
+
+def mutate_xml(content: bytes, random: Random) -> bytes:
+    """An XML document with changed elements, attributes, texts or declaration."""
+    root = ElementTree.fromstring(content)
+    for _ in range(random.choice((1, 1, 2, 3))):
+        element = random.choice(list(root.iter()))
+        value = str(random.choice(VALUES[:36])).replace("\0", "").replace("\ud800", "")
+        match random.randrange(8):
+            case 0 if len(element):
+                element.remove(random.choice(list(element)))
+            case 1 if len(element):
+                element.extend([copy.deepcopy(random.choice(list(element)))] * 2)
+            case 2 if element.attrib:
+                element.attrib[random.choice(list(element.attrib))] = value
+            case 3 if element.attrib:
+                del element.attrib[random.choice(list(element.attrib))]
+            case 4:
+                element.tag = random.choice(("x", "node", "edge", "graph", "model", "include"))
+            case 5:
+                for _ in range(random.choice((1, 70))):
+                    element = ElementTree.SubElement(element, element.tag)
+            case _:
+                element.text = value
+    text = ElementTree.tostring(root, encoding="unicode")
+    encoding = random.choice(("", "utf-8", "utf-8", "utf-16", "latin-1", "no-such", "cp037"))
+    head = f'<?xml version="1.0" encoding="{encoding}"?>\n' if encoding else ""
+    return (head + text).encode("utf-8", "replace")
+
+
+def mutate_archive(content: bytes, random: Random) -> bytes:
+    """A ``.npz`` archive with missing, renamed, damaged, wrongly typed or enormous members."""
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    name = random.choice(list(members))
+    match random.randrange(8):
+        case 0:
+            del members[name]
+        case 1:
+            members[random.choice(("../x.npy", "x" * 300, "", "ticks", "a\0b"))] = members.pop(name)
+        case 2:
+            members[name] = mutate_bytes(members[name][:128], random) + members[name][128:]
+        case 3:
+            members[name] = mutate_bytes(members[name], random)
+        case 4:
+            members[name] = _npy(random)
+        case 5:  # zeros pack a thousandfold
+            members[name] = members[name] + bytes(random.choice((10_000, 30_000_000)))
+        case 6:
+            values = np.load(io.BytesIO(members[name]))
+            odd = random.choice((values[..., :-1] if values.ndim else values, values * 0 - 1))
+            members[name] = _saved(random.choice((odd, values.astype(float) * np.nan, values.T)))
+        case _:
+            members["more.npy"] = members[name]
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w", random.choice((0, 8, 12, 14))) as archive:
+        for member, data in members.items():
+            archive.writestr(zipfile.ZipInfo(member), data, zipfile.ZIP_DEFLATED)
+    return mutate_bytes(packed.getvalue(), random) if random.random() < 0.2 else packed.getvalue()
+
+
+def _npy(random: Random) -> bytes:
+    kind = random.choice(("<f8", ">f8", "|u1", "|b1", "<i2", "|S4", "<U3", "<c16", "|O", "<M8[s]"))
+    shape = random.choice(((), (0,), (3,), (2, 2), (1, 1, 1), (2, 0, 4)))
+    return _saved(np.zeros(shape, dtype=kind))
+
+
+def _saved(array: Any) -> bytes:
+    stream = io.BytesIO()
+    np.save(stream, array)
+    return stream.getvalue()
+
+
+def _structure(content: bytes, random: Random) -> bytes:
+    from navfw.config.document import parse_yaml
+
+    data = mutate_data(parse_yaml(content.decode()).data, random)
+    # JSON is YAML, too
+    return json.dumps(data, ensure_ascii=False).encode("utf-8", "surrogatepass")
+
+
+def _cells(content: bytes, random: Random) -> bytes:
+    rows = [line.split(",") for line in content.decode().splitlines()]
+    changed = mutate_data(rows, random)
+    lines = (",".join(map(str, row)) if isinstance(row, list) else str(row) for row in changed)
+    return "\n".join(lines).encode("utf-8", "surrogatepass")
+
+
+MUTATORS: dict[str, tuple[Mutator, ...]] = {
+    "data": (_structure, _structure, mutate_bytes),
+    "xml": (mutate_xml, mutate_bytes),
+    "cells": (_cells, mutate_bytes),
+    "archive": (mutate_archive, mutate_archive, mutate_bytes),
+    "bytes": (mutate_bytes,),
+}
+"""By the form of an input: what changes it."""

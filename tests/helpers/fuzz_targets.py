@@ -1,0 +1,253 @@
+"""What is fuzzed: each kind of input with a valid sample, and the command that reads it."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import cv2
+import numpy as np
+from architecture_sources import ROOT
+from typer.testing import CliRunner
+
+from navfw.cli import app
+from navfw.errors import InputError
+
+__all__ = ["TARGETS", "Target", "outcome_of"]
+
+Read = Callable[[Path], object]
+
+WORLD = """\
+name: sample
+x: [0, 8]
+y: [0, 6]
+rooms: [{name: hall, x: [0, 8], y: [0, 6], floor: carpet, walls: plaster}]
+walls:
+  - name: outside
+    points: [[0, 0], [8, 0], [8, 6], [0, 6], [0, 0]]
+  - name: middle
+    points: [[4, 0], [4, 6]]
+    openings: [{name: gap, at: [4, 3], width: 1.2}]
+doors: [{name: gap-door, opening: gap, state: open}]
+boxes: [{name: crate, at: [2, 1], size: [0.4, 0.5, 0.6], yaw: 0.3}]
+cylinders: [{name: post, at: [6, 5], radius: 0.2}]
+movers: [{name: walker, path: [[5, 1], [7, 1]], speed: 0.4}]
+landmarks: [{name: sign, id: 3, at: [0.05, 3], yaw: 0, size: 0.3}]
+drops: [{name: pit, x: [6.5, 7.5], y: [3, 4], depth: 0.5}]
+textures: {grain: {style: wood, seed: 4}}
+light: {direction: [0.2, 0.3, 1], ambient: 0.7}
+"""
+
+MISSION = """\
+description: Through the gap.
+start: [1, 3, 0.0]
+goals: [{x: 5.5, y: 4.5}]
+timeout: 20
+robot: {radius: 0.2, camera: {width: 160, height: 120}, landmark_camera: {rate: 1}}
+sensors: {preset: good, slip: 0.01}
+drops: [{name: shaft, x: [2, 3], y: [4.5, 5.5]}]
+events:
+  - {at: 2, lasting: 1, camera: black}
+  - {near: {x: 3, y: 3, within: 1}, gyro: {bias_step: 0.01}}
+  - {at: 4, door: {name: gap-door, state: closed}}
+  - {at: 1, obstacle: {name: thing, at: [6, 2], size: [0.2, 0.2]}}
+"""
+
+SUITE = """\
+description: A sample.
+entries:
+  - {world: paper-room, missions: [through-the-door], set: {avoid.spare: 0.1}}
+  - {family: rooms, difficulty: [0.1, 0.4], expect: arrival}
+variants: {default: {}, still: {set: {local_map.memory: false}}}
+"""
+
+SDF = """\
+<sdf version="1.6"><world name="w">
+<model name="a"><static>1</static><pose>1 2 0 0 0 0.3</pose><link name="l"><collision name="c">
+<geometry><box><size>0.5 0.4 1</size></box></geometry></collision></link></model>
+<model name="b"><static>true</static><link name="l"><pose>3 1 0.5 0 0 0</pose><collision name="c">
+<geometry><cylinder><radius>0.2</radius><length>1</length></cylinder></geometry></collision></link>
+</model></world></sdf>
+"""
+
+
+@dataclass(frozen=True)
+class Target:
+    """A kind of input: the name of its file, its form, how it is read, and how often it is drawn.
+
+    ``prepare`` writes a valid input, and what it needs beside it, into a folder; ``read`` gets the
+    folder. ``allowed`` are the exit codes by which its command may end.
+    """
+
+    file: str
+    form: str
+    prepare: Callable[[Path], None]
+    read: Read
+    weight: int = 10
+    allowed: frozenset[int] = field(default=frozenset({0, 2}))
+
+
+def outcome_of(target: Target, folder: Path) -> tuple[int, str]:
+    """Exit code and message of reading the input in ``folder``.
+
+    Any other exception than InputError is raised.
+    """
+    try:
+        result = target.read(folder)
+    except InputError as error:
+        return 2, str(error)
+    return result if isinstance(result, tuple) else (0, "")
+
+
+def _command(*words: str) -> Read:
+    """Run ``navfw`` with these words; a word with a slash is a path inside the folder."""
+
+    def read(folder: Path) -> tuple[int, str]:
+        args = [str(folder / word[2:]) if word.startswith("./") else word for word in words]
+        result = CliRunner().invoke(app, args)
+        if result.exception is not None and not isinstance(result.exception, SystemExit):
+            raise result.exception
+        return result.exit_code, result.stderr
+
+    return read
+
+
+def _text(name: str, content: str) -> Callable[[Path], None]:
+    def write(folder: Path) -> None:
+        (folder / name).write_text(content)
+
+    return write
+
+
+def _copy(name: str, *source: str) -> Callable[[Path], None]:
+    def write(folder: Path) -> None:
+        shutil.copy(ROOT.joinpath(*source), folder / name)
+
+    return write
+
+
+def _world(folder: Path) -> None:
+    (folder / "world.yaml").write_text(WORLD)
+    (folder / "missions").mkdir(exist_ok=True)
+    (folder / "missions" / "cross.yaml").write_text(MISSION)
+
+
+def _prepare_mission(folder: Path) -> object:
+    from navfw.missions.session import prepare
+
+    return prepare(str(folder), str(folder / "missions" / "cross.yaml"))
+
+
+def _prepare_stack(folder: Path) -> object:
+    from navfw.plugins import default_registry
+    from navfw.stackfile import load_stack
+
+    return load_stack(folder / "stack.yaml", default_registry())
+
+
+def _plan_suite(folder: Path) -> object:
+    from navfw.plugins import default_registry
+    from navfw.suite.suite_plan import plan_runs
+    from navfw.suite.suitefile import load_suite
+
+    return plan_runs(load_suite(folder / "suite.yaml"), range(1), default_registry())
+
+
+def _load_rules(folder: Path) -> object:
+    from navfw.fuzzy import load_rule_base
+
+    return load_rule_base(folder / "rules.yaml")
+
+
+def _find_project(folder: Path) -> object:
+    from navfw.config.lookup import project_folder
+
+    return project_folder(folder)
+
+
+def _load_results(folder: Path) -> object:
+    from navfw.results.result_file import load_results
+
+    return load_results(folder)
+
+
+def _map_as(suffix: str) -> Callable[[Path], None]:
+    def write(folder: Path) -> None:
+        from navfw.topomap.map_formats import load_any_map, save_map
+
+        save_map(load_any_map(ROOT / "maps" / "paper-room.yaml"), folder / f"map{suffix}")
+
+    return write
+
+
+def _recorded(folder: Path) -> None:
+    """A run folder with a recording of 2.2 s."""
+    from navfw.missions.run_report import write_run
+    from navfw.missions.session import prepare
+    from navfw.recording.run_folder import RunFolder
+
+    session = prepare("paper-room", "through-the-door", overrides=["mission.timeout=2.2"])
+    with RunFolder(folder / "run") as target:
+        write_run(session.run(record=True), target)
+
+
+def _images(folder: Path) -> None:
+    (folder / "images").mkdir(exist_ok=True)
+    noise = np.random.default_rng(1).integers(0, 255, (60, 80), dtype=np.uint8)
+    picture = cv2.resize(noise, (160, 120))
+    for number in range(3):
+        shifted = np.roll(picture, 2 * number, axis=1)
+        cv2.imwrite(str(folder / "images" / f"{number}.png"), np.asarray(shifted))
+    cv2.imwrite(str(folder / "images" / "3.jpg"), picture)
+    rows = [f"{0.01 * tick:.2f},{0.001 * tick:.4f}" for tick in range(60)]
+    (folder / "gyro.csv").write_text("\n".join(["time,yaw_rate", *rows]))
+
+
+def _table(folder: Path) -> None:
+    from suite_samples import row
+
+    from navfw.suite.run_table import write_table
+
+    write_table(folder / "table.csv", [row(seed) for seed in range(4)])
+    shutil.copy(folder / "table.csv", folder / "other.csv")
+
+
+PROJECT = '[project]\nname = "x"\n[tool.navfw]\nkeys = [1, 2.5, {a = "b"}]\n[tool.navfw.more]\n'
+DIFFERING = frozenset({0, 1, 2})
+"""Of commands that end with 1 where they find a difference or problem, as documented."""
+
+TARGETS: dict[str, Target] = {
+    "world": Target("world.yaml", "data", _world, _prepare_mission),
+    "mission": Target("missions/cross.yaml", "data", _world, _prepare_mission),
+    "stack": Target("stack.yaml", "data", _copy("stack.yaml", "navfw/stacks/paper.yaml"),
+                    _prepare_stack, 15),
+    "map": Target("map.yaml", "data", _map_as(".yaml"),
+                  _command("map", "check", "./map.yaml"), 15, DIFFERING),
+    "graphml": Target("map.graphml", "xml", _map_as(".graphml"),
+                      _command("map", "convert", "./map.graphml", "./out.yaml"), 20),
+    "geojson": Target("map.geojson", "data", _map_as(".geojson"),
+                      _command("plan", "./map.geojson", "east", "0,0"), 15),
+    "suite": Target("suite.yaml", "data", _text("suite.yaml", SUITE), _plan_suite, 3),
+    "rules": Target("rules.yaml", "data", _copy("rules.yaml", "behaviors/avoid.yaml"),
+                    _load_rules, 10),
+    "project": Target("pyproject.toml", "bytes", _text("pyproject.toml", PROJECT),
+                      _find_project, 20),
+    "recording": Target("run/recording.npz", "archive", _recorded,
+                        _command("replay", "./run"), 6, DIFFERING),
+    "result": Target("run/result.json", "data", _recorded,
+                     _command("explain", "./run", "--at", "2.1"), 5),
+    "table": Target("table.csv", "cells", _table,
+                    _command("compare", "./table.csv", "./other.csv"), 20),
+    "stored": Target("rooms-1000-1050.json", "data",
+                     _copy("rooms-1000-1050.json", "docs/results/rooms-1000-1050.json"),
+                     _load_results, 15),
+    "image": Target("images/1.png", "bytes", _images, _command("perceive", "./images"), 8),
+    "photo": Target("images/3.jpg", "bytes", _images, _command("perceive", "./images"), 8),
+    "gyro": Target("gyro.csv", "cells", _images,
+                   _command("perceive", "./images", "--gyro", "./gyro.csv"), 8),
+    "sdf": Target("a.world", "xml", _text("a.world", SDF),
+                  _command("import", "./a.world", "--out", "./made", "--start", "0,0,0",
+                           "--goal", "5,3", "--skip-unsupported"), 20),
+}  # fmt: skip

@@ -1,0 +1,124 @@
+"""Both ends of every number of a mission's robot and sensors, of the stack and of its plugins.
+
+Each is either driven for some frames without a fault, or refused when it is read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from itertools import chain
+
+import pytest
+from model_bounds import BoundedNumber, numbers_of
+from pydantic import BaseModel
+
+from navfw.errors import InputError
+from navfw.fuzzy.rulespec import InputSpec, OutputSpec
+from navfw.missions.missionspec import MissionSpec
+from navfw.missions.outcome import Outcome
+from navfw.missions.session import prepare
+from navfw.plugins import default_registry
+from navfw.sim.worldspec import WorldSpec
+from navfw.stackfile import STAGES, StackSettings
+from navfw.suite.suitefile import SuiteSpec
+from navfw.topomap.mapspec import EdgeSpec, MapSpec
+
+SHORT = "mission.timeout=1.3"
+"""Long enough for the standstill at the start and three frames."""
+
+CHECKED_ELSEWHERE: dict[type[BaseModel], set[str]] = {
+    EdgeSpec: {"length", "width"},  # against the places; a passage may be wide without bound
+    InputSpec: {"range", "terms"},  # against each other
+    OutputSpec: {"range", "terms", "default"},
+}
+
+
+def plugins() -> Iterator[tuple[str, str, type[BaseModel]]]:
+    registry = default_registry()
+    for row in registry.listing(None):
+        yield row["kind"], row["name"], registry.get(row["kind"], row["name"]).Params
+
+
+def every_number() -> Iterator[BoundedNumber]:
+    files = (MissionSpec, WorldSpec, StackSettings, SuiteSpec, MapSpec)
+    yield from chain.from_iterable(numbers_of(model) for model in files)
+    yield from chain.from_iterable(numbers_of(params, (name,)) for _, name, params in plugins())
+
+
+def test_every_number_of_every_file_has_bounds() -> None:
+    without = {
+        f"{number.model.__qualname__}.{number.field}"
+        for number in every_number()
+        if number.least is None or number.most is None
+        if number.field not in CHECKED_ELSEWHERE.get(number.model, set())
+    }
+    assert not without
+
+
+def driven() -> Iterator[tuple[str, tuple[str, ...], BoundedNumber]]:
+    """Name of an override, the overrides that it needs, and the number."""
+    for number in numbers_of(MissionSpec):
+        if number.path[0] in ("robot", "sensors") and "[]" not in number.path:
+            needs = ("mission.robot.side_views={}",) if "side_views" in number.path else ()
+            yield f"mission.{number.key}", needs, number
+    for number in numbers_of(StackSettings):
+        if "[]" not in number.path:
+            yield number.key, ("movers.detect=true", "stixels=true"), number
+    for kind, name, params in plugins():
+        for number in numbers_of(params):
+            if "[]" in number.path:
+                continue
+            if kind in STAGES:
+                yield f"{kind}.{name}.{number.key}", (f"{kind}={{{name}: {{}}}}",), number
+            elif kind == "behavior":
+                yield f"behaviors.{name}.{number.key}", (), number
+
+
+def outcome(overrides: Sequence[str]) -> str:
+    """How a short run with ``overrides`` ends; ``refused`` if one of them is."""
+    try:
+        session = prepare("paper-room", "through-the-door", overrides=[SHORT, *overrides])
+    except InputError:
+        return "refused"
+    result = session.run()
+    assert not result.summary()["faults"], overrides
+    return str(result.outcome)
+
+
+ENDS = [
+    pytest.param(name, needs, value, id=f"{name}={value:g}")
+    for name, needs, number in driven()
+    for value in number.ends
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "needs", "value"), ENDS)
+def test_each_end_is_driven_or_refused(name: str, needs: tuple[str, ...], value: float) -> None:
+    assert outcome([*needs, f"{name}={value!r}"]) != Outcome.FAULT
+
+
+PACKS: dict[str, Callable[[str], bool]] = {
+    "sensors": lambda name: name.startswith("mission.sensors.") and "supersample" not in name,
+    "odometry": lambda name: name.startswith("mission.robot.odometry."),
+    "drive": lambda name: name.startswith("mission.robot.max_") or "ticks_per_turn" in name,
+    "tracking": lambda name: name.startswith("movers.tracking."),
+}
+"""Numbers that can be at the same end together, by their names."""
+
+
+@pytest.mark.parametrize("end", [0, 1], ids=["least", "most"])
+@pytest.mark.parametrize("pack", PACKS)
+def test_ends_that_do_not_interact_are_driven_together(pack: str, end: int) -> None:
+    chosen = [(name, needs, number.ends[end]) for name, needs, number in driven()]
+    chosen = [item for item in chosen if PACKS[pack](item[0])]
+    assert len(chosen) > 3
+    needed = dict.fromkeys(chain.from_iterable(needs for _, needs, _ in chosen))
+    changes = [f"{name}={value!r}" for name, _, value in chosen]
+    assert outcome([*needed, *changes]) == Outcome.TIMEOUT
+
+
+def test_the_largest_camera_image_is_driven() -> None:
+    camera = "mission.robot.camera"
+    size = [f"{camera}.width=1920", f"{camera}.height=1080", f"{camera}.rate=1"]
+    assert outcome(size) == Outcome.TIMEOUT
