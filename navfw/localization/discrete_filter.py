@@ -314,7 +314,10 @@ class DiscreteFilter:
         place, turn = lattice.cell**2 / 12.0, (2.0 * math.pi / lattice.headings) ** 2 / 12.0
         covariance += np.diag((place, place, turn))
         pose = Pose(x0 + float(mean[0]), y0 + float(mean[1]), float(mean[2] + lattice.yaw[heading]))
-        return Cluster(pose, mass, covariance, self._spread(pose) + np.diag((place, place, turn)))
+        # the sum of rounded shares can exceed 1 a little
+        return Cluster(
+            pose, min(mass, 1.0), covariance, self._spread(pose) + np.diag((place, place, turn))
+        )
 
     def _spread(self, pose: Pose) -> Array:
         """(3, 3) second moments of the whole belief about ``pose``."""

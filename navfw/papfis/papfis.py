@@ -58,7 +58,7 @@ class Papfis(Planner):
         max_off_map: Annotated[
             float,
             Field(
-                gt=0.0,
+                ge=0.1,
                 le=1000.0,
                 description="largest distance of start or goal to the map [m]",
             ),

@@ -17,11 +17,15 @@ from pathlib import Path
 from types import FrameType, ModuleType
 from typing import Any
 
-from navfw.config.input_file import shown_path
+from navfw.config.input_file import read_input, shown_path
+from navfw.errors import ConfigError
 from navfw.interfaces import Plugin
 from navfw.plugins.verification import source_file
 
 __all__ = ["SIMULATOR", "SimulatorWatch", "SourceFinding", "access_notes", "source_findings"]
+
+_MAX_SOURCE = 5_000_000
+"""Largest size of a plugin's source [byte]."""
 
 SIMULATOR = ("pybullet", "pybullet_data", "pybullet_utils", "navfw.sim", "navfw.missions")
 """The modules, with all below them, from which the simulator's truth can be had."""
@@ -75,8 +79,8 @@ def _findings(file: Path, changed: int) -> tuple[SourceFinding, ...]:
     """``source_findings`` of the file as ``changed`` last [ns]."""
     del changed
     try:
-        tree = ast.parse(file.read_bytes())
-    except (OSError, SyntaxError, ValueError, RecursionError):
+        tree = ast.parse(read_input(file, _MAX_SOURCE))
+    except (ConfigError, SyntaxError, ValueError, RecursionError):
         return ()
     found = [finding for node in ast.walk(tree) for finding in _findings_at(node)]
     return tuple(sorted(found, key=lambda finding: finding.line))

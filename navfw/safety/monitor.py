@@ -65,7 +65,10 @@ class SafetyParams(BaseModel):
         float, Field(gt=0.0, le=0.5, description="speed of a probe of silent encoders [m/s]")
     ] = 0.05
     give_up: Annotated[
-        Seconds, Field(description="failure time of a sensor or stage that ends the run [s]")
+        float,
+        Field(
+            ge=1.0, le=60.0, description="failure time of a sensor or stage that ends the run [s]"
+        ),
     ] = 20.0
 
 

@@ -113,7 +113,7 @@ def import_world(
     return ImportedWorld(
         world=world,
         mission=_mission(path, start, goal, barn),
-        shortest=_shortest_path(world, start, goal),
+        shortest=_shortest_path(path, world, start, goal),
         skipped=tuple(found.unsupported),
         barn=barn,
     )
@@ -217,10 +217,10 @@ def _mission(path: Path, start: Start, goal: Goal, barn: bool) -> MissionSpec:
         raise InputError(f"start or goal is out of range: {first['msg']}", key=key) from None
 
 
-def _shortest_path(world: WorldSpec, start: Start, goal: Goal) -> float:
+def _shortest_path(path: Path, world: WorldSpec, start: Start, goal: Goal) -> float:
     """Length of the shortest path of the default robot [m]."""
     plan = FloorPlan.from_world(world, ROBOT.height)
     try:
         return plan.shortest_path(start[:2], goal, ROBOT.radius)[0]
     except WorldError as error:
-        raise WorldError(f"{error} (--start and --goal choose others)", file=world.name) from None
+        raise WorldError(f"{error} (--start and --goal choose others)", file=path) from None

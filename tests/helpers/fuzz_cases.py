@@ -1,4 +1,4 @@
-"""Fuzz cases, each repeatable from a seed and its number, and the worker that tries them."""
+"""Fuzz cases, each repeatable from a seed and its number; run as a program, their worker."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import shutil
 import sys
 import time
 import traceback
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from random import Random
@@ -18,7 +18,7 @@ from random import Random
 from fuzz_mutations import MUTATORS
 from fuzz_targets import TARGETS, Target, outcome_of
 
-__all__ = ["MAX_MEMORY", "MAX_TIME", "Tried", "Workshop", "work"]
+__all__ = ["MAX_MEMORY", "MAX_TIME", "Tried", "Workshop", "main"]
 
 MAX_TIME = 5.0
 """Largest computing time of a case [s]."""
@@ -156,14 +156,20 @@ def _megabytes() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000.0
 
 
-def work(folder: Path, seed: int, numbers: Iterable[int], report: Path) -> None:
-    """Try the cases of these numbers; each gets a line in ``report`` before and after."""
-    shop = Workshop(folder, seed)
-    for kind in TARGETS:  # imports and compiled code are not the cases' time
-        place, _ = shop.sample(kind)
-        code, message = outcome_of(TARGETS[kind], place)
-        assert code in TARGETS[kind].allowed - {2}, f"the sample {kind}: {message}"
-    with report.open("a") as stream:
-        for number in numbers:
+def main(folder: str, *span: str) -> None:
+    """Try the cases of a span (seed, begin, end, step of the numbers) and write what became of
+    them to ``report.jsonl`` in ``folder``: a line before each case, and one after it.
+    """
+    seed, *numbers = map(int, span)
+    shop = Workshop(Path(folder) / "inputs", seed)
+    for kind, target in TARGETS.items():  # imports and compiled code are not the cases' time
+        code, message = outcome_of(target, shop.sample(kind)[0])
+        assert code in target.allowed - {2}, f"the sample {kind}: {message}"
+    with (Path(folder) / "report.jsonl").open("a") as stream:
+        for number in range(*numbers):
             print(json.dumps({"began": number}), file=stream, flush=True)
             print(json.dumps(asdict(shop.attempt(number))), file=stream, flush=True)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

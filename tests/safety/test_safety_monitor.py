@@ -491,6 +491,6 @@ def test_parameters_are_within_their_ranges() -> None:
             "stall": seconds,
             "stall_rest": seconds,
             "probe": "(0, 0.5]",
-            "give_up": seconds,
+            "give_up": "[1, 60]",
         },
     )

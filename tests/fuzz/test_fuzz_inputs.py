@@ -1,0 +1,63 @@
+"""Mutated inputs of all kinds end with success or a message that names the file, in bounds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from fuzz_cases import PLACED, Tried, Workshop
+from fuzz_runs import fuzz, table
+from fuzz_targets import TARGETS, outcome_of
+
+
+def check(done: list[Tried]) -> None:
+    print(table(done))
+    assert [tried for tried in done if tried.defect] == []
+
+
+def test_a_damaged_input_is_read_or_refused() -> None:
+    done = fuzz(2000)
+    assert len(done) == 2000
+    assert {tried.kind for tried in done} == set(TARGETS)
+    assert sum(tried.code == 0 for tried in done) > 100
+    check(done)
+
+
+@pytest.mark.slow
+def test_a_damaged_input_is_read_or_refused_in_20_000_cases() -> None:
+    check(fuzz(20_000, seed=1))
+
+
+def test_a_case_is_repeated_by_its_number(tmp_path: Path) -> None:
+    shops = [Workshop(tmp_path / name, seed=3) for name in "ab"]
+    for number in (1, 2, 5):
+        kinds = [shop.write(number)[0] for shop in shops]
+        assert kinds[0] == kinds[1]
+        files = [tmp_path / name / kinds[0] / TARGETS[kinds[0]].file for name in "ab"]
+        assert files[0].read_bytes() == files[1].read_bytes()
+
+
+def test_a_defect_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(folder: Path) -> object:
+        raise LookupError(folder.name)
+
+    monkeypatch.setitem(TARGETS, "project", replace(TARGETS["project"], read=broken))
+    shop = Workshop(tmp_path, seed=0)
+    number = next(n for n in range(100) if shop.write(n)[0] == "project")
+    tried = shop.attempt(number)
+    assert tried.code == -1
+    assert "LookupError: project" in tried.defect
+
+
+@pytest.mark.parametrize("place", PLACED, ids=lambda place: place.__name__)
+@pytest.mark.parametrize("kind", ["rules", "table", "sdf"])
+def test_whatever_is_in_the_place_of_a_file_is_refused(
+    kind: str, place: Callable[[Path], object], tmp_path: Path
+) -> None:
+    folder, _ = Workshop(tmp_path, seed=0).sample(kind)
+    file = folder / TARGETS[kind].file
+    file.unlink()
+    place(file)
+    assert outcome_of(TARGETS[kind], folder)[0] == 2
