@@ -18,6 +18,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
+from multiprocessing import resource_tracker
 from multiprocessing.context import SpawnContext
 from types import TracebackType
 from typing import Any, Generic, Protocol, Self, TypeVar
@@ -170,7 +171,8 @@ class _WorkerSlot:
             )
         self._jobs += 1
         self._began = time.monotonic()
-        return self._executor.submit(_limited, work, job, limit)
+        with _interrupt_blocked():  # a process that starts inherits it, until it ignores Ctrl-C
+            return self._executor.submit(_limited, work, job, limit)
 
     def end_if_overdue(self) -> None:
         """Kill a process that hangs in a plugin, where no signal reaches it."""
@@ -195,6 +197,17 @@ class _WorkerSlot:
         if self._executor is not None:
             self._executor.shutdown(wait=True, cancel_futures=True)
             self._executor = None
+
+
+@contextlib.contextmanager
+def _interrupt_blocked() -> Iterator[None]:
+    """Block SIGINT; it arrives at the end."""
+    resource_tracker.ensure_running()  # else the first process starts it, and it unblocks SIGINT
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextlib.contextmanager
@@ -224,6 +237,7 @@ def _begin(stop: _Flag, pid: _Flag, heartbeat: Any) -> None:
     pid.value = os.getpid()
     set_memory(heartbeat)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     threading.Thread(target=_watch, args=(stop,), daemon=True).start()
 
 
