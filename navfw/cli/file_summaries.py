@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict
 
 from navfw.config.yamlfile import load_yaml, validate
 from navfw.stackfile import read_stack
+from navfw.topomap.mapfile import MAX_BYTES, MAX_NODES
 
 __all__ = ["map_summary", "mission_summary", "stack_summary", "world_summary"]
 
@@ -46,9 +47,6 @@ class _StackSummary(_FileSummary):
 
 SummaryT = TypeVar("SummaryT", bound=_FileSummary)
 
-MAP_BYTES = 8_000_000
-"""Largest size of a map file [bytes]."""
-
 
 def world_summary(path: Path) -> dict[str, Any]:
     """The description in a world file."""
@@ -62,7 +60,7 @@ def mission_summary(path: Path) -> dict[str, Any]:
 
 def map_summary(path: Path) -> dict[str, Any]:
     """The description in a map file, and the numbers of its places and edges."""
-    spec = _read(path, _MapSummary, MAP_BYTES)
+    spec = validate(load_yaml(path, MAX_BYTES, MAX_NODES), _MapSummary)
     return {
         "description": spec.description,
         "places": len(spec.places),
@@ -80,5 +78,5 @@ def stack_summary(path: Path) -> dict[str, Any]:
     }
 
 
-def _read(path: Path, model: type[SummaryT], max_bytes: int = 1_000_000) -> SummaryT:
-    return validate(load_yaml(path, max_bytes), model)
+def _read(path: Path, model: type[SummaryT]) -> SummaryT:
+    return validate(load_yaml(path), model)

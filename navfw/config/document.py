@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, TypeAlias
 
 from ruamel.yaml import YAML
+from ruamel.yaml.composer import Composer
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from ruamel.yaml.reader import ReaderError
@@ -37,10 +39,11 @@ Data: TypeAlias = Any
 MAX_BYTES = 1_000_000
 """Largest size of a file [byte], except for maps."""
 
-MAX_NODES = 300_000
-"""Largest number of values in a file; a value counts again for each alias that repeats it.
+MAX_NODES = 40_000
+"""Largest number of keys and values in a file, except for maps: they are read in 2 to 4 s.
 
-With nested aliases, a file of a megabyte can describe billions of values ("billion laughs").
+A value counts again for each alias that repeats it: with nested aliases, a file of a megabyte can
+describe billions of values ("billion laughs").
 """
 
 MAX_DEPTH = 60
@@ -114,16 +117,19 @@ def key_text(path: KeyPath) -> str:
     return text
 
 
-def load_yaml(path: str | Path, max_bytes: int = MAX_BYTES) -> YamlDocument:
+def load_yaml(
+    path: str | Path, max_bytes: int = MAX_BYTES, max_nodes: int = MAX_NODES
+) -> YamlDocument:
     """Read the YAML mapping in ``path``; nothing in the file is ever executed.
 
     Raises:
         ConfigError: there is no such readable file, it is larger than ``max_bytes``, not UTF-8,
-            not YAML, empty, not a mapping, or it repeats a key.
+            not YAML, empty, not a mapping, it repeats a key, or has more than ``max_nodes`` keys
+            and values.
 
     """
     name = shown_path(Path(path))
-    document = parse_yaml(read_input_text(path, max_bytes), name)
+    document = parse_yaml(read_input_text(path, max_bytes), name, max_nodes)
     if document.data is None:
         raise ConfigError("the file is empty; expected a mapping ('key: value' lines)", file=name)
     if not isinstance(document.data, dict):
@@ -135,14 +141,16 @@ def load_yaml(path: str | Path, max_bytes: int = MAX_BYTES) -> YamlDocument:
     return document
 
 
-def parse_yaml(text: str, file: str | None = None) -> YamlDocument:
+def parse_yaml(text: str, file: str | None = None, max_nodes: int = MAX_NODES) -> YamlDocument:
     """``text`` as a document; unlike ``load_yaml`` it accepts any root.
 
     Raises:
-        ConfigError: it is not YAML, repeats a key, has tags or endless aliases.
+        ConfigError: it is not YAML, repeats a key, has tags, endless aliases or more than
+            ``max_nodes`` keys and values.
 
     """
     yaml = YAML(typ="safe", pure=True)  # pure: the C scanner words its errors differently
+    yaml.Composer = partial(_BoundedComposer, file, max_nodes)  # type: ignore[assignment]
     yaml.composer.warn_double_anchors = False
     try:
         root = yaml.compose(text)
@@ -164,16 +172,39 @@ def parse_yaml(text: str, file: str | None = None) -> YamlDocument:
         raise ConfigError(f"not valid YAML: {detail[0]}", file=file) from None
     if root is None:
         return YamlDocument(file, None)
-    builder = _NodeConverter(yaml, file)
+    builder = _NodeConverter(yaml, file, max_nodes)
     data = builder.build(root, (), root.start_mark.line + 1)
     return YamlDocument(file, data, MappingProxyType(builder.origins))
+
+
+class _BoundedComposer(Composer):
+    """Composes the nodes of a text, and stops at a number of them."""
+
+    def __init__(self, file: str | None, max_nodes: int, loader: Any) -> None:
+        super().__init__(loader)
+        self._file = file
+        self._max_nodes = max_nodes
+        self._nodes = 0
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        """The next node; raises ConfigError if there are too many."""
+        self._nodes += 1
+        if self._nodes > self._max_nodes:
+            line = self.parser.peek_event().start_mark.line + 1
+            raise ConfigError(_too_much(self._max_nodes), file=self._file, line=line)
+        return super().compose_node(parent, index)
+
+
+def _too_much(max_nodes: int) -> str:
+    return f"too much content: more than {max_nodes} keys and values"
 
 
 class _NodeConverter:
     """Turns composed nodes into plain data; records lines and rejects unsafe or ambiguous input."""
 
-    def __init__(self, yaml: YAML, file: str | None) -> None:
+    def __init__(self, yaml: YAML, file: str | None, max_nodes: int) -> None:
         self._constructor = yaml.constructor
+        self._max_nodes = max_nodes
         self._file = file
         self._nodes = 0
         self._open: set[int] = set()
@@ -181,8 +212,8 @@ class _NodeConverter:
 
     def build(self, node: Node, path: KeyPath, line: int) -> Data:
         self._nodes += 1
-        if self._nodes > MAX_NODES:
-            raise self._error(f"too much content: more than {MAX_NODES} values", node, path)
+        if self._nodes > self._max_nodes:
+            raise self._error(_too_much(self._max_nodes), node, path)
         if len(path) > MAX_DEPTH:
             raise self._error(f"nested too deeply: more than {MAX_DEPTH} levels", node, ())
         self.origins[path] = Origin(self._file, line)

@@ -54,6 +54,8 @@ def _declared_size(data: bytes, name: str) -> tuple[int, int]:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # remarks on the size, which is checked here
             with PillowImage.open(io.BytesIO(data)) as image:
+                # a damaged PNG: OpenCV would reserve memory by the lengths that its chunks declare
+                image.verify()
                 return image.size
     except PillowImage.DecompressionBombError:
         raise ConfigError("the image is too large", file=name) from None

@@ -27,10 +27,13 @@ from navfw.topomap.mapspec import EdgeSpec, MapSpec
 from navfw.topomap.topological_map import TopoMap
 from navfw.topomap.validation import MapViolation, map_violations
 
-__all__ = ["MAX_BYTES", "KindCheck", "load_map", "map_data", "map_text", "read_map"]
+__all__ = ["MAX_BYTES", "MAX_NODES", "KindCheck", "load_map", "map_data", "map_text", "read_map"]
 
 MAX_BYTES = 8_000_000
 """Largest size of a map file [bytes]: enough for some ten thousand places."""
+
+MAX_NODES = 300_000
+"""Largest number of keys and values in a map file; a map of that size is read in half a minute."""
 
 _PLAIN = re.compile(r"(?!(?i:true|false|yes|no|on|off|null|nan|inf)$)[A-Za-z][\w-]*", re.ASCII)
 """Texts that YAML reads as text without quotes."""
@@ -57,7 +60,7 @@ def load_map(path: str | Path, check_kind: KindCheck = _shipped_kind) -> TopoMap
             impossible, a passage is given twice. The message lists every error, one a line.
 
     """
-    return read_map(load_yaml(path, max_bytes=MAX_BYTES), check_kind)
+    return read_map(load_yaml(path, MAX_BYTES, MAX_NODES), check_kind)
 
 
 def read_map(document: YamlDocument, check_kind: KindCheck = _shipped_kind) -> TopoMap:

@@ -100,6 +100,13 @@ def test_alias_bombs_are_rejected_quickly() -> None:
         parse_yaml("\n".join(rows))
 
 
+def test_a_file_of_too_many_keys_is_refused_while_it_is_read() -> None:
+    text = "".join(f"key-{number}: 1\n" for number in range(200))
+    assert len(parse_yaml(text, max_nodes=401).data) == 200
+    with pytest.raises(ConfigError, match=r"w\.yaml:200: too much content: more than 399 keys"):
+        parse_yaml(f"{text}{{unclosed", "w.yaml", max_nodes=399)
+
+
 @pytest.mark.parametrize("text", ["[\n" * 5_000, "- " * 20_000, "{a: " * 20_000])
 def test_deep_nesting_is_rejected(text: str) -> None:
     with pytest.raises(ConfigError, match="nested too deeply"):

@@ -8,6 +8,8 @@ import socket
 from collections.abc import Callable
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 from architecture_sources import MODULES, dotted, shown, tree_of
 
@@ -186,6 +188,17 @@ def test_a_damaged_project_file_is_named(text: str, tmp_path: Path) -> None:
 def test_what_is_no_regular_file_makes_no_project(tmp_path: Path) -> None:
     to_zero(tmp_path / "pyproject.toml")
     assert project_folder(tmp_path) is None
+
+
+def test_a_picture_with_a_damaged_chunk_is_refused_before_it_is_decoded(tmp_path: Path) -> None:
+    file = tmp_path / "chunk.png"
+    assert cv2.imwrite(str(file), np.zeros((8, 8), dtype=np.uint8))
+    content = file.read_bytes()
+    assert read_image(file).shape == (8, 8, 3)
+    at = content.index(b"IDAT") - 4
+    file.write_bytes(content[:at] + b"\x3f\0\0\0" + content[at + 4 :])
+    with pytest.raises(ConfigError, match="not a readable image"):
+        read_image(file)
 
 
 def test_a_picture_of_many_pixels_is_refused_before_it_is_decoded(tmp_path: Path) -> None:
