@@ -23,11 +23,8 @@ QUICK = {
     ("behavior", "exits"),
     ("fusion", "exits at once"),
     ("flow", "loops in compiled code"),
-    ("behavior", "disables the timer"),
-    ("planner", "changes the folder"),
     ("controller", "threads"),
     ("behavior", REPLACES),
-    ("localizer", "complex"),
 }
 """Pairs that are tried by default; the others are slow in their sum."""
 PAIRS = [
