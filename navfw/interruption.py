@@ -7,14 +7,20 @@ than the main one has no signals: it cannot be interrupted.
 
 from __future__ import annotations
 
+import math
 import signal
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from types import FrameType
 
 __all__ = ["check_interrupted", "deferred", "interrupted", "interruptible"]
+
+REPEAT = 1.0
+"""Wall time [s] after a signal within which another one counts as the same: a terminal sends Ctrl-C
+to the waiting and to the driving process of a run, and the former forwards it."""
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
@@ -24,13 +30,14 @@ class _SignalState:
     """What a signal does now, and what the last one did; signals are those of the process.
 
     ``handled``: the handlers are installed. ``raising``: a signal raises KeyboardInterrupt, else it
-    is kept in ``pending``, by name.
+    is kept in ``pending``, by name. ``raised`` is when it last raised [s, monotonic].
     """
 
     handled: bool = False
     raising: bool = False
     interrupted: bool = True
     pending: str = ""
+    raised: float = -math.inf
 
 
 _state = _SignalState()
@@ -128,5 +135,7 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
     if not _state.raising:
         _state.pending = name
         return
-    _state.interrupted = True
+    if _state.interrupted and time.monotonic() < _state.raised + REPEAT:
+        return
+    _state.interrupted, _state.raised = True, time.monotonic()
     raise KeyboardInterrupt(name)

@@ -222,12 +222,11 @@ class _Supervisor:
 
     @contextmanager
     def _forwarding(self) -> Iterator[None]:
-        """Forward SIGTERM to the child; Ctrl-C reaches both from the terminal."""
+        """Forward signals to the child; it takes Ctrl-C from a terminal, sent to both, once."""
 
         def stop(number: int, frame: FrameType | None) -> None:
             del frame
-            if number == signal.SIGTERM:
-                os.kill(self._child, number)
+            os.kill(self._child, number)
             if not self._stopped and not self._driven:
                 self._stopped = True
                 self._deadline = min(self._deadline, time.monotonic() + PATIENCE)

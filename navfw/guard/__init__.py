@@ -1,8 +1,7 @@
 """The plugin boundary: whatever a plugin does costs its own call, and is told.
 
-- ``plugin_guard``: calls a plugin within a time limit, contains what it raises, checks its answer;
-- ``watchdog``: the time limit, by an interval timer of the process; what it cannot end, a
-  supervising process ends (``navfw.heartbeat``);
+- ``plugin_guard``: calls a plugin within a time limit (``navfw.watchdog``), contains what it
+  raises, checks its answer;
 - ``answers``: the checks, one for each kind of answer;
 - ``guarded_stages``: the stages of the stack with a fallback for a call that failed.
 """
@@ -16,7 +15,7 @@ from navfw.guard.plugin_guard import (
     PluginGuard,
     label_of,
 )
-from navfw.guard.watchdog import PluginTimeout
+from navfw.watchdog import PluginTimeout
 
 __all__ = [
     "FailingStage",

@@ -9,10 +9,10 @@ from typing import Any, Protocol, TypeVar
 
 from navfw.errors import InputError, PluginError
 from navfw.guard.answers import instance
-from navfw.guard.watchdog import PluginTimeout, Watchdog
 from navfw.interfaces import Plugin
 from navfw.interruption import interrupted
 from navfw.robot import RobotModel
+from navfw.watchdog import PluginTimeout, Watchdog
 
 __all__ = ["FailingStage", "PluginCallError", "PluginFault", "PluginGuard", "label_of"]
 

@@ -158,7 +158,8 @@ def test_explore_heads_for_free_unobserved_space() -> None:
     observed[left] = 3.0
     explore = behavior_of("explore")
     assert desired_twist(
-        context, explore.propose(replace(context, ranges=replace(ranges, observed=observed)))
+        context,
+        explore.propose(replace(context, ranges=replace(ranges, free=free, observed=observed))),
     ).w < (-0.4)
 
 

@@ -9,8 +9,8 @@ import time
 import numba
 import pytest
 
-from navfw.guard.watchdog import PERIOD, PluginTimeout, Watchdog
 from navfw.heartbeat import HEARTBEAT_SIZE, begin_call, end_call, read_call, set_memory
+from navfw.watchdog import PERIOD, PluginTimeout, Watchdog
 
 
 def hang() -> None:

@@ -83,7 +83,7 @@ def test_weak_wheels_stand_at_a_twist_of_zero() -> None:
 
 # --- against a reference --------------------------------------------------------------------------
 
-FINE = RobotModel(ticks_per_turn=10**9)
+FINE = RobotModel(ticks_per_turn=10**6)
 """A robot whose encoders are exact."""
 STEP = 0.017
 """Time [s] between readings: no threshold is a multiple of it."""

@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import math
 import signal
+import sys
 import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
-
-from numba.core import event
 
 from navfw.heartbeat import begin_call, end_call, postpone
 
@@ -76,6 +75,7 @@ class Watchdog:
     @contextmanager
     def _alarm(self) -> Iterator[None]:
         """The interval timer and its handler."""
+        _listen_to_numba()
         left, interval = signal.setitimer(signal.ITIMER_REAL, 0.0)
         began = time.monotonic()
         handler = signal.signal(signal.SIGALRM, self._ring)
@@ -102,11 +102,12 @@ def _can_alarm() -> bool:
     return in_main and hasattr(signal, "setitimer")
 
 
-class _Compilation(event.Listener):
+class _Compilation:
     """Numba's compilation of kernels: the ``total`` wall time [s], and whether it is ``active``."""
 
     def __init__(self) -> None:
         self.total = 0.0
+        self.listening = False
         self._depth = 0
         self._began = 0.0
 
@@ -114,15 +115,15 @@ class _Compilation(event.Listener):
     def active(self) -> bool:
         return self._depth > 0
 
-    def on_start(self, event: event.Event) -> None:
-        del event
+    def begin(self) -> None:
+        """A compilation begins, perhaps within another one."""
         if self._depth == 0:
             self._began = time.monotonic()
             postpone(COMPILE_LIMIT)
         self._depth += 1
 
-    def on_end(self, event: event.Event) -> None:
-        del event
+    def end(self) -> None:
+        """A compilation ends."""
         self._depth -= 1
         if self._depth == 0:
             spent = time.monotonic() - self._began
@@ -131,4 +132,22 @@ class _Compilation(event.Listener):
 
 
 _compilation = _Compilation()
-event.register("numba:compile", _compilation)  # type: ignore[no-untyped-call]
+
+
+def _listen_to_numba() -> None:
+    """Register for numba's events once it has been imported; it is not imported for that."""
+    if "numba" not in sys.modules or _compilation.listening:
+        return
+    from numba.core.event import Event, Listener, register
+
+    class CompilationListener(Listener):
+        """Hands events over."""
+
+        def on_start(self, event: Event) -> None:
+            _compilation.begin()
+
+        def on_end(self, event: Event) -> None:
+            _compilation.end()
+
+    register("numba:compile", CompilationListener())  # type: ignore[no-untyped-call]
+    _compilation.listening = True
