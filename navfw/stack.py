@@ -7,9 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
+from navfw.config.input_file import shown_path
 from navfw.context import CommandGrid
 from navfw.egomotion.odometer import Odometer
 from navfw.egomotion.odometry_history import OdometryHistory
+from navfw.errors import ConfigError
 from navfw.guard import PluginGuard
 from navfw.guard.guarded_stages import (
     GuardedController,
@@ -135,7 +137,13 @@ class Stack:
         overrides: Sequence[str] = (),
     ) -> Stack:
         """A stack from a stack file; raises as ``navfw.stackfile.load_stack``."""
-        return cls(load_stack(path, plugins, overrides), robot, topo_map)
+        config = load_stack(path, plugins, overrides)
+        try:
+            return cls(config, robot, topo_map)
+        except ConfigError as error:  # parameters that do not suit the robot
+            if error.file is not None:
+                raise
+            raise ConfigError(str(error), file=shown_path(Path(path))) from None
 
     @property
     def config(self) -> dict[str, Any]:

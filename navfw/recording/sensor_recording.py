@@ -171,6 +171,11 @@ class SensorRecorder:
         np.savez_compressed(path, **arrays)
 
 
+_TOLERANCE = 1.0
+"""Largest difference of clocks in a recording [s]."""
+_FASTEST = 1000.0
+"""Largest rate of a turn [rad/s]; gyros measure up to 70."""
+
 # name of each array -> (dtype, number of dimensions)
 _LAYOUT: dict[str, tuple[str, int]] = {
     "sensors": ("<f8", 2),
@@ -267,13 +272,27 @@ def _check(recording: SensorRecording, path: Path) -> None:
     times = recording.sensors[:, 0]
     if not np.isfinite(times).all() or (np.diff(times) <= 0.0).any():
         raise _no_recording(path, "times do not increase")
+    if not _near(recording.sensors[:, 4:], times[:, None], times):
+        raise _no_recording(path, "the times of gyro or encoders are not those of their readings")
+    if (np.abs(recording.sensors[:, 1:4]) > _FASTEST).any():
+        raise _no_recording(path, f"a rate is above {_FASTEST:g} rad/s")
     for frames in (recording.frames, recording.landmark_frames, recording.side_frames):
         images = len(frames.image)
         counted = len(frames.at) == ticks and len(frames.time) == images
         if not counted or np.any((frames.at < _NONE) | (frames.at >= images)):
             raise _no_recording(path, "images are missing")
-        if not np.isfinite(frames.time).all():
-            raise _no_recording(path, "the time of an image is not a number")
+        given = frames.at != _NONE
+        if not _near(frames.time[frames.at[given]], times[given], times):
+            raise _no_recording(path, "the time of an image is not that of its reading")
+
+
+def _near(measured: Array, read: Array, times: Array) -> bool:
+    """Whether measurements [s] were made in the run, and before they were read.
+
+    They may be as old as the run: a camera or encoders that fail repeat their last measurement.
+    """
+    earliest = times[0] - _TOLERANCE if len(times) else 0.0
+    return bool(((measured >= earliest) & (measured <= read + _TOLERANCE)).all())
 
 
 def _no_recording(path: Path, reason: str) -> ConfigError:

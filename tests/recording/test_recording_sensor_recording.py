@@ -178,7 +178,7 @@ def rewritten(path: Path, name: str, content: bytes) -> Path:
         (lambda data: data.replace(b"(40, 6), }   ", b"(99999, 9999)"), "not a recording"),
         (lambda data: data.replace(b"(40, 6)", b"(41, 6)"), "not that of its shape"),
         (lambda data: data.replace(b"\x01\x00", b"\x03\x00", 1), "another version"),
-        (lambda data: data[:-8] + b"\0\0\0\0\0\0\xf8\x7f", ""),
+        (lambda data: data[:-40] + b"\0\0\0\0\0\0\xf8\x7f" + data[-32:], ""),
         (lambda data: data[:100], "not a recording"),
         (lambda data: data[:128] + data[176:224] + data[128:176] + data[224:], "do not increase"),
     ],
@@ -210,3 +210,27 @@ def test_every_flipped_byte_gives_a_recording_or_a_located_error(tmp_path: Path)
             assert error.file == str(bad)
             refused += 1
     assert refused > 100
+
+
+@pytest.mark.parametrize(
+    ("name", "column", "value", "message"),
+    [
+        ("sensors", 3, 1e300, "a rate is above"),
+        ("sensors", 4, -1e192, "times of gyro or encoders"),
+        ("sensors", 5, np.nan, "times of gyro or encoders"),
+        ("frames_time", None, -1e192, "the time of an image"),
+        ("frames_time", None, np.inf, "the time of an image"),
+        ("landmarks_time", None, 1e3, "the time of an image"),
+    ],
+)
+def test_times_and_rates_that_no_sensor_has_are_refused(
+    name: str, column: int | None, value: float, message: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "recording.npz"
+    recorded(random_readings(7), path)
+    with np.load(path) as data:
+        arrays = {key: data[key] for key in data.files}
+    arrays[name][1 if column is None else (7, column)] = value
+    np.savez(path, **arrays)
+    with pytest.raises(ConfigError, match=message):
+        load_recording(path)
