@@ -6,19 +6,18 @@ switches off the interval timer, cannot be ended from inside.
 
 from __future__ import annotations
 
+import ctypes
 import math
-import struct
-from dataclasses import dataclass
 from typing import Any
 
 __all__ = [
     "GRACE",
     "HEARTBEAT_SIZE",
-    "CallInProgress",
+    "LONGEST_GAP",
+    "HeartbeatMonitor",
     "begin_call",
     "end_call",
     "postpone",
-    "read_call",
     "set_memory",
 ]
 
@@ -26,60 +25,82 @@ GRACE = 5.0
 """Wall time [s] beyond a call's deadline after which the supervisor ends the process: the interval
 timer ends a call of Python code within a fraction of it."""
 
-_LAYOUT = struct.Struct("<d120s")
-HEARTBEAT_SIZE = _LAYOUT.size
-"""Size of the shared memory [byte]."""
-
-_memory: Any = None
+LONGEST_GAP = 1.0
+"""Longest wall time [s] between two looks that counts: in a longer one the process, or the whole
+machine, was stopped (Ctrl-Z, suspended), and so were the plugins."""
 
 
-@dataclass(frozen=True, slots=True)
-class CallInProgress:
-    """The plugin ``call`` in progress, and its ``deadline`` [s] by ``time.monotonic``.
+class _Heartbeat(ctypes.Structure):
+    """The shared memory.
 
-    Between two calls the deadline is infinite and ``call`` the last one.
+    ``deadline`` [s, monotonic] is infinite between two calls. It is written in one piece, so that
+    no half of it is read. ``call`` is the one in progress, or the last.
     """
 
-    call: str
+    _fields_ = (("deadline", ctypes.c_double), ("call", ctypes.c_char * 120))
     deadline: float
+    call: bytes
 
-    @property
-    def plugin(self) -> str:
-        """Kind and name of the plugin that is being called; "" between two calls."""
-        return self.call if self.deadline < math.inf else ""
 
-    def overdue(self, now: float) -> bool:
-        """Whether the process is to be ended at ``now`` [s, monotonic]."""
-        return now > self.deadline + GRACE
+HEARTBEAT_SIZE = ctypes.sizeof(_Heartbeat)
+"""Size of the shared memory [byte]."""
+
+_own: _Heartbeat | None = None
 
 
 def set_memory(memory: Any) -> None:
     """Write the calls of this process to ``memory``, a shared writable buffer; None: nowhere."""
-    global _memory  # noqa: PLW0603 - one supervisor watches one process
-    _memory = memory
+    global _own  # noqa: PLW0603 - one supervisor watches one process
+    _own = None if memory is None else _Heartbeat.from_buffer(memory)
     end_call()
 
 
 def begin_call(call: str, deadline: float) -> None:
     """Tell the supervisor that ``call`` is in progress until ``deadline`` [s, monotonic]."""
-    if _memory is not None:
-        _LAYOUT.pack_into(_memory, 0, deadline, call.encode()[:120])
+    if _own is not None:
+        _own.call = call.encode()[:120]
+        _own.deadline = deadline
 
 
 def postpone(seconds: float) -> None:
     """Move the deadline of the call in progress by ``seconds``; between two calls, nothing."""
-    if _memory is not None:
-        deadline = struct.unpack_from("<d", _memory, 0)[0]
-        struct.pack_into("<d", _memory, 0, deadline + seconds)
+    if _own is not None:
+        _own.deadline += seconds
 
 
 def end_call() -> None:
     """Tell the supervisor that no call is in progress; the last one stays readable."""
-    if _memory is not None:
-        struct.pack_into("<d", _memory, 0, math.inf)
+    if _own is not None:
+        _own.deadline = math.inf
 
 
-def read_call(memory: Any) -> CallInProgress:
-    """The call in ``memory``; the last one, without a deadline, when none is in progress."""
-    deadline, call = _LAYOUT.unpack_from(memory, 0)
-    return CallInProgress(call.rstrip(b"\0").decode(errors="replace"), deadline)
+class HeartbeatMonitor:
+    """The supervisor's side: whether the process that writes to ``memory`` is to be ended."""
+
+    def __init__(self, memory: Any) -> None:
+        self._read = _Heartbeat.from_buffer(memory)
+        self._looked = math.inf
+        self._overdue = 0.0
+
+    @property
+    def last_call(self) -> str:
+        """The call in progress, or the last one."""
+        return self._read.call.decode(errors="replace")
+
+    @property
+    def plugin(self) -> str:
+        """Kind and name of the plugin that is being called; "" between two calls."""
+        return self.last_call if self._read.deadline < math.inf else ""
+
+    def overdue(self, now: float) -> bool:
+        """Whether the process is to be ended at ``now`` [s, monotonic]; to be asked every 0.2 s.
+
+        The call must have been beyond its deadline for GRACE seconds of the supervisor's own looks:
+        after a pause of both processes the deadline lies in the past without any call being late.
+        """
+        if now <= self._read.deadline:
+            self._overdue = 0.0
+        else:
+            self._overdue += min(max(now - self._looked, 0.0), LONGEST_GAP)
+        self._looked = now
+        return self._overdue > GRACE

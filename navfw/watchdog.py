@@ -14,7 +14,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 
-from navfw.heartbeat import begin_call, end_call, postpone
+from navfw.heartbeat import LONGEST_GAP, begin_call, end_call, postpone
 
 __all__ = ["PluginTimeout", "Watchdog"]
 
@@ -45,6 +45,7 @@ class Watchdog:
         self._limit = math.inf
         self._deadline = math.inf
         self._compiled = 0.0
+        self._rang = self._cpu = 0.0
         self.active = False
 
     def begin(self, call: str, limit: float) -> None:
@@ -80,6 +81,7 @@ class Watchdog:
         began = time.monotonic()
         handler = signal.signal(signal.SIGALRM, self._ring)
         signal.siginterrupt(signal.SIGALRM, False)
+        self._rang, self._cpu = began, time.process_time()
         signal.setitimer(signal.ITIMER_REAL, PERIOD, PERIOD)
         try:
             yield
@@ -92,9 +94,22 @@ class Watchdog:
 
     def _ring(self, number: int, frame: object) -> None:
         del number, frame
+        self._exclude_pause()
         compiled = _compilation.total - self._compiled
         if not _compilation.active and time.monotonic() > self._deadline + compiled:
             raise PluginTimeout(f"no result within {self._limit:g} s")
+
+    def _exclude_pause(self) -> None:
+        """Postpone the deadline by the time for which the process was stopped (Ctrl-Z).
+
+        Compiled code delays the alarm as well, but it takes computing time.
+        """
+        now, cpu = time.monotonic(), time.process_time()
+        pause = now - self._rang - max(cpu - self._cpu, LONGEST_GAP)
+        if pause > 0.0:
+            self._deadline += pause
+            postpone(pause)
+        self._rang, self._cpu = now, cpu
 
 
 def _can_alarm() -> bool:

@@ -25,7 +25,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
-from navfw.heartbeat import HEARTBEAT_SIZE, read_call, set_memory
+from navfw.heartbeat import HEARTBEAT_SIZE, HeartbeatMonitor, set_memory
 
 __all__ = ["announce", "announce_end", "supervise"]
 
@@ -147,7 +147,7 @@ class _Supervisor:
     def __init__(self, child: int, messages: int, memory: mmap.mmap) -> None:
         self._child = child
         self._messages = messages
-        self._memory = memory
+        self._heartbeat = HeartbeatMonitor(memory)
         self._text = b""
         self._run: _Announcement | None = None
         self._code: int | None = None
@@ -165,7 +165,7 @@ class _Supervisor:
             how = os.waitstatus_to_exitcode(status)
             what = f"exit code {how}" if how >= 0 else signal.Signals(-how).name
             status = f"the process of the run ended ({what})"
-        return self._conclude(status, read_call(self._memory).plugin)
+        return self._conclude(status, self._heartbeat.plugin)
 
     def _watch(self) -> int | str:
         """The status of the ended child, or why it was killed."""
@@ -185,7 +185,7 @@ class _Supervisor:
 
     def _overdue(self, now: float) -> str:
         """Why the child is to be killed; "" if it is not."""
-        if read_call(self._memory).overdue(now):
+        if self._heartbeat.overdue(now):
             return "no result in time, and no signal ended it"
         if now < self._deadline:
             return ""

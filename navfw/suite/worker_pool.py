@@ -24,7 +24,7 @@ from types import TracebackType
 from typing import Any, Generic, Protocol, Self, TypeVar
 
 from navfw.errors import SimulationError
-from navfw.heartbeat import HEARTBEAT_SIZE, read_call, set_memory
+from navfw.heartbeat import HEARTBEAT_SIZE, HeartbeatMonitor, set_memory
 from navfw.interruption import check_interrupted, interruptible
 
 __all__ = ["WorkerFailure", "WorkerPool", "stop_requested"]
@@ -155,7 +155,8 @@ class _WorkerSlot:
         self._jobs = 0
         self._began = 0.0
         self._executor: ProcessPoolExecutor | None = None
-        self._heartbeat = context.RawArray("b", HEARTBEAT_SIZE)
+        self._memory = context.RawArray("b", HEARTBEAT_SIZE)
+        self._heartbeat = HeartbeatMonitor(self._memory)
         self._pid: _Flag = context.RawValue("i", 0)
 
     def submit(self, work: Callable[[Any], Any], job: object, limit: float) -> Future[Any]:
@@ -167,7 +168,7 @@ class _WorkerSlot:
                 1,
                 mp_context=self._context,
                 initializer=_begin,
-                initargs=(self._stop, self._pid, self._heartbeat),
+                initargs=(self._stop, self._pid, self._memory),
             )
         self._jobs += 1
         self._began = time.monotonic()
@@ -176,16 +177,17 @@ class _WorkerSlot:
 
     def end_if_overdue(self) -> None:
         """Kill a process that hangs in a plugin, where no signal reaches it."""
-        if self._pid.value and read_call(self._heartbeat).overdue(time.monotonic()):
+        if self._pid.value and self._heartbeat.overdue(time.monotonic()):
             with contextlib.suppress(ProcessLookupError):
                 os.kill(self._pid.value, signal.SIGKILL)
+            self._pid.value = 0
 
     def result(self, future: Future[Any], limit: float) -> Any:
         try:
             return future.result()
         except BrokenProcessPool:
             self.close()
-            plugin = read_call(self._heartbeat).plugin
+            plugin = self._heartbeat.plugin
             who = f"{plugin}: " if plugin else ""
             if time.monotonic() - self._began >= limit:
                 return WorkerFailure(f"{who}exceeded the wall-clock limit of {limit:g} s", True)
@@ -230,12 +232,12 @@ def _single_threaded() -> Iterator[None]:
 # --- in the worker -------------------------------------------------------------------------------
 
 
-def _begin(stop: _Flag, pid: _Flag, heartbeat: Any) -> None:
+def _begin(stop: _Flag, pid: _Flag, memory: Any) -> None:
     """Set up a worker process: it ignores Ctrl-C, and ends when its parent ends."""
     global _stop  # noqa: PLW0603 - the only state of a worker process
     _stop = stop
     pid.value = os.getpid()
-    set_memory(heartbeat)
+    set_memory(memory)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     threading.Thread(target=_watch, args=(stop,), daemon=True).start()
