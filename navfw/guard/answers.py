@@ -1,19 +1,20 @@
 """Checks of what plugins answer: type, shape, finiteness, range.
 
-Each check returns the answer as a new object with immutable float64 arrays and Python numbers:
-nothing behind it depends on what the plugin keeps or changes later. ``AnswerError`` says what is
-wrong.
+Each check returns the answer with immutable float64 arrays, immutable mappings and Python numbers:
+nothing behind it depends on what the plugin keeps or changes later. A value that is like that
+already is returned as it is, any other is made anew. ``AnswerError`` says what is wrong.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, TypeVar
 
-import numba
 import numpy as np
 
+from navfw.guard.answer_kernels import are_degrees, are_finite
 from navfw.signals import Array, Pose, Twist
 from navfw.signals.immutable import read_only
 
@@ -21,6 +22,7 @@ __all__ = [
     "MAX_ITEMS",
     "AnswerError",
     "array",
+    "contiguous",
     "degree",
     "degrees",
     "instance",
@@ -28,8 +30,12 @@ __all__ = [
     "mapping",
     "nothing",
     "number",
+    "numbers",
     "pose",
+    "real",
+    "rebuilt",
     "text",
+    "texts",
     "twist",
 ]
 
@@ -39,8 +45,7 @@ MAX_ITEMS = 10_000
 _MAX_TEXT = 10_000
 """Largest length of a text [characters]."""
 
-_ROUNDING = 1e-9
-"""By how much a degree may exceed 1: sums and products of degrees round."""
+_FLOAT64 = np.dtype(np.float64)
 
 T = TypeVar("T")
 
@@ -59,6 +64,13 @@ def instance(answer: object, cls: type[T], call: str) -> T:
     if not isinstance(answer, cls):
         raise AnswerError(f"{call} returned {type(answer).__name__}, not a {cls.__name__}")
     return answer
+
+
+def rebuilt(answer: object, cls: type[T], **fields: Any) -> T:
+    """A ``cls`` with the checked ``fields``: ``answer`` itself if it has just these."""
+    if type(answer) is cls and all(getattr(answer, name) is fields[name] for name in fields):
+        return answer
+    return cls(**fields)
 
 
 def number(value: Any, what: str, low: float = -math.inf, high: float = math.inf) -> float:
@@ -91,18 +103,39 @@ def text(value: Any, what: str) -> str:
     return str(value[:_MAX_TEXT])
 
 
+def real(value: Any, what: str, shape: tuple[int, ...]) -> Array:
+    """``value`` as an immutable, C-contiguous float64 array of that shape."""
+    try:
+        raw = np.asarray(value)
+    except ValueError:
+        raise AnswerError(f"{what} is {_named(value)}, expected an array of numbers") from None
+    if raw.dtype.kind not in "fiub":
+        raise AnswerError(f"{what} has values of type {raw.dtype}, expected float64")
+    if raw.shape != shape:
+        raise AnswerError(f"{what} has shape {raw.shape}, expected {shape}")
+    result: Array = contiguous(raw, _FLOAT64)
+    return result
+
+
+def contiguous(array: Any, dtype: np.dtype[Any]) -> Any:
+    """An immutable, C-contiguous array of that type: ``array`` itself if it is one already."""
+    if array.dtype != dtype or not array.flags.c_contiguous:
+        array = np.ascontiguousarray(array, dtype=dtype)
+    return read_only(array)
+
+
 def array(value: Any, what: str, shape: tuple[int, ...]) -> Array:
     """``value`` as an immutable float64 array of that shape, all finite."""
-    result = _real(value, what, shape)
-    if not np.isfinite(result).all():
+    result = real(value, what, shape)
+    if not are_finite(result):
         raise AnswerError(f"{what} has values that are not finite")
     return result
 
 
 def degrees(value: Any, what: str, shape: tuple[int, ...]) -> Array:
     """``value`` as an immutable float64 array of that shape, all in [0, 1] up to rounding."""
-    result = _real(value, what, shape)
-    if not _are_degrees(result):
+    result = real(value, what, shape)
+    if not are_degrees(result):
         raise AnswerError(f"{what} has values outside [0, 1]")
     return result
 
@@ -128,38 +161,60 @@ def mapping(value: Any, what: str) -> dict[str, Any]:
     return {text(key, f"a key of {what}"): item for key, item in value.items()}
 
 
+def numbers(
+    value: Any, what: str, low: float = -math.inf, high: float = math.inf
+) -> Mapping[str, float]:
+    """``value`` as a mapping of texts to finite numbers in [low, high].
+
+    A field of a signal: an immutable mapping stays, as the signal has made a copy of its own.
+    """
+    if _immutable_of(value, _FLOATS):
+        found = value.values()
+        # a sum is not finite if an item is not; NaN would hide in min and max
+        if math.isfinite(sum(found)) and low <= min(found) and max(found) <= high:
+            return value  # type: ignore[no-any-return]
+    return {
+        name: number(item, f"{what}.{name}", low, high)
+        for name, item in mapping(value, what).items()
+    }
+
+
+def texts(value: Any, what: str) -> Mapping[str, str]:
+    """``value`` as a mapping of texts to texts; see ``numbers``."""
+    if _immutable_of(value, _TEXTS) and max(map(len, value.values())) <= _MAX_TEXT:
+        return value  # type: ignore[no-any-return]
+    return {name: text(item, f"{what}.{name}") for name, item in mapping(value, what).items()}
+
+
 def pose(value: Any, what: str) -> Pose:
     """``value`` as a pose of finite numbers."""
     instance(value, Pose, what)
-    return Pose(number(value.x, "x"), number(value.y, "y"), number(value.yaw, "yaw"))
+    x, y, yaw = number(value.x, "x"), number(value.y, "y"), number(value.yaw, "yaw")
+    return rebuilt(value, Pose, x=x, y=y, yaw=yaw)
 
 
 def twist(value: Any, what: str) -> Twist:
     """``value`` as a twist of finite numbers."""
     instance(value, Twist, what)
-    return Twist(number(value.v, "v"), number(value.w, "w"))
+    return rebuilt(value, Twist, v=number(value.v, "v"), w=number(value.w, "w"))
 
 
-def _real(value: Any, what: str, shape: tuple[int, ...]) -> Array:
-    """``value`` as an immutable, C-contiguous float64 array of that shape."""
-    try:
-        raw = np.asarray(value)
-    except ValueError:
-        raise AnswerError(f"{what} is {_named(value)}, expected an array of numbers") from None
-    if raw.dtype.kind not in "fiub":
-        raise AnswerError(f"{what} has values of type {raw.dtype}, expected float64")
-    if raw.shape != shape:
-        raise AnswerError(f"{what} has shape {raw.shape}, expected {shape}")
-    return read_only(raw.astype(np.float64, copy=False))
+_FLOATS: set[type[Any]] = {float}
+_TEXTS: set[type[Any]] = {str}
 
 
-@numba.njit(cache=True)
-def _are_degrees(values: Array) -> bool:  # pragma: no cover - compiled
-    """Whether all ``values`` are in [0, 1], up to rounding; NaN is not."""
-    valid = True
-    for value in values.flat:
-        valid = valid and bool(0.0 <= value <= 1.0 + _ROUNDING)
-    return valid
+def _immutable_of(value: Any, types: set[type[Any]]) -> bool:
+    """Whether ``value`` is an immutable, not empty mapping of bounded texts to items of ``types``.
+
+    Its length is bounded as well.
+    """
+    return (
+        type(value) is MappingProxyType
+        and 0 < len(value) <= MAX_ITEMS
+        and set(map(type, value.values())) == types
+        and set(map(type, value)) == _TEXTS
+        and max(map(len, value)) <= _MAX_TEXT
+    )
 
 
 def _named(value: object) -> str:

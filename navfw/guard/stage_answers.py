@@ -1,4 +1,4 @@
-"""The check of each stage's answer: what passes between stages, made anew from what a plugin said.
+"""The check of each stage's answer: what passes between stages.
 
 Each function takes the answer and, where needed, what it must agree with, and raises
 ``AnswerError``.
@@ -7,24 +7,35 @@ Each function takes the answer and, where needed, what it must agree with, and r
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Callable, Mapping
 from functools import lru_cache
-from typing import Any
+from types import MappingProxyType
+from typing import Any, TypeVar
 
 import numpy as np
 
+from navfw.guard.answer_kernels import (
+    are_deviations,
+    are_finite_where,
+    are_within,
+    is_symmetric,
+)
 from navfw.guard.answers import (
     AnswerError,
     array,
+    contiguous,
     degree,
     degrees,
     instance,
     items,
     mapping,
     number,
+    numbers,
     pose,
+    real,
+    rebuilt,
     text,
+    texts,
     twist,
 )
 from navfw.signals import (
@@ -57,9 +68,13 @@ __all__ = [
     "check_weights",
 ]
 
+T = TypeVar("T")
+
 QUADRANTS = ("P1", "P2", "P3", "P4")
 _TERMS = ("near", "middle", "far")
-_LABELS = (min(Label), max(Label))
+_LABELS = (int(min(Label)), int(max(Label)))
+_INT8 = np.dtype(np.int8)
+_UNKNOWN = int(Label.UNKNOWN)
 
 
 def check_proposal(answer: Any, shape: tuple[int, int]) -> Proposal:
@@ -67,12 +82,14 @@ def check_proposal(answer: Any, shape: tuple[int, int]) -> Proposal:
     instance(answer, Proposal, "propose")
     if not callable(answer.explain):
         raise AnswerError("explain is no function")
-    return Proposal(
-        degree(answer.applicability, "applicability"),
-        degrees(answer.desirability, "desirability", shape),
-        degrees(answer.prohibition, "prohibition", shape),
-        text(answer.reason, "reason"),
-        answer.explain,
+    return rebuilt(
+        answer,
+        Proposal,
+        applicability=degree(answer.applicability, "applicability"),
+        desirability=degrees(answer.desirability, "desirability", shape),
+        prohibition=degrees(answer.prohibition, "prohibition", shape),
+        reason=text(answer.reason, "reason"),
+        explain=answer.explain,
     )
 
 
@@ -84,16 +101,16 @@ def check_weights(answer: Any) -> dict[str, float]:
 
 def check_command(answer: Any) -> Command:
     """A fusion's command."""
-    command = instance(answer, Command, "fuse")
-    weights = mapping(answer.weights, "weights")
-    return replace(
-        command,
+    instance(answer, Command, "fuse")
+    return rebuilt(
+        answer,
+        Command,
         time=number(answer.time, "time"),
         twist=twist(answer.twist, "twist"),
         leader=text(answer.leader, "leader"),
         reason=text(answer.reason, "reason"),
         emergency=bool(answer.emergency),
-        weights={name: number(weight, f"weight of {name}") for name, weight in weights.items()},
+        weights=numbers(answer.weights, "weights"),
         explanation=_explanation(answer.explanation),
     )
 
@@ -112,7 +129,9 @@ def check_flow(answer: Any, pair: FramePair) -> FlowField:
     shape = _grid_shape(answer.confidence)
     confidence = degrees(answer.confidence, "confidence", shape)
     hints = answer.inconsistency
-    return FlowField(
+    return rebuilt(
+        answer,
+        FlowField,
         time=number(answer.time, "time"),
         points=array(answer.points, "points", (*shape, 2)),
         vectors=array(answer.vectors, "vectors", (*shape, 2)),
@@ -135,31 +154,24 @@ def check_percept(answer: Any, flow: FlowField) -> Percept:
     label = np.asarray(answer.label)
     if label.dtype.kind not in "iu" or label.shape != shape:
         raise AnswerError(f"label is {label.dtype} of shape {label.shape}, expected int8, {shape}")
-    if label.size and not (_LABELS[0] <= label.min() and label.max() <= _LABELS[1]):
+    if not are_within(label, *_LABELS):
         raise AnswerError(f"label has values outside [{_LABELS[0]}, {_LABELS[1]}]")
-    known = confidence > 0.0
-    return Percept(
+    labelled = confidence * (label != _UNKNOWN)
+    return rebuilt(
+        answer,
+        Percept,
         time=number(answer.time, "time"),
         points=array(answer.points, "points", (*shape, 2)),
-        nearness=_finite_where(answer.nearness, "nearness", shape, known),
+        nearness=_finite_where(answer.nearness, "nearness", shape, confidence),
         sigma=_deviations(answer.sigma, shape, confidence),
         confidence=confidence,
-        height=_finite_where(answer.height, "height", shape, known & (label != Label.UNKNOWN)),
-        label=np.array(label, dtype=np.int8),
-        obstacles={
-            layer: {name: text(term, name) for name, term in mapping(names, layer).items()}
-            for layer, names in mapping(answer.obstacles, "obstacles").items()
-        },
+        height=_finite_where(answer.height, "height", shape, labelled),
+        label=contiguous(label, _INT8),
+        obstacles=_of_mappings(answer.obstacles, "obstacles", texts),
         quadrants=_quadrants(answer.quadrants),
-        planes=_numbers(answer.planes, "planes"),
-        slopes={
-            name: text(code, f"slope {name}")
-            for name, code in mapping(answer.slopes, "slopes").items()
-        },
-        situations={
-            name: degree(value, f"situation {name}")
-            for name, value in mapping(answer.situations, "situations").items()
-        },
+        planes=numbers(answer.planes, "planes"),
+        slopes=texts(answer.slopes, "slopes"),
+        situations=numbers(answer.situations, "situations", 0.0, 1.0),
         floor_in_front=degree(answer.floor_in_front, "floor_in_front"),
         sentence=text(answer.sentence, "sentence"),
         explanation=_explanation(answer.explanation),
@@ -173,29 +185,30 @@ def check_detections(answer: Any) -> tuple[LandmarkDetection, ...]:
 
 def _detection(answer: Any) -> LandmarkDetection:
     instance(answer, LandmarkDetection, "recognize")
-    return LandmarkDetection(
-        number(answer.time, "time"),
-        text(answer.identity, "identity"),
-        number(answer.bearing, "bearing"),
-        number(answer.range, "range", 0.0),
-        _covariance(answer.covariance, 2),
+    return rebuilt(
+        answer,
+        LandmarkDetection,
+        time=number(answer.time, "time"),
+        identity=text(answer.identity, "identity"),
+        bearing=number(answer.bearing, "bearing"),
+        range=number(answer.range, "range", 0.0),
+        covariance=_covariance(answer.covariance, 2),
     )
 
 
 def check_belief(answer: Any) -> Belief:
     """A localiser's belief."""
     instance(answer, Belief, "update")
-    return Belief(
-        number(answer.time, "time"),
-        pose(answer.pose, "pose"),
-        _covariance(answer.covariance, 3),
-        {
-            name: degree(share, f"probability of {name}")
-            for name, share in mapping(answer.places, "places").items()
-        },
-        degree(answer.confidence, "confidence"),
-        bool(answer.lost),
-        int(number(answer.updates, "updates", 0.0)),
+    return rebuilt(
+        answer,
+        Belief,
+        time=number(answer.time, "time"),
+        pose=pose(answer.pose, "pose"),
+        covariance=_covariance(answer.covariance, 3),
+        places=numbers(answer.places, "places", 0.0, 1.0),
+        confidence=degree(answer.confidence, "confidence"),
+        lost=bool(answer.lost),
+        updates=int(number(answer.updates, "updates", 0.0)),
     )
 
 
@@ -259,39 +272,35 @@ def _grid_shape(confidence: Any) -> tuple[int, int]:
     return shape[0], shape[1]
 
 
-def _finite_where(value: Any, what: str, shape: tuple[int, int], where: Any) -> Array:
-    """A new float64 array, finite ``where`` it is used; zero where it is not finite elsewhere."""
-    raw = np.asarray(value)
-    if raw.dtype.kind not in "fiub" or raw.shape != shape:
-        raise AnswerError(f"{what} is {raw.dtype} of shape {raw.shape}, expected float64, {shape}")
-    result: Array = np.array(raw, dtype=np.float64, order="C")
-    finite = np.isfinite(result)
-    if not finite.all() and not finite[where].all():
+def _finite_where(value: Any, what: str, shape: tuple[int, int], confidence: Array) -> Array:
+    """An immutable float64 array, finite wherever the confidence is not 0."""
+    result = real(value, what, shape)
+    if not are_finite_where(result, confidence):
         raise AnswerError(f"{what} has values that are not finite")
     return result
 
 
 def _deviations(value: Any, shape: tuple[int, int], confidence: Array) -> Array:
-    """Standard deviations: at least 0, finite where the confidence is not 0."""
-    sigma = _finite_where(value, "sigma", shape, confidence > 0.0)
-    if sigma.min() < 0.0:
-        raise AnswerError("sigma has negative values")
-    return sigma
+    """Standard deviations: at least 0, finite wherever the confidence is not 0."""
+    result = real(value, "sigma", shape)
+    if not are_deviations(result, confidence):
+        raise AnswerError("sigma has values that are negative or not finite")
+    return result
 
 
 def _covariance(value: Any, size: int) -> Array:
     """A symmetric covariance (size, size) without negative variances."""
     found = array(value, "covariance", (size, size))
-    if found.diagonal().min() < 0.0:
+    if min(found.diagonal().tolist()) < 0.0:
         raise AnswerError("covariance has a negative variance")
-    if np.abs(found - found.T).max() > 1e-6 * max(1.0, float(np.abs(found).max())):
+    if not is_symmetric(found):
         raise AnswerError("covariance is not symmetric")
     return found
 
 
-def _quadrants(value: Any) -> dict[str, dict[str, float]]:
+def _quadrants(value: Any) -> Mapping[str, Mapping[str, float]]:
     """Degrees of near, middle and far for each quadrant, the four of the image among them."""
-    found = {name: _numbers(terms, name) for name, terms in mapping(value, "quadrants").items()}
+    found = _of_mappings(value, "quadrants", numbers)
     for name in QUADRANTS:
         missing = [term for term in _TERMS if term not in found.get(name, {})]
         if missing:
@@ -299,8 +308,15 @@ def _quadrants(value: Any) -> dict[str, dict[str, float]]:
     return found
 
 
-def _numbers(value: Any, what: str) -> dict[str, float]:
-    return {name: number(item, f"{what}.{name}") for name, item in mapping(value, what).items()}
+def _of_mappings(
+    value: Any, what: str, check: Callable[[Any, str], Mapping[str, T]]
+) -> Mapping[str, Mapping[str, T]]:
+    """A mapping of texts to mappings, each checked; ``value`` itself if nothing has to change."""
+    found = mapping(value, what)
+    checked = {name: check(item, name) for name, item in found.items()}
+    if type(value) is MappingProxyType and all(checked[name] is found[name] for name in found):
+        return value
+    return checked
 
 
 def _width(value: Any) -> float:

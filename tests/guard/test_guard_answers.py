@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass, replace
 from functools import partial
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -210,3 +211,34 @@ def test_a_percept_names_the_four_quadrants() -> None:
     del quadrants["P3"]
     with pytest.raises(AnswerError, match=r"no P3.near"):
         check(replace(percept, quadrants=quadrants))  # type: ignore[type-var]
+
+
+@pytest.mark.parametrize("kind", ["percept", "belief", "proposal", "command", "twist", "detection"])
+def test_an_answer_that_needs_no_change_is_not_copied(kind: str) -> None:
+    answer, check = CHECKED[kind]
+    checked = check(answer)
+    assert check(checked) is checked
+
+
+def test_a_class_that_keeps_its_arrays_and_mappings_is_made_anew() -> None:
+    class Keeping(Belief):
+        def __post_init__(self) -> None:
+            pass
+
+    covariance, places = np.eye(3), {"a": 0.5}
+    answer = Keeping(1.0, Pose(0.0, 0.0, 0.0), covariance, MappingProxyType(places))
+    checked = stage_answers.check_belief(answer)
+    places["a"], covariance[:] = math.nan, math.nan
+    assert type(checked) is Belief
+    assert checked.places == {"a": 0.5}
+    assert (checked.covariance == np.eye(3)).all()
+
+
+@pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf, 1.1, -0.1, "a", 1j])
+def test_one_wrong_number_makes_a_mapping_invalid(wrong: Any) -> None:
+    right = {"a": 0.1, "b": 0.2, "c": 0.3}
+    assert answers.numbers(MappingProxyType(right), "x", 0.0, 1.0) == right
+    for name in right:
+        for kind in (dict, MappingProxyType):
+            with pytest.raises(AnswerError, match="x"):
+                answers.numbers(kind({**right, name: wrong}), "x", 0.0, 1.0)
