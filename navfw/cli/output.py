@@ -8,11 +8,22 @@ import json
 import os
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 import typer
 
-__all__ = ["console", "print_json", "print_status", "print_table", "print_tables", "quiet_stdout"]
+__all__ = [
+    "console",
+    "print_json",
+    "print_json_list",
+    "print_status",
+    "print_table",
+    "print_tables",
+    "quiet_stdout",
+    "quietly",
+]
+
+ItemT = TypeVar("ItemT")
 
 
 def print_status(text: str) -> None:
@@ -23,6 +34,34 @@ def print_status(text: str) -> None:
 def print_json(data: Mapping[str, Any] | Sequence[Mapping[str, Any]]) -> None:
     """Print one object, or a list of objects, on stdout."""
     typer.echo(json.dumps(data, indent=2, allow_nan=False))
+
+
+def print_json_list(items: Iterable[Mapping[str, Any]]) -> None:
+    """Print a list of objects on stdout, a line for each as soon as there is one.
+
+    The list is closed as well when ``items`` raises: what was printed stays valid JSON.
+    """
+    opening = "["
+    try:
+        for item in items:
+            typer.echo(opening + json.dumps(item, allow_nan=False))
+            opening = ","
+    finally:
+        if opening == ",":
+            typer.echo("]")
+    if opening == "[":
+        typer.echo("[]")
+
+
+def quietly(items: Iterable[ItemT]) -> Iterator[ItemT]:
+    """The ``items``; while each is made, stdout is redirected as by ``quiet_stdout``."""
+    iterator = iter(items)
+    while True:
+        with quiet_stdout():
+            item = next(iterator, None)
+        if item is None:
+            return
+        yield item
 
 
 @contextlib.contextmanager

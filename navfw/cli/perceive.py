@@ -2,21 +2,34 @@
 
 from __future__ import annotations
 
+import contextlib
+import math
 import re
+import time
+from collections.abc import Generator, Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import typer
 
-from navfw.cli.output import print_json, quiet_stdout
+from navfw.cli.output import print_json_list, print_status, quiet_stdout, quietly
 from navfw.errors import InputError
 
 if TYPE_CHECKING:
     from navfw.perceive.image_sources import ImageSource
+    from navfw.perceive.motion_record import MotionRecord
     from navfw.perceive.pair_result import PairResult
     from navfw.perceive.perceiver_options import PerceiverOptions
 
+    Assessed: TypeAlias = tuple[PairResult, dict[str, float | str]]
+
 __all__ = ["add_to"]
+
+FIRST_LINE = 2.0
+"""Wall time until the first line of progress [s]."""
+LINE_PERIOD = 5.0
+"""Wall time between two lines of progress [s]."""
 
 
 def add_to(app: typer.Typer) -> None:
@@ -25,7 +38,21 @@ def add_to(app: typer.Typer) -> None:
 
 
 Hfov = Annotated[
-    float, typer.Option(help="Horizontal field of view [degrees]; about 65 for a phone.")
+    float | None,
+    typer.Option(
+        help="Horizontal field of view [degrees]; by default 65 along the longer side of the"
+        " images, as of a phone.",
+        show_default=False,
+    ),
+]
+Calibration = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE",
+        help="Calibration of the camera instead of --hfov: YAML of OpenCV or ROS (camera_info)."
+        " Its lens distortion is removed.",
+        show_default=False,
+    ),
 ]
 Speed = Annotated[
     float | None,
@@ -48,12 +75,27 @@ Height = Annotated[
         show_default=False,
     ),
 ]
-Pitch = Annotated[float, typer.Option(help="Pitch of the camera, nose down positive [degrees].")]
+Pitch = Annotated[
+    float | None,
+    typer.Option(
+        help="Pitch of the camera, nose down positive [degrees]; by default 0.", show_default=False
+    ),
+]
 GyroFile = Annotated[
     Path | None,
     typer.Option(
-        help="CSV file: time [s], yaw_rate [rad/s] and, if known, pitch_rate, roll_rate; "
-        "by default the rotation is estimated from the flow.",
+        metavar="FILE",
+        help="CSV file: time [s], yaw_rate [rad/s] and, if known, pitch_rate, roll_rate; units may"
+        " be named in the header. By default the rotation is estimated from the flow.",
+        show_default=False,
+    ),
+]
+PoseFile = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE",
+        help="Poses of the camera instead of --gyro, in TUM format: time [s], tx ty tz [m],"
+        " qx qy qz qw. They give rotation and speed.",
         show_default=False,
     ),
 ]
@@ -84,12 +126,14 @@ def perceive(
         list[Path],
         typer.Argument(help="A folder of images, a video, or image files.", show_default=False),
     ],
-    hfov: Hfov = 65.0,
+    hfov: Hfov = None,
+    calibration: Calibration = None,
     speed: Speed = None,
     fps: Fps = None,
     height: Height = None,
-    pitch: Pitch = 0.0,
+    pitch: Pitch = None,
     gyro: GyroFile = None,
+    poses: PoseFile = None,
     flow: FlowPlugin = "block_matching",
     grid: Grid = "12x16",
     stride: Stride = None,
@@ -98,10 +142,12 @@ def perceive(
 ) -> None:
     """Run perception on recorded images. Lists obstacles, distances and the situation."""
     with quiet_stdout():
-        from navfw.perceive.gyro_record import load_gyro_record
+        from navfw.perceive.calibration_file import load_calibration
         from navfw.perceive.image_sources import open_source
         from navfw.perceive.perceiver_options import PerceiverOptions
 
+        _require_one("--hfov", hfov, "--calibration", calibration)
+        _require_one("--gyro", gyro, "--poses", poses)
         rows, cols = _grid(grid)
         options = PerceiverOptions(
             hfov=hfov,
@@ -112,51 +158,124 @@ def perceive(
             rows=rows,
             cols=cols,
             stride=stride,
-            gyro=None if gyro is None else load_gyro_record(gyro),
         )
-        images = open_source(source, fps)
-        results = _perceive_all(options, images, overlay)
-    notes = [*_notes(options, results), *images.notes]
-    if json:
-        from navfw.perceive.pair_report import as_data
+        camera = None if calibration is None else load_calibration(calibration)
+        images = open_source(source, fps, camera)
+        options = replace(options, gyro=_motion_record(gyro, poses, pitch or 0.0, images))
+    tally = _Tally(images.total)
+    with contextlib.closing(_results(options, images, overlay)) as results:
+        shown = tally.counted(quietly(results))
+        if json:
+            from navfw.perceive.pair_report import as_data
 
-        print_json([as_data(result) for result in results])
-    else:
-        _print(results, overlay)
-    for note in notes:
+            print_json_list({**as_data(one), "assumed": assumed} for one, assumed in shown)
+        else:
+            _print(shown, overlay)
+    for note in [*tally.notes(options), *images.notes]:
         typer.echo(f"note: {note}", err=True)
 
 
-def _print(results: list[PairResult], overlay: Path | None) -> None:
+def _print(results: Iterable[Assessed], overlay: Path | None) -> None:
+    from navfw.perceive.assumptions import assumptions_line
     from navfw.perceive.pair_report import as_line
 
-    typer.echo("    time    sure  contact  perceived")
-    for result in results:
+    header = True
+    for result, assumed in results:
+        if header:
+            typer.echo(assumptions_line(assumed))
+            typer.echo("    time    sure  contact  perceived")
+        header = False
         typer.echo(as_line(result))
     if overlay is not None:
         typer.echo(f"drawn to {overlay}")
 
 
-def _perceive_all(
+def _results(
     options: PerceiverOptions, images: ImageSource, overlay: Path | None
-) -> list[PairResult]:
-    """The results of all pairs of images; also drawn to ``overlay`` if given."""
+) -> Generator[Assessed]:
+    """The result of each pair of images and what it assumes; drawn to ``overlay`` if given."""
+    from navfw.perceive.assumptions import assumptions
+    from navfw.perceive.overlay import draw
     from navfw.perceive.overlay_output import open_output
     from navfw.perceive.perceiver import Perceiver
     from navfw.plugins import default_registry
 
     perceiver = Perceiver(options, images, default_registry())
-    if overlay is None:
-        return [result for _, result in perceiver.results()]
-    from navfw.perceive.overlay import draw
-
-    results = []
-    with open_output(overlay, images) as output:
+    with contextlib.ExitStack() as stack:
+        output = None if overlay is None else stack.enter_context(open_output(overlay, images))
         for item, result in perceiver.results():
             assert perceiver.size is not None  # noqa: S101 - known from the first image on
-            output.add(draw(item.image, result, perceiver.size))
-            results.append(result)
-    return results
+            if output is not None:
+                output.add(draw(item.image, result, perceiver.size))
+            yield result, assumptions(options, images, perceiver.size)
+
+
+def _motion_record(
+    gyro: Path | None, poses: Path | None, pitch: float, images: ImageSource
+) -> MotionRecord | None:
+    """The record of the camera's motion in a file, with times since the first image."""
+    from navfw.perceive.gyro_record import load_gyro_record
+    from navfw.perceive.motion_record import on_clock_of
+    from navfw.perceive.pose_record import load_pose_record
+
+    if gyro is not None:
+        return on_clock_of(images, load_gyro_record(gyro))
+    if poses is not None:
+        return on_clock_of(images, load_pose_record(poses, math.radians(pitch)))
+    return None
+
+
+def _require_one(option: str, value: object, other: str, other_value: object) -> None:
+    if value is not None and other_value is not None:
+        raise InputError(f"give {option} or {other}, not both", key=other)
+
+
+class _Tally:
+    """Counts results as they pass, and tells on stderr how far the work is.
+
+    ``total`` is the number of images, 0 if it is unknown.
+    """
+
+    def __init__(self, total: int) -> None:
+        self._total = total
+        self._pairs = self._metric = self._unmeasured = self._unknown = 0
+        self._next_line = time.monotonic() + FIRST_LINE
+
+    def counted(self, results: Iterable[Assessed]) -> Iterator[Assessed]:
+        """The ``results``; each is counted."""
+        for result, assumed in results:
+            self._pairs += 1
+            self._metric += result.scale.metric
+            self._unmeasured += result.turn_source == "flow"
+            self._unknown += not result.known
+            self._tell(result.time)
+            yield result, assumed
+
+    def notes(self, options: PerceiverOptions) -> list[str]:
+        """Remarks on the assumptions behind the results, and on gaps."""
+        notes = []
+        if not options.speed and not self._metric:
+            zero = "--speed 0 is taken as unknown" if options.speed == 0.0 else "no --speed given"
+            notes.append(
+                f"{zero}: near, middle and far refer to the time to contact; no distances in metres"
+            )
+        if options.gyro is not None:
+            notes += options.gyro.notes
+            if self._unmeasured:
+                notes.append(
+                    f"the {options.gyro.source} record has gaps in {self._unmeasured} of "
+                    f"{self._pairs} pairs of images"
+                )
+        if self._unknown:
+            notes.append(f"{self._unknown} of {self._pairs} pairs of images give no result")
+        return notes
+
+    def _tell(self, seconds: float) -> None:
+        now = time.monotonic()
+        if now >= self._next_line:
+            self._next_line = now + LINE_PERIOD
+            total = f" of {self._total}" if self._total else ""
+            print_status(f"perceive: {self._pairs + 1}{total} images, {seconds:.1f} s")
 
 
 def _grid(text: str) -> tuple[int, int]:
@@ -164,27 +283,3 @@ def _grid(text: str) -> tuple[int, int]:
     if found is None:
         raise InputError(f"expected ROWSxCOLUMNS such as 12x16, got {text!r}", key="--grid")
     return int(found[1]), int(found[2])
-
-
-def _notes(options: PerceiverOptions, results: list[PairResult]) -> list[str]:
-    """Remarks on the assumptions behind the results, and on gaps."""
-    notes = []
-    if not options.speed and not any(result.scale.metric for result in results):
-        zero = "--speed 0 is taken as unknown" if options.speed == 0.0 else "no --speed given"
-        notes.append(
-            f"{zero}: near, middle and far refer to the time to contact; no distances in metres"
-        )
-    if options.gyro is not None:
-        if options.gyro.note is not None:
-            notes.append(options.gyro.note)
-        gaps = sum(result.turn_source != "gyro" for result in results)
-        if gaps == len(results):
-            raise InputError(
-                "expected readings within the time of the images, got none", key="--gyro"
-            )
-        if gaps:
-            notes.append(f"the gyro's record has gaps in {gaps} of {len(results)} pairs of images")
-    unknown = sum(not result.known for result in results)
-    if unknown:
-        notes.append(f"{unknown} of {len(results)} pairs of images give no result")
-    return notes

@@ -22,6 +22,8 @@ MAX_BYTES = 100_000_000
 MAX_PIXELS = 64_000_000
 """Largest number of pixels of an image: 192 MB in colour. Cameras of phones deliver 12 to 50."""
 
+_HEIC = {b"ftyp" + kind for kind in (b"heic", b"heix", b"hevc", b"heim", b"heis", b"mif1", b"msf1")}
+
 
 def read_image(
     path: str | Path, flags: int = cv2.IMREAD_COLOR, max_bytes: int = MAX_BYTES
@@ -39,6 +41,8 @@ def read_image(
         raise ConfigError(
             f"the image is too large: {width} x {height} pixels, at most {MAX_PIXELS}", file=name
         )
+    if _ends_early(data):
+        raise ConfigError("the image is damaged: the file ends early", file=name)
     try:
         image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), flags)
     except cv2.error:
@@ -50,6 +54,12 @@ def read_image(
 
 def _declared_size(data: bytes, name: str) -> tuple[int, int]:
     """Width and height [px] by the header of an image file; its pixels are not decoded."""
+    if data[4:12] in _HEIC:
+        raise ConfigError(
+            "is a HEIC image, which is not supported; save it as JPEG or PNG (a telephone's camera "
+            "has a setting for it, such as 'Most Compatible')",
+            file=name,
+        )
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # remarks on the size, which is checked here
@@ -61,3 +71,16 @@ def _declared_size(data: bytes, name: str) -> tuple[int, int]:
         raise ConfigError("the image is too large", file=name) from None
     except Exception:  # the readers of Pillow raise many kinds of errors for damaged headers
         raise ConfigError("is not a readable image; give a PNG or JPEG file", file=name) from None
+
+
+def _ends_early(data: bytes) -> bool:
+    """Whether a JPEG has no end: OpenCV would fill what is missing with grey."""
+    if not data.startswith(b"\xff\xd8"):
+        return False
+    at = 2
+    while data[at : at + 1] == b"\xff":
+        if data[at + 1 : at + 2] == b"\xda":  # the pixels begin: no other marker has its bytes
+            return data.find(b"\xff\xd9", at) < 0
+        filler = data[at + 1 : at + 2] == b"\xff"
+        at += 1 if filler else 2 + int.from_bytes(data[at + 2 : at + 4], "big")
+    return at >= len(data)

@@ -5,26 +5,32 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 
-from navfw.config.input_file import read_input_text
-from navfw.errors import InputError, did_you_mean
+from navfw.config.input_file import read_input_text, shown_path
+from navfw.errors import InputError
+from navfw.perceive.gyro_columns import COLUMNS, RATES, GyroColumn, column_of
 from navfw.signals import Array
 
-__all__ = ["COLUMNS", "RATES", "GyroRecord", "load_gyro_record", "rotation_from_vector"]
+__all__ = ["GyroRecord", "load_gyro_record", "rotation_from_vector"]
 
-COLUMNS = ("time", "yaw_rate", "pitch_rate", "roll_rate")
-"""Columns of a record: time [s] and rates [rad/s], positive for a turn to the left (yaw), nose down
-(pitch) and right side down (roll)."""
-RATES = COLUMNS[1:]
-_ALIASES = {"t": "time", "yaw": "yaw_rate", "pitch": "pitch_rate", "roll": "roll_rate"}
-_FASTEST = 50.0  # rad/s: above the range of gyros; larger values are probably degrees per second
+_FASTEST = 10.0
+"""Largest rate [rad/s]: a camera that turns faster sees nothing but blur, so larger values have
+another unit."""
+_SLOWEST = 2.0
+"""Longest usual interval of samples [s]: longer ones are probably not in seconds."""
 _MAX_BYTES = 50_000_000
 """Largest size of a record [byte]: 15 minutes of readings at 1 kHz."""
+_LEAST_DURATION = 10.0  # s
+_LARGEST_TILT = 0.5 * math.pi
+"""Net pitch and roll [rad] of a record of at least ``_LEAST_DURATION`` that no camera has: beyond,
+its mean rate is the gyro's offset."""
+_OPTION = "--gyro"
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,15 +38,19 @@ class GyroRecord:
     """Samples in ascending order: ``times`` (n,) [s], ``rates`` (n, 3) [rad/s] roll, pitch, yaw.
 
     ``measured`` names the rates in the record; the others are 0. ``longest_gap`` [s] is the largest
-    interval between neighbouring samples of a continuous record. Samples without a number are left
-    out; ``note`` gives their number, None if there are none.
+    interval between neighbouring samples of a continuous record. ``notes`` are remarks for the
+    user: samples without a number, which are left out, offsets and unused columns. ``file`` and
+    ``option`` name the record in messages.
     """
 
     times: Array
     rates: Array
     longest_gap: float
     measured: frozenset[str] = frozenset(RATES)
-    note: str | None = None
+    notes: tuple[str, ...] = ()
+    file: str = ""
+    option: str = _OPTION
+    source: str = "gyro"
 
     def rotation_between(self, begin: float, end: float) -> Array | None:
         """Rotation vector (3,) [rad] about base_link's x, y, z from ``begin`` to ``end`` [s].
@@ -67,6 +77,14 @@ class GyroRecord:
         middle = 0.5 * (rates[1:] + rates[:-1])
         return np.asarray((middle * np.diff(knots)[:, None]).sum(axis=0))
 
+    def translation_between(self, _begin: float, _end: float) -> Array | None:
+        """None: a gyro does not measure translation."""
+        return None
+
+    def shifted(self, seconds: float) -> Self:
+        """The same record with times later by ``seconds``."""
+        return replace(self, times=self.times + seconds)
+
 
 def rotation_from_vector(vector: Array) -> Array:
     """Rotation matrix (3, 3) about ``vector`` by its length [rad] (Rodrigues' formula)."""
@@ -80,55 +98,61 @@ def rotation_from_vector(vector: Array) -> Array:
 
 
 def load_gyro_record(path: Path) -> GyroRecord:
-    """Read a CSV file of ``COLUMNS`` (the last two may be missing), with or without a header.
+    """Read a CSV file with the columns time, yaw_rate and, if known, pitch_rate and roll_rate.
 
+    Without a header these are the columns, in s and rad/s. A header may name them in other words
+    and units (``navfw.perceive.gyro_columns``), in any order, among columns of other quantities.
     Rows with a missing or NaN value are left out and make a gap.
 
     Raises:
-        InputError: the file is not readable, has an unknown column, a value that is not a number,
-            times that do not increase, rates that can only be degrees per second, or fewer than two
-            samples; with file and line.
+        InputError: the file is not readable, lacks a column, has a misspelt one or an unknown unit,
+            a value that is not a number, times that do not increase, values that can only be in
+            another unit, or fewer than two samples; with file and line.
 
     """
-    names: list[str] | None = None
-    times: list[float] = []
-    rates: list[tuple[float, float, float]] = []
+    columns: list[GyroColumn | None] = []
+    samples: list[tuple[float, float, float, float]] = []
+    notes: list[str] = []
     left_out = 0
-    previous = -math.inf
     for line, row in _rows(path):
-        if names is None:
-            names, is_header = _columns(path, line, row)
+        if not columns:
+            columns, is_header = _columns(path, line, row)
             if is_header:
+                unused = [cell for cell, column in zip(row, columns, strict=True) if column is None]
+                notes += [f"gyro columns not used: {', '.join(unused)}"] if unused else []
                 continue
-        time, *rate = _numbers(path, line, row, names)
-        if not math.isfinite(time) or not all(map(math.isfinite, rate)):
+        sample = _numbers(path, line, row, columns)
+        if not all(map(math.isfinite, sample)):
             left_out += 1
             continue
-        if time <= previous:
-            raise InputError(
-                f"time {time:g} s does not come after {previous:g} s", file=path, line=line
-            )
-        if max(map(abs, rate)) > _FASTEST:
-            raise InputError(
-                f"a rate of {max(map(abs, rate)):g} rad/s is above {_FASTEST:g}; are these "
-                "degrees per second?",
-                file=path,
-                line=line,
-            )
-        previous = time
-        times.append(time)
-        rates.append((rate[0], rate[1], rate[2]))
-    if len(times) < 2:
+        _check(path, line, sample, samples[-1][0] if samples else -math.inf)
+        samples.append(sample)
+    if len(samples) < 2:
         raise InputError(
-            f"has {len(times) or 'no'} usable gyro sample; at least two are needed", file=path
+            f"has {len(samples) or 'no'} usable gyro sample; at least two are needed",
+            file=shown_path(path),
         )
-    note = (
-        f"{left_out} of {left_out + len(times)} gyro samples are not numbers" if left_out else None
+    if left_out:
+        total = left_out + len(samples)
+        notes.append(f"{left_out} of {total} gyro samples are not numbers")
+    table = np.array(samples)
+    interval = float(np.median(np.diff(table[:, 0])))
+    if interval > _SLOWEST:
+        raise InputError(
+            f"samples are {interval:g} s apart; if the times have another unit, name it in the "
+            "header: time_ms, time_us or time_ns",
+            file=shown_path(path),
+        )
+    rates, offsets = _without_offsets(table[:, 0], table[:, 1:])
+    measured = frozenset(column.name for column in columns if column is not None) & frozenset(RATES)
+    return GyroRecord(
+        times=table[:, 0],
+        rates=rates,
+        longest_gap=2.5 * interval,
+        measured=measured,
+        notes=(*notes, *offsets),
+        file=shown_path(path),
     )
-    steps = np.diff(times)
-    measured = frozenset(names or ()) & frozenset(RATES)
-    longest_gap = 2.5 * float(np.median(steps))
-    return GyroRecord(np.array(times), np.array(rates), longest_gap, measured, note)
 
 
 def _rows(path: Path) -> Iterator[tuple[int, list[str]]]:
@@ -143,8 +167,9 @@ def _rows(path: Path) -> Iterator[tuple[int, list[str]]]:
         raise InputError(f"is not a CSV file: {error}", file=path, line=reader.line_num) from None
 
 
-def _columns(path: Path, line: int, row: list[str]) -> tuple[list[str], bool]:
-    """Names of the columns, and whether ``row`` is the header."""
+def _columns(path: Path, line: int, row: list[str]) -> tuple[list[GyroColumn | None], bool]:
+    """The columns, and whether ``row`` is the header."""
+    file = shown_path(path)
     try:
         float(row[0])
     except ValueError:
@@ -152,37 +177,75 @@ def _columns(path: Path, line: int, row: list[str]) -> tuple[list[str], bool]:
     else:
         if not 2 <= len(row) <= len(COLUMNS):
             raise InputError(
-                f"has {len(row)} columns; expected {', '.join(COLUMNS[:2])} [, "
+                f"has {len(row)} columns and no header; expected {', '.join(COLUMNS[:2])} [, "
                 f"{', '.join(COLUMNS[2:])}]",
-                file=path,
+                file=file,
                 line=line,
             )
-        return list(COLUMNS[: len(row)]), False
-    names = []
-    for cell in row:
-        name = cell.lower().split("[")[0].split("(")[0].strip().replace(" ", "_")
-        name = _ALIASES.get(name, name)
-        if name not in COLUMNS:
-            raise InputError(
-                f"unknown column {cell!r}: {did_you_mean(name, COLUMNS)}", file=path, line=line
-            )
-        names.append(name)
+        return [GyroColumn(name, 1.0, False) for name in COLUMNS[: len(row)]], False
+    try:
+        columns = [column_of(cell) for cell in row]
+    except ValueError as error:
+        raise InputError(str(error), file=file, line=line) from None
+    names = [column.name for column in columns if column is not None]
     for needed in COLUMNS[:2]:
         if needed not in names:
-            raise InputError(f"has no column {needed!r}", file=path, line=line)
-    return names, True
+            raise InputError(f"has no column {needed!r}", file=file, line=line)
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"has several columns of {name!r}; keep one", file=file, line=line)
+    return columns, True
 
 
 def _numbers(
-    path: Path, line: int, row: list[str], names: list[str]
+    path: Path, line: int, row: list[str], columns: Sequence[GyroColumn | None]
 ) -> tuple[float, float, float, float]:
-    """Time, roll, pitch and yaw rate of a row; an empty cell is NaN."""
-    if len(row) != len(names):
-        raise InputError(f"has {len(row)} values, not {len(names)}", file=path, line=line)
+    """Time [s], roll, pitch and yaw rate [rad/s] of a row; an empty cell is NaN."""
+    if len(row) != len(columns):
+        raise InputError(
+            f"has {len(row)} values, not {len(columns)}", file=shown_path(path), line=line
+        )
     values = dict.fromkeys(COLUMNS, 0.0)
-    for name, cell in zip(names, row, strict=True):
+    for column, cell in zip(columns, row, strict=True):
+        if column is None:
+            continue
         try:
-            values[name] = float(cell) if cell else math.nan
+            values[column.name] = column.unit * float(cell) if cell else math.nan
         except ValueError:
-            raise InputError(f"{cell!r} is not a number", file=path, line=line, key=name) from None
+            raise InputError(
+                f"{cell!r} is not a number", file=shown_path(path), line=line, key=column.name
+            ) from None
     return values["time"], values["roll_rate"], values["pitch_rate"], values["yaw_rate"]
+
+
+def _check(
+    path: Path, line: int, sample: tuple[float, float, float, float], previous: float
+) -> None:
+    """Refuse a sample that is not later than the ``previous`` one [s], or turns too fast."""
+    time, fastest = sample[0], max(map(abs, sample[1:]))
+    if time <= previous:
+        raise InputError(
+            f"time {time:g} s does not come after {previous:g} s; sort the rows by time",
+            file=shown_path(path),
+            line=line,
+        )
+    if fastest > _FASTEST:
+        raise InputError(
+            f"a rate of {fastest:g} rad/s is above {_FASTEST:g}; are these degrees per second? "
+            "Name the unit in the header: yaw_rate_deg_s, or yaw_rate [mdeg/s]",
+            file=shown_path(path),
+            line=line,
+        )
+
+
+def _without_offsets(times: Array, rates: Array) -> tuple[Array, list[str]]:
+    """``rates`` without the offsets of roll and pitch that can be told, and notes on them."""
+    duration = float(times[-1] - times[0])
+    notes = []
+    rates = rates.copy()
+    for axis, name in ((0, "roll"), (1, "pitch")):
+        offset = float(rates[:, axis].mean())
+        if duration >= _LEAST_DURATION and abs(offset) * duration > _LARGEST_TILT:
+            rates[:, axis] -= offset
+            notes.append(f"the gyro's {name} rate has an offset of {offset:.4f} rad/s: removed")
+    return rates, notes

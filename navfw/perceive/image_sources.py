@@ -2,200 +2,249 @@
 
 from __future__ import annotations
 
-import contextlib
-import itertools
 import math
-import os
-import re
-import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 
-from navfw.config.image_file import MAX_PIXELS, read_image
-from navfw.config.input_file import is_file, is_folder, no_such_file, open_input, shown_path
+from navfw.config.image_file import read_image
+from navfw.config.input_file import is_file, is_folder, no_such_file, shown_path
 from navfw.errors import InputError
+from navfw.perceive.calibration_file import CameraCalibration
+from navfw.perceive.image_order import natural_key, require_order, times_in_names
+from navfw.perceive.pixel_range import DeepImage, PixelRange, as_pixels
+from navfw.perceive.undistortion import Undistortion
+from navfw.perceive.video_file import FRAME_RATE, FRAME_RATES, VideoFile
 from navfw.signals import Image
 
-__all__ = [
-    "FRAME_RATE",
-    "IMAGES",
-    "VIDEOS",
-    "ImageSource",
-    "SourceImage",
-    "natural_key",
-    "open_source",
-]
+__all__ = ["IMAGES", "VIDEOS", "ImageSource", "SourceImage", "open_source"]
 
 IMAGES = frozenset(
     {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm", ".pnm", ".webp"}
+    | {".heic", ".heif", ".hif"}
 )
-"""Suffixes of image files."""
+"""Suffixes of image files; those of HEIC are refused one by one, with what to do."""
 VIDEOS = frozenset({".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg", ".wmv"})
 """Suffixes of video files."""
-FRAME_RATE = 10.0
-"""Frame rate assumed if none is known [1/s]."""
-_FRAME_RATES = (0.01, 10_000.0)
-_MAX_VIDEO = 20_000_000_000
-"""Largest size of a video file [byte]; it is read frame by frame."""
-_FRAME_SIZE = (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)
+LONGEST_GAP = 0.5
+"""Time without an image [s] after which images are not compared with those before, unless images
+are so rare that it is less than ``_GAP_STEPS`` of their usual interval."""
+_GAP_STEPS = 3.5
+_SAMPLES = 9  # number of images from which the range of pixels of more than 8 bits is found
+_NAMED = 3  # number of things of a kind that a note names
 
 
 @dataclass(frozen=True, slots=True)
 class SourceImage:
-    """One image of a source: ``image`` (height, width, 3) uint8 BGR, at ``time`` [s]."""
+    """One image of a source: ``image`` (height, width, 3) uint8 BGR, at ``time`` [s].
+
+    ``after_gap``: the time since the image before it is too long for comparing the two.
+    """
 
     name: str
     time: float
     image: Image
+    after_gap: bool = False
 
 
 class ImageSource:
     """Images of one size in the order of time, for a single iteration.
 
-    ``rate`` [1/s] is the frame rate; ``notes`` are remarks for the user: assumptions, and
-    irregularities found while reading.
+    ``rate`` [1/s] is the usual frame rate; ``total`` the number of images, 0 if unknown;
+    ``duration`` [s] the time from the first to the last, inf if unknown; ``start`` [s] the time of
+    the first image where the names of the files tell it, else None.
+    ``notes`` are remarks for the user: assumptions, and irregularities found while reading. With a
+    ``calibration``, images are without lens distortion, and ``hfov`` [rad] is their horizontal
+    field of view from the first image on; otherwise it is None.
     """
 
-    def __init__(self, rate: float, notes: Sequence[str]) -> None:
+    def __init__(
+        self, rate: float, total: int, notes: Sequence[str], calibration: CameraCalibration | None
+    ) -> None:
         self.rate = rate
+        self.total = total
+        self.duration = (total - 1) / rate if total else math.inf
         self.notes = list(notes)
+        self.start: float | None = None
+        self.hfov: float | None = None
+        self._calibration = calibration
 
     def __iter__(self) -> Iterator[SourceImage]:
         """The images.
 
         Raises:
-            InputError: an image cannot be read, sizes differ, or there are fewer than two.
+            InputError: an image cannot be read, sizes differ, there are fewer than two, or the
+                calibration is not for them.
 
         """
         first: SourceImage | None = None
-        count = 0
+        straighten: Undistortion | None = None
+        longest = max(LONGEST_GAP, _GAP_STEPS / self.rate)
+        gaps: list[str] = []
+        last, count = 0.0, 0
         for item in self._items():
             if first is None:
-                first = item
+                first, last = item, item.time
+                straighten = self._undistortion(item.image)
             elif item.image.shape != first.image.shape:
                 raise InputError(
                     f"is {_size(item.image)}, but {first.name} is {_size(first.image)}: "
                     "all images must have one size",
                     file=item.name,
                 )
+            image = item.image if straighten is None else straighten.apply(item.image)
+            after_gap = item.time - last > longest
+            if after_gap:
+                gaps.append(f"{item.time - last:.2f} s before {item.name}")
+            last = item.time
             count += 1
-            yield item
+            yield replace(item, image=image, after_gap=after_gap)
+        if gaps:
+            self.notes.append(f"not compared across gaps in time: {_listed(gaps)}")
         if count < 2:
             raise InputError(f"{self} has {count or 'no'} image; flow needs at least two")
+
+    def _undistortion(self, image: Image) -> Undistortion | None:
+        if self._calibration is None:
+            return None
+        straighten = Undistortion(self._calibration, image.shape[1], image.shape[0])
+        self.hfov = straighten.hfov
+        self.notes += straighten.notes
+        return straighten
 
     def _items(self) -> Iterator[SourceImage]:
         raise NotImplementedError
 
 
 class _Files(ImageSource):
-    def __init__(self, paths: Sequence[Path], fps: float | None, named: str) -> None:
+    def __init__(
+        self,
+        paths: Sequence[Path],
+        fps: float | None,
+        calibration: CameraCalibration | None,
+        named: str,
+    ) -> None:
         notes: list[str] = []
-        times = None if fps is not None else _times_in_names(paths)
-        if times is None:
+        by_name = None if fps is not None else times_in_names(paths)
+        if by_name is None:
             rate = FRAME_RATE if fps is None else fps
             times = [i / rate for i in range(len(paths))]
             if fps is None:
                 notes.append(f"no --fps given: {rate:g} images a second assumed")
         else:
-            rate = (len(times) - 1) / (times[-1] - times[0])
+            times = list(by_name.times)
+            rate = 1.0 / float(np.median(np.diff(times)))
             notes.append(f"times taken from the file names: {rate:.1f} images a second")
-        super().__init__(rate, notes)
+        super().__init__(rate, len(paths), notes, calibration)
+        self.start = None if by_name is None else by_name.start
+        self.duration = times[-1]
         self._paths, self._times, self._named = paths, times, named
+        self._range: PixelRange | None = None
 
     def __str__(self) -> str:
         return self._named
 
     def _items(self) -> Iterator[SourceImage]:
+        """The readable images; the others are left out, as long as there are two."""
+        broken: list[InputError] = []
         for path, time in zip(self._paths, self._times, strict=True):
-            yield SourceImage(path.name, time, np.asarray(read_image(path), np.uint8))
+            try:
+                image = self._in_8_bits(_read(path))
+            except InputError as error:
+                broken.append(error)
+                continue
+            yield SourceImage(path.name, time, image)
+        if len(self._paths) - len(broken) < 2 and broken:
+            raise broken[0]
+        if broken:
+            which = _listed([str(error) for error in broken])
+            self.notes.append(f"{len(broken)} of {len(self._paths)} images left out: {which}")
+        if self._range is not None and self._range.brighter:
+            self.notes.append(
+                f"{self._range.brighter} images have pixels beyond {self._range.bits} bits, cut off"
+            )
+
+    def _in_8_bits(self, image: DeepImage) -> Image:
+        if image.dtype == np.uint8:
+            return np.asarray(image, np.uint8)
+        if self._range is None:
+            self._range = PixelRange([image, *self._samples()])
+            bits, brightest = self._range.bits, self._range.brightest
+            self.notes.append(
+                f"images of 16 bits with values up to {brightest}: taken as {bits} bits"
+            )
+        return self._range.to_8_bits(image)
+
+    def _samples(self) -> Iterator[DeepImage]:
+        """Readable images of 16 bits spread over the sequence."""
+        steps = np.linspace(0, len(self._paths) - 1, min(_SAMPLES, len(self._paths)))
+        for k in sorted({round(step) for step in steps.tolist()}):
+            try:
+                image = _read(self._paths[k])
+            except InputError:
+                continue  # told when it is its turn
+            if image.dtype == np.uint16:
+                yield image
 
 
 class _Video(ImageSource):
-    def __init__(self, path: Path, fps: float | None) -> None:
+    def __init__(
+        self, path: Path, fps: float | None, calibration: CameraCalibration | None
+    ) -> None:
         self._path = path
-        with open_input(path, _MAX_VIDEO), _silent():
-            self._film = cv2.VideoCapture(str(path))
-        width, height = (self._film.get(side) for side in _FRAME_SIZE)
-        if not (self._film.isOpened() and width * height > 0.0):
-            raise InputError("is not a readable video or image", file=shown_path(path))
-        if width * height > MAX_PIXELS:
-            what = f"the video's frames are too large: {width:.0f} x {height:.0f} pixels"
-            raise InputError(f"{what}, at most {MAX_PIXELS}", file=shown_path(path))
-        rate, notes = fps, []
-        if rate is None:
-            rate = float(self._film.get(cv2.CAP_PROP_FPS))
-            if not (math.isfinite(rate) and _FRAME_RATES[0] <= rate <= _FRAME_RATES[1]):
-                rate = FRAME_RATE
-                notes.append(f"the video has no frame rate: {rate:g} images a second assumed")
-        super().__init__(rate, notes)
+        self._film = VideoFile(path, fps)
+        super().__init__(self._film.rate, self._film.promised, (), calibration)
+        self.notes = self._film.notes
 
     def __str__(self) -> str:
         return str(self._path)
 
     def _items(self) -> Iterator[SourceImage]:
-        promised = int(self._film.get(cv2.CAP_PROP_FRAME_COUNT))
-        count = 0
-        try:
-            while True:
-                with _silent():
-                    good, image = self._film.read()
-                if not good:
-                    break
-                yield SourceImage(f"frame {count}", count / self.rate, np.asarray(image, np.uint8))
-                count += 1
-        finally:
-            self._film.release()
-        if count == 0:
-            raise InputError("is a video without a readable frame", file=self._path)
-        # containers estimate their length; a difference of more than a few frames means truncation
-        if promised > count + 5:
-            self.notes.append(f"only {count} of {promised} frames of the video could be read")
+        for count, (time, image) in enumerate(self._film.frames()):
+            yield SourceImage(f"frame {count}", time, image)
 
 
-def open_source(paths: Sequence[Path], fps: float | None = None) -> ImageSource:
+def open_source(
+    paths: Sequence[Path],
+    fps: float | None = None,
+    calibration: CameraCalibration | None = None,
+) -> ImageSource:
     """The images in ``paths``: one folder, one video, or image files.
 
     Image files are read in natural order (``image_2`` before ``image_10``), unless ``paths`` is not
     sorted alphabetically: then its order is kept. ``fps`` [1/s] overrides the frame rate of a video
-    and time stamps in file names.
+    and time stamps in file names. With a ``calibration`` the lens distortion is removed.
 
     Raises:
-        InputError: a path does not exist or cannot be read, or there are no images.
+        InputError: a path does not exist or cannot be read, there are no images, or they are not in
+            the order of time.
 
     """
-    low, high = _FRAME_RATES
+    low, high = FRAME_RATES
     if fps is not None and not low <= fps <= high:
         raise InputError(f"must be between {low:g} and {high:g}, got {fps:g}", key="--fps")
     for path in paths:
         if not is_file(path) and not is_folder(path):
             raise no_such_file(path)
     if len(paths) == 1 and is_folder(paths[0]):
-        return _Files(_images_in(paths[0]), fps, f"the folder {paths[0]}")
+        return _Files(_images_in(paths[0]), fps, calibration, f"the folder {paths[0]}")
     for path in paths:
         if is_folder(path):
             raise InputError("give one folder, or image files, not both", file=path)
     if len(paths) == 1 and paths[0].suffix.lower() not in IMAGES:
-        return _Video(paths[0], fps)
+        return _Video(paths[0], fps, calibration)
     for path in paths:
         if path.suffix.lower() in VIDEOS:
             raise InputError("give one video, or image files, not both", file=path)
     ordered = list(paths)
     if ordered == sorted(ordered):
         ordered.sort(key=natural_key)
-    return _Files(ordered, fps, str(paths[0]) if len(paths) == 1 else "the list of files")
-
-
-def natural_key(path: Path) -> list[tuple[int, int, str]]:
-    """Sort key of file names that compares the numbers in them by value."""
-    return [
-        (0, int(part), part) if part.isdigit() else (1, 0, part.lower())
-        for part in re.split(r"([0-9]+)", path.name)
-        if part
-    ]
+    require_order(ordered)
+    named = str(paths[0]) if len(paths) == 1 else "the list of files"
+    return _Files(ordered, fps, calibration, named)
 
 
 def _images_in(folder: Path) -> list[Path]:
@@ -211,28 +260,16 @@ def _images_in(folder: Path) -> list[Path]:
     raise InputError(f"contains no images{hint}", file=folder)
 
 
-def _times_in_names(paths: Sequence[Path]) -> list[float] | None:
-    """Times [s] since the first image if all names are time stamps in seconds, otherwise None."""
-    if len(paths) < 2 or not all(re.fullmatch(r"[0-9]+\.[0-9]+", path.stem) for path in paths):
-        return None
-    stamps = [float(path.stem) for path in paths]
-    times = [stamp - stamps[0] for stamp in stamps]
-    ascending = all(b > a for a, b in itertools.pairwise(times))
-    return times if ascending else None
+def _read(path: Path) -> DeepImage:
+    """The image in a file, upright by its EXIF data, with 8 or 16 bits."""
+    image = read_image(path, cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH)
+    return as_pixels(image, shown_path(path))
 
 
-@contextlib.contextmanager
-def _silent() -> Iterator[None]:
-    """Suppress the messages that video decoders write to stderr; errors are raised instead."""
-    sys.stderr.flush()
-    saved, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, 2)
-    try:
-        yield
-    finally:
-        os.dup2(saved, 2)
-        os.close(saved)
-        os.close(nowhere)
+def _listed(things: Sequence[str]) -> str:
+    """The first of ``things``, and how many more there are."""
+    more = [f"and {len(things) - _NAMED} more"] if len(things) > _NAMED else []
+    return "; ".join([*things[:_NAMED], *more])
 
 
 def _size(image: Image) -> str:

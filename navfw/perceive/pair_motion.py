@@ -9,7 +9,8 @@ import numpy as np
 
 from navfw.flow.derotation import derotate, rotate_points
 from navfw.flow.refinement import Refinement, RefinementParams, refine
-from navfw.perceive.gyro_record import RATES, rotation_from_vector
+from navfw.perceive.gyro_columns import RATES
+from navfw.perceive.gyro_record import rotation_from_vector
 from navfw.robot import CameraModel
 from navfw.signals import Array, CameraMotion, FlowField
 

@@ -17,10 +17,10 @@ class PairResult:
     ``flow`` is derotated and refers to the working image. ``focus`` (x, y) is the focus of
     expansion [px from the top left of the original image], None where it is unknown.
     ``rotation_vector`` (3,) [rad] is the camera's rotation about base_link's x, y, z (roll, pitch,
-    yaw); ``turn_source`` tells whether "gyro" or "flow" measured it. ``contact`` [s] is the time to
-    contact with the surface straight ahead, ``quadrant_contact`` [s] that of the nearest part of
-    each quadrant; both are inf where nothing approaches. ``confidence`` is in [0, 1]. If ``known``
-    is false, the percept is "unknown" and ``notes`` give the reason.
+    yaw); ``turn_source`` tells what measured it: "gyro", "poses" or "flow". ``contact`` [s] is the
+    time to contact with the surface straight ahead, ``quadrant_contact`` [s] that of the nearest
+    part of each quadrant; both are inf where nothing approaches. ``confidence`` is in [0, 1]. If
+    ``known`` is false, the percept is "unknown" and ``notes`` give the reason.
     """
 
     number: int

@@ -96,6 +96,8 @@ class Perceiver:
         earlier: deque[_Prepared] = deque(maxlen=LONGEST)
         for item in self._source:
             size = self.size or self._start(item)
+            if item.after_gap:
+                earlier.clear()
             now = _Prepared(item.name, Frame(item.time, size.prepare(item.image)))
             if earlier:
                 past = earlier[-min(self._stride, len(earlier))]
@@ -109,7 +111,8 @@ class Perceiver:
         o = self.options
         self.size = size = WorkingSize.of(width, height, o.rows, o.cols)
         rate = min(max(self._source.rate, 0.01), 1e4)
-        self._camera = size.camera(math.radians(o.hfov), 1.0, math.radians(o.pitch), rate)
+        hfov = o.angle_of_view(width, height, self._source.hfov)
+        self._camera = size.camera(hfov, 1.0, math.radians(o.pitch or 0.0), rate)
         self._processor = self._plugin(RobotModel(camera=self._camera))
         self._offis: dict[float, Offis] = {}
         self._number = 0
@@ -135,13 +138,16 @@ class Perceiver:
         self._choose_stride(raw, flow)
         self._rate = _rotation_vector(flow.motion, self._camera) / dt
         ratio = None if problems else floor_ratio(flow, self._camera)
+        self._scales.speed = self.options.speed_between(past.time, now.time)
         scale = self._scales.update(None if ratio is None else ratio / dt)
         flow = _scaled(flow, scale.speed * dt)
         percept = self._perceive(flow, scale, unknown=bool(problems))
         if not problems and _confidence(percept) < LEAST_CONFIDENCE:
             problems = ["too little of the flow is reliable"]
             percept = self._perceive(flow, scale, unknown=True)
-        return _Analysis(flow, percept, scale, "gyro" if measured else "flow", notes, problems)
+        gyro = self.options.gyro
+        source = gyro.source if gyro is not None and measured else "flow"
+        return _Analysis(flow, percept, scale, source, notes, problems)
 
     def _perceive(self, flow: FlowField, scale: Scale, *, unknown: bool) -> Percept:
         """The percept of ``flow``; if ``unknown``, that of a flow without confidence."""
@@ -160,7 +166,11 @@ class Perceiver:
             return extrapolated, frozenset(), []
         rotation_vector = gyro.rotation_between(begin, end)
         if rotation_vector is None:
-            return extrapolated, frozenset(), ["gap in the gyro record: rotation from the flow"]
+            return (
+                extrapolated,
+                frozenset(),
+                [f"gap in the {gyro.source} record: rotation from the flow"],
+            )
         return rotation_vector, gyro.measured, []
 
     def _without_rotation(

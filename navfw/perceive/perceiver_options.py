@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from navfw.errors import InputError
-from navfw.perceive.gyro_record import GyroRecord
+from navfw.perceive.motion_record import MotionRecord
 from navfw.perceive.working_size import HFOV
 
-__all__ = ["LONGEST", "PerceiverOptions"]
+__all__ = ["LONGEST", "USUAL_VIEW", "PerceiverOptions"]
 
+USUAL_VIEW = 65.0
+"""Field of view along the longer side of an image that is assumed if none is given [deg]: that of
+the main camera of telephones."""
 LONGEST = 15
 """Largest distance between the images of a pair [images]."""
 
@@ -18,25 +24,27 @@ LONGEST = 15
 class PerceiverOptions:
     """Known properties of the camera and its motion, and the flow processor.
 
-    ``hfov`` [deg] is the horizontal field of view of the original images; ``speed`` [m/s] ahead,
-    None or 0 if unknown; ``height`` [m] of the camera above the floor, None if unknown; ``pitch``
-    [deg] nose down; ``flow`` the name of the plugin, on a grid of ``rows`` x ``cols``; ``stride``
-    [images] from the first to the second image of a pair, None to adapt it to the flow.
+    ``hfov`` [deg] is the horizontal field of view of the original images, None if unknown;
+    ``speed`` [m/s] ahead, None or 0 if unknown; ``height`` [m] of the camera above the floor, None
+    if unknown; ``pitch`` [deg] nose down, None if unknown: 0 is then assumed; ``flow`` the name of
+    the plugin, on a grid of ``rows`` x ``cols``; ``stride`` [images] from the first to the second
+    image of a pair, None to adapt it to the flow; ``gyro`` the record that measured the camera's
+    motion: of a gyro, or poses.
 
     Raises:
         InputError: a value is out of its range.
 
     """
 
-    hfov: float = 65.0
+    hfov: float | None = None
     speed: float | None = None
     height: float | None = None
-    pitch: float = 0.0
+    pitch: float | None = None
     flow: str = "block_matching"
     rows: int = 12
     cols: int = 16
     stride: int | None = None
-    gyro: GyroRecord | None = None
+    gyro: MotionRecord | None = None
 
     def __post_init__(self) -> None:
         for option, value, low, high, unit in (
@@ -52,3 +60,23 @@ class PerceiverOptions:
                 raise InputError(
                     f"must be between {low:g} and {high:g} {unit}, got {value:g}", key=option
                 )
+
+    def angle_of_view(self, width: int, height: int, calibrated: float | None) -> float:
+        """Horizontal field of view [rad] of images of ``width`` x ``height`` px.
+
+        ``calibrated`` [rad] is that of a calibration. Without one, and without ``hfov``, the longer
+        side of the images shows ``USUAL_VIEW``.
+        """
+        if calibrated is not None:
+            return calibrated
+        if self.hfov is not None:
+            return math.radians(self.hfov)
+        along = math.tan(0.5 * math.radians(USUAL_VIEW))
+        return 2.0 * math.atan(along * width / max(width, height))
+
+    def speed_between(self, begin: float, end: float) -> float | None:
+        """Speed [m/s] between two times [s]: as given, else by the record; None if unknown."""
+        if self.speed or self.gyro is None:
+            return self.speed or None
+        way = self.gyro.translation_between(begin, end)
+        return None if way is None else float(np.linalg.norm(way)) / (end - begin) or None

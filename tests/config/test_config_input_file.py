@@ -55,7 +55,7 @@ ALLOWED = {
         "zipfile.ZipFile": "of an opened input",
         "archive.open": "a member of that archive",
     },
-    "navfw/perceive/image_sources.py": {
+    "navfw/perceive/video_file.py": {
         "cv2.VideoCapture": "it takes a name only; the file is checked just before",
         "os.open": "the null device",
     },

@@ -57,11 +57,36 @@ def test_without_header(tmp_path: Path) -> None:
     assert gyro.rotation_between(0.0, 0.2) == pytest.approx([0.0, 0.0, 0.1])
 
 
+def test_units_and_other_columns_by_the_header(tmp_path: Path) -> None:
+    header = "frame,time_ms,accel_x,gyro_x_deg_s,gyro_y_mdps,angular_velocity.z [mrad/s]\n"
+    gyro = load_gyro_record(write(tmp_path, header + "0,0,9,2,3000,40\n1,100,9,2,3000,40\n"))
+    expected = 0.1 * np.array([np.radians(2.0), np.radians(3.0), 0.04])
+    assert gyro.rotation_between(0.0, 0.1) == pytest.approx(expected)
+    assert gyro.notes == ("gyro columns not used: frame, accel_x",)
+
+
+@pytest.mark.parametrize("unit", ["deg/s", "°/s", "dps", "degrees/s", "deg/sec"])
+def test_spellings_of_a_unit(tmp_path: Path, unit: str) -> None:
+    gyro = load_gyro_record(write(tmp_path, f"t,yaw_rate [{unit}]\n0,90\n1,90\n"))
+    assert gyro.rotation_between(0.0, 1.0) == pytest.approx([0.0, 0.0, np.pi / 2])
+
+
+def test_offset_of_pitch_rate_is_told_from_pitching(tmp_path: Path) -> None:
+    times = np.arange(0.0, 30.0, 0.05)
+    pitching = 0.3 * np.sin(2.0 * times)
+    rows = [f"{t:.2f},0.2,{0.07 + p:.6f}" for t, p in zip(times, pitching, strict=True)]
+    gyro = load_gyro_record(write(tmp_path, "time,yaw_rate,pitch_rate\n" + "\n".join(rows)))
+    assert gyro.notes[0].startswith("the gyro's pitch rate has an offset of 0.07")
+    assert gyro.rates[:, 1] == pytest.approx(pitching, abs=0.01)
+    # a turn to the left is not taken for an offset
+    assert gyro.rates[:, 2] == pytest.approx(0.2)
+
+
 def test_gaps_and_missing_numbers(tmp_path: Path) -> None:
     lines = [f"{0.01 * k:.2f},{'nan' if 300 <= k < 340 else 0.2}" for k in range(1000)]
     lines[700] = "7.00,"
     gyro = load_gyro_record(write(tmp_path, "\n".join(lines)))
-    assert gyro.note == "41 of 1000 gyro samples are not numbers"
+    assert gyro.notes == ("41 of 1000 gyro samples are not numbers",)
     assert gyro.rotation_between(2.9, 3.1) is None
     assert gyro.rotation_between(3.1, 3.2) is None
     assert gyro.rotation_between(6.95, 7.05) == pytest.approx(
@@ -80,7 +105,10 @@ def test_gaps_and_missing_numbers(tmp_path: Path) -> None:
         ("time,pitch\n0,0\n", r"gyro\.csv:1: has no column 'yaw_rate'"),
         ("0,90\n1,90\n", "are these degrees per second"),
         ("0,0\n1\n", r"gyro\.csv:2: has 1 values, not 2"),
-        ("0\n1\n", "has 1 columns"),
+        ("0\n1\n", "has 1 columns and no header"),
+        ("time,gyro_z,yaw\n0,0,0\n", r"gyro\.csv:1: has several columns of 'yaw_rate'"),
+        ("time,yaw_rate [turns]\n0,0\n", r"gyro\.csv:1: unknown unit in 'yaw_rate \[turns\]'; kn"),
+        ("0,0\n5,0\n10,0\n", "samples are 5 s apart; .* name it in the header: time_ms"),
         ("", "has no usable gyro sample"),
         ("0,nan\n1,nan\n", "has no usable gyro sample"),
     ],

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from navfw.flow.grid import grid_points
 from navfw.flow.ideal import true_vectors
-from navfw.perceive.gyro_record import RATES
+from navfw.perceive.gyro_columns import RATES
 from navfw.perceive.pair_motion import (
     assumed_motion,
     estimate_rotation,

@@ -1,0 +1,43 @@
+"""What is assumed about the camera because nobody said it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from navfw.perceive.image_sources import ImageSource
+from navfw.perceive.perceiver_options import PerceiverOptions
+from navfw.perceive.working_size import WorkingSize
+
+__all__ = ["assumptions", "assumptions_line"]
+
+
+def assumptions(
+    options: PerceiverOptions, source: ImageSource, size: WorkingSize
+) -> dict[str, float | str]:
+    """What the results for images of ``source`` assume; a key is missing where it was given.
+
+    ``hfov_deg`` [deg] is the horizontal field of view, ``pitch_deg`` [deg] the camera's pitch,
+    ``distortion`` that of the lens, ``motion`` the direction of travel.
+    """
+    assumed: dict[str, float | str] = {}
+    if options.hfov is None and source.hfov is None:
+        view = options.angle_of_view(size.width, size.height, None)
+        assumed["hfov_deg"] = round(math.degrees(view), 1)
+    if source.hfov is None:
+        assumed["distortion"] = "none"
+    if options.pitch is None:
+        assumed["pitch_deg"] = 0.0
+    assumed["motion"] = "straight ahead or backward"
+    return assumed
+
+
+def assumptions_line(assumed: Mapping[str, float | str]) -> str:
+    """The assumptions in one line, with the options that replace them."""
+    words = {
+        "hfov_deg": "horizontal field of view {:g} degrees (--hfov, --calibration)",
+        "distortion": "lens distortion {} (--calibration)",
+        "pitch_deg": "pitch {:g} degrees (--pitch)",
+        "motion": "motion {}",
+    }
+    return "assumed: " + ", ".join(words[key].format(value) for key, value in assumed.items())

@@ -1,0 +1,129 @@
+"""Frames of a video file with their times, upright."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import os
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from navfw.config.image_file import MAX_PIXELS
+from navfw.config.input_file import open_input, shown_path
+from navfw.errors import InputError
+from navfw.signals import Image
+
+__all__ = ["FRAME_RATE", "FRAME_RATES", "VideoFile"]
+
+FRAME_RATE = 10.0
+"""Frame rate assumed if none is known [1/s]."""
+FRAME_RATES = (0.01, 10_000.0)
+"""Least and largest frame rate [1/s]."""
+_MAX_VIDEO = 20_000_000_000
+"""Largest size of a video file [byte]; it is read frame by frame."""
+_FRAME_SIZE = (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)
+_FEW_FRAMES = 5
+"""Frames by which a container's length may be wrong: it is an estimate."""
+
+
+class VideoFile:
+    """A video, for a single iteration; telephones turn theirs by a flag, which is obeyed.
+
+    ``rate`` [1/s] is ``fps`` if given, otherwise the file's; ``promised`` the number of frames by
+    the file, 0 if it does not say it. ``notes`` are remarks for the user.
+
+    Raises:
+        InputError: the file is no readable video, or its frames are too large.
+
+    """
+
+    def __init__(self, path: Path, fps: float | None) -> None:
+        self._path = path
+        self._fps = fps
+        self.notes: list[str] = []
+        with open_input(path, _MAX_VIDEO), _silent():
+            self._film = cv2.VideoCapture(str(path))
+        width, height = (self._film.get(side) for side in _FRAME_SIZE)
+        if not (self._film.isOpened() and width * height > 0.0):
+            raise InputError(
+                "is not a readable video or image; if the recording was cut off, its index is "
+                "missing: copy it again, or save it as .mp4 with another program",
+                file=shown_path(path),
+            )
+        if width * height > MAX_PIXELS:
+            what = f"the video's frames are too large: {width:.0f} x {height:.0f} pixels"
+            raise InputError(f"{what}, at most {MAX_PIXELS}", file=shown_path(path))
+        self._film.set(cv2.CAP_PROP_ORIENTATION_AUTO, 1)
+        turned = int(self._film.get(cv2.CAP_PROP_ORIENTATION_META)) % 360
+        if turned:
+            self.notes.append(f"the video is turned by {turned} degrees, as its file says")
+        self.rate = self._frame_rate()
+        self.promised = max(int(self._film.get(cv2.CAP_PROP_FRAME_COUNT)), 0)
+
+    def frames(self) -> Iterator[tuple[float, Image]]:
+        """Time [s] since the first frame and image (height, width, 3) BGR of each frame.
+
+        Raises:
+            InputError: there is no readable frame.
+
+        """
+        count, first, last = 0, 0.0, 0.0
+        try:
+            while True:
+                with _silent():
+                    good, image = self._film.read()
+                if not good:
+                    break
+                # the frame rate of telephones varies: the file has the time of each frame
+                stamp = 1e-3 * self._film.get(cv2.CAP_PROP_POS_MSEC)
+                first = first if count else stamp
+                last = self._time(count, stamp - first, last)
+                yield last, np.asarray(image, np.uint8)
+                count += 1
+        finally:
+            self._film.release()
+        if count == 0:
+            raise InputError("is a video without a readable frame", file=shown_path(self._path))
+        if self.promised > count + _FEW_FRAMES:
+            self.notes.append(
+                f"the video ends early: only {count} of {self.promised} frames could be read, "
+                f"its first {last:.1f} s are used"
+            )
+
+    def _time(self, count: int, stamp: float, last: float) -> float:
+        """Time [s] of frame ``count``; by the rate if it was given or the ``stamp`` is of no use.
+
+        A usable stamp comes after ``last``, the frame before, by less than a whole video.
+        """
+        if self._fps is not None:
+            return count / self._fps
+        if count == 0 or last < stamp < last + 60.0:
+            return stamp
+        return last + 1.0 / self.rate
+
+    def _frame_rate(self) -> float:
+        if self._fps is not None:
+            return self._fps
+        rate = float(self._film.get(cv2.CAP_PROP_FPS))
+        if math.isfinite(rate) and FRAME_RATES[0] <= rate <= FRAME_RATES[1]:
+            return rate
+        self.notes.append(f"the video has no frame rate: {FRAME_RATE:g} images a second assumed")
+        return FRAME_RATE
+
+
+@contextlib.contextmanager
+def _silent() -> Iterator[None]:
+    """Suppress the messages that video decoders write to stderr; errors are raised instead."""
+    sys.stderr.flush()
+    saved, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 2)
+    try:
+        yield
+    finally:
+        os.dup2(saved, 2)
+        os.close(saved)
+        os.close(nowhere)
