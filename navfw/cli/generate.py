@@ -22,6 +22,10 @@ def generate(
     family: Annotated[str, typer.Argument(help="Family: see navfw plugins --kind family.")],
     seed: Annotated[int, typer.Option(help="Seed; the same one gives the same world.")] = 0,
     difficulty: Annotated[float, typer.Option(help="Difficulty from 0 (easy) to 1.")] = 0.5,
+    contrast: Annotated[
+        float | None,
+        typer.Option(help="Contrast of every surface [grey levels] [default: each its own]."),
+    ] = None,
     out: Annotated[
         Path | None, typer.Option(help="Folder to write [default: generated/FAMILY-SEED].")
     ] = None,
@@ -32,7 +36,7 @@ def generate(
     from navfw.worldgen.generated_world import MISSION
 
     with quiet_stdout():
-        made = make(family, seed, difficulty)
+        made = make(family, seed, difficulty, contrast)
         folder = made.write(out or Path("generated") / f"{family}-{seed}")
     world = made.world
     if json:
@@ -42,6 +46,7 @@ def generate(
                 "family": family,
                 "seed": seed,
                 "difficulty": difficulty,
+                "contrast": contrast,
                 "mission": MISSION,
                 "map": made.has_map,
                 "description": world.description,

@@ -15,6 +15,7 @@ from navfw.config.strict_model import StrictModel
 from navfw.landmark_appearance import check_landmark_kind, landmark_kind
 
 __all__ = [
+    "MAX_CONTRAST",
     "BoxSpec",
     "CylinderSpec",
     "DoorSpec",
@@ -46,6 +47,10 @@ Slope = Annotated[float, Field(ge=-1000.0, le=1000.0)]
 Channel = Annotated[float, Field(ge=0.0, le=1.0)]
 
 
+MAX_CONTRAST = 60.0
+"""Largest contrast of a texture [grey levels]: more is clipped at black and white."""
+
+
 class TextureSpec(StrictModel):
     """A procedural texture: seeded smooth noise without detail finer than the camera resolves."""
 
@@ -55,7 +60,9 @@ class TextureSpec(StrictModel):
     seed: Annotated[int, Field(ge=0, lt=2**32, description="seed of the pattern")] = 0
     contrast: Annotated[
         float,
-        Field(ge=0.0, le=60.0, description="standard deviation of the luminance [grey levels]"),
+        Field(
+            ge=0.0, le=MAX_CONTRAST, description="standard deviation of the luminance [grey levels]"
+        ),
     ] = 45.0
     brightness: Annotated[
         float, Field(ge=10.0, le=245.0, description="mean luminance [grey levels]")

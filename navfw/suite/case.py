@@ -22,8 +22,8 @@ KeptPictures = Literal["all", "failed", "none"]
 class Case:
     """One run: plain data that is sent to a worker process.
 
-    Either ``world`` and ``mission`` are files, or ``family``, ``difficulty`` and ``seed`` define a
-    generated world. ``stack`` is a file; empty: the stack named by the mission.
+    Either ``world`` and ``mission`` are files, or ``family``, ``difficulty``, ``contrast`` and
+    ``seed`` define a generated world. ``stack`` is a file; empty: the stack named by the mission.
     """
 
     index: int
@@ -36,6 +36,7 @@ class Case:
     overrides: tuple[str, ...] = ()
     family: str = ""
     difficulty: float | None = None
+    contrast: float | None = None
     world: str = ""
     mission: str = ""
     variant: str = ""
@@ -60,6 +61,7 @@ class Case:
                 self.family,
                 self.seed,
                 self.difficulty,
+                self.contrast,
                 stack=self.stack or None,
                 overrides=self.overrides,
                 registry=registry,

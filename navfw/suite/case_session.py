@@ -41,11 +41,11 @@ class Generated(Protocol):
     def topo_map(self) -> TopoMap: ...  # noqa: D102
 
 
-def generate(family: str, seed: int, difficulty: float) -> Generated:
+def generate(family: str, seed: int, difficulty: float, contrast: float | None = None) -> Generated:
     """A generated world; raises InputError if there is no such family."""
     from navfw import worldgen
 
-    made: Generated = worldgen.generate(family, seed, difficulty)
+    made: Generated = worldgen.generate(family, seed, difficulty, contrast)
     return made
 
 
@@ -66,6 +66,7 @@ def generated_session(
     family: str,
     seed: int,
     difficulty: float | None,
+    contrast: float | None = None,
     *,
     stack: str | None,
     overrides: Sequence[str],
@@ -81,7 +82,8 @@ def generated_session(
             impossible in the world.
 
     """
-    made = generate(family, seed, DEFAULT_DIFFICULTY if difficulty is None else difficulty)
+    difficulty = DEFAULT_DIFFICULTY if difficulty is None else difficulty
+    made = generate(family, seed, difficulty, contrast)
     for_mission, for_stack = split_overrides(overrides)
     text = json.dumps(made.mission.model_dump(mode="json", by_alias=True, exclude_unset=True))
     document = apply_overrides(parse_yaml(text, world_name), for_mission)

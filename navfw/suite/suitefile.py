@@ -37,6 +37,7 @@ from navfw.config.strict_model import StrictModel
 from navfw.config.yamlfile import validate
 from navfw.errors import ConfigError, InputError, UnknownNameError
 from navfw.missions.eventspec import EventSpec
+from navfw.sim.worldspec import MAX_CONTRAST
 
 __all__ = [
     "EntrySpec",
@@ -60,6 +61,7 @@ Expect = Literal["arrival", "stop"]
 """What passes: reaching the goals, or a stop without a collision for a known reason."""
 
 Name = Annotated[str, Field(min_length=1, max_length=60, pattern=r"^[\w][\w .+-]*$")]
+Contrast = Annotated[float, Field(ge=0.0, le=MAX_CONTRAST)]
 Difficulty = Annotated[float, Field(ge=0.0, le=1.0)]
 
 
@@ -88,6 +90,10 @@ class EntrySpec(StrictModel):
         Difficulty | Annotated[tuple[Difficulty, Difficulty], AfterValidator(_ascending)] | None,
         Field(description="of the family, 0 to 1; or [from, to], drawn by the seed"),
     ] = None
+    contrast: Annotated[
+        Contrast | None,
+        Field(description="of every surface of the family [grey levels; default: each its own]"),
+    ] = None
     stack: Annotated[
         str | None, Field(description="a stack's name or file [default: each mission's]")
     ] = None
@@ -111,6 +117,8 @@ class EntrySpec(StrictModel):
             raise ValueError(f"expected exactly one of world, worlds, family; got {got}")
         if self.family is None and self.difficulty is not None:
             raise ValueError("difficulty is for a family of generated worlds")
+        if self.family is None and self.contrast is not None:
+            raise ValueError("contrast is for a family of generated worlds")
         if self.family is not None and self.missions is not None:
             raise ValueError("a generated world has one mission of its own: leave out missions")
         return self

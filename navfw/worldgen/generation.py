@@ -12,8 +12,10 @@ from navfw.interfaces import WorldFamily
 from navfw.missions.missionfile import goals_map
 from navfw.missions.missionspec import MissionSpec
 from navfw.sim.world_check import check_world
+from navfw.sim.worldspec import MAX_CONTRAST
 from navfw.worldgen.families import Clutter, Corridors, Maze, Moving, Poles, Rooms
 from navfw.worldgen.generated_world import MAP_FILE, GeneratedWorld
+from navfw.worldgen.texture_palette import with_contrast
 from navfw.worldgen.world_draft import ROBOT, Unsuitable, WorldDraft
 
 __all__ = ["FAMILIES", "MAX_SEED", "SHORTEST_PATH", "generate"]
@@ -46,8 +48,13 @@ def _family(name: str) -> WorldFamily:
     return kind(ROBOT)
 
 
-def generate(family: str, seed: int, difficulty: float = 0.5) -> GeneratedWorld:
+def generate(
+    family: str, seed: int, difficulty: float = 0.5, contrast: float | None = None
+) -> GeneratedWorld:
     """The world of that family and seed; the same arguments give the same world.
+
+    With ``contrast`` [grey levels] every surface has that contrast instead of its own; all else is
+    the same.
 
     A draw without a path for the robot with a margin, or with a path shorter than
     ``SHORTEST_PATH``, is discarded, and the next sub-seed is tried.
@@ -55,13 +62,17 @@ def generate(family: str, seed: int, difficulty: float = 0.5) -> GeneratedWorld:
     Raises:
         UnknownNameError: no family has that name.
         PluginError: the family's plugin is broken.
-        InputError: the seed is negative, or the difficulty is not in [0, 1].
+        InputError: the seed is negative, the difficulty is not in [0, 1], or the contrast is not
+            that of a texture.
 
     """
     if not 0 <= seed <= MAX_SEED:
         raise InputError(f"expected a seed from 0 to {MAX_SEED}, got {seed}", key="seed")
     if not 0.0 <= difficulty <= 1.0:
         raise InputError(f"expected 0 to 1, got {difficulty:g}", key="difficulty")
+    if contrast is not None and not 0.0 <= contrast <= MAX_CONTRAST:
+        what = f"expected 0 to {MAX_CONTRAST:g} grey levels, got {contrast:g}"
+        raise InputError(what, key="contrast")
     build = _family(family).build
     for attempt in range(_ATTEMPTS):
         rng = np.random.default_rng([zlib.crc32(family.encode()), seed, attempt])
@@ -70,7 +81,7 @@ def generate(family: str, seed: int, difficulty: float = 0.5) -> GeneratedWorld:
             if not isinstance(draft, WorldDraft):
                 what = f"build returned {type(draft).__name__}, not a WorldDraft"
                 raise PluginError(what, key=family)
-            return _finish(draft, family, seed, difficulty, attempt)
+            return _finish(draft, family, seed, difficulty, attempt, contrast)
         except Unsuitable:
             continue
     raise InputError(
@@ -80,10 +91,18 @@ def generate(family: str, seed: int, difficulty: float = 0.5) -> GeneratedWorld:
 
 
 def _finish(
-    draft: WorldDraft, family: str, seed: int, difficulty: float, attempt: int
+    draft: WorldDraft,
+    family: str,
+    seed: int,
+    difficulty: float,
+    attempt: int,
+    contrast: float | None,
 ) -> GeneratedWorld:
-    """Check the draft and add its mission."""
+    """Check the draft, set the contrast and add the mission."""
     world = draft.world(f"{family}-{seed}")
+    if contrast is not None:
+        textures = with_contrast(world.textures, contrast)
+        world = world.model_copy(update={"textures": textures})
     check_world(world)
     plan = draft.floor_plan()
     start = draft.start[:2]

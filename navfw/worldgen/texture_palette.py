@@ -8,9 +8,10 @@ from typing import Literal
 
 import numpy as np
 
+from navfw.sim.textures import STOCK, stock_texture
 from navfw.sim.worldspec import TextureSpec
 
-__all__ = ["Palette", "Role"]
+__all__ = ["Palette", "Role", "with_contrast"]
 
 Role = Literal["floor", "wall", "ceiling", "thing", "person"]
 Style = Literal["plaster", "carpet", "wood", "stone", "panels"]
@@ -70,3 +71,12 @@ class Palette:
     def pick(self, names: tuple[str, ...]) -> str:
         """One of ``names`` at random."""
         return names[int(self._rng.integers(len(names)))]
+
+
+def with_contrast(textures: Mapping[str, TextureSpec], contrast: float) -> dict[str, TextureSpec]:
+    """``textures`` and the stock textures, all with ``contrast`` [grey levels].
+
+    Brightness and colour stay, so that surfaces still differ from each other.
+    """
+    every = {name: stock_texture(name) for name in STOCK} | dict(textures)
+    return {name: spec.model_copy(update={"contrast": contrast}) for name, spec in every.items()}

@@ -10,7 +10,7 @@ import pytest
 from navfw.errors import InputError, UnknownNameError, WorldError
 from navfw.missions.missionspec import MissionSpec
 from navfw.plugins import default_registry
-from navfw.sim.worldspec import BoxSpec, WorldSpec
+from navfw.sim.worldspec import BoxSpec, TextureSpec, WorldSpec
 from navfw.suite import case_session
 from navfw.suite.case import Job
 from navfw.suite.case_worker import run_job
@@ -26,8 +26,11 @@ class Made:
     topo_map: TopoMap
 
 
-def fake_generate(family: str, seed: int, difficulty: float) -> Made:
-    """The box moves with the seed and grows with the difficulty; seed 13 is impossible."""
+def fake_generate(family: str, seed: int, difficulty: float, contrast: float | None = None) -> Made:
+    """The box moves with the seed and grows with the difficulty; seed 13 is impossible.
+
+    Its texture has the contrast.
+    """
     if family != "boxes":
         raise UnknownNameError("family of worlds", family, ["boxes"])
     if seed == 13:
@@ -35,7 +38,13 @@ def fake_generate(family: str, seed: int, difficulty: float) -> Made:
     box = BoxSpec(name="box", at=(0.0, 1.0 + 0.1 * seed), size=(0.2 + difficulty, 0.3, 0.8))
     places = [Place("start", -2.0, 0.0), Place("end", 2.0, 0.0)]
     return Made(
-        world=WorldSpec(name="boxes", x=(-4.0, 4.0), y=(-4.0, 4.0), boxes=(box,)),
+        world=WorldSpec(
+            name="boxes",
+            x=(-4.0, 4.0),
+            y=(-4.0, 4.0),
+            boxes=(box,),
+            textures={} if contrast is None else {"wood": TextureSpec(contrast=contrast)},
+        ),
         mission=MissionSpec(start=(-2.0, 0.0, 0.0), goals=("end",), timeout=40.0),
         topo_map=TopoMap("boxes", places, [Passage("start", "end", 4.0)]),
     )
@@ -69,6 +78,15 @@ def test_the_seed_determines_the_world_and_overrides_apply_to_the_mission(tmp_pa
     assert (session.task.timeout, session.task.robot.max_v) == (7.0, 0.3)
     assert [goal.place for goal in session.mission.goals] == ["end"]
     assert session.shortest == pytest.approx(4.0)
+
+
+@pytest.mark.parametrize(("given", "contrast"), [("", None), (", contrast: 3", 3.0)])
+def test_the_contrast_of_an_entry_is_that_of_its_worlds(
+    given: str, contrast: float | None, tmp_path: Path
+) -> None:
+    (case,) = planned(tmp_path, f"{{family: boxes{given}}}", range(1)).cases
+    textures = case.session(default_registry()).world.textures
+    assert [spec.contrast for spec in textures.values()] == ([] if contrast is None else [contrast])
 
 
 @pytest.mark.parametrize(
@@ -117,7 +135,7 @@ def test_an_exception_in_a_run_is_a_fault_with_its_source_line(
 ) -> None:
     plan = planned(tmp_path, "{family: boxes}", range(1))
 
-    def broken(family: str, seed: int, difficulty: float) -> Made:
+    def broken(family: str, seed: int, difficulty: float, contrast: float | None) -> Made:
         raise ZeroDivisionError("of the generator")
 
     monkeypatch.setattr(case_session, "generate", broken)

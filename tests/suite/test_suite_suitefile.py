@@ -46,6 +46,8 @@ entries:
         ("entries: [{}]", "expected exactly one of world, worlds, family; got none of them"),
         ("entries: [{world: a, family: b}]", "got world and family"),
         ("entries: [{world: a, difficulty: 0.5}]", "difficulty is for a family"),
+        ("entries: [{world: a, contrast: 3}]", "contrast is for a family"),
+        ("entries: [{family: a, contrast: 61}]", "contrast"),
         ("entries: [{family: a, missions: [x]}]", "leave out missions"),
         ("entries: [{family: rooms, difficulty: 1.5}]", "difficulty"),
         ("entries: [{family: rooms, difficulty: [0.9, 0.1]}]", "must ascend"),

@@ -22,6 +22,7 @@ from navfw.sim.floorplan import FloorPlan
 from navfw.sim.shapes import gap_between
 from navfw.sim.simulation import Simulation
 from navfw.sim.solids import solids_of
+from navfw.sim.textures import STOCK
 from navfw.sim.worldfile import load_world
 from navfw.sim.worldspec import MoverSpec
 from navfw.topomap import load_map
@@ -259,6 +260,23 @@ def test_can_be_simulated_and_rendered(
     assert frame.image[60:].std() > 15.0  # the floor in front of the robot has texture
 
 
+@pytest.mark.parametrize(("contrast", "least", "most"), [(0.0, 0.0, 0.7), (6.0, 3.0, 8.0)])
+def test_a_given_contrast_is_that_of_every_surface_and_all_else_is_the_same(
+    made: dict[tuple[str, int, float], GeneratedWorld], contrast: float, least: float, most: float
+) -> None:
+    usual, bare = made[("rooms", 1, 0.5)], generate("rooms", 1, 0.5, contrast)
+    without = {"textures"}
+    assert bare.world.model_dump(exclude=without) == usual.world.model_dump(exclude=without)
+    assert bare.mission == usual.mission
+    assert {spec.contrast for spec in bare.world.textures.values()} == {contrast}
+    assert set(STOCK) | set(usual.world.textures) == set(bare.world.textures)
+    start = bare.mission.start
+    assert isinstance(start, tuple)
+    with Simulation(bare.world, ROBOT, Pose(*start), 0) as sim:
+        image, _ = sim.render_from(Pose(*start))
+    assert least <= image[-20:, 60:100].std() <= most  # the floor right before the robot
+
+
 # --- bad input --------------------------------------------------------------------------------
 
 
@@ -268,6 +286,9 @@ def test_bad_input() -> None:
     for seed in (-1, 2**63):
         with pytest.raises(InputError, match="seed: expected a seed from 0"):
             generate("poles", seed, 0.5)
+    for contrast in (-0.1, 60.1, math.nan):
+        with pytest.raises(InputError, match="contrast: expected 0 to 60 grey levels"):
+            generate("poles", 0, 0.5, contrast)
     for difficulty in (-0.1, 1.1, math.nan, math.inf):
         with pytest.raises(InputError, match="difficulty: expected 0 to 1"):
             generate("poles", 0, difficulty)
