@@ -43,12 +43,19 @@ def read_image(
         )
     if _ends_early(data):
         raise ConfigError("the image is damaged: the file ends early", file=name)
+    log = cv2.utils.logging
+    level = log.getLogLevel()
+    log.setLogLevel(log.LOG_LEVEL_SILENT)  # what is wrong is raised instead
     try:
         image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), flags)
     except cv2.error:
         image = None
+    finally:
+        log.setLogLevel(level)
     if image is None:
-        raise ConfigError("the image is damaged", file=name)
+        raise ConfigError(
+            "the image is damaged, or its pixels have neither 8 nor 16 bits", file=name
+        )
     return image  # type: ignore[return-value]
 
 

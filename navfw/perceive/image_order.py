@@ -54,7 +54,7 @@ def times_in_names(paths: Sequence[Path]) -> NameTimes | None:
         if later <= earlier:
             raise InputError(
                 f"its time stamp does not come after that of {before.name}; give the images in "
-                "the order of time, or --fps to take them in this order",
+                "the order of time, or --fps to take them backward",
                 file=shown_path(path),
             )
     return times

@@ -11,11 +11,11 @@ import cv2
 import numpy as np
 
 from navfw.config.image_file import read_image
-from navfw.config.input_file import is_file, is_folder, no_such_file, shown_path
+from navfw.config.input_file import is_file, is_folder, no_such_file
 from navfw.errors import InputError
 from navfw.perceive.calibration_file import CameraCalibration
 from navfw.perceive.image_order import natural_key, require_order, times_in_names
-from navfw.perceive.pixel_range import DeepImage, PixelRange, as_pixels
+from navfw.perceive.pixel_range import DeepImage, PixelRange
 from navfw.perceive.undistortion import Undistortion
 from navfw.perceive.video_file import FRAME_RATE, FRAME_RATES, VideoFile
 from navfw.signals import Image
@@ -262,8 +262,7 @@ def _images_in(folder: Path) -> list[Path]:
 
 def _read(path: Path) -> DeepImage:
     """The image in a file, upright by its EXIF data, with 8 or 16 bits."""
-    image = read_image(path, cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH)
-    return as_pixels(image, shown_path(path))
+    return read_image(path, cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH)
 
 
 def _listed(things: Sequence[str]) -> str:

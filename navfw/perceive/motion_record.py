@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Protocol, Self
 
 from navfw.errors import InputError
@@ -10,6 +9,10 @@ from navfw.perceive.image_sources import ImageSource
 from navfw.signals import Array
 
 __all__ = ["MotionRecord", "on_clock_of"]
+
+
+LONGEST = 86_400.0
+"""Longest recording [s], where its length is unknown: a day."""
 
 
 class MotionRecord(Protocol):
@@ -69,16 +72,16 @@ def on_clock_of(images: ImageSource, record: MotionRecord) -> MotionRecord:
 
     """
     first, last = float(record.times[0]), float(record.times[-1])
-    start, duration = images.start, images.duration
+    start, duration = images.start, min(images.duration, LONGEST)
     if start is not None and first < start + duration and last > start:
         return record.shifted(-start)
     if first < duration and last > 0.0:
         return record
-    end = f"{duration:.2f} s" if math.isfinite(duration) else "the end"
-    named = "" if start is None else f", by their names {start:.2f} to {start + duration:.2f} s"
+    named = "" if start is None else f" ({start:.2f} to {start + duration:.2f} s by their names)"
     raise InputError(
-        f"expected readings within the time of the images, 0 to {end}{named}; got {first:.2f} to "
-        f"{last:.2f} s. Count times from the first image, or name the images by their times",
+        f"expected readings within the time of the images, 0 to {duration:.2f} s{named}; got "
+        f"{first:.2f} to {last:.2f} s. Count times from the first image, or name the images by "
+        "their times",
         file=record.file,
         key=record.option,
     )

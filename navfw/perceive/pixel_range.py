@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import TypeAlias
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
-from navfw.errors import InputError
 from navfw.signals import Image
 
-__all__ = ["PixelRange", "as_pixels"]
+__all__ = ["DeepImage", "PixelRange"]
 
 _BITS = (8, 10, 12, 14, 16)
 """Numbers of bits of cameras' converters; files keep all beyond 8 in 16 bits."""
 
-DeepImage = npt.NDArray[np.uint8 | np.uint16]
+DeepImage: TypeAlias = npt.NDArray[np.uint8 | np.uint16]
+"""An image (height, width, 3) of 8 or 16 bits."""
 
 
 class PixelRange:
@@ -36,17 +37,3 @@ class PixelRange:
         white = (1 << self.bits) - 1
         self.brighter += int(image.max()) > white
         return np.asarray(cv2.convertScaleAbs(image, alpha=255.0 / white), dtype=np.uint8)
-
-
-def as_pixels(image: npt.NDArray[np.generic], name: str) -> DeepImage:
-    """``image`` if its pixels have 8 or 16 bits.
-
-    Raises:
-        InputError: the pixels are of another kind, such as floating point numbers.
-
-    """
-    if image.dtype not in (np.uint8, np.uint16):
-        raise InputError(
-            f"has pixels of the kind {image.dtype}; save the image with 8 or 16 bits", file=name
-        )
-    return image  # type: ignore[return-value]

@@ -55,6 +55,14 @@ events:
   - {at: 1, obstacle: {name: thing, at: [6, 2], size: [0.2, 0.2]}}
 """
 
+CALIBRATION = """\
+image_width: 160
+image_height: 120
+camera_matrix: {rows: 3, cols: 3, data: [90, 0, 80, 0, 90, 60, 0, 0, 1]}
+distortion_model: rational_polynomial
+distortion_coefficients: {rows: 1, cols: 8, data: [-0.2, 0.05, 0, 0, 0.01, 0.05, 0, 0]}
+"""
+
 SUITE = """\
 description: A sample.
 entries:
@@ -203,6 +211,9 @@ def _images(folder: Path) -> None:
     cv2.imwrite(str(folder / "images" / "3.jpg"), picture)
     rows = [f"{0.01 * tick:.2f},{0.001 * tick:.4f}" for tick in range(60)]
     (folder / "gyro.csv").write_text("\n".join(["time,yaw_rate", *rows]))
+    poses = [f"{0.05 * k:.2f},1,2,{0.01 * k:.2f},0.6,0,0,0.8" for k in range(20)]
+    (folder / "poses.txt").write_text("\n".join(poses))
+    (folder / "camera.yaml").write_text(CALIBRATION)
 
 
 def _table(folder: Path) -> None:
@@ -247,6 +258,10 @@ TARGETS: dict[str, Target] = {
     "photo": Target("images/3.jpg", "bytes", _images, _command("perceive", "./images"), 3),
     "gyro": Target("gyro.csv", "cells", _images,
                    _command("perceive", "./images", "--gyro", "./gyro.csv"), 8),
+    "poses": Target("poses.txt", "cells", _images,
+                    _command("perceive", "./images", "--poses", "./poses.txt"), 4),
+    "calibration": Target("camera.yaml", "data", _images,
+                          _command("perceive", "./images", "--calibration", "./camera.yaml"), 6),
     "sdf": Target("a.world", "xml", _text("a.world", SDF),
                   _command("import", "./a.world", "--out", "./made", "--start", "0,0,0",
                            "--goal", "5,3", "--skip-unsupported"), 20),

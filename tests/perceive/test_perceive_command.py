@@ -1,0 +1,195 @@
+"""The command perceive: calibration, poses, what is assumed, and output as it comes."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from perceive_images import HEIGHT, WIDTH, save, texture, wall_at
+from typer.testing import CliRunner, Result
+
+from navfw.cli import app
+from navfw.cli.output import print_json_list
+from navfw.signals import Image
+
+PICTURE = texture()
+DISTANCES = (2.0, 1.95, 1.90, 1.85)
+APPROACH = [wall_at(d, PICTURE) for d in DISTANCES]
+FOCAL = 0.5 * WIDTH / np.tan(np.radians(32.5))
+MATRIX = np.array([[FOCAL, 0, 0.5 * WIDTH], [0, FOCAL, 0.5 * HEIGHT], [0, 0, 1.0]])
+BARREL = np.array([-0.35, 0.1, 0.0, 0.0, 0.0])
+
+
+def invoke(*arguments: str | Path) -> Result:
+    return CliRunner().invoke(app, ["perceive", *map(str, arguments)])
+
+
+def perceive(*arguments: str | Path) -> list[dict[str, Any]]:
+    done = invoke(*arguments, "--json")
+    assert done.exit_code == 0, done.output
+    result = json.loads(done.stdout)
+    assert isinstance(result, list)
+    return result
+
+
+@pytest.fixture(scope="module")
+def approach(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return save(tmp_path_factory.mktemp("approach"), APPROACH)
+
+
+def through_barrel_lens(image: Image) -> Image:
+    """``image`` of a pinhole camera with MATRIX as one with the distortion BARREL shows it."""
+    pixels = np.stack(np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT)), axis=-1)
+    rays = cv2.undistortPoints(pixels.reshape(-1, 1, 2).astype(np.float64), MATRIX, BARREL)
+    places = (np.asarray(rays)[:, 0] @ MATRIX[:2, :2] + MATRIX[:2, 2]).astype(np.float32)
+    places = places.reshape(HEIGHT, WIDTH, 2)
+    shown = cv2.remap(
+        image, places[..., 0], places[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT
+    )
+    return np.asarray(shown, np.uint8)
+
+
+def calibration(folder: Path, width: int = WIDTH, height: int = HEIGHT) -> Path:
+    path = folder / "camera.yaml"
+    path.write_text(
+        f"image_width: {width}\nimage_height: {height}\n"
+        f"camera_matrix: {{rows: 3, cols: 3, data: {MATRIX.ravel().tolist()}}}\n"
+        f"dist_coeffs: {BARREL.tolist()}\n"
+    )
+    return path
+
+
+def test_images_of_a_calibrated_camera(tmp_path: Path) -> None:
+    folder = save(tmp_path / "images", [through_barrel_lens(image) for image in APPROACH])
+    options = ("--fps", "10", "--speed", "0.5", "--stride", "1", "--pitch", "0")
+    views = perceive(folder, "--calibration", calibration(tmp_path), *options)
+    for view, distance in zip(views, DISTANCES[1:], strict=True):
+        assert view["ttc_s"] == pytest.approx(distance / 0.5, rel=0.1)
+        assert view["focus_of_expansion"]["x"] == pytest.approx(0.5 * WIDTH, abs=4.0)
+        assert view["focus_of_expansion"]["y"] == pytest.approx(0.5 * HEIGHT, abs=4.0)
+        assert view["assumed"].keys() == {"motion"}
+    half = [cv2.resize(through_barrel_lens(image), None, fx=0.5, fy=0.5) for image in APPROACH]
+    smaller = save(tmp_path / "half", [np.asarray(image, np.uint8) for image in half])
+    done = invoke(smaller, "--calibration", calibration(tmp_path), *options)
+    assert done.exit_code == 0
+    assert "is for images of 320 x 240 px, not 160 x 120: scaled by 0.5" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--calibration", "none.yaml"), "none.yaml: there is no such file"),
+        (("--calibration", "wide.yaml"), "wide.yaml: --calibration: is for images of 640 x 360 px"),
+        (("--calibration", "wide.yaml", "--hfov", "65"), "give --hfov or --calibration, not both"),
+        (("--poses", "poses.txt", "--gyro", "gyro.csv"), "give --gyro or --poses, not both"),
+        (("--poses", "poses.txt"), "poses.txt: --poses: expected readings within the time of the"),
+        (("--gyro", "gyro.csv"), "gyro.csv:1: a rate of 90 rad/s is above 10; are these degrees"),
+    ],
+)
+def test_what_is_wrong_costs_one_message(
+    approach: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    arguments: tuple[str, ...],
+    message: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    calibration(tmp_path, 640, 360).rename("wide.yaml")
+    Path("gyro.csv").write_text("0,90\n1,90\n")
+    Path("poses.txt").write_text("100 0 0 0 0 0 0 1\n101 0 0 0 0 0 0 1\n")
+    done = invoke(approach, *arguments)
+    assert done.exit_code == 2
+    assert done.stdout == ""
+    assert done.stderr.startswith("navfw: ")
+    assert message in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+def test_poses_give_rotation_and_speed(tmp_path: Path) -> None:
+    start = 1305031449.0
+    folder = tmp_path / "images"
+    folder.mkdir()
+    for k, image in enumerate(APPROACH):
+        cv2.imwrite(str(folder / f"{start + 0.1 * k:.6f}.png"), image)
+    lines = [f"{start + 0.05 * k:.4f} 1 2 {0.025 * k:.4f} 0 0 0 1" for k in range(20)]
+    (tmp_path / "poses.txt").write_text("\n".join(lines))
+    views = perceive(folder, "--poses", tmp_path / "poses.txt")
+    for view, distance in zip(views, DISTANCES[1:], strict=True):
+        assert view["rotation_deg"]["source"] == "poses"
+        assert view["scale"]["speed_m_s"] == pytest.approx(0.5, abs=1e-3)
+        for quadrant in view["distances"].values():
+            assert quadrant["distance_m"] == pytest.approx(distance, rel=0.15)
+
+
+def test_what_is_assumed_is_said(approach: Path, tmp_path: Path) -> None:
+    (view,) = perceive(approach / "image_1.png", approach / "image_2.png")
+    assert view["assumed"] == {
+        "hfov_deg": 65.0,
+        "distortion": "none",
+        "pitch_deg": 0.0,
+        "motion": "straight ahead or backward",
+    }
+    done = invoke(approach, "--hfov", "60", "--pitch", "0")
+    first = done.stdout.splitlines()[0]
+    assert first == (
+        "assumed: lens distortion none (--calibration), motion straight ahead or backward"
+    )
+    # of upright images the longer side shows 65 degrees
+    upright = save(tmp_path, [np.ascontiguousarray(np.rot90(image)) for image in APPROACH])
+    views = perceive(upright, "--fps", "10")
+    for view, distance in zip(views, DISTANCES[1:], strict=True):
+        assert view["assumed"]["hfov_deg"] == pytest.approx(51.1, abs=0.1)
+        assert view["ttc_s"] == pytest.approx(2 * distance, rel=0.1)
+        assert view["focus_of_expansion"]["x"] == pytest.approx(0.5 * HEIGHT, abs=4.0)
+
+
+def test_results_before_an_error_are_printed(tmp_path: Path) -> None:
+    folder = save(tmp_path, [APPROACH[0], APPROACH[1], APPROACH[2][:200]])
+    done = invoke(folder, "--json")
+    assert done.exit_code == 2
+    assert "all images must have one size" in done.stderr
+    assert [view["pair"] for view in json.loads(done.stdout)] == [1]
+    done = invoke(folder)
+    assert done.exit_code == 2
+    assert done.stdout.count("Front is") == 1
+
+
+def test_list_is_printed_item_by_item(capsys: pytest.CaptureFixture[str]) -> None:
+    def items() -> Iterator[dict[str, int]]:
+        yield {"a": 1}
+        assert capsys.readouterr().out == '[{"a": 1}\n'
+        yield {"a": 2}
+        assert capsys.readouterr().out == ',{"a": 2}\n'
+
+    print_json_list(items())
+    assert capsys.readouterr().out == "]\n"
+    print_json_list([])
+    assert capsys.readouterr().out == "[]\n"
+
+
+def test_broken_image_and_gap_in_a_sequence(tmp_path: Path) -> None:
+    folder = save(tmp_path, [*APPROACH, *APPROACH])
+    (folder / "image_2.png").write_bytes(b"")
+    done = invoke(folder, "--fps", "10", "--json", "--stride", "1")
+    assert done.exit_code == 0
+    views = json.loads(done.stdout)
+    assert views[0]["frames"] == ["image_1.png", "image_3.png"]
+    assert views[0]["dt"] == pytest.approx(0.2)
+    assert views[0]["ttc_s"] == pytest.approx(2 * 1.9, rel=0.1)
+    assert "1 of 8 images left out: " in done.stderr
+    for k in (3, 4, 5, 6):
+        (folder / f"image_{k}.png").unlink()
+    stamped = [f"{0.1 * k:.2f}" for k in (1, 2, 10, 11)]
+    for name, stamp in zip(sorted(folder.iterdir()), stamped, strict=True):
+        cv2.imwrite(str(folder / f"{stamp}.png"), APPROACH[int(stamp[-1]) % 2])
+        name.unlink()
+    views = perceive(folder)
+    assert [view["frames"] for view in views] == [
+        ["0.10.png", "0.20.png"],
+        ["1.00.png", "1.10.png"],
+    ]

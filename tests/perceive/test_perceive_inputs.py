@@ -1,0 +1,236 @@
+"""Images as people have them: deep, turned, broken, shuffled, with gaps; videos of telephones."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from perceive_images import save, texture
+from PIL import Image as PillowImage
+
+from navfw.errors import InputError
+from navfw.perceive.image_sources import ImageSource, open_source
+from navfw.signals import Image
+
+PICTURE = texture()[:48, :64]
+UPRIGHT_MATRIX = struct.pack(">9i", 0, 65536, 0, -65536, 0, 0, 0, 0, 1 << 30)
+"""Display matrix of an MP4 file that was taken with the telephone upright."""
+
+
+def names(source: ImageSource) -> list[str]:
+    return [item.name for item in source]
+
+
+def film(path: Path, frames: int = 6, codec: str = "mp4v") -> Path:
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*codec), 25.0, (64, 48))
+    for k in range(frames):
+        writer.write(cv2.cvtColor(np.roll(PICTURE, k, axis=1), cv2.COLOR_GRAY2BGR))
+    writer.release()
+    return path
+
+
+@pytest.mark.parametrize("bits", [10, 12, 14, 16])
+@pytest.mark.parametrize("suffix", [".png", ".tiff", ".pgm"])
+def test_deep_images_by_their_true_range(tmp_path: Path, bits: int, suffix: str) -> None:
+    white = (1 << bits) - 1
+    # the brightest pixel of the sequence is not in its first image
+    for k, share in enumerate((0.3, 1.0, 0.6)):
+        deep = np.rint(PICTURE / PICTURE.max() * share * white).astype(np.uint16)
+        assert cv2.imwrite(str(tmp_path / f"image_{k}{suffix}"), deep)
+    source = open_source([tmp_path], 10.0)
+    for item, share in zip(source, (0.3, 1.0, 0.6), strict=True):
+        expected = PICTURE[..., None] / PICTURE.max() * share * 255.0
+        assert item.image.dtype == np.uint8
+        assert np.abs(item.image - expected).max() <= 1.0
+    assert source.notes == [f"images of 16 bits with values up to {white}: taken as {bits} bits"]
+
+
+def test_brighter_image_between_the_samples_is_told(tmp_path: Path) -> None:
+    for k in range(40):
+        level = 60_000 if k == 2 else 4000
+        cv2.imwrite(str(tmp_path / f"{k}.png"), np.full((48, 64), level, np.uint16))
+    source = open_source([tmp_path], 10.0)
+    levels = [int(item.image.max()) for item in source]
+    assert levels[2] == 255
+    assert levels[3] == round(4000 / 4095 * 255)
+    assert source.notes[-1] == "1 images have pixels beyond 12 bits, cut off"
+
+
+def test_floating_point_image(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    for k in range(2):
+        cv2.imwrite(str(tmp_path / f"{k}.tiff"), np.ones((48, 64), np.float32))
+    with pytest.raises(InputError, match=r"0\.tiff: .* its pixels have neither 8 nor 16 bits"):
+        names(open_source([tmp_path]))
+    assert capfd.readouterr().err == ""
+
+
+def test_photograph_is_turned_upright(tmp_path: Path) -> None:
+    for k in range(2):
+        picture = PillowImage.fromarray(PICTURE)
+        data = picture.getexif()
+        data[0x0112] = 6  # taken with the camera upright
+        picture.save(tmp_path / f"{k}.jpg", exif=data, quality=95)
+    for item in open_source([tmp_path]):
+        assert item.image.shape == (64, 48, 3)
+        assert np.abs(item.image[..., 0] - np.rot90(PICTURE, -1).astype(float)).mean() < 3.0
+
+
+def test_heic_says_what_to_do(tmp_path: Path) -> None:
+    for name in ("IMG_1.HEIC", "IMG_2.jpg"):
+        (tmp_path / name).write_bytes(b"\0\0\0\x18ftypheic" + bytes(100))
+    with pytest.raises(InputError, match=r"IMG_1\.HEIC: is a HEIC image, .*save it as JPEG"):
+        names(open_source([tmp_path]))
+    with pytest.raises(InputError, match=r"IMG_2\.jpg: is a HEIC image"):
+        names(open_source([tmp_path / "IMG_2.jpg", tmp_path / "IMG_2.jpg"]))
+    cv2.imwrite(str(tmp_path / "IMG_3.png"), PICTURE)
+    cv2.imwrite(str(tmp_path / "IMG_4.png"), PICTURE)
+    source = open_source([tmp_path])
+    assert names(source) == ["IMG_3.png", "IMG_4.png"]
+    assert source.notes[-1].startswith("2 of 4 images left out: ")
+
+
+def test_broken_image_costs_itself_alone(tmp_path: Path) -> None:
+    for k in range(1, 6):
+        cv2.imwrite(str(tmp_path / f"image_{k}.jpg"), PICTURE)
+    whole = (tmp_path / "image_3.jpg").read_bytes()
+    for part in (whole[: len(whole) // 2], whole[:30], b"", whole.replace(b"\xff\xda", b"\0\0")):
+        (tmp_path / "image_3.jpg").write_bytes(part)
+        source = open_source([tmp_path], 10.0)
+        items = list(source)
+        assert [item.time for item in items] == pytest.approx([0.0, 0.1, 0.3, 0.4])
+        assert not any(item.after_gap for item in items)
+        assert source.notes[0].startswith("1 of 5 images left out: ")
+        assert "image_3.jpg: " in source.notes[0]
+    (tmp_path / "image_3.jpg").write_bytes(whole + b"data of the maker's own")
+    assert len(names(open_source([tmp_path], 10.0))) == 5
+
+
+def test_images_across_a_gap_are_not_compared(tmp_path: Path) -> None:
+    save(tmp_path, [PICTURE] * 12)
+    for k in range(4, 9):
+        (tmp_path / f"image_{k}.png").write_bytes(b"")
+    source = open_source([tmp_path], 10.0)
+    assert [item.name for item in source if item.after_gap] == ["image_9.png"]
+    assert source.notes[0] == (
+        "5 of 12 images left out: "
+        + "; ".join(
+            f"{tmp_path / f'image_{k}.png'}: is not a readable image; give a PNG or JPEG file"
+            for k in (4, 5, 6)
+        )
+        + "; and 2 more"
+    )
+    assert source.notes[1] == "not compared across gaps in time: 0.60 s before image_9.png"
+    # an image every second: two missing ones are no gap
+    for k in (4, 5, 6):
+        cv2.imwrite(str(tmp_path / f"image_{k}.png"), PICTURE)
+    assert not any(item.after_gap for item in open_source([tmp_path], 1.0))
+
+
+def test_shuffled_images_are_refused(tmp_path: Path) -> None:
+    save(tmp_path, [PICTURE] * 4)
+    paths = [tmp_path / f"image_{k}.png" for k in (1, 3, 2, 4)]
+    with pytest.raises(InputError, match=r"image_2\.png: comes after image_3\.png: .* sort them"):
+        open_source(paths, 10.0)
+    assert names(open_source(paths[::2], 10.0)) == ["image_1.png", "image_2.png"]
+    # names without a common pattern have no order
+    (tmp_path / "image_3.png").rename(tmp_path / "last.png")
+    named = [tmp_path / name for name in ("last.png", "image_4.png", "image_2.png")]
+    assert names(open_source(named, 10.0)) == ["last.png", "image_4.png", "image_2.png"]
+
+
+@pytest.mark.parametrize(
+    ("stamps", "interval", "start"),
+    [
+        (("1403636579763555584", "1403636579813555456"), 0.049999872, 1403636579.7635556),
+        (("1403636579763555", "1403636579813555"), 0.05, 1403636579.763555),
+        (("1403636579763", "1403636579813"), 0.05, 1403636579.763),
+        (("12.50", "12.75"), 0.25, 12.5),
+    ],
+)
+def test_time_stamps_of_all_kinds(
+    tmp_path: Path, stamps: tuple[str, str], interval: float, start: float
+) -> None:
+    for stamp in stamps:
+        cv2.imwrite(str(tmp_path / f"{stamp}.png"), PICTURE)
+    source = open_source([tmp_path])
+    assert [item.time for item in source] == pytest.approx([0.0, interval], abs=1e-7)
+    assert source.start == pytest.approx(start, abs=1e-5)
+    assert source.duration == pytest.approx(interval, abs=1e-7)
+
+
+def test_time_stamps_that_go_back(tmp_path: Path) -> None:
+    paths = [tmp_path / f"{stamp}.png" for stamp in ("1.50", "1.60", "1.55")]
+    for path in paths:
+        cv2.imwrite(str(path), PICTURE)
+    with pytest.raises(InputError, match=r"1\.55\.png: comes after 1\.60\.png"):
+        open_source(paths)
+    back = [paths[1], paths[2], paths[0]]
+    with pytest.raises(InputError, match=r"1\.55\.png: its time stamp .* after that of 1\.60\.png"):
+        open_source(back)
+    assert names(open_source(back, 20.0)) == ["1.60.png", "1.55.png", "1.50.png"]
+
+
+def test_upright_video_of_a_telephone(tmp_path: Path) -> None:
+    data = film(tmp_path / "lying.mp4").read_bytes()
+    at = data.index(b"tkhd") + 44
+    upright = tmp_path / "upright.mp4"
+    upright.write_bytes(data[:at] + UPRIGHT_MATRIX + data[at + 36 :])
+    lying = list(open_source([tmp_path / "lying.mp4"]))
+    source = open_source([upright])
+    for turned, item in zip(source, lying, strict=True):
+        assert (turned.image == np.rot90(item.image, -1)).all()
+        assert turned.time == item.time
+    assert source.notes == ["the video is turned by 90 degrees, as its file says"]
+
+
+def test_video_that_ends_early(tmp_path: Path) -> None:
+    whole = film(tmp_path / "whole.avi", 30, "MJPG").read_bytes()
+    (tmp_path / "part.avi").write_bytes(whole[: len(whole) // 2])
+    source = open_source([tmp_path / "part.avi"])
+    count = len(names(source))
+    assert 10 <= count <= 16
+    assert f"the video ends early: only {count} of 30 frames could be read" in source.notes[0]
+    whole = film(tmp_path / "whole.mp4", 30).read_bytes()
+    (tmp_path / "part.mp4").write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(InputError, match="if the recording was cut off, its index is missing"):
+        open_source([tmp_path / "part.mp4"])
+
+
+class FilmOfATelephone:
+    """Stands for OpenCV's reader: frames at irregular times, and some without a time."""
+
+    stamps = (40.0, 73.0, 140.0, 140.0, 0.0, 240.0)
+
+    def __init__(self, _name: str) -> None:
+        self._next = 0
+
+    def get(self, what: int) -> float:
+        return {
+            cv2.CAP_PROP_FRAME_WIDTH: 64.0,
+            cv2.CAP_PROP_FRAME_HEIGHT: 48.0,
+            cv2.CAP_PROP_FPS: 25.0,
+            cv2.CAP_PROP_POS_MSEC: self.stamps[max(self._next, 1) - 1],
+        }.get(what, 0.0)
+
+    def read(self) -> tuple[bool, Image]:
+        self._next += 1
+        return self._next <= len(self.stamps), np.zeros((48, 64, 3), np.uint8)
+
+    def isOpened(self) -> bool:
+        return True
+
+    def set(self, _what: int, _value: float) -> None: ...
+
+    def release(self) -> None: ...
+
+
+def test_frames_at_their_own_times(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "film.mp4").write_bytes(b"x")
+    monkeypatch.setattr(cv2, "VideoCapture", FilmOfATelephone)
+    times = [item.time for item in open_source([tmp_path / "film.mp4"])]
+    assert times == pytest.approx([0.0, 0.033, 0.1, 0.14, 0.18, 0.2])
+    times = [item.time for item in open_source([tmp_path / "film.mp4"], 10.0)]
+    assert times == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4, 0.5])
