@@ -19,10 +19,11 @@ import numpy.typing as npt
 
 from navfw.bench.flow_pairs import MOTIONS, WORLDS, TruePair, load_worlds, rendered_pairs
 from navfw.bench.flow_report import SIGMA_BINS, plot, table
+from navfw.bench.true_flow import true_flow
 from navfw.flow.block_matching import BlockMatching
 from navfw.flow.dis import Dis
 from navfw.flow.farneback import Farneback
-from navfw.flow.ideal import Ideal, nearness_at, true_vectors
+from navfw.flow.ideal import Ideal
 from navfw.flow.lucas_kanade import LucasKanade
 from navfw.interfaces import FlowProcessor
 from navfw.robot import CameraModel, RobotModel
@@ -181,9 +182,8 @@ def _compare(
     flow: FlowField, true: TruePair, camera: CameraModel
 ) -> tuple[Array, npt.NDArray[np.bool_]]:
     """Errors (rows, cols, 2) [px], and which vectors are trusted and have a truth."""
-    nearness = nearness_at(flow.points, true.depth, camera)
-    off = flow.vectors - true_vectors(flow.points, nearness, true.motion, camera.focal)
-    return off, (flow.confidence >= TRUSTED) & np.isfinite(off).all(axis=-1)
+    vectors, known = true_flow(flow.points, true, camera)
+    return flow.vectors - vectors, (flow.confidence >= TRUSTED) & known
 
 
 def _edges(depth: npt.NDArray[np.float32], points: Array, camera: CameraModel) -> Array:

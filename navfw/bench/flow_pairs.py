@@ -12,7 +12,7 @@ import numpy.typing as npt
 from navfw.config.lookup import find
 from navfw.egomotion.camera_motion import camera_motion, yaw_rotation
 from navfw.robot import RobotModel
-from navfw.signals import CameraMotion, Frame, FramePair, Image, Pose
+from navfw.signals import Array, CameraMotion, Frame, FramePair, Image, Pose
 from navfw.sim import Simulation, WorldSpec, load_world
 from navfw.sim.worldspec import BoxSpec, CylinderSpec, WallSpec
 
@@ -61,8 +61,10 @@ MOTIONS: dict[str, tuple[Pose, ...]] = {
 class TruePair:
     """A frame pair with ground truth.
 
-    ``pair.motion`` is the measured camera motion, ``motion`` the true one; ``depth``
-    (height, width) [m] belongs to the current frame, inf where there is no surface.
+    ``pair.motion`` is the measured camera motion, ``motion`` the true one; ``depth`` and
+    ``past_depth`` (height, width) [m] belong to the current and the past frame: inf where there is
+    no surface, 0 where the depth is unknown. ``recording_error`` (9,) corrects the true flow of a
+    recorded pair (``navfw.bench.true_flow``); None for rendered ones.
     """
 
     world: str
@@ -70,6 +72,8 @@ class TruePair:
     pair: FramePair
     motion: CameraMotion
     depth: npt.NDArray[np.float32]
+    past_depth: npt.NDArray[np.float32]
+    recording_error: Array | None = None
 
 
 def corridor_world(seed: int = 0) -> WorldSpec:
@@ -132,7 +136,7 @@ def rendered_pairs(
                 for motion_name, variants in motions.items():
                     step = variants[k % len(variants)]
                     past = here.compose(step.relative(Pose(0.0, 0.0, 0.0)))
-                    before, _ = simulation.render_from(past)
+                    before, depth_before = simulation.render_from(past)
                     true = camera_motion(robot, past, here, PERIOD)
                     frames = (_exposed(image, noise, rng) for image in (before, after))
                     pair = FramePair(
@@ -140,7 +144,7 @@ def rendered_pairs(
                         Frame(PERIOD, next(frames)),
                         _measured(true, robot, rng),
                     )
-                    yield TruePair(name, motion_name, pair, true, depth)
+                    yield TruePair(name, motion_name, pair, true, depth, depth_before)
 
 
 def _start(world: WorldSpec, robot: RobotModel) -> Pose:

@@ -12,10 +12,10 @@ from typing import Any
 from navfw.atomic import AtomicFolder
 from navfw.bench import (
     flow_accuracy,
+    flow_comparison,
     perception_accuracy,
     perception_time,
     recorded_approach,
-    tum_accuracy,
 )
 from navfw.errors import InputError
 
@@ -147,7 +147,9 @@ def bench_perception(
         approach = recorded_approach.bench_approach(data["approach"])
     if data is not None and "tum_fr1" in data:
         report("the recorded office")
-        tum = tum_accuracy.bench_tum(data["tum_fr1"])
+        tum = flow_comparison.bench_flow_sets(
+            flow_comparison.recorded_sets(data["tum_fr1"].parent, only="tum_fr1")
+        )
     report(f"accuracy over {extent.poses} views")
 
     def count(done: int) -> None:
@@ -226,18 +228,22 @@ def page(result: Mapping[str, Any]) -> str:
     ]
     for title, columns, rows in tables(result):
         parts.append(f"## {title}\n")
-        parts.append("| " + " | ".join(columns) + " |")
-        parts.append("|---" * len(columns) + "|")
-        parts += ["| " + " | ".join(map(str, row)) + " |" for row in rows]
-        parts.append("")
+        parts += _markdown(columns, rows)
     parts.append("## Flow in full\n\n![error and time of the processors](flow.png)\n")
     parts.append(flow_accuracy.table(dict(result["flow"])))
     if result["tum"] is not None:
-        parts.append("## Recorded office (TUM fr1)\n")
-        parts.append(tum_accuracy.tum_table(result["tum"]))
+        for title, columns, rows in flow_comparison.comparison_tables(result["tum"]):
+            parts.append(f"## {title}\n")
+            parts += _markdown(columns, rows)
     if result["approach"] is not None:
         parts.append(_approach(result["approach"]))
     return "\n".join(parts)
+
+
+def _markdown(columns: Sequence[str], rows: Sequence[Sequence[object]]) -> list[str]:
+    """Lines of a table, and an empty one."""
+    body = ["| " + " | ".join(map(str, row)) + " |" for row in rows]
+    return ["| " + " | ".join(columns) + " |", "|---" * len(columns) + "|", *body, ""]
 
 
 def _approach(approach: Mapping[str, Any]) -> str:

@@ -24,7 +24,14 @@ from navfw.errors import ConfigError
 from navfw.robot import CameraModel
 from navfw.signals import Array, CameraMotion, Frame, FramePair, Image
 
-__all__ = ["FR1_DISTORTION", "FR1_MATRIX", "TumRecording", "tum_camera", "tum_pairs"]
+__all__ = [
+    "FR1_DISTORTION",
+    "FR1_MATRIX",
+    "TumRecording",
+    "project_depth",
+    "tum_camera",
+    "tum_pairs",
+]
 
 _MAX_LIST = 50_000_000
 """Largest size of a list of images or poses [byte]; those of freiburg1 have 0.3 MB."""
@@ -34,18 +41,24 @@ FR1_MATRIX = np.array([[517.3, 0.0, 318.6], [0.0, 516.5, 255.3], [0.0, 0.0, 1.0]
 """Intrinsic matrix [px] of the colour camera of the freiburg1 sequences, at 640 x 480."""
 FR1_DISTORTION = np.array([0.2624, -0.9531, -0.0054, 0.0026, 1.1633])
 """Distortion coefficients of that camera (k1, k2, p1, p2, k3), as OpenCV has them."""
+ZOOM = 1.1
+"""Focal length of the straightened images over that of the camera: no pixel of them is outside the
+camera's image. A black border would be a texture that stands still."""
 DEPTH_UNIT = 5000.0
 """Value of a depth image for one metre."""
+ONE_SURFACE = 0.9
+"""Least nearness of a point of the nearest surface in a pixel, relative to the nearest point."""
 LARGEST_GAP = 0.02
 """Largest time [s] between a colour image and the depth image assigned to it."""
 
 
 def tum_pairs(
-    folder: str | Path, size: tuple[int, int], recorded: TumRecording | None = None
+    folder: str | Path,
+    size: tuple[int, int],
+    recorded: TumRecording | None = None,
+    stride: int = 1,
 ) -> Iterator[TruePair]:
-    """Pairs of consecutive colour frames, undistorted and scaled to ``size`` (width, height).
-
-    ``depth`` belongs to the current frame; it is 0 where it is unknown.
+    """Pairs of colour frames ``stride`` apart, undistorted and scaled to ``size`` (width, height).
 
     Raises:
         ConfigError: the folder lacks a file, or a file cannot be read.
@@ -55,16 +68,16 @@ def tum_pairs(
     camera = tum_camera(size)
     posed = recorded.images
     images = [_rectified(read_grey(image.colour), camera) for image in posed]
-    for k in range(1, len(posed)):
-        past, now = posed[k - 1], posed[k]
+    depths = [_registered_depth(image, camera) for image in posed]
+    for k in range(stride, len(posed)):
+        past, now = posed[k - stride], posed[k]
         motion = CameraMotion(
             rotation=now.axes.T @ past.axes,
             translation=now.axes.T @ (now.place - past.place),
             dt=now.time - past.time,
         )
-        depth = _registered_depth(now, camera)
-        pair = FramePair(Frame(past.time, images[k - 1]), Frame(now.time, images[k]), motion)
-        yield TruePair("tum", "consecutive", pair, motion, depth)
+        pair = FramePair(Frame(past.time, images[k - stride]), Frame(now.time, images[k]), motion)
+        yield TruePair("tum", f"stride {stride}", pair, motion, depths[k], depths[k - stride])
 
 
 @dataclass(frozen=True)
@@ -139,8 +152,8 @@ def _poses(file: Path) -> Array:
 
 
 def tum_camera(size: tuple[int, int]) -> CameraModel:
-    """A pinhole camera with FR1's horizontal focal length and a central principal point."""
-    hfov = 2.0 * math.atan(0.5 * 640 / FR1_MATRIX[0, 0])
+    """The pinhole camera of the straightened images, with a central principal point."""
+    hfov = 2.0 * math.atan(0.5 * 640 / (ZOOM * FR1_MATRIX[0, 0]))
     return CameraModel(width=size[0], height=size[1], hfov=hfov)
 
 
@@ -167,7 +180,7 @@ def _registered_depth(image: _PosedImage, camera: CameraModel) -> npt.NDArray[np
     """Depth (height, width) [m] seen from the colour image's pose; 0 where it is unknown.
 
     The depth image was taken slightly earlier or later: its points are transformed to the pose of
-    the colour image. Where several points fall into one pixel, the nearest is kept.
+    the colour image.
     """
     measured = np.asarray(read_image(image.depth, cv2.IMREAD_UNCHANGED), dtype=np.float64)
     measured /= DEPTH_UNIT
@@ -177,13 +190,23 @@ def _registered_depth(image: _PosedImage, camera: CameraModel) -> npt.NDArray[np
     rays = np.concatenate([np.asarray(straight)[:, 0], np.ones((len(pixels), 1))], axis=1)
     world = (rays * measured[rows, columns, None]) @ image.depth_axes.T + image.depth_place
     points = (world - image.place) @ image.axes
+    return project_depth(points, camera)
+
+
+def project_depth(points: Array, camera: CameraModel) -> npt.NDArray[np.float32]:
+    """Depth image (height, width) [m] of ``points`` (n, 3) [m] in the axes of ``camera``.
+
+    A pixel has the mean nearness of the points of the nearest surface in it; 0 where there is none.
+    """
     points = points[points[:, 2] > 0.1]
     at = np.rint(camera.focal * points[:, :2] / points[:, 2:] + _matrix(camera)[:2, 2])
     inside = ((at >= 0) & (at < (camera.width, camera.height))).all(axis=1)
     x, y = at[inside].astype(np.int64).T
-    nearness = np.zeros((camera.height, camera.width))
-    np.maximum.at(nearness, (y, x), 1.0 / points[inside, 2])
-    filled = nearness > 0.0
-    depth = np.zeros(nearness.shape, np.float32)
-    depth[filled] = (1.0 / nearness[filled]).astype(np.float32)
-    return depth
+    pixel, near = y * camera.width + x, 1.0 / points[inside, 2]
+    largest = np.zeros(camera.height * camera.width)
+    np.maximum.at(largest, pixel, near)
+    front = near > ONE_SURFACE * largest[pixel]
+    count = np.bincount(pixel[front], minlength=largest.size)
+    total = np.bincount(pixel[front], near[front], minlength=largest.size)
+    depth = count / np.where(count > 0, total, 1.0)
+    return depth.reshape(camera.height, camera.width).astype(np.float32)

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from navfw.cli.bench_flow import flow
 from navfw.cli.bench_landmarks import landmarks
 from navfw.cli.options import Json, NoiseSeed, Stack
 from navfw.cli.output import print_json, print_status, print_table, print_tables, quiet_stdout
@@ -19,6 +20,7 @@ def add_to(app: typer.Typer) -> None:
     group = typer.Typer(help="Measure accuracy and computing time.", no_args_is_help=True)
     group.command()(loop)
     group.command()(perception)
+    group.command()(flow)
     group.command()(planning)
     group.command()(landmarks)
     app.add_typer(group, name="bench")
