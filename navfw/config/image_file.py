@@ -41,8 +41,6 @@ def read_image(
         raise ConfigError(
             f"the image is too large: {width} x {height} pixels, at most {MAX_PIXELS}", file=name
         )
-    if _ends_early(data):
-        raise ConfigError("the image is damaged: the file ends early", file=name)
     log = cv2.utils.logging
     level = log.getLogLevel()
     log.setLogLevel(log.LOG_LEVEL_SILENT)  # what is wrong is raised instead
@@ -78,16 +76,3 @@ def _declared_size(data: bytes, name: str) -> tuple[int, int]:
         raise ConfigError("the image is too large", file=name) from None
     except Exception:  # the readers of Pillow raise many kinds of errors for damaged headers
         raise ConfigError("is not a readable image; give a PNG or JPEG file", file=name) from None
-
-
-def _ends_early(data: bytes) -> bool:
-    """Whether a JPEG has no end: OpenCV would fill what is missing with grey."""
-    if not data.startswith(b"\xff\xd8"):
-        return False
-    at = 2
-    while data[at : at + 1] == b"\xff":
-        if data[at + 1 : at + 2] == b"\xda":  # the pixels begin: no other marker has its bytes
-            return data.find(b"\xff\xd9", at) < 0
-        filler = data[at + 1 : at + 2] == b"\xff"
-        at += 1 if filler else 2 + int.from_bytes(data[at + 2 : at + 4], "big")
-    return at >= len(data)
