@@ -68,6 +68,14 @@ Fps = Annotated[
         help="Images per second; by default that of the video, 10 for files.", show_default=False
     ),
 ]
+Times = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE",
+        help="Times of image files instead of --fps: lines of a time [s] and, if known, the file.",
+        show_default=False,
+    ),
+]
 Height = Annotated[
     float | None,
     typer.Option(
@@ -130,6 +138,7 @@ def perceive(
     calibration: Calibration = None,
     speed: Speed = None,
     fps: Fps = None,
+    times: Times = None,
     height: Height = None,
     pitch: Pitch = None,
     gyro: GyroFile = None,
@@ -144,9 +153,11 @@ def perceive(
     with quiet_stdout():
         from navfw.perceive.calibration_file import load_calibration
         from navfw.perceive.image_sources import open_source
+        from navfw.perceive.image_times import load_image_times
         from navfw.perceive.perceiver_options import PerceiverOptions
 
         _require_one("--hfov", hfov, "--calibration", calibration)
+        _require_one("--fps", fps, "--times", times)
         _require_one("--gyro", gyro, "--poses", poses)
         rows, cols = _grid(grid)
         options = PerceiverOptions(
@@ -160,7 +171,8 @@ def perceive(
             stride=stride,
         )
         camera = None if calibration is None else load_calibration(calibration)
-        images = open_source(source, fps, camera)
+        listed = None if times is None else load_image_times(times)
+        images = open_source(source, fps, camera, listed)
         options = replace(options, gyro=_motion_record(gyro, poses, pitch or 0.0, images))
     tally = _Tally(images.total)
     with contextlib.closing(_results(options, images, overlay)) as results:

@@ -2,27 +2,17 @@
 
 from __future__ import annotations
 
-import itertools
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from navfw.config.input_file import shown_path
 from navfw.errors import InputError
 
-__all__ = ["NameTimes", "natural_key", "require_order", "times_in_names"]
+__all__ = ["natural_key", "require_order", "times_in_names"]
 
 _EPOCH_UNITS = {13: 1e-3, 16: 1e-6, 19: 1e-9}
 """Unit [s] of a time since 1970 written as a whole number, by its number of digits."""
-
-
-@dataclass(frozen=True, slots=True)
-class NameTimes:
-    """``times`` [s] of images since the first one, which was taken at ``start`` [s]."""
-
-    start: float
-    times: tuple[float, ...]
 
 
 def natural_key(path: Path) -> list[tuple[int, int, str]]:
@@ -34,8 +24,8 @@ def natural_key(path: Path) -> list[tuple[int, int, str]]:
     ]
 
 
-def times_in_names(paths: Sequence[Path]) -> NameTimes | None:
-    """Times by the names of files if all are time stamps, otherwise None.
+def times_in_names(paths: Sequence[Path]) -> list[float] | None:
+    """Times [s] by the names of files if all are time stamps, otherwise None.
 
     Stamps are seconds with decimals, or milli-, micro- or nanoseconds since 1970.
 
@@ -48,14 +38,12 @@ def times_in_names(paths: Sequence[Path]) -> NameTimes | None:
     times = _seconds(paths) or _epochs(paths)
     if times is None:
         return None
-    for (before, earlier), (path, later) in itertools.pairwise(
-        zip(paths, times.times, strict=True)
-    ):
-        if later <= earlier:
+    for k in range(1, len(times)):
+        if times[k] <= times[k - 1]:
             raise InputError(
-                f"its time stamp does not come after that of {before.name}; give the images in "
-                "the order of time, or --fps to take them backward",
-                file=shown_path(path),
+                f"its time stamp does not come after that of {paths[k - 1].name}; give the images "
+                "in the order of time, or --fps to take them backward",
+                file=shown_path(paths[k]),
             )
     return times
 
@@ -82,18 +70,16 @@ def require_order(paths: Sequence[Path]) -> None:
     )
 
 
-def _seconds(paths: Sequence[Path]) -> NameTimes | None:
+def _seconds(paths: Sequence[Path]) -> list[float] | None:
     if not all(re.fullmatch(r"[0-9]{1,12}\.[0-9]+", path.stem) for path in paths):
         return None
-    stamps = [float(path.stem) for path in paths]
-    return NameTimes(stamps[0], tuple(stamp - stamps[0] for stamp in stamps))
+    return [float(path.stem) for path in paths]
 
 
-def _epochs(paths: Sequence[Path]) -> NameTimes | None:
+def _epochs(paths: Sequence[Path]) -> list[float] | None:
     unit = _EPOCH_UNITS.get(len(paths[0].stem))
     if unit is None or not all(re.fullmatch(r"[0-9]+", path.stem) for path in paths):
         return None
     if len({len(path.stem) for path in paths}) != 1:
         return None
-    stamps = [int(path.stem) for path in paths]
-    return NameTimes(stamps[0] * unit, tuple((stamp - stamps[0]) * unit for stamp in stamps))
+    return [int(path.stem) * unit for path in paths]

@@ -15,6 +15,7 @@ from navfw.config.input_file import is_file, is_folder, no_such_file
 from navfw.errors import InputError
 from navfw.perceive.calibration_file import CameraCalibration
 from navfw.perceive.image_order import natural_key, require_order, times_in_names
+from navfw.perceive.image_times import ImageTimes
 from navfw.perceive.pixel_range import DeepImage, PixelRange
 from navfw.perceive.undistortion import Undistortion
 from navfw.perceive.video_file import FRAME_RATE, FRAME_RATES, VideoFile
@@ -55,7 +56,7 @@ class ImageSource:
 
     ``rate`` [1/s] is the usual frame rate; ``total`` the number of images, 0 if unknown;
     ``duration`` [s] the time from the first to the last, inf if unknown; ``start`` [s] the time of
-    the first image where the names of the files tell it, else None.
+    the first image where the names of the files or a list tell it, else None.
     ``notes`` are remarks for the user: assumptions, and irregularities found while reading. With a
     ``calibration``, images are without lens distortion, and ``hfov`` [rad] is their horizontal
     field of view from the first image on; otherwise it is None.
@@ -125,23 +126,24 @@ class _Files(ImageSource):
         paths: Sequence[Path],
         fps: float | None,
         calibration: CameraCalibration | None,
+        listed: ImageTimes | None,
         named: str,
     ) -> None:
-        notes: list[str] = []
-        by_name = None if fps is not None else times_in_names(paths)
-        if by_name is None:
-            rate = FRAME_RATE if fps is None else fps
-            times = [i / rate for i in range(len(paths))]
+        super().__init__(FRAME_RATE if fps is None else fps, len(paths), (), calibration)
+        self._paths, self._named = paths, named
+        known = listed.of(paths) if listed is not None else None
+        if known is None and fps is None:
+            known = times_in_names(paths)
+            self.notes += [] if known is None else ["times taken from the file names"]
+        if known is None or len(known) < 2:
+            self._times = [k / self.rate for k in range(len(paths))]
             if fps is None:
-                notes.append(f"no --fps given: {rate:g} images a second assumed")
+                self.notes.append(f"no --fps given: {self.rate:g} images a second assumed")
         else:
-            times = list(by_name.times)
-            rate = 1.0 / float(np.median(np.diff(times)))
-            notes.append(f"times taken from the file names: {rate:.1f} images a second")
-        super().__init__(rate, len(paths), notes, calibration)
-        self.start = None if by_name is None else by_name.start
-        self.duration = times[-1]
-        self._paths, self._times, self._named = paths, times, named
+            self.start = known[0]
+            self._times = [time - known[0] for time in known]
+            self.rate = 1.0 / float(np.median(np.diff(self._times)))
+        self.duration = self._times[-1]
         self._range: PixelRange | None = None
 
     def __str__(self) -> str:
@@ -211,12 +213,14 @@ def open_source(
     paths: Sequence[Path],
     fps: float | None = None,
     calibration: CameraCalibration | None = None,
+    listed: ImageTimes | None = None,
 ) -> ImageSource:
     """The images in ``paths``: one folder, one video, or image files.
 
     Image files are read in natural order (``image_2`` before ``image_10``), unless ``paths`` is not
     sorted alphabetically: then its order is kept. ``fps`` [1/s] overrides the frame rate of a video
-    and time stamps in file names. With a ``calibration`` the lens distortion is removed.
+    and time stamps in file names; ``listed`` are times of image files. With a ``calibration`` the
+    lens distortion is removed.
 
     Raises:
         InputError: a path does not exist or cannot be read, there are no images, or they are not in
@@ -230,11 +234,13 @@ def open_source(
         if not is_file(path) and not is_folder(path):
             raise no_such_file(path)
     if len(paths) == 1 and is_folder(paths[0]):
-        return _Files(_images_in(paths[0]), fps, calibration, f"the folder {paths[0]}")
+        return _Files(_images_in(paths[0]), fps, calibration, listed, f"the folder {paths[0]}")
     for path in paths:
         if is_folder(path):
             raise InputError("give one folder, or image files, not both", file=path)
     if len(paths) == 1 and paths[0].suffix.lower() not in IMAGES:
+        if listed is not None:
+            raise InputError("is for image files; a video has its own times", key="--times")
         return _Video(paths[0], fps, calibration)
     for path in paths:
         if path.suffix.lower() in VIDEOS:
@@ -244,7 +250,7 @@ def open_source(
         ordered.sort(key=natural_key)
     require_order(ordered)
     named = str(paths[0]) if len(paths) == 1 else "the list of files"
-    return _Files(ordered, fps, calibration, named)
+    return _Files(ordered, fps, calibration, listed, named)
 
 
 def _images_in(folder: Path) -> list[Path]:

@@ -64,8 +64,8 @@ class MotionRecord(Protocol):
 def on_clock_of(images: ImageSource, record: MotionRecord) -> MotionRecord:
     """``record`` with times since the first of the ``images``.
 
-    Its times are those in the names of the images where these overlap, otherwise they already count
-    from the first image.
+    Its times are on the clock of the images' names or list where these overlap, otherwise they
+    already count from the first image.
 
     Raises:
         InputError: the record and the images have no time in common.
@@ -77,11 +77,11 @@ def on_clock_of(images: ImageSource, record: MotionRecord) -> MotionRecord:
         return record.shifted(-start)
     if first < duration and last > 0.0:
         return record
-    named = "" if start is None else f" ({start:.2f} to {start + duration:.2f} s by their names)"
+    named = "" if start is None else f" ({start:.2f} to {start + duration:.2f} s on their clock)"
     raise InputError(
         f"expected readings within the time of the images, 0 to {duration:.2f} s{named}; got "
-        f"{first:.2f} to {last:.2f} s. Count times from the first image, or name the images by "
-        "their times",
+        f"{first:.2f} to {last:.2f} s. Count times from the first image, or give those of "
+        "the images by their names or --times",
         file=record.file,
         key=record.option,
     )
