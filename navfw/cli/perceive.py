@@ -108,7 +108,14 @@ PoseFile = Annotated[
     ),
 ]
 FlowPlugin = Annotated[str, typer.Option(metavar="PLUGIN", help="Flow processor.")]
-Grid = Annotated[str, typer.Option(metavar="ROWSxCOLUMNS", help="Grid of the flow.")]
+Grid = Annotated[
+    str | None,
+    typer.Option(
+        metavar="ROWSxCOLUMNS",
+        help="Grid of the flow; by default 12x16, and 16x12 for upright images.",
+        show_default=False,
+    ),
+]
 Stride = Annotated[
     int | None,
     typer.Option(
@@ -144,7 +151,7 @@ def perceive(
     gyro: GyroFile = None,
     poses: PoseFile = None,
     flow: FlowPlugin = "block_matching",
-    grid: Grid = "12x16",
+    grid: Grid = None,
     stride: Stride = None,
     overlay: Overlay = None,
     json: JsonList = False,
@@ -159,15 +166,13 @@ def perceive(
         _require_one("--hfov", hfov, "--calibration", calibration)
         _require_one("--fps", fps, "--times", times)
         _require_one("--gyro", gyro, "--poses", poses)
-        rows, cols = _grid(grid)
         options = PerceiverOptions(
             hfov=hfov,
             speed=speed,
             height=height,
             pitch=pitch,
             flow=flow,
-            rows=rows,
-            cols=cols,
+            grid=None if grid is None else _grid(grid),
             stride=stride,
         )
         camera = None if calibration is None else load_calibration(calibration)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 
@@ -109,11 +109,12 @@ class Perceiver:
         """Prepare camera and flow processor for the size of the ``first`` image."""
         height, width = first.image.shape[:2]
         o = self.options
-        self.size = size = WorkingSize.of(width, height, o.rows, o.cols)
+        rows, cols = o.grid_for(width, height)
+        self.size = size = WorkingSize.of(width, height, rows, cols)
         rate = min(max(self._source.rate, 0.01), 1e4)
         hfov = o.angle_of_view(width, height, self._source.hfov)
         self._camera = size.camera(hfov, 1.0, math.radians(o.pitch or 0.0), rate)
-        self._processor = self._plugin(RobotModel(camera=self._camera))
+        self._processor = self._plugin(RobotModel(camera=self._camera), rows, cols)
         self._offis: dict[float, Offis] = {}
         self._number = 0
         self._rate = np.zeros(3)
@@ -262,18 +263,23 @@ class Perceiver:
         self._stride = min(max(round(wanted), 1), LONGEST)
 
 
-def _flow_plugin(options: PerceiverOptions, registry: Registry) -> Any:
-    """A factory of the flow processor on the grid of ``options``."""
+def _flow_plugin(
+    options: PerceiverOptions, registry: Registry
+) -> Callable[[RobotModel, int, int], FlowProcessor]:
+    """A factory of the flow processor: from the robot, the rows and columns of the grid."""
     plugin = registry.get("flow", options.flow)
     if getattr(plugin, "oracle", False):
         raise InputError(
             f"{options.flow!r} needs the true depth, which images do not contain", key="--flow"
         )
-    grid = {"rows": options.rows, "cols": options.cols}
-    if not grid.keys() <= plugin.Params.model_fields.keys():
+    if not {"rows", "cols"} <= plugin.Params.model_fields.keys():
         raise InputError(f"{options.flow!r} has no parameters rows and cols", key="--flow")
-    params = plugin.Params.model_validate(grid)
-    return lambda robot: cast(FlowProcessor, plugin(robot, params))
+
+    def processor(robot: RobotModel, rows: int, cols: int) -> FlowProcessor:
+        params = plugin.Params.model_validate({"rows": rows, "cols": cols})
+        return cast(FlowProcessor, plugin(robot, params))
+
+    return processor
 
 
 def _fastest(flow: FlowField) -> float:

@@ -16,6 +16,8 @@ __all__ = ["LONGEST", "USUAL_VIEW", "PerceiverOptions"]
 USUAL_VIEW = 65.0
 """Field of view along the longer side of an image that is assumed if none is given [deg]: that of
 the main camera of telephones."""
+GRID = (12, 16)
+"""Rows and columns of the flow that the paper has for images wider than high."""
 LONGEST = 15
 """Largest distance between the images of a pair [images]."""
 
@@ -27,9 +29,9 @@ class PerceiverOptions:
     ``hfov`` [deg] is the horizontal field of view of the original images, None if unknown;
     ``speed`` [m/s] ahead, None or 0 if unknown; ``height`` [m] of the camera above the floor, None
     if unknown; ``pitch`` [deg] nose down, None if unknown: 0 is then assumed; ``flow`` the name of
-    the plugin, on a grid of ``rows`` x ``cols``; ``stride`` [images] from the first to the second
-    image of a pair, None to adapt it to the flow; ``gyro`` the record that measured the camera's
-    motion: of a gyro, or poses.
+    the plugin, on a ``grid`` of (rows, columns), None to choose it by the images; ``stride``
+    [images] from the first to the second image of a pair, None to adapt it to the flow; ``gyro``
+    the record that measured the camera's motion: of a gyro, or poses.
 
     Raises:
         InputError: a value is out of its range.
@@ -41,25 +43,34 @@ class PerceiverOptions:
     height: float | None = None
     pitch: float | None = None
     flow: str = "block_matching"
-    rows: int = 12
-    cols: int = 16
+    grid: tuple[int, int] | None = None
     stride: int | None = None
     gyro: MotionRecord | None = None
 
     def __post_init__(self) -> None:
+        rows, cols = self.grid or GRID
         for option, value, low, high, unit in (
             ("--hfov", self.hfov, *HFOV, "deg"),
             ("--speed", self.speed, 0.0, 100.0, "m/s"),
             ("--height", self.height, 0.05, 20.0, "m"),
             ("--pitch", self.pitch, -45.0, 45.0, "deg"),
-            ("--grid rows", self.rows, 4, 60, "cells"),
-            ("--grid columns", self.cols, 4, 80, "cells"),
+            ("--grid rows", rows, 4, 60, "cells"),
+            ("--grid columns", cols, 4, 80, "cells"),
             ("--stride", self.stride, 1, LONGEST, "images"),
         ):
             if value is not None and not low <= value <= high:
                 raise InputError(
                     f"must be between {low:g} and {high:g} {unit}, got {value:g}", key=option
                 )
+
+    def grid_for(self, width: int, height: int) -> tuple[int, int]:
+        """Rows and columns of the flow for images of ``width`` x ``height`` px.
+
+        If none are given, the larger number is along the longer side: cells are then about square.
+        """
+        if self.grid is not None:
+            return self.grid
+        return GRID if width >= height else GRID[::-1]
 
     def angle_of_view(self, width: int, height: int, calibrated: float | None) -> float:
         """Horizontal field of view [rad] of images of ``width`` x ``height`` px.

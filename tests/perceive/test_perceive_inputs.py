@@ -199,6 +199,23 @@ def test_video_that_ends_early(tmp_path: Path) -> None:
         open_source([tmp_path / "part.mp4"])
 
 
+def test_video_of_16_bits(tmp_path: Path) -> None:
+    depth = [cv2.VIDEOWRITER_PROP_DEPTH, cv2.CV_16U, cv2.VIDEOWRITER_PROP_IS_COLOR, 0]
+    writer = cv2.VideoWriter(
+        str(tmp_path / "deep.mkv"),
+        cv2.CAP_FFMPEG,
+        cv2.VideoWriter.fourcc(*"FFV1"),
+        25.0,
+        (64, 48),
+        depth,
+    )
+    for _ in range(2):
+        writer.write(PICTURE.astype(np.uint16) * 257)
+    writer.release()
+    for item in open_source([tmp_path / "deep.mkv"]):
+        assert np.abs(item.image.astype(int) - PICTURE[..., None]).max() <= 1
+
+
 class FilmOfATelephone:
     """Stands for OpenCV's reader: frames at irregular times, and some without a time."""
 

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navfw.errors import InputError
+from navfw.perceive.perceiver_options import PerceiverOptions
 from navfw.perceive.working_size import WorkingSize
 
 SIDES = st.integers(60, 4000)
@@ -50,6 +51,16 @@ def test_usual_sizes_are_not_cut() -> None:
         size = WorkingSize.of(width, height, 12, 16)
         assert (size.cut_width, size.cut_height) == cut
         assert size.scale == pytest.approx(cut[0] / width)
+
+
+@pytest.mark.parametrize("size", [(160, 120), (640, 480), (1080, 1920), (3024, 4032), (500, 500)])
+def test_cells_are_about_square_and_nothing_is_cut(size: tuple[int, int]) -> None:
+    rows, cols = PerceiverOptions().grid_for(*size)
+    working = WorkingSize.of(*size, rows, cols)
+    assert 0.7 < (working.cut_width / cols) / (working.cut_height / rows) < 1.45
+    kept = working.cut_width * working.cut_height / working.scale**2
+    assert kept == pytest.approx(size[0] * size[1], rel=1e-6)
+    assert PerceiverOptions(grid=(6, 8)).grid_for(*size) == (6, 8)
 
 
 def test_points_come_back_to_the_image() -> None:
