@@ -15,15 +15,18 @@ COLUMNS = ("time", "yaw_rate", "pitch_rate", "roll_rate")
 """Columns of a record: time [s] and rates [rad/s], positive for a turn to the left (yaw), nose down
 (pitch) and right side down (roll)."""
 RATES = COLUMNS[1:]
+_AXES = {"gyro_x": "roll_rate", "gyro_y": "pitch_rate", "gyro_z": "yaw_rate"}
 _OTHER_NAMES = {
     "t": "time",
     "timestamp": "time",
     "stamp": "time",
-    **{f"{word}{axis}": rate
-       for axis, rate in (("x", "roll_rate"), ("y", "pitch_rate"), ("z", "yaw_rate"))
-       for word in ("gyro_", "gyroscope_", "w", "w_", "omega_", "angular_velocity_")},
+    **{
+        name.replace("gyro_", word): rate
+        for name, rate in _AXES.items()
+        for word in ("gyro_", "gyroscope_", "w", "w_", "omega_", "angular_velocity_")
+    },
     **{rate.removesuffix("_rate"): rate for rate in RATES},
-}  # fmt: skip
+}
 """Other names of columns; x, y and z are the axes ahead, left and up (REP 103)."""
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Units of time [s]."""
