@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
+import os
+import re
+import sys
 import warnings
+from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
@@ -22,6 +27,11 @@ MAX_BYTES = 100_000_000
 MAX_PIXELS = 64_000_000
 """Largest number of pixels of an image: 192 MB in colour. Cameras of phones deliver 12 to 50."""
 
+_DAMAGED = re.compile(
+    rb"bad Huffman code|premature end of data|([3-9][0-9]|[0-9]{3,}) extraneous bytes"
+)
+"""What libjpeg says when it makes up pixels, and decodes the image all the same. A few extraneous
+bytes are a harmless habit of some cameras."""
 _HEIC = {b"ftyp" + kind for kind in (b"heic", b"heix", b"hevc", b"heim", b"heis", b"mif1", b"msf1")}
 
 
@@ -41,15 +51,13 @@ def read_image(
         raise ConfigError(
             f"the image is too large: {width} x {height} pixels, at most {MAX_PIXELS}", file=name
         )
-    log = cv2.utils.logging
-    level = log.getLogLevel()
-    log.setLogLevel(log.LOG_LEVEL_SILENT)  # what is wrong is raised instead
-    try:
-        image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), flags)
-    except cv2.error:
-        image = None
-    finally:
-        log.setLogLevel(level)
+    with _heard() as said:
+        try:
+            image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), flags)
+        except cv2.error:
+            image = None
+    if _DAMAGED.search(b"".join(said)):
+        raise ConfigError("the image is damaged: a part of its pixels is lost", file=name)
     if image is None:
         raise ConfigError(
             "the image is damaged, or its pixels have neither 8 nor 16 bits", file=name
@@ -76,3 +84,22 @@ def _declared_size(data: bytes, name: str) -> tuple[int, int]:
         raise ConfigError("the image is too large", file=name) from None
     except Exception:  # the readers of Pillow raise many kinds of errors for damaged headers
         raise ConfigError("is not a readable image; give a PNG or JPEG file", file=name) from None
+
+
+@contextlib.contextmanager
+def _heard() -> Iterator[list[bytes]]:
+    """What native decoders write to stderr inside the block, known at its end; nothing is shown."""
+    said: list[bytes] = []
+    sys.stderr.flush()
+    saved, (outlet, inlet) = os.dup(2), os.pipe()
+    for end in (outlet, inlet):
+        os.set_blocking(end, False)  # whoever says more than a pipe holds is not heard to the end
+    os.dup2(inlet, 2)
+    try:
+        yield said
+    finally:
+        os.dup2(saved, 2)
+        with contextlib.suppress(BlockingIOError):
+            said.append(os.read(outlet, 100_000))
+        for descriptor in (saved, outlet, inlet):
+            os.close(descriptor)

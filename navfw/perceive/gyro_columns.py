@@ -16,15 +16,16 @@ COLUMNS = ("time", "yaw_rate", "pitch_rate", "roll_rate")
 (pitch) and right side down (roll)."""
 RATES = COLUMNS[1:]
 _AXES = {"gyro_x": "roll_rate", "gyro_y": "pitch_rate", "gyro_z": "yaw_rate"}
+_BY_AXIS = {
+    name.replace("gyro_", word): rate
+    for name, rate in _AXES.items()
+    for word in ("gyro_", "gyroscope_", "w", "w_", "omega_", "angular_velocity_")
+}
 _OTHER_NAMES = {
     "t": "time",
     "timestamp": "time",
     "stamp": "time",
-    **{
-        name.replace("gyro_", word): rate
-        for name, rate in _AXES.items()
-        for word in ("gyro_", "gyroscope_", "w", "w_", "omega_", "angular_velocity_")
-    },
+    **_BY_AXIS,
     **{rate.removesuffix("_rate"): rate for rate in RATES},
 }
 """Other names of columns; x, y and z are the axes ahead, left and up (REP 103)."""
@@ -62,12 +63,12 @@ _NEAR = 0.75
 class GyroColumn:
     """``name`` is one of COLUMNS; a cell times ``unit`` is in s or rad/s.
 
-    ``unit_given``: the header says the unit.
+    ``by_axis``: the header names an axis of the gyro, not the rotation about it.
     """
 
     name: str
     unit: float
-    unit_given: bool
+    by_axis: bool = False
 
 
 def column_of(header: str) -> GyroColumn | None:
@@ -79,8 +80,8 @@ def column_of(header: str) -> GyroColumn | None:
         ValueError: the name is nearly that of a column, or the unit is unknown.
 
     """
-    name, unit = _parts(header)
-    name = _OTHER_NAMES.get(name, name)
+    written, unit = _parts(header)
+    name = _OTHER_NAMES.get(written, written)
     if name not in COLUMNS:
         known = [*COLUMNS, *_OTHER_NAMES]
         if difflib.get_close_matches(name, known, n=1, cutoff=_NEAR):
@@ -88,10 +89,10 @@ def column_of(header: str) -> GyroColumn | None:
         return None
     units = TIME_UNITS if name == "time" else _RATE_UNITS
     if unit is None:
-        return GyroColumn(name, 1.0, False)
+        return GyroColumn(name, 1.0, written in _BY_AXIS)
     if unit not in units:
         raise ValueError(f"unknown unit in {header!r}; known: {', '.join(units)}")
-    return GyroColumn(name, units[unit], True)
+    return GyroColumn(name, units[unit], written in _BY_AXIS)
 
 
 def _parts(header: str) -> tuple[str, str | None]:

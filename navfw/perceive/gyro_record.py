@@ -120,6 +120,8 @@ def load_gyro_record(path: Path) -> GyroRecord:
             if is_header:
                 unused = [cell for cell, column in zip(row, columns, strict=True) if column is None]
                 notes += [f"gyro columns not used: {', '.join(unused)}"] if unused else []
+                if any(column is not None and column.by_axis for column in columns):
+                    notes.append("the gyro's axes x, y, z are taken as ahead, left, up")
                 continue
         sample = _numbers(path, line, row, columns)
         if not all(map(math.isfinite, sample)):
@@ -182,7 +184,7 @@ def _columns(path: Path, line: int, row: list[str]) -> tuple[list[GyroColumn | N
                 file=file,
                 line=line,
             )
-        return [GyroColumn(name, 1.0, False) for name in COLUMNS[: len(row)]], False
+        return [GyroColumn(name, 1.0) for name in COLUMNS[: len(row)]], False
     try:
         columns = [column_of(cell) for cell in row]
     except ValueError as error:

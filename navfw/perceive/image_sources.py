@@ -54,9 +54,10 @@ class SourceImage:
 class ImageSource:
     """Images of one size in the order of time, for a single iteration.
 
-    ``rate`` [1/s] is the usual frame rate; ``total`` the number of images, 0 if unknown;
-    ``duration`` [s] the time from the first to the last, inf if unknown; ``start`` [s] the time of
-    the first image where the names of the files or a list tell it, else None.
+    ``rate`` [1/s] is the usual frame rate, assumed unless ``rate_known``; ``total`` the number of
+    images, 0 if unknown; ``duration`` [s] the time from the first to the last, inf if unknown;
+    ``start`` [s] the time of the first image where the names of the files or a list tell it, else
+    None.
     ``notes`` are remarks for the user: assumptions, and irregularities found while reading. With a
     ``calibration``, images are without lens distortion, and ``hfov`` [rad] is their horizontal
     field of view from the first image on; otherwise it is None.
@@ -68,6 +69,7 @@ class ImageSource:
         self.rate = rate
         self.total = total
         self.duration = (total - 1) / rate if total else math.inf
+        self.rate_known = True
         self.notes = list(notes)
         self.start: float | None = None
         self.hfov: float | None = None
@@ -137,6 +139,7 @@ class _Files(ImageSource):
             self.notes += [] if known is None else ["times taken from the file names"]
         if known is None or len(known) < 2:
             self._times = [k / self.rate for k in range(len(paths))]
+            self.rate_known = fps is not None
             if fps is None:
                 self.notes.append(f"no --fps given: {self.rate:g} images a second assumed")
         else:
@@ -200,6 +203,7 @@ class _Video(ImageSource):
         self._film = VideoFile(path, fps)
         super().__init__(self._film.rate, self._film.promised, (), calibration)
         self.notes = self._film.notes
+        self.rate_known = self._film.rate_known
 
     def __str__(self) -> str:
         return str(self._path)

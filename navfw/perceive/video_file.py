@@ -33,8 +33,9 @@ _FEW_FRAMES = 5
 class VideoFile:
     """A video, for a single iteration; telephones turn theirs by a flag, which is obeyed.
 
-    ``rate`` [1/s] is ``fps`` if given, otherwise the file's; ``promised`` the number of frames by
-    the file, 0 if it does not say it. ``notes`` are remarks for the user.
+    ``rate`` [1/s] is ``fps`` if given, otherwise the file's, assumed unless ``rate_known``;
+    ``promised`` the number of frames by the file, 0 if it does not say it. ``notes`` are remarks
+    for the user.
 
     Raises:
         InputError: the file is no readable video, or its frames are too large.
@@ -61,6 +62,7 @@ class VideoFile:
         turned = int(self._film.get(cv2.CAP_PROP_ORIENTATION_META)) % 360
         if turned:
             self.notes.append(f"the video is turned by {turned} degrees, as its file says")
+        self.rate_known = True
         self.rate = self._frame_rate()
         self.promised = max(int(self._film.get(cv2.CAP_PROP_FRAME_COUNT)), 0)
 
@@ -111,6 +113,7 @@ class VideoFile:
         rate = float(self._film.get(cv2.CAP_PROP_FPS))
         if math.isfinite(rate) and FRAME_RATES[0] <= rate <= FRAME_RATES[1]:
             return rate
+        self.rate_known = False
         self.notes.append(f"the video has no frame rate: {FRAME_RATE:g} images a second assumed")
         return FRAME_RATE
 

@@ -132,9 +132,10 @@ def test_what_is_assumed_is_said(approach: Path, tmp_path: Path) -> None:
         "hfov_deg": 65.0,
         "distortion": "none",
         "pitch_deg": 0.0,
+        "fps": 10.0,
         "motion": "straight ahead or backward",
     }
-    done = invoke(approach, "--hfov", "60", "--pitch", "0")
+    done = invoke(approach, "--hfov", "60", "--pitch", "0", "--fps", "10")
     first = done.stdout.splitlines()[0]
     assert first == (
         "assumed: lens distortion none (--calibration), motion straight ahead or backward"

@@ -62,7 +62,10 @@ def test_units_and_other_columns_by_the_header(tmp_path: Path) -> None:
     gyro = load_gyro_record(write(tmp_path, header + "0,0,9,2,3000,40\n1,100,9,2,3000,40\n"))
     expected = 0.1 * np.array([np.radians(2.0), np.radians(3.0), 0.04])
     assert gyro.rotation_between(0.0, 0.1) == pytest.approx(expected)
-    assert gyro.notes == ("gyro columns not used: frame, accel_x",)
+    assert gyro.notes == (
+        "gyro columns not used: frame, accel_x",
+        "the gyro's axes x, y, z are taken as ahead, left, up",
+    )
 
 
 @pytest.mark.parametrize("unit", ["deg/s", "°/s", "dps", "degrees/s", "deg/sec"])

@@ -92,11 +92,18 @@ def test_heic_says_what_to_do(tmp_path: Path) -> None:
     assert source.notes[-1].startswith("2 of 4 images left out: ")
 
 
-def test_broken_image_costs_itself_alone(tmp_path: Path) -> None:
+def test_broken_image_costs_itself_alone(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     for k in range(1, 6):
-        cv2.imwrite(str(tmp_path / f"image_{k}.jpg"), PICTURE)
+        cv2.imwrite(str(tmp_path / f"image_{k}.jpg"), texture()[:240, :320])
     whole = (tmp_path / "image_3.jpg").read_bytes()
-    for part in (whole[: len(whole) // 2], whole[:30], b"", whole.replace(b"\xff\xda", b"\0\0")):
+    middle = len(whole) // 2
+    for part in (
+        whole[:middle],
+        whole[:30],
+        b"",
+        whole.replace(b"\xff\xda", b"\0\0"),
+        whole[:middle] + bytes(60) + whole[middle + 60 :],
+    ):
         (tmp_path / "image_3.jpg").write_bytes(part)
         source = open_source([tmp_path], 10.0)
         items = list(source)
@@ -106,6 +113,7 @@ def test_broken_image_costs_itself_alone(tmp_path: Path) -> None:
         assert "image_3.jpg: " in source.notes[0]
     (tmp_path / "image_3.jpg").write_bytes(whole + b"data of the maker's own")
     assert len(names(open_source([tmp_path], 10.0))) == 5
+    assert capfd.readouterr().err == ""
 
 
 def test_images_across_a_gap_are_not_compared(tmp_path: Path) -> None:
