@@ -99,8 +99,9 @@ def _plain_yaml(text: str) -> str:
     """``text`` in standard YAML, with the same lines.
 
     OpenCV begins its files with the directive ``%YAML:1.0``, which no standard knows, and marks
-    matrices by a tag.
+    matrices by a tag; a printed message of ROS ends with the beginning of the next.
     """
+    text = text.rstrip().removesuffix("\n---")
     head, separator, rest = text.partition("\n")
     if head.startswith("%YAML"):
         text = separator + rest

@@ -159,7 +159,10 @@ def load_gyro_record(path: Path) -> GyroRecord:
 
 def _rows(path: Path) -> Iterator[tuple[int, list[str]]]:
     """Line number and cells of each line that is neither empty nor a comment."""
-    reader = csv.reader(io.StringIO(read_input_text(path, _MAX_BYTES), newline=""))
+    text = read_input_text(path, _MAX_BYTES)
+    # programs of countries with decimal commas separate by semicolons, others by tabs
+    separator = max(",;\t", key=text.count)
+    reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator)
     try:
         for row in reader:
             cells = [cell.strip() for cell in row]
@@ -192,7 +195,9 @@ def _columns(path: Path, line: int, row: list[str]) -> tuple[list[GyroColumn | N
     names = [column.name for column in columns if column is not None]
     for needed in COLUMNS[:2]:
         if needed not in names:
-            raise InputError(f"has no column {needed!r}", file=file, line=line)
+            raise InputError(
+                f"has no column {needed!r}; name the one that holds it so", file=file, line=line
+            )
     for name in names:
         if names.count(name) > 1:
             raise InputError(f"has several columns of {name!r}; keep one", file=file, line=line)

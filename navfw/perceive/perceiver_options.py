@@ -18,6 +18,8 @@ USUAL_VIEW = 65.0
 the main camera of telephones."""
 GRID = (12, 16)
 """Rows and columns of the flow that the paper has for images wider than high."""
+FASTEST = 100.0
+"""Largest speed of the camera [m/s]."""
 LONGEST = 15
 """Largest distance between the images of a pair [images]."""
 
@@ -51,7 +53,7 @@ class PerceiverOptions:
         rows, cols = self.grid or GRID
         for option, value, low, high, unit in (
             ("--hfov", self.hfov, *HFOV, "deg"),
-            ("--speed", self.speed, 0.0, 100.0, "m/s"),
+            ("--speed", self.speed, 0.0, FASTEST, "m/s"),
             ("--height", self.height, 0.05, 20.0, "m"),
             ("--pitch", self.pitch, -45.0, 45.0, "deg"),
             ("--grid rows", rows, 4, 60, "cells"),
@@ -90,4 +92,7 @@ class PerceiverOptions:
         if self.speed or self.gyro is None:
             return self.speed or None
         way = self.gyro.translation_between(begin, end)
-        return None if way is None else float(np.linalg.norm(way)) / (end - begin) or None
+        if way is None:
+            return None
+        speed = float(np.linalg.norm(way)) / (end - begin)
+        return speed if 0.0 < speed <= FASTEST else None  # where poses jump, none

@@ -117,6 +117,8 @@ def load_pose_record(path: Path, pitch: float = 0.0) -> PoseRecord:
     """
     poses: list[list[float]] = []
     for line, cells in _lines(path):
+        if not poses and cells[1:] == _COLUMNS.split()[1:]:
+            continue  # the names of the columns
         pose = _pose(path, line, cells)
         if poses and pose[0] <= poses[-1][0]:
             raise InputError(

@@ -106,9 +106,10 @@ def test_camera_info_of_ros(tmp_path: Path, model: str, numbers: int, read_as: s
 
 def test_message_of_ros(tmp_path: Path) -> None:
     text = "width: 320\nheight: 240\nK: [210, 0, 155, 0, 205, 124, 0, 0, 1]\nD: []\n"
-    read = load_calibration(written(tmp_path, text))
-    assert read.matrix.tolist() == MATRIX.tolist()
-    assert read.coefficients.size == 0
+    for printed in (text, text + "---\n", text.replace("K:", "k:").replace("D:", "d:")):
+        read = load_calibration(written(tmp_path, printed))
+        assert read.matrix.tolist() == MATRIX.tolist()
+        assert read.coefficients.size == 0
 
 
 @pytest.mark.parametrize(

@@ -68,6 +68,13 @@ def test_units_and_other_columns_by_the_header(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+def test_separators(tmp_path: Path, separator: str) -> None:
+    rows = [["Time (s)", '"Gyroscope z (rad/s)"'], ["0", "0.5"], ["1", "0.5"]]
+    gyro = load_gyro_record(write(tmp_path, "\n".join(map(separator.join, rows))))
+    assert gyro.rotation_between(0.0, 1.0) == pytest.approx([0.0, 0.0, 0.5])
+
+
 @pytest.mark.parametrize("unit", ["deg/s", "°/s", "dps", "degrees/s", "deg/sec"])
 def test_spellings_of_a_unit(tmp_path: Path, unit: str) -> None:
     gyro = load_gyro_record(write(tmp_path, f"t,yaw_rate [{unit}]\n0,90\n1,90\n"))

@@ -87,6 +87,19 @@ def test_speed_of_the_poses_unless_one_is_given(tmp_path: Path) -> None:
     assert PerceiverOptions().speed_between(1.0, 1.1) is None
 
 
+def test_names_of_the_columns_and_commas(tmp_path: Path) -> None:
+    text = "time,tx,ty,tz,qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n1,0,0,2,0,0,0,1\n"
+    record = load_pose_record(written(tmp_path, text))
+    assert record.translation_between(0.0, 0.5) == pytest.approx([1.0, 0.0, 0.0])
+
+
+def test_a_jump_is_no_speed(tmp_path: Path) -> None:
+    text = "0 0 0 0 0 0 0 1\n1 0 0 50 0 0 0 1\n2 0 0 500 0 0 0 1\n"
+    options = PerceiverOptions(gyro=load_pose_record(written(tmp_path, text)))
+    assert options.speed_between(0.1, 0.2) == pytest.approx(50.0)
+    assert options.speed_between(1.1, 1.2) is None
+
+
 def test_gaps_and_ends(tmp_path: Path) -> None:
     path = trajectory(tmp_path, np.array([0.0, 0.1, 0.0]), np.ones(3), missing=range(40, 60))
     record = load_pose_record(path)
