@@ -17,6 +17,7 @@ from navfw.perceive.calibration_file import CameraCalibration
 from navfw.perceive.image_order import natural_key, require_order, times_in_names
 from navfw.perceive.image_times import ImageTimes
 from navfw.perceive.pixel_range import DeepImage, PixelRange
+from navfw.perceive.shuffle_check import ShuffleCheck
 from navfw.perceive.undistortion import Undistortion
 from navfw.perceive.video_file import FRAME_RATE, FRAME_RATES, VideoFile
 from navfw.signals import Image
@@ -155,13 +156,16 @@ class _Files(ImageSource):
     def _items(self) -> Iterator[SourceImage]:
         """The readable images; the others are left out, as long as there are two."""
         broken: list[InputError] = []
+        check = ShuffleCheck()
         for path, time in zip(self._paths, self._times, strict=True):
             try:
                 image = self._in_8_bits(_read(path))
             except InputError as error:
                 broken.append(error)
                 continue
+            check.add(path.name, image)
             yield SourceImage(path.name, time, image)
+        check.finish()
         if len(self._paths) - len(broken) < 2 and broken:
             raise broken[0]
         if broken:
