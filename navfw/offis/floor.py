@@ -21,6 +21,10 @@ from navfw.signals import Array
 __all__ = ["FloorModel", "floor_nearness"]
 
 
+LOW_CAMERA = 0.2
+"""Height of a camera [m] below which the tolerances of the floor are relative to it."""
+
+
 def floor_nearness(points: Array, camera: CameraModel) -> Array:
     """Nearness [1/m] of the empty floor at ``points`` (..., 2) [px]; 0 at and above the horizon."""
     return np.maximum(camera.fall_per_depth(points), 0.0) / camera.mount_height
@@ -35,7 +39,8 @@ class FloorModel:
     deviations and is higher than ``obstacle_height`` [m]; a drop falls short of it by
     ``drop_sigmas`` standard deviations and is deeper than ``drop_depth`` [m]; floor is within
     ``floor_tolerance`` [m] (or ``sigmas`` standard deviations) of height 0, if the standard
-    deviation of the height is below ``floor_resolution`` [m]. All else is UNKNOWN.
+    deviation of the height is below ``floor_resolution`` [m]. All else is UNKNOWN. Below a camera
+    lower than LOW_CAMERA, both lengths shrink in proportion to its height.
     """
 
     camera: CameraModel
@@ -50,14 +55,15 @@ class FloorModel:
 
     @cached_property
     def _limits(self) -> Array:
+        share = min(self.camera.mount_height / LOW_CAMERA, 1.0)
         return np.array(
             [
                 self.minimum_confidence,
                 self.sigmas,
                 self.drop_sigmas,
                 self.obstacle_height,
-                self.floor_tolerance,
-                self.floor_resolution,
+                self.floor_tolerance * share,
+                self.floor_resolution * share,
                 self.drop_depth,
                 self.top,
             ]

@@ -32,9 +32,6 @@ Positive = Annotated[float, Field(gt=0.0, le=100.0)]
 """Lengths [m], of vectors [px], and multiples of sigma: beyond 100 nothing changes any more."""
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
 
-FARTHEST = 10.0
-"""Greatest distance [m] of an object: beyond it, sparse flow cannot tell objects from noise."""
-
 
 class Offis(Perception):
     """Optical-flow fuzzy inference system: nearest objects, planes, slopes, situations.
@@ -88,6 +85,25 @@ class Offis(Perception):
         path_length: Annotated[
             Positive, Field(description="length of the path checked for floor in front [m]")
         ] = 2.0
+
+        farthest: Annotated[
+            float,
+            Field(
+                gt=0.0,
+                le=1e6,
+                description="greatest distance of an object [m]: beyond it, sparse flow cannot "
+                "tell objects from noise",
+            ),
+        ] = 10.0
+        front_distance: Annotated[
+            float | None,
+            Field(
+                gt=0.0,
+                le=1e6,
+                description="greatest distance of a wall, corner or door that the report names in "
+                "front [m]; none: any, and doubtful ones too, as in the paper",
+            ),
+        ] = None
 
         @model_validator(mode="after")
         def _metric_fits_mode(self) -> Offis.Params:
@@ -183,7 +199,7 @@ class Offis(Perception):
         regions = pyramid.statistics(channels)
         size = self._size(regions)
         region_nearness = regions.mean if paper else regions.nearest
-        present = (regions.objects > 0.0) & (region_nearness > 1.0 / FARTHEST)
+        present = (regions.objects > 0.0) & (region_nearness > 1.0 / params.farthest)
         planes = find_planes(self._pairs, regions, size)
         # the last four regions are the halves of the planes, for which no distance is inferred
         distances = find_distances(region_nearness[:-4], regions.known[:-4], twist.v)
@@ -198,7 +214,9 @@ class Offis(Perception):
             borders=borders,
             walls=walls,
             slopes=slopes,
-            situations=find_situations(slopes, front_features(geometry, walls, objects)),
+            situations=find_situations(
+                slopes, front_features(geometry, walls, objects), params.front_distance
+            ),
         )
 
     def _geometry_of(self, points: Array) -> GridGeometry:

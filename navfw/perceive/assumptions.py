@@ -18,8 +18,7 @@ def assumptions(
     """What the results for images of ``source`` assume; a key is missing where it was given.
 
     ``hfov_deg`` [deg] is the horizontal field of view, ``pitch_deg`` [deg] the camera's pitch,
-    ``distortion`` that of the lens, ``fps`` [1/s] the frame rate, ``motion`` the direction of
-    travel.
+    ``distortion`` that of the lens, ``fps`` [1/s] the frame rate. Of the motion nothing is assumed.
     """
     assumed: dict[str, float | str] = {}
     if options.hfov is None and source.hfov is None:
@@ -31,7 +30,6 @@ def assumptions(
         assumed["pitch_deg"] = 0.0
     if not source.rate_known:
         assumed["fps"] = source.rate
-    assumed["motion"] = "straight ahead or backward"
     return assumed
 
 
@@ -40,8 +38,7 @@ def assumptions_line(assumed: Mapping[str, float | str]) -> str:
     words = {
         "hfov_deg": "horizontal field of view {:g} degrees (--hfov, --calibration)",
         "distortion": "lens distortion {} (--calibration)",
-        "pitch_deg": "pitch {:g} degrees (--pitch)",
+        "pitch_deg": "pitch {:g} degrees until the floor shows it (--pitch)",
         "fps": "{:g} images a second (--fps, --times)",
-        "motion": "motion {}",
     }
     return "assumed: " + ", ".join(words[key].format(value) for key, value in assumed.items())

@@ -1,163 +1,142 @@
-"""The camera's motion between two images: straight ahead, rotation by gyro or by the flow."""
+"""The camera's motion between two images of a sequence: tracked points, gyro, and what was before.
+
+Rotation and heading are estimated from tracked points (``navfw.egomotion.flow_egomotion``). The
+gyro, where there is one, is the prior of the rotation. The heading of the pair before is a weak
+prior: it decides between the two motions that explain the image of a single plane.
+"""
 
 from __future__ import annotations
 
 import math
+from collections import deque
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from navfw.flow.derotation import derotate, rotate_points
-from navfw.flow.refinement import Refinement, RefinementParams, refine
+from navfw.egomotion.flow_egomotion import (
+    FREE_TURN,
+    Egomotion,
+    EgomotionPrior,
+    MotionKind,
+    estimate_egomotion,
+)
 from navfw.perceive.gyro_columns import RATES
 from navfw.perceive.gyro_record import rotation_from_vector
+from navfw.perceive.motion_record import MotionRecord
+from navfw.perceive.point_tracks import TrackImage, track_points
+from navfw.perceive.working_size import WorkingSize
 from navfw.robot import CameraModel
-from navfw.signals import Array, CameraMotion, FlowField
+from navfw.signals import Array, CameraMotion
 
-__all__ = [
-    "ExpansionFocus",
-    "assumed_motion",
-    "estimate_rotation",
-    "expansion_focus",
-    "forward_share",
-]
+__all__ = ["PairMotion", "PairMotionEstimator", "rotation_vector"]
 
-UNKNOWN_TURN = 0.03
-"""Standard deviation of the rotation between two images without a gyro [rad], per axis."""
 GYRO_SIGMA = 0.005
 """Standard deviation of the constant error of a gyro's rates [rad/s]."""
-PITCHING = 0.002
-"""Standard deviation of the unmodelled pitch between two images [rad]."""
-PASSES = 3
-"""Iterations of the fit of the rotation: it is linearised, so large rotations need several."""
-_AFTER_FIT = 0.003  # rad, standard deviation of the yaw after the fit
-_NONE = np.zeros(3)
-_AXES = {
-    "roll_rate": np.array([1.0, 0.0, 0.0]),
-    "pitch_rate": np.array([0.0, 1.0, 0.0]),
-    "yaw_rate": np.array([0.0, 0.0, 1.0]),
-}
-_STEP = 1e-4  # rad, of a numerical derivative
-_OVERLAP = 4.0  # number of vectors with a common error: neighbouring windows overlap
 
+HEADING_DRIFT = 0.35
+"""Standard deviation of the change of heading from one pair to the next [rad]."""
 
-def assumed_motion(
-    camera: CameraModel, way: float, dt: float, rotation_vector: Array, measured: bool
-) -> CameraMotion:
-    """Motion of a camera that travels ``way`` [m] straight ahead (backward below 0) in ``dt`` [s].
+LEAST_DRIFT = 0.1
+"""Least of it after many pairs of one heading [rad]."""
 
-    ``rotation_vector`` (3,) [rad] is the rotation about base_link's x, y, z, ``measured`` by a gyro
-    or predicted. The translation points along the optical axis as it is halfway through the turn.
-    """
-    base = camera.base_from_camera
-    rotation = base.T @ rotation_from_vector(-rotation_vector) @ base
-    translation = base.T @ rotation_from_vector(-0.5 * rotation_vector) @ np.array([way, 0.0, 0.0])
-    sigma = GYRO_SIGMA * dt if measured else UNKNOWN_TURN
-    return CameraMotion(rotation, translation, dt, sigma, 0.1 * abs(way))
+MEMORY = 20
+"""Number of pairs whose headings are remembered."""
 
-
-def estimate_rotation(flow: FlowField, camera: CameraModel, measured: frozenset[str]) -> Refinement:
-    """Rotation estimated from ``flow`` (not derotated), roll included (METHOD 2.6).
-
-    ``measured`` names the rates ("yaw_rate", ...) that a gyro measured. The other axes are
-    estimated first, all together; yaw and pitch are then refined as on the robot.
-    """
-    missing = [axis for axis in RATES if axis not in measured]
-    motion = flow.motion
-    for _ in range(PASSES if missing else 0):
-        motion = _fit_rotation(replace(flow, motion=motion), camera, missing)
-    return refine(replace(flow, motion=motion), camera, RefinementParams(pitch_sigma=PITCHING))
-
-
-def _fit_rotation(flow: FlowField, camera: CameraModel, missing: list[str]) -> CameraMotion:
-    """``flow.motion`` with the rotation about the ``missing`` axes fitted to the flow.
-
-    As in ``refine``, the component across the epipolar lines is residual rotation. The robust least
-    squares take the spread of the residuals as their scale, since residuals are large until the
-    rotation is known.
-    """
-    motion = flow.motion
-    vectors = derotate(flow, camera).vectors
-    past = flow.points - vectors
-    lines = flow.points * motion.translation[2] - camera.focal * motion.translation[:2]
-    length = np.hypot(lines[..., 0], lines[..., 1])
-    normal = np.stack([-lines[..., 1], lines[..., 0]], axis=-1)
-    normal /= np.maximum(length, 1e-9)[..., None]
-    slopes = []
-    for name in missing:
-        step = rotation_from_vector(_STEP * camera.base_from_camera.T @ -_AXES[name])
-        moved = rotate_points(past, step, camera.focal)
-        slopes.append((normal * (moved - past)).sum(axis=-1) / _STEP)
-    offset = (normal * vectors).sum(axis=-1)
-    use = (flow.confidence > 0.0) & (length > 4.0 * motion.baseline) & np.isfinite(offset)
-    slope, offset, sigma = np.stack(slopes, axis=-1)[use], offset[use], flow.sigma[use]
-    weight = flow.confidence[use] / sigma**2 / _OVERLAP
-    angles = np.zeros(len(missing))
-    for _ in range(8):
-        off = (offset - slope @ angles) / sigma
-        scale = max(1.0, float(np.median(np.abs(off))) / 0.67) if off.size else 1.0
-        # Cauchy weights: an outlier of many times the spread has next to no weight
-        robust = weight / scale**2 / (1.0 + (off / (2.4 * scale)) ** 2)
-        matrix = (slope * robust[:, None]).T @ slope + np.eye(len(missing)) / UNKNOWN_TURN**2
-        angles = np.linalg.solve(matrix, (slope * robust[:, None]).T @ offset)
-    body = sum((angle * _AXES[name] for angle, name in zip(angles, missing, strict=True)), _NONE)
-    rotation = rotation_from_vector(camera.base_from_camera.T @ -body) @ motion.rotation
-    # the remaining error is small and left to the refinement
-    return replace(motion, rotation=rotation, yaw_sigma=_AFTER_FIT)
-
-
-def forward_share(flow: FlowField, focal: float) -> float:
-    """Share of the significant vectors of derotated ``flow`` that agree with ``flow.motion``.
-
-    The sign of the component along the epipolar line decides. The share is 1 if all vectors agree,
-    0 if all are opposite (the camera moves backward), and about 0.5 if flow and motion are
-    unrelated.
-    """
-    shift = flow.motion.translation
-    lines = flow.points * shift[2] - focal * shift[:2]
-    along = (flow.vectors * lines).sum(axis=-1)
-    along /= np.maximum(np.hypot(lines[..., 0], lines[..., 1]), 1e-12)
-    moving = (flow.confidence > 0.0) & (np.abs(along) > 2.0 * flow.sigma)
-    weight = flow.confidence * moving
-    total = float(weight.sum())
-    return float(weight[along > 0.0].sum()) / total if total > 0.0 else 1.0
+SURE_HEADING = 0.25
+"""Largest standard deviation of a known heading [rad]: beyond it distances are not known."""
 
 
 @dataclass(frozen=True, slots=True)
-class ExpansionFocus:
-    """Focus of expansion: ``x``, ``y`` [px from the image centre] and their ``sigma`` [px]."""
+class PairMotion:
+    """The ``egomotion`` between two images ``dt`` [s] apart.
 
-    x: float
-    y: float
-    sigma: float
-
-
-def expansion_focus(flow: FlowField) -> ExpansionFocus | None:
-    """Focus of expansion of derotated ``flow``; None if it is not determined.
-
-    The point minimises the distances to the vectors' lines in robust least squares.
+    ``turn_source`` tells what measured the rotation: "gyro", "poses" or "flow"; ``notes`` are
+    remarks.
     """
-    length = np.hypot(flow.vectors[..., 0], flow.vectors[..., 1])
-    use = (flow.confidence > 0.0) & (length > 2.0 * flow.sigma)
-    if use.sum() < 8:
-        return None
-    p, d, size = flow.points[use], flow.vectors[use], length[use]
-    normal = np.stack([-d[:, 1], d[:, 0]], axis=1) / size[:, None]
-    offset = (normal * p).sum(axis=1)
-    # the standard deviation of a line's distance from a point at r is about r sigma / length
-    reach = np.maximum(np.hypot(p[:, 0], p[:, 1]), 10.0)
-    spread = reach * flow.sigma[use] / size
-    weight = flow.confidence[use] / spread**2
-    focus = np.zeros(2)
-    matrix = np.eye(2)
-    for _ in range(8):
-        off = normal @ focus - offset
-        robust = weight / np.maximum(1.0, np.abs(off) / (1.5 * spread))
-        matrix = (normal * robust[:, None]).T @ normal
-        if np.linalg.cond(matrix) > 1e3:
+
+    egomotion: Egomotion
+    dt: float
+    turn_source: str
+    notes: tuple[str, ...]
+
+    @property
+    def translates(self) -> bool:
+        """Whether the heading is known."""
+        return self.egomotion.heading_sigma <= SURE_HEADING
+
+    def camera_motion(self, way: float) -> CameraMotion:
+        """The motion of a camera that travels ``way`` [m]."""
+        found = self.egomotion
+        vertical = float(found.covariance[1, 1])
+        return CameraMotion(
+            found.rotation,
+            found.direction * way,
+            self.dt,
+            math.sqrt(min(vertical, FREE_TURN**2)),
+            0.1 * way,
+        )
+
+
+class PairMotionEstimator:
+    """Estimates the motions of one sequence in their order."""
+
+    def __init__(self, camera: CameraModel, size: WorkingSize, gyro: MotionRecord | None) -> None:
+        self._camera = camera
+        self._size = size
+        self._gyro = gyro
+        self._rate = np.zeros(3)
+        self._headings: deque[Array] = deque(maxlen=MEMORY)
+
+    def estimate(self, past: TrackImage, now: TrackImage, begin: float, end: float) -> PairMotion:
+        """The motion from image ``past`` at ``begin`` [s] to image ``now`` at ``end`` [s]."""
+        prior, source, notes = self._prior(begin, end)
+        tracks = track_points(past, now, self._size)
+        found = estimate_egomotion(tracks, self._camera.focal, prior)
+        if found.kind is not MotionKind.UNKNOWN:
+            self._rate = rotation_vector(found.rotation, self._camera) / (end - begin)
+        if found.heading_sigma <= SURE_HEADING:
+            self._headings.append(found.direction)
+        return PairMotion(found, end - begin, source, notes)
+
+    def _prior(self, begin: float, end: float) -> tuple[EgomotionPrior, str, tuple[str, ...]]:
+        turn = self._rate * (end - begin)
+        sigma = np.full(3, FREE_TURN)
+        source, notes = "flow", tuple[str, ...]()
+        if self._gyro is not None:
+            measured = self._gyro.rotation_between(begin, end)
+            if measured is None:
+                notes = (f"gap in the {self._gyro.source} record: rotation from the flow",)
+            else:
+                source = self._gyro.source
+                # a rotation vector is in the order roll, pitch, yaw
+                known = np.array([name in self._gyro.measured for name in reversed(RATES)])
+                turn = np.where(known, measured, turn)
+                sigma = np.where(known, GYRO_SIGMA * (end - begin), sigma)
+        base = self._camera.base_from_camera
+        prior = EgomotionPrior(
+            base.T @ rotation_from_vector(-turn) @ base, base.T @ np.diag(sigma**2) @ base
+        )
+        heading = self._usual_heading()
+        if heading is not None:
+            prior = replace(prior, direction=heading[0], direction_sigma=heading[1])
+        return prior, source, notes
+
+    def _usual_heading(self) -> tuple[Array, float] | None:
+        """Mean of the recent headings and their spread [rad]; None without any."""
+        if not self._headings:
             return None
-        focus = np.linalg.solve(matrix, (normal * robust[:, None]).T @ offset)
-    off = normal @ focus - offset
-    scale = max(1.0, float(np.median(np.abs(off) / spread)) / 0.67)
-    sigma = scale * math.sqrt(float(np.linalg.eigvalsh(np.linalg.inv(matrix)).max()))
-    return ExpansionFocus(float(focus[0]), float(focus[1]), sigma)
+        directions = np.array(self._headings)
+        mean = np.median(directions, axis=0)
+        mean /= max(float(np.linalg.norm(mean)), 1e-9)
+        off = np.arccos(np.clip(directions @ mean, -1.0, 1.0))
+        spread = float(np.quantile(off, 0.8))
+        return mean, max(spread, HEADING_DRIFT / math.sqrt(len(directions)), LEAST_DRIFT)
+
+
+def rotation_vector(rotation: Array, camera: CameraModel) -> Array:
+    """Rotation vector (3,) [rad] about base_link's x, y, z of the camera's ``rotation`` (3, 3)."""
+    base = camera.base_from_camera
+    r = base @ rotation.T @ base.T
+    axis = 0.5 * np.array([r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]])
+    sine = float(np.linalg.norm(axis))
+    return np.asarray(axis if sine < 1e-9 else axis * (math.asin(min(sine, 1.0)) / sine))

@@ -48,6 +48,7 @@ def as_data(result: PairResult) -> dict[str, Any]:
         "slopes": dict(percept.slopes),
         "planes": {pair: _n(degree) for pair, degree in percept.planes.items()},
         "ttc_s": _n(result.contact),
+        "heading": _heading(result),
         "focus_of_expansion": focus,
         "rotation_deg": {
             "yaw": _n(yaw),
@@ -71,6 +72,19 @@ def as_line(result: PairResult) -> str:
     sentence = "; ".join(sorted(parts, key=lambda part: part.startswith("Layer")))
     notes = f" ({'; '.join(result.notes)})" if result.notes else ""
     return f"{result.time:8.2f} s  {result.confidence:4.2f}  {contact}  {sentence}{notes}"
+
+
+def _heading(result: PairResult) -> dict[str, Any]:
+    """Kind of motion; the heading in the camera's axes, and its standard deviation."""
+    found = result.egomotion
+    known = math.isfinite(found.heading_sigma)
+    right, down, ahead = found.direction.tolist()
+    return {
+        "motion": str(found.kind),
+        "bearing_deg": _n(math.degrees(math.atan2(-right, ahead))) if known else None,
+        "elevation_deg": _n(math.degrees(math.asin(min(max(-down, -1.0), 1.0)))) if known else None,
+        "sigma_deg": _n(math.degrees(found.heading_sigma)),
+    }
 
 
 def front_situation(result: PairResult) -> str:

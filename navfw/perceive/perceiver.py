@@ -10,52 +10,72 @@ from typing import cast
 
 import numpy as np
 
+from navfw.egomotion.flow_egomotion import MotionKind
 from navfw.errors import InputError
 from navfw.flow.derotation import derotate
+from navfw.flow.refinement import RefinementParams, refine
 from navfw.interfaces import FlowProcessor
 from navfw.offis.offis import Offis
+from navfw.perceive.floor_motion import FloorFinder
 from navfw.perceive.image_sources import ImageSource, SourceImage
-from navfw.perceive.pair_motion import (
-    assumed_motion,
-    estimate_rotation,
-    expansion_focus,
-    forward_share,
-)
+from navfw.perceive.pair_motion import PairMotion, PairMotionEstimator, rotation_vector
 from navfw.perceive.pair_result import PairResult
 from navfw.perceive.perceiver_options import LONGEST, PerceiverOptions
-from navfw.perceive.scale import Scale, ScaleEstimator, floor_ratio
+from navfw.perceive.point_tracks import TrackImage
+from navfw.perceive.scale import Scale, ScaleEstimator
 from navfw.perceive.working_size import WorkingSize
 from navfw.plugins import Registry
 from navfw.robot import CameraModel, RobotModel
-from navfw.signals import Array, CameraMotion, FlowField, Frame, FramePair, Label, Percept, Twist
+from navfw.signals import FlowField, Frame, FramePair, Label, Percept, Twist
 
 __all__ = ["Perceiver"]
 
-LEAST_MOTION = 0.25
-"""Least length of the 90th percentile of the flow [px] for motion to be detected."""
+LEAST_PARALLAX = 1.0
+"""Least 90th percentile of the derotated flow [px] for distances to be known."""
+LEAST_AHEAD = 0.17
+"""Least share of the translation along the optical axis for a focus of expansion and for times to
+contact: it is 80 deg off the axis."""
 LEAST_CONFIDENCE = 0.08
 """Least confidence of a known result."""
 LEAST_TEXTURE = 0.08
 """Least share of cells with flow."""
-LEAST_AGREEMENT = 0.6
-"""Least share of the flow that agrees with the assumed motion."""
+LEAST_AGREEMENT = 0.3
+"""Least share of the flow's confidence that remains with the vectors that obey the egomotion."""
 USEFUL_FLOW = (2.0, 5.0)
 """Range of the 90th percentile of the derotated flow [px] that the stride aims at."""
-LARGEST_FLOW = 6.5
-"""Largest 90th percentile of the flow, rotation included [px]: within the search range."""
+LARGEST_SHIFT = 0.2
+"""Largest 90th percentile of the flow, rotation included, as a share of the image's width."""
 BASELINE = 0.08
 """Desired distance between the first images of a pair [m], if the speed is known."""
+OBSTACLE_SHARE, DROP_SHARE = 0.2, 0.35
+"""Least height of an obstacle and depth of a drop, as shares of the camera's height: below a low
+camera, or if the scale is unknown, those of a robot would be too coarse."""
+FARTHEST, FARTHEST_TIME, FARTHEST_HEIGHTS = 10.0, 5.0, 10.0
+"""An object is in sight up to the largest of: a distance [m], a time to contact [s], and heights of
+the camera."""
+FRONT_HEIGHTS = 4.0
+"""Greatest distance of walls and doors in front, in heights of the camera."""
 TEXTURELESS = "too little texture to measure motion"
 MOTIONLESS = "no motion between the images"
-BACKWARD = "the camera moves backward"
+ROTATING = "the camera only rotates: distances are not observable"
+UNDECIDED = "the direction of travel cannot be told from the flow"
+SMALL = "the camera moves too little between the images"
+NO_FLOOR = "the floor of the images before is not found again: what is below the horizon is unknown"
+INCONSISTENT = "the flow is inconsistent with one motion of the camera"
+DIRECTIONS = {
+    MotionKind.BACKWARD: "the camera moves backward",
+    MotionKind.SIDEWAYS: "the camera moves sideways",
+}
+"""Remarks on motions that are not forward."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Prepared:
-    """A working image as a frame, with the name of its source."""
+    """A working image as a frame, with its track image and the name of its source."""
 
     name: str
     frame: Frame
+    track: TrackImage
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,8 +85,8 @@ class _Analysis:
     flow: FlowField
     percept: Percept
     scale: Scale
-    turn_source: str
-    notes: list[str]
+    motion: PairMotion
+    notes: tuple[str, ...]
     problems: list[str]
 
 
@@ -98,11 +118,12 @@ class Perceiver:
             size = self.size or self._start(item)
             if item.after_gap:
                 earlier.clear()
-            now = _Prepared(item.name, Frame(item.time, size.prepare(item.image)))
+            frame = Frame(item.time, size.prepare(item.image))
+            now = _Prepared(item.name, frame, TrackImage.of(item.image))
             if earlier:
                 past = earlier[-min(self._stride, len(earlier))]
                 self._number += 1
-                yield item, self._result(past, now, self._analyse(past.frame, now.frame), size)
+                yield item, self._result(past, now, self._analyse(past, now), size)
             earlier.append(now)
 
     def _start(self, first: SourceImage) -> WorkingSize:
@@ -115,99 +136,77 @@ class Perceiver:
         hfov = o.angle_of_view(width, height, self._source.hfov)
         self._camera = size.camera(hfov, 1.0, math.radians(o.pitch or 0.0), rate)
         self._processor = self._plugin(RobotModel(camera=self._camera), rows, cols)
-        self._offis: dict[float, Offis] = {}
+        self._offis: dict[tuple[int, int, float], Offis] = {}
+        self._motions = PairMotionEstimator(self._camera, size, o.gyro)
+        pitch = None if o.pitch is None else math.radians(o.pitch)
+        self._floors = FloorFinder(self._camera, (rows, cols), pitch)
         self._number = 0
-        self._rate = np.zeros(3)
         return size
 
-    def _analyse(self, past: Frame, now: Frame) -> _Analysis:
-        """Flow, rotation, scale and percept of a pair."""
-        dt = now.time - past.time
-        rotation_vector, measured, notes = self._predicted_rotation(past.time, now.time)
-
-        def assume(way: float) -> CameraMotion:
-            # only the direction matters here: the length follows once the scale is known
-            return assumed_motion(self._camera, way, dt, rotation_vector, bool(measured))
-
-        raw = self._processor.compute(FramePair(past, now, assume(1.0)))
-        flow, problems = self._without_rotation(raw, measured)
-        if problems == [TEXTURELESS] and _alike(past, now):
+    def _analyse(self, past: _Prepared, now: _Prepared) -> _Analysis:
+        """Egomotion, flow, scale and percept of a pair."""
+        motion = self._motions.estimate(past.track, now.track, past.frame.time, now.frame.time)
+        pair = FramePair(past.frame, now.frame, motion.camera_motion(1.0))
+        raw = self._processor.compute(pair)
+        flow, problems = self._without_rotation(raw, motion)
+        notes = motion.notes
+        floor = None
+        if not problems:
+            floor = self._floors.find(now.frame.image, past.frame.image, flow.motion)
+        if floor is not None:
+            flow = floor.apply(flow, self._camera)
+        elif not problems and self._floors.lost:
+            flow = self._floors.without_floor(flow)
+            notes += (NO_FLOOR,)
+        if problems == [TEXTURELESS] and _alike(past.frame, now.frame):
             problems = [MOTIONLESS]
-        if problems == [BACKWARD]:
-            flow, problems = self._without_rotation(replace(raw, motion=assume(-1.0)), measured)
-            notes += [] if problems else [BACKWARD]
         self._choose_stride(raw, flow)
-        self._rate = _rotation_vector(flow.motion, self._camera) / dt
-        ratio = None if problems else floor_ratio(flow, self._camera)
-        self._scales.speed = self.options.speed_between(past.time, now.time)
-        scale = self._scales.update(None if ratio is None else ratio / dt)
-        flow = _scaled(flow, scale.speed * dt)
+        ratio = None if floor is None else floor.ratio
+        self._scales.speed = self.options.speed_between(past.frame.time, now.frame.time)
+        scale = self._scales.update(None if ratio is None else ratio / motion.dt)
+        flow = _scaled(flow, scale.speed * motion.dt)
         percept = self._perceive(flow, scale, unknown=bool(problems))
         if not problems and _confidence(percept) < LEAST_CONFIDENCE:
             problems = ["too little of the flow is reliable"]
             percept = self._perceive(flow, scale, unknown=True)
-        gyro = self.options.gyro
-        source = gyro.source if gyro is not None and measured else "flow"
-        return _Analysis(flow, percept, scale, source, notes, problems)
+        if not problems and motion.egomotion.kind in DIRECTIONS:
+            notes += (DIRECTIONS[motion.egomotion.kind],)
+        return _Analysis(flow, percept, scale, motion, notes, problems)
 
     def _perceive(self, flow: FlowField, scale: Scale, *, unknown: bool) -> Percept:
         """The percept of ``flow``; if ``unknown``, that of a flow without confidence."""
         if unknown:
             flow = replace(flow, confidence=np.zeros(flow.shape))
-        ahead = math.copysign(scale.speed, flow.motion.translation[2])
-        return self._offis_at(scale.height).perceive(flow, Twist(ahead, 0.0))
+        ahead = scale.speed * float(flow.motion.translation[2]) / max(flow.motion.baseline, 1e-12)
+        return self._offis_at(scale).perceive(flow, Twist(ahead, 0.0))
 
-    def _predicted_rotation(
-        self, begin: float, end: float
-    ) -> tuple[Array, frozenset[str], list[str]]:
-        """Rotation vector (3,) [rad] between two times, names of the measured rates, and notes."""
-        extrapolated = self._rate * (end - begin)
-        gyro = self.options.gyro
-        if gyro is None:
-            return extrapolated, frozenset(), []
-        rotation_vector = gyro.rotation_between(begin, end)
-        if rotation_vector is None:
-            return (
-                extrapolated,
-                frozenset(),
-                [f"gap in the {gyro.source} record: rotation from the flow"],
-            )
-        return rotation_vector, gyro.measured, []
-
-    def _without_rotation(
-        self, raw: FlowField, measured: frozenset[str]
-    ) -> tuple[FlowField, list[str]]:
+    def _without_rotation(self, raw: FlowField, motion: PairMotion) -> tuple[FlowField, list[str]]:
         """The derotated flow, and the reason if it carries no information about the scene."""
         camera = self._camera
+        kind = motion.egomotion.kind
         if float((raw.confidence > 0.0).mean()) < LEAST_TEXTURE:
             return derotate(raw, camera), [TEXTURELESS]
-        if _fastest(raw) < LEAST_MOTION:
+        if kind is MotionKind.STILL:
             return derotate(raw, camera), [MOTIONLESS]
-        refinement = estimate_rotation(raw, camera, measured)
-        flow = refinement.apply(raw, camera)
+        if kind is MotionKind.ROTATION:
+            return derotate(raw, camera), [ROTATING]
+        if not motion.translates:
+            return derotate(raw, camera), [UNDECIDED]
+        params = RefinementParams(direction_sigma=motion.egomotion.heading_sigma)
+        flow = refine(raw, camera, params).apply(raw, camera)
         before, after = float(raw.confidence.sum()), float(flow.confidence.sum())
-        if _fastest(flow) < LEAST_MOTION:
-            return flow, ["the camera only rotates: distances are not observable"]
-        forward = forward_share(flow, camera.focal)
-        if forward < 1.0 - LEAST_AGREEMENT:
-            return flow, [BACKWARD]
-        if forward < LEAST_AGREEMENT or after < 0.5 * LEAST_AGREEMENT * before:
-            return flow, ["the flow is inconsistent with straight motion of the camera"]
-        return flow, []
+        if after < LEAST_AGREEMENT * before:
+            return flow, [INCONSISTENT]
+        return flow, [SMALL] if _fastest(flow) < LEAST_PARALLAX else []
 
     def _result(
         self, past: _Prepared, now: _Prepared, found: _Analysis, size: WorkingSize
     ) -> PairResult:
         flow, percept, scale = found.flow, found.percept, found.scale
         known = not found.problems
-        focus = expansion_focus(flow) if known else None
-        place: tuple[float, float] | None = None
-        if focus is not None and focus.sigma < 0.25 * self._camera.width:
-            x, y = size.to_image(np.array([focus.x, focus.y])).tolist()
-            place = x, y
         regions = percept.explanation["regions"]
         # while the camera moves backward nothing approaches
-        closing = max(math.copysign(scale.speed, flow.motion.translation[2]), 0.0)
+        closing = max(float(flow.motion.translation[2]) / found.motion.dt, 0.0)
         return PairResult(
             number=self._number,
             past=past.name,
@@ -217,9 +216,10 @@ class Perceiver:
             scale=scale,
             flow=flow,
             percept=percept,
-            rotation_vector=_rotation_vector(flow.motion, self._camera),
-            turn_source=found.turn_source,
-            focus=place,
+            rotation_vector=rotation_vector(flow.motion.rotation, self._camera),
+            turn_source=found.motion.turn_source,
+            egomotion=found.motion.egomotion,
+            focus=self._focus(found.motion, size),
             contact=_inverse(closing * _nearness_ahead(percept, flow, self._camera)),
             quadrant_contact={
                 name: _inverse(closing * regions[name]["nearest"]) for name in percept.quadrants
@@ -229,17 +229,37 @@ class Perceiver:
             notes=(*found.notes, *found.problems),
         )
 
-    def _offis_at(self, height: float) -> Offis:
-        """OFFIS for a camera at ``height`` [m], in steps of 3 %: estimated heights vary."""
-        step = round(math.log(height) / 0.03)
+    def _focus(self, motion: PairMotion, size: WorkingSize) -> tuple[float, float] | None:
+        """Focus of expansion [px of the original image]; None if it is unknown or far outside."""
+        direction = motion.egomotion.direction
+        if not motion.translates or abs(direction[2]) < LEAST_AHEAD:
+            return None
+        x, y = size.to_image(self._camera.focal * direction[:2] / direction[2]).tolist()
+        return x, y
+
+    def _offis_at(self, scale: Scale) -> Offis:
+        """OFFIS for a camera's height and speed, in steps of 3 %: estimates vary."""
+        height, speed = scale.height, scale.speed
+        pitch = self._floors.pitch or 0.0
+        step = round(math.log(height) / 0.03), round(math.log(max(speed, 0.01)) / 0.03), pitch
         if step not in self._offis:
-            camera = self._camera.model_copy(update={"mount_height": height})
+            camera = self._camera.model_copy(update={"mount_height": height, "pitch": pitch})
             robot = RobotModel(camera=camera, height=max(0.4, height + 0.05))
             walls = max(2.2, height + 0.8) if height < 10.0 else 1e6
             # the higher the camera, the farther away the visible floor begins
             path = max(2.0, 3.5 * height) if height < 10.0 else 2.0
             self._offis.clear()
-            self._offis[step] = Offis(robot, Offis.Params(wall_height=walls, path_length=path))
+            self._offis[step] = Offis(
+                robot,
+                Offis.Params(
+                    wall_height=walls,
+                    path_length=path,
+                    obstacle_height=min(0.05, OBSTACLE_SHARE * height),
+                    drop_depth=min(0.08, DROP_SHARE * height),
+                    front_distance=FRONT_HEIGHTS * height,
+                    farthest=max(FARTHEST, FARTHEST_TIME * speed, FARTHEST_HEIGHTS * height),
+                ),
+            )
         return self._offis[step]
 
     def _first_stride(self) -> int:
@@ -251,15 +271,16 @@ class Perceiver:
     def _choose_stride(self, raw: FlowField, flow: FlowField) -> None:
         """Increase the stride for slow flow, decrease it for fast flow (METHOD 2.7).
 
-        The derotated flow decides, as long as the ``raw`` flow stays within the search range.
+        The derotated flow decides, as long as the images overlap by most of their width.
         """
         if self.options.stride is not None:
             return
         low, high = USEFUL_FLOW
         useful, whole = max(_fastest(flow), 0.25), max(_fastest(raw), 0.25)
-        if low <= useful <= high and whole <= LARGEST_FLOW:
+        largest = LARGEST_SHIFT * self._camera.width
+        if low <= useful <= high and whole <= largest:
             return
-        wanted = self._stride * min(0.5 * (low + high) / useful, LARGEST_FLOW / whole, 2.0)
+        wanted = self._stride * min(0.5 * (low + high) / useful, largest / whole, 2.0)
         self._stride = min(max(round(wanted), 1), LONGEST)
 
 
@@ -314,6 +335,8 @@ def _scaled(flow: FlowField, way: float) -> FlowField:
 def _nearness_ahead(percept: Percept, flow: FlowField, camera: CameraModel) -> float:
     """Nearness [1/m] straight ahead: the weighted median over the middle of the image."""
     shift = flow.motion.translation
+    if abs(shift[2]) < LEAST_AHEAD * flow.motion.baseline:
+        return 0.0
     away = np.abs(percept.points - camera.focal * shift[:2] / shift[2])
     middle = (away[..., 0] <= 0.25 * camera.width) & (away[..., 1] <= 0.25 * camera.height)
     weight = percept.confidence / np.maximum(percept.sigma, 1e-3) ** 2
@@ -332,12 +355,3 @@ def _inverse(value: float) -> float:
 def _confidence(percept: Percept) -> float:
     """Confidence of a percept in [0, 1], from the mean over its cells."""
     return float(np.clip(percept.confidence.mean() / 0.7, 0.0, 1.0))
-
-
-def _rotation_vector(motion: CameraMotion, camera: CameraModel) -> Array:
-    """Rotation vector (3,) [rad] of ``motion`` about base_link's x, y, z."""
-    base = camera.base_from_camera
-    r = base @ motion.rotation.T @ base.T
-    axis = 0.5 * np.array([r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]])
-    sine = float(np.linalg.norm(axis))
-    return np.asarray(axis if sine < 1e-9 else axis * (math.asin(min(sine, 1.0)) / sine))

@@ -12,21 +12,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from navfw.robot import CameraModel
-from navfw.signals import Array, FlowField
-
-__all__ = ["NO_FLOOR", "Scale", "ScaleEstimator", "floor_ratio"]
+__all__ = ["NO_FLOOR", "Scale", "ScaleEstimator"]
 
 NOMINAL_SPEED = 0.35
 """Speed assumed if the scale is unknown [m/s]: the limits of OFFIS's distance terms in metres,
 divided by this speed, are those of its terms of time to contact in seconds."""
 NO_FLOOR = 50.0
 """Camera height if no floor is visible [m]: all cells below the horizon then count as objects."""
-_SAME = 0.12  # half the width of a cluster of log ratios that is one floor
-_LEAST_CELLS = 8  # least number of cells of a floor
-_LEAST_SHARE = 0.3  # least share of the cells below the horizon
-_LEAST_SPAN = 1.6  # least ratio of the descents of its rays: a wall resembles a floor on fewer rows
-_DROPS = 0.2  # largest share of cells farther than the floor
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,44 +66,3 @@ class ScaleEstimator:
         if self.height is not None:
             return Scale(self.height * now, self.height, "height")
         return Scale(NOMINAL_SPEED, min(max(NOMINAL_SPEED / now, 0.05), NO_FLOOR), "none")
-
-
-def floor_ratio(flow: FlowField, camera: CameraModel) -> float | None:
-    """Ratio of the baseline to the camera's height, from the floor; None if no floor is visible.
-
-    ``flow`` is derotated. A point of the floor has the nearness ``fall / height`` (METHOD 2.8), so
-    baseline times nearness divided by fall is equal on the whole floor and larger on obstacles.
-    """
-    shift = flow.motion.translation
-    direction = shift / max(float(np.linalg.norm(shift)), 1e-12)
-    lines = flow.points * direction[2] - camera.focal * direction[:2]
-    squared = (lines * lines).sum(axis=-1)
-    expansion = (flow.vectors * lines).sum(axis=-1) / np.maximum(squared, 1e-9)
-    # baseline times current nearness, METHOD 2.5
-    nearness = expansion / np.maximum(1.0 - direction[2] * expansion, 0.1)
-    fall = (flow.points @ np.array([0.0, 1.0]) / camera.focal) * np.cos(camera.pitch) + np.sin(
-        camera.pitch
-    )
-    sigma = flow.sigma / np.sqrt(np.maximum(squared, 1e-9))
-    sure = (flow.confidence > 0.15) & (fall > 0.08) & (nearness > 3.0 * sigma)
-    below = (flow.confidence > 0.15) & (fall > 0.08)
-    if sure.sum() < _LEAST_CELLS or sure.sum() < 0.5 * below.sum():
-        return None
-    return _lowest_cluster(np.log(nearness[sure] / fall[sure]), fall[sure])
-
-
-def _lowest_cluster(ratios: Array, fall: Array) -> float | None:
-    """Median ratio in the densest cluster of the log ``ratios``; None if it is not a floor."""
-    order = np.argsort(ratios)
-    ratios, fall = ratios[order], fall[order]
-    ends = np.searchsorted(ratios, ratios + 2.0 * _SAME, side="right")
-    starts = np.arange(ratios.size)
-    first = int(np.argmax(ends - starts))
-    inside = slice(first, int(ends[first]))
-    count = int(ends[first]) - first
-    if count < max(_LEAST_CELLS, _LEAST_SHARE * ratios.size) or first > _DROPS * ratios.size:
-        return None
-    low, high = np.quantile(fall[inside], [0.1, 0.9])
-    if high < _LEAST_SPAN * low:
-        return None
-    return float(np.exp(np.median(ratios[inside])))

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -40,3 +42,17 @@ def save(folder: Path, images: list[Image]) -> Path:
     for number, image in enumerate(images, start=1):
         assert cv2.imwrite(str(folder / f"image_{number}.png"), image)
     return folder
+
+
+def assert_ahead(view: Mapping[str, Any], width: int, height: int) -> None:
+    """The heading is straight ahead within three of its standard deviations, here below 12 deg.
+
+    The image of one plane hardly tells a rotation from a sideways motion; the focus of expansion
+    belongs to the heading.
+    """
+    heading, focus = view["heading"], view["focus_of_expansion"]
+    assert heading["motion"] == "forward"
+    assert heading["sigma_deg"] < 12.0
+    off = float(np.hypot(heading["bearing_deg"], heading["elevation_deg"]))
+    assert off < min(3.0 * heading["sigma_deg"], 6.0), heading
+    assert abs(focus["x"] - 0.5 * width) + abs(focus["y"] - 0.5 * height) < 0.15 * (width + height)

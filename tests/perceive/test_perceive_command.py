@@ -10,7 +10,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from perceive_images import HEIGHT, WIDTH, save, texture, wall_at
+from perceive_images import HEIGHT, WIDTH, assert_ahead, save, texture, wall_at
 from typer.testing import CliRunner, Result
 
 from navfw.cli import app
@@ -69,11 +69,13 @@ def test_images_of_a_calibrated_camera(tmp_path: Path) -> None:
     folder = save(tmp_path / "images", [through_barrel_lens(image) for image in APPROACH])
     options = ("--fps", "10", "--speed", "0.5", "--stride", "1", "--pitch", "0")
     views = perceive(folder, "--calibration", calibration(tmp_path), *options)
-    for view, distance in zip(views, DISTANCES[1:], strict=True):
+    known = [(v, d) for v, d in zip(views, DISTANCES[1:], strict=True) if v["known"]]
+    assert len(known) >= len(views) - 1, "from one pair, a plane may not tell the heading"
+    for view, distance in known:
         assert view["ttc_s"] == pytest.approx(distance / 0.5, rel=0.1)
-        assert view["focus_of_expansion"]["x"] == pytest.approx(0.5 * WIDTH, abs=4.0)
-        assert view["focus_of_expansion"]["y"] == pytest.approx(0.5 * HEIGHT, abs=4.0)
-        assert view["assumed"].keys() == {"motion"}
+        # the mirrored border of the picture moves like nothing real
+        assert abs(view["heading"]["bearing_deg"]) + abs(view["heading"]["elevation_deg"]) < 15.0
+        assert not view["assumed"]
     half = [cv2.resize(through_barrel_lens(image), None, fx=0.5, fy=0.5) for image in APPROACH]
     smaller = save(tmp_path / "half", [np.asarray(image, np.uint8) for image in half])
     done = invoke(smaller, "--calibration", calibration(tmp_path), *options)
@@ -135,20 +137,17 @@ def test_what_is_assumed_is_said(approach: Path, tmp_path: Path) -> None:
         "distortion": "none",
         "pitch_deg": 0.0,
         "fps": 10.0,
-        "motion": "straight ahead or backward",
     }
     done = invoke(approach, "--hfov", "60", "--pitch", "0", "--fps", "10")
     first = done.stdout.splitlines()[0]
-    assert first == (
-        "assumed: lens distortion none (--calibration), motion straight ahead or backward"
-    )
+    assert first == "assumed: lens distortion none (--calibration)"
     # of upright images the longer side shows 65 degrees
     upright = save(tmp_path, [np.ascontiguousarray(np.rot90(image)) for image in APPROACH])
     views = perceive(upright, "--fps", "10")
     for view, distance in zip(views, DISTANCES[1:], strict=True):
         assert view["assumed"]["hfov_deg"] == pytest.approx(51.1, abs=0.1)
         assert view["ttc_s"] == pytest.approx(2 * distance, rel=0.1)
-        assert view["focus_of_expansion"]["x"] == pytest.approx(0.5 * HEIGHT, abs=4.0)
+        assert_ahead(view, HEIGHT, WIDTH)
 
 
 def test_results_before_an_error_are_printed(tmp_path: Path) -> None:

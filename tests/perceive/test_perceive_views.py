@@ -9,7 +9,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from perceive_images import HEIGHT, WIDTH, save, texture, wall_at
+from perceive_images import HEIGHT, WIDTH, assert_ahead, save, texture, wall_at
 from typer.testing import CliRunner
 
 from navfw.cli import app
@@ -49,8 +49,7 @@ def test_wall_that_comes_nearer(approach: Path) -> None:
         assert view["ttc_s"] == pytest.approx(distance / 0.5, rel=0.1)
         assert view["situation"] == "wall"
         assert view["confidence"] > 0.7
-        assert view["focus_of_expansion"]["x"] == pytest.approx(0.5 * WIDTH, abs=4.0)
-        assert view["focus_of_expansion"]["y"] == pytest.approx(0.5 * HEIGHT, abs=4.0)
+        assert_ahead(view, WIDTH, HEIGHT)
         for quadrant in view["distances"].values():
             assert quadrant["distance_m"] == pytest.approx(distance, rel=0.15)
 

@@ -1,0 +1,316 @@
+"""Egomotion from the flow: rotation and direction of translation, with their covariance.
+
+Five degrees of freedom are fitted to the epipolar residuals of all vectors by robust least squares
+(METHOD 2.6). Gyro and wheels enter as priors; without them nothing is assumed. The global search
+over directions comes first, since the residuals have several minima.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+from functools import cache
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from navfw.egomotion.epipolar_kernels import fit_motion, rate_directions
+from navfw.signals import Array
+
+__all__ = [
+    "FREE_TURN",
+    "Egomotion",
+    "EgomotionPrior",
+    "MotionKind",
+    "PointMotion",
+    "estimate_egomotion",
+]
+
+DIRECTIONS = 128
+"""Number of directions of the global search, on a hemisphere: 13 deg apart."""
+
+STARTS = 5
+"""Number of minima of the search that are refined."""
+
+APART = math.cos(math.radians(25.0))
+"""Cosine of the least angle between two of them."""
+
+MODEL_SIGMA = 0.1
+"""Standard deviation [px] of residuals beside the flow's own: distortion, rolling shutter."""
+
+FREE_TURN = 0.15
+"""Standard deviation [rad] of a rotation about which nothing is known."""
+
+BOUND = 3.5
+"""Residual [sigma] from which on a point counts as an outlier when minima are compared."""
+
+DECISIVE = 3.0
+"""Least difference of log likelihoods between two directions for the better one to be known."""
+
+LEAST_PARALLAX = 0.3
+"""Least 90th percentile [px] of the flow that a pure rotation leaves, for a translation."""
+
+LEAST_FLOW = 0.25
+"""Least 90th percentile [px] of the flow, for a motion."""
+
+LEAST_VECTORS = 12
+"""Least number of vectors with confidence."""
+
+SIGN_SHARE = 0.6
+"""Least share of the vectors that point away from, or towards, the focus of expansion."""
+
+
+class MotionKind(StrEnum):
+    """What the camera does between two images."""
+
+    FORWARD = "forward"
+    BACKWARD = "backward"
+    SIDEWAYS = "sideways"
+    ROTATION = "rotation"
+    STILL = "still"
+    UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True)
+class EgomotionPrior:
+    """What is known of the motion before the flow is looked at, in current camera axes.
+
+    ``rotation`` (3, 3), past to current axes, with ``rotation_covariance`` (3, 3) [rad^2] of a
+    small rotation about the camera's axes; ``direction`` (3,) of the translation with
+    ``direction_sigma`` [rad], infinite if nothing is known.
+    """
+
+    rotation: Array = field(default_factory=lambda: np.eye(3))
+    rotation_covariance: Array = field(default_factory=lambda: np.eye(3) * FREE_TURN**2)
+    direction: Array = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+    direction_sigma: float = math.inf
+
+
+@dataclass(frozen=True, slots=True)
+class PointMotion:
+    """Image points and where they were: flat float64 arrays.
+
+    ``points`` (n, 2) [px from the principal point] in the current image, ``past`` (n, 2) the same
+    points in the past image, ``sigma`` (n,) [px] one standard deviation of their difference, and
+    ``weight`` (n,) in [0, 1], 0 for points to leave out.
+    """
+
+    points: Array
+    past: Array
+    sigma: Array
+    weight: Array
+
+    @property
+    def used(self) -> npt.NDArray[np.bool_]:
+        """Which points have weight (n,)."""
+        return np.asarray(self.weight > 0.0)
+
+    def median(self, residual: Array) -> float:
+        """Median of the absolute ``residual`` (n,) in standard deviations."""
+        off = np.abs(residual / self.sigma)[self.used & np.isfinite(residual)]
+        return float(np.median(off)) if off.size else 1.0
+
+    def percentile(self, length: Array) -> float:
+        """90th percentile of ``length`` (n,) over the points with weight."""
+        return float(np.quantile(length[self.used], 0.9))
+
+
+@dataclass(frozen=True, slots=True)
+class Egomotion:
+    """The motion between two images, in current camera axes.
+
+    ``rotation`` (3, 3) turns past into current axes; ``direction`` (3,) is the unit vector of the
+    camera's translation. ``covariance`` (5, 5) [rad^2] is that of a small rotation about the
+    camera's axes, and of bearing and elevation of the direction. ``heading_sigma`` [rad] is the
+    largest standard deviation of the direction, infinite unless ``kind`` is a translation.
+    ``forward_share`` is the share of the vectors that point away from the focus of expansion.
+    """
+
+    kind: MotionKind
+    rotation: Array
+    direction: Array
+    covariance: Array
+    heading_sigma: float
+    forward_share: float
+
+
+def estimate_egomotion(
+    motion: PointMotion, focal: float, prior: EgomotionPrior | None = None
+) -> Egomotion:
+    """The camera's motion that explains ``motion``, given what is known before."""
+    known = prior or EgomotionPrior()
+    if int(motion.used.sum()) < LEAST_VECTORS:
+        return _without_direction(MotionKind.UNKNOWN, known)
+    motion = replace(motion, sigma=np.hypot(motion.sigma, MODEL_SIGMA))
+    rotation, left = _fit_rotation(motion, focal, known)
+    if motion.percentile(left) < LEAST_PARALLAX:
+        length = np.hypot(*(motion.points - motion.past).T)
+        still = motion.percentile(length) < LEAST_FLOW
+        kind = MotionKind.STILL if still else MotionKind.ROTATION
+        return _without_direction(kind, known, rotation)
+    return _translation(motion, focal, known)
+
+
+def _fit_rotation(motion: PointMotion, focal: float, prior: EgomotionPrior) -> tuple[Array, Array]:
+    """The pure rotation (3, 3) that explains the vectors best, and what it leaves (n,) [px]."""
+    use = motion.used
+    rotation = prior.rotation
+    information = np.asarray(np.linalg.inv(prior.rotation_covariance), dtype=np.float64)
+    for _ in range(8):
+        past = _turned(motion.past, rotation, focal)
+        x, y = past[use].T
+        off = (motion.points - past)[use]
+        zero = np.zeros_like(x)
+        slope_u = np.stack([-x * y / focal, focal + x * x / focal, -y], axis=1) + zero[:, None]
+        slope_v = np.stack([-(focal + y * y / focal), x * y / focal, x], axis=1)
+        size = np.hypot(off[:, 0], off[:, 1]) / motion.sigma[use]
+        scale = max(1.0, float(np.median(size)) / 1.18)
+        weight = motion.weight[use] / motion.sigma[use] ** 2 / (1.0 + (size / (2.4 * scale)) ** 2)
+        matrix = (slope_u * weight[:, None]).T @ slope_u + (slope_v * weight[:, None]).T @ slope_v
+        right = slope_u.T @ (weight * off[:, 0]) + slope_v.T @ (weight * off[:, 1])
+        step = np.linalg.solve(matrix + information, right)
+        rotation = _small_rotation(step) @ rotation
+    left = motion.points - _turned(motion.past, rotation, focal)
+    return rotation, np.hypot(left[:, 0], left[:, 1])
+
+
+def _translation(motion: PointMotion, focal: float, prior: EgomotionPrior) -> Egomotion:
+    """The motion with a translation."""
+    information = np.asarray(np.linalg.inv(prior.rotation_covariance), dtype=np.float64)
+    pull = np.zeros((3, 3))
+    if math.isfinite(prior.direction_sigma):
+        pull = np.eye(3) / prior.direction_sigma**2
+    arrays = (motion.points, motion.past, motion.sigma, motion.weight, focal)
+    starts = _starts(motion, focal, prior, information, pull)
+    fits = [
+        fit_motion(
+            *arrays,
+            (rotation, direction),
+            (prior.rotation, information),
+            (prior.direction, pull),
+            12,
+        )
+        for rotation, direction in starts
+    ]
+    scale = min(max(1.0, motion.median(fit[4]) / 0.674) for fit in fits)
+    costs = [
+        _bounded_cost(motion, fit[4], scale) + _surprise(prior, fit[0], fit[1]) for fit in fits
+    ]
+    best = int(np.argmin(costs))
+    rotation, direction, matrix, _, _ = fits[best]
+    covariance: Any = np.linalg.inv(matrix + 1e-9 * np.eye(5)) * scale**2
+    sigma = math.sqrt(max(float(np.linalg.eigvalsh(covariance[3:, 3:])[-1]), 0.0))
+    share = _forward_share(motion, focal, rotation, direction)
+    if share < 0.5:
+        direction, share = -direction, 1.0 - share
+    rivals = [
+        cost - costs[best]
+        for cost, other in zip(costs, fits, strict=True)
+        if abs(float(other[1] @ direction)) < math.cos(min(max(3.0 * sigma, 0.15), 1.5))
+    ]
+    decided = share >= SIGN_SHARE and all(gap > DECISIVE for gap in rivals)
+    return Egomotion(
+        kind=_kind(direction) if decided else MotionKind.UNKNOWN,
+        rotation=rotation,
+        direction=direction,
+        covariance=covariance,
+        heading_sigma=sigma if decided else math.inf,
+        forward_share=share,
+    )
+
+
+def _bounded_cost(motion: PointMotion, residual: Array, scale: float) -> float:
+    """Negative log likelihood of a fit with outliers: none costs more than BOUND^2 / 2.
+
+    Which of several minima is right is decided by the points that it explains, however far off the
+    others are. ``scale`` is the factor by which residuals exceed their standard deviations.
+    """
+    use = motion.used & np.isfinite(residual)
+    off = (residual[use] / (scale * motion.sigma[use])) ** 2
+    return float((0.5 * motion.weight[use] * off / (1.0 + off / BOUND**2)).sum())
+
+
+def _surprise(prior: EgomotionPrior, rotation: Array, direction: Array) -> float:
+    """Negative log likelihood of a motion by ``prior``; the sign of ``direction`` is open."""
+    turn = cv2.Rodrigues(rotation @ prior.rotation.T)[0].ravel()
+    cost = 0.5 * float(turn @ np.linalg.solve(prior.rotation_covariance, turn))
+    if math.isfinite(prior.direction_sigma):
+        gap = 2.0 - 2.0 * abs(float(direction @ prior.direction))
+        cost += 0.5 * gap / prior.direction_sigma**2
+    return cost
+
+
+def _starts(
+    motion: PointMotion, focal: float, prior: EgomotionPrior, information: Array, pull: Array
+) -> list[tuple[Array, Array]]:
+    """The best directions of the search with their rotations, at least APART from each other."""
+    past = _turned(motion.past, prior.rotation, focal)
+    directions = _hemisphere(DIRECTIONS)
+    cost, turns = rate_directions(
+        motion.points, past, motion.sigma, motion.weight, focal, directions, information, 4
+    )
+    gap = directions - prior.direction
+    cost = cost + 0.5 * ((gap @ pull) * gap).sum(axis=1)
+    found: list[tuple[Array, Array]] = []
+    for k in np.argsort(cost).tolist():
+        if all(abs(float(directions[k] @ other)) < APART for _, other in found):
+            found.append((_small_rotation(turns[k]) @ prior.rotation, directions[k]))
+        if len(found) == STARTS:
+            break
+    return found
+
+
+@cache
+def _hemisphere(count: int) -> Array:
+    """``count`` unit vectors (count, 3) spread evenly over the half space z >= 0."""
+    k = np.arange(count) + 0.5
+    z = 1.0 - k / count
+    angle = k * math.pi * (3.0 - math.sqrt(5.0))
+    flat = np.sqrt(1.0 - z * z)
+    return np.stack([flat * np.cos(angle), flat * np.sin(angle), z], axis=1)
+
+
+def _forward_share(motion: PointMotion, focal: float, rotation: Array, direction: Array) -> float:
+    """Share of the significant vectors that point away from the focus of expansion."""
+    off = motion.points - _turned(motion.past, rotation, focal)
+    lines = motion.points * direction[2] - focal * direction[:2]
+    along = (off * lines).sum(axis=1) / np.maximum(np.hypot(*lines.T), 1e-12)
+    significant = motion.used & (np.abs(along) > 2.0 * motion.sigma)
+    total = float(motion.weight[significant].sum())
+    return float(motion.weight[significant & (along > 0.0)].sum()) / total if total > 0.0 else 0.5
+
+
+def _kind(direction: Array) -> MotionKind:
+    """Forward and backward within 60 deg of the optical axis, else sideways."""
+    if abs(direction[2]) < 0.5:
+        return MotionKind.SIDEWAYS
+    return MotionKind.FORWARD if direction[2] > 0.0 else MotionKind.BACKWARD
+
+
+def _without_direction(
+    kind: MotionKind, prior: EgomotionPrior, rotation: Array | None = None
+) -> Egomotion:
+    """A motion whose direction of translation is not known."""
+    return Egomotion(
+        kind=kind,
+        rotation=prior.rotation if rotation is None else rotation,
+        direction=prior.direction,
+        covariance=np.diag([*prior.rotation_covariance.diagonal(), math.inf, math.inf]),
+        heading_sigma=math.inf,
+        forward_share=0.5,
+    )
+
+
+def _turned(points: Array, rotation: Array, focal: float) -> Array:
+    """``points`` (n, 2) [px] after their rays are rotated by ``rotation``."""
+    rays = np.column_stack([points, np.full(len(points), focal)]) @ rotation.T
+    return rays[:, :2] / rays[:, 2:] * focal
+
+
+def _small_rotation(vector: Array) -> Array:
+    """Rotation (3, 3) about ``vector`` (3,) [rad]."""
+    rotation = cv2.Rodrigues(np.asarray(vector, dtype=np.float64))[0]
+    return np.asarray(rotation, dtype=np.float64)

@@ -1,0 +1,256 @@
+"""The floor, found by its motion: a homography of known form (METHOD 2.8).
+
+A floor at the height h below a camera that moves by ``rotation`` and ``direction * baseline`` maps
+image points by a homography with one unknown, baseline / h, besides the camera's pitch. The past
+image is warped by each of a set of values, and the differences of the two images tell which one is
+right. All pixels below the horizon count together, so that a floor of little texture is found, and
+edges along which local flow cannot be measured do no harm.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from navfw.perceive.plane_warp import PlaneWarp
+from navfw.robot import CameraModel
+from navfw.signals import Array, CameraMotion, FlowField, Image
+
+__all__ = ["FloorFinder", "FloorMotion"]
+
+Mask = npt.NDArray[np.bool_]
+
+PITCHES = np.radians(np.arange(-10.0, 32.5, 2.5))
+"""Pitches of the camera that are tried [rad], nose down."""
+
+RATIOS = np.concatenate([[0.0], np.geomspace(0.02, 2.5, 28)])
+"""Ratios of baseline to height that are tried; 0 is a floor too far away to move."""
+
+ELEVATION_SIGMA = math.radians(5.0)
+"""Standard deviation of the elevation of one heading about the floor's plane."""
+
+LOW_ROWS = 0.42
+"""Share of the image's rows, from the lowest, by which ratio and pitch are chosen."""
+
+LEAST_FALL = 0.12
+"""Least descent of a ray per depth below the horizon."""
+
+LEAST_GAIN = 4.0
+"""Least gain in log likelihood of a moving floor over a floor that does not move."""
+
+WALL_MARGIN = 5.0
+"""Log likelihood by which a wall in front has to explain the images better to rule a floor out."""
+
+FITTING = 2.0
+"""Largest variance of the difference of a cell that a plane explains [NOISE^2]."""
+
+LEAST_PROVEN = 2
+"""Least number of cells whose texture moves like a floor."""
+
+SPEED_SIGMA, SPEED_JUMP = 0.3, 8.0
+"""Standard deviation of the logarithm of the speed about that of the pairs before, and the most
+that a jump of it costs in log likelihood."""
+
+USUAL = 0.4
+"""Largest change of the logarithm of the speed with which a floor is found without proof."""
+
+MEMORY = 9
+"""Number of pairs by whose median the speed is expected."""
+
+LEAST_PAIRS = 5
+"""Number of pairs with a floor after which its pitch is known, and it is expected to stay."""
+
+REVIEW = 5
+"""Every so many pairs all pitches are tried again."""
+
+ALIKE = 30.0
+"""Largest difference of the mean grey levels of two neighbouring cells of one floor."""
+
+PROVEN, REACHED = 0.7, 0.3
+"""Confidence of the floor's vectors in cells that prove it, and in the others."""
+
+VECTOR_SIGMA = 0.3
+"""Standard deviation of the floor's vectors [px]."""
+
+
+@dataclass(frozen=True, slots=True)
+class FloorMotion:
+    """The floor between two images.
+
+    ``ratio`` is baseline / height, ``pitch`` [rad] that of the camera, nose down. ``cells``
+    (rows, cols) are those that show floor, ``proven`` (rows, cols) those whose texture moves like
+    it; the others are reached from these through cells that show nothing else.
+    """
+
+    ratio: float
+    pitch: float
+    cells: Mask
+    proven: Mask
+
+    def apply(self, flow: FlowField, camera: CameraModel) -> FlowField:
+        """``flow`` (derotated) with the floor's vectors in the floor's cells."""
+        shift = flow.motion.translation
+        fall = _fall(flow.points, self.pitch, camera.focal)
+        nearness = self.ratio * fall / flow.motion.baseline
+        lines = flow.points * shift[2] - camera.focal * shift[:2]
+        vectors = lines * (nearness / (1.0 + shift[2] * nearness))[..., None]
+        confidence = np.where(self.cells, REACHED, flow.confidence)
+        return replace(
+            flow,
+            vectors=np.where(self.cells[..., None], vectors, flow.vectors),
+            confidence=np.where(self.proven, PROVEN, confidence),
+            sigma=np.where(self.cells, VECTOR_SIGMA, flow.sigma),
+        )
+
+
+class FloorFinder:
+    """Finds the floor in the pairs of one sequence; ``pitch`` [rad] is None if it is unknown.
+
+    ``lost`` tells whether a floor that was seen before is not found in the last pair, though no
+    wall in front hides it.
+    """
+
+    def __init__(self, camera: CameraModel, grid: tuple[int, int], pitch: float | None) -> None:
+        self._camera = camera
+        self._grid = grid
+        self._pitches = PITCHES if pitch is None else np.array([pitch])
+        self._evidence = np.zeros(self._pitches.size)
+        self._speeds: deque[float] = deque(maxlen=MEMORY)
+        self._pairs = 0
+        self.lost = False
+
+    @property
+    def pitch(self) -> float | None:
+        """The most likely pitch [rad]; None while there is too little evidence."""
+        if self._pitches.size > 1 and self._pairs < LEAST_PAIRS:
+            return None
+        return float(self._pitches[int(self._evidence.argmax())])
+
+    def find(self, now: Image, past: Image, motion: CameraMotion) -> FloorMotion | None:
+        """The floor between two working images; None if it is not found."""
+        self.lost = False
+        warp = PlaneWarp.of(now, past, motion, self._camera.focal, self._grid)
+        known = self.pitch
+        tried = self._pitches
+        if known is not None and self._pairs % REVIEW:
+            tried = np.array([known])
+        scores = np.array([self._score(warp, _level(pitch)) for pitch in tried.tolist()])
+        if tried.size > 1 and (scores.max(axis=1) - scores[:, 0]).max() > LEAST_GAIN:
+            self._collect(scores.max(axis=1), motion)
+        pitch = self.pitch
+        if pitch is None:
+            return None
+        likelihood = scores[int(np.abs(tried - pitch).argmin())]
+        if self._score(warp, _upright(pitch)).max() > likelihood.max() + WALL_MARGIN:
+            return None
+        found = self._floor(warp, pitch, _peak(likelihood + self._expected(motion.dt)))
+        speed = found.ratio / motion.dt
+        moves = likelihood.max() - likelihood[0] > LEAST_GAIN
+        if moves and int(found.proven.sum()) >= LEAST_PROVEN:
+            self._speeds.append(speed)
+        elif not (self._is_usual(speed) and found.cells.any()):
+            self.lost = len(self._speeds) >= LEAST_PAIRS
+            return None
+        return found
+
+    def without_floor(self, flow: FlowField) -> FlowField:
+        """``flow`` without confidence below the horizon, where it may show the floor or objects."""
+        fall = _fall(flow.points, self.pitch or 0.0, self._camera.focal)
+        return replace(flow, confidence=np.where(fall > 0.0, 0.0, flow.confidence))
+
+    def _collect(self, likelihood: Array, motion: CameraMotion) -> None:
+        """Add the evidence of one pair for each pitch: images, and a heading along the floor."""
+        down = float(motion.translation[1]) / max(motion.baseline, 1e-12)
+        off = (self._pitches + math.asin(min(max(down, -1.0), 1.0))) / ELEVATION_SIGMA
+        self._evidence += likelihood - likelihood.max() - 0.5 * off * off
+        self._pairs += 1
+
+    def _score(self, warp: PlaneWarp, normal: Array) -> Array:
+        """Log likelihood (n,) of each of RATIOS for a plane, by the same cells for all planes."""
+        lowest = int(LOW_ROWS * self._grid[0])
+        return np.array(
+            [
+                -0.5 * float(np.log1p(warp.difference(normal, ratio)[-lowest:]).sum())
+                for ratio in RATIOS.tolist()
+            ]
+        )
+
+    def _expected(self, dt: float) -> Array:
+        """Log likelihood (n,) of RATIOS by the speed of the pairs before."""
+        if not self._speeds:
+            return np.zeros(RATIOS.size)
+        usual = dt * float(np.median(self._speeds))
+        off = np.log(np.maximum(RATIOS, 0.5 * RATIOS[1]) / usual) / SPEED_SIGMA
+        return np.asarray(-0.5 * np.minimum(off * off, 2.0 * SPEED_JUMP))
+
+    def _is_usual(self, speed: float) -> bool:
+        """Whether ``speed`` [heights/s] is about that of the pairs before."""
+        if not self._speeds:
+            return False
+        return abs(math.log(speed / float(np.median(self._speeds)))) < USUAL
+
+    def _floor(self, warp: PlaneWarp, pitch: float, ratio: float) -> FloorMotion:
+        """The cells that show floor."""
+        normal = _level(pitch)
+        moving = warp.difference(normal, ratio)
+        others = np.minimum(warp.difference(normal, 0.0), warp.difference(normal, 1.6 * ratio))
+        fits = self._below(pitch) & (moving < FITTING)
+        proven = fits & (others > 2.0 * moving + 0.5)
+        seeds = proven.copy()
+        if self._speeds:  # what fits right in front of the camera, where floor was proven before
+            seeds[-1] |= fits[-1]
+        return FloorMotion(ratio, pitch, _spread(seeds, fits, warp.mean()), proven)
+
+    def _below(self, pitch: float) -> Mask:
+        """Cells (rows, cols) below the horizon."""
+        rows, cols = self._grid
+        y = ((np.arange(rows) + 0.5) / rows - 0.5) * self._camera.height
+        fall = _fall(np.stack([np.zeros(rows), y], axis=-1), pitch, self._camera.focal)
+        return np.repeat((fall > LEAST_FALL)[:, None], cols, axis=1)
+
+
+def _level(pitch: float) -> Array:
+    """Unit normal (3,) of the floor, downward, in camera axes."""
+    return np.array([0.0, math.cos(pitch), math.sin(pitch)])
+
+
+def _upright(pitch: float) -> Array:
+    """Unit normal (3,) of a wall in front, away from the camera, in camera axes."""
+    return np.array([0.0, -math.sin(pitch), math.cos(pitch)])
+
+
+def _peak(scores: Array) -> float:
+    """The best of RATIOS above 0, refined by a parabola through the best three."""
+    k = min(max(int(np.argmax(scores[1:])) + 1, 2), len(scores) - 2)
+    before, here, after = scores[k - 1 : k + 2].tolist()
+    curve = before - 2.0 * here + after
+    step = 0.5 * (before - after) / curve if curve < 0.0 else 0.0
+    return float(RATIOS[k] * (RATIOS[3] / RATIOS[2]) ** min(max(step, -1.0), 1.0))
+
+
+def _fall(points: Array, pitch: float, focal: float) -> Array:
+    """Descent per depth of the rays through ``points`` (..., 2) [px]."""
+    fall: Array = points[..., 1] / focal * math.cos(pitch) + math.sin(pitch)
+    return fall
+
+
+def _spread(seeds: Mask, fits: Mask, mean: Array) -> Mask:
+    """``seeds`` and all cells that are reached from them over cells that fit and look alike."""
+    found = seeds
+    while True:
+        grown = found.copy()
+        for here, there in (
+            (np.s_[1:, :], np.s_[:-1, :]),
+            (np.s_[:-1, :], np.s_[1:, :]),
+            (np.s_[:, 1:], np.s_[:, :-1]),
+            (np.s_[:, :-1], np.s_[:, 1:]),
+        ):
+            alike = np.abs(mean[here] - mean[there]) < ALIKE
+            grown[here] |= found[there] & alike & fits[here]
+        if (grown == found).all():
+            return found
+        found = grown

@@ -1,0 +1,141 @@
+"""Egomotion from point motion computed by geometry: heading, rotation, their covariance, kinds."""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from navfw.egomotion.flow_egomotion import (
+    Egomotion,
+    EgomotionPrior,
+    MotionKind,
+    PointMotion,
+    estimate_egomotion,
+)
+from navfw.signals import Array
+
+FOCAL = 100.0
+HALF = np.array([80.0, 60.0])
+ANGLE = st.floats(-0.06, 0.06)
+
+
+def rotation_of(vector: Array) -> Array:
+    return np.asarray(cv2.Rodrigues(vector)[0], dtype=np.float64)
+
+
+def scene(seed: int, count: int = 200) -> tuple[Array, Array]:
+    """Image points (n, 2) [px] and their depths (n,) [m]: a room with things in it."""
+    rng = np.random.default_rng(seed)
+    return rng.uniform(-HALF, HALF, (count, 2)), rng.uniform(0.8, 6.0, count)
+
+
+def seen(
+    points: Array, depth: Array, rotation: Array, shift: Array, noise: float = 0.0, seed: int = 0
+) -> PointMotion:
+    """The motion of ``points`` when the camera turns by ``rotation`` and moves by ``shift`` [m]."""
+    rays = np.column_stack([points / FOCAL, np.ones(len(points))])
+    before = (rays * depth[:, None] + shift) @ rotation
+    past = before[:, :2] / before[:, 2:] * FOCAL
+    past += np.random.default_rng(seed).normal(0.0, noise, past.shape) if noise else 0.0
+    return PointMotion(points, past, np.full(len(points), max(noise, 0.02)), np.ones(len(points)))
+
+
+def angle_between(found: Egomotion, shift: Array) -> float:
+    """Angle [deg] between the direction found and the true one."""
+    cosine = float(found.direction @ shift) / float(np.linalg.norm(shift))
+    return math.degrees(math.acos(min(max(cosine, -1.0), 1.0)))
+
+
+@settings(max_examples=40, deadline=None)
+@given(ANGLE, ANGLE, ANGLE, st.floats(-math.pi, math.pi), st.floats(-0.5, 0.5))
+def test_any_motion_is_found_without_a_prior(
+    x: float, y: float, z: float, bearing: float, elevation: float
+) -> None:
+    rotation = rotation_of(np.array([x, y, z]))
+    flat = math.cos(elevation)
+    shift = 0.15 * np.array(
+        [flat * math.sin(bearing), math.sin(elevation), flat * math.cos(bearing)]
+    )
+    found = estimate_egomotion(seen(*scene(1), rotation, shift), FOCAL)
+    assert angle_between(found, shift) < 0.5
+    assert np.abs(found.rotation @ rotation.T - np.eye(3)).max() < 0.002
+    expected = MotionKind.SIDEWAYS
+    if abs(shift[2]) > 0.51 * 0.15:
+        expected = MotionKind.FORWARD if shift[2] > 0.0 else MotionKind.BACKWARD
+        assert found.kind is expected
+    elif abs(shift[2]) < 0.49 * 0.15:
+        assert found.kind is expected
+
+
+def test_a_quarter_of_moving_objects_does_no_harm() -> None:
+    points, depth = scene(2)
+    shift = np.array([0.02, 0.0, 0.12])
+    rotation = rotation_of(np.array([0.0, 0.03, 0.01]))
+    motion = seen(points, depth, rotation, shift, noise=0.1)
+    moving = seen(points, depth, rotation, shift + np.array([0.4, 0.1, 0.0]), noise=0.1)
+    motion.past[:50] = moving.past[:50]
+    found = estimate_egomotion(motion, FOCAL)
+    assert found.kind is MotionKind.FORWARD
+    assert angle_between(found, shift) < 2.0
+
+
+def test_the_covariance_tells_the_truth() -> None:
+    shift, rotation = np.array([0.0, -0.02, 0.12]), rotation_of(np.array([0.01, -0.02, 0.0]))
+    within, bearings = 0, []
+    for seed in range(60):
+        motion = seen(*scene(seed), rotation, shift, noise=0.25, seed=seed)
+        found = estimate_egomotion(motion, FOCAL)
+        assert found.kind is MotionKind.FORWARD
+        off = math.atan2(found.direction[0], found.direction[2])
+        bearings.append(off / math.sqrt(found.covariance[3, 3]))
+        within += angle_between(found, shift) < math.degrees(2.0 * found.heading_sigma)
+    assert within >= 0.84 * 60
+    assert 0.6 < float(np.std(bearings)) < 1.5
+
+
+def test_rotation_stillness_and_too_few_points_are_told_apart() -> None:
+    points, depth = scene(3)
+    turn = rotation_of(np.array([0.0, 0.05, 0.0]))
+    found = estimate_egomotion(seen(points, depth, turn, np.zeros(3), noise=0.05), FOCAL)
+    assert found.kind is MotionKind.ROTATION
+    assert np.abs(found.rotation @ turn.T - np.eye(3)).max() < 0.002
+    assert found.heading_sigma == math.inf
+    still = estimate_egomotion(seen(points, depth, np.eye(3), np.zeros(3), noise=0.05), FOCAL)
+    assert still.kind is MotionKind.STILL
+    few = seen(points[:8], depth[:8], turn, np.array([0.0, 0.0, 0.1]))
+    assert estimate_egomotion(few, FOCAL).kind is MotionKind.UNKNOWN
+
+
+def test_points_that_move_at_random_show_no_motion() -> None:
+    points, _ = scene(4)
+    past = points + np.random.default_rng(4).normal(0.0, 4.0, points.shape)
+    motion = PointMotion(points, past, np.full(len(points), 0.1), np.ones(len(points)))
+    assert estimate_egomotion(motion, FOCAL).heading_sigma > math.radians(10.0)
+
+
+def test_a_gyro_sharpens_the_heading() -> None:
+    shift, turn = np.array([0.01, 0.0, 0.1]), rotation_of(np.array([0.0, 0.04, 0.0]))
+    motion = seen(*scene(5), turn, shift, noise=0.3)
+    alone = estimate_egomotion(motion, FOCAL)
+    helped = estimate_egomotion(motion, FOCAL, EgomotionPrior(turn, np.eye(3) * 0.0005**2))
+    assert helped.heading_sigma < 0.85 * alone.heading_sigma
+    assert angle_between(helped, shift) < 2.5
+
+
+@pytest.mark.parametrize("towards", [np.array([0.0, 0.0, 1.0]), np.array([0.5, 0.0, 0.8])])
+def test_a_heading_known_before_pulls_only_where_the_points_leave_it_open(towards: Array) -> None:
+    towards = towards / np.linalg.norm(towards)
+    points, _ = scene(6)
+    shift = 0.1 * towards
+    wall = seen(points, np.full(len(points), 2.0), np.eye(3), shift, noise=0.15)
+    prior = EgomotionPrior(direction=towards, direction_sigma=0.1)
+    alone, helped = (estimate_egomotion(wall, FOCAL, known) for known in (None, prior))
+    assert angle_between(helped, shift) <= max(angle_between(alone, shift), 3.0)
+    wrong = EgomotionPrior(direction=np.array([-1.0, 0.0, 0.0]), direction_sigma=0.3)
+    room = seen(*scene(7), np.eye(3), shift, noise=0.05)
+    assert angle_between(estimate_egomotion(room, FOCAL, wrong), shift) < 3.0
