@@ -106,6 +106,8 @@ def test_gaps_and_ends(tmp_path: Path) -> None:
     for begin, end in ((1.5, 2.5), (1.96, 2.1), (2.9, 3.1), (9.8, 10.2), (-0.5, 0.5)):
         assert record.rotation_between(begin, end) is None
         assert record.translation_between(begin, end) is None
+    assert record.poses_at(1.0) is not None  # the time of a pose
+    assert record.poses_at(9.95) is not None
     # an image may be taken just before the first pose
     assert record.rotation_between(-0.02, 0.5) is not None
     assert record.rotation_between(3.0, 9.95) is not None
