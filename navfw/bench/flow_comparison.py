@@ -164,7 +164,7 @@ def measure_set(chosen: TrueSet, processors: Mapping[str, FlowProcessor]) -> dic
     - ``coverage``: share of the points with a truth that it trusts (confidence at least TRUSTED);
     - ``epe``, ``epe_median`` [px]: mean and median end-point error at the points that it trusts;
     - ``epe_common`` [px]: mean end-point error at the common points;
-    - ``epe_at_first`` [px]: mean end-point error at the points that the first processor trusts;
+    - ``epe_at_first`` [px]: mean end-point error at the points that it and the first one trust;
     - ``within_2_sigma``: share of its trusted vectors within two of their sigmas of the truth (0.86
       is right for a normal error in two dimensions); None for OpenCV's, which have no sigma;
     - ``beaten_by``: names of OpenCV's processors that cost less and have a smaller mean error at
