@@ -28,6 +28,8 @@ _FARTHEST = 1e6
 """Largest coordinate [m]."""
 _SLOWEST = 2.0
 """Longest usual interval of poses [s]: longer ones are probably not in seconds."""
+_FASTEST = 60.0
+"""Largest usual speed [m/s], that of a car; faster poses are probably not in metres."""
 _GAP_STEPS = 2.5
 """Longest gap, in usual intervals."""
 _SLACK = 0.2  # part of the longest gap: half the usual interval
@@ -114,7 +116,8 @@ def load_pose_record(path: Path, pitch: float = 0.0) -> PoseRecord:
 
     Raises:
         InputError: the file is not readable, a line has other than eight numbers or no rotation,
-            times do not increase, or there are fewer than two poses; with file and line.
+            times do not increase, times or positions can only be in another unit, or there are
+            fewer than two poses; with file and, where it is one line, line.
 
     """
     poses: list[list[float]] = []
@@ -140,6 +143,13 @@ def load_pose_record(path: Path, pitch: float = 0.0) -> PoseRecord:
     if interval > _SLOWEST:
         raise InputError(
             f"poses are {interval:g} s apart; expected times in seconds", file=shown_path(path)
+        )
+    steps = np.linalg.norm(np.diff(table[:, 1:4], axis=0), axis=1)
+    speed = float(np.median(steps / np.diff(table[:, 0])))
+    if speed > _FASTEST:
+        raise InputError(
+            f"the camera moves at {speed:.0f} m/s; expected positions in metres, not millimetres",
+            file=shown_path(path),
         )
     return PoseRecord(
         times=table[:, 0],

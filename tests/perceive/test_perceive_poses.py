@@ -94,10 +94,10 @@ def test_names_of_the_columns_and_commas(tmp_path: Path) -> None:
 
 
 def test_a_jump_is_no_speed(tmp_path: Path) -> None:
-    text = "0 0 0 0 0 0 0 1\n1 0 0 50 0 0 0 1\n2 0 0 500 0 0 0 1\n"
+    text = "".join(f"{k} 0 0 {z} 0 0 0 1\n" for k, z in enumerate((0, 50, 100, 550)))
     options = PerceiverOptions(gyro=load_pose_record(written(tmp_path, text)))
     assert options.speed_between(0.1, 0.2) == pytest.approx(50.0)
-    assert options.speed_between(1.1, 1.2) is None
+    assert options.speed_between(2.1, 2.2) is None
 
 
 def test_gaps_and_ends(tmp_path: Path) -> None:
@@ -138,6 +138,7 @@ def test_times_of_the_images_names_or_since_the_first_one(tmp_path: Path) -> Non
         (LINE + "1 0 0 1e30 0 0 0 1\n", r"poses\.txt:2: expected finite numbers"),
         (LINE + "1 0 0 0 1 0 0 1\n", r"poses\.txt:2: qx qy qz qw have the norm 1\.41, not 1"),
         (LINE + LINE, r"poses\.txt:2: time 0\.000000 s does not come after .*; sort the lines"),
+        (LINE + "0.1 0 0 50 0 0 0 1\n", "moves at 500 m/s; expected positions in metres, not mill"),
         (LINE + LINE.replace("0", "500", 1), "poses are 500 s apart; expected times in seconds"),
     ],
 )
