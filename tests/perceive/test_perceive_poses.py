@@ -22,9 +22,10 @@ LINE = "0 0 0 0 0 0 0 1\n"
 class Images:
     """Stands for a source of images: their times alone."""
 
-    def __init__(self, start: float | None, duration: float) -> None:
+    def __init__(self, start: float | None, duration: float, rate_known: bool = True) -> None:
         self.start = start
         self.duration = duration
+        self.rate_known = rate_known
 
 
 def written(tmp_path: Path, text: str) -> Path:
@@ -125,6 +126,8 @@ def test_times_of_the_images_names_or_since_the_first_one(tmp_path: Path) -> Non
     for others in (Images(None, 5.0), Images(START + 100.0, 5.0), Images(None, math.inf)):
         with pytest.raises(InputError, match=r"poses\.txt: --poses: expected readings within the"):
             on_clock_of(others, stamped)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=r"times of the images are not known.* give --fps or --ti"):
+        on_clock_of(Images(None, 5.0, rate_known=False), relative)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
