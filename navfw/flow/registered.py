@@ -24,15 +24,18 @@ FLOOR = 0.035
 #: noise may be smaller by chance.
 ROUNDING = 0.29
 #: Standard deviation [grey levels] of errors that a window shares with its neighbours, so that
-#: neither its residual nor the roughness shows them. With MIXTURE_SHARE and ROUGHNESS_POWER fitted
-#: to the odd pairs of ``navfw bench flow``, so that 86 % of all vectors lie within two sigmas.
-COMMON_GREY = 0.44
+#: neither its residual nor the roughness shows them. This, MIXTURE_SHARE, ROUGHNESS_POWER and
+#: USUAL_ROUGHNESS were fitted to the odd pairs of ``navfw bench flow``: about 86 % of the vectors
+#: lie within two sigmas.
+COMMON_GREY = 0.45
 #: Share of the disagreement with both neighbours (``Registration.mixture``) that counts as standard
 #: deviation.
 MIXTURE_SHARE = 0.36
 #: Power of the field's roughness by which all its sigmas are scaled: images with blur, or with a
 #: motion that varies within windows, have errors that no single window's residual shows.
-ROUGHNESS_POWER = 1.2
+ROUGHNESS_POWER = 1.23
+#: Roughness at which the parts above are the whole error.
+USUAL_ROUGHNESS = 1.03
 #: Roughness that is assumed if too few neighbours are there to measure it, the least number of
 #: triples for measuring, and the range that is believed.
 UNKNOWN_ROUGHNESS, LEAST_TRIPLES, ROUGHNESS_RANGE = 1.5, 10, (0.6, 3.0)
@@ -49,8 +52,8 @@ class Registered(MatchedFlow):
     finest scale of any of OpenCV's methods of equal cost, as it fits expansion and slant.
 
     A vector's sigma follows from the window's residual and gradients, from rounding, from the
-    disagreement with its neighbours, and from the roughness of the whole field. Confidence is
-    little more than a small sigma.
+    disagreement with its neighbours, and from the roughness of the whole field. Where the window
+    matches, the confidence is that of a small sigma, and falls with its inverse square.
 
     Windows at the border are clipped to the image; the field's ``points`` are the centres of the
     clipped windows.
@@ -78,12 +81,12 @@ class Registered(MatchedFlow):
         registered_high: Annotated[
             float, Field(gt=0.0, le=1.0, description="registered correlation: certain match")
         ] = 0.95
-        sigma_low: Annotated[
-            float, Field(ge=0.0, le=10.0, description="sigma: accurate vector [px]")
-        ] = 0.2
-        sigma_high: Annotated[
-            float, Field(gt=0.0, le=10.0, description="sigma: useless vector [px]")
-        ] = 0.4
+        sigma_full: Annotated[
+            float, Field(gt=0.0, le=10.0, description="largest sigma of full confidence [px]")
+        ] = 0.19
+        sigma_max: Annotated[
+            float, Field(gt=0.0, le=10.0, description="largest sigma of a useful vector [px]")
+        ] = 1.0
 
     params: Params
 
@@ -123,11 +126,12 @@ class Registered(MatchedFlow):
         variance = found.sigma**2 + (ROUNDING * grey) ** 2 + FLOOR**2
         rough = roughness(found.vectors, variance, likely, LEAST_TRIPLES)
         rough = UNKNOWN_ROUGHNESS if math.isnan(rough) else rough
-        scale = min(max(rough, ROUGHNESS_RANGE[0]), ROUGHNESS_RANGE[1]) ** ROUGHNESS_POWER
+        rough = min(max(rough, ROUGHNESS_RANGE[0]), ROUGHNESS_RANGE[1])
         variance += (COMMON_GREY * grey) ** 2 + (MIXTURE_SHARE * found.mixture) ** 2
-        sigma = scale * np.sqrt(variance)
+        sigma = (rough / USUAL_ROUGHNESS) ** ROUGHNESS_POWER * np.sqrt(variance)
         confidence = ramp(found.score, p.registered_low, p.registered_high)
-        confidence *= ramp(found.share, 0.6, 0.9) * (1.0 - ramp(sigma, p.sigma_low, p.sigma_high))
+        confidence *= ramp(found.share, 0.6, 0.9)
+        confidence *= np.minimum((p.sigma_full / sigma) ** 2, 1.0) * (sigma <= p.sigma_max)
         return found.vectors, confidence, sigma
 
     def _coarse(self, now: Image, past: Image) -> Array:

@@ -125,7 +125,7 @@ def test_all_sigmas_grow_with_the_roughness(
     monkeypatch: pytest.MonkeyPatch, rough: float, scale: float
 ) -> None:
     pair, _ = shaken(3.0, 2)
-    params = Registered.Params(sigma_low=5.0, sigma_high=10.0)  # all are trusted
+    params = Registered.Params(sigma_max=10.0)
     sigmas = []
     for value in (1.0, rough):
         monkeypatch.setattr(module, "roughness", lambda *_, value=value: value)
@@ -138,9 +138,11 @@ def test_all_sigmas_grow_with_the_roughness(
 
 def test_a_large_sigma_is_not_trusted() -> None:
     pair, _ = shaken(3.0, 2)
-    loose = Registered(ROBOT, Registered.Params(sigma_low=5.0, sigma_high=10.0)).compute(pair)
-    strict = Registered(ROBOT, Registered.Params(sigma_low=0.05, sigma_high=0.1)).compute(pair)
+    loose = Registered(ROBOT, Registered.Params(sigma_full=5.0, sigma_max=5.0)).compute(pair)
+    strict = Registered(ROBOT, Registered.Params(sigma_full=0.05, sigma_max=0.1)).compute(pair)
     kept = strict.confidence > 0.0
+    expected = loose.confidence * np.minimum(0.05 / strict.sigma, 1.0) ** 2
+    np.testing.assert_allclose(strict.confidence[kept], expected[kept])
     assert 0.1 < kept.mean() < (loose.confidence > 0.0).mean()
     assert strict.sigma[kept].max() <= 0.1
     np.testing.assert_array_equal(strict.sigma[kept], loose.sigma[kept])
