@@ -35,7 +35,7 @@ MIXTURE_SHARE = 0.36
 #: motion that varies within windows, have errors that no single window's residual shows.
 ROUGHNESS_POWER = 1.23
 #: Roughness at which the parts above are the whole error.
-USUAL_ROUGHNESS = 1.03
+USUAL_ROUGHNESS = 1.025
 #: Roughness that is assumed if too few neighbours are there to measure it, the least number of
 #: triples for measuring, and the range that is believed.
 UNKNOWN_ROUGHNESS, LEAST_TRIPLES, ROUGHNESS_RANGE = 1.5, 10, (0.6, 3.0)
