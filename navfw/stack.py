@@ -271,6 +271,7 @@ class Stack:
             command=command,
             finished=finished,
             stuck=self._stuck(reading.time, waypoint, idle),
+            sight_trouble=self.local_map.sight.trouble,
             faults=tuple(str(fault) for fault in self.guard.faults),
             landmark_detections=detections,
             detection_counts=_counted(self.state.detection_counts, detections),

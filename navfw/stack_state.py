@@ -26,7 +26,8 @@ class StackState:
     """State and decision of the stack at its last step; read only, for displays and records.
 
     ``flows`` are the newest derotated flow fields; ``stuck`` is why the stack gave up, ``fault``
-    which sensor has failed for good, or None. ``landmark_detections`` are those of the last frame,
+    which sensor has failed for good, or None. ``sight_trouble`` is what the camera does not show of
+    the path ahead, or empty. ``landmark_detections`` are those of the last frame,
     known to the map or not; ``detection_counts`` counts all so far, by identity.
     """
 
@@ -43,6 +44,7 @@ class StackState:
     command: Command | None = None
     finished: bool = False
     stuck: str | None = None
+    sight_trouble: str = ""
     fault: str | None = None
     faults: tuple[str, ...] = ()
     landmark_detections: tuple[LandmarkDetection, ...] = ()

@@ -25,6 +25,7 @@ from navfw.flow.dis import Dis
 from navfw.flow.farneback import Farneback
 from navfw.flow.ideal import Ideal
 from navfw.flow.lucas_kanade import LucasKanade
+from navfw.flow.registered import Registered
 from navfw.interfaces import FlowProcessor
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Array, CameraMotion, FlowField, Frame, FramePair
@@ -92,6 +93,7 @@ class FlowErrors:
 def all_processors(robot: RobotModel) -> dict[str, FlowProcessor]:
     """Every shipped processor, and block matching as in the paper (peak only, no subpixel fit)."""
     return {
+        "registered": Registered(robot),
         "block_matching": BlockMatching(robot),
         "block_matching, peak only": BlockMatching(robot, BlockMatching.Params(subpixel="peak")),
         "lucas_kanade": LucasKanade(robot),

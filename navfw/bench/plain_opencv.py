@@ -75,15 +75,15 @@ class PlainPoints(MatchedFlow):
 
 
 def plain_processors(robot: RobotModel) -> dict[str, MatchedFlow]:
-    """OpenCV's processors by name: DIS by preset and finest scale, pyramidal LK, Farneback."""
+    """OpenCV's processors by name: DIS by preset and finest scale, LK and Farneback by window."""
     found: dict[str, MatchedFlow] = {}
     for preset in _DIS:
         for finest in (0, 1, 2):
-            found[f"cv DIS {preset}, finest {finest}"] = PlainDense(robot, _dis(preset, finest))
+            found[f"cv_dis_{preset}_{finest}"] = PlainDense(robot, _dis(preset, finest))
     for window in (11, 15, 21):
-        found[f"cv LK {window} px"] = PlainPoints(robot, window, 3)
+        found[f"cv_lk_{window}"] = PlainPoints(robot, window, 3)
     for window in (9, 15):
-        found[f"cv Farneback {window} px"] = PlainDense(robot, _farneback(window))
+        found[f"cv_farneback_{window}"] = PlainDense(robot, _farneback(window))
     return found
 
 

@@ -21,6 +21,7 @@ from navfw.bench.recorded_approach import read_grey
 from navfw.config.image_file import read_image
 from navfw.config.input_file import is_file, read_input_text
 from navfw.errors import ConfigError
+from navfw.perceive.pose_record import load_pose_record
 from navfw.robot import CameraModel
 from navfw.signals import Array, CameraMotion, Frame, FramePair, Image
 
@@ -35,7 +36,6 @@ __all__ = [
 
 _MAX_LIST = 50_000_000
 """Largest size of a list of images or poses [byte]; those of freiburg1 have 0.3 MB."""
-_POSE_COLUMNS = 8
 
 FR1_MATRIX = np.array([[517.3, 0.0, 318.6], [0.0, 516.5, 255.3], [0.0, 0.0, 1.0]])
 """Intrinsic matrix [px] of the colour camera of the freiburg1 sequences, at 640 x 480."""
@@ -61,7 +61,7 @@ def tum_pairs(
     """Pairs of colour frames ``stride`` apart, undistorted and scaled to ``size`` (width, height).
 
     Raises:
-        ConfigError: the folder lacks a file, or a file cannot be read.
+        InputError: the folder lacks a file, or a file cannot be read.
 
     """
     recorded = TumRecording(Path(folder)) if recorded is None else recorded
@@ -102,29 +102,22 @@ class TumRecording:
 
     def __init__(self, folder: Path) -> None:
         colour, depth = _listing(folder, "rgb.txt"), _listing(folder, "depth.txt")
-        self._poses = _poses(folder / "groundtruth.txt")
+        poses = load_pose_record(folder / "groundtruth.txt")
         self.images: list[_PosedImage] = []
-        for stamp, file in colour:
+        for stamp, file in colour if depth else ():
             at, near = min(depth, key=lambda item: abs(item[0] - stamp))
-            if abs(at - stamp) <= LARGEST_GAP:
+            posed = poses.poses_at(stamp, at)
+            if abs(at - stamp) <= LARGEST_GAP and posed is not None:
+                (place, depth_place), turns = posed
+                axes, depth_axes = turns.as_matrix()
                 self.images.append(
-                    _PosedImage(stamp, file, *self._pose(stamp), near, *self._pose(at))
+                    _PosedImage(stamp, file, place, axes, near, depth_place, depth_axes)
                 )
         if len(self.images) < 2:
             raise ConfigError(
-                f"expected two colour images with a depth image within {LARGEST_GAP} s", file=folder
+                f"expected two colour images with a pose, and a depth image within {LARGEST_GAP} s",
+                file=folder,
             )
-
-    def _pose(self, stamp: float) -> tuple[Array, Array]:
-        """Position and axes at a time, interpolated between the recorded poses."""
-        from scipy.spatial.transform import Rotation, Slerp
-
-        times = self._poses[:, 0]
-        k = int(np.clip(np.searchsorted(times, stamp), 1, len(times) - 1))
-        share = float((stamp - times[k - 1]) / (times[k] - times[k - 1]))
-        place = (1.0 - share) * self._poses[k - 1, 1:4] + share * self._poses[k, 1:4]
-        turn = Slerp([0.0, 1.0], Rotation.from_quat(self._poses[k - 1 : k + 1, 4:8]))
-        return place, np.asarray(turn(min(max(share, 0.0), 1.0)).as_matrix(), dtype=np.float64)
 
 
 def _listing(folder: Path, name: str) -> list[tuple[float, Path]]:
@@ -135,20 +128,6 @@ def _listing(folder: Path, name: str) -> list[tuple[float, Path]]:
         return [(float(t), folder / f) for t, f in pairs if is_file(folder / f)]
     except ValueError as error:
         raise ConfigError(f"expected lines of time, file: {error}", file=folder / name) from None
-
-
-def _poses(file: Path) -> Array:
-    """(n, 8): time [s], position [m], quaternion (x, y, z, w), in order of time."""
-    lines = read_input_text(file, _MAX_LIST).splitlines()
-    try:
-        poses = np.loadtxt(lines, comments="#", ndmin=2, dtype=np.float64)
-        if poses.shape[1] != _POSE_COLUMNS:
-            raise ValueError(f"{poses.shape[1]} columns")
-    except ValueError as error:
-        raise ConfigError(
-            f"expected lines of time, place, quaternion: {error}", file=file
-        ) from None
-    return poses[np.argsort(poses[:, 0])]
 
 
 def tum_camera(size: tuple[int, int]) -> CameraModel:

@@ -150,7 +150,7 @@ def perceive(
     pitch: Pitch = None,
     gyro: GyroFile = None,
     poses: PoseFile = None,
-    flow: FlowPlugin = "block_matching",
+    flow: FlowPlugin = "registered",
     grid: Grid = None,
     stride: Stride = None,
     overlay: Overlay = None,

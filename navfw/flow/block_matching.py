@@ -12,7 +12,7 @@ from pydantic import Field
 from navfw.flow.confidence import local_spread, match_sigma, ramp
 from navfw.flow.correlation_kernels import correlate, find_peaks
 from navfw.flow.grid_flow import MatchedFlow
-from navfw.flow.registration import register_windows
+from navfw.flow.registration import grid_windows, register_windows
 from navfw.robot import RobotModel
 from navfw.signals import Array, FramePair, Image
 from navfw.signals.immutable import read_only
@@ -112,8 +112,8 @@ class BlockMatching(MatchedFlow):
     def __init__(self, robot: RobotModel, params: Params | None = None) -> None:
         super().__init__(robot, params)
         p, camera = self.params, robot.camera
-        self._x_windows = x = _windows(camera.width, p.cols, p.window, p.margin)
-        self._y_windows = y = _windows(camera.height, p.rows, p.window, p.margin)
+        self._x_windows = x = grid_windows(camera.width, p.cols, p.window, p.margin)
+        self._y_windows = y = grid_windows(camera.height, p.rows, p.window, p.margin)
         centres = np.meshgrid(
             x.mean(axis=1) - 0.5 * camera.width,
             y.mean(axis=1) - 0.5 * camera.height,
@@ -199,13 +199,6 @@ class BlockMatching(MatchedFlow):
         noise = PEAK_SCALE * match_sigma(height, curvature, self._pixels)
         spread = PEAK_SPREAD * local_spread(fine, confidence)
         return fine, confidence, np.sqrt(noise**2 + spread**2 + PEAK_FLOOR**2)
-
-
-def _windows(size: int, count: int, window: int, margin: int) -> Integers:
-    """(count, 2) first pixel and end (exclusive) of the windows along one axis of the image."""
-    centres = (np.arange(count) + 0.5) * (size / count)
-    first = np.floor(centres - 0.5 * window).astype(np.int64)
-    return np.stack([first, first + window], axis=1).clip(margin, size - margin)
 
 
 def _uniqueness(height: Array, second: Array, inner: Flags) -> Array:

@@ -19,6 +19,7 @@ from navfw.localmap.free_distance import (
 )
 from navfw.localmap.local_planner import LocalGoal, LocalPlanner, LocalPlannerParams
 from navfw.localmap.occupancy_grid import OccupancyGrid, OccupancyParams
+from navfw.localmap.path_sight import PathSight
 from navfw.localmap.traversability import TraversabilityCheck, TraversabilityParams
 from navfw.robot import RobotModel
 from navfw.signals import (
@@ -64,6 +65,7 @@ class LocalMap:
         self.params = params or LocalMapParams()
         self.occupancy = OccupancyGrid(robot, self.params.occupancy)
         self.drops = DropMap(robot)
+        self.sight = PathSight(robot)
         self.local_planner = LocalPlanner(self.params.local_planner)
         self.traversability = TraversabilityCheck(self.params.traversability)
 
@@ -71,6 +73,7 @@ class LocalMap:
         """Back to an empty map without a position."""
         self.occupancy.reset()
         self.drops.reset()
+        self.sight.reset()
         self.traversability.reset()
 
     def update(
@@ -89,8 +92,9 @@ class LocalMap:
             self.occupancy.reset()
         self.occupancy.update(odometry.pose, odometry.time)
         for percept in percepts:
+            self.sight.observe(percept)
             if percept.sees_depth:
-                self.occupancy.integrate(percept, seen_from)
+                self.occupancy.integrate(percept, seen_from, weak=self.sight.weak)
                 self.drops.integrate(percept, seen_from)
         if stixels is not None:
             self.occupancy.integrate_stixels(stixels, seen_from)

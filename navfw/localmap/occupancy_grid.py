@@ -30,6 +30,9 @@ _LEAST_SIGMA = 0.02
 _FREE_WEIGHTS = np.array([1.0, 1.0, 1.0, 1.0, 0.5])
 """Weight of the free evidence along a ray, by ``Label`` of its end point. The ray is free up to the
 point whatever its height, so UNKNOWN counts in full; ABOVE passes over much of the floor."""
+_WEAK_SIGHT = np.array([0.0, 1.0, 1.0, 0.0, 0.0])
+"""The same where there is little texture: a window then takes the motion of the strongest edge in
+it, often of something far behind, and its ray would pass through the nearer surface."""
 _GAP = np.ones((3, 3), np.uint8)
 """Structuring element that closes gaps of one cell between the rays of a sparse flow grid."""
 _SIDE_MARGIN = 0.1
@@ -157,8 +160,11 @@ class OccupancyGrid:
         window = np.s_[row - reach : row + reach + 1, column - reach : column + reach + 1]
         self.log_odds[window][self._footprint] = self.params.clamp_min
 
-    def integrate(self, percept: Percept, pose: Pose) -> None:
-        """Add the evidence of ``percept``, observed from odom ``pose`` (call ``update`` first)."""
+    def integrate(self, percept: Percept, pose: Pose, *, weak: bool = False) -> None:
+        """Add the evidence of ``percept``, observed from odom ``pose`` (call ``update`` first).
+
+        With ``weak`` sight only rays to floor and to obstacles are evidence for free space.
+        """
         p, camera = self.params, self.robot.camera
         confidence = percept.confidence.ravel()
         nearness = percept.nearness.ravel()
@@ -179,7 +185,10 @@ class OccupancyGrid:
         rays = rays_of(points.reshape(-1, 2), third, camera.focal, self._base_from_camera, pose.yaw)
         at = self._camera_position(pose)
         self._decay_view(at, pose.yaw, percept.time)
-        hit, free = confidence * self._hit_weights[label], confidence * _FREE_WEIGHTS[label]
+        hit, free = (
+            confidence * self._hit_weights[label],
+            confidence * (_WEAK_SIGHT if weak else _FREE_WEIGHTS)[label],
+        )
         self._cast(at, rays, nearness, sigma, hit, free)
 
     def integrate_stixels(self, stixels: Stixels, pose: Pose) -> None:

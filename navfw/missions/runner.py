@@ -54,6 +54,8 @@ class PilotState(Protocol):
     @property
     def stuck(self) -> str | None: ...  # noqa: D102
     @property
+    def sight_trouble(self) -> str: ...  # noqa: D102
+    @property
     def fault(self) -> str | None:
         """The sensor that has failed for good, or None."""
         ...
@@ -363,6 +365,9 @@ class _MissionLoop:
         return self._verdict(Outcome.LOST, missed)
 
     def _verdict(self, outcome: Outcome, reason: str, trace: str = "") -> MissionVerdict:
+        trouble = self.pilot.state.sight_trouble
+        if trouble and outcome in (Outcome.STUCK, Outcome.TIMEOUT):
+            reason = f"{reason}; {trouble}"
         return MissionVerdict(
             outcome=outcome,
             reason=reason,

@@ -68,20 +68,31 @@ def on_clock_of(images: ImageSource, record: MotionRecord) -> MotionRecord:
     already count from the first image.
 
     Raises:
-        InputError: the record and the images have no time in common.
+        InputError: the record and the images have no time in common, or the images' frame rate is
+            only assumed.
 
     """
     first, last = float(record.times[0]), float(record.times[-1])
     start, duration = images.start, min(images.duration, LONGEST)
+    clock = None
     if start is not None and first < start + duration and last > start:
-        return record.shifted(-start)
-    if first < duration and last > 0.0:
-        return record
-    named = "" if start is None else f" ({start:.2f} to {start + duration:.2f} s on their clock)"
-    raise InputError(
-        f"expected readings within the time of the images, 0 to {duration:.2f} s{named}; got "
-        f"{first:.2f} to {last:.2f} s. Count times from the first image, or give those of "
-        "the images by their names or --times",
-        file=record.file,
-        key=record.option,
-    )
+        clock = start
+    elif not (first < duration and last > 0.0):
+        named = (
+            "" if start is None else f" ({start:.2f} to {start + duration:.2f} s on their clock)"
+        )
+        raise InputError(
+            f"expected readings within the time of the images, 0 to {duration:.2f} s{named}; got "
+            f"{first:.2f} to {last:.2f} s. Count times from the first image, or give those of "
+            "the images by their names or --times",
+            file=record.file,
+            key=record.option,
+        )
+    if not images.rate_known:
+        raise InputError(
+            "the times of the images are not known, so readings cannot be assigned to them; give "
+            "--fps or --times",
+            file=record.file,
+            key=record.option,
+        )
+    return record if clock is None else record.shifted(-clock)

@@ -44,7 +44,7 @@ class PerceiverOptions:
     speed: float | None = None
     height: float | None = None
     pitch: float | None = None
-    flow: str = "block_matching"
+    flow: str = "registered"
     grid: tuple[int, int] | None = None
     stride: int | None = None
     gyro: MotionRecord | None = None

@@ -28,6 +28,8 @@ _FARTHEST = 1e6
 """Largest coordinate [m]."""
 _SLOWEST = 2.0
 """Longest usual interval of poses [s]: longer ones are probably not in seconds."""
+_FASTEST = 60.0
+"""Largest usual speed [m/s], that of a car; faster poses are probably not in metres."""
 _GAP_STEPS = 2.5
 """Longest gap, in usual intervals."""
 _SLACK = 0.2  # part of the longest gap: half the usual interval
@@ -61,7 +63,7 @@ class PoseRecord:
 
         None if the record does not cover that time or has a gap in it.
         """
-        poses = self._poses_at(begin, end)
+        poses = self.poses_at(begin, end)
         if poses is None:
             return None
         turn = poses[1][0].inv() * poses[1][1]
@@ -72,7 +74,7 @@ class PoseRecord:
 
         None if the record does not cover that time or has a gap in it.
         """
-        poses = self._poses_at(begin, end)
+        poses = self.poses_at(begin, end)
         if poses is None:
             return None
         places, turns = poses
@@ -82,22 +84,24 @@ class PoseRecord:
         """The same record with times later by ``seconds``."""
         return replace(self, times=self.times + seconds)
 
-    def _poses_at(self, *wanted: float) -> tuple[Array, Rotation] | None:
-        """Places (n, 3) and rotations at times [s]; None if one of them is not covered."""
+    def poses_at(self, *wanted: float) -> tuple[Array, Rotation] | None:
+        """Places (n, 3) [m] and rotations from camera_optical to the world at n times [s].
+
+        They are interpolated. None if the record does not cover all of the time from the first to
+        the last of them.
+        """
         moments = np.array(wanted)
         first, last = float(self.times[0]), float(self.times[-1])
         # the nearest pose will do for an image just before the first pose, or just after the last
         slack = _SLACK * self.longest_gap
         covered = (moments >= first - slack) & (moments <= last + slack)
         moments = np.clip(moments, first, last)
-        low = max(int(np.searchsorted(self.times, moments.min(), side="right")) - 1, 0)
-        high = min(
-            int(np.searchsorted(self.times, moments.max(), side="left")), len(self.times) - 1
-        )
-        steps = np.diff(self.times[low : high + 1])
-        if not covered.all() or steps.size == 0 or steps.max() > self.longest_gap:
-            return None
+        low = int(np.searchsorted(self.times, moments.min(), side="right")) - 1
+        low = min(low, len(self.times) - 2)
+        high = max(int(np.searchsorted(self.times, moments.max(), side="left")), low + 1)
         part = slice(low, high + 1)
+        if not covered.all() or np.diff(self.times[part]).max() > self.longest_gap:
+            return None
         places = np.stack(
             [np.interp(moments, self.times[part], self.places[part, k]) for k in range(3)], axis=1
         )
@@ -112,7 +116,8 @@ def load_pose_record(path: Path, pitch: float = 0.0) -> PoseRecord:
 
     Raises:
         InputError: the file is not readable, a line has other than eight numbers or no rotation,
-            times do not increase, or there are fewer than two poses; with file and line.
+            times do not increase, times or positions can only be in another unit, or there are
+            fewer than two poses; with file and, where it is one line, line.
 
     """
     poses: list[list[float]] = []
@@ -138,6 +143,13 @@ def load_pose_record(path: Path, pitch: float = 0.0) -> PoseRecord:
     if interval > _SLOWEST:
         raise InputError(
             f"poses are {interval:g} s apart; expected times in seconds", file=shown_path(path)
+        )
+    steps = np.linalg.norm(np.diff(table[:, 1:4], axis=0), axis=1)
+    speed = float(np.median(steps / np.diff(table[:, 0])))
+    if speed > _FASTEST:
+        raise InputError(
+            f"the camera moves at {speed:.0f} m/s; expected positions in metres, not millimetres",
+            file=shown_path(path),
         )
     return PoseRecord(
         times=table[:, 0],

@@ -53,7 +53,7 @@ class Undistortion:
             )
         self._maps = self._undistortion_maps(focal)
         view = math.degrees(self.hfov)
-        self.notes.append(f"lens distortion removed: {view:.1f} degrees of the view are left")
+        self.notes.append(f"calibration applied: images then show {view:.1f} degrees across")
 
     def apply(self, image: Image) -> Image:
         """``image`` (height, width, 3) without distortion."""

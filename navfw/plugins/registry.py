@@ -30,6 +30,7 @@ BUILT_IN: dict[str, dict[str, str]] = {
         "farneback": "navfw.flow.farneback:Farneback",
         "ideal": "navfw.flow.ideal:Ideal",
         "lucas_kanade": "navfw.flow.lucas_kanade:LucasKanade",
+        "registered": "navfw.flow.registered:Registered",
     },
     "perception": {"offis": "navfw.offis.offis:Offis"},
     "features": {

@@ -55,6 +55,14 @@ class SafetyParams(BaseModel):
     blind_reverse: Annotated[
         float, Field(ge=0.0, le=2.0, description="longest reverse without a valid frame [m]")
     ] = 0.3
+    blind_advance: Annotated[
+        float,
+        Field(ge=0.0, le=2.0, description="longest advance with nothing of the path seen [m]"),
+    ] = 0.3
+    weak_sight: Annotated[
+        float,
+        Field(gt=0.0, le=1.0, description="speed while little is seen of the path [m/s]"),
+    ] = 0.2
     gyro_slow: Annotated[Seconds, Field(description="age of the last gyro reading: slow [s]")] = 0.2
     encoder_stop: Annotated[
         Seconds, Field(description="age of the last encoder reading: stop [s]")
@@ -108,6 +116,8 @@ class SafetyMonitor:
         self._rest_until = -math.inf
         self._last_time: float | None = None
         self._blind_reverse = 0.0
+        self._blind_advance = 0.0
+        self._sightless_since: float | None = None
         self._failing: FailingStage | None = None
 
     def update(
@@ -118,6 +128,7 @@ class SafetyMonitor:
     ) -> None:
         """Take in the newest reading, and the stages of the stack that fail at present."""
         self.senses.update(reading, odometry)
+        self._watch_sight(odometry)
         self._failing = min(failing, key=lambda stage: stage.since, default=None)
         self._watch_wheels(odometry)
         self._watch_reverse(odometry)
@@ -137,7 +148,8 @@ class SafetyMonitor:
         w = min(max(twist.w, -robot.max_w), robot.max_w)
         reason = "" if (v, w) == (twist.v, twist.w) else "the command exceeds the drive's limits"
         encoders = (silent, "the wheel encoders do not count")
-        for cap, why in (encoders, self._source_cap(), self._stall_cap(time)):
+        caps = (encoders, self._source_cap(), self._stall_cap(time), self._sight_cap())
+        for cap, why in caps:
             if v > cap:
                 v, reason = cap, why
         if v > 0.0:
@@ -168,9 +180,18 @@ class SafetyMonitor:
             return f"{trouble}, for {senses.camera_age:.0f} s"
         if max(senses.silence, senses.encoder_age) > patience:
             return f"the wheel encoders do not count, for {patience:.0f} s"
+        if self._sightless_for > patience:
+            return f"{self.local_map.sight.trouble}, for {self._sightless_for:.0f} s"
         if self._failing is not None and self._failing_for > patience:
             return f"{self._failing.plugin}: {self._failing.error}, for {self._failing_for:.0f} s"
         return None
+
+    @property
+    def _sightless_for(self) -> float:
+        """Time [s] for which the robot may not go on, as it sees nothing of the path ahead."""
+        if self._sightless_since is None or self._last_time is None:
+            return 0.0
+        return self._last_time - self._sightless_since
 
     @property
     def _failing_for(self) -> float:
@@ -206,6 +227,12 @@ class SafetyMonitor:
             return p.slow, "the gyro is silent"
         return math.inf, ""
 
+    def _sight_cap(self) -> tuple[float, str]:
+        """Top forward speed [m/s] that the sight of the path allows, and why."""
+        sight = self.local_map.sight
+        cap = self.params.weak_sight if sight.weak else math.inf
+        return (0.0 if self._sightless_since is not None else cap), sight.trouble
+
     def _stall_cap(self, time: float) -> tuple[float, str]:
         """Standstill for a moment after the wheels did not follow."""
         if self._stalled_since is not None and time - self._stalled_since > self.params.stall:
@@ -228,6 +255,17 @@ class SafetyMonitor:
         blind = self.senses.camera_age > self.params.camera_stop
         reverse = max(-odometry.twist.v, 0.0) * since
         self._blind_reverse = self._blind_reverse + reverse if blind else 0.0
+
+    def _watch_sight(self, odometry: Odometry) -> None:
+        """Add up the advance without sight of the path, and note since when it is too long."""
+        if not self.local_map.sight.none:
+            self._blind_advance, self._sightless_since = 0.0, None
+            return
+        if self._last_time is not None:
+            self._blind_advance += max(odometry.twist.v, 0.0) * (odometry.time - self._last_time)
+        too_far = self._blind_advance >= self.params.blind_advance
+        if too_far and self._sightless_since is None:
+            self._sightless_since = odometry.time
 
     def _braking_speed(self, room: float) -> float:
         """Top speed [m/s] from which full braking ends within ``room`` [m] (METHOD 2.13).

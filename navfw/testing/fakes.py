@@ -122,6 +122,7 @@ class FakeState:
     command: Command | None = None
     finished: bool = False
     stuck: str | None = None
+    sight_trouble: str = ""
     fault: str | None = None
     faults: tuple[str, ...] = ()
 

@@ -15,7 +15,7 @@ from scipy.io import savemat
 from navfw.bench.flow_comparison import measure_set, recorded_sets
 from navfw.bench.recorded_approach import bench_approach
 from navfw.bench.tum_recording import FR1_DISTORTION, FR1_MATRIX, tum_pairs
-from navfw.errors import ConfigError
+from navfw.errors import ConfigError, InputError
 from navfw.flow.block_matching import BlockMatching
 from navfw.flow.dis import Dis
 from navfw.signals import Array
@@ -162,8 +162,9 @@ def test_a_recording_that_lacks_something_is_refused(tum: Path, tmp_path: Path) 
     copy = tmp_path / "copy"
     shutil.copytree(tum, copy)
     (copy / "groundtruth.txt").write_text("0 1 2\nnonsense\n", encoding="utf-8")
-    with pytest.raises(ConfigError, match="time, place, quaternion"):
+    with pytest.raises(InputError, match=r"groundtruth\.txt:1: has 3 values; expected timestamp"):
         list(tum_pairs(copy, (160, 120)))
     shutil.rmtree(copy / "depth")
-    with pytest.raises(ConfigError):
+    shutil.copy(tum / "groundtruth.txt", copy)
+    with pytest.raises(InputError, match="expected two colour images"):
         list(tum_pairs(copy, (160, 120)))

@@ -26,7 +26,7 @@ from navfw.bench.flow_comparison import (
     rendered_set,
 )
 from navfw.bench.flow_pairs import TruePair
-from navfw.bench.plain_opencv import PlainDense, PlainPoints
+from navfw.bench.plain_opencv import PlainDense, PlainPoints, plain_processors
 from navfw.bench.true_flow import true_flow, with_recording_error
 from navfw.cli import app
 from navfw.errors import ConfigError, InputError
@@ -34,6 +34,8 @@ from navfw.flow.block_matching import BlockMatching
 from navfw.flow.grid import grid_points
 from navfw.flow.grid_flow import MatchedFlow
 from navfw.interfaces import FlowProcessor
+from navfw.perceive.perceiver_options import PerceiverOptions
+from navfw.plugins import default_registry
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Array, CameraMotion, FlowField, Frame, FramePair, Image
 
@@ -67,7 +69,7 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def few(robot: RobotModel) -> dict[str, FlowProcessor]:
-    return {"block_matching": BlockMatching(robot), "cv LK 15 px": PlainPoints(robot, 15, 3)}
+    return {"block_matching": BlockMatching(robot), "cv_lk_15": PlainPoints(robot, 15, 3)}
 
 
 def test_the_geometry_of_a_recorded_walk_is_right(data: Path) -> None:
@@ -76,18 +78,19 @@ def test_the_geometry_of_a_recorded_walk_is_right(data: Path) -> None:
     assert [true.name for true in walk.pairs] == ["stride 1"] * 3 + ["stride 2"] * 2
     assert (walk.pairs[0].depth == 0.0).mean() > 0.05
     assert not walk.pairs[0].pair.motion.translation.any()  # nothing is given away
-    result = json.loads(json.dumps(bench_flow_sets([walk], few)))["sets"]["hololens_office"]
-    assert result["pairs"] == 5
-    assert result["flow_median_px"] > 2.0
-    for measured in result["processors"].values():
+    result = json.loads(json.dumps(bench_flow_sets([walk], few)))
+    facts, processors = result["sets"]["hololens_office"], result["hololens_office"]
+    assert facts["pairs"] == 5
+    assert facts["flow_median_px"] > 2.0
+    assert 0 < facts["common"] <= 5 * 192
+    for measured in processors.values():
         assert measured["epe_median"] < 0.15
         assert measured["coverage"] > 0.6
         assert measured["ms"] > 0.0
-    assert result["processors"]["cv LK 15 px"]["within_2_sigma"] is None
-    assert 0 < result["common"] <= 5 * 192
-    ((title, columns, rows),) = comparison_tables({"sets": {"walk": result}})
-    assert title.startswith("walk: 5 pairs of ")
-    assert [row[0] for row in rows] == ["block_matching", "cv LK 15 px"]
+    assert processors["cv_lk_15"]["within_2_sigma"] is None
+    ((title, columns, rows),) = comparison_tables(result)
+    assert title.startswith("hololens_office: 5 pairs of ")
+    assert [row[0] for row in rows] == ["block_matching", "cv_lk_15"]
     assert all(len(row) == len(columns) for row in rows)
 
 
@@ -166,7 +169,7 @@ class Off(MatchedFlow):
 def figures(**processors: tuple[float, float]) -> dict[str, Any]:
     true, camera = half_hidden()
     robot = RobotModel(camera=camera)
-    names = {"fast": "cv LK 11 px", "slow": "cv LK 21 px"}
+    names = {"fast": "cv_lk_11", "slow": "cv_lk_21"}
     made = {names.get(k, k): Off(robot, *v) for k, v in processors.items()}
     # the images are alike, but nothing is measured as frozen: the motion is given away to none
     still = CameraMotion(np.eye(3), np.zeros(3), 0.1)
@@ -178,8 +181,9 @@ def figures(**processors: tuple[float, float]) -> dict[str, Any]:
 
 def test_a_processor_is_beaten_by_what_costs_less_and_errs_less() -> None:
     found = figures(own=(2.5, 0.003), fast=(2.0, 0.0), slow=(1.0, 0.006))
-    assert found["own"]["beaten_by"] == ["cv LK 11 px"]
+    assert found["own"]["beaten_by"] == ["cv_lk_11"]
     assert found["own"]["epe"] == found["own"]["epe_common"] == pytest.approx(2.5)
+    assert found["cv_lk_11"]["epe_at_first"] == pytest.approx(2.0)
     assert found["own"]["within_2_sigma"] == 0.5  # sigma is 1 px in the upper half, 9 px below
     assert found["own"]["coverage"] == pytest.approx(96 / 159)
     assert figures(own=(1.5, 0.003), fast=(2.0, 0.0), slow=(1.0, 0.006))["own"]["beaten_by"] == []
@@ -202,6 +206,21 @@ def test_rendered_pairs_keep_the_gyro() -> None:
     assert any(not np.allclose(t.pair.motion.rotation, np.eye(3)) for t in drawn.pairs)
 
 
+def test_the_default_flow_is_not_beaten_and_its_sigma_is_true() -> None:
+    """Costs are measured by the command: here the errors, beside processors of OpenCV."""
+    drawn = rendered_set(1, 3)
+    plain = plain_processors(drawn.robot)
+    rivals = ("cv_dis_ultrafast_0", "cv_dis_fast_1", "cv_dis_medium_1", "cv_lk_15")
+    plugin: Any = default_registry().get("flow", PerceiverOptions().flow)
+    flow = plugin(drawn.robot)
+    found = measure_set(drawn, {"own": flow, **{name: plain[name] for name in rivals}})
+    own = found["processors"]["own"]
+    assert own["coverage"] > 0.7
+    assert 0.82 < own["within_2_sigma"] < 0.91
+    for name in rivals:
+        assert own["epe"] < 0.8 * found["processors"][name]["epe_at_first"]
+
+
 def bench(*arguments: str) -> Any:
     return CliRunner().invoke(app, ["bench", "flow", *arguments])
 
@@ -216,7 +235,7 @@ def test_the_command(data: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     done = bench("--data", str(data), "--places", "0")
     assert done.exit_code == 0, done.output
     assert "hololens_office: 5 pairs of " in done.stdout
-    assert "cv LK 15 px" in done.stdout
+    assert "cv_lk_15" in done.stdout
 
 
 def test_bad_input(data: Path, tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -10,13 +11,20 @@ from typer.testing import CliRunner
 
 from navfw.bench import (
     flow_accuracy,
+    flow_comparison,
     flow_pairs,
     perception_accuracy,
     perception_time,
     recorded_approach,
 )
+from navfw.bench.flow_comparison import TrueSet
+from navfw.bench.flow_pairs import TruePair
 from navfw.bench.perception_benchmark import TARGETS, Target
 from navfw.cli import app
+from navfw.flow.farneback import Farneback
+from navfw.interfaces import FlowProcessor
+from navfw.robot import RobotModel
+from navfw.signals import CameraMotion, Frame, FramePair
 
 HEADLINES = (
     "offis_ms",
@@ -126,6 +134,30 @@ def test_data_and_page(measured: dict[str, Any], tmp_path: Path) -> None:
     page = (out / "index.md").read_text()
     assert "| 0 to 5 | 9 | 2.0 % | 10.0 % |" in page
     assert "![error and time of the processors](flow.png)" in page
+
+
+def test_the_page_compares_flow_on_the_recorded_office(
+    measured: dict[str, Any], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def one_processor(robot: RobotModel) -> dict[str, FlowProcessor]:
+        return {"farneback": Farneback(robot)}
+
+    def one_pair(folder: Path, only: str) -> list[TrueSet]:
+        assert (folder, only) == (tmp_path, "tum_fr1")
+        wall = np.full((120, 160), 2.0, np.float32)
+        grey = np.random.default_rng(0).integers(0, 255, wall.shape, np.uint8)
+        still = CameraMotion(np.eye(3), np.zeros(3), 0.1)
+        pair = FramePair(Frame(0.0, grey), Frame(0.1, grey), still)
+        return [TrueSet("tum_fr1", RobotModel(), [TruePair("tum", "", pair, still, wall, wall)])]
+
+    monkeypatch.setattr(flow_comparison, "_every_processor", one_processor)
+    monkeypatch.setattr(flow_comparison, "recorded_sets", one_pair)
+    (tmp_path / "tum_fr1").mkdir()
+    done = bench("--data", str(tmp_path), "--out", str(tmp_path / "page"))
+    assert done.exit_code == 0, done.output
+    page = (tmp_path / "page" / "index.md").read_text()
+    assert "## tum_fr1: 1 pairs of 160 x 120 px" in page
+    assert re.search(r"\| farneback \| [\d.]+ \| \d+ % \| 0.000 \|", page)
 
 
 def test_bad_input(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from navfw.flow.confidence import SIGMA_UNKNOWN
 from navfw.flow.dis import Dis
 from navfw.flow.farneback import Farneback
 from navfw.flow.lucas_kanade import LucasKanade
+from navfw.flow.registered import Registered
 from navfw.interfaces import FlowProcessor
 from navfw.plugins import default_registry
 from navfw.robot import RobotModel
@@ -27,6 +28,7 @@ PROCESSORS = [
     LucasKanade(ROBOT),
     LucasKanade(ROBOT, LucasKanade.Params(points=2)),
     Dis(ROBOT),
+    Registered(ROBOT),
     Farneback(ROBOT),
 ]
 every_processor = pytest.mark.parametrize("processor", PROCESSORS, ids=lambda p: p.name)

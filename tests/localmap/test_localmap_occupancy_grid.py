@@ -113,6 +113,15 @@ def test_a_point_of_unknown_height_is_no_hit_but_its_ray_is_free() -> None:
     assert occupancy.log_odds[occupancy.index(CAMERA_AHEAD + 1.3, 0.0)] == 0.0
 
 
+@pytest.mark.parametrize("label", list(Label))
+def test_with_weak_sight_only_rays_to_floor_and_obstacles_are_free(label: Label) -> None:
+    occupancy = OccupancyGrid(ROBOT)
+    occupancy.update(Pose(0, 0, 0), 0.0)
+    occupancy.integrate(percept_of(0.0, 1.0, label), Pose(0, 0, 0), weak=True)
+    before = float(occupancy.log_odds[occupancy.index(CAMERA_AHEAD + 0.6, 0.0)])
+    assert (before < 0.0) is (label in {Label.FLOOR, Label.OBSTACLE})
+
+
 def test_points_of_low_confidence_are_no_evidence() -> None:
     unsure = dataclasses.replace(
         percept_of(0.0, 1.0, Label.OBSTACLE), confidence=np.full((1, 1), 0.05)

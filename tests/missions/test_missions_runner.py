@@ -85,6 +85,28 @@ def test_the_stack_may_report_that_it_is_stuck() -> None:
     assert (run.verdict.outcome, run.verdict.reason) == (Outcome.STUCK, "walls all round")
 
 
+class BlindPilot(ScriptedPilot):
+    """Its camera shows nothing of the path ahead."""
+
+    def step(self, reading: SensorReading) -> Twist:
+        twist = super().step(reading)
+        self.state = dataclasses.replace(self.state, sight_trouble="nothing is seen")
+        return twist
+
+
+@pytest.mark.parametrize(
+    ("twist", "reason"), [(Twist(0.1, 0.0), "time limit"), (Twist(0.0, 0.3), "stayed within")]
+)
+def test_a_run_without_progress_tells_what_the_camera_does_not_show(
+    twist: Twist, reason: str
+) -> None:
+    for pilot, seen in ((ScriptedPilot, ""), (BlindPilot, "; nothing is seen")):
+        driven = pilot([twist] * 10_000)
+        run = run_task(task(timeout=6.0, stuck_after=5.0), driven, FakeSimulator(START))
+        assert run.verdict.reason.startswith(reason)
+        assert run.verdict.reason.partition("; ")[1:] == seen.partition("; ")[1:]
+
+
 class BrokenPilot(ScriptedPilot):
     """Works until tick 5, then raises or returns what it was given."""
 

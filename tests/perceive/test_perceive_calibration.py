@@ -191,7 +191,7 @@ def test_lens_without_distortion_keeps_its_focal_length() -> None:
     calibration = CameraCalibration("camera.yaml", matrix, NO_LENS, "plumb_bob", (320, 240))
     straighten = Undistortion(calibration, 320, 240)
     assert straighten.hfov == pytest.approx(2.0 * math.atan(160.0 / 200.0), abs=1e-6)
-    assert straighten.notes == ["lens distortion removed: 77.3 degrees of the view are left"]
+    assert straighten.notes == ["calibration applied: images then show 77.3 degrees across"]
 
 
 def test_very_wide_lens_is_cut_to_what_a_pinhole_image_shows() -> None:

@@ -22,9 +22,10 @@ LINE = "0 0 0 0 0 0 0 1\n"
 class Images:
     """Stands for a source of images: their times alone."""
 
-    def __init__(self, start: float | None, duration: float) -> None:
+    def __init__(self, start: float | None, duration: float, rate_known: bool = True) -> None:
         self.start = start
         self.duration = duration
+        self.rate_known = rate_known
 
 
 def written(tmp_path: Path, text: str) -> Path:
@@ -94,10 +95,10 @@ def test_names_of_the_columns_and_commas(tmp_path: Path) -> None:
 
 
 def test_a_jump_is_no_speed(tmp_path: Path) -> None:
-    text = "0 0 0 0 0 0 0 1\n1 0 0 50 0 0 0 1\n2 0 0 500 0 0 0 1\n"
+    text = "".join(f"{k} 0 0 {z} 0 0 0 1\n" for k, z in enumerate((0, 50, 100, 550)))
     options = PerceiverOptions(gyro=load_pose_record(written(tmp_path, text)))
     assert options.speed_between(0.1, 0.2) == pytest.approx(50.0)
-    assert options.speed_between(1.1, 1.2) is None
+    assert options.speed_between(2.1, 2.2) is None
 
 
 def test_gaps_and_ends(tmp_path: Path) -> None:
@@ -106,6 +107,8 @@ def test_gaps_and_ends(tmp_path: Path) -> None:
     for begin, end in ((1.5, 2.5), (1.96, 2.1), (2.9, 3.1), (9.8, 10.2), (-0.5, 0.5)):
         assert record.rotation_between(begin, end) is None
         assert record.translation_between(begin, end) is None
+    assert record.poses_at(1.0) is not None  # the time of a pose
+    assert record.poses_at(9.95) is not None
     # an image may be taken just before the first pose
     assert record.rotation_between(-0.02, 0.5) is not None
     assert record.rotation_between(3.0, 9.95) is not None
@@ -123,6 +126,8 @@ def test_times_of_the_images_names_or_since_the_first_one(tmp_path: Path) -> Non
     for others in (Images(None, 5.0), Images(START + 100.0, 5.0), Images(None, math.inf)):
         with pytest.raises(InputError, match=r"poses\.txt: --poses: expected readings within the"):
             on_clock_of(others, stamped)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=r"times of the images are not known.* give --fps or --ti"):
+        on_clock_of(Images(None, 5.0, rate_known=False), relative)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -136,6 +141,7 @@ def test_times_of_the_images_names_or_since_the_first_one(tmp_path: Path) -> Non
         (LINE + "1 0 0 1e30 0 0 0 1\n", r"poses\.txt:2: expected finite numbers"),
         (LINE + "1 0 0 0 1 0 0 1\n", r"poses\.txt:2: qx qy qz qw have the norm 1\.41, not 1"),
         (LINE + LINE, r"poses\.txt:2: time 0\.000000 s does not come after .*; sort the lines"),
+        (LINE + "0.1 0 0 50 0 0 0 1\n", "moves at 500 m/s; expected positions in metres, not mill"),
         (LINE + LINE.replace("0", "500", 1), "poses are 500 s apart; expected times in seconds"),
     ],
 )

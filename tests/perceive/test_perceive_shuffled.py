@@ -43,6 +43,11 @@ def test_ordered_sequences_of_all_speeds_pass(step: int) -> None:
     check(images[::-1])
 
 
+def test_a_camera_that_comes_back_passes() -> None:
+    there = panned(12, 40)
+    check(there + there[::-1] + there)
+
+
 @pytest.mark.parametrize("count", [20, 50, 140])
 def test_shuffled_sequences_are_refused(count: int) -> None:
     with pytest.raises(InputError, match=r"\d+\.png: the images seem to be shuffled: this one is"):

@@ -486,6 +486,8 @@ def test_parameters_are_within_their_ranges() -> None:
             "camera_slow": seconds,
             "camera_stop": seconds,
             "blind_reverse": "[0, 2]",
+            "blind_advance": "[0, 2]",
+            "weak_sight": "(0, 1]",
             "gyro_slow": seconds,
             "encoder_stop": seconds,
             "stall": seconds,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
-from navfw.flow.registration.windows import Registration, register_windows
+from navfw.flow.registration.roughness import roughness
+from navfw.flow.registration.windows import Registration, grid_windows, register_windows
 
-__all__ = ["Registration", "register_windows"]
+__all__ = ["Registration", "grid_windows", "register_windows", "roughness"]

@@ -279,7 +279,7 @@ def register(
     iterations: int,
     tolerance: float,
     reach: float,
-) -> tuple[Doubles, Doubles, Doubles, Doubles, Doubles]:
+) -> tuple[Doubles, Doubles, Doubles, Doubles, Doubles, Doubles]:
     """Register each active window of ``now`` with ``past`` by an affine motion (Gauss-Newton).
 
     Args:
@@ -303,8 +303,9 @@ def register(
         vectors (rows, cols, 2) of the windows' centres [px]; their gradients (rows, cols, 4)
         [px/px]: change of x along x and along y, of y along x and along y; score (rows, cols),
         the normalised correlation after registration, 0 for inactive or lost windows; variance
-        (rows, cols) [px^2] of the vectors' worse component for independent errors of the samples;
-        and the share (rows, cols) of the samples inside the limits.
+        (rows, cols) [px^2] of the vectors' worse component for independent errors of the samples,
+        as large as what the registration leaves over; the same (rows, cols) [px^2/grey^2] for
+        errors of one grey level; and the share (rows, cols) of the samples inside the limits.
 
     """
     rows, cols = y_windows.shape[0], x_windows.shape[0]
@@ -312,6 +313,7 @@ def register(
     gradients = np.zeros((rows, cols, 4), np.float64)
     score = np.zeros((rows, cols), np.float64)
     variance = np.full((rows, cols), np.inf)
+    by_grey = np.full((rows, cols), np.inf)
     share = np.zeros((rows, cols), np.float64)
     hessian = np.empty((UNKNOWNS, UNKNOWNS), np.float64)
     lower = np.zeros((UNKNOWNS, UNKNOWNS), np.float64)
@@ -376,4 +378,5 @@ def register(
                 _solve(lower, moving, change)
                 worst = max(worst, change[k])
             variance[r, c] = left_over * worst
-    return vectors, gradients, score, variance, share
+            by_grey[r, c] = worst
+    return vectors, gradients, score, variance, by_grey, share

@@ -12,7 +12,7 @@ from navfw.flow.registration.affine_kernels import register
 from navfw.flow.registration.mixtures import find_mixtures
 from navfw.signals import Array, Image
 
-__all__ = ["Registration", "register_windows"]
+__all__ = ["Registration", "grid_windows", "register_windows"]
 
 Integers = npt.NDArray[np.int64]
 Floats = npt.NDArray[np.float32]
@@ -46,7 +46,8 @@ class Registration:
     ``vectors`` (rows, cols, 2) [px] are the displacements of the windows' centres, now - past;
     ``score`` is the normalised correlation after registration, 0 for inactive or lost windows;
     ``sigma`` [px] is the standard deviation of a vector's worse component for residuals that are
-    independent from sample to sample; ``share`` is the share of the samples inside the past image;
+    independent from sample to sample, ``sensitivity`` [px/grey level] the same for residuals of one
+    grey level; ``share`` is the share of the samples inside the past image;
     ``mixture`` [px] is the disagreement with both neighbours, large for a window that spans two
     surfaces.
     """
@@ -54,8 +55,20 @@ class Registration:
     vectors: Array
     score: Array
     sigma: Array
+    sensitivity: Array
     share: Array
     mixture: Array
+
+
+def grid_windows(size: int, count: int, window: int, margin: int) -> Integers:
+    """(count, 2) first pixel and end (exclusive) of the windows along one axis of an image.
+
+    They are as many as the grid's cells, around their centres, ``window`` wide, clipped to the
+    ``size`` of the image less ``margin`` [px].
+    """
+    centres = (np.arange(count) + 0.5) * (size / count)
+    first = np.floor(centres - 0.5 * window).astype(np.int64)
+    return np.stack([first, first + window], axis=1).clip(margin, size - margin)
 
 
 def register_windows(
@@ -79,7 +92,7 @@ def register_windows(
     windows. Columns [visible[0], visible[1]) and rows [visible[2], visible[3]) of ``past`` are
     valid.
     """
-    vectors, gradients, score, variance, share = register(
+    vectors, gradients, score, variance, by_grey, share = register(
         _filtered(now, _BELL, _BELL),
         _filtered(past, _BELL, _BELL),
         _filtered(now, _SLOPE, _BELL),
@@ -103,7 +116,7 @@ def register_windows(
         (x_windows[:, 0] + x_windows[:, 1]) / 2,
         (y_windows[:, 0] + y_windows[:, 1]) / 2,
     )
-    return Registration(vectors, score, np.sqrt(variance), share, mixture)
+    return Registration(vectors, score, np.sqrt(variance), np.sqrt(by_grey), share, mixture)
 
 
 def _filtered(image: Image, along_x: Array, along_y: Array) -> Floats:

@@ -1,0 +1,142 @@
+"""Coarse dense flow, refined in each cell by affine registration, with a sigma that is measured."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, ClassVar
+
+import cv2
+import numpy as np
+from pydantic import Field
+
+from navfw.flow.confidence import ramp
+from navfw.flow.grid_flow import MatchedFlow
+from navfw.flow.registration import grid_windows, register_windows, roughness
+from navfw.robot import RobotModel
+from navfw.signals import Array, Image
+from navfw.signals.immutable import read_only
+
+__all__ = ["Registered"]
+
+#: Least standard deviation of a registered vector [px], however well the window fits.
+FLOOR = 0.035
+#: Standard deviation [grey levels] of rounding to whole grey levels: residuals of images without
+#: noise may be smaller by chance.
+ROUNDING = 0.29
+#: Standard deviation [grey levels] of errors that a window shares with its neighbours, so that
+#: neither its residual nor the roughness shows them. This, MIXTURE_SHARE, ROUGHNESS_POWER and
+#: USUAL_ROUGHNESS were fitted to the odd pairs of ``navfw bench flow``: about 86 % of the vectors
+#: lie within two sigmas.
+COMMON_GREY = 0.45
+#: Share of the disagreement with both neighbours (``Registration.mixture``) that counts as standard
+#: deviation.
+MIXTURE_SHARE = 0.36
+#: Power of the field's roughness by which all its sigmas are scaled: images with blur, or with a
+#: motion that varies within windows, have errors that no single window's residual shows.
+ROUGHNESS_POWER = 1.23
+#: Roughness at which the parts above are the whole error.
+USUAL_ROUGHNESS = 1.025
+#: Roughness that is assumed if too few neighbours are there to measure it, the least number of
+#: triples for measuring, and the range that is believed.
+UNKNOWN_ROUGHNESS, LEAST_TRIPLES, ROUGHNESS_RANGE = 1.5, 10, (0.6, 3.0)
+#: Least score and least share inside the past image of the vectors that the roughness is taken of.
+#: All others have confidence 0.
+LIKELY = 0.8, 0.6
+
+
+class Registered(MatchedFlow):
+    """Dense inverse search on a coarse scale, then affine registration of a window in each cell.
+
+    OpenCV's dense inverse search finds large displacements at little cost. Around each cell's
+    centre a window is registered from there (``register_windows``), which is more accurate than the
+    finest scale of any of OpenCV's methods of equal cost, as it fits expansion and slant.
+
+    A vector's sigma follows from the window's residual and gradients, from rounding, from the
+    disagreement with its neighbours, and from the roughness of the whole field. Where the window
+    matches, the confidence is that of a small sigma, and falls with its inverse square.
+
+    Windows at the border are clipped to the image; the field's ``points`` are the centres of the
+    clipped windows.
+    """
+
+    name: ClassVar[str] = "registered"
+
+    class Params(MatchedFlow.Params):
+        """Grid, windows, and limits of the confidence (METHOD 2.9)."""
+
+        finest_scale: Annotated[
+            int, Field(ge=0, le=3, description="finest level of the search, in halvings")
+        ] = 2
+        window: Annotated[int, Field(ge=6, le=128, description="side of a window [px]")] = 20
+        stride: Annotated[
+            int, Field(ge=1, le=8, description="sampling interval of registration [px]")
+        ] = 2
+        weight_width: Annotated[
+            float,
+            Field(ge=0.2, le=10.0, description="sigma of registration's weights [half windows]"),
+        ] = 0.8
+        registered_low: Annotated[
+            float, Field(ge=0.8, lt=1.0, description="registered correlation: no match")
+        ] = 0.85
+        registered_high: Annotated[
+            float, Field(gt=0.0, le=1.0, description="registered correlation: certain match")
+        ] = 0.95
+        sigma_full: Annotated[
+            float, Field(gt=0.0, le=10.0, description="largest sigma of full confidence [px]")
+        ] = 0.19
+        sigma_max: Annotated[
+            float, Field(gt=0.0, le=10.0, description="largest sigma of a useful vector [px]")
+        ] = 1.0
+
+    params: Params
+
+    def __init__(self, robot: RobotModel, params: Params | None = None) -> None:
+        super().__init__(robot, params)
+        p, camera = self.params, robot.camera
+        self._x_windows = x = grid_windows(camera.width, p.cols, p.window, 1)
+        self._y_windows = y = grid_windows(camera.height, p.rows, p.window, 1)
+        columns, rows = np.meshgrid(x.mean(axis=1), y.mean(axis=1))
+        half = 0.5 * np.array([camera.width, camera.height])
+        self._points = read_only(np.stack([columns, rows], axis=-1) - half)
+        # a pixel's centre is half a pixel from its corner
+        self._column = (columns - 0.5).astype(np.float32)
+        self._row = (rows - 0.5).astype(np.float32)
+        self._all = read_only(np.ones(self._points.shape[:2], np.bool_))
+        self._dis = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
+        self._dis.setFinestScale(p.finest_scale)
+
+    def _match(
+        self, now: Image, past: Image, visible: tuple[int, int, int, int]
+    ) -> tuple[Array, Array, Array]:
+        p = self.params
+        now, past = np.ascontiguousarray(now), np.ascontiguousarray(past)
+        found = register_windows(
+            now,
+            past,
+            self._x_windows,
+            self._y_windows,
+            self._coarse(now, past),
+            self._all,
+            visible,
+            p.stride,
+            p.weight_width,
+        )
+        likely = (found.score > LIKELY[0]) & (found.share > LIKELY[1])
+        grey = np.where(likely, found.sensitivity, 0.0)
+        variance = found.sigma**2 + (ROUNDING * grey) ** 2 + FLOOR**2
+        rough = roughness(found.vectors, variance, likely, LEAST_TRIPLES)
+        rough = UNKNOWN_ROUGHNESS if math.isnan(rough) else rough
+        rough = min(max(rough, ROUGHNESS_RANGE[0]), ROUGHNESS_RANGE[1])
+        variance += (COMMON_GREY * grey) ** 2 + (MIXTURE_SHARE * found.mixture) ** 2
+        sigma = (rough / USUAL_ROUGHNESS) ** ROUGHNESS_POWER * np.sqrt(variance)
+        confidence = ramp(found.score, p.registered_low, p.registered_high)
+        confidence *= ramp(found.share, 0.6, 0.9)
+        confidence *= np.minimum((p.sigma_full / sigma) ** 2, 1.0) * (sigma <= p.sigma_max)
+        return found.vectors, confidence, sigma
+
+    def _coarse(self, now: Image, past: Image) -> Array:
+        """Displacements (rows, cols, 2) [px], now - past, of the windows by dense search."""
+        start = np.zeros((*now.shape, 2), np.float32)
+        dense = self._dis.calc(now, past, start)
+        back = cv2.remap(dense, self._column, self._row, cv2.INTER_LINEAR)
+        return -np.asarray(back, dtype=np.float64)

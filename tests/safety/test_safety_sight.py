@@ -1,0 +1,104 @@
+"""The advance without sight of the path: limited, reported, and over with the next sight."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from safety_samples import ROBOT, monitor_with, odometry, picture, reading
+
+from navfw.localmap.path_sight import PathSight
+from navfw.safety import SafetyMonitor
+from navfw.signals import Percept, Twist
+from navfw.testing.behavior_scenes import BehaviorScene, contexts_of
+
+RATE = 60.0
+AHEAD = Twist(0.15, 0.0)
+
+
+def percept(known: float = 1.0, low: bool = True) -> Percept:
+    """Of open floor; a share of the lower half is known, or of the upper one, all else unknown."""
+    made = contexts_of(BehaviorScene("open floor", Twist(0.3, 0.0)))[-1].percept
+    assert made is not None
+    rows, cols = made.confidence.shape
+    confidence = np.zeros((rows, cols))
+    half = confidence[rows // 2 :] if low else confidence[: rows // 2]
+    half[:, :] = np.random.default_rng(0).random(half.shape) < known
+    return replace(made, confidence=confidence)
+
+
+def drive(monitor: SafetyMonitor, seconds: float, begin: float = 0.0, wanted: Twist = AHEAD) -> str:
+    """Follow the monitor's twist from time ``begin`` [s]; the reason of its last verdict."""
+    verdict = monitor.limit(wanted, begin, odometry(begin, 0.0).pose)
+    for tick in range(round(seconds * RATE)):
+        time = begin + tick / RATE
+        measured = odometry(time, 0.0, v=verdict.twist.v)
+        monitor.update(reading(time, picture() if tick % 6 == 0 else None), measured)
+        verdict = monitor.limit(wanted, time, measured.pose)
+        assert verdict.twist.w == wanted.w
+    return verdict.reason
+
+
+def test_without_sight_of_the_path_the_robot_advances_a_little_and_stops_with_a_reason() -> None:
+    monitor = monitor_with()
+    monitor.local_map.sight.observe(percept(0.0))
+    assert drive(monitor, 1.9) == ""
+    assert "nothing is seen of the path ahead" in drive(monitor, 1.0, 1.9)
+    assert monitor.failure is None
+    drive(monitor, monitor.params.give_up, 2.9, Twist(0.15, 0.5))
+    assert "nothing is seen of the path ahead" in str(monitor.failure)
+
+
+def test_sight_of_the_path_ends_the_standstill() -> None:
+    monitor = monitor_with()
+    monitor.local_map.sight.observe(percept(0.0))
+    assert drive(monitor, 3.0)
+    for _ in range(40):
+        monitor.local_map.sight.observe(percept())
+    assert drive(monitor, 5.0, 3.1) == ""
+    assert monitor.failure is None
+
+
+def test_reverse_and_turns_are_no_advance() -> None:
+    monitor = monitor_with()
+    monitor.local_map.sight.observe(percept(0.0))
+    for wanted in (Twist(-0.1, 0.0), Twist(0.0, 0.8)):
+        drive(monitor, 5.0, wanted=wanted)
+    assert drive(monitor, 1.9) == ""
+
+
+def test_weak_sight_limits_the_speed() -> None:
+    monitor = monitor_with()
+    monitor.local_map.sight.observe(percept(0.4))
+    verdict = monitor.limit(Twist(0.4, 0.3), 0.0, odometry(0.0, 0.0).pose)
+    assert verdict.twist == Twist(monitor.params.weak_sight, 0.3)
+    assert "little is seen of the path ahead" in verdict.reason
+
+
+@pytest.mark.parametrize(
+    ("known", "low", "weak", "none"),
+    [
+        (0.0, True, True, True),
+        (0.05, True, True, True),
+        (0.4, True, True, False),
+        (0.9, True, False, False),
+        (1.0, False, True, True),
+    ],
+)
+def test_the_cells_of_the_path_decide(known: float, low: bool, weak: bool, none: bool) -> None:
+    sight = PathSight(ROBOT)
+    assert not sight.weak, "no judgement before the first percept"
+    sight.observe(percept(known, low))
+    assert (sight.weak, sight.none) == (weak, none)
+    assert bool(sight.trouble) is weak
+
+
+def test_single_percepts_do_not_change_the_judgement() -> None:
+    sight = PathSight(ROBOT)
+    sight.observe(percept())
+    sight.observe(percept(0.0))
+    assert not sight.weak
+    for _ in range(20):
+        sight.observe(percept(0.0))
+    assert sight.none
