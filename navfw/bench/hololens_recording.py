@@ -26,7 +26,7 @@ from navfw.perceive.working_size import WorkingSize
 from navfw.robot import CameraModel
 from navfw.signals import Array, CameraMotion, Frame, FramePair, Image
 
-__all__ = ["HololensRecording", "hololens_pairs"]
+__all__ = ["HololensRecording", "hololens_pairs", "read_poses"]
 
 _MAX_TEXT = 10_000_000
 """Largest size of the files of poses and intrinsics [byte]; the originals have 9 kB."""
@@ -60,7 +60,7 @@ class HololensRecording:
         if matrix.shape != (3, 3):
             raise ConfigError("expected 3 rows of 3 numbers", file=folder / "K.txt")
         files = sorted((folder / "images").glob("*.png"))
-        poses = _numbers(folder / "poses.txt", 16).reshape(-1, 4, 4)
+        poses = read_poses(folder)
         if len(files) != len(poses) or len(files) < 2:
             raise ConfigError(
                 f"expected a row for each of two or more images, found {len(poses)} rows for "
@@ -98,6 +98,16 @@ def hololens_pairs(recorded: HololensRecording, stride: int = 1) -> Iterator[Tru
         frames = Frame((k - stride) * PERIOD, past.image), Frame(k * PERIOD, now.image)
         pair = FramePair(*frames, motion)
         yield TruePair("hololens", f"stride {stride}", pair, motion, now.depth, past.depth)
+
+
+def read_poses(folder: Path) -> Array:
+    """Poses (n, 4, 4), camera to world, of the images in their order.
+
+    Raises:
+        ConfigError: the file of poses cannot be read.
+
+    """
+    return _numbers(folder / "poses.txt", 16).reshape(-1, 4, 4)
 
 
 def _numbers(file: Path, columns: int) -> Array:

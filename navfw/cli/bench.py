@@ -9,6 +9,7 @@ import typer
 
 from navfw.cli.bench_flow import flow
 from navfw.cli.bench_landmarks import landmarks
+from navfw.cli.bench_real import real
 from navfw.cli.options import Json, NoiseSeed, Stack
 from navfw.cli.output import print_json, print_status, print_table, print_tables, quiet_stdout
 
@@ -21,6 +22,7 @@ def add_to(app: typer.Typer) -> None:
     group.command()(loop)
     group.command()(perception)
     group.command()(flow)
+    group.command()(real)
     group.command()(planning)
     group.command()(landmarks)
     app.add_typer(group, name="bench")

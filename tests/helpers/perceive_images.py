@@ -27,13 +27,17 @@ def texture(seed: int = 0, size: int = 1200) -> Image:
     return np.clip(total, 0, 255).astype(np.uint8)
 
 
-def wall_at(distance: float, picture: Image, turned: float = 0.0) -> Image:
-    """The wall at ``distance`` (1: one pixel per texel), the camera rolled by ``turned`` [deg]."""
+def wall_at(distance: float, picture: Image, turned: float = 0.0, margin: int = 0) -> Image:
+    """The wall at ``distance`` (1: one pixel per texel), the camera rolled by ``turned`` [deg].
+
+    The image is larger by ``margin`` [px] on each side.
+    """
     middle = 0.5 * np.array([picture.shape[1], picture.shape[0]])
     rotation = cv2.getRotationMatrix2D((middle[0], middle[1]), turned, 1.0 / distance)
     matrix = np.asarray(rotation, dtype=np.float64)
-    matrix[:, 2] += 0.5 * np.array([WIDTH, HEIGHT]) - middle
-    return np.asarray(cv2.warpAffine(picture, matrix, (WIDTH, HEIGHT)), dtype=np.uint8)
+    width, height = WIDTH + 2 * margin, HEIGHT + 2 * margin
+    matrix[:, 2] += 0.5 * np.array([width, height]) - middle
+    return np.asarray(cv2.warpAffine(picture, matrix, (width, height)), dtype=np.uint8)
 
 
 def save(folder: Path, images: list[Image]) -> Path:

@@ -1,0 +1,134 @@
+"""Labels of real frames, and the judgement of a sentence by them (docs/real-frames.md)."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from importlib.resources import files
+
+__all__ = ["FrameLabel", "Judgement", "Verdict", "judge", "load_labels"]
+
+QUADRANTS = {"P1": "upper_right", "P2": "upper_left", "P3": "lower_left", "P4": "lower_right"}
+"""Names in the labels of the quadrants of layer 1."""
+
+FRONTS = {
+    "wall": "wall",
+    "left wall": "wall",
+    "right wall": "wall",
+    "left slope wall": "wall",
+    "right slope wall": "wall",
+    "door": "door",
+    "corner": "corner",
+    "corridor": "corridor",
+}
+"""Names in the labels of the elementary situations; "unknown" has none."""
+
+
+class Verdict(StrEnum):
+    """What the statements of a sentence are worth together."""
+
+    RIGHT = "right"
+    PARTLY = "partly"
+    WRONG = "wrong"
+    SILENT = "silent"
+
+
+@dataclass(frozen=True, slots=True)
+class FrameLabel:
+    """What can be seen in one real frame; the fields are the columns of ``real_frames.csv``.
+
+    ``nearest`` and ``nearest_also`` are quadrants, or ``none`` or ``unknown``; ``front`` and
+    ``front_also`` what stands in front; ``single`` tells that the frame has no neighbour for flow.
+    """
+
+    part: str
+    split: str
+    folder: str
+    file: str
+    single: bool
+    nearest: frozenset[str]
+    nearest_also: frozenset[str]
+    floor_in_front: str
+    front: str
+    front_also: frozenset[str]
+
+
+@dataclass(frozen=True, slots=True)
+class Judgement:
+    """Whether each statement of a sentence is true: ``nearest``, ``front``, ``floor``."""
+
+    statements: Mapping[str, bool]
+
+    @property
+    def verdict(self) -> Verdict:
+        """All statements together."""
+        true = sum(self.statements.values())
+        if not self.statements:
+            return Verdict.SILENT
+        if true == len(self.statements):
+            return Verdict.RIGHT
+        return Verdict.PARTLY if true else Verdict.WRONG
+
+
+def load_labels() -> list[FrameLabel]:
+    """All labels, in the order of the file."""
+    text = files("navfw.bench").joinpath("real_frames.csv").read_text(encoding="utf-8")
+    return [
+        FrameLabel(
+            part=row["part"],
+            split=row["split"],
+            folder=row["folder"],
+            file=row["file"],
+            single=row["single"] == "yes",
+            nearest=frozenset(row["nearest"].split()),
+            nearest_also=frozenset(row["nearest_also"].split()),
+            floor_in_front=row["floor_in_front"],
+            front=row["front"],
+            front_also=frozenset(row["front_also"].split()),
+        )
+        for row in csv.DictReader(text.splitlines(), strict=True)
+    ]
+
+
+def judge(sentence: str, nearest: Mapping[str, str], label: FrameLabel) -> Judgement:
+    """The statements of a ``sentence`` judged by ``label``.
+
+    ``nearest`` has the distance term of each quadrant that layer 1 names. What the label leaves
+    open is not judged.
+    """
+    found = {
+        "nearest": _nearest(sentence, nearest, label),
+        "front": _front(sentence, label),
+        "floor": _floor(sentence, label),
+    }
+    return Judgement({name: true for name, true in found.items() if true is not None})
+
+
+def _nearest(sentence: str, nearest: Mapping[str, str], label: FrameLabel) -> bool | None:
+    if label.nearest == {"unknown"}:
+        return None
+    if "no object in sight" in sentence:
+        return label.nearest == {"none"}
+    named = {QUADRANTS[quadrant]: term for quadrant, term in nearest.items()}
+    if not named:
+        return None
+    if label.nearest == {"none"}:
+        return all(place in label.nearest_also and term == "far" for place, term in named.items())
+    return named.keys() <= label.nearest | label.nearest_also
+
+
+def _front(sentence: str, label: FrameLabel) -> bool | None:
+    said = next((part for part in sentence.split("; ") if part.startswith("Front is ")), "")
+    alternatives = said.removeprefix("Front is ").removeprefix("a ").split(" or ")
+    named = {FRONTS[name] for name in alternatives if name in FRONTS}
+    if not named or label.front == "unknown":
+        return None
+    return bool(named & (label.front_also | {label.front}))
+
+
+def _floor(sentence: str, label: FrameLabel) -> bool | None:
+    if "Floor in front" not in sentence or label.floor_in_front == "unknown":
+        return None
+    return label.floor_in_front == "yes"

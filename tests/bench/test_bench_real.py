@@ -1,0 +1,121 @@
+"""Sentences on real frames judged by labels; the benchmark on pictures made here."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from perceive_images import save, texture, wall_at
+from typer.testing import CliRunner
+
+from navfw.bench import real_benchmark
+from navfw.bench.real_benchmark import CAMERAS, bench_real, real_rows
+from navfw.bench.real_labels import FrameLabel, Verdict, judge, load_labels
+from navfw.cli import app
+from navfw.errors import ConfigError
+from navfw.plugins import default_registry
+
+
+def label(
+    nearest: str = "upper_left",
+    also: str = "",
+    floor: str = "yes",
+    front: str = "corridor",
+    front_also: str = "",
+    file: str = "image_3.png",
+) -> FrameLabel:
+    return FrameLabel(
+        part="approach_a",
+        split="tuning",
+        folder="approach",
+        file=file,
+        single=False,
+        nearest=frozenset(nearest.split()),
+        nearest_also=frozenset(also.split()),
+        floor_in_front=floor,
+        front=front,
+        front_also=frozenset(front_also.split()),
+    )
+
+
+SEEN = "Layer1: nearest object is on upper left in near distance; Front is a {}"
+
+
+@pytest.mark.parametrize(
+    ("sentence", "nearest", "truth", "verdict"),
+    [
+        (SEEN.format("door or corridor") + "; Floor in front", {"P2": "near"}, {}, Verdict.RIGHT),
+        (SEEN.format("wall") + "; Floor in front", {"P2": "near"}, {}, Verdict.PARTLY),
+        (SEEN.format("wall"), {"P1": "near"}, {}, Verdict.WRONG),
+        (SEEN.format("left slope wall or unknown"), {"P2": "near"}, {"front": "wall"}, "right"),
+        (
+            SEEN.format("wall"),
+            {"P1": "near"},
+            {"also": "upper_right", "front_also": "wall"},
+            "right",
+        ),
+        ("Layer1: no object in sight; Front is unknown", {}, {}, Verdict.WRONG),
+        ("Layer1: no object in sight; Front is unknown", {}, {"nearest": "none"}, Verdict.RIGHT),
+        ("Layer1: no object in sight; Front is unknown", {}, {"nearest": "unknown"}, "silent"),
+        ("Layer1: nearest object is unknown; Front is unknown", {}, {}, Verdict.SILENT),
+        ("Front is unknown; Floor in front", {}, {"floor": "no"}, Verdict.WRONG),
+        ("Front is unknown; Floor in front", {}, {"floor": "unknown"}, Verdict.SILENT),
+        ("", {"P2": "far"}, {"nearest": "none", "also": "upper_left"}, Verdict.RIGHT),
+        ("", {"P2": "near"}, {"nearest": "none", "also": "upper_left"}, Verdict.WRONG),
+        ("Front is a door", {}, {"front": "open"}, Verdict.WRONG),
+        ("Front is a door", {}, {"front": "unknown"}, Verdict.SILENT),
+    ],
+)
+def test_a_sentence_is_judged_by_the_rule(
+    sentence: str, nearest: dict[str, str], truth: dict[str, str], verdict: str
+) -> None:
+    assert judge(sentence, nearest, label(**truth)).verdict == verdict
+
+
+def test_the_labels_are_read_and_their_cameras_are_known() -> None:
+    labels = load_labels()
+    assert len(labels) > 240
+    sequences = [found for found in labels if not found.single]
+    assert {found.folder for found in sequences} == set(CAMERAS)
+
+
+@pytest.fixture
+def approach(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder of recordings with one approach to a wall, and labels for two of its frames."""
+    picture = texture()
+    save(tmp_path / "approach", [wall_at(2.05 - 0.05 * k, picture) for k in range(1, 6)])
+    everywhere = "upper_left upper_right lower_left lower_right"
+    labels = [label(everywhere, floor="no", front="wall", file=f"image_{k}.png") for k in (3, 5)]
+    monkeypatch.setattr(real_benchmark, "load_labels", lambda: labels)
+    return tmp_path
+
+
+def test_the_benchmark_counts_verdicts_and_headings(approach: Path) -> None:
+    result = bench_real(approach, "tuning", ["dis"], default_registry())
+    assert result["frames"] == 2
+    row = result["flows"]["dis"]["parts"]["approach_a"]
+    assert row["verdicts"]["right"] == 2, row
+    assert row["statements"] == {"front right": 2, "nearest right": 2}
+    assert row["pairs"] == 4
+    assert real_rows(result)[-1][:6] == ["dis", "all", "2", "0", "0", "0"]
+    assert bench_real(approach, "test", ["dis"], default_registry())["frames"] == 0
+
+
+def test_what_is_missing_is_named(approach: Path) -> None:
+    with pytest.raises(ConfigError, match="no such folder"):
+        bench_real(approach / "nowhere", "all", ["dis"], default_registry())
+    (approach / "approach" / "image_5.png").unlink()
+    with pytest.raises(ConfigError, match="labelled image is missing"):
+        bench_real(approach, "all", ["dis"], default_registry())
+
+
+def test_the_command(approach: Path) -> None:
+    options = ["bench", "real", "--data", str(approach), "--split", "tuning", "--flow", "dis"]
+    done = CliRunner().invoke(app, [*options, "--json"])
+    assert done.exit_code == 0, done.output
+    assert json.loads(done.stdout)["flows"]["dis"]["total"]["verdicts"]["right"] == 2
+    assert "approach_a" in CliRunner().invoke(app, options).stdout
+    wrong = CliRunner().invoke(app, ["bench", "real", "--data", str(approach), "--split", "x"])
+    assert wrong.exit_code == 2
+    assert "--split" in wrong.stderr
