@@ -3,17 +3,25 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Annotated, ClassVar
 
 from pydantic import Field
 
-from navfw import Context, Proposal, RuledBehavior
+from navfw import Array, Context, Proposal, RuledBehavior
+
+NEAR = 0.2
+"""Fuzzy distance below which a side is near."""
+STRAIGHT = 0.15
+"""Share of the top turning rate up to which a command is straight."""
 
 
 class AvoidQuadrants(RuledBehavior):
     """Turns away from the half image with the nearer objects, and slows down with their distance.
 
     Its only input is the fuzzy distance of the nearest object in each quadrant, as in the paper.
+    Forward commands that turn to a near side are prohibited, also for a while after what was near
+    has left the view: it is beside the robot until that has passed it.
     """
 
     name: ClassVar[str] = "avoid_quadrants"
@@ -32,14 +40,26 @@ class AvoidQuadrants(RuledBehavior):
             Field(ge=0.0, le=1.0, description="weight of the waypoint's side"),
         ] = 0.25
 
+        passing: Annotated[
+            float,
+            Field(ge=0.0, le=5.0, description="way past what was near and left the view [m]"),
+        ] = 0.5
+        passing_turn: Annotated[
+            float, Field(gt=0.0, le=3.2, description="turn that brings it into view again [rad]")
+        ] = 1.0
+
     params: Params
+
+    def reset(self) -> None:
+        """Nothing is beside the robot."""
+        self._near: dict[float, tuple[float, float, float]] = {}
 
     def propose(self, context: Context) -> Proposal:
         """Desire the turn and prohibit the speeds that the rules give for the quadrants."""
         distances, commands = context.quadrant_distances, context.commands
-        nothing = commands.zeros()
         if distances is None or distances.age > self.params.max_age:
-            return Proposal(0.0, nothing, nothing, "no recent percept")
+            return Proposal(0.0, commands.zeros(), self._beside(context), "no recent percept")
+        self._see(context, {1.0: distances.left, -1.0: distances.right})
         toward = math.sin(0.5 * context.waypoint_bearing)
         freer = distances.left - distances.right + self.params.goal_pull * toward
         verdict = self.rules.evaluate(
@@ -48,9 +68,10 @@ class AvoidQuadrants(RuledBehavior):
             ahead=distances.ahead,
             freer=min(1.0, max(-1.0, freer)),
         )
+        # to turn away from what is ahead comes first
+        prohibited = commands.zeros() if distances.ahead < NEAR else self._beside(context)
         too_fast = commands.relative_v > verdict.value("limit")
-        prohibited = commands.zeros()
-        prohibited[too_fast & (commands.v > 0.0), :] = 0.4
+        prohibited[too_fast & (commands.v > 0.0), :] += 0.4
         return Proposal(
             applicability=self.params.weight * verdict.degree("applicability"),
             desirability=verdict.command(commands),
@@ -59,6 +80,24 @@ class AvoidQuadrants(RuledBehavior):
             f"ahead {_word(distances.ahead)}",
             explain=verdict.explain,
         )
+
+    def _see(self, context: Context, distances: Mapping[float, float]) -> None:
+        """Keep where each side was near last, from its distance; 1 is left, -1 right."""
+        for side, distance in distances.items():
+            if distance < NEAR:
+                self._near[side] = (context.pose.x, context.pose.y, context.pose.yaw)
+
+    def _beside(self, context: Context) -> Array:
+        """(n_v, n_w) 0.6 for forward commands that turn to something beside the robot."""
+        commands, pose, params = context.commands, context.pose, self.params
+        layer = commands.zeros()
+        for side, (x, y, yaw) in tuple(self._near.items()):
+            passed = math.hypot(pose.x - x, pose.y - y) > params.passing
+            if passed or abs(context.turn_to(yaw)) > params.passing_turn:
+                del self._near[side]
+            else:
+                layer[commands.forward_rows, side * commands.relative_w > STRAIGHT] = 0.6
+        return layer
 
 
 def _word(distance: float) -> str:

@@ -8,11 +8,15 @@ from pydantic import Field
 
 from navfw import Context, Proposal, RuledBehavior
 
+FAR = 0.45
+"""Fuzzy distance from which no wall is in view beside the robot; unknown is 0.5."""
+
 
 class FollowWallQuadrants(RuledBehavior):
     """Keeps the nearer half of the image between near and middle, without a map.
 
-    It would follow any wall: the composite behaviour decides when it applies.
+    It would follow any wall: the composite behaviour decides when it applies. Toward a wall that
+    has left the view it turns a bit, and no farther: it would go round and round.
     """
 
     name: ClassVar[str] = "follow_wall_quadrants"
@@ -25,11 +29,17 @@ class FollowWallQuadrants(RuledBehavior):
             float, Field(gt=0.0, le=10.0, description="age from which a percept is void [s]")
         ] = 0.6
 
+        search_turn: Annotated[
+            float, Field(gt=0.0, le=6.3, description="largest turn toward a lost wall [rad]")
+        ] = 1.2
+
     params: Params
 
     def reset(self) -> None:
         """Back to no side."""
         self._side: str | None = None
+        self._turned = 0.0
+        self._yaw: float | None = None
 
     def propose(self, context: Context) -> Proposal:
         """Desire to turn toward or away from the wall, by the fuzzy distances beside and ahead."""
@@ -40,6 +50,8 @@ class FollowWallQuadrants(RuledBehavior):
         if self._side is None or context.idle < 1.0:
             self._side = "left" if distances.left <= distances.right else "right"
         beside = distances.left if self._side == "left" else distances.right
+        if self._lost(context, beside):
+            return Proposal(0.0, nothing, nothing, "the wall has left the view")
         verdict = self.rules.evaluate(beside=beside, ahead=distances.ahead)
         away = commands.relative_w if self._side == "right" else -commands.relative_w
         desire = commands.product(
@@ -52,3 +64,11 @@ class FollowWallQuadrants(RuledBehavior):
             reason=f"wall on the {self._side}",
             explain=verdict.explain,
         )
+
+    def _lost(self, context: Context, beside: float) -> bool:
+        """Whether it has turned too far since the wall at ``beside`` was in view."""
+        before = context.pose.yaw if self._yaw is None else self._yaw
+        self._yaw = context.pose.yaw
+        self._turned = 0.0 if beside < FAR else self._turned - context.turn_to(before)
+        toward = self._turned if self._side == "left" else -self._turned
+        return toward > self.params.search_turn

@@ -37,7 +37,7 @@ DEPTH_UNIT = 1000.0
 
 
 @dataclass(frozen=True, slots=True)
-class _PosedFrame:
+class _WalkImage:
     """A working image with its depth (height, width) [m] and the camera's pose (4, 4)."""
 
     image: Image
@@ -78,11 +78,11 @@ class HololensRecording:
         cut = np.s_[top : top + size.height, left : left + size.width]
         hfov = 2.0 * math.atan(0.5 * size.width / matrix[0, 0])
         self.camera = size.camera(hfov, 1.0, 0.0, 1.0 / PERIOD)
-        self.frames: list[_PosedFrame] = []
+        self.frames: list[_WalkImage] = []
         for file, pose in zip(files, poses, strict=True):
             colour = np.asarray(read_image(file, cv2.IMREAD_COLOR), dtype=np.uint8)
             depth = _reduced_depth(folder / "depth" / file.name, matrix, self.camera)
-            self.frames.append(_PosedFrame(size.prepare(colour[cut]), depth, pose))
+            self.frames.append(_WalkImage(size.prepare(colour[cut]), depth, pose))
 
 
 def hololens_pairs(recorded: HololensRecording, stride: int = 1) -> Iterator[TruePair]:

@@ -190,6 +190,42 @@ def test_react_follows_walls_only_without_progress() -> None:
     assert react.explain()
 
 
+def test_react_moves_the_view_before_it_judges_by_an_old_percept() -> None:
+    react = composite_of("react")
+    wall = contexts_of(BehaviorScene("wall", Twist(0.3, 0.0), ahead=0.9))[-1]
+    assert react.weigh(replace(wall, idle=20.0))["look_again"] == 0.0
+    old = replace(wall, time=wall.time + 2.0)
+    weights = react.weigh(replace(old, idle=20.0))
+    assert weights["look_again"] == 1.0
+    assert weights["go_to_xy"] == weights["follow_wall_quadrants"] == 0.0
+    # while the robot comes nearer, an object that was seen long ago does not hold it back
+    assert react.weigh(replace(old, idle=0.0))["go_to_xy"] == 1.0
+    never = replace(wall, percept=None, idle=20.0)
+    assert react.weigh(never)["look_again"] == 1.0
+
+
+@pytest.mark.parametrize(("aside", "through"), [(0.0, True), (2.0, False)])
+def test_react_lets_no_wall_beside_a_door_that_is_faced_turn_the_robot_away(
+    aside: float, through: bool
+) -> None:
+    wall = contexts_of(BehaviorScene("wall", Twist(0.3, 0.0), ahead=0.9, left=0.5))[-1]
+    x, y = wall.pose.to_parent(0.5, aside * 0.5)
+    door = Waypoint(x, y, 0.25, "door", "door", final=False, width=0.9)
+    weights = composite_of("react").weigh(replace(wall, waypoint=door))
+    assert (weights["traverse_door"] > 0.5 > weights["avoid_quadrants"]) is through
+    assert (weights["traverse_door"] == 0.0) is not through
+
+
+def test_react_leaves_a_wall_for_a_waypoint_that_is_faced_with_nothing_near_ahead() -> None:
+    beside = contexts_of(BehaviorScene("beside", Twist(0.3, 0.0), left=0.5))[-1]
+    stuck = replace(beside, idle=20.0)
+    assert composite_of("react").weigh(stuck)["go_to_xy"] == 1.0
+    assert stuck.waypoint is not None
+    aside = replace(stuck, waypoint=replace(stuck.waypoint, x=beside.pose.x, y=2.0))
+    weights = composite_of("react").weigh(aside)
+    assert (weights["follow_wall_quadrants"], weights["go_to_xy"]) == (1.0, 0.0)
+
+
 # --- in a user's own folder ----------------------------------------------------------------------
 
 TIMID = '''

@@ -121,3 +121,76 @@ def test_an_emergency_turns_on_the_spot_to_its_end() -> None:
 def test_an_emergency_is_none_on_open_floor() -> None:
     context = last(BehaviorScene("open", Twist(0.3, 0.0)))
     assert behavior_of("emergency_quadrants").propose(context).applicability == 0.0
+
+
+def test_the_view_moves_on_while_no_percept_is_recent() -> None:
+    context = last(BehaviorScene("open", Twist(0.3, 0.0)))
+    behavior = behavior_of("look_again")
+    assert behavior.propose(context).applicability == 0.0, "the percept is recent"
+    for late in (replace(context, time=context.time + 1.0), replace(context, percept=None)):
+        proposal = behavior.propose(late)
+        twist = desired_twist(late, proposal)
+        assert proposal.applicability > 0.5
+        assert 0.05 < twist.v < 0.25
+        assert twist.w == pytest.approx(0.0, abs=0.05)
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_the_view_turns_away_from_an_old_near_object_before_it_moves_on(sign: float) -> None:
+    # the object fills both halves: the waypoint's side decides
+    scene = BehaviorScene("wall", Twist(0.3, 0.0), waypoint=(2.0, 1.5 * sign), ahead=0.9)
+    context = last(scene)
+    context = replace(context, time=context.time + 1.0)
+    behavior = behavior_of("look_again")
+    twist = desired_twist(context, behavior.propose(context))
+    assert twist.v == pytest.approx(0.0, abs=0.02)
+    assert twist.w * sign > 0.3
+    turned = Pose(context.pose.x, context.pose.y, context.pose.yaw + sign * 0.8)
+    onward = replace(context, pose=turned, time=context.time + 1.0)
+    proposal = behavior.propose(onward)
+    twist = desired_twist(onward, proposal)
+    assert twist.v > 0.1
+    assert twist.w == pytest.approx(0.0, abs=0.05)
+    forward, turning = onward.commands.forward_rows, np.abs(onward.commands.relative_w) > 0.15
+    assert (proposal.prohibition[forward, turning] == 1.0).all()
+    assert not proposal.prohibition[:, ~turning].any()
+
+
+def test_what_was_near_and_left_the_view_is_not_turned_into_until_it_is_passed() -> None:
+    behavior = behavior_of("avoid_quadrants")
+    context = last(BehaviorScene("beside", Twist(0.3, 0.0), left=0.5))
+    behavior.propose(context)
+    gone = last(BehaviorScene("open", Twist(0.3, 0.0))).percept
+    assert gone is not None
+    commands = context.commands
+
+    def into(ahead: float, turned: float = 0.0) -> bool:
+        x, y = context.pose.to_parent(ahead, 0.0)
+        pose = Pose(x, y, context.pose.yaw + turned)
+        percept = replace(gone, time=context.time)
+        layer = behavior.propose(replace(context, pose=pose, percept=percept)).prohibition
+        assert not layer[:, commands.relative_w < 0.1].any(), "straight on, and away from it"
+        assert not layer[commands.v <= 0.0].any(), "on the spot"
+        return bool((layer[commands.forward_rows, commands.relative_w > 0.2] > 0.5).all())
+
+    assert into(0.2)
+    assert into(0.4)
+    assert not into(0.6)
+    behavior.propose(context)
+    assert not into(0.1, turned=1.2), "it is in view again"
+
+
+def test_a_wall_that_has_left_the_view_is_not_circled() -> None:
+    behavior = behavior_of("follow_wall_quadrants")
+    context = replace(last(BehaviorScene("beside", Twist(0.2, 0.0), left=0.5)), idle=12.0)
+    assert behavior.propose(context).applicability > 0.5
+    gone = last(BehaviorScene("open", Twist(0.3, 0.0))).percept
+    assert gone is not None
+    context = replace(context, percept=replace(gone, time=context.time))
+    turned = 0.0
+    while behavior.propose(context).applicability > 0.0:
+        turned += 0.2
+        pose = context.pose
+        context = replace(context, pose=Pose(pose.x, pose.y, pose.yaw + 0.2))
+        assert turned < 3.0
+    assert turned > 1.0

@@ -1,0 +1,67 @@
+"""Look again: moves the view of a robot whose newest percept has become old."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from navfw import Context, Proposal, RuledBehavior
+
+
+class LookAgain(RuledBehavior):
+    """Turns away from what the old percept had near ahead, then creeps on until there is a new one.
+
+    A camera that stands or turns shows no depth: without this primitive nobody judges by what is
+    ahead, and a robot that has stopped stands for ever. The composite behaviour decides when it
+    applies. As long as the percept is old, forward commands that turn are prohibited: they lead
+    blindly aside, and bring no new percept.
+    """
+
+    name: ClassVar[str] = "look_again"
+
+    class Params(RuledBehavior.Params):
+        """Weight, and the age limit of percepts."""
+
+        weight: Annotated[float, Field(gt=0.0, le=1.0, description="applicability")] = 0.9
+        max_age: Annotated[
+            float, Field(gt=0.0, le=10.0, description="age from which a percept is void [s]")
+        ] = 0.6
+        straight: Annotated[
+            float,
+            Field(ge=0.0, le=1.0, description="turn of a straight command [of the top rate]"),
+        ] = 0.15
+
+    params: Params
+
+    def reset(self) -> None:
+        """Back to a fresh view."""
+        self._began: float | None = None
+        self._way = 1.0
+
+    def propose(self, context: Context) -> Proposal:
+        """Desire the turn and the speed that the rules give for the old percept."""
+        distances, commands = context.quadrant_distances, context.commands
+        if distances is not None and distances.age <= self.params.max_age:
+            self._began = None
+            return Proposal(0.0, commands.zeros(), commands.zeros(), "the view is fresh")
+        if self._began is None:
+            self._began = context.pose.yaw
+            freer = 0.0 if distances is None else distances.left - distances.right
+            side = freer if abs(freer) > 0.1 else context.waypoint_bearing
+            self._way = 1.0 if side >= 0.0 else -1.0
+        turned = abs(context.turn_to(self._began))
+        verdict = self.rules.evaluate(
+            ahead=1.0 if distances is None else distances.ahead, turned=turned
+        )
+        turn = verdict.over("turn", self._way * commands.relative_w)
+        prohibited = commands.forward()
+        prohibited[:, np.abs(commands.relative_w) <= self.params.straight] = 0.0
+        return Proposal(
+            applicability=self.params.weight,
+            desirability=commands.product(verdict.over("speed", commands.relative_v), turn),
+            prohibition=prohibited,
+            reason=f"no view since {turned:.1f} rad ago",
+            explain=verdict.explain,
+        )
