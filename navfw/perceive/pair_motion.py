@@ -129,7 +129,7 @@ class PairMotionEstimator:
         mean = np.median(directions, axis=0)
         mean /= max(float(np.linalg.norm(mean)), 1e-9)
         off = np.arccos(np.clip(directions @ mean, -1.0, 1.0))
-        spread = float(np.quantile(off, 0.8))
+        spread = 1.2 * float(np.median(off))
         return mean, max(spread, HEADING_DRIFT / math.sqrt(len(directions)), LEAST_DRIFT)
 
 

@@ -35,7 +35,7 @@ LEAST_PARALLAX = 1.0
 LEAST_AHEAD = 0.17
 """Least share of the translation along the optical axis for a focus of expansion and for times to
 contact: it is 80 deg off the axis."""
-LEAST_CONFIDENCE = 0.08
+LEAST_CONFIDENCE = 0.04
 """Least confidence of a known result."""
 LEAST_TEXTURE = 0.08
 """Least share of cells with flow."""
