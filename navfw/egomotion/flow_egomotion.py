@@ -184,6 +184,8 @@ def _translation(motion: PointMotion, focal: float, prior: EgomotionPrior) -> Eg
     if math.isfinite(prior.direction_sigma):
         pull = np.eye(3) / prior.direction_sigma**2
     arrays = (motion.points, motion.past, motion.sigma, motion.weight, focal)
+    if prior.direction[2] < 0.0:  # residuals do not tell a direction from its opposite
+        prior = replace(prior, direction=-prior.direction)
     starts = _starts(motion, focal, prior, information, pull)
     fits = [
         fit_motion(

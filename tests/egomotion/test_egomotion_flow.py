@@ -139,3 +139,12 @@ def test_a_heading_known_before_pulls_only_where_the_points_leave_it_open(toward
     wrong = EgomotionPrior(direction=np.array([-1.0, 0.0, 0.0]), direction_sigma=0.3)
     room = seen(*scene(7), np.eye(3), shift, noise=0.05)
     assert angle_between(estimate_egomotion(room, FOCAL, wrong), shift) < 3.0
+
+
+def test_a_camera_that_went_backward_before_goes_on_backward() -> None:
+    backward = np.array([0.05, 0.0, -1.0]) / math.hypot(0.05, 1.0)
+    prior = EgomotionPrior(direction=backward, direction_sigma=0.05)
+    motion = seen(*scene(8), np.eye(3), 0.1 * backward, noise=0.1)
+    found = estimate_egomotion(motion, FOCAL, prior)
+    assert found.kind is MotionKind.BACKWARD
+    assert angle_between(found, backward) < 2.0
