@@ -82,7 +82,7 @@ def suite(
     json: Json = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress bar.")] = False,
 ) -> None:
-    """Run a suite with many seeds. Exit with 0 when every run has a result, 1 when not.
+    """Run a suite with many seeds. Exit with 1 when runs have no result or plugins failed.
 
     Exit with 3 if the table could not be written; the runs are printed anyway.
     """
@@ -196,6 +196,8 @@ def _print_summary(summary: dict[str, Any], rows: tuple[RunRow, ...]) -> None:
         typer.echo("interrupted; --resume runs the rest")
     if died := summary["died"]:
         typer.echo(f"{died} {'run' if died == 1 else 'runs'} died; --resume runs them again")
+    if faults := summary["plugin_faults"]:
+        typer.echo(f"plugins failed in ways that no entry injects ({faults}); see plugin_faults")
 
 
 def _print_table(done: SuiteResult, table: Path) -> None:

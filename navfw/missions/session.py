@@ -187,6 +187,13 @@ class MissionResult:
         """The reason of the outcome, one sentence."""
         return self.run.verdict.reason
 
+    @property
+    def uninvited_faults(self) -> list[str]:
+        """The faults of plugins that the mission's events did not inject."""
+        actions = [event.action for event in self.session.events]
+        injected = tuple(f"behavior {a.name}: " for a in actions if isinstance(a, BehaviorFault))
+        return [fault for fault in self.run.faults if not fault.startswith(injected)]
+
     @cached_property
     def metrics(self) -> RunMetrics:
         """The metrics of the run."""

@@ -83,7 +83,7 @@ def row_of(case: Case, result: MissionResult) -> RunRow:
     return RunRow(
         **case_columns(case),
         **numbers,
-        plugin_faults=len(result.run.faults),
+        plugin_faults=len(result.uninvited_faults),
         cause=_cause(result),
         collision_cause=summary["collision_cause"] or "",
         sct=sct(good, time, shortest, spec.robot.max_v),

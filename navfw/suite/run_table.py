@@ -42,7 +42,8 @@ class RunRow:
     ``cause`` is the cause of a failure (``navfw.suite.failure_causes``), ``collision_cause`` the
     body that moved into the other: "robot" or "mover". ``picture`` is a file beside the table.
     ``variant`` is empty in suites without variants; their tables have no such column.
-    ``plugin_faults`` is the number of kinds of plugin faults; tables of older versions lack it.
+    ``plugin_faults`` is the number of kinds of plugin faults beside the injected ones; tables of
+    older versions lack it.
     """
 
     entry: str

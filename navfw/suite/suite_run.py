@@ -43,10 +43,11 @@ class SuiteResult:
 
     @property
     def exit_code(self) -> int:
-        """0: all runs have a result; 1: some have none; 3: the table could not be written."""
+        """0: success; 1: runs have no result, or a plugin failed; 3: the table is not written."""
         if self.unsaved:
             return 3
-        return 0 if self.complete and not self.summary["died"] else 1
+        failed = self.summary["died"] or self.summary["plugin_faults"]
+        return 0 if self.complete and not failed else 1
 
 
 def run_suite(

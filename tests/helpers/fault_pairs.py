@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from itertools import combinations
 
-from navfw.missions.eventspec import BehaviorFault
-from navfw.missions.session import MissionResult, Session
+from navfw.missions.session import Session
 from navfw.plugins import Registry
 from navfw.suite.case_session import generated_session, prepared_session
 from navfw.suite.suitefile import EntrySpec, find_suite, load_suite
@@ -60,10 +59,3 @@ def session_of(entry: EntrySpec, registry: Registry) -> Session:
         registry=registry,
         world_name=f"{entry.family}-{SEED}",
     )
-
-
-def uninvited_faults(result: MissionResult) -> list[str]:
-    """The faults of plugins that the mission's events did not inject."""
-    actions = [event.action for event in result.session.events]
-    injected = tuple(f"behavior {a.name}: " for a in actions if isinstance(a, BehaviorFault))
-    return [fault for fault in result.run.faults if not fault.startswith(injected)]

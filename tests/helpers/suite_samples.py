@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import signal
 import threading
@@ -134,6 +135,11 @@ def slow_fake_run(job: Job) -> RunRow:
     with atomic_file(job.pictures / f"{job.case.seed}.png") as part:
         part.write_bytes(b"picture")
     return fake_run(job)
+
+
+def fake_run_with_plugin_faults(job: Job) -> RunRow:
+    """``fake_run`` of a run in which plugins failed in two ways."""
+    return dataclasses.replace(fake_run(job), plugin_faults=2)
 
 
 def hang_in_plugin_on_13(number: int) -> int:

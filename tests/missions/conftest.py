@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from fault_pairs import uninvited_faults
 
 from navfw.missions.session import MissionResult, Session
 
@@ -17,7 +16,7 @@ def no_plugin_faults(monkeypatch: pytest.MonkeyPatch) -> None:
 
     def checked(session: Session, *args: Any, **kwargs: Any) -> MissionResult:
         result = run(session, *args, **kwargs)
-        assert uninvited_faults(result) == []
+        assert result.uninvited_faults == []
         return result
 
     monkeypatch.setattr(Session, "run", checked)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from fault_pairs import pairs, session_of, survivable_entries, uninvited_faults
+from fault_pairs import pairs, session_of, survivable_entries
 
 from navfw.missions.outcome import Outcome
 from navfw.plugins import default_registry
@@ -33,4 +33,4 @@ def test_a_pair_of_faults_ends_without_contact(entry: EntrySpec) -> None:
     assert verdict.outcome in ENDS
     assert verdict.reason
     assert verdict.trace == "", "an exception ended the run"
-    assert uninvited_faults(result) == []
+    assert result.uninvited_faults == []

@@ -153,6 +153,11 @@ def test_died_runs_are_no_success_and_are_driven_again(tmp_path: Path) -> None:
     assert [file.stem for file in out.pictures.iterdir()] == ["3"]
 
 
+def test_a_plugin_that_fails_uninvited_fails_the_suite(tmp_path: Path) -> None:
+    done = run(plan(2, 3), SuiteFolder(tmp_path / "out"), work=samples.fake_run_with_plugin_faults)
+    assert (done.complete, done.summary["plugin_faults"], done.exit_code) == (True, 4, 1)
+
+
 def test_a_table_that_cannot_be_written_is_in_the_result(tmp_path: Path) -> None:
     out = SuiteFolder(tmp_path / "out")
 
