@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from navfw.bench.real_labels import FrameLabel, Verdict, judge, load_labels
+from navfw.bench.real_labels import FrameLabel, SentenceVerdict, judge, load_labels
 from navfw.bench.real_poses import camera_poses, heading_error
 from navfw.config.input_file import is_folder
 from navfw.errors import ConfigError
@@ -96,7 +96,7 @@ def real_rows(result: dict[str, Any]) -> list[list[str]]:
                 [
                     flow,
                     part,
-                    *(str(verdicts[verdict]) for verdict in Verdict),
+                    *(str(verdicts[verdict]) for verdict in SentenceVerdict),
                     f"{good / frames:.0%}",
                     f"{row['headings_known']} of {row['pairs']}",
                     *("-" if angle is None else f"{angle:.1f}" for angle in headings),
@@ -114,12 +114,12 @@ def _part(
     source = open_source(images, camera.rate)
     perceiver = Perceiver(PerceiverOptions(hfov=camera.hfov, flow=flow), source, registry)
     results = {Path(item.name).name: result for item, result in perceiver.results()}
-    verdicts: Counter[str] = Counter(dict.fromkeys(Verdict, 0))
+    verdicts: Counter[str] = Counter(dict.fromkeys(SentenceVerdict, 0))
     statements: Counter[str] = Counter()
     for label in labels:
         result = results.get(label.file)
         if result is None:
-            verdicts[Verdict.SILENT] += 1
+            verdicts[SentenceVerdict.SILENT] += 1
             continue
         percept = result.percept
         judged = judge(percept.sentence, percept.obstacles.get("layer1", {}), label)
@@ -153,7 +153,7 @@ def _headings(results: Sequence[PairResult], poses: Mapping[str, Array]) -> dict
 
 def _total(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """All parts together."""
-    verdicts: Counter[str] = Counter(dict.fromkeys(Verdict, 0))
+    verdicts: Counter[str] = Counter(dict.fromkeys(SentenceVerdict, 0))
     statements: Counter[str] = Counter()
     for row in rows:
         verdicts.update(row["verdicts"])

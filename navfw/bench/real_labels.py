@@ -6,9 +6,14 @@ import csv
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
-from importlib.resources import files
+from pathlib import Path
 
-__all__ = ["FrameLabel", "Judgement", "Verdict", "judge", "load_labels"]
+from navfw.config.input_file import read_input_text
+
+__all__ = ["FrameLabel", "Judgement", "SentenceVerdict", "judge", "load_labels"]
+
+_MAX_BYTES = 1_000_000
+"""Largest size of the file of labels [byte]."""
 
 QUADRANTS = {"P1": "upper_right", "P2": "upper_left", "P3": "lower_left", "P4": "lower_right"}
 """Names in the labels of the quadrants of layer 1."""
@@ -26,7 +31,7 @@ FRONTS = {
 """Names in the labels of the elementary situations; "unknown" has none."""
 
 
-class Verdict(StrEnum):
+class SentenceVerdict(StrEnum):
     """What the statements of a sentence are worth together."""
 
     RIGHT = "right"
@@ -62,19 +67,19 @@ class Judgement:
     statements: Mapping[str, bool]
 
     @property
-    def verdict(self) -> Verdict:
+    def verdict(self) -> SentenceVerdict:
         """All statements together."""
         true = sum(self.statements.values())
         if not self.statements:
-            return Verdict.SILENT
+            return SentenceVerdict.SILENT
         if true == len(self.statements):
-            return Verdict.RIGHT
-        return Verdict.PARTLY if true else Verdict.WRONG
+            return SentenceVerdict.RIGHT
+        return SentenceVerdict.PARTLY if true else SentenceVerdict.WRONG
 
 
 def load_labels() -> list[FrameLabel]:
     """All labels, in the order of the file."""
-    text = files("navfw.bench").joinpath("real_frames.csv").read_text(encoding="utf-8")
+    text = read_input_text(Path(__file__).with_name("real_frames.csv"), _MAX_BYTES)
     return [
         FrameLabel(
             part=row["part"],

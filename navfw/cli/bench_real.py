@@ -28,7 +28,7 @@ def real(
     """Judge perception on real frames by labels. Counts right, partly right, wrong and silent."""
     with quiet_stdout():
         from navfw.bench.real_benchmark import bench_real, real_rows
-        from navfw.bench.real_labels import Verdict
+        from navfw.bench.real_labels import SentenceVerdict
         from navfw.perceive.perceiver_options import PerceiverOptions
         from navfw.plugins import default_registry
         from navfw.recording.provenance import provenance
@@ -41,5 +41,13 @@ def real(
     if json:
         print_json(result)
         return
-    heads = ["flow", "part", *Verdict, "good", "headings known", "sigma [deg]", "error [deg]"]
+    heads = [
+        "flow",
+        "part",
+        *SentenceVerdict,
+        "good",
+        "headings known",
+        "sigma [deg]",
+        "error [deg]",
+    ]
     print_table(heads, real_rows(result), "no labelled frames")

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from navfw.bench import real_benchmark
 from navfw.bench.real_benchmark import CAMERAS, bench_real, real_rows
-from navfw.bench.real_labels import FrameLabel, Verdict, judge, load_labels
+from navfw.bench.real_labels import FrameLabel, SentenceVerdict, judge, load_labels
 from navfw.cli import app
 from navfw.errors import ConfigError
 from navfw.plugins import default_registry
@@ -45,9 +45,14 @@ SEEN = "Layer1: nearest object is on upper left in near distance; Front is a {}"
 @pytest.mark.parametrize(
     ("sentence", "nearest", "truth", "verdict"),
     [
-        (SEEN.format("door or corridor") + "; Floor in front", {"P2": "near"}, {}, Verdict.RIGHT),
-        (SEEN.format("wall") + "; Floor in front", {"P2": "near"}, {}, Verdict.PARTLY),
-        (SEEN.format("wall"), {"P1": "near"}, {}, Verdict.WRONG),
+        (
+            SEEN.format("door or corridor") + "; Floor in front",
+            {"P2": "near"},
+            {},
+            SentenceVerdict.RIGHT,
+        ),
+        (SEEN.format("wall") + "; Floor in front", {"P2": "near"}, {}, SentenceVerdict.PARTLY),
+        (SEEN.format("wall"), {"P1": "near"}, {}, SentenceVerdict.WRONG),
         (SEEN.format("left slope wall or unknown"), {"P2": "near"}, {"front": "wall"}, "right"),
         (
             SEEN.format("wall"),
@@ -55,16 +60,21 @@ SEEN = "Layer1: nearest object is on upper left in near distance; Front is a {}"
             {"also": "upper_right", "front_also": "wall"},
             "right",
         ),
-        ("Layer1: no object in sight; Front is unknown", {}, {}, Verdict.WRONG),
-        ("Layer1: no object in sight; Front is unknown", {}, {"nearest": "none"}, Verdict.RIGHT),
+        ("Layer1: no object in sight; Front is unknown", {}, {}, SentenceVerdict.WRONG),
+        (
+            "Layer1: no object in sight; Front is unknown",
+            {},
+            {"nearest": "none"},
+            SentenceVerdict.RIGHT,
+        ),
         ("Layer1: no object in sight; Front is unknown", {}, {"nearest": "unknown"}, "silent"),
-        ("Layer1: nearest object is unknown; Front is unknown", {}, {}, Verdict.SILENT),
-        ("Front is unknown; Floor in front", {}, {"floor": "no"}, Verdict.WRONG),
-        ("Front is unknown; Floor in front", {}, {"floor": "unknown"}, Verdict.SILENT),
-        ("", {"P2": "far"}, {"nearest": "none", "also": "upper_left"}, Verdict.RIGHT),
-        ("", {"P2": "near"}, {"nearest": "none", "also": "upper_left"}, Verdict.WRONG),
-        ("Front is a door", {}, {"front": "open"}, Verdict.WRONG),
-        ("Front is a door", {}, {"front": "unknown"}, Verdict.SILENT),
+        ("Layer1: nearest object is unknown; Front is unknown", {}, {}, SentenceVerdict.SILENT),
+        ("Front is unknown; Floor in front", {}, {"floor": "no"}, SentenceVerdict.WRONG),
+        ("Front is unknown; Floor in front", {}, {"floor": "unknown"}, SentenceVerdict.SILENT),
+        ("", {"P2": "far"}, {"nearest": "none", "also": "upper_left"}, SentenceVerdict.RIGHT),
+        ("", {"P2": "near"}, {"nearest": "none", "also": "upper_left"}, SentenceVerdict.WRONG),
+        ("Front is a door", {}, {"front": "open"}, SentenceVerdict.WRONG),
+        ("Front is a door", {}, {"front": "unknown"}, SentenceVerdict.SILENT),
     ],
 )
 def test_a_sentence_is_judged_by_the_rule(
