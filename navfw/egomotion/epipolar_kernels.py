@@ -13,7 +13,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["fit_motion", "rate_directions"]
+__all__ = ["fit_motion", "rate_directions", "rotation_matrix", "rotation_vector"]
 
 Doubles = npt.NDArray[np.float64]
 
@@ -157,7 +157,7 @@ def fit_motion(
     prior: tuple[Doubles, Doubles],
     heading: tuple[Doubles, Doubles],
     iterations: int,
-) -> tuple[Doubles, Doubles, Doubles, float, Doubles]:
+) -> tuple[Doubles, Doubles, Doubles, Doubles]:
     """Rotation and direction of translation that minimise the epipolar residuals.
 
     Gauss-Newton with Cauchy weights over five parameters: a small rotation about the current
@@ -176,8 +176,8 @@ def fit_motion(
         iterations: number of Gauss-Newton steps.
 
     Returns:
-        rotation (3, 3); direction (3,); information (5, 5) in the basis of ``tangents``; cost as in
-        ``rate_directions``; residuals (n,) [px].
+        rotation (3, 3); direction (3,); information (5, 5) in the basis of ``_tangents``; residuals
+        (n,) [px].
 
     """
     n = points.shape[0]
@@ -186,16 +186,13 @@ def fit_motion(
     towards, pull = heading
     row, residuals = np.zeros(5), np.zeros(n)
     matrix, right = np.zeros((5, 5)), np.zeros(5)
-    cost: Any = 0.0
     for step in range(iterations + 1):
-        basis = tangents(t)
+        basis = _tangents(t)
         matrix[:], right[:] = 0.0, 0.0
-        off3 = _rotation_vector(rotation @ mean.T)
-        cost = 0.5 * (off3 @ (information @ off3))
+        off3 = rotation_vector(rotation @ mean.T)
         matrix[:3, :3] = information
         right[:3] = -(information @ off3)
         gap = t - towards
-        cost += 0.5 * (gap @ (pull @ gap))
         for j in range(2):
             right[3 + j] = -(basis[j] @ (pull @ gap))
             for h in range(2):
@@ -209,7 +206,6 @@ def fit_motion(
             if weight[i] <= 0.0 or math.isnan(residual):
                 continue
             off = residual / sigma[i]
-            cost += 0.5 * weight[i] * CAUCHY * math.log(1.0 + off * off / CAUCHY)
             w = weight[i] / (sigma[i] * sigma[i] * (1.0 + off * off / CAUCHY))
             for j in range(5):
                 right[j] -= w * row[j] * residual
@@ -225,14 +221,14 @@ def fit_motion(
         turn = math.sqrt(move[3] * move[3] + move[4] * move[4])
         if turn > 0.3:
             move *= 0.3 / turn
-        rotation = _rotation_matrix(move[:3]) @ rotation
+        rotation = rotation_matrix(move[:3]) @ rotation
         t = t + move[3] * basis[0] + move[4] * basis[1]
         t /= math.sqrt(t @ t)
-    return rotation, t, matrix, cost, residuals
+    return rotation, t, matrix, residuals
 
 
 @numba.njit(cache=True)
-def tangents(direction: Doubles) -> Doubles:
+def _tangents(direction: Doubles) -> Doubles:
     """Two orthonormal vectors (2, 3) perpendicular to the unit vector ``direction`` (3,).
 
     The first lies in the camera's horizontal plane: it is a change of bearing.
@@ -248,7 +244,7 @@ def tangents(direction: Doubles) -> Doubles:
 
 
 @numba.njit(cache=True)
-def _rotation_matrix(vector: Doubles) -> Doubles:
+def rotation_matrix(vector: Doubles) -> Doubles:
     """Rotation (3, 3) about ``vector`` (3,) by its length [rad] (Rodrigues' formula)."""
     x, y, z = vector[0], vector[1], vector[2]
     angle = math.sqrt(x * x + y * y + z * z)
@@ -261,7 +257,7 @@ def _rotation_matrix(vector: Doubles) -> Doubles:
 
 
 @numba.njit(cache=True)
-def _rotation_vector(r: Doubles) -> Doubles:
+def rotation_vector(r: Doubles) -> Doubles:
     """Rotation vector (3,) [rad] of ``r`` (3, 3), of an angle below pi."""
     axis: Doubles = np.array([r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]]) * 0.5
     sine = math.sqrt(axis @ axis)

@@ -13,11 +13,15 @@ from enum import StrEnum
 from functools import cache
 from typing import Any
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
-from navfw.egomotion.epipolar_kernels import fit_motion, rate_directions
+from navfw.egomotion.epipolar_kernels import (
+    fit_motion,
+    rate_directions,
+    rotation_matrix,
+    rotation_vector,
+)
 from navfw.signals import Array
 
 __all__ = [
@@ -126,7 +130,6 @@ class Egomotion:
     camera's translation. ``covariance`` (5, 5) [rad^2] is that of a small rotation about the
     camera's axes, and of bearing and elevation of the direction. ``heading_sigma`` [rad] is the
     largest standard deviation of the direction, infinite unless ``kind`` is a translation.
-    ``forward_share`` is the share of the vectors that point away from the focus of expansion.
     """
 
     kind: MotionKind
@@ -134,7 +137,6 @@ class Egomotion:
     direction: Array
     covariance: Array
     heading_sigma: float
-    forward_share: float
 
 
 def estimate_egomotion(
@@ -172,7 +174,7 @@ def _fit_rotation(motion: PointMotion, focal: float, prior: EgomotionPrior) -> t
         matrix = (slope_u * weight[:, None]).T @ slope_u + (slope_v * weight[:, None]).T @ slope_v
         right = slope_u.T @ (weight * off[:, 0]) + slope_v.T @ (weight * off[:, 1])
         step = np.linalg.solve(matrix + information, right)
-        rotation = _small_rotation(step) @ rotation
+        rotation = rotation_matrix(step) @ rotation
     left = motion.points - _turned(motion.past, rotation, focal)
     return rotation, np.hypot(left[:, 0], left[:, 1])
 
@@ -197,12 +199,12 @@ def _translation(motion: PointMotion, focal: float, prior: EgomotionPrior) -> Eg
         )
         for rotation, direction in starts
     ]
-    scale = min(max(1.0, motion.median(fit[4]) / 0.674) for fit in fits)
+    scale = min(max(1.0, motion.median(fit[3]) / 0.674) for fit in fits)
     costs = [
-        _bounded_cost(motion, fit[4], scale) + _surprise(prior, fit[0], fit[1]) for fit in fits
+        _bounded_cost(motion, fit[3], scale) + _surprise(prior, fit[0], fit[1]) for fit in fits
     ]
     best = int(np.argmin(costs))
-    rotation, direction, matrix, _, _ = fits[best]
+    rotation, direction, matrix, _ = fits[best]
     covariance: Any = np.linalg.inv(matrix + 1e-9 * np.eye(5)) * scale**2
     sigma = math.sqrt(max(float(np.linalg.eigvalsh(covariance[3:, 3:])[-1]), 0.0))
     share = _forward_share(motion, focal, rotation, direction)
@@ -220,7 +222,6 @@ def _translation(motion: PointMotion, focal: float, prior: EgomotionPrior) -> Eg
         direction=direction,
         covariance=covariance,
         heading_sigma=sigma if decided else math.inf,
-        forward_share=share,
     )
 
 
@@ -237,7 +238,7 @@ def _bounded_cost(motion: PointMotion, residual: Array, scale: float) -> float:
 
 def _surprise(prior: EgomotionPrior, rotation: Array, direction: Array) -> float:
     """Negative log likelihood of a motion by ``prior``; the sign of ``direction`` is open."""
-    turn = cv2.Rodrigues(rotation @ prior.rotation.T)[0].ravel()
+    turn = rotation_vector(rotation @ prior.rotation.T)
     cost = 0.5 * float(turn @ np.linalg.solve(prior.rotation_covariance, turn))
     if math.isfinite(prior.direction_sigma):
         gap = 2.0 - 2.0 * abs(float(direction @ prior.direction))
@@ -259,7 +260,7 @@ def _starts(
     found: list[tuple[Array, Array]] = []
     for k in np.argsort(cost).tolist():
         if all(abs(float(directions[k] @ other)) < APART for _, other in found):
-            found.append((_small_rotation(turns[k]) @ prior.rotation, directions[k]))
+            found.append((rotation_matrix(turns[k]) @ prior.rotation, directions[k]))
         if len(found) == STARTS:
             break
     return found
@@ -302,7 +303,6 @@ def _without_direction(
         direction=prior.direction,
         covariance=np.diag([*prior.rotation_covariance.diagonal(), math.inf, math.inf]),
         heading_sigma=math.inf,
-        forward_share=0.5,
     )
 
 
@@ -310,9 +310,3 @@ def _turned(points: Array, rotation: Array, focal: float) -> Array:
     """``points`` (n, 2) [px] after their rays are rotated by ``rotation``."""
     rays = np.column_stack([points, np.full(len(points), focal)]) @ rotation.T
     return rays[:, :2] / rays[:, 2:] * focal
-
-
-def _small_rotation(vector: Array) -> Array:
-    """Rotation (3, 3) about ``vector`` (3,) [rad]."""
-    rotation = cv2.Rodrigues(np.asarray(vector, dtype=np.float64))[0]
-    return np.asarray(rotation, dtype=np.float64)

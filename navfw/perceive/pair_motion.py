@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from navfw.egomotion import epipolar_kernels
 from navfw.egomotion.flow_egomotion import (
     FREE_TURN,
     Egomotion,
@@ -136,7 +137,5 @@ class PairMotionEstimator:
 def rotation_vector(rotation: Array, camera: CameraModel) -> Array:
     """Rotation vector (3,) [rad] about base_link's x, y, z of the camera's ``rotation`` (3, 3)."""
     base = camera.base_from_camera
-    r = base @ rotation.T @ base.T
-    axis = 0.5 * np.array([r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]])
-    sine = float(np.linalg.norm(axis))
-    return np.asarray(axis if sine < 1e-9 else axis * (math.asin(min(sine, 1.0)) / sine))
+    turn = np.ascontiguousarray(base @ rotation.T @ base.T)
+    return np.asarray(epipolar_kernels.rotation_vector(turn))
