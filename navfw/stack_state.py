@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from navfw.safety import PersistentFailure
 from navfw.signals import (
     Belief,
     Command,
@@ -45,7 +46,7 @@ class StackState:
     finished: bool = False
     stuck: str | None = None
     sight_trouble: str = ""
-    fault: str | None = None
+    fault: PersistentFailure | None = None
     faults: tuple[str, ...] = ()
     landmark_detections: tuple[LandmarkDetection, ...] = ()
     detection_counts: Mapping[str, int] = field(default_factory=dict)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
-__all__ = ["MissionVerdict", "Outcome"]
+__all__ = ["FaultKind", "MissionVerdict", "Outcome"]
 
 
 class Outcome(StrEnum):
@@ -38,11 +38,31 @@ class Outcome(StrEnum):
         return 0 if self.succeeded else 1
 
 
+class FaultKind(StrEnum):
+    """What ended a run with the outcome fault."""
+
+    EXCEPTION = "exception"
+    """an exception"""
+    PLUGIN_FAILED = "plugin_failed"
+    """a plugin failed at the start of the run, or a stage failed for too long"""
+    SENSOR_FAILED = "sensor_failed"
+    """the stack stopped, because a sensor had failed for good"""
+    NOTHING_SEEN = "nothing_seen"
+    """the stack stopped, because nothing could be seen of the path ahead"""
+    BAD_COMMAND = "bad_command"
+    """the stack commanded a value that is not finite"""
+    CODE_REPLACED = "code_replaced"
+    """functions of navfw were replaced during the run"""
+    TOO_LONG = "too_long"
+    """the run exceeded its wall-clock limit"""
+
+
 @dataclass(frozen=True, slots=True)
 class MissionVerdict:
     """The outcome with its ``reason``, the last leading behaviour, the control tick and time [s].
 
-    ``trace`` is the Python traceback of an exception, empty otherwise.
+    ``fault`` is the kind of a fault, None for other outcomes. ``trace`` is the Python traceback of
+    an exception, empty otherwise.
     """
 
     outcome: Outcome
@@ -50,6 +70,7 @@ class MissionVerdict:
     behavior: str
     tick: int
     time: float
+    fault: FaultKind | None = None
     trace: str = ""
 
     def __str__(self) -> str:

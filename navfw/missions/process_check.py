@@ -9,7 +9,7 @@ from pathlib import Path
 
 from navfw.config.lookup import shipped_folder
 from navfw.interfaces import Plugin
-from navfw.missions.outcome import Outcome
+from navfw.missions.outcome import FaultKind, Outcome
 from navfw.missions.process_state import ProcessState
 from navfw.missions.runner import RunResult
 
@@ -31,7 +31,9 @@ def check_process(
     replaced = before.changed_code()
     if replaced:
         faults.append(f"{who}: replaced {replaced}")
-        verdict = replace(verdict, outcome=Outcome.FAULT, reason=faults[-1])
+        verdict = replace(
+            verdict, outcome=Outcome.FAULT, reason=faults[-1], fault=FaultKind.CODE_REPLACED
+        )
     before.restore()
     return replace(run, verdict=verdict, faults=(*run.faults, *faults))
 

@@ -6,18 +6,19 @@ import math
 import time
 import traceback
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 from navfw.errors import InputError
 from navfw.guard import PluginCallError
 from navfw.interruption import check_interrupted, interruptible
 from navfw.missions.event_clock import EventClock, EventRecord
-from navfw.missions.outcome import MissionVerdict, Outcome
+from navfw.missions.outcome import FaultKind, MissionVerdict, Outcome
 from navfw.missions.progress_checkers import GoalChecker, ProgressChecker, goal_name
 from navfw.recording.run_log import Contact, RunLog, RunLogger
 from navfw.recording.sensor_recording import SensorRecorder
 from navfw.robot import RobotModel
+from navfw.safety import PersistentFailure
 from navfw.signals import Belief, Command, Percept, Pose, SensorReading, Twist, Waypoint
 
 __all__ = ["Pilot", "PilotState", "Progress", "RunResult", "Simulator", "Task", "run_task"]
@@ -30,6 +31,12 @@ SETTLE_TIME = 2.0
 
 EMERGENCY = "emergency"
 """Name of the behaviour whose commands count as emergency commands."""
+
+_FAULTS = {
+    "sensor": FaultKind.SENSOR_FAILED,
+    "sight": FaultKind.NOTHING_SEEN,
+    "stage": FaultKind.PLUGIN_FAILED,
+}
 
 _STILL = 0.02
 """Commanded speed [m/s] and turning rate [rad/s] up to which the robot counts as standing still."""
@@ -56,8 +63,8 @@ class PilotState(Protocol):
     @property
     def sight_trouble(self) -> str: ...  # noqa: D102
     @property
-    def fault(self) -> str | None:
-        """The sensor that has failed for good, or None."""
+    def fault(self) -> PersistentFailure | None:
+        """What has failed for good, or None."""
         ...
 
     @property
@@ -257,13 +264,13 @@ class _MissionLoop:
         except KeyboardInterrupt:
             verdict = self._verdict(Outcome.CANCELLED, "stopped by the user")
         except PluginCallError as error:
-            verdict = self._verdict(Outcome.FAULT, str(error))
+            verdict = self._fault(FaultKind.PLUGIN_FAILED, str(error))
         except Exception as error:  # a plugin may raise anything; the run still gives a result
             if isinstance(error, InputError) and self.logger.ticks == 0:
                 raise
             what = f"{type(error).__name__}: {error}".splitlines()[0]
             trace = traceback.format_exc()
-            verdict = self._verdict(Outcome.FAULT, f"exception: {what}", trace)
+            verdict = self._fault(FaultKind.EXCEPTION, f"exception: {what}", trace)
         return verdict
 
     def _tick(self) -> MissionVerdict | None:
@@ -273,13 +280,14 @@ class _MissionLoop:
         reading = self.simulator.read()
         twist = self.pilot.step(reading)
         if not (math.isfinite(twist.v) and math.isfinite(twist.w)):
-            return self._verdict(Outcome.FAULT, f"the stack commanded v = {twist.v}, w = {twist.w}")
+            what = f"the stack commanded v = {twist.v}, w = {twist.w}"
+            return self._fault(FaultKind.BAD_COMMAND, what)
         self._record(reading, pose, twist)
         self.simulator.drive(*self.task.robot.wheel_speeds(twist))
         self.simulator.advance(self.dt)
         verdict = self._judge(reading.time, self.simulator.true_pose(), twist)
         if verdict is None and time.perf_counter() - self.began > self.limit:
-            verdict = self._verdict(Outcome.FAULT, f"wall-clock limit of {self.limit:g} s")
+            verdict = self._fault(FaultKind.TOO_LONG, f"wall-clock limit of {self.limit:g} s")
         return verdict
 
     def _record(self, reading: SensorReading, pose: Pose, twist: Twist) -> None:
@@ -331,8 +339,8 @@ class _MissionLoop:
         state = self.pilot.state
         if state.finished:
             return self._finish(now, pose, twist)
-        if state.fault:
-            return self._verdict(Outcome.FAULT, state.fault)
+        if state.fault is not None:
+            return self._fault(_FAULTS[state.fault.part], state.fault.reason)
         if state.stuck:
             return self._verdict(Outcome.STUCK, state.stuck)
         if self.progress_checker.update(now, pose):
@@ -364,7 +372,10 @@ class _MissionLoop:
             return self._verdict(Outcome.REACHED, f"stopped {off:.2f} m from {goal_name(goal)}")
         return self._verdict(Outcome.LOST, missed)
 
-    def _verdict(self, outcome: Outcome, reason: str, trace: str = "") -> MissionVerdict:
+    def _fault(self, kind: FaultKind, reason: str, trace: str = "") -> MissionVerdict:
+        return replace(self._verdict(Outcome.FAULT, reason), fault=kind, trace=trace)
+
+    def _verdict(self, outcome: Outcome, reason: str) -> MissionVerdict:
         trouble = self.pilot.state.sight_trouble
         if trouble and outcome in (Outcome.STUCK, Outcome.TIMEOUT):
             reason = f"{reason}; {trouble}"
@@ -374,5 +385,4 @@ class _MissionLoop:
             behavior=self.last_leader,
             tick=self.logger.ticks,
             time=self.simulator.time,
-            trace=trace,
         )

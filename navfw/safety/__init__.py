@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from navfw.safety.monitor import SafetyMonitor, SafetyParams, SafetyVerdict
+from navfw.safety.monitor import PersistentFailure, SafetyMonitor, SafetyParams, SafetyVerdict
 
-__all__ = ["SafetyMonitor", "SafetyParams", "SafetyVerdict"]
+__all__ = ["PersistentFailure", "SafetyMonitor", "SafetyParams", "SafetyVerdict"]

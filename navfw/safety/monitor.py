@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -19,7 +19,7 @@ from navfw.robot import RobotModel
 from navfw.safety.senses import Senses
 from navfw.signals import Odometry, Pose, SensorReading, Twist
 
-__all__ = ["SafetyMonitor", "SafetyParams", "SafetyVerdict"]
+__all__ = ["PersistentFailure", "SafetyMonitor", "SafetyParams", "SafetyVerdict"]
 
 Seconds = Annotated[float, Field(gt=0.0, le=60.0)]
 
@@ -90,6 +90,14 @@ class SafetyVerdict:
     twist: Twist
     reason: str = ""
     stopped: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class PersistentFailure:
+    """What has failed for too long for the run to go on: the part, and the ``reason`` in words."""
+
+    part: Literal["sensor", "sight", "stage"]
+    reason: str
 
 
 class SafetyMonitor:
@@ -172,18 +180,21 @@ class SafetyMonitor:
         return SafetyVerdict(Twist(v, w), reason, stopped)
 
     @property
-    def failure(self) -> str | None:
-        """What has failed for too long for the run to go on, sensor or stage; None without."""
+    def failure(self) -> PersistentFailure | None:
+        """What has failed for too long for the run to go on; None without."""
         senses, patience = self.senses, self.params.give_up
         if senses.camera_age > patience:
             trouble = senses.trouble or "the camera is silent"
-            return f"{trouble}, for {senses.camera_age:.0f} s"
+            return PersistentFailure("sensor", f"{trouble}, for {senses.camera_age:.0f} s")
         if max(senses.silence, senses.encoder_age) > patience:
-            return f"the wheel encoders do not count, for {patience:.0f} s"
+            reason = f"the wheel encoders do not count, for {patience:.0f} s"
+            return PersistentFailure("sensor", reason)
         if self._sightless_for > patience:
-            return f"{self.local_map.sight.trouble}, for {self._sightless_for:.0f} s"
+            reason = f"{self.local_map.sight.trouble}, for {self._sightless_for:.0f} s"
+            return PersistentFailure("sight", reason)
         if self._failing is not None and self._failing_for > patience:
-            return f"{self._failing.plugin}: {self._failing.error}, for {self._failing_for:.0f} s"
+            what = f"{self._failing.plugin}: {self._failing.error}"
+            return PersistentFailure("stage", f"{what}, for {self._failing_for:.0f} s")
         return None
 
     @property

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Literal
 
-from navfw.missions.outcome import Outcome
+from navfw.missions.outcome import FaultKind, Outcome
 
 __all__ = [
     "Cause",
@@ -69,6 +69,12 @@ class Cause(StrEnum):
     """fault: an exception"""
     SENSOR_FAILED = "sensor_failed"
     """fault: the stack stopped, because a sensor had failed for good"""
+    PLUGIN_FAILED = "plugin_failed"
+    """fault: a plugin failed at the start of the run, or a stage failed for too long"""
+    NOTHING_SEEN = "nothing_seen"
+    """fault: the stack stopped, because nothing could be seen of the path ahead"""
+    CODE_REPLACED = "code_replaced"
+    """fault: functions of navfw were replaced during the run"""
     BAD_COMMAND = "bad_command"
     """fault: the stack commanded a value that is not finite"""
     BAD_INPUT = "bad_input"
@@ -137,8 +143,7 @@ class FailureSymptoms:
     collision: CollisionSymptoms | None = None
     path: PathSymptoms | None = None
     motion: MotionSymptoms | None = None
-    exception: bool = False
-    sensor_failed: bool = False
+    fault: FaultKind | None = None
 
 
 def classify(symptoms: FailureSymptoms) -> Cause | None:
@@ -152,8 +157,7 @@ def classify(symptoms: FailureSymptoms) -> Cause | None:
         case Outcome.STUCK | Outcome.TIMEOUT:
             return _of_delay(symptoms)
         case Outcome.FAULT:
-            stopped = Cause.SENSOR_FAILED if symptoms.sensor_failed else Cause.BAD_COMMAND
-            return Cause.EXCEPTION if symptoms.exception else stopped
+            return Cause.UNKNOWN if symptoms.fault is None else Cause(symptoms.fault)
         case _:
             return None
 

@@ -62,8 +62,7 @@ def collect_symptoms(result: MissionResult) -> FailureSymptoms:
         collision=collision,
         path=path,
         motion=_motion(result) if log.ticks else None,
-        exception=bool(result.run.verdict.trace),
-        sensor_failed=session.stack.state.fault is not None,
+        fault=result.run.verdict.fault,
     )
 
 

@@ -81,8 +81,9 @@ def _passed(row: RunRow, wanted: Expect) -> bool:
     if wanted == "arrival":
         return row.succeeded
     ended = {Outcome.REACHED, Outcome.STUCK, Outcome.TIMEOUT, Outcome.LOST}
-    sensor = row.outcome == Outcome.FAULT and row.cause == Cause.SENSOR_FAILED
-    return not row.collisions and (row.outcome in ended or sensor)
+    told = {Cause.SENSOR_FAILED, Cause.NOTHING_SEEN, Cause.PLUGIN_FAILED}
+    stopped = row.outcome == Outcome.FAULT and row.cause in told
+    return not row.collisions and (row.outcome in ended or stopped)
 
 
 def _split(rows: Sequence[RunRow], key: Callable[[RunRow], str]) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from navfw.robot import RobotModel
+from navfw.safety import PersistentFailure
 from navfw.signals import (
     Belief,
     Command,
@@ -123,7 +124,7 @@ class FakeState:
     finished: bool = False
     stuck: str | None = None
     sight_trouble: str = ""
-    fault: str | None = None
+    fault: PersistentFailure | None = None
     faults: tuple[str, ...] = ()
 
 

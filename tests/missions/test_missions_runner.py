@@ -12,7 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from navfw.errors import MapError
-from navfw.missions.outcome import Outcome
+from navfw.guard import PluginCallError
+from navfw.missions.outcome import FaultKind, Outcome
 from navfw.missions.runner import Progress, Task, run_task
 from navfw.robot import RobotModel
 from navfw.signals import Pose, SensorReading, Twist, Waypoint
@@ -123,22 +124,24 @@ class BrokenPilot(ScriptedPilot):
 
 
 @pytest.mark.parametrize(
-    ("breakage", "outcome", "reason"),
+    ("breakage", "fault", "reason"),
     [
-        (ValueError("bad cell"), Outcome.FAULT, "ValueError: bad cell"),
-        (MapError("no way left"), Outcome.FAULT, "no way left"),
-        (Twist(math.nan, 0.0), Outcome.FAULT, "v = nan"),
-        (KeyboardInterrupt(), Outcome.CANCELLED, "by the user"),
+        (ValueError("bad cell"), FaultKind.EXCEPTION, "ValueError: bad cell"),
+        (MapError("no way left"), FaultKind.EXCEPTION, "no way left"),
+        (PluginCallError("planner mine: gone"), FaultKind.PLUGIN_FAILED, "planner mine: gone"),
+        (Twist(math.nan, 0.0), FaultKind.BAD_COMMAND, "v = nan"),
+        (KeyboardInterrupt(), None, "by the user"),
     ],
 )
 def test_an_exception_or_bad_command_ends_the_run_with_a_result(
-    breakage: BaseException | Twist, outcome: Outcome, reason: str
+    breakage: BaseException | Twist, fault: FaultKind | None, reason: str
 ) -> None:
     run = run_task(task(), BrokenPilot(breakage), FakeSimulator(START))
-    assert run.verdict.outcome is outcome
+    assert run.verdict.outcome is (Outcome.CANCELLED if fault is None else Outcome.FAULT)
+    assert run.verdict.fault is fault
     assert reason in run.verdict.reason
     assert run.log.ticks == 5
-    assert ("Traceback" in run.verdict.trace) == (isinstance(breakage, Exception))
+    assert ("Traceback" in run.verdict.trace) == (fault is FaultKind.EXCEPTION)
 
 
 def test_a_mission_that_the_stack_refuses_is_an_input_error() -> None:

@@ -23,6 +23,7 @@ from stack_samples import (
 
 from navfw.context import Context
 from navfw.offis.offis import Offis
+from navfw.safety import PersistentFailure
 from navfw.signals import (
     Encoders,
     Frame,
@@ -328,7 +329,7 @@ def test_a_sensor_that_has_failed_for_good_is_a_fault() -> None:
     rig.step(19.0, None)
     assert rig.stack.state.fault is None
     rig.step(21.0, None)
-    assert rig.stack.state.fault == "the camera is silent, for 21 s"
+    assert rig.stack.state.fault == PersistentFailure("sensor", "the camera is silent, for 21 s")
 
 
 # --- what comes out -------------------------------------------------------------------------------

@@ -82,8 +82,10 @@ def test_nine_arrivals_of_ten_pass() -> None:
     ("changes", "passed"),
     [
         ({"outcome": "fault", "cause": "sensor_failed", "collisions": 0}, True),
+        ({"outcome": "fault", "cause": "nothing_seen", "collisions": 0}, True),
         ({"outcome": "stuck", "collisions": 0}, True),
         ({"outcome": "fault", "cause": "exception", "collisions": 0}, False),
+        ({"outcome": "fault", "cause": "bad_command", "collisions": 0}, False),
         ({"outcome": "collided", "collisions": 1}, False),
     ],
 )

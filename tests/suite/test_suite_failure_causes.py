@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from navfw.missions.outcome import Outcome
+from navfw.missions.outcome import FaultKind, Outcome
 from navfw.suite.failure_causes import (
     Cause,
     CollisionSymptoms,
@@ -82,9 +82,15 @@ def test_slow_is_a_cause_of_timeouts_only() -> None:
     assert classify(FailureSymptoms(Outcome.STUCK, motion=DRIVES)) is Cause.OSCILLATING
 
 
-def test_faults() -> None:
-    assert classify(FailureSymptoms(Outcome.FAULT, exception=True)) is Cause.EXCEPTION
-    assert classify(FailureSymptoms(Outcome.FAULT)) is Cause.BAD_COMMAND
+@pytest.mark.parametrize("kind", list(FaultKind))
+def test_every_kind_of_fault_is_a_cause_with_the_same_explanation(kind: FaultKind) -> None:
+    cause = classify(FailureSymptoms(Outcome.FAULT, fault=kind))
+    assert cause is not None
+    assert cause.value == kind.value
+
+
+def test_a_fault_of_no_kind_is_of_unknown_cause() -> None:
+    assert classify(FailureSymptoms(Outcome.FAULT)) is Cause.UNKNOWN
 
 
 @pytest.mark.parametrize("outcome", list(Outcome))
