@@ -42,6 +42,14 @@ MIXTURE = (0.5, 2.0)
 MIXTURE_SHARE = 0.4
 #: Correlation length of the errors of grey values [px]: nearer samples share their errors.
 CORRELATION_LENGTH = 3.0
+#: Share of the windows below ``texture_high`` above which both images are smoothed; usual frames
+#: have fewer.
+WEAK_SHARE = 0.4
+#: Standard deviation of the smoothing [px]: it leaves 0.28 of the noise, and most of the texture.
+SMOOTHING = 1.0
+#: Factor of ``texture_low`` and ``texture_high`` in smoothed images: 0.28, and the rounding to
+#: whole grey levels.
+SMOOTHED_TEXTURE = 0.5
 #: For the quadratic peak alone: least standard deviation [px], factor of the estimated sigma, and
 #: share of the flow's variation within a window that counts as standard deviation of its vector.
 PEAK_FLOOR, PEAK_SCALE, PEAK_SPREAD = 0.05, 2.0, 0.3
@@ -56,6 +64,9 @@ class BlockMatching(MatchedFlow):
     does not distort the windows. The peak is refined to subpixel accuracy by affine registration of
     the window (``subpixel: affine``), which may end a little outside the search range, or by a
     quadratic surface alone (``subpixel: peak``).
+
+    Where many windows have little texture, both images are smoothed before: noise decorrelates
+    them, and lets a window follow a strong edge at its border that belongs to another surface.
 
     Windows at the border are clipped to the image less ``margin``. The field's ``points`` are the
     centres of the clipped windows: the grid points, except at the border, where they lie some
@@ -126,14 +137,19 @@ class BlockMatching(MatchedFlow):
     ) -> tuple[Array, Array, Array]:
         p = self.params
         now, past = np.ascontiguousarray(now), np.ascontiguousarray(past)
-        scores, deviation = correlate(
-            now, past, self._x_windows, self._y_windows, p.search, visible
-        )
+        windows = (self._x_windows, self._y_windows)
+        low, high = p.texture_low, p.texture_high
+        scores, deviation = correlate(now, past, *windows, p.search, visible)
+        if (deviation < high).mean() > WEAK_SHARE:
+            now, past = _smoothed(now), _smoothed(past)
+            low, high = SMOOTHED_TEXTURE * low, SMOOTHED_TEXTURE * high
+            scores, deviation = correlate(now, past, *windows, p.search, visible)
         if p.subpixel == "affine":
-            vectors, confidence, sigma = self._register(now, past, visible, scores, deviation)
+            textured = deviation > low
+            vectors, confidence, sigma = self._register(now, past, visible, scores, textured)
         else:
             vectors, confidence, sigma = self._peaks(scores)
-        confidence *= ramp(deviation.astype(np.float64), p.texture_low, p.texture_high)
+        confidence *= ramp(deviation.astype(np.float64), low, high)
         return vectors, confidence, sigma
 
     def whole_pixel_loop(self, pair: FramePair) -> Integers:
@@ -162,7 +178,7 @@ class BlockMatching(MatchedFlow):
         past: Image,
         visible: tuple[int, int, int, int],
         scores: Floats,
-        deviation: Floats,
+        textured: Flags,
     ) -> tuple[Array, Array, Array]:
         """Vectors, confidence and sigma by affine registration from the correlation's peaks."""
         p = self.params
@@ -173,7 +189,7 @@ class BlockMatching(MatchedFlow):
             self._x_windows,
             self._y_windows,
             start,
-            (height > PEAK_CORRELATION[0]) & (deviation > p.texture_low),
+            (height > PEAK_CORRELATION[0]) & textured,
             visible,
             p.stride,
             p.weight_width,
@@ -199,6 +215,10 @@ class BlockMatching(MatchedFlow):
         noise = PEAK_SCALE * match_sigma(height, curvature, self._pixels)
         spread = PEAK_SPREAD * local_spread(fine, confidence)
         return fine, confidence, np.sqrt(noise**2 + spread**2 + PEAK_FLOOR**2)
+
+
+def _smoothed(image: Image) -> Image:
+    return np.asarray(cv2.GaussianBlur(image, (0, 0), SMOOTHING))
 
 
 def _uniqueness(height: Array, second: Array, inner: Flags) -> Array:

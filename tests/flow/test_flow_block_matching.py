@@ -8,6 +8,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from navfw.errors import ConfigError
+from navfw.flow import block_matching
 from navfw.flow.block_matching import BlockMatching
 from navfw.flow.confidence import SIGMA_UNKNOWN
 from navfw.flow.correlation_kernels import correlate, find_peaks
@@ -128,6 +129,38 @@ def test_pure_noise_is_not_trusted() -> None:
     assert BlockMatching(ROBOT).compute(pair_of(past, now)).confidence.max() == 0.0
     past, now = (np.abs(rng.normal(0, 1.5, (120, 160))).astype(np.uint8) for _ in range(2))
     assert BlockMatching(ROBOT).compute(pair_of(past, now)).confidence.max() == 0.0
+
+
+def faint_pair(contrast: float, noise: float) -> FramePair:
+    """Two noisy images of one texture of that contrast [grey levels], moved by (3.4, -1.3) px."""
+    rng = np.random.default_rng(1)
+    texture = cv2.GaussianBlur(rng.normal(size=(160, 200)), (0, 0), 2.0)
+    past = 128.0 + contrast * texture / texture.std()
+    now = cv2.warpAffine(past, np.array([[1.0, 0.0, 3.4], [0.0, 1.0, -1.3]]), (200, 160))
+    grey = [
+        np.clip(image[20:140, 20:180] + noise * rng.normal(size=(120, 160)), 0, 255).round()
+        for image in (past, now)
+    ]
+    return pair_of(grey[0].astype(np.uint8), grey[1].astype(np.uint8))
+
+
+def test_texture_hardly_above_the_noise_is_matched_in_smoothed_images(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    pair = faint_pair(3.0, 2.0)
+    flow = BlockMatching(ROBOT).compute(pair)
+    trusted = flow.confidence > 0.3
+    assert trusted.mean() > 0.8
+    error = np.linalg.norm(flow.vectors - (3.4, -1.3), axis=-1)[trusted]
+    assert np.median(error) < 0.2
+    assert error.max() < 1.0
+    monkeypatch.setattr(block_matching, "WEAK_SHARE", 1.0)
+    assert (BlockMatching(ROBOT).compute(pair).confidence > 0.3).mean() < 0.2
+
+
+@pytest.mark.parametrize("noise", [1.0, 2.0, 3.0, 5.0])
+def test_noise_without_texture_is_not_trusted_when_smoothed(noise: float) -> None:
+    assert BlockMatching(ROBOT).compute(faint_pair(0.0, noise)).confidence.max() < 0.05
 
 
 def test_a_pattern_that_repeats_within_the_search_is_not_trusted() -> None:
