@@ -1,4 +1,4 @@
-"""Whether the camera shows the path ahead: the share of its image that has texture."""
+"""Whether the camera shows the path ahead: texture and confidence in its part of the image."""
 
 from __future__ import annotations
 
@@ -16,16 +16,20 @@ BESIDE = 0.1
 """Width of the path beside the body, each side [m]."""
 CONFIDENCE = 0.01
 """Least confidence of a cell with texture above the noise: it has been matched, however weakly."""
-WEAK, SEEN = 0.6, 0.2
-"""Shares of the path's cells with texture below which sight is weak, and below which there is none.
-Usual texture gives nearly all cells, a contrast of 3 grey levels under a noise of 2 about half, and
-edges between surfaces without texture single ones."""
+WEAK = 0.28
+"""Mean confidence of the path's cells below which sight is weak. Usual texture gives about 0.5, a
+contrast of 6 grey levels under a noise of 2 about 0.32, a contrast of 3 about 0.22."""
+SEEN = 0.2
+"""Share of the path's cells with texture below which nothing is seen. Usual texture gives nearly
+all cells, edges between surfaces without texture give single ones."""
 SHARE = 0.15
 """Weight of the newest percept in the mean over the percepts so far: single ones vary."""
 
 
 class PathSight:
     """``texture``: the share of the path's cells that the newest percepts have matched.
+
+    ``confidence``: the mean confidence of these cells.
 
     The path is the floor that the robot would drive over. A cell of the image that shows it, or
     what stands on it, has a confidence above 0 only with texture above the noise.
@@ -39,13 +43,13 @@ class PathSight:
 
     def reset(self) -> None:
         """Back to the start of a run: before the first percept there is no judgement."""
-        self.texture = 1.0
+        self.texture = self.confidence = 1.0
         self._first = True
 
     @property
     def weak(self) -> bool:
-        """Whether so little has texture that only floor seen as such is free."""
-        return self.texture < WEAK
+        """Whether the path is seen so poorly that only floor seen as such is free."""
+        return self.none or self.confidence < WEAK
 
     @property
     def none(self) -> bool:
@@ -64,11 +68,13 @@ class PathSight:
         """Take in the newest percept."""
         if percept.points is not self._points:
             self._points, self._path = percept.points, self._path_of(percept.points)
-        known = percept.confidence[self._path] >= CONFIDENCE
-        # a camera that sees no floor gives no judgement
-        share = float(known.mean()) if known.size else 1.0
-        self.texture = share if self._first else self.texture + SHARE * (share - self.texture)
+        confidence = percept.confidence[self._path]
+        if not confidence.size:
+            return  # a camera that sees no floor gives no judgement
+        weight = 1.0 if self._first else SHARE
         self._first = False
+        self.texture += weight * (float((confidence >= CONFIDENCE).mean()) - self.texture)
+        self.confidence += weight * (float(confidence.mean()) - self.confidence)
 
     def _path_of(self, points: Array) -> npt.NDArray[np.bool_]:
         """(rows, cols) True for cells whose rays meet the floor of the path."""

@@ -62,7 +62,7 @@ class SafetyParams(BaseModel):
     weak_sight: Annotated[
         float,
         Field(gt=0.0, le=1.0, description="speed while little is seen of the path [m/s]"),
-    ] = 0.2
+    ] = 0.25
     gyro_slow: Annotated[Seconds, Field(description="age of the last gyro reading: slow [s]")] = 0.2
     encoder_stop: Annotated[
         Seconds, Field(description="age of the last encoder reading: stop [s]")

@@ -17,14 +17,17 @@ RATE = 60.0
 AHEAD = Twist(0.15, 0.0)
 
 
-def percept(known: float = 1.0, low: bool = True) -> Percept:
-    """Of open floor; a share of the lower half is known, or of the upper one, all else unknown."""
+def percept(known: float = 1.0, low: bool = True, degree: float = 0.6) -> Percept:
+    """Of open floor; a share of the lower half is known, or of the upper one, all else unknown.
+
+    ``degree``: confidence of what is known.
+    """
     made = contexts_of(BehaviorScene("open floor", Twist(0.3, 0.0)))[-1].percept
     assert made is not None
     rows, cols = made.confidence.shape
     confidence = np.zeros((rows, cols))
     half = confidence[rows // 2 :] if low else confidence[: rows // 2]
-    half[:, :] = np.random.default_rng(0).random(half.shape) < known
+    half[:, :] = degree * (np.random.default_rng(0).random(half.shape) < known)
     return replace(made, confidence=confidence)
 
 
@@ -70,26 +73,29 @@ def test_reverse_and_turns_are_no_advance() -> None:
 
 def test_weak_sight_limits_the_speed() -> None:
     monitor = monitor_with()
-    monitor.local_map.sight.observe(percept(0.4))
+    monitor.local_map.sight.observe(percept(degree=0.2))
     verdict = monitor.limit(Twist(0.4, 0.3), 0.0, odometry(0.0, 0.0).pose)
     assert verdict.twist == Twist(monitor.params.weak_sight, 0.3)
     assert "little is seen of the path ahead" in verdict.reason
 
 
 @pytest.mark.parametrize(
-    ("known", "low", "weak", "none"),
+    ("known", "low", "degree", "weak", "none"),
     [
-        (0.0, True, True, True),
-        (0.05, True, True, True),
-        (0.4, True, True, False),
-        (0.9, True, False, False),
-        (1.0, False, True, True),
+        (0.0, True, 0.6, True, True),
+        (0.05, True, 0.6, True, True),
+        (0.4, True, 0.5, True, False),
+        (0.9, True, 0.2, True, False),
+        (0.9, True, 0.5, False, False),
+        (1.0, False, 0.6, True, True),
     ],
 )
-def test_the_cells_of_the_path_decide(known: float, low: bool, weak: bool, none: bool) -> None:
+def test_the_cells_of_the_path_decide(
+    known: float, low: bool, degree: float, weak: bool, none: bool
+) -> None:
     sight = PathSight(ROBOT)
     assert not sight.weak, "no judgement before the first percept"
-    sight.observe(percept(known, low))
+    sight.observe(percept(known, low, degree))
     assert (sight.weak, sight.none) == (weak, none)
     assert bool(sight.trouble) is weak
 
