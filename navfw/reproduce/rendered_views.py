@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from navfw.bench.view_truth import ViewTruth, WallGeometry, truth_of
+from navfw.camera_geometry.derotation import derotate
 from navfw.egomotion.camera_motion import camera_motion
+from navfw.egomotion.refinement import refine
 from navfw.flow.block_matching import BlockMatching
-from navfw.flow.derotation import derotate
 from navfw.flow.grid import grid_points
 from navfw.flow.ideal import SIGMA, nearness_at, true_vectors
-from navfw.flow.refinement import refine
 from navfw.offis.distances import TERMS
 from navfw.offis.elementary_situations import TABLE
 from navfw.offis.offis import Offis

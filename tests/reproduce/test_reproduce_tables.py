@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
+from navfw.camera_geometry.derotation import rotational_flow
 from navfw.config.lookup import find
-from navfw.flow.derotation import rotational_flow
 from navfw.reproduce.office_scenes import SCENES, hand_held
 from navfw.reproduce.paper_tables import (
     FAST,
