@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -86,8 +87,7 @@ def test_a_sentence_is_judged_by_the_rule(
 def test_the_labels_are_read_and_their_cameras_are_known() -> None:
     labels = load_labels()
     assert len(labels) > 240
-    sequences = [found for found in labels if not found.single]
-    assert {found.folder for found in sequences} == set(CAMERAS)
+    assert {found.folder for found in labels} == set(CAMERAS)
 
 
 @pytest.fixture
@@ -110,6 +110,23 @@ def test_the_benchmark_counts_verdicts_and_headings(approach: Path) -> None:
     assert row["pairs"] == 4
     assert real_rows(result)[-1][:6] == ["dis", "all", "2", "0", "0", "0"]
     assert bench_real(approach, "test", ["dis"], default_registry())["frames"] == 0
+
+
+def test_photographs_without_a_neighbour_are_not_in_the_total(
+    approach: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    views = [texture(seed)[: 3 * 80, : 4 * 80] for seed in range(1, 5)]
+    save(approach / "corridor_udes", views)
+    single = replace(label(), part="corridor_a", folder="corridor_udes", single=True)
+    labels = [label(front="wall", file="image_5.png"), single]
+    monkeypatch.setattr(real_benchmark, "load_labels", lambda: labels)
+    result = bench_real(approach, "tuning", ["dis"], default_registry())
+    assert result["frames"] == 1
+    found = result["flows"]["dis"]
+    assert sum(found["total"]["verdicts"].values()) == 1
+    assert list(found["singles"]) == ["corridor_a"]
+    assert found["singles"]["corridor_a"]["verdicts"]["silent"] == 1
+    assert real_rows(result)[-1][:2] == ["dis", "corridor_a (single)"]
 
 
 def test_what_is_missing_is_named(approach: Path) -> None:
