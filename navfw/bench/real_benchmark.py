@@ -17,20 +17,29 @@ from typing import Any
 import numpy as np
 
 from navfw.bench.real_depth import NearnessErrors, depth_files, nearness_errors
-from navfw.bench.real_labels import FrameLabel, SentenceVerdict, judge, load_labels
+from navfw.bench.real_labels import FrameLabel, Judgement, SentenceVerdict, judge, load_labels
 from navfw.bench.real_poses import camera_poses, camera_way, heading_error
-from navfw.bench.real_yaw import recorded_gyro, yaw_rates, yaw_summary
+from navfw.bench.real_yaw import RecordedGyro, recorded_gyro, yaw_rates, yaw_summary
 from navfw.config.input_file import is_folder
 from navfw.errors import ConfigError
 from navfw.perceive.image_order import natural_key
-from navfw.perceive.image_sources import IMAGES, open_source
+from navfw.perceive.image_sources import IMAGES, ImageSource, open_source
 from navfw.perceive.pair_result import PairResult
 from navfw.perceive.perceiver import Perceiver
 from navfw.perceive.perceiver_options import PerceiverOptions
 from navfw.plugins import Registry
 from navfw.signals import Array
 
-__all__ = ["CAMERAS", "RealCamera", "bench_real", "real_rows"]
+__all__ = [
+    "CAMERAS",
+    "OpenedPart",
+    "RealCamera",
+    "bench_real",
+    "judge_result",
+    "labelled_parts",
+    "open_part",
+    "real_rows",
+]
 
 LEAD = 6
 """Number of images before the first labelled one of a part that are processed as well."""
@@ -118,10 +127,7 @@ def bench_real(
 
     """
     report = tick or (lambda _: None)
-    parts: dict[str, list[FrameLabel]] = {}
-    for label in load_labels():
-        if split in (label.split, "all"):
-            parts.setdefault(label.part, []).append(label)
+    parts = labelled_parts(split)
     found: dict[str, Any] = {}
     for flow in flows:
         rows: dict[str, dict[str, Any]] = {"parts": {}, "singles": {}}
@@ -173,8 +179,34 @@ def _median(values: Sequence[float], digits: int) -> float | None:
     return round(float(np.median(values)), digits) if values else None
 
 
-def _part(data: Path, labels: Sequence[FrameLabel], flow: str, registry: Registry) -> _Findings:
-    """What is found in one part."""
+def labelled_parts(split: str) -> dict[str, list[FrameLabel]]:
+    """The labels of ``split`` ("tuning", "test" or "all") by part."""
+    parts: dict[str, list[FrameLabel]] = {}
+    for label in load_labels():
+        if split in (label.split, "all"):
+            parts.setdefault(label.part, []).append(label)
+    return parts
+
+
+@dataclass(frozen=True, slots=True)
+class OpenedPart:
+    """The images of a part, the perceiver that processes them, and the gyro's record if any."""
+
+    source: ImageSource
+    perceiver: Perceiver
+    gyro: RecordedGyro | None
+
+
+def open_part(
+    data: Path, labels: Sequence[FrameLabel], flow: str, registry: Registry
+) -> OpenedPart:
+    """One part of the recordings in ``data``, from some images before the first labelled one on.
+
+    Raises:
+        ConfigError: ``data`` lacks the recording or a labelled image.
+        InputError: a file of the recording cannot be read.
+
+    """
     folder = labels[0].folder
     everything = _images(data / folder)
     images = _images_of(everything, data / folder, labels)
@@ -183,6 +215,21 @@ def _part(data: Path, labels: Sequence[FrameLabel], flow: str, registry: Registr
     rate, times = (camera.rate, None) if gyro is None else (None, gyro.times)
     source = open_source(images, rate, listed=times)
     perceiver = Perceiver(PerceiverOptions(hfov=camera.hfov, flow=flow), source, registry)
+    return OpenedPart(source, perceiver, gyro)
+
+
+def judge_result(result: PairResult | None, label: FrameLabel) -> Judgement:
+    """The sentence of a pair judged by the label of its second image; silent without a result."""
+    if result is None:
+        return Judgement({})
+    return judge(result.percept.sentence, result.percept.obstacles.get("layer1", {}), label)
+
+
+def _part(data: Path, labels: Sequence[FrameLabel], flow: str, registry: Registry) -> _Findings:
+    """What is found in one part."""
+    folder = labels[0].folder
+    opened = open_part(data, labels, flow, registry)
+    source, perceiver, gyro = opened.source, opened.perceiver, opened.gyro
     results = {Path(item.name).name: result for item, result in perceiver.results()}
     found = _judged(results, labels)
     if gyro is not None and source.start is not None:
@@ -204,12 +251,7 @@ def _judged(results: Mapping[str, PairResult], labels: Sequence[FrameLabel]) -> 
     """Verdicts by the labels, and the headings, of ``results`` by the name of the image."""
     found = _Findings(pairs=len(results))
     for label in labels:
-        result = results.get(label.file)
-        if result is None:
-            found.verdicts[SentenceVerdict.SILENT] += 1
-            continue
-        percept = result.percept
-        judged = judge(percept.sentence, percept.obstacles.get("layer1", {}), label)
+        judged = judge_result(results.get(label.file), label)
         found.verdicts[judged.verdict] += 1
         found.statements.update(
             f"{name} {'right' if true else 'wrong'}" for name, true in judged.statements.items()

@@ -7,38 +7,16 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from perceive_images import save, texture, wall_at
+from labelled_frames import label, save_approach
+from perceive_images import save, texture
 from typer.testing import CliRunner
 
 from navfw.bench import real_benchmark
 from navfw.bench.real_benchmark import CAMERAS, bench_real, real_rows
-from navfw.bench.real_labels import FrameLabel, SentenceVerdict, judge, load_labels
+from navfw.bench.real_labels import SentenceVerdict, judge, load_labels
 from navfw.cli import app
 from navfw.errors import ConfigError
 from navfw.plugins import default_registry
-
-
-def label(
-    nearest: str = "upper_left",
-    also: str = "",
-    floor: str = "yes",
-    front: str = "corridor",
-    front_also: str = "",
-    file: str = "image_3.png",
-) -> FrameLabel:
-    return FrameLabel(
-        part="approach_a",
-        split="tuning",
-        folder="approach",
-        file=file,
-        single=False,
-        nearest=frozenset(nearest.split()),
-        nearest_also=frozenset(also.split()),
-        floor_in_front=floor,
-        front=front,
-        front_also=frozenset(front_also.split()),
-    )
-
 
 SEEN = "Layer1: nearest object is on upper left in near distance; Front is a {}"
 
@@ -93,10 +71,7 @@ def test_the_labels_are_read_and_their_cameras_are_known() -> None:
 @pytest.fixture
 def approach(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder of recordings with one approach to a wall, and labels for two of its frames."""
-    picture = texture()
-    save(tmp_path / "approach", [wall_at(2.05 - 0.05 * k, picture) for k in range(1, 6)])
-    everywhere = "upper_left upper_right lower_left lower_right"
-    labels = [label(everywhere, floor="no", front="wall", file=f"image_{k}.png") for k in (3, 5)]
+    labels = save_approach(tmp_path)
     monkeypatch.setattr(real_benchmark, "load_labels", lambda: labels)
     return tmp_path
 
@@ -104,7 +79,7 @@ def approach(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_the_benchmark_counts_verdicts_and_headings(approach: Path) -> None:
     result = bench_real(approach, "tuning", ["dis"], default_registry())
     assert result["frames"] == 2
-    row = result["flows"]["dis"]["parts"]["approach_a"]
+    row = result["flows"]["dis"]["parts"]["approach, a"]
     assert row["verdicts"]["right"] == 2, row
     assert row["statements"] == {"front right": 2, "nearest right": 2}
     assert row["pairs"] == 4
@@ -142,7 +117,7 @@ def test_the_command(approach: Path) -> None:
     done = CliRunner().invoke(app, [*options, "--json"])
     assert done.exit_code == 0, done.output
     assert json.loads(done.stdout)["flows"]["dis"]["total"]["verdicts"]["right"] == 2
-    assert "approach_a" in CliRunner().invoke(app, options).stdout
+    assert "approach, a" in CliRunner().invoke(app, options).stdout
     wrong = CliRunner().invoke(app, ["bench", "real", "--data", str(approach), "--split", "x"])
     assert wrong.exit_code == 2
     assert "--split" in wrong.stderr
