@@ -128,8 +128,8 @@ def _part_scenes(
         if label is None:
             continue
         picture = None
-        if label in chosen and RECORDINGS[label.folder].licence is not None:
-            assert perceiver.size is not None  # noqa: S101 - known from the first image on
+        shown = label in chosen and RECORDINGS[label.folder].licence is not None
+        if shown and perceiver.size is not None:
             picture = draw(item.image, result, perceiver.size)
         found[label] = _scene(label, result, picture)
     return found

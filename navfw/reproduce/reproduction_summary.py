@@ -7,6 +7,7 @@ from itertools import product
 from typing import Any
 
 from navfw.bench.real_labels import SentenceVerdict
+from navfw.reproduce.paper_tables import FAST
 
 __all__ = ["summary"]
 
@@ -39,6 +40,12 @@ def _table2(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
             for rotation in ("removed", "left in")
         ]
         yield f"{flow.capitalize()} flow, {mode}: {'; '.join(counts)}."
+    fast = [row for row in rows if row["waypoint"] == FAST]
+    verdicts = "; ".join(
+        f"{reading['flow']} flow, rotation {reading['rotation']}: {reading['verdict']}"
+        for reading in _chosen(fast, mode="normalised")
+    )
+    yield f"Waypoint {FAST}, where the paper's conclusion is false, normalised: {verdicts}."
     none = [str(row["waypoint"]) for row in rows if row["truth"]["no_situation"]]
     if none:
         yield (
@@ -48,6 +55,7 @@ def _table2(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
 
 
 def _table3(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    yield f"All {len(rows)} situations are judged."
     for flow, mode in _KINDS:
         yield f"{flow.capitalize()} flow, {mode}: {_counts(_chosen(rows, flow=flow, mode=mode))}."
 
@@ -78,13 +86,17 @@ def _claims(claims: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     missed = [claim for claim in claims if not claim["confirmed"]]
     yield (
         "The paper's claim, that two layers of means classify at least as well as one layer of"
-        f" means and variances, is confirmed in {len(held)} of {len(claims)} comparisons, in"
-        f" {sum(claim['differ'] == 0 for claim in held)} of them because both answer alike on every"
-        f" view. It is not confirmed in {len(missed)}, of which"
-        f" {sum(claim['p'] < SIGNIFICANT for claim in missed)} differ by more than chance"
-        f" (p < {SIGNIFICANT:g})."
+        f" means and variances, is confirmed in {len(held)} of {len(claims)} comparisons: better by"
+        f" more than chance (p < {SIGNIFICANT:g}) in {_significant(held)}, alike on every view in"
+        f" {sum(claim['differ'] == 0 for claim in held)}. It is not confirmed in {len(missed)}:"
+        f" worse by more than chance in {_significant(missed)}."
     )
     yield from (f"Not confirmed: {_claim_text(claim)}." for claim in missed)
+
+
+def _significant(claims: Sequence[Mapping[str, Any]]) -> int:
+    """How many of the ``claims`` rest on differences that are more than chance."""
+    return sum(claim["p"] < SIGNIFICANT for claim in claims)
 
 
 def _claim_text(claim: Mapping[str, Any]) -> str:
@@ -95,7 +107,7 @@ def _claim_text(claim: Mapping[str, Any]) -> str:
         "situation": "situation in front",
     }[claim["what"]]
     figures = f"{claim['two_layers_right']} against {claim['one_layer_right']} of {claim['views']}"
-    chance = f"{claim['differ']} answers differ, p = {claim['p']:.2g}"
+    chance = f"answers that differ: {claim['differ']}, p = {claim['p']:.2g}"
     return f"{question} by {claim['by']}, {claim['flow']} flow: {figures} right ({chance})"
 
 

@@ -2,21 +2,30 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import re
 import shutil
 import subprocess
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from labelled_frames import save_approach
+from labelled_frames import label, save_approach
 
 from navfw.bench import real_benchmark
+from navfw.plugins import default_registry
+from navfw.recording.run_folder import plain_json
+from navfw.reproduce.real_scenes import (
+    RECORDINGS,
+    chosen_frames,
+    real_as_data,
+    real_scenes,
+)
 from navfw.reproduce.reproduction import reproduce
 from navfw.reproduce.reproduction_page import write_page
 
@@ -31,25 +40,24 @@ document.body.dataset.found = [document.images.length, broken, wide].join(" ");
 
 @dataclass
 class Written:
-    """A page, and the result it was made from."""
+    """A page, the result it was made from, and the recordings."""
 
     page: str
     result: dict[str, Any]
-    again: dict[str, Any]
+    data: Path
 
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory, quick: None) -> Iterator[Written]:
-    """Written twice, with two recordings; the frames of one of them may not be shown."""
+    """Written with two recordings; the frames of one of them may not be shown."""
     del quick
     folder = tmp_path_factory.mktemp("page")
     data, out = folder / "data", folder / "out"
     labels = [*save_approach(data), *save_approach(data, UNLICENSED)]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(real_benchmark, "load_labels", lambda: labels)
-        result, again = (reproduce(out, 0, 20, data) for _ in range(2))
-    page = (out / "index.html").read_text(encoding="utf-8")
-    yield Written(page, result, again)
+        result = reproduce(out, 0, 20, data)
+        yield Written((out / "index.html").read_text(encoding="utf-8"), result, data)
 
 
 class Outline(HTMLParser):
@@ -67,11 +75,12 @@ class Outline(HTMLParser):
         return [attributes for name, attributes in self.found if name == tag]
 
 
-def test_the_same_arguments_give_the_same_result(written: Written) -> None:
-    assert len(written.result["digest"]) == 64
-    assert {key for key in written.result if written.result[key] != written.again[key]} <= {
-        "timings"
-    }
+def test_the_same_recordings_give_the_same_result_and_digest(written: Written) -> None:
+    again = real_scenes(written.data, default_registry(), lambda _: None)
+    assert plain_json(real_as_data(again)) == written.result["real"]
+    facts = {k: v for k, v in written.result.items() if k not in ("digest", "timings")}
+    text = json.dumps(facts, sort_keys=True).encode()
+    assert written.result["digest"] == hashlib.sha256(text).hexdigest()
 
 
 def test_recordings_are_judged_and_one_frame_of_each_kind_is_shown(written: Written) -> None:
@@ -86,6 +95,12 @@ def test_recordings_are_judged_and_one_frame_of_each_kind_is_shown(written: Writ
     for scene in real["scenes"]:
         assert scene["verdict"] == "right"
         assert scene["sentence"] in written.page
+
+
+def test_every_labelled_recording_has_a_source_and_only_licensed_ones_are_shown() -> None:
+    assert set(RECORDINGS) == set(real_benchmark.CAMERAS)
+    unlicensed = [name for name, found in RECORDINGS.items() if found.licence is None]
+    assert unlicensed == [UNLICENSED]
 
 
 def test_frames_without_a_licence_are_not_on_the_page(written: Written) -> None:
@@ -106,6 +121,7 @@ def test_every_sentence_and_verdict_is_on_the_page(written: Written) -> None:
     shown = re.findall(r'class="verdict (\w+)"', written.page)
     assert {"right", "partly", "wrong"} <= set(shown) <= {"right", "partly", "wrong", "silent"}
     assert written.result["digest"][:16] in written.page
+    assert f"{written.result['metrics']['clear']} of them with a" in written.page
 
 
 def test_the_page_is_one_bounded_file_that_needs_no_network(written: Written) -> None:
@@ -157,3 +173,13 @@ def test_what_comes_from_outside_is_escaped(written: Written) -> None:
     page = write_page(harmful, dict.fromkeys(["map", *names], picture))
     assert "&lt;b&gt;turns&lt;/b&gt;" in page
     assert "<b>turns" not in page
+
+
+def test_the_middle_frame_of_each_front_is_chosen_of_the_test_split_where_there_is_one() -> None:
+    walls = [label(front="wall", file=f"image_{k}.png") for k in range(5)]
+    tested = [replace(found, split="test") for found in walls[:3]]
+    doors = [label(front="door", file=f"door_{k}.png") for k in range(3)]
+    elsewhere = [label(front="wall", file="image_9.png", folder="tum_fr1/rgb")]
+    chosen = chosen_frames([*tested, *walls[3:], *doors, *elsewhere])
+    assert [found.file for found in chosen] == ["image_1.png", "door_1.png", "image_9.png"]
+    assert [found.split for found in chosen] == ["test", "tuning", "tuning"]

@@ -39,8 +39,8 @@ def summarised(**changed: Any) -> dict[str, list[str]]:
     ]
     result = {
         "table2": [
-            place(1, "right", "right", None),
-            place(2, "partly", "wrong", "furniture hides 50% of the walls in the left half"),
+            place(3, "right", "wrong", None),
+            place(2, "partly", "right", "furniture hides 50% of the walls in the left half"),
         ],
         "table3": [],
         "real": None,
@@ -51,20 +51,22 @@ def summarised(**changed: Any) -> dict[str, list[str]]:
 
 def test_the_claim_of_section_4_3_is_told_with_its_figures() -> None:
     whole, *missed = summarised()["Section 4.3"]
-    assert "is confirmed in 2 of 4 comparisons, in 1 of them because both answer alike" in whole
-    assert "not confirmed in 2, of which 1 differ by more than chance" in whole
+    assert "is confirmed in 2 of 4 comparisons: better by more than chance (p < 0.05) in 0" in whole
+    assert "alike on every view in 1. It is not confirmed in 2: worse by more than chance in 1" in (
+        whole
+    )
     assert missed == [
         "Not confirmed: nearest quadrant by the metrics alone, ideal flow: 40 against 48 of 50"
-        " right (10 answers differ, p = 0.022).",
+        " right (answers that differ: 10, p = 0.022).",
         "Not confirmed: nearest quadrant by the metrics alone, ideal flow: 40 against 41 of 50"
-        " right (3 answers differ, p = 1).",
+        " right (answers that differ: 3, p = 1).",
     ]
 
 
 def test_a_claim_that_holds_everywhere_is_confirmed_everywhere() -> None:
     held = {"claims": [claim("quadrant", 48, 40, 10, 0.02)]}
     (whole,) = summarised(metrics=held)["Section 4.3"]
-    assert "is confirmed in 1 of 1 comparisons" in whole
+    assert "is confirmed in 1 of 1 comparisons: better by more than chance (p < 0.05) in 1" in whole
     assert "not confirmed in 0" in whole
 
 
@@ -74,6 +76,10 @@ def test_places_are_counted_by_verdict() -> None:
     assert (
         "Ideal flow, normalised: 1 right, 1 partly with the rotation removed;"
         " 1 right, 1 wrong with the rotation left in." in found
+    )
+    assert (
+        "Waypoint 3, where the paper's conclusion is false, normalised: ideal flow, rotation"
+        " removed: right; ideal flow, rotation left in: wrong." in found
     )
     assert "At 1 places (waypoints 2) the geometry forms none" in found[-1]
 
