@@ -63,12 +63,14 @@ class CameraModel(BaseModel):
         # columns: the camera's x (right), y (down) and z (forward) axes, in base_link
         return np.array([[0.0, -s, c], [-1.0, 0.0, 0.0], [0.0, -c, -s]])
 
-    def fall_per_depth(self, points: Array) -> Array:
-        """How far [m] the rays through ``points`` (..., 2) [px] fall per metre of depth along z."""
+    def fall_per_depth(self, points: Array, pitch: float | None = None) -> Array:
+        """How far [m] the rays through ``points`` (..., 2) [px] fall per metre of depth along z.
+
+        ``pitch`` [rad] stands in for the camera's own where that is only being estimated.
+        """
         focal = self.focal
-        result: Array = (
-            points[..., 1] * math.cos(self.pitch) + focal * math.sin(self.pitch)
-        ) / focal
+        tilt = self.pitch if pitch is None else pitch
+        result: Array = (points[..., 1] * math.cos(tilt) + focal * math.sin(tilt)) / focal
         return result
 
     @property

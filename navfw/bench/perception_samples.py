@@ -19,8 +19,8 @@ from navfw.bench.view_truth import ViewTruth, WallGeometry, truth_of
 from navfw.egomotion.camera_motion import camera_motion
 from navfw.egomotion.odometer import Odometer
 from navfw.egomotion.pairing import FrameBuffer, PairingParams
+from navfw.egomotion.refinement import refine
 from navfw.flow.block_matching import BlockMatching
-from navfw.flow.refinement import refine
 from navfw.robot import RobotModel
 from navfw.signals import Array, CameraMotion, FlowField, Frame, FramePair, Image, Pose, Twist
 from navfw.sim.camera import DepthImage

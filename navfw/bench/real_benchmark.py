@@ -1,7 +1,8 @@
-"""Perception on real frames: sentences by labels, headings and distances by depth and poses.
+"""Perception on real frames: sentences by labels, headings, nearness and yaw by the recordings.
 
 Each part of the labelled sequences is processed as ``navfw perceive`` does. The cameras' fields of
-view are those in the table; nothing else about them is given.
+view are those in the table; nothing else about them is given. Photographs without a neighbour for
+flow are processed as a sequence, too: nothing should be said about them.
 """
 
 from __future__ import annotations
@@ -9,25 +10,36 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from navfw.bench.real_labels import FrameLabel, SentenceVerdict, judge, load_labels
-from navfw.bench.real_poses import camera_poses, heading_error
+from navfw.bench.real_depth import NearnessErrors, depth_files, nearness_errors
+from navfw.bench.real_labels import FrameLabel, Judgement, SentenceVerdict, judge, load_labels
+from navfw.bench.real_poses import camera_poses, camera_way, heading_error
+from navfw.bench.real_yaw import RecordedGyro, recorded_gyro, yaw_rates, yaw_summary
 from navfw.config.input_file import is_folder
 from navfw.errors import ConfigError
 from navfw.perceive.image_order import natural_key
-from navfw.perceive.image_sources import IMAGES, open_source
+from navfw.perceive.image_sources import IMAGES, ImageSource, open_source
 from navfw.perceive.pair_result import PairResult
 from navfw.perceive.perceiver import Perceiver
 from navfw.perceive.perceiver_options import PerceiverOptions
 from navfw.plugins import Registry
 from navfw.signals import Array
 
-__all__ = ["CAMERAS", "RealCamera", "bench_real", "real_rows"]
+__all__ = [
+    "CAMERAS",
+    "OpenedPart",
+    "RealCamera",
+    "bench_real",
+    "judge_result",
+    "labelled_parts",
+    "open_part",
+    "real_rows",
+]
 
 LEAD = 6
 """Number of images before the first labelled one of a part that are processed as well."""
@@ -47,8 +59,50 @@ CAMERAS = {
     "hololens_office/images": RealCamera(57.2, 10.0),
     "tum_fr1/rgb": RealCamera(63.5, 30.0),
     "approach": RealCamera(65.0, 10.0),  # not known
+    "corridor_udes": RealCamera(65.0, 1.0),  # not known; single photographs
 }
 """The recordings with labels, by folder."""
+
+
+@dataclass
+class _Findings:
+    """What was found in one part, or in several."""
+
+    verdicts: Counter[str] = field(default_factory=Counter)
+    statements: Counter[str] = field(default_factory=Counter)
+    pairs: int = 0
+    heading_sigmas: list[float] = field(default_factory=list)
+    heading_errors: list[float] = field(default_factory=list)
+    nearness: list[NearnessErrors] = field(default_factory=list)
+    yaw: list[Array] = field(default_factory=list)
+
+    def add(self, other: _Findings) -> None:
+        """Add what was found in another part."""
+        self.verdicts.update(other.verdicts)
+        self.statements.update(other.statements)
+        self.pairs += other.pairs
+        self.heading_sigmas += other.heading_sigmas
+        self.heading_errors += other.heading_errors
+        self.nearness += other.nearness
+        self.yaw += other.yaw
+
+    def row(self) -> dict[str, Any]:
+        """The findings as plain data; None for what cannot be judged."""
+        cells = sum(found.number for found in self.nearness)
+        by_way = [error for found in self.nearness for error in found.by_way]
+        up_to_scale = [error for found in self.nearness for error in found.up_to_scale]
+        return {
+            "verdicts": {str(verdict): self.verdicts[verdict] for verdict in SentenceVerdict},
+            "statements": dict(sorted(self.statements.items())),
+            "pairs": self.pairs,
+            "headings_known": len(self.heading_sigmas),
+            "heading_sigma_deg": _median(self.heading_sigmas, 2),
+            "heading_error_deg": _median(self.heading_errors, 2),
+            "nearness_trusted": round(len(by_way) / cells, 3) if cells else None,
+            "nearness_error": _median(up_to_scale, 3),
+            "nearness_error_by_way": _median(by_way, 3),
+            **yaw_summary(np.concatenate([np.empty((0, 2)), *self.yaw])),
+        }
 
 
 def bench_real(
@@ -61,37 +115,44 @@ def bench_real(
     """Verdicts of the labelled frames of ``split`` ("tuning", "test" or "all").
 
     ``flows`` are the flow processors to compare. For each of them and each part: counts of the
-    verdicts and of the statements, how many headings are known, and the
-    medians of the heading's standard deviation [deg] and error [deg] where it is known.
+    verdicts and of the statements, how many headings are known, and the medians of the heading's
+    standard deviation [deg] and error [deg] where it is known; the share of cells with trusted
+    nearness and the median of their relative error, up to scale and by the recorded way; and the
+    correlation and slope of the yaw rate over the gyro's. ``singles`` are parts of photographs
+    without a neighbour; they are not in the total.
 
     Raises:
         ConfigError: ``data`` lacks a recording or a labelled image.
+        InputError: a file of a recording cannot be read.
 
     """
     report = tick or (lambda _: None)
-    parts: dict[str, list[FrameLabel]] = {}
-    for label in load_labels():
-        if not label.single and split in (label.split, "all"):
-            parts.setdefault(label.part, []).append(label)
+    parts = labelled_parts(split)
     found: dict[str, Any] = {}
     for flow in flows:
-        rows = {}
+        rows: dict[str, dict[str, Any]] = {"parts": {}, "singles": {}}
+        total = _Findings()
         for part, labels in parts.items():
             report(f"{flow}: {part}")
-            rows[part] = _part(data, labels, flow, registry)
-        found[flow] = {"parts": rows, "total": _total(list(rows.values()))}
-    return {"split": split, "frames": sum(map(len, parts.values())), "flows": found}
+            findings = _part(data, labels, flow, registry)
+            single = labels[0].single
+            rows["singles" if single else "parts"][part] = findings.row()
+            if not single:
+                total.add(findings)
+        found[flow] = {**rows, "total": total.row()}
+    frames = sum(len(labels) for labels in parts.values() if not labels[0].single)
+    return {"split": split, "frames": frames, "flows": found}
 
 
 def real_rows(result: dict[str, Any]) -> list[list[str]]:
-    """Rows of text: flow, part, verdicts, share right or partly, headings known, sigma, error."""
+    """Rows of text: flow, part, verdicts, share right or partly, headings, nearness, yaw rate."""
     rows = []
     for flow, found in result["flows"].items():
-        for part, row in [*found["parts"].items(), ("all", found["total"])]:
+        singles = {f"{part} (single)": row for part, row in found["singles"].items()}
+        for part, row in [*found["parts"].items(), ("all", found["total"]), *singles.items()]:
             verdicts = row["verdicts"]
             frames = max(sum(verdicts.values()), 1)
             good = verdicts["right"] + verdicts["partly"]
-            headings = (row["heading_sigma_deg"], row["heading_error_deg"])
             rows.append(
                 [
                     flow,
@@ -99,85 +160,121 @@ def real_rows(result: dict[str, Any]) -> list[list[str]]:
                     *(str(verdicts[verdict]) for verdict in SentenceVerdict),
                     f"{good / frames:.0%}",
                     f"{row['headings_known']} of {row['pairs']}",
-                    *("-" if angle is None else f"{angle:.1f}" for angle in headings),
+                    _text(row["heading_sigma_deg"], ".1f"),
+                    _text(row["heading_error_deg"], ".1f"),
+                    _text(row["nearness_trusted"], ".0%"),
+                    _text(row["nearness_error"], ".1%"),
+                    _text(row["yaw_correlation"], ".3f"),
+                    _text(row["yaw_slope"], ".3f"),
                 ]
             )
     return rows
 
 
-def _part(
+def _text(value: float | None, form: str) -> str:
+    return "-" if value is None else format(value, form)
+
+
+def _median(values: Sequence[float], digits: int) -> float | None:
+    return round(float(np.median(values)), digits) if values else None
+
+
+def labelled_parts(split: str) -> dict[str, list[FrameLabel]]:
+    """The labels of ``split`` ("tuning", "test" or "all") by part."""
+    parts: dict[str, list[FrameLabel]] = {}
+    for label in load_labels():
+        if split in (label.split, "all"):
+            parts.setdefault(label.part, []).append(label)
+    return parts
+
+
+@dataclass(frozen=True, slots=True)
+class OpenedPart:
+    """The images of a part, the perceiver that processes them, and the gyro's record if any."""
+
+    source: ImageSource
+    perceiver: Perceiver
+    gyro: RecordedGyro | None
+
+
+def open_part(
     data: Path, labels: Sequence[FrameLabel], flow: str, registry: Registry
-) -> dict[str, Any]:
-    """The row of one part."""
-    images = _images(data / labels[0].folder, labels)
-    camera = CAMERAS[labels[0].folder]
-    source = open_source(images, camera.rate)
+) -> OpenedPart:
+    """One part of the recordings in ``data``, from some images before the first labelled one on.
+
+    Raises:
+        ConfigError: ``data`` lacks the recording or a labelled image.
+        InputError: a file of the recording cannot be read.
+
+    """
+    folder = labels[0].folder
+    everything = _images(data / folder)
+    images = _images_of(everything, data / folder, labels)
+    camera = CAMERAS[folder]
+    gyro = recorded_gyro(data / folder.split("/", maxsplit=1)[0], everything)
+    rate, times = (camera.rate, None) if gyro is None else (None, gyro.times)
+    source = open_source(images, rate, listed=times)
     perceiver = Perceiver(PerceiverOptions(hfov=camera.hfov, flow=flow), source, registry)
+    return OpenedPart(source, perceiver, gyro)
+
+
+def judge_result(result: PairResult | None, label: FrameLabel) -> Judgement:
+    """The sentence of a pair judged by the label of its second image; silent without a result."""
+    if result is None:
+        return Judgement({})
+    return judge(result.percept.sentence, result.percept.obstacles.get("layer1", {}), label)
+
+
+def _part(data: Path, labels: Sequence[FrameLabel], flow: str, registry: Registry) -> _Findings:
+    """What is found in one part."""
+    folder = labels[0].folder
+    opened = open_part(data, labels, flow, registry)
+    source, perceiver, gyro = opened.source, opened.perceiver, opened.gyro
     results = {Path(item.name).name: result for item, result in perceiver.results()}
-    verdicts: Counter[str] = Counter(dict.fromkeys(SentenceVerdict, 0))
-    statements: Counter[str] = Counter()
-    for label in labels:
-        result = results.get(label.file)
-        if result is None:
-            verdicts[SentenceVerdict.SILENT] += 1
+    found = _judged(results, labels)
+    if gyro is not None and source.start is not None:
+        found.yaw.append(yaw_rates(results.values(), source.start, gyro.record))
+    poses, depths = camera_poses(data, folder), depth_files(data, folder)
+    for name, result in results.items():
+        past, now = poses.get(Path(result.past).name), poses.get(name)
+        if past is None or now is None:
             continue
-        percept = result.percept
-        judged = judge(percept.sentence, percept.obstacles.get("layer1", {}), label)
-        verdicts[judged.verdict] += 1
-        statements.update(
+        if math.isfinite(result.egomotion.heading_sigma):
+            found.heading_errors.append(heading_error(result, past, now))
+        if name in depths and perceiver.size is not None:
+            depth, way = depths[name].read(), camera_way(past, now)
+            found.nearness.append(nearness_errors(result, perceiver.size, depth, way))
+    return found
+
+
+def _judged(results: Mapping[str, PairResult], labels: Sequence[FrameLabel]) -> _Findings:
+    """Verdicts by the labels, and the headings, of ``results`` by the name of the image."""
+    found = _Findings(pairs=len(results))
+    for label in labels:
+        judged = judge_result(results.get(label.file), label)
+        found.verdicts[judged.verdict] += 1
+        found.statements.update(
             f"{name} {'right' if true else 'wrong'}" for name, true in judged.statements.items()
         )
-    return {
-        "verdicts": dict(verdicts),
-        "statements": dict(sorted(statements.items())),
-        **_headings(list(results.values()), camera_poses(data, labels[0].folder)),
-    }
+    sigmas = [result.egomotion.heading_sigma for result in results.values()]
+    found.heading_sigmas += [math.degrees(sigma) for sigma in sigmas if math.isfinite(sigma)]
+    return found
 
 
-def _headings(results: Sequence[PairResult], poses: Mapping[str, Array]) -> dict[str, Any]:
-    """How many headings are known, the median of their sigma, and of their error by ``poses``."""
-    known = [result for result in results if math.isfinite(result.egomotion.heading_sigma)]
-    sigmas = [math.degrees(result.egomotion.heading_sigma) for result in known]
-    errors = [
-        heading_error(result, poses[Path(result.past).name], poses[Path(result.now).name])
-        for result in known
-        if {Path(result.past).name, Path(result.now).name} <= poses.keys()
-    ]
-    return {
-        "pairs": len(results),
-        "headings_known": len(known),
-        "heading_sigma_deg": round(float(np.median(sigmas)), 2) if sigmas else None,
-        "heading_error_deg": round(float(np.median(errors)), 2) if errors else None,
-    }
-
-
-def _total(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """All parts together."""
-    verdicts: Counter[str] = Counter(dict.fromkeys(SentenceVerdict, 0))
-    statements: Counter[str] = Counter()
-    for row in rows:
-        verdicts.update(row["verdicts"])
-        statements.update(row["statements"])
-    return {
-        "verdicts": dict(verdicts),
-        "statements": dict(sorted(statements.items())),
-        "pairs": sum(row["pairs"] for row in rows),
-        "headings_known": sum(row["headings_known"] for row in rows),
-        "heading_sigma_deg": None,
-        "heading_error_deg": None,
-    }
-
-
-def _images(folder: Path, labels: Sequence[FrameLabel]) -> list[Path]:
-    """The images of a part, in order, with some before the first labelled one."""
+def _images(folder: Path) -> list[Path]:
+    """All images of a recording in their order."""
     if not is_folder(folder):
         raise ConfigError("there is no such folder; --data names the folder above", file=folder)
-    images = sorted(
+    return sorted(
         (path for path in folder.iterdir() if path.suffix.lower() in IMAGES), key=natural_key
     )
+
+
+def _images_of(images: Sequence[Path], folder: Path, labels: Sequence[FrameLabel]) -> list[Path]:
+    """Those of the ``images`` of a part, with some before the first labelled one."""
     names = [path.name for path in images]
     for label in labels:
         if label.file not in names:
             raise ConfigError("the labelled image is missing", file=folder / label.file)
-    first, last = names.index(labels[0].file), names.index(labels[-1].file)
-    return images[max(first - LEAD, 0) : last + 1]
+    chosen = [names.index(label.file) for label in labels]
+    return list(images[max(min(chosen) - LEAD, 0) : max(chosen) + 1])

@@ -62,7 +62,7 @@ class FrameLabel:
 
 @dataclass(frozen=True, slots=True)
 class Judgement:
-    """Whether each statement of a sentence is true: ``nearest``, ``front``, ``floor``."""
+    """Whether each statement of a sentence is true, such as ``nearest``, ``front``, ``floor``."""
 
     statements: Mapping[str, bool]
 

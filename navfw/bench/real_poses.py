@@ -13,7 +13,7 @@ from navfw.bench.tum_recording import TumRecording
 from navfw.perceive.pair_result import PairResult
 from navfw.signals import Array
 
-__all__ = ["camera_poses", "heading_error"]
+__all__ = ["camera_poses", "camera_way", "heading_error"]
 
 
 def camera_poses(data: Path, folder: str) -> Mapping[str, Array]:
@@ -43,3 +43,8 @@ def heading_error(result: PairResult, past: Array, now: Array) -> float:
     length = float(np.linalg.norm(shift))
     cosine = float(result.egomotion.direction @ shift) / max(length, 1e-12)
     return math.degrees(math.acos(min(max(cosine, -1.0), 1.0)))
+
+
+def camera_way(past: Array, now: Array) -> float:
+    """Distance [m] between the places of two poses (4, 4)."""
+    return float(np.linalg.norm(now[:3, 3] - past[:3, 3]))

@@ -26,7 +26,8 @@ outer side is nearer. Several situations may hold at once:
 
 The terms of ``slope.yaml`` cross at 13 and 60 degrees. A view without any of these situations is
 ``mixed``; a view with more than a third of the walls of either half behind furniture is ``hidden``.
-Neither counts for or against the situations.
+Neither counts for or against the situations. A *possible* situation needs planes over half of the
+columns of each image half only, and a door half as wide; furniture is ignored.
 """
 
 from __future__ import annotations
@@ -47,7 +48,16 @@ from navfw.sim.shapes import Rectangle
 from navfw.sim.solids import opening_segment, solids_of, wall_segments
 from navfw.sim.worldspec import WorldSpec
 
-__all__ = ["ViewTruth", "WallGeometry", "true_term", "truth_of"]
+__all__ = [
+    "DOMINANT",
+    "HIDDEN",
+    "MAJORITY",
+    "HalfPlane",
+    "ViewTruth",
+    "WallGeometry",
+    "true_term",
+    "truth_of",
+]
 
 CELL_AREA = 100
 """Area [px] of one cell of a 12 x 16 grid over 160 x 120 px."""
@@ -64,8 +74,28 @@ FUZZY = math.radians(3.0)
 DOMINANT, HIDDEN = 2.0 / 3.0, 1.0 / 3.0
 """Least share of a half's columns on one plane; largest share of its walls behind furniture."""
 
+MAJORITY = 0.5
+"""Share of a half's columns on one plane from which on a situation is possible."""
+
+DOOR_WIDTH, DOOR_SIDE = 24.0, 8.0
+"""Least width [px] in the image of a door ahead, and how far it reaches to either side of the axis;
+a possible door has half of these."""
+
 FLOOR_MARGIN = 0.05
 """Height [m] above the floor, and below the ceiling, within which pixels belong to these."""
+
+
+@dataclass(frozen=True, slots=True)
+class HalfPlane:
+    """The wall plane that fills most columns of the left or right half of an image.
+
+    ``face`` is one of its faces, -1 if there is no wall; ``share`` is its share of the columns;
+    ``slope`` [rad] is its angle to the image plane, positive where the outer side is nearer.
+    """
+
+    face: int
+    share: float
+    slope: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,8 +104,10 @@ class ViewTruth:
 
     ``nearness`` (4,) [1/m] of P1..P4; ``certain`` and ``possible`` name the quadrants of the
     nearest object; ``distance`` [m] is its depth and ``term`` its distance term. ``situations``
-    are all that hold, or ``("mixed",)``, or ``("hidden",)``. ``furniture`` is the share of the
-    wall pixels that are behind furniture.
+    are all that hold, or ``("mixed",)``, or ``("hidden",)``; ``possible_situations`` those that
+    hold by the limits for possible ones if furniture is ignored. ``planes`` and ``hidden`` have
+    the largest plane of the left and of the right half, and the share of its wall pixels that are
+    behind furniture; ``furniture`` is that of the whole view.
     """
 
     nearness: tuple[float, ...]
@@ -84,6 +116,9 @@ class ViewTruth:
     distance: float
     term: str
     situations: tuple[str, ...]
+    possible_situations: tuple[str, ...]
+    planes: tuple[HalfPlane, HalfPlane]
+    hidden: tuple[float, float]
     furniture: float
 
     @property
@@ -138,31 +173,51 @@ class WallGeometry:
         face = depth.argmin(axis=1)
         return depth[np.arange(x.size), face], face
 
-    def situations(self, pose: Pose, camera: CameraModel) -> tuple[str, ...]:
-        """All elementary situations that the walls form, or ``("mixed",)``."""
+    def situations(
+        self, pose: Pose, camera: CameraModel, *, possible: bool = False
+    ) -> tuple[str, ...]:
+        """All elementary situations that the walls form, or ``("mixed",)``.
+
+        With ``possible``, planes need fill only ``MAJORITY``, and doors may be half as wide.
+        """
         depth, face = self.cast(pose, camera)
-        half = camera.width // 2
-        left = self._dominant(face[:half], depth[:half])
-        right = self._dominant(face[half:], depth[half:])
+        left, right = self._halves(pose, depth, face)
         found = []
-        if self._door_ahead(pose, camera, depth):
+        if self._door_ahead(pose, camera, depth, 0.5 if possible else 1.0):
             found.append("door")
-        if left is not None and right is not None:
-            found += self._from_planes(left, right, pose)
+        if min(left.share, right.share) >= (MAJORITY if possible else DOMINANT):
+            found += self._from_planes(left, right)
         return tuple(found) or ("mixed",)
 
-    def _dominant(self, face: npt.NDArray[np.int64], depth: Array) -> int | None:
-        """A face of the plane that fills two thirds of the columns; None without one."""
+    def halves(self, pose: Pose, camera: CameraModel) -> tuple[HalfPlane, HalfPlane]:
+        """The largest planes of the left and of the right half of the image."""
+        return self._halves(pose, *self.cast(pose, camera))
+
+    def _halves(
+        self, pose: Pose, depth: Array, face: npt.NDArray[np.int64]
+    ) -> tuple[HalfPlane, HalfPlane]:
+        half = face.size // 2
+        return (
+            self._largest(pose, depth[:half], face[:half], outer=-1.0),
+            self._largest(pose, depth[half:], face[half:], outer=1.0),
+        )
+
+    def _largest(
+        self, pose: Pose, depth: Array, face: npt.NDArray[np.int64], outer: float
+    ) -> HalfPlane:
+        """The largest plane of a half whose outer side is the left (-1) or the right (1)."""
         planes = np.where(np.isfinite(depth), self._plane[face], -1)
         values, counts = np.unique(planes, return_counts=True)
         best = int(values[counts.argmax()])
-        if best < 0 or counts.max() < DOMINANT * face.size:
-            return None
-        return int(face[planes == best][0])
+        share = float(counts.max() / face.size)
+        if best < 0:
+            return HalfPlane(-1, 0.0, 0.0)
+        one = int(face[planes == best][0])
+        return HalfPlane(one, share, outer * self._slope(one, pose))
 
-    def _from_planes(self, left: int, right: int, pose: Pose) -> list[str]:
-        slope_left, slope_right = -self._slope(left, pose), self._slope(right, pose)
-        if self._plane[left] == self._plane[right]:
+    def _from_planes(self, left: HalfPlane, right: HalfPlane) -> list[str]:
+        slope_left, slope_right = left.slope, right.slope
+        if self._plane[left.face] == self._plane[right.face]:
             aslant = abs(slope_left)
             side = "left" if slope_left > 0.0 else "right"
             found = ["wall"] if aslant <= ORTHOGONAL + FUZZY else []
@@ -170,7 +225,7 @@ class WallGeometry:
                 found.append(f"{side} slope wall")
             return found
         if min(slope_left, slope_right) > STEEP:
-            facing = float(self._normal[left] @ self._normal[right])
+            facing = float(self._normal[left.face] @ self._normal[right.face])
             return ["corridor"] if facing < -math.cos(math.radians(10.0)) else []
         between = math.pi - slope_left - slope_right
         concave = slope_left + slope_right > math.radians(30.0)
@@ -183,7 +238,7 @@ class WallGeometry:
         towards = -self._normal[face]  # nearness grows along it
         return math.atan2(float(towards @ right), float(towards @ ahead))
 
-    def _door_ahead(self, pose: Pose, camera: CameraModel, depth: Array) -> bool:
+    def _door_ahead(self, pose: Pose, camera: CameraModel, depth: Array, part: float) -> bool:
         eye, ahead, right = _axes(pose, camera)
         for middle, half, yaw in self._gaps:
             along = np.array([math.cos(yaw), math.sin(yaw)]) * half
@@ -193,7 +248,10 @@ class WallGeometry:
                 continue
             x0, x1 = sorted((camera.focal * (ends @ right) / far).tolist())
             quarter = 0.375 * camera.width
-            if x1 - x0 < 24.0 or x0 > -8.0 or x1 < 8.0 or x0 < -quarter or x1 > quarter:
+            side = part * DOOR_SIDE
+            if x1 - x0 < part * DOOR_WIDTH or x0 > -side or x1 < side:
+                continue
+            if x0 < -quarter or x1 > quarter:
                 continue
             column = round(0.5 * (camera.width - 1))
             if depth[column] > far.max():
@@ -225,7 +283,7 @@ def truth_of(
         np.isfinite(walls_depth) & (wall_height > FLOOR_MARGIN) & (wall_height < walls.height)
     )
     hides = expected & solid & (depth < 0.97 * walls_depth - 0.02)
-    hidden = [hides[:, side].sum() / max(expected[:, side].sum(), 1) for side in sides]
+    hidden = [float(hides[:, side].sum() / max(expected[:, side].sum(), 1)) for side in sides]
     situations = walls.situations(pose, camera)
     return ViewTruth(
         nearness=tuple(each),
@@ -234,6 +292,9 @@ def truth_of(
         distance=distance,
         term=true_term(distance, speed),
         situations=("hidden",) if max(hidden) > HIDDEN else situations,
+        possible_situations=walls.situations(pose, camera, possible=True),
+        planes=walls.halves(pose, camera),
+        hidden=(hidden[0], hidden[1]),
         furniture=float(hides.sum() / max(expected.sum(), 1)),
     )
 

@@ -49,5 +49,9 @@ def real(
         "headings known",
         "sigma [deg]",
         "error [deg]",
+        "trusted",
+        "nearness error",
+        "yaw r",
+        "yaw slope",
     ]
     print_table(heads, real_rows(result), "no labelled frames")

@@ -1,9 +1,10 @@
-"""``navfw reproduce``: repeat the paper's experiments; write tables and figures on a page."""
+"""``navfw reproduce``: repeat the paper's experiments; write a page of HTML."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -20,6 +21,13 @@ def add_to(app: typer.Typer) -> None:
 
 def reproduce(
     out: Annotated[Path, typer.Option(help="Folder to write.")] = Path("reproduction"),
+    data: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder of the recordings, for Table 3 on photographs (docs/real-frames.md).",
+            show_default=False,
+        ),
+    ] = None,
     seed: Annotated[
         int, typer.Option(min=0, help="Seed of the noise and of the generated views.")
     ] = 0,
@@ -29,33 +37,41 @@ def reproduce(
     ] = 200,
     json: Json = False,
 ) -> None:
-    """Repeat the paper's experiments. Exit with 1 if a check of the results fails."""
+    """Repeat the paper's experiments, on a page of HTML. Exit with 1 if a check of them fails."""
     with quiet_stdout():
         from navfw.reproduce.reproduction import reproduce as run
 
-        result = run(out, seed, views, print_status)
+        result = run(out, seed, views, data, print_status)
     if json:
         print_json(result)
     else:
-        rows = [
-            (
-                entry["waypoint"],
-                entry["doing"],
-                *(_verdict(entry["readings"], flow, rotation) for flow, rotation in _COLUMNS),
-            )
-            for entry in result["table2"]
-        ]
-        columns = [f"{flow}, rotation {rotation}" for flow, rotation in _COLUMNS]
-        print_table(["waypoint", "the robot", *columns], rows, "no waypoints")
-        for name, good in result["checks"].items():
-            typer.echo(f"{'yes' if good else 'NO '}  {name}")
-        times = result["timings"]
-        typer.echo(
-            f"OFFIS takes {times['offis_12x16_ms']:.2f} ms (the paper: 160 ms obstacles, 580 to"
-            " 620 ms situation)"
-        )
-        typer.echo(f"digest {result['digest'][:16]}, page {out / 'index.md'}")
+        _print(result, out)
     raise typer.Exit(0 if all(result["checks"].values()) else 1)
+
+
+def _print(result: Mapping[str, Any], out: Path) -> None:
+    """The verdicts of Table 2, the summary, the checks and the times."""
+    rows = [
+        (
+            entry["waypoint"],
+            entry["doing"],
+            *(_verdict(entry["readings"], flow, rotation) for flow, rotation in _COLUMNS),
+        )
+        for entry in result["table2"]
+    ]
+    columns = [f"{flow}, rotation {rotation}" for flow, rotation in _COLUMNS]
+    print_table(["waypoint", "the robot", *columns], rows, "no waypoints")
+    for title, sentences in result["summary"].items():
+        for sentence in sentences:
+            typer.echo(f"{title}: {sentence}")
+    for name, good in result["checks"].items():
+        typer.echo(f"{'yes' if good else 'NO '}  {name}")
+    times = result["timings"]
+    typer.echo(
+        f"OFFIS takes {times['offis_12x16_ms']:.2f} ms (the paper: 160 ms obstacles, 580 to"
+        " 620 ms situation)"
+    )
+    typer.echo(f"digest {result['digest'][:16]}, page {out / 'index.html'}")
 
 
 _COLUMNS = (
@@ -66,12 +82,7 @@ _COLUMNS = (
 )
 
 
-def _verdict(readings: list[dict[str, object]], flow: str, rotation: str) -> str:
-    for reading in readings:
-        if (reading["flow"], reading["rotation"], reading["mode"]) == (
-            flow,
-            rotation,
-            "normalised",
-        ):
-            return "right" if reading["right"] else "wrong"
-    return "-"
+def _verdict(readings: Sequence[Mapping[str, str]], flow: str, rotation: str) -> str:
+    """The verdict of the normalised mode."""
+    wanted = (flow, rotation, "normalised")
+    return next(r["verdict"] for r in readings if (r["flow"], r["rotation"], r["mode"]) == wanted)

@@ -13,7 +13,10 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["fit_motion", "rate_directions", "rotation_matrix", "rotation_vector"]
+from navfw.camera_geometry.rotations import rotation_matrix, rotation_vector
+from navfw.camera_geometry.turned_points import turn_point
+
+__all__ = ["fit_motion", "rate_directions"]
 
 Doubles = npt.NDArray[np.float64]
 
@@ -26,16 +29,6 @@ COARSE = 0.5
 HOLE = 4.0
 """Radius around the focus of expansion [px] within which the epipolar line has no direction: there
 the whole derotated vector is residual, since it has to be short."""
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _turned(x: float, y: float, focal: float, r: Doubles) -> tuple[float, float]:
-    """The image point (x, y) after its ray is rotated by ``r``; NaN behind the camera."""
-    depth = (r[2, 0] * x + r[2, 1] * y) / focal + r[2, 2]
-    if not depth > 1e-9:
-        return math.nan, math.nan
-    u = (r[0, 0] * x + r[0, 1] * y + r[0, 2] * focal) / depth
-    return u, (r[1, 0] * x + r[1, 1] * y + r[1, 2] * focal) / depth
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -200,7 +193,7 @@ def fit_motion(
         for i in range(n):
             residuals[i] = math.nan
             x, y = points[i, 0], points[i, 1]
-            px, py = _turned(past[i, 0], past[i, 1], focal, rotation)
+            px, py = turn_point(past[i, 0], past[i, 1], rotation, focal)
             residual = _row(x, y, px, py, focal, t, basis, row)
             residuals[i] = residual
             if weight[i] <= 0.0 or math.isnan(residual):
@@ -241,27 +234,3 @@ def _tangents(direction: Doubles) -> Doubles:
         basis[0, 0] = 1.0
     basis[1] = np.cross(direction, basis[0])
     return basis
-
-
-@numba.njit(cache=True)
-def rotation_matrix(vector: Doubles) -> Doubles:
-    """Rotation (3, 3) about ``vector`` (3,) by its length [rad] (Rodrigues' formula)."""
-    x, y, z = vector[0], vector[1], vector[2]
-    angle = math.sqrt(x * x + y * y + z * z)
-    cross: Doubles = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    rotation: Doubles = np.eye(3) + cross
-    if angle > 1e-12:
-        a, b = math.sin(angle) / angle, (1.0 - math.cos(angle)) / (angle * angle)
-        rotation = np.eye(3) + a * cross + b * (cross @ cross)
-    return rotation
-
-
-@numba.njit(cache=True)
-def rotation_vector(r: Doubles) -> Doubles:
-    """Rotation vector (3,) [rad] of ``r`` (3, 3), of an angle below pi."""
-    axis: Doubles = np.array([r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]]) * 0.5
-    sine = math.sqrt(axis @ axis)
-    cosine = 0.5 * (r[0, 0] + r[1, 1] + r[2, 2] - 1.0)
-    scale = math.atan2(sine, cosine) / sine if sine > 1e-12 else 1.0
-    vector: Doubles = axis * scale
-    return vector

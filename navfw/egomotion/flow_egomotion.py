@@ -16,12 +16,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from navfw.egomotion.epipolar_kernels import (
-    fit_motion,
-    rate_directions,
-    rotation_matrix,
-    rotation_vector,
-)
+from navfw.camera_geometry.rotations import rotation_matrix, rotation_vector
+from navfw.camera_geometry.turned_points import rotate_points
+from navfw.egomotion.epipolar_kernels import fit_motion, rate_directions
 from navfw.signals import Array
 
 __all__ = [
@@ -162,7 +159,7 @@ def _fit_rotation(motion: PointMotion, focal: float, prior: EgomotionPrior) -> t
     rotation = prior.rotation
     information = np.asarray(np.linalg.inv(prior.rotation_covariance), dtype=np.float64)
     for _ in range(8):
-        past = _turned(motion.past, rotation, focal)
+        past = rotate_points(motion.past, rotation, focal)
         x, y = past[use].T
         off = (motion.points - past)[use]
         zero = np.zeros_like(x)
@@ -175,7 +172,7 @@ def _fit_rotation(motion: PointMotion, focal: float, prior: EgomotionPrior) -> t
         right = slope_u.T @ (weight * off[:, 0]) + slope_v.T @ (weight * off[:, 1])
         step = np.linalg.solve(matrix + information, right)
         rotation = rotation_matrix(step) @ rotation
-    left = motion.points - _turned(motion.past, rotation, focal)
+    left = motion.points - rotate_points(motion.past, rotation, focal)
     return rotation, np.hypot(left[:, 0], left[:, 1])
 
 
@@ -250,7 +247,7 @@ def _starts(
     motion: PointMotion, focal: float, prior: EgomotionPrior, information: Array, pull: Array
 ) -> list[tuple[Array, Array]]:
     """The best directions of the search with their rotations, at least APART from each other."""
-    past = _turned(motion.past, prior.rotation, focal)
+    past = rotate_points(motion.past, prior.rotation, focal)
     directions = _hemisphere(DIRECTIONS)
     cost, turns = rate_directions(
         motion.points, past, motion.sigma, motion.weight, focal, directions, information, 4
@@ -278,7 +275,7 @@ def _hemisphere(count: int) -> Array:
 
 def _forward_share(motion: PointMotion, focal: float, rotation: Array, direction: Array) -> float:
     """Share of the significant vectors that point away from the focus of expansion."""
-    off = motion.points - _turned(motion.past, rotation, focal)
+    off = motion.points - rotate_points(motion.past, rotation, focal)
     lines = motion.points * direction[2] - focal * direction[:2]
     along = (off * lines).sum(axis=1) / np.maximum(np.hypot(*lines.T), 1e-12)
     significant = motion.used & (np.abs(along) > 2.0 * motion.sigma)
@@ -304,9 +301,3 @@ def _without_direction(
         covariance=np.diag([*prior.rotation_covariance.diagonal(), math.inf, math.inf]),
         heading_sigma=math.inf,
     )
-
-
-def _turned(points: Array, rotation: Array, focal: float) -> Array:
-    """``points`` (n, 2) [px] after their rays are rotated by ``rotation``."""
-    rays = np.column_stack([points, np.full(len(points), focal)]) @ rotation.T
-    return rays[:, :2] / rays[:, 2:] * focal

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from navfw.flow.derotation import rotation_matters
+from navfw.flow.aligned_past import rotation_matters
 from navfw.interfaces import Params
 from navfw.robot import CameraModel
 from navfw.signals import Array, FramePair

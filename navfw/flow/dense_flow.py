@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
+from navfw.flow.aligned_past import is_visible
 from navfw.flow.confidence import match_sigma, ramp
-from navfw.flow.derotation import is_visible
 from navfw.flow.gradient import gradient_products, smaller_eigenvalue
 from navfw.flow.grid_flow import MatchedFlow
 from navfw.robot import RobotModel

@@ -9,8 +9,9 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from navfw import interfaces
+from navfw.camera_geometry.turned_points import rotate_points
+from navfw.flow.aligned_past import align_past, visible_in_past
 from navfw.flow.confidence import SIGMA_UNKNOWN, check_ramps, is_frozen
-from navfw.flow.derotation import align_past, rotate_points, visible_in_past
 from navfw.flow.grid import check_frame, check_grid, grid_points
 from navfw.robot import RobotModel
 from navfw.signals import Array, FlowField, FramePair, Image

@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 from pydantic import Field
 
+from navfw.flow.aligned_past import is_visible
 from navfw.flow.confidence import SIGMA_UNKNOWN, local_spread, ramp
-from navfw.flow.derotation import is_visible
 from navfw.flow.gradient import gradient_products, smaller_eigenvalue
 from navfw.flow.grid import grid_points
 from navfw.flow.grid_flow import MatchedFlow

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 from navfw.egomotion.camera_motion import with_yaw_sigma
 from navfw.egomotion.pairing import PairingParams
+from navfw.egomotion.refinement import RefinementParams, refine
 from navfw.flow.floor_aligned import FloorAlignedFlow
-from navfw.flow.refinement import RefinementParams, refine
 from navfw.movers.detection_schedule import DetectionSchedule
 from navfw.movers.localization import locate_moving_objects
 from navfw.movers.motion_segmentation import direction_sigma

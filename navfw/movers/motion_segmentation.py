@@ -53,7 +53,7 @@ def segment_motion(flow: FlowField, fall: Array, camera: CameraModel) -> Mask:
     """(rows, cols) cells of ``flow`` (derotated) that no static point can explain.
 
     ``fall`` (rows, cols) is ``camera.fall_per_depth`` there. ``flow.inconsistency``
-    marks vectors off their epipolar lines already (``navfw.flow.refinement``).
+    marks vectors off their epipolar lines already (``navfw.egomotion.refinement``).
     """
     motion = flow.motion
     standing = motion.baseline < MIN_BASELINE

@@ -48,7 +48,7 @@ def find_stixels(flow: FlowField, camera: CameraModel) -> Stixels | None:
     Raises ValueError when ``flow`` still contains rotation.
     """
     if not flow.derotated:
-        raise ValueError("stixels need derotated flow (navfw.flow.derotation.derotate)")
+        raise ValueError("stixels need derotated flow (navfw.camera_geometry.derotation)")
     motion = flow.motion
     if motion.baseline < MIN_BASELINE or abs(camera.pitch) > MAX_PITCH:
         return None

@@ -50,7 +50,7 @@ def triangulate(
 
     """
     if not flow.derotated:
-        raise ValueError("nearness needs derotated flow (navfw.flow.derotation.derotate)")
+        raise ValueError("nearness needs derotated flow (navfw.camera_geometry.derotation)")
     motion = flow.motion
     shape = flow.shape
     baseline = motion.baseline

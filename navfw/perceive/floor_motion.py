@@ -94,7 +94,7 @@ class FloorMotion:
     def apply(self, flow: FlowField, camera: CameraModel) -> FlowField:
         """``flow`` (derotated) with the floor's vectors in the floor's cells."""
         shift = flow.motion.translation
-        fall = _fall(flow.points, self.pitch, camera.focal)
+        fall = camera.fall_per_depth(flow.points, self.pitch)
         nearness = self.ratio * fall / flow.motion.baseline
         lines = flow.points * shift[2] - camera.focal * shift[:2]
         vectors = lines * (nearness / (1.0 + shift[2] * nearness))[..., None]
@@ -159,7 +159,7 @@ class FloorFinder:
 
     def without_floor(self, flow: FlowField) -> FlowField:
         """``flow`` without confidence below the horizon, where it may show the floor or objects."""
-        fall = _fall(flow.points, self.pitch or 0.0, self._camera.focal)
+        fall = self._camera.fall_per_depth(flow.points, self.pitch or 0.0)
         return replace(flow, confidence=np.where(fall > 0.0, 0.0, flow.confidence))
 
     def _collect(self, likelihood: Array, motion: CameraMotion) -> None:
@@ -209,7 +209,7 @@ class FloorFinder:
         """Cells (rows, cols) below the horizon."""
         rows, cols = self._grid
         y = ((np.arange(rows) + 0.5) / rows - 0.5) * self._camera.height
-        fall = _fall(np.stack([np.zeros(rows), y], axis=-1), pitch, self._camera.focal)
+        fall = self._camera.fall_per_depth(np.stack([np.zeros(rows), y], axis=-1), pitch)
         return np.repeat((fall > LEAST_FALL)[:, None], cols, axis=1)
 
 
@@ -230,12 +230,6 @@ def _peak(scores: Array) -> float:
     curve = before - 2.0 * here + after
     step = 0.5 * (before - after) / curve if curve < 0.0 else 0.0
     return float(RATIOS[k] * (RATIOS[3] / RATIOS[2]) ** min(max(step, -1.0), 1.0))
-
-
-def _fall(points: Array, pitch: float, focal: float) -> Array:
-    """Descent per depth of the rays through ``points`` (..., 2) [px]."""
-    fall: Array = points[..., 1] / focal * math.cos(pitch) + math.sin(pitch)
-    return fall
 
 
 def _spread(seeds: Mask, fits: Mask, mean: Array) -> Mask:

@@ -17,7 +17,7 @@ from navfw.errors import InputError
 from navfw.perceive.gyro_columns import COLUMNS, RATES, GyroColumn, column_of
 from navfw.signals import Array
 
-__all__ = ["GyroRecord", "load_gyro_record", "rotation_from_vector"]
+__all__ = ["GyroRecord", "load_gyro_record"]
 
 _FASTEST = 10.0
 """Largest rate [rad/s]: a camera that turns faster sees nothing but blur, so larger values have
@@ -84,17 +84,6 @@ class GyroRecord:
     def shifted(self, seconds: float) -> Self:
         """The same record with times later by ``seconds``."""
         return replace(self, times=self.times + seconds)
-
-
-def rotation_from_vector(vector: Array) -> Array:
-    """Rotation matrix (3, 3) about ``vector`` by its length [rad] (Rodrigues' formula)."""
-    angle = float(np.linalg.norm(vector))
-    x, y, z = vector
-    cross: Array = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    if angle < 1e-9:
-        return np.eye(3) + cross
-    a, b = math.sin(angle) / angle, (1.0 - math.cos(angle)) / angle**2
-    return np.asarray(np.eye(3) + a * cross + b * (cross @ cross))
 
 
 def load_gyro_record(path: Path) -> GyroRecord:

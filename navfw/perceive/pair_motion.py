@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from navfw.egomotion import epipolar_kernels
+from navfw.camera_geometry import rotations
 from navfw.egomotion.flow_egomotion import (
     FREE_TURN,
     Egomotion,
@@ -22,7 +22,6 @@ from navfw.egomotion.flow_egomotion import (
     estimate_egomotion,
 )
 from navfw.perceive.gyro_columns import RATES
-from navfw.perceive.gyro_record import rotation_from_vector
 from navfw.perceive.motion_record import MotionRecord
 from navfw.perceive.point_tracks import TrackImage, track_points
 from navfw.perceive.working_size import WorkingSize
@@ -115,7 +114,7 @@ class PairMotionEstimator:
                 sigma = np.where(known, GYRO_SIGMA * (end - begin), sigma)
         base = self._camera.base_from_camera
         prior = EgomotionPrior(
-            base.T @ rotation_from_vector(-turn) @ base, base.T @ np.diag(sigma**2) @ base
+            base.T @ rotations.rotation_matrix(-turn) @ base, base.T @ np.diag(sigma**2) @ base
         )
         heading = self._usual_heading()
         if heading is not None:
@@ -138,4 +137,4 @@ def rotation_vector(rotation: Array, camera: CameraModel) -> Array:
     """Rotation vector (3,) [rad] about base_link's x, y, z of the camera's ``rotation`` (3, 3)."""
     base = camera.base_from_camera
     turn = np.ascontiguousarray(base @ rotation.T @ base.T)
-    return np.asarray(epipolar_kernels.rotation_vector(turn))
+    return np.asarray(rotations.rotation_vector(turn))

@@ -10,10 +10,10 @@ from typing import cast
 
 import numpy as np
 
+from navfw.camera_geometry.derotation import derotate
 from navfw.egomotion.flow_egomotion import MotionKind
+from navfw.egomotion.refinement import RefinementParams, refine
 from navfw.errors import InputError
-from navfw.flow.derotation import derotate
-from navfw.flow.refinement import RefinementParams, refine
 from navfw.interfaces import FlowProcessor
 from navfw.offis.offis import Offis
 from navfw.perceive.floor_motion import FloorFinder

@@ -2,13 +2,13 @@
 
 Two comparisons on generated views with ground truth. *OFFIS* with either metric; and, since OFFIS
 may compensate for a metric by other means, *the metrics alone*: a linear classifier infers
-situation and nearest quadrant from nothing but the region metrics of the raw flow.
+situation and nearest quadrant from nothing but the region metrics of the raw flow. The paper claims
+that the two layers give "at least the same or even better classification results".
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from itertools import islice
 from typing import Any
 
@@ -18,20 +18,22 @@ import numpy.typing as npt
 from navfw.bench.perception_samples import PerceptionSample, samples_of_world
 from navfw.offis.offis import Offis
 from navfw.offis.pyramid import QUADRANTS, Channels, Pyramid
-from navfw.reproduce.rendered_views import check_percept
+from navfw.reproduce.percept_verdict import check_percept
 from navfw.robot import RobotModel
 from navfw.signals import Array, FlowField, Twist
+from navfw.suite.run_statistics import mcnemar_exact
 
 __all__ = ["SETTINGS", "compare_metrics"]
 
+TWO_LAYERS, ONE_LAYER = "L=2, means", "L=1, means and variances"
+"""The two metrics of the paper's claim, as parameters of OFFIS and of the classifier."""
+
 SETTINGS: dict[str, Offis.Params] = {
-    "L=2, means": Offis.Params(mode="paper", layers=2, metric="mean"),
-    "L=1, means and variances": Offis.Params(mode="paper", layers=1, metric="mean_variance"),
+    TWO_LAYERS: Offis.Params(mode="paper", layers=2, metric="mean"),
+    ONE_LAYER: Offis.Params(mode="paper", layers=1, metric="mean_variance"),
     "L=1, means": Offis.Params(mode="paper", layers=1, metric="mean"),
-    "normalised, L=2, means": Offis.Params(mode="nearness", layers=2, metric="mean"),
-    "normalised, L=1, means and variances": Offis.Params(
-        mode="nearness", layers=1, metric="mean_variance"
-    ),
+    f"normalised, {TWO_LAYERS}": Offis.Params(mode="nearness", layers=2, metric="mean"),
+    f"normalised, {ONE_LAYER}": Offis.Params(mode="nearness", layers=1, metric="mean_variance"),
     "normalised, L=2, nearest eighth": Offis.Params(mode="nearness", layers=2),
 }
 """The parameters of OFFIS compared: the paper's two come first, the normalised ones are navfw's."""
@@ -43,12 +45,16 @@ _RIDGE = 0.3
 """Ridge added to the covariance of the standardised features."""
 
 
+Answers = Mapping[str, Sequence[bool | None]]
+"""Whether the answer for each view is right, by question; None where it is not judged."""
+
+
 def compare_metrics(views: int, seed: int) -> dict[str, Any]:
     """Both comparisons on ``views`` views of a ``seed``, with ideal flow and with block matching.
 
     Shares of correct results: ``offis[setting][flow]`` with ``quadrant``, ``distance`` and
     ``situation``; ``numbers[metric][flow]`` with ``quadrant`` and ``situation``, the classifier's
-    by 10-fold cross-validation.
+    by 10-fold cross-validation. ``claims`` has the paper's claim for each of them.
     """
     samples = list(islice(_samples(seed), views))
     flows = {
@@ -56,7 +62,7 @@ def compare_metrics(views: int, seed: int) -> dict[str, Any]:
         "block matching": [(s.flow, s.twist) for s in samples],
     }
     offis = {
-        name: {kind: _scores(params, seen, samples) for kind, seen in flows.items()}
+        name: {kind: _perceived(params, seen, samples) for kind, seen in flows.items()}
         for name, params in SETTINGS.items()
     }
     numbers = {
@@ -65,13 +71,24 @@ def compare_metrics(views: int, seed: int) -> dict[str, Any]:
             for kind, seen in flows.items()
         }
         for name, layers, variances in (
-            ("L=2, means", 2, False),
-            ("L=1, means and variances", 1, True),
+            (TWO_LAYERS, 2, False),
+            (ONE_LAYER, 1, True),
             ("L=1, means", 1, False),
         )
     }
-    clear = sum(sample.truth.clear for sample in samples)
-    return {"views": len(samples), "clear": clear, "seed": seed, "offis": offis, "numbers": numbers}
+    normalised = [offis[f"normalised, {name}"] for name in (TWO_LAYERS, ONE_LAYER)]
+    return {
+        "views": len(samples),
+        "clear": sum(sample.truth.clear for sample in samples),
+        "seed": seed,
+        "offis": _shares(offis),
+        "numbers": _shares(numbers),
+        "claims": [
+            *_claims("OFFIS, raw means", offis[TWO_LAYERS], offis[ONE_LAYER]),
+            *_claims("OFFIS, normalised", *normalised),
+            *_claims("the metrics alone", numbers[TWO_LAYERS], numbers[ONE_LAYER]),
+        ],
+    }
 
 
 def _samples(seed: int) -> Any:
@@ -81,35 +98,66 @@ def _samples(seed: int) -> Any:
         number += 1
 
 
-@dataclass(slots=True)
-class _Share:
-    """A share of correct results; None counts for nothing."""
-
-    right: int = 0
-    count: int = 0
-
-    def add(self, right: bool | None) -> None:
-        if right is not None:
-            self.right += right
-            self.count += 1
-
-    @property
-    def value(self) -> float | None:
-        return self.right / self.count if self.count else None
+def _shares(found: Mapping[str, Mapping[str, Answers]]) -> dict[str, Any]:
+    """Shares of right answers instead of the answers; None of no answers."""
+    return {
+        name: {
+            kind: {what: _share(answers[what]) for what in answers}
+            for kind, answers in kinds.items()
+        }
+        for name, kinds in found.items()
+    }
 
 
-def _scores(
+def _share(answers: Sequence[bool | None]) -> float | None:
+    judged = [answer for answer in answers if answer is not None]
+    return sum(judged) / len(judged) if judged else None
+
+
+def _claims(
+    by: str, two_layers: Mapping[str, Answers], one_layer: Mapping[str, Answers]
+) -> list[dict[str, Any]]:
+    """The paper's claim, judged on each question with each flow on the same views.
+
+    ``confirmed``: with two layers of means at least as many answers are right. ``p`` is that of
+    McNemar's exact test: how likely so large a difference is by chance.
+    """
+    claims = []
+    for kind, answers in two_layers.items():
+        for what in answers:
+            pairs = zip(answers[what], one_layer[kind][what], strict=True)
+            both = [(two, one) for two, one in pairs if two is not None and one is not None]
+            only_two = sum(two and not one for two, one in both)
+            only_one = sum(one and not two for two, one in both)
+            claims.append(
+                {
+                    "by": by,
+                    "flow": kind,
+                    "what": what,
+                    "views": len(both),
+                    "two_layers_right": sum(two for two, _ in both),
+                    "one_layer_right": sum(one for _, one in both),
+                    "differ": only_two + only_one,
+                    "p": round(mcnemar_exact(only_two, only_one), 4),
+                    "confirmed": only_two >= only_one,
+                }
+            )
+    return claims
+
+
+def _perceived(
     params: Offis.Params,
     seen: Sequence[tuple[FlowField, Twist]],
     samples: Sequence[PerceptionSample],
-) -> dict[str, float | None]:
+) -> Answers:
+    """OFFIS' answers for nearest quadrant, its distance, and situation."""
     offis = Offis(RobotModel(), params)
-    shares = {name: _Share() for name in ("quadrant", "distance", "situation")}
-    for (flow, twist), sample in zip(seen, samples, strict=True):
-        found = check_percept(offis.perceive(flow, twist), sample.truth)
-        for share, right in zip(shares.values(), found, strict=True):
-            share.add(right)
-    return {name: share.value for name, share in shares.items()}
+    checked = [
+        check_percept(offis.perceive(flow, twist), sample.truth)
+        for (flow, twist), sample in zip(seen, samples, strict=True)
+    ]
+    names = ("quadrant", "distance", "situation")
+    return {name: [answer[k] for answer in checked] for k, name in enumerate(names)}
 
 
 def _features(flow: FlowField, layers: int, variances: bool) -> Array:
@@ -131,24 +179,21 @@ def _features(flow: FlowField, layers: int, variances: bool) -> Array:
     return np.asarray(np.log(np.concatenate(columns) + 0.05))
 
 
-def _classified(
-    features: Sequence[Array], samples: Sequence[PerceptionSample]
-) -> dict[str, float | None]:
-    """Share of correct results of the classifier for nearest quadrant and situation."""
+def _classified(features: Sequence[Array], samples: Sequence[PerceptionSample]) -> Answers:
+    """The classifier's answers for nearest quadrant and, where it is clear, situation."""
     table = np.stack(features)
     quadrant = [QUADRANTS[int(np.argmax(sample.truth.nearness))] for sample in samples]
-    possible = [sample.truth.possible for sample in samples]
-    clear = np.array([sample.truth.clear for sample in samples])
-    situation = [sample.truth.situations for sample in samples]
     quadrants = _cross_validated(table, quadrant)
-    right = [name in names for name, names in zip(quadrants, possible, strict=True)]
-    front = [names[0] for names, use in zip(situation, clear, strict=True) if use]
-    fronts = _cross_validated(table[clear], front)
-    true = [names for names, use in zip(situation, clear, strict=True) if use]
-    hits = [name in names for name, names in zip(fronts, true, strict=True)]
+    clear = [sample for sample in samples if sample.truth.clear]
+    chosen = np.array([sample.truth.clear for sample in samples])
+    fronts = _cross_validated(table[chosen], [sample.truth.situations[0] for sample in clear])
     return {
-        "quadrant": float(np.mean(right)) if right else None,
-        "situation": float(np.mean(hits)) if hits else None,
+        "quadrant": [
+            name in sample.truth.possible for name, sample in zip(quadrants, samples, strict=True)
+        ],
+        "situation": [
+            name in sample.truth.situations for name, sample in zip(fronts, clear, strict=True)
+        ],
     }
 
 

@@ -20,6 +20,7 @@ from navfw.reproduce.paper_trajectory import (
     before,
     drive,
 )
+from navfw.reproduce.percept_verdict import no_situation
 from navfw.reproduce.rendered_views import (
     CheckedPercept,
     RenderedPair,
@@ -143,7 +144,11 @@ def _modes(robot: RobotModel, search: int = 8) -> dict[str, Offis]:
 
 
 def checks(rows: list[WaypointRow]) -> dict[str, bool]:
-    """The checks of the reproduction: the fast turn is wrong without derotation, right with it."""
+    """The checks of the reproduction: the fast turn is wrong without derotation, right with it.
+
+    At the other waypoints the nearest object and its distance have to be right, and the front
+    where the geometry forms one of Table 1's situations.
+    """
     fast = next(row for row in rows if row.waypoint.number == FAST)
     others = [row for row in rows if row is not fast]
     found = {}
@@ -155,13 +160,18 @@ def checks(rows: list[WaypointRow]) -> dict[str, bool]:
             found[f"fast turn: wrong without derotation, {kind} flow, {mode}"] = not fast.percepts[
                 kind, "left in", mode
             ].right
-    found["other waypoints: correct with derotation, ideal flow"] = all(
-        row.percepts["ideal", "removed", "normalised"].right for row in others
-    )
-    found["other waypoints: correct without derotation, ideal flow"] = all(
-        row.percepts["ideal", "left in", "normalised"].right for row in others
-    )
+    for rotation, name in (("removed", "with"), ("left in", "without")):
+        found[
+            f"other waypoints: nearest object, and front where Table 1 has it, correct {name}"
+            " derotation, ideal flow"
+        ] = all(_as_table1(row, rotation) for row in others)
     return found
+
+
+def _as_table1(row: WaypointRow, rotation: str) -> bool:
+    """Whether all is right but the front where the geometry forms no situation of Table 1."""
+    statements = row.percepts["ideal", rotation, "normalised"].judgement.statements
+    return all(true for name, true in statements.items() if name != "front" or row.view.truth.clear)
 
 
 def timings(rows: list[WaypointRow], scenes: list[SceneRow], repeats: int = 30) -> dict[str, float]:
@@ -234,21 +244,22 @@ def as_data(rows: list[WaypointRow], scenes: list[SceneRow]) -> dict[str, Any]:
 
 
 def _truth(view: RenderedPair) -> dict[str, Any]:
+    """The truth of a view; ``no_situation`` tells why it shows none, else it is None."""
     truth = view.truth
     return {
         "quadrants": sorted(truth.certain),
         "possible": sorted(truth.possible),
         "term": truth.term,
         "distance_m": round(truth.distance, 3),
-        "situations": list(truth.situations),
+        "situations": list(truth.situations) if truth.clear else [],
+        "no_situation": no_situation(truth),
     }
 
 
 def _reading(checked: CheckedPercept) -> dict[str, Any]:
+    """A sentence, its verdict, and whether each of its statements is true."""
     return {
         "sentence": checked.percept.sentence,
-        "right": checked.right,
-        "quadrant_right": checked.quadrant,
-        "distance_right": checked.distance,
-        "situation_right": checked.situation,
+        "verdict": str(checked.judgement.verdict),
+        "statements": dict(checked.judgement.statements),
     }

@@ -2,7 +2,8 @@
 
 The figure's coordinates are not in the text, so the path is navfw's own: from a corner of the room
 between its round and square objects to the door and through it. At waypoint 3 the next goal is far
-to the left, and the robot turns at its highest rate, as in the paper.
+to the left, and the robot turns at its highest rate, as in the paper. The other waypoints are where
+it goes straight: one on each stretch before the turn, two or three on each after it.
 """
 
 from __future__ import annotations
@@ -59,9 +60,12 @@ WAYPOINTS = (
     TrajectoryWaypoint(2, 8.0, "heads for the corner"),
     TrajectoryWaypoint(3, 11.3, "turns left, fast"),
     TrajectoryWaypoint(4, 13.2, "goes on along the partition"),
-    TrajectoryWaypoint(5, 17.4, "goes through the door"),
-    TrajectoryWaypoint(6, 20.0, "goes to the wall of the next room"),
-    TrajectoryWaypoint(7, 23.0, "goes to its corner"),
+    TrajectoryWaypoint(5, 14.5, "comes up to the door, which is on its right"),
+    TrajectoryWaypoint(6, 17.4, "goes through the door"),
+    TrajectoryWaypoint(7, 18.7, "leaves the door behind"),
+    TrajectoryWaypoint(8, 20.0, "goes to the wall of the next room"),
+    TrajectoryWaypoint(9, 23.0, "goes to its corner"),
+    TrajectoryWaypoint(10, 23.8, "arrives"),
 )
 """The marked points, in order."""
 

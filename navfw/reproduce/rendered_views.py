@@ -1,4 +1,4 @@
-"""Rendered image pairs with ground truth, their flow, and the percepts of OFFIS checked."""
+"""Rendered image pairs with ground truth, their flow, and the percepts of OFFIS judged."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from navfw.bench.real_labels import Judgement, SentenceVerdict
 from navfw.bench.view_truth import ViewTruth, WallGeometry, truth_of
+from navfw.camera_geometry.derotation import derotate
 from navfw.egomotion.camera_motion import camera_motion
+from navfw.egomotion.refinement import refine
 from navfw.flow.block_matching import BlockMatching
-from navfw.flow.derotation import derotate
 from navfw.flow.grid import grid_points
 from navfw.flow.ideal import SIGMA, nearness_at, true_vectors
-from navfw.flow.refinement import refine
-from navfw.offis.distances import TERMS
-from navfw.offis.elementary_situations import TABLE
 from navfw.offis.offis import Offis
+from navfw.reproduce.percept_verdict import judge_percept
 from navfw.robot import RobotModel
 from navfw.signals import CameraMotion, FlowField, Frame, FramePair, Image, Percept, Pose, Twist
 from navfw.sim.camera import DepthImage
@@ -28,9 +28,11 @@ __all__ = [
     "CheckedPercept",
     "RenderedPair",
     "ViewRenderer",
-    "check_percept",
     "checked_percept",
-    "front_of",
+    "derotated",
+    "matched_flow",
+    "not_derotated",
+    "true_flow",
 ]
 
 IMAGE_NOISE = 2.0
@@ -54,21 +56,16 @@ class RenderedPair:
 
 @dataclass(frozen=True, slots=True)
 class CheckedPercept:
-    """A percept of OFFIS from ``flow``, and which parts of it are correct.
-
-    ``situation`` is None where the walls form no elementary situation.
-    """
+    """A percept of OFFIS from ``flow``, judged by the truth of its view."""
 
     flow: FlowField
     percept: Percept
-    quadrant: bool
-    distance: bool
-    situation: bool | None
+    judgement: Judgement
 
     @property
     def right(self) -> bool:
-        """Whether no part is wrong."""
-        return self.quadrant and self.distance and self.situation is not False
+        """Whether no statement is wrong."""
+        return self.judgement.verdict is SentenceVerdict.RIGHT
 
 
 class ViewRenderer:
@@ -155,31 +152,7 @@ def _unturned(motion: CameraMotion) -> CameraMotion:
 
 
 def checked_percept(offis: Offis, flow: FlowField, view: RenderedPair) -> CheckedPercept:
-    """The percept of ``offis`` from derotated ``flow``, compared with the truth of ``view``."""
+    """The percept of ``offis`` from derotated ``flow``, judged by the truth of ``view``."""
     offis.reset()
     percept = offis.perceive(flow, view.twist)
-    return CheckedPercept(flow, percept, *check_percept(percept, view.truth))
-
-
-def check_percept(percept: Percept, truth: ViewTruth) -> tuple[bool, bool, bool | None]:
-    """Whether nearest quadrants, distance term and situation in front are correct.
-
-    Every named quadrant must be possible and at least one certain; the situation must be a true
-    one, and is None where the walls form none. ``navfw.bench.view_truth`` defines the truth.
-    """
-    named = percept.obstacles["layer1"]
-    quadrant = bool(named.keys() & truth.certain) and named.keys() <= truth.possible
-    term = min(named.values(), key=TERMS.index) if named else "none"
-    distance = term == truth.term or (term == "none" and truth.term == "far")
-    front = None
-    if truth.clear:
-        front = any(name in truth.situations for name in front_of(percept).split(" or "))
-    return quadrant, distance, front
-
-
-def front_of(percept: Percept) -> str:
-    """The situation in front by the percept's sentence: an entry of Table 1, or "door"."""
-    for part in percept.sentence.split("; "):
-        if part.startswith("Front is "):
-            return part.removeprefix("Front is ").removeprefix("a ")
-    return max(TABLE, key=percept.situations.__getitem__)
+    return CheckedPercept(flow, percept, judge_percept(percept, view.truth))

@@ -5,72 +5,95 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-import cv2
-
 from navfw.atomic import AtomicFolder
+from navfw.bench.real_labels import FrameLabel
 from navfw.config.lookup import find
+from navfw.plugins import default_registry
 from navfw.recording.run_folder import plain_json
 from navfw.reproduce.metric_comparison import compare_metrics
-from navfw.reproduce.paper_tables import as_data, checks, table2, table3, timings
+from navfw.reproduce.paper_tables import (
+    SceneRow,
+    WaypointRow,
+    as_data,
+    checks,
+    table2,
+    table3,
+    timings,
+)
 from navfw.reproduce.paper_trajectory import drive
-from navfw.reproduce.reproduction_page import PAPER_TIMES, write_page
+from navfw.reproduce.real_scenes import RealScene, chosen_frames, real_as_data, real_scenes
+from navfw.reproduce.reproduction_page import write_page
 from navfw.reproduce.reproduction_pictures import draw_map, scene_picture, waypoint_picture
+from navfw.reproduce.reproduction_summary import summary
 from navfw.signals import Image
 from navfw.sim.worldfile import load_world
 
-__all__ = ["reproduce"]
+__all__ = ["PAPER_TIMES", "reproduce"]
 
-_OURS = re.compile(r"index\.md|result\.json|map\.png|(waypoint|scene)-[0-9]+\.png")
+PAPER_TIMES = {"obstacles_s": 0.16, "situation_synthetic_s": 0.58, "situation_real_s": 0.62}
+"""Times of OFFIS [s] in the paper, on an Athlon XP 2600+ at 2.09 GHz."""
+
+_OURS = re.compile(r"index\.html|result\.json")
 
 
 def reproduce(
-    out: Path, seed: int, views: int, report: Callable[[str], None] = lambda _: None
+    out: Path,
+    seed: int,
+    views: int,
+    data: Path | None = None,
+    report: Callable[[str], None] = lambda _: None,
 ) -> dict[str, Any]:
     """Write the reproduction to the folder ``out``, atomically; returns the result as plain data.
 
-    ``views`` is the number of views in the comparison of section 4.3. Everything except
-    ``timings`` depends on ``seed`` and ``views`` only; ``digest`` is the SHA-256 of it.
-    ``report`` is called with a status text at each step.
+    ``views`` is the number of views in the comparison of section 4.3; ``data`` is the folder of
+    the recordings for Table 3 on photographs, None to leave them out. Everything except
+    ``timings`` depends on these and ``seed`` only; ``digest`` is the SHA-256 of it. ``report`` is
+    called with a status text at each step.
 
     Raises:
-        InputError: ``out`` holds other files, or cannot be written.
+        InputError: ``out`` holds other files, or cannot be written; ``data`` lacks recordings.
 
     """
     with AtomicFolder(out, _OURS, "--out") as folder:
+        # first, since it can fail
+        real = {} if data is None else real_scenes(data, default_registry(), report)
         report("Table 2: the trajectory")
         rows = table2(seed)
         report("Table 3: the office")
         scenes = table3(seed)
         report(f"section 4.3: {views} views")
-        metrics = compare_metrics(views, seed)
-        report("times")
-        times = timings(rows, scenes)
-        shown = checks(rows)
-        result = plain_json(
-            {"seed": seed, **as_data(rows, scenes), "metrics": metrics, "checks": shown}
-        )
+        found = {
+            "seed": seed,
+            **as_data(rows, scenes),
+            "real": None if data is None else real_as_data(real),
+            "metrics": compare_metrics(views, seed),
+            "checks": checks(rows),
+        }
+        result = plain_json({**found, "summary": summary(found)})
         digest = hashlib.sha256(json.dumps(result, sort_keys=True).encode()).hexdigest()
-        result |= {"digest": digest, "timings": {**times, "paper": dict(PAPER_TIMES)}}
+        report("times")
+        times = {**timings(rows, scenes), "paper": dict(PAPER_TIMES)}
+        result |= {"digest": digest, "timings": times}
         report("pictures")
-        world = load_world(find("world", "paper-room"))
-        draw_map(folder.path / "map.png", world, drive(), rows)
-        for row in rows:
-            name = f"waypoint-{row.waypoint.number}.png"
-            (folder.path / name).write_bytes(_png(waypoint_picture(row)))
-        for scene in scenes:
-            name = f"scene-{scene.scene.number}.png"
-            (folder.path / name).write_bytes(_png(scene_picture(scene)))
-        page = write_page(seed, rows, scenes, metrics, times, shown)
-        (folder.path / "index.md").write_text(page, encoding="utf-8")
+        page = write_page(result, _pictures(rows, scenes, real))
+        (folder.path / "index.html").write_text(page, encoding="utf-8")
         text = json.dumps(result, indent=2, allow_nan=False)
         (folder.path / "result.json").write_text(text + "\n", encoding="utf-8")
     return dict(result)
 
 
-def _png(picture: Image) -> bytes:
-    """The picture as PNG; OpenCV's own writing of files tells no reason when it fails."""
-    return cv2.imencode(".png", picture)[1].tobytes()
+def _pictures(
+    rows: list[WaypointRow], scenes: list[SceneRow], real: Mapping[FrameLabel, RealScene]
+) -> dict[str, Image]:
+    """The pictures of the page by name; frames that may not be shown have none."""
+    shown = [(k, real[label].picture) for k, label in enumerate(chosen_frames(list(real)))]
+    return {
+        "map": draw_map(load_world(find("world", "paper-room")), drive(), rows),
+        **{f"waypoint-{row.waypoint.number}": waypoint_picture(row) for row in rows},
+        **{f"scene-{row.scene.number}": scene_picture(row) for row in scenes},
+        **{f"real-{k}": picture for k, picture in shown if picture is not None},
+    }

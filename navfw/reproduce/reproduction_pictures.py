@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from pathlib import Path
+from io import BytesIO
 
 import cv2
 import numpy as np
@@ -72,16 +72,14 @@ def _beside(parts: list[Image]) -> Image:
     return np.concatenate(joined, axis=1)
 
 
-def draw_map(
-    path: Path, world: WorldSpec, way: list[TrajectoryPoint], rows: list[WaypointRow]
-) -> None:
-    """Write the room from above with trajectory and waypoints (Fig. 16) as PNG."""
+def draw_map(world: WorldSpec, way: list[TrajectoryPoint], rows: list[WaypointRow]) -> Image:
+    """The room from above with trajectory and waypoints (Fig. 16)."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
     from matplotlib.patches import Circle, Polygon
 
     plan = FloorPlan.from_world(world, 2.0)
-    figure = Figure(figsize=(9.0, 5.4))
+    figure = Figure(figsize=(9.0, 5.4), dpi=130)
     FigureCanvasAgg(figure)
     axes = figure.add_axes((0.04, 0.06, 0.94, 0.92))
     for shape, corners in plan.rectangles():
@@ -106,7 +104,7 @@ def draw_map(
         axes.annotate(
             f"{row.waypoint.number}{' fast left turn' if fast else ''}",
             (pose.x, pose.y),
-            (12.0, -12.0) if fast else side,
+            (-34.0, -36.0) if fast else side,
             textcoords="offset points",
             fontsize=10,
         )
@@ -116,4 +114,7 @@ def draw_map(
     axes.tick_params(labelsize=8, colors="#666666", length=2)
     for spine in axes.spines.values():
         spine.set_visible(False)
-    figure.savefig(path, dpi=110, format="png", metadata={"Software": "navfw"})
+    code = BytesIO()
+    figure.savefig(code, format="png")
+    picture = cv2.imdecode(np.frombuffer(code.getvalue(), np.uint8), cv2.IMREAD_COLOR)
+    return np.asarray(picture, dtype=np.uint8)

@@ -3,41 +3,20 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from perceive_images import save, texture, wall_at
+from labelled_frames import label, save_approach
+from perceive_images import save, texture
 from typer.testing import CliRunner
 
 from navfw.bench import real_benchmark
 from navfw.bench.real_benchmark import CAMERAS, bench_real, real_rows
-from navfw.bench.real_labels import FrameLabel, SentenceVerdict, judge, load_labels
+from navfw.bench.real_labels import SentenceVerdict, judge, load_labels
 from navfw.cli import app
 from navfw.errors import ConfigError
 from navfw.plugins import default_registry
-
-
-def label(
-    nearest: str = "upper_left",
-    also: str = "",
-    floor: str = "yes",
-    front: str = "corridor",
-    front_also: str = "",
-    file: str = "image_3.png",
-) -> FrameLabel:
-    return FrameLabel(
-        part="approach_a",
-        split="tuning",
-        folder="approach",
-        file=file,
-        single=False,
-        nearest=frozenset(nearest.split()),
-        nearest_also=frozenset(also.split()),
-        floor_in_front=floor,
-        front=front,
-        front_also=frozenset(front_also.split()),
-    )
-
 
 SEEN = "Layer1: nearest object is on upper left in near distance; Front is a {}"
 
@@ -86,17 +65,13 @@ def test_a_sentence_is_judged_by_the_rule(
 def test_the_labels_are_read_and_their_cameras_are_known() -> None:
     labels = load_labels()
     assert len(labels) > 240
-    sequences = [found for found in labels if not found.single]
-    assert {found.folder for found in sequences} == set(CAMERAS)
+    assert {found.folder for found in labels} == set(CAMERAS)
 
 
 @pytest.fixture
 def approach(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder of recordings with one approach to a wall, and labels for two of its frames."""
-    picture = texture()
-    save(tmp_path / "approach", [wall_at(2.05 - 0.05 * k, picture) for k in range(1, 6)])
-    everywhere = "upper_left upper_right lower_left lower_right"
-    labels = [label(everywhere, floor="no", front="wall", file=f"image_{k}.png") for k in (3, 5)]
+    labels = save_approach(tmp_path)
     monkeypatch.setattr(real_benchmark, "load_labels", lambda: labels)
     return tmp_path
 
@@ -104,12 +79,29 @@ def approach(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_the_benchmark_counts_verdicts_and_headings(approach: Path) -> None:
     result = bench_real(approach, "tuning", ["dis"], default_registry())
     assert result["frames"] == 2
-    row = result["flows"]["dis"]["parts"]["approach_a"]
+    row = result["flows"]["dis"]["parts"]["approach, a"]
     assert row["verdicts"]["right"] == 2, row
     assert row["statements"] == {"front right": 2, "nearest right": 2}
     assert row["pairs"] == 4
     assert real_rows(result)[-1][:6] == ["dis", "all", "2", "0", "0", "0"]
     assert bench_real(approach, "test", ["dis"], default_registry())["frames"] == 0
+
+
+def test_photographs_without_a_neighbour_are_not_in_the_total(
+    approach: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    views = [texture(seed)[: 3 * 80, : 4 * 80] for seed in range(1, 5)]
+    save(approach / "corridor_udes", views)
+    single = replace(label(), part="corridor_a", folder="corridor_udes", single=True)
+    labels = [label(front="wall", file="image_5.png"), single]
+    monkeypatch.setattr(real_benchmark, "load_labels", lambda: labels)
+    result = bench_real(approach, "tuning", ["dis"], default_registry())
+    assert result["frames"] == 1
+    found = result["flows"]["dis"]
+    assert sum(found["total"]["verdicts"].values()) == 1
+    assert list(found["singles"]) == ["corridor_a"]
+    assert found["singles"]["corridor_a"]["verdicts"]["silent"] == 1
+    assert real_rows(result)[-1][:2] == ["dis", "corridor_a (single)"]
 
 
 def test_what_is_missing_is_named(approach: Path) -> None:
@@ -125,7 +117,7 @@ def test_the_command(approach: Path) -> None:
     done = CliRunner().invoke(app, [*options, "--json"])
     assert done.exit_code == 0, done.output
     assert json.loads(done.stdout)["flows"]["dis"]["total"]["verdicts"]["right"] == 2
-    assert "approach_a" in CliRunner().invoke(app, options).stdout
+    assert "approach, a" in CliRunner().invoke(app, options).stdout
     wrong = CliRunner().invoke(app, ["bench", "real", "--data", str(approach), "--split", "x"])
     assert wrong.exit_code == 2
     assert "--split" in wrong.stderr

@@ -8,10 +8,10 @@ import cv2
 import numpy as np
 import pytest
 
+from navfw.camera_geometry.derotation import derotate
 from navfw.egomotion.camera_motion import camera_motion
 from navfw.errors import ConfigError
 from navfw.flow.cell_kernels import match_cells
-from navfw.flow.derotation import derotate
 from navfw.flow.floor_aligned import FloorAlignedFlow
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Array, CameraMotion, Frame, FramePair, Image, Pose

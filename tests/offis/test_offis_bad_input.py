@@ -7,8 +7,8 @@ from typing import Literal
 import numpy as np
 import pytest
 
+from navfw.egomotion.refinement import refine
 from navfw.flow.block_matching import BlockMatching
-from navfw.flow.refinement import refine
 from navfw.offis.offis import Offis
 from navfw.robot import RobotModel
 from navfw.signals import CameraMotion, Frame, FramePair, Image, Label, Percept, Twist

@@ -90,7 +90,7 @@ def test_the_wheel_contains_every_data_file(installed: Path) -> None:
                 for path in (package / "shipped" / folder).rglob(pattern)
             }
             assert wanted == got != set()
-    for pattern in ("*.yaml", "*.csv", "*.py", "py.typed"):
+    for pattern in ("*.yaml", "*.csv", "*.html", "*.py", "py.typed"):
         wanted = {path.relative_to(ROOT / "navfw") for path in (ROOT / "navfw").rglob(pattern)}
         got = {path.relative_to(package) for path in package.rglob(pattern)}
         assert wanted == {path for path in got if path.parts[0] != "shipped"} != set()

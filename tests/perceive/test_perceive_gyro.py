@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navfw.errors import InputError
-from navfw.perceive.gyro_record import GyroRecord, load_gyro_record, rotation_from_vector
+from navfw.perceive.gyro_record import GyroRecord, load_gyro_record
 
 
 def write(tmp_path: Path, text: str) -> Path:
@@ -28,19 +28,6 @@ def test_linear_rates_are_integrated_exactly(
     assert rotation_vector is not None
     expected = rate * length + rise * ((begin + length) ** 2 - begin**2) / 2
     assert rotation_vector == pytest.approx([0.0, 0.0, expected], abs=1e-9)
-
-
-@given(st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1))
-def test_turn_is_a_rotation(x: float, y: float, z: float) -> None:
-    rotation = rotation_from_vector(np.array([x, y, z]))
-    assert rotation @ rotation.T == pytest.approx(np.eye(3), abs=1e-9)
-    assert rotation @ np.array([x, y, z]) == pytest.approx([x, y, z], abs=1e-9)
-
-
-def test_quarter_turn_to_the_left() -> None:
-    assert rotation_from_vector(np.array([0.0, 0.0, np.pi / 2])) @ [1.0, 0.0, 0.0] == pytest.approx(
-        [0, 1, 0]
-    )
 
 
 def test_columns_by_name_in_any_order(tmp_path: Path) -> None:

@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 import pytest
 
+from navfw.camera_geometry.rotations import rotation_matrix
 from navfw.egomotion.flow_egomotion import MotionKind
 from navfw.flow.ideal import true_vectors
-from navfw.perceive.gyro_record import rotation_from_vector
 from navfw.perceive.pair_motion import PairMotionEstimator, rotation_vector
 from navfw.perceive.point_tracks import TrackImage, track_points
 from navfw.perceive.scale import ScaleEstimator
@@ -25,7 +25,7 @@ CAMERA: CameraModel = SIZE.camera(math.radians(65.0), 0.9, 0.0, 10.0)
 def turned_by(vector: Array) -> CameraMotion:
     """A rotation about base_link's x, y, z [rad], as camera motion."""
     base = CAMERA.base_from_camera
-    return CameraMotion(base.T @ rotation_from_vector(-vector) @ base, np.zeros(3), 0.1)
+    return CameraMotion(base.T @ rotation_matrix(-vector) @ base, np.zeros(3), 0.1)
 
 
 def picture(seed: int) -> Image:

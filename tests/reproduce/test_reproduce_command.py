@@ -1,47 +1,32 @@
 from __future__ import annotations
 
 import json
-from functools import partial
 from pathlib import Path
 
 import pytest
+from labelled_frames import save_approach
 from typer.testing import CliRunner
 
+from navfw.bench import real_benchmark
 from navfw.cli import app
-from navfw.reproduce import paper_tables, reproduction
-
-
-@pytest.fixture
-def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without the comparison of metrics, which has tests of its own and takes a while."""
-    shares = {"quadrant": 1.0, "distance": 1.0, "situation": 1.0}
-    both = {"ideal": shares, "block matching": shares}
-
-    def compare(views: int, seed: int) -> dict[str, object]:
-        numbers = {"L=2, means": both, "L=1, means and variances": both}
-        return {"views": views, "clear": 1, "seed": seed, "offis": {"a": both}, "numbers": numbers}
-
-    monkeypatch.setattr(reproduction, "compare_metrics", compare)
-    monkeypatch.setattr(reproduction, "timings", partial(paper_tables.timings, repeats=2))
 
 
 @pytest.mark.usefixtures("quick")
-def test_reproduce(tmp_path: Path) -> None:
+def test_reproduce_without_recordings(tmp_path: Path) -> None:
     out = tmp_path / "page"
     done = CliRunner().invoke(app, ["reproduce", "--out", str(out), "--json"])
     assert done.exit_code == 0, done.output
     result = json.loads(done.stdout)
     assert all(result["checks"].values())
     assert result["timings"]["paper"]["obstacles_s"] == 0.16
-    written = {path.name for path in out.iterdir()}
-    numbers = [row["waypoint"] for row in result["table2"]]
-    assert written == {
-        *("index.md", "result.json", "map.png"),
-        *(f"waypoint-{n}.png" for n in numbers),
-        *(f"scene-{n}.png" for n in (1, 2, 3)),
-    }
+    assert result["real"] is None
+    assert "--data DIR" in result["summary"]["Table 3, photographs"][0]
+    assert {path.name for path in out.iterdir()} == {"index.html", "result.json"}
     assert list(tmp_path.iterdir()) == [out]
-    assert json.loads((out / "result.json").read_text())["digest"] == result["digest"]
+    assert json.loads((out / "result.json").read_text()) == result
+    page = (out / "index.html").read_text()
+    assert "This part is missing" in page
+    assert "reproduce --data DIR" in page
 
 
 def test_reproduce_leaves_other_folders_alone(tmp_path: Path) -> None:
@@ -50,3 +35,33 @@ def test_reproduce_leaves_other_folders_alone(tmp_path: Path) -> None:
     assert done.exit_code == 2
     assert "contains 'thesis.txt', so it is not replaced; choose another --out" in done.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.txt"]
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        ("nowhere", "there is no such folder of recordings"),
+        ("empty", "has none of the labelled recordings; expected at least one of: donkeycar"),
+        ("image", "the labelled image is missing"),
+        ("broken", "image_1.png"),
+    ],
+)
+def test_a_folder_without_the_recordings_costs_one_message(
+    spoil: str, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    data, out = tmp_path / "data", tmp_path / "page"
+    labels = save_approach(data)
+    monkeypatch.setattr(real_benchmark, "load_labels", lambda: labels)
+    if spoil == "nowhere":
+        data = data / "approach" / "image_1.png"
+    elif spoil == "empty":
+        data = data / "approach"
+    elif spoil == "image":
+        (data / "approach" / "image_5.png").unlink()
+    else:
+        for path in (data / "approach").iterdir():
+            path.write_bytes(b"no image")
+    done = CliRunner().invoke(app, ["reproduce", "--out", str(out), "--data", str(data)])
+    assert done.exit_code == 2, done.output
+    assert message in done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["data"]

@@ -1,8 +1,16 @@
 from __future__ import annotations
 
-import numpy as np
+from typing import Any
 
-from navfw.reproduce.metric_comparison import _discriminate, _features, compare_metrics
+import numpy as np
+import pytest
+
+from navfw.reproduce.metric_comparison import (
+    _claims,
+    _discriminate,
+    _features,
+    compare_metrics,
+)
 from navfw.robot import RobotModel
 from navfw.testing.behavior_scenes import wall_flow
 
@@ -27,8 +35,12 @@ def test_features_are_the_regions_metrics() -> None:
     assert np.isclose(means[0], part.mean())
 
 
-def test_comparison_on_a_few_views() -> None:
-    result = compare_metrics(14, seed=3)
+@pytest.fixture(scope="module")
+def result() -> dict[str, Any]:
+    return compare_metrics(14, seed=3)
+
+
+def test_comparison_on_a_few_views(result: dict[str, Any]) -> None:
     assert result["views"] == 14
     for found in result["offis"].values():
         for shares in found.values():
@@ -36,3 +48,30 @@ def test_comparison_on_a_few_views() -> None:
     normalised = result["offis"]["normalised, L=2, nearest eighth"]["ideal"]
     assert normalised["quadrant"] > 0.8
     assert set(result["numbers"]) == {"L=2, means", "L=1, means and variances", "L=1, means"}
+
+
+def test_the_claim_is_judged_on_the_same_views(result: dict[str, Any]) -> None:
+    assert len(result["claims"]) == 16
+    for claim in result["claims"]:
+        two, one = claim["two_layers_right"], claim["one_layer_right"]
+        assert claim["confirmed"] == (two >= one)
+        assert abs(two - one) <= claim["differ"] <= claim["views"] <= 14
+        if claim["by"] == "the metrics alone":
+            found = result["numbers"]["L=2, means"][claim["flow"]][claim["what"]]
+        elif claim["by"] == "OFFIS, raw means":
+            found = result["offis"]["L=2, means"][claim["flow"]][claim["what"]]
+        else:
+            found = result["offis"]["normalised, L=2, means"][claim["flow"]][claim["what"]]
+        assert found == two / claim["views"]
+
+
+def test_a_claim_counts_views_on_which_the_answers_differ() -> None:
+    two = {"ideal": {"quadrant": [True, True, False, None, False]}}
+    one = {"ideal": {"quadrant": [False, True, True, None, True]}}
+    (claim,) = _claims("OFFIS", two, one)
+    assert (claim["views"], claim["two_layers_right"], claim["one_layer_right"]) == (4, 2, 3)
+    assert claim["differ"] == 3
+    assert not claim["confirmed"]
+    assert claim["p"] == 1.0
+    (turned,) = _claims("OFFIS", one, two)
+    assert turned["confirmed"]

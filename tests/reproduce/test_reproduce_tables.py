@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 import pytest
 
+from navfw.camera_geometry.derotation import rotational_flow
 from navfw.config.lookup import find
-from navfw.flow.derotation import rotational_flow
 from navfw.reproduce.office_scenes import SCENES, hand_held
 from navfw.reproduce.paper_tables import (
     FAST,
@@ -20,9 +21,9 @@ from navfw.reproduce.paper_tables import (
     table3,
 )
 from navfw.reproduce.paper_trajectory import FAST_TURN, WAYPOINTS, before, drive, length
-from navfw.reproduce.rendered_views import front_of, true_flow
-from navfw.reproduce.reproduction_page import write_page
-from navfw.reproduce.reproduction_pictures import scene_picture, waypoint_picture
+from navfw.reproduce.percept_verdict import front_of
+from navfw.reproduce.rendered_views import true_flow
+from navfw.reproduce.reproduction_pictures import draw_map, scene_picture, waypoint_picture
 from navfw.robot import RobotModel
 from navfw.sim import FloorPlan, load_world
 
@@ -49,7 +50,8 @@ def test_the_way_is_free_and_smooth() -> None:
 def test_waypoint_3_is_the_fast_left_turn() -> None:
     way = drive()
     twists = {w.number: way[round(w.time * 60)].twist for w in WAYPOINTS}
-    assert [w.number for w in WAYPOINTS] == list(range(1, len(WAYPOINTS) + 1))
+    assert [w.number for w in WAYPOINTS] == list(range(1, 11))
+    assert [w.time for w in WAYPOINTS] == sorted(w.time for w in WAYPOINTS)
     assert twists.pop(FAST).w == FAST_TURN
     assert max(abs(twist.w) for twist in twists.values()) < 0.02
 
@@ -128,25 +130,31 @@ def test_scenes_have_the_paper_s_camera() -> None:
     assert len(SCENES) == 3
 
 
-def test_page_and_pictures(waypoints: list[WaypointRow], scenes: list[SceneRow]) -> None:
-    shares = {"quadrant": 0.5, "distance": None, "situation": 1.0}
-    both = {"ideal": shares, "block matching": shares}
-    numbers = {"L=2, means": both, "L=1, means and variances": both}
-    metrics = {"views": 9, "clear": 8, "offis": {"a": both}, "numbers": numbers}
-    times = {"offis_12x16_ms": 0.5, "offis_10x15_ms": 0.25, "block_matching_12x16_ms": 2.0}
-    page = write_page(0, waypoints, scenes, metrics, times, {"all is well": False})
-    assert "| all is well | **no** |" in page
-    assert "| 160 + 580 ms | 0.50 ms | 1480 |" in page
-    for row in waypoints:
-        assert f"![waypoint {row.waypoint.number}](waypoint-{row.waypoint.number}.png)" in page
-        for checked in row.percepts.values():
-            assert checked.percept.sentence in page
-    for scene in scenes:
-        assert scene.scene.paper in page
-    assert "at least as good for: quadrant, ideal (50 % against 50 %)" in page
-    assert "## What differs from the paper" in page
+def test_every_place_has_a_verdict_and_a_reason_where_table_1_has_nothing(
+    waypoints: list[WaypointRow], scenes: list[SceneRow]
+) -> None:
+    found = as_data(waypoints, scenes)
+    assert [row["waypoint"] for row in found["table2"]] == list(range(1, 11))
+    for row in [*found["table2"], *found["table3"]]:
+        truth = row["truth"]
+        assert bool(truth["situations"]) != bool(truth["no_situation"])
+        for reading in row["readings"]:
+            assert reading["statements"].keys() == {"nearest", "distance", "front"}
+            right = sum(reading["statements"].values())
+            assert reading["verdict"] == ("wrong", "partly", "partly", "right")[right]
+    none = [row for row in found["table2"] if row["truth"]["no_situation"]]
+    assert none, "the room has views that Table 1 does not name"
+    assert all(re.search(r"\d+ ?%", row["truth"]["no_situation"]) for row in none)
+
+
+def test_pictures(waypoints: list[WaypointRow], scenes: list[SceneRow]) -> None:
     picture = waypoint_picture(waypoints[0])
     assert picture.shape == (2 * (480 + 30), 2 * 640 + 8, 3)
     assert scene_picture(scenes[0]).shape == (430, 2 * 540 + 8, 3)
     # arrows are drawn: the panels with flow are not the plain image
     assert (picture[40:500, 660:1280] > 200).any()
+    world = load_world(find("world", "paper-room"))
+    plan = draw_map(world, drive(), waypoints).astype(int)
+    red, blue = plan[..., 2] - plan[..., 0], plan[..., 0] - plan[..., 2]
+    assert (red > 150).sum() > 500, "waypoints"
+    assert (blue > 100).sum() > 500, "the way"

@@ -10,9 +10,9 @@ import pytest
 from architecture_sources import ROOT, imports, tree_of
 from stack_samples import GOAL, ROBOT, START, drive, sample_stack
 
+from navfw.camera_geometry.derotation import rotational_flow
 from navfw.context import Context
 from navfw.egomotion import Odometer
-from navfw.flow.derotation import rotational_flow
 from navfw.guard import PluginGuard
 from navfw.guard.guarded_stages import GuardedFlow, GuardedPerception
 from navfw.interfaces import FlowProcessor

@@ -1,4 +1,4 @@
-"""Compiled inner loops of derotation and of gyro refinement."""
+"""Compiled inner loops of gyro refinement."""
 
 from __future__ import annotations
 
@@ -8,40 +8,13 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["refine_rotation", "turn_points", "undo_turn", "weigh_residuals"]
+__all__ = ["refine_rotation", "weigh_residuals"]
 
 Doubles = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
 #: Squared width of the Cauchy weights [sigma^2]; 2.385 sigma is 95 % efficient on normal errors.
 CAUCHY = 2.385**2
-
-
-@numba.njit(cache=True, error_model="numpy")
-def turn_points(points: Doubles, r: Doubles, focal: float) -> Doubles:
-    """Image positions of points (n, 2) [px] after their rays are rotated by ``r`` (3, 3).
-
-    NaN where a rotated ray points behind the camera.
-    """
-    out = np.empty_like(points)
-    for i in range(points.shape[0]):
-        x, y = points[i, 0], points[i, 1]
-        depth = (r[2, 0] * x + r[2, 1] * y) / focal + r[2, 2]
-        if not depth > 1e-9:
-            depth = np.nan
-        out[i, 0] = (r[0, 0] * x + r[0, 1] * y + r[0, 2] * focal) / depth
-        out[i, 1] = (r[1, 0] * x + r[1, 1] * y + r[1, 2] * focal) / depth
-    return out
-
-
-@numba.njit(cache=True)
-def undo_turn(points: Doubles, vectors: Doubles, r: Doubles, focal: float) -> Doubles:
-    """Flow ``vectors`` (n, 2) [px] at ``points`` without the part due to the rotation ``r``."""
-    out = turn_points(points - vectors, r, focal)
-    for i in range(points.shape[0]):
-        out[i, 0] = points[i, 0] - out[i, 0]
-        out[i, 1] = points[i, 1] - out[i, 1]
-    return out
 
 
 @numba.njit(cache=True)

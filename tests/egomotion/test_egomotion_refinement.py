@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navfw.egomotion import camera_motion
+from navfw.egomotion.refinement import RefinementParams, refine
 from navfw.flow.dis import Dis
-from navfw.flow.refinement import RefinementParams, refine
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Array, CameraMotion, FlowField, Pose
 

@@ -11,8 +11,9 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
-from navfw.flow.derotation import derotated_vectors
-from navfw.flow.rotation_kernels import refine_rotation, weigh_residuals
+from navfw.camera_geometry.derotation import derotated_vectors
+from navfw.camera_geometry.rotations import rotation_matrix
+from navfw.egomotion.refinement_kernels import refine_rotation, weigh_residuals
 from navfw.interfaces import Params
 from navfw.robot import CameraModel
 from navfw.signals import Array, CameraMotion, FlowField
@@ -20,8 +21,6 @@ from navfw.signals import Array, CameraMotion, FlowField
 __all__ = ["Refinement", "RefinementParams", "refine"]
 
 ITERATIONS = 6
-
-_UNIT = np.eye(3)
 
 CERTAIN, DOUBT = 3.0, 0.1
 """A vector is inconsistent with the motion if its epipolar residual exceeds CERTAIN standard
@@ -124,7 +123,8 @@ def refine(flow: FlowField, camera: CameraModel, params: RefinementParams = _USU
     )
     residual, allowed = (values.reshape(flow.shape) for values in per_vector)
     yaw_sigma, pitch_sigma = math.sqrt(covariance[0, 0]), math.sqrt(covariance[1, 1])
-    rotation = _rotation(-float(angles[0]) * up + float(angles[1]) * right) @ motion.rotation
+    turn = -float(angles[0]) * up + float(angles[1]) * right
+    rotation = rotation_matrix(turn) @ motion.rotation
     return Refinement(
         motion=dataclasses.replace(motion, rotation=rotation, yaw_sigma=yaw_sigma),
         yaw=float(angles[0]),
@@ -140,14 +140,3 @@ def refine(flow: FlowField, camera: CameraModel, params: RefinementParams = _USU
 def _flat(values: Array) -> Array:
     """``values`` as a contiguous float64 array (n,), as the kernels need them."""
     return np.ascontiguousarray(values, dtype=np.float64).ravel()
-
-
-def _rotation(vector: Array) -> Array:
-    """Rotation matrix (3, 3) about ``vector`` by its length [rad] (Rodrigues' formula)."""
-    x, y, z = vector.tolist()
-    angle = math.sqrt(x * x + y * y + z * z)
-    cross: Array = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    if angle < 1e-12:
-        return _UNIT + cross
-    a, b = math.sin(angle) / angle, (1.0 - math.cos(angle)) / angle**2
-    return _UNIT + a * cross + b * (cross @ cross)

@@ -1,0 +1,1 @@
+"""Geometry of a turning camera: rotations, image points turned by them, flow without them."""

@@ -1,0 +1,18 @@
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+
+import pytest
+
+from navfw.reproduce import paper_tables, reproduction
+from navfw.reproduce.metric_comparison import compare_metrics
+
+
+@pytest.fixture(scope="module")
+def quick() -> Iterator[None]:
+    """Few views in the comparison of metrics, which has tests of its own; few repeats of times."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(reproduction, "compare_metrics", lambda _, seed: compare_metrics(4, seed))
+        patch.setattr(reproduction, "timings", partial(paper_tables.timings, repeats=2))
+        yield
