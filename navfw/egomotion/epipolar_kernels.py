@@ -1,4 +1,4 @@
-"""Compiled inner loops of egomotion from the flow: epipolar residuals and their robust fit.
+"""Compiled inner loops of egomotion from the flow: rotation alone, the search, the full fit.
 
 Points are relative to the principal point, with the focal length as third coordinate. ``past`` is
 where the point that is now at ``points`` was in the past image: ``points - vectors``.
@@ -14,14 +14,18 @@ import numpy as np
 import numpy.typing as npt
 
 from navfw.camera_geometry.rotations import rotation_matrix, rotation_vector
-from navfw.camera_geometry.turned_points import turn_point
+from navfw.camera_geometry.turned_points import turn_point, turn_points, turning_slope
+from navfw.egomotion.epipolar_fit import (
+    CAUCHY,
+    add_equations,
+    cauchy_weight,
+    epipolar_residual,
+    fit_reweighted,
+)
 
-__all__ = ["fit_motion", "rate_directions"]
+__all__ = ["fit_motion", "fit_rotation", "rate_directions"]
 
 Doubles = npt.NDArray[np.float64]
-
-CAUCHY = 2.385**2
-"""Squared width of the Cauchy weights [sigma^2]; 2.385 sigma is 95 % efficient on normal errors."""
 
 COARSE = 0.5
 """Standard deviation [px] of residuals because the directions searched are not the right one."""
@@ -30,35 +34,102 @@ HOLE = 4.0
 """Radius around the focus of expansion [px] within which the epipolar line has no direction: there
 the whole derotated vector is residual, since it has to be short."""
 
+MEDIAN_LENGTH = 1.18
+"""Median length of vectors whose components are normal with standard deviation 1."""
+
 
 @numba.njit(cache=True, error_model="numpy")
-def _row(
-    x: float, y: float, px: float, py: float, focal: float, t: Doubles, basis: Doubles, row: Doubles
-) -> float:
-    """Residual [px] of one vector, and its derivatives ``row`` (5,) by rotation and direction.
+def fit_rotation(
+    points: Doubles,
+    past: Doubles,
+    sigma: Doubles,
+    weight: Doubles,
+    focal: float,
+    start: Doubles,
+    prior: Doubles,
+    iterations: int,
+) -> Doubles:
+    """The rotation (3, 3) that explains the vectors best if the camera does nothing but turn.
 
-    (px, py) is the derotated past end. The residual is the signed distance of the vector's past end
-    from the epipolar line through (x, y).
+    Args:
+        points: (n, 2) image points [px].
+        past: (n, 2) where they were [px].
+        sigma: (n,) standard deviation of the vectors [px].
+        weight: (n,) weights of the vectors; 0 leaves a vector out.
+        focal: focal length [px].
+        start: (3, 3) rotation, past to current camera axes, to start from.
+        prior: (3, 3) information [1/rad^2] by which each step is damped.
+        iterations: number of Gauss-Newton steps.
+
     """
-    vx, vy = x - px, y - py
-    ex, ey = x * t[2] - focal * t[0], y * t[2] - focal * t[1]
+    n = points.shape[0]
+    rotation, axes = start.copy(), np.eye(3)
+    along_x, along_y = np.zeros((n, 3)), np.zeros((n, 3))
+    length, weights = np.full(n, math.nan), np.zeros(n)
+    matrix, right = np.zeros((3, 3)), np.zeros(3)
+    for _ in range(iterations):
+        ends = turn_points(past, rotation, focal)
+        off = ends - points
+        for i in range(n):
+            if weight[i] > 0.0:
+                length[i] = math.sqrt(off[i, 0] * off[i, 0] + off[i, 1] * off[i, 1])
+        scale = max(1.0, np.nanmedian(length / sigma) / MEDIAN_LENGTH)
+        for i in range(n):
+            weights[i] = 0.0
+            if math.isnan(length[i]):
+                continue
+            weights[i] = cauchy_weight(length[i] / scale, sigma[i], weight[i])
+            for k in range(3):
+                u, v = turning_slope(ends[i, 0], ends[i, 1], axes[k], focal)
+                along_x[i, k], along_y[i, k] = u, v
+        matrix[:] = prior
+        right[:] = 0.0
+        add_equations(matrix, right, along_x, off[:, 0], weights)
+        add_equations(matrix, right, along_y, off[:, 1], weights)
+        step: Any = np.linalg.solve(matrix, right)
+        rotation = rotation_matrix(step) @ rotation
+    return rotation
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _residual(
+    point: tuple[float, float],
+    vector: tuple[float, float],
+    focal: float,
+    direction: Doubles,
+    axes: Doubles,
+    row: Doubles,
+) -> float:
+    """``epipolar_residual`` with HOLE filled: there it is the length of ``vector``."""
+    residual: float = epipolar_residual(point, vector, focal, direction, HOLE, axes, row)
+    if math.isnan(residual):
+        return math.sqrt(vector[0] * vector[0] + vector[1] * vector[1])
+    return residual
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _direction_slopes(
+    point: tuple[float, float],
+    vector: tuple[float, float],
+    focal: float,
+    direction: Doubles,
+    basis: Doubles,
+    slopes: Doubles,
+) -> None:
+    """Set ``slopes`` (2,) to the residual's derivatives [px/rad] along ``basis`` (2, 3)."""
+    x, y = point
+    u, v = vector
+    ex, ey = x * direction[2] - focal * direction[0], y * direction[2] - focal * direction[1]
     length = math.sqrt(ex * ex + ey * ey)
-    if length < HOLE:
-        for k in range(5):
-            row[k] = 0.0
-        return math.sqrt(vx * vx + vy * vy)
-    nx, ny = -ey / length, ex / length
-    residual: float = nx * vx + ny * vy
-    # the motion of the past end by small rotations about the camera's axes
-    row[0] = -(nx * (-px * py / focal) + ny * (-(focal + py * py / focal)))
-    row[1] = -(nx * (focal + px * px / focal) + ny * (px * py / focal))
-    row[2] = -(nx * (-py) + ny * px)
+    slopes[:] = 0.0
+    if not length > HOLE:
+        return
+    residual = (ex * v - ey * u) / length
     for k in range(2):
         dex = x * basis[k, 2] - focal * basis[k, 0]
         dey = y * basis[k, 2] - focal * basis[k, 1]
-        cross = (-dey * vx + dex * vy) / length
-        row[3 + k] = cross - residual * (ex * dex + ey * dey) / (length * length)
-    return residual
+        cross = (dex * v - dey * u) / length
+        slopes[k] = cross - residual * (ex * dex + ey * dey) / (length * length)
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -91,45 +162,19 @@ def rate_directions(
     """
     n, m = points.shape[0], directions.shape[0]
     cost, rotation = np.zeros(m), np.zeros((m, 3))
-    basis, row = np.zeros((2, 3)), np.zeros(5)
+    axes = np.eye(3)
     slopes, offsets = np.zeros((n, 3)), np.zeros(n)
     for k in range(m):
         for i in range(n):
             if weight[i] > 0.0:
-                offsets[i] = _row(
-                    points[i, 0],
-                    points[i, 1],
-                    past[i, 0],
-                    past[i, 1],
-                    focal,
-                    directions[k],
-                    basis,
-                    row,
-                )
-                slopes[i] = row[:3]
-        angles: Any = np.zeros(3)
-        for _ in range(iterations):
-            matrix, right = prior.copy(), np.zeros(3)
-            for i in range(n):
-                if weight[i] <= 0.0:
-                    continue
-                off = offsets[i]
-                for j in range(3):
-                    off += slopes[i, j] * angles[j]
-                off /= sigma[i]
-                w = weight[i] / (sigma[i] * sigma[i] * (1.0 + off * off / CAUCHY))
-                for j in range(3):
-                    right[j] -= w * slopes[i, j] * offsets[i]
-                    for h in range(j + 1):
-                        matrix[j, h] += w * slopes[i, j] * slopes[i, h]
-            for j in range(3):
-                for h in range(j + 1, 3):
-                    matrix[j, h] = matrix[h, j]
-            angles = np.linalg.solve(matrix, right)
+                x, y = points[i, 0], points[i, 1]
+                vector = x - past[i, 0], y - past[i, 1]
+                offsets[i] = _residual((x, y), vector, focal, directions[k], axes, slopes[i])
+        angles, _ = fit_reweighted(offsets, slopes, sigma, weight, prior, iterations)
         rotation[k] = angles
         total = 0.5 * (angles @ (prior @ angles))
         for i in range(n):
-            if weight[i] > 0.0:
+            if weight[i] > 0.0 and not math.isnan(offsets[i]):
                 off = offsets[i]
                 for j in range(3):
                     off += slopes[i, j] * angles[j]
@@ -177,7 +222,8 @@ def fit_motion(
     rotation, t = start[0].copy(), start[1].copy()
     mean, information = prior
     towards, pull = heading
-    row, residuals = np.zeros(5), np.zeros(n)
+    axes, slopes = np.eye(3), np.zeros((n, 5))
+    residuals, weights = np.zeros(n), np.zeros(n)
     matrix, right = np.zeros((5, 5)), np.zeros(5)
     for step in range(iterations + 1):
         basis = _tangents(t)
@@ -191,19 +237,15 @@ def fit_motion(
             for h in range(2):
                 matrix[3 + j, 3 + h] = basis[j] @ (pull @ basis[h])
         for i in range(n):
-            residuals[i] = math.nan
-            x, y = points[i, 0], points[i, 1]
+            point = points[i, 0], points[i, 1]
             px, py = turn_point(past[i, 0], past[i, 1], rotation, focal)
-            residual = _row(x, y, px, py, focal, t, basis, row)
-            residuals[i] = residual
-            if weight[i] <= 0.0 or math.isnan(residual):
-                continue
-            off = residual / sigma[i]
-            w = weight[i] / (sigma[i] * sigma[i] * (1.0 + off * off / CAUCHY))
-            for j in range(5):
-                right[j] -= w * row[j] * residual
-                for h in range(5):
-                    matrix[j, h] += w * row[j] * row[h]
+            vector = point[0] - px, point[1] - py
+            residuals[i] = _residual(point, vector, focal, t, axes, slopes[i])
+            _direction_slopes(point, vector, focal, t, basis, slopes[i, 3:])
+            weights[i] = 0.0
+            if weight[i] > 0.0 and not math.isnan(residuals[i]):
+                weights[i] = cauchy_weight(residuals[i], sigma[i], weight[i])
+        add_equations(matrix, right, slopes, residuals, weights)
         if step == iterations:
             break
         # a little damping: the direction is free where all points are far away

@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from navfw.camera_geometry.rotations import rotation_matrix, rotation_vector
 from navfw.camera_geometry.turned_points import rotate_points
-from navfw.egomotion.epipolar_kernels import fit_motion, rate_directions
+from navfw.egomotion.epipolar_kernels import fit_motion, fit_rotation, rate_directions
 from navfw.signals import Array
 
 __all__ = [
@@ -89,6 +89,11 @@ class EgomotionPrior:
     direction: Array = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
     direction_sigma: float = math.inf
 
+    @property
+    def information(self) -> Array:
+        """Inverse (3, 3) of ``rotation_covariance`` [1/rad^2]."""
+        return np.asarray(np.linalg.inv(self.rotation_covariance), dtype=np.float64)
+
 
 @dataclass(frozen=True, slots=True)
 class PointMotion:
@@ -114,9 +119,14 @@ class PointMotion:
         off = np.abs(residual / self.sigma)[self.used & np.isfinite(residual)]
         return float(np.median(off)) if off.size else 1.0
 
-    def percentile(self, length: Array) -> float:
-        """90th percentile of ``length`` (n,) over the points with weight."""
-        return float(np.quantile(length[self.used], 0.9))
+    def percentile(self, vectors: Array) -> float:
+        """90th percentile of the lengths of ``vectors`` (n, 2), of the points with weight.
+
+        Those that are NaN are left out; infinite if all are.
+        """
+        length = np.hypot(vectors[:, 0], vectors[:, 1])[self.used]
+        length = length[np.isfinite(length)]
+        return float(np.quantile(length, 0.9)) if length.size else math.inf
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,41 +154,19 @@ def estimate_egomotion(
     if int(motion.used.sum()) < LEAST_VECTORS:
         return _without_direction(MotionKind.UNKNOWN, known)
     motion = replace(motion, sigma=np.hypot(motion.sigma, MODEL_SIGMA))
-    rotation, left = _fit_rotation(motion, focal, known)
+    arrays = (motion.points, motion.past, motion.sigma, motion.weight, focal)
+    rotation = fit_rotation(*arrays, known.rotation, known.information, 8)
+    left = motion.points - rotate_points(motion.past, rotation, focal)
     if motion.percentile(left) < LEAST_PARALLAX:
-        length = np.hypot(*(motion.points - motion.past).T)
-        still = motion.percentile(length) < LEAST_FLOW
+        still = motion.percentile(motion.points - motion.past) < LEAST_FLOW
         kind = MotionKind.STILL if still else MotionKind.ROTATION
         return _without_direction(kind, known, rotation)
     return _translation(motion, focal, known)
 
 
-def _fit_rotation(motion: PointMotion, focal: float, prior: EgomotionPrior) -> tuple[Array, Array]:
-    """The pure rotation (3, 3) that explains the vectors best, and what it leaves (n,) [px]."""
-    use = motion.used
-    rotation = prior.rotation
-    information = np.asarray(np.linalg.inv(prior.rotation_covariance), dtype=np.float64)
-    for _ in range(8):
-        past = rotate_points(motion.past, rotation, focal)
-        x, y = past[use].T
-        off = (motion.points - past)[use]
-        zero = np.zeros_like(x)
-        slope_u = np.stack([-x * y / focal, focal + x * x / focal, -y], axis=1) + zero[:, None]
-        slope_v = np.stack([-(focal + y * y / focal), x * y / focal, x], axis=1)
-        size = np.hypot(off[:, 0], off[:, 1]) / motion.sigma[use]
-        scale = max(1.0, float(np.median(size)) / 1.18)
-        weight = motion.weight[use] / motion.sigma[use] ** 2 / (1.0 + (size / (2.4 * scale)) ** 2)
-        matrix = (slope_u * weight[:, None]).T @ slope_u + (slope_v * weight[:, None]).T @ slope_v
-        right = slope_u.T @ (weight * off[:, 0]) + slope_v.T @ (weight * off[:, 1])
-        step = np.linalg.solve(matrix + information, right)
-        rotation = rotation_matrix(step) @ rotation
-    left = motion.points - rotate_points(motion.past, rotation, focal)
-    return rotation, np.hypot(left[:, 0], left[:, 1])
-
-
 def _translation(motion: PointMotion, focal: float, prior: EgomotionPrior) -> Egomotion:
     """The motion with a translation."""
-    information = np.asarray(np.linalg.inv(prior.rotation_covariance), dtype=np.float64)
+    information = prior.information
     pull = np.zeros((3, 3))
     if math.isfinite(prior.direction_sigma):
         pull = np.eye(3) / prior.direction_sigma**2

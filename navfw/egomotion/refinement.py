@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -108,7 +107,7 @@ def refine(flow: FlowField, camera: CameraModel, params: RefinementParams = _USU
     """
     p, motion = params, flow.motion
     up, right = camera.base_from_camera[2], np.array([1.0, 0.0, 0.0])
-    angles, covariance, *per_vector = refine_rotation(
+    angles, deviations, *per_vector = refine_rotation(
         _flat(flow.points).reshape(-1, 2),
         _flat(derotated_vectors(flow, motion.rotation, camera)).reshape(-1, 2),
         _flat(flow.sigma),
@@ -122,13 +121,13 @@ def refine(flow: FlowField, camera: CameraModel, params: RefinementParams = _USU
         ITERATIONS,
     )
     residual, allowed = (values.reshape(flow.shape) for values in per_vector)
-    yaw_sigma, pitch_sigma = math.sqrt(covariance[0, 0]), math.sqrt(covariance[1, 1])
-    turn = -float(angles[0]) * up + float(angles[1]) * right
-    rotation = rotation_matrix(turn) @ motion.rotation
+    yaw, pitch = angles.tolist()
+    yaw_sigma, pitch_sigma = deviations.tolist()
+    rotation = rotation_matrix(-yaw * up + pitch * right) @ motion.rotation
     return Refinement(
         motion=dataclasses.replace(motion, rotation=rotation, yaw_sigma=yaw_sigma),
-        yaw=float(angles[0]),
-        pitch=float(angles[1]),
+        yaw=yaw,
+        pitch=pitch,
         yaw_sigma=yaw_sigma,
         pitch_sigma=pitch_sigma,
         residual=residual,

@@ -8,13 +8,12 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from navfw.egomotion.epipolar_fit import epipolar_residual, fit_reweighted
+
 __all__ = ["refine_rotation", "weigh_residuals"]
 
 Doubles = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
-
-#: Squared width of the Cauchy weights [sigma^2]; 2.385 sigma is 95 % efficient on normal errors.
-CAUCHY = 2.385**2
 
 
 @numba.njit(cache=True)
@@ -30,24 +29,28 @@ def refine_rotation(
     settings: tuple[float, float, float],
     iterations: int,
 ) -> tuple[Doubles, Doubles, Doubles, Doubles]:
-    """Epipolar lines and errors of a flow field, then ``_fit_rotation``.
+    """Small rotation that minimises the distances of the flow from its epipolar lines (METHOD 2.6).
+
+    The fit of the camera's motion with the direction of translation known and the rotation about
+    two axes only, linear about the measured rotation.
 
     Args:
         points: (n, 2) image points [px].
         derotated: (n, 2) their flow without the measured rotation [px].
         sigma: (n,) standard deviation of the flow [px].
-        confidence: (n,) confidence of the vectors.
+        confidence: (n,) confidence of the vectors; 0 leaves a vector out.
         translation: (3,) translation of the camera [m].
         focal: focal length [px].
-        axes: (2, 3) as in ``_fit_rotation``.
-        prior: (2,) as in ``_fit_rotation``.
+        axes: (2, 3) unit rotation vectors of the two unknown angles, in current camera axes.
+        prior: (2,) prior standard deviation of the two angles [rad], above 0.
         settings: ignored radius around the focus of expansion [px], standard deviation of the
             translation's direction [rad], and number of vectors with a common error.
         iterations: number of reweightings.
 
     Returns:
-        angles (2,), covariance (2, 2), residuals (n,) as in ``_fit_rotation``, and the standard
-        deviations (n,) [px] of the residuals.
+        angles (2,) [rad]; their standard deviations (2,) [rad]; the distances (n,) [px] from the
+        epipolar lines after correction, NaN where the line is unknown; and the standard deviations
+        (n,) [px] of the distances.
 
     """
     hole, direction_sigma, overlap = settings
@@ -55,21 +58,23 @@ def refine_rotation(
     tx, ty, tz = translation
     # near the focus of expansion the direction of the lines is undefined
     nearest = hole * math.sqrt(tx * tx + ty * ty + tz * tz)
-    lines = np.zeros((n, 2), np.float64)
-    allowed = np.empty(n, np.float64)
-    weight = np.zeros(n, np.float64)
+    offsets, slopes = np.empty(n), np.empty((n, 2))
+    allowed, weight = np.empty(n), np.zeros(n)
     for i in range(n):
-        x, y = points[i, 0] * tz - focal * tx, points[i, 1] * tz - focal * ty
-        if math.hypot(x, y) > nearest:
-            lines[i, 0], lines[i, 1] = x, y
         u, v = derotated[i, 0], derotated[i, 1]
+        offsets[i] = epipolar_residual(
+            (points[i, 0], points[i, 1]), (u, v), focal, translation, nearest, axes, slopes[i]
+        )
         allowed[i] = math.hypot(sigma[i], direction_sigma * math.hypot(u, v))
         if math.isfinite(u) and math.isfinite(v):
             weight[i] = confidence[i] / overlap
-    angles, covariance, residuals = _fit_rotation(
-        points, derotated, lines, allowed, weight, focal, axes, prior, iterations
-    )
-    return angles, covariance, residuals, allowed
+    information = np.zeros((2, 2))
+    information[0, 0], information[1, 1] = 1.0 / prior[0] ** 2, 1.0 / prior[1] ** 2
+    angles, matrix = fit_reweighted(offsets, slopes, allowed, weight, information, iterations)
+    det = matrix[0, 0] * matrix[1, 1] - matrix[0, 1] * matrix[0, 1]
+    deviations = np.sqrt(np.array([matrix[1, 1] / det, matrix[0, 0] / det]))
+    residuals = offsets + slopes[:, 0] * angles[0] + slopes[:, 1] * angles[1]
+    return angles, deviations, residuals, allowed
 
 
 @numba.njit(cache=True)
@@ -97,76 +102,3 @@ def weigh_residuals(
         if not consistent[i] and abs(residual[i]) > certain * math.hypot(allowed[i], doubt):
             inconsistency[i] = confidence[i]
     return weighted, inconsistency
-
-
-@numba.njit(cache=True)
-def _fit_rotation(
-    points: Doubles,
-    derotated: Doubles,
-    epipolar: Doubles,
-    sigma: Doubles,
-    weight: Doubles,
-    focal: float,
-    axes: Doubles,
-    prior: Doubles,
-    iterations: int,
-) -> tuple[Doubles, Doubles, Doubles]:
-    """Small rotation that minimises the distances of the flow from its epipolar lines (METHOD 2.6).
-
-    Args:
-        points: (n, 2) image points [px].
-        derotated: (n, 2) their flow without the measured rotation [px].
-        epipolar: (n, 2) directions of the epipolar lines, of any length; zero if unknown.
-        sigma: (n,) standard deviation of the flow [px].
-        weight: (n,) weights of the vectors; 0 leaves a vector out.
-        focal: focal length [px].
-        axes: (2, 3) unit rotation vectors of the two unknown angles, in current camera axes.
-        prior: (2,) prior standard deviation of the two angles [rad], above 0.
-        iterations: number of reweightings.
-
-    Returns:
-        angles (2,) [rad]; their covariance (2, 2); and the distances (n,) [px] from the epipolar
-        lines after correction, NaN where the line is unknown.
-
-    """
-    n = points.shape[0]
-    slopes = np.zeros((n, 2), np.float64)
-    offsets = np.full(n, np.nan)
-    for i in range(n):
-        ex, ey = epipolar[i, 0], epipolar[i, 1]
-        length = math.sqrt(ex * ex + ey * ey)
-        if length == 0.0:
-            continue
-        nx, ny = -ey / length, ex / length
-        x, y = points[i, 0] - derotated[i, 0], points[i, 1] - derotated[i, 1]
-        offsets[i] = nx * derotated[i, 0] + ny * derotated[i, 1]
-        for k in range(2):
-            wx, wy, wz = axes[k, 0], axes[k, 1], axes[k, 2]
-            # motion of the vector's past end per angle about this axis
-            u = -wx * x * y / focal + wy * (focal + x * x / focal) - wz * y
-            v = -wx * (focal + y * y / focal) + wy * x * y / focal + wz * x
-            slopes[i, k] = nx * u + ny * v
-    a, b = 0.0, 0.0
-    covariance = np.zeros((2, 2), np.float64)
-    for _ in range(iterations):
-        m00, m11, m01 = 1.0 / prior[0] ** 2, 1.0 / prior[1] ** 2, 0.0
-        r0, r1 = 0.0, 0.0
-        for i in range(n):
-            if weight[i] <= 0.0 or math.isnan(offsets[i]):
-                continue
-            s0, s1 = slopes[i, 0], slopes[i, 1]
-            off = (offsets[i] - s0 * a - s1 * b) / sigma[i]
-            # Cauchy weights: an outlier of many sigma has next to no weight
-            w = weight[i] / (sigma[i] * sigma[i] * (1.0 + off * off / CAUCHY))
-            m00 += w * s0 * s0
-            m01 += w * s0 * s1
-            m11 += w * s1 * s1
-            r0 += w * s0 * offsets[i]
-            r1 += w * s1 * offsets[i]
-        det = m00 * m11 - m01 * m01
-        a = (m11 * r0 - m01 * r1) / det
-        b = (m00 * r1 - m01 * r0) / det
-        covariance[0, 0], covariance[1, 1] = m11 / det, m00 / det
-        covariance[0, 1] = covariance[1, 0] = -m01 / det
-    residuals = offsets - slopes[:, 0] * a - slopes[:, 1] * b
-    return np.array([a, b]), covariance, residuals
