@@ -15,6 +15,9 @@ __all__ = ["refine_rotation", "weigh_residuals"]
 Doubles = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
+LEAST_SIGMA = 1e-6
+"""Least standard deviation of a residual [px]: a processor may call its vectors exact."""
+
 
 @numba.njit(cache=True)
 def refine_rotation(
@@ -65,7 +68,7 @@ def refine_rotation(
         offsets[i] = epipolar_residual(
             (points[i, 0], points[i, 1]), (u, v), focal, translation, nearest, axes, slopes[i]
         )
-        allowed[i] = math.hypot(sigma[i], direction_sigma * math.hypot(u, v))
+        allowed[i] = max(math.hypot(sigma[i], direction_sigma * math.hypot(u, v)), LEAST_SIGMA)
         if math.isfinite(u) and math.isfinite(v):
             weight[i] = confidence[i] / overlap
     information = np.zeros((2, 2))

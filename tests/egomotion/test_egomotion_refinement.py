@@ -105,3 +105,14 @@ def test_measured_flow_mends_a_wrong_gyro() -> None:
     assert abs(result.yaw - 0.004) < 3.0 * result.yaw_sigma
     error = flow.vectors - cell_truth(truth, flow.points, camera)
     assert np.median(np.abs(error[flow.confidence > 0.5])) < 0.1
+
+
+def test_vectors_without_any_error_need_no_division_by_zero() -> None:
+    camera = ROBOT.camera
+    flow, _ = measured(camera, 0.002, 0.0, Pose(0.06, 0.0, 0.0))
+    still = dataclasses.replace(flow.motion, rotation=np.eye(3))
+    none = np.zeros(flow.shape)
+    exact = dataclasses.replace(flow, motion=still, vectors=0.0 * flow.vectors, sigma=none)
+    result = refine(exact, camera)
+    assert result.yaw == pytest.approx(0.0, abs=1e-6)
+    assert np.isfinite(result.allowed).all()

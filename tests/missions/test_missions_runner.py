@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import gc
 import itertools
 import math
 from collections.abc import Sequence
@@ -142,6 +143,23 @@ def test_an_exception_or_bad_command_ends_the_run_with_a_result(
     assert reason in run.verdict.reason
     assert run.log.ticks == 5
     assert ("Traceback" in run.verdict.trace) == (fault is FaultKind.EXCEPTION)
+
+
+@pytest.mark.parametrize("breakage", [ValueError("bad cell"), Twist(math.nan, 0.0)])
+def test_garbage_collection_leaves_out_what_is_older_than_the_run(
+    breakage: BaseException | Twist,
+) -> None:
+    kept: list[int] = []
+
+    class Counting(BrokenPilot):
+        def step(self, reading: SensorReading) -> Twist:
+            kept.append(gc.get_freeze_count())
+            return super().step(reading)
+
+    before = gc.get_freeze_count()
+    run_task(task(), Counting(breakage), FakeSimulator(START))
+    assert min(kept) > 1000
+    assert gc.get_freeze_count() <= before
 
 
 def test_a_mission_that_the_stack_refuses_is_an_input_error() -> None:
