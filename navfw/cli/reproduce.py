@@ -34,7 +34,7 @@ def reproduce(
     views: Annotated[
         int,
         typer.Option(min=20, max=10_000, help="Number of views in the comparison of section 4.3."),
-    ] = 200,
+    ] = 1000,
     json: Json = False,
 ) -> None:
     """Repeat the paper's experiments, on a page of HTML. Exit with 1 if a check of them fails."""

@@ -9,7 +9,7 @@ import pytest
 from navfw.bench.perception_accuracy import FIGURES, markdown, run, score
 from navfw.bench.perception_samples import samples_of_world
 from navfw.bench.random_views import random_views, random_world
-from navfw.bench.view_truth import WallGeometry, true_term, truth_of
+from navfw.bench.view_truth import DOMINANT, MAJORITY, WallGeometry, true_term, truth_of
 from navfw.offis.nearness import triangulate
 from navfw.robot import RobotModel
 from navfw.signals import Pose
@@ -65,6 +65,31 @@ def test_situations_follow_from_the_walls(
 def test_an_opening_beside_the_axis_or_too_far_is_no_door_ahead() -> None:
     assert "door" not in situations(7.0, 2.5, UP)
     assert "door" not in situations(6.0, 0.4, UP)
+
+
+@pytest.mark.parametrize(
+    ("pose", "certain", "possible"),
+    [
+        ((6.0, 0.4, UP), {"wall"}, {"wall", "door"}),
+        ((10.0, 2.0, -0.3), {"mixed"}, {"left slope wall"}),
+        ((10.5, 1.5, -0.25 * math.pi), {"corner"}, {"corner"}),
+        ((7.0, 2.5, UP), {"mixed"}, {"mixed"}),
+    ],
+)
+def test_a_possible_situation_has_wider_limits(
+    pose: tuple[float, float, float], certain: set[str], possible: set[str]
+) -> None:
+    walls, at = WallGeometry(ROOM), Pose(*pose)
+    assert situations(*pose) == certain
+    assert set(walls.situations(at, ROBOT.camera, possible=True)) == possible
+
+
+def test_the_largest_planes_of_both_halves_have_share_and_slope() -> None:
+    left, right = WallGeometry(ROOM).halves(Pose(10.0, 2.0, -0.3), ROBOT.camera)
+    assert left.share == 1.0
+    assert MAJORITY < right.share < DOMINANT
+    assert left.slope == pytest.approx(0.3)
+    assert right.slope == pytest.approx(-0.3)
 
 
 def test_the_nearest_object_is_found_in_the_true_depth() -> None:
