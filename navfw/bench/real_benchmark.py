@@ -1,7 +1,7 @@
 """Perception on real frames: sentences by labels, headings, nearness and yaw by the recordings.
 
 Each part of the labelled sequences is processed as ``navfw perceive`` does. The cameras' fields of
-view are those in the table; nothing else about them is given. Photographs without a neighbour for
+view are those in the table; the rest of the lens is estimated. Photographs without a neighbour for
 flow are processed as a sequence, too: nothing should be said about them.
 """
 
@@ -24,6 +24,7 @@ from navfw.config.input_file import is_folder
 from navfw.errors import ConfigError
 from navfw.perceive.image_order import natural_key
 from navfw.perceive.image_sources import IMAGES, ImageSource, open_source
+from navfw.perceive.lens_estimate import open_with_lens
 from navfw.perceive.pair_result import PairResult
 from navfw.perceive.perceiver import Perceiver
 from navfw.perceive.perceiver_options import PerceiverOptions
@@ -47,19 +48,19 @@ LEAD = 6
 
 @dataclass(frozen=True, slots=True)
 class RealCamera:
-    """What is known of a recording: horizontal field of view [deg], frame rate [1/s]."""
+    """What is known of a recording: horizontal field of view [deg] or None, frame rate [1/s]."""
 
-    hfov: float
+    hfov: float | None
     rate: float
 
 
 CAMERAS = {
-    "donkeycar/images": RealCamera(100.0, 20.0),  # estimated from the lines on the floor
-    "car_gyro_lab/images": RealCamera(91.4, 20.0),  # focal length 78 px by the gyro
+    "donkeycar/images": RealCamera(None, 20.0),
+    "car_gyro_lab/images": RealCamera(None, 20.0),
     "hololens_office/images": RealCamera(57.2, 10.0),
     "tum_fr1/rgb": RealCamera(63.5, 30.0),
-    "approach": RealCamera(65.0, 10.0),  # not known
-    "corridor_udes": RealCamera(65.0, 1.0),  # not known; single photographs
+    "approach": RealCamera(None, 10.0),
+    "corridor_udes": RealCamera(None, 1.0),  # single photographs
 }
 """The recordings with labels, by folder."""
 
@@ -213,8 +214,10 @@ def open_part(
     camera = CAMERAS[folder]
     gyro = recorded_gyro(data / folder.split("/", maxsplit=1)[0], everything)
     rate, times = (camera.rate, None) if gyro is None else (None, gyro.times)
-    source = open_source(images, rate, listed=times)
-    perceiver = Perceiver(PerceiverOptions(hfov=camera.hfov, flow=flow), source, registry)
+    source, hfov, _ = open_with_lens(
+        lambda calibration: open_source(images, rate, calibration, times), camera.hfov
+    )
+    perceiver = Perceiver(PerceiverOptions(hfov=hfov, flow=flow), source, registry)
     return OpenedPart(source, perceiver, gyro)
 
 
@@ -241,7 +244,8 @@ def _part(data: Path, labels: Sequence[FrameLabel], flow: str, registry: Registr
             continue
         if math.isfinite(result.egomotion.heading_sigma):
             found.heading_errors.append(heading_error(result, past, now))
-        if name in depths and perceiver.size is not None:
+        # depth images are those of the images as they were taken
+        if name in depths and perceiver.size is not None and source.hfov is None:
             depth, way = depths[name].read(), camera_way(past, now)
             found.nearness.append(nearness_errors(result, perceiver.size, depth, way))
     return found

@@ -6,7 +6,7 @@ import contextlib
 import math
 import re
 import time
-from collections.abc import Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeAlias
@@ -17,7 +17,9 @@ from navfw.cli.output import print_json_list, print_status, quiet_stdout, quietl
 from navfw.errors import InputError
 
 if TYPE_CHECKING:
+    from navfw.perceive.calibration_file import CameraCalibration
     from navfw.perceive.image_sources import ImageSource
+    from navfw.perceive.lens_estimate import LensEstimate
     from navfw.perceive.motion_record import MotionRecord
     from navfw.perceive.pair_result import PairResult
     from navfw.perceive.perceiver_options import PerceiverOptions
@@ -158,9 +160,6 @@ def perceive(
 ) -> None:
     """Run perception on recorded images. Lists obstacles, distances and the situation."""
     with quiet_stdout():
-        from navfw.perceive.calibration_file import load_calibration
-        from navfw.perceive.image_sources import open_source
-        from navfw.perceive.image_times import load_image_times
         from navfw.perceive.perceiver_options import PerceiverOptions
 
         _require_one("--hfov", hfov, "--calibration", calibration)
@@ -175,36 +174,69 @@ def perceive(
             grid=None if grid is None else _grid(grid),
             stride=stride,
         )
-        camera = None if calibration is None else load_calibration(calibration)
-        listed = None if times is None else load_image_times(times)
-        images = open_source(source, fps, camera, listed)
-        options = replace(options, gyro=_motion_record(gyro, poses, pitch or 0.0, images))
-    tally = _Tally(images.total)
+        opened = _opener(source, fps, times)
+        options = replace(options, gyro=_motion_record(gyro, poses, pitch or 0.0, opened(None)))
+        progress = _Progress()
+        images, view, lens = _with_lens(opened, calibration, hfov, progress)
+        options = replace(options, hfov=view)
+    tally = _Tally(images.total, progress)
     with contextlib.closing(_results(options, images, overlay)) as results:
         shown = tally.counted(quietly(results))
         if json:
             from navfw.perceive.pair_report import as_data
 
-            print_json_list({**as_data(one), "assumed": assumed} for one, assumed in shown)
+            estimated = None if lens is None else lens.as_data()
+            print_json_list(
+                {**as_data(one), "assumed": assumed, "estimated": estimated}
+                for one, assumed in shown
+            )
         else:
-            _print(shown, overlay)
+            _print(shown, lens, overlay)
     for note in [*tally.notes(options), *images.notes]:
         typer.echo(f"note: {note}", err=True)
 
 
-def _print(results: Iterable[Assessed], overlay: Path | None) -> None:
-    from navfw.perceive.assumptions import assumptions_line
+def _print(results: Iterable[Assessed], lens: LensEstimate | None, overlay: Path | None) -> None:
+    from navfw.perceive.assumptions import assumptions_line, estimate_line
     from navfw.perceive.pair_report import as_line
 
     header = True
     for result, assumed in results:
         if header:
             typer.echo(assumptions_line(assumed))
+            if lens is not None:
+                typer.echo(estimate_line(lens))
             typer.echo("    time    sure  contact  perceived")
         header = False
         typer.echo(as_line(result))
     if overlay is not None:
         typer.echo(f"drawn to {overlay}")
+
+
+def _opener(
+    source: list[Path], fps: float | None, times: Path | None
+) -> Callable[[CameraCalibration | None], ImageSource]:
+    """What opens the images with a calibration, or with none."""
+    from navfw.perceive.image_sources import open_source
+    from navfw.perceive.image_times import load_image_times
+
+    listed = None if times is None else load_image_times(times)
+    return lambda camera: open_source(source, fps, camera, listed)
+
+
+def _with_lens(
+    opened: Callable[[CameraCalibration | None], ImageSource],
+    calibration: Path | None,
+    hfov: float | None,
+    progress: _Progress,
+) -> tuple[ImageSource, float | None, LensEstimate | None]:
+    """The images, their field of view [deg], and the estimate of a lens that nobody gave."""
+    from navfw.perceive.calibration_file import load_calibration
+    from navfw.perceive.lens_estimate import open_with_lens
+
+    if calibration is not None:
+        return opened(load_calibration(calibration)), None, None
+    return open_with_lens(opened, hfov, lambda: progress.tell("perceive: estimating the lens"))
 
 
 def _results(
@@ -247,16 +279,30 @@ def _require_one(option: str, value: object, other: str, other_value: object) ->
         raise InputError(f"give {option} or {other}, not both", key=other)
 
 
+class _Progress:
+    """Lines on stderr about how far the work is, none of them within the first seconds."""
+
+    def __init__(self) -> None:
+        self._next_line = time.monotonic() + FIRST_LINE
+
+    def tell(self, text: str) -> None:
+        """Print ``text`` if a line is due."""
+        now = time.monotonic()
+        if now >= self._next_line:
+            self._next_line = now + LINE_PERIOD
+            print_status(text)
+
+
 class _Tally:
     """Counts results as they pass, and tells on stderr how far the work is.
 
     ``total`` is the number of images, 0 if it is unknown.
     """
 
-    def __init__(self, total: int) -> None:
+    def __init__(self, total: int, progress: _Progress) -> None:
         self._total = total
         self._pairs = self._metric = self._unmeasured = self._unknown = 0
-        self._next_line = time.monotonic() + FIRST_LINE
+        self._progress = progress
 
     def counted(self, results: Iterable[Assessed]) -> Iterator[Assessed]:
         """The ``results``; each is counted."""
@@ -288,11 +334,8 @@ class _Tally:
         return notes
 
     def _tell(self, seconds: float) -> None:
-        now = time.monotonic()
-        if now >= self._next_line:
-            self._next_line = now + LINE_PERIOD
-            total = f" of {self._total}" if self._total else ""
-            print_status(f"perceive: {self._pairs + 1}{total} images, {seconds:.1f} s")
+        total = f" of {self._total}" if self._total else ""
+        self._progress.tell(f"perceive: {self._pairs + 1}{total} images, {seconds:.1f} s")
 
 
 def _grid(text: str) -> tuple[int, int]:

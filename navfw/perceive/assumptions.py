@@ -6,10 +6,11 @@ import math
 from collections.abc import Mapping
 
 from navfw.perceive.image_sources import ImageSource
+from navfw.perceive.lens_estimate import LensEstimate
 from navfw.perceive.perceiver_options import PerceiverOptions
 from navfw.perceive.working_size import WorkingSize
 
-__all__ = ["assumptions", "assumptions_line"]
+__all__ = ["assumptions", "assumptions_line", "estimate_line"]
 
 
 def assumptions(
@@ -42,3 +43,20 @@ def assumptions_line(assumed: Mapping[str, float | str]) -> str:
         "fps": "{:g} images a second (--fps, --times)",
     }
     return "assumed: " + ", ".join(words[key].format(value) for key, value in assumed.items())
+
+
+def estimate_line(lens: LensEstimate) -> str:
+    """What was estimated of the lens, in one line."""
+    found = lens.as_data()
+    if lens.shape is None:
+        what = "nothing about the lens"
+    elif lens.calibration is None:
+        what = f"no distortion, curvature below {3.0 * lens.curvature_sigma:.2f}"
+    else:
+        what = f"distortion arctan {found['curvature']} +- {found['curvature_sigma']}"
+    if found["focal_px"] is not None:
+        what += (
+            f", focal length {found['focal_px']} +- {found['focal_sigma_px']} px "
+            f"({found['hfov_deg']} degrees across)"
+        )
+    return f"estimated: {what}, by {lens.pairs} pairs of images"

@@ -16,14 +16,17 @@ from navfw.config.input_file import read_input_text, shown_path
 from navfw.errors import InputError, did_you_mean
 from navfw.signals import Array
 
-__all__ = ["FISHEYE", "CameraCalibration", "load_calibration"]
+__all__ = ["ARCTAN", "FISHEYE", "CameraCalibration", "load_calibration"]
 
 FISHEYE = "equidistant"
 """Model of lenses of any field of view (Kannala and Brandt): OpenCV's module ``fisheye``."""
+ARCTAN = "arctan"
+"""Model with one coefficient (``navfw.perceive.arctan_lens``), which images alone can tell."""
 _COUNTS: dict[str, tuple[int, ...]] = {
     "plumb_bob": (0, 4, 5),
     "rational_polynomial": (0, 4, 5, 8, 12, 14),
     FISHEYE: (0, 4),
+    ARCTAN: (0, 1),
 }
 """Numbers of coefficients of each model, in OpenCV's order."""
 _OTHER_NAMES = {
@@ -58,8 +61,8 @@ class CameraCalibration:
     """Matrix and lens distortion of a camera, from ``file``.
 
     ``matrix`` (3, 3) [px], with the centre of the first pixel at (0, 0); ``coefficients`` (n,) of
-    ``model`` ("plumb_bob", "rational_polynomial" or "equidistant") in OpenCV's order; ``size``
-    (width, height) [px] of the images that it is for, None if the file does not say it.
+    ``model`` ("plumb_bob", "rational_polynomial", "equidistant" in OpenCV's order, or "arctan");
+    ``size`` (width, height) [px] of the images that it is for, None if the file does not say it.
     """
 
     file: str

@@ -1,8 +1,9 @@
 """The camera's motion between two images of a sequence: tracked points, gyro, and what was before.
 
 Rotation and heading are estimated from tracked points (``navfw.egomotion.flow_egomotion``). The
-gyro, where there is one, is the prior of the rotation. The heading of the pair before is a weak
-prior: it decides between the two motions that explain the image of a single plane.
+gyro, where there is one, is the prior of the rotation. Otherwise the rate of the pair before is, as
+exactly as rates have been steady: it decides where few points are tracked. The heading of the pairs
+before is a weak prior: it decides between the two motions that explain the image of a single plane.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from navfw.perceive.working_size import WorkingSize
 from navfw.robot import CameraModel
 from navfw.signals import Array, CameraMotion
 
-__all__ = ["PairMotion", "PairMotionEstimator", "rotation_vector"]
+__all__ = ["RATE_DRIFT", "PairMotion", "PairMotionEstimator", "rotation_vector"]
 
 GYRO_SIGMA = 0.005
 """Standard deviation of the constant error of a gyro's rates [rad/s]."""
@@ -39,8 +40,16 @@ HEADING_DRIFT = 0.35
 LEAST_DRIFT = 0.1
 """Least of it after many pairs of one heading [rad]."""
 
+RATE_DRIFT = 0.35
+"""Least standard deviation of the change of a rate of rotation from one pair to the next [rad/s]:
+that of a vehicle that begins to turn."""
+
+RATE_SPREAD = 4.5
+"""The same as a multiple of the median of recent changes: three standard deviations of a normal
+change, since changes come suddenly."""
+
 MEMORY = 20
-"""Number of pairs whose headings are remembered."""
+"""Number of pairs whose headings and changes of rate are remembered."""
 
 SURE_HEADING = 0.25
 """Largest standard deviation of a known heading [rad]: beyond it distances are not known."""
@@ -84,8 +93,13 @@ class PairMotionEstimator:
         self._camera = camera
         self._size = size
         self._gyro = gyro
-        self._rate = np.zeros(3)
+        self._rate: Array | None = None
+        self._changes: deque[float] = deque(maxlen=MEMORY)
         self._headings: deque[Array] = deque(maxlen=MEMORY)
+
+    def interrupt(self) -> None:
+        """Forget the rate of rotation: the next pair does not follow those before."""
+        self._rate = None
 
     def estimate(self, past: TrackImage, now: TrackImage, begin: float, end: float) -> PairMotion:
         """The motion from image ``past`` at ``begin`` [s] to image ``now`` at ``end`` [s]."""
@@ -93,14 +107,21 @@ class PairMotionEstimator:
         tracks = track_points(past, now, self._size)
         found = estimate_egomotion(tracks, self._camera.focal, prior)
         if found.kind is not MotionKind.UNKNOWN:
-            self._rate = rotation_vector(found.rotation, self._camera) / (end - begin)
+            rate = rotation_vector(found.rotation, self._camera) / (end - begin)
+            if self._rate is not None:
+                self._changes.append(float(np.abs(rate - self._rate).max()))
+            self._rate = rate
         if found.heading_sigma <= SURE_HEADING:
             self._headings.append(found.direction)
         return PairMotion(found, end - begin, source, notes)
 
     def _prior(self, begin: float, end: float) -> tuple[EgomotionPrior, str, tuple[str, ...]]:
-        turn = self._rate * (end - begin)
-        sigma = np.full(3, FREE_TURN)
+        turn, sigma = np.zeros(3), np.full(3, FREE_TURN)
+        if self._rate is not None:
+            usual = float(np.median(self._changes)) if self._changes else math.inf
+            drift = max(RATE_SPREAD * usual, RATE_DRIFT)
+            turn = self._rate * (end - begin)
+            sigma = np.full(3, min(drift * (end - begin), FREE_TURN))
         source, notes = "flow", tuple[str, ...]()
         if self._gyro is not None:
             measured = self._gyro.rotation_between(begin, end)

@@ -118,6 +118,7 @@ class Perceiver:
             size = self.size or self._start(item)
             if item.after_gap:
                 earlier.clear()
+                self._motions.interrupt()
             frame = Frame(item.time, size.prepare(item.image))
             now = _Prepared(item.name, frame, TrackImage.of(item.image))
             if earlier:
@@ -160,7 +161,7 @@ class Perceiver:
             notes += (NO_FLOOR,)
         if problems == [TEXTURELESS] and _alike(past.frame, now.frame):
             problems = [MOTIONLESS]
-        self._choose_stride(raw, flow)
+        self._choose_stride(raw, flow, motion)
         ratio = None if floor is None else floor.ratio
         self._scales.speed = self.options.speed_between(past.frame.time, now.frame.time)
         scale = self._scales.update(None if ratio is None else ratio / motion.dt)
@@ -268,12 +269,16 @@ class Perceiver:
             return 1
         return min(max(round(BASELINE * self._source.rate / speed), 1), LONGEST)
 
-    def _choose_stride(self, raw: FlowField, flow: FlowField) -> None:
+    def _choose_stride(self, raw: FlowField, flow: FlowField, motion: PairMotion) -> None:
         """Increase the stride for slow flow, decrease it for fast flow (METHOD 2.7).
 
-        The derotated flow decides, as long as the images overlap by most of their width.
+        The derotated flow decides, as long as the images overlap by most of their width. Images
+        between which the motion is not found may be too far apart.
         """
         if self.options.stride is not None:
+            return
+        if motion.egomotion.kind is MotionKind.UNKNOWN:
+            self._stride = max(self._stride // 2, 1)
             return
         low, high = USEFUL_FLOW
         useful, whole = max(_fastest(flow), 0.25), max(_fastest(raw), 0.25)

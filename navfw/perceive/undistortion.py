@@ -9,7 +9,8 @@ import cv2
 import numpy as np
 
 from navfw.errors import InputError
-from navfw.perceive.calibration_file import FISHEYE, CameraCalibration
+from navfw.perceive.arctan_lens import distort
+from navfw.perceive.calibration_file import ARCTAN, FISHEYE, CameraCalibration
 from navfw.signals import Array, Image
 
 __all__ = ["Undistortion"]
@@ -147,6 +148,9 @@ class Undistortion:
 
     def _distorted(self, rays: Array) -> Array:
         """Points (n, 2) [px] where the lens shows ``rays`` (n, 2), at unit depth."""
+        if self._calibration.model == ARCTAN:
+            bent = distort(rays, float(self._coefficients[0]))
+            return np.asarray(bent @ self._matrix[:2, :2].T + self._matrix[:2, 2])
         solid = np.column_stack([rays, np.ones(len(rays))])[:, None]
         zero = np.zeros(3)
         points, _ = self._lens.projectPoints(solid, zero, zero, self._matrix, self._coefficients)
@@ -154,6 +158,8 @@ class Undistortion:
 
     def _undistortion_maps(self, focal: float) -> tuple[Array, Array]:
         width, height = self._size
+        if self._calibration.model == ARCTAN:
+            return self._maps_by_rows(focal)
         straight = np.array(
             [
                 [focal, 0.0, 0.5 * (width - 1)],
@@ -164,6 +170,17 @@ class Undistortion:
         first, second = self._lens.initUndistortRectifyMap(
             self._matrix, self._coefficients, np.eye(3), straight, self._size, cv2.CV_16SC2
         )
+        return np.asarray(first), np.asarray(second)
+
+    def _maps_by_rows(self, focal: float) -> tuple[Array, Array]:
+        """The maps from ``_distorted``, row by row to save memory."""
+        width, height = self._size
+        x = (np.arange(width) - 0.5 * (width - 1)) / focal
+        rows = [
+            self._distorted(np.column_stack([x, np.full(width, y / focal)])).astype(np.float32)
+            for y in np.arange(height) - 0.5 * (height - 1)
+        ]
+        first, second = cv2.convertMaps(np.stack(rows), np.empty(0), cv2.CV_16SC2)
         return np.asarray(first), np.asarray(second)
 
     def _error(self, message: str) -> InputError:

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from navfw.camera_geometry.rotations import rotation_matrix
-from navfw.egomotion.flow_egomotion import MotionKind
+from navfw.egomotion.flow_egomotion import FREE_TURN, MotionKind
 from navfw.flow.ideal import true_vectors
-from navfw.perceive.pair_motion import PairMotionEstimator, rotation_vector
+from navfw.perceive.pair_motion import RATE_DRIFT, PairMotionEstimator, rotation_vector
 from navfw.perceive.point_tracks import TrackImage, track_points
 from navfw.perceive.scale import ScaleEstimator
 from navfw.perceive.working_size import WorkingSize
@@ -70,20 +70,42 @@ def test_images_without_corners_give_no_points() -> None:
     assert estimator.estimate(grey, grey, 0.0, 0.1).egomotion.kind is MotionKind.UNKNOWN
 
 
-def test_a_turn_is_told_from_a_translation() -> None:
-    past = picture(2)
+def turned_view(image: Image, yaw: float) -> TrackImage:
+    """What the camera sees of a distant ``image`` after a turn by ``yaw`` [rad]."""
     focal = CAMERA.focal / SIZE.scale
     camera = np.array([[focal, 0.0, 319.5], [0.0, focal, 239.5], [0.0, 0.0, 1.0]])
-    turn = turned_by(np.array([0.0, 0.0, 0.04])).rotation
+    turn = turned_by(np.array([0.0, 0.0, yaw])).rotation
     warp = camera @ turn @ np.linalg.inv(camera)
-    now = cv2.warpPerspective(past, warp, (640, 480), borderMode=cv2.BORDER_REFLECT)
+    now = cv2.warpPerspective(image, warp, (640, 480), borderMode=cv2.BORDER_REFLECT)
+    return TrackImage.of(np.asarray(now, dtype=np.uint8))
+
+
+def test_a_turn_is_told_from_a_translation() -> None:
+    past = picture(2)
     estimator = PairMotionEstimator(CAMERA, SIZE, None)
-    images = TrackImage.of(past), TrackImage.of(np.asarray(now, dtype=np.uint8))
-    found = estimator.estimate(*images, 0.0, 0.1)
+    found = estimator.estimate(TrackImage.of(past), turned_view(past, 0.04), 0.0, 0.1)
     assert found.egomotion.kind is MotionKind.ROTATION
     assert not found.translates
     vector = rotation_vector(found.egomotion.rotation, CAMERA)
     assert vector == pytest.approx([0.0, 0.0, 0.04], abs=0.001)
+
+
+def test_a_steady_turn_is_expected_to_go_on() -> None:
+    wide, blank = picture(3), TrackImage.of(np.full((480, 640, 3), 100, np.uint8))
+    estimator = PairMotionEstimator(CAMERA, SIZE, None)
+    views = [turned_view(wide, 0.02 * k) for k in range(5)]
+    for k in range(4):
+        turned = estimator.estimate(views[k], views[k + 1], 0.1 * k, 0.1 * (k + 1)).egomotion
+    rate = rotation_vector(turned.rotation, CAMERA)[2]
+    assert rate == pytest.approx(0.02, abs=0.001)
+    # nothing is seen for twice as long
+    found = estimator.estimate(blank, blank, 0.4, 0.6).egomotion
+    assert rotation_vector(found.rotation, CAMERA)[2] == pytest.approx(2.0 * rate, rel=0.01)
+    assert math.sqrt(found.covariance[1, 1]) == pytest.approx(RATE_DRIFT * 0.2)
+    estimator.interrupt()
+    found = estimator.estimate(blank, blank, 5.0, 5.2).egomotion
+    assert rotation_vector(found.rotation, CAMERA) == pytest.approx(np.zeros(3))
+    assert math.sqrt(found.covariance[1, 1]) == pytest.approx(FREE_TURN)
 
 
 def test_scale_from_what_is_known() -> None:

@@ -85,6 +85,18 @@ def test_camera_that_backs(approach: Path) -> None:
         assert view["ttc_s"] is None
 
 
+def test_images_too_far_apart_are_taken_nearer_again(tmp_path: Path) -> None:
+    picture = texture()
+    still = [wall_at(2.0, picture)] * 12
+    # then the wall flies past, and nothing is seen in two images twice after six of them
+    moving = [picture[100:340, 60 * k : 60 * k + WIDTH] for k in range(1, 13)]
+    views = perceive(save(tmp_path, [*still, *moving]), "--fps", "10")
+    apart = [round(10.0 * view["dt"]) for view in views]
+    assert max(apart) > 8
+    assert apart[-1] <= 2
+    assert [view["heading"]["motion"] for view in views[11:16]].count("unknown") >= 2
+
+
 def noise(k: int) -> Image:
     return np.random.default_rng(k).integers(0, 256, (HEIGHT, WIDTH), dtype=np.uint8)
 

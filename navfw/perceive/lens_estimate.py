@@ -1,0 +1,194 @@
+"""The lens of a camera, estimated from a sequence of images where nobody gave it.
+
+Pairs of images spread over the sequence are tracked, and focal length and distortion are fitted to
+them (``navfw.perceive.lens_fit``). What they determine well is used, the rest stays assumed. The
+standard deviations are those of a jackknife over blocks of pairs, with a floor for what all pairs
+have in common, such as an eccentric principal point or a rolling shutter.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from navfw.perceive.arctan_lens import focal_for
+from navfw.perceive.calibration_file import ARCTAN, CameraCalibration
+from navfw.perceive.image_sources import ImageSource
+from navfw.perceive.lens_fit import LensFit, LensShape, TrackedPair
+from navfw.perceive.lens_pairs import lens_pairs
+from navfw.perceive.working_size import HFOV
+
+__all__ = ["LensEstimate", "estimate_lens", "open_with_lens"]
+
+LEAST_PAIRS = 15
+"""Least number of pairs for an estimate."""
+BLOCKS = 5
+"""Number of blocks of the jackknife."""
+FOCAL_FLOOR, CURVATURE_FLOOR, BORDER_FLOOR = 0.03, 0.05, 0.01
+"""Least standard deviations of the focal length, relative to it, of the curvature, and of the
+distortion at the border: on recordings with known lenses the estimates are off by as much."""
+LEAST_BEND = 0.015
+"""Least bend of the rotational flow at the border that tells a focal length, relative to the
+image's width: without rotation every focal length explains the images."""
+SURE_FOCAL = 0.1
+"""Largest standard deviation of a focal length that is used, relative to it."""
+LEAST_BORDER = 0.03
+"""Least distortion that is removed: the shift of the middle of the left and right border, relative
+to its distance from the centre."""
+SURE = 3.0
+"""Least difference of a lens from a pinhole or an equidistant fisheye [sigma]."""
+
+
+@dataclass(frozen=True, slots=True)
+class LensEstimate:
+    """What a sequence tells of its lens; ``size`` (width, height) [px] of the images.
+
+    ``shape`` is the fitted lens, None if nothing is well determined; ``focal_sigma`` is relative to
+    the focal length, 0 if that was given, and ``curvature_sigma`` that of the curvature, which is 0
+    if it is not significant. ``pairs`` is the number of pairs used.
+    """
+
+    size: tuple[int, int]
+    pairs: int
+    shape: LensShape | None = None
+    focal_sigma: float = math.inf
+    curvature_sigma: float = math.inf
+
+    @property
+    def hfov(self) -> float | None:
+        """Horizontal field of view [deg] of the lens; None if it is unknown."""
+        return None if self.shape is None else _view(self.shape, 0.5 * self.size[0])
+
+    @property
+    def calibration(self) -> CameraCalibration | None:
+        """The lens as a calibration; None if it is unknown or has no distortion."""
+        if self.shape is None or self.shape.curvature == 0.0:
+            return None
+        width, height = self.size
+        focal = self.shape.focal
+        x, y = 0.5 * (width - 1), 0.5 * (height - 1)
+        return CameraCalibration(
+            file="the lens estimated from the images",
+            matrix=np.array([[focal, 0.0, x], [0.0, focal, y], [0.0, 0.0, 1.0]]),
+            coefficients=np.array([self.shape.curvature]),
+            model=ARCTAN,
+            size=self.size,
+        )
+
+    def as_data(self) -> dict[str, float | int | None]:
+        """The estimate as plain data; None for what was given or is not well determined."""
+        data: dict[str, float | int | None] = dict.fromkeys(
+            ("focal_px", "focal_sigma_px", "hfov_deg", "curvature", "curvature_sigma")
+        )
+        if self.shape is not None and self.focal_sigma > 0.0:
+            data["focal_px"] = round(self.shape.focal, 2)
+            data["focal_sigma_px"] = round(self.focal_sigma * self.shape.focal, 2)
+            data["hfov_deg"] = round(_view(self.shape, 0.5 * self.size[0]), 1)
+        if self.shape is not None:
+            data["curvature"] = round(self.shape.curvature, 3)
+            data["curvature_sigma"] = round(self.curvature_sigma, 3)
+        return {"pairs": self.pairs, **data}
+
+
+def estimate_lens(
+    images: ImageSource, hfov: float | None, tick: Callable[[], None] = lambda: None
+) -> LensEstimate:
+    """The lens of the camera that took ``images``; ``hfov`` [deg] is its field of view if known.
+
+    ``tick`` is called after each image and each fit. Images are read up to the first bad one.
+    """
+    pairs, size = lens_pairs(images, tick)
+    if len(pairs) < LEAST_PAIRS:
+        return LensEstimate(size, len(pairs))
+    return _fitted(pairs, size, None if hfov is None else math.radians(hfov), tick)
+
+
+def open_with_lens(
+    opened: Callable[[CameraCalibration | None], ImageSource],
+    hfov: float | None,
+    tick: Callable[[], None] = lambda: None,
+) -> tuple[ImageSource, float | None, LensEstimate]:
+    """Images without the distortion that they show, their field of view [deg], and the estimate.
+
+    ``opened`` opens the images with a calibration, or with none; it is called twice. The field of
+    view is ``hfov`` [deg] where it is known, None if the calibration gives it or nothing does.
+    ``tick`` is called after each step of the work.
+
+    Raises:
+        InputError: the images cannot be opened.
+
+    """
+    lens = estimate_lens(opened(None), hfov, tick)
+    if lens.calibration is not None:
+        return opened(lens.calibration), None, lens
+    return opened(None), hfov if hfov is not None else lens.hfov, lens
+
+
+def _fitted(
+    pairs: Sequence[TrackedPair],
+    size: tuple[int, int],
+    view: float | None,
+    tick: Callable[[], None],
+) -> LensEstimate:
+    """The estimate by ``pairs`` of images of ``size`` [px], with a known ``view`` [rad] or none.
+
+    Focal length and curvature are correlated: the simplest lens that the images do not contradict
+    is taken, a pinhole or an equidistant fisheye, before one of any curvature.
+    """
+    half = 0.5 * size[0]
+    fit = LensFit(pairs, half, view)
+    shape = fit.refined(fit.start())
+    tick()
+    shape, (focal_sigma, curvature_sigma, border_sigma) = _jackknife(fit, shape, len(pairs), half)
+    tick()
+    border_sigma = math.hypot(border_sigma, BORDER_FLOOR)
+    curvature_sigma = math.hypot(curvature_sigma, CURVATURE_FLOOR)
+    simple = None
+    if abs(_border(shape, half)) < max(LEAST_BORDER, SURE * border_sigma):
+        simple = 0.0
+    elif abs(shape.curvature - 1.0) < SURE * curvature_sigma:
+        simple = 1.0
+    if simple is not None and view is not None:
+        shape = LensShape(focal_for(half, 0.5 * view, simple), simple)
+    elif simple is not None:
+        fit = LensFit(pairs, half, curvature=simple)
+        start = LensShape(shape.focal, simple)
+        shape, (focal_sigma, _, _) = _jackknife(fit, start, len(pairs), half)
+    focal_sigma = 0.0 if view is not None else math.hypot(focal_sigma, FOCAL_FLOOR)
+    told = view is not None or fit.bend(shape) > LEAST_BEND * size[0]
+    if not told or focal_sigma > SURE_FOCAL or not HFOV[0] <= _view(shape, half) <= HFOV[1]:
+        return LensEstimate(size, len(pairs))
+    return LensEstimate(size, len(pairs), shape, focal_sigma, curvature_sigma)
+
+
+def _jackknife(
+    fit: LensFit, start: LensShape, count: int, half: float
+) -> tuple[LensShape, list[float]]:
+    """The lens of ``fit`` near ``start``, and the standard deviations of its numbers.
+
+    These are the logarithm of the focal length, the curvature, and the distortion at the border.
+    The fit is repeated without each block of its ``count`` pairs.
+    """
+    shape = fit.refined(start)
+    edges = np.linspace(0, count, BLOCKS + 1).round().astype(int).tolist()
+    parts = [fit.refined(shape, slice(first, last)) for first, last in itertools.pairwise(edges)]
+    values = np.array(
+        [(math.log(part.focal), part.curvature, _border(part, half)) for part in parts]
+    )
+    return shape, (values.std(axis=0) * math.sqrt(BLOCKS - 1)).tolist()
+
+
+def _border(shape: LensShape, half: float) -> float:
+    """Shift of a point ``half`` [px] off the axis by the distortion, relative to ``half``."""
+    return float(shape.straight(np.array([[half, 0.0]]))[0, 0]) / half - 1.0
+
+
+def _view(shape: LensShape, half: float) -> float:
+    """Horizontal field of view [deg] of an image twice ``half`` [px] wide."""
+    return 2.0 * math.degrees(
+        math.atan(shape.straight(np.array([[half, 0.0]]))[0, 0] / shape.focal)
+    )
