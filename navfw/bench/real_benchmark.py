@@ -1,8 +1,8 @@
 """Perception on real frames: sentences by labels, headings, nearness and yaw by the recordings.
 
 Each part of the labelled sequences is processed as ``navfw perceive`` does. The cameras' fields of
-view are those in the table; the rest of the lens is estimated. Photographs without a neighbour for
-flow are processed as a sequence, too: nothing should be said about them.
+view are those in the table; the rest of a lens is estimated from its whole recording. Photographs
+without a neighbour for flow are processed as a sequence, too: nothing should be said about them.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -22,9 +23,10 @@ from navfw.bench.real_poses import camera_poses, camera_way, heading_error
 from navfw.bench.real_yaw import RecordedGyro, recorded_gyro, yaw_rates, yaw_summary
 from navfw.config.input_file import is_folder
 from navfw.errors import ConfigError
+from navfw.perceive.calibration_file import CameraCalibration
 from navfw.perceive.image_order import natural_key
 from navfw.perceive.image_sources import IMAGES, ImageSource, open_source
-from navfw.perceive.lens_estimate import open_with_lens
+from navfw.perceive.lens_estimate import LensEstimate, estimate_lens
 from navfw.perceive.pair_result import PairResult
 from navfw.perceive.perceiver import Perceiver
 from navfw.perceive.perceiver_options import PerceiverOptions
@@ -209,16 +211,39 @@ def open_part(
 
     """
     folder = labels[0].folder
-    everything = _images(data / folder)
-    images = _images_of(everything, data / folder, labels)
-    camera = CAMERAS[folder]
-    gyro = recorded_gyro(data / folder.split("/", maxsplit=1)[0], everything)
-    rate, times = (camera.rate, None) if gyro is None else (None, gyro.times)
-    source, hfov, _ = open_with_lens(
-        lambda calibration: open_source(images, rate, calibration, times), camera.hfov
-    )
-    perceiver = Perceiver(PerceiverOptions(hfov=hfov, flow=flow), source, registry)
-    return OpenedPart(source, perceiver, gyro)
+    recording = _recording(data, folder)
+    images = _images_of(recording.images, data / folder, labels)
+    lens, given = recording.lens, recording.camera.hfov
+    source = recording.opened(images, lens.calibration)
+    options = PerceiverOptions(hfov=lens.known_hfov(given), flow=flow)
+    return OpenedPart(source, Perceiver(options, source, registry), recording.gyro)
+
+
+@dataclass(frozen=True)
+class _Recording:
+    """All ``images`` of a recording by its ``camera``, and its gyro if it has one."""
+
+    images: list[Path]
+    camera: RealCamera
+    gyro: RecordedGyro | None
+
+    def opened(self, images: list[Path], calibration: CameraCalibration | None) -> ImageSource:
+        """Some of its images with their times."""
+        if self.gyro is not None:
+            return open_source(images, None, calibration, self.gyro.times)
+        return open_source(images, self.camera.rate, calibration)
+
+    @cached_property
+    def lens(self) -> LensEstimate:
+        """The lens by all images: it is the same in all parts."""
+        return estimate_lens(self.opened(self.images, None), self.camera.hfov)
+
+
+@lru_cache(maxsize=len(CAMERAS))
+def _recording(data: Path, folder: str) -> _Recording:
+    images = _images(data / folder)
+    gyro = recorded_gyro(data / folder.split("/", maxsplit=1)[0], images)
+    return _Recording(images, CAMERAS[folder], gyro)
 
 
 def judge_result(result: PairResult | None, label: FrameLabel) -> Judgement:

@@ -42,8 +42,8 @@ def add_to(app: typer.Typer) -> None:
 Hfov = Annotated[
     float | None,
     typer.Option(
-        help="Horizontal field of view [degrees]; by default 65 along the longer side of the"
-        " images, as of a phone.",
+        help="Horizontal field of view [degrees]; by default estimated from turns of the camera, or"
+        " 65 along the longer side of the images, as of a phone.",
         show_default=False,
     ),
 ]
@@ -52,7 +52,7 @@ Calibration = Annotated[
     typer.Option(
         metavar="FILE",
         help="Calibration of the camera instead of --hfov: YAML of OpenCV or ROS (camera_info)."
-        " Its lens distortion is removed.",
+        " Its lens distortion is removed. By default distortion is estimated from the images.",
         show_default=False,
     ),
 ]

@@ -63,6 +63,15 @@ class LensEstimate:
         """Horizontal field of view [deg] of the lens; None if it is unknown."""
         return None if self.shape is None else _view(self.shape, 0.5 * self.size[0])
 
+    def known_hfov(self, given: float | None) -> float | None:
+        """The field of view [deg] of the images: ``given`` or estimated, None if it is unknown.
+
+        It is None, too, where the calibration gives it.
+        """
+        if self.calibration is not None:
+            return None
+        return self.hfov if given is None else given
+
     @property
     def calibration(self) -> CameraCalibration | None:
         """The lens as a calibration; None if it is unknown or has no distortion."""
@@ -123,9 +132,7 @@ def open_with_lens(
 
     """
     lens = estimate_lens(opened(None), hfov, tick)
-    if lens.calibration is not None:
-        return opened(lens.calibration), None, lens
-    return opened(None), hfov if hfov is not None else lens.hfov, lens
+    return opened(lens.calibration), lens.known_hfov(hfov), lens
 
 
 def _fitted(

@@ -124,6 +124,17 @@ def test_without_turns_no_focal_length_is_told(monkeypatch: pytest.MonkeyPatch) 
     assert estimate_line(found).startswith("estimated: nothing about the lens, by 16 pairs")
 
 
+@pytest.mark.parametrize(("bend", "known"), [(0.01, False), (0.02, True)])
+def test_a_focal_length_needs_a_bent_flow(
+    monkeypatch: pytest.MonkeyPatch, bend: float, known: bool
+) -> None:
+    monkeypatch.setattr(lens_estimate, "_jackknife", lambda *_: (PINHOLE, [0.0, 0.0, 0.0]))
+    monkeypatch.setattr(LensFit, "start", lambda _: PINHOLE)
+    monkeypatch.setattr(LensFit, "refined", lambda *_: PINHOLE)
+    monkeypatch.setattr(LensFit, "bend", lambda *_: bend * WIDTH)
+    assert (estimated(monkeypatch, drive(PINHOLE, 0.0)).shape == PINHOLE) == known
+
+
 def test_a_known_view_leaves_the_curvature(monkeypatch: pytest.MonkeyPatch) -> None:
     shape = LensShape(focal_for(HALF, math.radians(50.0), 0.5), 0.5)
     found = estimated(monkeypatch, drive(shape, 0.03), hfov=100.0)
