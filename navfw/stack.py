@@ -115,8 +115,12 @@ class Stack:
             self.guard,
         )
         self.safety = SafetyMonitor(robot, self.local_map, settings.safety)
-        self.verdict = SafetyVerdict(Twist(0.0, 0.0))
         self.trim = WheelTrim(robot)
+        self._forget()
+
+    def _forget(self) -> None:
+        """Set what changes during a run to its initial value."""
+        self.verdict = SafetyVerdict(Twist(0.0, 0.0))
         self.state = StackState(time=0.0)
         self._start_pose: Pose | None = None
         self._began: float | None = None
@@ -186,7 +190,8 @@ class Stack:
         self.odometer.reset()
         self.history.reset()
         self.trim.reset()
-        self.verdict = SafetyVerdict(Twist(0.0, 0.0))
+        self._forget()
+        self._start_pose = pose
         for part in (
             self.vision,
             self.features,
@@ -202,14 +207,6 @@ class Stack:
         self.features.set_map(self.topo_map)
         self.planner.start(self.topo_map, goals)
         self.timings.update(dict.fromkeys(TIMED, 0.0))
-        self.state = StackState(time=0.0)
-        self._start_pose = pose
-        self._began = None
-        self._decided = None
-        self._localized = False
-        self._percept = self._flow = None
-        self._passage_report = None
-        self._no_route_since = None
 
     def step(self, reading: SensorReading) -> Twist:
         """One control tick: the twist to drive until the next reading."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import pytest
 from papfis_maps import belief, goal, joined, line
@@ -229,6 +230,25 @@ def test_later_goals_are_planned_without_closed_passages() -> None:
     drive.router.close(drive.router.topo_map.passage("near", "far"))
     assert drive.go(2.9, 0).place == "far"  # the old route is kept
     assert papfis.no_route_reason == "the only route to end is closed: near - far"
+
+
+@pytest.mark.parametrize(
+    ("closed", "listed"),
+    [
+        ("ab", "a - b"),
+        ("abc", "a - b, b - c"),
+        ("abcd", "a - b, b - c, c - d"),
+        ("abcde", "a - b, b - c, c - d, ..."),
+    ],
+)
+def test_at_most_three_closed_passages_are_named(closed: str, listed: str) -> None:
+    places = [Place(name, 1.8 * k, 0) for k, name in enumerate("abcde")]
+    drive = Drive(TopoMap("row", [*places, PLACES["end"]], line(*places, PLACES["end"], width=1.5)))
+    drive.go(0, 0)
+    for ends in pairwise(closed[1:]):
+        drive.router.close(drive.router.topo_map.passage(*ends))
+    drive.report("closed", ("a", "b"), 3)
+    assert drive.no_route_reason == f"the only route to end is closed: {listed}"
 
 
 @pytest.mark.parametrize("start", [(0.0, 0.0), (2.9, 0.0)])

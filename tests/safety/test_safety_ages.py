@@ -1,0 +1,33 @@
+"""Ages of sensor readings limit the speed beyond their thresholds, not at them."""
+
+from __future__ import annotations
+
+import pytest
+from safety_samples import ORIGIN, ROBOT, FixedDistances, odometry, picture, reading
+
+from navfw.safety import SafetyMonitor, SafetyParams
+from navfw.signals import Twist
+
+AGE, LATER = 0.5, 0.5 + 1 / 64
+"""A threshold and an age beyond it [s], both exact in binary."""
+
+
+@pytest.mark.parametrize(
+    ("threshold", "sensor", "speed"),
+    [
+        ("camera_slow", "frame_age", 0.12),
+        ("camera_stop", "frame_age", 0.0),
+        ("gyro_slow", "gyro_age", 0.12),
+        ("encoder_stop", "encoder_age", 0.0),
+    ],
+)
+def test_only_what_is_older_than_the_threshold_counts(
+    threshold: str, sensor: str, speed: float
+) -> None:
+    patient = {"camera_slow": 9.0, "camera_stop": 9.0, "gyro_slow": 9.0, "encoder_stop": 9.0}
+    params = SafetyParams(**{**patient, threshold: AGE})
+    for age, expected in ((AGE, 0.4), (LATER, speed)):
+        monitor = SafetyMonitor(ROBOT, FixedDistances(10.0, 10.0), params)
+        monitor.update(reading(0.0, picture()), odometry(0.0))
+        monitor.update(reading(2.0, picture(), **{sensor: age}), odometry(2.0, 0.3))
+        assert monitor.limit(Twist(0.4, 0.0), 2.0, ORIGIN).twist.v == expected
