@@ -98,3 +98,21 @@ def test_impassable_passages_are_not_used() -> None:
     assert found.places == ("a", "b", "c")
     closed = CostGraph(triangle, np.array([math.inf, 5.0, math.inf]))
     assert closed.cheapest_path({"a": 0.0}, {"c": 0.0}, (4.0, 0.0)) is None
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.5, 1.0, 1.5])
+def test_a_detour_beyond_the_goal_is_found_if_it_costs_less(angle: float) -> None:
+    c, s = math.cos(angle * math.pi), math.sin(angle * math.pi)
+    at = {"start": (0.0, 0.0), "beyond": (10.0, 0.0), "aside": (0.0, 3.0), "end": (4.0, 0.0)}
+    start, beyond, aside, end = (
+        Place(name, c * x - s * y, s * x + c * y) for name, (x, y) in at.items()
+    )
+    passages = [
+        joined(start, beyond),
+        joined(beyond, end),
+        joined(start, aside),
+        joined(aside, end),
+    ]
+    topo_map = TopoMap("detour", [start, beyond, aside, end], passages)
+    assert found_cost(topo_map, np.array([10.0, 6.0, 9.0, 9.0]), "start", "end") == 16.0
+    assert found_cost(topo_map, np.array([10.0, 6.0, 6.0, 9.0]), "start", "end") == 15.0
