@@ -176,7 +176,7 @@ def perceive(
         )
         opened = _opener(source, fps, times)
         options = replace(options, gyro=_motion_record(gyro, poses, pitch or 0.0, opened(None)))
-        progress = _Progress()
+        progress = _StatusLines()
         images, view, lens = _with_lens(opened, calibration, hfov, progress)
         options = replace(options, hfov=view)
     tally = _Tally(images.total, progress)
@@ -228,7 +228,7 @@ def _with_lens(
     opened: Callable[[CameraCalibration | None], ImageSource],
     calibration: Path | None,
     hfov: float | None,
-    progress: _Progress,
+    progress: _StatusLines,
 ) -> tuple[ImageSource, float | None, LensEstimate | None]:
     """The images, their field of view [deg], and the estimate of a lens that nobody gave."""
     from navfw.perceive.calibration_file import load_calibration
@@ -279,7 +279,7 @@ def _require_one(option: str, value: object, other: str, other_value: object) ->
         raise InputError(f"give {option} or {other}, not both", key=other)
 
 
-class _Progress:
+class _StatusLines:
     """Lines on stderr about how far the work is, none of them within the first seconds."""
 
     def __init__(self) -> None:
@@ -299,7 +299,7 @@ class _Tally:
     ``total`` is the number of images, 0 if it is unknown.
     """
 
-    def __init__(self, total: int, progress: _Progress) -> None:
+    def __init__(self, total: int, progress: _StatusLines) -> None:
         self._total = total
         self._pairs = self._metric = self._unmeasured = self._unknown = 0
         self._progress = progress

@@ -28,7 +28,7 @@ LEAST_PAIRS = 15
 """Least number of pairs for an estimate."""
 BLOCKS = 5
 """Number of blocks of the jackknife."""
-FOCAL_FLOOR, CURVATURE_FLOOR, BORDER_FLOOR = 0.03, 0.05, 0.01
+FOCAL_FLOOR, CURVATURE_FLOOR, BORDER_FLOOR = 0.05, 0.05, 0.01
 """Least standard deviations of the focal length, relative to it, of the curvature, and of the
 distortion at the border: on recordings with known lenses the estimates are off by as much."""
 LEAST_BEND = 0.015

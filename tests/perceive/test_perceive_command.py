@@ -74,6 +74,7 @@ def test_images_of_a_calibrated_camera(tmp_path: Path) -> None:
         assert view["ttc_s"] == pytest.approx(distance / 0.5, rel=0.1)
         assert_ahead(view, WIDTH, HEIGHT)
         assert not view["assumed"]
+        assert view["estimated"] is None
     half = [cv2.resize(through_barrel_lens(d), None, fx=0.5, fy=0.5) for d in DISTANCES]
     smaller = save(tmp_path / "half", [np.asarray(image, np.uint8) for image in half])
     done = invoke(smaller, "--calibration", calibration(tmp_path), *options)
@@ -130,6 +131,7 @@ def test_poses_give_rotation_and_speed(tmp_path: Path) -> None:
 
 def test_what_is_assumed_is_said(approach: Path, tmp_path: Path) -> None:
     (view,) = perceive(approach / "image_1.png", approach / "image_2.png")
+    assert view["estimated"]["focal_px"] is None, "a few images without turns"
     assert view["assumed"] == {
         "hfov_deg": 65.0,
         "distortion": "none",
