@@ -65,8 +65,9 @@ class BlockMatching(MatchedFlow):
     the window (``subpixel: affine``), which may end a little outside the search range, or by a
     quadratic surface alone (``subpixel: peak``).
 
-    Where many windows on the floor have little texture, both images are smoothed before: noise decorrelates
-    them, and lets a window follow a strong edge at its border that belongs to another surface.
+    Where many windows on the floor have little texture, both images are smoothed before: noise
+    decorrelates them, and lets a window follow a strong edge at its border that belongs to another
+    surface.
 
     Windows at the border are clipped to the image less ``margin``. The field's ``points`` are the
     centres of the clipped windows: the grid points, except at the border, where they lie some
