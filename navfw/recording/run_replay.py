@@ -20,7 +20,7 @@ from navfw.landmark_appearance import check_landmark_kind
 from navfw.recording.run_folder import RESULT, read_result
 from navfw.recording.run_log import hash_commands
 from navfw.recording.sensor_recording import SensorRecording, load_recording
-from navfw.robot import RobotModel
+from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Array, Pose, SensorReading, Twist, Waypoint
 
 if TYPE_CHECKING:
@@ -153,6 +153,7 @@ def _load(folder: Path) -> tuple[Stack, SensorRecording, Pose | None, list[Waypo
     if not is_file(folder / "recording.npz"):
         raise ConfigError("contains no sensor readings; run again with --record", file=folder)
     recording = load_recording(folder / "recording.npz")
+    _check_images(recording, mission.robot.camera, folder / "recording.npz")
     stack = Stack.load(
         folder / "stack.yaml",
         mission.robot,
@@ -164,6 +165,17 @@ def _load(folder: Path) -> tuple[Stack, SensorRecording, Pose | None, list[Waypo
         for goal in mission.goals
     ]
     return stack, recording, Pose(*mission.start) if mission.start_known else None, goals
+
+
+def _check_images(recording: SensorRecording, camera: CameraModel, file: Path) -> None:
+    height, width = recording.frames.image.shape[1:]
+    if recording.frames.image.size and (width, height) != (camera.width, camera.height):
+        raise ConfigError(
+            f"its images are {width} x {height}, those of the camera in {RESULT} are"
+            f" {camera.width} x {camera.height}",
+            file=file,
+            key="frames",
+        )
 
 
 class _FaultReplay:

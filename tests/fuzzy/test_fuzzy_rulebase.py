@@ -73,6 +73,7 @@ def test_a_mapping_has_the_keys_of_the_file() -> None:
         ("{gauss: [1, .2]}", "{gaus: [1, .2]}", 15, "unknown shape 'gaus': did you mean 'gauss'?"),
         ("{gauss: [1, .2]}", "{gauss: [1, .2, 3]}", 15, "expected 2 numbers [mean, sigma], got 3"),
         ("{gauss: [1, .2]}", "{gauss: [1, .2], triangle: [0, 1, 1]}", 15, "one shape"),
+        ("{gauss: [1, .2]}", "{}", 15, "expected one shape"),
         ("{gauss: [1, .2]}", "{triangle: [5, 6, 7]}", 15, "it is 0 all over it"),
         ("{triangle: [-1, 0, 1]}", "{triangle: [0, -1, 1]}", 14, "a <= b <= c"),
         ("near: {", "very: {", 8, "'very', which is a keyword or hedge"),

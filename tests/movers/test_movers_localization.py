@@ -103,6 +103,17 @@ def test_a_crossing_object_is_located_with_its_velocity(
     assert detection.time == 1.0
 
 
+def test_four_cells_with_errors_of_half_a_pixel_tell_as_much_as_one_of_half_a_pixel() -> None:
+    flow = scene(0.03, (1.2, 0.1, 0.5), (0.0, 0.5))
+    (detection,) = locate_moving_objects(flow, CAMERA)
+    assert flow.inconsistency is not None
+    cells = int((flow.inconsistency > 0.0).sum())
+    depth = detection.distance * math.cos(detection.bearing)
+    per_speed = CAMERA.focal * DT / depth  # [px / (m/s)]
+    sigma = 0.5 / per_speed / math.sqrt(cells / 4.0)
+    assert detection.information[1, 1] == pytest.approx(1.0 / sigma**2, rel=0.35)
+
+
 def test_an_object_at_constant_bearing_is_detected_by_flow_below_the_floors() -> None:
     # straight ahead of the robot, faster than it: no flow across epipolar lines, none outward
     found = locate_moving_objects(scene(0.08, (1.2, 0.0, 0.5), (0.7, 0.0)), CAMERA)

@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -16,6 +18,7 @@ from navfw.missions.run_report import write_run
 from navfw.missions.session import MissionResult, prepare
 from navfw.recording.run_folder import RESULT, RunFolder, read_result
 from navfw.recording.run_replay import explain_at, replay
+from navfw.signals import Image
 
 # None in sys.modules makes the import of PyBullet fail.
 ALONE = """
@@ -64,20 +67,36 @@ def test_the_stack_without_simulator_gives_the_same_commands(
     assert abs(result.run.log.commands[:, 0]).max() > 0.1, "the robot should have driven"
 
 
+def with_images(folder: Path, copy: Path, change: Callable[[Image], Image]) -> Path:
+    """A copy of a run folder with its images (n, height, width) changed."""
+    for name in (RESULT, "map.yaml", "stack.yaml"):
+        (copy / name).write_bytes((folder / name).read_bytes())
+    with np.load(folder / "recording.npz") as data:
+        arrays = {name: data[name] for name in data.files}
+    arrays["frames_image"] = change(arrays["frames_image"])
+    np.savez(copy / "recording.npz", **arrays)
+    return copy
+
+
+def test_images_of_another_size_are_refused_by_file(
+    driven: tuple[MissionResult, Path], tmp_path: Path
+) -> None:
+    folder = with_images(driven[1], tmp_path, lambda images: images[:, :, 1:])
+    with pytest.raises(ConfigError) as caught:
+        replay(folder)
+    assert caught.value.file == str(tmp_path / "recording.npz")
+    assert "159 x 120, those of the camera in result.json are 160 x 120" in str(caught.value)
+
+
 def test_another_image_gives_other_commands(
     driven: tuple[MissionResult, Path], tmp_path: Path
 ) -> None:
     """A replay computes its commands; it does not return the recorded ones."""
-    import numpy as np
 
-    _, folder = driven
-    for name in (RESULT, "map.yaml", "stack.yaml"):
-        (tmp_path / name).write_bytes((folder / name).read_bytes())
-    with np.load(folder / "recording.npz") as data:
-        arrays = {name: data[name] for name in data.files}
-    arrays["frames_image"][30:] = arrays["frames_image"][30:, :, ::-1]
-    np.savez(tmp_path / "recording.npz", **arrays)
-    again = replay(tmp_path)
+    def mirrored(images: Image) -> Image:
+        return np.concatenate([images[:30], images[30:, :, ::-1]])
+
+    again = replay(with_images(driven[1], tmp_path, mirrored))
     assert not again.same
     assert again.first_difference is not None
     # the camera has 10 Hz, the control loop 60 Hz
