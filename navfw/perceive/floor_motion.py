@@ -37,7 +37,7 @@ LOW_ROWS = 0.42
 """Share of the image's rows, from the lowest, by which ratio and pitch are chosen."""
 
 LEAST_FALL = 0.12
-"""Least descent of a ray per depth below the horizon."""
+"""Least descent of a ray per depth that is below the horizon though the pitch is not exact."""
 
 LEAST_GAIN = 4.0
 """Least gain in log likelihood of a moving floor over a floor that does not move."""
@@ -158,9 +158,12 @@ class FloorFinder:
         return found
 
     def without_floor(self, flow: FlowField) -> FlowField:
-        """``flow`` without confidence below the horizon, where it may show the floor or objects."""
+        """``flow`` without confidence where it may show the floor, or objects.
+
+        That is below the horizon, and as far above it as the pitch may be wrong.
+        """
         fall = self._camera.fall_per_depth(flow.points, self.pitch or 0.0)
-        return replace(flow, confidence=np.where(fall > 0.0, 0.0, flow.confidence))
+        return replace(flow, confidence=np.where(fall > -LEAST_FALL, 0.0, flow.confidence))
 
     def _collect(self, likelihood: Array, motion: CameraMotion) -> None:
         """Add the evidence of one pair for each pitch: images, and a heading along the floor."""

@@ -111,3 +111,13 @@ def test_vectors_of_the_floor_obey_its_geometry() -> None:
     exact = true_vectors(points, found.ratio * fall / MOTION.baseline, MOTION, CAMERA.focal)
     assert flow.vectors[found.cells] == pytest.approx(exact[found.cells], abs=1e-6)
     assert (flow.confidence[~found.cells] == 0.0).all()
+
+
+def test_without_the_floor_nothing_is_said_where_it_may_be() -> None:
+    points = grid_points(CAMERA, *GRID)
+    shape = points.shape[:2]
+    seen = FlowField(0.1, points, np.zeros_like(points), np.ones(shape), np.ones(shape), MOTION)
+    elevation = np.degrees(np.arctan(-CAMERA.fall_per_depth(points)))
+    left = FloorFinder(CAMERA, GRID, PITCH).without_floor(seen).confidence > 0.0
+    assert not left[elevation < 5.0].any(), "the pitch may be wrong by 5 degrees"
+    assert left[elevation > 10.0].all()
