@@ -177,7 +177,7 @@ def _nearest_isolated(
 def _foot(topo_map: TopoMap, projection: PassageProjection) -> tuple[float, float]:
     """The projected point (x, y) [m]."""
     a, b = topo_map.places[projection.passage.a], topo_map.places[projection.passage.b]
-    share = 0.0 if projection.span == 0.0 else projection.along / projection.span
+    share = projection.share
     return a.x + share * (b.x - a.x), a.y + share * (b.y - a.y)
 
 

@@ -174,7 +174,7 @@ class SafetyMonitor:
             if min(free, observed - robot.radius) <= self.params.gap:
                 v, reason = 0.0, "no observed free space behind"
             # evidence decays, walls too: without frames the map gets worse with time
-            if self._blind_reverse >= self.params.blind_reverse:
+            if self._blind_reverse > self.params.blind_reverse:
                 v, reason = 0.0, "longest reverse without a valid frame"
         stopped = twist.v > 0.0 and v <= 0.0
         return SafetyVerdict(Twist(v, w), reason, stopped)

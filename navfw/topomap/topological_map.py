@@ -36,9 +36,14 @@ class PassageProjection:
     span: float
     aside: float
 
+    @property
+    def share(self) -> float:
+        """Where the projected point lies between the ends: 0 at place ``a``, 1 at the other."""
+        return 0.0 if self.span == 0.0 else self.along / self.span
+
     def to_end(self, place: str) -> float:
         """Distance [m] from the projected point to an end, scaled to the passage's length."""
-        share = 0.0 if self.span == 0.0 else self.along / self.span
+        share = self.share
         return self.passage.length * (share if place == self.passage.a else 1.0 - share)
 
 

@@ -1,4 +1,4 @@
-"""Ages of sensor readings limit the speed beyond their thresholds, not at them."""
+"""Sensors limit the speed beyond their thresholds, not at them."""
 
 from __future__ import annotations
 
@@ -31,3 +31,12 @@ def test_only_what_is_older_than_the_threshold_counts(
         monitor.update(reading(0.0, picture()), odometry(0.0))
         monitor.update(reading(2.0, picture(), **{sensor: age}), odometry(2.0, 0.3))
         assert monitor.limit(Twist(0.4, 0.0), 2.0, ORIGIN).twist.v == expected
+
+
+def test_without_blind_reverse_the_robot_reverses_only_by_sight() -> None:
+    params = SafetyParams(blind_reverse=0.0)
+    monitor = SafetyMonitor(ROBOT, FixedDistances(10.0, 10.0), params)
+    back = Twist(-0.1, 0.0)
+    for time, image, speed in ((0.0, picture(), -0.1), (2.0, None, 0.0), (2.1, picture(), -0.1)):
+        monitor.update(reading(time, image), odometry(time, v=-0.1))
+        assert monitor.limit(back, time, ORIGIN).twist.v == speed
