@@ -248,7 +248,7 @@ class Stack:
         finished = waypoint is None and not belief.lost
         command, idle = None, 0.0
         if not finished and not self._warming_up(reading.time):
-            moving_obstacles = self._map(view, odometry, seen_from.pose)
+            moving_obstacles = self._map(frame, view, odometry, seen_from.pose)
             inputs = self._inputs(odometry, belief, waypoint, moving_obstacles)
             with timed(self.timings, "motion"):
                 command = self.mofis.decide(inputs)
@@ -319,12 +319,16 @@ class Stack:
                 self._passage_report = None
             return self.planner.update(belief)
 
-    def _map(self, view: View, odometry: Odometry, seen_from: Pose) -> tuple[OccupiedDisc, ...]:
+    def _map(
+        self, frame: Frame, view: View, odometry: Odometry, seen_from: Pose
+    ) -> tuple[OccupiedDisc, ...]:
         """Update local map and tracks; the discs that bar only the way to the local goal.
 
         While no behaviour handles moving obstacles, the local map counts them as occupied.
         """
         with timed(self.timings, "motion"):
+            if self.safety.senses.seeing:
+                self.local_map.sight.observe_image(frame.image)
             self.local_map.update(odometry, view.percepts, view.stixels, seen_from)
         self._percept = view.percept or self._percept
         self._flow = view.flows[-1] if view.flows else self._flow

@@ -1,12 +1,15 @@
-"""Whether the camera shows the path ahead: texture and confidence in its part of the image."""
+"""Whether the camera shows the path ahead: the texture in its part of the image."""
 
 from __future__ import annotations
 
+import math
+
+import cv2
 import numpy as np
 import numpy.typing as npt
 
 from navfw.robot import RobotModel
-from navfw.signals import Array, Percept
+from navfw.signals import Array, Image, Percept
 
 __all__ = ["PathSight"]
 
@@ -16,12 +19,16 @@ BESIDE = 0.1
 """Width of the path beside the body, each side [m]."""
 CONFIDENCE = 0.01
 """Least confidence of a cell with texture above the noise: it has been matched, however weakly."""
-WEAK = 0.28
-"""Mean confidence of the path's cells below which sight is weak. Usual texture gives about 0.5, a
-contrast of 6 grey levels under a noise of 2 about 0.32, a contrast of 3 about 0.22."""
-SEEN = 0.2
-"""Share of the path's cells with texture below which nothing is seen. Usual texture gives nearly
-all cells, edges between surfaces without texture give single ones."""
+WEAK, SEEN = 0.6, 0.2
+"""Shares of the path's cells with texture below which sight is weak, and below which there is none.
+Usual texture gives nearly all cells, and edges between surfaces without texture single ones."""
+FAINT = 7.0
+"""Contrast [grey levels] of the path's image below which sight is weak. Usual texture gives 15 and
+more, a contrast of 6 under a noise of 2 about 5.5, a contrast of 3 about 3.3."""
+WINDOW = 13
+"""Side of the windows [px] in which the contrast is measured."""
+_STRIDE = 4
+"""Every so many pixels [px] a window counts."""
 SHARE = 0.15
 """Weight of the newest percept in the mean over the percepts so far: single ones vary."""
 
@@ -29,7 +36,7 @@ SHARE = 0.15
 class PathSight:
     """``texture``: the share of the path's cells that the newest percepts have matched.
 
-    ``confidence``: the mean confidence of these cells.
+    ``contrast`` [grey levels]: the median standard deviation of the path's image in small windows.
 
     The path is the floor that the robot would drive over. A cell of the image that shows it, or
     what stands on it, has a confidence above 0 only with texture above the noise.
@@ -39,17 +46,22 @@ class PathSight:
         self._robot = robot
         self._points: Array | None = None
         self._path: npt.NDArray[np.bool_] = np.zeros((0, 0), np.bool_)
+        camera = robot.camera
+        x = np.arange(0, camera.width, _STRIDE) + 0.5 - 0.5 * camera.width
+        y = np.arange(0, camera.height, _STRIDE) + 0.5 - 0.5 * camera.height
+        self._pixels = self._path_of(np.stack(np.meshgrid(x, y), axis=-1))
         self.reset()
 
     def reset(self) -> None:
         """Back to the start of a run: before the first percept there is no judgement."""
-        self.texture = self.confidence = 1.0
+        self.texture = 1.0
+        self.contrast = math.inf
         self._first = True
 
     @property
     def weak(self) -> bool:
         """Whether the path is seen so poorly that only floor seen as such is free."""
-        return self.none or self.confidence < WEAK
+        return self.texture < WEAK or self.contrast < FAINT
 
     @property
     def none(self) -> bool:
@@ -71,10 +83,21 @@ class PathSight:
         confidence = percept.confidence[self._path]
         if not confidence.size:
             return  # a camera that sees no floor gives no judgement
-        weight = 1.0 if self._first else SHARE
+        share = float((confidence >= CONFIDENCE).mean())
+        self.texture = share if self._first else self.texture + SHARE * (share - self.texture)
         self._first = False
-        self.texture += weight * (float((confidence >= CONFIDENCE).mean()) - self.texture)
-        self.confidence += weight * (float(confidence.mean()) - self.confidence)
+
+    def observe_image(self, image: Image) -> None:
+        """Take in the newest valid image."""
+        if not self._pixels.any():
+            return
+        grey = image.astype(np.float32)
+        mean = cv2.blur(grey, (WINDOW, WINDOW))[::_STRIDE, ::_STRIDE][self._pixels]
+        square = cv2.blur(grey * grey, (WINDOW, WINDOW))[::_STRIDE, ::_STRIDE][self._pixels]
+        contrast = math.sqrt(max(float(np.median(square - mean * mean)), 0.0))
+        if math.isinf(self.contrast):
+            self.contrast = contrast
+        self.contrast += SHARE * (contrast - self.contrast)
 
     def _path_of(self, points: Array) -> npt.NDArray[np.bool_]:
         """(rows, cols) True for cells whose rays meet the floor of the path."""

@@ -10,24 +10,21 @@ from safety_samples import ROBOT, monitor_with, odometry, picture, reading
 
 from navfw.localmap.path_sight import PathSight
 from navfw.safety import SafetyMonitor
-from navfw.signals import Percept, Twist
+from navfw.signals import Image, Percept, Twist
 from navfw.testing.behavior_scenes import BehaviorScene, contexts_of
 
 RATE = 60.0
 AHEAD = Twist(0.15, 0.0)
 
 
-def percept(known: float = 1.0, low: bool = True, degree: float = 0.6) -> Percept:
-    """Of open floor; a share of the lower half is known, or of the upper one, all else unknown.
-
-    ``degree``: confidence of what is known.
-    """
+def percept(known: float = 1.0, low: bool = True) -> Percept:
+    """Of open floor; a share of the lower half is known, or of the upper one, all else unknown."""
     made = contexts_of(BehaviorScene("open floor", Twist(0.3, 0.0)))[-1].percept
     assert made is not None
     rows, cols = made.confidence.shape
     confidence = np.zeros((rows, cols))
     half = confidence[rows // 2 :] if low else confidence[: rows // 2]
-    half[:, :] = degree * (np.random.default_rng(0).random(half.shape) < known)
+    half[:, :] = np.random.default_rng(0).random(half.shape) < known
     return replace(made, confidence=confidence)
 
 
@@ -73,29 +70,26 @@ def test_reverse_and_turns_are_no_advance() -> None:
 
 def test_weak_sight_limits_the_speed() -> None:
     monitor = monitor_with()
-    monitor.local_map.sight.observe(percept(degree=0.2))
+    monitor.local_map.sight.observe(percept(0.4))
     verdict = monitor.limit(Twist(0.4, 0.3), 0.0, odometry(0.0, 0.0).pose)
     assert verdict.twist == Twist(monitor.params.weak_sight, 0.3)
     assert "little is seen of the path ahead" in verdict.reason
 
 
 @pytest.mark.parametrize(
-    ("known", "low", "degree", "weak", "none"),
+    ("known", "low", "weak", "none"),
     [
-        (0.0, True, 0.6, True, True),
-        (0.05, True, 0.6, True, True),
-        (0.4, True, 0.5, True, False),
-        (0.9, True, 0.2, True, False),
-        (0.9, True, 0.5, False, False),
-        (1.0, False, 0.6, True, True),
+        (0.0, True, True, True),
+        (0.05, True, True, True),
+        (0.4, True, True, False),
+        (0.9, True, False, False),
+        (1.0, False, True, True),
     ],
 )
-def test_the_cells_of_the_path_decide(
-    known: float, low: bool, degree: float, weak: bool, none: bool
-) -> None:
+def test_the_cells_of_the_path_decide(known: float, low: bool, weak: bool, none: bool) -> None:
     sight = PathSight(ROBOT)
     assert not sight.weak, "no judgement before the first percept"
-    sight.observe(percept(known, low, degree))
+    sight.observe(percept(known, low))
     assert (sight.weak, sight.none) == (weak, none)
     assert bool(sight.trouble) is weak
 
@@ -108,3 +102,41 @@ def test_single_percepts_do_not_change_the_judgement() -> None:
     for _ in range(20):
         sight.observe(percept(0.0))
     assert sight.none
+
+
+def textured(contrast: float, seed: int = 0) -> Image:
+    """An image of the floor with that contrast, and sharp things above the horizon."""
+    rng = np.random.default_rng(seed)
+    height, width = ROBOT.camera.height, ROBOT.camera.width
+    image = 128.0 + contrast * rng.normal(size=(height, width))
+    image[: height // 3] = 255.0 * (rng.random((height // 3, width)) < 0.5)
+    return np.clip(image.round(), 0, 255).astype(np.uint8)
+
+
+@pytest.mark.parametrize(("contrast", "weak"), [(2.0, True), (6.0, True), (9.0, False)])
+def test_floor_of_little_contrast_is_seen_weakly(contrast: float, weak: bool) -> None:
+    sight = PathSight(ROBOT)
+    sight.observe(percept())
+    sight.observe_image(textured(contrast))
+    assert sight.contrast == pytest.approx(contrast, rel=0.1)
+    assert sight.weak is weak
+    assert not sight.none
+
+
+def test_single_images_do_not_change_the_judgement() -> None:
+    sight = PathSight(ROBOT)
+    sight.observe_image(textured(12.0))
+    sight.observe_image(textured(2.0))
+    assert not sight.weak
+    for seed in range(20):
+        sight.observe_image(textured(2.0, seed))
+    assert sight.weak
+    sight.reset()
+    assert sight.contrast == np.inf
+
+
+def test_a_camera_that_sees_no_floor_judges_no_image() -> None:
+    up = ROBOT.model_copy(update={"camera": ROBOT.camera.model_copy(update={"pitch": -0.9})})
+    sight = PathSight(up)
+    sight.observe_image(textured(2.0))
+    assert not sight.weak
