@@ -156,7 +156,8 @@ def lock_first_free(target: Path) -> TargetLock:
 def sweep(folder: Path) -> None:
     """Remove what dead processes of this user left unfinished in ``folder``; best effort."""
     with contextlib.suppress(OSError):
-        names = [entry.name for entry in os.scandir(folder) if _is_ours(entry)]
+        with os.scandir(folder) as entries:
+            names = [entry.name for entry in entries if _is_ours(entry)]
         for name in names:
             with contextlib.suppress(OSError, TargetInUseError):
                 lock = TargetLock(folder / _LOCK_FILE.sub(r"\1", name))
