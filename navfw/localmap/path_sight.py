@@ -29,6 +29,8 @@ WINDOW = 13
 """Side of the windows [px] in which the contrast is measured."""
 _STRIDE = 4
 """Every so many pixels [px] a window counts."""
+_MARGIN = -(-(WINDOW // 2) // _STRIDE)
+"""Rows of windows above the path that its uppermost windows reach into."""
 SHARE = 0.15
 """Weight of the newest percept in the mean over the percepts so far: single ones vary."""
 
@@ -49,7 +51,10 @@ class PathSight:
         camera = robot.camera
         x = np.arange(0, camera.width, _STRIDE) + 0.5 - 0.5 * camera.width
         y = np.arange(0, camera.height, _STRIDE) + 0.5 - 0.5 * camera.height
-        self._pixels = self._path_of(np.stack(np.meshgrid(x, y), axis=-1))
+        pixels = self._path_of(np.stack(np.meshgrid(x, y), axis=-1))
+        rows = np.flatnonzero(pixels.any(axis=1))
+        first = max(int(rows[0]) - _MARGIN, 0) if rows.size else 0
+        self._top, self._pixels = first * _STRIDE, pixels[first:]
         self.reset()
 
     def reset(self) -> None:
@@ -91,7 +96,7 @@ class PathSight:
         """Take in the newest valid image."""
         if not self._pixels.any():
             return
-        grey = image.astype(np.float32)
+        grey = image[self._top :].astype(np.float32)
         mean = cv2.blur(grey, (WINDOW, WINDOW))[::_STRIDE, ::_STRIDE][self._pixels]
         square = cv2.blur(grey * grey, (WINDOW, WINDOW))[::_STRIDE, ::_STRIDE][self._pixels]
         contrast = math.sqrt(max(float(np.median(square - mean * mean)), 0.0))

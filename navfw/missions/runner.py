@@ -38,6 +38,7 @@ _FAULTS = {
     "sight": FaultKind.NOTHING_SEEN,
     "stage": FaultKind.PLUGIN_FAILED,
 }
+"""Kind of the fault by the part of the stack that has failed for good."""
 
 _STILL = 0.02
 """Commanded speed [m/s] and turning rate [rad/s] up to which the robot counts as standing still."""

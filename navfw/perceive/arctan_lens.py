@@ -32,9 +32,7 @@ def straighten(points: Array, curvature: float) -> Array:
 
     Both are in focal lengths from the principal point. Points beyond ``STEEPEST`` are those at it.
     """
-    radius = np.linalg.norm(points, axis=-1, keepdims=True)
-    c = math.sqrt(abs(curvature))
-    bent = np.maximum(c * radius, 1e-9)
+    bent = _bent(points, curvature)
     if abs(curvature) < _STRAIGHT:
         return np.array(points, dtype=np.float64)
     if curvature > 0.0:
@@ -47,14 +45,18 @@ def distort(points: Array, curvature: float) -> Array:
 
     Both are in focal lengths from the principal point.
     """
-    radius = np.linalg.norm(points, axis=-1, keepdims=True)
-    c = math.sqrt(abs(curvature))
-    bent = np.maximum(c * radius, 1e-9)
+    bent = _bent(points, curvature)
     if abs(curvature) < _STRAIGHT:
         return np.array(points, dtype=np.float64)
     if curvature > 0.0:
         return np.asarray(points * np.arctan(bent) / bent)
     return np.asarray(points * np.arctanh(np.minimum(bent, 1.0 - 1e-9)) / bent)
+
+
+def _bent(points: Array, curvature: float) -> Array:
+    """``c`` times the radius (..., 1) [rad] of ``points``, above 0."""
+    radius = np.linalg.norm(points, axis=-1, keepdims=True)
+    return np.asarray(np.maximum(math.sqrt(abs(curvature)) * radius, 1e-9))
 
 
 def focal_for(half: float, angle: float, curvature: float) -> float:

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import errno
+import gc
 import os
 import re
 import signal
 import subprocess
 import sys
 import tempfile
+import warnings
 from pathlib import Path
 
 import pytest
 
+from navfw import target_lock
 from navfw.atomic import AtomicFolder, scratch_folder, write_text
 from navfw.errors import InputError
 from navfw.recording.run_folder import RESULT, RunFolder, read_result
@@ -185,3 +188,20 @@ def test_scratch_folders_of_dead_processes_are_removed(
             assert not dead.part.exists()
             assert other.stat().st_mode & 0o777 == 0o700
     assert names(tmp_path) == []
+
+
+def test_a_sweep_that_fails_midway_leaves_no_listing_open(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("a", "b"):
+        (tmp_path / f".{name}.navfw-lock").touch()
+
+    def broken(entry: os.DirEntry[str]) -> bool:
+        raise OSError(errno.EIO, "Input/output error", entry.name)
+
+    monkeypatch.setattr(target_lock, "_is_ours", broken)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        sweep(tmp_path)
+        gc.collect()
+    assert not [w for w in caught if issubclass(w.category, ResourceWarning)]

@@ -83,7 +83,7 @@ def test_slow_is_a_cause_of_timeouts_only() -> None:
 
 
 @pytest.mark.parametrize("kind", list(FaultKind))
-def test_every_kind_of_fault_is_a_cause_with_the_same_explanation(kind: FaultKind) -> None:
+def test_every_kind_of_fault_is_a_cause_of_that_name(kind: FaultKind) -> None:
     cause = classify(FailureSymptoms(Outcome.FAULT, fault=kind))
     assert cause is not None
     assert cause.value == kind.value
