@@ -12,11 +12,12 @@ from navfw.errors import InputError
 from navfw.interruption import deferred, interruptible
 from navfw.missions.session import MissionResult, Session
 from navfw.recording.provenance import code_revision, machine_kind
-from navfw.recording.run_folder import PICTURE, RESULT, RunFolder
+from navfw.recording.run_folder import PICTURE, PLAN, RESULT, RunFolder
 from navfw.recording.top_view import OutlineDisc, WorldOutline
 from navfw.recording.trajectory_picture import TrajectoryPicture, draw_trajectory
 from navfw.sim.floorplan import FloorPlan
 from navfw.topomap.mapfile import map_data
+from navfw.topomap.ros_map import save_ros_map
 
 __all__ = ["default_folder", "draw", "outline_of", "resolved_config", "versions", "write_run"]
 
@@ -48,7 +49,11 @@ def write_run(result: MissionResult, target: RunFolder) -> tuple[str, ...]:
     parts: dict[str, Callable[[Path], object]] = {}
     if result.readings is not None:
         config, topo_map = result.session.stack.config, result.session.mission.topo_map
-        parts["map.yaml"] = lambda path: target.write_yaml(path.name, map_data(topo_map))
+        plan = topo_map.floor_plan
+        data = map_data(topo_map, None if plan is None else PLAN)
+        if plan is not None:
+            parts[PLAN] = lambda path: save_ros_map(plan, path)
+        parts["map.yaml"] = lambda path: target.write_yaml(path.name, data)
         parts["stack.yaml"] = lambda path: target.write_yaml(path.name, config)
         parts["recording.npz"] = result.readings.save
     parts[PICTURE] = lambda path: draw(result, path)

@@ -4,7 +4,7 @@ A FeatureCollection in which every feature has a unique number, ``properties.id`
 node; its name and kind are in ``properties.metadata``. An edge is directed, from the node
 ``properties.startid`` to ``properties.endid``, so each passage is two edges; its other values are
 in ``metadata`` too. ``cost`` is its length. Landmarks, which Nav2 lacks, are a member ``landmarks``
-of the collection: as features Nav2 would read them as nodes.
+of the collection: as features Nav2 would read them as nodes. ``floor_plan`` is another member.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ __all__ = ["geojson_text", "read_geojson"]
 _EDGES = ("MultiLineString", "LineString")
 
 
-def geojson_text(topo_map: TopoMap) -> str:
-    """The map as the text of a GeoJSON file, one line for each feature."""
+def geojson_text(topo_map: TopoMap, plan_file: str | None = None) -> str:
+    """The map as the text of a GeoJSON file, a line a feature; its floor plan is ``plan_file``."""
     ids = {name: number for number, name in enumerate(topo_map.places)}
     features: list[dict[str, Any]] = [
         _feature(
@@ -46,6 +46,8 @@ def geojson_text(topo_map: TopoMap) -> str:
     head = [f'"name": {json.dumps(topo_map.name)},']
     if topo_map.landmarks:
         head.append(f'"landmarks": {json.dumps(map_data(topo_map)["landmarks"])},')
+    if plan_file is not None:
+        head.append(f'"floor_plan": {json.dumps(plan_file)},')
     lines = ",\n".join(json.dumps(feature) for feature in features)
     return '{"type": "FeatureCollection",\n' + "\n".join(head) + f'\n"features": [\n{lines}\n]}}\n'
 
@@ -116,6 +118,7 @@ class _GeoJsonReader:
             if feature["geometry"]["type"] in _EDGES:
                 self._add_edge(feature, index, line)
         self._add_landmarks(data.get("landmarks", {}))
+        self._importer.set_floor_plan(data.get("floor_plan"), self._line_of("floor_plan"))
         name = data.get("name")
         return self._importer.finish(name if isinstance(name, str) and name else "graph")
 
@@ -167,9 +170,13 @@ class _GeoJsonReader:
         return self._names[number]
 
     def _add_landmarks(self, landmarks: Any) -> None:
-        line = self._text.count("\n", 0, max(self._text.find('"landmarks"'), 0)) + 1
+        line = self._line_of("landmarks")
         for name, values in landmarks.items() if isinstance(landmarks, dict) else ():
             self._importer.add_landmark(name, values if isinstance(values, dict) else {}, line)
+
+    def _line_of(self, member: str) -> int:
+        """The line of a member of the collection."""
+        return self._text.count("\n", 0, max(self._text.find(f'"{member}"'), 0)) + 1
 
     def _number(
         self, feature: dict[str, Any], index: int, key: str, line: int

@@ -1,7 +1,7 @@
 """GraphML, the XML format of graph tools: nodes with x, y and kind, undirected edges.
 
 The values of a place or passage are data of its node or edge, with the keys of the map file;
-landmarks are data of the graph, as JSON.
+landmarks are data of the graph, as JSON, and so is the name of the floor plan's file.
 """
 
 from __future__ import annotations
@@ -28,23 +28,30 @@ _MAX_DEPTH = 60
 _NUMBERS = {"double": float, "float": float, "int": int, "long": int}
 
 
-def graphml_text(topo_map: TopoMap) -> str:
-    """The map as the text of a GraphML file."""
-    return "\n".join(_lines(topo_map)) + "\n"
+_TEXTS = ("kind", "landmarks", "floor_plan")
+"""Keys of data that are text; all others are numbers."""
 
 
-def _lines(topo_map: TopoMap) -> Iterator[str]:
+def graphml_text(topo_map: TopoMap, plan_file: str | None = None) -> str:
+    """The map as the text of a GraphML file, with its floor plan in ``plan_file``."""
+    return "\n".join(_lines(topo_map, plan_file)) + "\n"
+
+
+def _lines(topo_map: TopoMap, plan_file: str | None) -> Iterator[str]:
     yield '<?xml version="1.0" encoding="utf-8"?>'
     yield f'<graphml xmlns="{_NAMESPACE}">'
-    for owner, keys in (("node", PLACE_KEYS), ("edge", EDGE_KEYS), ("graph", ("landmarks",))):
+    graph_keys = ("landmarks", "floor_plan")
+    for owner, keys in (("node", PLACE_KEYS), ("edge", EDGE_KEYS), ("graph", graph_keys)):
         for key in keys:
-            kind = "string" if key in {"kind", "landmarks"} else "double"
+            kind = "string" if key in _TEXTS else "double"
             yield (
                 f'  <key id="{owner}-{key}" for="{owner}" attr.name="{key}" attr.type="{kind}"/>'
             )
     yield f'  <graph id={quoteattr(topo_map.name)} edgedefault="undirected">'
     if topo_map.landmarks:
         yield "    " + _data("graph", "landmarks", json.dumps(map_data(topo_map)["landmarks"]))
+    if plan_file is not None:
+        yield "    " + _data("graph", "floor_plan", plan_file)
     for place in topo_map.places.values():
         data = "".join(_data("node", key, getattr(place, key)) for key in PLACE_KEYS)
         yield f"    <node id={quoteattr(place.name)}>{data}</node>"
@@ -138,8 +145,10 @@ class _GraphmlReader:
             b = self._attribute(element, attributes, "target", line)
             directed = attributes.get("directed", str(self._directed).lower()) == "true"
             self._importer.add_edge(a, b, values, line, directed)
-        elif element == "graph" and "landmarks" in values:
-            self._add_landmarks(values["landmarks"], line)
+        elif element == "graph":
+            self._importer.set_floor_plan(values.get("floor_plan"), line)
+            if "landmarks" in values:
+                self._add_landmarks(values["landmarks"], line)
 
     def _store_data(self, key: str, line: int) -> None:
         """Store a <data> value in its parent element, as the type that its key declares."""

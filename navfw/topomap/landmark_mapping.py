@@ -224,6 +224,7 @@ def with_landmarks(
         topo_map.passages,
         topo_map.file,
         list(marks.values()),
+        topo_map.floor_plan,
     )
 
 

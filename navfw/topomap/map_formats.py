@@ -2,7 +2,7 @@
 
 ``.yaml`` is navfw's own format (``mapfile``), ``.graphml`` that of graph tools such as networkx,
 yEd and Gephi (``graphml``), ``.geojson`` that of Nav2's route server (``geojson``). All three
-preserve the whole map.
+preserve the whole map; its floor plan is written beside it.
 """
 
 from __future__ import annotations
@@ -16,11 +16,12 @@ from navfw.errors import MapError
 from navfw.topomap.geojson import geojson_text, read_geojson
 from navfw.topomap.graphml import graphml_text, read_graphml
 from navfw.topomap.mapfile import MAX_BYTES, KindCheck, load_map, map_text
+from navfw.topomap.ros_map import save_ros_map
 from navfw.topomap.topological_map import TopoMap
 
 __all__ = ["SUFFIXES", "load_any_map", "save_map"]
 
-_WRITERS: dict[str, Callable[[TopoMap], str]] = {
+_WRITERS: dict[str, Callable[[TopoMap, str | None], str]] = {
     ".yaml": map_text,
     ".yml": map_text,
     ".graphml": graphml_text,
@@ -59,14 +60,21 @@ def load_any_map(
 def save_map(topo_map: TopoMap, path: str | Path) -> None:
     """Write the map in the format of the suffix, replacing an old file atomically.
 
+    Its floor plan, if any, goes to ``plans/NAME.yaml`` below its folder: in a folder of maps, a
+    file beside it would count as another map.
+
     Raises:
         MapError: the suffix is unknown.
         InputError: the file cannot be written.
 
     """
     path = Path(path)
-    text = _WRITERS[_suffix(path)](topo_map)
-    write_text(path, text, parents=True)
+    writer = _WRITERS[_suffix(path)]
+    plan_file = None
+    if topo_map.floor_plan is not None:
+        plan_file = f"plans/{path.stem}.yaml"
+        save_ros_map(topo_map.floor_plan, path.parent / plan_file)
+    write_text(path, writer(topo_map, plan_file), parents=True)
 
 
 def _suffix(path: Path) -> str:

@@ -31,6 +31,7 @@ class MapImporter:
         self._places: dict[str, dict[str, Any]] = {}
         self._landmarks: dict[str, dict[str, Any]] = {}
         self._edges: list[dict[str, Any]] = []
+        self._floor_plan: Any = None
         self._one_way: dict[tuple[str, str], int] = {}
         self._directed: set[tuple[str, str]] = set()
 
@@ -73,6 +74,11 @@ class MapImporter:
         self._landmarks[name] = _kept(values, LANDMARK_KEYS)
         self._origins["landmarks", name] = Origin(self._file, line)
 
+    def set_floor_plan(self, name: Any, line: int) -> None:
+        """Set the file of the floor plan; None: the map has none."""
+        self._floor_plan = name
+        self._origins["floor_plan",] = Origin(self._file, line)
+
     def finish(self, name: str) -> TopoMap:
         """The map.
 
@@ -90,6 +96,8 @@ class MapImporter:
                 key=f"edges[{index}]",
             )
         data: dict[str, Any] = {"name": name, "places": self._places, "edges": self._edges}
+        if self._floor_plan is not None:
+            data["floor_plan"] = self._floor_plan
         if self._landmarks:
             data["landmarks"] = self._landmarks
         return read_map(YamlDocument(self._file, data, {(): Origin(self._file), **self._origins}))

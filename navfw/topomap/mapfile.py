@@ -3,6 +3,7 @@
 ::
 
     name: office
+    floor_plan: plans/office.yaml
     places:
       lobby: {x: 2.0, y: 2.0, kind: room}
       lobby-door: {x: 3.2, y: 4.2, kind: door}
@@ -24,6 +25,8 @@ from navfw.config.yamlfile import YamlDocument, key_text, load_yaml, validate
 from navfw.errors import ConfigError, MapError, did_you_mean
 from navfw.topomap.elements import Landmark, Passage, Place
 from navfw.topomap.mapspec import EdgeSpec, MapSpec
+from navfw.topomap.occupancy_map import OccupancyMap
+from navfw.topomap.ros_map import load_ros_map
 from navfw.topomap.topological_map import TopoMap
 from navfw.topomap.validation import MapViolation, map_violations
 
@@ -83,13 +86,18 @@ def read_map(document: YamlDocument, check_kind: KindCheck = _shipped_kind) -> T
     found = map_violations(places, passages, landmarks)
     if found:
         raise _map_error(document, found)
-    return TopoMap(spec.name, places, passages, document.file, landmarks)
+    plan = _floor_plan(document, spec)
+    return TopoMap(spec.name, places, passages, document.file, landmarks, plan)
 
 
-def map_data(topo_map: TopoMap) -> dict[str, Any]:
-    """``topo_map`` as plain data with the keys of a map file, without values that are defaults."""
+def map_data(topo_map: TopoMap, plan_file: str | None = None) -> dict[str, Any]:
+    """``topo_map`` as plain data with the keys of a map file, without values that are defaults.
+
+    ``plan_file`` is the yaml file of its floor plan, relative to the map file.
+    """
     data: dict[str, Any] = {
         "name": topo_map.name,
+        **({} if plan_file is None else {"floor_plan": plan_file}),
         "places": {
             place.name: {"x": place.x, "y": place.y, "kind": place.kind}
             for place in topo_map.places.values()
@@ -106,10 +114,11 @@ def map_data(topo_map: TopoMap) -> dict[str, Any]:
     return data
 
 
-def map_text(topo_map: TopoMap) -> str:
-    """``topo_map`` as the text of a map file, one line for each place, edge and landmark."""
-    data = map_data(topo_map)
-    lines = [f"name: {_scalar(data['name'])}", "", "places:"]
+def map_text(topo_map: TopoMap, plan_file: str | None = None) -> str:
+    """The text of a map file, one line for each place, edge and landmark (see ``map_data``)."""
+    data = map_data(topo_map, plan_file)
+    lines = [f"{key}: {_scalar(data[key])}" for key in ("name", "floor_plan") if key in data]
+    lines += ["", "places:"]
     lines += [f"  {_scalar(name)}: {_flow(values)}" for name, values in data["places"].items()]
     if data["edges"]:
         lines += ["", "edges:", *(f"  - {_flow(values)}" for values in data["edges"])]
@@ -117,6 +126,13 @@ def map_text(topo_map: TopoMap) -> str:
         marks = data["landmarks"].items()
         lines += ["", "landmarks:", *(f"  {_scalar(name)}: {_flow(at)}" for name, at in marks)]
     return "\n".join(lines) + "\n"
+
+
+def _floor_plan(document: YamlDocument, spec: MapSpec) -> OccupancyMap | None:
+    """The floor plan that a map names, if it names one."""
+    if spec.floor_plan is None:
+        return None
+    return load_ros_map(Path(document.file or "").parent / spec.floor_plan)
 
 
 def _edge_data(topo_map: TopoMap, passage: Passage) -> dict[str, Any]:

@@ -67,6 +67,14 @@ class MapSpec(StrictModel):
     """The keys of a map file."""
 
     name: Annotated[str, Field(min_length=1, description="of the map")]
+    floor_plan: Annotated[
+        str | None,
+        Field(
+            min_length=1,
+            max_length=1000,
+            description="yaml file of a floor plan, as of ROS' map_server, relative to this file",
+        ),
+    ] = None
     places: Annotated[dict[str, PlaceSpec], Field(description="by name")]
     edges: list[EdgeSpec] = Field(default_factory=list, description="passages between places")
     landmarks: dict[str, MapLandmarkSpec] = Field(

@@ -18,6 +18,7 @@ from navfw.errors import MapError, UnknownNameError
 from navfw.signals import Array
 from navfw.signals.immutable import Sealed
 from navfw.topomap.elements import Landmark, Passage, Place
+from navfw.topomap.occupancy_map import OccupancyMap
 from navfw.topomap.validation import map_violations
 
 __all__ = ["PassageProjection", "TopoMap"]
@@ -50,7 +51,8 @@ class PassageProjection:
 class TopoMap(Sealed):
     """An undirected topological map over a networkx graph.
 
-    A map is immutable: closed passages and changed costs are state of the planner.
+    A map is immutable: closed passages and changed costs are state of the planner. ``floor_plan``
+    is the geometry that it comes with, None for a map of places and passages alone.
 
     >>> hall, door = Place("hall", 0.0, 0.0), Place("door", 3.0, 0.0, "door")
     >>> office = TopoMap("office", [hall, door], [Passage("hall", "door", 3.0, width=0.9)])
@@ -69,6 +71,7 @@ class TopoMap(Sealed):
         passages: Iterable[Passage],
         file: str | Path | None = None,
         landmarks: Iterable[Landmark] = (),
+        floor_plan: OccupancyMap | None = None,
     ) -> None:
         listed, passages, landmarks = list(places), tuple(passages), tuple(landmarks)
         found = map_violations(listed, passages, landmarks)
@@ -78,6 +81,7 @@ class TopoMap(Sealed):
         self.file = None if file is None else str(file)
         self.places: Mapping[str, Place] = MappingProxyType({p.name: p for p in listed})
         self.passages = passages
+        self.floor_plan = floor_plan
         self.landmarks: Mapping[str, Landmark] = MappingProxyType({m.name: m for m in landmarks})
         self._graph = nx.Graph(name=name)
         self._graph.add_nodes_from((p.name, {"place": p}) for p in listed)

@@ -17,10 +17,12 @@ from navfw.sim.worldfile import load_world
 from navfw.stackfile import load_stack
 from navfw.suite.suitefile import load_suite
 from navfw.topomap import load_map
+from navfw.topomap.ros_map import load_ros_map
 
 READERS: dict[str, Callable[[Path], Any]] = {
     "behaviors/*.yaml": load_rule_base,
     "maps/*.yaml": load_map,
+    "maps/plans/*.yaml": load_ros_map,
     "navfw/*/rules/*.yaml": load_rule_base,
     "navfw/localization/situations.yaml": load_table,
     "navfw/stacks/*.yaml": lambda path: load_stack(path, default_registry()),

@@ -31,7 +31,7 @@ SOURCES = [*MODULES, *BEHAVIORS]
 FOR_BEHAVIORS = sys.stdlib_module_names | {"numpy", "pydantic"}
 DECIDING = [*stack_modules(), *BEHAVIORS]
 OUTSIDE = {"datetime", "os", "random", "secrets", "socket", "time"}
-TRUTH = {"true_pose", "true_depth", "floor_plan", "FloorPlan", "contacts"}
+TRUTH = {"true_pose", "true_depth", "floorplan", "FloorPlan", "contacts"}
 ENGINE = {
     "getBasePositionAndOrientation",
     "getBaseVelocity",

@@ -1,0 +1,177 @@
+"""Floor plans in files of ROS' map_server: a yaml file and its image, read and written.
+
+Occupancy is 1 for black and 0 for white, the other way round with ``negate``; thresholds decide
+what is free, occupied and unknown (``ros_mapspec``), as in Nav2.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from navfw.atomic import atomic_file, write_text
+from navfw.config.image_file import read_image
+from navfw.config.input_file import shown_path
+from navfw.config.yamlfile import load_model
+from navfw.errors import ConfigError, MapError
+from navfw.signals import Array, Mask, Pose
+from navfw.topomap.occupancy_map import FREE, MAX_CELLS, OCCUPIED, UNKNOWN, Cells, OccupancyMap
+from navfw.topomap.ros_mapspec import PlanMode, RosMapSpec
+
+__all__ = ["IMAGE_SUFFIXES", "load_ros_map", "plan_of_image", "save_ros_map"]
+
+IMAGE_SUFFIXES = (".pgm", ".png", ".bmp")
+"""Formats of a floor plan's image: without loss, and known to map_server."""
+
+_UNKNOWN_GREY = 205
+"""The grey level that map_saver writes for unknown: its occupancy 0.196 is below Nav2's default
+threshold 0.25 for free, and it must not be free all the same."""
+_LEVELS = {FREE: 254, OCCUPIED: 0, UNKNOWN: _UNKNOWN_GREY}
+"""The grey levels of map_saver by state."""
+
+
+def load_ros_map(path: str | Path) -> OccupancyMap:
+    """The floor plan in a yaml file of map_server.
+
+    The image lies in the folder of the yaml file, or anywhere below the folder above it.
+
+    Raises:
+        ConfigError: a file cannot be read, breaks the schema, or the image lies elsewhere.
+        MapError: it has too many cells.
+
+    """
+    path = Path(path)
+    spec = load_model(path, RosMapSpec)
+    image = _image_path(path, spec.image)
+    return plan_of_image(
+        image,
+        spec.resolution,
+        Pose(*spec.origin),
+        thresholds=(spec.free_thresh, spec.occupied_thresh),
+        mode=spec.mode,
+        negate=bool(spec.negate),
+        file=path,
+    )
+
+
+def plan_of_image(
+    image: str | Path,
+    resolution: float,
+    origin: Pose,
+    *,
+    thresholds: tuple[float, float] = (0.196, 0.65),
+    mode: PlanMode = "trinary",
+    negate: bool = False,
+    file: Path | None = None,
+) -> OccupancyMap:
+    """The floor plan in an image, with pixels of ``resolution`` [m] and its lower left ``origin``.
+
+    ``thresholds`` are the occupancy [0 to 1] below which a cell is free, and above which occupied.
+
+    Raises:
+        ConfigError: the image cannot be read.
+        MapError: it has too many cells.
+
+    """
+    image = Path(image)
+    if image.suffix.lower() not in IMAGE_SUFFIXES:
+        raise ConfigError(
+            f"a floor plan is an image of {', '.join(IMAGE_SUFFIXES)}; convert it",
+            file=shown_path(image),
+        )
+    pixels = read_image(image, cv2.IMREAD_UNCHANGED)
+    if pixels.shape[0] * pixels.shape[1] > MAX_CELLS:
+        raise MapError(
+            f"the image has {pixels.shape[1]} x {pixels.shape[0]} pixels, a floor plan at most "
+            f"{MAX_CELLS}; reduce it and enlarge the resolution by the same factor",
+            file=shown_path(image),
+        )
+    grey, transparent = _grey_levels(pixels)
+    states = _states(grey, transparent, mode, negate, thresholds)
+    return OccupancyMap(states[::-1], resolution, origin, file or image)
+
+
+def save_ros_map(plan: OccupancyMap, path: str | Path, suffix: str = ".png") -> Path:
+    """Write a plan's yaml file at ``path``, and beside it its image; returns the image.
+
+    ``suffix`` is one of ``IMAGE_SUFFIXES``.
+
+    Raises:
+        InputError: a file cannot be written.
+
+    """
+    path = Path(path)
+    image = path.with_suffix(suffix)
+    levels = np.zeros(plan.cells.shape, dtype=np.uint8)
+    for state, level in _LEVELS.items():
+        levels[plan.cells == state] = level
+    content = cv2.imencode(suffix, levels[::-1])[1].tobytes()
+    with atomic_file(image, parents=True) as part:
+        part.write_bytes(content)
+    origin = ", ".join(repr(round(v, 6)) for v in (plan.origin.x, plan.origin.y, plan.origin.yaw))
+    lines = (
+        f"image: {image.name}",
+        "mode: trinary",
+        f"resolution: {plan.resolution!r}",
+        f"origin: [{origin}]",
+        "negate: 0",
+        "occupied_thresh: 0.65",
+        "free_thresh: 0.196",
+    )
+    write_text(path, "\n".join(lines) + "\n", parents=True)
+    return image
+
+
+def _image_path(path: Path, name: str) -> Path:
+    """The image of a yaml file, which names it relative to its own folder.
+
+    Raises:
+        ConfigError: it lies neither there, nor below, nor below the folder above.
+
+    """
+    steps = PurePosixPath(name)
+    if steps.is_absolute() or ".." in steps.parts[1:]:
+        raise ConfigError(
+            f"{name!r} is not near this file; copy the image beside it and write "
+            f"image: {steps.name}",
+            file=shown_path(path),
+            key="image",
+        )
+    return path.parent / steps
+
+
+def _grey_levels(pixels: npt.NDArray[Any]) -> tuple[Array, Mask]:
+    """Grey levels 0 to 255 (mean of the colours), and which pixels are transparent at all."""
+    scaled = pixels.astype(np.float64) / (257.0 if pixels.dtype == np.uint16 else 1.0)
+    if scaled.ndim == 2:
+        return scaled, np.zeros(scaled.shape, dtype=np.bool_)
+    colours = scaled[..., : 3 if scaled.shape[2] >= 3 else 1]
+    alpha = scaled[..., -1] if scaled.shape[2] in {2, 4} else np.full(scaled.shape[:2], 255.0)
+    return colours.mean(axis=2), alpha < 255.0
+
+
+def _states(
+    grey: Array,
+    transparent: Mask,
+    mode: PlanMode,
+    negate: bool,
+    thresholds: tuple[float, float],
+) -> Cells:
+    """The states of all pixels, by their occupancy and the thresholds."""
+    if mode == "raw":
+        occupancy = np.round(grey) / 100.0
+        unknown = occupancy > 1.0
+    else:
+        occupancy = grey / 255.0 if negate else 1.0 - grey / 255.0
+        unknown = transparent if mode == "scale" else np.zeros(grey.shape, dtype=np.bool_)
+        if mode == "trinary" and not negate:
+            unknown |= grey == _UNKNOWN_GREY
+    states = np.full(grey.shape, UNKNOWN, dtype=np.int8)
+    states[occupancy < thresholds[0]] = FREE
+    states[occupancy > thresholds[1]] = OCCUPIED
+    states[unknown] = UNKNOWN
+    return states

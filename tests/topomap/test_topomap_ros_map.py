@@ -1,0 +1,208 @@
+"""Floor plans in files of map_server: what its modes mean, and what is refused."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from navfw.errors import ConfigError, InputError, MapError
+from navfw.signals import Pose
+from navfw.sim.worldfile import load_world
+from navfw.topomap import TopoMap, load_map
+from navfw.topomap.elements import Place
+from navfw.topomap.map_formats import load_any_map, save_map
+from navfw.topomap.occupancy_map import FREE, OCCUPIED, UNKNOWN, OccupancyMap
+from navfw.topomap.ros_map import load_ros_map, plan_of_image, save_ros_map
+from navfw.worldgen.plan_export import exported_plan
+
+ROOT = Path(__file__).parents[2]
+GREYS = np.array([[0, 64, 100], [205, 206, 255]], dtype=np.uint8)
+
+
+def write(folder: Path, image: str = "plan.pgm", pixels: Any = GREYS, **keys: Any) -> Path:
+    """A yaml file with these keys, and its image."""
+    data: dict[str, Any] = {"image": image, "resolution": 0.05, "origin": [0, 0, 0], **keys}
+    target = folder / image
+    target.parent.mkdir(parents=True, exist_ok=True)
+    assert cv2.imwrite(str(target), pixels)
+    file = folder / "plan.yaml"
+    file.write_text("".join(f"{key}: {value}\n" for key, value in data.items()))
+    return file
+
+
+def states(file: Path) -> list[list[int]]:
+    """Cells from the top row of the image down."""
+    cells: list[list[int]] = load_ros_map(file).cells[::-1].tolist()
+    return cells
+
+
+@pytest.mark.parametrize("image", ["plan.pgm", "plan.png", "plan.bmp"])
+@pytest.mark.parametrize(
+    ("keys", "expected"),
+    [
+        # occupancy 1, 0.75, 0.61 / 0.196, 0.19, 0
+        ({}, [[100, 100, -1], [-1, 0, 0]]),
+        ({"free_thresh": 0.25}, [[100, 100, -1], [-1, 0, 0]]),  # 205 is unknown all the same
+        ({"free_thresh": 0.1, "occupied_thresh": 0.8}, [[100, -1, -1], [-1, -1, 0]]),
+        ({"mode": "scale", "free_thresh": 0.25}, [[100, 100, -1], [0, 0, 0]]),
+        ({"mode": "raw"}, [[0, -1, 100], [-1, -1, -1]]),
+        ({"mode": "raw", "negate": 1}, [[0, -1, 100], [-1, -1, -1]]),
+        # negated: occupancy 0, 0.25, 0.39 / 0.80, 0.81, 1
+        ({"negate": 1, "free_thresh": 0.3}, [[0, 0, -1], [100, 100, 100]]),
+    ],
+)
+def test_the_modes_of_map_server(
+    tmp_path: Path, image: str, keys: dict[str, Any], expected: list[list[int]]
+) -> None:
+    assert states(write(tmp_path, image, **keys)) == expected
+
+
+@pytest.mark.parametrize("value", ["1", "true", "yes", "On"])
+def test_negate_in_every_form_that_nav2_reads(tmp_path: Path, value: str) -> None:
+    assert states(write(tmp_path, negate=value))[0][0] == FREE
+
+
+def test_transparent_pixels_are_unknown_in_mode_scale(tmp_path: Path) -> None:
+    pixels = np.full((1, 2, 4), 255, np.uint8)
+    pixels[0, 1, 3] = 200
+    assert states(write(tmp_path, "plan.png", pixels, mode="scale")) == [[FREE, UNKNOWN]]
+    assert states(write(tmp_path, "plan.png", pixels)) == [[FREE, FREE]]
+
+
+def test_colours_and_16_bits(tmp_path: Path) -> None:
+    red = np.zeros((1, 1, 3), np.uint8)
+    red[..., 2] = 255
+    assert states(write(tmp_path, "plan.png", red)) == [[OCCUPIED]]  # a third of full brightness
+    bright = np.array([[0, 65535]], np.uint16)
+    assert states(write(tmp_path, "plan.png", bright)) == [[OCCUPIED, FREE]]
+
+
+def test_keys_of_others_are_ignored(tmp_path: Path) -> None:
+    load_ros_map(write(tmp_path, map_type="occupancy", map_id="first"))
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ({"mode": "ternary"}, "mode"),
+        ({"resolution": 0}, "resolution"),
+        ({"resolution": "nan"}, "resolution"),
+        ({"origin": "[0, 0]"}, "origin"),
+        ({"origin": "[0, 0, .inf]"}, "origin"),
+        ({"origin": "[1e9, 0, 0]"}, "origin"),
+        ({"negate": 2}, "negate"),
+        ({"free_thresh": 0.7}, "must be below occupied_thresh"),
+    ],
+)
+def test_what_the_yaml_file_must_not_say(
+    tmp_path: Path, keys: dict[str, Any], message: str
+) -> None:
+    file = write(tmp_path, **keys)
+    with pytest.raises(ConfigError, match=message) as caught:
+        load_ros_map(file)
+    assert str(file) in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["/etc/map.pgm", "../../map.pgm", "../a/../../../map.pgm"])
+def test_images_elsewhere_are_refused(tmp_path: Path, name: str) -> None:
+    home = tmp_path / "a" / "b"
+    file = write(home)
+    file.write_text(file.read_text().replace("plan.pgm", name))
+    with pytest.raises(ConfigError, match="copy the image beside it and write image: map"):
+        load_ros_map(file)
+
+
+def test_an_image_in_a_folder_beside(tmp_path: Path) -> None:
+    assert load_ros_map(write(tmp_path / "yaml", "../images/plan.png")).free.any()
+
+
+def test_images_of_other_kinds_or_missing(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="convert it"):
+        load_ros_map(write(tmp_path, "plan.jpg"))
+    file = write(tmp_path)
+    (tmp_path / "plan.pgm").unlink()
+    with pytest.raises(ConfigError, match="there is no such file"):
+        load_ros_map(file)
+    (tmp_path / "plan.pgm").write_bytes(b"P5\n9 9\n255\nshort")
+    with pytest.raises(ConfigError, match="image"):
+        load_ros_map(file)
+
+
+def test_too_many_cells(tmp_path: Path) -> None:
+    assert cv2.imwrite(str(tmp_path / "wide.png"), np.zeros((4001, 4000), np.uint8))
+    with pytest.raises(MapError, match="4000 x 4001 pixels"):
+        plan_of_image(tmp_path / "wide.png", 0.05, Pose(0, 0, 0))
+    with pytest.raises(MapError, match="got 0 x 3"):
+        OccupancyMap(np.zeros((3, 0), np.int8), 0.05, Pose(0, 0, 0))
+
+
+plans = st.builds(
+    OccupancyMap,
+    st.lists(
+        st.lists(st.sampled_from([FREE, OCCUPIED, UNKNOWN]), min_size=3, max_size=3),
+        min_size=1,
+        max_size=5,
+    ).map(lambda rows: np.array(rows, np.int8)),
+    st.floats(0.01, 1.0),
+    st.builds(Pose, st.floats(-90, 90), st.floats(-90, 90), st.floats(-3, 3)),
+)
+
+
+@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(plans, st.sampled_from([".pgm", ".png", ".bmp"]))
+def test_what_is_written_is_read_again(tmp_path: Path, plan: OccupancyMap, suffix: str) -> None:
+    save_ros_map(plan, tmp_path / "p.yaml", suffix)
+    again = load_ros_map(tmp_path / "p.yaml")
+    assert np.array_equal(again.cells, plan.cells)
+    assert again.resolution == plan.resolution
+    for name in ("x", "y", "yaw"):
+        assert getattr(again.origin, name) == pytest.approx(getattr(plan.origin, name), abs=1e-6)
+
+
+@settings(max_examples=40)
+@given(plans)
+def test_cells_are_found_at_their_centres(plan: OccupancyMap) -> None:
+    rows, columns = np.indices(plan.cells.shape).reshape(2, -1)
+    centres = plan.centres(rows, columns)
+    assert np.array_equal(plan.indices(centres), np.stack([rows, columns], axis=1))
+    assert np.array_equal(plan.state(centres), plan.cells.ravel())
+    assert plan.state(np.array([[500.0, 500.0]])).tolist() == [UNKNOWN]
+
+
+def test_the_origin_turns_the_grid() -> None:
+    plan = OccupancyMap(np.array([[FREE, OCCUPIED]], np.int8), 1.0, Pose(2, 3, math.pi / 2))
+    assert plan.occupied_points() == pytest.approx(np.array([[1.5, 4.5]]))
+    assert plan.size == (2.0, 1.0)
+    with pytest.raises(ValueError, match="read-only"):
+        plan.cells[0, 0] = OCCUPIED
+
+
+@pytest.mark.parametrize("suffix", ["yaml", "graphml", "geojson"])
+def test_a_map_is_saved_with_its_floor_plan(tmp_path: Path, suffix: str) -> None:
+    plan = OccupancyMap(np.array([[FREE, OCCUPIED]], np.int8), 0.1, Pose(1, 2, 0))
+    path = tmp_path / f"hall.{suffix}"
+    save_map(TopoMap("hall", [Place("here", 0, 0)], [], floor_plan=plan), path)
+    again = load_any_map(path).floor_plan
+    assert again is not None
+    assert np.array_equal(again.cells, plan.cells)
+    assert again.origin == plan.origin
+    (tmp_path / "plans" / "hall.yaml").unlink()
+    with pytest.raises(InputError, match=r"hall\.yaml: there is no such file"):
+        load_any_map(path)
+
+
+@pytest.mark.parametrize(("world", "names"), [("office", ["office", "office-stairs"])])
+def test_shipped_floor_plans_are_those_of_their_worlds(world: str, names: list[str]) -> None:
+    expected = exported_plan(load_world(ROOT / "worlds" / world / "world.yaml"), walls_only=True)
+    for name in names:
+        plan = load_map(ROOT / "maps" / f"{name}.yaml").floor_plan
+        assert plan is not None
+        assert np.array_equal(plan.cells, expected.cells)
+        assert plan.origin == expected.origin
