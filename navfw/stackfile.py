@@ -14,8 +14,7 @@ from typing import Annotated, Any, Protocol
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from navfw.config.document import KeyPath, YamlDocument, load_yaml
-from navfw.config.layering import layered
-from navfw.config.lookup import find
+from navfw.config.layering import on_its_base
 from navfw.config.overrides import Override, apply_overrides, parse_override
 from navfw.config.yamlfile import validate
 from navfw.context import CommandGridParams
@@ -182,26 +181,7 @@ def read_stack(path: str | Path) -> YamlDocument:
         UnknownNameError: the base does not exist.
 
     """
-    return _on_its_base(load_yaml(path), Path(path))
-
-
-def _on_its_base(document: YamlDocument, path: Path, above: tuple[Path, ...] = ()) -> YamlDocument:
-    """``document`` on top of the stack it is based on, and so on."""
-    name = document.data.get("base")
-    if not isinstance(name, str):
-        return document
-    origin = document.origin_of(("base",))
-    where: dict[str, Any] = {"file": origin.file, "line": origin.line, "key": "base"}
-    try:
-        file = find("stack", name, base=path.parent)
-    except UnknownNameError as error:
-        raise UnknownNameError(error.what, error.name, error.known, **where) from None
-    except ConfigError as error:
-        raise ConfigError(str(error), **where) from None
-    seen = (*above, path.resolve())
-    if file.resolve() in seen:
-        raise ConfigError("the stack is based on itself; name another one", **where)
-    return layered(_on_its_base(load_yaml(file), file, seen), document, replaced=STAGES)
+    return on_its_base(load_yaml(path), Path(path), "stack", replaced=STAGES)
 
 
 def resolve(

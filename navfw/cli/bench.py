@@ -10,7 +10,7 @@ import typer
 from navfw.cli.bench_flow import flow
 from navfw.cli.bench_landmarks import landmarks
 from navfw.cli.bench_real import real
-from navfw.cli.options import Json, NoiseSeed, Stack
+from navfw.cli.options import Json, NoiseSeed, Robot, Stack, of_robot
 from navfw.cli.output import print_json, print_status, print_table, print_tables, quiet_stdout
 
 __all__ = ["add_to"]
@@ -33,6 +33,7 @@ def loop(
     mission: Annotated[str, typer.Option(help="Name of a mission of that world.")] = "lobby-to-lab",
     seed: NoiseSeed = 0,
     stack: Stack = "default",
+    robot: Robot = None,
     seconds: Annotated[
         float, typer.Option(min=1.0, max=600.0, help="Simulated time of one lap [s].")
     ] = 20.0,
@@ -45,9 +46,10 @@ def loop(
         from navfw.missions.session import prepare
         from navfw.recording.provenance import provenance
 
-        session = prepare(world, mission, seed=seed, stack=stack)
+        session = prepare(world, mission, seed=seed, stack=stack, overrides=of_robot(robot))
         result = bench_loop(session, seconds, repeats, print_status)
         options = {"world": world, "mission": mission, "seed": seed, "stack": stack}
+        options |= {} if robot is None else {"robot": robot}
         options |= {"seconds": f"{seconds:g}", "repeats": repeats}
         result["provenance"] = provenance("navfw bench loop", options)
     if json:

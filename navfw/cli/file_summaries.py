@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict
 
 from navfw.config.yamlfile import load_yaml, validate
+from navfw.robotfile import load_robot
 from navfw.stackfile import read_stack
 from navfw.topomap.mapfile import MAX_BYTES, MAX_NODES
 
-__all__ = ["map_summary", "mission_summary", "stack_summary", "world_summary"]
+__all__ = ["map_summary", "mission_summary", "robot_summary", "stack_summary", "world_summary"]
 
 
 class _FileSummary(BaseModel):
@@ -75,6 +77,19 @@ def stack_summary(path: Path) -> dict[str, Any]:
     return {
         "description": spec.description,
         "plugins": {stage: list(chosen) for stage, chosen in stages.items()},
+    }
+
+
+def robot_summary(path: Path) -> dict[str, Any]:
+    """The description of a robot, its body [m], top speed [m/s] and camera."""
+    robot = load_robot(path)
+    camera = robot.camera
+    degrees = round(math.degrees(camera.hfov))
+    return {
+        "description": robot.description,
+        "body": f"round, radius {robot.radius:g} m, height {robot.height:g} m",
+        "speed": robot.max_v,
+        "camera": f"{camera.width} x {camera.height}, {degrees} deg, {camera.rate:g} Hz",
     }
 
 

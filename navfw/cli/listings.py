@@ -1,4 +1,4 @@
-"""``navfw worlds``, ``missions``, ``maps``, ``stacks``, ``plugins``: listings."""
+"""``navfw worlds``, ``missions``, ``maps``, ``stacks``, ``robots``, ``plugins``: listings."""
 
 from __future__ import annotations
 
@@ -27,6 +27,7 @@ def add_to(app: typer.Typer) -> None:
     app.command()(missions)
     app.command()(maps)
     app.command()(stacks)
+    app.command()(robots)
     app.command()(plugins)
 
 
@@ -80,6 +81,19 @@ def stacks(json: Json = False) -> None:
 
     rows = _rows(list_stacks(), read)
     _show(rows, ["plugins", "source"], "There are no stacks.", as_json=json)
+
+
+def robots(json: Json = False) -> None:
+    """List the robots."""
+    from navfw.config.lookup import list_robots
+
+    def read(found: NamedFile) -> Row:
+        from navfw.cli.file_summaries import robot_summary
+
+        return robot_summary(found.path)
+
+    rows = _rows(list_robots(), read)
+    _show(rows, ["body", "speed", "camera", "source"], "There are no robots.", as_json=json)
 
 
 def plugins(

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-__all__ = ["Json", "Map", "Mission", "NoiseSeed", "Recorded", "Stack", "World"]
+__all__ = ["Json", "Map", "Mission", "NoiseSeed", "Recorded", "Robot", "Stack", "World", "of_robot"]
 
 World = Annotated[str, typer.Argument(metavar="WORLD", help="Name or file of a world.")]
 Mission = Annotated[
@@ -18,7 +19,33 @@ Recorded = Annotated[
     Path, typer.Argument(metavar="RUN_FOLDER", help="Run folder written by navfw run --record.")
 ]
 Stack = Annotated[str, typer.Option(help="Name or file of a stack.")]
+Robot = Annotated[
+    str | None,
+    typer.Option(help="Name or file of a robot [default: that of the mission, or default]."),
+]
 NoiseSeed = Annotated[int, typer.Option(min=0, help="Seed of all noise.")]
 Json = Annotated[
     bool, typer.Option("--json", help="Print one JSON object on stdout, and nothing else.")
 ]
+
+
+def of_robot(name: str | None) -> tuple[str, ...]:
+    """The option ``--robot`` as an argument of ``--set``; none without it.
+
+    Raises:
+        UnknownNameError: there is no robot of that name.
+        ConfigError: it is a path, and no such file exists.
+
+    """
+    from navfw.config.lookup import find
+    from navfw.errors import ConfigError, UnknownNameError
+
+    if name is None:
+        return ()
+    try:
+        file = find("robot", name)
+    except UnknownNameError as error:
+        raise UnknownNameError(error.what, error.name, error.known, key="--robot") from None
+    except ConfigError as error:
+        raise ConfigError(str(error), key="--robot") from None
+    return (f"robot={json.dumps(name if file.stem == name else str(file.absolute()))}",)

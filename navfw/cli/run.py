@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn, Self
 
 import typer
 
-from navfw.cli.options import Json, Mission, World
+from navfw.cli.options import Json, Mission, Robot, World, of_robot
 from navfw.cli.output import console, print_json, quiet_stdout
 from navfw.cli.supervisor import announce, announce_end
 from navfw.errors import InputError
@@ -56,6 +56,7 @@ def run(
         str | None,
         typer.Option(help="Name or file of a stack [default: that of the mission, or default]."),
     ] = None,
+    robot: Robot = None,
     set_: Annotated[
         list[str] | None,
         typer.Option(
@@ -90,7 +91,7 @@ def run(
             mission,
             seed,
             stack,
-            tuple(set_ or ()),
+            (*of_robot(robot), *(set_ or ())),
             out,
             math.inf if limit is None else limit,
             record=record,

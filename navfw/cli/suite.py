@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Self
 
 import typer
 
-from navfw.cli.options import Json
+from navfw.cli.options import Json, Robot, of_robot
 from navfw.cli.output import print_json, print_table, quiet_stdout
 from navfw.interruption import deferred
 
@@ -73,6 +73,7 @@ def suite(
     workers: Workers = 1,
     out: SuiteOut = None,
     stack: Stacks = None,
+    robot: Robot = None,
     set_: Overrides = None,
     worlds: Worlds = None,
     variant: Variants = None,
@@ -102,7 +103,7 @@ def suite(
             span,
             default_registry(),
             stacks=stack or [],
-            overrides=set_ or [],
+            overrides=[*of_robot(robot), *(set_ or [])],
             worlds=worlds,
             variants=variant or [],
         )

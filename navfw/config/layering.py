@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Container
+from pathlib import Path
 from types import MappingProxyType
 
-from navfw.config.document import Data, KeyPath, Origin, YamlDocument
+from navfw.config.document import Data, KeyPath, Origin, YamlDocument, load_yaml
+from navfw.config.lookup import Kind, find
+from navfw.errors import ConfigError, UnknownNameError
 
-__all__ = ["layered"]
+__all__ = ["layered", "on_its_base"]
 
 
 def layered(
@@ -28,6 +31,47 @@ def layered(
     data = copy.deepcopy(lower.data)
     _put(data, origins, upper, (), replaced)
     return YamlDocument(upper.file, data, MappingProxyType(origins))
+
+
+def on_its_base(
+    document: YamlDocument,
+    path: Path,
+    kind: Kind,
+    replaced: Container[str] = (),
+    above: tuple[Path, ...] = (),
+) -> YamlDocument:
+    """``document``, the file at ``path``, on top of the one that its key ``base`` names, and so on.
+
+    ``kind`` is that of both files; see ``layered`` for ``replaced``.
+
+    Raises:
+        ConfigError: a base cannot be read, or the file is based on itself.
+        UnknownNameError: a base does not exist.
+
+    """
+    name = document.data.get("base")
+    if not isinstance(name, str):
+        return document
+    origin = document.origin_of(("base",))
+    key = origin.option or "base"
+    try:
+        file = find(kind, name, base=path.parent)
+    except UnknownNameError as error:
+        raise UnknownNameError(
+            error.what, error.name, error.known, file=origin.file, line=origin.line, key=key
+        ) from None
+    except ConfigError as error:
+        raise ConfigError(str(error), file=origin.file, line=origin.line, key=key) from None
+    seen = (*above, path.resolve())
+    if file.resolve() in seen:
+        raise ConfigError(
+            f"the {kind} is based on itself; name another one",
+            file=origin.file,
+            line=origin.line,
+            key=key,
+        )
+    base = on_its_base(load_yaml(file), file, kind, replaced, seen)
+    return layered(base, document, replaced)
 
 
 def _put(

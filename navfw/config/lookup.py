@@ -1,4 +1,4 @@
-"""Find worlds, missions, maps, stacks and behaviours by name or path.
+"""Find worlds, missions, maps, stacks, robots and behaviours by name or path.
 
 A project is the nearest folder, from the working folder upwards, that has a ``navfw.toml`` or a
 ``pyproject.toml`` with a ``[tool.navfw]`` table. The search ends below the first folder that
@@ -7,8 +7,8 @@ The working folder itself is always looked at.
 
 A project has the same shape as navfw's repository:
 ``worlds/<world>/world.yaml``, ``worlds/<world>/missions/*.yaml``, ``maps/*.yaml``,
-``stacks/*.yaml``, ``behaviors/*.py``. A file of the project takes precedence over the shipped one
-of the same name.
+``stacks/*.yaml``, ``robots/*.yaml``, ``behaviors/*.py``. A file of the project takes precedence
+over the shipped one of the same name.
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ __all__ = [
     "find_mission",
     "list_maps",
     "list_missions",
+    "list_robots",
     "list_stacks",
     "list_worlds",
     "plugin_files",
@@ -39,7 +40,7 @@ __all__ = [
     "shipped_folder",
 ]
 
-Kind: TypeAlias = Literal["world", "map", "stack", "mission"]
+Kind: TypeAlias = Literal["world", "map", "stack", "robot", "mission"]
 _SUFFIXES = {".yaml", ".yml"}
 _PACKAGE = Path(__file__).parents[1]
 _MAX_PROJECT = 500_000
@@ -48,7 +49,7 @@ _MAX_PROJECT = 500_000
 
 @dataclass(frozen=True)
 class NamedFile:
-    """A world, mission, map or stack: its name, its file, and whether the project's or shipped."""
+    """A world, mission, map, stack or robot: name, file, and whether the project's or shipped."""
 
     name: str
     path: Path
@@ -63,6 +64,7 @@ class _DataFolders:
     worlds: Path
     maps: Path
     stacks: Path
+    robots: Path
     behaviors: Path
 
 
@@ -117,12 +119,14 @@ def _data_folders(start: Path | None = None) -> list[_DataFolders]:
             shipped / "worlds",
             shipped / "maps",
             _PACKAGE / "stacks",
+            _PACKAGE / "robots",
             shipped / "behaviors",
         )
     ]
     project = project_folder(start)
     if project is not None and project.resolve() != shipped.resolve():
-        folders = (project / part for part in ("worlds", "maps", "stacks", "behaviors"))
+        parts = ("worlds", "maps", "stacks", "robots", "behaviors")
+        folders = (project / part for part in parts)
         found.insert(0, _DataFolders("project", *folders))
     return found
 
@@ -198,8 +202,15 @@ def list_stacks() -> list[NamedFile]:
     )
 
 
+def list_robots() -> list[NamedFile]:
+    """All robot files by name."""
+    return _first_of_each_name(
+        f for part in _data_folders() for f in _yaml_files(part.robots, part.source)
+    )
+
+
 def find(kind: Kind, name: str | Path, base: Path | None = None) -> Path:
-    """The file of a world, map, stack or mission.
+    """The file of a world, map, stack, robot or mission.
 
     ``name`` is a path (relative to ``base``, or to the working folder) when it ends in ``.yaml`` or
     contains a ``/``; a world may be given by its folder. The name of a mission is
@@ -224,6 +235,8 @@ def find(kind: Kind, name: str | Path, base: Path | None = None) -> Path:
             known = list_maps()
         case "stack":
             known = list_stacks()
+        case "robot":
+            known = list_robots()
         case "mission":
             known = [
                 NamedFile(f"{world.name}/{mission.name}", mission.path, mission.source)

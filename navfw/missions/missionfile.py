@@ -27,6 +27,7 @@ from navfw.missions.missionspec import (
     mission_spec,
 )
 from navfw.missions.starts import draw_start, start_candidates
+from navfw.robotfile import with_section
 from navfw.signals import Array, Pose, Waypoint
 from navfw.topomap import Passage, Place, TopoMap, load_map
 
@@ -130,8 +131,8 @@ def load_mission(path: str | Path, overrides: Sequence[str | Override] = ()) -> 
 
     """
     path = Path(path)
-    document = apply_overrides(load_yaml(path), overrides)
-    spec = mission_spec(document)
+    document = apply_overrides(with_section(load_yaml(path)), overrides)
+    spec = mission_spec(document, path.parent)
     if spec.map is None:
         topo_map = _map_of_goals(document, spec)
     else:

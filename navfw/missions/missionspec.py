@@ -18,6 +18,7 @@ the start, the goals, and straight passages of unknown width between them.
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import Field
@@ -27,6 +28,7 @@ from navfw.config.strict_model import StrictModel
 from navfw.config.yamlfile import validate
 from navfw.missions.eventspec import EventSpec
 from navfw.robot import RobotModel
+from navfw.robotfile import with_robot
 from navfw.sim.sensor_models import SensorParams
 from navfw.sim.worldspec import DropSpec
 
@@ -124,7 +126,13 @@ class MissionSpec(StrictModel):
         Field(gt=0.0, le=7200.0, description="time without progress that ends the mission [s]"),
     ] = 45.0
     sensors: Annotated[SensorsSpec, Field(description="errors of the sensors")] = SensorsSpec()
-    robot: Annotated[RobotModel, Field(description="changes to the default robot")] = RobotModel()
+    robot: Annotated[
+        RobotModel,
+        Field(
+            description="a robot's name or file, or {base: ..., KEY: ...}: changes to it; without"
+            " base to the robot default. --robot takes precedence"
+        ),
+    ] = RobotModel()
     drops: Annotated[
         tuple[DropSpec, ...],
         Field(max_length=100, description="drops in the floor, added to those of the world"),
@@ -135,16 +143,18 @@ class MissionSpec(StrictModel):
     ] = ()
 
 
-def mission_spec(document: YamlDocument) -> MissionSpec:
-    """The mission in ``document``; its robot gets the error data of its sensors' preset.
+def mission_spec(document: YamlDocument, folder: Path) -> MissionSpec:
+    """The mission in ``document``, of a file in ``folder``, with its robot completed.
 
-    Error data given by the mission itself (``robot.odometry``) take precedence.
+    The robot gets the error data of the sensors' preset; those given by mission or robot file
+    (``robot.odometry``) take precedence.
 
     Raises:
-        ConfigError: the document breaks the schema.
+        ConfigError: the document or the robot's file breaks the schema.
+        UnknownNameError: there is no such robot.
 
     """
-    spec = validate(document, MissionSpec)
+    spec = validate(with_robot(document, folder), MissionSpec)
     given = spec.robot.odometry
     sheet = SensorParams.preset(spec.sensors.base).sheet
     sheet = sheet.model_copy(update={name: getattr(given, name) for name in given.model_fields_set})

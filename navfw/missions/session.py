@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -32,6 +32,7 @@ from navfw.missions.run_metrics import RunMetrics, measure
 from navfw.missions.runner import Progress, RunResult, Task, run_task
 from navfw.plugins.simulator_access import SimulatorWatch
 from navfw.recording.sensor_recording import SensorRecorder
+from navfw.robotfile import robot_section
 from navfw.signals import Array
 from navfw.sim.floorplan import FloorPlan
 from navfw.sim.movers import MoverTrack
@@ -361,6 +362,8 @@ def mission_stack(mission: MissionFile) -> Path:
 def split_overrides(overrides: Sequence[str]) -> tuple[list[Override], list[str]]:
     """Overrides for the mission file, and the others, which are for the stack.
 
+    ``robot=NAME`` chooses the robot, in place of all that the mission says of it.
+
     >>> mission, stack = split_overrides(["mission.timeout=9", "robot.radius=1", "dis.x=1"])
     >>> [override.path for override in mission], stack
     ([('timeout',), ('robot', 'radius')], ['dis.x=1'])
@@ -375,6 +378,8 @@ def split_overrides(overrides: Sequence[str]) -> tuple[list[Override], list[str]
         override = parse_override(text)
         if override.path[0] == "mission" and len(override.path) > 1:
             for_mission.append(Override(override.path[1:], override.value, override.text))
+        elif override.path == ("robot",):
+            for_mission.append(replace(override, value=robot_section(override.value)))
         elif override.path[0] in _MISSION_PARTS:
             for_mission.append(override)
         else:

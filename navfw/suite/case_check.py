@@ -55,6 +55,7 @@ def check_case(
         title: _digest([entry.model_dump(mode="json", exclude={"name", "worlds", "expect"})]),
         f"stack {case.stack_name} of {title}": _digest([session.stack.config]),
         f"overrides of {title}": _digest(list(case.overrides)),
+        f"robot of {title}": _digest([session.mission.spec.robot.model_dump(mode="json")]),
     }
     if not case.family:
         world, mission = Path(case.world), Path(case.mission)

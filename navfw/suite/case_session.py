@@ -87,7 +87,7 @@ def generated_session(
     for_mission, for_stack = split_overrides(overrides)
     text = json.dumps(made.mission.model_dump(mode="json", by_alias=True, exclude_unset=True))
     document = apply_overrides(parse_yaml(text, world_name), for_mission)
-    spec = mission_spec(document)
+    spec = mission_spec(document, Path())
     mission = MissionFile(
         file=Path(world_name),
         document=document,

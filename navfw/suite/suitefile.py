@@ -97,6 +97,9 @@ class EntrySpec(StrictModel):
     stack: Annotated[
         str | None, Field(description="a stack's name or file [default: each mission's]")
     ] = None
+    robot: Annotated[
+        str | None, Field(description="a robot's name or file [default: each mission's]")
+    ] = None
     set: Annotated[
         Mapping[str, Any], Field(description="changed values, as with --set: {avoid.spare: 0.1}")
     ] = Field(default_factory=dict)
@@ -134,8 +137,8 @@ class EntrySpec(StrictModel):
 
     @property
     def overrides(self) -> tuple[str, ...]:
-        """``events`` and ``set`` as arguments of ``--set``; values are JSON, a subset of YAML."""
-        given = dict(self.set)
+        """Robot, events and ``set`` as arguments of ``--set``, with values as JSON (also YAML)."""
+        given = _changes(self)
         if self.events is not None:
             events = [event.model_dump(mode="json", exclude_unset=True) for event in self.events]
             given["mission.events"] = events
@@ -148,14 +151,22 @@ class VariantSpec(StrictModel):
     stack: Annotated[
         str | None, Field(description="a stack's name or file; replaces the entries'")
     ] = None
+    robot: Annotated[
+        str | None, Field(description="a robot's name or file; replaces the entries'")
+    ] = None
     set: Annotated[
         Mapping[str, Any], Field(description="changed values, applied after those of the entries")
     ] = Field(default_factory=dict)
 
     @property
     def overrides(self) -> tuple[str, ...]:
-        """``set`` as arguments of ``--set``."""
-        return _options(self.set)
+        """Robot and ``set`` as arguments of ``--set``."""
+        return _options(_changes(self))
+
+
+def _changes(part: EntrySpec | VariantSpec) -> dict[str, Any]:
+    """Changed values by path: first the robot, then those of ``set``, which may change it."""
+    return ({} if part.robot is None else {"robot": part.robot}) | dict(part.set)
 
 
 def _options(given: Mapping[str, Any]) -> tuple[str, ...]:

@@ -13,6 +13,7 @@ from navfw.fuzzy import load_rule_base
 from navfw.localization.situation_model import load_table
 from navfw.missions.missionfile import load_mission
 from navfw.plugins import default_registry
+from navfw.robotfile import load_robot
 from navfw.sim.worldfile import load_world
 from navfw.stackfile import load_stack
 from navfw.suite.suitefile import load_suite
@@ -25,6 +26,7 @@ READERS: dict[str, Callable[[Path], Any]] = {
     "maps/plans/*.yaml": load_ros_map,
     "navfw/*/rules/*.yaml": load_rule_base,
     "navfw/localization/situations.yaml": load_table,
+    "navfw/robots/*.yaml": load_robot,
     "navfw/stacks/*.yaml": lambda path: load_stack(path, default_registry()),
     "worlds/*/missions/*.yaml": load_mission,
     "worlds/*/world.yaml": load_world,

@@ -48,6 +48,7 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         "maps/barn.yaml": "places: {gate: {x: 1, y: 2}, door: {x: 2, y: 2}}\nedges: [{}]\n",
         "maps/torn.yaml": "- 1\n",
         "stacks/torn.yaml": "description: [x]\n",
+        "robots/torn.yaml": "radius: wide\n",
     }
     for name, text in files.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
@@ -158,6 +159,7 @@ def test_plugins_of_all_kinds_are_listed_in_the_order_of_the_kinds() -> None:
         (["missions", "barn"], ["cross", "1, 2.5, 0", "gate, x 3, y 4", "60", "start: missing"]),
         (["maps"], ["barn", "broken: maps/torn.yaml:1"]),
         (["stacks"], ["default", "flow block_matching", "broken: stacks/torn.yaml:1"]),
+        (["robots"], ["default", "160 x 120, 90 deg", "broken: robots/torn.yaml:1"]),
         (
             ["plugins"],
             ["hover", "> 0", "above the floor [m]", "= 0.5", "broken: behaviors/bad.py:1", "flow"],
@@ -263,6 +265,6 @@ def test_help_names_every_command_and_imports_nothing_heavy() -> None:
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     )
     assert "HEAVY []" in done.stdout
-    for command in ("worlds", "missions", "maps", "stacks", "plugins"):
+    for command in ("worlds", "missions", "maps", "stacks", "robots", "plugins"):
         assert f" {command} " in done.stdout
     assert "navfw.cli.listings" in COMMANDS

@@ -64,6 +64,7 @@ def test_shipped_files_are_found_by_name(shipped: Path) -> None:
         ("world", "ofice", "office"),
         ("map", "offic", "office"),
         ("stack", "defalt", "default"),
+        ("robot", "defalt", "default"),
         ("mission", "office/to-lap", "to-lab"),
         ("mission", "offise/to-lab", "office"),
         ("mission", "office-to-lab", "office/to-lab"),
@@ -94,6 +95,9 @@ def test_a_project_adds_files_and_takes_precedence(shipped: Path, project: Path)
     assert lookup.find("world", "office") == own
     assert "mine (project)" in names(lookup.list_stacks())
     assert "default (shipped)" in names(lookup.list_stacks())
+    robot = write(project / "robots/default.yaml")
+    assert "default (project)" in names(lookup.list_robots())
+    assert lookup.find("robot", "default") == robot
 
 
 def test_a_project_adds_missions_to_a_shipped_world(shipped: Path, project: Path) -> None:

@@ -1,0 +1,135 @@
+"""Robot files, and the robots of missions: names, changes, options, and wrong ones."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from navfw.cli import app
+from navfw.errors import InputError, UnknownNameError
+from navfw.missions.missionfile import load_mission
+from navfw.missions.session import prepare, split_overrides
+from navfw.robot import RobotModel
+from navfw.robotfile import load_robot
+from navfw.sim.sensor_models import SensorParams
+
+MISSION = "start: [1, 1, 0]\ngoals: [{x: 3, y: 1}]\n"
+TALL = "description: tall\nradius: 0.25\ncamera: {mount_height: 0.8, pitch: 0.2}\nheight: 0.9\n"
+QUICK = "base: tall\nmax_v: 1.1\ncamera: {rate: 20}\n"
+
+
+@pytest.fixture
+def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A project with two robots, the second based on the first."""
+    (tmp_path / "navfw.toml").touch()
+    (tmp_path / "robots").mkdir()
+    (tmp_path / "robots" / "tall.yaml").write_text(TALL)
+    (tmp_path / "robots" / "quick.yaml").write_text(QUICK)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def robot_of(folder: Path, text: str, *options: str) -> RobotModel:
+    """The robot of a mission with ``text`` in its file and these arguments of ``--set``."""
+    file = folder / "mission.yaml"
+    file.write_text(MISSION + text)
+    return load_mission(file, split_overrides(options)[0]).spec.robot
+
+
+def test_the_default_robot_has_the_default_values(project: Path) -> None:
+    default = RobotModel(odometry=SensorParams.preset("default").sheet)
+    assert robot_of(project, "") == default
+    assert robot_of(project, "robot:\n") == default
+    assert robot_of(project, "robot: default\n") == default
+
+
+def test_a_robot_has_the_values_of_its_base(project: Path) -> None:
+    quick = load_robot("quick")
+    assert (quick.radius, quick.max_v, quick.camera.rate) == (0.25, 1.1, 20.0)
+    assert (quick.camera.mount_height, quick.description) == (0.8, "tall")
+
+
+def test_a_mission_names_a_robot_and_changes_it(project: Path) -> None:
+    assert robot_of(project, "robot: tall\n").radius == 0.25
+    changed = robot_of(project, "robot: {base: quick, max_v: 0.7, camera: {width: 320}}\n")
+    assert (changed.max_v, changed.radius, changed.camera.width) == (0.7, 0.25, 320)
+    assert changed.camera.mount_height == 0.8
+    assert robot_of(project, "robot: {max_v: 0.7}\n").radius == RobotModel().radius
+
+
+def test_a_robot_file_beside_the_mission(project: Path) -> None:
+    (project / "own.yaml").write_text("base: quick\nmax_v: 0.9\n")
+    assert robot_of(project, "robot: ./own.yaml\n").max_v == 0.9
+
+
+def test_options_choose_and_change_the_robot(project: Path) -> None:
+    text = "robot: {base: tall, max_v: 0.3}\n"
+    assert robot_of(project, text, "robot.max_w=1").max_v == 0.3
+    # a robot chosen by an option takes the place of all that the mission says of it
+    chosen = robot_of(project, text, "robot=quick", "robot.max_w=1")
+    assert (chosen.max_v, chosen.max_w) == (1.1, 1.0)
+    assert robot_of(project, "robot: tall\n", "robot.max_v=0.2").max_v == 0.2
+    assert robot_of(project, "robot: tall\n", "robot.base=quick").max_v == 1.1
+
+
+def test_a_project_s_default_robot_is_that_of_its_missions(project: Path) -> None:
+    (project / "robots" / "default.yaml").write_text("radius: 0.2\n")
+    assert robot_of(project, "").radius == 0.2
+
+
+def test_the_error_data_of_a_robot_file_take_precedence(project: Path) -> None:
+    (project / "robots" / "slippery.yaml").write_text("odometry: {slip: 0.1}\n")
+    sheet = robot_of(project, "robot: slippery\nsensors: {preset: poor}\n").odometry
+    assert sheet.slip == 0.1
+    assert sheet.gyro_noise == SensorParams.preset("poor").sheet.gyro_noise
+
+
+def test_the_session_s_stack_gets_the_robot(project: Path) -> None:
+    session = prepare("empty", "straight", overrides=["robot=tall"])
+    assert session.stack.robot.radius == 0.25
+
+
+@pytest.mark.parametrize(
+    ("robot", "message"),
+    [
+        ("robot: tal\n", r"mission.yaml:3: robot: unknown robot 'tal': did you mean 'tall'"),
+        ("robot: ./none.yaml\n", r"mission.yaml:3: robot: .*none.yaml"),
+        ("robot: {max_w: 1, base: qick}\n", r"mission.yaml:3: robot: .* did you mean 'quick'"),
+        ("robot: 3\n", r"mission.yaml:3: robot: expected"),
+        ("robot: {base: 3}\n", r"mission.yaml:3: robot.base: unknown key"),
+        ("robot: {base: tall, max_q: 1}\n", r"mission.yaml:3: robot.max_q: unknown key"),
+        ("robot: {base: tall, track: 0.6}\n", r"track 0.6 m is wider than the body"),
+    ],
+)
+def test_wrong_robots_of_missions(project: Path, robot: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        robot_of(project, robot)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("radius: -1\n", "robots/wrong.yaml:1: radius: expected a number >= 0.03"),
+        ("radios: 0.2\n", "robots/wrong.yaml:1: radios: unknown key; did you mean 'radius'"),
+        ("base: wrong\n", "robots/wrong.yaml:1: base: the robot is based on itself"),
+        ("base: tal\n", "robots/wrong.yaml:1: base: unknown robot 'tal': did you mean 'tall'"),
+        ("", "robots/wrong.yaml: the file is empty"),
+    ],
+)
+def test_wrong_robot_files(project: Path, text: str, message: str) -> None:
+    (project / "robots" / "wrong.yaml").write_text(text)
+    with pytest.raises(InputError, match=message):
+        load_robot("wrong")
+    with pytest.raises(InputError, match=message):
+        robot_of(project, "robot: wrong\n")
+
+
+def test_an_unknown_robot_of_an_option(project: Path) -> None:
+    with pytest.raises(UnknownNameError, match="--set robot=tal: unknown robot 'tal'"):
+        robot_of(project, "", "robot=tal")
+    for command in (["run", "empty", "straight"], ["suite", "rooms", "--seeds", "0:1"]):
+        result = CliRunner().invoke(app, [*command, "--robot", "tal"])
+        assert result.exit_code == 2
+        assert "--robot: unknown robot 'tal': did you mean 'tall'" in result.output
