@@ -33,6 +33,9 @@ point whatever its height, so UNKNOWN counts in full; ABOVE passes over much of 
 _WEAK_SIGHT = np.array([0.0, 1.0, 1.0, 0.0, 0.0])
 """The same where there is little texture: a window then takes the motion of the strongest edge in
 it, often of something far behind, and its ray would pass through the nearer surface."""
+_WEAK_OCCUPIED = 0.3
+"""Log-odds from which a cell is occupied where there is little texture: matches are too few there
+for the evidence of a surface to add up before the robot has reached it."""
 _GAP = np.ones((3, 3), np.uint8)
 """Structuring element that closes gaps of one cell between the rays of a sparse flow grid."""
 _SIDE_MARGIN = 0.1
@@ -123,6 +126,7 @@ class OccupancyGrid:
         self._origin: tuple[float, float] | None = None
         self._time: float | None = None
         self._last_view: float | None = None
+        self._weak_sight = False
         self._obstacles: tuple[OccupiedDisc, ...] = ()
         self._clearance: Array | None = None
         self._observed: npt.NDArray[np.uint8] | None = None
@@ -163,8 +167,10 @@ class OccupancyGrid:
     def integrate(self, percept: Percept, pose: Pose, *, weak: bool = False) -> None:
         """Add the evidence of ``percept``, observed from odom ``pose`` (call ``update`` first).
 
-        With ``weak`` sight only rays to floor and to obstacles are evidence for free space.
+        With ``weak`` sight only rays to floor and to obstacles are evidence for free space, little
+        evidence makes a cell occupied, and floor has to be observed under the whole body.
         """
+        self._weak_sight = weak
         p, camera = self.params, self.robot.camera
         confidence = percept.confidence.ravel()
         nearness = percept.nearness.ravel()
@@ -295,7 +301,10 @@ class OccupancyGrid:
     @property
     def occupied(self) -> Mask:
         """(n, n) True where a cell is occupied, by its log-odds or by an obstacle that was set."""
-        return self._painted(self.log_odds >= self.params.occupied, self._obstacles)
+        least = self.params.occupied
+        if self._weak_sight:
+            least = min(least, _WEAK_OCCUPIED)
+        return self._painted(self.log_odds >= least, self._obstacles)
 
     def _painted(self, occupied: Mask, discs: tuple[OccupiedDisc, ...]) -> Mask:
         """``occupied`` (n, n) and all cells within ``discs``."""
@@ -319,11 +328,13 @@ class OccupancyGrid:
         """(n, n) 1 where the cell and its surroundings have been observed free, else 0.
 
         Gaps of one cell between the rays of a sparse flow grid are closed first. A robot whose
-        centre keeps to such cells passes nothing unobserved within the side margin.
+        centre keeps to such cells passes nothing unobserved within the side margin, and with weak
+        sight within the body, but for that gap.
         """
         if self._footprint_observed is None:
             closed = cv2.dilate(self.observed, _GAP)
-            self._footprint_observed = cv2.erode(closed, self._margin).astype(np.uint8, copy=False)
+            around = self._footprint.view(np.uint8) if self._weak_sight else self._margin
+            self._footprint_observed = cv2.erode(closed, around).astype(np.uint8, copy=False)
         return self._footprint_observed
 
     @property

@@ -42,7 +42,8 @@ class SafetyParams(BaseModel):
         float, Field(gt=0.0, le=1.0, description="speed while a sensor is late [m/s]")
     ] = 0.12
     creep: Annotated[
-        float, Field(gt=0.0, le=0.5, description="speed into unobserved space [m/s]")
+        float,
+        Field(gt=0.0, le=0.5, description="speed into unobserved space; 0 with weak sight [m/s]"),
     ] = 0.15
     camera_slow: Annotated[
         Seconds,
@@ -162,9 +163,10 @@ class SafetyMonitor:
                 v, reason = cap, why
         if v > 0.0:
             free, observed = self.local_map.free_distance(pose, Twist(v, w))
+            creep = 0.0 if self.local_map.sight.weak else self.params.creep
             for allowed, why in (
                 (self._braking_speed(free), "no room to stop"),
-                (max(self._braking_speed(observed), self.params.creep), "unobserved space ahead"),
+                (max(self._braking_speed(observed), creep), "unobserved space ahead"),
             ):
                 if allowed < v:
                     v, reason = allowed, why

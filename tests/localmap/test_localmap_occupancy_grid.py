@@ -122,6 +122,31 @@ def test_with_weak_sight_only_rays_to_floor_and_obstacles_are_free(label: Label)
     assert (before < 0.0) is (label in {Label.FLOOR, Label.OBSTACLE})
 
 
+def test_with_weak_sight_little_evidence_makes_a_cell_occupied() -> None:
+    occupancy = OccupancyGrid(ROBOT)
+    occupancy.update(Pose(0, 0, 0), 0.0)
+    cell = occupancy.index(1.5, 0.0)
+    for weak, evidence, occupied in ((False, 0.6, False), (True, 0.6, True), (True, 0.2, False)):
+        occupancy.update(Pose(0, 0, 0), 0.0)
+        occupancy.integrate(percept_of(0.0, 1.0, Label.FLOOR), Pose(0, 0, 0), weak=weak)
+        occupancy.log_odds[cell] = evidence
+        assert occupancy.occupied[cell] == occupied
+
+
+@pytest.mark.parametrize("aside", [0.1, 0.2])
+def test_with_weak_sight_the_floor_is_observed_under_the_whole_body(aside: float) -> None:
+    """A stripe of floor along x, observed as far as ``aside`` [m] to either side."""
+    occupancy = OccupancyGrid(ROBOT)
+    for weak in (False, True):
+        occupancy.update(Pose(0, 0, 0), 0.0)
+        occupancy.integrate(percept_of(0.0, 1.0, Label.FLOOR), Pose(0, 0, 0), weak=weak)
+        for x in np.arange(0.0, 2.0, 0.05):
+            for y in np.arange(-aside, aside + 1e-9, 0.05):
+                occupancy.log_odds[occupancy.index(float(x), float(y))] = -1.0
+        observed = occupancy.footprint_observed[occupancy.index(1.0, 0.0)]
+        assert observed == (aside > ROBOT.radius or not weak)
+
+
 def test_points_of_low_confidence_are_no_evidence() -> None:
     unsure = dataclasses.replace(
         percept_of(0.0, 1.0, Label.OBSTACLE), confidence=np.full((1, 1), 0.05)

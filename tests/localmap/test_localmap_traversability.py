@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from navfw.localmap import LocalMap
-from navfw.localmap.drop_map import CERTAIN, CLEAR_VOTES, INTERVAL, DropMap
+from navfw.localmap.drop_map import CERTAIN, CLEAR_VOTES, INTERVAL, SPOT, DropMap
 from navfw.localmap.occupancy_grid import OccupancyGrid
 from navfw.localmap.traversability import TraversabilityCheck
 from navfw.robot import RobotModel
@@ -173,6 +173,22 @@ def test_many_points_below_the_floor_make_a_drop_where_the_rays_pass_it() -> Non
     drops.integrate(floor_percept(INTERVAL * CERTAIN, Label.DROP), pose)
     ((x, y),) = drops.points()
     assert math.dist((x, y), (1.0, 2.0 + ROBOT.camera.mount_forward + 1.0)) < 0.2
+
+
+@pytest.mark.parametrize("aside", [-0.5, 0.5])
+@pytest.mark.parametrize("pitch", [0.0, 0.9])
+def test_a_drop_aside_is_where_its_rays_meet_the_floor(aside: float, pitch: float) -> None:
+    robot = RobotModel.model_validate({"camera": {"pitch": pitch}})
+    camera, ahead = robot.camera, 1.4
+    right, down, depth = camera.base_from_camera.T @ (ahead, aside, -camera.mount_height)
+    point = np.array([[[right, down]]]) * camera.focal / depth
+    percept = replace(floor_percept(0.0, Label.DROP), points=point, nearness=np.full((1, 1), 0.5))
+    drops = DropMap(robot)
+    for k in range(CERTAIN):
+        drops.integrate(replace(percept, time=INTERVAL * k), HERE)
+    ((x, y),) = drops.points()
+    assert x == pytest.approx(camera.mount_forward + ahead, abs=0.51 * SPOT)
+    assert y == pytest.approx(aside, abs=0.51 * SPOT)
 
 
 def test_clear_observations_make_a_drop_sooner_and_it_is_occupied() -> None:

@@ -235,3 +235,22 @@ def test_just_before_and_after_doors_the_tolerance_is_smaller() -> None:
     assert tolerances["lobby-entrance"] == tolerances["corridor-lobby"] == 0.35
     assert tolerances["corridor-meeting"] == 0.6
     assert tolerances["lab-door"] == 0.25
+
+
+@pytest.mark.parametrize(("turn", "passed"), [(119.7, True), (120.3, False)])
+def test_after_the_sharpest_turn_only_the_distance_counts(turn: float, passed: bool) -> None:
+    beyond = math.radians(0.5 * turn)
+    at = (NEXT[0] + 0.5 * math.cos(beyond), NEXT[1] + 0.5 * math.sin(beyond))
+    after = (NEXT[0] + math.cos(2.0 * beyond), NEXT[1] + math.sin(2.0 * beyond))
+    following = Waypoint(*after, 0.3, "q", "room", final=False)
+    assert has_passed(at, HERE, waypoint("room", 0.9), following, PassingTolerances()) is passed
+
+
+def test_a_goal_reached_before_its_last_waypoint_is_passed_like_any() -> None:
+    a, b, c = Place("a", 0, 0), Place("b", 2, 0), Place("c", 2.5, 0)
+    papfis = planner(
+        TopoMap("m", [a, b, c], line(a, b, c)), goal(2.5, 0, "c"), goal(0, 0, "a"), passing=0.7
+    )
+    assert next_waypoint(papfis, 0.9, 0.0).place == "b"
+    assert next_waypoint(papfis, 2.4, 0.0).place in {"b", "a"}
+    assert [waypoint.place for waypoint in papfis.path if waypoint.final] == ["a"]

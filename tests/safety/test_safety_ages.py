@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 from safety_samples import ORIGIN, ROBOT, FixedDistances, odometry, picture, reading
 
+from navfw.guard import FailingStage
 from navfw.safety import SafetyMonitor, SafetyParams
 from navfw.signals import Twist
 
@@ -40,3 +41,13 @@ def test_without_blind_reverse_the_robot_reverses_only_by_sight() -> None:
     for time, image, speed in ((0.0, picture(), -0.1), (2.0, None, 0.0), (2.1, picture(), -0.1)):
         monitor.update(reading(time, image), odometry(time, v=-0.1))
         assert monitor.limit(back, time, ORIGIN).twist.v == speed
+
+
+def test_of_a_silent_camera_and_a_failing_stage_the_longer_failure_is_told() -> None:
+    params = SafetyParams(camera_slow=0.1, camera_stop=9.0)
+    for since, why in ((1.9, "the camera is late"), (0.5, "flow mine fails")):
+        monitor = SafetyMonitor(ROBOT, FixedDistances(10.0, 10.0), params)
+        monitor.update(reading(0.0, picture()), odometry(0.0))
+        stage = FailingStage("flow mine", since, "broken")
+        monitor.update(reading(2.0, picture(), frame_age=1.0), odometry(2.0, 0.3), (stage,))
+        assert monitor.limit(Twist(0.4, 0.0), 2.0, ORIGIN).reason == why

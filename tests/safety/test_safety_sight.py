@@ -68,6 +68,15 @@ def test_reverse_and_turns_are_no_advance() -> None:
     assert drive(monitor, 1.9) == ""
 
 
+def test_with_weak_sight_the_robot_does_not_creep_into_the_unobserved() -> None:
+    for known, speed in ((1.0, 0.15), (0.4, 0.0)):
+        monitor = monitor_with(unobserved=0.0)
+        monitor.local_map.sight.observe(percept(known))
+        verdict = monitor.limit(Twist(0.4, 0.3), 0.0, odometry(0.0, 0.0).pose)
+        assert verdict.twist == Twist(speed, 0.3)
+        assert verdict.reason == "unobserved space ahead"
+
+
 def test_weak_sight_limits_the_speed() -> None:
     monitor = monitor_with()
     monitor.local_map.sight.observe(percept(0.4))

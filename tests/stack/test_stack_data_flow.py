@@ -167,3 +167,11 @@ def test_vision_knows_no_odometer() -> None:
     assert "Odometer" not in used
     vision = vision_of(StackSettings(), {})
     assert not [value for value in vars(vision).values() if isinstance(value, Odometer)]
+
+
+def test_of_several_flows_of_a_view_behaviours_get_the_newest() -> None:
+    flows = tuple(wall_flow(ROBOT, time, 2.0, 20.0, 20.0) for time in (0.0, 0.1))
+    stack = sample_stack(script=lambda frame, odometry: View(flows=flows))
+    drive(stack, 0.1)
+    assert stack.mofis.context is not None
+    assert stack.mofis.context.flow is flows[1]
