@@ -113,6 +113,7 @@ class OccupancyGrid:
         p = self.params
         # wider by the gap that was closed: one erosion takes back both
         self._margin = np.ones((2 * round(_SIDE_MARGIN / p.cell) + len(_GAP),) * 2, np.uint8)
+        self._body = _disc(round(robot.radius / p.cell) + len(_GAP) // 2).view(np.uint8)
         self._limits = np.array([p.range, p.hit_width, *p.cell_share, _LOW_PASS, p.over_weight])
         self._hit_weights = np.array([0.0, 0.0, 1.0, p.drop_weight, 1.0])  # in the order of Label
         self._footprint = _disc(round(robot.radius / p.cell))
@@ -329,11 +330,11 @@ class OccupancyGrid:
 
         Gaps of one cell between the rays of a sparse flow grid are closed first. A robot whose
         centre keeps to such cells passes nothing unobserved within the side margin, and with weak
-        sight within the body, but for that gap.
+        sight has nothing unobserved under its body.
         """
         if self._footprint_observed is None:
             closed = cv2.dilate(self.observed, _GAP)
-            around = self._footprint.view(np.uint8) if self._weak_sight else self._margin
+            around = self._body if self._weak_sight else self._margin
             self._footprint_observed = cv2.erode(closed, around).astype(np.uint8, copy=False)
         return self._footprint_observed
 

@@ -97,7 +97,9 @@ def test_every_section_of_a_file_has_its_table_of_keys() -> None:
     }
     nested = {part for model in documented for part in _models_below(model)}
     assert len(nested) > 20
-    assert {model.__name__ for model in nested - documented} == set()
+    # a table of a model has the keys of those that it extends
+    shown = {base for model in documented for base in model.__mro__}
+    assert {model.__name__ for model in nested - shown} == set()
 
 
 def _models_below(model: type[BaseModel]) -> Iterator[type[BaseModel]]:

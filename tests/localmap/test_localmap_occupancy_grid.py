@@ -133,7 +133,7 @@ def test_with_weak_sight_little_evidence_makes_a_cell_occupied() -> None:
         assert occupancy.occupied[cell] == occupied
 
 
-@pytest.mark.parametrize("aside", [0.1, 0.2])
+@pytest.mark.parametrize("aside", [0.1, 0.15, 0.2])
 def test_with_weak_sight_the_floor_is_observed_under_the_whole_body(aside: float) -> None:
     """A stripe of floor along x, observed as far as ``aside`` [m] to either side."""
     occupancy = OccupancyGrid(ROBOT)
