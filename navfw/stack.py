@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
 from navfw.config.input_file import shown_path
 from navfw.context import CommandGrid
+from navfw.egomotion.floor_odometry import FloorOdometry
 from navfw.egomotion.odometer import Odometer
 from navfw.egomotion.odometry_history import OdometryHistory
 from navfw.errors import ConfigError
@@ -43,7 +44,7 @@ from navfw.signals import (
     Twist,
     Waypoint,
 )
-from navfw.stack_state import StackState
+from navfw.stack_state import StackState, counted
 from navfw.stackfile import PluginSource, StackConfig, load_stack
 from navfw.stopwatch import timed
 from navfw.topomap import TopoMap
@@ -85,6 +86,7 @@ class Stack:
         self.robot = robot
         self.topo_map = topo_map
         self.odometer = Odometer(robot)
+        self.floor_odometry = FloorOdometry(robot) if settings.floor_odometry else None
         self.history = OdometryHistory()
         self.timings: dict[str, float] = dict.fromkeys(TIMED, 0.0)
         self.vision = Vision(
@@ -188,6 +190,8 @@ class Stack:
 
     def _start(self, pose: Pose | None, goals: Sequence[Waypoint]) -> None:
         self.odometer.reset()
+        if self.floor_odometry is not None:
+            self.floor_odometry.reset()
         self.history.reset()
         self.trim.reset()
         self._forget()
@@ -217,11 +221,12 @@ class Stack:
             return self._step(reading)
 
     def _step(self, reading: SensorReading) -> Twist:
-        odometry = self.odometer.update(reading.inertial, reading.encoders, self.verdict.twist)
-        self.history.add(odometry)
+        measured = self.odometer.update(reading.inertial, reading.encoders, self.verdict.twist)
+        self.history.add(measured)
         self.trim.update(reading.encoders)
         with timed(self.timings, "safety"):
-            self.safety.update(reading, odometry, tuple(self.guard.failing.values()))
+            self.safety.update(reading, measured, tuple(self.guard.failing.values()))
+        odometry = self._corrected(measured, reading.frame)
         if self._began is None:
             self._began = reading.time
         if reading.frame is not None:
@@ -239,10 +244,10 @@ class Stack:
 
     def _decide(self, reading: SensorReading, frame: Frame, odometry: Odometry) -> None:
         """Perceive, localise, plan and decide; the result is the new state."""
-        seen_from = self.history.at(frame.time)
+        seen_from = self._corrected(self.history.at(frame.time))
         view, detections = self._perceive(reading, frame, seen_from)
         for correction in view.yaw_corrections:
-            self.odometer.correct(correction)
+            (self.floor_odometry or self.odometer).correct(correction)
         belief = self._localize(odometry, view.percept, detections)
         waypoint = self._plan(belief)
         finished = waypoint is None and not belief.lost
@@ -271,11 +276,19 @@ class Stack:
             sight_trouble=self.local_map.sight.trouble,
             faults=tuple(str(fault) for fault in self.guard.faults),
             landmark_detections=detections,
-            detection_counts=_counted(self.state.detection_counts, detections),
+            detection_counts=counted(self.state.detection_counts, detections),
         )
         self.guard.starting = False
         if command is not None:
             self._decided = self.state
+
+    def _corrected(self, measured: Odometry, frame: Frame | None = None) -> Odometry:
+        """Odometry ``measured`` by wheels and gyro, corrected by the floor; ``frame`` is new."""
+        if self.floor_odometry is None:
+            return measured
+        if frame is not None and self.safety.senses.seeing:
+            self.floor_odometry.observe(frame, self.history.at(frame.time))
+        return self.floor_odometry.corrected(measured)
 
     def _perceive(
         self, reading: SensorReading, frame: Frame, odometry: Odometry
@@ -380,15 +393,3 @@ class Stack:
             because = "" if no_route is None else f"; {no_route}"
             return f"no progress toward {waypoint.label} for {idle:.0f} s{because}"
         return None
-
-
-def _counted(
-    counts: Mapping[str, int], detections: Sequence[LandmarkDetection]
-) -> Mapping[str, int]:
-    """``counts`` with these detections added."""
-    if not detections:
-        return counts
-    more = dict(counts)
-    for detection in detections:
-        more[detection.identity] = more.get(detection.identity, 0) + 1
-    return more

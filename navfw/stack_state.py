@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from navfw.safety import PersistentFailure
@@ -19,7 +19,7 @@ from navfw.signals import (
     Waypoint,
 )
 
-__all__ = ["StackState"]
+__all__ = ["StackState", "counted"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,3 +50,15 @@ class StackState:
     faults: tuple[str, ...] = ()
     landmark_detections: tuple[LandmarkDetection, ...] = ()
     detection_counts: Mapping[str, int] = field(default_factory=dict)
+
+
+def counted(
+    counts: Mapping[str, int], detections: Sequence[LandmarkDetection]
+) -> Mapping[str, int]:
+    """``counts`` by identity with these detections added."""
+    if not detections:
+        return counts
+    more = dict(counts)
+    for detection in detections:
+        more[detection.identity] = more.get(detection.identity, 0) + 1
+    return more

@@ -62,6 +62,10 @@ class StackSettings(BaseModel):
     refine: Annotated[
         bool, Field(description="refine the gyro's rotation by the flow (METHOD 2.6)")
     ] = True
+    floor_odometry: Annotated[
+        bool,
+        Field(description="correct wheels and gyro by the floor's motion in the images"),
+    ] = False
     stixels: Annotated[
         bool, Field(description="detect thin upright obstacles by image columns")
     ] = False

@@ -1,0 +1,252 @@
+"""Odometry that sees: wheels and gyro, corrected by the floor's motion in the images.
+
+The state is (x [m], y [m], yaw [rad], k, b [rad/s]): the pose since a key frame, in the key frame's
+base_link; the share k of the wheels' distance that the robot does not cover (mean slip, radius
+error); and the gyro's bias b. Wheels and gyro predict it, with the errors of their data sheets. The
+registration of the floor between key frame and present frame measures the pose, and through its
+correlation with the pose the two calibrations (Kalman filter with a state that is reset at each
+key frame; relative measurements as in Roumeliotis and Burdick 2002).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from navfw.egomotion.camera_motion import YAW_RATE_SIGMA
+from navfw.egomotion.floor_registration import FloorImage, FloorMotion, FloorRegistration
+from navfw.robot import RobotModel
+from navfw.signals import Array, Frame, Odometry, Pose, Twist, YawCorrection, wrap_angle
+
+__all__ = ["FloorOdometry"]
+
+KEY_DISTANCE = 0.12
+"""Distance [m] from the key frame at which the present frame becomes the next one."""
+
+KEY_TURN = math.radians(8.0)
+"""The same for the turn [rad]: beyond, too little of the floor is in both images."""
+
+LOST_DISTANCE = 0.3
+"""Distance [m] at which a key frame is given up that no frame could be registered to."""
+
+GATE = 16.0
+"""Largest squared Mahalanobis distance of a measurement, of 3 degrees of freedom (0.1 %)."""
+
+WIDENED = 4.0
+"""Factor on the predicted covariance within which the floor's motion is searched."""
+
+LEAST_KNOWN = np.array([5e-4, 2e-4, 5e-4])
+"""Least standard deviations of that search: x, y [m], yaw [rad]."""
+
+SLIPPED = 0.3
+"""Standard deviation of the wheels' distance, as a part of it, where they are found slipping."""
+
+CLEAR_SHARE, CLEAR_EXPLAINED = 0.85, 0.985
+"""Least share of agreeing pixels, and of the variance that they explain, of an image that shows the
+floor so clearly that it is believed against the wheels."""
+
+SURPRISE = 16.0
+"""Squared ratio of a yaw correction to its standard deviation from which on the bias has jumped."""
+
+CONVINCED = 3
+"""Number of such frames in a row from which on the wheels count as slipping."""
+
+FLOW_SHARE = 0.5
+"""Error of the yaw by the whole flow field, as a part of the standard deviation that comes with it,
+which allows for errors that neighbours share (measured on drives through the office)."""
+
+CALIBRATION = 0.02
+"""Prior standard deviation of k: slip and tyres of a data sheet that is only about right."""
+
+CALIBRATION_WALK = 5e-4
+"""Random walk of k [per root of m]: floors differ."""
+
+BIAS_MARGIN = 1.5
+"""Factor on the data sheet's random walk of the gyro's bias."""
+
+
+@dataclass(frozen=True, slots=True)
+class _KeyFrame:
+    """An image made ready, and the corrected pose of the robot at its time."""
+
+    image: FloorImage
+    pose: Pose
+
+
+class FloorOdometry:
+    """Corrects the poses of an odometer; call ``observe`` with each camera frame."""
+
+    def __init__(self, robot: RobotModel) -> None:
+        self._registration = FloorRegistration(robot)
+        sheet = robot.odometry
+        self._slip = sheet.slip**2 * sheet.slip_time
+        self._gyro = sheet.gyro_noise**2 / robot.control_rate
+        self._walk = (BIAS_MARGIN * sheet.gyro_bias_walk) ** 2
+        self._bias_prior = sheet.gyro_noise**2 / robot.control_rate + sheet.gyro_bias_walk**2
+        self.reset()
+
+    def reset(self) -> None:
+        """Back to the state before the first odometry."""
+        self._key: _KeyFrame | None = None
+        self._raw: Odometry | None = None
+        self._shift = Pose(0.0, 0.0, 0.0)
+        self._state = np.zeros(5)
+        self._covariance = np.zeros((5, 5))
+        self._covariance[3, 3] = CALIBRATION**2
+        self._used_until = -math.inf
+        self._disagreed = 0
+
+    @property
+    def slipping(self) -> bool:
+        """Whether the last frames clearly showed the floor moving otherwise than the wheels."""
+        return self._disagreed >= CONVINCED
+
+    @property
+    def calibration(self) -> tuple[float, float]:
+        """The share k of the wheels' distance that is not covered, and the gyro's bias [rad/s]."""
+        return float(self._state[3]), float(self._state[4])
+
+    def corrected(self, raw: Odometry) -> Odometry:
+        """``raw`` odometry, with pose, twist and bias corrected by all frames so far."""
+        if self._raw is None:
+            return raw
+        share, bias = self.calibration
+        turn = 0.0 if raw.still else raw.yaw_bias - bias
+        twist = Twist((1.0 - share) * raw.twist.v, raw.twist.w + turn)
+        return replace(raw, pose=self._shift.compose(raw.pose), twist=twist, yaw_bias=bias)
+
+    def observe(self, frame: Frame, raw: Odometry) -> None:
+        """Correct by a camera frame; ``raw`` is the odometer's answer at the frame's time."""
+        image = self._registration.prepare(frame.image)
+        if self._raw is None or self._key is None:
+            self._state[4] = raw.yaw_bias
+            self._covariance[4, 4] = YAW_RATE_SIGMA**2
+            self._raw = raw
+            self._key = _KeyFrame(image, self._shift.compose(raw.pose))
+            return
+        self._predict(self._raw, raw)
+        self._raw = raw
+        if raw.still:
+            return
+        used = self._measure(self._key.image, image)
+        pose = self._key.pose.compose(Pose(*self._state[:3].tolist()))
+        self._shift = _between(pose, raw.pose)
+        distance = math.hypot(*self._state[:2])
+        beyond = distance > KEY_DISTANCE or abs(self._state[2]) > KEY_TURN
+        if beyond and (used or distance > LOST_DISTANCE or abs(self._state[2]) > 2.0 * KEY_TURN):
+            self._key = _KeyFrame(image, pose)
+            self._state[:3] = 0.0
+            self._covariance[:3, :] = 0.0
+            self._covariance[:, :3] = 0.0
+
+    def correct(self, correction: YawCorrection) -> None:
+        """Correct the gyro's bias by the yaw that the whole flow field found beside the odometry.
+
+        Pairs of frames overlap; only those are used that share no time with the last one used.
+        """
+        dt = correction.motion.dt
+        if self._raw is None or dt <= 0.0 or self._raw.time - dt < self._used_until - 1e-6:
+            return
+        self._used_until = self._raw.time
+        column = self._covariance[:, 4].copy()
+        spread = float(column[4]) * dt + self._gyro + (FLOW_SHARE * correction.sigma) ** 2 / dt
+        surplus = correction.yaw**2 / dt - SURPRISE * spread
+        if surplus > 0.0:  # the bias has jumped
+            self._covariance[4, 4] += surplus / dt
+            column[4] += surplus / dt
+            spread += surplus
+        self._state = self._state - column * (correction.yaw / spread)
+        self._covariance -= np.outer(column, column) * (dt / spread)
+
+    def _predict(self, last: Odometry, now: Odometry) -> None:
+        """Move the state by the wheels and the gyro since ``last``."""
+        dt = now.time - last.time
+        if dt <= 0.0:
+            return
+        if now.still:
+            self._covariance[4, 4] += self._walk * dt
+            self._take_bias(now)
+            return
+        moved = last.pose.relative(now.pose)
+        x, y, yaw, share, bias = self._state.tolist()
+        turn = moved.yaw + (now.yaw_bias - bias) * dt
+        c, s = math.cos(yaw), math.sin(yaw)
+        covered = 1.0 - share
+        dx, dy = covered * (c * moved.x - s * moved.y), covered * (s * moved.x + c * moved.y)
+        self._state[:3] = x + dx, y + dy, wrap_angle(yaw + turn)
+        jacobian = np.eye(5)
+        jacobian[0, 2], jacobian[1, 2] = -dy, dx
+        jacobian[0, 3], jacobian[1, 3] = -dx / covered, -dy / covered
+        jacobian[2, 4] = -dt
+        self._covariance = jacobian @ self._covariance @ jacobian.T
+        way = math.hypot(dx, dy)
+        along = self._slip * max(abs(now.twist.v), 0.1) * way
+        if now.silent:
+            along += (SLIPPED * way) ** 2
+        ux, uy = (dx / way, dy / way) if way > 0.0 else (c, s)
+        self._covariance[:2, :2] += along * np.outer((ux, uy), (ux, uy)) + 1e-9 * np.eye(2)
+        self._covariance[2, 2] += self._gyro * dt + (1e-3 * moved.yaw) ** 2
+        self._covariance[3, 3] += CALIBRATION_WALK**2 * way
+        self._covariance[4, 4] += self._walk * dt
+
+    def _take_bias(self, now: Odometry) -> None:
+        """The odometer knows the bias of a robot at rest."""
+        self._state[4] = now.yaw_bias
+        self._covariance[4, :] = self._covariance[:, 4] = 0.0
+        self._covariance[4, 4] = self._bias_prior
+
+    def _measure(self, past: FloorImage, now: FloorImage) -> bool:
+        """Correct the state by the floor's motion from ``past`` to ``now``; whether it was used."""
+        known = WIDENED * self._covariance[:3, :3] + np.diag(LEAST_KNOWN**2)
+        found = self._registered(past, now, known)
+        if found is None:
+            return False
+        if self._distance(found) <= GATE:
+            self._disagreed = 0
+            self._update(found)
+            return True
+        # either this is no floor, or the wheels slip: then only the way along the heading is wrong
+        c, s = math.cos(self._state[2]), math.sin(self._state[2])
+        way = SLIPPED * math.hypot(*self._state[:2])
+        slip = way**2 * np.outer((c, s, 0.0), (c, s, 0.0))
+        found = self._registered(past, now, known + slip)
+        if found is None or found.share < CLEAR_SHARE or found.explained < CLEAR_EXPLAINED:
+            return False
+        self._disagreed += 1
+        if not self.slipping:
+            return False
+        self._covariance[:3, :3] += slip
+        self._update(found)
+        return True
+
+    def _registered(self, past: FloorImage, now: FloorImage, known: Array) -> FloorMotion | None:
+        guess = Pose(*self._state[:3].tolist())
+        return self._registration.register(past, now, guess, known)
+
+    def _distance(self, found: FloorMotion) -> float:
+        """Squared Mahalanobis distance of ``found`` from the state."""
+        off = self._offset(found)
+        return float(off @ np.linalg.solve(self._covariance[:3, :3] + found.covariance, off))
+
+    def _offset(self, found: FloorMotion) -> Array:
+        x, y, yaw = self._state[:3].tolist()
+        pose = found.pose
+        return np.array([pose.x - x, pose.y - y, wrap_angle(pose.yaw - yaw)])
+
+    def _update(self, found: FloorMotion) -> None:
+        spread = self._covariance[:3, :3] + found.covariance
+        gain = np.linalg.solve(spread, self._covariance[:3, :]).T
+        self._state = self._state + gain @ self._offset(found)
+        keep = np.eye(5)
+        keep[:, :3] -= gain
+        updated: Array = keep @ self._covariance @ keep.T + gain @ found.covariance @ gain.T
+        self._covariance = updated
+
+
+def _between(corrected: Pose, raw: Pose) -> Pose:
+    """The transform that turns ``raw`` into ``corrected``."""
+    yaw = wrap_angle(corrected.yaw - raw.yaw)
+    turned = Pose(0.0, 0.0, yaw).compose(raw)
+    return Pose(corrected.x - turned.x, corrected.y - turned.y, yaw)

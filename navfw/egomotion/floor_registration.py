@@ -1,0 +1,165 @@
+"""The robot's motion over the floor between two images, in metres and with its covariance.
+
+The camera's height gives the scale: each pixel below the horizon shows a known point of the floor,
+if it shows the floor at all. Pixels that show something else disagree and lose their weight.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from navfw.egomotion.floor_kernels import UNKNOWNS, register_floor
+from navfw.robot import RobotModel
+from navfw.signals import Array, Image, Pose
+from navfw.signals.immutable import read_only
+
+__all__ = ["FloorImage", "FloorMotion", "FloorRegistration"]
+
+Floats = npt.NDArray[np.float32]
+
+STRIDE = 2
+"""Distance [px] between the pixels used, along rows and columns: neighbours are alike."""
+
+REACH = 3.2
+"""Farthest point of the floor that is used, in heights of the camera. Beyond, a pixel covers more
+of the floor than the finest detail of its texture."""
+
+SMOOTHING = 1.0
+"""Standard deviation of the smoothing of images [px]: gradients are then linear over a pixel."""
+
+CORRELATION = 4.0
+"""Number of neighbouring pixels with a common error, by smoothing and by the texture's sampling."""
+
+LEAST_GREY = 0.7
+"""Least standard deviation of a residual [grey levels]: noise of both images after smoothing."""
+
+GAIN, OFFSET = 0.05, 5.0
+"""Standard deviations of the change of brightness: of the gain, and of the offset [grey levels]."""
+
+LEAST_SHARE = 0.5
+"""Least share of the pixels that agree with one motion of the floor."""
+
+LEAST_EXPLAINED = 0.5
+"""Least share of the variance of the grey levels that the motion explains: a wall in front of the
+robot moves otherwise than the floor."""
+
+LEAST_PIXELS = 100
+"""Least number of pixels that could show the floor."""
+
+ITERATIONS = 10
+"""Largest number of Gauss-Newton steps."""
+
+SCALE_SIGMA = 1.5e-3
+"""Error of height and pitch of the camera, as a part of the way: it does not average out."""
+
+LEAST_SIGMA = np.array([1e-4, 1e-4, 5e-4])
+"""Least standard deviations of x, y [m] and yaw [rad]: of the interpolation of grey values."""
+
+
+@dataclass(frozen=True, slots=True)
+class FloorImage:
+    """An image made ready for registration: smoothed, with its derivatives.
+
+    ``grey``, ``across`` and ``down`` are (height, width): grey levels, and their derivatives along
+    columns and rows [grey levels/px]; ``values`` (n,) are the grey levels at the pixels used.
+    """
+
+    grey: Floats
+    across: Floats
+    down: Floats
+    values: Array
+
+
+@dataclass(frozen=True, slots=True)
+class FloorMotion:
+    """Where the robot is, seen from where it was: ``pose`` with ``covariance`` (3, 3).
+
+    ``share`` in [0, 1] is the share of the pixels that agree, ``explained`` that of the variance of
+    the grey levels that this motion explains.
+    """
+
+    pose: Pose
+    covariance: Array
+    share: float
+    explained: float
+
+
+class FloorRegistration:
+    """Registers the lower part of two images of one camera as images of a level floor."""
+
+    def __init__(self, robot: RobotModel) -> None:
+        camera = robot.camera
+        rows, columns = np.mgrid[2 : camera.height - 2 : STRIDE, 2 : camera.width - 2 : STRIDE]
+        x = columns - 0.5 * (camera.width - 1)
+        y = rows - 0.5 * (camera.height - 1)
+        rays = np.stack([x / camera.focal, y / camera.focal, np.ones_like(x)], axis=-1)
+        rays = rays @ camera.base_from_camera.T
+        near = -rays[..., 2] * REACH > np.hypot(rays[..., 0], rays[..., 1])
+        rays = rays[near]
+        self._at = rows[near], columns[near]
+        depth = camera.mount_height / -rays[:, 2]
+        ground = depth[:, None] * rays[:, :2] + np.array([camera.mount_forward, 0.0])
+        self._ground = read_only(np.ascontiguousarray(ground))
+        self._camera = read_only(
+            np.array([camera.focal, camera.mount_forward, camera.mount_height])
+        )
+        self._base_from_camera = np.ascontiguousarray(camera.base_from_camera)
+        self._brightness = np.diag([0.0, 0.0, 0.0, GAIN**-2, OFFSET**-2])
+
+    def prepare(self, image: Image) -> FloorImage:
+        """``image`` (height, width) made ready for registration."""
+        blurred = cv2.GaussianBlur(image.astype(np.float32), (0, 0), SMOOTHING)
+        grey = np.asarray(blurred, dtype=np.float32)
+        across, down = np.zeros_like(grey), np.zeros_like(grey)
+        across[:, 1:-1] = 0.5 * (grey[:, 2:] - grey[:, :-2])
+        down[1:-1] = 0.5 * (grey[2:] - grey[:-2])
+        return FloorImage(grey, across, down, grey[self._at].astype(np.float64))
+
+    def register(
+        self, past: FloorImage, now: FloorImage, guess: Pose, covariance: Array
+    ) -> FloorMotion | None:
+        """The motion from ``past`` to ``now``; None if the images do not show it.
+
+        ``guess`` with ``covariance`` (3, 3) is what is known of it beforehand. It guides the fit,
+        which tells the floor from other things by it, but is no part of the answer.
+        """
+        if len(self._ground) < LEAST_PIXELS:
+            return None
+        start = np.array([guess.x, guess.y, guess.yaw, 0.0, 0.0])
+        prior = self._brightness.copy()
+        prior[:3, :3] = np.linalg.inv(covariance)
+        found: Any = register_floor(
+            past.grey,
+            past.across,
+            past.down,
+            now.values,
+            self._ground,
+            self._camera,
+            self._base_from_camera,
+            start,
+            CORRELATION * prior,
+            LEAST_GREY,
+            ITERATIONS,
+        )
+        at, information, share, explained = found
+        if share < LEAST_SHARE or explained < LEAST_EXPLAINED:
+            return None
+        # the answer of the images alone: where they and the prior pull equally hard
+        by_images = np.linalg.inv(information / CORRELATION + self._brightness)
+        at = at + by_images @ _prior_pull(prior, start, at)
+        spread = by_images[:3, :3].copy()
+        spread[np.diag_indices(3)] += LEAST_SIGMA**2
+        spread[:2, :2] += SCALE_SIGMA**2 * np.outer(at[:2], at[:2])
+        return FloorMotion(Pose(*at[:3].tolist()), spread, share, explained)
+
+
+def _prior_pull(prior: Array, start: Array, at: Array) -> Array:
+    """The pull (UNKNOWNS,) of the prior of the motion on a fit at ``at``, back to ``start``."""
+    pull = np.zeros(UNKNOWNS)
+    pull[:3] = prior[:3, :3] @ (at[:3] - start[:3])
+    return pull

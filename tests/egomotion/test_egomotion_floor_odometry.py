@@ -1,0 +1,180 @@
+"""Odometry corrected by the floor: registration in metres, calibration of wheels and gyro, slip."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import cv2
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter
+
+from navfw.egomotion.floor_odometry import FloorOdometry
+from navfw.egomotion.floor_registration import FloorRegistration
+from navfw.robot import RobotModel
+from navfw.signals import (
+    Array,
+    CameraMotion,
+    Frame,
+    Image,
+    Odometry,
+    Pose,
+    Twist,
+    YawCorrection,
+)
+
+ROBOT = RobotModel()
+METRE = 100.0
+"""Pixels of the texture per metre."""
+KNOWN = np.diag([3e-3, 1e-3, 2e-3]) ** 2
+
+
+class PaintedFloor:
+    """Views of an endless floor with a smooth random texture, and of a wall if there is one."""
+
+    def __init__(self, seed: int = 0, contrast: float = 30.0, wall: float = math.inf) -> None:
+        rng = np.random.default_rng(seed)
+        self._noise = np.random.default_rng(seed + 1)
+        self._wall = wall
+        rough = rng.standard_normal((2048, 2048), dtype=np.float32)
+        smooth = gaussian_filter(rough, 5.0, mode="wrap")
+        self._texture = smooth / smooth.std() * contrast + 128.0
+
+    def view(self, pose: Pose, light: float = 1.0) -> Image:
+        """The image that the camera of a robot at ``pose`` takes; the wall is at x = ``wall``."""
+        camera = ROBOT.camera
+        y, x = np.mgrid[: camera.height, : camera.width].astype(np.float64)
+        right = (x - 0.5 * (camera.width - 1)) / camera.focal
+        down = (y - 0.5 * (camera.height - 1)) / camera.focal
+        depth = np.where(down > 0.02, camera.mount_height / np.maximum(down, 0.02), 50.0)
+        c, s = math.cos(pose.yaw), math.sin(pose.yaw)
+        eye = pose.to_parent(camera.mount_forward, 0.0)
+        along, across = c + s * right, s - c * right
+        to_wall = (self._wall - eye[0]) / np.maximum(along, 1e-6)
+        hit = to_wall < depth
+        reach = np.minimum(depth, to_wall)
+        u = np.where(hit, 7.0 + (camera.mount_height - down * reach), eye[0] + along * reach)
+        v = eye[1] + across * reach
+        grey = cv2.remap(
+            self._texture,
+            (u * METRE % 2048).astype(np.float32),
+            (v * METRE % 2048).astype(np.float32),
+            cv2.INTER_LINEAR,
+            borderMode=cv2.BORDER_WRAP,
+        )
+        grey = light * grey + self._noise.normal(0.0, 2.0, grey.shape)
+        image: Image = np.clip(grey, 0, 255).astype(np.uint8)
+        return image
+
+
+@pytest.mark.parametrize(
+    "true",
+    [Pose(0.1, 0.0, 0.0), Pose(0.08, 0.004, 0.1), Pose(-0.06, 0.0, 0.0), Pose(0.0, 0.0, 0.1)],
+    ids=["ahead", "arc", "back", "turn"],
+)
+def test_motion_over_the_floor_is_measured_in_metres(true: Pose) -> None:
+    floor, registration = PaintedFloor(), FloorRegistration(ROBOT)
+    past = registration.prepare(floor.view(Pose(0.0, 0.0, 0.0)))
+    now = registration.prepare(floor.view(true))
+    guess = Pose(true.x + 0.003, true.y - 0.0005, true.yaw + 0.002)
+    found = registration.register(past, now, guess, KNOWN)
+    assert found is not None
+    off = np.array([found.pose.x - true.x, found.pose.y - true.y, found.pose.yaw - true.yaw])
+    assert np.abs(off[0]) < 8e-4
+    assert off @ np.linalg.solve(found.covariance, off) < 16.3  # 99.9 % of 3 degrees of freedom
+    assert found.share > 0.9
+
+
+def test_a_change_of_light_is_no_motion() -> None:
+    floor, registration = PaintedFloor(), FloorRegistration(ROBOT)
+    past = registration.prepare(floor.view(Pose(0.0, 0.0, 0.0)))
+    now = registration.prepare(floor.view(Pose(0.1, 0.0, 0.0), light=0.85))
+    found = registration.register(past, now, Pose(0.098, 0.0, 0.0), KNOWN)
+    assert found is not None
+    assert found.pose.x == pytest.approx(0.1, abs=5e-4)
+
+
+def test_a_bare_floor_tells_nothing_of_the_way() -> None:
+    registration = FloorRegistration(ROBOT)
+    floor = PaintedFloor(contrast=0.01)
+    past, now = (registration.prepare(floor.view(Pose(x, 0.0, 0.0))) for x in (0.0, 0.1))
+    found = registration.register(past, now, Pose(0.12, 0.0, 0.0), KNOWN)
+    assert found is None or found.covariance[0, 0] > 0.003**2
+
+
+def drive(
+    seconds: float, speed: float, turning: float, scale: float, bias: float
+) -> Iterator[tuple[Pose, Odometry]]:
+    """True poses and odometry, ten a second, of wheels and a gyro with these errors."""
+    true = raw = Pose(0.0, 0.0, 0.0)
+    dt = 0.1
+    for k in range(round(seconds / dt)):
+        yield true, Odometry(k * dt, raw, Twist(scale * speed, turning + bias), 0.0, still=False)
+        true = true.compose(_arc(speed * dt, turning * dt))
+        raw = raw.compose(_arc(scale * speed * dt, (turning + bias) * dt))
+
+
+def _arc(way: float, turn: float) -> Pose:
+    return Pose(way * math.cos(0.5 * turn), way * math.sin(0.5 * turn), turn)
+
+
+def test_wheels_and_gyro_are_calibrated_by_the_floor() -> None:
+    floor, odometry = PaintedFloor(seed=3), FloorOdometry(ROBOT)
+    true, raw = Pose(0.0, 0.0, 0.0), None
+    for true, raw in drive(12.0, 0.4, 0.15, scale=1.01, bias=0.004):
+        odometry.observe(Frame(raw.time, floor.view(true)), raw)
+    assert raw is not None
+    corrected = odometry.corrected(raw)
+    error = math.dist((corrected.pose.x, corrected.pose.y), (true.x, true.y))
+    assert error < 0.003 * 0.4 * 12.0 < math.dist((raw.pose.x, raw.pose.y), (true.x, true.y))
+    share, bias = odometry.calibration
+    assert share == pytest.approx(1.0 - 1.0 / 1.01, abs=0.002)
+    assert bias == pytest.approx(0.004, abs=0.001)
+    assert corrected.twist.w == pytest.approx(0.15, abs=0.001)
+
+
+def test_a_wall_right_in_front_is_not_taken_for_floor() -> None:
+    floor, odometry = PaintedFloor(wall=1.3), FloorOdometry(ROBOT)
+    true, raw = Pose(0.0, 0.0, 0.0), None
+    for true, raw in drive(4.5, 0.2, 0.0, scale=1.0, bias=0.0):
+        odometry.observe(Frame(raw.time, floor.view(true)), raw)
+    assert raw is not None
+    assert odometry.corrected(raw).pose.x == pytest.approx(true.x, abs=0.015)
+    assert not odometry.slipping
+
+
+def test_slipping_wheels_are_noticed_and_corrected() -> None:
+    floor, odometry = PaintedFloor(seed=5), FloorOdometry(ROBOT)
+    true, raw, noticed = Pose(0.0, 0.0, 0.0), None, False
+    for true, raw in drive(5.0, 0.4, 0.0, scale=1.25, bias=0.0):
+        odometry.observe(Frame(raw.time, floor.view(true)), raw)
+        noticed |= odometry.slipping
+    assert raw is not None
+    assert noticed
+    assert odometry.corrected(raw).pose.x == pytest.approx(true.x, abs=0.06)
+    assert raw.pose.x - true.x > 0.4
+
+
+def test_yaw_by_the_flow_corrects_the_gyro_bias_once_for_each_stretch() -> None:
+    odometry = FloorOdometry(ROBOT)
+    bare = np.full((ROBOT.camera.height, ROBOT.camera.width), 128, np.uint8)
+    still = CameraMotion(np.eye(3), np.zeros(3), 0.2)
+    estimates: list[float] = []
+    for _, raw in drive(8.0, 0.4, 0.0, scale=1.0, bias=0.01):
+        odometry.observe(Frame(raw.time, bare), raw)
+        left = 0.01 - odometry.calibration[1]
+        odometry.correct(YawCorrection(-left * still.dt, 5e-4, still))
+        estimates.append(odometry.calibration[1])
+    assert estimates[-1] == pytest.approx(0.01, abs=0.002)
+    assert estimates[10] == estimates[9] or estimates[11] == estimates[10]
+
+
+def test_a_reset_forgets_all() -> None:
+    odometry = FloorOdometry(ROBOT)
+    raw = Odometry(1.0, Pose(1.0, 0.0, 0.3), Twist(0.1, 0.0), 0.02, still=False)
+    bare: Array = np.full((ROBOT.camera.height, ROBOT.camera.width), 128.0)
+    odometry.observe(Frame(1.0, bare.astype(np.uint8)), raw)
+    odometry.reset()
+    assert odometry.corrected(raw) is raw
+    assert odometry.calibration == (0.0, 0.0)
