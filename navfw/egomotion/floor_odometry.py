@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from navfw.egomotion.camera_motion import YAW_RATE_SIGMA
-from navfw.egomotion.floor_registration import FloorImage, FloorMotion, FloorRegistration
+from navfw.egomotion.floor_registration import FloorImage, FloorRegistration, FloorStep
 from navfw.robot import RobotModel
 from navfw.signals import Array, Frame, Odometry, Pose, Twist, YawCorrection, wrap_angle
 
@@ -221,21 +221,21 @@ class FloorOdometry:
         self._update(found)
         return True
 
-    def _registered(self, past: FloorImage, now: FloorImage, known: Array) -> FloorMotion | None:
+    def _registered(self, past: FloorImage, now: FloorImage, known: Array) -> FloorStep | None:
         guess = Pose(*self._state[:3].tolist())
         return self._registration.register(past, now, guess, known)
 
-    def _distance(self, found: FloorMotion) -> float:
+    def _distance(self, found: FloorStep) -> float:
         """Squared Mahalanobis distance of ``found`` from the state."""
         off = self._offset(found)
         return float(off @ np.linalg.solve(self._covariance[:3, :3] + found.covariance, off))
 
-    def _offset(self, found: FloorMotion) -> Array:
+    def _offset(self, found: FloorStep) -> Array:
         x, y, yaw = self._state[:3].tolist()
         pose = found.pose
         return np.array([pose.x - x, pose.y - y, wrap_angle(pose.yaw - yaw)])
 
-    def _update(self, found: FloorMotion) -> None:
+    def _update(self, found: FloorStep) -> None:
         spread = self._covariance[:3, :3] + found.covariance
         gain = np.linalg.solve(spread, self._covariance[:3, :]).T
         self._state = self._state + gain @ self._offset(found)

@@ -18,7 +18,7 @@ from navfw.robot import RobotModel
 from navfw.signals import Array, Image, Pose
 from navfw.signals.immutable import read_only
 
-__all__ = ["FloorImage", "FloorMotion", "FloorRegistration"]
+__all__ = ["FloorImage", "FloorRegistration", "FloorStep"]
 
 Floats = npt.NDArray[np.float32]
 
@@ -76,7 +76,7 @@ class FloorImage:
 
 
 @dataclass(frozen=True, slots=True)
-class FloorMotion:
+class FloorStep:
     """Where the robot is, seen from where it was: ``pose`` with ``covariance`` (3, 3).
 
     ``share`` in [0, 1] is the share of the pixels that agree, ``explained`` that of the variance of
@@ -122,7 +122,7 @@ class FloorRegistration:
 
     def register(
         self, past: FloorImage, now: FloorImage, guess: Pose, covariance: Array
-    ) -> FloorMotion | None:
+    ) -> FloorStep | None:
         """The motion from ``past`` to ``now``; None if the images do not show it.
 
         ``guess`` with ``covariance`` (3, 3) is what is known of it beforehand. It guides the fit,
@@ -155,7 +155,7 @@ class FloorRegistration:
         spread = by_images[:3, :3].copy()
         spread[np.diag_indices(3)] += LEAST_SIGMA**2
         spread[:2, :2] += SCALE_SIGMA**2 * np.outer(at[:2], at[:2])
-        return FloorMotion(Pose(*at[:3].tolist()), spread, share, explained)
+        return FloorStep(Pose(*at[:3].tolist()), spread, share, explained)
 
 
 def _prior_pull(prior: Array, start: Array, at: Array) -> Array:
