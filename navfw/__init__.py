@@ -6,8 +6,9 @@ so that ``import navfw`` is fast.
 
 from __future__ import annotations
 
-import importlib
 from typing import TYPE_CHECKING, Any
+
+from navfw.lazy_names import first_access
 
 if TYPE_CHECKING:
     from navfw.context import Context
@@ -96,8 +97,4 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    if name in _HOMES:
-        value = getattr(importlib.import_module(_HOMES[name]), name)
-        globals()[name] = value
-        return value
-    raise AttributeError(f"module 'navfw' has no attribute {name!r}")
+    return first_access(__name__, name, _HOMES)

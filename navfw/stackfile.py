@@ -13,8 +13,7 @@ from typing import Annotated, Any, Protocol
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
-from navfw.config.document import KeyPath, YamlDocument, load_yaml
-from navfw.config.layering import on_its_base
+from navfw.config.document import KeyPath, YamlDocument
 from navfw.config.overrides import Override, apply_overrides, parse_override
 from navfw.config.yamlfile import validate
 from navfw.context import CommandGridParams
@@ -24,8 +23,9 @@ from navfw.interfaces import Plugin
 from navfw.localmap import LocalMapParams
 from navfw.movers import MoverParams
 from navfw.safety import SafetyParams
+from navfw.stack_document import STAGES, read_stack
 
-__all__ = ["Choice", "PluginSource", "StackConfig", "StackSpec", "load_stack", "read_stack"]
+__all__ = ["Choice", "PluginSource", "StackConfig", "StackSpec", "load_stack"]
 
 
 def _some_plugins(value: object) -> object:
@@ -103,18 +103,6 @@ class StackSpec(StackSettings):
     controller: Chosen
 
 
-STAGES = (
-    "flow",
-    "perception",
-    "features",
-    "localizer",
-    "planner",
-    "composite",
-    "fusion",
-    "controller",
-)
-
-
 class PluginSource(Protocol):
     """Where plugin classes come from: the registry."""
 
@@ -175,17 +163,6 @@ def load_stack(
 
     """
     return resolve(read_stack(path), plugins, overrides)
-
-
-def read_stack(path: str | Path) -> YamlDocument:
-    """The stack file at ``path`` on top of the stack it is based on, not checked yet.
-
-    Raises:
-        ConfigError: the file is no YAML, or its base is not.
-        UnknownNameError: the base does not exist.
-
-    """
-    return on_its_base(load_yaml(path), Path(path), "stack", replaced=STAGES)
 
 
 def resolve(

@@ -9,9 +9,8 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ConfigDict
 
 from navfw.config.yamlfile import load_yaml, validate
-from navfw.robotfile import load_robot
-from navfw.stackfile import read_stack
-from navfw.topomap.mapfile import MAX_BYTES, MAX_NODES
+from navfw.stack_document import read_stack
+from navfw.topomap.mapspec import MAX_BYTES, MAX_NODES
 
 __all__ = ["map_summary", "mission_summary", "robot_summary", "stack_summary", "world_summary"]
 
@@ -82,6 +81,8 @@ def stack_summary(path: Path) -> dict[str, Any]:
 
 def robot_summary(path: Path) -> dict[str, Any]:
     """The description of a robot, its body [m], top speed [m/s] and camera."""
+    from navfw.robotfile import load_robot
+
     robot = load_robot(path)
     camera = robot.camera
     degrees = round(math.degrees(camera.hfov))

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from navfw.context.command_grid import CommandGrid
 from navfw.context.quadrant_distances import QuadrantDistances, quadrant_distances
-from navfw.localmap import Arcs, LocalGoal, Ranges
 from navfw.robot import RobotModel
 from navfw.signals import (
     Belief,
@@ -19,6 +19,9 @@ from navfw.signals import (
     Twist,
     Waypoint,
 )
+
+if TYPE_CHECKING:
+    from navfw.localmap import Arcs, LocalGoal, Ranges
 
 __all__ = ["Context"]
 

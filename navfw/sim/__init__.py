@@ -7,8 +7,9 @@ imported on first access, since a floor plan needs no physics engine.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from navfw.lazy_names import first_access
 from navfw.sim.floorplan import FloorPlan
 from navfw.sim.sensor_models import SensorParams
 from navfw.sim.worldfile import load_world
@@ -20,9 +21,5 @@ if TYPE_CHECKING:
 __all__ = ["FloorPlan", "SensorParams", "Simulation", "WorldSpec", "load_world"]
 
 
-def __getattr__(name: str) -> object:
-    if name == "Simulation":
-        from navfw.sim.simulation import Simulation
-
-        return Simulation
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+def __getattr__(name: str) -> Any:
+    return first_access(__name__, name, {"Simulation": "navfw.sim.simulation"})

@@ -4,10 +4,16 @@
 them as a graph, ``mapfile`` and ``map_formats`` read and write them. ``map_check`` reports what is
 suspect in a valid map; ``map_builder`` derives a map from a world's geometry, ``landmark_mapping``
 estimates landmark poses from a drive.
+
+``load_map``, ``TopoMap`` and ``PassageProjection`` are imported on first access, with the library
+for graphs: the keys and limits of a map file need none.
 """
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
+from navfw.lazy_names import first_access
 from navfw.topomap.elements import (
     PLACE_KINDS,
     Landmark,
@@ -15,8 +21,10 @@ from navfw.topomap.elements import (
     Place,
     PlaceKind,
 )
-from navfw.topomap.mapfile import load_map
-from navfw.topomap.topological_map import PassageProjection, TopoMap
+
+if TYPE_CHECKING:
+    from navfw.topomap.mapfile import load_map
+    from navfw.topomap.topological_map import PassageProjection, TopoMap
 
 __all__ = [
     "PLACE_KINDS",
@@ -28,3 +36,13 @@ __all__ = [
     "TopoMap",
     "load_map",
 ]
+
+_HOMES = {
+    "PassageProjection": "navfw.topomap.topological_map",
+    "TopoMap": "navfw.topomap.topological_map",
+    "load_map": "navfw.topomap.mapfile",
+}
+
+
+def __getattr__(name: str) -> Any:
+    return first_access(__name__, name, _HOMES)

@@ -15,7 +15,8 @@ from navfw.config.input_file import read_input_text, shown_path
 from navfw.errors import MapError
 from navfw.topomap.geojson import geojson_text, read_geojson
 from navfw.topomap.graphml import graphml_text, read_graphml
-from navfw.topomap.mapfile import MAX_BYTES, KindCheck, load_map, map_text
+from navfw.topomap.mapfile import KindCheck, load_map, map_text
+from navfw.topomap.mapspec import MAX_BYTES
 from navfw.topomap.ros_map import save_ros_map
 from navfw.topomap.topological_map import TopoMap
 

@@ -24,19 +24,13 @@ from typing import Any
 from navfw.config.yamlfile import YamlDocument, key_text, load_yaml, validate
 from navfw.errors import ConfigError, MapError, did_you_mean
 from navfw.topomap.elements import Landmark, Passage, Place
-from navfw.topomap.mapspec import EdgeSpec, MapSpec
+from navfw.topomap.mapspec import MAX_BYTES, MAX_NODES, EdgeSpec, MapSpec
 from navfw.topomap.occupancy_map import OccupancyMap
 from navfw.topomap.ros_map import load_ros_map
 from navfw.topomap.topological_map import TopoMap
 from navfw.topomap.validation import MapViolation, map_violations
 
-__all__ = ["MAX_BYTES", "MAX_NODES", "KindCheck", "load_map", "map_data", "map_text", "read_map"]
-
-MAX_BYTES = 8_000_000
-"""Largest size of a map file [bytes]: enough for some ten thousand places."""
-
-MAX_NODES = 300_000
-"""Largest number of keys and values in a map file; a map of that size is read in half a minute."""
+__all__ = ["KindCheck", "load_map", "map_data", "map_text", "read_map"]
 
 _PLAIN = re.compile(r"(?!(?i:true|false|yes|no|on|off|null|nan|inf)$)[A-Za-z][\w-]*", re.ASCII)
 """Texts that YAML reads as text without quotes."""

@@ -24,7 +24,8 @@ from navfw.missions.outcome import Outcome
 from navfw.missions.session import prepare
 from navfw.plugins import default_registry
 from navfw.sim.worldspec import WorldSpec
-from navfw.stackfile import STAGES, StackSettings
+from navfw.stack_document import STAGES
+from navfw.stackfile import StackSettings
 from navfw.suite.suitefile import SuiteSpec
 from navfw.topomap.mapspec import EdgeSpec, MapSpec
 
