@@ -155,3 +155,10 @@ def test_reset_is_standstill() -> None:
 
 def test_parameters_are_within_their_ranges() -> None:
     check_ranges(Unicycle.Params, {"stale": "(0, 5]"})
+
+
+def test_slowing_down_a_little_ends_at_the_command() -> None:
+    locom = Unicycle(ROBOT)
+    for k in range(120):
+        locom.control(command(k * DT, 0.3, 0.0), odometry(k * DT), DT)
+    assert locom.control(command(2.0, 0.299, 0.0), odometry(2.0), DT).v == pytest.approx(0.299)

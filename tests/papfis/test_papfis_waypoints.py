@@ -101,3 +101,21 @@ def test_tolerances_are_smaller_at_and_beside_doors_alone(kind: PlaceKind, at: i
     found = waypoints(tuple(kinds), end=goal(21.0, 0.0))
     away = {0: 0.2, 1: 0.4} if kind == "door" else {}
     assert [w.tolerance for w in found[:-1]] == [away.get(abs(k - at), 0.7) for k in range(6)]
+
+
+def test_a_goal_on_a_passage_has_the_width_of_that_passage() -> None:
+    a, b = Place("a", 0.0, 0.0), Place("b", 6.0, 0.0)
+    passage, end = joined(a, b, width=0.8), goal(3.0, 0.0)
+    route = Route(
+        start=Endpoint(-3.0, 0.0),
+        goal=Endpoint(end.x, end.y),
+        places=("a",),
+        passages=(),
+        legs=(None, passage),
+        cost=1.0,
+        length=6.0,
+        entry_cost=0.0,
+        exit_cost=0.0,
+    )
+    *_, found = waypoints_of(route, end, TopoMap("row", [a, b], [passage]), PASSING)
+    assert (found.width, found.passage) == (0.8, ("a", "b"))
