@@ -45,6 +45,7 @@ MAX_ITEMS = 10_000
 _MAX_TEXT = 10_000
 """Largest length of a text [characters]."""
 
+_ARRAY: Any = np.ndarray
 _FLOAT64 = np.dtype(np.float64)
 
 T = TypeVar("T")
@@ -68,9 +69,12 @@ def instance(answer: object, cls: type[T], call: str) -> T:
 
 def rebuilt(answer: object, cls: type[T], **fields: Any) -> T:
     """A ``cls`` with the checked ``fields``: ``answer`` itself if it has just these."""
-    if type(answer) is cls and all(getattr(answer, name) is fields[name] for name in fields):
-        return answer
-    return cls(**fields)
+    if type(answer) is not cls:
+        return cls(**fields)
+    for name, value in fields.items():
+        if getattr(answer, name) is not value:
+            return cls(**fields)
+    return answer
 
 
 def number(value: Any, what: str, low: float = -math.inf, high: float = math.inf) -> float:
@@ -105,6 +109,16 @@ def text(value: Any, what: str) -> str:
 
 def real(value: Any, what: str, shape: tuple[int, ...]) -> Array:
     """``value`` as an immutable, C-contiguous float64 array of that shape."""
+    result: Array
+    if (
+        type(value) is _ARRAY
+        and type(value.base) is bytes
+        and value.dtype is _FLOAT64
+        and value.shape == shape
+        and value.flags.c_contiguous
+    ):
+        result = value  # the usual case, told quickly
+        return result
     try:
         raw = np.asarray(value)
     except ValueError:
@@ -113,7 +127,7 @@ def real(value: Any, what: str, shape: tuple[int, ...]) -> Array:
         raise AnswerError(f"{what} has values of type {raw.dtype}, expected float64")
     if raw.shape != shape:
         raise AnswerError(f"{what} has shape {raw.shape}, expected {shape}")
-    result: Array = contiguous(raw, _FLOAT64)
+    result = contiguous(raw, _FLOAT64)
     return result
 
 
@@ -154,10 +168,12 @@ def items(value: Any, what: str) -> Sequence[Any]:
 
 def mapping(value: Any, what: str) -> dict[str, Any]:
     """``value`` as a new dictionary of bounded size with texts as keys."""
-    if not isinstance(value, Mapping):
+    if type(value) is not MappingProxyType and not isinstance(value, Mapping):
         raise AnswerError(f"{what} is {_named(value)}, expected a mapping")
     if len(value) > MAX_ITEMS:
         raise AnswerError(f"{what} has more than {MAX_ITEMS} items")
+    if _are_texts(value):
+        return dict(value)
     return {text(key, f"a key of {what}"): item for key, item in value.items()}
 
 
@@ -196,7 +212,10 @@ def pose(value: Any, what: str) -> Pose:
 def twist(value: Any, what: str) -> Twist:
     """``value`` as a twist of finite numbers."""
     instance(value, Twist, what)
-    return rebuilt(value, Twist, v=number(value.v, "v"), w=number(value.w, "w"))
+    v, w = value.v, value.w
+    if type(value) is Twist and type(v) is type(w) is float and math.isfinite(v + w):
+        return value  # the usual case, told quickly
+    return rebuilt(value, Twist, v=number(v, "v"), w=number(w, "w"))
 
 
 _FLOATS: set[type[Any]] = {float}
@@ -212,9 +231,13 @@ def _immutable_of(value: Any, types: set[type[Any]]) -> bool:
         type(value) is MappingProxyType
         and 0 < len(value) <= MAX_ITEMS
         and set(map(type, value.values())) == types
-        and set(map(type, value)) == _TEXTS
-        and max(map(len, value)) <= _MAX_TEXT
+        and _are_texts(value)
     )
+
+
+def _are_texts(keys: Mapping[Any, Any]) -> bool:
+    """Whether all ``keys`` of a mapping are texts of bounded length, and there are any."""
+    return set(map(type, keys)) == _TEXTS and max(map(len, keys)) <= _MAX_TEXT
 
 
 def _named(value: object) -> str:

@@ -76,11 +76,7 @@ class GuardedStage(Generic[PluginT]):
     def __init__(self, guard: PluginGuard, plugin: PluginT) -> None:
         self.guard = guard
         self.plugin = plugin
-
-    @property
-    def label(self) -> str:
-        """Kind and name, as faults give them."""
-        return label_of(self.plugin)
+        self.label = label_of(plugin)
 
     def attempt(
         self, function: Callable[[], object], check: Callable[[Any], AnswerT], otherwise: AnswerT

@@ -302,9 +302,10 @@ def _quadrants(value: Any) -> Mapping[str, Mapping[str, float]]:
     """Degrees of near, middle and far for each quadrant, the four of the image among them."""
     found = _of_mappings(value, "quadrants", numbers)
     for name in QUADRANTS:
-        missing = [term for term in _TERMS if term not in found.get(name, {})]
-        if missing:
-            raise AnswerError(f"quadrants has no {name}.{missing[0]}")
+        given = found.get(name, {})
+        for term in _TERMS:
+            if term not in given:
+                raise AnswerError(f"quadrants has no {name}.{term}")
     return found
 
 
@@ -314,9 +315,12 @@ def _of_mappings(
     """A mapping of texts to mappings, each checked; ``value`` itself if nothing has to change."""
     found = mapping(value, what)
     checked = {name: check(item, name) for name, item in found.items()}
-    if type(value) is MappingProxyType and all(checked[name] is found[name] for name in found):
-        return value
-    return checked
+    if type(value) is not MappingProxyType:
+        return checked
+    for name, item in found.items():
+        if checked[name] is not item:
+            return checked
+    return value
 
 
 def _width(value: Any) -> float:

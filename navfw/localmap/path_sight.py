@@ -99,7 +99,9 @@ class PathSight:
         grey = image[self._top :].astype(np.float32)
         mean = cv2.blur(grey, (WINDOW, WINDOW))[::_STRIDE, ::_STRIDE][self._pixels]
         square = cv2.blur(grey * grey, (WINDOW, WINDOW))[::_STRIDE, ::_STRIDE][self._pixels]
-        contrast = math.sqrt(max(float(np.median(square - mean * mean)), 0.0))
+        variance = np.sort(square - mean * mean)
+        middle = variance[(variance.size - 1) // 2] + variance[variance.size // 2]
+        contrast = math.sqrt(max(0.5 * float(middle), 0.0))
         if math.isinf(self.contrast):
             self.contrast = contrast
         self.contrast += SHARE * (contrast - self.contrast)

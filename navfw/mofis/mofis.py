@@ -72,6 +72,9 @@ class Mofis:
         self.commands = commands
         self.local_map = local_map
         self.progress = ProgressMonitor()
+        self._fusion_label = label_of(fusion)
+        self._composite_label = "" if composite is None else label_of(composite)
+        self._check_proposal = partial(check_proposal, shape=commands.shape)
         self.reset()
 
     def reset(self) -> None:
@@ -81,9 +84,9 @@ class Mofis:
             PluginCallError: a plugin fails, so the run cannot begin.
 
         """
-        plugins: dict[str, Plugin] = {label_of(self.fusion): self.fusion}
+        plugins: dict[str, Plugin] = {self._fusion_label: self.fusion}
         if self.composite is not None:
-            plugins[label_of(self.composite)] = self.composite
+            plugins[self._composite_label] = self.composite
         plugins |= {f"behavior {name}": behavior for name, behavior in self.behaviors.items()}
         for label, plugin in plugins.items():
             self.guard.call(label, plugin.reset, check=nothing)
@@ -151,21 +154,21 @@ class Mofis:
             return {}
         weigh = self.composite.weigh
         try:
-            return self.guard.call(label_of(self.composite), weigh, context, check=check_weights)
+            return self.guard.call(self._composite_label, weigh, context, check=check_weights)
         except PluginCallError:
             return {}
 
     def _propose(self, name: str, behavior: Behavior, context: Context) -> Proposal | None:
         """The behaviour's proposal; None when it fails."""
-        check = partial(check_proposal, shape=self.commands.shape)
+        propose, check = behavior.propose, self._check_proposal
         try:
-            return self.guard.call(f"behavior {name}", behavior.propose, context, check=check)
+            return self.guard.call(f"behavior {name}", propose, context, check=check)
         except PluginCallError:
             return None
 
     def _fuse(self, context: Context) -> Command | None:
         """The fused command; None when the fusion fails."""
-        label, proposals = label_of(self.fusion), MappingProxyType(self.proposals)
+        label, proposals = self._fusion_label, MappingProxyType(self.proposals)
         fuse = self.fusion.fuse
         try:
             return self.guard.call(label, fuse, context, proposals, check=check_command, vital=True)

@@ -243,8 +243,9 @@ class SafetyMonitor:
     def _sight_cap(self) -> tuple[float, str]:
         """Top forward speed [m/s] that the sight of the path allows, and why."""
         sight = self.local_map.sight
-        cap = self.params.weak_sight if sight.weak else math.inf
-        return (0.0 if self._sightless_since is not None else cap), sight.trouble
+        if self._sightless_since is not None:
+            return 0.0, sight.trouble
+        return (self.params.weak_sight, sight.trouble) if sight.weak else (math.inf, "")
 
     def _stall_cap(self, time: float) -> tuple[float, str]:
         """Standstill for a moment after the wheels did not follow."""

@@ -61,7 +61,7 @@ def freeze(instance: object, *names: str) -> None:
             if type(value.base) is not bytes:  # as in ``read_only``, without the call
                 value = _ARRAY(value.shape, value.dtype, value.tobytes())
                 _set_field(instance, name, value)
-        elif isinstance(value, _REPLACED):
+        elif type(value) not in _LEAVES and isinstance(value, _REPLACED):
             _set_field(instance, name, immutable(value))
 
 
