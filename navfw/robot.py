@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
@@ -12,6 +12,8 @@ from navfw.signals import Array, Twist
 
 __all__ = [
     "CameraModel",
+    "DrivenUrdf",
+    "Footprint",
     "LandmarkCamera",
     "OdometrySheet",
     "RobotModel",
@@ -28,6 +30,12 @@ Acceleration = Annotated[float, Field(gt=0.0, le=50.0)]
 GyroSigma = Annotated[float, Field(ge=0.0, le=1.0)]
 """[rad/s]; the gyro of a telephone has 0.002."""
 
+JointNames = Annotated[tuple[str, ...], Field(min_length=1, max_length=10)]
+
+_RADIUS = 0.18
+"""Radius of the default robot [m]."""
+_RIM_INSET = 0.2
+"""Distance of the centres of the discs along a footprint's rim from it, in half widths."""
 _WIDEST_LENS = math.radians(110.0)
 """Largest half angle of view [rad]: fisheye lenses reach 220 degrees in all."""
 
@@ -146,12 +154,97 @@ class OdometrySheet(BaseModel):
     ] = 0.5
 
 
-class RobotModel(BaseModel):
-    """A round differential-drive robot with one camera, a gyro and wheel encoders."""
+class Footprint(BaseModel):
+    """The ground that a body covers: a rectangle around base_link."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    radius: Annotated[float, Field(ge=0.03, le=2.0, description="of the round body [m]")] = 0.18
+    front: Annotated[float, Field(ge=0.02, le=3.0, description="reach ahead of base_link [m]")]
+    rear: Annotated[float, Field(ge=0.02, le=3.0, description="reach behind base_link [m]")]
+    width: Annotated[float, Field(ge=0.06, le=4.0, description="[m]")]
+
+
+class DrivenUrdf(BaseModel):
+    """A URDF file as the robot's body, driven by its own wheel joints."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    file: Annotated[
+        str,
+        Field(
+            min_length=1,
+            max_length=1000,
+            description="relative to the robot file, or pybullet_data:FILE of PyBullet's own",
+        ),
+    ]
+    left: Annotated[JointNames, Field(description="wheel joints of the left side")]
+    right: Annotated[JointNames, Field(description="wheel joints of the right side")]
+    camera: Annotated[
+        str | None,
+        Field(description="link at which the camera is mounted, x ahead; gives mount and pitch"),
+    ] = None
+    casters: Annotated[
+        tuple[str, ...],
+        Field(
+            max_length=100,
+            description="joints of casters and idle wheels: they turn freely and slide; all other"
+            " joints are held at 0",
+        ),
+    ] = ()
+    torque: Annotated[
+        float, Field(gt=0.0, le=10_000.0, description="torque limit of one wheel [N m]")
+    ] = 5.0
+    side_friction: Annotated[
+        float,
+        Field(
+            gt=0.0,
+            le=1.0,
+            description="grip of the wheels along their axle, as a share of that along the way; of"
+            " skid steer below 1",
+        ),
+    ] = 1.0
+    turning_point: Annotated[
+        float,
+        Field(
+            ge=-3.0,
+            le=3.0,
+            description="base_link, where it turns on the spot: ahead of the wheels' middle [m]",
+        ),
+    ] = 0.0
+
+
+def _half_the_width(given: dict[str, Any]) -> float:
+    """Radius [m] of a robot that does not say it."""
+    footprint = given.get("footprint")
+    return 0.5 * footprint.width if isinstance(footprint, Footprint) else _RADIUS
+
+
+def _steps(begin: float, end: float, longest: float) -> list[float]:
+    """Evenly spaced values from ``begin`` to ``end``, at most ``longest`` apart."""
+    count = max(1, math.ceil((end - begin) / longest - 1e-9))
+    return [begin + (end - begin) * index / count for index in range(count + 1)]
+
+
+class RobotModel(BaseModel):
+    """A differential-drive robot with one camera, a gyro and wheel encoders.
+
+    The body is round, or covers the rectangle ``footprint``; ``radius`` is then half its width.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    footprint: Annotated[Footprint | None, Field(description="of a body that is not round")] = None
+    radius: Annotated[
+        float,
+        Field(
+            ge=0.03,
+            le=2.0,
+            description="of the round body [m]; 0.18, or half the footprint's width",
+        ),
+    ] = Field(default_factory=_half_the_width)
+    urdf: Annotated[
+        DrivenUrdf | None, Field(description="the body in the simulator; without: two wheels")
+    ] = None
     height: Annotated[
         float, Field(ge=0.03, le=100.0, description="of the body with camera [m]")
     ] = 0.40
@@ -184,8 +277,18 @@ class RobotModel(BaseModel):
     )
 
     @model_validator(mode="after")
+    def _as_wide_as_its_footprint(self) -> RobotModel:
+        if self.footprint is not None and abs(self.radius - 0.5 * self.footprint.width) > 1e-6:
+            raise ValueError(
+                f"radius {self.radius} m is not half the footprint's width"
+                f" ({0.5 * self.footprint.width} m): leave out radius"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _wheels_under_body(self) -> RobotModel:
-        if self.track > 2.0 * self.radius:
+        # the effective track of a skid steer may be wider
+        if self.urdf is None and self.track > 2.0 * self.radius:
             raise ValueError(f"track {self.track} m is wider than the body ({2 * self.radius} m)")
         return self
 
@@ -197,6 +300,42 @@ class RobotModel(BaseModel):
                 f" lens sees more than {math.degrees(_WIDEST_LENS):.0f}: make them narrower"
             )
         return self
+
+    @property
+    def discs(self) -> tuple[tuple[float, float, float], ...]:
+        """Discs for the body: centre x, y in base_link and radius [m].
+
+        The body itself if it is round. Of a rectangle small ones along its whole rim, which reach
+        beyond it by 8 % of its half width, and large ones along its middle.
+        """
+        if self.footprint is None:
+            return ((0.0, 0.0, self.radius),)
+        front, rear = self.footprint.front, self.footprint.rear
+        half = 0.5 * min(self.footprint.width, front + rear)
+        inset = _RIM_INSET * half
+        columns = _steps(-rear + inset, front - inset, 2.0 * inset)
+        side = 0.5 * self.footprint.width - inset
+        rows = _steps(-side, side, 2.0 * inset)
+        rim = [(x, y) for x in columns for y in (-side, side)]
+        rim += [(x, y) for x in (columns[0], columns[-1]) for y in rows[1:-1]]
+        inner = [(x, 0.0, half) for x in _steps(half - rear, front - half, half)]
+        return (*((x, y, self.disc_radius) for x, y in rim), *inner)
+
+    @property
+    def disc_radius(self) -> float:
+        """Radius [m] of those of ``discs`` that form the rim."""
+        if self.footprint is None:
+            return self.radius
+        half = 0.5 * min(self.footprint.width, self.footprint.front + self.footprint.rear)
+        return math.sqrt(2.0) * _RIM_INSET * half
+
+    @property
+    def reach(self) -> float:
+        """Radius [m] of the circle about base_link that holds the body."""
+        if self.footprint is None:
+            return self.radius
+        footprint = self.footprint
+        return math.hypot(max(footprint.front, footprint.rear), 0.5 * footprint.width)
 
     @property
     def side_cameras(self) -> tuple[SideCamera, ...]:

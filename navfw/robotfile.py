@@ -10,18 +10,21 @@ A mission names a robot, or changes single values of one::
 
 from __future__ import annotations
 
+import copy
 from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated
 
 from pydantic import Field
 
-from navfw.config.document import Data, YamlDocument, load_yaml
+from navfw.config.document import Data, KeyPath, YamlDocument, load_yaml
 from navfw.config.layering import layered, on_its_base
 from navfw.config.lookup import find
 from navfw.config.yamlfile import validate
 from navfw.errors import ConfigError, UnknownNameError
 from navfw.robot import RobotModel
+from navfw.urdf import urdf_path
+from navfw.urdf_drive import with_urdf
 
 __all__ = [
     "DEFAULT_ROBOT",
@@ -37,6 +40,8 @@ DEFAULT_ROBOT = "default"
 
 _SECTION = "robot"
 """Key of a mission's robot."""
+_URDF = ("urdf", "file")
+"""Path of the key of a robot that names its URDF."""
 
 
 class RobotSpec(RobotModel):
@@ -56,7 +61,9 @@ def load_robot(name: str | Path) -> RobotSpec:
         ConfigError: the file or its base breaks the schema.
 
     """
-    return validate(_read(find("robot", name)), RobotSpec)
+    document = _read(find("robot", name))
+    robot = validate(document, RobotSpec)
+    return robot.model_copy(update={"camera": with_urdf(robot, document).camera})
 
 
 def robot_section(value: Data) -> Data:
@@ -107,12 +114,30 @@ def with_robot(mission: YamlDocument, folder: Path) -> YamlDocument:
     robot = _read(file)
     validate(robot, RobotSpec)
     changes = {key: value for key, value in section.items() if key != "base"}
-    return layered(_as_section(robot), _with(mission, changes))
+    located = _located(_with(mission, changes), (_SECTION,), folder)
+    return layered(_as_section(robot), located)
 
 
 def _read(path: Path) -> YamlDocument:
     """The robot file at ``path`` on top of the one that it is based on, not checked yet."""
-    return on_its_base(load_yaml(path), path, "robot")
+    return on_its_base(_load(path), path, "robot", load=_load)
+
+
+def _load(path: Path) -> YamlDocument:
+    return _located(load_yaml(path), (), path.parent)
+
+
+def _located(document: YamlDocument, at: KeyPath, folder: Path) -> YamlDocument:
+    """``document`` with the path of the URDF in its part ``at`` made absolute, from ``folder``."""
+    name = document.at((*at, *_URDF))
+    if not isinstance(name, str) or not name:
+        return document
+    origin = document.origin_of((*at, *_URDF))
+    path = urdf_path(name, Path() if origin.option else folder).absolute()
+    data = copy.deepcopy(document.data)
+    part = YamlDocument(None, data).at((*at, _URDF[0]))
+    part[_URDF[1]] = str(path)
+    return YamlDocument(document.file, data, document.origins)
 
 
 def _as_section(robot: YamlDocument) -> YamlDocument:

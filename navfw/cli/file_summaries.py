@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict
 
 from navfw.config.yamlfile import load_yaml, validate
 from navfw.stack_document import read_stack
 from navfw.topomap.mapspec import MAX_BYTES, MAX_NODES
+
+if TYPE_CHECKING:
+    from navfw.robot import RobotModel
 
 __all__ = ["map_summary", "mission_summary", "robot_summary", "stack_summary", "world_summary"]
 
@@ -88,10 +91,18 @@ def robot_summary(path: Path) -> dict[str, Any]:
     degrees = round(math.degrees(camera.hfov))
     return {
         "description": robot.description,
-        "body": f"round, radius {robot.radius:g} m, height {robot.height:g} m",
+        "body": _body(robot),
         "speed": robot.max_v,
         "camera": f"{camera.width} x {camera.height}, {degrees} deg, {camera.rate:g} Hz",
     }
+
+
+def _body(robot: RobotModel) -> str:
+    """The measures of a body [m]."""
+    footprint = robot.footprint
+    if footprint is None:
+        return f"round, radius {robot.radius:g} m, height {robot.height:g} m"
+    return f"{footprint.front + footprint.rear:g} x {footprint.width:g} x {robot.height:g} m"
 
 
 def _read(path: Path, model: type[SummaryT]) -> SummaryT:

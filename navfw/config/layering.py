@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Container
+from collections.abc import Callable, Container
 from pathlib import Path
 from types import MappingProxyType
 
@@ -38,11 +38,12 @@ def on_its_base(
     path: Path,
     kind: Kind,
     replaced: Container[str] = (),
+    load: Callable[[Path], YamlDocument] = load_yaml,
     above: tuple[Path, ...] = (),
 ) -> YamlDocument:
     """``document``, the file at ``path``, on top of the one that its key ``base`` names, and so on.
 
-    ``kind`` is that of both files; see ``layered`` for ``replaced``.
+    ``kind`` is that of all files, ``load`` reads one; see ``layered`` for ``replaced``.
 
     Raises:
         ConfigError: a base cannot be read, or the file is based on itself.
@@ -70,7 +71,7 @@ def on_its_base(
             line=origin.line,
             key=key,
         )
-    base = on_its_base(load_yaml(file), file, kind, replaced, seen)
+    base = on_its_base(load(file), file, kind, replaced, load, seen)
     return layered(base, document, replaced)
 
 

@@ -12,17 +12,29 @@ import numpy.typing as npt
 
 from navfw.localmap.occupancy_grid import OccupancyGrid
 from navfw.localmap.ray_kernels import (
+    TURN,
     Ground,
     Start,
     cast_ranges,
     follow_arc,
+    follow_body,
     least_within,
     sweep_arcs,
+    sweep_body,
 )
+from navfw.robot import RobotModel
 from navfw.signals import Array, Pose, Twist
 from navfw.signals.immutable import freeze, read_only
 
-__all__ = ["Arcs", "FreeDistance", "Ranges", "arcs_of", "free_distance", "ranges_around"]
+__all__ = [
+    "Arcs",
+    "FreeDistance",
+    "Ranges",
+    "arcs_of",
+    "free_distance",
+    "free_turn",
+    "ranges_around",
+]
 
 SECTORS = 48
 _BEARINGS = read_only(np.linspace(-math.pi, math.pi, SECTORS + 1)[1:])
@@ -62,29 +74,25 @@ def arcs_of(
     reach: float = 1.6,
     horizon: float = 0.6,
 ) -> Arcs:
-    """Sweep the robot's disc, widened by ``margin`` [m], along the arc of every command.
+    """Sweep the robot's body, widened by ``margin`` [m], along the arc of every command.
 
     ``speeds`` (n_v,) [m/s] ascending and ``turns`` (n_w,) [rad/s] span the commands; clearances are
     taken over the first ``horizon`` [m].
     """
     free, observed, clearance = np.empty((3, speeds.size, turns.size))
-    radius = occupancy.robot.radius
-    sweep_arcs(
-        _ground(occupancy, occupancy.footprint_observed),
-        _start(pose),
-        speeds,
-        turns,
-        radius + margin,
-        reach,
-        horizon,
-        free,
-        observed,
-        clearance,
-    )
+    robot = occupancy.robot
+    ground, start = _ground(occupancy, occupancy.footprint_observed), _start(pose)
+    filled = free, observed, clearance
+    if robot.footprint is None:
+        radius = robot.radius + margin
+        sweep_arcs(ground, start, speeds, turns, radius, reach, horizon, *filled)
+    else:
+        discs = np.array(robot.discs)
+        sweep_body(ground, start, speeds, turns, discs, margin, reach, horizon, *filled)
     # The camera does not look back: behind the robot, unobserved cells count as occupied. (Its own
     # footprint is observed, so its rim and not its centre must stay out of the unobserved.)
     backward = slice(0, int(np.searchsorted(speeds, 0.0)))
-    behind = np.maximum(observed[backward] - radius - margin, 0.0)
+    behind = np.maximum(observed[backward] - robot.disc_radius - margin, 0.0)
     behind[observed[backward] >= reach] = reach
     free[backward] = np.minimum(free[backward], behind)
     return Arcs(free, observed, clearance + margin, reach)
@@ -96,18 +104,31 @@ def free_distance(
     """Free distance [m] of ``twist`` from odom ``pose``, at most ``reach``.
 
     Zero while the grid has no position, and where ``pose`` is outside it: an unknown map offers no
-    room. A turn on the spot needs none, so its free distance is ``reach``.
+    room. A turn on the spot of a round body needs none, so its free distance is ``reach``; that of
+    another one is less in proportion to the room (see ``free_turn``).
     """
     if not occupancy.located:
         return FreeDistance(0.0, 0.0)
     if not occupancy.contains(pose.x, pose.y):
         return FreeDistance(0.0, 0.0)
     ground = _ground(occupancy, occupancy.footprint_observed)
-    v, w = float(twist.v), float(twist.w)
-    contact, unobserved, _ = follow_arc(
-        ground, _start(pose), v, w, occupancy.robot.radius, reach, 0.0
-    )
+    v, w, robot = float(twist.v), float(twist.w), occupancy.robot
+    if robot.footprint is None:
+        contact, unobserved, _ = follow_arc(ground, _start(pose), v, w, robot.radius, reach, 0.0)
+    else:
+        discs = np.array(robot.discs)
+        contact, unobserved, _ = follow_body(ground, _start(pose), v, w, discs, 0.0, reach, 0.0)
     return FreeDistance(contact, unobserved)
+
+
+def free_turn(occupancy: OccupancyGrid, pose: Pose, w: float) -> float:
+    """Angle [rad] that the robot may turn on the spot in the sense of ``w``, judged up to ``TURN``.
+
+    A round body may always turn: inf.
+    """
+    if occupancy.robot.footprint is None:
+        return math.inf
+    return TURN * free_distance(occupancy, pose, Twist(0.0, w), reach=1.0).contact
 
 
 def _ground(occupancy: OccupancyGrid, observed: npt.NDArray[np.uint8]) -> Ground:
@@ -166,7 +187,18 @@ def ranges_around(occupancy: OccupancyGrid, pose: Pose, limit: float = 3.0) -> R
     free, observed = np.empty((2, SECTORS))
     ground = _ground(occupancy, occupancy.observed)
     cast_ranges(ground, _start(pose), _BEARINGS, limit, free, observed)
-    radius = occupancy.robot.radius
-    return Ranges(
-        _BEARINGS, np.maximum(free - radius, 0.0), np.maximum(observed - radius, 0.0), limit
+    rim = _rim(occupancy.robot)
+    return Ranges(_BEARINGS, np.maximum(free - rim, 0.0), np.maximum(observed - rim, 0.0), limit)
+
+
+def _rim(robot: RobotModel) -> float | Array:
+    """Distance [m] from base_link to the body's rim, at each bearing where they differ."""
+    footprint = robot.footprint
+    if footprint is None:
+        return robot.radius
+    ahead, aside = np.cos(_BEARINGS), np.abs(np.sin(_BEARINGS))
+    along = np.where(ahead >= 0.0, footprint.front, footprint.rear)
+    return np.minimum(
+        along / np.maximum(np.abs(ahead), 1e-9),
+        0.5 * footprint.width / np.maximum(aside, 1e-9),
     )

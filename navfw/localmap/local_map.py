@@ -15,6 +15,7 @@ from navfw.localmap.free_distance import (
     Ranges,
     arcs_of,
     free_distance,
+    free_turn,
     ranges_around,
 )
 from navfw.localmap.local_planner import LocalGoal, LocalPlanner, LocalPlannerParams
@@ -109,6 +110,10 @@ class LocalMap:
     def free_distance(self, pose: Pose, twist: Twist) -> FreeDistance:
         """Free distance [m] of ``twist`` from odom ``pose``; 0 while nothing is known."""
         return free_distance(self.occupancy, pose, twist)
+
+    def free_turn(self, pose: Pose, w: float) -> float:
+        """Angle [rad] that the robot may turn on the spot in the sense of ``w``."""
+        return free_turn(self.occupancy, pose, w)
 
     def arcs(self, pose: Pose, speeds: Array, turns: Array) -> Arcs:
         """Free distance along the arc of every command (``speeds`` x ``turns``)."""

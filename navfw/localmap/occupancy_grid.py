@@ -16,7 +16,7 @@ import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from navfw.localmap.sensor_kernels import cast_evidence, decay_view, merge_evidence, rays_of
-from navfw.robot import RobotModel
+from navfw.robot import Footprint, RobotModel
 from navfw.signals import Array, Mask, OccupiedDisc, Percept, Pose, Stixels
 
 __all__ = ["OccupancyGrid", "OccupancyParams"]
@@ -160,10 +160,23 @@ class OccupancyGrid:
 
     def _mark_footprint(self, pose: Pose) -> None:
         """Mark the cells under the robot as free."""
+        if self.robot.footprint is not None:
+            self._mark_rectangle(self.robot.footprint, pose)
+            return
         row, column = self.index(pose.x, pose.y)
         reach = len(self._footprint) // 2
         window = np.s_[row - reach : row + reach + 1, column - reach : column + reach + 1]
         self.log_odds[window][self._footprint] = self.params.clamp_min
+
+    def _mark_rectangle(self, footprint: Footprint, pose: Pose) -> None:
+        """The same for a body that is not round."""
+        half = 0.5 * footprint.width
+        corners = [(x, y) for x in (footprint.front, -footprint.rear) for y in (half, -half)]
+        corners[2:] = reversed(corners[2:])
+        cells = [self.index(*pose.to_parent(*corner))[::-1] for corner in corners]
+        under = np.zeros(self.log_odds.shape, np.uint8)
+        cv2.fillConvexPoly(under, np.array(cells), 1)
+        self.log_odds[under > 0] = self.params.clamp_min
 
     def integrate(self, percept: Percept, pose: Pose, *, weak: bool = False) -> None:
         """Add the evidence of ``percept``, observed from odom ``pose`` (call ``update`` first).

@@ -13,7 +13,17 @@ import numpy.typing as npt
 
 from navfw.signals import Array
 
-__all__ = ["Ground", "Start", "cast_ranges", "follow_arc", "least_within", "sweep_arcs"]
+__all__ = [
+    "TURN",
+    "Ground",
+    "Start",
+    "cast_ranges",
+    "follow_arc",
+    "follow_body",
+    "least_within",
+    "sweep_arcs",
+    "sweep_body",
+]
 
 
 Ground = tuple[Array, npt.NDArray[np.uint8], float, float, float]
@@ -101,6 +111,113 @@ def follow_arc(
     if not blocked and length >= longest - step:
         length = reach
     return length, length if observed_until < 0.0 else observed_until, least - radius
+
+
+TURN = 0.5
+"""Angle [rad] of a turn on the spot by which the room to turn is judged."""
+
+
+@numba.njit(cache=True)
+def sweep_body(
+    ground: Ground,
+    start: Start,
+    speeds: Array,
+    turns: Array,
+    discs: Array,
+    margin: float,
+    reach: float,
+    horizon: float,
+    free_length: Array,
+    observed_length: Array,
+    arc_clearance: Array,
+) -> None:
+    """Like ``sweep_arcs`` for a body covered by ``discs``; see ``follow_body``."""
+    for i in range(speeds.shape[0]):
+        for j in range(turns.shape[0]):
+            free_length[i, j], observed_length[i, j], arc_clearance[i, j] = follow_body(
+                ground, start, speeds[i], turns[j], discs, margin, reach, horizon
+            )
+
+
+@numba.njit(cache=True)
+def follow_body(
+    ground: Ground,
+    start: Start,
+    v: float,
+    w: float,
+    discs: Array,
+    margin: float,
+    reach: float,
+    horizon: float,
+) -> tuple[float, float, float]:
+    """Like ``follow_arc`` for ``discs`` (n, 3): centre in base_link, radius [m].
+
+    Each disc is widened by ``margin`` [m]. ``observed`` counts for the middle of the front, driving
+    backward of the rear. The free length of a turn on the spot is ``reach``, or less in
+    proportion to the share of ``TURN`` for which there is room.
+    """
+    _, observed, origin_x, origin_y, cell = ground
+    size = observed.shape[0]
+    px, py, yaw = start
+    least = _body_room(ground, px, py, yaw, discs, margin)
+    floor = min(0.0, least - 0.02)
+    if v == 0.0 and w == 0.0:
+        return reach, reach, least
+    front, rear = discs[:, 0].max(), discs[:, 0].min()
+    lever = max(front, -rear, discs[:, 1].max())
+    length, step, longest = 0.0, 0.5 * cell, reach
+    turn = math.copysign(step / lever, w)  # the step of a turn on the spot
+    if v == 0.0:
+        step = reach * abs(turn) / TURN
+    else:
+        turn = step * w / abs(v)
+        longest = min(reach, math.pi * step / max(abs(turn), 1e-9))
+    sign = 0.0 if v == 0.0 else math.copysign(1.0, v)
+    end = front if v >= 0.0 else rear
+    observed_until = -1.0
+    blocked = False
+    while length < longest:
+        px += sign * step * math.cos(yaw + 0.5 * turn)
+        py += sign * step * math.sin(yaw + 0.5 * turn)
+        yaw += turn
+        room = _body_room(ground, px, py, yaw, discs, margin)
+        if room < floor:
+            blocked = True
+            break
+        if room > floor and floor < 0.0:
+            floor = min(0.0, room - 0.02)  # moving away: from now on no nearer than this
+        if length < horizon and room < least:
+            least = room
+        row = int(math.floor((py + end * math.sin(yaw) - origin_y) / cell + 0.5))
+        column = int(math.floor((px + end * math.cos(yaw) - origin_x) / cell + 0.5))
+        if row < 0 or column < 0 or row >= size or column >= size:
+            blocked = True
+            break
+        if sign != 0.0 and observed_until < 0.0 and observed[row, column] == 0:
+            observed_until = length
+        length += step
+    if not blocked and length >= longest - step:
+        length = reach
+    return length, length if observed_until < 0.0 else observed_until, least
+
+
+@numba.njit(cache=True)
+def _body_room(
+    ground: Ground, x: float, y: float, yaw: float, discs: Array, margin: float
+) -> float:
+    """Least distance [m] from the rim of the widened ``discs`` at this pose to anything."""
+    clearance, _, origin_x, origin_y, cell = ground
+    size = clearance.shape[0]
+    c, s = math.cos(yaw), math.sin(yaw)
+    room = np.inf
+    for k in range(discs.shape[0]):
+        ahead, left = discs[k, 0], discs[k, 1]
+        column = int(math.floor((x + ahead * c - left * s - origin_x) / cell + 0.5))
+        row = int(math.floor((y + ahead * s + left * c - origin_y) / cell + 0.5))
+        if row < 0 or column < 0 or row >= size or column >= size:
+            continue
+        room = min(room, clearance[row, column] - discs[k, 2] - margin)
+    return room
 
 
 @numba.njit(cache=True)

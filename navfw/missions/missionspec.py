@@ -31,6 +31,7 @@ from navfw.robot import RobotModel
 from navfw.robotfile import with_robot
 from navfw.sim.sensor_models import SensorParams
 from navfw.sim.worldspec import DropSpec
+from navfw.urdf_drive import with_urdf
 
 __all__ = [
     "MissionSpec",
@@ -154,9 +155,10 @@ def mission_spec(document: YamlDocument, folder: Path) -> MissionSpec:
         UnknownNameError: there is no such robot.
 
     """
-    spec = validate(with_robot(document, folder), MissionSpec)
+    document = with_robot(document, folder)
+    spec = validate(document, MissionSpec)
     given = spec.robot.odometry
     sheet = SensorParams.preset(spec.sensors.base).sheet
     sheet = sheet.model_copy(update={name: getattr(given, name) for name in given.model_fields_set})
-    robot = spec.robot.model_copy(update={"odometry": sheet})
+    robot = with_urdf(spec.robot, document, ("robot",)).model_copy(update={"odometry": sheet})
     return spec.model_copy(update={"robot": robot})

@@ -102,12 +102,12 @@ def measure(
     start: Point,
     goal: Point,
     shortest: float,
-    radius: float,
+    discs: Sequence[tuple[float, float, float]],
     succeeded: bool,
     stage_ms: Mapping[str, float] | None = None,
     moving: TimedClearanceSource | None = None,
 ) -> RunMetrics:
-    """The metrics of a run from ``start`` to ``goal`` by a robot of this ``radius`` [m].
+    """The metrics of a run from ``start`` to ``goal`` by a robot of these ``discs``.
 
     ``shortest`` [m] is the length of the shortest path through all goals of the mission. Clearances
     are to the static objects in ``plan``, and to those in ``moving`` at their times.
@@ -116,10 +116,15 @@ def measure(
     true = log.true[sampled] if log.ticks else np.array([[*start, 0.0]])
     estimate = log.estimate[sampled] if log.ticks else true
     driven = path_length(true)
-    clearance = plan.clearances(true[:, :2])
-    if moving is not None and log.ticks:
-        clearance = np.minimum(clearance, moving.clearances(true[:, :2], log.time[sampled]))
-    clearance = clearance - radius
+    times = log.time[sampled] if log.ticks else None
+    clearance = np.full(len(true), np.inf)
+    c, s = np.cos(true[:, 2]), np.sin(true[:, 2])
+    for x, y, radius in discs:
+        points = true[:, :2] + np.stack([x * c - y * s, x * s + y * c], axis=1)
+        free = plan.clearances(points)
+        if moving is not None and times is not None:
+            free = np.minimum(free, moving.clearances(points, times))
+        clearance = np.minimum(clearance, free - radius)
     error = np.hypot(*(estimate - true)[:, :2].T)
     duration = float(log.time[-1] - log.time[0]) if log.ticks else 0.0
     started = np.flatnonzero(np.diff(log.emergency.astype(np.int8), prepend=0) == 1)

@@ -207,7 +207,7 @@ class MissionResult:
             start=(start.x, start.y),
             goal=(goal.x, goal.y),
             shortest=session.shortest,
-            radius=session.mission.spec.robot.radius,
+            discs=session.mission.spec.robot.discs,
             succeeded=self.outcome.succeeded,
             stage_ms={name: 1e3 * t / frames for name, t in self.timings.items()},
             moving=_CombinedClearance(self.movers, self.changes),

@@ -54,7 +54,7 @@ class ConflictPredictor:
 
     def __init__(self, robot: RobotModel, params: ConflictParams | None = None) -> None:
         p = self.params = params or ConflictParams()
-        self._radius = robot.radius
+        self._radius = robot.reach
         self._limits = np.array([robot.max_accel, robot.max_brake, robot.max_turn_accel])
         self._ahead = np.array([p.horizon, p.turn_time, p.uncertainty, p.onward_speed])
 

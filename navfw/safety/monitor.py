@@ -23,6 +23,8 @@ __all__ = ["PersistentFailure", "SafetyMonitor", "SafetyParams", "SafetyVerdict"
 
 Seconds = Annotated[float, Field(gt=0.0, le=60.0)]
 
+_LONGEST_TURN = 0.45
+"""Largest angle [rad] of room that a turn on the spot needs: the local map looks 0.5 rad ahead."""
 _PROBE_PERIOD, _PROBE_TIME = 3.0, 0.3
 """Period and duration [s] of the probes whether silent encoders count again."""
 
@@ -173,11 +175,13 @@ class SafetyMonitor:
         elif v < 0.0:
             free, observed = self.local_map.free_distance(pose, Twist(v, w))
             # the footprint itself is observed: the rim must stay out of the unobserved
-            if min(free, observed - robot.radius) <= self.params.gap:
+            if min(free, observed - robot.disc_radius) <= self.params.gap:
                 v, reason = 0.0, "no observed free space behind"
             # evidence decays, walls too: without frames the map gets worse with time
             if self._blind_reverse > self.params.blind_reverse:
                 v, reason = 0.0, "longest reverse without a valid frame"
+        if v == 0.0 and w != 0.0 and self.local_map.free_turn(pose, w) < self._turn_needed(w):
+            w, reason = 0.0, "no room to turn"
         stopped = twist.v > 0.0 and v <= 0.0
         return SafetyVerdict(Twist(v, w), reason, stopped)
 
@@ -280,6 +284,11 @@ class SafetyMonitor:
         too_far = self._blind_advance >= self.params.blind_advance
         if too_far and self._sightless_since is None:
             self._sightless_since = odometry.time
+
+    def _turn_needed(self, w: float) -> float:
+        """Angle [rad] that the robot turns until it stands, from the turning rate ``w`` [rad/s]."""
+        stopping = w * w / (2.0 * self.robot.max_turn_accel) + abs(w) * self.params.latency
+        return min(stopping, _LONGEST_TURN)
 
     def _braking_speed(self, room: float) -> float:
         """Top speed [m/s] from which full braking ends within ``room`` [m] (METHOD 2.13).

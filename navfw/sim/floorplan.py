@@ -192,7 +192,8 @@ class FloorPlan:
         if not np.isfinite(lengths[last]):
             raise WorldError(
                 f"the goal ({goal[0]:g}, {goal[1]:g}) cannot be reached from"
-                f" ({start[0]:g}, {start[1]:g}) by a robot of radius {radius:g} m"
+                f" ({start[0]:g}, {start[1]:g}) by a robot of radius {radius:g} m:"
+                f" no way is {2.0 * radius:g} m wide; take a narrower robot, or open a wider way"
             )
         found = [last]
         while found[-1] != first:

@@ -27,6 +27,8 @@ BODY_GROUP = 4
 WHEEL_GROUP = 8
 """Collision group of the robot's wheels and casters."""
 
+_FLOOR = "floor"
+"""Name of the floor's bodies."""
 _FLOOR_THICKNESS = 0.2
 """Thickness of the boxes that form the floor [m]."""
 _SHAPES_PER_BODY = 16
@@ -55,6 +57,11 @@ class PhysicsWorld:
             self.add_solid(door)
         self.movers = [self._build_mover(mover) for mover in world.movers]
         self._build_static([s for s in solids if s.kind != "door"])
+
+    @property
+    def floor(self) -> tuple[int, ...]:
+        """The bodies that form the floor."""
+        return tuple(body for body, name in self._names.items() if name == _FLOOR)
 
     def name_at(self, body: int, x: float, y: float, z: float) -> str:
         """Name of the solid that has a contact of ``body`` at (x, y, z) [m]."""
@@ -108,7 +115,7 @@ class PhysicsWorld:
             half = [piece.half_x, piece.half_y, 0.5 * _FLOOR_THICKNESS]
             shape = self._call("createCollisionShape", bullet.GEOM_BOX, halfExtents=half)
             centre = [piece.x, piece.y, -depth - 0.5 * _FLOOR_THICKNESS]
-            self._add_body("floor", centre, shape, group=FLOOR_GROUP)
+            self._add_body(_FLOOR, centre, shape, group=FLOOR_GROUP)
 
     def _build_static(self, solids: list[Solid]) -> None:
         """Static solids: neighbours share a body."""

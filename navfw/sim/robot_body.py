@@ -19,7 +19,7 @@ from navfw.signals import Array, Pose, wrap_angle
 from navfw.sim.engine import bullet
 from navfw.sim.physics_world import BODY_GROUP, FLOOR_GROUP, SOLID_GROUP, WHEEL_GROUP
 
-__all__ = ["BodyState", "ContactPoint", "RobotBody", "pose_of", "robot_urdf"]
+__all__ = ["BodyState", "ContactPoint", "RobotBody", "pose_of", "rates_about_axes", "robot_urdf"]
 
 BodyState = tuple[tuple[float, float, float], tuple[float, float, float, float]]
 """Position [m] and orientation (quaternion x, y, z, w) of base_link in the map."""
@@ -193,11 +193,7 @@ class RobotBody:
 
     def roll_pitch_rates(self, turn: tuple[float, float, float, float]) -> tuple[float, float]:
         """Angular velocity [rad/s] about the body's x and y axes; ``turn`` is its orientation."""
-        _, (wx, wy, wz) = self._base_velocity()
-        x, y, z, w = turn
-        roll = (1 - 2 * (y * y + z * z)) * wx + 2 * (x * y + w * z) * wy + 2 * (x * z - w * y) * wz
-        pitch = 2 * (x * y - w * z) * wx + (1 - 2 * (x * x + z * z)) * wy + 2 * (y * z + w * x) * wz
-        return roll, pitch
+        return rates_about_axes(turn, self._base_velocity()[1])
 
     def contacts(self) -> set[ContactPoint]:
         """The current contact points of the base."""
@@ -209,6 +205,17 @@ class RobotBody:
 
     def _call(self, function: str, *args: Any, **kwargs: Any) -> Any:
         return getattr(bullet, function)(*args, physicsClientId=self._client, **kwargs)
+
+
+def rates_about_axes(
+    turn: tuple[float, float, float, float], velocity: tuple[float, float, float]
+) -> tuple[float, float]:
+    """Angular ``velocity`` (3,) [rad/s, map axes] about the x and y axes of a body at ``turn``."""
+    wx, wy, wz = velocity
+    x, y, z, w = turn
+    roll = (1 - 2 * (y * y + z * z)) * wx + 2 * (x * y + w * z) * wy + 2 * (x * z - w * y) * wz
+    pitch = 2 * (x * y - w * z) * wx + (1 - 2 * (x * x + z * z)) * wy + 2 * (y * z + w * x) * wz
+    return roll, pitch
 
 
 def pose_of(state: BodyState) -> Pose:

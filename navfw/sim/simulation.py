@@ -30,6 +30,7 @@ from navfw.sim.physics_world import PhysicsWorld
 from navfw.sim.robot_body import BodyState, ContactPoint, RobotBody, pose_of
 from navfw.sim.scenery import Scenery
 from navfw.sim.sensor_models import GyroModel, SensorParams, WheelEncoderModel
+from navfw.sim.urdf_body import UrdfBody
 from navfw.sim.world_changes import ChangeTrack, WorldChanges
 from navfw.sim.world_check import check_world
 from navfw.sim.worldspec import WorldSpec
@@ -74,9 +75,10 @@ class Simulation:
         check_world(world)
         self.world, self.robot = world, robot
         self.plan = FloorPlan.from_world(world, robot.height)
-        self.plan.check_free(start.x, start.y, robot.radius, "the start")
+        for x, y, radius in robot.discs:
+            self.plan.check_free(*start.to_parent(x, y), radius, "the start")
         self.movers = tuple(Mover(spec) for spec in world.movers)
-        _check_apart(self.movers, start, robot.radius)
+        _check_apart(self.movers, start, robot.reach)
         self.timings = Timings()
         self.time = 0.0
         self._client = _connect(gui)
@@ -102,7 +104,11 @@ class Simulation:
             scenery = Scenery(world, Display(self._client) if gui else None)
             self._physics = PhysicsWorld(world, self._client, scenery)
             self._changes = WorldChanges(world, self._physics)
-            self._body = RobotBody(robot, self._client, start)
+            self._body: RobotBody | UrdfBody
+            if robot.urdf is None:
+                self._body = RobotBody(robot, self._client, start)
+            else:
+                self._body = UrdfBody(robot, self._client, start, self._physics.floor)
             self._rig = CameraRig(
                 robot,
                 world.light,
@@ -182,7 +188,7 @@ class Simulation:
         self._apply_actions()
 
     def _apply_actions(self) -> None:
-        self._changes.update(self.time, self.true_pose(), self.robot.radius)
+        self._changes.update(self.time, self.true_pose(), self.robot.reach)
         self._rig.update_optics()
         self._encoders.more_slip = self._faults.slip
 
@@ -196,7 +202,7 @@ class Simulation:
             self.time = target / PHYSICS_RATE  # against accumulating rounding errors
         here = self.true_pose() if self.movers else self._last_pose
         for mover in self.movers:
-            mover.update_waiting(here, self.robot.radius)
+            mover.update_waiting(here, self.robot.reach)
         self._true_state = None
         while self._steps < target:
             if self.movers:
@@ -210,7 +216,7 @@ class Simulation:
         self._last_pose = here
         self._record_movers()
         if not self._changes.settled:
-            self._changes.update(self.time, self.true_pose(), self.robot.radius)
+            self._changes.update(self.time, self.true_pose(), self.robot.reach)
         self.timings.physics += wall.perf_counter() - begun
 
     def _advance_movers(self, dt: float) -> None:

@@ -10,24 +10,20 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from xml.etree.ElementTree import Element, TreeBuilder
-from xml.parsers import expat
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from navfw.config.input_file import read_input
+from navfw.config.xml_file import line_of, read_xml
 from navfw.errors import ConfigError
 from navfw.signals import Array
+from navfw.urdf import rigid_transform
 
 __all__ = ["MAX_BYTES", "SdfShape", "SdfWorld", "read_sdf"]
 
 MAX_BYTES = 20_000_000
 """Largest size of a file [bytes]; the largest BARN world has 0.7 MB."""
 
-_MAX_DEPTH = 60
-"""Largest nesting of elements."""
-_LINE = "navfw-line"
-"""Attribute with the line of an element."""
 _UPRIGHT = 1e-3
 """Largest tilt of an upright shape [rad]."""
 
@@ -72,80 +68,13 @@ def read_sdf(path: str | Path) -> SdfWorld:
 
     """
     path = Path(path)
-    root = _parse(path)
+    root = read_xml(path, MAX_BYTES, "an SDF world")
     if root.tag != "sdf":
-        raise ConfigError(f"expected an SDF world, got <{root.tag}>", file=path, line=_line(root))
+        raise ConfigError(f"expected an SDF world, got <{root.tag}>", file=path, line=line_of(root))
     worlds = root.findall("world")
     if len(worlds) != 1:
         raise ConfigError(f"expected one <world>, found {len(worlds)}", file=path, line=1)
     return _SdfReader(path).read(worlds[0])
-
-
-# --- XML --------------------------------------------------------------------------------------
-
-
-def _parse(path: Path) -> Element:
-    """The element tree, with the line of every element; no declarations or external entities."""
-    content = read_input(path, MAX_BYTES)
-    parser = expat.ParserCreate()
-    builder = TreeBuilder()
-    depth = 0
-
-    def refuse(*_: object) -> None:
-        raise ConfigError(
-            "document types and entities are not allowed", file=path, line=parser.CurrentLineNumber
-        )
-
-    def start(tag: str, attributes: dict[str, str]) -> None:
-        nonlocal depth
-        depth += 1
-        if depth > _MAX_DEPTH:
-            raise ConfigError("is nested too deep", file=path, line=parser.CurrentLineNumber)
-        builder.start(tag, {**attributes, _LINE: str(parser.CurrentLineNumber)})
-
-    def end(tag: str) -> None:
-        nonlocal depth
-        depth -= 1
-        builder.end(tag)
-
-    parser.StartDoctypeDeclHandler = refuse
-    parser.EntityDeclHandler = refuse
-    parser.StartElementHandler = start
-    parser.EndElementHandler = end
-    parser.CharacterDataHandler = builder.data
-    try:
-        parser.Parse(content, True)
-        root: Element = builder.close()
-    except expat.ExpatError as error:
-        what = expat.errors.messages.get(error.code, "malformed")
-        raise ConfigError(
-            f"expected an SDF world, but it is not XML: {what}", file=path, line=error.lineno
-        ) from None
-    except (LookupError, ValueError) as error:  # the declared encoding
-        what = f"cannot be decoded: {error}; save it as UTF-8"
-        raise ConfigError(what, file=path, line=1) from None
-    return root
-
-
-def _line(element: Element) -> int:
-    return int(element.get(_LINE, "1"))
-
-
-# --- poses ------------------------------------------------------------------------------------
-
-
-def _transform(numbers: list[float]) -> Array:
-    """Transform (4, 4) of x, y, z [m], roll, pitch, yaw [rad] (about fixed axes, roll first)."""
-    x, y, z, roll, pitch, yaw = numbers
-    (cr, sr), (cp, sp), (cy, sy) = ((math.cos(a), math.sin(a)) for a in (roll, pitch, yaw))
-    return np.array(
-        [
-            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr, x],
-            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr, y],
-            [-sp, cp * sr, cp * cr, z],
-            [0.0, 0.0, 0.0, 1.0],
-        ]
-    )
 
 
 class _SdfReader:
@@ -214,7 +143,7 @@ class _SdfReader:
         if pose.get("relative_to") or pose.get("frame"):
             self._unsupported(pose, f"a pose in another frame of the model {model!r}")
             return None
-        return _transform(self._numbers(element, "pose", 6, [0.0] * 6))
+        return rigid_transform(*self._numbers(element, "pose", 6, [0.0] * 6))
 
     def _collision(self, collision: Element, pose: Array, model: str) -> None:
         geometry = collision.find("geometry")
@@ -251,7 +180,7 @@ class _SdfReader:
         self.found.shapes.append(shape)
 
     def _unsupported(self, element: Element, what: str) -> None:
-        self.found.unsupported.append(f"line {_line(element)}: {what}")
+        self.found.unsupported.append(f"line {line_of(element)}: {what}")
 
     def _name(self, model: str) -> str:
         """A unique name for a shape."""
@@ -268,7 +197,7 @@ class _SdfReader:
             raise ConfigError(
                 f"expected {'sizes' if count > 1 else 'a size'} above 0 m, got {numbers or 'none'}",
                 file=self.path,
-                line=_line(shape),
+                line=line_of(shape),
                 key=f"{shape.tag}.{key}",
             )
         return numbers
@@ -288,7 +217,7 @@ class _SdfReader:
             raise ConfigError(
                 f"expected {count} number{'s' if count > 1 else ''}, got {' '.join(text)!r}",
                 file=self.path,
-                line=_line(found),
+                line=line_of(found),
                 key=f"{element.tag}.{key}",
             )
         return numbers

@@ -46,7 +46,7 @@ def metrics(log: RunLog, shortest: float = 2.0, succeeded: bool = True) -> RunMe
         start=(0.0, 0.0),
         goal=(3.0, 0.4),
         shortest=shortest,
-        radius=RADIUS,
+        discs=((0.0, 0.0, RADIUS),),
         succeeded=succeeded,
         stage_ms={"flow": 1.0},
     )
@@ -83,8 +83,8 @@ def test_without_objects_the_clearance_is_infinite_and_nothing_is_nan() -> None:
             return np.full(len(points), math.inf)
 
     found = measure(
-        straight(1.0, 2.0), Open(), start=(0, 0), goal=(1, 0), shortest=1.0, radius=0.2,
-        succeeded=True,
+        straight(1.0, 2.0), Open(), start=(0, 0), goal=(1, 0), shortest=1.0,
+        discs=((0.0, 0.0, 0.2),), succeeded=True,
     )  # fmt: skip
     assert (found.min_clearance_m, found.clearance_p05_m) == (math.inf, math.inf)
 

@@ -1,0 +1,102 @@
+"""Free distances of a body that is not round: its length counts, and turning needs room."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from localmap_samples import ORIGIN
+
+from navfw.context import CommandGrid
+from navfw.localmap import LocalMap
+from navfw.localmap.free_distance import arcs_of, free_distance, free_turn, ranges_around
+from navfw.localmap.occupancy_grid import OccupancyGrid
+from navfw.robot import Footprint, RobotModel
+from navfw.safety import SafetyMonitor
+from navfw.signals import Pose, Twist
+
+CART = RobotModel(footprint=Footprint(front=0.5, rear=0.1, width=0.3), track=0.2)
+COMMANDS = CommandGrid(CART)
+AHEAD = Twist(0.3, 0.0)
+
+
+def occupancy_with(*walls: tuple[float, float, float, float]) -> OccupancyGrid:
+    """Floor observed free with walls (x0, x1, y0, y1) [m] around a robot at ``ORIGIN``."""
+    occupancy = OccupancyGrid(CART)
+    occupancy.update(ORIGIN, 0.0)
+    occupancy.log_odds[:] = -3.0
+    for x0, x1, y0, y1 in walls:
+        (row0, column0), (row1, column1) = occupancy.index(x0, y0), occupancy.index(x1, y1)
+        occupancy.log_odds[row0 : row1 + 1, column0 : column1 + 1] = 3.0
+    return occupancy
+
+
+@given(st.floats(0.05, 1.0), st.floats(0.05, 1.0), st.floats(0.1, 1.0), st.floats(0, 1))
+def test_the_discs_cover_the_rim(front: float, rear: float, width: float, share: float) -> None:
+    robot = RobotModel(footprint=Footprint(front=front, rear=rear, width=width), track=0.05)
+    across = -0.5 * width + share * width
+    along = -rear + share * (front + rear)
+    for point in ((front, across), (-rear, across), (along, 0.5 * width), (along, -0.5 * width)):
+        assert min(math.hypot(point[0] - x, point[1] - y) - r for x, y, r in robot.discs) <= 1e-9
+        assert math.hypot(*point) <= robot.reach + 1e-9
+    beyond = [max(x + r - front, y + r - 0.5 * width) for x, y, r in robot.discs]
+    assert max(beyond) <= 0.085 * robot.radius + 1e-9
+
+
+def test_a_round_robot_is_one_disc() -> None:
+    robot = RobotModel(radius=0.2)
+    assert (robot.discs, robot.disc_radius, robot.reach) == (((0.0, 0.0, 0.2),), 0.2, 0.2)
+
+
+def test_the_nose_ends_the_way_ahead() -> None:
+    occupancy = occupancy_with((1.0, 1.2, -1.0, 1.0))
+    assert free_distance(occupancy, ORIGIN, AHEAD).contact == pytest.approx(0.5, abs=0.07)
+    away = Pose(0.0, 0.0, math.pi)
+    assert free_distance(occupancy, away, Twist(-0.3, 0.0)).contact == pytest.approx(0.9, abs=0.07)
+
+
+def test_a_passage_of_its_width_is_free_along_and_barred_across() -> None:
+    occupancy = occupancy_with((0.2, 1.6, 0.26, 0.4), (0.2, 1.6, -0.4, -0.26))
+    assert free_distance(occupancy, ORIGIN, AHEAD).contact == 1.0
+    assert free_turn(occupancy, ORIGIN, 1.0) < 0.3
+    assert free_turn(occupancy_with(), ORIGIN, 1.0) == 0.5
+
+
+def test_only_the_turn_that_leads_to_the_wall_is_barred() -> None:
+    occupancy = occupancy_with((-1.0, 1.5, 0.22, 0.4))
+    assert free_turn(occupancy, ORIGIN, 1.0) < 0.2
+    assert free_turn(occupancy, ORIGIN, -1.0) == 0.5
+    arcs = arcs_of(occupancy, ORIGIN, COMMANDS.v, COMMANDS.w, 0.0)
+    standing = arcs.free[COMMANDS.v == 0.0][0]
+    assert standing[-1] < 0.5 * arcs.reach
+    assert standing[0] == arcs.reach
+
+
+def test_ranges_are_from_the_rim() -> None:
+    ranges = ranges_around(occupancy_with((1.0, 1.2, -1.0, 1.0)), ORIGIN)
+    ahead = int(np.abs(ranges.bearings).argmin())
+    assert ranges.free[ahead] == pytest.approx(0.5, abs=0.06)
+
+
+def test_the_ground_under_the_body_is_free() -> None:
+    occupancy = OccupancyGrid(CART)
+    occupancy.update(ORIGIN, 0.0)
+    free = occupancy.log_odds < 0.0
+    assert free[occupancy.index(0.45, 0.1)]
+    assert not free[occupancy.index(-0.3, 0.0)]
+    assert not free[occupancy.index(0.3, 0.3)]
+    turned = OccupancyGrid(CART)
+    turned.update(Pose(0.0, 0.0, 0.5 * math.pi), 0.0)
+    assert (turned.log_odds < 0.0)[turned.index(0.1, 0.45)]
+
+
+def test_safety_stops_a_turn_without_room() -> None:
+    local_map = LocalMap(CART)
+    local_map.occupancy = occupancy_with((-1.0, 1.5, 0.22, 0.4))
+    monitor = SafetyMonitor(CART, local_map)
+    verdict = monitor.limit(Twist(0.0, 1.0), 0.0, ORIGIN)
+    assert (verdict.twist.w, verdict.reason) == (0.0, "no room to turn")
+    assert monitor.limit(Twist(0.0, -1.0), 0.1, ORIGIN).twist.w == -1.0
