@@ -104,11 +104,7 @@ class Simulation:
             scenery = Scenery(world, Display(self._client) if gui else None)
             self._physics = PhysicsWorld(world, self._client, scenery)
             self._changes = WorldChanges(world, self._physics)
-            self._body: RobotBody | UrdfBody
-            if robot.urdf is None:
-                self._body = RobotBody(robot, self._client, start)
-            else:
-                self._body = UrdfBody(robot, self._client, start, self._physics.floor)
+            self._body = self._make_body(start)
             self._rig = CameraRig(
                 robot,
                 world.light,
@@ -125,6 +121,12 @@ class Simulation:
         except BaseException:
             self.close()
             raise
+
+    def _make_body(self, start: Pose) -> RobotBody | UrdfBody:
+        """The robot at its start."""
+        if self.robot.urdf is None:
+            return RobotBody(self.robot, self._client, start)
+        return UrdfBody(self.robot, self._client, start, self._physics.floor)
 
     def _settle(self) -> None:
         """Let the robot come to rest on its wheels before time begins."""
