@@ -89,6 +89,10 @@ class Plugin(ABC):
         self.robot = robot
         self.params = self.Params() if params is None else params
 
+    @classmethod  # noqa: B027 - most plugins read none
+    def check_files(cls) -> None:
+        """Raise InputError if a file that the plugin reads when it is made is missing or wrong."""
+
     def reset(self) -> None:  # noqa: B027 - a plugin without state need not override it
         """Back to the start of a run; called once before each run."""
 

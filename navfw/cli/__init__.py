@@ -35,6 +35,7 @@ COMMANDS = (
     "navfw.cli.perceive",
     "navfw.cli.reproduce",
     "navfw.cli.listings",
+    "navfw.cli.check",
     "navfw.cli.generate",
     "navfw.cli.import_world",
     "navfw.cli.bench",

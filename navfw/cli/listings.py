@@ -103,7 +103,7 @@ def plugins(
     ] = None,
     json: Json = False,
 ) -> None:
-    """List the plugins with their parameters. Broken ones are listed with their error."""
+    """List the plugins with their parameters. Exit with 2 if one is broken; its error is listed."""
     with quiet_stdout():
         from navfw.plugins.registry import check_kind, default_registry
 
@@ -114,6 +114,8 @@ def plugins(
         print_json(rows)
     else:
         _print_plugins(rows)
+    if any(row["error"] is not None for row in rows):
+        raise typer.Exit(2)
 
 
 def _describe(found: NamedFile) -> Row:

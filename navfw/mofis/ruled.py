@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from navfw.context import Context
+from navfw.fuzzy import load_rule_base
 from navfw.interfaces import Behavior, Composite, Plugin
 from navfw.mofis.rules import BehaviorRules
 from navfw.robot import RobotModel
@@ -23,6 +24,17 @@ class _Ruled(Plugin):
         super().__init__(robot, params)
         self.rules = self.load_rules()
         self.reset()
+
+    @classmethod
+    def check_files(cls) -> None:
+        """Read and check the rule base beside the class; not one that ``load_rules`` overrides.
+
+        Raises:
+            RuleBaseError: it cannot be read, or does not cover its inputs.
+
+        """
+        if cls.load_rules is _Ruled.load_rules:
+            load_rule_base(BehaviorRules.file_beside(inspect.getfile(cls)))
 
     def load_rules(self) -> BehaviorRules:
         """The rules; override it if they are not in the YAML file beside the class.

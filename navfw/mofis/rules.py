@@ -94,7 +94,12 @@ class BehaviorRules:
     @classmethod
     def beside(cls, module_file: str) -> BehaviorRules:
         """The rule base in the YAML file beside a module: ``BehaviorRules.beside(__file__)``."""
-        return cls(Path(module_file).with_suffix(".yaml"))
+        return cls(cls.file_beside(module_file))
+
+    @staticmethod
+    def file_beside(module_file: str) -> Path:
+        """The YAML file beside a module."""
+        return Path(module_file).with_suffix(".yaml")
 
     @classmethod
     def parse(cls, text: str, source: str | None = None) -> BehaviorRules:

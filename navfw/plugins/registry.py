@@ -194,7 +194,8 @@ class Registry:
 
         Keys: name, kind, status (``ok`` or ``broken``), source, summary, parameters (each with
         name, type, default, required, bounds, description), notes (how its source uses the
-        simulator, or could), error (None when ok). Imports them all.
+        simulator, or could), error (None when ok). Imports them all, and checks the files that
+        they read when they are made, such as rule bases.
         """
         if kind is not None:
             check_kind(kind)
@@ -203,6 +204,8 @@ class Registry:
         ]
         order = list(KINDS)
         entries.sort(key=lambda e: (order.index(e.kind), e.name))
+        for entry in entries:
+            self._check_files(entry)
         return [self._listed(entry) for entry in entries]
 
     def broken(self) -> list[dict[str, Any]]:
@@ -275,6 +278,16 @@ class Registry:
             entry.error = error
         else:
             entry.cls = cast(type[Plugin], cls)
+
+    def _check_files(self, entry: _RegistryEntry) -> None:
+        """Record the error of a file that the plugin reads when it is made."""
+        self._load(entry)
+        if entry.cls is None or entry.error is not None:
+            return
+        try:
+            entry.cls.check_files()
+        except InputError as error:
+            entry.error = error
 
     def _listed(self, entry: _RegistryEntry) -> dict[str, Any]:
         self._load(entry)
