@@ -111,7 +111,9 @@ def build(
         spec = load_world(find("world", world))
         plan = FloorPlan.from_world(spec)
         rooms = {room.name: (*room.x, *room.y) for room in spec.rooms}
-        topo_map = build_map(spec.name, ClearanceGrid.of(plan.bounds, plan.clearances), rooms=rooms)
+        topo_map = build_map(
+            spec.name, ClearanceGrid.of(plan.bounds, plan.near_clearances), rooms=rooms
+        )
         save_map(topo_map, out)
     if json:
         print_json(

@@ -110,6 +110,21 @@ class FloorPlan:
             np.minimum(nearest, solid.shape.distance(points), out=nearest)
         return nearest
 
+    def near_clearances(self, x: Array, y: Array, reach: float) -> Array:
+        """Clearance (len(y), len(x)) [m] at the points of a grid, no more than ``reach`` [m].
+
+        ``x`` and ``y`` ascend. Each solid is compared with the points near it alone.
+        """
+        nearest = np.full((len(y), len(x)), reach)
+        for solid in self.solids:
+            x0, y0, x1, y1 = solid.shape.bounds
+            columns = slice(*np.searchsorted(x, (x0 - reach, x1 + reach)))
+            rows = slice(*np.searchsorted(y, (y0 - reach, y1 + reach)))
+            points = np.stack(np.meshgrid(x[columns], y[rows]), axis=-1).reshape(-1, 2)
+            part = nearest[rows, columns]
+            np.minimum(part, solid.shape.distance(points).reshape(part.shape), out=part)
+        return nearest
+
     def clearance(self, x: float, y: float) -> float:
         """Distance [m] of a point to the nearest solid; the robot's radius is not subtracted."""
         return float(self.clearances(np.array([[x, y]]))[0])
@@ -146,17 +161,13 @@ class FloorPlan:
         """Grid of the positions that a robot of ``radius`` [m] cannot take; ``cell`` [m]."""
         x0, y0, x1, y1 = self.bounds
         columns, rows = math.ceil((x1 - x0) / cell - 1e-9), math.ceil((y1 - y0) / cell - 1e-9)
-        x = x0 + (np.arange(columns) + 0.5) * cell
-        y = y0 + (np.arange(rows) + 0.5) * cell
-        grid = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-        inside = (
-            (grid[:, 0] >= x0 + radius)
-            & (grid[:, 0] <= x1 - radius)
-            & (grid[:, 1] >= y0 + radius)
-            & (grid[:, 1] <= y1 - radius)
+        x: Array = x0 + (np.arange(columns) + 0.5) * cell
+        y: Array = y0 + (np.arange(rows) + 0.5) * cell
+        outside = np.logical_or.outer(
+            (y < y0 + radius) | (y > y1 - radius), (x < x0 + radius) | (x > x1 - radius)
         )
-        occupied = (self.clearances(grid) < radius) | ~inside
-        return ConfigurationSpaceGrid((x0, y0), cell, occupied.reshape(rows, columns))
+        occupied = (self.near_clearances(x, y, radius + cell) < radius) | outside
+        return ConfigurationSpaceGrid((x0, y0), cell, occupied)
 
     # --- shortest paths -----------------------------------------------------------------------
 

@@ -6,11 +6,15 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from navfw.signals import Array
 
 __all__ = ["ClearanceGrid"]
+
+EXACT = 1.0
+"""Distances up to this [m] are exact: they decide on doors and free widths."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,23 +32,24 @@ class ClearanceGrid:
     def of(
         cls,
         bounds: tuple[float, float, float, float],
-        clearances: Callable[[Array], Array],
+        near_clearances: Callable[[Array, Array, float], Array],
         cell: float = 0.05,
     ) -> ClearanceGrid:
         """The grid within ``bounds`` (x0, y0, x1, y1) [m]; the boundary counts as a wall.
 
-        ``clearances`` gives the distances [m] of points (N, 2) to the nearest obstacle.
+        ``near_clearances`` gives the distances (len(y), len(x)) [m] to the nearest obstacle at the
+        points of a grid with these x and y [m], no more than the third argument [m]. Beyond
+        ``EXACT`` distances are those between cells, to half a cell.
         """
         x0, y0, x1, y1 = bounds
         x = np.arange(x0 + 0.5 * cell, x1, cell)
         y = np.arange(y0 + 0.5 * cell, y1, cell)
-        points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-        edge = np.minimum(
-            np.minimum(points[:, 0] - x0, x1 - points[:, 0]),
-            np.minimum(points[:, 1] - y0, y1 - points[:, 1]),
-        )
-        free = np.minimum(clearances(points), edge)
-        return cls((float(x[0]), float(y[0])), cell, free.reshape(len(y), len(x)))
+        near = near_clearances(x, y, EXACT)
+        apart = cv2.distanceTransform((near > 0.0).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5)
+        far = np.maximum((apart.astype(np.float64) - 0.5) * cell, EXACT)
+        clearance = np.where(near < EXACT, near, far)
+        edge = np.minimum.outer(np.minimum(y - y0, y1 - y), np.minimum(x - x0, x1 - x))
+        return cls((float(x[0]), float(y[0])), cell, np.minimum(clearance, edge))
 
     def point(self, row: float, column: float) -> tuple[float, float]:
         """(x, y) [m] of the centre of a cell."""
@@ -63,7 +68,12 @@ class ClearanceGrid:
         count = max(math.ceil(math.dist(a, b) / (0.5 * self.cell)), 1)
         share = np.linspace(0.0, 1.0, count + 1)
         x, y = a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])
+        return float(self.at_points(np.stack([x, y], axis=1)).min())
+
+    def at_points(self, points: Array) -> Array:
+        """Clearances (...) [m] at points (..., 2), from the nearest cells, outside at the edge."""
         rows, columns = self.clearance.shape
-        i = np.clip(np.rint((y - self.origin[1]) / self.cell).astype(int), 0, rows - 1)
-        j = np.clip(np.rint((x - self.origin[0]) / self.cell).astype(int), 0, columns - 1)
-        return float(self.clearance[i, j].min())
+        j = np.rint((points[..., 0] - self.origin[0]) / self.cell).astype(int)
+        i = np.rint((points[..., 1] - self.origin[1]) / self.cell).astype(int)
+        found: Array = self.clearance[np.clip(i, 0, rows - 1), np.clip(j, 0, columns - 1)]
+        return found

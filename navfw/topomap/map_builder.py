@@ -3,16 +3,14 @@
 The skeleton of the free space gives the lines. A short narrow gap on a line is a door. The doors
 divide the free space into regions: corridors, which are long for their width, and rooms. Lines meet
 at junctions and bend at corners. Each door gets a place straight before and behind it, so that
-robots cross it at a right angle.
+robots cross it at a right angle. Where the lines lead round wide ground, shortcuts are added.
 """
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 
-import cv2
 import networkx as nx
 import numpy as np
 
@@ -20,29 +18,30 @@ from navfw.errors import MapError
 from navfw.robot import RobotModel
 from navfw.signals import Array
 from navfw.topomap.clearance_grid import ClearanceGrid
+from navfw.topomap.door_detection import BEFORE_DOOR, DOOR_WIDTH, doors_on
 from navfw.topomap.elements import Passage, Place, PlaceKind
+from navfw.topomap.map_regions import Bounds, PlaceNames, Regions
+from navfw.topomap.shortcuts import spanner
 from navfw.topomap.skeleton import skeleton_graph
 from navfw.topomap.topological_map import TopoMap
 
 __all__ = ["build_map"]
 
 Point = tuple[float, float]
-Bounds = tuple[float, float, float, float]
-
 MARGIN = 0.07
 """Clearance [m] that passages keep beyond the robot's radius."""
 
-DOOR_WIDTH = 1.5
-"""Largest width of a door [m]."""
-
-BEFORE_DOOR = 0.8
-"""Distance [m] from a door to the places before and behind it."""
-
-CORRIDOR_RATIO = 4.0
-"""A region whose area exceeds this many times the square of its width is a corridor."""
-
 MERGE_DISTANCE = 0.6
 """Places nearer than this [m] are merged, where the straight line between them is free."""
+
+SMALLEST_ROOM = 2.5
+"""Least area [m^2] on both sides of a door."""
+
+SPACING = 2.0
+"""Points of one region that are no doors, nor beside one, have at least this distance [m]."""
+
+WIDE_SPACING = 1.5
+"""In wide ground their distance is at least this many times the clearance."""
 
 DETOUR_RATIO = 1.5
 """Length of a line over its straight distance from which it leads round an obstacle."""
@@ -55,11 +54,12 @@ def build_map(
     name: str,
     grid: ClearanceGrid,
     robot: RobotModel | None = None,
-    rooms: Mapping[str, tuple[float, float, float, float]] | None = None,
+    rooms: Mapping[str, Bounds] | None = None,
 ) -> TopoMap:
     """The map of the free space in ``grid`` for ``robot`` (default: ``RobotModel()``).
 
-    ``rooms`` (x0, x1, y0, y1) [m] by name, where given, provide the names of places.
+    ``rooms`` (x0, x1, y0, y1) [m] by name, where given, provide the names of places; else regions
+    are called room, hall or corridor, with numbers.
 
     Raises:
         MapError: there is no free space for the robot.
@@ -76,6 +76,8 @@ def build_map(
     for node in nx.isolates(graph):
         lines.point_of(graph, node)
     lines.merge()
+    lines.drop_false_doors()
+    lines.shorten()
     return lines.finish(name, rooms or {})
 
 
@@ -99,9 +101,10 @@ class _StraightLines:
     def add_line(self, skeleton: nx.MultiGraph, a: int, b: int, line: Array) -> None:
         """Add a line of the skeleton between two of its nodes, with its doors."""
         last, begin = self.point_of(skeleton, a), 0
-        for index, through in _doors(self.grid, line):
-            before, behind = (self._beside_door(line[index], through, sign) for sign in (-1, 1))
-            door = self._point((float(line[index, 0]), float(line[index, 1])), door=through)
+        for found in doors_on(self.grid, line):
+            index = found.index
+            before, behind = (self._beside_door(found.at, found.through, s) for s in (-1, 1))
+            door = self._point(found.at, door=found.through)
             start = _beyond_door(line, index, -1)
             end = _beyond_door(line, index, 1)
             if before is not None and start > begin:
@@ -115,12 +118,9 @@ class _StraightLines:
                 last, begin = behind, end
         self._follow(last, self.point_of(skeleton, b), line[begin:])
 
-    def _beside_door(self, at: Array, through: Point, sign: int) -> int | None:
-        x = float(at[0]) + sign * BEFORE_DOOR * through[0]
-        y = float(at[1]) + sign * BEFORE_DOOR * through[1]
-        if self.grid.along((float(at[0]), float(at[1])), (x, y)) < self.need:
-            return None
-        return self._point((x, y))
+    def _beside_door(self, at: Point, through: Point, sign: int) -> int | None:
+        x, y = at[0] + sign * BEFORE_DOOR * through[0], at[1] + sign * BEFORE_DOOR * through[1]
+        return None if self.grid.along(at, (x, y)) < self.need else self._point((x, y))
 
     def _follow(self, start: int, end: int | None, line: Array) -> int:
         """Add straight segments along ``line`` from one point to another; returns the last."""
@@ -185,18 +185,64 @@ class _StraightLines:
             if other != kept
         )
 
+    def drop_false_doors(self) -> None:
+        """Keep the doors between two rooms: a gap between furniture has one region on both sides.
+
+        Columns in rows enclose regions too small for a room.
+        """
+        regions = self._regions()
+        beyond = 0.9 * BEFORE_DOOR
+        false = []
+        for door, (dx, dy) in self.doors.items():
+            x, y = self._at(door)
+            sides = [regions.at(x + s * beyond * dx, y + s * beyond * dy) for s in (-1, 1)]
+            if sides[0] == sides[1] or min(map(regions.area, sides)) < SMALLEST_ROOM:
+                false.append(door)
+        for door in false:
+            del self.doors[door]
+        if false:
+            self.drop_false_doors()
+
+    def shorten(self) -> None:
+        """Keep the points that matter, and straight lines between them that cross no door."""
+        half = 0.5 * DOOR_WIDTH
+        closed = {}
+        for point, (dx, dy) in self.doors.items():
+            x, y = self._at(point)
+            closed[point] = ((x - half * dy, y + half * dx), (x + half * dy, y - half * dx))
+        self.graph = spanner(self.graph, self._key_points(), self.grid, closed)
+
+    def _key_points(self) -> list[int]:
+        """Doors and the points beside them, centres of rooms, and others ``SPACING`` apart.
+
+        Of the others in a region, junctions come first, and those in wide ground before those near
+        walls.
+        """
+        regions = self._regions()
+        keys = [point for door in self.doors for point in (door, *self.graph[door])]
+        keys = list(dict.fromkeys([*keys, *self._centres(regions).values()]))
+        others = [point for point in self.graph if point not in set(keys)]
+        clearance = {point: self.grid.at(*self._at(point)) for point in others}
+        others.sort(key=lambda p: (self.graph.degree(p) < 3, -round(clearance[p], 1), p))
+        for point in others:
+            mine = regions.at(*self._at(point))
+            near = (math.dist(self._at(point), self._at(key)) for key in keys)
+            same = (regions.at(*self._at(key)) == mine for key in keys)
+            spacing = max(SPACING, WIDE_SPACING * clearance[point])
+            if all(away >= spacing or not here for away, here in zip(near, same, strict=True)):
+                keys.append(point)
+        return keys
+
+    def _regions(self) -> Regions:
+        doors = ((self._at(point), through) for point, through in self.doors.items())
+        return Regions(self.grid, doors)
+
     def finish(self, name: str, rooms: Mapping[str, Bounds]) -> TopoMap:
         """The map of all points, named after ``rooms``."""
-        names = _Names(rooms)
-        doors = ((self._at(point), through) for point, through in self.doors.items())
-        regions = _Regions(self.grid, doors)
+        regions = self._regions()
+        names = PlaceNames(rooms, regions)
         places: dict[int, Place] = {}
-        centres = {
-            region: max(points, key=lambda point: self.grid.at(*self._at(point)))
-            for region, points in self._by_region(regions).items()
-            if not regions.is_corridor(region)
-        }
-        chosen = set(centres.values())
+        chosen = set(self._centres(regions).values())
         # the centres of rooms first: they get the names without numbers
         for point in sorted(self.graph, key=lambda point: (point not in chosen, point)):
             at = self._at(point)
@@ -221,7 +267,15 @@ class _StraightLines:
         doorness = float("door" in (a.kind, b.kind))
         return Passage(a.name, b.name, length, max(width, 0.05), doorness=doorness)
 
-    def _by_region(self, regions: _Regions) -> dict[int, list[int]]:
+    def _centres(self, regions: Regions) -> dict[int, int]:
+        """By region: the point that represents it, in its widest ground; of corridors none."""
+        return {
+            region: max(points, key=lambda point: self.grid.at(*self._at(point)))
+            for region, points in self._by_region(regions).items()
+            if not regions.is_corridor(region)
+        }
+
+    def _by_region(self, regions: Regions) -> dict[int, list[int]]:
         found: dict[int, list[int]] = {}
         for point in self.graph:
             region = regions.at(*self._at(point))
@@ -229,7 +283,7 @@ class _StraightLines:
                 found.setdefault(region, []).append(point)
         return found
 
-    def _kind(self, point: int, regions: _Regions, centre: bool) -> PlaceKind:
+    def _kind(self, point: int, regions: Regions, centre: bool) -> PlaceKind:
         if point in self.doors:
             return "door"
         around = [self._at(other) for other in self.graph[point]]
@@ -254,123 +308,6 @@ class _StraightLines:
     def _at(self, point: int) -> Point:
         at: Point = self.graph.nodes[point]["at"]
         return at
-
-
-class _Regions:
-    """The regions of free space between the doors: 0 where occupied, else a region's number."""
-
-    def __init__(self, grid: ClearanceGrid, doors: Iterable[tuple[Point, Point]]) -> None:
-        self._grid = grid
-        free = (grid.clearance > 0.1).astype(np.uint8)
-        half = 0.5 * DOOR_WIDTH / grid.cell
-        for at, through in doors:
-            row, column = self._index(*at)
-            ends = [
-                (round(column - sign * half * through[1]), round(row + sign * half * through[0]))
-                for sign in (-1, 1)
-            ]
-            cv2.line(free, ends[0], ends[1], 0, 2)
-        _, self._labels = cv2.connectedComponents(free, connectivity=4)
-        self._corridors: dict[int, bool] = {}
-
-    def at(self, x: float, y: float) -> int:
-        """The region at a point [m]."""
-        return int(self._labels[self._index(x, y)])
-
-    def is_corridor(self, region: int) -> bool:
-        """Whether the region is long for its width (``CORRIDOR_RATIO``)."""
-        if region not in self._corridors:
-            mine = self._labels == region
-            width = 2.0 * float(self._grid.clearance[mine].max())
-            area = float(mine.sum()) * self._grid.cell**2
-            self._corridors[region] = region > 0 and area > CORRIDOR_RATIO * width * width
-        return self._corridors[region]
-
-    def _index(self, x: float, y: float) -> tuple[int, int]:
-        cell, (x0, y0) = self._grid.cell, self._grid.origin
-        return round((y - y0) / cell), round((x - x0) / cell)
-
-
-class _Names:
-    """Unique names for places, after the rooms that contain them."""
-
-    def __init__(self, rooms: Mapping[str, Bounds]) -> None:
-        # smallest first: of nested rooms the inner one gives the name
-        self._rooms = sorted(rooms.items(), key=lambda room: _area(room[1]))
-        self._taken: set[str] = set()
-
-    def centre(self, at: Point, kind: str) -> str:
-        """The name of the place that represents a room."""
-        return self._free(self._room(*at) or kind, first=True)
-
-    def place(self, at: Point, kind: str) -> str:
-        """The name of any other place."""
-        return self._free(self._room(*at) or kind, first=False)
-
-    def door(self, at: Point, through: Point) -> str:
-        """The name of a door: that of the rooms on its sides."""
-        sides = []
-        for sign in (-1, 1):
-            room = self._room(at[0] + sign * 0.5 * through[0], at[1] + sign * 0.5 * through[1])
-            if room is not None and room not in sides:
-                sides.append(room)
-        return self._free("-".join([*sorted(sides), "door"]), first=True)
-
-    def _room(self, x: float, y: float) -> str | None:
-        inside = (n for n, (x0, x1, y0, y1) in self._rooms if x0 <= x <= x1 and y0 <= y <= y1)
-        return next(inside, None)
-
-    def _free(self, stem: str, first: bool) -> str:
-        names = itertools.chain(
-            [stem] if first else [], (f"{stem}-{n}" for n in itertools.count(1))
-        )
-        name = next(name for name in names if name not in self._taken)
-        self._taken.add(name)
-        return name
-
-
-def _area(bounds: Bounds) -> float:
-    x0, x1, y0, y1 = bounds
-    return (x1 - x0) * (y1 - y0)
-
-
-def _doors(grid: ClearanceGrid, line: Array) -> list[tuple[int, Point]]:
-    """The doors on ``line``: index of each, and the unit direction through it.
-
-    A door is the narrowest point of a gap that widens shortly on both sides.
-    """
-    clearance = np.array([grid.at(*point) for point in line])
-    found: list[tuple[int, Point]] = []
-    for index in range(1, len(line) - 1):
-        here = clearance[index]
-        around = slice(max(index - 10, 0), index + 11)
-        if here > 0.5 * DOOR_WIDTH or here > clearance[around].min() + 1e-9:
-            continue
-        through = _direction(line, index)
-        at = line[index]
-        opens = [
-            grid.at(at[0] + sign * 0.4 * through[0], at[1] + sign * 0.4 * through[1])
-            for sign in (-1, 1)
-        ]
-        jambs = [
-            grid.at(at[0] - sign * reach * through[1], at[1] + sign * reach * through[0])
-            for sign in (-1, 1)
-            for reach in (here + 0.05,)
-        ]
-        beyond = found and np.linalg.norm(line[found[-1][0]] - at) < BEFORE_DOOR
-        if min(opens) >= here + 0.06 and max(jambs) < 0.12 and not beyond:
-            found.append((index, through))
-    return found
-
-
-def _direction(line: Array, index: int) -> Point:
-    """The unit direction of ``line`` at a point; along an axis if within 15 degrees of it."""
-    step = line[min(index + 6, len(line) - 1)] - line[max(index - 6, 0)]
-    angle = math.atan2(step[1], step[0])
-    square = 0.5 * math.pi * round(angle / (0.5 * math.pi))
-    if abs(angle - square) < math.radians(15.0):
-        angle = square
-    return math.cos(angle), math.sin(angle)
 
 
 def _beyond_door(line: Array, index: int, step: int) -> int:

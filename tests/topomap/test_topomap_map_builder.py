@@ -30,11 +30,11 @@ ROOT = Path(__file__).parents[2]
 def ground(*holes: Sequence[float], size: tuple[float, float] = (8.0, 4.0)) -> ClearanceGrid:
     """A floor of that size [m] with solid rectangles (x0, y0, x1, y1) on it."""
 
-    def clearances(points: np.ndarray) -> np.ndarray:
-        nearest = np.full(len(points), np.inf)
+    def clearances(x: np.ndarray, y: np.ndarray, reach: float) -> np.ndarray:
+        nearest = np.full((len(y), len(x)), reach)
         for x0, y0, x1, y1 in holes:
-            dx = np.maximum(np.maximum(x0 - points[:, 0], points[:, 0] - x1), 0.0)
-            dy = np.maximum(np.maximum(y0 - points[:, 1], points[:, 1] - y1), 0.0)
+            dx = np.maximum(np.maximum(x0 - x, x - x1), 0.0)[None, :]
+            dy = np.maximum(np.maximum(y0 - y, y - y1), 0.0)[:, None]
             inside = (dx == 0.0) & (dy == 0.0)
             nearest = np.minimum(nearest, np.where(inside, -0.01, np.hypot(dx, dy)))
         return nearest
@@ -47,7 +47,7 @@ def built(name: str) -> tuple[TopoMap, WorldSpec, FloorPlan]:
     world = load_world(ROOT / "worlds" / name / "world.yaml")
     plan = FloorPlan.from_world(world)
     rooms = {room.name: (*room.x, *room.y) for room in world.rooms}
-    topo_map = build_map(name, ClearanceGrid.of(plan.bounds, plan.clearances), rooms=rooms)
+    topo_map = build_map(name, ClearanceGrid.of(plan.bounds, plan.near_clearances), rooms=rooms)
     return topo_map, world, plan
 
 
