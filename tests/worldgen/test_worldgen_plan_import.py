@@ -9,6 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from drawn_plans import PLANS
 from typer.testing import CliRunner
 
 from navfw.cli import app
@@ -22,7 +23,6 @@ from navfw.topomap.map_check import check_map
 from navfw.topomap.occupancy_map import FREE, OccupancyMap
 from navfw.topomap.ros_map import save_ros_map
 from navfw.worldgen.plan_import import ImportedPlan, import_plan
-from drawn_plans import PLANS
 
 
 def imported(name: str) -> ImportedPlan:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
+from drawn_plans import PLANS, with_noise
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -12,7 +13,6 @@ from navfw.signals import Mask
 from navfw.sim.shapes import Rectangle
 from navfw.worldgen.plan_cleaning import PlanCleaning, cleaned
 from navfw.worldgen.plan_walls import wall_rectangles
-from drawn_plans import PLANS, with_noise
 
 CELL = 0.05
 
