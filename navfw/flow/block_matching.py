@@ -13,6 +13,11 @@ from navfw.flow.confidence import local_spread, match_sigma, ramp
 from navfw.flow.correlation_kernels import correlate, find_peaks
 from navfw.flow.grid_flow import MatchedFlow
 from navfw.flow.registration import grid_windows, register_windows
+from navfw.flow.registration_confidence import (
+    PEAK_CORRELATION,
+    judge_registration,
+    uniqueness,
+)
 from navfw.robot import RobotModel
 from navfw.signals import Array, FramePair, Image
 from navfw.signals.immutable import read_only
@@ -23,23 +28,6 @@ Integers = npt.NDArray[np.int64]
 Floats = npt.NDArray[np.float32]
 Flags = npt.NDArray[np.bool_]
 
-#: Correlation of a peak: confidence rises from 0 at the first to 1 at the second value. Below the
-#: first there is no registration: an affine motion can also be fitted to an accidental similarity.
-PEAK_CORRELATION = (0.4, 0.6)
-#: Distance [px] from the correlation peak to the registered position: confidence falls from 1 at
-#: the first to 0 at the second value.
-REGISTRATION_SHIFT = (1.5, 3.0)
-#: Least standard deviation of a registered vector [px], however well the window fits.
-REGISTRATION_FLOOR = 0.05
-#: Factors of the estimated sigma and of its square [1/px] in the error of a registered vector,
-#: fitted to rendered frames. The square is there because the affine model holds the less, the worse
-#: a window fits.
-REGISTRATION_SCALE, REGISTRATION_EXCESS = 1.0, 3.4
-#: Disagreement with both neighbours [px] (see ``find_mixtures``): confidence falls from 1 at the
-#: first to 0 at the second value, where the window certainly spans two surfaces.
-MIXTURE = (0.5, 2.0)
-#: Share of the disagreement with both neighbours that counts as standard deviation.
-MIXTURE_SHARE = 0.4
 #: Correlation length of the errors of grey values [px]: nearer samples share their errors.
 CORRELATION_LENGTH = 3.0
 #: Share of the windows in the lower half of the image, mostly floor, with a deviation below
@@ -195,24 +183,24 @@ class BlockMatching(MatchedFlow):
             p.stride,
             p.weight_width,
         )
-        confidence = ramp(found.score, p.registered_low, p.registered_high) * ramp(
-            found.share, 0.6, 0.9
+        confidence, sigma = judge_registration(
+            found.score,
+            found.share,
+            found.mixture,
+            found.sigma * np.sqrt(max(CORRELATION_LENGTH / p.stride, 1.0)),
+            found.vectors - start,
+            height,
+            uniqueness(height, second, inner),
+            (p.registered_low, p.registered_high),
         )
-        confidence *= ramp(height, *PEAK_CORRELATION) * _uniqueness(height, second, inner)
-        shift = np.linalg.norm(found.vectors - start, axis=-1)
-        confidence *= 1.0 - ramp(shift, *REGISTRATION_SHIFT)
-        confidence *= 1.0 - ramp(found.mixture, *MIXTURE)
-        noise = found.sigma * np.sqrt(max(CORRELATION_LENGTH / p.stride, 1.0))
-        variance = (REGISTRATION_SCALE * noise) ** 2 + REGISTRATION_FLOOR**2
-        variance += (REGISTRATION_EXCESS * noise**2) ** 2 + (MIXTURE_SHARE * found.mixture) ** 2
-        return found.vectors, confidence, np.sqrt(variance)
+        return found.vectors, confidence, sigma
 
     def _peaks(self, scores: Floats) -> tuple[Array, Array, Array]:
         """Vectors, confidence and sigma by quadratic interpolation of the correlation peaks."""
         p = self.params
         _, fine, height, second, curvature, inner = find_peaks(scores)
         confidence = np.where(inner & (curvature > 0.0), ramp(height, p.peak_low, p.peak_high), 0.0)
-        confidence *= _uniqueness(height, second, inner)
+        confidence *= uniqueness(height, second, inner)
         noise = PEAK_SCALE * match_sigma(height, curvature, self._pixels)
         spread = PEAK_SPREAD * local_spread(fine, confidence)
         return fine, confidence, np.sqrt(noise**2 + spread**2 + PEAK_FLOOR**2)
@@ -220,14 +208,3 @@ class BlockMatching(MatchedFlow):
 
 def _smoothed(image: Image) -> Image:
     return np.asarray(cv2.GaussianBlur(image, (0, 0), SMOOTHING))
-
-
-def _uniqueness(height: Array, second: Array, inner: Flags) -> Array:
-    """1 for a unique peak, 0 if another displacement fits as well (METHOD 2.9).
-
-    A peak at the edge of the search range (not ``inner``) is known on one side only, so the limits
-    are stricter.
-    """
-    # ratio of the mismatches (1 - score) of the second highest score and of the peak
-    contrast = (1.0 - second) / np.maximum(1.0 - height, 1e-3)
-    return np.where(inner, ramp(contrast, 1.0, 1.5), ramp(contrast, 1.3, 2.2))
