@@ -214,8 +214,13 @@ def _choose(
 
 
 def _placed(override: Override, document: YamlDocument) -> Override:
-    """``override`` with its path completed: plugins and parts of settings may be named directly."""
+    """``override`` completed: plugins and parts of settings may be named directly.
+
+    A stage may be given the name of a plugin alone, which then has its defaults.
+    """
     head = str(override.path[0])
+    if override.path in [(stage,) for stage in STAGES] and isinstance(override.value, str):
+        return Override(override.path, {override.value: None}, override.text)
     data = document.data if isinstance(document.data, dict) else {}
     if head in StackSpec.model_fields:
         return override

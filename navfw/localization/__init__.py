@@ -5,6 +5,8 @@
 ``lattice``), ``topological`` combines both. Landmark detections become observations
 (``landmark_observations``), weighted by each landmark's existence probability
 (``landmark_existence``); OFFIS' situations enter by ``situation_model``.
+``floor_plan`` matches the walls that are seen to the map's floor plan (``plan_field``), and
+searches it for an unknown start (``plan_search``).
 """
 
 from __future__ import annotations

@@ -119,6 +119,23 @@ class MetricFilter:
         for observation in observations:
             self._observe(observation)
 
+    def adopt(self, pose: Pose, information: Array) -> None:
+        """Take in a fit of the pose that began from this filter's own.
+
+        ``pose`` is the most probable one, given the filter and the observation; ``information``
+        (3, 3) is that of the observation alone, and may be singular.
+        """
+        known = self.covariance[:3, :3]
+        off = np.array((pose.x, pose.y, pose.yaw)) - self.state[:3]
+        off[2] = wrap_angle(float(off[2]))
+        self.state = self.state + self.covariance[:, :3] @ np.linalg.solve(known, off)
+        self.state[2] = wrap_angle(float(self.state[2]))
+        share = np.linalg.solve(np.eye(3) + information @ known, information)
+        updated = self.covariance - self.covariance[:, :3] @ share @ self.covariance[:3, :]
+        self.covariance = 0.5 * (updated + updated.T)
+        self._limit_certainty()
+        self.updates += 1
+
     def _observe(self, observation: LandmarkObservation) -> None:
         identity, weight = observation.landmark.identity, observation.weight
         found = self._associate(observation)

@@ -43,6 +43,7 @@ BUILT_IN: dict[str, dict[str, str]] = {
         "bayes": "navfw.localization.bayes:Bayes",
         "dead_reckoning": "navfw.localization.dead_reckoning:DeadReckoning",
         "ekf": "navfw.localization.ekf:Ekf",
+        "floor_plan": "navfw.localization.floor_plan:FloorPlanLocalizer",
         "topological": "navfw.localization.topological:Topological",
     },
     "planner": {"papfis": "navfw.papfis.papfis:Papfis"},

@@ -1,0 +1,175 @@
+"""The localiser ``floor_plan``: what the camera sees of walls, matched to the map's floor plan."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Annotated, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from navfw.errors import MapError
+from navfw.interfaces import Localizer
+from navfw.localization.landmark_existence import LandmarkExistence
+from navfw.localization.metric_filter import MetricFilter, MetricFilterParams
+from navfw.localization.place_posterior import PlacePosterior, probability_within
+from navfw.localization.plan_field import PlanField
+from navfw.localization.plan_scan import PlanScan, scan_of
+from navfw.localization.plan_search import PlanSearch, are_close
+from navfw.signals import Array, Belief, LandmarkDetection, Odometry, Percept, Pose, wrap_angle
+from navfw.topomap import TopoMap
+
+__all__ = ["FloorPlanLocalizer"]
+
+LEAST_POINTS = 8
+"""Least number of points of a scan that is matched."""
+
+GATE = 16.0
+"""Squared Mahalanobis distance of a fit from the prediction from which on it is not used."""
+
+INFLATION = 2.0
+"""Factor on the covariance after a fit that was not used: the pose may be wrong."""
+
+FOUND_XY, FOUND_YAW = 0.15, 0.05
+"""Standard deviations [m, rad] of a pose that the search has found."""
+
+
+class FloorPlanLocalizer(Localizer):
+    """Tracks the pose by an EKF on odometry, corrected by the walls of the map's floor plan.
+
+    Scans are taken some way apart, since neighbouring ones share their errors. The running mean of
+    the share of points that belong to the plan tells whether the robot is where it believes: below
+    ``doubt_below`` the whole plan is searched for a better pose, below ``lost_below`` it is lost.
+    Landmarks are not used.
+    """
+
+    name: ClassVar[str] = "floor_plan"
+
+    class Params(MetricFilterParams, Localizer.Params):
+        """Noise of odometry, and when a pose is believed."""
+
+        every: Annotated[
+            float, Field(ge=0.02, le=2.0, description="distance driven between two scans [m]")
+        ] = 0.15
+        memory: Annotated[
+            float, Field(ge=1.0, le=100.0, description="number of scans of the running mean")
+        ] = 8.0
+        doubt_below: Annotated[
+            float,
+            Field(ge=0.0, lt=1.0, description="mean share of points on the plan: in doubt below"),
+        ] = 0.42
+        lost_below: Annotated[
+            float,
+            Field(ge=0.0, lt=1.0, description="mean share of points on the plan: lost below"),
+        ] = 0.25
+
+    params: Params
+
+    _posterior: PlacePosterior | None = None
+
+    def reset(self) -> None:
+        """Back to the state before ``start``."""
+        self._posterior = None
+
+    def start(self, topo_map: TopoMap, pose: Pose | None, odometry: Odometry) -> None:
+        """Start at ``pose`` (map frame), or anywhere when None.
+
+        Raises:
+            MapError: the map has no floor plan.
+
+        """
+        if topo_map.floor_plan is None:
+            raise MapError(
+                f"the map {topo_map.name!r} has no floor plan, which the localizer 'floor_plan' "
+                "needs: name one under the key 'floor_plan' of the map file, or choose "
+                "'dead_reckoning'"
+            )
+        p = self.params
+        self._posterior = PlacePosterior(topo_map)
+        self._field = PlanField(topo_map.floor_plan)
+        self._search = PlanSearch(topo_map.floor_plan, self._field, self.robot.radius)
+        self.filter = MetricFilter(p, LandmarkExistence(p.prior), self.robot)
+        self.tracking = pose is not None
+        self.belonging = 1.0
+        self._last = odometry.pose
+        self._driven = 0.0
+        self._scanned_at = -math.inf
+        if pose is not None:
+            self._track(pose, p.start_xy, p.start_yaw, odometry)
+
+    def update(
+        self, odometry: Odometry, percept: Percept | None, detections: Sequence[LandmarkDetection]
+    ) -> Belief:
+        """The belief after the newest odometry and, where there is one, percept."""
+        if self._posterior is None:
+            raise RuntimeError("start() comes before update()")
+        self._driven += math.dist((self._last.x, self._last.y), (odometry.pose.x, odometry.pose.y))
+        self._last = odometry.pose
+        if self.tracking:
+            self.filter.predict(odometry)
+        scan = self._scan(percept)
+        if scan is not None:
+            self._search.add(self._driven, odometry.pose, scan)
+            if self.tracking:
+                self._correct(scan)
+            if not self.tracking or self.belonging < self.params.doubt_below:
+                self._find(odometry)
+        return self._belief(self._posterior, odometry)
+
+    def _scan(self, percept: Percept | None) -> PlanScan | None:
+        """The points of ``percept``, if the robot has moved on far enough since the last scan."""
+        if percept is None or self._driven - self._scanned_at < self.params.every:
+            return None
+        scan = scan_of(percept, self.robot)
+        if scan.size < LEAST_POINTS:
+            return None
+        self._scanned_at = self._driven
+        return scan
+
+    def _correct(self, scan: PlanScan) -> None:
+        """Match a scan to the plan, near the predicted pose."""
+        known = self.filter.pose_covariance
+        here = self.filter.pose
+        by_filter: Array = np.asarray(np.linalg.inv(known), dtype=np.float64)
+        match = self._field.match(scan, here, by_filter)
+        self.belonging += (match.belonging - self.belonging) / self.params.memory
+        off = np.array([match.pose.x - here.x, match.pose.y - here.y, 0.0])
+        off[2] = wrap_angle(match.pose.yaw - here.yaw)
+        if float(off @ np.linalg.solve(known, off)) > GATE:
+            self.filter.covariance[:3, :] *= math.sqrt(INFLATION)
+            self.filter.covariance[:, :3] *= math.sqrt(INFLATION)
+        else:
+            self.filter.adopt(match.pose, match.information)
+        if self.belonging < self.params.lost_below:
+            self.tracking = False
+
+    def _find(self, odometry: Odometry) -> None:
+        """Search the plan for the pose; track it once it is found, unless it is tracked already."""
+        found = self._search.find()
+        if found is None:
+            return
+        if not self.tracking or not are_close(found, self.filter.pose):
+            self._track(found, FOUND_XY, FOUND_YAW, odometry)
+
+    def _track(self, pose: Pose, xy: float, yaw: float, odometry: Odometry) -> None:
+        self.tracking = True
+        self.belonging = max(self.params.doubt_below, 0.5)
+        self.filter.initialize(pose, np.diag([xy**2, xy**2, yaw**2]), odometry)
+
+    def _belief(self, posterior: PlacePosterior, odometry: Odometry) -> Belief:
+        if not self.tracking:
+            unknown: Array = np.diag([1e4, 1e4, 10.0])
+            nowhere: Mapping[str, float] = {}
+            origin = Pose(0.0, 0.0, 0.0)
+            return Belief(odometry.time, origin, unknown, nowhere, 0.0, lost=True)
+        pose, covariance = self.filter.pose, self.filter.pose_covariance
+        trust = min(1.0, self.belonging / max(self.params.doubt_below, 1e-6))
+        return Belief(
+            odometry.time,
+            pose,
+            covariance,
+            posterior.at(pose, covariance),
+            probability_within(covariance) * trust,
+            updates=self.filter.updates,
+        )

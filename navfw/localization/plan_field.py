@@ -1,0 +1,117 @@
+"""A floor plan as a field of distances from its walls, and seen points matched to it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+
+from navfw.localization.plan_kernels import match_points, rate_poses
+from navfw.localization.plan_scan import PlanScan
+from navfw.signals import Array, Pose
+from navfw.topomap.occupancy_map import OccupancyMap
+
+__all__ = ["PlanField", "PlanMatch"]
+
+PLAN_SIGMA = 0.04
+"""Standard deviation [m] of the walls in a plan: its cells, skirting, doors left ajar."""
+
+OTHER = 0.1
+"""Density of points of furniture, relative to the peak of those of walls."""
+
+CORRELATION = 12.0
+"""Number of points with a common error: a column of cells shows one wall, by one pair of frames."""
+
+ITERATIONS = 8
+"""Number of Gauss-Newton steps."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlanMatch:
+    """Where seen points fit the plan: ``pose`` in ``map`` with ``information`` (3, 3).
+
+    The information is that of the points alone. ``belonging`` in [0, 1] is the share of the points
+    that belong to the plan.
+    """
+
+    pose: Pose
+    information: Array
+    belonging: float
+
+
+class PlanField:
+    """Signed distances from the walls of ``plan``, in cells: negative inside walls."""
+
+    def __init__(self, plan: OccupancyMap) -> None:
+        occupied = plan.occupied
+        outside = _distances(~occupied)
+        inside = _distances(occupied)
+        self.cells = np.where(occupied, 0.5 - inside, outside - 0.5).astype(np.float32)
+        self.resolution = plan.resolution
+        self.origin = plan.origin
+        c, s = np.cos(plan.origin.yaw), np.sin(plan.origin.yaw)
+        self._map_from_grid = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+    def match(self, scan: PlanScan, start: Pose, information: Array) -> PlanMatch:
+        """The pose near ``start`` (map), known with ``information`` (3, 3), that fits the scan."""
+        turn = self._map_from_grid
+        here = self.origin.relative(start)
+        found: Any = match_points(
+            scan.points,
+            scan.sigma,
+            self.cells,
+            self.resolution,
+            np.array([here.x, here.y, here.yaw]),
+            CORRELATION * (turn.T @ information @ turn),
+            PLAN_SIGMA,
+            OTHER,
+            ITERATIONS,
+        )
+        at, by_points, belonging = found
+        return PlanMatch(
+            self.origin.compose(Pose(*at.tolist())),
+            turn @ by_points @ turn.T / CORRELATION,
+            float(belonging),
+        )
+
+    def rate(self, scan: PlanScan, poses: Array, plan_sigma: float) -> Array:
+        """Mean log likelihood (m,) of the points of ``scan`` at ``poses`` (m, 3) in ``map``.
+
+        ``plan_sigma`` [m] is the standard deviation of the walls: a wide one for coarse poses.
+        """
+        found: Any = rate_poses(
+            scan.points,
+            scan.sigma,
+            self.cells,
+            self.resolution,
+            self._on_grid(poses),
+            plan_sigma,
+            OTHER,
+        )
+        return np.asarray(found, dtype=np.float64)
+
+    def clearance(self, points: Array) -> Array:
+        """Distance (n,) [m] of ``points`` (n, 2) [m, map] from the nearest wall; NaN outside."""
+        x, y = (self._on_grid(points).T[:2] / self.resolution).astype(np.intp)
+        rows, columns = self.cells.shape
+        inside = (x >= 0) & (y >= 0) & (x < columns) & (y < rows)
+        found = np.full(len(points), np.nan)
+        found[inside] = self.cells[y[inside], x[inside]] * self.resolution
+        return found
+
+    def _on_grid(self, poses: Array) -> Array:
+        """``poses`` (n, 2 or 3) of ``map`` along the axes of the grid, from its corner."""
+        moved = poses.astype(np.float64)
+        moved[:, :2] = (poses[:, :2] - (self.origin.x, self.origin.y)) @ self._map_from_grid[:2, :2]
+        moved[:, 2:] -= self.origin.yaw
+        return moved
+
+
+def _distances(away_from_zero: Any) -> Array:
+    """Distance [cells] of each cell's centre from that of the nearest cell that is False."""
+    marked = away_from_zero.astype(np.uint8)
+    if marked.all():
+        return np.full(marked.shape, float(max(marked.shape)))
+    return np.asarray(cv2.distanceTransform(marked, cv2.DIST_L2, cv2.DIST_MASK_PRECISE), np.float64)

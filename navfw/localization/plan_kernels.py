@@ -1,0 +1,132 @@
+"""Compiled matching of seen points to a floor plan: one pose refined, or many poses rated.
+
+The plan is a signed distance field: distance [m] of each cell's centre from the nearest wall's
+surface, negative inside walls. A seen point of a wall has the distance 0; one of furniture or of a
+wall that is not there has any, so points count by their probability of belonging to the plan.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from navfw.signals import Array
+
+__all__ = ["match_points", "rate_poses"]
+
+Floats = npt.NDArray[np.float32]
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _at(field: Floats, x: float, y: float) -> tuple[float, float, float]:
+    """Distance and its slopes along x and y, all in cells, at column ``x`` and row ``y`` [cells].
+
+    Bilinear between the centres of the cells; NaN outside.
+    """
+    rows, columns = field.shape
+    j, i = int(math.floor(x)), int(math.floor(y))
+    if j < 0 or i < 0 or j + 1 >= columns or i + 1 >= rows:
+        return math.nan, 0.0, 0.0
+    u, v = x - j, y - i
+    a, b, c, d = field[i, j], field[i, j + 1], field[i + 1, j], field[i + 1, j + 1]
+    value = (1 - v) * ((1 - u) * a + u * b) + v * ((1 - u) * c + u * d)
+    return value, (1 - v) * (b - a) + v * (d - c), (1 - u) * (c - a) + u * (d - b)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def match_points(
+    points: Array,
+    sigma: Array,
+    field: Floats,
+    cell: float,
+    start: Array,
+    prior: Array,
+    plan_sigma: float,
+    other: float,
+    iterations: int,
+) -> tuple[Array, Array, float]:
+    """The pose at which the points fit the walls of the plan, near ``start``.
+
+    Gauss-Newton on the distances. Each point counts by the probability that it belongs to the plan:
+    the density of its distance against a constant one of all else.
+
+    Args:
+        points: (n, 2) seen points [m] in base_link.
+        sigma: (n,) standard deviations [m] along the rays from base_link to the points.
+        field: (rows, columns) signed distances [cells].
+        cell: side of a cell [m].
+        start: (3,) x, y [m] and yaw [rad] of the robot along the grid's axes.
+        prior: (3, 3) information of ``start``.
+        plan_sigma: standard deviation [m] of the walls in the plan.
+        other: density of points that do not belong to the plan, relative to the peak of the others.
+        iterations: number of steps.
+
+    Returns:
+        the pose (3,), the information (3, 3) of the points alone, as if they were independent, and
+        the mean probability of belonging to the plan.
+
+    """
+    pose, information, right = start.copy(), np.zeros((3, 3)), np.zeros(3)
+    slope = np.zeros(3)
+    belonging = 0.0
+    for _ in range(iterations):
+        information[:] = 0.0
+        right[:] = prior @ (start - pose)
+        belonging = 0.0
+        c, s = math.cos(pose[2]), math.sin(pose[2])
+        for i in range(points.shape[0]):
+            dx = c * points[i, 0] - s * points[i, 1]
+            dy = s * points[i, 0] + c * points[i, 1]
+            x, y = (pose[0] + dx) / cell - 0.5, (pose[1] + dy) / cell - 0.5
+            distance, gx, gy = _at(field, x, y)
+            if math.isnan(distance):
+                continue
+            steep = math.hypot(gx, gy)
+            if steep < 0.1:
+                continue
+            reach = math.hypot(dx, dy)
+            across = (gx * dx + gy * dy) / max(steep * reach, 1e-9) * sigma[i]
+            variance = plan_sigma * plan_sigma + across * across
+            off = distance * cell
+            density = math.exp(-0.5 * off * off / variance)
+            weight = density / (density + other)
+            belonging += weight
+            slope[0], slope[1] = gx, gy
+            slope[2] = -gx * dy + gy * dx
+            for a in range(3):
+                right[a] -= weight * slope[a] * off / variance
+                for b in range(3):
+                    information[a, b] += weight * slope[a] * slope[b] / variance
+        pose += np.linalg.solve(information + prior, right)
+    return pose, information, belonging / max(points.shape[0], 1)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def rate_poses(
+    points: Array,
+    sigma: Array,
+    field: Floats,
+    cell: float,
+    poses: Array,
+    plan_sigma: float,
+    other: float,
+) -> Array:
+    """Mean log likelihood (m,) of the points at each of ``poses`` (m, 3); see ``match_points``."""
+    rating = np.empty(poses.shape[0])
+    for k in range(poses.shape[0]):
+        c, s = math.cos(poses[k, 2]), math.sin(poses[k, 2])
+        total = 0.0
+        for i in range(points.shape[0]):
+            x = (poses[k, 0] + c * points[i, 0] - s * points[i, 1]) / cell - 0.5
+            y = (poses[k, 1] + s * points[i, 0] + c * points[i, 1]) / cell - 0.5
+            j, r = int(x + 0.5), int(y + 0.5)
+            density = 0.0
+            if 0 <= r < field.shape[0] and 0 <= j < field.shape[1] and x >= 0.0 and y >= 0.0:
+                off = field[r, j] * cell
+                density = math.exp(-0.5 * off * off / (plan_sigma**2 + sigma[i] ** 2))
+            total += math.log(density + other)
+        rating[k] = total / max(points.shape[0], 1)
+    return rating

@@ -1,0 +1,186 @@
+"""The search for an unknown pose on a floor plan, by all that was seen on the last metres.
+
+What was seen is kept in the frame ``odom``, whose pose in ``map`` is then the one unknown. All
+poses of the robot on free ground are rated coarsely, the best ones refined and rated again; the
+pose is found when one of them is much more probable than all others, several times in a row.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+import numpy as np
+
+from navfw.localization.plan_field import PlanField
+from navfw.localization.plan_scan import PlanScan
+from navfw.signals import Array, Pose, wrap_angle
+from navfw.topomap.occupancy_map import OccupancyMap
+
+__all__ = ["PlanSearch", "are_close"]
+
+MEMORY = 8.0
+"""Distance driven [m] for which scans are kept: odometry is exact enough over it."""
+
+EVERY = 0.75
+"""Distance driven [m] between two searches."""
+
+LEAST_SCANS = 10
+"""Least number of scans for a search."""
+
+SPACING = 0.25
+"""Distance [m] between the poses of the coarse search; more on plans with more than MOST_POSES."""
+
+HEADINGS = 24
+"""Number of headings of the coarse search."""
+
+MOST_POSES = 250_000
+"""Largest number of poses of the coarse search."""
+
+COARSE_SIGMA, FINE_SIGMA = 0.25, 0.06
+"""Standard deviation [m] of the walls in the coarse rating, whose poses are off by as much, and in
+the fine one."""
+
+COARSE_POINTS, FINE_POINTS = 80, 400
+"""Number of points in the two ratings."""
+
+CANDIDATES = 40
+"""Number of coarse poses that are refined."""
+
+APART = 0.6, math.radians(25.0)
+"""Distance [m] and angle [rad] from which on two poses are different ones."""
+
+LOOSE = np.diag([0.2**-2, 0.2**-2, 0.12**-2])
+"""Information of a coarse pose."""
+
+EVIDENCE = 2.0
+"""Number of independent points of a scan: its columns of cells share walls and errors."""
+
+LEAST_CLEARANCE = 0.08
+"""Clearance [m] below which the robot cannot have stood at a point of the plan."""
+
+AGREEING = 3
+"""Number of searches in a row that must find the same pose."""
+
+CERTAIN = 0.98
+"""Probability from which on a pose is found."""
+
+
+class PlanSearch:
+    """Collects scans with their poses in ``odom``, and searches the plan for where they fit."""
+
+    def __init__(self, plan: OccupancyMap, field: PlanField, radius: float) -> None:
+        self._field = field
+        self._grid = _free_poses(plan, field, radius)
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget all scans."""
+        self._scans: deque[tuple[float, Pose, PlanScan]] = deque()
+        self._searched_at = -math.inf
+        self._before: Pose | None = None
+        self._agreed = 0
+
+    def add(self, driven: float, odom: Pose, scan: PlanScan) -> None:
+        """Add a scan that was seen from ``odom`` after ``driven`` [m]."""
+        self._scans.append((driven, odom, scan))
+        while driven - self._scans[0][0] > MEMORY:
+            self._scans.popleft()
+
+    def find(self) -> Pose | None:
+        """The pose in ``map`` at the newest scan; None while it is not known."""
+        if len(self._scans) < LEAST_SCANS or self._scans[-1][0] - self._searched_at < EVERY:
+            return None
+        driven, here, _ = self._scans[-1]
+        self._searched_at = driven
+        found = self._best(here)
+        if found is None:
+            self._before = None
+            return None
+        again = self._before is not None and are_close(self._before.compose(here), found)
+        self._agreed = self._agreed + 1 if again else 1
+        self._before = _frame_of(found, here)
+        return found if self._agreed >= AGREEING else None
+
+    def _best(self, here: Pose) -> Pose | None:
+        """The one pose that explains the scans, if all others are improbable."""
+        coarse = self._rated(self._cloud(here, COARSE_POINTS), self._grid, COARSE_SIGMA)
+        cloud = self._cloud(here, FINE_POINTS)
+        refined: list[Pose] = []
+        for k in coarse:
+            start = Pose(*self._grid[k].tolist())
+            refined.append(self._field.match(cloud, start, LOOSE).pose)
+        poses = np.array([(pose.x, pose.y, pose.yaw) for pose in refined])
+        rating = self._field.rate(cloud, poses, FINE_SIGMA)
+        rating[self._impossible(poses, here)] = -math.inf
+        best = int(np.argmax(rating))
+        if not math.isfinite(rating[best]):
+            return None
+        others = [not are_close(pose, refined[best]) for pose in refined]
+        gap = rating[best] - max(rating[others], default=-math.inf)
+        odds = math.exp(min(EVIDENCE * len(self._scans) * gap, 50.0))
+        return refined[best] if odds / (1.0 + odds) >= CERTAIN else None
+
+    def _rated(self, cloud: PlanScan, poses: Array, sigma: float) -> list[int]:
+        """The best of ``poses`` (m, 3), by index, best first, all of them apart."""
+        order = np.argsort(-self._field.rate(cloud, poses, sigma), kind="stable")[:4000]
+        kept: list[int] = []
+        for k in order.tolist():
+            if all(_gap(poses[k], poses[other]) > 1.0 for other in kept):
+                kept.append(k)
+            if len(kept) == CANDIDATES:
+                break
+        return kept
+
+    def _cloud(self, here: Pose, count: int) -> PlanScan:
+        """About ``count`` points of all scans, evenly picked, seen from odom pose ``here``."""
+        points, sigma = [], []
+        for _, pose, scan in self._scans:
+            moved = here.relative(pose)
+            c, s = math.cos(moved.yaw), math.sin(moved.yaw)
+            points.append(scan.points @ np.array([[c, s], [-s, c]]) + (moved.x, moved.y))
+            sigma.append(scan.sigma)
+        joined, spread = np.concatenate(points), np.concatenate(sigma)
+        step = max(1, len(spread) // count)
+        return PlanScan(np.ascontiguousarray(joined[::step]), np.ascontiguousarray(spread[::step]))
+
+    def _impossible(self, poses: Array, here: Pose) -> Array:
+        """Which of ``poses`` (m, 3) would have led the robot through a wall, or off the plan."""
+        way = np.array([(q.x, q.y) for q in (here.relative(pose) for _, pose, _ in self._scans)])
+        blocked = []
+        for x, y, yaw in poses.tolist():
+            c, s = math.cos(yaw), math.sin(yaw)
+            clearance = self._field.clearance(way @ np.array([[c, s], [-s, c]]) + (x, y))
+            blocked.append(not bool((clearance > LEAST_CLEARANCE).all()))
+        return np.array(blocked)
+
+
+def _free_poses(plan: OccupancyMap, field: PlanField, radius: float) -> Array:
+    """Poses (m, 3) all over the free ground of the plan where a robot of ``radius`` [m] fits."""
+    fits = plan.free & (field.cells * plan.resolution > 0.8 * radius)
+    area = float(fits.sum()) * plan.resolution**2
+    spacing = max(SPACING, math.sqrt(area * HEADINGS / MOST_POSES))
+    step = max(1, round(spacing / plan.resolution))
+    coarse = np.zeros_like(fits)
+    coarse[::step, ::step] = True
+    places = plan.centres(*np.nonzero(fits & coarse))
+    headings = 2.0 * math.pi / HEADINGS * np.arange(HEADINGS)
+    return np.column_stack([np.repeat(places, HEADINGS, axis=0), np.tile(headings, len(places))])
+
+
+def _gap(a: Array, b: Array) -> float:
+    """Difference of two poses (3,), 1 where they begin to be different ones."""
+    distance = math.hypot(a[0] - b[0], a[1] - b[1]) / APART[0]
+    return max(distance, abs(wrap_angle(float(a[2] - b[2]))) / APART[1])
+
+
+def are_close(a: Pose, b: Pose) -> bool:
+    """Whether two poses are about the same, by the limits APART."""
+    return _gap(np.array([a.x, a.y, a.yaw]), np.array([b.x, b.y, b.yaw])) < 1.0
+
+
+def _frame_of(in_map: Pose, in_odom: Pose) -> Pose:
+    """The pose of frame ``odom`` in ``map``, from one pose given in both."""
+    yaw = wrap_angle(in_map.yaw - in_odom.yaw)
+    turned = Pose(0.0, 0.0, yaw).compose(in_odom)
+    return Pose(in_map.x - turned.x, in_map.y - turned.y, yaw)

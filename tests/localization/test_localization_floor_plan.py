@@ -1,0 +1,138 @@
+"""Localisation on a floor plan: matching, tracking, consistency, search for an unknown start."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from plan_samples import MAP, PLAN, ROBOT, START, arcs, building, wall_percept
+
+from navfw.errors import MapError
+from navfw.localization.floor_plan import FloorPlanLocalizer
+from navfw.localization.plan_field import PlanField
+from navfw.localization.plan_scan import scan_of
+from navfw.plugins import default_registry
+from navfw.signals import Belief, Odometry, Pose, Twist, wrap_angle
+from navfw.topomap import TopoMap
+from navfw.topomap.occupancy_map import FREE, OCCUPIED, OccupancyMap
+
+ROUND = [(2.0, 0.5, 0.3), (4.0, 0.5, 0.35), (3.0, 0.5, 0.5), (4.0, 0.5, 0.3), (4.0, 0.5, 0.6)]
+AT_REST = Odometry(0.0, Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0), 0.0, still=True)
+
+
+def drive(
+    known: bool, seen: OccupancyMap = PLAN, scale: float = 1.03, seed: int = 0
+) -> list[tuple[Pose, Belief]]:
+    """True poses and beliefs on a round through the large room, whose walls are ``seen``."""
+    rng = np.random.default_rng(seed)
+    localizer = FloorPlanLocalizer(ROBOT)
+    localizer.reset()
+    localizer.start(MAP, START if known else None, AT_REST)
+    return follow(localizer, rng, ROUND, seen, scale)
+
+
+def follow(
+    localizer: FloorPlanLocalizer,
+    rng: np.random.Generator,
+    legs: list[tuple[float, float, float]],
+    seen: OccupancyMap = PLAN,
+    scale: float = 1.0,
+) -> list[tuple[Pose, Belief]]:
+    """True poses and beliefs along ``legs``, with a percept at every third step."""
+    report = []
+    for step, (true, odometry) in enumerate(arcs(START, legs, scale)):
+        percept = None if step % 3 else wall_percept(true, odometry.time, rng, seen)
+        report.append((true, localizer.update(odometry, percept, ())))
+    return report
+
+
+def error(true: Pose, belief: Belief) -> float:
+    return math.dist((true.x, true.y), (belief.pose.x, belief.pose.y))
+
+
+def nees(true: Pose, belief: Belief) -> float:
+    """Normalised squared error of the pose, 3 on average for exact covariances."""
+    off = np.array(
+        [belief.pose.x - true.x, belief.pose.y - true.y, wrap_angle(belief.pose.yaw - true.yaw)]
+    )
+    return float(off @ np.linalg.solve(belief.covariance, off))
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.4])
+def test_a_scan_finds_the_pose_near_a_guess(yaw: float) -> None:
+    plan = building(yaw)
+    true = plan.origin.compose(Pose(4.8, 1.6, -0.75))
+    scan = scan_of(wall_percept(true, 0.0, np.random.default_rng(1), plan), ROBOT)
+    guess = Pose(true.x + 0.1, true.y - 0.1, true.yaw + 0.04)
+    known = np.linalg.inv(np.diag([0.15, 0.15, 0.06]) ** 2)
+    match = PlanField(plan).match(scan, guess, known)
+    off = np.array(
+        [match.pose.x - true.x, match.pose.y - true.y, wrap_angle(match.pose.yaw - true.yaw)]
+    )
+    assert off @ (match.information + known) @ off < 16.3  # 99.9 % of 3 degrees of freedom
+    assert np.hypot(off[0], off[1]) < 0.12, "the guess is 0.14 m off"
+    assert match.belonging > 0.6
+
+
+def test_walls_correct_wheels_that_report_too_much_way() -> None:
+    report = drive(known=True)
+    errors = [error(*moment) for moment in report]
+    assert np.percentile(errors, 95) < 0.10
+    assert not any(belief.lost for _, belief in report)
+
+
+def test_the_covariance_is_about_right() -> None:
+    values = [nees(*moment) for seed in range(3) for moment in drive(True, scale=1.005, seed=seed)]
+    assert 0.2 < np.mean(values) < 6.0
+
+
+def test_furniture_and_missing_walls_do_not_mislead() -> None:
+    cells = PLAN.cells.copy()
+    cells[20:36, 60:76] = OCCUPIED  # a sofa that the plan does not know
+    cells[140:156, 80:100] = OCCUPIED
+    cells[:2, 20:60] = FREE  # a part of the outer wall that is not there
+    report = drive(known=True, seen=OccupancyMap(cells, PLAN.resolution, PLAN.origin))
+    assert np.percentile([error(*moment) for moment in report], 95) < 0.20
+
+
+def test_an_unknown_start_is_found_and_never_confidently_wrong() -> None:
+    report = drive(known=False, scale=1.005)
+    assert report[0][1].lost
+    found = [k for k, (_, belief) in enumerate(report) if not belief.lost]
+    assert found
+    assert 0.05 * found[0] < 12.0, "at 0.5 m/s and 10 Hz a step is 5 cm"
+    assert all(error(*report[k]) < 0.3 for k in found)
+
+
+def test_a_robot_elsewhere_than_it_was_told_becomes_lost_and_finds_itself() -> None:
+    rng = np.random.default_rng(4)
+    localizer = FloorPlanLocalizer(ROBOT)
+    localizer.reset()
+    localizer.start(MAP, Pose(7.5, 4.2, 1.9), AT_REST)
+    moments = follow(localizer, rng, ROUND * 3)
+    assert any(belief.lost for _, belief in moments)
+    assert not moments[-1][1].lost
+    assert error(*moments[-1]) < 0.2
+
+
+def test_nothing_seen_is_no_evidence() -> None:
+    localizer = FloorPlanLocalizer(ROBOT)
+    localizer.reset()
+    localizer.start(MAP, START, AT_REST)
+    sigmas = [
+        localizer.update(odometry, None, ()).sigma for _, odometry in arcs(START, [(4.0, 0.4, 0.0)])
+    ]
+    assert sigmas[-1] > sigmas[0]
+
+
+def test_a_map_without_a_plan_is_refused() -> None:
+    bare = TopoMap("bare", list(MAP.places.values()), MAP.passages)
+    localizer = FloorPlanLocalizer(ROBOT)
+    localizer.reset()
+    with pytest.raises(MapError, match=r"'bare' has no floor plan.*'floor_plan'"):
+        localizer.start(bare, START, AT_REST)
+
+
+def test_it_is_listed() -> None:
+    assert default_registry().get("localizer", "floor_plan") is FloorPlanLocalizer
