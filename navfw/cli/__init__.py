@@ -36,6 +36,7 @@ COMMANDS = (
     "navfw.cli.reproduce",
     "navfw.cli.listings",
     "navfw.cli.check",
+    "navfw.cli.new",
     "navfw.cli.generate",
     "navfw.cli.import_world",
     "navfw.cli.bench",

@@ -1,0 +1,56 @@
+"""A new project from the templates in ``navfw/templates/project``, written whole or not at all.
+
+A file of the templates is copied as it is. The ending ``.template`` is left out: it keeps tools
+that look for Python files and for ``.gitignore`` from taking templates for their own.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+from pathlib import Path
+
+from navfw.atomic import AtomicFolder
+from navfw.config.input_file import shown_path
+from navfw.config.lookup import project_folder
+from navfw.errors import ConfigError
+
+__all__ = ["write_project"]
+
+_TEMPLATES = Path(__file__).parent / "templates" / "project"
+_ENDING = ".template"
+_NOTHING = re.compile(r"(?!)")
+"""Matches no name: no file of an existing folder is replaced."""
+
+_HIDDEN = {"gitignore": ".gitignore"}
+"""Files whose name begins with a dot in the project, by their name among the templates."""
+
+
+def write_project(folder: Path) -> list[str]:
+    """Write a project to ``folder``, which is new or empty; the names of its files, sorted.
+
+    Raises:
+        ConfigError: ``folder`` is within a project.
+        InputError: ``folder`` contains something, or cannot be written.
+
+    """
+    around = project_folder(_nearest_existing(folder.absolute()))
+    if around is not None:
+        what = f"is within the project {shown_path(around)}; choose a folder outside of it"
+        raise ConfigError(what, file=folder)
+    names = {_name(file): file for file in sorted(_TEMPLATES.rglob("*")) if file.is_file()}
+    with AtomicFolder(folder, _NOTHING, "DIR") as target:
+        for name, template in names.items():
+            (target.path / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(template, target.path / name)
+    return sorted(names)
+
+
+def _name(template: Path) -> str:
+    """The name of a template's copy, relative to the project."""
+    name = template.relative_to(_TEMPLATES).as_posix().removesuffix(_ENDING)
+    return _HIDDEN.get(name, name)
+
+
+def _nearest_existing(folder: Path) -> Path:
+    return next(each for each in (folder, *folder.parents) if each.is_dir())
