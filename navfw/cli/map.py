@@ -1,4 +1,4 @@
-"""``navfw map``: show, check, build, convert and learn topological maps."""
+"""``navfw map``: show, check, build, convert and learn topological maps; export floor plans."""
 
 from __future__ import annotations
 
@@ -22,9 +22,10 @@ OverWorld = Annotated[
 def add_to(app: typer.Typer) -> None:
     """Add ``map`` with its commands."""
     group = typer.Typer(
-        help="Show, check, build, convert and learn topological maps.", no_args_is_help=True
+        help="Show, check, build, convert and learn maps; export floor plans.",
+        no_args_is_help=True,
     )
-    for command in (show, check, build, convert, learn):
+    for command in (show, check, build, convert, learn, export):
         group.command()(command)
     app.add_typer(group, name="map")
 
@@ -149,3 +150,30 @@ def convert(
         print_json({"map": topo_map.name, "places": places, "edges": edges, "file": str(out)})
     else:
         typer.echo(f"{out}: {places} places, {edges} edges")
+
+
+def export(
+    world: World,
+    out: Annotated[Path, typer.Option(help="Yaml file to write; its image is beside it.")],
+    resolution: Annotated[float, typer.Option(help="Edge of a cell [m].")] = 0.05,
+    walls_only: Annotated[
+        bool, typer.Option("--walls-only", help="Leave out furniture, drops and closed doors.")
+    ] = False,
+    image: Annotated[str, typer.Option(help="Format of the image: pgm, png or bmp.")] = "pgm",
+    json: Json = False,
+) -> None:
+    """Export a world's floor plan for ROS' map_server, as Nav2 uses it."""
+    from navfw.config.lookup import find
+    from navfw.sim.worldfile import load_world
+    from navfw.topomap.ros_map import save_ros_map
+    from navfw.worldgen.plan_export import exported_plan
+
+    with quiet_stdout():
+        plan = exported_plan(load_world(find("world", world)), resolution, walls_only=walls_only)
+        picture = save_ros_map(plan, out, f".{image.removeprefix('.').lower()}")
+    rows, columns = plan.cells.shape
+    if json:
+        summary = {"file": str(out), "image": str(picture), "cells": [columns, rows]}
+        print_json({**summary, "resolution_m": resolution, "occupied": int(plan.occupied.sum())})
+        return
+    typer.echo(f"{out}, {picture}: {columns} x {rows} cells of {resolution:g} m")

@@ -161,8 +161,8 @@ class FloorPlan:
         """Grid of the positions that a robot of ``radius`` [m] cannot take; ``cell`` [m]."""
         x0, y0, x1, y1 = self.bounds
         columns, rows = math.ceil((x1 - x0) / cell - 1e-9), math.ceil((y1 - y0) / cell - 1e-9)
-        x: Array = x0 + (np.arange(columns) + 0.5) * cell
-        y: Array = y0 + (np.arange(rows) + 0.5) * cell
+        x = x0 + (np.arange(columns, dtype=np.float64) + 0.5) * cell
+        y = y0 + (np.arange(rows, dtype=np.float64) + 0.5) * cell
         outside = np.logical_or.outer(
             (y < y0 + radius) | (y > y1 - radius), (x < x0 + radius) | (x > x1 - radius)
         )

@@ -101,10 +101,16 @@ def save_ros_map(plan: OccupancyMap, path: str | Path, suffix: str = ".png") -> 
     ``suffix`` is one of ``IMAGE_SUFFIXES``.
 
     Raises:
-        InputError: a file cannot be written.
+        InputError: a file cannot be written, or the suffix of the yaml file or image is another.
 
     """
     path = Path(path)
+    if suffix not in IMAGE_SUFFIXES:
+        raise ConfigError(
+            f"expected an image of {', '.join(IMAGE_SUFFIXES)}, got {suffix!r}", key="image"
+        )
+    if path.suffix.lower() not in {".yaml", ".yml"}:
+        raise ConfigError("expected a .yaml file for the floor plan", file=shown_path(path))
     image = path.with_suffix(suffix)
     levels = np.zeros(plan.cells.shape, dtype=np.uint8)
     for state, level in _LEVELS.items():

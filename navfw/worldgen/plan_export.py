@@ -25,9 +25,11 @@ def exported_plan(
     plan, while the other one is what a robot would have mapped.
 
     Raises:
-        InputError: it would have too many cells.
+        InputError: ``resolution`` is out of range, or the plan would have too many cells.
 
     """
+    if not 0.001 <= resolution <= 10.0:
+        raise InputError(f"expected 0.001 to 10 m, got {resolution:g}", key="resolution")
     width, depth = world.x[1] - world.x[0], world.y[1] - world.y[0]
     if width * depth / resolution**2 > MAX_CELLS:
         raise InputError(
