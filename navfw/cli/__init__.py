@@ -37,6 +37,7 @@ COMMANDS = (
     "navfw.cli.listings",
     "navfw.cli.check",
     "navfw.cli.new",
+    "navfw.cli.schema",
     "navfw.cli.generate",
     "navfw.cli.import_world",
     "navfw.cli.bench",

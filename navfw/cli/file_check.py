@@ -47,7 +47,11 @@ def data_files(folder: Path) -> list[Path]:
     worlds = [f"{part}{name}" for part in ("", "*/", "worlds/*/") for name in _OF_A_WORLD]
     parts = [f"{name}/*" for name in (*FOLDERS, *_RULES)]
     whole = ["*"] if folder.resolve().name in {*FOLDERS, *_RULES} else []
-    found = {file for pattern in (*worlds, *parts, *whole) for file in folder.glob(pattern)}
+    found = {
+        file
+        for pattern in (*worlds, "worlds/suites/*", *parts, *whole)
+        for file in folder.glob(pattern)
+    }
     return sorted(file for file in found if _is_data_file(file))
 
 

@@ -61,6 +61,7 @@ BAD = {
     "behaviors/_helper.yaml": "",
     "stacks/wrong.yaml": "base: default\nbehaviors: {sound: {wait: 1}}\n",
     "robots/torn.yaml": "radius: wide\n",
+    "worlds/suites/torn.yaml": "entries: []\n",
     "worlds/empty/missions/far.yaml": (
         "map: empty\nstart: [0, 0, 0]\ngoals: [centr]\nstack: mine\ntimeout: 30\n"
     ),
@@ -104,9 +105,10 @@ def test_every_error_is_told_at_once(project: Path) -> None:
         "behaviors/typo.yaml: there is no such file; did you mean 'typos.yaml'?",
         "stacks/wrong.yaml:2: behaviors.sound.wait: unknown key",
         "robots/torn.yaml:1: radius",
+        "worlds/suites/torn.yaml:1: entries",
         "worlds/empty/missions/far.yaml:3: goals[0]: unknown place 'centr'",
         "did you mean 'centre'?",
-        "11 checked, 6 wrong",
+        "12 checked, 7 wrong",
     ):
         assert words in done.stdout
 
