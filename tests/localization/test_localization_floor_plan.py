@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 from plan_samples import MAP, PLAN, ROBOT, START, arcs, building, wall_percept
 
+from navfw.config.lookup import find
 from navfw.errors import MapError
 from navfw.localization.floor_plan import FloorPlanLocalizer
 from navfw.localization.plan_field import PlanField
 from navfw.localization.plan_scan import PlanScan, scan_of
 from navfw.plugins import default_registry
 from navfw.signals import Belief, Odometry, Pose, Twist, wrap_angle
+from navfw.stackfile import load_stack
 from navfw.topomap import TopoMap
 from navfw.topomap.occupancy_map import FREE, OCCUPIED, OccupancyMap
 
@@ -147,5 +149,8 @@ def test_a_map_without_a_plan_is_refused() -> None:
         localizer.start(bare, START, AT_REST)
 
 
-def test_it_is_listed() -> None:
-    assert default_registry().get("localizer", "floor_plan") is FloorPlanLocalizer
+def test_a_stack_takes_it_by_its_name_alone() -> None:
+    config = load_stack(find("stack", "default"), default_registry(), ["localizer=floor_plan"])
+    choice = config.stages["localizer"]
+    assert choice.plugin is FloorPlanLocalizer
+    assert choice.params == FloorPlanLocalizer.Params()
