@@ -15,7 +15,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from navfw.movers.view_merging import BORDER_ANGLE, LEAST_RADIUS
+from navfw.movers.view_merging import BORDER_ANGLE
 from navfw.robot import RobotModel
 from navfw.signals import Array, MovingObject, OccupiedDisc, Pose
 
@@ -24,6 +24,8 @@ __all__ = ["Track", "Tracker", "TrackerParams"]
 Positive = Annotated[float, Field(gt=0.0, le=100.0)]
 """Sigmas and speeds [m/s]: beyond 100 nothing changes any more."""
 
+MERGE_DISTANCE = 0.3
+"""Tracks nearer to each other than this [m] are one object: people keep farther apart."""
 MAX_AGE, OVERLAP = 0.25, 0.03
 """A track not updated for MAX_AGE s whose predicted place overlaps the robot by more than OVERLAP m
 is dropped: the object has gone elsewhere."""
@@ -34,9 +36,8 @@ VELOCITY_SIGMA = 0.2
 """Change of velocity [m/s] that costs as much in association as one sigma of position."""
 SHAPE_SIGMA = 0.06
 """Error of a position [m] because the body is no disc and is seen in part from near."""
-MAX_RANGE = 1.5
-"""Distance [m] up to which a moving object in view is expected to be detected: beyond it most
-frames miss it, so that not being detected says little."""
+MAX_RANGE = 2.0
+"""Distance [m] up to which a moving object in view is expected to be detected."""
 
 
 class TrackerParams(BaseModel):
@@ -76,7 +77,7 @@ class TrackerParams(BaseModel):
     ] = 0.6
     radius: Annotated[
         tuple[Positive, Positive], Field(description="least and largest radius of an object [m]")
-    ] = (LEAST_RADIUS, 0.35)
+    ] = (0.22, 0.35)
 
 
 @dataclass(slots=True, eq=False)
@@ -170,7 +171,7 @@ class Tracker:
         return associated
 
     def _merge_into(self, track: Track) -> None:
-        """Drop older tracks whose body ``track``, which was just updated, would overlap.
+        """Drop older tracks within the merge distance of ``track``, which was just updated.
 
         They are the same object; the track takes over the largest number of hits.
         """
@@ -179,7 +180,7 @@ class Tracker:
             other
             for other in self.tracks
             if other.time != track.time
-            and math.dist(other.predict(track.time), here) <= 2.0 * self.params.radius[0]
+            and math.dist(other.predict(track.time), here) <= MERGE_DISTANCE
         ]
         track.hits = max((track.hits, *(duplicate.hits for duplicate in duplicates)))
         self.tracks = [other for other in self.tracks if other not in duplicates]

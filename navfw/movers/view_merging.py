@@ -1,4 +1,4 @@
-"""View merging: one detection for an object that shows in two adjacent images, or in two parts."""
+"""View merging: one detection for an object that shows in two adjacent images."""
 
 from __future__ import annotations
 
@@ -8,15 +8,13 @@ from collections.abc import Sequence
 from navfw.robot import CameraModel
 from navfw.signals import MovingObject
 
-__all__ = ["BORDER_ANGLE", "LEAST_RADIUS", "merge_views"]
+__all__ = ["BORDER_ANGLE", "merge_views"]
 
 BORDER_ANGLE = math.radians(7.0)
 """Angle [rad] from an image's border within which flow is not computed: a detection that ends there
 may be cut off."""
 MAX_RATIO = 2.0
 """Largest ratio of the distances of two parts of one object."""
-LEAST_RADIUS = 0.22
-"""Least radius [m] of an object: what is seen of people is less than they are."""
 
 
 def merge_views(
@@ -24,8 +22,7 @@ def merge_views(
 ) -> tuple[MovingObject, ...]:
     """All detections of ``views``, one for each of ``cameras`` (at one place); left to right.
 
-    Two detections that end at the border between adjacent views, at similar distances, become one;
-    so do neighbours whose bodies would overlap.
+    Two detections that end at the border between adjacent views, at similar distances, become one.
     """
     bearings = [camera.bearing for camera in cameras]
     order = sorted(range(len(cameras)), key=lambda k: -bearings[k])
@@ -46,24 +43,7 @@ def merge_views(
                 merged[-1:], fresh = [_merge(left, right)], fresh[1:]
         merged += fresh
         border = axis - half
-    return _without_overlaps(merged)
-
-
-def _without_overlaps(detections: Sequence[MovingObject]) -> tuple[MovingObject, ...]:
-    """``detections``, left to right; neighbours are joined while their bodies overlap."""
-    joined: list[MovingObject] = []
-    for detection in detections:
-        if joined and math.dist(_centre(joined[-1]), _centre(detection)) < 2.0 * LEAST_RADIUS:
-            joined[-1] = _merge(joined[-1], detection)
-        else:
-            joined.append(detection)
-    return tuple(joined)
-
-
-def _centre(detection: MovingObject) -> tuple[float, float]:
-    """The centre of the least body with that front, (ahead, left) of the camera [m]."""
-    away = detection.distance + LEAST_RADIUS
-    return away * math.cos(detection.bearing), away * math.sin(detection.bearing)
+    return tuple(merged)
 
 
 def _merge(left: MovingObject, right: MovingObject) -> MovingObject:

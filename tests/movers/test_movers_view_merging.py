@@ -82,22 +82,3 @@ def test_a_single_view_is_left_as_it_is() -> None:
     ahead = [detection(0.5, HALF), detection(-0.2, 0.1)]
     assert merge_views([ahead], CAMERAS[:1]) == tuple(ahead)
     assert math.isclose(ahead[0].distance, 1.0)
-
-
-@pytest.mark.parametrize(
-    ("gap", "distance", "parts"),
-    # centres of bodies of 0.22 m: 0.41 and 0.33 m apart, then 0.60 and 1.36 m
-    [(0.35, 0.45, 1), (0.05, 0.8, 1), (0.65, 0.45, 2), (0.65, 1.3, 2)],
-)
-@pytest.mark.parametrize("views", [1, 3])
-def test_neighbours_whose_bodies_would_overlap_are_one(
-    gap: float, distance: float, parts: int, views: int
-) -> None:
-    # nearby, the flow of both images ends far before their border
-    inner = detection(HALF - 0.35 - gap, HALF - 0.15 - gap, distance)
-    outer = detection(HALF - 0.15, HALF + 0.2, distance)
-    seen = [[inner, outer]] if views == 1 else [[inner], [outer], []]
-    merged = merge_views(seen, CAMERAS[:views])
-    assert len(merged) == parts
-    assert merged[0].bearing + merged[0].width == pytest.approx(HALF + 0.2)
-    assert merged[-1].bearing - merged[-1].width == pytest.approx(HALF - 0.35 - gap)
