@@ -15,6 +15,7 @@ from navfw.missions.missionfile import load_mission
 from navfw.plugins import default_registry
 from navfw.robotfile import load_robot
 from navfw.sim.worldfile import load_world
+from navfw.stack_document import read_stack
 from navfw.stackfile import load_stack
 from navfw.suite.suitefile import load_suite
 from navfw.topomap import load_map
@@ -28,6 +29,12 @@ READERS: dict[str, Callable[[Path], Any]] = {
     "navfw/localization/situations.yaml": load_table,
     "navfw/robots/*.yaml": load_robot,
     "navfw/stacks/*.yaml": lambda path: load_stack(path, default_registry()),
+    "navfw/templates/project/behaviors/*.yaml": load_rule_base,
+    "navfw/templates/project/maps/*.yaml": load_map,
+    # with a behaviour of the new project, which nothing here may execute
+    "navfw/templates/project/stacks/*.yaml": read_stack,
+    "navfw/templates/project/worlds/*/missions/*.yaml": load_mission,
+    "navfw/templates/project/worlds/*/world.yaml": load_world,
     "worlds/*/missions/*.yaml": load_mission,
     "worlds/*/world.yaml": load_world,
     "worlds/suites/*.yaml": load_suite,
