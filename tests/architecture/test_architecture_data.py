@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from architecture_sources import ROOT, shown
 
+from navfw.config.document import load_yaml
 from navfw.fuzzy import load_rule_base
 from navfw.localization.situation_model import load_table
 from navfw.missions.missionfile import load_mission
@@ -31,9 +32,9 @@ READERS: dict[str, Callable[[Path], Any]] = {
     "navfw/stacks/*.yaml": lambda path: load_stack(path, default_registry()),
     "navfw/templates/project/behaviors/*.yaml": load_rule_base,
     "navfw/templates/project/maps/*.yaml": load_map,
-    # with a behaviour of the new project, which nothing here may execute
+    # these name a behaviour and a map of the new project, found only there
     "navfw/templates/project/stacks/*.yaml": read_stack,
-    "navfw/templates/project/worlds/*/missions/*.yaml": load_mission,
+    "navfw/templates/project/worlds/*/missions/*.yaml": load_yaml,
     "navfw/templates/project/worlds/*/world.yaml": load_world,
     "worlds/*/missions/*.yaml": load_mission,
     "worlds/*/world.yaml": load_world,
