@@ -129,7 +129,6 @@ class SafetyMonitor:
         self._blind_reverse = 0.0
         self._blind_advance = 0.0
         self._sightless_since: float | None = None
-        self._refused_since: float | None = None
         self._failing: FailingStage | None = None
 
     def update(
@@ -149,7 +148,6 @@ class SafetyMonitor:
         """``twist`` as far as it is safe at ``time`` [s] from odom ``pose``."""
         verdict = self._limited(twist, time, pose)
         self._last_twist = verdict.twist
-        self._watch_refusals(verdict, time)
         return verdict
 
     def _limited(self, twist: Twist, time: float, pose: Pose) -> SafetyVerdict:
@@ -208,10 +206,9 @@ class SafetyMonitor:
     @property
     def _sightless_for(self) -> float:
         """Time [s] for which the robot may not go on, as it sees nothing of the path ahead."""
-        since = self._refused_since if self._sightless_since is None else self._sightless_since
-        if since is None or self._last_time is None:
+        if self._sightless_since is None or self._last_time is None:
             return 0.0
-        return self._last_time - since
+        return self._last_time - self._sightless_since
 
     @property
     def _failing_for(self) -> float:
@@ -292,13 +289,6 @@ class SafetyMonitor:
         """Angle [rad] that the robot turns until it stands, from the turning rate ``w`` [rad/s]."""
         stopping = w * w / (2.0 * self.robot.max_turn_accel) + abs(w) * self.params.latency
         return min(stopping, _LONGEST_TURN)
-
-    def _watch_refusals(self, verdict: SafetyVerdict, time: float) -> None:
-        """Note since when no advance has been allowed without sight of the path."""
-        if verdict.twist.v > 0.0 or not self.local_map.sight.none:
-            self._refused_since = None
-        elif verdict.stopped and self._refused_since is None:
-            self._refused_since = time
 
     def _braking_speed(self, room: float) -> float:
         """Top speed [m/s] from which full braking ends within ``room`` [m] (METHOD 2.13).

@@ -50,20 +50,6 @@ def test_without_sight_of_the_path_the_robot_advances_a_little_and_stops_with_a_
     assert "nothing is seen of the path ahead" in str(monitor.failure)
 
 
-def test_a_robot_that_may_not_enter_the_unobserved_gives_up_for_want_of_sight() -> None:
-    monitor = monitor_with(unobserved=0.0)
-    monitor.local_map.sight.observe(percept(0.0))
-    assert drive(monitor, 10.0) == "unobserved space ahead"
-    drive(monitor, monitor.params.give_up - 10.5, 10.0, Twist(0.0, 0.5))  # looking around
-    assert monitor.failure is None
-    drive(monitor, 1.0, monitor.params.give_up - 0.5)
-    assert "nothing is seen of the path ahead" in str(monitor.failure)
-    for _ in range(40):
-        monitor.local_map.sight.observe(percept())
-    drive(monitor, 0.1, monitor.params.give_up + 0.5)
-    assert monitor.failure is None
-
-
 def test_sight_of_the_path_ends_the_standstill() -> None:
     monitor = monitor_with()
     monitor.local_map.sight.observe(percept(0.0))
