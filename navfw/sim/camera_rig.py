@@ -18,9 +18,9 @@ from navfw.robot import RobotModel
 from navfw.signals import CameraMotion, Frame, Image
 from navfw.sim.camera import Camera, DepthImage
 from navfw.sim.injected_faults import InjectedFaults
-from navfw.sim.robot_body import BodyState
 from navfw.sim.scenery import Scenery
 from navfw.sim.sensor_models import SensorParams
+from navfw.sim.wheeled_body import BodyState
 from navfw.sim.worldspec import LightSpec
 
 __all__ = ["CameraRig", "NoiseGenerators", "Timings"]

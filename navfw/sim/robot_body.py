@@ -8,24 +8,17 @@ The wheels' collision shapes are spheres with one contact point each; cylinders 
 from __future__ import annotations
 
 import math
-from functools import partial
-from typing import Any
 
 import numpy as np
 
 from navfw.atomic import scratch_folder
 from navfw.robot import RobotModel
-from navfw.signals import Array, Pose, wrap_angle
+from navfw.signals import Pose, wrap_angle
 from navfw.sim.engine import bullet
 from navfw.sim.physics_world import BODY_GROUP, FLOOR_GROUP, SOLID_GROUP, WHEEL_GROUP
+from navfw.sim.wheeled_body import BodyState, WheeledBody
 
-__all__ = ["BodyState", "ContactPoint", "RobotBody", "pose_of", "rates_about_axes", "robot_urdf"]
-
-BodyState = tuple[tuple[float, float, float], tuple[float, float, float, float]]
-"""Position [m] and orientation (quaternion x, y, z, w) of base_link in the map."""
-
-ContactPoint = tuple[int, float, float, float]
-"""PyBullet's id of the body in contact with the base, and the point (x, y, z) [m]."""
+__all__ = ["RobotBody", "pose_of", "robot_urdf"]
 
 MASS = 6.0
 """Mass of the robot without wheels [kg]."""
@@ -100,11 +93,11 @@ def robot_urdf(robot: RobotModel) -> str:
     return f'<?xml version="1.0"?><robot name="navfw_robot">{base}{wheels}{casters}</robot>'
 
 
-class RobotBody:
-    """The robot in one PyBullet client: wheel motors, and its true state and contacts."""
+class RobotBody(WheeledBody):
+    """The round robot with two wheels and two casters, built from its ``RobotModel``."""
 
     def __init__(self, robot: RobotModel, client: int, start: Pose) -> None:
-        self._client = client
+        super().__init__(client)
         with scratch_folder("robot") as folder:
             path = folder / "robot.urdf"
             path.write_text(robot_urdf(robot), encoding="utf-8")
@@ -125,21 +118,7 @@ class RobotBody:
         }
         half, caster = 0.5 * robot.track, _CASTER_AHEAD * robot.radius
         self._supports = np.array([[0.0, half], [0.0, -half], [caster, 0.0], [-caster, 0.0]])
-        self._wheels = [joints["left_axle"], joints["right_axle"]]
-        # calls of every tick or physics step, with their arguments bound once
-        at = {"physicsClientId": client}
-        self._contact_points = partial(bullet.getContactPoints, self.body, linkIndexA=-1, **at)
-        self._base_pose = partial(bullet.getBasePositionAndOrientation, self.body, **at)
-        self._base_velocity = partial(bullet.getBaseVelocity, self.body, **at)
-        self._wheel_states = partial(bullet.getJointStates, self.body, self._wheels, **at)
-        self._set_motors = partial(
-            bullet.setJointMotorControlArray,
-            self.body,
-            self._wheels,
-            bullet.VELOCITY_CONTROL,
-            forces=[WHEEL_TORQUE, WHEEL_TORQUE],
-            **at,
-        )
+        self._bind([joints["left_axle"], joints["right_axle"]], WHEEL_TORQUE, linkIndexA=-1)
         self._set_contacts(joints)
         self.set_wheel_speeds(0.0, 0.0)
 
@@ -183,39 +162,6 @@ class RobotBody:
             centre[2] + offset * (1.0 - 2.0 * (x * x + y * y)),
         )
         return origin, turn
-
-    def support_points(self) -> Array:
-        """(4, 3) points [m] in the map: the lowest points of wheels and casters."""
-        origin, turn = self.state()
-        axes = np.array(self._call("getMatrixFromQuaternion", turn)).reshape(3, 3)
-        points: Array = origin + self._supports @ axes[:, :2].T
-        return points
-
-    def roll_pitch_rates(self, turn: tuple[float, float, float, float]) -> tuple[float, float]:
-        """Angular velocity [rad/s] about the body's x and y axes; ``turn`` is its orientation."""
-        return rates_about_axes(turn, self._base_velocity()[1])
-
-    def contacts(self) -> set[ContactPoint]:
-        """The current contact points of the base."""
-        points = self._contact_points()
-        if not points:
-            return set()
-        # close pairs without contact are listed too: index 8 is the distance, 9 the normal force
-        return {(point[2], *point[6]) for point in points if point[8] <= 1e-4 or point[9] > 0.0}
-
-    def _call(self, function: str, *args: Any, **kwargs: Any) -> Any:
-        return getattr(bullet, function)(*args, physicsClientId=self._client, **kwargs)
-
-
-def rates_about_axes(
-    turn: tuple[float, float, float, float], velocity: tuple[float, float, float]
-) -> tuple[float, float]:
-    """Angular ``velocity`` (3,) [rad/s, map axes] about the x and y axes of a body at ``turn``."""
-    wx, wy, wz = velocity
-    x, y, z, w = turn
-    roll = (1 - 2 * (y * y + z * z)) * wx + 2 * (x * y + w * z) * wy + 2 * (x * z - w * y) * wz
-    pitch = 2 * (x * y - w * z) * wx + (1 - 2 * (x * x + z * z)) * wy + 2 * (y * z + w * x) * wz
-    return roll, pitch
 
 
 def pose_of(state: BodyState) -> Pose:

@@ -27,10 +27,11 @@ from navfw.sim.floorplan import FloorPlan
 from navfw.sim.injected_faults import InjectedFaults
 from navfw.sim.movers import Mover, MoverTrack, caused_by_robot
 from navfw.sim.physics_world import PhysicsWorld
-from navfw.sim.robot_body import BodyState, ContactPoint, RobotBody, pose_of
+from navfw.sim.robot_body import RobotBody, pose_of
 from navfw.sim.scenery import Scenery
 from navfw.sim.sensor_models import GyroModel, SensorParams, WheelEncoderModel
 from navfw.sim.urdf_body import UrdfBody
+from navfw.sim.wheeled_body import BodyState, ContactPoint, WheeledBody
 from navfw.sim.world_changes import ChangeTrack, WorldChanges
 from navfw.sim.world_check import check_world
 from navfw.sim.worldspec import WorldSpec
@@ -122,7 +123,7 @@ class Simulation:
             self.close()
             raise
 
-    def _make_body(self, start: Pose) -> RobotBody | UrdfBody:
+    def _make_body(self, start: Pose) -> WheeledBody:
         """The robot at its start."""
         if self.robot.urdf is None:
             return RobotBody(self.robot, self._client, start)

@@ -8,17 +8,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection
-from functools import partial
-from typing import Any
 
 import numpy as np
 
 from navfw.errors import SimulationError
 from navfw.robot import DrivenUrdf, RobotModel
-from navfw.signals import Array, Pose
+from navfw.signals import Pose
 from navfw.sim.engine import bullet, quiet_output
 from navfw.sim.physics_world import BODY_GROUP, FLOOR_GROUP, SOLID_GROUP, WHEEL_GROUP
-from navfw.sim.robot_body import BodyState, ContactPoint, rates_about_axes
+from navfw.sim.wheeled_body import BodyState, WheeledBody
 from navfw.urdf_drive import UrdfDrive, urdf_drive
 
 __all__ = ["UrdfBody"]
@@ -31,8 +29,8 @@ _HOLDING = 50.0
 """Torque limit of joints that are held [N m], or force limit [N]."""
 
 
-class UrdfBody:
-    """The robot of a URDF in one PyBullet client: wheel motors, true state and contacts.
+class UrdfBody(WheeledBody):
+    """The robot of a URDF, with one or more wheels on each side.
 
     ``floor`` are the ids of the bodies that form the floor.
     """
@@ -40,7 +38,8 @@ class UrdfBody:
     def __init__(self, robot: RobotModel, client: int, start: Pose, floor: Collection[int]) -> None:
         if robot.urdf is None:
             raise ValueError("the robot has no URDF")
-        self._client, self._floor = client, frozenset(floor)
+        super().__init__(client)
+        self._floor = frozenset(floor)
         drive = urdf_drive(robot)
         self.body = self._load(robot.urdf.file, drive, start)
         joints, links = self._names()
@@ -50,20 +49,7 @@ class UrdfBody:
         self._supports = drive.supports
         self._set_dynamics(drive, joints, links, wheels)
         self._set_grip(robot.urdf, joints, wheels)
-        # calls of every tick or physics step, with their arguments bound once
-        at = {"physicsClientId": client}
-        self._contact_points = partial(bullet.getContactPoints, self.body, **at)
-        self._base_pose = partial(bullet.getBasePositionAndOrientation, self.body, **at)
-        self._base_velocity = partial(bullet.getBaseVelocity, self.body, **at)
-        self._wheel_states = partial(bullet.getJointStates, self.body, wheels, **at)
-        self._set_motors = partial(
-            bullet.setJointMotorControlArray,
-            self.body,
-            wheels,
-            bullet.VELOCITY_CONTROL,
-            forces=[robot.urdf.torque] * len(wheels),
-            **at,
-        )
+        self._bind(wheels, robot.urdf.torque)
         # base_link in the frame that PyBullet reports, which is that of the base's inertia
         inertial = self._call("getDynamicsInfo", self.body, -1)[3:5]
         to_root = bullet.invertTransform(*inertial)
@@ -145,24 +131,5 @@ class UrdfBody:
         position, turn = bullet.multiplyTransforms(*self._base_pose(), *self._offset)
         return position, turn
 
-    def support_points(self) -> Array:
-        """(n, 3) points [m] in the map: where the wheels touch the floor."""
-        origin, turn = self.state()
-        axes = np.array(self._call("getMatrixFromQuaternion", turn)).reshape(3, 3)
-        points: Array = origin + self._supports @ axes[:, :2].T
-        return points
-
-    def roll_pitch_rates(self, turn: tuple[float, float, float, float]) -> tuple[float, float]:
-        """Angular velocity [rad/s] about the body's x and y axes; ``turn`` is its orientation."""
-        return rates_about_axes(turn, self._base_velocity()[1])
-
-    def contacts(self) -> set[ContactPoint]:
-        """The current contact points with anything but the floor."""
-        return {
-            (point[2], *point[6])
-            for point in self._contact_points()
-            if point[2] not in self._floor and (point[8] <= 1e-4 or point[9] > 0.0)
-        }
-
-    def _call(self, function: str, *args: Any, **kwargs: Any) -> Any:
-        return getattr(bullet, function)(*args, physicsClientId=self._client, **kwargs)
+    def _collides(self, other: int) -> bool:
+        return other not in self._floor
