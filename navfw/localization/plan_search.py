@@ -136,9 +136,7 @@ class PlanSearch:
         """About ``count`` points of all scans, evenly picked, seen from odom pose ``here``."""
         points, sigma = [], []
         for _, pose, scan in self._scans:
-            moved = here.relative(pose)
-            c, s = math.cos(moved.yaw), math.sin(moved.yaw)
-            points.append(scan.points @ np.array([[c, s], [-s, c]]) + (moved.x, moved.y))
+            points.append(here.relative(pose).points_to_parent(scan.points))
             sigma.append(scan.sigma)
         joined, spread = np.concatenate(points), np.concatenate(sigma)
         step = max(1, len(spread) // count)
@@ -148,9 +146,8 @@ class PlanSearch:
         """Which of ``poses`` (m, 3) would have led the robot through a wall, or off the plan."""
         way = np.array([(q.x, q.y) for q in (here.relative(pose) for _, pose, _ in self._scans)])
         blocked = []
-        for x, y, yaw in poses.tolist():
-            c, s = math.cos(yaw), math.sin(yaw)
-            clearance = self._field.clearance(way @ np.array([[c, s], [-s, c]]) + (x, y))
+        for pose in poses.tolist():
+            clearance = self._field.clearance(Pose(*pose).points_to_parent(way))
             blocked.append(not bool((clearance > LEAST_CLEARANCE).all()))
         return np.array(blocked)
 

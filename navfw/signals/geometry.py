@@ -44,6 +44,11 @@ class Pose:
         c, s = math.cos(self.yaw), math.sin(self.yaw)
         return self.x + c * x - s * y, self.y + s * x + c * y
 
+    def points_to_parent(self, points: Array) -> Array:
+        """The points (n, 2) seen from this pose, in this pose's parent frame."""
+        c, s = math.cos(self.yaw), math.sin(self.yaw)
+        return np.asarray(points @ np.array([[c, s], [-s, c]]) + (self.x, self.y))
+
     def compose(self, other: Pose) -> Pose:
         """``other``, given relative to this pose, in this pose's parent frame."""
         x, y = self.to_parent(other.x, other.y)

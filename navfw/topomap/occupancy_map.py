@@ -92,9 +92,7 @@ class OccupancyMap:
 
     def to_map(self, points: Array) -> Array:
         """(N, 2) points [m], given along the grid's axes from its corner, in the frame ``map``."""
-        c, s = np.cos(self.origin.yaw), np.sin(self.origin.yaw)
-        turned: Array = points @ np.array([[c, s], [-s, c]]) + (self.origin.x, self.origin.y)
-        return turned
+        return self.origin.points_to_parent(points)
 
     def indices(self, points: Array) -> npt.NDArray[np.intp]:
         """(N, 2) row and column of the cells that contain points (N, 2) [m] of the frame ``map``.
