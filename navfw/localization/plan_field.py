@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import cv2
 import numpy as np
+import numpy.typing as npt
+from scipy.ndimage import distance_transform_edt
 
 from navfw.localization.plan_kernels import match_points, rate_poses
 from navfw.localization.plan_scan import PlanScan
@@ -109,9 +110,11 @@ class PlanField:
         return moved
 
 
-def _distances(away_from_zero: Any) -> Array:
-    """Distance [cells] of each cell's centre from that of the nearest cell that is False."""
-    marked = away_from_zero.astype(np.uint8)
-    if marked.all():
-        return np.full(marked.shape, float(max(marked.shape)))
-    return np.asarray(cv2.distanceTransform(marked, cv2.DIST_L2, cv2.DIST_MASK_PRECISE), np.float64)
+def _distances(away: npt.NDArray[np.bool_]) -> Array:
+    """Distance [cells] of each cell's centre from that of the nearest cell that is False.
+
+    OpenCV's precise transform is not used: its last bits differ from process to process.
+    """
+    if away.all():
+        return np.full(away.shape, float(max(away.shape)))
+    return np.asarray(distance_transform_edt(away), dtype=np.float64)

@@ -90,6 +90,16 @@ def test_a_scan_finds_the_pose_near_a_guess(yaw: float) -> None:
     assert match.belonging > 0.6
 
 
+def test_the_field_is_exact_to_the_last_bit() -> None:
+    """As its squares are whole numbers, every process then computes the same field."""
+    occupied = building(0.0).occupied
+    field = PlanField(building(0.0)).cells
+    centres, others = np.argwhere(~occupied), np.argwhere(occupied)
+    for row, column in centres[:: len(centres) // 200]:
+        squared = ((others - (row, column)) ** 2).sum(axis=1).min()
+        assert field[row, column] == np.float32(math.sqrt(squared) - 0.5)
+
+
 def test_walls_correct_wheels_that_report_too_much_way() -> None:
     report = drive(known=True)
     errors = [error(*moment) for moment in report]

@@ -92,6 +92,19 @@ def test_no_variable_of_the_environment_changes_the_commands(
 
 
 @pytest.mark.slow
+def test_the_commands_of_the_stack_floor_plan_are_the_same_in_every_process(tmp_path: Path) -> None:
+    office = ["office", "lobby-to-lab", "--stack", "floor_plan", "--set", "mission.timeout=30"]
+    hashes = set()
+    for _ in range(4):
+        command = [*NAVFW, "run", *office, "--json", "--quiet"]
+        done = subprocess.run(  # noqa: S603 - this Python, words of our own
+            command, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False
+        )
+        hashes.add(json.loads(done.stdout)["command_hash"])
+    assert len(hashes) == 1
+
+
+@pytest.mark.slow
 def test_the_commands_of_a_suite_s_workers_are_the_same(expected: str, tmp_path: Path) -> None:
     (tmp_path / "short.yaml").write_text(SUITE)
     words = ["suite", "short.yaml", "--seeds", f"{SEED}:{SEED + 1}", "--set", TIMEOUT]
