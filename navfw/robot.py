@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from navfw.camera_effects import CameraEffects
 from navfw.signals import Array, Twist
 
 __all__ = [
@@ -272,6 +273,9 @@ class RobotModel(BaseModel):
     landmark_camera: Annotated[
         LandmarkCamera, Field(description="how the camera is read out for landmarks")
     ] = LandmarkCamera()
+    camera_effects: Annotated[
+        CameraEffects, Field(description="of a real camera, in all its images")
+    ] = CameraEffects()
     odometry: Annotated[OdometrySheet, Field(description="error model of gyro and wheels")] = (
         OdometrySheet()
     )
@@ -298,6 +302,17 @@ class RobotModel(BaseModel):
             raise ValueError(
                 f"side views reach {math.degrees(self.seen_aside):.0f} degrees to either side, no"
                 f" lens sees more than {math.degrees(_WIDEST_LENS):.0f}: make them narrower"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _exposed_within_a_frame(self) -> RobotModel:
+        taken = self.camera_effects.shutter_time
+        if taken > 1.0 / self.camera.rate + 1e-9:
+            raise ValueError(
+                f"exposure and readout take {taken:g} s, at {self.camera.rate:g} Hz a frame has"
+                f" {1.0 / self.camera.rate:.3g} s: shorten camera_effects.exposure_time or"
+                " readout_time, or lower camera.rate"
             )
         return self
 

@@ -138,8 +138,8 @@ class Camera:
         size = (self.model.width * scale, self.model.height * scale)
         return RenderRequest(_view(eye, axes), self._projection, eye, size, self._light)
 
-    def add_noise(self, clean: Image) -> Image:
-        """The image (height, width) with sensor noise."""
+    def add_noise(self, clean: Image, gain: float = 1.0) -> Image:
+        """The image (height, width) with sensor noise, amplified by ``gain``."""
         if self._banks is None:
             return clean
         if clean.size >= self._banks[0].size:  # an image of megapixels: the noise repeats
@@ -149,6 +149,9 @@ class Camera:
         brighter, darker = [
             bank[begin : begin + clean.size].reshape(clean.shape) for bank in self._banks
         ]
+        if gain != 1.0:
+            noise = np.float32(gain) * (brighter.astype(np.float32) - darker)
+            return np.clip(np.rint(clean + noise), 0, 255).astype(np.uint8)
         noisy = cv2.subtract(cv2.add(clean, brighter), darker)  # saturates at 0 and 255
         return noisy.astype(np.uint8, copy=False)
 

@@ -17,9 +17,11 @@ from navfw.errors import SimulationError
 from navfw.robot import RobotModel
 from navfw.signals import CameraMotion, Frame, Image
 from navfw.sim.camera import Camera, DepthImage
+from navfw.sim.image_sensor import ImageSensor, light_falloff
 from navfw.sim.injected_faults import InjectedFaults
 from navfw.sim.scenery import Scenery
 from navfw.sim.sensor_models import SensorParams
+from navfw.sim.shutter import Shutter
 from navfw.sim.wheeled_body import BodyState
 from navfw.sim.worldspec import LightSpec
 
@@ -80,6 +82,11 @@ class CameraRig:
         if landmark_frames:
             view = robot.landmark_view
             self._for_landmarks = Camera(view, light, scenery, generators.landmarks, noise, fine)
+        effects = robot.camera_effects
+        self._shutter, self._sensor = Shutter(effects), ImageSensor(effects)
+        lens = (robot.camera, *robot.side_cameras)
+        self._falloff = light_falloff(effects.vignetting, lens, lens)
+        self._landmark_falloff = light_falloff(effects.vignetting, lens, (robot.landmark_view,))
         self._faults = faults
         self.landmark_faults = InjectedFaults(generators.landmark_faults)
         self._timings = timings
@@ -99,21 +106,30 @@ class CameraRig:
         """Whether a frame is due at ``time`` [s] (the first at time 0)."""
         return time * self.camera.model.rate >= self._frames - 1e-6
 
+    def record(self, time: float, body: BodyState) -> None:
+        """Keep the true state ``body`` at ``time`` [s], for images of a robot in motion."""
+        self._shutter.record(time, body)
+
     def capture(self, time: float, body: BodyState) -> Frame:
         """The frame of ``time`` [s] at the true state ``body``."""
         begun = wall.perf_counter()
-        clean, self._raw_depth = self.camera.render(*body)
+        exposure = self._sensor.exposure_time
+        clean, self._raw_depth = self._shutter.render(self.camera, time, body, exposure)
         self._captured.append((time, body))
-        parts = [clean, *(side.render(*body)[0] for side in self._sides)]
+        sides = (self._shutter.render(side, time, body, exposure)[0] for side in self._sides)
+        parts = [clean, *sides]
         rendered = wall.perf_counter()
         whole = np.concatenate(parts, axis=1) if self._sides else clean
-        exposed = self.camera.add_noise(self._faults.apply_optics(whole))
-        image, *sides = _parted(self._faults.apply_readout(exposed), parts)
+        self._sensor.settle(whole, self._falloff)
+        light = self._faults.apply_optics(self._sensor.expose(whole, self._falloff))
+        exposed = self.camera.add_noise(light, self._sensor.gain)
+        image, *aside = _parted(self._sensor.compress(self._faults.apply_readout(exposed)), parts)
+        self._sensor.meter(image, time)
         self._frames = math.floor(time * self.camera.model.rate + 1e-6) + 1
         self._timings.frames += 1
         self._timings.render += rendered - begun
         self._timings.sensors += wall.perf_counter() - rendered
-        return Frame(time, image, tuple(sides))
+        return Frame(time, image, tuple(aside))
 
     def capture_landmarks(self, time: float, body: BodyState | None) -> Frame | None:
         """The landmark frame delivered at ``time`` [s], if any.
@@ -126,11 +142,15 @@ class CameraRig:
         frame = None
         if body is not None and time * camera.model.rate >= self._landmark_frames - 1e-6:
             begun = wall.perf_counter()
-            clean, _ = camera.render(*body)
+            exposure = self._sensor.exposure_time
+            clean, _ = self._shutter.render(camera, time, body, exposure)
             scale = camera.model.focal / self.camera.model.focal
             self._timings.landmarks += wall.perf_counter() - begun
-            exposed = camera.add_noise(self.landmark_faults.apply_optics(clean, scale))
-            frame = Frame(time, self.landmark_faults.apply_readout(exposed))
+            light = self._sensor.expose(clean, self._landmark_falloff)
+            light = self.landmark_faults.apply_optics(light, scale)
+            exposed = camera.add_noise(light, self._sensor.gain)
+            readout = self.landmark_faults.apply_readout(exposed)
+            frame = Frame(time, self._sensor.compress(readout))
             self._landmark_frames = math.floor(time * camera.model.rate + 1e-6) + 1
         return self.landmark_faults.transport(time, frame)
 

@@ -150,7 +150,9 @@ class Simulation:
             return self._reading
         begun = wall.perf_counter()
         dt = self.time - self._reading.time if self._reading is not None else 0.0
-        (_, turn), pose = self._truth()
+        state, pose = self._truth()
+        _, turn = state
+        self._rig.record(self.time, state)
         yaw_rate = wrap_angle(pose.yaw - self._yaw_read) / dt if dt > 0.0 else 0.0
         self._yaw_read = pose.yaw
         rates = (*self._body.roll_pitch_rates(turn), yaw_rate)

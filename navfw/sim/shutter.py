@@ -1,0 +1,118 @@
+"""Motion blur and rolling shutter: images of a camera that moves while its rows are exposed.
+
+A frame delivered at time t has its last row exposed until t and its first row until t minus the
+readout time, as cameras give frames that are stamped on arrival. The scene is rendered from several
+poses of that time, and each row is a mean of those within its exposure, so that near and far
+surfaces move differently and edges cover what they hide. Movers are drawn where they are at t: the
+blur is that of the robot's own motion.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+import numpy as np
+
+from navfw.camera_effects import CameraEffects
+from navfw.signals import Array, Image
+from navfw.sim.camera import Camera, DepthImage
+from navfw.sim.wheeled_body import BodyState
+
+__all__ = ["Shutter", "image_motion", "row_weights"]
+
+_MOST_POSES = 16
+"""Limit of the number of poses rendered for one image."""
+_NEAR = 0.5
+"""Distance of near surfaces [m]: their motion in the image decides the number of poses."""
+_NEGLIGIBLE = 0.1
+"""Motion in the image [px] below which one pose is enough."""
+_SAMPLES = 16
+"""Number of moments of a row's exposure whose mean it is."""
+
+
+class Shutter:
+    """Renders images over the times at which ``effects`` expose their rows.
+
+    ``record`` has to be called at every control tick, with the true state of the body.
+    """
+
+    def __init__(self, effects: CameraEffects) -> None:
+        self._readout = effects.readout_time
+        self._span = effects.shutter_time
+        self._states: deque[tuple[float, BodyState]] = deque()
+
+    def record(self, time: float, body: BodyState) -> None:
+        """Keep the true state ``body`` at ``time`` [s]; times ascend."""
+        if self._span == 0.0:
+            return
+        self._states.append((time, body))
+        while len(self._states) > 2 and self._states[1][0] <= time - self._span:
+            self._states.popleft()
+
+    def render(
+        self, camera: Camera, time: float, body: BodyState, exposure: float
+    ) -> tuple[Image, DepthImage]:
+        """Luminance (height, width) without noise, and the raw depth at ``time`` [s].
+
+        Every row is exposed for ``exposure`` [s]; ``body`` is the state at ``time``.
+        """
+        span = exposure + self._readout
+        first = self._state_at(time - span) if span > 0.0 else body
+        motion = image_motion(camera, first, body)
+        if motion < _NEGLIGIBLE:
+            return camera.render(*body)
+        count = min(1 + math.ceil(motion), _MOST_POSES)
+        mean = np.zeros((camera.model.height, camera.model.width), np.float32)
+        weights = row_weights(camera.model.height, count, exposure / span)
+        for index, moment in enumerate(np.linspace(time - span, time, count).tolist()):
+            state = body if index == count - 1 else self._state_at(moment)
+            image, depth = camera.render(*state)
+            mean += weights[:, index, None] * image
+        return np.rint(mean).astype(np.uint8), depth
+
+    def _state_at(self, time: float) -> BodyState:
+        """The body's state at ``time`` [s], between recorded ones; at rest before the first."""
+        later = next((i for i, (at, _) in enumerate(self._states) if at >= time), None)
+        if later is None:
+            return self._states[-1][1]
+        if later == 0:
+            return self._states[0][1]
+        (begin, first), (end, second) = self._states[later - 1], self._states[later]
+        return _between(first, second, (time - begin) / (end - begin))
+
+
+def image_motion(camera: Camera, first: BodyState, second: BodyState) -> float:
+    """How far [px] a near surface at the image's edge moves at most between two states."""
+    way = math.dist(first[0], second[0])
+    half_turn = min(1.0, abs(float(np.dot(first[1], second[1]))))
+    model = camera.model
+    per_radian = model.focal * (1.0 + math.tan(0.5 * model.hfov) ** 2)
+    return per_radian * 2.0 * math.acos(half_turn) + model.focal * way / _NEAR
+
+
+def row_weights(rows: int, poses: int, exposed: float) -> Array:
+    """(rows, poses) weights of the images from ``poses`` moments, evenly spaced over the shutter.
+
+    ``exposed`` is the share of that time for which each row is exposed; the first row's exposure
+    begins with it, the last row's ends with it. Between two moments the images are interpolated.
+
+    >>> row_weights(2, 2, 0.0).tolist()
+    [[1.0, 0.0], [0.0, 1.0]]
+    """
+    ends = exposed + (1.0 - exposed) * np.linspace(0.0, 1.0, rows)
+    within = exposed * (np.arange(_SAMPLES) + 0.5) / _SAMPLES
+    moments = (ends[:, None] - within) * (poses - 1)
+    distances = np.abs(moments[..., None] - np.arange(poses))
+    weights: Array = np.maximum(1.0 - distances, 0.0).mean(axis=1)
+    return weights.astype(np.float32)
+
+
+def _between(first: BodyState, second: BodyState, share: float) -> BodyState:
+    """The state at ``share`` of the small motion from ``first`` to ``second``."""
+    place = (1.0 - share) * np.array(first[0]) + share * np.array(second[0])
+    one, other = np.array(first[1]), np.array(second[1])
+    turn = (1.0 - share) * one + share * (other if one @ other > 0.0 else -other)
+    x, y, z = place.tolist()
+    qx, qy, qz, qw = (turn / np.linalg.norm(turn)).tolist()
+    return (x, y, z), (qx, qy, qz, qw)
