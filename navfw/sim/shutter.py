@@ -58,8 +58,9 @@ class Shutter:
         Every row is exposed for ``exposure`` [s]; ``body`` is the state at ``time``.
         """
         span = exposure + self._readout
-        first = self._state_at(time - span) if span > 0.0 else body
-        motion = image_motion(camera, first, body)
+        if span == 0.0:
+            return camera.render(*body)
+        motion = image_motion(camera, self._state_at(time - span), body)
         if motion < _NEGLIGIBLE:
             return camera.render(*body)
         count = min(1 + math.ceil(motion), _MOST_POSES)
@@ -85,10 +86,11 @@ class Shutter:
 def image_motion(camera: Camera, first: BodyState, second: BodyState) -> float:
     """How far [px] a near surface at the image's edge moves at most between two states."""
     way = math.dist(first[0], second[0])
-    half_turn = min(1.0, abs(float(np.dot(first[1], second[1]))))
+    opposite = (-x for x in second[1])  # the same turn as ``second``
+    apart = min(math.dist(first[1], second[1]), math.dist(first[1], tuple(opposite)))
     model = camera.model
     per_radian = model.focal * (1.0 + math.tan(0.5 * model.hfov) ** 2)
-    return per_radian * 2.0 * math.acos(half_turn) + model.focal * way / _NEAR
+    return per_radian * 2.0 * apart + model.focal * way / _NEAR  # for turns below 1 rad
 
 
 def row_weights(rows: int, poses: int, exposed: float) -> Array:

@@ -20,7 +20,7 @@ from navfw.sim.event_actions import LightChange
 from navfw.sim.image_sensor import ImageSensor, light_falloff
 from navfw.sim.scenery import Scenery
 from navfw.sim.sensor_models import SensorParams
-from navfw.sim.shutter import Shutter, row_weights
+from navfw.sim.shutter import Shutter, image_motion, row_weights
 from navfw.sim.simulation import Simulation
 from navfw.sim.wheeled_body import BodyState
 from navfw.sim.worldspec import LightSpec, TextureSpec, WallSpec, WorldSpec
@@ -96,6 +96,21 @@ def test_a_robot_at_rest_has_sharp_images() -> None:
     _, image = wall_columns(0.0, 0.0, effects)
     _, sharp = wall_columns(0.0, 0.0, CameraEffects())
     assert np.array_equal(image, sharp)
+
+
+def test_quaternions_need_no_exact_length() -> None:
+    """Those of a URDF's body are a little off: it still is at rest, with and without effects."""
+    camera = Camera(CAMERA, LightSpec(), Scenery(EDGE), np.random.default_rng(0))
+    off = (0.0, 0.0, 0.0), (0.0, 0.0, 0.1, 0.9949)
+    negative = (0.0, 0.0, 0.0), (0.0, 0.0, -0.1, -0.9949)
+    assert image_motion(camera, off, off) == image_motion(camera, off, negative) == 0.0
+    turned = image_motion(camera, body(0.0, 0.0), body(0.0, 0.05))
+    assert turned == pytest.approx(2.0 * CAMERA.focal * 0.05, rel=1e-3)
+    for effects in (CameraEffects(), CameraEffects(exposure_time=0.02)):
+        shutter = Shutter(effects)
+        shutter.record(0.0, off)
+        image, _ = shutter.render(camera, 0.1, off, effects.exposure_time)
+        assert np.array_equal(image, camera.render(*off)[0])
 
 
 def test_every_row_is_a_mean_of_poses() -> None:
