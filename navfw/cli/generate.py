@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -26,6 +26,10 @@ def generate(
         float | None,
         typer.Option(help="Contrast of every surface [grey levels] [default: each its own]."),
     ] = None,
+    look: Annotated[
+        Literal["plain", "photo"] | None,
+        typer.Option(help="Surfaces: painted walls with skirting; or like photographs."),
+    ] = None,
     out: Annotated[
         Path | None, typer.Option(help="Folder to write [default: generated/FAMILY-SEED].")
     ] = None,
@@ -36,7 +40,7 @@ def generate(
     from navfw.worldgen.generated_world import MISSION
 
     with quiet_stdout():
-        made = make(family, seed, difficulty, contrast)
+        made = make(family, seed, difficulty, contrast, look)
         folder = made.write(out or Path("generated") / f"{family}-{seed}")
     world = made.world
     if json:
@@ -47,6 +51,7 @@ def generate(
                 "seed": seed,
                 "difficulty": difficulty,
                 "contrast": contrast,
+                "look": look,
                 "mission": MISSION,
                 "map": made.has_map,
                 "description": world.description,

@@ -36,7 +36,10 @@ _HEIC = {b"ftyp" + kind for kind in (b"heic", b"heix", b"hevc", b"heim", b"heis"
 
 
 def read_image(
-    path: str | Path, flags: int = cv2.IMREAD_COLOR, max_bytes: int = MAX_BYTES
+    path: str | Path,
+    flags: int = cv2.IMREAD_COLOR,
+    max_bytes: int = MAX_BYTES,
+    max_pixels: int = MAX_PIXELS,
 ) -> npt.NDArray[np.uint8 | np.uint16]:
     """The image in a file, decoded by OpenCV with ``flags`` (default: BGR, 8 bits).
 
@@ -47,9 +50,11 @@ def read_image(
     name = shown_path(Path(path))
     data = read_input(path, max_bytes)
     width, height = _declared_size(data, name)
-    if width * height > MAX_PIXELS:
+    if width * height > max_pixels:
         raise ConfigError(
-            f"the image is too large: {width} x {height} pixels, at most {MAX_PIXELS}", file=name
+            f"the image is too large: {width} x {height} pixels, at most {max_pixels};"
+            " scale it down",
+            file=name,
         )
     with _heard() as said:
         try:

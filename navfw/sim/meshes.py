@@ -9,13 +9,13 @@ Splitting only keeps the texture coordinates small.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
 
 from navfw.signals import Array
-from navfw.sim.textures import TILE
+from navfw.sim.texture_spectra import TILE
 
 __all__ = ["MAX_PATCH", "Mesh", "box_mesh", "cylinder_mesh", "side_count", "split_positions"]
 
@@ -25,17 +25,23 @@ MAX_PATCH = 2.0
 
 @dataclass(slots=True)
 class Mesh:
-    """Triangles with normals and texture coordinates, in the form of PyBullet's GEOM_MESH."""
+    """Triangles with normals and texture coordinates, in the form of PyBullet's GEOM_MESH.
+
+    Texture coordinates are in periods of ``TILE``; ``shifts`` are the whole periods subtracted from
+    those of each vertex.
+    """
 
     vertices: list[list[float]] = field(default_factory=list)
     normals: list[list[float]] = field(default_factory=list)
     uvs: list[list[float]] = field(default_factory=list)
     indices: list[int] = field(default_factory=list)
+    shifts: list[list[float]] = field(default_factory=list)
 
     @classmethod
     def without_area(cls) -> Mesh:
         """One degenerate triangle: an invisible mesh."""
-        return cls([[0.0, 0.0, 0.0]] * 3, [[0.0, 0.0, 1.0]] * 3, [[0.0, 0.0]] * 3, [0, 1, 2])
+        points, normals, uvs = [[0.0, 0.0, 0.0]] * 3, [[0.0, 0.0, 1.0]] * 3, [[0.0, 0.0]] * 3
+        return cls(points, normals, uvs, [0, 1, 2], uvs)
 
     def add_quad(self, corners: Array, normals: Array, uvs: Array) -> None:
         """Add a quad: (4, 3) corners, counter-clockwise, (4, 3) normals, (4, 2) coordinates [m].
@@ -45,20 +51,24 @@ class Mesh:
         """
         first = len(self.vertices)
         tiles = uvs / TILE
-        tiles = tiles - np.floor(tiles.min(axis=0) + 1e-9)
+        shift = np.floor(tiles.min(axis=0) + 1e-9)
+        tiles = tiles - shift
         self.vertices += corners.tolist()
         self.normals += normals.tolist()
         self.uvs += np.maximum(tiles, 0.0).tolist()
+        self.shifts += [shift.tolist()] * 4
         self.indices += [first, first + 1, first + 2, first, first + 2, first + 3]
 
     def add_quads(self, corners: Array, normals: Array, uvs: Array) -> None:
         """Add quads (N, 4, 3), (N, 4, 3), (N, 4, 2), each as ``add_quad`` does."""
         first = len(self.vertices)
         tiles = uvs / TILE
-        tiles = tiles - np.floor(tiles.min(axis=1, keepdims=True) + 1e-9)
+        shifts = np.floor(tiles.min(axis=1, keepdims=True) + 1e-9)
+        tiles = tiles - shifts
         self.vertices += corners.reshape(-1, 3).tolist()
         self.normals += normals.reshape(-1, 3).tolist()
         self.uvs += np.maximum(tiles, 0.0).reshape(-1, 2).tolist()
+        self.shifts += shifts.repeat(4, axis=1).reshape(-1, 2).tolist()
         starts = first + 4 * np.arange(len(corners), dtype=np.int64)[:, None]
         indices: list[int] = (starts + np.array([0, 1, 2, 0, 2, 3])).ravel().tolist()
         self.indices += indices
@@ -71,6 +81,7 @@ class Mesh:
         self.vertices += (np.array(mesh.vertices) @ turn + position).tolist()
         self.normals += (np.array(mesh.normals) @ turn).tolist()
         self.uvs += mesh.uvs
+        self.shifts += mesh.shifts
         self.indices += [first + index for index in mesh.indices]
 
     def append(self, mesh: Mesh) -> None:
@@ -79,7 +90,14 @@ class Mesh:
         self.vertices += mesh.vertices
         self.normals += mesh.normals
         self.uvs += mesh.uvs
+        self.shifts += mesh.shifts
         self.indices += [first + index for index in mesh.indices]
+
+    def with_period(self, width: float, height: float) -> Mesh:
+        """The same mesh for a texture that covers ``width`` x ``height`` [m] instead of a tile."""
+        tiles = (np.array(self.uvs) + self.shifts) * (TILE / width, TILE / height)
+        tiles -= np.floor(tiles.min(axis=0))
+        return replace(self, uvs=tiles.tolist(), shifts=[])
 
     def add_face(
         self, corner: Array, right: Array, up: Array, columns: Array, rows: Array, shift: Array

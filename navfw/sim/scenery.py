@@ -16,6 +16,7 @@ from navfw.signals import Array, Image
 from navfw.sim.display import Display
 from navfw.sim.landmark_plates import plate_bounds, plate_mesh
 from navfw.sim.meshes import Mesh, cylinder_mesh
+from navfw.sim.picture_textures import covered_area, picture_texture, read_picture
 from navfw.sim.raster import Raster
 from navfw.sim.shapes import Rectangle
 from navfw.sim.solids import Solid, solids_of
@@ -55,6 +56,7 @@ class Scenery:
         self._displayed: dict[int, int] = {}
         self._cull = cull
         self._textures: dict[str, int] = {}
+        self._periods: dict[int, tuple[float, float]] = {}
         self._images: list[Image] = []
         solids = solids_of(world)
         walls = [s for s in solids if s.kind in ("wall", "lintel")]
@@ -145,6 +147,8 @@ class Scenery:
     ) -> int:
         turn = (0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw))
         index = self._texture(texture) if isinstance(texture, str) else texture
+        if index in self._periods:
+            mesh = mesh.with_period(*self._periods[index])
         body = self.raster.add(mesh, index, position, turn)
         if self._display is not None:
             self._displayed[body] = self._display.add(mesh, self._images[index], position, turn)
@@ -161,7 +165,12 @@ class Scenery:
         return self._textures[name]
 
     def _load(self, spec: TextureSpec) -> int:
-        return self._load_image(synthesize(spec))
+        if spec.picture is None:
+            return self._load_image(synthesize(spec))
+        picture = read_picture(spec.picture)
+        index = self._load_image(picture_texture(spec))
+        self._periods[index] = covered_area(picture, spec.size)
+        return index
 
     def _load_image(self, image: Image) -> int:
         self._images.append(image)

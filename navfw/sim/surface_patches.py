@@ -16,6 +16,7 @@ from navfw.sim.meshes import Mesh, box_mesh, cylinder_mesh, side_count, split_po
 from navfw.sim.shapes import Rectangle
 from navfw.sim.solids import Solid
 from navfw.sim.visibility import PartBounds
+from navfw.sim.wall_trim import texture_at, trim_strips
 from navfw.sim.worldspec import RoomSpec, WorldSpec
 
 __all__ = [
@@ -107,18 +108,25 @@ def wall_patches(world: WorldSpec, wall: Solid) -> Iterator[SurfacePatch]:
     assert isinstance(wall.shape, Rectangle)  # noqa: S101 - walls and lintels are
     corners = wall.shape.corners
     ez = np.array([0.0, 0.0, 1.0])
-    rows = split_positions(wall.top - wall.bottom)
+    height = wall.top - wall.bottom
     for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
         length = math.dist(start, end)
         right = np.array([*(end - start) / length, 0.0])
         outward = np.array([right[1], -right[0]])
         corner = np.array([*start, wall.bottom])
-        columns = split_positions(length, _room_edges(world, start, right[:2]))
+        strips = trim_strips(world, wall, start, right[:2], length)
+        cuts = [edge for strip in strips for edge in strip.columns]
+        columns = split_positions(length, [*_room_edges(world, start, right[:2]), *cuts])
+        rows = split_positions(height, [edge for strip in strips for edge in strip.rows])
         for i in range(len(columns) - 1):
-            middle = start + columns[i : i + 2].mean() * right[:2] + 0.02 * outward
-            room = _room_at(world, *middle)
+            along = columns[i : i + 2].mean()
+            room = _room_at(world, *(start + along * right[:2] + 0.02 * outward))
             texture = (room and room.walls) or wall.texture
-            yield from _patches(texture, corner, right, ez, columns[i : i + 2], rows)
+            for j in range(len(rows) - 1):
+                trim = texture_at(strips, along, rows[j : j + 2].mean())
+                yield _patch(
+                    trim or texture, corner, right, ez, columns[i : i + 2], rows[j : j + 2]
+                )
     # top of a wall, and the underside of a lintel
     a, b, _, d = corners
     along, across = math.dist(a, b), math.dist(a, d)
@@ -126,7 +134,8 @@ def wall_patches(world: WorldSpec, wall: Solid) -> Iterator[SurfacePatch]:
     columns, rows = split_positions(along), split_positions(across)
     yield from _patches(wall.texture, np.array([*a, wall.top]), ex, ey, columns, rows)
     if wall.bottom > 0.0:
-        yield from _patches(wall.texture, np.array([*a, wall.bottom]), ey, ex, rows, columns)
+        texture = wall.texture if world.door_frames is None else world.door_frames.texture
+        yield from _patches(texture, np.array([*a, wall.bottom]), ey, ex, rows, columns)
 
 
 def _room_edges(world: WorldSpec, start: Array, right: Array) -> list[float]:

@@ -16,16 +16,26 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from navfw.signals import Array, Image
+from navfw.sim.material_patterns import (
+    brick,
+    concrete,
+    parquet,
+    roughcast,
+    rug,
+)
+from navfw.sim.texture_spectra import (
+    RESOLUTION,
+    TILE,
+    frequencies,
+    passed_share,
+    spectral_noise,
+)
 
 if TYPE_CHECKING:
     from navfw.sim.worldspec import TextureSpec
 
-__all__ = ["RESOLUTION", "STOCK", "TILE", "luminance_pattern", "stock_texture", "synthesize"]
+__all__ = ["STOCK", "luminance_pattern", "stock_texture", "synthesize"]
 
-TILE = 2.0
-"""Period of a texture: edge of the square that it covers [m]."""
-RESOLUTION = 512
-"""Texels along that edge: 4 mm each, half a pixel at 0.6 m with a focal length of 80 px."""
 _COARSEST = 1.0
 """Longest wavelength [m]: longer ones do not help the correlation of a 24 px window."""
 _LUMA = np.array([0.299, 0.587, 0.114])
@@ -80,50 +90,24 @@ def luminance_pattern(spec: TextureSpec, resolution: int = RESOLUTION) -> Array:
     return pattern
 
 
-def _frequencies(resolution: int) -> tuple[Array, Array]:
-    """Cycles per metre along rows and columns of the real Fourier transform of a tile."""
-    rows = np.fft.fftfreq(resolution, d=TILE / resolution).astype(np.float64)
-    columns = np.fft.rfftfreq(resolution, d=TILE / resolution).astype(np.float64)
-    return rows[:, None], columns[None, :]
-
-
 def _band_limit(pattern: Array, finest: float) -> Array:
     """Band-pass: half wavelengths of at least ``finest`` [m], wavelengths of at most 1 m."""
-    rows, columns = _frequencies(pattern.shape[0])
-    frequency = np.hypot(rows, columns)
-    cutoff = 0.5 / finest
-    # a raised-cosine edge from 70 % to 100 % of the cutoff rings less than a sharp one
-    fall = np.clip((frequency / cutoff - 0.7) / 0.3, 0.0, 1.0)
-    keep = 0.5 * (1.0 + np.cos(np.pi * fall)) * (frequency >= 0.99 / _COARSEST)
+    frequency = np.hypot(*frequencies(pattern.shape, (TILE, TILE)))
+    keep = passed_share(frequency, finest) * (frequency >= 0.99 / _COARSEST)
     limited: Array = np.fft.irfft2(np.fft.rfft2(pattern) * keep, s=pattern.shape)
     return limited
 
 
-def _noise(
-    rng: np.random.Generator, resolution: int, exponent: float, stretch: float = 1.0
-) -> Array:
-    """Gaussian noise of unit variance with amplitude ~ frequency**-exponent (1: pink noise).
-
-    ``stretch`` > 1 elongates the grain along the texture's rows (vertical on walls).
-    """
-    rows, columns = _frequencies(resolution)
-    frequency = np.hypot(rows * np.sqrt(stretch), columns / np.sqrt(stretch))
-    frequency[0, 0] = np.inf
-    white = np.fft.rfft2(rng.standard_normal((resolution, resolution)))
-    pattern = np.fft.irfft2(white * frequency**-exponent, s=(resolution, resolution))
-    return pattern / float(pattern.std())
-
-
 def _plaster(rng: np.random.Generator, resolution: int) -> Array:
-    return _noise(rng, resolution, 0.8)
+    return spectral_noise(rng, resolution, 0.8)
 
 
 def _carpet(rng: np.random.Generator, resolution: int) -> Array:
-    return _noise(rng, resolution, 0.6)
+    return spectral_noise(rng, resolution, 0.6)
 
 
 def _wood(rng: np.random.Generator, resolution: int) -> Array:
-    return _noise(rng, resolution, 0.7, stretch=2.0)
+    return spectral_noise(rng, resolution, 0.7, stretch=2.0)
 
 
 def _stone(rng: np.random.Generator, resolution: int) -> Array:
@@ -138,7 +122,7 @@ def _stone(rng: np.random.Generator, resolution: int) -> Array:
         away = down[:, None] ** 2 + across[None, :] ** 2
         slabs[away < nearest] = level
         np.minimum(nearest, away, out=nearest)
-    return slabs.repeat(2, axis=0).repeat(2, axis=1) + 0.8 * _noise(rng, resolution, 0.7)
+    return slabs.repeat(2, axis=0).repeat(2, axis=1) + 0.8 * spectral_noise(rng, resolution, 0.7)
 
 
 def _panels(rng: np.random.Generator, resolution: int) -> Array:
@@ -152,7 +136,7 @@ def _panels(rng: np.random.Generator, resolution: int) -> Array:
         levels = rng.standard_normal(cuts.size)
         column = (np.arange(resolution) / resolution + rng.random()) % 1.0
         pattern[top:bottom] = levels[np.searchsorted(cuts, column, side="right") - 1]
-    return pattern + 0.8 * _noise(rng, resolution, 0.7)
+    return pattern + 0.8 * spectral_noise(rng, resolution, 0.7)
 
 
 _STYLES: Mapping[str, Callable[[np.random.Generator, int], Array]] = MappingProxyType(
@@ -162,5 +146,10 @@ _STYLES: Mapping[str, Callable[[np.random.Generator, int], Array]] = MappingProx
         "wood": _wood,
         "stone": _stone,
         "panels": _panels,
+        "concrete": concrete,
+        "brick": brick,
+        "parquet": parquet,
+        "rug": rug,
+        "roughcast": roughcast,
     }
 )

@@ -98,6 +98,8 @@ def _textures(world: WorldSpec) -> Iterator[Problem]:
     for path, _ in _bodies(world):
         item = getattr(world, str(path[0]))[path[1]]
         used.append(((*path, "texture"), item.texture))
+    trims = (("skirting", world.skirting), ("door_frames", world.door_frames))
+    used += [((key, "texture"), trim.texture) for key, trim in trims if trim is not None]
     for path, name in used:
         if name is not None and name not in known:
             yield path, f"unknown texture {name!r}: {did_you_mean(name, known)}"

@@ -18,6 +18,7 @@ __all__ = [
     "MAX_CONTRAST",
     "BoxSpec",
     "CylinderSpec",
+    "DoorFrameSpec",
     "DoorSpec",
     "DropSpec",
     "LandmarkPlateSpec",
@@ -25,6 +26,7 @@ __all__ = [
     "MoverSpec",
     "OpeningSpec",
     "RoomSpec",
+    "SkirtingSpec",
     "TextureSpec",
     "WallSpec",
     "WorldSpec",
@@ -52,10 +54,22 @@ MAX_CONTRAST = 60.0
 
 
 class TextureSpec(StrictModel):
-    """A procedural texture: seeded smooth noise without detail finer than the camera resolves."""
+    """A texture without detail finer than the camera resolves: a seeded pattern, or a picture."""
 
     style: Annotated[
-        Literal["plaster", "carpet", "wood", "stone", "panels"], Field(description="pattern")
+        Literal[
+            "plaster",
+            "carpet",
+            "wood",
+            "stone",
+            "panels",
+            "concrete",
+            "brick",
+            "parquet",
+            "rug",
+            "roughcast",
+        ],
+        Field(description="pattern: shaped noise; from concrete on like photographs of a material"),
     ] = "plaster"
     seed: Annotated[int, Field(ge=0, lt=2**32, description="seed of the pattern")] = 0
     contrast: Annotated[
@@ -78,6 +92,45 @@ class TextureSpec(StrictModel):
             description="size of the finest detail [m]: half its shortest wavelength",
         ),
     ] = 0.035
+    picture: Annotated[
+        str | None,
+        Field(
+            min_length=1,
+            max_length=400,
+            description="PNG or JPEG file, relative to the world file, instead of a pattern",
+        ),
+    ] = None
+    size: Annotated[
+        float | None,
+        Field(
+            ge=0.1,
+            le=20.0,
+            description="width that the picture covers before it repeats [m]; none: 2 m",
+        ),
+    ] = None
+
+    @model_validator(mode="after")
+    def _pattern_or_picture(self) -> Self:
+        of_patterns = {"style", "seed", "contrast", "brightness", "colour"} & self.model_fields_set
+        if self.picture is not None and of_patterns:
+            raise ValueError(f"a picture has its own pattern: leave out {sorted(of_patterns)[0]}")
+        if self.picture is None and self.size is not None:
+            raise ValueError("size is for a picture: name one, or leave out size")
+        return self
+
+
+class SkirtingSpec(StrictModel):
+    """Skirting boards: a strip along the foot of all walls, drawn on their faces."""
+
+    height: Annotated[float, Field(ge=0.02, le=1.0, description="[m]")] = 0.1
+    texture: str = "wood"
+
+
+class DoorFrameSpec(StrictModel):
+    """Door frames: a strip beside and above all openings, and the wall's ends inside them."""
+
+    width: Annotated[float, Field(ge=0.02, le=0.5, description="[m]")] = 0.07
+    texture: str = "wood"
 
 
 class RoomSpec(StrictModel):
@@ -275,6 +328,10 @@ class WorldSpec(StrictModel):
     landmarks: Annotated[tuple[LandmarkPlateSpec, ...], Field(description="visual landmarks")] = ()
     drops: Annotated[tuple[DropSpec, ...], Field(description="holes in the floor")] = ()
     textures: Mapping[str, TextureSpec] = Field(default_factory=dict)
+    skirting: Annotated[SkirtingSpec | None, Field(description="skirting boards of all walls")] = (
+        None
+    )
+    door_frames: Annotated[DoorFrameSpec | None, Field(description="frames of all openings")] = None
     light: LightSpec = LightSpec()
     may_overlap: Annotated[
         bool, Field(description="whether solids may overlap (in imported worlds they do)")

@@ -11,6 +11,7 @@ from navfw.suite.run_table import RunKey
 if TYPE_CHECKING:
     from navfw.missions.session import Session
     from navfw.plugins import Registry
+    from navfw.suite.suitefile import Look
 
 __all__ = ["Case", "Job", "KeptPictures"]
 
@@ -22,8 +23,9 @@ KeptPictures = Literal["all", "failed", "none"]
 class Case:
     """One run: plain data that is sent to a worker process.
 
-    Either ``world`` and ``mission`` are files, or ``family``, ``difficulty``, ``contrast`` and
-    ``seed`` define a generated world. ``stack`` is a file; empty: the stack named by the mission.
+    Either ``world`` and ``mission`` are files, or ``family``, ``difficulty``, ``contrast``,
+    ``look`` and ``seed`` define a generated world. ``stack`` is a file; empty: the stack named by
+    the mission.
     """
 
     index: int
@@ -37,6 +39,7 @@ class Case:
     family: str = ""
     difficulty: float | None = None
     contrast: float | None = None
+    look: Look | None = None
     world: str = ""
     mission: str = ""
     variant: str = ""
@@ -62,6 +65,7 @@ class Case:
                 self.seed,
                 self.difficulty,
                 self.contrast,
+                self.look,
                 stack=self.stack or None,
                 overrides=self.overrides,
                 registry=registry,

@@ -19,6 +19,7 @@ from navfw.signals import Pose, Waypoint
 from navfw.sim.floorplan import FloorPlan
 from navfw.sim.worldspec import WorldSpec
 from navfw.stack import Stack
+from navfw.suite.suitefile import Look
 from navfw.topomap import TopoMap
 
 if TYPE_CHECKING:
@@ -41,11 +42,17 @@ class Generated(Protocol):
     def topo_map(self) -> TopoMap: ...  # noqa: D102
 
 
-def generate(family: str, seed: int, difficulty: float, contrast: float | None = None) -> Generated:
+def generate(
+    family: str,
+    seed: int,
+    difficulty: float,
+    contrast: float | None = None,
+    look: Look | None = None,
+) -> Generated:
     """A generated world; raises InputError if there is no such family."""
     from navfw import worldgen
 
-    made: Generated = worldgen.generate(family, seed, difficulty, contrast)
+    made: Generated = worldgen.generate(family, seed, difficulty, contrast, look)
     return made
 
 
@@ -67,6 +74,7 @@ def generated_session(
     seed: int,
     difficulty: float | None,
     contrast: float | None = None,
+    look: Look | None = None,
     *,
     stack: str | None,
     overrides: Sequence[str],
@@ -83,7 +91,7 @@ def generated_session(
 
     """
     difficulty = DEFAULT_DIFFICULTY if difficulty is None else difficulty
-    made = generate(family, seed, difficulty, contrast)
+    made = generate(family, seed, difficulty, contrast, look)
     for_mission, for_stack = split_overrides(overrides)
     text = json.dumps(made.mission.model_dump(mode="json", by_alias=True, exclude_unset=True))
     document = apply_overrides(parse_yaml(text, world_name), for_mission)

@@ -35,7 +35,8 @@ def case_templates(
     """
     blank = Case(0, entry.title, 0, "", "", "", "")
     if entry.family is not None:
-        yield replace(blank, family=entry.family, contrast=entry.contrast, mission_name="cross")
+        made = replace(blank, family=entry.family, contrast=entry.contrast, look=entry.look)
+        yield replace(made, mission_name="cross")
         return
     key = "world" if entry.world is not None else "worlds"
     try:

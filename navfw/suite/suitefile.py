@@ -42,6 +42,7 @@ from navfw.sim.worldspec import MAX_CONTRAST
 __all__ = [
     "EntrySpec",
     "Expect",
+    "Look",
     "Suite",
     "SuiteSpec",
     "VariantSpec",
@@ -56,6 +57,9 @@ MAX_SEED = 2**32
 
 MAX_SEEDS = 100_000
 """Largest number of seeds of a suite, against mistyped ranges."""
+
+Look = Literal["plain", "photo"]
+"""Looks of generated worlds (see ``navfw.worldgen``)."""
 
 Expect = Literal["arrival", "stop"]
 """What passes: reaching the goals, or a stop without a collision for a known reason."""
@@ -94,6 +98,10 @@ class EntrySpec(StrictModel):
         Contrast | None,
         Field(description="of every surface of the family [grey levels; default: each its own]"),
     ] = None
+    look: Annotated[
+        Look | None,
+        Field(description="of the family's surfaces, instead of noise with high contrast"),
+    ] = None
     stack: Annotated[
         str | None, Field(description="a stack's name or file [default: each mission's]")
     ] = None
@@ -122,6 +130,8 @@ class EntrySpec(StrictModel):
             raise ValueError("difficulty is for a family of generated worlds")
         if self.family is None and self.contrast is not None:
             raise ValueError("contrast is for a family of generated worlds")
+        if self.look is not None and (self.family is None or self.contrast is not None):
+            raise ValueError("look is for a family of generated worlds without contrast")
         if self.family is not None and self.missions is not None:
             raise ValueError("a generated world has one mission of its own: leave out missions")
         return self

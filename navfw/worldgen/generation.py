@@ -7,7 +7,7 @@ from typing import cast
 
 import numpy as np
 
-from navfw.errors import InputError, PluginError, WorldError
+from navfw.errors import InputError, PluginError, UnknownNameError, WorldError
 from navfw.interfaces import WorldFamily
 from navfw.missions.missionfile import goals_map
 from navfw.missions.missionspec import MissionSpec
@@ -15,6 +15,7 @@ from navfw.sim.world_check import check_world
 from navfw.sim.worldspec import MAX_CONTRAST
 from navfw.worldgen.families import Clutter, Corridors, Maze, Moving, Poles, Rooms
 from navfw.worldgen.generated_world import MAP_FILE, GeneratedWorld
+from navfw.worldgen.looks import LOOKS, Look, with_look
 from navfw.worldgen.texture_palette import with_contrast
 from navfw.worldgen.world_draft import ROBOT, Unsuitable, WorldDraft
 
@@ -49,21 +50,25 @@ def _family(name: str) -> WorldFamily:
 
 
 def generate(
-    family: str, seed: int, difficulty: float = 0.5, contrast: float | None = None
+    family: str,
+    seed: int,
+    difficulty: float = 0.5,
+    contrast: float | None = None,
+    look: Look | None = None,
 ) -> GeneratedWorld:
     """The world of that family and seed; the same arguments give the same world.
 
-    With ``contrast`` [grey levels] every surface has that contrast instead of its own; all else is
-    the same.
+    With ``contrast`` [grey levels] every surface has that contrast instead of its own, and with
+    ``look`` surfaces of that look; all else is the same.
 
     A draw without a path for the robot with a margin, or with a path shorter than
     ``SHORTEST_PATH``, is discarded, and the next sub-seed is tried.
 
     Raises:
-        UnknownNameError: no family has that name.
+        UnknownNameError: no family or look has that name.
         PluginError: the family's plugin is broken.
-        InputError: the seed is negative, the difficulty is not in [0, 1], or the contrast is not
-            that of a texture.
+        InputError: the seed is negative, the difficulty is not in [0, 1], the contrast is not
+            that of a texture, or a look is given together with a contrast.
 
     """
     if not 0 <= seed <= MAX_SEED:
@@ -73,6 +78,10 @@ def generate(
     if contrast is not None and not 0.0 <= contrast <= MAX_CONTRAST:
         what = f"expected 0 to {MAX_CONTRAST:g} grey levels, got {contrast:g}"
         raise InputError(what, key="contrast")
+    if look is not None and look not in LOOKS:
+        raise UnknownNameError("look", look, LOOKS)
+    if look is not None and contrast is not None:
+        raise InputError("a look has contrasts of its own: leave out one of them", key="contrast")
     build = _family(family).build
     for attempt in range(_ATTEMPTS):
         rng = np.random.default_rng([zlib.crc32(family.encode()), seed, attempt])
@@ -81,7 +90,7 @@ def generate(
             if not isinstance(draft, WorldDraft):
                 what = f"build returned {type(draft).__name__}, not a WorldDraft"
                 raise PluginError(what, key=family)
-            return _finish(draft, family, seed, difficulty, attempt, contrast)
+            return _finish(draft, family, seed, difficulty, attempt, contrast, look)
         except Unsuitable:
             continue
     raise InputError(
@@ -97,12 +106,15 @@ def _finish(
     difficulty: float,
     attempt: int,
     contrast: float | None,
+    look: Look | None,
 ) -> GeneratedWorld:
-    """Check the draft, set the contrast and add the mission."""
+    """Check the draft, set contrast or look, and add the mission."""
     world = draft.world(f"{family}-{seed}")
     if contrast is not None:
         textures = with_contrast(world.textures, contrast)
         world = world.model_copy(update={"textures": textures})
+    if look is not None:
+        world = with_look(world, look, seed)
     check_world(world)
     plan = draft.floor_plan()
     start = draft.start[:2]

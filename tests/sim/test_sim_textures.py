@@ -7,11 +7,24 @@ from typing import Literal, get_args
 import numpy as np
 import pytest
 
-from navfw.sim.textures import TILE, luminance_pattern, synthesize
+from navfw.sim.texture_spectra import TILE
+from navfw.sim.textures import luminance_pattern, synthesize
 from navfw.sim.worldspec import TextureSpec
 
-Style = Literal["plaster", "carpet", "wood", "stone", "panels"]
+Style = Literal[
+    "plaster",
+    "carpet",
+    "wood",
+    "stone",
+    "panels",
+    "concrete",
+    "brick",
+    "parquet",
+    "rug",
+    "roughcast",
+]
 STYLES = get_args(Style)
+assert get_args(TextureSpec.model_fields["style"].annotation) == STYLES
 
 
 @pytest.mark.parametrize("style", STYLES)

@@ -15,7 +15,7 @@ from navfw.suite import case_session
 from navfw.suite.case import Job
 from navfw.suite.case_worker import run_job
 from navfw.suite.suite_plan import SuitePlan, plan_runs
-from navfw.suite.suitefile import load_suite
+from navfw.suite.suitefile import Look, load_suite
 from navfw.topomap import Passage, Place, TopoMap
 
 
@@ -26,15 +26,24 @@ class Made:
     topo_map: TopoMap
 
 
-def fake_generate(family: str, seed: int, difficulty: float, contrast: float | None = None) -> Made:
+def fake_generate(
+    family: str,
+    seed: int,
+    difficulty: float,
+    contrast: float | None = None,
+    look: Look | None = None,
+) -> Made:
     """The box moves with the seed and grows with the difficulty; seed 13 is impossible.
 
-    Its texture has the contrast.
+    Its texture has the contrast, or is brick in a look.
     """
     if family != "boxes":
         raise UnknownNameError("family of worlds", family, ["boxes"])
     if seed == 13:
         raise WorldError("no way through after 100 tries")
+    textures = {} if contrast is None else {"wood": TextureSpec(contrast=contrast)}
+    if look is not None:
+        textures = {"wood": TextureSpec(style="brick")}
     box = BoxSpec(name="box", at=(0.0, 1.0 + 0.1 * seed), size=(0.2 + difficulty, 0.3, 0.8))
     places = [Place("start", -2.0, 0.0), Place("end", 2.0, 0.0)]
     return Made(
@@ -43,7 +52,7 @@ def fake_generate(family: str, seed: int, difficulty: float, contrast: float | N
             x=(-4.0, 4.0),
             y=(-4.0, 4.0),
             boxes=(box,),
-            textures={} if contrast is None else {"wood": TextureSpec(contrast=contrast)},
+            textures=textures,
         ),
         mission=MissionSpec(start=(-2.0, 0.0, 0.0), goals=("end",), timeout=40.0),
         topo_map=TopoMap("boxes", places, [Passage("start", "end", 4.0)]),
@@ -87,6 +96,12 @@ def test_the_contrast_of_an_entry_is_that_of_its_worlds(
     (case,) = planned(tmp_path, f"{{family: boxes{given}}}", range(1)).cases
     textures = case.session(default_registry()).world.textures
     assert [spec.contrast for spec in textures.values()] == ([] if contrast is None else [contrast])
+
+
+def test_the_look_of_an_entry_is_that_of_its_worlds(tmp_path: Path) -> None:
+    plan = planned(tmp_path, "{family: boxes, look: photo}", range(1))
+    world = plan.cases[0].session(default_registry()).world
+    assert world.textures["wood"].style == "brick"
 
 
 @pytest.mark.parametrize(
@@ -135,7 +150,9 @@ def test_an_exception_in_a_run_is_a_fault_with_its_source_line(
 ) -> None:
     plan = planned(tmp_path, "{family: boxes}", range(1))
 
-    def broken(family: str, seed: int, difficulty: float, contrast: float | None) -> Made:
+    def broken(
+        family: str, seed: int, difficulty: float, contrast: float | None, look: Look | None
+    ) -> Made:
         raise ZeroDivisionError("of the generator")
 
     monkeypatch.setattr(case_session, "generate", broken)

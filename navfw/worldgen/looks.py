@@ -1,0 +1,142 @@
+"""Looks of generated worlds: the same geometry with other surfaces, by the role of each texture."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from types import MappingProxyType
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from navfw.sim.textures import STOCK
+from navfw.sim.worldspec import DoorFrameSpec, SkirtingSpec, TextureSpec, WorldSpec
+from navfw.worldgen.texture_palette import Role
+
+__all__ = ["LOOKS", "Look", "with_look"]
+
+Look = Literal["plain", "photo"]
+LOOKS: tuple[Look, ...] = ("plain", "photo")
+
+Colour = tuple[float, float, float]
+Pattern = Literal["plaster", "carpet", "wood", "concrete", "brick", "parquet", "rug", "roughcast"]
+
+_STREAM = 0x100C
+"""Spawn key of the random stream of looks; other uses of the seed have others."""
+_TRIM = "trim"
+"""Name of the texture of skirting boards and door frames."""
+
+
+class _Surface(NamedTuple):
+    """A pattern with intervals of contrast and mean luminance [grey levels], and its tint."""
+
+    style: Pattern
+    contrast: tuple[float, float]
+    brightness: tuple[float, float]
+    colour: Colour
+
+
+_WHITE: Colour = (1.0, 0.98, 0.94)
+_PAINTS: tuple[Colour, ...] = (_WHITE, (1.0, 0.95, 0.82), (0.88, 0.96, 1.0), (0.9, 1.0, 0.9))
+_OAK: Colour = (1.0, 0.8, 0.55)
+_PLAIN: Mapping[Role, tuple[_Surface, ...]] = MappingProxyType(
+    {
+        # vinyl, felt and laminate have grain; paint has next to none
+        "floor": (
+            _Surface("carpet", (14.0, 20.0), (95.0, 130.0), (0.85, 0.9, 1.0)),
+            _Surface("plaster", (14.0, 20.0), (100.0, 135.0), (1.0, 0.97, 0.9)),
+            _Surface("wood", (14.0, 20.0), (105.0, 140.0), _OAK),
+        ),
+        "wall": tuple(_Surface("plaster", (2.0, 4.0), (165.0, 195.0), p) for p in _PAINTS),
+        "ceiling": (_Surface("plaster", (2.0, 4.0), (200.0, 215.0), _WHITE),),
+        "thing": (
+            _Surface("wood", (8.0, 14.0), (85.0, 150.0), _OAK),
+            _Surface("wood", (8.0, 14.0), (60.0, 90.0), (0.9, 0.65, 0.45)),
+            _Surface("carpet", (8.0, 14.0), (70.0, 120.0), (0.7, 0.8, 1.0)),
+        ),
+        "person": (_Surface("carpet", (14.0, 24.0), (60.0, 120.0), (0.7, 0.75, 1.0)),),
+    }
+)
+_PHOTO: Mapping[Role, tuple[_Surface, ...]] = MappingProxyType(
+    {
+        "floor": (
+            _Surface("parquet", (16.0, 24.0), (110.0, 145.0), _OAK),
+            _Surface("concrete", (11.0, 16.0), (120.0, 155.0), (0.96, 0.97, 1.0)),
+            _Surface("rug", (14.0, 20.0), (85.0, 125.0), (0.8, 0.85, 1.0)),
+        ),
+        "wall": (
+            _Surface("roughcast", (9.0, 13.0), (150.0, 185.0), _WHITE),
+            _Surface("concrete", (11.0, 16.0), (130.0, 165.0), (0.96, 0.97, 1.0)),
+            _Surface("brick", (20.0, 28.0), (100.0, 130.0), (1.0, 0.7, 0.56)),
+        ),
+        "ceiling": (_Surface("roughcast", (6.0, 9.0), (190.0, 205.0), _WHITE),),
+        "thing": (
+            _Surface("parquet", (14.0, 22.0), (85.0, 140.0), _OAK),
+            _Surface("rug", (14.0, 20.0), (80.0, 120.0), (1.0, 0.75, 0.7)),
+            _Surface("concrete", (11.0, 16.0), (110.0, 150.0), (0.96, 0.97, 1.0)),
+        ),
+        "person": (_Surface("rug", (16.0, 24.0), (70.0, 120.0), (0.7, 0.75, 1.0)),),
+    }
+)
+_SURFACES: Mapping[Look, Mapping[Role, tuple[_Surface, ...]]] = MappingProxyType(
+    {"plain": _PLAIN, "photo": _PHOTO}
+)
+_FINEST: Mapping[Role, float] = MappingProxyType({"floor": 0.035})
+"""Finest detail [m] by role: coarser on floors, seen at a shallow angle, against aliasing."""
+
+
+def with_look(world: WorldSpec, look: Look, seed: int) -> WorldSpec:
+    """``world`` with surfaces of that look, drawn by ``seed``; its solids are the same.
+
+    ``plain``: walls painted in one colour, with skirting boards and door frames. ``photo``:
+    patterns like photographs of materials (``navfw.sim.material_patterns``).
+    """
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_STREAM,)))
+    roles: dict[str, Role] = {}
+    for name, role in _uses(world):
+        roles.setdefault(name, role)
+    # textures that nothing uses yet may be those of obstacles that appear
+    for name in (*world.textures, *STOCK):
+        roles.setdefault(name, "thing")
+    textures = {name: _drawn(rng, look, role) for name, role in roles.items()}
+    changes: dict[str, object] = {"textures": textures}
+    if look == "plain":
+        bright = float(rng.integers(2)) * 170.0 + 50.0
+        trim = TextureSpec(contrast=2.0, brightness=bright, colour=_WHITE)
+        changes["textures"] = {**textures, _TRIM: trim}
+        height = round(float(rng.uniform(0.08, 0.12)), 3)
+        changes["skirting"] = SkirtingSpec(height=height, texture=_TRIM)
+        changes["door_frames"] = DoorFrameSpec(texture=_TRIM)
+    return world.model_copy(update=changes)
+
+
+def _uses(world: WorldSpec) -> Iterator[tuple[str, Role]]:
+    """The textures of a world, each with the roles in which it is used."""
+    yield world.floor, "floor"
+    if world.ceiling is not None:
+        yield world.ceiling, "ceiling"
+    for room in world.rooms:
+        parts: tuple[tuple[str | None, Role], ...] = (
+            (room.floor, "floor"),
+            (room.walls, "wall"),
+            (room.ceiling, "ceiling"),
+        )
+        yield from ((name, role) for name, role in parts if name is not None)
+    yield from ((wall.texture, "wall") for wall in world.walls)
+    yield from ((mover.texture, "person") for mover in world.movers)
+    yield from ((door.texture, "thing") for door in world.doors)
+    yield from ((box.texture, "thing") for box in world.boxes)
+    yield from ((cylinder.texture, "thing") for cylinder in world.cylinders)
+
+
+def _drawn(rng: np.random.Generator, look: Look, role: Role) -> TextureSpec:
+    """A random texture of a look for a role."""
+    surfaces = _SURFACES[look][role]
+    surface = surfaces[int(rng.integers(len(surfaces)))]
+    return TextureSpec(
+        style=surface.style,
+        seed=int(rng.integers(1_000_000)),
+        contrast=round(float(rng.uniform(*surface.contrast)), 1),
+        brightness=round(float(rng.uniform(*surface.brightness)), 1),
+        colour=surface.colour,
+        finest=_FINEST.get(role, 0.025),
+    )
