@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated
 
 import numpy as np
@@ -14,14 +15,26 @@ from navfw.signals.immutable import Sealed, read_only
 __all__ = ["CommandGrid", "CommandGridParams", "peak"]
 
 
+SPEED_STEP = 0.0625
+"""Largest step [m/s] between forward speeds: from standstill the robot begins with one step."""
+
+LEAST_FORWARD, MOST_FORWARD = 9, 40
+"""Bounds of the number of forward speeds that follows from the top speed."""
+
+
 class CommandGridParams(BaseModel):
     """Resolution and limits of the command grid (METHOD 3.6)."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     forward: Annotated[
-        int, Field(ge=4, le=40, description="forward speeds, standstill included")
-    ] = 9
+        int | None,
+        Field(
+            ge=4,
+            le=40,
+            description="forward speeds, standstill included; none: as many as the top speed needs",
+        ),
+    ] = None
     reverse: Annotated[int, Field(ge=0, le=10, description="backward speeds")] = 2
     turns: Annotated[
         int, Field(ge=5, le=81, description="turning rates; odd, zero in the middle")
@@ -49,7 +62,7 @@ class CommandGrid(Sealed):
         self.max_w = min(params.turn_rate, robot.max_w)
         turns = params.turns | 1  # an odd count contains zero
         backward = np.linspace(-robot.max_reverse, 0.0, params.reverse + 1)[:-1]
-        forward = np.linspace(0.0, self.max_v, params.forward)
+        forward = np.linspace(0.0, self.max_v, params.forward or forward_speeds(self.max_v))
         self.v: Array = read_only(np.concatenate([backward, forward]))
         self.w: Array = read_only(np.linspace(-self.max_w, self.max_w, turns))
         self.relative_v: Array = read_only(self.v / self.max_v)
@@ -97,6 +110,11 @@ class CommandGrid(Sealed):
             int(np.abs(self.v - twist.v).argmin()),
             int(np.abs(self.w - twist.w).argmin()),
         )
+
+
+def forward_speeds(max_v: float) -> int:
+    """Number of forward speeds up to ``max_v`` [m/s], standstill included, SPEED_STEP apart."""
+    return min(max(math.ceil(max_v / SPEED_STEP) + 1, LEAST_FORWARD), MOST_FORWARD)
 
 
 def peak(value: float, values: Array, steps: float = 1.5) -> Array:

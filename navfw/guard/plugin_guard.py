@@ -17,7 +17,8 @@ from navfw.watchdog import PluginTimeout, Watchdog
 __all__ = ["FailingStage", "PluginCallError", "PluginFault", "PluginGuard", "label_of"]
 
 FIRST_LIMIT = 60.0
-"""Wall time limit of a plugin's first call in a run [s]: it may load kernels and libraries."""
+"""Wall time limit of a plugin's first call in a run [s], and of all up to the first decision: they
+may load kernels and libraries."""
 
 LIMIT = 10.0
 """Wall time limit of every other call [s]: some ten thousand times the usual run time."""
@@ -162,9 +163,8 @@ class PluginGuard:
         if suspended is not None and self.time < suspended[0]:
             raise PluginCallError("suspended after a time-out")
         try:
-            self._watchdog.begin(
-                plugin, self._limit if plugin in self._called else self._first_limit
-            )
+            first = self.starting or plugin not in self._called
+            self._watchdog.begin(plugin, self._first_limit if first else self._limit)
             try:
                 answer = check(function(*arguments))
             finally:

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from param_ranges import check_ranges
+from pydantic import ValidationError
 
 from navfw.context import CommandGrid, CommandGridParams, peak
 from navfw.robot import RobotModel
@@ -63,10 +64,21 @@ def test_parameters_are_within_their_ranges() -> None:
     check_ranges(
         CommandGridParams,
         {
-            "forward": "[4, 40]",
             "reverse": "[0, 10]",
             "turns": "[5, 81]",
             "cruise": "(0, 2]",
             "turn_rate": "(0, 4]",
         },
     )
+
+
+@given(st.floats(0.1, 2.0))
+def test_fast_robots_have_more_speeds_so_that_the_lowest_stays_low(cruise: float) -> None:
+    speeds = CommandGrid(RobotModel(max_v=2.0), CommandGridParams(cruise=cruise)).v
+    forward = speeds[speeds >= 0.0]
+    assert len(forward) >= 9
+    assert np.diff(forward).max() <= 0.0625 + 1e-9
+    with pytest.raises(ValidationError, match="forward"):
+        CommandGridParams(forward=3)
+    four = CommandGrid(RobotModel(max_v=2.0), CommandGridParams(cruise=cruise, forward=4)).v
+    assert np.count_nonzero(four >= 0.0) == 4
