@@ -19,7 +19,7 @@ from PIL import Image as PillowImage
 from navfw.config.input_file import read_input, shown_path
 from navfw.errors import ConfigError
 
-__all__ = ["MAX_BYTES", "MAX_PIXELS", "read_image"]
+__all__ = ["MAX_BYTES", "MAX_PIXELS", "decode_image", "read_image"]
 
 MAX_BYTES = 100_000_000
 """Largest size of an image file [byte]."""
@@ -47,8 +47,18 @@ def read_image(
         ConfigError: the file cannot be read, is no image, is damaged or too large.
 
     """
-    name = shown_path(Path(path))
-    data = read_input(path, max_bytes)
+    return decode_image(read_input(path, max_bytes), shown_path(Path(path)), flags, max_pixels)
+
+
+def decode_image(
+    data: bytes, name: str, flags: int = cv2.IMREAD_COLOR, max_pixels: int = MAX_PIXELS
+) -> npt.NDArray[np.uint8 | np.uint16]:
+    """The image in the content ``data`` of a file called ``name``; see ``read_image``.
+
+    Raises:
+        ConfigError: it is no image, is damaged or too large; the message has ``name``.
+
+    """
     width, height = _declared_size(data, name)
     if width * height > max_pixels:
         raise ConfigError(

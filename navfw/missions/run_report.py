@@ -10,16 +10,17 @@ from typing import Any
 
 from navfw.errors import InputError
 from navfw.interruption import deferred, interruptible
+from navfw.missions.resolved_config import resolved_config
 from navfw.missions.session import MissionResult, Session
 from navfw.recording.provenance import code_revision, machine_kind
-from navfw.recording.run_folder import PICTURE, PLAN, RESULT, RunFolder
+from navfw.recording.run_folder import PICTURE, PLAN, RECORDING, RESULT, RunFolder
 from navfw.recording.top_view import OutlineDisc, WorldOutline
 from navfw.recording.trajectory_picture import TrajectoryPicture, draw_trajectory
 from navfw.sim.floorplan import FloorPlan
 from navfw.topomap.mapfile import map_data
 from navfw.topomap.ros_map import save_ros_map
 
-__all__ = ["default_folder", "draw", "outline_of", "resolved_config", "versions", "write_run"]
+__all__ = ["default_folder", "draw", "outline_of", "versions", "write_run"]
 
 _LIBRARIES = ("pybullet", "numpy", "numba", "opencv-python-headless", "scikit-fuzzy", "networkx")
 """Libraries whose versions are recorded."""
@@ -47,7 +48,7 @@ def write_run(result: MissionResult, target: RunFolder) -> tuple[str, ...]:
         what = f"{RESULT} cannot be written: {error.strerror or error}"
         raise InputError(what, file=target.target) from error
     parts: dict[str, Callable[[Path], object]] = {}
-    if result.readings is not None:
+    if result.recorder is not None:
         config, topo_map = result.session.stack.config, result.session.mission.topo_map
         plan = topo_map.floor_plan
         data = map_data(topo_map, None if plan is None else PLAN)
@@ -55,7 +56,7 @@ def write_run(result: MissionResult, target: RunFolder) -> tuple[str, ...]:
             parts[PLAN] = lambda path: save_ros_map(plan, path)
         parts["map.yaml"] = lambda path: target.write_yaml(path.name, data)
         parts["stack.yaml"] = lambda path: target.write_yaml(path.name, config)
-        parts["recording.npz"] = result.readings.save
+        parts[RECORDING] = result.recorder.save
     parts[PICTURE] = lambda path: draw(result, path)
     missing = ((name, _why_missing(target.path / name, write)) for name, write in parts.items())
     return tuple(f"{name} is missing: {why}" for name, why in missing if why)
@@ -67,7 +68,7 @@ def _content(result: MissionResult) -> dict[str, Any]:
     return {
         **result.summary(),
         "trace": result.run.verdict.trace,
-        "config": resolved_config(session),
+        "config": resolved_config(session.mission, session.stack),
         "overrides": session.overrides,
         "versions": versions(),
         "stack": session.stack_file.stem,
@@ -126,24 +127,6 @@ def outline_of(plan: FloorPlan) -> WorldOutline:
         furniture=[corners for solid, corners in rectangles if solid.kind in {"box", "drop"}],
         discs=[OutlineDisc(circle.x, circle.y, circle.radius) for _, circle in plan.circles()],
     )
-
-
-def resolved_config(session: Session) -> dict[str, Any]:
-    """Mission and stack of the run with all defaults, as plain data."""
-    mission = session.mission
-    spec = mission.spec.model_dump(mode="json")
-    start = mission.start
-    return {
-        "mission": {
-            **spec,
-            "sensors": mission.spec.sensors.resolved().model_dump(mode="json"),
-            "start": [start.x, start.y, start.yaw],
-            "start_known": mission.start_known,
-            "goals": [{"place": goal.place, "x": goal.x, "y": goal.y} for goal in mission.goals],
-            "map": mission.topo_map.name,
-        },
-        "stack": session.stack.config,
-    }
 
 
 def versions() -> dict[str, str]:

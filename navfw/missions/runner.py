@@ -17,7 +17,7 @@ from navfw.missions.event_clock import EventClock, EventRecord
 from navfw.missions.outcome import FaultKind, MissionVerdict, Outcome
 from navfw.missions.progress_checkers import GoalChecker, ProgressChecker, goal_name
 from navfw.recording.run_log import Contact, RunLog, RunLogger
-from navfw.recording.sensor_recording import SensorRecorder
+from navfw.recording.run_observer import RunObserver
 from navfw.robot import RobotModel
 from navfw.safety import PersistentFailure
 from navfw.signals import Belief, Command, Percept, Pose, SensorReading, Twist, Waypoint
@@ -191,22 +191,21 @@ def run_task(
     pilot: Pilot,
     simulator: Simulator,
     progress: Callable[[Progress], None] | None = None,
-    readings: SensorRecorder | None = None,
+    observers: Sequence[RunObserver] = (),
     events: EventClock | None = None,
     limit: float = math.inf,
 ) -> RunResult:
     """Drive until the mission ends; Ctrl-C or SIGTERM ends it as cancelled.
 
-    ``readings`` records the sensor readings for a replay; ``events`` is updated at every tick. A
-    run that takes longer than ``limit`` [s] of wall-clock time ends as a fault; otherwise that time
-    is used in reports only.
+    ``observers`` and ``events`` take in every tick. A run that takes longer than ``limit`` [s] of
+    wall-clock time ends as a fault; otherwise that time is used in reports only.
 
     Raises:
         InputError: the stack refuses the mission before the first tick, for example a goal to which
             the map has no route. Any later exception ends the run as a fault.
 
     """
-    return _MissionLoop(task, pilot, simulator, progress, readings, events, limit).run()
+    return _MissionLoop(task, pilot, simulator, progress, observers, events, limit).run()
 
 
 class _MissionLoop:
@@ -218,7 +217,7 @@ class _MissionLoop:
         pilot: Pilot,
         simulator: Simulator,
         progress: Callable[[Progress], None] | None,
-        readings: SensorRecorder | None,
+        observers: Sequence[RunObserver],
         events: EventClock | None,
         limit: float,
     ) -> None:
@@ -226,7 +225,7 @@ class _MissionLoop:
         self.pilot = pilot
         self.simulator = simulator
         self.progress = progress
-        self.readings = readings
+        self.observers = observers
         self.events = events
         self.limit = limit
         self.logger = RunLogger()
@@ -311,8 +310,8 @@ class _MissionLoop:
             emergency=command is not None and (command.emergency or self.leader == EMERGENCY),
             belief=state.belief,
         )
-        if self.readings is not None:
-            self.readings.add(reading, twist.v, twist.w)
+        for observer in self.observers:
+            observer.observe(reading, twist, pose)
         if state.path is not self.path:
             self.path = state.path
             self.logger.add_waypoints(state.path)

@@ -28,10 +28,11 @@ from navfw.missions.oracle import plugins_of, reveal
 from navfw.missions.outcome import Outcome
 from navfw.missions.process_check import check_process
 from navfw.missions.process_state import ProcessState
+from navfw.missions.resolved_config import run_description
 from navfw.missions.run_metrics import RunMetrics, measure
 from navfw.missions.runner import Progress, RunResult, Task, run_task
 from navfw.plugins.simulator_access import SimulatorWatch
-from navfw.recording.sensor_recording import SensorRecorder
+from navfw.recording.run_recorder import RunRecorder
 from navfw.robotfile import robot_section
 from navfw.signals import Array
 from navfw.sim.floorplan import FloorPlan
@@ -113,7 +114,7 @@ class Session:
         record: bool = False,
         limit: float = math.inf,
     ) -> MissionResult:
-        """Drive the mission once; with ``record`` the sensor readings are kept for a replay.
+        """Drive the mission once; with ``record`` it is recorded, for a replay and for viewers.
 
         A run that takes longer than ``limit`` [s] of wall-clock time ends as a fault.
 
@@ -121,12 +122,13 @@ class Session:
             InputError: the stack refuses the mission before the robot has moved.
 
         """
-        readings = SensorRecorder() if record else None
+        recorder = RunRecorder(run_description(self)) if record else None
+        observers = () if recorder is None else (recorder,)
         before = ProcessState.capture()
         watch = SimulatorWatch(plugins_of(self.stack))
         with self.simulation(gui) as simulator, self.stack.guard.on_duty(), watch:
             clock = EventClock((event, self._target(event, simulator)) for event in self.events)
-            run = run_task(self.task, self.stack, simulator, progress, readings, clock, limit)
+            run = run_task(self.task, self.stack, simulator, progress, observers, clock, limit)
             changes = simulator.change_track()
             spent = simulator.timings
             cause = simulator.collision_cause
@@ -136,7 +138,7 @@ class Session:
             timings["landmark_frames"] = spent.landmarks
         timings |= self.stack.timings
         run = check_process(run, before, self.stack.resolved.plugins)
-        return MissionResult(self, run, timings, readings, cause, movers, changes, watch.found())
+        return MissionResult(self, run, timings, recorder, cause, movers, changes, watch.found())
 
     def _target(self, event: Event, simulator: Simulation) -> EventTarget:
         """A behaviour of the stack for a behaviour's fault, else the simulation."""
@@ -172,7 +174,7 @@ class MissionResult:
     session: Session
     run: RunResult
     timings: dict[str, float] = field(default_factory=dict)
-    readings: SensorRecorder | None = None
+    recorder: RunRecorder | None = None
     collision_cause: str | None = None
     movers: MoverTrack | None = None
     changes: ChangeTrack | None = None

@@ -14,7 +14,17 @@ from navfw.config.json_file import read_json_object
 from navfw.errors import ConfigError, InputError
 from navfw.target_lock import lock_first_free
 
-__all__ = ["FILES", "PICTURE", "PLAN", "RESULT", "RunFolder", "plain_json", "read_result"]
+__all__ = [
+    "FILES",
+    "OLD_RECORDING",
+    "PICTURE",
+    "PLAN",
+    "RECORDING",
+    "RESULT",
+    "RunFolder",
+    "plain_json",
+    "read_result",
+]
 
 RESULT = "result.json"
 """The file with outcome, metrics and configuration of a run."""
@@ -22,11 +32,17 @@ RESULT = "result.json"
 PICTURE = "trajectory.png"
 """The file with the trajectory from above."""
 
+RECORDING = "run.mcap"
+"""The file with the recording of a run."""
+
+OLD_RECORDING = "recording.npz"
+"""The recording of earlier versions: no longer read, and replaced with its folder."""
+
 PLAN = "plan.yaml"
 """The file of the map's floor plan, if it has one; its image is beside it."""
 
 FILES = frozenset(
-    {RESULT, PICTURE, "recording.npz", "map.yaml", "stack.yaml", PLAN, "plan.png"},
+    {RESULT, PICTURE, RECORDING, OLD_RECORDING, "map.yaml", "stack.yaml", PLAN, "plan.png"},
 )
 """The files of a run folder; a folder with any other file in it is never replaced."""
 

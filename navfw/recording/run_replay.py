@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from navfw.config.input_file import is_file
 from navfw.errors import ConfigError, InputError
 from navfw.fault_injection import Failure, inject_faults
 from navfw.landmark_appearance import check_landmark_kind
+from navfw.recording.channel_list import CAMERA_IMAGE
+from navfw.recording.recorded_run import recording_in
 from navfw.recording.run_folder import RESULT, read_result
 from navfw.recording.run_log import hash_commands
 from navfw.recording.sensor_recording import SensorRecording, load_recording
@@ -126,7 +127,7 @@ def explain_at(folder: str | Path, time: float) -> dict[str, Any]:
     stack, recording, start, goals = _load(Path(folder))
     faults = _FaultReplay(Path(folder), stack)
     stack.start(start, goals)
-    last = float(recording.sensors[-1, 0]) if len(recording) else 0.0
+    last = recording.rows[-1].time if len(recording) else 0.0
     for reading in recording.readings():
         if reading.time > time + 1e-9:
             break
@@ -150,10 +151,9 @@ def _load(folder: Path) -> tuple[Stack, SensorRecording, Pose | None, list[Waypo
     from navfw.topomap import load_map
 
     mission = _mission(read_result(folder), folder)
-    if not is_file(folder / "recording.npz"):
-        raise ConfigError("contains no sensor readings; run again with --record", file=folder)
-    recording = load_recording(folder / "recording.npz")
-    _check_images(recording, mission.robot.camera, folder / "recording.npz")
+    file = recording_in(folder)
+    recording = load_recording(file)
+    _check_images(recording, mission.robot.camera, file)
     stack = Stack.load(
         folder / "stack.yaml",
         mission.robot,
@@ -168,14 +168,15 @@ def _load(folder: Path) -> tuple[Stack, SensorRecording, Pose | None, list[Waypo
 
 
 def _check_images(recording: SensorRecording, camera: CameraModel, file: Path) -> None:
-    height, width = recording.frames.image.shape[1:]
-    if recording.frames.image.size and (width, height) != (camera.width, camera.height):
-        raise ConfigError(
-            f"its images are {width} x {height}, those of the camera in {RESULT} are"
-            f" {camera.width} x {camera.height}",
-            file=file,
-            key="frames",
-        )
+    for frame in recording.frames:
+        if frame is not None and frame.image.shape != (camera.height, camera.width):
+            height, width = frame.image.shape
+            raise ConfigError(
+                f"an image is {width} x {height}, those of the camera in {RESULT} are"
+                f" {camera.width} x {camera.height}",
+                file=file,
+                key=CAMERA_IMAGE,
+            )
 
 
 class _FaultReplay:
@@ -232,11 +233,11 @@ def replay_commands(
 
 def compare_commands(recording: SensorRecording, commands: Array) -> ReplayResult:
     """Compare ``commands`` (n, 2) with the recorded ones, bit by bit."""
-    times = recording.sensors[:, :1]
-    differ = np.flatnonzero((commands != recording.commands).any(axis=1))
+    times, recorded = recording.times[:, None], recording.commands
+    differ = np.flatnonzero((commands != recorded).any(axis=1))
     return ReplayResult(
         command_hash=hash_commands(np.hstack([times, commands])),
-        recorded_hash=hash_commands(np.hstack([times, recording.commands])),
+        recorded_hash=hash_commands(np.hstack([times, recorded])),
         ticks=len(recording),
         first_difference=int(differ[0]) if len(differ) else None,
         complete=recording.complete,

@@ -51,10 +51,6 @@ LOADERS = {"np.load", "numpy.load", "json.load", "tomllib.load", "pickle.load", 
 ALLOWED = {
     "navfw/config/input_file.py": {"os.open": "the one function"},
     "navfw/config/image_file.py": {"PillowImage.open": "of bytes already read"},
-    "navfw/recording/sensor_recording.py": {
-        "zipfile.ZipFile": "of an opened input",
-        "archive.open": "a member of that archive",
-    },
     "navfw/perceive/video_file.py": {
         "cv2.VideoCapture": "it takes a name only; the file is checked just before",
         "os.open": "the null device",
@@ -109,7 +105,7 @@ INPUTS: dict[str, tuple[str, Read]] = {
     "geojson": ("a.geojson", load_any_map),
     "json": ("a.json", read_json_object),
     "result": ("result.json", lambda path: read_result(path.parent)),
-    "recording": ("recording.npz", load_recording),
+    "recording": ("run.mcap", load_recording),
     "table": ("table.csv", read_table),
     "gyro": ("gyro.csv", load_gyro_record),
     "image": ("a.png", read_image),

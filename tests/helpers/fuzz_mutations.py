@@ -1,19 +1,18 @@
-"""Mutations of inputs: of their structure, of their bytes, of archives. All drawn from one seed."""
+"""Mutations of inputs: structure, bytes, recordings. All drawn from one seed."""
 
 from __future__ import annotations
 
 import copy
-import io
 import json
-import zipfile
 from collections.abc import Callable
+from itertools import count
 from random import Random
 from typing import Any, TypeAlias
 from xml.etree import ElementTree
 
-import numpy as np
+from mcap_rewriting import rewritten
 
-__all__ = ["MUTATORS", "mutate_archive", "mutate_bytes", "mutate_data", "mutate_xml"]
+__all__ = ["MUTATORS", "mutate_bytes", "mutate_data", "mutate_recording", "mutate_xml"]
 
 Path: TypeAlias = tuple[Any, ...]
 Mutator: TypeAlias = Callable[[bytes, Random], bytes]
@@ -153,47 +152,29 @@ def mutate_xml(content: bytes, random: Random) -> bytes:
     return (head + text).encode("utf-8", "replace")
 
 
-def mutate_archive(content: bytes, random: Random) -> bytes:
-    """A ``.npz`` archive with missing, renamed, damaged, wrongly typed or enormous members."""
-    with zipfile.ZipFile(io.BytesIO(content)) as archive:
-        members = {name: archive.read(name) for name in archive.namelist()}
-    name = random.choice(list(members))
-    match random.randrange(8):
+def mutate_recording(content: bytes, random: Random) -> bytes:
+    """An MCAP file with missing, repeated or damaged messages, schemas or profile, or cut off."""
+    chosen = random.randrange(300)
+    number = count()
+
+    def change(topic: str, data: bytes) -> bytes | None:
+        if next(number) != chosen:
+            return data
+        return random.choice((None, b"", data + bytes(1), mutate_bytes(data, random)))
+
+    match random.randrange(6):
         case 0:
-            del members[name]
+            return content[: random.randrange(len(content))]
         case 1:
-            members[random.choice(("../x.npy", "x" * 300, "", "ticks", "a\0b"))] = members.pop(name)
+            profile = random.choice(("", "ros1", "navfw-", "navfw-0", "navfw-" + "9" * 40, "\0"))
+            return rewritten(content, profile=profile)
         case 2:
-            members[name] = mutate_bytes(members[name][:128], random) + members[name][128:]
+            damaged = rewritten(content, schema=lambda schema: mutate_bytes(schema.data, random))
         case 3:
-            members[name] = mutate_bytes(members[name], random)
-        case 4:
-            members[name] = _npy(random)
-        case 5:  # zeros pack a thousandfold
-            members[name] = members[name] + bytes(random.choice((10_000, 30_000_000)))
-        case 6:
-            values = np.load(io.BytesIO(members[name]))
-            odd = random.choice((values[..., :-1] if values.ndim else values, values * 0 - 1))
-            members[name] = _saved(random.choice((odd, values.astype(float) * np.nan, values.T)))
+            damaged = rewritten(content, lambda topic, data: None if "image" in topic else data)
         case _:
-            members["more.npy"] = members[name]
-    packed = io.BytesIO()
-    with zipfile.ZipFile(packed, "w", random.choice((0, 8, 12, 14))) as archive:
-        for member, data in members.items():
-            archive.writestr(zipfile.ZipInfo(member), data, zipfile.ZIP_DEFLATED)
-    return mutate_bytes(packed.getvalue(), random) if random.random() < 0.2 else packed.getvalue()
-
-
-def _npy(random: Random) -> bytes:
-    kind = random.choice(("<f8", ">f8", "|u1", "|b1", "<i2", "|S4", "<U3", "<c16", "|O", "<M8[s]"))
-    shape = random.choice(((), (0,), (3,), (2, 2), (1, 1, 1), (2, 0, 4)))
-    return _saved(np.zeros(shape, dtype=kind))
-
-
-def _saved(array: Any) -> bytes:
-    stream = io.BytesIO()
-    np.save(stream, array)
-    return stream.getvalue()
+            damaged = rewritten(content, change, chunk_size=random.choice((100, 10_000, 1 << 20)))
+    return mutate_bytes(damaged, random) if random.random() < 0.2 else damaged
 
 
 def _structure(content: bytes, random: Random) -> bytes:
@@ -215,7 +196,7 @@ MUTATORS: dict[str, tuple[Mutator, ...]] = {
     "data": (_structure, _structure, mutate_bytes),
     "xml": (mutate_xml, mutate_bytes),
     "cells": (_cells, mutate_bytes),
-    "archive": (mutate_archive, mutate_archive, mutate_bytes),
+    "recording": (mutate_recording, mutate_recording, mutate_bytes),
     "bytes": (mutate_bytes,),
 }
 """By the form of an input: what changes it."""

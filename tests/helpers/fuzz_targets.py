@@ -245,7 +245,7 @@ TARGETS: dict[str, Target] = {
                     _load_rules, 8),
     "project": Target("pyproject.toml", "bytes", _text("pyproject.toml", PROJECT),
                       _find_project, 20),
-    "recording": Target("run/recording.npz", "archive", _recorded,
+    "recording": Target("run/run.mcap", "recording", _recorded,
                         _command("replay", "./run"), 6, DIFFERING),
     "result": Target("run/result.json", "data", _recorded,
                      _command("explain", "./run", "--at", "2.1"), 2),

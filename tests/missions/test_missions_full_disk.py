@@ -59,7 +59,7 @@ def test_a_file_size_limit_costs_picture_and_recording_only(tmp_path: Path) -> N
     assert ended.exit_code == 3, ended.output
     assert ended.stdout.startswith("timeout after")
     assert ended.stderr.splitlines() == [
-        "navfw: recording.npz is missing: File too large",
+        "navfw: run.mcap is missing: File too large",
         "navfw: trajectory.png is missing: File too large",
         f"navfw: saved: map.yaml, result.json, stack.yaml in {tmp_path / 'o'}",
     ]
@@ -85,7 +85,7 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
 def test_a_full_disk_costs_picture_and_recording_first(small_disk: Path) -> None:
     ended = navfw_run(small_disk / "o", "--json")
     assert ended.exit_code == 3, ended.output
-    assert "recording.npz is missing: No space left on device" in ended.stderr
+    assert "run.mcap is missing: No space left on device" in ended.stderr
     printed = json.loads(ended.stdout)
     assert read_result(small_disk / "o")["command_hash"] == printed["command_hash"]
 

@@ -6,17 +6,23 @@ import json
 import subprocess
 import sys
 from collections.abc import Callable
+from itertools import count
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
+from foxglove.messages import CompressedImage
+from mcap_rewriting import rewrite
 from typer.testing import CliRunner
 
 from navfw.cli import app
 from navfw.errors import ConfigError, InputError
 from navfw.missions.run_report import write_run
 from navfw.missions.session import MissionResult, prepare
-from navfw.recording.run_folder import RESULT, RunFolder, read_result
+from navfw.recording.channel_list import CAMERA_IMAGE
+from navfw.recording.recorded_run import RecordedRun, image_of
+from navfw.recording.run_folder import RECORDING, RESULT, RunFolder, read_result
 from navfw.recording.run_replay import explain_at, replay
 from navfw.signals import Image
 
@@ -67,24 +73,31 @@ def test_the_stack_without_simulator_gives_the_same_commands(
     assert abs(result.run.log.commands[:, 0]).max() > 0.1, "the robot should have driven"
 
 
-def with_images(folder: Path, copy: Path, change: Callable[[Image], Image]) -> Path:
-    """A copy of a run folder with its images (n, height, width) changed."""
+def with_images(folder: Path, copy: Path, change: Callable[[int, Image], Image]) -> Path:
+    """A copy of a run folder with its images changed, by their number."""
     for name in (RESULT, "map.yaml", "stack.yaml"):
         (copy / name).write_bytes((folder / name).read_bytes())
-    with np.load(folder / "recording.npz") as data:
-        arrays = {name: data[name] for name in data.files}
-    arrays["frames_image"] = change(arrays["frames_image"])
-    np.savez(copy / "recording.npz", **arrays)
+    messages = RecordedRun(folder / RECORDING).messages(CAMERA_IMAGE)
+    numbers = count()
+
+    def changed(topic: str, data: bytes) -> bytes:
+        if topic != CAMERA_IMAGE:
+            return data
+        image = change(next(numbers), image_of(next(messages), folder))
+        packed = cv2.imencode(".png", np.ascontiguousarray(image))[1].tobytes()
+        return CompressedImage(data=packed, format="png").encode()
+
+    rewrite(folder / RECORDING, copy / RECORDING, changed)
     return copy
 
 
 def test_images_of_another_size_are_refused_by_file(
     driven: tuple[MissionResult, Path], tmp_path: Path
 ) -> None:
-    folder = with_images(driven[1], tmp_path, lambda images: images[:, :, 1:])
+    folder = with_images(driven[1], tmp_path, lambda _, image: image[:, 1:])
     with pytest.raises(ConfigError) as caught:
         replay(folder)
-    assert caught.value.file == str(tmp_path / "recording.npz")
+    assert caught.value.file == str(tmp_path / RECORDING)
     assert "159 x 120, those of the camera in result.json are 160 x 120" in str(caught.value)
 
 
@@ -93,8 +106,8 @@ def test_another_image_gives_other_commands(
 ) -> None:
     """A replay computes its commands; it does not return the recorded ones."""
 
-    def mirrored(images: Image) -> Image:
-        return np.concatenate([images[:30], images[30:, :, ::-1]])
+    def mirrored(number: int, image: Image) -> Image:
+        return image if number < 30 else image[:, ::-1]
 
     again = replay(with_images(driven[1], tmp_path, mirrored))
     assert not again.same
@@ -108,7 +121,10 @@ def test_a_run_without_recording_is_refused_with_the_remedy(
 ) -> None:
     _, folder = driven
     (tmp_path / RESULT).write_bytes((folder / RESULT).read_bytes())
-    with pytest.raises(ConfigError, match="--record"):
+    with pytest.raises(ConfigError, match="contains no sensor readings; run again with --record"):
+        replay(tmp_path)
+    (tmp_path / "recording.npz").write_bytes(b"")
+    with pytest.raises(ConfigError, match=r"npz is of an earlier version .*; run again with"):
         replay(tmp_path)
 
 

@@ -2,21 +2,30 @@
 
 from __future__ import annotations
 
-import zipfile
-from collections.abc import Callable
+import struct
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from foxglove.messages import CompressedImage
+from mcap.writer import CompressionType
+from mcap_rewriting import Change, rewrite
 
 from navfw.errors import ConfigError
+from navfw.recording.channel_list import CAMERA_IMAGE, LANDMARK_IMAGE, READING, RIGHT_IMAGE
+from navfw.recording.mcap_file import MAX_BYTES
+from navfw.recording.reading_message import ReadingRow, pack_reading, unpack_reading
+from navfw.recording.recorded_run import RecordedRun
+from navfw.recording.run_recorder import RunRecorder
 from navfw.recording.run_replay import compare_commands, replay_commands
-from navfw.recording.sensor_recording import MAX_BYTES, SensorRecorder, load_recording
+from navfw.recording.sensor_recording import load_recording
 from navfw.robot import RobotModel
-from navfw.signals import Encoders, Frame, Inertial, Pose, SensorReading, Waypoint
+from navfw.signals import Encoders, Frame, Inertial, Pose, SensorReading, Twist, Waypoint
 from navfw.testing.fakes import FakePilot, FakeSimulator
 
 TICKS = 40
+HERE = Pose(0.0, 0.0, 0.0)
 
 
 def random_readings(seed: int) -> list[SensorReading]:
@@ -42,11 +51,12 @@ def random_readings(seed: int) -> list[SensorReading]:
     return [reading(tick) for tick in range(TICKS)]
 
 
-def recorded(readings: list[SensorReading], path: Path, max_bytes: int = MAX_BYTES) -> None:
-    recorder = SensorRecorder(max_bytes)
+def recorded(readings: list[SensorReading], path: Path, max_bytes: int = MAX_BYTES) -> Path:
+    recorder = RunRecorder({"world": "none"}, max_bytes)
     for number, reading in enumerate(readings):
-        recorder.add(reading, 0.1 * number, -0.1 * number)
+        recorder.observe(reading, Twist(0.1 * number, -0.1 * number), HERE)
     recorder.save(path)
+    return path
 
 
 def same_frame(a: Frame | None, b: Frame | None) -> bool:
@@ -59,10 +69,8 @@ def same_frame(a: Frame | None, b: Frame | None) -> bool:
 
 
 def test_readings_are_loaded_as_recorded(tmp_path: Path) -> None:
-    path = tmp_path / "recording.npz"
     readings = random_readings(1)
-    recorded(readings, path)
-    recording = load_recording(path)
+    recording = load_recording(recorded(readings, tmp_path / "run.mcap"))
     back = list(recording.readings())
     assert recording.complete
     assert len(back) == TICKS
@@ -77,75 +85,139 @@ def test_readings_are_loaded_as_recorded(tmp_path: Path) -> None:
     assert np.array_equal(recording.commands[:, 0], 0.1 * np.arange(TICKS))
 
 
+def test_a_reading_that_is_not_a_number_is_kept() -> None:
+    """It is a fault of a sensor, and replayed as such."""
+    inertial = Inertial(0.0, float("nan"), -0.0, float("inf"))
+    row = unpack_reading(
+        pack_reading(SensorReading(0.0, inertial, Encoders(0.0, 0, 0)), Twist(1.0, 0.0))
+    )
+    assert np.isnan(row.roll_rate)
+    assert (str(row.pitch_rate), row.yaw_rate) == ("-0.0", float("inf"))
+
+
 def test_an_empty_recording_can_be_loaded(tmp_path: Path) -> None:
-    recorded([], tmp_path / "empty.npz")
-    assert list(load_recording(tmp_path / "empty.npz").readings()) == []
+    assert list(load_recording(recorded([], tmp_path / "empty.mcap")).readings()) == []
 
 
 def test_a_recorder_keeps_its_size_limit(tmp_path: Path) -> None:
-    path = tmp_path / "recording.npz"
-    recorded(random_readings(2), path, max_bytes=3000)
-    recording = load_recording(path)
+    recording = load_recording(recorded(random_readings(2), tmp_path / "run.mcap", max_bytes=6000))
     assert not recording.complete
     assert 0 < len(recording) < TICKS
 
 
-def test_the_size_is_checked_before_unpacking(tmp_path: Path) -> None:
-    path = tmp_path / "recording.npz"
-    recorded(random_readings(3), path)
-    size = path.stat().st_size
+def test_sizes_are_checked_before_unpacking(tmp_path: Path) -> None:
+    path = recorded(random_readings(3), tmp_path / "run.mcap")
     with pytest.raises(ConfigError, match="file is too large: at most 1000 bytes"):
         load_recording(path, max_bytes=1000)
-    with pytest.raises(ConfigError, match=f"exceeds {size}"):
-        load_recording(path, max_bytes=size)
+    blank = [
+        SensorReading(
+            0.1 * tick,
+            Inertial(0.1 * tick, 0.0, 0.0, 0.0),
+            Encoders(0.1 * tick, 0, 0),
+            Frame(0.1 * tick, np.zeros((600, 800), np.uint8)),
+        )
+        for tick in range(4)
+    ]
+    packed = recorded(blank, tmp_path / "blank.mcap")
+    limit = packed.stat().st_size
+    with pytest.raises(ConfigError, match="its images are too large"):
+        load_recording(packed, max_bytes=limit)
 
 
-def broken_files(folder: Path) -> list[Path]:
-    good = folder / "good.npz"
-    recorded(random_readings(4), good)
-    with np.load(good) as data:
-        arrays = {name: data[name] for name in data.files}
-    text = folder / "text.npz"
-    text.write_text("no archive")
-    cut = folder / "cut.npz"
-    cut.write_bytes(good.read_bytes()[:-200])
-    variants = {
-        "fewer": {name: array for name, array in arrays.items() if name != "ticks"},
-        "typed": arrays | {"sensors": arrays["sensors"].astype(np.float32)},
-        "pickled": arrays | {"sensors": np.array([{"a": 1}], dtype=object)},
-        "short": arrays | {"ticks": arrays["ticks"][:-1]},
-        "astray": arrays | {"frames_at": arrays["frames_at"] + 1},
-        "narrow": arrays | {"sensors": arrays["sensors"][:, :5]},
-    }
-    files = [text, cut, folder / "missing.npz"]
-    for name, content in variants.items():
-        np.savez(folder / f"{name}.npz", **content)
-        files.append(folder / f"{name}.npz")
-    other = folder / "other.npz"
-    with zipfile.ZipFile(other, "w") as archive:
-        archive.writestr("../evil.npy", b"x")
-    return [*files, other]
+def test_of_a_cut_file_the_intact_part_is_used(tmp_path: Path) -> None:
+    good = recorded(random_readings(4), tmp_path / "good.mcap")
+    path = rewrite(good, tmp_path / "run.mcap", chunk_size=2000)
+    whole = load_recording(path)
+    content = path.read_bytes()
+    for share in (0.4, 0.6):
+        path.write_bytes(content[: int(share * len(content))])
+        recording = load_recording(path)
+        assert not recording.complete
+        assert 3 < len(recording) < TICKS
+        assert recording.rows == whole.rows[: len(recording)]
 
 
-def test_a_file_that_is_no_recording_is_refused_with_its_name(tmp_path: Path) -> None:
-    for path in broken_files(tmp_path):
-        with pytest.raises(ConfigError, match=path.name):
-            load_recording(path)
+def other_message(topic: str, data: bytes) -> Change:
+    return lambda of, content: data if of == topic else content
+
+
+def left_out(topic: str) -> Change:
+    return lambda of, content: None if of == topic else content
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (left_out(CAMERA_IMAGE), "images of /camera/image are missing"),
+        (left_out(RIGHT_IMAGE), "images of /camera/right/image are missing"),
+        (other_message(READING, b"\0" * 9), "another layout"),
+        (other_message(LANDMARK_IMAGE, b"\xff\xff"), "a message of /camera/landmarks/image"),
+        (
+            other_message(LANDMARK_IMAGE, CompressedImage(data=b"GIF").encode()),
+            "is not a readable image",
+        ),
+    ],
+)
+def test_missing_and_damaged_messages_are_told(
+    change: Change, message: str, tmp_path: Path
+) -> None:
+    good = recorded(random_readings(5), tmp_path / "good.mcap")
+    bad = rewrite(good, tmp_path / "bad.mcap", change)
+    with pytest.raises(ConfigError, match=message) as caught:
+        load_recording(bad)
+    assert "bad.mcap" in str(caught.value)
+
+
+def test_a_foreign_file_and_one_of_another_version_are_told_apart(tmp_path: Path) -> None:
+    good = recorded(random_readings(6), tmp_path / "good.mcap")
+    for profile, message in (
+        ("ros2", "profile 'ros2', expected one of navfw run --record"),
+        ("", "without a profile"),
+        ("navfw-0", "version 0 of the format, this navfw reads 1; record the run again"),
+    ):
+        with pytest.raises(ConfigError, match=message):
+            load_recording(rewrite(good, tmp_path / "other.mcap", profile=profile))
+    fewer = rewrite(good, tmp_path / "fewer.mcap", schema=lambda schema: schema.data[:-30])
+    with pytest.raises(ConfigError, match="not those of this version"):
+        load_recording(fewer)
+    text = tmp_path / "text.mcap"
+    text.write_text("no recording")
+    with pytest.raises(ConfigError, match="expected an MCAP file"):
+        load_recording(text)
+
+
+def test_another_compression_is_refused_unread(tmp_path: Path) -> None:
+    good = recorded(random_readings(6), tmp_path / "good.mcap")
+    packed = rewrite(good, tmp_path / "lz4.mcap", compression=CompressionType.LZ4)
+    with pytest.raises(ConfigError, match="compressed with 'lz4', expected zstd"):
+        load_recording(packed)
+    plain = rewrite(good, tmp_path / "plain.mcap", compression=CompressionType.NONE)
+    assert len(load_recording(plain)) == TICKS
+
+
+def test_a_chunk_that_unpacks_to_too_much_is_refused_unread(tmp_path: Path) -> None:
+    good = recorded(random_readings(6), tmp_path / "good.mcap")
+    content = bytearray(good.read_bytes())
+    at = content.index(b"\x04\x00\x00\x00zstd") - 12  # of the first chunk: its unpacked size
+    content[at : at + 8] = struct.pack("<Q", 1 << 40)
+    (tmp_path / "bomb.mcap").write_bytes(content)
+    with pytest.raises(ConfigError, match=r"a chunk has 1099511627776 bytes, more than"):
+        load_recording(tmp_path / "bomb.mcap")
 
 
 def test_a_pilot_gives_the_same_commands_to_recorded_readings(tmp_path: Path) -> None:
     robot, start = RobotModel(), Pose(0.0, 0.0, 0.3)
     goals = [Waypoint(1.0, 0.5, 0.2, "there", "goal", True)]
-    simulator, pilot, recorder = FakeSimulator(start), FakePilot(), SensorRecorder()
+    simulator, pilot, recorder = FakeSimulator(start), FakePilot(), RunRecorder()
     pilot.start(start, goals)
     while not pilot.state.finished:
         reading = simulator.read()
         twist = pilot.step(reading)
-        recorder.add(reading, twist.v, twist.w)
+        recorder.observe(reading, twist, simulator.true_pose())
         simulator.drive(*robot.wheel_speeds(twist))
         simulator.advance(1.0 / robot.control_rate)
-    recorder.save(tmp_path / "recording.npz")
-    recording = load_recording(tmp_path / "recording.npz")
+    recorder.save(tmp_path / "run.mcap")
+    recording = load_recording(tmp_path / "run.mcap")
 
     again = compare_commands(recording, replay_commands(FakePilot(), recording, start, goals))
     assert again.same
@@ -157,80 +229,66 @@ def test_a_pilot_gives_the_same_commands_to_recorded_readings(tmp_path: Path) ->
     assert misled.first_difference == 0
 
 
-def members(path: Path) -> dict[str, bytes]:
-    with zipfile.ZipFile(path) as archive:
-        return {name: archive.read(name) for name in archive.namelist()}
-
-
-def rewritten(path: Path, name: str, content: bytes) -> Path:
-    parts = members(path) | {name: content}
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        for member, data in parts.items():
-            archive.writestr(member, data)
-    return path
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (lambda data: data.replace(b"(40, 6)", b"(1<<9,)"), "not a recording"),
-        (lambda data: data.replace(b"(40, 6)", b"(4**9,)"), "not a recording"),
-        (lambda data: data.replace(b"(40, 6), }   ", b"(99999, 9999)"), "not a recording"),
-        (lambda data: data.replace(b"(40, 6)", b"(41, 6)"), "not that of its shape"),
-        (lambda data: data.replace(b"\x01\x00", b"\x03\x00", 1), "another version"),
-        (lambda data: data[:-40] + b"\0\0\0\0\0\0\xf8\x7f" + data[-32:], ""),
-        (lambda data: data[:100], "not a recording"),
-        (lambda data: data[:128] + data[176:224] + data[128:176] + data[224:], "do not increase"),
-    ],
-)
-def test_an_array_with_a_damaged_header_is_refused_unread(
-    change: Callable[[bytes], bytes], message: str, tmp_path: Path
-) -> None:
-    path = tmp_path / "recording.npz"
-    recorded(random_readings(5), path)
-    rewritten(path, "sensors.npy", change(members(path)["sensors.npy"]))
-    if not message:  # a reading that is not a number is a fault of a sensor, and replayed as such
-        load_recording(path)
-        return
-    with pytest.raises(ConfigError, match=message):
-        load_recording(path)
-
-
 def test_every_flipped_byte_gives_a_recording_or_a_located_error(tmp_path: Path) -> None:
-    good = tmp_path / "good.npz"
-    recorded(random_readings(6)[:3], good)
+    good = recorded(random_readings(7)[:3], tmp_path / "good.mcap")
     content = good.read_bytes()
-    bad = tmp_path / "bad.npz"
+    bad = tmp_path / "bad.mcap"
     refused = 0
     for at in range(0, len(content), 7):
         bad.write_bytes(content[:at] + bytes([content[at] ^ 0xFF]) + content[at + 1 :])
         try:
             load_recording(bad)
         except ConfigError as error:
-            assert error.file == str(bad)
+            assert str(bad) in str(error)
             refused += 1
     assert refused > 100
 
 
+def with_row(**fields: Any) -> Change:
+    """The reading of tick 6, which has a frame, with other fields."""
+    seen = 0
+
+    def change(topic: str, data: bytes) -> bytes:
+        nonlocal seen
+        if topic != READING:
+            return data
+        seen += 1
+        if seen != 7:
+            return data
+        row: ReadingRow = unpack_reading(data)._replace(**fields)
+        return data[:4] + struct.pack("<6d2q2dq2d", *row)
+
+    return change
+
+
 @pytest.mark.parametrize(
-    ("name", "column", "value", "message"),
+    ("fields", "message"),
     [
-        ("sensors", 3, 1e300, "a rate is above"),
-        ("sensors", 4, -1e192, "times of gyro or encoders"),
-        ("sensors", 5, np.nan, "times of gyro or encoders"),
-        ("frames_time", None, -1e192, "the time of an image"),
-        ("frames_time", None, np.inf, "the time of an image"),
-        ("landmarks_time", None, 1e3, "the time of an image"),
+        ({"yaw_rate": 1e300}, "a rate is above"),
+        ({"inertial_time": -1e192}, "times of gyro or encoders"),
+        ({"encoders_time": float("nan")}, "times of gyro or encoders"),
+        ({"frame_time": -1e192}, "the time of an image"),
+        ({"frame_time": float("inf")}, "the time of an image"),
+        ({"time": 0.0}, "times do not increase"),
+        ({"pictures": 0}, "an image belongs to no reading"),
+        ({"pictures": 7}, "images of /camera/landmarks/image are missing"),
     ],
 )
 def test_times_and_rates_that_no_sensor_has_are_refused(
-    name: str, column: int | None, value: float, message: str, tmp_path: Path
+    fields: dict[str, float], message: str, tmp_path: Path
 ) -> None:
-    path = tmp_path / "recording.npz"
-    recorded(random_readings(7), path)
-    with np.load(path) as data:
-        arrays = {key: data[key] for key in data.files}
-    arrays[name][1 if column is None else (7, column)] = value
-    np.savez(path, **arrays)
+    good = recorded(random_readings(7), tmp_path / "good.mcap")
     with pytest.raises(ConfigError, match=message):
-        load_recording(path)
+        load_recording(rewrite(good, tmp_path / "bad.mcap", with_row(**fields)))
+
+
+def test_the_recording_tells_of_its_run(tmp_path: Path) -> None:
+    run = RecordedRun(recorded(random_readings(8), tmp_path / "run.mcap"))
+    assert run.metadata == {"world": "none"}
+    assert run.topics[CAMERA_IMAGE] == "foxglove.CompressedImage"
+    assert run.image_at(-1.0) is None
+    image = run.image_at(0.15)
+    frame = random_readings(8)[6].frame
+    assert image is not None
+    assert frame is not None
+    assert np.array_equal(image, frame.image)

@@ -1,0 +1,79 @@
+"""Recording of a run as MCAP, in memory until it is saved."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from navfw.recording.mcap_file import MAX_BYTES
+from navfw.recording.sensor_channels import SensorChannels
+from navfw.signals import Frame, Pose, SensorReading, Twist
+
+if TYPE_CHECKING:
+    from foxglove import Context
+
+__all__ = ["END", "FORMAT_VERSION", "PROFILE", "RUN", "RunRecorder"]
+
+FORMAT_VERSION = 1
+"""Version of the channels; raised when a replay reads them differently."""
+PROFILE = "navfw-"
+"""Profile of the file, before the version."""
+
+RUN = "navfw.run"
+"""Name of the metadata that describe the run, at the begin of the file."""
+END = "navfw.end"
+"""Name of the metadata at the end of the data; without them the run is not complete."""
+
+_CHUNK = 1 << 18
+"""Size of a chunk before compression [byte]: a second or two, which a cut file loses at most."""
+
+
+class RunRecorder:
+    """Collects readings and commands in memory, at most ``max_bytes`` of each kind, until ``save``.
+
+    ``complete`` is false once the limit has been reached: what follows is left out.
+    """
+
+    def __init__(
+        self, metadata: Mapping[str, str] | None = None, max_bytes: int = MAX_BYTES
+    ) -> None:
+        from foxglove import Context, open_mcap
+        from foxglove.mcap import MCAPWriteOptions
+
+        self.context: Context = Context()
+        self.complete = True
+        self._max_bytes = max_bytes
+        self._unpacked = 0
+        self._file = io.BytesIO()
+        options = MCAPWriteOptions(
+            profile=f"{PROFILE}{FORMAT_VERSION}", chunk_size=_CHUNK, compression_threads=0
+        )
+        self._writer = open_mcap(self._file, context=self.context, writer_options=options)
+        self._writer.write_metadata(RUN, dict(metadata or {}))
+        self._sensors = SensorChannels(self.context)
+        self._closed = False
+
+    def observe(self, reading: SensorReading, twist: Twist, pose: Pose) -> None:
+        """Add one control tick: the reading, the stack's command for it, and the true pose."""
+        frames = [frame for frame in (reading.frame, reading.landmark_frame) if frame is not None]
+        self._unpacked += 96 + sum(map(_size, frames))
+        if max(self._unpacked, self._file.tell()) > self._max_bytes:
+            self.complete = False
+        if self.complete:
+            self._sensors.log(reading, twist)
+
+    def save(self, path: Path) -> None:
+        """Write the recording to ``path``; nothing can be added afterwards."""
+        if not self._closed:
+            self._closed = True
+            if self.complete:
+                self._writer.write_metadata(END, {"complete": "yes"})  # empty ones are not written
+            self._writer.close()
+        path.write_bytes(self._file.getbuffer())
+
+
+def _size(frame: Frame) -> int:
+    """The size of a frame's images [byte]."""
+    return frame.image.nbytes + sum(side.nbytes for side in frame.sides)
