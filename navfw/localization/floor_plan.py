@@ -28,6 +28,10 @@ LEAST_POINTS = 8
 GATE = 16.0
 """Squared Mahalanobis distance of a fit from the prediction from which on it is not used."""
 
+BLOCKED_COST = 2.0
+"""How much more a ray that a wall would have blocked speaks against a pose than a point that does
+not belong to the plan: furniture explains the point, nothing explains the ray."""
+
 INFLATION = 2.0
 """Factor on the covariance after a fit that was not used: the pose may be wrong."""
 
@@ -39,8 +43,9 @@ class FloorPlanLocalizer(Localizer):
     """Tracks the pose by an EKF on odometry, corrected by the walls of the map's floor plan.
 
     Scans are taken some way apart, since neighbouring ones share their errors. The running mean of
-    the share of points that belong to the plan tells whether the robot is where it believes: below
-    ``doubt_below`` the whole plan is searched for a better pose, below ``lost_below`` it is lost.
+    their ``fit`` to the plan tells whether the robot is where it believes: the share of points that
+    belong to the plan, less for rays that a wall would have blocked. Below ``doubt_below`` the
+    whole plan is searched for a better pose, below ``lost_below`` the robot is lost.
     Landmarks are not used.
     """
 
@@ -57,11 +62,11 @@ class FloorPlanLocalizer(Localizer):
         ] = 8.0
         doubt_below: Annotated[
             float,
-            Field(ge=0.0, lt=1.0, description="mean share of points on the plan: in doubt below"),
+            Field(ge=0.0, lt=1.0, description="mean fit of the scans: in doubt below"),
         ] = 0.42
         lost_below: Annotated[
             float,
-            Field(ge=0.0, lt=1.0, description="mean share of points on the plan: lost below"),
+            Field(ge=0.0, lt=1.0, description="mean fit of the scans: lost below"),
         ] = 0.25
 
     params: Params
@@ -91,7 +96,7 @@ class FloorPlanLocalizer(Localizer):
         self._search = PlanSearch(topo_map.floor_plan, self._field, self.robot.radius)
         self.filter = MetricFilter(p, LandmarkExistence(p.prior), self.robot)
         self.tracking = pose is not None
-        self.belonging = 1.0
+        self.fit = 1.0
         self._last = odometry.pose
         self._driven = 0.0
         self._scanned_at = -math.inf
@@ -113,7 +118,7 @@ class FloorPlanLocalizer(Localizer):
             self._search.add(self._driven, odometry.pose, scan)
             if self.tracking:
                 self._correct(scan)
-            if not self.tracking or self.belonging < self.params.doubt_below:
+            if not self.tracking or self.fit < self.params.doubt_below:
                 self._find(odometry)
         return self._belief(self._posterior, odometry)
 
@@ -133,7 +138,10 @@ class FloorPlanLocalizer(Localizer):
         here = self.filter.pose
         by_filter: Array = np.asarray(np.linalg.inv(known), dtype=np.float64)
         match = self._field.match(scan, here, by_filter)
-        self.belonging += (match.belonging - self.belonging) / self.params.memory
+        at = np.array([[match.pose.x, match.pose.y, match.pose.yaw]])
+        blocked = float(self._field.blocked(scan, at)[0])
+        fit = max(match.belonging - BLOCKED_COST * blocked, 0.0)
+        self.fit += (fit - self.fit) / self.params.memory
         off = np.array([match.pose.x - here.x, match.pose.y - here.y, 0.0])
         off[2] = wrap_angle(match.pose.yaw - here.yaw)
         if float(off @ np.linalg.solve(known, off)) > GATE:
@@ -141,7 +149,7 @@ class FloorPlanLocalizer(Localizer):
             self.filter.covariance[:, :3] *= math.sqrt(INFLATION)
         else:
             self.filter.adopt(match.pose, match.information)
-        if self.belonging < self.params.lost_below:
+        if self.fit < self.params.lost_below:
             self.tracking = False
 
     def _find(self, odometry: Odometry) -> None:
@@ -154,7 +162,7 @@ class FloorPlanLocalizer(Localizer):
 
     def _track(self, pose: Pose, xy: float, yaw: float, odometry: Odometry) -> None:
         self.tracking = True
-        self.belonging = max(self.params.doubt_below, 0.5)
+        self.fit = max(self.params.doubt_below, 0.5)
         self.filter.initialize(pose, np.diag([xy**2, xy**2, yaw**2]), odometry)
 
     def _belief(self, posterior: PlacePosterior, odometry: Odometry) -> Belief:
@@ -164,7 +172,7 @@ class FloorPlanLocalizer(Localizer):
             origin = Pose(0.0, 0.0, 0.0)
             return Belief(odometry.time, origin, unknown, nowhere, 0.0, lost=True)
         pose, covariance = self.filter.pose, self.filter.pose_covariance
-        trust = min(1.0, self.belonging / max(self.params.doubt_below, 1e-6))
+        trust = min(1.0, self.fit / max(self.params.doubt_below, 1e-6))
         return Belief(
             odometry.time,
             pose,

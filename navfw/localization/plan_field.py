@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import distance_transform_edt
 
-from navfw.localization.plan_kernels import match_points, rate_poses
+from navfw.localization.plan_kernels import match_points, rate_poses, share_of_blocked_rays
 from navfw.localization.plan_scan import PlanScan
 from navfw.signals import Array, Pose
 from navfw.topomap.occupancy_map import OccupancyMap
@@ -24,6 +24,9 @@ OTHER = 0.1
 
 CORRELATION = 12.0
 """Number of points with a common error: a column of cells shows one wall, by one pair of frames."""
+
+SHORT = 0.25
+"""Part of a ray next to its point [m] in which no wall counts as blocking it."""
 
 ITERATIONS = 8
 """Number of Gauss-Newton steps."""
@@ -90,6 +93,13 @@ class PlanField:
             self._on_grid(poses),
             plan_sigma,
             OTHER,
+        )
+        return np.asarray(found, dtype=np.float64)
+
+    def blocked(self, scan: PlanScan, poses: Array) -> Array:
+        """Share (m,) of the rays to the points that walls would block at ``poses`` (m, 3)."""
+        found: Any = share_of_blocked_rays(
+            scan.points, scan.origins, self.cells, self.resolution, self._on_grid(poses), SHORT
         )
         return np.asarray(found, dtype=np.float64)
 

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from navfw.signals import Array
 
-__all__ = ["match_points", "rate_poses"]
+__all__ = ["match_points", "rate_poses", "share_of_blocked_rays"]
 
 Floats = npt.NDArray[np.float32]
 
@@ -130,3 +130,39 @@ def rate_poses(
             total += math.log(density + other)
         rating[k] = total / max(points.shape[0], 1)
     return rating
+
+
+@numba.njit(cache=True, error_model="numpy")
+def share_of_blocked_rays(
+    points: Array, origins: Array, field: Floats, cell: float, poses: Array, short: float
+) -> Array:
+    """The share (m,) of the rays to seen points that a wall of the plan would have blocked.
+
+    Args:
+        points: (n, 2) seen points [m] in base_link.
+        origins: (n, 2) where the robot was when it saw them [m], in base_link.
+        field: (rows, columns) signed distances [cells].
+        cell: side of a cell [m].
+        poses: (m, 3) x, y [m] and yaw [rad] of base_link along the grid's axes.
+        short: part of each ray next to its point [m] that does not count.
+
+    """
+    share = np.zeros(poses.shape[0])
+    for k in range(poses.shape[0]):
+        c, s = math.cos(poses[k, 2]), math.sin(poses[k, 2])
+        for i in range(points.shape[0]):
+            dx, dy = points[i, 0] - origins[i, 0], points[i, 1] - origins[i, 1]
+            length = math.hypot(dx, dy)
+            steps = int((length - short) / cell)
+            for step in range(steps):
+                part = step * cell / length
+                px, py = origins[i, 0] + part * dx, origins[i, 1] + part * dy
+                x = (poses[k, 0] + c * px - s * py) / cell
+                y = (poses[k, 1] + s * px + c * py) / cell
+                if not (0.0 <= x < field.shape[1] and 0.0 <= y < field.shape[0]):
+                    break
+                if field[int(y), int(x)] < 0.0:
+                    share[k] += 1.0
+                    break
+        share[k] /= max(points.shape[0], 1)
+    return share

@@ -27,10 +27,14 @@ LEAST_SIGMA = 0.03
 
 @dataclass(frozen=True, slots=True)
 class PlanScan:
-    """Points (n, 2) [m] in base_link, and their standard deviations (n,) [m] along the rays."""
+    """Points (n, 2) [m] in base_link, and their standard deviations (n,) [m] along the rays.
+
+    ``origins`` (n, 2) [m, base_link] is where the robot was when it saw each point.
+    """
 
     points: Array
     sigma: Array
+    origins: Array
 
     @property
     def size(self) -> int:
@@ -56,4 +60,5 @@ def scan_of(percept: Percept, robot: RobotModel) -> PlanScan:
     points = depth[:, None] * rays[:, :2] + np.array([camera.mount_forward, 0.0])
     relative = np.maximum(percept.sigma[used] * depth, LEAST_SIGMA)
     sigma = relative * depth * np.hypot(rays[:, 0], rays[:, 1])
-    return PlanScan(np.ascontiguousarray(points), np.ascontiguousarray(sigma))
+    points = np.ascontiguousarray(points)
+    return PlanScan(points, np.ascontiguousarray(sigma), np.zeros_like(points))

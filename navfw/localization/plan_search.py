@@ -44,6 +44,9 @@ the fine one."""
 COARSE_POINTS, FINE_POINTS = 80, 400
 """Number of points in the two ratings."""
 
+MOST_RATED = 4000
+"""Number of coarse poses whose rays are followed."""
+
 CANDIDATES = 40
 """Number of coarse poses that are refined."""
 
@@ -55,6 +58,10 @@ LOOSE = np.diag([0.2**-2, 0.2**-2, 0.12**-2])
 
 EVIDENCE = 2.0
 """Number of independent points of a scan: its columns of cells share walls and errors."""
+
+BLOCKED = 4.0
+"""Log likelihood that a ray costs which a wall of the plan would have blocked: the plan may show
+walls that are not there."""
 
 LEAST_CLEARANCE = 0.08
 """Clearance [m] below which the robot cannot have stood at a point of the plan."""
@@ -112,6 +119,7 @@ class PlanSearch:
             refined.append(self._field.match(cloud, start, LOOSE).pose)
         poses = np.array([(pose.x, pose.y, pose.yaw) for pose in refined])
         rating = self._field.rate(cloud, poses, FINE_SIGMA)
+        rating -= BLOCKED * self._field.blocked(cloud, poses)
         rating[self._impossible(poses, here)] = -math.inf
         best = int(np.argmax(rating))
         if not math.isfinite(rating[best]):
@@ -123,9 +131,11 @@ class PlanSearch:
 
     def _rated(self, cloud: PlanScan, poses: Array, sigma: float) -> list[int]:
         """The best of ``poses`` (m, 3), by index, best first, all of them apart."""
-        order = np.argsort(-self._field.rate(cloud, poses, sigma), kind="stable")[:4000]
+        rating = self._field.rate(cloud, poses, sigma)
+        best = np.argsort(-rating, kind="stable")[:MOST_RATED]
+        rating = rating[best] - BLOCKED * self._field.blocked(cloud, poses[best])
         kept: list[int] = []
-        for k in order.tolist():
+        for k in best[np.argsort(-rating, kind="stable")].tolist():
             if all(_gap(poses[k], poses[other]) > 1.0 for other in kept):
                 kept.append(k)
             if len(kept) == CANDIDATES:
@@ -134,13 +144,15 @@ class PlanSearch:
 
     def _cloud(self, here: Pose, count: int) -> PlanScan:
         """About ``count`` points of all scans, evenly picked, seen from odom pose ``here``."""
-        points, sigma = [], []
-        for _, pose, scan in self._scans:
-            points.append(here.relative(pose).points_to_parent(scan.points))
+        points, sigma, origins = [], [], []
+        for _, odom, scan in self._scans:
+            pose = here.relative(odom)
+            points.append(pose.points_to_parent(scan.points))
+            origins.append(pose.points_to_parent(scan.origins))
             sigma.append(scan.sigma)
-        joined, spread = np.concatenate(points), np.concatenate(sigma)
-        step = max(1, len(spread) // count)
-        return PlanScan(np.ascontiguousarray(joined[::step]), np.ascontiguousarray(spread[::step]))
+        step = max(1, sum(map(len, sigma)) // count)
+        picked = (np.concatenate(part)[::step] for part in (points, sigma, origins))
+        return PlanScan(*map(np.ascontiguousarray, picked))
 
     def _impossible(self, poses: Array, here: Pose) -> Array:
         """Which of ``poses`` (m, 3) would have led the robot through a wall, or off the plan."""

@@ -71,7 +71,8 @@ def all_round(true: Pose, plan: OccupancyMap) -> PlanScan:
         c, s = math.cos(side), math.sin(side)
         points.append(scan.points @ np.array([[c, s], [-s, c]]))
         sigma.append(scan.sigma)
-    return PlanScan(np.concatenate(points), np.concatenate(sigma))
+    joined = np.concatenate(points)
+    return PlanScan(joined, np.concatenate(sigma), np.zeros_like(joined))
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.4])
@@ -88,6 +89,18 @@ def test_a_scan_finds_the_pose_near_a_guess(yaw: float) -> None:
     assert off @ (match.information + known) @ off < 16.3  # 99.9 % of 3 degrees of freedom
     assert np.hypot(off[0], off[1]) < 0.08, "the guess is 0.14 m off"
     assert match.belonging > 0.6
+
+
+def test_rays_through_walls_tell_a_wrong_pose() -> None:
+    true = Pose(4.0, 2.5, 0.2)
+    scan, field = all_round(true, PLAN), PlanField(PLAN)
+    behind_the_wall = Pose(6.0, 2.5, 0.2)
+    poses = np.array([(pose.x, pose.y, pose.yaw) for pose in (true, behind_the_wall)])
+    at_true, beyond = field.blocked(scan, poses)
+    assert at_true < 0.05
+    assert beyond > 0.2
+    elsewhere = PlanScan(scan.points, scan.sigma, scan.points)  # seen from where they are
+    assert not field.blocked(elsewhere, poses).any()
 
 
 def test_the_field_is_exact_to_the_last_bit() -> None:
