@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -30,27 +30,6 @@ def explain(
     if json:
         print_json(explanation)
     else:
-        typer.echo("\n".join(_lines(explanation)))
+        from navfw.mofis.explanation_text import explanation_lines
 
-
-def _lines(explanation: dict[str, Any]) -> list[str]:
-    """The explanation as lines of text."""
-    perceived = explanation.get("perception", {}).get("sentence", "")
-    lines = [
-        f"at {explanation['time']:.1f} s: v {explanation['v']:+.2f} m/s, "
-        f"w {explanation['w']:+.2f} rad/s, led by {explanation['leader']}",
-        f"  perceived  {perceived or 'nothing yet'}",
-    ]
-    composite = explanation.get("composite", {"rules": ()})
-    if composite["rules"]:
-        given = ", ".join(f"{name} {weight:.2f}" for name, weight in composite["weights"].items())
-        lines.append(f"  {composite['name']} weights {given}")
-        lines += [f"      {rule['strength']:.2f}  {rule['rule']}" for rule in composite["rules"]]
-    ordered = sorted(explanation["behaviors"].items(), key=lambda item: -item[1]["weight"])
-    for name, part in ordered:
-        lines.append(
-            f"  {name}: weight {part['weight']:.2f}, desirability {part['desirability']:.2f}, "
-            f"prohibition {part['prohibition']:.2f} - {part['reason']}"
-        )
-        lines += [f"      {rule['strength']:.2f}  {rule['rule']}" for rule in part["rules"]]
-    return lines
+        typer.echo("\n".join(explanation_lines(explanation)))

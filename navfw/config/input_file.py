@@ -11,6 +11,7 @@ import os
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from pathlib import Path
 from typing import BinaryIO
 
@@ -24,6 +25,7 @@ __all__ = [
     "read_input",
     "read_input_text",
     "shown_path",
+    "traced_inputs",
 ]
 
 _FLAGS = (
@@ -32,6 +34,20 @@ _FLAGS = (
     | getattr(os, "O_NOCTTY", 0)
     | getattr(os, "O_BINARY", 0)
 )
+
+
+_traced: ContextVar[set[Path] | None] = ContextVar("traced", default=None)
+
+
+@contextmanager
+def traced_inputs() -> Iterator[set[Path]]:
+    """Collect the absolute paths of the files that are opened in this context."""
+    files: set[Path] = set()
+    token = _traced.set(files)
+    try:
+        yield files
+    finally:
+        _traced.reset(token)
 
 
 @contextmanager
@@ -44,6 +60,8 @@ def open_input(path: str | Path, max_bytes: int) -> Iterator[BinaryIO]:
 
     """
     path = Path(path)
+    if (traced := _traced.get()) is not None:
+        traced.add(path.absolute())
     try:
         descriptor = os.open(path, _FLAGS)
     except FileNotFoundError:

@@ -1,16 +1,21 @@
-"""Single values given on the command line: ``--set offis.layers=1``."""
+"""Single values given on the command line: ``--set offis.layers=1``, or in Python by a mapping."""
 
 from __future__ import annotations
 
 import copy
-from collections.abc import Sequence
+import json
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
+from typing import TypeAlias
 
 from navfw.config.document import Data, KeyPath, Origin, YamlDocument, key_text, parse_yaml
 from navfw.errors import ConfigError, did_you_mean
 
-__all__ = ["Override", "apply_overrides", "parse_override"]
+__all__ = ["Override", "Settings", "apply_overrides", "override_texts", "parse_override"]
+
+Settings: TypeAlias = str | Sequence[str] | Mapping[str, object]
+"""Overrides: texts such as ``"offis.layers=1"``, or a mapping such as ``{"offis.layers": 1}``."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +38,36 @@ class Override:
     def error(self, message: str) -> ConfigError:
         """An error whose key is this override."""
         return ConfigError(message, key=self.option)
+
+
+def override_texts(given: Settings) -> tuple[str, ...]:
+    """Overrides as arguments of ``--set``; the values of a mapping are plain data.
+
+    >>> override_texts({"offis.layers": 1, "mission.goals": ["lab"]})
+    ('offis.layers=1', 'mission.goals=["lab"]')
+    >>> override_texts("offis.layers=1")
+    ('offis.layers=1',)
+
+    Raises:
+        ConfigError: a value is no plain data: neither number, text, boolean, None, list nor
+            mapping, or a number that is not finite.
+
+    """
+    if isinstance(given, str):
+        return (given,)
+    if not isinstance(given, Mapping):
+        return tuple(str(text) for text in given)
+    return tuple(f"{key}={_value_text(key, value)}" for key, value in given.items())
+
+
+def _value_text(key: str, value: object) -> str:
+    """A value as JSON, which is YAML as well; numpy's numbers and arrays count as plain data."""
+    try:
+        plain = value.tolist() if hasattr(value, "tolist") else value
+        return json.dumps(plain, allow_nan=False, ensure_ascii=False)
+    except (TypeError, ValueError, RecursionError):
+        what = "expected plain data: a finite number, text, boolean, None, list or mapping"
+        raise ConfigError(f"{what}; got {value!r:.60}", key=f"set {key}") from None
 
 
 def parse_override(text: str) -> Override:

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 from typing import Any, Protocol, TypeVar
 
 from navfw.errors import InputError, PluginError
-from navfw.guard.answers import instance
+from navfw.guard.answers import AnswerError, instance
+from navfw.guard.fault_origin import fault_origin
 from navfw.interfaces import Plugin
 from navfw.interruption import interrupted
 from navfw.robot import RobotModel
@@ -201,11 +202,16 @@ class PluginGuard:
 
 
 def error_text(error: BaseException) -> str:
-    """Type and message of ``error`` on one line, shortened; the message may itself raise."""
+    """Type and message of ``error`` on one line, shortened, and where it was raised.
+
+    The message may itself raise.
+    """
     kind = type(error).__name__
     try:
         message = " ".join(str(error).split())
     except BaseException as second:  # __str__ is the plugin's
         message = f"its message raises {type(second).__name__}"
     text = f"{kind}: {message}" if message else kind
-    return text if len(text) <= _MAX_ERROR else f"{text[:_MAX_ERROR]}..."
+    short = text if len(text) <= _MAX_ERROR else f"{text[:_MAX_ERROR]}..."
+    origin = "" if isinstance(error, AnswerError) else fault_origin(error)
+    return f"{short} ({origin})" if origin else short

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from navfw.config.lookup import find, find_mission
-from navfw.config.overrides import Override, parse_override
+from navfw.config.overrides import Override, Settings, override_texts, parse_override
 from navfw.errors import UnknownNameError
 from navfw.fault_injection import FaultInjector, inject_faults
 from navfw.missions.event_check import resolve_events, with_doors_open
@@ -277,7 +277,7 @@ def prepare(
     *,
     seed: int = 0,
     stack: str | Path | None = None,
-    overrides: Sequence[str] = (),
+    overrides: Settings = (),
     registry: Registry | None = None,
 ) -> Session:
     """Load and check world, mission, map and stack.
@@ -291,6 +291,7 @@ def prepare(
             message has file, line and key.
 
     """
+    overrides = override_texts(overrides)
     for_mission, for_stack = split_overrides(overrides)
     world_file = find("world", world)
     mission_file = find_mission(world, mission)
@@ -315,7 +316,7 @@ def prepare(
         shortest=shortest,
         stack_file=stack_file,
         stack=built,
-        overrides=tuple(overrides),
+        overrides=overrides,
         events=resolve_events(
             loaded.document,
             loaded.spec.events,

@@ -1,4 +1,4 @@
-"""Missions as tests: the ``mission`` marker and the ``mission`` fixture.
+"""Missions as tests: the ``mission`` marker and fixture, and mission files as tests.
 
 ::
 
@@ -9,115 +9,75 @@
         assert mission.outcome == "reached"
         assert mission.metrics.min_clearance_m > 0.05
 
-The marked test runs once for each seed. A failing test shows the outcome, the reason and the path
-of the run's picture. Pytest loads this module in every session where navfw is installed, so it
-imports other modules only when a mission is driven.
+The marked test runs once for each seed. What is wrong in world, mission, stack or overrides is told
+when tests are collected. A test fails when a plugin faulted, unless its marker allows it. A failing
+test shows the outcome, the reason, the last decisions, and the paths of picture and recording.
+Unchanged missions are not driven again: their runs are in pytest's cache.
+
+Pytest loads this module in every session where navfw is installed, so it imports other modules
+only when a mission is collected or driven.
 """
 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Generator, Iterable, Iterator
+from collections.abc import Generator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING
 
 import pytest
 
+from navfw.testing.mission_case import MARKER, MarkerError, cases_of
+from navfw.testing.session_runs import RUN, finish, run_for
+
 if TYPE_CHECKING:
-    from navfw.missions.outcome import Outcome
-    from navfw.missions.run_metrics import RunMetrics
-    from navfw.missions.session import MissionResult
-    from navfw.recording.run_log import RunLog
-    from navfw.signals import Array
+    from navfw.testing.mission_files import MissionYaml
+    from navfw.testing.mission_run import MissionRun
 
-__all__ = ["MissionRun"]
+__all__ = ["mission"]
 
-_MARKER = (
-    "mission(world, mission, seeds=(0,), stack='default', set=()): drive a mission (or each of a"
-    " list of missions) once for each seed and hand the result to the `mission` fixture; `set` are"
-    " overrides such as 'offis.layers=1'"
-)
-_KEYS = ("world", "mission", "seeds", "stack", "set")
 _MISSION = "mission"
+_FILES = "navfw_missions"
 
-
-class MissionRun:
-    """The value of the ``mission`` fixture: the result of one mission."""
-
-    def __init__(self, result: MissionResult, folder: Path) -> None:
-        self.result = result
-        self._folder = folder
-
-    def __repr__(self) -> str:
-        session = self.result.session
-        name = f"{session.world_name}/{session.mission_name}, seed {session.seed}"
-        return f"<{name}: {self.outcome}: {self.reason}>"
-
-    @property
-    def outcome(self) -> Outcome:
-        """The outcome; equal to its text: ``mission.outcome == "reached"``."""
-        return self.result.outcome
-
-    @property
-    def reason(self) -> str:
-        """The reason of the outcome, one sentence."""
-        return self.result.reason
-
-    @property
-    def metrics(self) -> RunMetrics:
-        """The metrics of the run."""
-        return self.result.metrics
-
-    @property
-    def log(self) -> RunLog:
-        """The log of the run, one row per control tick."""
-        return self.result.run.log
-
-    @property
-    def path(self) -> Array:
-        """(n, 3) true poses x, y [m], yaw [rad] in the map, one per control tick."""
-        return self.log.true
-
-    @property
-    def commands(self) -> Array:
-        """(n, 3) time [s], v [m/s], w [rad/s], one per control tick."""
-        return self.log.command_stream
-
-    @property
-    def command_hash(self) -> str:
-        """The hash of the commands, equal for bit-identical commands."""
-        return self.log.command_hash
-
-    @property
-    def seed(self) -> int:
-        """The seed of the run."""
-        return self.result.session.seed
-
-    def save(self) -> Path:
-        """Write the run folder, unless it exists; returns its path."""
-        from navfw.missions.run_report import write_run
-        from navfw.recording.run_folder import RunFolder
-
-        if not self._folder.exists():
-            with RunFolder(self._folder) as target:
-                write_run(self.result, target)
-        return self._folder
+_SEEDS = pytest.StashKey[tuple[int, ...]]()
+_WRONG = pytest.StashKey[dict[tuple[object, ...], str]]()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Add ``--mission-runs``."""
-    parser.getgroup("navfw").addoption(
+    """Add the options, and the ini option ``navfw_missions``."""
+    group = parser.getgroup("navfw")
+    group.addoption(
         "--mission-runs",
         metavar="DIR",
         default=None,
         help="keep the run folders of all missions in DIR [default: only those of failed tests, in"
         " pytest's temporary folder]",
     )
+    group.addoption(
+        "--mission-seeds",
+        metavar="A:B",
+        default=None,
+        help="drive every mission with the seeds from A to B - 1 as well",
+    )
+    group.addoption(
+        "--mission-fresh",
+        action="store_true",
+        help="drive all missions, also those whose runs are in pytest's cache",
+    )
+    parser.addini(
+        _FILES,
+        type="linelist",
+        help="patterns of mission files that are tests, relative to the root folder; pytest has to"
+        " visit their folder (testpaths)",
+        default=[],
+    )
 
 
 def pytest_configure(config: pytest.Config) -> None:
     """Register the marker; trust the project whose tests are run, as they are its code, too."""
-    config.addinivalue_line("markers", _MARKER)
+    config.addinivalue_line("markers", MARKER)
+    config.stash[_SEEDS] = _more_seeds(config)
+    config.stash[_WRONG] = {}
     from navfw.config.lookup import project_folder
     from navfw.config.project_code import trusting
     from navfw.errors import InputError
@@ -132,135 +92,103 @@ def pytest_configure(config: pytest.Config) -> None:
         config.add_cleanup(trust.close)
 
 
+def _more_seeds(config: pytest.Config) -> tuple[int, ...]:
+    text = config.getoption("mission_seeds")
+    if text is None:
+        return ()
+    from navfw.errors import InputError
+    from navfw.suite.suitefile import parse_seeds
+
+    try:
+        return tuple(parse_seeds(text))
+    except InputError as error:
+        raise pytest.UsageError(str(error).replace("--seeds", "--mission-seeds")) from None
+
+
+def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> MissionYaml | None:
+    """A mission file that ``navfw_missions`` names."""
+    if file_path.suffix not in {".yaml", ".yml"}:
+        return None
+    config = parent.config
+    inside = file_path.is_relative_to(config.rootpath)
+    name = file_path.relative_to(config.rootpath) if inside else file_path
+    if not any(name.match(pattern) for pattern in config.getini(_FILES)):
+        return None
+    from navfw.testing.mission_files import MissionYaml
+
+    found = MissionYaml.from_parent(parent, path=file_path)
+    found.seeds = config.stash[_SEEDS]
+    return found
+
+
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """Make one test for each mission and seed of the marker."""
+    """Make one test for each mission and seed of the marker; tell what is wrong with them, once."""
     if _MISSION not in metafunc.fixturenames:
         return
     marker = metafunc.definition.get_closest_marker(_MISSION)
     if marker is None:
         return  # the fixture reports it, with the name of the test
-    metafunc.parametrize(_MISSION, list(_cases(marker, metafunc.definition.nodeid)), indirect=True)
-
-
-def _cases(marker: pytest.Mark, where: str) -> Iterator[Any]:
-    """A ``pytest.param`` for each run of the marker."""
-    wrong = [name for name in marker.kwargs if name not in _KEYS]
-    if wrong:
-        from navfw.errors import did_you_mean
-
-        _misuse(where, f"unknown argument {wrong[0]!r}: {did_you_mean(wrong[0], _KEYS)}")
-    given = {**dict(zip(_KEYS, marker.args, strict=False)), **marker.kwargs}
-    missing = [name for name in ("world", "mission") if name not in given]
-    if missing:
-        _misuse(where, f"missing argument: {' and '.join(missing)}")
-    if len(marker.args) > len(_KEYS):
-        _misuse(where, f"expected at most {len(_KEYS)} arguments, got {len(marker.args)}")
-    missions = _several(given["mission"])
-    seeds = list(given.get("seeds", (0,)))
-    if not missions or not seeds:
-        _misuse(where, "expected at least one mission and one seed")
-    for mission in missions:
-        for entry in seeds:
-            # a seed may have marks: pytest.param(7, marks=pytest.mark.slow)
-            param = entry if hasattr(entry, "marks") else pytest.param(entry)
-            (seed,) = param.values
-            if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
-                _misuse(where, f"expected a seed that is a whole number >= 0, got {seed!r}")
-            case = {
-                "world": str(given["world"]),
-                "mission": mission,
-                "seed": seed,
-                "stack": str(given.get("stack", "default")),
-                "overrides": tuple(_several(given.get("set", ()))),
-            }
-            yield pytest.param(case, marks=param.marks, id=f"{Path(mission).stem}-seed{seed}")
-
-
-def _several(value: str | Path | Iterable[str | Path]) -> list[str]:
-    return [str(value)] if isinstance(value, str | Path) else [str(item) for item in value]
-
-
-def _misuse(where: str, what: str) -> NoReturn:
-    pytest.fail(f"{where}: @pytest.mark.mission: {what}", pytrace=False)
-
-
-_RESULTS: pytest.StashKey[dict[tuple[Any, ...], MissionResult]] = pytest.StashKey()
-_RUN: pytest.StashKey[MissionRun] = pytest.StashKey()
+    where = f"{metafunc.definition.nodeid}: @pytest.mark.mission"
+    seeds: tuple[int, ...] = metafunc.config.stash[_SEEDS]
+    misuse, cases = "", []
+    try:
+        cases = list(cases_of(marker, seeds))
+    except MarkerError as error:
+        misuse = str(error)
+    if misuse:
+        pytest.fail(f"{where}: {misuse}", pytrace=False)
+    wrong = metafunc.config.stash[_WRONG]
+    for case in (param.values[0] for param in cases):
+        drive = (case.world, case.mission, case.stack, case.overrides)
+        if drive not in wrong:
+            wrong[drive] = case.check()
+            if wrong[drive]:
+                pytest.fail(f"{where}: {wrong[drive]}", pytrace=False)
+    metafunc.parametrize(_MISSION, cases, indirect=True)
 
 
 @pytest.fixture
-def mission(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> MissionRun:
-    """The result of the mission in the test's ``mission`` marker; see ``MissionRun``.
+def mission(request: pytest.FixtureRequest) -> MissionRun:
+    """The run of the mission in the test's ``mission`` marker; see ``MissionRun``.
 
-    Equal missions are driven once per session: the same seed gives the same commands.
+    Equal missions are driven once: the same seed gives the same commands.
     """
     case = getattr(request, "param", None)
     if case is None:
         pytest.fail("the mission fixture needs @pytest.mark.mission(world=..., mission=...)", False)
-    results = request.config.stash.setdefault(_RESULTS, {})
-    key = tuple(case.values())
-    if key not in results:
-        results[key] = _drive(case)
-    keep = request.config.getoption("mission_runs")
-    parent = Path(keep) if keep else tmp_path_factory.mktemp("mission", numbered=True)
-    run = MissionRun(results[key], parent / _folder_name(case))
-    request.node.stash[_RUN] = run
-    if keep:
-        run.save()
-    return run
+    return run_for(request.node, case)
 
 
-def _drive(case: dict[str, Any]) -> MissionResult:
-    from navfw.errors import InputError
-    from navfw.missions.session import prepare
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """Remove what is too much from the cache."""
+    finish(session.config)
 
-    try:
-        session = prepare(
-            case["world"],
-            case["mission"],
-            seed=case["seed"],
-            stack=case["stack"],
-            overrides=case["overrides"],
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call(item: pytest.Item) -> Generator[None, None, None]:
+    """Fail a test in whose mission a plugin faulted, unless its marker allows it."""
+    yield
+    run = item.stash.get(RUN, None)
+    if run is not None and run.faults and not run.case.allow_faults:
+        faults = "\n".join(f"  {fault}" for fault in run.faults)
+        what = (
+            f"a plugin faulted; @pytest.mark.mission(..., allow_faults=True) allows it:\n{faults}"
         )
-        result = session.run()
-    except InputError as error:
-        pytest.fail(f"the mission cannot be driven: {error}", pytrace=False)
-    if result.outcome == "cancelled":  # caught by the runner; pytest has to stop as well
-        raise KeyboardInterrupt
-    return result
-
-
-def _folder_name(case: dict[str, Any]) -> str:
-    import hashlib
-
-    name = f"{Path(case['world']).stem}-{Path(case['mission']).stem}-{case['seed']}"
-    variant = (case["stack"], case["overrides"])
-    if variant == ("default", ()):
-        return name
-    return f"{name}-{hashlib.sha256(repr(variant).encode()).hexdigest()[:6]}"
+        pytest.fail(what, pytrace=False)
 
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(
     item: pytest.Item, call: pytest.CallInfo[None]
 ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    """Add outcome and picture of the mission to the report of a failed test."""
+    """Add the run of the mission to the report of a failed test, and save its run folder."""
     report = yield
-    run = item.stash.get(_RUN, None)
+    run = item.stash.get(RUN, None)
     if run is not None and call.when == "call" and report.failed:
-        report.sections.append(("mission", "\n".join(_describe(run))))
+        from navfw.testing.mission_report import describe, saved_properties
+
+        saved = saved_properties(run)
+        item.user_properties.extend(saved)
+        report.user_properties = list(item.user_properties)
+        report.sections.append(("mission", "\n".join(describe(run, saved))))
     return report
-
-
-def _describe(run: MissionRun) -> Iterator[str]:
-    session, verdict = run.result.session, run.result.run.verdict
-    yield f"{session.world_name}/{session.mission_name}, seed {session.seed}"
-    leader = verdict.behavior or "none"
-    yield f"outcome: {verdict.outcome} after {verdict.time:.1f} s, leading behaviour: {leader}"
-    yield f"reason:  {verdict.reason}"
-    try:
-        yield f"picture: {run.save() / 'trajectory.png'}"
-    except Exception as error:  # a missing picture must not hide the test's failure
-        yield f"picture: none, {error}"
-    if verdict.trace:
-        yield verdict.trace

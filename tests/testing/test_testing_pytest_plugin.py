@@ -61,8 +61,8 @@ def test_the_fixture_gives_outcome_metrics_path_and_commands(pytester: pytest.Py
             assert mission.metrics.collisions == 0
 
         def test_the_same_run_is_driven_once(self, mission, request):
-            import navfw.testing.pytest_plugin as plugin
-            assert len(request.config.stash[plugin._RESULTS]) == 1
+            from navfw.testing.session_runs import RUNS
+            assert len(request.config.stash[RUNS]) == 1
     """
     outcomes(pytester, _dedent(text)).assert_outcomes(passed=2)
 
@@ -107,22 +107,36 @@ def test_a_passing_test_leaves_no_folder_by_default(pytester: pytest.Pytester) -
 CANNOT_BE_DRIVEN = {
     'world="empty", mission="straigth"': "did you mean 'straight'?",
     'world="emty", mission="straight"': "did you mean 'empty'?",
+    'world="empty", mission="straight", stack="defalt"': "did you mean 'default'?",
     'world="empty", mission="straight", set="ofis.layers=1"': "did you mean 'offis'?",
+    'world="empty", mission="straight", set={"avoid.latancy": 1}': "did you mean 'latency'?",
     'world="empty", mission="straight", set="sensors.preset=best"': "perfect",
+    'world="empty", mission="straight", set={"mission.timeout": object()}': "plain data",
 }
 
 
-def test_a_mission_that_cannot_be_driven_reports_the_reason(pytester: pytest.Pytester) -> None:
-    text = "".join(
-        f"@pytest.mark.mission({marker})\ndef test_{number}(mission):\n    pass\n"
-        for number, marker in enumerate(CANNOT_BE_DRIVEN)
-    )
-    done = outcomes(pytester, text)
+def test_a_mission_that_cannot_be_driven_is_told_when_collecting(
+    pytester: pytest.Pytester,
+) -> None:
+    for number, marker in enumerate(CANNOT_BE_DRIVEN):
+        text = f"{IMPORT}@pytest.mark.mission({marker})\ndef test_it(mission):\n    pass\n"
+        pytester.path.joinpath(f"test_{number}.py").write_text(text)
+    done = pytester.runpytest_inprocess("-p", "no:cacheprovider")
     done.assert_outcomes(errors=len(CANNOT_BE_DRIVEN))
-    sections = done.stdout.str().split("ERROR at setup of test_")[1:]
+    sections = done.stdout.str().split("ERROR collecting test_")[1:]
     for section, message in zip(sections, CANNOT_BE_DRIVEN.values(), strict=True):
         assert message in section
         assert "Traceback" not in section
+
+
+def test_what_is_wrong_is_told_once(pytester: pytest.Pytester) -> None:
+    marker = '@pytest.mark.mission(world="emty", mission="straight", seeds=range(9))'
+    for name in ("test_a.py", "test_b.py"):
+        tests = "".join(f"{marker}\ndef test_{n}(mission):\n    pass\n" for n in range(3))
+        pytester.path.joinpath(name).write_text(IMPORT + tests)
+    done = pytester.runpytest_inprocess("-p", "no:cacheprovider", "-rN")
+    done.assert_outcomes(errors=1)
+    assert done.stdout.str().count("did you mean 'empty'?") == 1
 
 
 MISWRITTEN = {

@@ -1,0 +1,39 @@
+"""The check of world, mission, stack and overrides by their files alone, before any run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from navfw.config.lookup import find, find_mission
+from navfw.config.overrides import Settings, override_texts
+from navfw.missions.missionfile import load_mission
+from navfw.missions.session import mission_stack, split_overrides, with_drops
+from navfw.sim.worldfile import load_world
+from navfw.stackfile import load_stack
+
+__all__ = ["check_inputs"]
+
+
+def check_inputs(
+    world: str | Path,
+    mission: str | Path,
+    *,
+    stack: str | Path | None = None,
+    overrides: Settings = (),
+) -> None:
+    """Check the files that ``navfw.missions.session.prepare`` reads, in a part of its time.
+
+    What shows only in the floor plan, such as a goal within a wall, is not checked.
+
+    Raises:
+        InputError: one of them does not exist, breaks its schema, or contradicts another.
+
+    """
+    from navfw.plugins import default_registry
+
+    for_mission, for_stack = split_overrides(override_texts(overrides))
+    loaded_world = load_world(find("world", world))
+    loaded = load_mission(find_mission(world, mission), for_mission)
+    with_drops(loaded_world, loaded)
+    stack_file = mission_stack(loaded) if stack is None else find("stack", stack)
+    load_stack(stack_file, default_registry(), for_stack)

@@ -1,0 +1,119 @@
+"""Runs of missions in pytest's cache, by the hash of all that goes into a run.
+
+An entry belongs to the code of navfw, the versions of all installed packages, the kind of machine,
+the files of the project that a run may read (its world, this mission, all maps, stacks, robots,
+behaviours and plugins), and the case with its seed. A run that read any other file is not stored.
+An entry is JSON and one array without pickles; one that cannot be read counts as absent.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from navfw.atomic import AtomicFolder
+from navfw.config.input_file import traced_inputs
+from navfw.errors import InputError
+from navfw.missions.session import MissionResult
+from navfw.recording.run_folder import RESULT, RunFolder
+from navfw.target_lock import TargetLock
+from navfw.testing.mission_case import MissionCase
+from navfw.testing.mission_run import DrivenRun, drive
+from navfw.testing.run_inputs import RunInputs
+from navfw.testing.stored_run import FILES, read_run, store_run
+
+__all__ = ["MissionCache"]
+
+WAIT = 900.0
+"""Longest wall time [s] to wait for another process that drives the same mission."""
+
+MAX_ENTRIES, MAX_BYTES = 2000, 2_000_000_000
+"""Bounds of the cache: number of runs, size of all files [byte]; the oldest are removed."""
+
+_RUN = ".run"
+"""Ending of the folder with the run folder of an entry."""
+
+
+class MissionCache:
+    """The runs in ``folder``; ``fresh`` drives all missions, whether they are there or not."""
+
+    def __init__(self, folder: Path, fresh: bool = False) -> None:
+        self.folder = folder
+        self.fresh = fresh
+        self._driven: set[str] = set()
+
+    def run(self, case: MissionCase) -> tuple[DrivenRun, MissionResult | None]:
+        """The run of ``case``: of the cache, or driven and stored; its result if it was driven.
+
+        Of several processes that need the same run, one drives it, and the others wait for it.
+
+        Raises:
+            InputError: the mission cannot be driven.
+
+        """
+        inputs = RunInputs.of(case)
+        with self._claimed(inputs.key):
+            known = None
+            if not self.fresh or inputs.key in self._driven:
+                known = read_run(self.folder / inputs.key)
+            if known is not None:
+                with suppress(OSError):
+                    os.utime(self.folder / inputs.key)
+                return known, None
+            with traced_inputs() as files:
+                result = drive(case)
+            run = DrivenRun.of(result)
+            self._driven.add(inputs.key)
+            if inputs.cover(files, result.session.stack):
+                self._store(inputs.key, run)
+            return run, result
+
+    def run_folder(self, case: MissionCase) -> Path | None:
+        """The run folder stored with the run of ``case``; None if there is none."""
+        folder = self.folder / f"{RunInputs.of(case).key}{_RUN}"
+        return folder if (folder / RESULT).is_file() else None
+
+    def keep_run_folder(self, case: MissionCase, folder: Path) -> None:
+        """Store a copy of a run folder with the run of ``case``; best effort."""
+        key = RunInputs.of(case).key
+        if (self.folder / key).is_dir():
+            with (
+                suppress(InputError, OSError),
+                RunFolder(self.folder / f"{key}{_RUN}") as target,
+            ):
+                shutil.copytree(folder, target.path, dirs_exist_ok=True)
+
+    def prune(self) -> None:
+        """Remove the oldest entries beyond the bounds of the cache."""
+        with suppress(OSError):
+            entries = [entry for entry in self.folder.iterdir() if entry.is_dir()]
+            by_age = sorted(entries, key=lambda entry: entry.stat().st_mtime, reverse=True)
+            total = 0
+            for number, entry in enumerate(by_age):
+                total += sum(file.stat().st_size for file in entry.rglob("*") if file.is_file())
+                if number >= MAX_ENTRIES or total > MAX_BYTES:
+                    shutil.rmtree(entry, ignore_errors=True)
+
+    def _store(self, key: str, run: DrivenRun) -> None:
+        """Store a run; a cache that cannot be written costs no test."""
+        pattern = re.compile("|".join(re.escape(name) for name in FILES))
+        with (
+            suppress(InputError, OSError),
+            AtomicFolder(self.folder / key, pattern, "cache_dir") as target,
+        ):
+            store_run(run, target.path)
+
+    @contextmanager
+    def _claimed(self, key: str) -> Iterator[None]:
+        """Hold the claim to drive the run of ``key``, after waiting for another holder."""
+        claim = TargetLock(self.folder / f"{key}.claim")
+        with suppress(InputError, OSError):
+            claim.acquire(WAIT)
+        try:
+            yield
+        finally:
+            claim.release()

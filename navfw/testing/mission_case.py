@@ -1,0 +1,146 @@
+"""One mission with one seed to drive in a test, from a ``mission`` marker or a mission file.
+
+Pytest loads this module in every session where navfw is installed: what is heavy is imported where
+it is used.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+__all__ = ["KEYS", "MARKER", "MarkerError", "MissionCase", "cases_of", "widened"]
+
+KEYS = ("world", "mission", "seeds", "stack", "set", "allow_faults")
+"""Arguments of the marker, in the order in which they may be given without names."""
+
+MARKER = (
+    "mission(world, mission, seeds=(0,), stack=None, set=(), allow_faults=False): drive a mission"
+    " (or each of a list of missions) once for each seed and hand the result to the `mission`"
+    " fixture; `stack`: instead of the one that the mission names, else `default`; `set`: changes"
+    " such as 'offis.layers=1' or {'offis.layers': 1}; `allow_faults`: faults of plugins do not"
+    " fail the test"
+)
+
+
+class MarkerError(Exception):
+    """A ``mission`` marker has wrong arguments."""
+
+
+@dataclass(frozen=True)
+class MissionCase:
+    """World, mission, seed, stack (None: the mission's own, else ``default``) and overrides."""
+
+    world: str
+    mission: str
+    seed: int = 0
+    stack: str | None = None
+    overrides: tuple[str, ...] = ()
+    allow_faults: bool = False
+
+    @property
+    def label(self) -> str:
+        """The name of the case in the name of its test."""
+        return f"{Path(self.mission).stem}-seed{self.seed}"
+
+    @property
+    def folder_name(self) -> str:
+        """The name of its run folder."""
+        import hashlib
+
+        name = f"{Path(self.world).stem}-{Path(self.mission).stem}-{self.seed}"
+        variant = (self.stack, self.overrides)
+        if variant == (None, ()):
+            return name
+        return f"{name}-{hashlib.sha256(repr(variant).encode()).hexdigest()[:6]}"
+
+    @property
+    def inputs(self) -> tuple[object, ...]:
+        """What distinguishes its run from others, besides code and files."""
+        return self.world, self.mission, self.seed, self.stack, self.overrides
+
+    def check(self) -> str:
+        """What is wrong with world, mission, stack or overrides; "" if nothing is.
+
+        What shows only in the floor plan, such as a goal within a wall, is not checked.
+        """
+        from navfw.errors import InputError
+        from navfw.missions.input_check import check_inputs
+
+        try:
+            check_inputs(self.world, self.mission, stack=self.stack, overrides=self.overrides)
+        except InputError as error:
+            return str(error)
+        return ""
+
+
+def cases_of(marker: pytest.Mark, seeds: Iterable[int]) -> Iterator[Any]:
+    """A ``pytest.param`` with the ``MissionCase`` of each run of the marker, and of more ``seeds``.
+
+    Raises:
+        MarkerError: an argument is unknown, missing or of the wrong type.
+
+    """
+    given = _arguments(marker)
+    missions, own = _several(given["mission"]), list(given.get("seeds", (0,)))
+    if not missions or not own:
+        raise MarkerError("expected at least one mission and one seed")
+    stack = given.get("stack")
+    for mission in missions:
+        for entry in widened(own, seeds):
+            # a seed may have marks: pytest.param(7, marks=pytest.mark.slow)
+            param = entry if hasattr(entry, "marks") else pytest.param(entry)
+            (seed,) = param.values
+            if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
+                raise MarkerError(f"expected a seed that is a whole number >= 0, got {seed!r}")
+            case = MissionCase(
+                str(given["world"]),
+                mission,
+                seed,
+                None if stack is None else str(stack),
+                _overrides(given.get("set", ())),
+                bool(given.get("allow_faults", False)),
+            )
+            yield pytest.param(case, marks=param.marks, id=case.label)
+
+
+def widened(own: Iterable[Any], seeds: Iterable[int]) -> list[Any]:
+    """The seeds of a test and those of ``--mission-seeds``, each once; marks of its own stay."""
+    found = list(own)
+    known = {entry.values[0] if hasattr(entry, "marks") else entry for entry in found}
+    return [*found, *(seed for seed in seeds if seed not in known)]
+
+
+def _arguments(marker: pytest.Mark) -> dict[str, Any]:
+    wrong = [name for name in marker.kwargs if name not in KEYS]
+    if wrong:
+        from navfw.errors import did_you_mean
+
+        raise MarkerError(f"unknown argument {wrong[0]!r}: {did_you_mean(wrong[0], KEYS)}")
+    if len(marker.args) > len(KEYS):
+        raise MarkerError(f"expected at most {len(KEYS)} arguments, got {len(marker.args)}")
+    given = {**dict(zip(KEYS, marker.args, strict=False)), **marker.kwargs}
+    missing = [name for name in ("world", "mission") if name not in given]
+    if missing:
+        raise MarkerError(f"missing argument: {' and '.join(missing)}")
+    return given
+
+
+def _several(value: str | Path | Iterable[str | Path]) -> list[str]:
+    return [str(value)] if isinstance(value, str | Path) else [str(item) for item in value]
+
+
+def _overrides(value: str | Iterable[str] | Mapping[str, object]) -> tuple[str, ...]:
+    if not value:
+        return ()
+    from navfw.config.overrides import override_texts
+    from navfw.errors import InputError
+
+    try:
+        return override_texts(value if isinstance(value, Mapping) else tuple(_several(value)))
+    except InputError as error:
+        raise MarkerError(str(error)) from None
