@@ -38,6 +38,9 @@ def import_(
     skip_unsupported: Annotated[
         bool, typer.Option("--skip-unsupported", help="SDF: leave out unsupported elements.")
     ] = False,
+    models: Annotated[
+        Path | None, typer.Option(help="SDF: folder of models, for meshes not beside the world.")
+    ] = None,
     resolution: Annotated[
         float | None, typer.Option(help="Image: edge of a pixel [m]; a yaml file has its own.")
     ] = None,
@@ -59,6 +62,7 @@ def import_(
         ("--start", start, not plan),
         ("--goal", goal, not plan),
         ("--skip-unsupported", skip_unsupported or None, not plan),
+        ("--models", models, not plan),
         ("--resolution", resolution, kind in IMAGE_SUFFIXES),
         ("--speckle", speckle, plan),
         ("--gap", gap, plan),
@@ -68,7 +72,7 @@ def import_(
     if plan:
         _import_plan(source, out, resolution, {"speckle": speckle, "gap": gap}, json)
     else:
-        _import_gazebo(source, out, start, goal, skip_unsupported, json)
+        _import_gazebo(source, out, start, goal, skip_unsupported, models, json)
 
 
 def _import_plan(
@@ -117,6 +121,7 @@ def _import_gazebo(
     start: str | None,
     goal: str | None,
     skip_unsupported: bool,
+    models: Path | None,
     json: bool,
 ) -> None:
     from navfw.worldgen.gazebo_import import import_world
@@ -130,6 +135,7 @@ def _import_gazebo(
             start=None if begin is None else (begin[0], begin[1], begin[2]),
             goal=None if end is None else (end[0], end[1]),
             skip_unsupported=skip_unsupported,
+            models=models,
         )
         folder = made.write(out)
     for what in made.skipped:
@@ -144,6 +150,7 @@ def _import_gazebo(
                 "description": made.world.description,
                 "boxes": len(made.world.boxes),
                 "cylinders": len(made.world.cylinders),
+                "meshes": made.meshes,
                 "shortest_path_m": made.shortest,
                 "skipped": list(made.skipped),
             }

@@ -1,4 +1,4 @@
-"""Import of Gazebo worlds of cylinders and boxes, with a mission.
+"""Import of Gazebo worlds of cylinders, boxes and meshes, with a mission.
 
 Worlds of the BARN benchmark (Perille et al. 2020; github.com/Daffan/the-barn-challenge) have a
 standard mission: from (-2.25, 3) facing y to (-2.25, 13), reached within 1 m, in 100 s.
@@ -44,13 +44,17 @@ _BORDER = 3.0
 
 @dataclass(frozen=True)
 class ImportedWorld:
-    """A world and mission, the shortest path's length [m], and the elements left out."""
+    """A world and mission, the shortest path's length [m], the elements left out, and more.
+
+    ``meshes`` is the number of meshes that became boxes and cylinders.
+    """
 
     world: WorldSpec
     mission: MissionSpec
     shortest: float
     skipped: tuple[str, ...]
     barn: bool
+    meshes: int
 
     def write(self, folder: str | Path) -> Path:
         """Write ``world.yaml`` and ``missions/cross.yaml``; returns the folder.
@@ -76,8 +80,11 @@ def import_world(
     start: Start | None = None,
     goal: Goal | None = None,
     skip_unsupported: bool = False,
+    models: Path | None = None,
 ) -> ImportedWorld:
     """Import an SDF world; ``start`` (x, y, yaw) and ``goal`` default to BARN's in BARN worlds.
+
+    Meshes are looked up in the world's folder, and in the folder ``models``.
 
     Raises:
         ConfigError: the file is not an SDF world.
@@ -87,10 +94,11 @@ def import_world(
 
     """
     path = Path(path)
-    found = read_sdf(path)
+    found = read_sdf(path, models)
     if found.unsupported and not skip_unsupported:
         raise InputError(
-            "has unsupported elements (static upright cylinders and boxes are supported):\n  "
+            "has unsupported elements (static meshes and upright cylinders and boxes are"
+            " supported):\n  "
             + "\n  ".join(found.unsupported)
             + "\n--skip-unsupported leaves them out",
             file=path,
@@ -116,6 +124,7 @@ def import_world(
         shortest=_shortest_path(path, world, start, goal),
         skipped=tuple(found.unsupported),
         barn=barn,
+        meshes=found.meshes,
     )
 
 
@@ -152,7 +161,7 @@ def _world(path: Path, found: SdfWorld, barn: bool, ends: Sequence[Goal]) -> Wor
     x, y = _bounds([s for s, _, _ in standing], ends)
     return WorldSpec(
         name=path.stem[:60] or "imported",
-        description=_description(path, len(boxes), len(cylinders), barn),
+        description=_description(path, len(boxes), len(cylinders), found.meshes, barn),
         x=x,
         y=y,
         floor=floor,
@@ -170,7 +179,7 @@ def _levels(shape: SdfShape, barn: bool) -> tuple[float, float]:
     return max(shape.z - 0.5 * shape.height, 0.0), shape.z + 0.5 * shape.height
 
 
-def _description(path: Path, boxes: int, cylinders: int, barn: bool) -> str:
+def _description(path: Path, boxes: int, cylinders: int, meshes: int, barn: bool) -> str:
     parts = [
         f"{count} {what}" for count, what in ((cylinders, "cylinders"), (boxes, "boxes")) if count
     ]
@@ -178,6 +187,8 @@ def _description(path: Path, boxes: int, cylinders: int, barn: bool) -> str:
     if barn:
         added = f"the poles' height of {POLE_HEIGHT:g} m, {added}"
     what = "a BARN world" if barn else "a Gazebo world"
+    if meshes:
+        what += f" (with the upright parts of {'a mesh' if meshes == 1 else f'{meshes} meshes'})"
     return f"{' and '.join(parts) or 'Nothing'} from {path.name}, {what}. Added: {added}."
 
 

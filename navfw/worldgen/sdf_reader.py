@@ -1,7 +1,8 @@
-"""Reader of Gazebo's world files (SDF): their upright static cylinders and boxes.
+"""Reader of Gazebo's world files (SDF): their static cylinders, boxes and meshes.
 
-The XML must have no document type or entities, and a bounded size and depth. Unsupported elements
-are listed by line and name.
+Cylinders and boxes must be upright; meshes become upright parts (``mesh_solids``). The XML must
+have no document type or entities, and a bounded size and depth. Unsupported elements are listed by
+line and name.
 """
 
 from __future__ import annotations
@@ -15,9 +16,12 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from navfw.config.xml_file import line_of, read_xml
-from navfw.errors import ConfigError
+from navfw.errors import ConfigError, WorldError
 from navfw.signals import Array
+from navfw.sim.shapes import Circle
 from navfw.urdf import rigid_transform
+from navfw.worldgen.mesh_folders import MeshFolders, MissingMeshError
+from navfw.worldgen.mesh_solids import mesh_solids
 
 __all__ = ["MAX_BYTES", "SdfShape", "SdfWorld", "read_sdf"]
 
@@ -54,14 +58,18 @@ class SdfShape:
 
 @dataclass
 class SdfWorld:
-    """The content of a file: shapes, and a message for each ``unsupported`` element."""
+    """The content of a file: shapes, and a message for each ``unsupported`` element.
+
+    ``meshes`` is the number of meshes whose parts are among the shapes.
+    """
 
     shapes: list[SdfShape] = field(default_factory=list)
     unsupported: list[str] = field(default_factory=list)
+    meshes: int = 0
 
 
-def read_sdf(path: str | Path) -> SdfWorld:
-    """The shapes in an SDF world file.
+def read_sdf(path: str | Path, models: Path | None = None) -> SdfWorld:
+    """The shapes in an SDF world file; meshes are looked up beside it, and in ``models``.
 
     Raises:
         ConfigError: the file cannot be read, is not an SDF world, or has an invalid number.
@@ -74,14 +82,15 @@ def read_sdf(path: str | Path) -> SdfWorld:
     worlds = root.findall("world")
     if len(worlds) != 1:
         raise ConfigError(f"expected one <world>, found {len(worlds)}", file=path, line=1)
-    return _SdfReader(path).read(worlds[0])
+    return _SdfReader(path, models).read(worlds[0])
 
 
 class _SdfReader:
     """Collects the shapes of one world."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, models: Path | None) -> None:
         self.path = path
+        self._meshes = MeshFolders(path.parent, models)
         self.found = SdfWorld()
         self._taken: set[str] = set()
         self._moved: dict[str, Element] = {}
@@ -152,6 +161,8 @@ class _SdfReader:
                 self._cylinder(shape, pose, model)
             elif shape.tag == "box":
                 self._box(shape, pose, model)
+            elif shape.tag == "mesh":
+                self._mesh(shape, pose, model)
             elif shape.tag not in ("plane", "empty"):
                 self._unsupported(shape, f"a <{shape.tag}> of the model {model!r}")
 
@@ -175,6 +186,35 @@ class _SdfReader:
         x, y, z = pose[:3, 3].tolist()
         level = (size[first], size[second])
         self._add(SdfShape(self._name(model), x, y, z, yaw, size[upright], size=level))
+
+    def _mesh(self, shape: Element, pose: Array, model: str) -> None:
+        uri = (shape.findtext("uri") or "").strip()
+        if shape.find("submesh") is not None:
+            self._unsupported(shape, f"a part of a mesh (<submesh>) of the model {model!r}")
+            return
+        scale = self._numbers(shape, "scale", 3, [1.0, 1.0, 1.0])
+        try:
+            triangles = self._meshes.read(uri)
+        except MissingMeshError as error:
+            self._unsupported(shape, f"the mesh {uri!r} of the model {model!r}: {error}")
+            return
+        try:
+            parts = mesh_solids((triangles * scale) @ pose[:3, :3].T + pose[:3, 3])
+        except WorldError as error:
+            raise WorldError(
+                f"the mesh {uri!r} {error}", file=self.path, line=line_of(shape)
+            ) from None
+        self.found.meshes += 1
+        for part in parts:
+            height, middle = part.top - part.bottom, 0.5 * (part.top + part.bottom)
+            outline, name = part.shape, self._name(model)
+            if isinstance(outline, Circle):
+                x, y = outline.x, outline.y
+                self._add(SdfShape(name, x, y, middle, 0.0, height, radius=outline.radius))
+            else:
+                level = (2.0 * outline.half_x, 2.0 * outline.half_y)
+                x, y, yaw = outline.x, outline.y, outline.yaw
+                self._add(SdfShape(name, x, y, middle, yaw, height, size=level))
 
     def _add(self, shape: SdfShape) -> None:
         self.found.shapes.append(shape)

@@ -1,0 +1,184 @@
+"""Upright solids for a mesh: rectangles and circles, each from a bottom to a top.
+
+The mesh is cut at the heights of its corners. What it covers between two of them is drawn on a
+grid; each connected region becomes the rectangle or circle that it fills, or several rectangles
+(``plan_walls``). A closed surface is solid inside, an open one as thin as it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import cv2
+import numpy as np
+
+from navfw.errors import WorldError
+from navfw.signals import Array, Mask
+from navfw.sim.shapes import Circle, Rectangle, Shape
+from navfw.worldgen.mesh_section import PlanGrid, Surface, surfaces_of
+from navfw.worldgen.plan_walls import wall_rectangles
+
+__all__ = ["MAX_PARTS", "UprightPart", "mesh_solids"]
+
+MAX_PARTS = 2000
+"""Largest number of solids for one mesh."""
+
+_TOO_MANY = f"becomes more than {MAX_PARTS} solids; simplify the mesh"
+_LAYERS = 32
+"""Largest number of layers: a curved surface is cut at evenly spaced heights."""
+_WITHIN = (0.1, 0.5, 0.9)
+"""Heights of the cuts within a layer, as shares of its height."""
+_THINNEST = 0.02
+"""Least size of a solid [m]: a surface without volume gets it."""
+_LEVEL = 0.01
+"""Corners whose heights differ by less [m] bound one layer."""
+_TOP = 20.0
+"""Height [m] above which nothing is kept: worlds end there."""
+_BORDER = 4
+"""Free cells around a region."""
+_ALIKE = 0.99
+"""Share of their cells that two layers of the same shape have in common."""
+_FILLED = 0.97
+"""Share of its convex hull, or a hull's of its rectangle, from which both count as the same."""
+_ROUND = 0.93
+"""Share of its circle that a round hull covers: that of a polygon of 10 corners."""
+
+
+@dataclass(frozen=True, slots=True)
+class UprightPart:
+    """A solid with the outline ``shape`` from ``bottom`` to ``top`` [m]."""
+
+    shape: Shape
+    bottom: float
+    top: float
+
+
+@dataclass(slots=True)
+class _Layer:
+    """What a mesh covers from ``bottom`` to ``top`` [m], and the corners (k, 2) [m] of it."""
+
+    bottom: float
+    top: float
+    covered: Mask
+    corners: Array
+
+
+def mesh_solids(triangles: Array) -> list[UprightPart]:
+    """Solids that cover triangles (n, 3, 3) [m] between the floor, z = 0, and 20 m.
+
+    Outlines are met within a cell of 2 cm, or a 600th of a mesh above 12 m.
+
+    Raises:
+        WorldError: there would be too many.
+
+    """
+    surfaces = surfaces_of(triangles)
+    if not surfaces:
+        return []
+    grid = PlanGrid.around(triangles[..., :2])
+    parts: list[UprightPart] = []
+    for layer in (*_upright_layers(surfaces, grid), *_flat_layers(surfaces, grid)):
+        parts += [UprightPart(shape, layer.bottom, layer.top) for shape in _shapes(layer, grid)]
+        if len(parts) > MAX_PARTS:
+            raise WorldError(_TOO_MANY)
+    return parts
+
+
+def _upright_layers(surfaces: list[Surface], grid: PlanGrid) -> list[_Layer]:
+    """The layers between corners at different heights; neighbours of one shape are one layer."""
+    levels = _levels(np.concatenate([surface.heights for surface in surfaces]))
+    layers: list[_Layer] = []
+    for bottom, top in pairwise(levels):
+        covered, corners = grid.empty(), []
+        for share in _WITHIN:
+            for surface in surfaces:
+                lines = surface.section(bottom + share * (top - bottom))
+                corners.append(lines.reshape(-1, 2))
+                grid.draw(covered, lines, surface.closed)
+        layer = _Layer(bottom, top, covered, np.concatenate(corners))
+        if layers and layers[-1].top == bottom and _alike(layers[-1].covered, covered):
+            layers[-1].top = top
+        elif covered.any():
+            layers.append(layer)
+    return layers
+
+
+def _levels(heights: Array) -> list[float]:
+    """Heights [m] of the bounds of layers above the floor, ascending."""
+    bottom, top = max(float(heights.min()), 0.0), min(float(heights.max()), _TOP)
+    if top - bottom < _THINNEST:
+        return []
+    inside = np.unique(heights[(heights > bottom) & (heights < top)])
+    levels = [bottom]
+    for height in inside.tolist():
+        if height - levels[-1] >= _LEVEL and top - height >= _LEVEL:
+            levels.append(height)
+    levels.append(top)
+    return levels if len(levels) <= _LAYERS + 1 else np.linspace(bottom, top, _LAYERS + 1).tolist()
+
+
+def _flat_layers(surfaces: list[Surface], grid: PlanGrid) -> Iterator[_Layer]:
+    """Level parts of surfaces without volume, as table tops may be drawn, above the floor."""
+    level = [surface.level_triangles() for surface in surfaces if not surface.closed]
+    if not level:
+        return
+    triangles = np.concatenate(level)
+    heights = np.round(triangles[:, 0, 2] / _LEVEL) * _LEVEL
+    for height in np.unique(heights[(heights > _THINNEST) & (heights <= _TOP)]).tolist():
+        plane = triangles[heights == height][..., :2]
+        yield _Layer(height - _THINNEST, height, grid.filled(plane), plane.reshape(-1, 2))
+
+
+def _alike(one: Mask, other: Mask) -> bool:
+    common = int(np.count_nonzero(one & other))
+    return common > 0 and common >= _ALIKE * int(np.count_nonzero(one | other))
+
+
+def _shapes(layer: _Layer, grid: PlanGrid) -> Iterator[Shape]:
+    """Rectangles and circles that cover what a layer covers."""
+    _, labels, boxes, _ = cv2.connectedComponentsWithStats(layer.covered.astype(np.uint8))
+    if len(boxes) > MAX_PARTS:
+        raise WorldError(_TOO_MANY)
+    region_of = labels[grid.cells(layer.corners)]
+    order = np.argsort(region_of, kind="stable")
+    begins = np.searchsorted(region_of[order], np.arange(len(boxes) + 1))
+    for region in range(1, len(boxes)):  # 0 is what is free
+        x, y, width, height = boxes[region, :4].tolist()
+        mask = labels[y : y + height, x : x + width] == region
+        corners = layer.corners[order[begins[region] : begins[region + 1]]]
+        shape = _simple_shape(mask, corners, grid.cell)
+        if shape is not None:
+            yield shape
+        else:
+            yield from _rectangles(mask, grid.origin + grid.cell * np.array([x, y]), grid.cell)
+
+
+def _simple_shape(mask: Mask, corners: Array, cell: float) -> Shape | None:
+    """The rectangle or circle that a region with these corners fills; None: it is another."""
+    if len(corners) < 2:
+        return None
+    middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
+    hull = cv2.convexHull((corners - middle).astype(np.float32))
+    area = cv2.contourArea(hull)
+    if np.count_nonzero(mask) * cell * cell < _FILLED * area:
+        return None
+    (x, y), (long, wide), degrees = cv2.minAreaRect(hull)
+    if area >= _FILLED * long * wide:
+        half_x, half_y = (0.5 * max(size, _THINNEST) for size in (long, wide))
+        return Rectangle(middle[0] + x, middle[1] + y, half_x, half_y, np.radians(degrees))
+    (x, y), radius = cv2.minEnclosingCircle(hull)
+    if area >= _ROUND * np.pi * radius * radius:
+        return Circle(middle[0] + x, middle[1] + y, radius)
+    return None
+
+
+def _rectangles(mask: Mask, corner: Array, cell: float) -> Iterator[Rectangle]:
+    """Rectangles along the outline of a region whose first cell's corner is at ``corner`` [m]."""
+    part = np.pad(mask, _BORDER)
+    height, width = (cell * count for count in part.shape)
+    x, y = (corner - _BORDER * cell).tolist()
+    for found in wall_rectangles(~part, cell):
+        if 0.0 < found.x < width and 0.0 < found.y < height:  # others are around the grid
+            yield Rectangle(found.x + x, found.y + y, found.half_x, found.half_y, found.yaw)
