@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import connected_components
 
 from navfw.signals import Array, Mask
 
-__all__ = ["PlanGrid", "Surface", "surfaces_of"]
+__all__ = ["PlanGrid", "MeshSurface", "surfaces_of"]
 
 Indices = npt.NDArray[np.int64]
 
@@ -29,7 +29,7 @@ _STEPS = 1024
 
 
 @dataclass(frozen=True)
-class Surface:
+class MeshSurface:
     """A connected part of a mesh: ``corners`` (m, 3) [m] and ``faces`` (n, 3), their indices.
 
     ``closed`` when each edge belongs to two triangles, or four: it then encloses a volume.
@@ -73,7 +73,7 @@ class Surface:
         return chosen
 
 
-def surfaces_of(triangles: Array) -> list[Surface]:
+def surfaces_of(triangles: Array) -> list[MeshSurface]:
     """The connected parts of triangles (n, 3, 3) [m]; triangles without area are left out."""
     points = np.round(triangles.reshape(-1, 3) / _SAME).astype(np.int64)
     unique, first, index = np.unique(points, axis=0, return_index=True, return_inverse=True)
@@ -91,11 +91,11 @@ def surfaces_of(triangles: Array) -> list[Surface]:
     return [_surface(corners, group) for group in groups]
 
 
-def _surface(corners: Array, faces: Indices) -> Surface:
+def _surface(corners: Array, faces: Indices) -> MeshSurface:
     edges = np.sort(np.concatenate([faces[:, :2], faces[:, 1:], faces[:, ::2]]), axis=1)
     counts = np.unique(edges, axis=0, return_counts=True)[1]
     used, renumbered = np.unique(faces, return_inverse=True)
-    return Surface(corners[used], renumbered.reshape(-1, 3), bool(np.all(counts % 2 == 0)))
+    return MeshSurface(corners[used], renumbered.reshape(-1, 3), bool(np.all(counts % 2 == 0)))
 
 
 @dataclass(frozen=True)

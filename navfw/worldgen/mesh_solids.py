@@ -17,7 +17,7 @@ import numpy as np
 from navfw.errors import WorldError
 from navfw.signals import Array, Mask
 from navfw.sim.shapes import Circle, Rectangle, Shape
-from navfw.worldgen.mesh_section import PlanGrid, Surface, surfaces_of
+from navfw.worldgen.mesh_section import PlanGrid, MeshSurface, surfaces_of
 from navfw.worldgen.plan_walls import wall_rectangles
 
 __all__ = ["MAX_PARTS", "UprightPart", "mesh_solids"]
@@ -86,7 +86,7 @@ def mesh_solids(triangles: Array) -> list[UprightPart]:
     return parts
 
 
-def _upright_layers(surfaces: list[Surface], grid: PlanGrid) -> list[_Layer]:
+def _upright_layers(surfaces: list[MeshSurface], grid: PlanGrid) -> list[_Layer]:
     """The layers between corners at different heights; neighbours of one shape are one layer."""
     levels = _levels(np.concatenate([surface.heights for surface in surfaces]))
     layers: list[_Layer] = []
@@ -119,7 +119,7 @@ def _levels(heights: Array) -> list[float]:
     return levels if len(levels) <= _LAYERS + 1 else np.linspace(bottom, top, _LAYERS + 1).tolist()
 
 
-def _flat_layers(surfaces: list[Surface], grid: PlanGrid) -> Iterator[_Layer]:
+def _flat_layers(surfaces: list[MeshSurface], grid: PlanGrid) -> Iterator[_Layer]:
     """Level parts of surfaces without volume, as table tops may be drawn, above the floor."""
     level = [surface.level_triangles() for surface in surfaces if not surface.closed]
     if not level:
