@@ -28,6 +28,7 @@ from navfw.locom.trim import WheelTrim
 from navfw.mofis.explanation import explain_command
 from navfw.mofis.mofis import DecisionInputs, Mofis
 from navfw.movers import ConflictPredictor, Tracker
+from navfw.progress_watch import ProgressWatch
 from navfw.robot import RobotModel
 from navfw.safety import SafetyMonitor, SafetyVerdict
 from navfw.signals import (
@@ -51,12 +52,6 @@ from navfw.topomap import TopoMap
 from navfw.vision import View, Vision
 
 __all__ = ["Stack"]
-
-STUCK_AFTER = 60.0
-"""Time without progress toward a waypoint [s] after which the stack gives up."""
-
-NO_ROUTE_AFTER = 20.0
-"""Time without a route [s] after which the stack gives up; a passage may have been misjudged."""
 
 
 TIMED = (
@@ -131,7 +126,7 @@ class Stack:
         self._percept: Percept | None = None
         self._flow: FlowField | None = None
         self._passage_report: PassageReport | None = None
-        self._no_route_since: float | None = None
+        self._progress = ProgressWatch()
 
     @classmethod
     def load(
@@ -259,6 +254,7 @@ class Stack:
                 command = self.mofis.decide(inputs)
             idle = self.mofis.idle
             self._check_passages(odometry, belief)
+        self._progress.update(reading.time, belief, waypoint, idle, self.planner.no_route_reason)
         self.state = StackState(
             time=reading.time,
             odometry=odometry,
@@ -272,7 +268,8 @@ class Stack:
             proposals=self.mofis.proposals,
             command=command,
             finished=finished,
-            stuck=self._stuck(reading.time, waypoint, idle),
+            unsure=self._progress.unsure,
+            stuck=self._progress.give_up_reason,
             sight_trouble=self.local_map.sight.trouble,
             faults=tuple(str(fault) for fault in self.guard.faults),
             landmark_detections=detections,
@@ -379,17 +376,3 @@ class Stack:
 
     def _warming_up(self, time: float) -> bool:
         return self._began is None or time - self._began < self.resolved.settings.warmup
-
-    def _stuck(self, now: float, waypoint: Waypoint | None, idle: float) -> str | None:
-        """Why the robot gives up; None while it does not."""
-        no_route = self.planner.no_route_reason
-        if no_route is None or waypoint is None:
-            self._no_route_since = None
-        elif self._no_route_since is None:
-            self._no_route_since = now
-        if self._no_route_since is not None and now - self._no_route_since >= NO_ROUTE_AFTER:
-            return no_route
-        if idle > STUCK_AFTER and waypoint is not None:
-            because = "" if no_route is None else f"; {no_route}"
-            return f"no progress toward {waypoint.label} for {idle:.0f} s{because}"
-        return None

@@ -27,7 +27,8 @@ class StackState:
     """State and decision of the stack at its last step; read only, for displays and records.
 
     ``flows`` are the newest derotated flow fields; ``stuck`` is why the stack gave up, ``fault``
-    which sensor has failed for good, or None. ``sight_trouble`` is what the camera does not show of
+    which sensor has failed for good, or None. ``unsure`` is whether the robot is at its goal by an
+    estimate that is too uncertain to say so. ``sight_trouble`` is what the camera does not show of
     the path ahead, or empty. ``landmark_detections`` are those of the last frame,
     known to the map or not; ``detection_counts`` counts all so far, by identity.
     """
@@ -45,6 +46,7 @@ class StackState:
     command: Command | None = None
     finished: bool = False
     stuck: str | None = None
+    unsure: bool = False
     sight_trouble: str = ""
     fault: PersistentFailure | None = None
     faults: tuple[str, ...] = ()

@@ -25,6 +25,8 @@ Usual texture gives nearly all cells, and edges between surfaces without texture
 FAINT = 7.0
 """Contrast [grey levels] of the path's image below which sight is weak. Usual texture gives 15 and
 more, a contrast of 6 under a noise of 2 about 5.5, a contrast of 3 about 3.3."""
+WIDTH = 160
+"""Width of an image [px] for which the windows are given; they grow with that of the camera."""
 WINDOW = 13
 """Side of the windows [px] in which the contrast is measured."""
 _STRIDE = 4
@@ -49,12 +51,14 @@ class PathSight:
         self._points: Array | None = None
         self._path: npt.NDArray[np.bool_] = np.zeros((0, 0), np.bool_)
         camera = robot.camera
-        x = np.arange(0, camera.width, _STRIDE) + 0.5 - 0.5 * camera.width
-        y = np.arange(0, camera.height, _STRIDE) + 0.5 - 0.5 * camera.height
+        scale = max(1, round(camera.width / WIDTH))
+        self._window, self._stride = (WINDOW * scale, WINDOW * scale), _STRIDE * scale
+        x = np.arange(0, camera.width, self._stride) + 0.5 - 0.5 * camera.width
+        y = np.arange(0, camera.height, self._stride) + 0.5 - 0.5 * camera.height
         pixels = self._path_of(np.stack(np.meshgrid(x, y), axis=-1))
         rows = np.flatnonzero(pixels.any(axis=1))
         first = max(int(rows[0]) - _MARGIN, 0) if rows.size else 0
-        self._top, self._pixels = first * _STRIDE, pixels[first:]
+        self._top, self._pixels = first * self._stride, pixels[first:]
         self.reset()
 
     def reset(self) -> None:
@@ -97,8 +101,9 @@ class PathSight:
         if not self._pixels.any():
             return
         grey = image[self._top :].astype(np.float32)
-        mean = cv2.blur(grey, (WINDOW, WINDOW))[::_STRIDE, ::_STRIDE][self._pixels]
-        square = cv2.blur(grey * grey, (WINDOW, WINDOW))[::_STRIDE, ::_STRIDE][self._pixels]
+        windows = slice(None, None, self._stride), slice(None, None, self._stride)
+        mean = cv2.blur(grey, self._window)[windows][self._pixels]
+        square = cv2.blur(grey * grey, self._window)[windows][self._pixels]
         variance = np.sort(square - mean * mean)
         middle = variance[(variance.size - 1) // 2] + variance[variance.size // 2]
         contrast = math.sqrt(max(0.5 * float(middle), 0.0))

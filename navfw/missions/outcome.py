@@ -22,6 +22,8 @@ class Outcome(StrEnum):
     LOST = "lost"
     """the stack has finished, but a goal was not reached; or the time limit was reached and the
     stack's belief is lost"""
+    UNSURE = "unsure"
+    """the robot is at its goal by an estimate that is too uncertain, and found no more evidence"""
     FAULT = "fault"
     """the stack or the simulator failed"""
     CANCELLED = "cancelled"

@@ -63,6 +63,8 @@ class PilotState(Protocol):
     @property
     def stuck(self) -> str | None: ...  # noqa: D102
     @property
+    def unsure(self) -> bool: ...  # noqa: D102
+    @property
     def sight_trouble(self) -> str: ...  # noqa: D102
     @property
     def fault(self) -> PersistentFailure | None:
@@ -348,20 +350,23 @@ class _MissionLoop:
         if state.fault is not None:
             return self._fault(_FAULTS[state.fault.part], state.fault.reason)
         if state.stuck:
-            return self._verdict(Outcome.STUCK, state.stuck)
+            return self._verdict(Outcome.UNSURE if state.unsure else Outcome.STUCK, state.stuck)
         if self.progress_checker.update(now, pose):
             limit = f"{self.task.stall_radius:g} m of one position for {self.task.stuck_after:g} s"
-            return self._verdict(Outcome.STUCK, f"stayed within {limit}")
+            outcome = Outcome.UNSURE if state.unsure else Outcome.STUCK
+            return self._verdict(outcome, f"stayed within {limit}")
         return self._time_is_up(pose) if now >= self.task.timeout else None
 
     def _time_is_up(self, pose: Pose) -> MissionVerdict:
-        """Lost if the belief is lost; otherwise a timeout."""
+        """Lost if the belief is lost, unsure at a goal by the estimate; otherwise a timeout."""
         goal = self.goal_checker
         reason = f"time limit of {self.task.timeout:g} s, {goal.distance(pose):.1f} m from"
         reason += f" {goal.next_name}"
         belief = self.pilot.state.belief
         if belief is not None and belief.lost:
             return self._verdict(Outcome.LOST, f"{reason}, position estimate lost")
+        if self.pilot.state.unsure:
+            return self._verdict(Outcome.UNSURE, f"{reason}, position estimate too uncertain")
         return self._verdict(Outcome.TIMEOUT, reason)
 
     def _finish(self, now: float, pose: Pose, twist: Twist) -> MissionVerdict | None:

@@ -64,6 +64,15 @@ class Papfis(Planner):
             ),
         ] = 8.0
 
+        max_goal_sigma: Annotated[
+            float | None,
+            Field(
+                gt=0.0,
+                le=100.0,
+                description="standard deviation of the position up to which a goal counts as "
+                "reached [m]; none: any",
+            ),
+        ] = None
         closing_votes: Annotated[
             float, Field(ge=1.0, le=100.0, description="net votes that close a passage")
         ] = 3.0
@@ -122,7 +131,8 @@ class Papfis(Planner):
             changed |= self._blockages.update(self._report, belief.time)
             self._report = None
         self._tour.replan_if_changed(self._at, changed)
-        return self._tour.next_waypoint(self._at)
+        most = self.params.max_goal_sigma
+        return self._tour.next_waypoint(self._at, sure=most is None or belief.sigma <= most)
 
     def observe(self, report: PassageReport) -> None:
         """Keep the report on the ``queries``; the next ``update`` counts its votes."""

@@ -92,8 +92,10 @@ class Tour:
         if self.route is not None and changed and (self.no_route_reason or ahead & changed):
             self._replan(at)
 
-    def next_waypoint(self, at: Point) -> Waypoint | None:
+    def next_waypoint(self, at: Point, *, sure: bool = True) -> Waypoint | None:
         """The waypoint to drive to from ``at`` (x, y) [m]; None when the last goal is reached.
+
+        While the robot is not ``sure`` of its position, no goal counts as reached.
 
         Raises:
             MapError: at the first call: the map does not connect ``at`` with the first goal.
@@ -106,11 +108,11 @@ class Tour:
             self._follow(self._router.route(Endpoint(*at), self._endpoint(self._goals[0])), at)
         elif self._is_off_path(at):
             self._replan(at)
-        while self._ahead and (passed := self._passed(at)):
+        while self._ahead and (passed := self._passed(at, sure)):
             self._advance(passed, at)
         return self._ahead[0] if self._ahead else None
 
-    def _passed(self, at: Point) -> int:
+    def _passed(self, at: Point, sure: bool) -> int:
         """Number of waypoints passed: all up to the last one within its tolerance.
 
         A robot that avoids an obstacle may reach a later waypoint first. Doors are never skipped
@@ -118,11 +120,13 @@ class Tour:
         """
         count = 0
         for index, waypoint in enumerate(self._ahead):
+            if waypoint.final and not sure:
+                break
             if math.hypot(at[0] - waypoint.x, at[1] - waypoint.y) <= waypoint.tolerance:
                 count = index + 1
             if waypoint.kind == "door" and count <= index:
                 break
-        if count == 0:
+        if count == 0 and (sure or not self._ahead[0].final):
             after = self._ahead[1] if len(self._ahead) > 1 else None
             count = int(has_passed(at, self._came_from, self._ahead[0], after, self._passing))
         return count

@@ -55,6 +55,8 @@ class Cause(StrEnum):
     """stuck, timeout: occupied cells beside the outlines of objects block or lengthen the path"""
     LOCAL_GOAL_UNREACHABLE = "local_goal_unreachable"
     """stuck, timeout: correctly mapped objects block every path to the local goal"""
+    ESTIMATE_UNCERTAIN = "estimate_uncertain"
+    """the position estimate at the goal was too uncertain to say that it is reached"""
     ESTIMATE_ERROR = "estimate_error"
     """lost, stuck, timeout: the position estimate is wrong"""
     GOAL_MISSED = "goal_missed"
@@ -156,6 +158,8 @@ def classify(symptoms: FailureSymptoms) -> Cause | None:
             return Cause.ESTIMATE_ERROR if off else Cause.GOAL_MISSED
         case Outcome.STUCK | Outcome.TIMEOUT:
             return _of_delay(symptoms)
+        case Outcome.UNSURE:
+            return Cause.ESTIMATE_UNCERTAIN
         case Outcome.FAULT:
             return Cause.UNKNOWN if symptoms.fault is None else Cause(symptoms.fault)
         case _:

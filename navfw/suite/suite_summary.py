@@ -80,7 +80,7 @@ def _passed(row: RunRow, wanted: Expect) -> bool:
     """Whether the run passes; a stop passes without a collision and with a known reason."""
     if wanted == "arrival":
         return row.succeeded
-    ended = {Outcome.REACHED, Outcome.STUCK, Outcome.TIMEOUT, Outcome.LOST}
+    ended = {Outcome.REACHED, Outcome.STUCK, Outcome.TIMEOUT, Outcome.LOST, Outcome.UNSURE}
     told = {Cause.SENSOR_FAILED, Cause.NOTHING_SEEN, Cause.PLUGIN_FAILED}
     stopped = row.outcome == Outcome.FAULT and row.cause in told
     return not row.collisions and (row.outcome in ended or stopped)

@@ -123,19 +123,26 @@ class FakeState:
     command: Command | None = None
     finished: bool = False
     stuck: str | None = None
+    unsure: bool = False
     sight_trouble: str = ""
     fault: PersistentFailure | None = None
     faults: tuple[str, ...] = ()
 
 
 class ScriptedPilot:
-    """Drives a list of twists, one per tick, then is finished (or stuck for the reason given)."""
+    """Drives a list of twists, one per tick, then is finished (or stuck for the reason given).
 
-    def __init__(self, twists: Iterable[Twist], stuck: str | None = None) -> None:
+    It is ``unsure`` of its position at the end if wanted.
+    """
+
+    def __init__(
+        self, twists: Iterable[Twist], stuck: str | None = None, *, unsure: bool = False
+    ) -> None:
         self.timings: Mapping[str, float] = {}
         self.state = FakeState()
         self._script = list(twists)
         self._stuck = stuck
+        self._unsure = unsure
         self._tick = 0
 
     def start(self, pose: Pose | None, goals: Sequence[Waypoint]) -> None:
@@ -153,8 +160,9 @@ class ScriptedPilot:
             belief=self.state.belief,
             path=self.state.path,
             command=Command(reading.time, twist, "script", f"tick {self._tick}"),
-            finished=over and self._stuck is None,
+            finished=over and self._stuck is None and not self._unsure,
             stuck=self._stuck if over else None,
+            unsure=over and self._unsure,
         )
         return twist
 

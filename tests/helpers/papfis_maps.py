@@ -36,9 +36,9 @@ def goal(x: float, y: float, place: str = "goal", tolerance: float = 0.3) -> Way
     return Waypoint(x, y, tolerance, place, "goal", final=True)
 
 
-def belief(x: float, y: float) -> Belief:
-    """An exact position estimate."""
-    return Belief(0.0, Pose(x, y, 0.0), np.zeros((3, 3)))
+def belief(x: float, y: float, sigma: float = 0.0) -> Belief:
+    """A position estimate with standard deviation ``sigma`` [m], an exact one by default."""
+    return Belief(0.0, Pose(x, y, 0.0), np.diag([sigma**2, sigma**2, 0.0]))
 
 
 def next_waypoint(papfis: Papfis, x: float, y: float) -> Waypoint:

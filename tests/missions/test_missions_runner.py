@@ -87,6 +87,23 @@ def test_the_stack_may_report_that_it_is_stuck() -> None:
     assert (run.verdict.outcome, run.verdict.reason) == (Outcome.STUCK, "walls all round")
 
 
+@pytest.mark.parametrize(
+    ("stuck", "limits", "reason"),
+    [
+        ("perhaps at lab", {}, "perhaps at lab"),
+        (None, {"stuck_after": 3.0}, "stayed within"),
+        (None, {"timeout": 2.0}, "time limit"),
+    ],
+)
+def test_an_arrival_that_is_not_sure_is_told_as_such(
+    stuck: str | None, limits: dict[str, float], reason: str
+) -> None:
+    pilot = ScriptedPilot([], stuck, unsure=True)
+    run = run_task(task(**limits), pilot, FakeSimulator(START))
+    assert run.verdict.outcome is Outcome.UNSURE
+    assert run.verdict.reason.startswith(reason)
+
+
 class BlindPilot(ScriptedPilot):
     """Its camera shows nothing of the path ahead."""
 

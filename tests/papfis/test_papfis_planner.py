@@ -97,6 +97,19 @@ def test_goals_are_visited_in_order() -> None:
     assert [w.place for w in waypoints if w.final] == ["lab", "lobby", "lab"]
 
 
+def test_no_goal_counts_as_reached_by_an_uncertain_estimate() -> None:
+    lobby = goal(3.0, 2.0, "lobby")
+    papfis = Papfis(ROBOT, Papfis.Params(max_goal_sigma=0.5))
+    papfis.start(office(), (lobby, LAB))
+    for _ in range(2):
+        ahead = papfis.update(belief(3.0, 2.0, sigma=0.6))
+        assert ahead is not None
+        assert (ahead.place, ahead.final) == ("lobby", True), "it stays the waypoint"
+    onward = papfis.update(belief(3.0, 2.0, sigma=0.4))
+    assert onward is not None
+    assert onward.place != "lobby"
+
+
 def test_a_goal_without_a_place_is_reached_through_its_room() -> None:
     _, waypoints = walk(planner(office(), goal(7.4, 6.6)), (4.5, 5.0))
     assert [w.place for w in waypoints][-3:] == ["office-b-door", "office-b-entrance", "goal"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from safety_samples import ROBOT, monitor_with, odometry, picture, reading
@@ -149,3 +150,18 @@ def test_a_camera_that_sees_no_floor_judges_no_image() -> None:
     sight = PathSight(up)
     sight.observe_image(textured(2.0))
     assert not sight.weak
+
+
+def test_the_contrast_does_not_depend_on_the_number_of_pixels() -> None:
+    rng = np.random.default_rng(3)
+    image = rng.integers(90, 150, (30, 40)).astype(np.uint8)
+    contrasts = []
+    for scale in (1, 2, 4):
+        width, height = 160 * scale, 120 * scale
+        camera = ROBOT.camera.model_copy(update={"width": width, "height": height})
+        sight = PathSight(ROBOT.with_camera(camera))
+        wide = cv2.resize(image, (width, height), interpolation=cv2.INTER_LINEAR)
+        sight.observe_image(np.asarray(wide, dtype=np.uint8))
+        contrasts.append(sight.contrast)
+    assert min(contrasts) > 5.0
+    assert max(contrasts) / min(contrasts) < 1.1

@@ -23,6 +23,7 @@ from stack_samples import (
 
 from navfw.context import Context
 from navfw.offis.offis import Offis
+from navfw.progress_watch import NO_ROUTE_AFTER, STUCK_AFTER
 from navfw.safety import PersistentFailure
 from navfw.signals import (
     Encoders,
@@ -39,7 +40,7 @@ from navfw.signals import (
     Stixels,
     Twist,
 )
-from navfw.stack import NO_ROUTE_AFTER, STUCK_AFTER, TIMED, Stack
+from navfw.stack import TIMED, Stack
 from navfw.stack_state import StackState
 from navfw.testing.behavior_scenes import wall_flow
 from navfw.vision import View
