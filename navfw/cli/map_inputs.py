@@ -50,7 +50,7 @@ def floor_plan(topo_map: TopoMap, world: str | None) -> FloorPlan | None:
 
 def outline_for(topo_map: TopoMap, world: str | None) -> WorldOutline | None:
     """The outline, seen from above, of the world of ``floor_plan``; None without one."""
-    from navfw.missions.run_report import outline_of
+    from navfw.missions.world_outline import outline_of
 
     plan = floor_plan(topo_map, world)
     return None if plan is None else outline_of(plan)

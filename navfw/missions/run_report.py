@@ -12,15 +12,14 @@ from navfw.errors import InputError
 from navfw.interruption import deferred, interruptible
 from navfw.missions.resolved_config import resolved_config
 from navfw.missions.session import MissionResult, Session
+from navfw.missions.world_outline import outline_of
 from navfw.recording.provenance import code_revision, machine_kind
 from navfw.recording.run_folder import PICTURE, PLAN, RECORDING, RESULT, RunFolder
-from navfw.recording.top_view import OutlineDisc, WorldOutline
 from navfw.recording.trajectory_picture import TrajectoryPicture, draw_trajectory
-from navfw.sim.floorplan import FloorPlan
 from navfw.topomap.mapfile import map_data
 from navfw.topomap.ros_map import save_ros_map
 
-__all__ = ["default_folder", "draw", "outline_of", "versions", "write_run"]
+__all__ = ["default_folder", "draw", "versions", "write_run"]
 
 _LIBRARIES = ("pybullet", "numpy", "numba", "opencv-python-headless", "scikit-fuzzy", "networkx")
 """Libraries whose versions are recorded."""
@@ -117,16 +116,6 @@ def draw(result: MissionResult, path: Path) -> None:
         places={p.name: (p.x, p.y) for p in session.mission.topo_map.places.values()},
     )
     draw_trajectory(path, result.run.log, picture)
-
-
-def outline_of(plan: FloorPlan) -> WorldOutline:
-    """The outline of the world in a top view: walls, doors, furniture and drops."""
-    rectangles = list(plan.rectangles())
-    return WorldOutline(
-        walls=[corners for solid, corners in rectangles if solid.kind in {"wall", "door"}],
-        furniture=[corners for solid, corners in rectangles if solid.kind in {"box", "drop"}],
-        discs=[OutlineDisc(circle.x, circle.y, circle.radius) for _, circle in plan.circles()],
-    )
 
 
 def versions() -> dict[str, str]:

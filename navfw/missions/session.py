@@ -14,12 +14,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from navfw.config.lookup import find, find_mission
 from navfw.config.overrides import Override, Settings, override_texts, parse_override
 from navfw.errors import UnknownNameError
 from navfw.fault_injection import FaultInjector, inject_faults
+from navfw.missions.changing_world import CombinedClearance, permanent_plan
 from navfw.missions.event_check import resolve_events, with_doors_open
 from navfw.missions.event_clock import Event, EventClock, EventTarget
 from navfw.missions.eventspec import BehaviorFault
@@ -31,10 +30,11 @@ from navfw.missions.process_state import ProcessState
 from navfw.missions.resolved_config import run_description
 from navfw.missions.run_metrics import RunMetrics, measure
 from navfw.missions.runner import Progress, RunResult, Task, run_task
+from navfw.missions.world_outline import outline_of
 from navfw.plugins.simulator_access import SimulatorWatch
+from navfw.recording.run_observer import RunObserver, SeenRun
 from navfw.recording.run_recorder import RunRecorder
 from navfw.robotfile import robot_section
-from navfw.signals import Array
 from navfw.sim.floorplan import FloorPlan
 from navfw.sim.movers import MoverTrack
 from navfw.sim.simulation import Simulation
@@ -90,6 +90,11 @@ class Session:
             drops=frozenset(drop.name for drop in self.world.drops),
         )
 
+    @property
+    def seen(self) -> SeenRun:
+        """What recordings and viewers show of a run."""
+        return SeenRun(self.stack, outline_of(self.plan))
+
     def simulation(self, gui: bool = False) -> Simulation:
         """The simulator, the robot at the start; a stack with ``oracle: true`` gets its truth."""
         spec = self.mission.spec
@@ -112,23 +117,27 @@ class Session:
         *,
         gui: bool = False,
         record: bool = False,
+        observers: Sequence[RunObserver] = (),
         limit: float = math.inf,
     ) -> MissionResult:
         """Drive the mission once; with ``record`` it is recorded, for a replay and for viewers.
 
-        A run that takes longer than ``limit`` [s] of wall-clock time ends as a fault.
+        ``observers`` take in every tick. A run that takes longer than ``limit`` [s] of wall-clock
+        time ends as a fault.
 
         Raises:
             InputError: the stack refuses the mission before the robot has moved.
 
         """
-        recorder = RunRecorder(run_description(self)) if record else None
-        observers = () if recorder is None else (recorder,)
+        recorder = RunRecorder(run_description(self), self.seen) if record else None
+        observers = (*observers, *((recorder,) if recorder else ()))
         before = ProcessState.capture()
         watch = SimulatorWatch(plugins_of(self.stack))
         with self.simulation(gui) as simulator, self.stack.guard.on_duty(), watch:
             clock = EventClock((event, self._target(event, simulator)) for event in self.events)
             run = run_task(self.task, self.stack, simulator, progress, observers, clock, limit)
+            for observer in observers:
+                observer.close()
             changes = simulator.change_track()
             spent = simulator.timings
             cause = simulator.collision_cause
@@ -205,14 +214,14 @@ class MissionResult:
         start, goal = session.mission.start, session.mission.goals[-1]
         return measure(
             run.log,
-            _permanent(session.plan, self.changes),
+            permanent_plan(session.plan, self.changes),
             start=(start.x, start.y),
             goal=(goal.x, goal.y),
             shortest=session.shortest,
             discs=session.mission.spec.robot.discs,
             succeeded=self.outcome.succeeded,
             stage_ms={name: 1e3 * t / frames for name, t in self.timings.items()},
-            moving=_CombinedClearance(self.movers, self.changes),
+            moving=CombinedClearance(self.movers, self.changes),
         )
 
     def summary(self) -> dict[str, Any]:
@@ -249,26 +258,6 @@ class MissionResult:
             "events": [event.as_data() for event in run.events],
             "stage_ms": metrics.stage_ms,
         }
-
-
-class _CombinedClearance:
-    """Clearances to the nearest of several sets of moving or temporary bodies."""
-
-    def __init__(self, *parts: MoverTrack | ChangeTrack | None) -> None:
-        self._parts = [part for part in parts if part is not None]
-
-    def clearances(self, points: Array, times: Array) -> Array:
-        nearest = np.full(len(points), np.inf)
-        for part in self._parts:
-            np.minimum(nearest, part.clearances(points, times), out=nearest)
-        return nearest
-
-
-def _permanent(plan: FloorPlan, changes: ChangeTrack | None) -> FloorPlan:
-    """The plan of the solids that existed during the whole run."""
-    if changes is None or not changes.names:
-        return plan
-    return FloorPlan(plan.bounds, tuple(s for s in plan.solids if s.name not in changes.names))
 
 
 def prepare(

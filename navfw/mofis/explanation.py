@@ -14,14 +14,19 @@ __all__ = ["explain_command"]
 
 
 def explain_command(
-    command: Command, proposals: Mapping[str, Proposal], mofis: Mofis
+    command: Command,
+    proposals: Mapping[str, Proposal],
+    mofis: Mofis,
+    guard: PluginGuard | None = None,
 ) -> dict[str, Any]:
     """The command as plain data, with the rating of it by every behaviour.
 
     For each behaviour: applicability, desirability and prohibition of this command, the reason, and
     the rules that fired for it, strongest first. With a composite: the weights of the primitives,
-    and the rules that fired for them. A plugin that fails to explain gives no rules.
+    and the rules that fired for them. A plugin that fails to explain gives no rules; the
+    fault is noted by ``guard``, given none by that of ``mofis``.
     """
+    guard = mofis.guard if guard is None else guard
     row, column = mofis.commands.nearest(command.twist)
     explanation = {
         "time": command.time,
@@ -37,7 +42,7 @@ def explain_command(
                 "desirability": float(proposal.desirability[row, column]),
                 "prohibition": float(proposal.prohibition[row, column]),
                 "reason": proposal.reason,
-                "rules": _rules(mofis.guard, f"behavior {name}", proposal.explain, row, column),
+                "rules": _rules(guard, f"behavior {name}", proposal.explain, row, column),
             }
             for name, proposal in proposals.items()
         },
@@ -46,7 +51,7 @@ def explain_command(
         explanation["composite"] = {
             "name": mofis.composite.name,
             "weights": {name: float(weight) for name, weight in mofis.weights.items()},
-            "rules": _rules(mofis.guard, label_of(mofis.composite), mofis.composite.explain),
+            "rules": _rules(guard, label_of(mofis.composite), mofis.composite.explain),
         }
     return explanation
 

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
 
 from navfw.signals import Pose, SensorReading, Twist
 
-__all__ = ["RunObserver"]
+if TYPE_CHECKING:
+    from navfw.recording.top_view import WorldOutline
+    from navfw.stack import Stack
+
+__all__ = ["RunObserver", "SeenRun"]
 
 
 class RunObserver(Protocol):
@@ -15,3 +20,15 @@ class RunObserver(Protocol):
     def observe(self, reading: SensorReading, twist: Twist, pose: Pose) -> None:
         """Take in one control tick: reading, the stack's command for it, and the true pose."""
         ...
+
+    def close(self) -> None:
+        """End: the run is over."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class SeenRun:
+    """What the channels show besides the readings: the stack at work, and the world around it."""
+
+    stack: Stack
+    outline: WorldOutline

@@ -5,14 +5,10 @@ from __future__ import annotations
 import io
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from navfw.recording.mcap_file import MAX_BYTES
-from navfw.recording.sensor_channels import SensorChannels
+from navfw.recording.run_observer import SeenRun
 from navfw.signals import Frame, Pose, SensorReading, Twist
-
-if TYPE_CHECKING:
-    from foxglove import Context
 
 __all__ = ["END", "FORMAT_VERSION", "PROFILE", "RUN", "RunRecorder"]
 
@@ -31,28 +27,37 @@ _CHUNK = 1 << 18
 
 
 class RunRecorder:
-    """Collects readings and commands in memory, at most ``max_bytes`` of each kind, until ``save``.
+    """Collects a run in memory until ``save``: its readings, and what is ``seen`` of it.
 
-    ``complete`` is false once the limit has been reached: what follows is left out.
+    At most ``max_bytes`` of images, and of the file: ``complete`` is false once that limit has been
+    reached, and what follows is left out.
     """
 
     def __init__(
-        self, metadata: Mapping[str, str] | None = None, max_bytes: int = MAX_BYTES
+        self,
+        metadata: Mapping[str, str] | None = None,
+        seen: SeenRun | None = None,
+        max_bytes: int = MAX_BYTES,
     ) -> None:
         from foxglove import Context, open_mcap
         from foxglove.mcap import MCAPWriteOptions
 
-        self.context: Context = Context()
+        from navfw.recording.run_channels import RunChannels
+
+        context = Context()
         self.complete = True
         self._max_bytes = max_bytes
         self._unpacked = 0
         self._file = io.BytesIO()
         options = MCAPWriteOptions(
-            profile=f"{PROFILE}{FORMAT_VERSION}", chunk_size=_CHUNK, compression_threads=0
+            profile=f"{PROFILE}{FORMAT_VERSION}",
+            chunk_size=_CHUNK,
+            compression_level=1,
+            compression_threads=0,
         )
-        self._writer = open_mcap(self._file, context=self.context, writer_options=options)
+        self._writer = open_mcap(self._file, context=context, writer_options=options)
         self._writer.write_metadata(RUN, dict(metadata or {}))
-        self._sensors = SensorChannels(self.context)
+        self._channels = RunChannels(context, seen)
         self._closed = False
 
     def observe(self, reading: SensorReading, twist: Twist, pose: Pose) -> None:
@@ -62,15 +67,21 @@ class RunRecorder:
         if max(self._unpacked, self._file.tell()) > self._max_bytes:
             self.complete = False
         if self.complete:
-            self._sensors.log(reading, twist)
+            self._channels.observe(reading, twist, pose)
+
+    def close(self) -> None:
+        """End the recording: nothing can be added afterwards."""
+        if self._closed:
+            return
+        self._closed = True
+        self._channels.close()
+        if self.complete:
+            self._writer.write_metadata(END, {"complete": "yes"})  # empty ones are not written
+        self._writer.close()
 
     def save(self, path: Path) -> None:
-        """Write the recording to ``path``; nothing can be added afterwards."""
-        if not self._closed:
-            self._closed = True
-            if self.complete:
-                self._writer.write_metadata(END, {"complete": "yes"})  # empty ones are not written
-            self._writer.close()
+        """Write the recording to ``path``, ended if it was not."""
+        self.close()
         path.write_bytes(self._file.getbuffer())
 
 

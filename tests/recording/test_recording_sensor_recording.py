@@ -52,7 +52,7 @@ def random_readings(seed: int) -> list[SensorReading]:
 
 
 def recorded(readings: list[SensorReading], path: Path, max_bytes: int = MAX_BYTES) -> Path:
-    recorder = RunRecorder({"world": "none"}, max_bytes)
+    recorder = RunRecorder({"world": "none"}, max_bytes=max_bytes)
     for number, reading in enumerate(readings):
         recorder.observe(reading, Twist(0.1 * number, -0.1 * number), HERE)
     recorder.save(path)

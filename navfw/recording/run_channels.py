@@ -1,0 +1,178 @@
+"""The channels of a run, in a context of Foxglove's SDK: for its file, and for its live server."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+from foxglove import Channel, Context, Schema
+from foxglove import channels as typed
+from foxglove.messages import Timestamp
+
+from navfw.guard import PluginGuard
+from navfw.mofis.explanation import explain_command
+from navfw.recording import channel_list as topics
+from navfw.recording import viewer_messages as messages
+from navfw.recording.run_folder import plain_json
+from navfw.recording.run_observer import SeenRun
+from navfw.recording.sensor_channels import SensorChannels, nanoseconds
+from navfw.signals import Percept, Pose, SensorReading, Twist
+from navfw.stack import Stack
+from navfw.stack_state import StackState
+
+__all__ = ["RunChannels"]
+
+_VISION_PERIOD = 0.2
+"""Interval between two flows, percepts and ratings of all commands [s]: what costs most."""
+_MAP_PERIOD = 0.5
+"""Interval between two local maps, and between two lists of fired rules [s]."""
+_WORLD_PERIOD = 5.0
+"""Interval at which the world is sent again, for viewers that join [s]."""
+
+
+class RunChannels:
+    """Logs every control tick of a run to the sinks of ``context``.
+
+    Without ``seen`` the sensor readings and images alone. A channel that nobody receives costs
+    nothing. The stack is only read: its plugins explain themselves outside its guard, so that a
+    fault in an explanation is none of the run.
+    """
+
+    def __init__(self, context: Context, seen: SeenRun | None = None) -> None:
+        self._context = context  # without it its channels are closed
+        self._sensors = SensorChannels(context)
+        self._seen = seen
+        self._guard = PluginGuard()
+        self._next_vision = self._next_map = self._next_world = 0.0
+        self._channels: dict[str, Any] = {}
+        for info in topics.VIEWER_CHANNELS if seen is not None else ():
+            self._channels[info.topic] = _channel(info, context)
+
+    def observe(self, reading: SensorReading, twist: Twist, pose: Pose) -> None:
+        """Log one control tick: reading, the stack's command for it, and the true pose."""
+        self._sensors.log(reading, twist)
+        if self._seen is not None and reading.frame is not None:
+            self._show(self._seen, reading.time, twist, pose)
+
+    def close(self) -> None:
+        """Log what still waits; nothing can be logged afterwards."""
+        self._sensors.close()
+
+    def _show(self, seen: SeenRun, now: float, twist: Twist, pose: Pose) -> None:
+        """Log what the stack has made of the newest frame."""
+        stack, state = seen.stack, seen.stack.state
+        log_time = nanoseconds(now)
+        stamp = Timestamp(*divmod(log_time, 10**9))
+        self._log(topics.TRUE_POSE, log_time, messages.true_pose_message, pose, stamp)
+        if now >= self._next_vision:
+            self._next_vision = now + _VISION_PERIOD - 1e-9
+            self._show_vision(stack, state, stamp, log_time)
+        self._show_belief(stack, state, twist, stamp, log_time)
+        if state.command is not None:
+            self._log_json(topics.COMMAND, log_time, _command, state)
+        tracks = stack.tracker.confirmed
+        self._log(topics.OBSTACLES, log_time, messages.obstacles_message, tracks, now, stamp)
+        if now >= self._next_world:
+            self._next_world = now + _WORLD_PERIOD - 1e-9
+            self._log(topics.WORLD, log_time, messages.world_message, seen.outline, stamp)
+        if now >= self._next_map:
+            self._next_map = now + _MAP_PERIOD - 1e-9
+            if stack.local_map.occupancy.located:
+                grid = stack.local_map.occupancy
+                self._log(topics.LOCAL_MAP, log_time, messages.local_map_message, grid, stamp)
+            if state.command is not None:
+                self._log_json(topics.RULES, log_time, _rules, stack, state, self._guard)
+
+    def _show_vision(
+        self, stack: Stack, state: StackState, stamp: Timestamp, log_time: int
+    ) -> None:
+        camera = stack.robot.camera
+        if state.flows:
+            flow = state.flows[-1]
+            self._log(topics.FLOW, log_time, messages.flow_message, flow, camera, stamp)
+        if state.percept is not None and state.flows:
+            percept = state.percept
+            self._log(topics.CELLS, log_time, messages.cells_message, percept, camera, stamp)
+            self._log_json(topics.PERCEPT, log_time, _percept, percept)
+        if state.command is not None and state.proposals:
+            grid = stack.mofis.commands
+            rated = state.proposals, grid.v, grid.w, stamp
+            self._log(topics.PROPOSALS, log_time, messages.proposals_message, *rated)
+
+    def _show_belief(
+        self, stack: Stack, state: StackState, twist: Twist, stamp: Timestamp, log_time: int
+    ) -> None:
+        belief, odometry = state.belief, state.odometry
+        if belief is None or odometry is None:
+            return
+        camera = stack.robot.camera
+        placed = belief, odometry.pose, camera, stamp
+        self._log(topics.TRANSFORMS, log_time, messages.transforms_message, *placed)
+        self._log(topics.POSE, log_time, messages.pose_message, belief, odometry.twist, stamp)
+        self._log(topics.PATH, log_time, messages.path_message, belief, state.path, stamp)
+
+    def _log(self, topic: str, log_time: int, make: Any, *arguments: Any) -> None:
+        """Log what ``make`` gives, if anybody receives it."""
+        channel = self._channels[topic]
+        if channel.has_sinks():
+            channel.log(make(*arguments), log_time=log_time)
+
+    def _log_json(self, topic: str, log_time: int, make: Any, *arguments: Any) -> None:
+        self._log(topic, log_time, lambda: _json(make(*arguments)))
+
+
+def _channel(info: topics.ChannelInfo, context: Context) -> Any:
+    """The channel of Foxglove's schema, or one of JSON with a schema of navfw's name."""
+    namespace, _, name = info.schema.partition(".")
+    if namespace == "foxglove":
+        return getattr(typed, f"{name}Channel")(info.topic, context=context)
+    schema = Schema(name=info.schema, encoding="jsonschema", data=b'{"type": "object"}')
+    return Channel(info.topic, schema=schema, message_encoding="json", context=context)
+
+
+def _json(value: Mapping[str, Any]) -> str:
+    """``value`` as JSON; only values that JSON does not know cost a copy of all."""
+    try:
+        return json.dumps(value, default=dict, allow_nan=False)
+    except (TypeError, ValueError):
+        return json.dumps(plain_json(value))
+
+
+def _percept(percept: Percept) -> Mapping[str, Any]:
+    """The fuzzy part of a percept."""
+    return {
+        "sentence": percept.sentence,
+        "floor_in_front": percept.floor_in_front,
+        "obstacles": percept.obstacles,
+        "quadrants": percept.quadrants,
+        "planes": percept.planes,
+        "slopes": percept.slopes,
+        "situations": percept.situations,
+    }
+
+
+def _command(state: StackState) -> Mapping[str, Any]:
+    """The command, and what each behaviour says for it."""
+    command, proposals = state.command, state.proposals or {}
+    if command is None:
+        return {}
+    return {
+        "v": command.twist.v,
+        "w": command.twist.w,
+        "leader": command.leader,
+        "reason": command.reason,
+        "emergency": command.emergency,
+        "weights": command.weights,
+        "reasons": {name: proposal.reason for name, proposal in proposals.items()},
+        "applicability": {name: proposal.applicability for name, proposal in proposals.items()},
+        "confidence": None if state.belief is None else state.belief.confidence,
+        "lost": state.belief is not None and state.belief.lost,
+    }
+
+
+def _rules(stack: Stack, state: StackState, guard: PluginGuard) -> Mapping[str, Any]:
+    """The rules that fired for the command, as ``navfw explain`` gives them."""
+    if state.command is None or state.proposals is None:
+        return {}
+    return explain_command(state.command, state.proposals, stack.mofis, guard)

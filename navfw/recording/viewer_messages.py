@@ -1,0 +1,312 @@
+"""What the stack sees, believes and decides, as messages of Foxglove's schemas.
+
+Frames are those of docs/architecture.md; z is up in ``map``, ``odom`` and ``base_link``. Image
+points count from the image's upper left corner [px].
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+from foxglove.messages import (
+    Color,
+    CubePrimitive,
+    CylinderPrimitive,
+    FrameTransform,
+    FrameTransforms,
+    Grid,
+    ImageAnnotations,
+    LinePrimitive,
+    LinePrimitiveLineType,
+    Odometry,
+    PackedElementField,
+    PackedElementFieldNumericType,
+    Point2,
+    Point3,
+    PointsAnnotation,
+    PointsAnnotationType,
+    PoseInFrame,
+    PosesInFrame,
+    Quaternion,
+    SceneEntity,
+    SceneUpdate,
+    Timestamp,
+    Vector2,
+    Vector3,
+)
+from foxglove.messages import Pose as Pose3
+
+from navfw.localmap.occupancy_grid import OccupancyGrid
+from navfw.movers.tracking import Track
+from navfw.recording.top_view import WorldOutline
+from navfw.robot import CameraModel
+from navfw.signals import Array, Belief, FlowField, Label, Percept, Pose, Proposal, Twist, Waypoint
+
+__all__ = [
+    "cells_message",
+    "flow_message",
+    "local_map_message",
+    "obstacles_message",
+    "path_message",
+    "pose_message",
+    "proposals_message",
+    "transforms_message",
+    "true_pose_message",
+    "world_message",
+]
+
+_ARROW = Color(r=1.0, g=0.75, b=0.1, a=1.0)
+_OBSTACLE = Color(r=0.84, g=0.15, b=0.16, a=0.8)
+_SPEED = Color(r=0.84, g=0.15, b=0.16, a=1.0)
+_WALL = Color(r=0.45, g=0.45, b=0.45, a=1.0)
+_FURNITURE = Color(r=0.8, g=0.76, b=0.7, a=1.0)
+_LABEL_COLORS = {
+    Label.UNKNOWN: Color(r=0.6, g=0.6, b=0.6, a=0.5),
+    Label.FLOOR: Color(r=0.2, g=0.65, b=0.3, a=1.0),
+    Label.OBSTACLE: Color(r=0.84, g=0.15, b=0.16, a=1.0),
+    Label.DROP: Color(r=0.6, g=0.2, b=0.7, a=1.0),
+    Label.ABOVE: Color(r=0.2, g=0.45, b=0.8, a=1.0),
+}
+
+_WALL_HEIGHT, _FURNITURE_HEIGHT = 2.0, 0.7
+"""Heights in the scene [m]; the outline has none."""
+_TRACK_HEIGHT = 1.0
+"""Height of a moving obstacle in the scene [m]."""
+_LEVELS = 255
+"""Largest value of a degree in [0, 1] that is packed into a byte."""
+
+
+def flow_message(flow: FlowField, camera: CameraModel, stamp: Timestamp) -> ImageAnnotations:
+    """The flow vectors with any confidence as lines, from where each point was to where it is."""
+    known = flow.confidence > 0.0
+    ends = flow.points[known] + _centre(camera)
+    pairs = np.stack([ends - flow.vectors[known], ends], axis=1).reshape(-1, 2)
+    return _annotations(stamp, [(PointsAnnotationType.LineList, pairs, _ARROW, 1.0)])
+
+
+def cells_message(percept: Percept, camera: CameraModel, stamp: Timestamp) -> ImageAnnotations:
+    """The cells of the percept as points, coloured by their label."""
+    points = percept.points + _centre(camera)
+    return _annotations(
+        stamp,
+        [
+            (PointsAnnotationType.Points, points[percept.label == label], color, 2.0)
+            for label, color in _LABEL_COLORS.items()
+        ],
+    )
+
+
+def _annotations(
+    stamp: Timestamp, groups: Iterable[tuple[PointsAnnotationType, Array, Color, float]]
+) -> ImageAnnotations:
+    """Groups of points (n, 2) [px], each with its kind, colour and thickness [px]."""
+    return ImageAnnotations(
+        timestamp=stamp,
+        points=[
+            PointsAnnotation(
+                timestamp=stamp,
+                type=kind,
+                points=[Point2(x=x, y=y) for x, y in _rounded(points).tolist()],
+                outline_color=color,
+                thickness=thickness,
+            )
+            for kind, points, color, thickness in groups
+        ],
+    )
+
+
+def _rounded(points: Array) -> Array:
+    """Points [px] to a sixteenth: what is not seen would not compress."""
+    rounded: Array = np.rint(16.0 * points) / 16.0
+    return rounded
+
+
+def _centre(camera: CameraModel) -> tuple[float, float]:
+    """The principal point [px] from the upper left corner of the image."""
+    return 0.5 * camera.width, 0.5 * camera.height
+
+
+def local_map_message(grid: OccupancyGrid, stamp: Timestamp) -> Grid:
+    """The local map in ``odom``: field ``occupancy`` in percent, 50 where nothing is known."""
+    cell = grid.params.cell
+    x, y = grid.origin
+    percent = np.rint(100.0 / (1.0 + np.exp(-grid.log_odds))).astype(np.uint8)
+    return Grid(
+        timestamp=stamp,
+        frame_id="odom",
+        pose=_pose3(Pose(x - 0.5 * cell, y - 0.5 * cell, 0.0)),
+        column_count=percent.shape[1],
+        cell_size=Vector2(x=cell, y=cell),
+        row_stride=percent.shape[1],
+        cell_stride=1,
+        fields=[_byte_field("occupancy", 0)],
+        data=percent.tobytes(),
+    )
+
+
+def proposals_message(
+    proposals: Mapping[str, Proposal], v: Array, w: Array, stamp: Timestamp
+) -> Grid:
+    """How each behaviour rates the commands: a cell for each speed (column) and turn (row).
+
+    Fields ``NAME.desirability`` and ``NAME.prohibition``, 255 for a degree of 1. ``pose`` is the
+    command of the first cell, v [m/s] along x and w [rad/s] along y.
+    """
+    names = [f"{name}.{part}" for name in proposals for part in ("desirability", "prohibition")]
+    # rows of cells with their fields side by side, as the grid is read
+    data = np.empty((len(w), len(v), len(names)), dtype=np.uint8)
+    layers = (x for p in proposals.values() for x in (p.desirability, p.prohibition))
+    for field, layer in enumerate(layers):
+        data[..., field] = (_LEVELS * layer + 0.5).T
+    return Grid(
+        timestamp=stamp,
+        frame_id="command",
+        pose=_pose3(Pose(float(v[0]), float(w[0]), 0.0)),
+        column_count=len(v),
+        cell_size=Vector2(x=_step(v), y=_step(w)),
+        row_stride=len(v) * len(names),
+        cell_stride=len(names),
+        fields=[_byte_field(name, offset) for offset, name in enumerate(names)],
+        data=data.tobytes(),
+    )
+
+
+def _step(values: Array) -> float:
+    """The mean step of ascending ``values``."""
+    return float(values[-1] - values[0]) / max(len(values) - 1, 1)
+
+
+def _byte_field(name: str, offset: int) -> PackedElementField:
+    kind = PackedElementFieldNumericType.Uint8
+    return PackedElementField(name=name, offset=offset, type=kind)
+
+
+def obstacles_message(tracks: Sequence[Track], time: float, stamp: Timestamp) -> SceneUpdate:
+    """The confirmed moving obstacles in ``odom``, with where each will be in a second."""
+    cylinders, lines = [], []
+    for track in tracks:
+        x, y = track.predict(time)
+        vx, vy = track.velocity
+        size = Vector3(x=2.0 * track.radius, y=2.0 * track.radius, z=_TRACK_HEIGHT)
+        middle = _pose3(Pose(x, y, 0.0), 0.5 * _TRACK_HEIGHT)
+        cylinders.append(
+            CylinderPrimitive(
+                pose=middle, size=size, bottom_scale=1.0, top_scale=1.0, color=_OBSTACLE
+            )
+        )
+        lines.append(
+            LinePrimitive(
+                type=LinePrimitiveLineType.LineStrip,
+                thickness=0.05,
+                points=[Point3(x=x, y=y, z=0.1), Point3(x=x + vx, y=y + vy, z=0.1)],
+                color=_SPEED,
+            )
+        )
+    entity = SceneEntity(
+        timestamp=stamp, frame_id="odom", id="moving", cylinders=cylinders, lines=lines
+    )
+    return SceneUpdate(entities=[entity])
+
+
+def world_message(outline: WorldOutline, stamp: Timestamp) -> SceneUpdate:
+    """The world in ``map``: walls and furniture as cubes, round things as cylinders."""
+    cubes = [_cube(corners, _WALL_HEIGHT, _WALL) for corners in outline.walls]
+    cubes += [_cube(corners, _FURNITURE_HEIGHT, _FURNITURE) for corners in outline.furniture]
+    cylinders = [
+        CylinderPrimitive(
+            pose=_pose3(Pose(disc.x, disc.y, 0.0), 0.5 * _FURNITURE_HEIGHT),
+            size=Vector3(x=2.0 * disc.radius, y=2.0 * disc.radius, z=_FURNITURE_HEIGHT),
+            bottom_scale=1.0,
+            top_scale=1.0,
+            color=_FURNITURE,
+        )
+        for disc in outline.discs
+    ]
+    entity = SceneEntity(
+        timestamp=stamp, frame_id="map", id="world", cubes=cubes, cylinders=cylinders
+    )
+    return SceneUpdate(entities=[entity])
+
+
+def _cube(corners: Array, height: float, color: Color) -> CubePrimitive:
+    """The upright block over a rectangle with ``corners`` (4, 2) [m]."""
+    along, across = corners[1] - corners[0], corners[2] - corners[1]
+    x, y = corners.mean(axis=0).tolist()
+    yaw = math.atan2(along[1], along[0])
+    size = Vector3(x=math.hypot(*along), y=math.hypot(*across), z=height)
+    return CubePrimitive(pose=_pose3(Pose(x, y, yaw), 0.5 * height), size=size, color=color)
+
+
+def transforms_message(
+    belief: Belief, odometry: Pose, camera: CameraModel, stamp: Timestamp
+) -> FrameTransforms:
+    """``map`` to ``odom`` by the belief, ``odom`` to ``base_link``, and the camera on it."""
+    # the pose of odom in map: base_link in map, and from there back to odom
+    odom = belief.pose.compose(odometry.relative(Pose(0.0, 0.0, 0.0)))
+    mount = Vector3(x=camera.mount_forward, y=0.0, z=camera.mount_height)
+    return FrameTransforms(
+        transforms=[
+            _transform("map", "odom", odom, stamp),
+            _transform("odom", "base_link", odometry, stamp),
+            FrameTransform(
+                timestamp=stamp,
+                parent_frame_id="base_link",
+                child_frame_id="camera",
+                translation=mount,
+                rotation=_optical_rotation(camera.pitch),
+            ),
+        ]
+    )
+
+
+def _transform(parent: str, child: str, pose: Pose, stamp: Timestamp) -> FrameTransform:
+    return FrameTransform(
+        timestamp=stamp,
+        parent_frame_id=parent,
+        child_frame_id=child,
+        translation=Vector3(x=pose.x, y=pose.y, z=0.0),
+        rotation=_about_z(pose.yaw),
+    )
+
+
+def _optical_rotation(pitch: float) -> Quaternion:
+    """The rotation of ``camera_optical`` (x right, y down, z ahead), nose down by ``pitch``."""
+    # of a level camera (-1/2, 1/2, -1/2, 1/2), then turned about base_link's y axis
+    c, s = math.cos(0.5 * pitch), math.sin(0.5 * pitch)
+    return Quaternion(x=0.5 * (-c - s), y=0.5 * (c + s), z=0.5 * (-c + s), w=0.5 * (c - s))
+
+
+def pose_message(belief: Belief, twist: Twist, stamp: Timestamp) -> Odometry:
+    """The estimated pose in ``map`` with its covariance (x, y, z, roll, pitch, yaw; 6 x 6)."""
+    covariance = np.zeros((6, 6))
+    covariance[np.ix_((0, 1, 5), (0, 1, 5))] = belief.covariance
+    return Odometry(
+        timestamp=stamp,
+        frame_id="map",
+        body_frame_id="base_link",
+        pose=_pose3(belief.pose),
+        linear_velocity=Vector3(x=twist.v, y=0.0, z=0.0),
+        angular_velocity=Vector3(x=0.0, y=0.0, z=twist.w),
+        pose_covariance=covariance.ravel().tolist(),
+    )
+
+
+def true_pose_message(pose: Pose, stamp: Timestamp) -> PoseInFrame:
+    """The true pose in ``map``."""
+    return PoseInFrame(timestamp=stamp, frame_id="map", pose=_pose3(pose))
+
+
+def path_message(belief: Belief, path: Sequence[Waypoint], stamp: Timestamp) -> PosesInFrame:
+    """The way ahead in ``map``: the estimated position, and the planner's waypoints."""
+    ahead = [_pose3(Pose(waypoint.x, waypoint.y, 0.0)) for waypoint in path]
+    return PosesInFrame(timestamp=stamp, frame_id="map", poses=[_pose3(belief.pose), *ahead])
+
+
+def _pose3(pose: Pose, z: float = 0.0) -> Pose3:
+    return Pose3(position=Vector3(x=pose.x, y=pose.y, z=z), orientation=_about_z(pose.yaw))
+
+
+def _about_z(yaw: float) -> Quaternion:
+    return Quaternion(x=0.0, y=0.0, z=math.sin(0.5 * yaw), w=math.cos(0.5 * yaw))
