@@ -134,6 +134,12 @@ def _world(path: Path, found: SdfWorld, barn: bool, ends: Sequence[Goal]) -> Wor
     floor, textures = palette.draw("floor"), palette.draw_many("thing", 4)
     standing = [(s, *_levels(s, barn)) for s in found.shapes]
     standing = [(s, low, high) for s, low, high in standing if high - low >= 0.02]
+    # all parts of a mesh look alike
+    of_meshes = [palette.pick(textures) for _ in range(found.meshes)]
+
+    def look(shape: SdfShape) -> str:
+        return of_meshes[shape.mesh - 1] if shape.mesh else palette.pick(textures)
+
     boxes = tuple(
         BoxSpec(
             name=s.name,
@@ -141,7 +147,7 @@ def _world(path: Path, found: SdfWorld, barn: bool, ends: Sequence[Goal]) -> Wor
             size=(round(s.size[0], 4), round(s.size[1], 4), round(high - low, 4)),
             yaw=round(s.yaw, 5),
             base=round(low, 4),
-            texture=palette.pick(textures),
+            texture=look(s),
         )
         for s, low, high in standing
         if not s.radius
@@ -153,7 +159,7 @@ def _world(path: Path, found: SdfWorld, barn: bool, ends: Sequence[Goal]) -> Wor
             radius=round(s.radius, 4),
             height=round(high - low, 4),
             base=round(low, 4),
-            texture=palette.pick(textures),
+            texture=look(s),
         )
         for s, low, high in standing
         if s.radius

@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import connected_components
 
 from navfw.signals import Array, Mask
 
-__all__ = ["PlanGrid", "MeshSurface", "surfaces_of"]
+__all__ = ["MeshSurface", "PlanGrid", "surfaces_of"]
 
 Indices = npt.NDArray[np.int64]
 

@@ -17,7 +17,7 @@ import numpy as np
 from navfw.errors import WorldError
 from navfw.signals import Array, Mask
 from navfw.sim.shapes import Circle, Rectangle, Shape
-from navfw.worldgen.mesh_section import PlanGrid, MeshSurface, surfaces_of
+from navfw.worldgen.mesh_section import MeshSurface, PlanGrid, surfaces_of
 from navfw.worldgen.plan_walls import wall_rectangles
 
 __all__ = ["MAX_PARTS", "UprightPart", "mesh_solids"]
@@ -38,8 +38,8 @@ _TOP = 20.0
 """Height [m] above which nothing is kept: worlds end there."""
 _BORDER = 4
 """Free cells around a region."""
-_ALIKE = 0.99
-"""Share of their cells that two layers of the same shape have in common."""
+_NEIGHBOURS = np.ones((3, 3), np.uint8)
+"""A cell and those around it."""
 _FILLED = 0.97
 """Share of its convex hull, or a hull's of its rectangle, from which both count as the same."""
 _ROUND = 0.93
@@ -63,6 +63,12 @@ class _Layer:
     top: float
     covered: Mask
     corners: Array
+
+    def extend(self, above: _Layer) -> None:
+        """Take in the next layer, of about the same shape."""
+        self.top = above.top
+        self.covered |= above.covered
+        self.corners = np.concatenate([self.corners, above.corners])
 
 
 def mesh_solids(triangles: Array) -> list[UprightPart]:
@@ -99,7 +105,7 @@ def _upright_layers(surfaces: list[MeshSurface], grid: PlanGrid) -> list[_Layer]
                 grid.draw(covered, lines, surface.closed)
         layer = _Layer(bottom, top, covered, np.concatenate(corners))
         if layers and layers[-1].top == bottom and _alike(layers[-1].covered, covered):
-            layers[-1].top = top
+            layers[-1].extend(layer)
         elif covered.any():
             layers.append(layer)
     return layers
@@ -132,8 +138,11 @@ def _flat_layers(surfaces: list[MeshSurface], grid: PlanGrid) -> Iterator[_Layer
 
 
 def _alike(one: Mask, other: Mask) -> bool:
-    common = int(np.count_nonzero(one & other))
-    return common > 0 and common >= _ALIKE * int(np.count_nonzero(one | other))
+    """Whether each covers no cell that is not within a cell of the other."""
+    if not (one.any() and other.any()):
+        return False
+    near_one, near_other = (cv2.dilate(m.astype(np.uint8), _NEIGHBOURS) > 0 for m in (one, other))
+    return not (np.any(one & ~near_other) or np.any(other & ~near_one))
 
 
 def _shapes(layer: _Layer, grid: PlanGrid) -> Iterator[Shape]:

@@ -44,7 +44,10 @@ _GROUND = ("model://ground_plane", "model://sun", "ground_plane", "sun")
 
 @dataclass(frozen=True, slots=True)
 class SdfShape:
-    """A cylinder (radius > 0) or a box (size) with centre (x, y, z) [m] and yaw [rad]."""
+    """A cylinder (radius > 0) or a box (size) with centre (x, y, z) [m] and yaw [rad].
+
+    ``mesh`` is the number of the mesh of which it is a part; 0: of none.
+    """
 
     name: str
     x: float
@@ -54,6 +57,7 @@ class SdfShape:
     height: float
     radius: float = 0.0
     size: tuple[float, float] = (0.0, 0.0)
+    mesh: int = 0
 
 
 @dataclass
@@ -204,17 +208,17 @@ class _SdfReader:
             raise WorldError(
                 f"the mesh {uri!r} {error}", file=self.path, line=line_of(shape)
             ) from None
-        self.found.meshes += 1
+        number = self.found.meshes = self.found.meshes + 1
         for part in parts:
             height, middle = part.top - part.bottom, 0.5 * (part.top + part.bottom)
             outline, name = part.shape, self._name(model)
             if isinstance(outline, Circle):
                 x, y = outline.x, outline.y
-                self._add(SdfShape(name, x, y, middle, 0.0, height, radius=outline.radius))
+                self._add(SdfShape(name, x, y, middle, 0.0, height, outline.radius, mesh=number))
             else:
                 level = (2.0 * outline.half_x, 2.0 * outline.half_y)
                 x, y, yaw = outline.x, outline.y, outline.yaw
-                self._add(SdfShape(name, x, y, middle, yaw, height, size=level))
+                self._add(SdfShape(name, x, y, middle, yaw, height, size=level, mesh=number))
 
     def _add(self, shape: SdfShape) -> None:
         self.found.shapes.append(shape)
