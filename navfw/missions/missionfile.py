@@ -90,15 +90,18 @@ class MissionFile:
         """The length [m] of the shortest path through all goals, in the world of this floor plan.
 
         Raises:
-            WorldError: at the start or a goal the robot would overlap something, or there is no
-                path for a robot of this radius.
+            WorldError: at the start the robot's body, or at a goal a disc of its radius, would
+                overlap something, or there is no path for a robot of this radius.
 
         """
-        radius = self.spec.robot.radius
+        robot = self.spec.robot
+        radius = robot.radius
         total, here = 0.0, (self.start.x, self.start.y)
         legs: dict[tuple[tuple[float, float], tuple[float, float]], float] = {}
+        body = "the start" if robot.footprint is None else "part of the robot's body at the start"
         with self._located(("start",)):
-            plan.check_free(*here, radius, "the start")
+            for x, y, disc_radius in robot.discs:
+                plan.check_free(*self.start.to_parent(x, y), disc_radius, body)
         for index, goal in enumerate(self.goals):
             there = (goal.x, goal.y)
             if (here, there) not in legs:  # repeated in every round

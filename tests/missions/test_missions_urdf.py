@@ -6,7 +6,9 @@ import math
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
+from navfw.cli import app
 from navfw.errors import InputError
 from navfw.missions.session import prepare
 from navfw.robotfile import load_robot
@@ -117,3 +119,41 @@ def test_wrong_urdfs(project: Path, old: str, new: str, message: str) -> None:
 def test_a_robot_wider_than_every_way_is_refused() -> None:
     with pytest.raises(InputError, match=r"no way is 0\.98 m wide; take a narrower"):
         prepare("office", "lobby-to-lab", overrides=["robot=cart", "robot.footprint.width=0.98"])
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "message"),
+    [
+        (
+            "own.yaml",
+            "[left_axle]",
+            "[left_axl]",
+            "own.yaml:5: urdf.left[0]: unknown movable joint",
+        ),
+        (
+            "own.urdf",
+            BOX,
+            MESH.format("hull.stl"),
+            "mesh 'meshes/hull.stl' does not exist; copy it",
+        ),
+        ("own.yaml", "width: 0.32", "width: 1.2", "no way is 1.2 m wide; take a narrower robot"),
+        (
+            "own.yaml",
+            "rear: 0.22",
+            "rear: 2.5",
+            "lobby-to-lab.yaml:3: start: part of the robot's body at the",
+        ),
+    ],
+)
+def test_a_run_is_refused_before_it_begins(
+    project: Path, file: str, old: str, new: str, message: str
+) -> None:
+    path = project / "robots" / file
+    assert old in path.read_text()
+    path.write_text(path.read_text().replace(old, new))
+    words = ["run", "office", "lobby-to-lab", "--robot", "own"]
+    answer = CliRunner().invoke(app, words)
+    assert answer.exit_code == 2
+    assert message in answer.stderr
+    assert answer.stdout == ""
+    assert not (project / "runs").exists()
