@@ -1,7 +1,8 @@
 """Write the tables of keys in the pages beside this file anew, from the models themselves.
 
 A table stands between ``<!-- keys: module:Class -->`` and ``<!-- end -->``; the kinds of plugins
-between ``<!-- kinds -->`` and ``<!-- end -->``. Run it after a change of a model's fields::
+between ``<!-- kinds -->`` and ``<!-- end -->``, and the channels of a recording likewise. Run it
+after a change of a model's fields::
 
     uv run python docs/update_tables.py
 """
@@ -20,17 +21,20 @@ from pydantic import BaseModel
 
 from navfw.config.type_descriptions import describe, is_model, parameters_of
 from navfw.interfaces import KINDS
+from navfw.recording.channel_list import CHANNELS
 
 DOCS = Path(__file__).parent
 
 _KEYS = re.compile(r"(<!-- keys: ([\w.]+):([\w.]+) -->\n).*?(<!-- end -->)", re.DOTALL)
 _NESTED = re.compile(r"a mapping to values, each .*")
+_CHANNELS = re.compile(r"(<!-- channels -->\n).*?(<!-- end -->)", re.DOTALL)
 _KINDS = re.compile(r"(<!-- kinds -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
 def renewed(text: str) -> str:
     """``text`` with all its tables as the models have them now."""
     text = _KEYS.sub(lambda m: f"{m[1]}{keys_table(_model(m[2], m[3]))}{m[4]}", text)
+    text = _CHANNELS.sub(lambda m: f"{m[1]}{channels_table()}{m[2]}", text)
     return _KINDS.sub(lambda m: f"{m[1]}{kinds_table()}{m[2]}", text)
 
 
@@ -46,6 +50,13 @@ def keys_table(model: type[BaseModel]) -> str:
             parameter.description or _about(parameter.name, info.annotation),
         )
         rows.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
+    return "\n".join(rows) + "\n"
+
+
+def channels_table() -> str:
+    """A Markdown table of the channels of a recording."""
+    rows = ["| channel | schema | rate | content |", "|---|---|---|---|"]
+    rows += [f"| `{c.topic}` | `{c.schema}` | {c.rate} | {c.content} |" for c in CHANNELS]
     return "\n".join(rows) + "\n"
 
 

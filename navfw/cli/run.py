@@ -22,7 +22,8 @@ from navfw.interruption import check_interrupted, deferred, interruptible
 
 if TYPE_CHECKING:
     from navfw.missions.runner import Progress
-    from navfw.missions.session import MissionResult
+    from navfw.missions.session import MissionResult, Session
+    from navfw.recording.live_server import LiveServer
 
 __all__ = ["add_to"]
 
@@ -71,8 +72,15 @@ def run(
     ] = None,
     record: Annotated[
         bool,
-        typer.Option("--record", help="Record the sensor readings, for navfw replay and explain."),
+        typer.Option("--record", help="Record the run as MCAP, for replay, explain and viewers."),
     ] = False,
+    live: Annotated[
+        bool,
+        typer.Option("--live", help="Serve the run on this machine, for Foxglove or Lichtblick."),
+    ] = False,
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, help="Port of --live; 0 takes a free one.")
+    ] = 8765,
     limit: Annotated[
         float | None,
         typer.Option(min=1.0, help="Wall-clock limit [s]. Beyond it the run is a fault."),
@@ -95,6 +103,7 @@ def run(
             out,
             math.inf if limit is None else limit,
             record=record,
+            port=port if live else None,
             gui=gui,
             json=json,
             quiet=quiet,
@@ -114,6 +123,7 @@ class _Request:
     out: Path | None
     limit: float
     record: bool
+    port: int | None
     gui: bool
     json: bool
     quiet: bool
@@ -157,6 +167,7 @@ def _drive(request: _Request) -> tuple[MissionResult, Path | None, tuple[str, ..
             overrides=request.overrides,
         )
         check_interrupted()
+        observers = [] if request.port is None else [_live(session, request)]
     numbered = request.out is None
     target = RunFolder(request.out or default_folder(session), numbered=numbered)
     result = None
@@ -172,7 +183,11 @@ def _drive(request: _Request) -> tuple[MissionResult, Path | None, tuple[str, ..
             )
             with _ProgressLine(quiet=request.quiet) as line:
                 result = session.run(
-                    line.show, gui=request.gui, record=request.record, limit=request.limit
+                    line.show,
+                    gui=request.gui,
+                    record=request.record,
+                    observers=observers,
+                    limit=request.limit,
                 )
             announce_end()
             missing = write_run(result, target)
@@ -181,6 +196,16 @@ def _drive(request: _Request) -> tuple[MissionResult, Path | None, tuple[str, ..
             raise
         missing = (str(error),)
     return result, target.final, missing
+
+
+def _live(session: Session, request: _Request) -> LiveServer:
+    """The live server of a run; its address is told on stderr."""
+    from navfw.recording.live_server import LiveServer
+
+    server = LiveServer(session.seen, request.port or 0)
+    if not request.quiet:
+        typer.echo(f"live: open {server.url} in Foxglove or Lichtblick", err=True)
+    return server
 
 
 def _tell_missing(missing: tuple[str, ...], folder: Path | None) -> None:

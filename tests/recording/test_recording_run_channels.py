@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -155,6 +156,18 @@ def test_a_plugin_that_cannot_explain_itself_is_no_fault_of_the_run() -> None:
     object.__setattr__(composite, "explain", fail)
     result = session.run(record=True)
     assert result.run.faults == ()
+
+
+def test_the_documented_way_to_read_a_recording(
+    driven: tuple[MissionResult, RecordedRun], capsys: pytest.CaptureFixture[str]
+) -> None:
+    result, run = driven
+    page = Path(__file__).parents[2] / "docs" / "recordings.md"
+    (code,) = re.findall(r"^```python\n(.*?)^```$", page.read_text(), re.MULTILINE | re.DOTALL)
+    found: dict[str, Any] = {}
+    exec(code.replace("/tmp/straight", str(run.path.parent)), found)  # noqa: S102, S108 - our page
+    assert found["image"].shape == (120, 160)
+    assert f"{TIME:.1f} s {result.run.log.leaders[-1]}" in capsys.readouterr().out
 
 
 def test_a_saved_recording_is_the_same_when_saved_again(tmp_path: Path) -> None:
