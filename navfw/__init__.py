@@ -1,7 +1,7 @@
 """navfw: a mobile robot with one camera finds its way by fuzzy behaviours.
 
-The public names are those that a behaviour or another plugin needs. Each is imported on first use,
-so that ``import navfw`` is fast.
+``run`` and ``open_session`` drive missions. The other names are those that a behaviour or another
+plugin needs, and types of results. Each is imported on first use, so that ``import navfw`` is fast.
 """
 
 from __future__ import annotations
@@ -23,8 +23,12 @@ if TYPE_CHECKING:
         Perception,
         Planner,
     )
+    from navfw.missions.outcome import Outcome
+    from navfw.missions.session import MissionResult
+    from navfw.missions.stepped_session import SteppedSession, TickView
     from navfw.mofis.ruled import RuledBehavior, RuledComposite
     from navfw.mofis.rules import BehaviorRules
+    from navfw.python_interface import open_session, run
     from navfw.robot import CameraModel, RobotModel
     from navfw.signals import (
         Array,
@@ -55,6 +59,8 @@ _HOMES = {
     "FlowProcessor": "navfw.interfaces",
     "Fusion": "navfw.interfaces",
     "Localizer": "navfw.interfaces",
+    "MissionResult": "navfw.missions.session",
+    "Outcome": "navfw.missions.outcome",
     "Percept": "navfw.signals",
     "Perception": "navfw.interfaces",
     "Planner": "navfw.interfaces",
@@ -63,8 +69,12 @@ _HOMES = {
     "RobotModel": "navfw.robot",
     "RuledBehavior": "navfw.mofis.ruled",
     "RuledComposite": "navfw.mofis.ruled",
+    "SteppedSession": "navfw.missions.stepped_session",
+    "TickView": "navfw.missions.stepped_session",
     "Twist": "navfw.signals",
     "Waypoint": "navfw.signals",
+    "open_session": "navfw.python_interface",
+    "run": "navfw.python_interface",
 }
 
 __all__ = [
@@ -82,6 +92,8 @@ __all__ = [
     "FlowProcessor",
     "Fusion",
     "Localizer",
+    "MissionResult",
+    "Outcome",
     "Percept",
     "Perception",
     "Planner",
@@ -90,11 +102,19 @@ __all__ = [
     "RobotModel",
     "RuledBehavior",
     "RuledComposite",
+    "SteppedSession",
+    "TickView",
     "Twist",
     "Waypoint",
     "__version__",
+    "open_session",
+    "run",
 ]
 
 
 def __getattr__(name: str) -> Any:
     return first_access(__name__, name, _HOMES)
+
+
+def __dir__() -> list[str]:
+    return __all__

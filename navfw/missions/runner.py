@@ -6,23 +6,31 @@ import gc
 import math
 import time
 import traceback
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import TypeVar
 
 from navfw.errors import InputError
 from navfw.guard import PluginCallError
 from navfw.interruption import check_interrupted, interruptible
 from navfw.missions.event_clock import EventClock, EventRecord
 from navfw.missions.outcome import FaultKind, MissionVerdict, Outcome
+from navfw.missions.pilot import Pilot, Simulator
 from navfw.missions.progress_checkers import GoalChecker, ProgressChecker, goal_name
 from navfw.recording.run_log import Contact, RunLog, RunLogger
 from navfw.recording.run_observer import RunObserver
 from navfw.robot import RobotModel
-from navfw.safety import PersistentFailure
-from navfw.signals import Belief, Command, Percept, Pose, SensorReading, Twist, Waypoint
+from navfw.signals import Pose, SensorReading, Twist, Waypoint
 
-__all__ = ["Pilot", "PilotState", "Progress", "RunResult", "Simulator", "Task", "run_task"]
+__all__ = [
+    "MissionLoop",
+    "Progress",
+    "RunResult",
+    "Task",
+    "run_task",
+]
+
+VerdictT = TypeVar("VerdictT", bound=MissionVerdict | None)
 
 PROGRESS_PERIOD = 0.1
 """Simulated time [s] between two calls of the progress callback."""
@@ -45,88 +53,6 @@ _STILL = 0.02
 
 _MAX_FAULTS = 100
 """Largest number of kinds of plugin faults in a result."""
-
-
-class PilotState(Protocol):
-    """The part of a stack's state that the runner reads (``navfw.stack_state.StackState``)."""
-
-    @property
-    def belief(self) -> Belief | None: ...  # noqa: D102
-    @property
-    def path(self) -> tuple[Waypoint, ...]: ...  # noqa: D102
-    @property
-    def percept(self) -> Percept | None: ...  # noqa: D102
-    @property
-    def command(self) -> Command | None: ...  # noqa: D102
-    @property
-    def finished(self) -> bool: ...  # noqa: D102
-    @property
-    def stuck(self) -> str | None: ...  # noqa: D102
-    @property
-    def unsure(self) -> bool: ...  # noqa: D102
-    @property
-    def sight_trouble(self) -> str: ...  # noqa: D102
-    @property
-    def fault(self) -> PersistentFailure | None:
-        """What has failed for good, or None."""
-        ...
-
-    @property
-    def faults(self) -> tuple[str, ...]:
-        """All kinds of plugin faults so far, each with its count."""
-        ...
-
-
-class Pilot(Protocol):
-    """The controller of the robot: ``navfw.stack.Stack`` or ``navfw.testing.fakes.FakePilot``."""
-
-    def start(self, pose: Pose | None, goals: Sequence[Waypoint]) -> None:
-        """Start at ``pose`` in ``map`` (None: unknown), with ``goals`` to visit in order."""
-        ...
-
-    def step(self, reading: SensorReading) -> Twist:
-        """The twist to drive until the next control tick."""
-        ...
-
-    @property
-    def state(self) -> PilotState:
-        """Its state after the last step."""
-        ...
-
-    @property
-    def timings(self) -> Mapping[str, float]:
-        """Computing time [s] so far, by stage."""
-        ...
-
-
-class Simulator(Protocol):
-    """The robot and its world: ``navfw.sim.simulation.Simulation``, or a fake."""
-
-    def read(self) -> SensorReading:
-        """The current sensor reading."""
-        ...
-
-    def drive(self, left: float, right: float) -> None:
-        """Set the wheel speeds [rad/s]."""
-        ...
-
-    def advance(self, dt: float) -> None:
-        """Simulate ``dt`` [s]."""
-        ...
-
-    def true_pose(self) -> Pose:
-        """The robot's true pose."""
-        ...
-
-    @property
-    def contacts(self) -> Sequence[str]:
-        """Bodies touched, and drops fallen into, during the last ``advance``; not the floor."""
-        ...
-
-    @property
-    def time(self) -> float:
-        """Simulated time [s]."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,11 +133,11 @@ def run_task(
             the map has no route. Any later exception ends the run as a fault.
 
     """
-    return _MissionLoop(task, pilot, simulator, progress, observers, events, limit).run()
+    return MissionLoop(task, pilot, simulator, progress, observers, events, limit).run()
 
 
-class _MissionLoop:
-    """The state of one run."""
+class MissionLoop:
+    """The state of one run: driven to its end by ``run``, or tick by tick by ``advance``."""
 
     def __init__(
         self,
@@ -239,22 +165,31 @@ class _MissionLoop:
         self.path: tuple[Waypoint, ...] = ()
         self.leader = ""
         self.last_leader = ""
-        self.began = 0.0
+        self.began = time.perf_counter()
+        self.first = simulator.time
+        self.started = False
         self.next_progress = 0.0
 
     def run(self) -> RunResult:
-        self.began = time.perf_counter()
-        first = self.simulator.time
+        """Drive to the end (see ``run_task``)."""
         # garbage collection leaves out what is older than the run: one pass over it costs 0.1 s
         gc.freeze()
         try:
-            verdict = self._drive()
+            verdict = self._contained(self._drive)
         finally:
             gc.unfreeze()
+        return self.result(verdict)
+
+    def advance(self) -> MissionVerdict | None:
+        """Drive one control tick; the verdict if the mission ends at it (see ``run_task``)."""
+        return self._contained(self._advance)
+
+    def result(self, verdict: MissionVerdict) -> RunResult:
+        """The result of the run, which ended by ``verdict``."""
         return RunResult(
             verdict=verdict,
             log=self.logger.log(),
-            sim_time=self.simulator.time - first,
+            sim_time=self.simulator.time - self.first,
             wall_time=time.perf_counter() - self.began,
             faults=self.faults[:_MAX_FAULTS],
             events=() if self.events is None else self.events.log,
@@ -262,24 +197,32 @@ class _MissionLoop:
 
     def _drive(self) -> MissionVerdict:
         verdict: MissionVerdict | None = None
+        with interruptible():
+            while verdict is None:
+                check_interrupted()
+                verdict = self._advance()
+        return verdict
+
+    def _contained(self, action: Callable[[], VerdictT]) -> VerdictT | MissionVerdict:
+        """The verdict of ``action``; that of a fault after an exception in it."""
         try:
-            with interruptible():
-                start = self.task.start if self.task.start_known else None
-                self.pilot.start(start, self.task.goals)
-                while verdict is None:
-                    check_interrupted()
-                    verdict = self._tick()
+            return action()
         except KeyboardInterrupt:
-            verdict = self._verdict(Outcome.CANCELLED, "stopped by the user")
+            return self._verdict(Outcome.CANCELLED, "stopped by the user")
         except PluginCallError as error:
-            verdict = self._fault(FaultKind.PLUGIN_FAILED, str(error))
+            return self._fault(FaultKind.PLUGIN_FAILED, str(error))
         except Exception as error:  # a plugin may raise anything; the run still gives a result
             if isinstance(error, InputError) and self.logger.ticks == 0:
                 raise
             what = f"{type(error).__name__}: {error}".splitlines()[0]
             trace = traceback.format_exc()
-            verdict = self._fault(FaultKind.EXCEPTION, f"exception: {what}", trace)
-        return verdict
+            return self._fault(FaultKind.EXCEPTION, f"exception: {what}", trace)
+
+    def _advance(self) -> MissionVerdict | None:
+        if not self.started:
+            self.started = True
+            self.pilot.start(self.task.start if self.task.start_known else None, self.task.goals)
+        return self._tick()
 
     def _tick(self) -> MissionVerdict | None:
         pose = self.simulator.true_pose()

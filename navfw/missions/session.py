@@ -22,16 +22,16 @@ from navfw.missions.changing_world import CombinedClearance, permanent_plan
 from navfw.missions.event_check import resolve_events, with_doors_open
 from navfw.missions.event_clock import Event, EventClock, EventTarget
 from navfw.missions.eventspec import BehaviorFault
+from navfw.missions.mission_drive import MissionDrive
 from navfw.missions.missionfile import MissionFile, load_mission
-from navfw.missions.oracle import plugins_of, reveal
+from navfw.missions.oracle import reveal
 from navfw.missions.outcome import Outcome
 from navfw.missions.process_check import check_process
 from navfw.missions.process_state import ProcessState
 from navfw.missions.resolved_config import run_description
 from navfw.missions.run_metrics import RunMetrics, measure
-from navfw.missions.runner import Progress, RunResult, Task, run_task
+from navfw.missions.runner import MissionLoop, Progress, RunResult, Task
 from navfw.missions.world_outline import outline_of
-from navfw.plugins.simulator_access import SimulatorWatch
 from navfw.recording.run_observer import RunObserver, SeenRun
 from navfw.recording.run_recorder import RunRecorder
 from navfw.robotfile import robot_section
@@ -132,22 +132,36 @@ class Session:
         recorder = RunRecorder(run_description(self), self.seen) if record else None
         observers = (*observers, *((recorder,) if recorder else ()))
         before = ProcessState.capture()
-        watch = SimulatorWatch(plugins_of(self.stack))
-        with self.simulation(gui) as simulator, self.stack.guard.on_duty(), watch:
-            clock = EventClock((event, self._target(event, simulator)) for event in self.events)
-            run = run_task(self.task, self.stack, simulator, progress, observers, clock, limit)
+        with self.drive(progress, gui=gui, observers=observers, limit=limit) as drive:
+            run = drive.run()
             for observer in observers:
                 observer.close()
-            changes = simulator.change_track()
-            spent = simulator.timings
-            cause = simulator.collision_cause
-            movers = simulator.mover_track() if self.world.movers else None
-        timings = {"render": spent.render, "physics": spent.physics, "sensors": spent.sensors}
-        if self.stack.features.landmark_frames:
-            timings["landmark_frames"] = spent.landmarks
-        timings |= self.stack.timings
         run = check_process(run, before, self.stack.resolved.plugins)
-        return MissionResult(self, run, timings, recorder, cause, movers, changes, watch.found())
+        return self.result(drive, run, recorder)
+
+    def drive(
+        self,
+        progress: Callable[[Progress], None] | None = None,
+        *,
+        gui: bool = False,
+        observers: Sequence[RunObserver] = (),
+        limit: float = math.inf,
+    ) -> MissionDrive:
+        """One drive of the mission, a context manager, to be run whole or tick by tick."""
+
+        def loop(simulator: Simulation) -> MissionLoop:
+            clock = EventClock((event, self._target(event, simulator)) for event in self.events)
+            return MissionLoop(self.task, self.stack, simulator, progress, observers, clock, limit)
+
+        return MissionDrive(self.stack, lambda: self.simulation(gui), loop)
+
+    def result(
+        self, drive: MissionDrive, run: RunResult, recorder: RunRecorder | None = None
+    ) -> MissionResult:
+        """The result of a drive whose context has ended."""
+        movers = drive.movers if self.world.movers else None
+        parts = (drive.timings, recorder, drive.cause, movers, drive.changes, drive.watch.found())
+        return MissionResult(self, run, *parts)
 
     def _target(self, event: Event, simulator: Simulation) -> EventTarget:
         """A behaviour of the stack for a behaviour's fault, else the simulation."""

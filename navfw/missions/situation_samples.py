@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from navfw.localization.situation_model import observed_situations
-from navfw.missions.runner import Simulator, run_task
+from navfw.missions.pilot import Simulator
+from navfw.missions.runner import run_task
 from navfw.missions.session import Session
 from navfw.missions.stack_observer import StackObserver
 from navfw.signals import Odometry, Percept, Pose, SensorReading

@@ -9,7 +9,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import navfw
 from navfw.config.lookup import project_folder
 from navfw.recording.git_checkout import GitCheckout
 
@@ -31,7 +30,7 @@ def code_revision() -> str:
 
     Without git, navfw's version, as in ``navfw 0.1.0``.
     """
-    source = Path(navfw.__file__)
+    source = Path(__file__).parents[1] / "__init__.py"
     project = project_folder()
     if project is not None:
         found = git_revision(project)

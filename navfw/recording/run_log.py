@@ -5,11 +5,16 @@ from __future__ import annotations
 import hashlib
 from array import array
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
+from navfw.errors import MissingExtraError
 from navfw.signals import Array, Belief, Pose, Twist, Waypoint
+
+if TYPE_CHECKING:
+    import pandas
 
 __all__ = ["Contact", "RunLog", "RunLogger", "hash_commands"]
 
@@ -75,6 +80,29 @@ class RunLog:
     def command_hash(self) -> str:
         """The fingerprint of the command stream (see ``hash_commands``)."""
         return hash_commands(self.command_stream)
+
+    def columns(self) -> dict[str, npt.NDArray[Any]]:
+        """The log as columns by name, one value per control tick; poses and commands by part."""
+        names = np.array([*self.leaders, ""], dtype=object)
+        found: dict[str, npt.NDArray[Any]] = {"time": self.time}
+        for pose, rows in (("true", self.true), ("estimate", self.estimate)):
+            found |= {f"{pose}_{part}": rows[:, at] for at, part in enumerate(("x", "y", "yaw"))}
+        found |= {"v": self.commands[:, 0], "w": self.commands[:, 1]}
+        found |= {"leader": names[self.leader], "emergency": self.emergency}
+        return found if self.confidence is None else found | {"confidence": self.confidence}
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """The log as a table: a row per control tick, the columns of ``columns``.
+
+        Raises:
+            MissingExtraError: pandas is not installed.
+
+        """
+        try:
+            import pandas
+        except ModuleNotFoundError:
+            raise MissingExtraError("pandas") from None
+        return pandas.DataFrame(self.columns())
 
     def every(self, period: float) -> npt.NDArray[np.intp]:
         """Indices of ticks about ``period`` [s] apart, including the first and the last."""

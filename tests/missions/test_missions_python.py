@@ -1,0 +1,109 @@
+"""Missions from Python: ``navfw.run``, ``navfw.open_session``, and tables of results."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from importlib.util import find_spec
+
+import numpy as np
+import pytest
+
+import navfw
+from navfw.errors import InputError, MissingExtraError
+from navfw.missions.session import prepare
+
+SHORT = {"mission.timeout": 2.5}
+
+
+@pytest.fixture(scope="module")
+def result() -> navfw.MissionResult:
+    return navfw.run("empty", "straight", seed=2, set=SHORT)
+
+
+def test_dir_shows_the_public_names_and_no_others() -> None:
+    import navfw.signals  # a submodule becomes an attribute, and is still not listed
+
+    assert dir(navfw) == sorted(navfw.__all__)
+
+
+def test_importing_navfw_imports_nothing_heavy() -> None:
+    code = (
+        "import sys, navfw; navfw.__all__; print({'numpy', 'pydantic', 'cv2'} & set(sys.modules))"
+    )
+    done = subprocess.run(  # noqa: S603 - this Python, fixed arguments
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "set()"
+
+
+def test_a_run_is_that_of_the_command(result: navfw.MissionResult) -> None:
+    session = prepare("empty", "straight", seed=2, overrides=["mission.timeout=2.5"])
+    assert result.run.log.command_hash == session.run().run.log.command_hash
+    assert result.outcome == navfw.Outcome.TIMEOUT
+    with pytest.raises(InputError, match="did you mean 'straight'"):
+        navfw.run("empty", "straigth")
+
+
+def test_a_stepped_session_drives_the_same_commands(result: navfw.MissionResult) -> None:
+    with navfw.open_session("empty", "straight", seed=2, set=SHORT) as session:
+        with pytest.raises(InputError, match="has not ended"):
+            _ = session.result
+        ticks = list(session)
+        assert session.ended
+        assert session.step() is None
+    log = session.result.run.log
+    assert log.command_hash == result.run.log.command_hash
+    assert session.result.metrics.path_length_m == result.metrics.path_length_m
+    assert np.array_equal([tick.true_pose for tick in ticks], log.true)
+    assert np.array_equal([tick.twist for tick in ticks], log.commands)
+    shown = [tick for tick in ticks if tick.image is not None]
+    last = shown[-1]
+    assert len(shown) == 26
+    assert last.image is not None
+    assert last.flow is not None
+    assert last.percept is not None
+    assert last.image.shape == (120, 160)
+    assert last.flow.vectors.shape == (*last.percept.nearness.shape, 2)
+    assert last.leader in last.proposals
+    assert last.command is not None
+    assert last.estimated_pose is not None
+    assert np.hypot(*(last.estimated_pose - last.true_pose)[:2]) < 0.1
+    assert session.explain()["leader"] == last.leader
+
+
+def test_a_session_left_early_is_closed() -> None:
+    with navfw.open_session("empty", "straight") as session:
+        assert session.step() is not None
+    with pytest.raises(InputError, match="not open"):
+        session.step()
+    assert not session.ended
+
+
+def test_a_failing_plugin_ends_a_stepped_session_as_a_fault(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    with navfw.open_session("empty", "straight") as session:
+
+        def fail(*_: object) -> None:
+            raise RuntimeError("broken")
+
+        monkeypatch.setattr(session.session.stack, "step", fail)
+        assert session.step() is None
+    assert session.result.outcome == "fault"
+    assert "broken" in session.result.reason
+
+
+def test_the_log_as_columns(result: navfw.MissionResult) -> None:
+    log = result.run.log
+    columns = log.columns()
+    assert {len(column) for column in columns.values()} == {log.ticks}
+    assert np.array_equal(columns["true_yaw"], log.true[:, 2])
+    assert columns["leader"][-1] == log.leaders[log.leader[-1]]
+    if find_spec("pandas") is None:
+        with pytest.raises(MissingExtraError, match=r"navfw\[pandas\]"):
+            log.to_pandas()
+    else:
+        table = log.to_pandas()
+        assert list(table.columns) == list(columns)
+        assert table["v"].to_numpy().tolist() == log.commands[:, 0].tolist()
