@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, cast
 
 from ruamel.yaml import YAML
 from ruamel.yaml.composer import Composer
@@ -17,6 +17,7 @@ from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from ruamel.yaml.reader import ReaderError
 
 from navfw.config.input_file import read_input_text, shown_path
+from navfw.config.yaml_compose import compose_quickly
 from navfw.errors import ConfigError
 
 __all__ = [
@@ -50,6 +51,7 @@ MAX_DEPTH = 60
 """Largest depth of nesting."""
 
 _TAG = "tag:yaml.org,2002:"
+_CONSTRUCTOR = YAML(typ="safe", pure=True).constructor
 # Exceptions that ruamel raises for some malformed input, besides YAMLError
 _RUAMEL_ERRORS = (
     ValueError,
@@ -149,11 +151,21 @@ def parse_yaml(text: str, file: str | None = None, max_nodes: int = MAX_NODES) -
             ``max_nodes`` keys and values.
 
     """
+    root = compose_quickly(text, max_nodes) or _compose(text, file, max_nodes)
+    if root is None:
+        return YamlDocument(file, None)
+    builder = _NodeConverter(file, max_nodes)
+    data = builder.build(root, (), root.start_mark.line + 1)
+    return YamlDocument(file, data, MappingProxyType(builder.origins))
+
+
+def _compose(text: str, file: str | None, max_nodes: int) -> Node | None:
+    """The root node of ``text`` by ruamel.yaml, whose errors are worded for people."""
     yaml = YAML(typ="safe", pure=True)  # pure: the C scanner words its errors differently
     yaml.Composer = partial(_BoundedComposer, file, max_nodes)  # type: ignore[assignment]
     yaml.composer.warn_double_anchors = False
     try:
-        root = yaml.compose(text)
+        return cast(Node | None, yaml.compose(text))
     except MarkedYAMLError as error:
         # for an unclosed bracket or quote, the line where it was opened
         unclosed = "end" in str(error.problem) and error.context_mark is not None
@@ -170,11 +182,6 @@ def parse_yaml(text: str, file: str | None = None, max_nodes: int = MAX_NODES) -
     except (YAMLError, *_RUAMEL_ERRORS) as error:
         detail = str(error).splitlines() or [type(error).__name__]
         raise ConfigError(f"not valid YAML: {detail[0]}", file=file) from None
-    if root is None:
-        return YamlDocument(file, None)
-    builder = _NodeConverter(yaml, file, max_nodes)
-    data = builder.build(root, (), root.start_mark.line + 1)
-    return YamlDocument(file, data, MappingProxyType(builder.origins))
 
 
 class _BoundedComposer(Composer):
@@ -202,8 +209,7 @@ def _too_much(max_nodes: int) -> str:
 class _NodeConverter:
     """Turns composed nodes into plain data; records lines and rejects unsafe or ambiguous input."""
 
-    def __init__(self, yaml: YAML, file: str | None, max_nodes: int) -> None:
-        self._constructor = yaml.constructor
+    def __init__(self, file: str | None, max_nodes: int) -> None:
         self._max_nodes = max_nodes
         self._file = file
         self._nodes = 0
@@ -261,11 +267,11 @@ class _NodeConverter:
                 case "null":
                     return None
                 case "bool":
-                    return bool(self._constructor.construct_yaml_bool(node))
+                    return bool(_CONSTRUCTOR.construct_yaml_bool(node))
                 case "int":
-                    return int(self._constructor.construct_yaml_int(node))
+                    return int(_CONSTRUCTOR.construct_yaml_int(node))
                 case "float":
-                    number = float(self._constructor.construct_yaml_float(node))
+                    number = float(_CONSTRUCTOR.construct_yaml_float(node))
                     if math.isinf(number) and "inf" not in text.lower():
                         raise ValueError
                     return number
