@@ -69,7 +69,6 @@ app = typer.Typer(
     cls=_Group,
     help="Drive a one-camera robot by fuzzy behaviours, with an explanation of every command.",
     no_args_is_help=True,
-    add_completion=False,
     rich_markup_mode=None,  # rich would drop units such as [m] and defaults in brackets
     pretty_exceptions_enable=False,  # any other exception is a bug: show its traceback
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},

@@ -8,20 +8,42 @@ from typing import Annotated
 
 import typer
 
+from navfw.cli.completion import (
+    complete_map,
+    complete_mission,
+    complete_robot,
+    complete_stack,
+    complete_world,
+)
+
 __all__ = ["Json", "Map", "Mission", "NoiseSeed", "Recorded", "Robot", "Stack", "World", "of_robot"]
 
-World = Annotated[str, typer.Argument(metavar="WORLD", help="Name or file of a world.")]
-Mission = Annotated[
-    str, typer.Argument(metavar="MISSION", help="Name of a mission of that world, or a file.")
+World = Annotated[
+    str,
+    typer.Argument(metavar="WORLD", help="Name or file of a world.", autocompletion=complete_world),
 ]
-Map = Annotated[str, typer.Argument(metavar="MAP", help="Name or file of a map.")]
+Mission = Annotated[
+    str,
+    typer.Argument(
+        metavar="MISSION",
+        help="Name of a mission of that world, or a file.",
+        autocompletion=complete_mission,
+    ),
+]
+Map = Annotated[
+    str,
+    typer.Argument(metavar="MAP", help="Name or file of a map.", autocompletion=complete_map),
+]
 Recorded = Annotated[
     Path, typer.Argument(metavar="RUN_FOLDER", help="Run folder written by navfw run --record.")
 ]
-Stack = Annotated[str, typer.Option(help="Name or file of a stack.")]
+Stack = Annotated[str, typer.Option(help="Name or file of a stack.", autocompletion=complete_stack)]
 Robot = Annotated[
     str | None,
-    typer.Option(help="Name or file of a robot [default: that of the mission, or default]."),
+    typer.Option(
+        help="Name or file of a robot [default: that of the mission, or default].",
+        autocompletion=complete_robot,
+    ),
 ]
 NoiseSeed = Annotated[int, typer.Option(min=0, help="Seed of all noise.")]
 Json = Annotated[

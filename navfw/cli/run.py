@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn, Self
 
 import typer
 
+from navfw.cli.completion import complete_setting, complete_stack
 from navfw.cli.options import Json, Mission, Robot, World, of_robot
 from navfw.cli.output import console, print_json, quiet_stdout
 from navfw.cli.supervisor import announce, announce_end
@@ -55,13 +56,17 @@ def run(
     ] = 0,
     stack: Annotated[
         str | None,
-        typer.Option(help="Name or file of a stack [default: that of the mission, or default]."),
+        typer.Option(
+            help="Name or file of a stack [default: that of the mission, or default].",
+            autocompletion=complete_stack,
+        ),
     ] = None,
     robot: Robot = None,
     set_: Annotated[
         list[str] | None,
         typer.Option(
             "--set",
+            autocompletion=complete_setting,
             metavar="K=V",
             help="Change one value, e.g. avoid.spare=0.1, mission.timeout=60, robot.radius=0.2,"
             " sensors.preset=poor. May be repeated.",

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Self
 
 import typer
 
+from navfw.cli.completion import complete_setting, complete_stack, complete_suite
 from navfw.cli.options import Json, Robot, of_robot
 from navfw.cli.output import print_json, print_table, quiet_stdout
 from navfw.interruption import deferred
@@ -51,11 +52,19 @@ SuiteOut = Annotated[
 ]
 Stacks = Annotated[
     list[str] | None,
-    typer.Option(help="Name or file of a stack, instead of those of the suite. May be repeated."),
+    typer.Option(
+        help="Name or file of a stack, instead of those of the suite. May be repeated.",
+        autocompletion=complete_stack,
+    ),
 ]
 Overrides = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="K=V", help="Change one value in all runs. May be repeated."),
+    typer.Option(
+        "--set",
+        metavar="K=V",
+        help="Change one value in all runs. May be repeated.",
+        autocompletion=complete_setting,
+    ),
 ]
 Worlds = Annotated[
     Path | None, typer.Option(help="Folder of worlds, instead of those of the suite.")
@@ -68,7 +77,12 @@ Limit = Annotated[float, typer.Option(min=1.0, help="Largest wall time of a run 
 
 
 def suite(
-    file: Annotated[str, typer.Argument(metavar="SUITE", help="Name or file of a suite.")],
+    file: Annotated[
+        str,
+        typer.Argument(
+            metavar="SUITE", help="Name or file of a suite.", autocompletion=complete_suite
+        ),
+    ],
     seeds: Seeds,
     workers: Workers = 1,
     out: SuiteOut = None,

@@ -1,0 +1,84 @@
+"""Completion of names in bash, by the script that ``--install-completion`` installs."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from navfw.config.lookup import list_robots, list_stacks, list_worlds
+
+
+def completed(line: str, **more: str) -> list[str]:
+    """The completions of the last word of ``line``, as navfw gives them to bash."""
+    environment = os.environ | {
+        "_NAVFW_COMPLETE": "complete_bash",
+        "COMP_WORDS": line,
+        "COMP_CWORD": str(len(line.split(" ")) - 1),
+    }
+    done = subprocess.run(
+        [
+            sys.executable,
+            "-c",
+            "import sys; sys.argv = ['navfw']; from navfw.cli import main; main()",
+        ],
+        env=environment | more,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.stderr == ""
+    return done.stdout.split()
+
+
+LINES = {
+    "navfw run of": ["office"],
+    "navfw run office lobby": ["lobby-to-lab"],
+    "navfw run nowhere lo": [],
+    "navfw run office patrol --stack land": ["landmarks"],
+    "navfw run office patrol --robot hus": ["husky"],
+    "navfw run office patrol --set avo": ["avoid.", "avoid_quadrants."],
+    "navfw suite bod": ["bodies"],
+    "navfw map show pap": ["paper-room"],
+}
+
+
+@pytest.mark.parametrize("line", LINES)
+def test_names_are_completed(line: str) -> None:
+    assert completed(line) == LINES[line]
+
+
+def test_every_name_is_offered() -> None:
+    assert completed("navfw run ") == [found.name for found in list_worlds()]
+    assert completed("navfw run office patrol --stack ") == [found.name for found in list_stacks()]
+    assert completed("navfw suite rooms --robot ") == [found.name for found in list_robots()]
+
+
+def test_bash_completes_by_the_installed_script(tmp_path: Path) -> None:
+    bash = shutil.which("bash")
+    if bash is None:
+        pytest.skip("bash is not installed")
+    navfw = tmp_path / "navfw"
+    navfw.write_text(f"#!{sys.executable}\nfrom navfw.cli import main\nmain()\n")
+    navfw.chmod(0o755)
+    environment = os.environ | {"HOME": str(tmp_path), "PATH": f"{tmp_path}:{os.environ['PATH']}"}
+    script = """
+    navfw --show-completion bash > script && source script
+    COMP_WORDS=(navfw run office lobby) COMP_CWORD=3
+    $(complete -p navfw | sed 's/.*-F \\([^ ]*\\).*/\\1/') navfw lobby office
+    printf '%s\\n' "${COMPREPLY[@]}"
+    """
+    environment.pop("_NAVFW_COMPLETE", None)
+    done = subprocess.run(  # noqa: S603 - bash, a fixed script
+        [bash, "-ec", script],
+        env=environment,
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.stdout.split() == ["lobby-to-lab"], done.stderr
