@@ -73,12 +73,15 @@ def test_a_client_receives_the_run_and_changes_no_command() -> None:
     schemas = {topic: channel["schemaName"] for topic, channel in viewer.advertised.items()}
     assert schemas == {info.topic: info.schema for info in topics.CHANNELS}
     readings = viewer.received[topics.READING]
-    assert len(readings) == result.run.log.ticks
-    last = unpack_reading(readings[-1][1])
-    assert (last.v, last.w) == tuple(result.run.log.commands[-1].tolist())
+    # what is under way at the end of the run may be cut off
+    assert 0.8 * result.run.log.ticks < len(readings) <= result.run.log.ticks
+    log = result.run.log
+    commands = dict(zip(log.time.tolist(), map(tuple, log.commands.tolist()), strict=True))
+    for row in (unpack_reading(data) for _, data in readings):
+        assert commands[row.time] == (row.v, row.w)
     leaders = {json.loads(data)["leader"] for _, data in viewer.received[topics.COMMAND]}
     assert leaders <= set(result.run.log.leaders)
-    assert len(viewer.received[topics.CAMERA_IMAGE]) == 41  # at 10 Hz, both ends of 4 s
+    assert 32 < len(viewer.received[topics.CAMERA_IMAGE]) <= 41  # at 10 Hz, both ends of 4 s
     assert viewer.received[topics.WORLD]
 
 
