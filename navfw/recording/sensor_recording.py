@@ -96,6 +96,8 @@ def load_recording(path: str | Path, max_bytes: int = MAX_BYTES) -> SensorRecord
         frames.append(images.frame(row))
         landmark_frames.append(images.landmark_frame(row))
         images.forget()
+    if not rows and not run.complete:
+        raise _no_recording(path, "the file is cut off before its first reading")
     recording = SensorRecording(tuple(rows), tuple(frames), tuple(landmark_frames), run.complete)
     _check(recording, path)
     return recording

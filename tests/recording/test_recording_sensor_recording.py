@@ -135,6 +135,9 @@ def test_of_a_cut_file_the_intact_part_is_used(tmp_path: Path) -> None:
         assert not recording.complete
         assert 3 < len(recording) < TICKS
         assert recording.rows == whole.rows[: len(recording)]
+    path.write_bytes(content[:1500])
+    with pytest.raises(ConfigError, match="cut off before its first reading"):
+        load_recording(path)
 
 
 def other_message(topic: str, data: bytes) -> Change:
