@@ -19,7 +19,16 @@ from navfw.config.xml_file import line_of, read_xml
 from navfw.errors import ConfigError
 from navfw.signals import Array
 
-__all__ = ["UrdfJoint", "UrdfModel", "read_urdf", "rigid_transform", "urdf_path"]
+__all__ = [
+    "MAX_BYTES",
+    "UrdfJoint",
+    "UrdfModel",
+    "attribute_numbers",
+    "origin_frame",
+    "read_urdf",
+    "rigid_transform",
+    "urdf_path",
+]
 
 MAX_BYTES = 5_000_000
 """Largest size of a file [bytes]; that of Husky has 11 kB."""
@@ -135,8 +144,8 @@ def _joint(path: Path, element: Element, links: tuple[str, ...]) -> UrdfJoint:
     axis_element = element.find("axis")
     axis = [1.0, 0.0, 0.0]
     if axis_element is not None:
-        axis = _numbers(path, axis_element, "xyz", axis)
-    frame = _frame(path, element.find("origin"))
+        axis = attribute_numbers(path, axis_element, "xyz", axis)
+    frame = origin_frame(path, element.find("origin"))
     return UrdfJoint(
         name, kind, ends["parent"], ends["child"], frame, np.array(axis), line_of(element)
     )
@@ -161,15 +170,15 @@ def _radius(path: Path, link: Element) -> float | None:
     ]
     if len(shapes) != 1 or shapes[0].tag not in {"cylinder", "sphere"}:
         return None
-    return _numbers(path, shapes[0], "radius", [0.0])[0]
+    return attribute_numbers(path, shapes[0], "radius", [0.0])[0]
 
 
-def _frame(path: Path, origin: Element | None) -> Array:
+def origin_frame(path: Path, origin: Element | None) -> Array:
     """Transform (4, 4) of an <origin>; without one, none."""
     if origin is None:
         return np.eye(4)
-    x, y, z = _numbers(path, origin, "xyz", [0.0, 0.0, 0.0])
-    return rigid_transform(x, y, z, *_numbers(path, origin, "rpy", [0.0, 0.0, 0.0]))
+    x, y, z = attribute_numbers(path, origin, "xyz", [0.0, 0.0, 0.0])
+    return rigid_transform(x, y, z, *attribute_numbers(path, origin, "rpy", [0.0, 0.0, 0.0]))
 
 
 def rigid_transform(x: float, y: float, z: float, roll: float, pitch: float, yaw: float) -> Array:
@@ -185,7 +194,13 @@ def rigid_transform(x: float, y: float, z: float, roll: float, pitch: float, yaw
     )
 
 
-def _numbers(path: Path, element: Element, key: str, default: list[float]) -> list[float]:
+def attribute_numbers(path: Path, element: Element, key: str, default: list[float]) -> list[float]:
+    """The numbers of an attribute, as many as those of ``default``, which holds without it.
+
+    Raises:
+        ConfigError: they are not finite numbers, or too few or too many.
+
+    """
     text = element.get(key)
     if text is None or "$(" in text:  # a leftover of xacro, which PyBullet reads as 0
         return default

@@ -127,7 +127,8 @@ class _Checker:
         ]
         movers = [mover.name for mover in world.movers]
         drops = [drop.name for drop in world.drops]
-        self.taken = {"floor", *self.objects, *self.doors, *movers, *drops}
+        meshes = [mesh.name for mesh in world.meshes]
+        self.taken = {"floor", *self.objects, *self.doors, *meshes, *movers, *drops}
 
     def event(self, index: int, spec: EventSpec, timeout: float) -> Event:
         """Check the event with this index in the file."""

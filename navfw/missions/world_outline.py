@@ -13,6 +13,8 @@ def outline_of(plan: FloorPlan) -> WorldOutline:
     rectangles = list(plan.rectangles())
     return WorldOutline(
         walls=[corners for solid, corners in rectangles if solid.kind in {"wall", "door"}],
-        furniture=[corners for solid, corners in rectangles if solid.kind in {"box", "drop"}],
+        furniture=[
+            corners for solid, corners in rectangles if solid.kind in {"box", "mesh", "drop"}
+        ],
         discs=[OutlineDisc(circle.x, circle.y, circle.radius) for _, circle in plan.circles()],
     )

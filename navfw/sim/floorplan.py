@@ -28,7 +28,7 @@ _MOVES = ((0, 1), (1, 0), (1, 1), (1, -1), (1, 2), (2, 1), (2, -1), (1, -2))
 
 @dataclass(frozen=True, slots=True)
 class NamedShape:
-    """One solid's outline: ``kind`` is wall, door, box, cylinder or drop."""
+    """One solid's outline: ``kind`` is wall, door, box, cylinder, mesh or drop."""
 
     name: str
     kind: str

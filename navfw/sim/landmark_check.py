@@ -64,7 +64,11 @@ def _mounting_problems(
     ``half`` is half the plate's side [m].
     """
     overlapping = [s for s in solids if s.bottom < mark.z + half and s.top > mark.z - half]
-    full_height = [s for s in solids if s.bottom <= mark.z - half and s.top >= mark.z + half]
+    full_height = [
+        s
+        for s in solids
+        if s.kind != "mesh" and s.bottom <= mark.z - half and s.top >= mark.z + half
+    ]
     right, normal = plate_axes(mark)
     ends = np.array([[*mark.at], [*mark.at]]) + half * np.outer([-1.0, 1.0], right[:2])
     in_front = ends + _DEPTH_TOLERANCE * normal[:2]

@@ -17,7 +17,15 @@ import numpy as np
 from navfw.signals import Array
 from navfw.sim.texture_spectra import TILE
 
-__all__ = ["MAX_PATCH", "Mesh", "box_mesh", "cylinder_mesh", "side_count", "split_positions"]
+__all__ = [
+    "MAX_PATCH",
+    "Mesh",
+    "box_mesh",
+    "cylinder_mesh",
+    "side_count",
+    "split_positions",
+    "triangle_mesh",
+]
 
 MAX_PATCH = 2.0
 """Largest edge of a patch [m]."""
@@ -72,6 +80,17 @@ class Mesh:
         starts = first + 4 * np.arange(len(corners), dtype=np.int64)[:, None]
         indices: list[int] = (starts + np.array([0, 1, 2, 0, 2, 3])).ravel().tolist()
         self.indices += indices
+
+    def add_triangles(self, corners: Array, normals: Array, uvs: Array) -> None:
+        """Add triangles (N, 3, 3), (N, 3, 3), (N, 3, 2), like quads."""
+        first = len(self.vertices)
+        tiles = uvs / TILE
+        shifts = np.floor(tiles.min(axis=1, keepdims=True) + 1e-9)
+        self.vertices += corners.reshape(-1, 3).tolist()
+        self.normals += normals.reshape(-1, 3).tolist()
+        self.uvs += np.maximum(tiles - shifts, 0.0).reshape(-1, 2).tolist()
+        self.shifts += shifts.repeat(3, axis=1).reshape(-1, 2).tolist()
+        self.indices += range(first, len(self.vertices))
 
     def add_mesh(self, mesh: Mesh, position: tuple[float, float, float], yaw: float) -> None:
         """Add another mesh, rotated by ``yaw`` [rad] and translated by ``position`` [m]."""
@@ -186,3 +205,21 @@ def cylinder_mesh(radius: float, height: float, shift: Array, sides: int = 24) -
 def side_count(radius: float) -> int:
     """Number of sides (12 to 24) for which a cylinder's outline is within 2 mm of the circle."""
     return min(max(math.ceil(math.pi / math.acos(1.0 - min(0.002 / radius, 0.5))), 12), 24)
+
+
+def triangle_mesh(corners: Array, shift: Array) -> Mesh:
+    """Flat triangles (N, 3, 3) [m], each with the texture along the plane nearest to its own."""
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    lengths = np.linalg.norm(normals, axis=1)
+    corners, normals = corners[lengths > 0.0], normals[lengths > 0.0]
+    normals /= lengths[lengths > 0.0, None]
+    axis = np.abs(normals).argmax(axis=1)
+    # as on walls: to the right as seen from outside, and up; on level faces x and y
+    signs = np.sign(normals[np.arange(len(axis)), axis])[:, None]
+    x, y, z = np.moveaxis(corners, 2, 0)
+    level = (axis == 2)[:, None]
+    right = np.where(level, x, np.where((axis == 0)[:, None], signs * y, -signs * x))
+    uvs = np.stack([right, np.where(level, y, z)], axis=2) + shift
+    mesh = Mesh()
+    mesh.add_triangles(corners, np.repeat(normals[:, None], 3, axis=1), uvs)
+    return mesh

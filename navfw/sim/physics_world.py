@@ -1,4 +1,4 @@
-"""A world's collision bodies in PyBullet: simple shapes, grouped in few bodies, with names."""
+"""A world's collision bodies in PyBullet: simple shapes in few bodies, and meshes, with names."""
 
 from __future__ import annotations
 
@@ -10,11 +10,12 @@ import numpy as np
 from navfw.signals import Array
 from navfw.sim.drop_geometry import floor_pieces, treads_of
 from navfw.sim.engine import bullet
+from navfw.sim.furniture_mesh import furniture_mesh
 from navfw.sim.meshes import Mesh
 from navfw.sim.scenery import Scenery
 from navfw.sim.shapes import Rectangle
 from navfw.sim.solids import Solid, solids_of
-from navfw.sim.worldspec import MoverSpec, WorldSpec
+from navfw.sim.worldspec import MeshSpec, MoverSpec, WorldSpec
 
 __all__ = ["BODY_GROUP", "FLOOR_GROUP", "SOLID_GROUP", "WHEEL_GROUP", "PhysicsWorld"]
 
@@ -56,7 +57,9 @@ class PhysicsWorld:
         for door in (s for s in solids if s.kind == "door"):
             self.add_solid(door)
         self.movers = [self._build_mover(mover) for mover in world.movers]
-        self._build_static([s for s in solids if s.kind != "door"])
+        self._build_static([s for s in solids if s.kind not in ("door", "mesh")])
+        for mesh in world.meshes:
+            self._build_mesh(mesh)
 
     @property
     def floor(self) -> tuple[int, ...]:
@@ -147,6 +150,18 @@ class PhysicsWorld:
                 ],
             )
         )
+
+    def _build_mesh(self, mesh: MeshSpec) -> None:
+        """A mesh as a body of its triangles: concave, as it never moves."""
+        triangles = furniture_mesh(mesh.file, mesh.scale, mesh.up)
+        collision = self._call(
+            "createCollisionShape",
+            bullet.GEOM_MESH,
+            vertices=triangles.vertices.tolist(),
+            indices=triangles.faces.ravel().tolist(),
+            flags=bullet.GEOM_FORCE_CONCAVE_TRIMESH,
+        )
+        self._add_body(mesh.name, [*mesh.at, mesh.base], collision, yaw=mesh.yaw)
 
     def _build_mover(self, mover: MoverSpec) -> int:
         """A mover's body at the first point of its path; the simulation moves it."""

@@ -14,8 +14,9 @@ import numpy as np
 from navfw.landmark_appearance import landmark_kind
 from navfw.signals import Array, Image
 from navfw.sim.display import Display
+from navfw.sim.furniture_mesh import furniture_mesh
 from navfw.sim.landmark_plates import plate_bounds, plate_mesh
-from navfw.sim.meshes import Mesh, cylinder_mesh
+from navfw.sim.meshes import Mesh, cylinder_mesh, triangle_mesh
 from navfw.sim.picture_textures import covered_area, picture_texture, read_picture
 from navfw.sim.raster import Raster
 from navfw.sim.shapes import Rectangle
@@ -69,6 +70,14 @@ class Scenery:
             plate = self._load_image(np.repeat(grey[..., None], 3, axis=2))
             self._bodies.append(self._add(plate_mesh(mark), plate))
             bounds.append(plate_bounds(mark))
+        for thing in world.meshes:
+            triangles = furniture_mesh(thing.file, thing.scale, thing.up)
+            visible = triangle_mesh(triangles.corners, texture_shift(thing.name))
+            place = (*thing.at, thing.base)
+            self._bodies.append(self._add(visible, thing.texture, place, thing.yaw))
+            c, s = math.cos(thing.yaw), math.sin(thing.yaw)
+            points = triangles.vertices[:, :2] @ np.array([[c, s], [-s, c]])
+            bounds.append(PartBounds.around(points + np.array(thing.at)))
         if len(furniture) <= _MAX_SINGLE:
             for solid in furniture:
                 self._bodies.append(self.add_solid(solid))

@@ -1,7 +1,8 @@
-"""Solids of a world: each wall piece, lintel, closed door, box and cylinder with shape and height.
+"""Solids of a world: wall pieces, lintels, closed doors, furniture, with shape and height.
 
 Walls are cut into straight pieces between openings, with a lintel above each opening. Physics,
-rendering, floor plan and geometry checks are all built from these solids.
+rendering, floor plan and geometry checks are all built from these solids. A mesh is several solids
+of one name, the boxes of its outline; physics and rendering use its triangles instead.
 """
 
 from __future__ import annotations
@@ -11,12 +12,13 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal
 
+from navfw.sim.furniture_mesh import furniture_outline
 from navfw.sim.shapes import Circle, Rectangle, Shape
-from navfw.sim.worldspec import OpeningSpec, WallSpec, WorldSpec
+from navfw.sim.worldspec import MeshSpec, OpeningSpec, WallSpec, WorldSpec
 
 __all__ = ["Segment", "Solid", "opening_segment", "solids_of", "wall_segments"]
 
-Kind = Literal["wall", "lintel", "door", "box", "cylinder"]
+Kind = Literal["wall", "lintel", "door", "box", "cylinder", "mesh"]
 
 _ON_LINE = 0.02
 """Largest distance of an opening's centre from the wall's line [m]: coordinates are rounded."""
@@ -112,6 +114,21 @@ def solids_of(world: WorldSpec) -> list[Solid]:
         base, top = cylinder.base, cylinder.base + cylinder.height
         circle = Circle(*cylinder.at, cylinder.radius)
         solids.append(Solid(cylinder.name, "cylinder", circle, base, top, cylinder.texture))
+    for mesh in world.meshes:
+        solids += _mesh_solids(mesh)
+    return solids
+
+
+def _mesh_solids(mesh: MeshSpec) -> list[Solid]:
+    """The boxes of a mesh's outline in the map."""
+    c, s = math.cos(mesh.yaw), math.sin(mesh.yaw)
+    solids = []
+    for (x0, x1), (y0, y1), bottom, top in furniture_outline(mesh.file, mesh.scale, mesh.up):
+        x, y = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
+        middle = mesh.at[0] + c * x - s * y, mesh.at[1] + s * x + c * y
+        shape = Rectangle(*middle, 0.5 * (x1 - x0), 0.5 * (y1 - y0), mesh.yaw)
+        low, high = mesh.base + bottom, mesh.base + top
+        solids.append(Solid(mesh.name, "mesh", shape, low, high, mesh.texture))
     return solids
 
 

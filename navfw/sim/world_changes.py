@@ -163,10 +163,13 @@ def all_doors(world: WorldSpec) -> dict[str, Solid]:
 
 
 def _blanked(world: WorldSpec, change: Textureless) -> list[Solid]:
-    """The solids to cover: whole boxes and cylinders, the parts of walls within the area."""
+    """The solids to cover: whole boxes and cylinders, the parts of walls within the area.
+
+    Meshes keep their texture: the boxes of their outline would hide their shape.
+    """
     found = []
     for solid in solids_of(world):
-        if change.name is not None and solid.name != change.name:
+        if solid.kind == "mesh" or (change.name is not None and solid.name != change.name):
             continue
         shape: Shape | None = solid.shape
         if solid.kind in ("wall", "lintel") and isinstance(shape, Rectangle):

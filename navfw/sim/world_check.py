@@ -22,6 +22,9 @@ __all__ = ["check_world"]
 
 Problem = tuple[KeyPath, str]
 
+_SUNKEN = 0.005
+"""Largest depth [m] of a mesh below the floor: modelled feet are not exactly level."""
+
 
 def check_world(
     world: WorldSpec,
@@ -41,6 +44,7 @@ def check_world(
     if not problems:  # the solids are defined only when walls, openings and doors are valid
         problems = [] if world.may_overlap else list(_overlaps(world))
         problems += _blocked_paths(world)
+        problems += _sunken_meshes(world)
         problems += landmark_problems(world)
         problems += drop_problems(world)
     if not problems:
@@ -57,7 +61,7 @@ def check_world(
 
 
 def _bodies(world: WorldSpec) -> Iterator[tuple[KeyPath, str]]:
-    for section in ("walls", "doors", "boxes", "cylinders", "movers"):
+    for section in ("walls", "doors", "boxes", "cylinders", "meshes", "movers"):
         for i, item in enumerate(getattr(world, section)):
             yield (section, i), item.name
 
@@ -114,7 +118,7 @@ def _bounds(world: WorldSpec) -> Iterator[Problem]:
         for j, point in enumerate(wall.points):
             if not inside(*point):
                 yield ("walls", i, "points", j), f"point {list(point)} lies off {floor}"
-    for section in ("boxes", "cylinders"):
+    for section in ("boxes", "cylinders", "meshes"):
         for i, item in enumerate(getattr(world, section)):
             if not inside(*item.at):
                 yield (section, i, "at"), f"{item.name!r} at {list(item.at)} lies off {floor}"
@@ -170,10 +174,25 @@ def _overlaps(world: WorldSpec) -> Iterator[Problem]:
         for other in (solids[j] for j in np.flatnonzero(near)):
             below = solid.top - OVERLAP_TOLERANCE <= other.bottom
             above = other.top - OVERLAP_TOLERANCE <= solid.bottom
+            if other.name == solid.name:
+                continue  # the boxes of one mesh
             if below or above or overlap_depth(solid.shape, other.shape) <= OVERLAP_TOLERANCE:
                 continue
             yield (*paths[solid.name], "at"), f"{solid.name!r} overlaps {other.name!r}"
             break
+
+
+def _sunken_meshes(world: WorldSpec) -> Iterator[Problem]:
+    """Meshes that reach below the floor, which would hide a part of them."""
+    lowest: dict[str, float] = {}
+    for solid in solids_of(world):
+        lowest[solid.name] = min(lowest.get(solid.name, math.inf), solid.bottom)
+    for i, mesh in enumerate(world.meshes):
+        if lowest[mesh.name] < -_SUNKEN:
+            what = (
+                f"{mesh.name!r} reaches {-lowest[mesh.name]:.2f} m below the floor; raise base to"
+            )
+            yield ("meshes", i, "base"), f"{what} {mesh.base - lowest[mesh.name]:.3g}"
 
 
 def _blocked_paths(world: WorldSpec) -> Iterator[Problem]:

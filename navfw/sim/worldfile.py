@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
-from navfw.config.document import YamlDocument, key_text, load_yaml
+from navfw.config.document import KeyPath, YamlDocument, key_text, load_yaml
 from navfw.config.yamlfile import validate
 from navfw.errors import ConfigError
+from navfw.sim.furniture_mesh import furniture_mesh
 from navfw.sim.picture_textures import read_picture
 from navfw.sim.world_check import check_world
 from navfw.sim.worldspec import WorldSpec
@@ -21,27 +24,37 @@ def load_world(path: str | Path) -> WorldSpec:
         ConfigError: the file cannot be read or breaks the schema (every problem with its line).
         WorldError: its geometry is impossible: an opening off its wall, overlapping solids, a name
             given twice, an unknown texture or opening.
-        InputError: a picture cannot be used; the message has the world's file, line and key.
+        ConfigError: a picture or mesh cannot be used (with the world's file, line and key).
 
     """
     document = load_yaml(Path(path))
-    spec = _with_pictures(document, validate(document, WorldSpec), Path(path).parent)
+    spec = _with_files(document, validate(document, WorldSpec), Path(path).parent)
     check_world(spec, file=Path(document.file or path), line_of=document.line_of)
     return spec
 
 
-def _with_pictures(document: YamlDocument, world: WorldSpec, folder: Path) -> WorldSpec:
-    """``world`` with its pictures by absolute path, each read once to know that it can be."""
-    textures = dict(world.textures)
+def _with_files(document: YamlDocument, world: WorldSpec, folder: Path) -> WorldSpec:
+    """``world`` with its pictures and meshes by absolute path, each read to know that it can be."""
+    textures, meshes = dict(world.textures), list(world.meshes)
     for name, texture in world.textures.items():
-        if texture.picture is None:
-            continue
-        path = str((folder / texture.picture).absolute())
-        try:
-            read_picture(path)
-        except ConfigError as error:
-            key = ("textures", name, "picture")
-            where = {"file": document.file, "line": document.line_of(key), "key": key_text(key)}
-            raise ConfigError(str(error), **where) from None  # type: ignore[arg-type]
-        textures[name] = texture.model_copy(update={"picture": path})
-    return world if not textures else world.model_copy(update={"textures": textures})
+        if texture.picture is not None:
+            path = str((folder / texture.picture).absolute())
+            with _located(document, ("textures", name, "picture")):
+                read_picture(path)
+            textures[name] = texture.model_copy(update={"picture": path})
+    for i, mesh in enumerate(world.meshes):
+        path = str((folder / mesh.file).absolute())
+        with _located(document, ("meshes", i, "file")):
+            furniture_mesh(path, mesh.scale, mesh.up)
+        meshes[i] = mesh.model_copy(update={"file": path})
+    return world.model_copy(update={"textures": textures, "meshes": tuple(meshes)})
+
+
+@contextmanager
+def _located(document: YamlDocument, key: KeyPath) -> Iterator[None]:
+    """Errors in the block get the world's file, line and key before their own place."""
+    try:
+        yield
+    except ConfigError as error:
+        where = {"file": document.file, "line": document.line_of(key), "key": key_text(key)}
+        raise ConfigError(str(error), **where) from None  # type: ignore[arg-type]

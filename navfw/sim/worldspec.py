@@ -23,6 +23,7 @@ __all__ = [
     "DropSpec",
     "LandmarkPlateSpec",
     "LightSpec",
+    "MeshSpec",
     "MoverSpec",
     "OpeningSpec",
     "RoomSpec",
@@ -201,6 +202,31 @@ class CylinderSpec(StrictModel):
     texture: str = "stone"
 
 
+class MeshSpec(StrictModel):
+    """Furniture from a file: a closed mesh (OBJ, STL), or the collision shapes of a URDF.
+
+    The mesh's origin is ``base`` above the floor at ``at``.
+    """
+
+    name: Name
+    file: Annotated[
+        str,
+        Field(
+            min_length=1,
+            max_length=400,
+            description="OBJ, STL or URDF file, relative to the world file",
+        ),
+    ]
+    at: Annotated[Point, Field(description="place of its origin [m]")]
+    base: Annotated[float, Field(ge=-20.0, le=20.0, description="height of its origin [m]")] = 0.0
+    yaw: Annotated[float, Field(ge=-6.3, le=6.3, description="[rad]")] = 0.0
+    scale: Annotated[
+        float, Field(ge=1e-4, le=1000.0, description="metres per unit of the file")
+    ] = 1.0
+    up: Annotated[Literal["z", "y"], Field(description="axis of the file that points up")] = "z"
+    texture: str = "wood"
+
+
 class MoverSpec(StrictModel):
     """A moving obstacle: an upright cylinder that follows a path (kinematic, nothing stops it).
 
@@ -309,8 +335,9 @@ class LightSpec(StrictModel):
 class WorldSpec(StrictModel):
     """A world: bounds, floor, walls, doors, furniture, moving obstacles, landmarks, appearance.
 
-    Every wall, door, box, cylinder, mover, landmark and drop has a unique name, by which contacts
-    and falls are reported. A texture is one of ``textures`` or of ``navfw.sim.textures.STOCK``.
+    Every wall, door, box, cylinder, mesh, mover, landmark and drop has a unique name, by which
+    contacts and falls are reported. A texture is one of ``textures`` or of
+    ``navfw.sim.textures.STOCK``.
     """
 
     name: Name
@@ -324,6 +351,9 @@ class WorldSpec(StrictModel):
     doors: tuple[DoorSpec, ...] = ()
     boxes: tuple[BoxSpec, ...] = ()
     cylinders: tuple[CylinderSpec, ...] = ()
+    meshes: Annotated[
+        tuple[MeshSpec, ...], Field(max_length=1000, description="furniture from files")
+    ] = ()
     movers: Annotated[tuple[MoverSpec, ...], Field(description="moving obstacles")] = ()
     landmarks: Annotated[tuple[LandmarkPlateSpec, ...], Field(description="visual landmarks")] = ()
     drops: Annotated[tuple[DropSpec, ...], Field(description="holes in the floor")] = ()

@@ -126,6 +126,7 @@ def _uses(world: WorldSpec) -> Iterator[tuple[str, Role]]:
     yield from ((door.texture, "thing") for door in world.doors)
     yield from ((box.texture, "thing") for box in world.boxes)
     yield from ((cylinder.texture, "thing") for cylinder in world.cylinders)
+    yield from ((mesh.texture, "thing") for mesh in world.meshes)
 
 
 def _drawn(rng: np.random.Generator, look: Look, role: Role) -> TextureSpec:

@@ -1,0 +1,126 @@
+"""OBJ and STL files: what is read, and what is refused with file, line and remedy."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from navfw.errors import ConfigError
+from navfw.sim.mesh_file import MAX_TRIANGLES, TriangleMesh, read_mesh
+
+POINTS = "".join(f"v {x} {y} {z}\n" for z in (0, 2) for x, y in ((0, 0), (3, 0), (3, 1), (0, 1)))
+SIDES = ("1 2 6 5", "2 3 7 6", "3 4 8 7", "4 1 5 8")
+FACES = ("4 3 2 1", "5 6 7 8", *SIDES)
+BOX = POINTS + "".join(f"f {face}\n" for face in FACES)
+"""A box of 3 x 1 x 2."""
+
+
+def written(folder: Path, content: str | bytes, name: str = "thing.obj") -> Path:
+    path = folder / name
+    path.write_bytes(content.encode() if isinstance(content, str) else content)
+    return path
+
+
+def volume(mesh: TriangleMesh) -> float:
+    a, b, c = np.moveaxis(mesh.corners, 1, 0)
+    return float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6.0
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        BOX,
+        POINTS + "".join(f"f {face.replace(' ', '/1/1 ')}/1/1\n" for face in FACES),
+        POINTS + "".join("f " + " ".join(str(int(i) - 9) for i in f.split()) + "\n" for f in FACES),
+        "mtllib a.mtl\no box\n# words\nvt 0 0\nvn 0 0 1\n" + BOX + "l 1 2\n",
+    ],
+    ids=["plain", "slashes", "negative", "with what is not read"],
+)
+def test_obj_polygons_become_triangles(tmp_path: Path, text: str) -> None:
+    mesh = read_mesh(written(tmp_path, text))
+    assert len(mesh.faces) == 12
+    assert len(mesh.vertices) == 8
+    assert volume(mesh) == pytest.approx(6.0)
+
+
+def test_binary_and_ascii_stl_are_the_same_mesh(tmp_path: Path) -> None:
+    corners = read_mesh(written(tmp_path, BOX)).corners
+    records = b"".join(struct.pack("<12fH", 0, 0, 0, *triangle.ravel(), 0) for triangle in corners)
+    # many exporters begin the 80 bytes of a binary file's header with "solid"
+    binary = b"solid box".ljust(80) + struct.pack("<I", len(corners)) + records
+    lines = [
+        f"facet normal 0 0 0\nouter loop\n{points}endloop\nendfacet\n"
+        for points in (
+            "".join(f"vertex {x:e} {y:e} {z:e}\n" for x, y, z in triangle) for triangle in corners
+        )
+    ]
+    text = "solid box\n" + "".join(lines) + "endsolid box\n"
+    for name, content in (("b.stl", binary), ("a.STL", text.encode())):
+        mesh = read_mesh(written(tmp_path, content, name))
+        assert len(mesh.vertices) == 8
+        assert volume(mesh) == pytest.approx(6.0)
+
+
+CONCAVE = """\
+v 0 0 0
+v 4 0 0
+v 1 1 0
+v 0 4 0
+f 2 3 4 1
+"""
+
+
+@pytest.mark.parametrize(
+    ("content", "line", "message"),
+    [
+        (POINTS + "f " + "\nf ".join(FACES[1:]), None, "open: 4 edges .* close its holes"),
+        (BOX.replace("f 5 6 7 8", "f 8 7 6 5"), None, "turned inside out; make their normals"),
+        (
+            POINTS + "".join(f"f {' '.join(reversed(face.split()))}\n" for face in FACES),
+            None,
+            "encloses no volume, or its faces are turned inside out; flip",
+        ),
+        (BOX + "f 1 2 99\n", 15, "number of a vertex from 1 to 8, got '99'"),
+        (BOX + "f 1 x 3\n", 15, "from 1 to 8, got 'x'"),
+        (BOX + "f 1 2\n", 15, "at least 3 vertices, got 2"),
+        ("v 0 nan 1\n" + BOX, 1, "expected the x, y and z of a vertex, got '0 nan 1'"),
+        ("v 0 1\n" + BOX, 1, "expected the x, y and z"),
+        (CONCAVE, 5, "the face is concave; triangulate"),
+        (BOX + "cstype bezier\n", 15, "curved surfaces are not supported; export triangles"),
+        ("v 1e7 0 0\n" + POINTS + "f 1 2 3\n", None, "coordinates beyond 1e6"),
+        ("# nothing\n", None, "has no triangles; export"),
+        (POINTS + "f 1 2 3\n" * (MAX_TRIANGLES + 1), None, "more than 20000 triangles; simplify"),
+    ],
+)
+def test_obj_files_that_cannot_be_used(
+    tmp_path: Path, content: str, line: int | None, message: str
+) -> None:
+    with pytest.raises(ConfigError, match=message) as caught:
+        read_mesh(written(tmp_path, content))
+    assert str(caught.value.file).endswith("thing.obj")
+    assert caught.value.line == line
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("a.stl", b"\0" * 200, "is no STL file, or a part of it is missing; export"),
+        ("a.stl", b"solid a\nvertex 0 0 0\nvertex 1 0 0\n", "last triangle is incomplete"),
+        ("a.stl", b"solid a\nvertex 0 0 zero\n", "a.stl:2: expected the x, y and z"),
+        (
+            "a.stl",
+            b"\0" * 80 + struct.pack("<I", MAX_TRIANGLES + 1) + bytes(50 * (MAX_TRIANGLES + 1)),
+            "more than 20000 triangles",
+        ),
+        ("a.dae", b"<COLLADA/>", "expected an OBJ or STL file, got 'a.dae'; export"),
+        ("a.obj", b"#" * 10_000_001, "a.obj: .*10"),
+    ],
+)
+def test_other_files_that_cannot_be_used(
+    tmp_path: Path, name: str, content: bytes, message: str
+) -> None:
+    with pytest.raises(ConfigError, match=message):
+        read_mesh(written(tmp_path, content, name))
