@@ -15,9 +15,11 @@ from navfw.config.input_file import shown_path
 from navfw.config.lookup import project_folder
 from navfw.errors import ConfigError
 
-__all__ = ["write_project"]
+__all__ = ["TEMPLATES", "write_project"]
 
-_TEMPLATES = Path(__file__).parent / "templates" / "project"
+TEMPLATES = Path(__file__).parent / "templates" / "project"
+"""The templates of a project's files."""
+
 _ENDING = ".template"
 _NOTHING = re.compile(r"(?!)")
 """Matches no name: no file of an existing folder is replaced."""
@@ -38,7 +40,7 @@ def write_project(folder: Path) -> list[str]:
     if around is not None:
         what = f"is within the project {shown_path(around)}; choose a folder outside of it"
         raise ConfigError(what, file=folder)
-    names = {_name(file): file for file in sorted(_TEMPLATES.rglob("*")) if file.is_file()}
+    names = {_name(file): file for file in sorted(TEMPLATES.rglob("*")) if file.is_file()}
     with AtomicFolder(folder, _NOTHING, "DIR") as target:
         for name, template in names.items():
             (target.path / name).parent.mkdir(parents=True, exist_ok=True)
@@ -48,7 +50,7 @@ def write_project(folder: Path) -> list[str]:
 
 def _name(template: Path) -> str:
     """The name of a template's copy, relative to the project."""
-    name = template.relative_to(_TEMPLATES).as_posix().removesuffix(_ENDING)
+    name = template.relative_to(TEMPLATES).as_posix().removesuffix(_ENDING)
     return _HIDDEN.get(name, name)
 
 

@@ -1,4 +1,4 @@
-"""``navfw new project DIR``: a project of one's own, all of which passes."""
+"""``navfw new project``, ``behavior``, ``world``: files of one's own, all of which pass."""
 
 from __future__ import annotations
 
@@ -12,14 +12,18 @@ __all__ = ["add_to"]
 
 def add_to(app: typer.Typer) -> None:
     """Add ``new`` with its commands."""
-    group = typer.Typer(help="Begin a project.", no_args_is_help=True, rich_markup_mode=None)
+    group = typer.Typer(
+        help="Begin a project, or a part of one.", no_args_is_help=True, rich_markup_mode=None
+    )
     group.callback()(_group)
     group.command()(project)
+    group.command()(behavior)
+    group.command()(world)
     app.add_typer(group, name="new")
 
 
 def _group() -> None:
-    """Begin a project."""
+    """Begin a project, or a part of one."""
 
 
 def project(
@@ -35,3 +39,27 @@ def project(
     typer.echo(f"wrote {folder}:")
     typer.echo("".join(f"  {name}\n" for name in written), nl=False)
     typer.echo(f"next: cd {folder}, then navfw trust . && navfw check && navfw run den next-room")
+
+
+def behavior(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Its name, such as slow_down.")],
+) -> None:
+    """Write a behaviour with rules and a test into the project one stands in."""
+    from navfw.new_parts import write_behavior
+
+    _tell(write_behavior(name), f"next: put {name} into a stack, then navfw check && pytest tests")
+
+
+def world(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Its name, such as east-wing.")],
+) -> None:
+    """Write a world with map, mission and a test into the project one stands in."""
+    from navfw.new_parts import write_world
+
+    _tell(write_world(name), f"next: navfw check && navfw run {name} next-room")
+
+
+def _tell(written: list[str], then: str) -> None:
+    typer.echo("wrote:")
+    typer.echo("".join(f"  {file}\n" for file in written), nl=False)
+    typer.echo(then)
