@@ -16,7 +16,20 @@ from navfw.cli.completion import (
     complete_world,
 )
 
-__all__ = ["Json", "Map", "Mission", "NoiseSeed", "Recorded", "Robot", "Stack", "World", "of_robot"]
+__all__ = [
+    "Json",
+    "Live",
+    "LivePort",
+    "Map",
+    "Mission",
+    "NoiseSeed",
+    "Record",
+    "Recorded",
+    "Robot",
+    "Stack",
+    "World",
+    "of_robot",
+]
 
 World = Annotated[
     str,
@@ -71,3 +84,14 @@ def of_robot(name: str | None) -> tuple[str, ...]:
     except ConfigError as error:
         raise ConfigError(str(error), key="--robot") from None
     return (f"robot={json.dumps(name if file.stem == name else str(file.absolute()))}",)
+
+
+Record = Annotated[
+    bool, typer.Option("--record", help="Record the run as MCAP, for replay, explain and viewers.")
+]
+Live = Annotated[
+    bool, typer.Option("--live", help="Serve the run on this machine, for Foxglove or Lichtblick.")
+]
+LivePort = Annotated[
+    int, typer.Option(min=0, max=65535, help="Port of --live; 0 takes a free one.")
+]

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn, Self
 import typer
 
 from navfw.cli.completion import complete_setting, complete_stack
-from navfw.cli.options import Json, Mission, Robot, World, of_robot
+from navfw.cli.options import Json, Live, LivePort, Mission, Record, Robot, World, of_robot
 from navfw.cli.output import console, print_json, quiet_stdout
 from navfw.cli.supervisor import announce, announce_end
 from navfw.errors import InputError
@@ -75,17 +75,9 @@ def run(
     out: Annotated[
         Path | None, typer.Option(help="Run folder [default: runs/WORLD-MISSION-SEED].")
     ] = None,
-    record: Annotated[
-        bool,
-        typer.Option("--record", help="Record the run as MCAP, for replay, explain and viewers."),
-    ] = False,
-    live: Annotated[
-        bool,
-        typer.Option("--live", help="Serve the run on this machine, for Foxglove or Lichtblick."),
-    ] = False,
-    port: Annotated[
-        int, typer.Option(min=0, max=65535, help="Port of --live; 0 takes a free one.")
-    ] = 8765,
+    record: Record = False,
+    live: Live = False,
+    port: LivePort = 8765,
     limit: Annotated[
         float | None,
         typer.Option(min=1.0, help="Wall-clock limit [s]. Beyond it the run is a fault."),
