@@ -41,6 +41,10 @@ _WIDEST_LENS = math.radians(110.0)
 """Largest half angle of view [rad]: fisheye lenses reach 220 degrees in all."""
 
 
+WORKING_WIDTH = 160
+"""Least width [px] of the images that flow and perception work on: the paper's."""
+
+
 class CameraModel(BaseModel):
     """A pinhole camera fixed to base_link, looking forward (camera_optical: x right, y down)."""
 
@@ -71,6 +75,16 @@ class CameraModel(BaseModel):
         c, s = math.cos(self.pitch), math.sin(self.pitch)
         # columns: the camera's x (right), y (down) and z (forward) axes, in base_link
         return np.array([[0.0, -s, c], [-1.0, 0.0, 0.0], [0.0, -c, -s]])
+
+    @property
+    def reduction(self) -> int:
+        """The factor by which the stack reduces images: the largest to no less than WORKING_WIDTH.
+
+        The pixels of flow fields and percepts are those of the reduced image.
+        """
+        both = math.gcd(self.width, self.height)
+        factors = range(self.width // WORKING_WIDTH, 1, -1)
+        return next((factor for factor in factors if both % factor == 0), 1)
 
     def fall_per_depth(self, points: Array, pitch: float | None = None) -> Array:
         """How far [m] the rays through ``points`` (..., 2) [px] fall per metre of depth along z.
@@ -374,6 +388,18 @@ class RobotModel(BaseModel):
     def with_camera(self, camera: CameraModel) -> RobotModel:
         """The same robot with ``camera`` for its only one."""
         return self.model_copy(update={"camera": camera, "side_views": None})
+
+    def with_reduced_images(self) -> RobotModel:
+        """The same robot with the images that the stack works on (``CameraModel.reduction``)."""
+        camera, views = self.camera, self.side_views
+        factor = camera.reduction
+        if factor == 1:
+            return self
+        size = {"width": camera.width // factor, "height": camera.height // factor}
+        if views is not None:
+            views = views.model_copy(update={"width": round(views.width / factor)})
+        update = {"camera": camera.model_copy(update=size), "side_views": views}
+        return self.model_copy(update=update)
 
     @property
     def landmark_view(self) -> CameraModel:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
+from navfw.camera_geometry.image_reduction import reduce_frame
 from navfw.config.input_file import shown_path
 from navfw.context import CommandGrid
 from navfw.egomotion.floor_odometry import FloorOdometry
@@ -22,7 +23,7 @@ from navfw.guard.guarded_stages import (
     GuardedPerception,
     GuardedPlanner,
 )
-from navfw.interfaces import Behavior
+from navfw.interfaces import Behavior, FeatureRecognizer
 from navfw.localmap import LocalMap
 from navfw.locom.trim import WheelTrim
 from navfw.mofis.explanation import explain_command
@@ -72,13 +73,17 @@ class Stack:
 
     def __init__(self, config: StackConfig, robot: RobotModel, topo_map: TopoMap) -> None:
         self.guard = PluginGuard()
+        # recognisers of landmarks take the camera's images as they are
+        features = self.guard.construct(config.stages["features"], robot)
+        self.features = GuardedFeatures(self.guard, cast(FeatureRecognizer, features))
+        self._reduction = robot.camera.reduction
+        self.robot = robot = robot.with_reduced_images()
 
         def build(stage: str) -> Any:
             return self.guard.construct(config.stages[stage], robot)
 
         settings = config.settings
         self.resolved = config
-        self.robot = robot
         self.topo_map = topo_map
         self.odometer = Odometer(robot)
         self.floor_odometry = FloorOdometry(robot) if settings.floor_odometry else None
@@ -91,7 +96,6 @@ class Stack:
             GuardedPerception(self.guard, build("perception")),
             self.timings,
         )
-        self.features = GuardedFeatures(self.guard, build("features"))
         self.localizer = GuardedLocalizer(self.guard, build("localizer"))
         self.planner = GuardedPlanner(self.guard, build("planner"))
         self.controller = GuardedController(self.guard, build("controller"))
@@ -221,11 +225,12 @@ class Stack:
         self.trim.update(reading.encoders)
         with timed(self.timings, "safety"):
             self.safety.update(reading, measured, tuple(self.guard.failing.values()))
-        odometry = self._corrected(measured, reading.frame)
+        frame = None if reading.frame is None else reduce_frame(reading.frame, self._reduction)
+        odometry = self._corrected(measured, frame)
         if self._began is None:
             self._began = reading.time
-        if reading.frame is not None:
-            self._decide(reading, reading.frame, odometry)
+        if frame is not None:
+            self._decide(reading, frame, odometry)
         with timed(self.timings, "control"):
             dt = 1.0 / self.robot.control_rate
             twist = self.controller.control(self.state.command, odometry, dt)
@@ -297,7 +302,7 @@ class Stack:
         if not self.safety.senses.seeing:
             return View(), ()
         view = self.vision.process(frame, odometry)
-        shown = reading.landmark_frame if self.features.landmark_frames else frame
+        shown = reading.landmark_frame if self.features.landmark_frames else reading.frame
         if shown is None:
             return view, ()
         with timed(self.timings, "features"):

@@ -81,14 +81,15 @@ _LEVELS = 255
 def flow_message(flow: FlowField, camera: CameraModel, stamp: Timestamp) -> ImageAnnotations:
     """The flow vectors with any confidence as lines, from where each point was to where it is."""
     known = flow.confidence > 0.0
-    ends = flow.points[known] + _centre(camera)
-    pairs = np.stack([ends - flow.vectors[known], ends], axis=1).reshape(-1, 2)
+    ends = camera.reduction * flow.points[known] + _centre(camera)
+    starts = ends - camera.reduction * flow.vectors[known]
+    pairs = np.stack([starts, ends], axis=1).reshape(-1, 2)
     return _annotations(stamp, [(PointsAnnotationType.LineList, pairs, _ARROW, 1.0)])
 
 
 def cells_message(percept: Percept, camera: CameraModel, stamp: Timestamp) -> ImageAnnotations:
     """The cells of the percept as points, coloured by their label."""
-    points = percept.points + _centre(camera)
+    points = camera.reduction * percept.points + _centre(camera)
     return _annotations(
         stamp,
         [

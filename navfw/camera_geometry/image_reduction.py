@@ -1,0 +1,28 @@
+"""Images reduced by a whole factor, to the size for which flow and perception are made."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from navfw.signals import Frame, Image
+
+__all__ = ["reduce_frame"]
+
+
+def reduce_frame(frame: Frame, factor: int) -> Frame:
+    """``frame`` with the mean grey value of ``factor`` x ``factor`` pixels in place of each pixel.
+
+    A factor of 1 gives ``frame`` itself. Less noise, and image motion in the range of the flow's
+    search: its windows and ranges are given in pixels.
+    """
+    if factor == 1:
+        return frame
+    sides = tuple(_reduced(side, factor) for side in frame.sides)
+    return Frame(frame.time, _reduced(frame.image, factor), sides)
+
+
+def _reduced(image: Image, factor: int) -> Image:
+    height, width = image.shape
+    size = round(width / factor), round(height / factor)
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
