@@ -14,8 +14,10 @@ RNG = np.random.default_rng(5)
 
 @pytest.mark.parametrize(
     ("width", "height", "factor"),
-    [(160, 120, 1), (96, 72, 1), (200, 150, 1), (320, 240, 2), (640, 480, 4), (480, 360, 3)]
-    + [(1280, 720, 8), (752, 480, 4), (641, 480, 1)],
+    [
+        *((160, 120, 1), (96, 72, 1), (200, 150, 1), (320, 240, 2), (640, 480, 4)),
+        *((480, 360, 3), (1280, 720, 8), (752, 480, 4), (641, 480, 1)),
+    ],
 )
 def test_the_factor_is_the_largest_that_keeps_160_columns(
     width: int, height: int, factor: int
