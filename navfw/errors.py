@@ -113,7 +113,8 @@ class MissingExtraError(PluginError):
     def __init__(self, extra: str, *, key: str | None = None) -> None:
         self.extra = extra
         super().__init__(
-            f"needs the package {extra}, which is not installed: pip install 'navfw[{extra}]'",
+            f"needs the extra {extra} of navfw, which is not installed: uv sync --extra {extra}, or"
+            f" pip install 'navfw[{extra}]'",
             key=key,
         )
 

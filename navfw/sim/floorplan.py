@@ -18,7 +18,7 @@ from navfw.sim.shapes import Circle, Rectangle, Shape
 from navfw.sim.solids import solids_of
 from navfw.sim.worldspec import WorldSpec
 
-__all__ = ["ConfigurationSpaceGrid", "FloorPlan", "NamedShape"]
+__all__ = ["ConfigurationSpaceGrid", "DistanceField", "FloorPlan", "NamedShape"]
 
 CELL = 0.05
 """Edge of a cell of the search grid [m]."""
@@ -59,6 +59,22 @@ class ConfigurationSpaceGrid:
         x = self.origin[0] + (columns + 0.5) * self.cell
         y = self.origin[1] + (rows + 0.5) * self.cell
         return np.stack([x, y], axis=1)
+
+
+@dataclass(frozen=True, slots=True)
+class DistanceField:
+    """Length of the shortest way to one goal from everywhere: ``lengths`` (rows, columns) [m]."""
+
+    grid: ConfigurationSpaceGrid
+    lengths: Array
+
+    def at(self, x: float, y: float) -> float:
+        """The length [m] from a point [m], interpolated between the cells; within about 2 %."""
+        from scipy.ndimage import map_coordinates
+
+        x0, y0 = self.grid.origin
+        cell = (np.array([[y - y0], [x - x0]]) / self.grid.cell) - 0.5
+        return float(map_coordinates(self.lengths, cell, order=1, mode="nearest")[0])
 
 
 class FloorPlan:
@@ -191,6 +207,26 @@ class FloorPlan:
         path = np.vstack([start, self._grid_path(start, goal, radius), goal])
         path = self._shortened(path, radius)
         return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()), path
+
+    def distance_field(self, goal: tuple[float, float], radius: float) -> DistanceField:
+        """The lengths of the shortest ways to ``goal`` for a robot of ``radius`` [m].
+
+        Raises:
+            WorldError: the robot is too large for this world.
+
+        """
+        from scipy.ndimage import distance_transform_edt
+        from scipy.sparse.csgraph import dijkstra
+
+        grid, numbers, graph = self._search_graph(radius)
+        lengths = np.full(numbers.shape, np.inf)
+        goal_cell = self._free_cell(grid, numbers, *goal)
+        lengths[numbers >= 0] = dijkstra(graph, directed=False, indices=goal_cell)
+        # a cell from which no way leads takes the value of the nearest one with a way
+        rows, columns = distance_transform_edt(
+            ~np.isfinite(lengths), return_distances=False, return_indices=True
+        )
+        return DistanceField(grid, lengths[rows, columns])
 
     def _grid_path(
         self, start: tuple[float, float], goal: tuple[float, float], radius: float

@@ -79,6 +79,21 @@ def test_shortest_path_around_a_column(radius: float) -> None:
     assert plan.clearances(path).min() > radius - 0.002
 
 
+def test_the_distance_field_has_the_lengths_of_the_shortest_paths() -> None:
+    plan = field(cylinders=(CylinderSpec(name="column", at=(0, 0), radius=1.0),))
+    distances = plan.distance_field((3.0, 0.0), RADIUS)
+    rng = np.random.default_rng(0)
+    places = rng.uniform(-4.5, 4.5, (40, 2))
+    free = [(x, y) for x, y in places.tolist() if plan.clearance(x, y) > RADIUS + 0.05]
+    assert len(free) > 25
+    for at in free:
+        exact = plan.shortest_path(at, (3.0, 0.0), RADIUS)[0]
+        assert distances.at(*at) == pytest.approx(exact, rel=0.03, abs=0.06)
+    # inside the column: as at the nearest place that the robot can take
+    assert 1.8 <= distances.at(0.0, 0.0) <= distances.at(-1.25, 0.0)
+    assert math.isfinite(distances.at(9.0, 9.0))
+
+
 @given(st.floats(-2.0, 2.0), st.floats(-2.5, 2.5), st.floats(-2.5, 2.5))
 @settings(max_examples=12, deadline=None)
 def test_shortest_path_around_a_wall_end(end: float, y0: float, y1: float) -> None:

@@ -1,0 +1,37 @@
+"""Gymnasium environments over navfw's worlds and missions; importing it registers their ids.
+
+>>> import gymnasium                                                         # doctest: +SKIP
+>>> import navfw.gym                                                         # doctest: +SKIP
+>>> env = gymnasium.make("navfw/Rooms-v0", observation="local_map")          # doctest: +SKIP
+>>> observation, info = env.reset(seed=1000)                                 # doctest: +SKIP
+
+``navfw/Rooms-v0``, and so on for each shipped family, make a world for every seed;
+``navfw/Mission-v0`` takes ``world`` and ``mission``. All other parameters are those of
+``navfw.gym.mission_env.MissionEnv``.
+"""
+
+from __future__ import annotations
+
+from navfw.errors import MissingExtraError
+from navfw.plugins import BUILT_IN
+
+try:
+    import gymnasium
+except ModuleNotFoundError:
+    raise MissingExtraError("gym", key="navfw.gym") from None
+
+__all__ = ["IDS"]
+
+_VERSION = 0
+"""Raised when a change of worlds, observations or rewards makes results no longer comparable."""
+
+_CLASS = "navfw.gym.mission_env:MissionEnv"
+
+IDS = {
+    f"navfw/{family.capitalize()}-v{_VERSION}": {"family": family} for family in BUILT_IN["family"]
+} | {f"navfw/Mission-v{_VERSION}": {}}
+"""The ids, each with the parameters that it stands for."""
+
+for _id, _parameters in IDS.items():
+    if _id not in gymnasium.registry:
+        gymnasium.register(_id, entry_point=_CLASS, kwargs=_parameters)

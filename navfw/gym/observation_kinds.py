@@ -1,0 +1,226 @@
+"""What an agent observes: nothing but what the stack itself senses, infers and believes.
+
+Every observation is a dictionary with ``waypoint`` and ``twist``, and the entries of one kind.
+Arrays are float32 unless said otherwise. What is not known is 0, with a confidence of 0.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from typing import Any, Literal
+
+import cv2
+import numpy as np
+from gymnasium import spaces
+
+from navfw.errors import ConfigError
+from navfw.missions.stepped_session import TickView
+from navfw.offis.elementary_situations import ELEMENTARY, TABLE
+from navfw.signals import Array, Image, Label, Pose
+from navfw.stack import Stack
+
+__all__ = ["KINDS", "AgentView", "Observation", "ObservationKind"]
+
+Observation = Literal["image", "flow", "percept", "local_map"]
+"""The kinds of observation."""
+
+FARTHEST = 50.0
+"""Distance [m] at which the coordinates of the waypoint are clipped."""
+
+NEAREST = 20.0
+"""Nearness [1/m] at which percepts are clipped: 5 cm from the camera."""
+
+HIGHEST = 5.0
+"""Height [m] above and below the floor at which the heights of percepts are clipped."""
+
+_QUADRANTS = ("P1", "P2", "P3", "P4")
+_TERMS = ("near", "middle", "far")
+_SITUATIONS = tuple(dict.fromkeys((*TABLE, *ELEMENTARY)))
+
+
+def _box(low: float, high: float, *shape: int) -> spaces.Box:
+    return spaces.Box(low, high, shape, np.float32)
+
+
+def _clipped(values: Any, box: spaces.Box) -> Array:
+    """``values`` as an element of ``box``; what is not a number becomes 0."""
+    known = np.nan_to_num(np.asarray(values, dtype=np.float64), posinf=math.inf, neginf=-math.inf)
+    clipped: Array = np.clip(known, box.low, box.high).astype(box.dtype)
+    return clipped
+
+
+class ObservationKind(ABC):
+    """A kind of observation: its spaces by name, and their values at a tick."""
+
+    spaces: Mapping[str, spaces.Box]
+
+    @abstractmethod
+    def __init__(self, stack: Stack) -> None:
+        """The kind for stacks like ``stack``."""
+
+    @abstractmethod
+    def read(self, tick: TickView, stack: Stack) -> dict[str, Any]:
+        """A value for each of ``spaces``; those left out are 0."""
+
+
+class ImageObservation(ObservationKind):
+    """``image`` (height, width) uint8: the newest frame of the camera, as the robot gets it."""
+
+    def __init__(self, stack: Stack) -> None:
+        camera = stack.robot.camera
+        self.spaces = {"image": spaces.Box(0, 255, (camera.height, camera.width), np.uint8)}
+
+    def read(self, tick: TickView, stack: Stack) -> dict[str, Any]:
+        """The image, if a frame came with this tick."""
+        return {} if tick.image is None else {"image": tick.image}
+
+
+class FlowObservation(ObservationKind):
+    """``flow`` (2, rows, cols) [px] derotated, x right and y down; ``flow_confidence`` in [0, 1].
+
+    Vectors are clipped to half the image's width.
+    """
+
+    def __init__(self, stack: Stack) -> None:
+        grid = _grid_of(stack)
+        reach = 0.5 * stack.robot.camera.width
+        self.spaces = {"flow": _box(-reach, reach, 2, *grid), "flow_confidence": _box(0, 1, *grid)}
+
+    def read(self, tick: TickView, stack: Stack) -> dict[str, Any]:
+        """The newest flow."""
+        if tick.flow is None:
+            return {}
+        vectors = np.moveaxis(tick.flow.vectors, -1, 0)
+        return {"flow": vectors, "flow_confidence": tick.flow.confidence}
+
+
+class PerceptObservation(ObservationKind):
+    """OFFIS' percept: arrays (rows, cols), and degrees in [0, 1].
+
+    ``nearness`` [1/m], ``confidence`` in [0, 1], ``height`` [m], ``label`` int8 (the values of
+    ``navfw.signals.Label``); ``quadrants`` (4, 3) of near, middle, far in P1 to P4; ``situations``
+    (n,) of Table 1 and the elementary situations, in the order of
+    ``navfw.offis.elementary_situations``.
+    """
+
+    def __init__(self, stack: Stack) -> None:
+        grid = _grid_of(stack)
+        self.spaces = {
+            "nearness": _box(0.0, NEAREST, *grid),
+            "confidence": _box(0.0, 1.0, *grid),
+            "height": _box(-HIGHEST, HIGHEST, *grid),
+            "label": spaces.Box(min(Label), max(Label), grid, np.int8),
+            "quadrants": _box(0.0, 1.0, len(_QUADRANTS), len(_TERMS)),
+            "situations": _box(0.0, 1.0, len(_SITUATIONS)),
+        }
+
+    def read(self, tick: TickView, stack: Stack) -> dict[str, Any]:
+        """The newest percept."""
+        seen = tick.percept
+        if seen is None:
+            return {}
+        degrees = [[seen.quadrants.get(q, {}).get(t, 0.0) for t in _TERMS] for q in _QUADRANTS]
+        return {
+            "nearness": seen.nearness,
+            "confidence": seen.confidence,
+            "height": seen.height,
+            "label": seen.label,
+            "quadrants": degrees,
+            "situations": [seen.situations.get(name, 0.0) for name in _SITUATIONS],
+        }
+
+
+class LocalMapObservation(ObservationKind):
+    """``local_map`` (n, n): log-odds of occupancy around the robot, 0 where nothing is known.
+
+    The rows go from ahead of the robot (row 0) to behind it, the columns from its left to its
+    right; the robot is in the middle. Cells have the size of the stack's local map.
+    """
+
+    def __init__(self, stack: Stack) -> None:
+        grid = stack.local_map.occupancy
+        low, high = grid.params.clamp_min, grid.params.clamp_max
+        self.spaces = {"local_map": _box(low, high, grid.size, grid.size)}
+
+    def read(self, tick: TickView, stack: Stack) -> dict[str, Any]:
+        """The local map, turned into the robot's axes."""
+        grid, odometry = stack.local_map.occupancy, tick.state.odometry
+        if odometry is None or not grid.located:
+            return {}
+        at = _cells_of(odometry.pose, grid.origin, grid.params.cell, grid.size)
+        nearest = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
+        return {"local_map": cv2.warpAffine(grid.log_odds, at, grid.log_odds.shape, flags=nearest)}
+
+
+def _cells_of(pose: Pose, origin: tuple[float, float], cell: float, size: int) -> Array:
+    """(2, 3): from (column, row) around the robot to (column, row) of the grid in odom axes."""
+    middle, cos, sin = size // 2, math.cos(pose.yaw), math.sin(pose.yaw)
+    # of a cell, the metres ahead are (middle - row) * cell, to the left (middle - column) * cell
+    turn = np.array([[sin, -cos], [-cos, -sin]])
+    place = np.array([pose.x - origin[0], pose.y - origin[1]]) / cell
+    shift = place - turn @ np.array([middle, middle], dtype=np.float64)
+    return np.column_stack([turn, shift])
+
+
+def _grid_of(stack: Stack) -> tuple[int, int]:
+    """(rows, cols) of the flow's grid."""
+    choice = stack.resolved.stages["flow"]
+    rows, cols = (getattr(choice.params, name, None) for name in ("rows", "cols"))
+    if rows is None or cols is None:
+        what = f"{choice.name} has no parameters rows and cols, so its grid is not known beforehand"
+        raise ConfigError(f"{what}; observe image or local_map", key="observation")
+    return int(rows), int(cols)
+
+
+KINDS: dict[str, type[ObservationKind]] = {
+    "image": ImageObservation,
+    "flow": FlowObservation,
+    "percept": PerceptObservation,
+    "local_map": LocalMapObservation,
+}
+"""The kinds of observation by name."""
+
+
+class AgentView:
+    """Observations of one kind with ``waypoint`` and ``twist``.
+
+    ``waypoint`` (2,) [m]: the waypoint to head for in base_link, ahead and left, where the stack
+    believes it to be; 0, 0 without one. ``twist`` (2,): the measured v [m/s] and w [rad/s].
+    """
+
+    def __init__(self, kind: ObservationKind, stack: Stack) -> None:
+        v, w = max(stack.robot.max_v, stack.robot.max_reverse), stack.robot.max_w
+        limits = np.array([2.0 * v, 2.0 * w], np.float32)
+        self._kind = kind
+        self._boxes = {
+            "waypoint": _box(-FARTHEST, FARTHEST, 2),
+            "twist": spaces.Box(-limits, limits, dtype=np.float32),
+            **kind.spaces,
+        }
+        self.space = spaces.Dict(dict(self._boxes))
+
+    def read(self, tick: TickView, stack: Stack) -> dict[str, Array | Image]:
+        """The observation at a tick."""
+        values = {
+            "waypoint": _waypoint(tick),
+            "twist": _twist(tick),
+            **self._kind.read(tick, stack),
+        }
+        return {
+            name: _clipped(values.get(name, np.zeros(box.shape)), box)
+            for name, box in self._boxes.items()
+        }
+
+
+def _waypoint(tick: TickView) -> tuple[float, float]:
+    state = tick.state
+    if state.waypoint is None or state.belief is None:
+        return 0.0, 0.0
+    return state.belief.pose.to_local(state.waypoint.x, state.waypoint.y)
+
+
+def _twist(tick: TickView) -> tuple[float, float]:
+    odometry = tick.state.odometry
+    return (0.0, 0.0) if odometry is None else (odometry.twist.v, odometry.twist.w)
