@@ -10,6 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 from architecture_sources import ROOT
+from command_tree import build_once
 from typer.testing import CliRunner
 
 from navfw.cli import app
@@ -18,6 +19,8 @@ from navfw.errors import InputError
 __all__ = ["TARGETS", "Target", "outcome_of"]
 
 Read = Callable[[Path], object]
+
+build_once()
 
 WORLD = """\
 name: sample
