@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import os
 import signal
+from collections.abc import Iterable
+from pathlib import Path
 
+import pytest
 from command_tree import build_once
 from hypothesis import settings
 
@@ -20,3 +23,35 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 
 # the tests make projects with plugins in temporary folders
 os.environ["NAVFW_TRUST"] = "1"
+
+COVERED = frozenset(
+    [
+        "behaviors",
+        "camera_geometry",
+        "context",
+        "egomotion",
+        "features",
+        "flow",
+        "fuzzy",
+        "guard",
+        "localization",
+        "localmap",
+        "locom",
+        "mofis",
+        "movers",
+        "offis",
+        "papfis",
+        "safety",
+        "stack",
+        "topomap",
+    ]
+)
+"""Rooms whose tests count for the coverage of the robot's rooms; tracing doubles their time."""
+
+
+def pytest_collection_modifyitems(items: Iterable[pytest.Item]) -> None:
+    """Switch off tracing for tests that have nothing to cover; with --cov alone."""
+    tests = Path(__file__).parent
+    for item in items:
+        if item.path.relative_to(tests).parts[0] not in COVERED:
+            item.add_marker("no_cover")
