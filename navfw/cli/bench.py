@@ -185,5 +185,4 @@ def _print(result: dict[str, Any]) -> None:
     typer.echo("computing time per camera frame:")
     for stage, milliseconds in result["stage_ms"].items():
         typer.echo(f"  {stage:<12} {milliseconds:7.2f} ms")
-    if result["peak_memory_mb"] is not None:
-        typer.echo(f"peak memory {result['peak_memory_mb']:.0f} MB")
+    typer.echo(f"peak memory {result['peak_memory_mb']:.0f} MB")

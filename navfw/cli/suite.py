@@ -14,12 +14,13 @@ import typer
 
 from navfw.cli.completion import complete_setting, complete_stack, complete_suite
 from navfw.cli.options import Json, Robot, of_robot
-from navfw.cli.output import print_json, print_table, quiet_stdout
+from navfw.cli.output import print_json, print_status, print_table, quiet_stdout
 from navfw.interruption import deferred
 
 if TYPE_CHECKING:
     from navfw.suite.case import Case
     from navfw.suite.run_table import RunRow
+    from navfw.suite.suite_folder import Beginning
     from navfw.suite.suite_run import SuiteResult
 
 __all__ = ["add_to"]
@@ -74,6 +75,14 @@ Variants = Annotated[
 ]
 KeepPictures = Annotated[Keep, typer.Option(help="Runs of which to keep the trajectory's picture.")]
 Limit = Annotated[float, typer.Option(min=1.0, help="Largest wall time of a run [s].")]
+Memory = Annotated[float, typer.Option(min=100.0, help="Largest memory of a run's process [MB].")]
+Extend = Annotated[
+    bool,
+    typer.Option("--extend", help="Continue a suite that was changed; keep runs still valid."),
+]
+Restart = Annotated[
+    bool, typer.Option("--restart", help="Begin again; earlier results go to OUT/before-N.")
+]
 
 
 def suite(
@@ -93,7 +102,10 @@ def suite(
     variant: Variants = None,
     keep: KeepPictures = Keep.FAILED,
     limit: Limit = 900.0,
-    resume: Annotated[bool, typer.Option("--resume", help="Resume the table in --out.")] = False,
+    memory: Memory = 2000.0,
+    resume: Annotated[bool, typer.Option("--resume", help="Continue the suite in --out.")] = False,
+    extend: Extend = False,
+    restart: Restart = False,
     json: Json = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress bar.")] = False,
 ) -> None:
@@ -101,8 +113,7 @@ def suite(
 
     Exit with 3 if the table could not be written; the runs are printed anyway.
     """
-    if resume and out is None:
-        raise typer.BadParameter("needs --out, the folder to resume", param_hint="--resume")
+    begin = _beginning(out, resume=resume, extend=extend, restart=restart)
     with quiet_stdout():
         from navfw.plugins import default_registry
         from navfw.recording.provenance import code_revision
@@ -125,7 +136,7 @@ def suite(
         typer.echo(f"navfw: variant {name} skipped: {reason}", err=True)
     with deferred():  # from here on there are runs to save and to print
         with quiet_stdout(), SuiteFolder.claim(out, plan, span) as folder:
-            have = folder.open(plan, code_revision(), resume=resume)
+            have = folder.open(plan, code_revision(), begin=begin, tell=_tell)
             with _SuiteProgress(plan.suite, plan.cases, have, quiet=quiet) as bar:
                 done = run_suite(
                     plan,
@@ -134,10 +145,24 @@ def suite(
                     keep=keep.value,
                     have=have,
                     limit=limit,
+                    memory=memory,
                     on_row=bar.update,
                 )
         _print_result(done, folder.table, json=json)
         raise typer.Exit(done.exit_code)
+
+
+def _beginning(out: Path | None, *, resume: bool, extend: bool, restart: bool) -> Beginning:
+    given: list[Beginning] = []
+    given += ["resume"] * resume
+    given += ["extend"] * extend
+    given += ["restart"] * restart
+    if len(given) > 1:
+        raise typer.BadParameter(f"cannot go with --{given[1]}", param_hint=f"--{given[0]}")
+    if given and out is None:
+        what = f"needs --out, the folder to {given[0]}"
+        raise typer.BadParameter(what, param_hint=f"--{given[0]}")
+    return given[0] if given else "new"
 
 
 def compare(
@@ -151,8 +176,11 @@ def compare(
     from navfw.config.input_file import is_folder
     from navfw.suite.paired_comparison import compare_tables, of_variant
     from navfw.suite.run_table import read_table
+    from navfw.suite.suite_folder import SuiteFolder
 
-    first, second = (read_table(path / "table.csv" if is_folder(path) else path) for path in (a, b))
+    first, second = (
+        SuiteFolder(path).rows() if is_folder(path) else read_table(path) for path in (a, b)
+    )
     found = compare_tables(of_variant(first, variant_a), of_variant(second, variant_b))
     if json:
         print_json(found)
@@ -161,6 +189,10 @@ def compare(
 
 
 # --- output --------------------------------------------------------------------------------------
+
+
+def _tell(text: str) -> None:
+    print_status(f"navfw: {text}")
 
 
 def _print_result(done: SuiteResult, table: Path, *, json: bool) -> None:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import contextlib
 import math
 import os
-import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from statistics import median
@@ -19,12 +18,13 @@ import numpy as np
 
 from navfw.missions.runner import run_task
 from navfw.missions.session import Session
+from navfw.process_memory import peak_memory_mb
 from navfw.recording.run_log import RunLog
 from navfw.signals import Pose
 from navfw.sim.movers import MoverTrack
 from navfw.sim.reference_renderer import ReferenceRenderer
 
-__all__ = ["Lap", "bench_loop", "one_core", "peak_memory_mb", "summarize"]
+__all__ = ["Lap", "bench_loop", "one_core", "summarize"]
 
 WARM_UP = 2.0
 """Simulated time [s] driven before the first lap, so that laps contain no compiling of kernels."""
@@ -206,13 +206,3 @@ def one_core() -> Iterator[bool]:
         yield True
     finally:
         os.sched_setaffinity(0, allowed)
-
-
-def peak_memory_mb() -> float | None:
-    """Peak resident memory [MB] of this process; None where the system does not report it."""
-    try:
-        import resource
-    except ImportError:  # Windows
-        return None
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak / 1e6 if sys.platform == "darwin" else peak * 1024 / 1e6

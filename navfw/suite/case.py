@@ -25,7 +25,7 @@ class Case:
 
     Either ``world`` and ``mission`` are files, or ``family``, ``difficulty``, ``contrast``,
     ``look`` and ``seed`` define a generated world. ``stack`` is a file; empty: the stack named by
-    the mission.
+    the mission. ``content`` is the fingerprint of all that the result depends on beside the seed.
     """
 
     index: int
@@ -43,6 +43,14 @@ class Case:
     world: str = ""
     mission: str = ""
     variant: str = ""
+    content: str = ""
+
+    @property
+    def setting(self) -> tuple[str, ...]:
+        """What the run is made in (see ``RunRow.setting``)."""
+        world = "" if self.family else self.world_name
+        name, stack = self.mission_name, self.stack_name
+        return (self.entry, self.family, world, name, stack, self.variant)
 
     @property
     def key(self) -> RunKey:

@@ -29,8 +29,9 @@ def check_case(
     """Build the session of ``case``, a case of the suite's entry ``index``, to find errors early.
 
     Returns the case with its stack, which may be the mission's, and the fingerprints of entry,
-    stack, overrides, world and mission by name. Of a family only the first seed is checked; the
-    world of another seed may still be impossible, which gives a row with the outcome fault.
+    stack, overrides, robot, world and mission by name; ``Case.content`` is that of them all. Of a
+    family only the first seed is checked; the world of another seed may still be impossible, which
+    gives a row with the outcome fault.
 
     Raises:
         MissingExtraError: a plugin needs a package that is not installed.
@@ -63,7 +64,7 @@ def check_case(
         parts[f"mission {case.mission_name} of {case.world_name} of {title}"] = _digest(
             [_text(mission), _map_of(session)]
         )
-    return case, parts
+    return replace(case, content=_digest(parts)), parts
 
 
 def _valid_without_variant(suite: Suite, index: int, case: Case, registry: Registry) -> bool:

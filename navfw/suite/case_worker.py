@@ -14,6 +14,7 @@ from navfw.atomic import atomic_file
 from navfw.errors import InputError, SimulationError
 from navfw.missions.outcome import Outcome
 from navfw.missions.session import MissionResult
+from navfw.process_memory import peak_memory_mb
 from navfw.suite.case import Case, Job
 from navfw.suite.case_rows import case_columns, fault_row
 from navfw.suite.failure_causes import Cause, classify
@@ -44,6 +45,8 @@ def run_job(job: Job) -> RunRow:
         return _with_picture(row_of(case, result), job, result)
     except InputError as error:
         return fault_row(case, str(error), Cause.BAD_INPUT)
+    except MemoryError:
+        return fault_row(case, "the machine has no memory left", Cause.TOO_MUCH_MEMORY)
     except SimulationError:
         raise  # of this machine now, not of the case: the run has no result
     except Exception as error:
@@ -88,6 +91,7 @@ def row_of(case: Case, result: MissionResult) -> RunRow:
         collision_cause=summary["collision_cause"] or "",
         sct=sct(good, time, shortest, spec.robot.max_v),
         barn_score=barn_score(good, time, shortest),
+        memory_mb=round(peak_memory_mb(), 1),
     )
 
 

@@ -85,6 +85,8 @@ class Cause(StrEnum):
     """fault: the process of the run ended without a result"""
     TOO_LONG = "too_long"
     """fault: the run exceeded its wall-clock limit"""
+    TOO_MUCH_MEMORY = "too_much_memory"
+    """fault: the run exceeded its limit of memory, or the machine had none left"""
     UNKNOWN = "unknown"
     """the symptoms do not show the cause"""
 

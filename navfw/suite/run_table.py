@@ -7,7 +7,7 @@ import dataclasses
 import io
 import math
 import typing
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,10 +18,24 @@ from navfw.errors import ConfigError
 from navfw.missions.outcome import Outcome
 from navfw.suite.failure_causes import Cause
 
-__all__ = ["COLUMNS", "RunKey", "RunRow", "columns_of", "read_table", "table_cells", "write_table"]
+__all__ = [
+    "COLUMNS",
+    "RunKey",
+    "RunRow",
+    "cells_of_row",
+    "columns_of",
+    "read_table",
+    "row_of_cells",
+    "table_cells",
+    "write_table",
+]
 
 _MAX_TABLE = 100_000_000
 """Largest size of a table [byte]; a larger file is refused before it is read."""
+
+
+_DEATHS = {Cause.PROCESS_DIED, Cause.TOO_LONG, Cause.TOO_MUCH_MEMORY}
+"""Causes of runs that ended with their process."""
 
 
 class RunKey(NamedTuple):
@@ -42,8 +56,10 @@ class RunRow:
     ``cause`` is the cause of a failure (``navfw.suite.failure_causes``), ``collision_cause`` the
     body that moved into the other: "robot" or "mover". ``picture`` is a file beside the table.
     ``variant`` is empty in suites without variants; their tables have no such column.
-    ``plugin_faults`` is the number of kinds of plugin faults beside the injected ones; tables of
-    older versions lack it.
+    ``plugin_faults`` is the number of kinds of plugin faults beside the injected ones. ``attempts``
+    is the number of processes that the run took: 2 if the first one died. ``memory_mb`` is the
+    largest resident memory [MB] of the process since its start. Tables of older versions lack the
+    last three.
     """
 
     entry: str
@@ -76,11 +92,19 @@ class RunRow:
     barn_score: float | None = None
     command_hash: str = ""
     picture: str = ""
+    attempts: int | None = None
+    memory_mb: float | None = None
 
     @property
     def key(self) -> RunKey:
         """The columns that identify the run."""
         return RunKey(self.entry, self.world, self.mission, self.seed, self.stack, self.variant)
+
+    @property
+    def setting(self) -> tuple[str, ...]:
+        """What the run was made in: its key without the seed, nor the world that a seed makes."""
+        world = "" if self.family else self.world
+        return (self.entry, self.family, world, self.mission, self.stack, self.variant)
 
     @property
     def succeeded(self) -> bool:
@@ -89,8 +113,8 @@ class RunRow:
 
     @property
     def died(self) -> bool:
-        """Whether the process of the run ended without a result, or was ended after the limit."""
-        return self.outcome == Outcome.FAULT and self.cause in {Cause.PROCESS_DIED, Cause.TOO_LONG}
+        """Whether the process of the run ended without a result, or was ended at a limit."""
+        return self.outcome == Outcome.FAULT and self.cause in _DEATHS
 
     @property
     def has_result(self) -> bool:
@@ -101,7 +125,7 @@ class RunRow:
 COLUMNS = tuple(field.name for field in dataclasses.fields(RunRow))
 _TYPES = typing.get_type_hints(RunRow)
 
-_OPTIONAL = {"variant", "plugin_faults"}
+_OPTIONAL = {"variant", "plugin_faults", "attempts", "memory_mb"}
 """Columns that a table may lack."""
 
 
@@ -145,7 +169,7 @@ def read_table(path: str | Path) -> list[RunRow]:
         if missing:
             what = f"is not a table of navfw suite: it has no column {missing[0]!r}"
             raise ConfigError(what, file=name, line=1)
-        rows = [_row(cells, name, reader.line_num) for cells in reader]
+        rows = [row_of_cells(cells, name, reader.line_num) for cells in reader]
     except csv.Error as error:
         raise ConfigError(
             f"cannot be read as CSV: {error}", file=name, line=reader.line_num
@@ -158,10 +182,21 @@ def read_table(path: str | Path) -> list[RunRow]:
     return rows
 
 
-def _row(cells: dict[str, Any], file: str, line: int) -> RunRow:
+def cells_of_row(row: RunRow) -> dict[str, str]:
+    """The cells of a row by column, as in the table."""
+    return {name: _cell(getattr(row, name)) for name in COLUMNS}
+
+
+def row_of_cells(cells: Mapping[str, Any], file: str, line: int | None = None) -> RunRow:
+    """The row with these cells by column; ``file`` and ``line`` are named in errors.
+
+    Raises:
+        ConfigError: a cell is missing, is no number where one is expected, or no outcome.
+
+    """
     values: dict[str, Any] = {}
     for column in COLUMNS:
-        text = cells.get(column, "") if column in _OPTIONAL else cells[column]
+        text = cells.get(column, "" if column in _OPTIONAL else None)
         if text is None:
             raise ConfigError("the line has too few cells", file=file, line=line)
         try:

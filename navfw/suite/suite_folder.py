@@ -1,8 +1,10 @@
 """The folder of a suite: table, summary, configuration and pictures.
 
-``table.csv`` has one row per run, ``summary.json`` the summary, ``table.md`` the summary as
-Markdown. ``suite.json`` identifies worlds, missions and stacks, so that an interrupted table is
-continued with the same ones only.
+``journal.sqlite`` has every run that has ended (``navfw.suite.run_journal``). ``table.csv``, one
+row per run, is exported from it, ``summary.json`` is the summary, ``table.md`` the summary as
+Markdown.
+``suite.json`` identifies worlds, missions and stacks, so that an interrupted suite is continued
+with the same ones only.
 """
 
 from __future__ import annotations
@@ -10,11 +12,12 @@ from __future__ import annotations
 import contextlib
 import itertools
 import json
-from collections.abc import Iterator, Mapping, Sequence
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from navfw.atomic import output_place, write_text
 from navfw.config.input_file import is_file, is_folder
@@ -22,15 +25,25 @@ from navfw.config.json_file import read_json_object
 from navfw.errors import ConfigError, InputError
 from navfw.recording.provenance import machine_kind
 from navfw.recording.run_folder import plain_json
+from navfw.suite.journal_recovery import ready_journal
 from navfw.suite.markdown_table import markdown_table
+from navfw.suite.run_journal import RunJournal
 from navfw.suite.run_table import RunRow, read_table, write_table
 from navfw.suite.suite_plan import SuitePlan
 from navfw.target_lock import TargetInUseError, TargetLock, sweep
 
-__all__ = ["SuiteFolder"]
+__all__ = ["Beginning", "SuiteFolder"]
 
 TABLE, SUMMARY, ABOUT, PICTURES = "table.csv", "summary.json", "suite.json", "pictures"
-MARKDOWN = "table.md"
+MARKDOWN, JOURNAL = "table.md", "journal.sqlite"
+
+Beginning = Literal["new", "resume", "extend", "restart"]
+"""How a suite begins: in an empty folder; with the runs that it has; with those that a change of
+the suite has not touched; anew, with the earlier results moved aside."""
+
+_OWN = (TABLE, SUMMARY, MARKDOWN, ABOUT, PICTURES, JOURNAL)
+_BEFORE = re.compile(r"before-\d+|journal-damaged-\d+\.sqlite(-journal)?")
+"""Names of what is left of earlier suites."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +56,11 @@ class SuiteFolder:
     def table(self) -> Path:
         """The file of the table, one row per run."""
         return self.path / TABLE
+
+    @property
+    def journal(self) -> RunJournal:
+        """The journal of all runs that have ended."""
+        return RunJournal(self.path / JOURNAL)
 
     @cached_property
     def lock(self) -> TargetLock:
@@ -83,27 +101,31 @@ class SuiteFolder:
         finally:
             folder.lock.release()
 
-    def open(self, plan: SuitePlan, revision: str, *, resume: bool) -> list[RunRow]:
-        """Create the folder, or continue its table with ``resume``; returns the rows in the table.
+    def open(
+        self,
+        plan: SuitePlan,
+        revision: str,
+        *,
+        begin: Beginning = "new",
+        tell: Callable[[str], None] = lambda text: None,
+    ) -> list[RunRow]:
+        """Create the folder, or continue what is in it; returns the rows of finished runs.
 
-        Runs that ended without a result are left out: they are driven again.
+        Runs that ended without a result are left out: they are driven again. ``tell`` is called
+        with what a person is to know: what was kept of a damaged journal or a changed suite.
 
         Raises:
-            InputError: the folder cannot be written, is not empty (without ``resume``), or belongs
-                to another suite or configuration.
+            InputError: the folder cannot be written, is not empty (with ``new``), or belongs to
+                another suite or configuration (with ``resume``).
 
         """
-        rows: list[RunRow] = []
-        revisions = [revision]
-        machines = [machine_kind()]
-        if resume and is_file(self.table):
+        if begin == "restart":
+            self._set_aside(tell)
+        known: dict[str, Any] = {}
+        if begin in {"resume", "extend"} and self._has_runs():
             known = self.about()
-            self._compare(known.get("content", {}), plan.content)
-            rows = [row for row in read_table(self.table) if row.has_result]
-            before = known.get("revisions", [])
-            revisions = list(dict.fromkeys([*before, revision]))
-            others = known.get("machines", [])
-            machines = [*others, *(machine for machine in machines if machine not in others)]
+            if begin == "resume":
+                self._compare(known.get("content", {}), plan.content)
         else:
             self._refuse_foreign()
         try:
@@ -111,17 +133,64 @@ class SuiteFolder:
         except OSError as error:
             what = f"cannot be written: {error.strerror or error}"
             raise InputError(what, file=self.path) from error
+        machines = known.get("machines", [])
         about = {
             "suite": plan.suite,
             "suite_hash": plan.suite_hash,
             "options": plan.options,
             "content": {**plan.content},
-            "revisions": revisions,
-            "machines": machines,
+            "current": sorted({case.content for case in plan.cases}),
+            "revisions": list(dict.fromkeys([*known.get("revisions", []), revision])),
+            "machines": machines + [machine_kind()] * (machine_kind() not in machines),
         }
+        rows = self._rows_of(plan, tell)
         self._write(ABOUT, about)
+        if known.get("content", plan.content) != plan.content:
+            kept = sum(row.has_result for row in rows)
+            tell(f"the suite was changed: {kept} finished runs are unchanged and kept")
+        rows = [row for row in rows if row.has_result]
         write_table(self.table, rows)
         return rows
+
+    def _has_runs(self) -> bool:
+        return is_file(self.journal.file) or is_file(self.table)
+
+    def _rows_of(self, plan: SuitePlan, tell: Callable[[str], None]) -> list[RunRow]:
+        """The rows in the journal that belong to ``plan``; a damaged journal is repaired."""
+        contents = {case.setting: case.content for case in plan.cases}
+        exported = read_table(self.table) if is_file(self.table) else []
+        if told := ready_journal(self.journal, contents, exported):
+            tell(told)
+        return self.journal.rows(set(contents.values()))
+
+    def _set_aside(self, tell: Callable[[str], None]) -> None:
+        """Move what an earlier suite left into the first free folder ``before-N``."""
+        names = [name for name in _OWN if (self.path / name).exists()]
+        if not self._has_runs() or not names:
+            return
+        numbers = itertools.count(1)
+        aside = next(
+            place for number in numbers if not (place := self.path / f"before-{number}").exists()
+        )
+        try:
+            aside.mkdir()
+            for name in names:
+                (self.path / name).rename(aside / name)
+        except OSError as error:
+            what = f"cannot be written: {error.strerror or error}"
+            raise InputError(what, file=aside) from error
+        tell(f"{self.path}: the earlier results are in {aside.name}")
+
+    def rows(self) -> list[RunRow]:
+        """The rows of all runs that have ended; also while a suite runs, or after a kill.
+
+        Raises:
+            InputError: there are neither a journal nor a table, or they are damaged.
+
+        """
+        if not is_file(self.journal.file):
+            return read_table(self.table)
+        return self.journal.rows(set(self.about().get("current", [])))
 
     def save(self, rows: Sequence[RunRow], summary: Mapping[str, Any]) -> None:
         """Replace the table and the summary."""
@@ -142,6 +211,8 @@ class SuiteFolder:
     def about(self) -> dict[str, Any]:
         """The content of ``suite.json``: suite, its hash, options, content, revisions, machines.
 
+        ``current`` has the contents (``Case.content``) of the runs that belong to the suite now.
+
         Raises:
             ConfigError: there is no such file, or it is damaged.
 
@@ -161,15 +232,19 @@ class SuiteFolder:
         if differing:
             what = f"belongs to another suite or configuration: {differing[0]} differs"
             more = f" (and {len(differing) - 1} more)" if len(differing) > 1 else ""
-            raise InputError(f"{what}{more}; choose another --out", file=self.path)
+            help_ = "keep what is unchanged with --extend, begin again with --restart, or choose"
+            raise InputError(f"{what}{more}; {help_} another --out", file=self.path)
 
     def _refuse_foreign(self) -> None:
-        if is_file(self.table):
-            what = "contains a table already: continue it with --resume, or choose another --out"
-            raise InputError(what, file=self.path)
-        if is_folder(self.path) and {file.name for file in self.path.iterdir()} - {
-            self.lock.file.name
-        }:
+        if self._has_runs():
+            what = "contains runs already: continue with --resume, begin again with --restart"
+            raise InputError(f"{what}, or choose another --out", file=self.path)
+        # a suite that was killed as it began leaves some of its own files, without runs
+        own = {self.lock.file.name, *_OWN}
+        if is_folder(self.path) and any(
+            file.name not in own and not _BEFORE.fullmatch(file.name)
+            for file in self.path.iterdir()
+        ):
             raise InputError("is not empty; choose another --out", file=self.path)
 
     def _write(self, name: str, value: Mapping[str, Any]) -> None:

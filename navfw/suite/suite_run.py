@@ -1,9 +1,9 @@
-"""Runs a suite: all cases without a row, with table and summary saved on the way."""
+"""Runs a suite: all cases without a row, each journaled as it ends, with table and summary."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -22,11 +22,17 @@ from navfw.suite.worker_pool import WorkerFailure, WorkerPool
 
 __all__ = ["SuiteResult", "run_suite"]
 
-SAVE_PERIOD = 2.0
-"""Shortest time [s] between two saves of the table: at most this work is lost by a power cut."""
+EXPORT_PERIOD = 2.0
+"""Shortest time [s] between two exports of table and summary; the journal has each run at once."""
+
+EXPORT_SHARE = 0.02
+"""Largest share of the time that exports take: those of a large suite become rarer."""
 
 LIMIT = 900.0
 """Default wall-clock limit of a run [s]."""
+
+MEMORY = 2000.0
+"""Default limit [MB] of the memory of a run's process; usual ones have 400."""
 
 
 @dataclass(frozen=True)
@@ -58,17 +64,21 @@ def run_suite(
     keep: KeptPictures = "failed",
     have: Sequence[RunRow] = (),
     limit: float = LIMIT,
+    memory: float = MEMORY,
     work: Callable[[Job], RunRow] = run_job,
     on_row: Callable[[Case, RunRow], None] | None = None,
 ) -> SuiteResult:
-    """Run all cases of ``plan`` that have no row in ``have`` yet.
+    """Run all cases of ``plan`` that have no row in ``have`` yet, in processes of this machine.
 
-    ``on_row`` is called with every run as it ends. Ctrl-C, SIGTERM, or a table that cannot be
-    written end the suite early. The table in ``out`` is valid and contains all runs that have
-    ended, unless it cannot be written (``SuiteResult.unsaved``).
+    ``limit`` [s] and ``memory`` [MB] bound a run's wall time and its process's memory. ``on_row``
+    is called with every run as it ends; by then it is in the journal of ``out``. A run that dies
+    with its process is driven again, once, after all others. Ctrl-C, SIGTERM, or a folder that
+    cannot be written end the suite early. The table in ``out`` is valid and contains all runs that
+    have ended, unless it cannot be written (``SuiteResult.unsaved``).
 
     Raises:
-        SimulationError: every worker process dies before it completes a run.
+        SimulationError: every worker process dies before it completes a run, or none can be
+            started.
 
     """
     table = _TableKeeper(plan, out, have)
@@ -77,46 +87,81 @@ def run_suite(
         for case in plan.cases
         if case.key not in table.rows
     ]
-    with deferred():  # the pool alone is interrupted, while it waits for runs
+    pool = WorkerPool(work, max(1, min(workers, len(jobs))), limit, memory=memory)
+    unsaved = ""
+    with deferred():  # the engine alone is interrupted, while it waits for runs
         try:
-            with WorkerPool(work, max(1, min(workers, len(jobs))), limit) as pool:
-                for job, result in pool.run(jobs):
-                    row = _row(job.case, result)
-                    if row.outcome == Outcome.CANCELLED:
-                        continue
-                    table.add(row)
-                    if on_row is not None:
-                        on_row(job.case, row)
-        except (KeyboardInterrupt, InputError):
-            pass  # the suite is incomplete, and its last result says why it is not saved
+            with pool as engine:
+                while jobs:
+                    jobs = _drive(engine.run(jobs), table, on_row)
+        except KeyboardInterrupt:
+            pass  # the suite is incomplete
+        except InputError as error:  # of the journal, or of the exported files
+            unsaved = str(error)
         finally:
             done = table.finish()
-    return done
+    return replace(done, unsaved=done.unsaved or unsaved)
 
 
-def _row(case: Case, result: RunRow | WorkerFailure) -> RunRow:
-    if isinstance(result, RunRow):
-        return result
-    cause = Cause.TOO_LONG if result.too_long else Cause.PROCESS_DIED
-    return fault_row(case, result.reason, cause)
+def _drive(
+    results: Iterable[tuple[Job, RunRow | WorkerFailure]],
+    table: _TableKeeper,
+    on_row: Callable[[Case, RunRow], None] | None,
+) -> list[Job]:
+    """Put the runs that have ended into the table; returns those to drive again."""
+    again = []
+    for job, result in results:
+        if table.is_first_death(job.case, result):
+            again.append(job)
+            continue
+        row = _row(job.case, result, table.deaths[job.case.key] + 1)
+        if row.outcome == Outcome.CANCELLED:
+            continue
+        table.add(job.case, row)
+        if on_row is not None:
+            on_row(job.case, row)
+    return again
+
+
+def _row(case: Case, result: RunRow | WorkerFailure, attempts: int) -> RunRow:
+    if isinstance(result, WorkerFailure):
+        result = fault_row(case, result.reason, result.cause)
+    return replace(result, attempts=attempts)
 
 
 class _TableKeeper:
-    """Holds the rows, and saves table and summary every SAVE_PERIOD."""
+    """Holds the rows; each goes to the journal at once, table and summary are exported later.
+
+    ``deaths`` counts the processes that died with a run which has no row yet.
+    """
 
     def __init__(self, plan: SuitePlan, out: SuiteFolder, have: Sequence[RunRow]) -> None:
         self.plan = plan
         self.out = out
         self._revisions = out.revisions
         self.rows: dict[RunKey, RunRow] = {row.key: row for row in have}
-        self._saved = time.monotonic()
+        self.deaths = out.journal.deaths({case.content for case in plan.cases})
+        self._next_export = time.monotonic() + EXPORT_PERIOD
 
-    def add(self, row: RunRow) -> None:
+    def is_first_death(self, case: Case, result: RunRow | WorkerFailure) -> bool:
+        """Whether the run died with its process for the first time; then it is noted."""
+        if not isinstance(result, WorkerFailure) or result.cause is Cause.TOO_LONG:
+            return False
+        if self.deaths[case.key]:
+            return False
+        self.deaths[case.key] += 1
+        self.out.journal.add_death(case.content, case.key, result.reason)
+        return True
+
+    def add(self, case: Case, row: RunRow) -> None:
         self.rows[row.key] = row
-        if time.monotonic() - self._saved >= SAVE_PERIOD:
+        self.out.journal.add(case.content, row)
+        began = time.monotonic()
+        if began >= self._next_export:
             done = self._result()
             self.out.save(done.rows, done.summary)
-            self._saved = time.monotonic()
+            ended = time.monotonic()
+            self._next_export = ended + max(EXPORT_PERIOD, (ended - began) / EXPORT_SHARE)
 
     def finish(self) -> SuiteResult:
         done = self._result()

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import faulthandler
+import math
 import multiprocessing
 import os
 import signal
@@ -26,6 +27,8 @@ from typing import Any, Generic, Protocol, Self, TypeVar
 from navfw.errors import SimulationError
 from navfw.heartbeat import HEARTBEAT_SIZE, HeartbeatMonitor, set_memory
 from navfw.interruption import check_interrupted, interruptible
+from navfw.process_memory import peak_memory_mb
+from navfw.suite.failure_causes import Cause
 
 __all__ = ["WorkerFailure", "WorkerPool", "stop_requested"]
 
@@ -34,6 +37,9 @@ RECYCLE = 100
 
 PERIOD = 0.5
 """Period [s] of looking for workers that hang in a plugin."""
+
+LOOK_PERIOD = 0.25
+"""Period [s] in which a worker looks at its memory, its parent, and for a request to stop."""
 
 GRACE = 10.0
 """Time [s] for a worker to end its job after a request to stop."""
@@ -56,10 +62,10 @@ _stop: _Flag | None = None
 
 @dataclass(frozen=True, slots=True)
 class WorkerFailure:
-    """A job whose process ended without a result; ``too_long``: it exceeded the time limit."""
+    """A job whose process ended without a result, and why: died, too long, too much memory."""
 
     reason: str
-    too_long: bool = False
+    cause: Cause = Cause.PROCESS_DIED
 
 
 def stop_requested() -> bool:
@@ -72,13 +78,16 @@ class WorkerPool(Generic[JobT, ResultT]):
     """A context manager; ``run`` yields each job with its result, in the order of completion.
 
     ``work`` is a function of a module (it is pickled by name). A job that takes longer than
-    ``limit`` [s] of wall-clock time is ended with its process.
+    ``limit`` [s] of wall-clock time is ended with its process, and so is one whose process has more
+    than ``memory`` [MB] of resident memory.
     """
 
     work: Callable[[JobT], ResultT]
     workers: int
     limit: float
     recycle: int = RECYCLE
+    memory: float = math.inf
+    _done: int = field(init=False, default=0)
     _flag: _Flag = field(init=False)
     _slots: list[_WorkerSlot] = field(init=False, default_factory=list)
     _cleanup: contextlib.ExitStack = field(init=False, default_factory=contextlib.ExitStack)
@@ -89,7 +98,9 @@ class WorkerPool(Generic[JobT, ResultT]):
         self._flag = stop
         self._cleanup.enter_context(_single_threaded())
         self._cleanup.callback(setattr, stop, "value", 1)
-        self._slots = [_WorkerSlot(context, stop, self.recycle) for _ in range(self.workers)]
+        self._slots = [
+            _WorkerSlot(context, stop, self.recycle, self.memory) for _ in range(self.workers)
+        ]
         return self
 
     def __exit__(
@@ -103,10 +114,11 @@ class WorkerPool(Generic[JobT, ResultT]):
             slot.close()
 
     def run(self, jobs: Iterable[JobT]) -> Iterator[tuple[JobT, ResultT | WorkerFailure]]:
-        """Run all jobs.
+        """Run all jobs; may be called again with others.
 
         Raises:
-            SimulationError: several processes have died, and none has completed a job.
+            SimulationError: several processes have died, and none has completed a job, or none can
+                be started.
             KeyboardInterrupt: of the user; raised once the workers have stopped, and what they had
                 finished by then has been yielded.
 
@@ -114,7 +126,7 @@ class WorkerPool(Generic[JobT, ResultT]):
         waiting = deque(jobs)
         busy: dict[Future[ResultT], tuple[_WorkerSlot, JobT]] = {}
         idle = list(self._slots)
-        failed, done, stopping = 0, 0, False
+        failed, stopping = 0, False
         while busy or (waiting and not stopping):
             while not stopping and idle and waiting:
                 slot, job = idle.pop(), waiting.popleft()
@@ -136,8 +148,8 @@ class WorkerPool(Generic[JobT, ResultT]):
                 if stopping and isinstance(result, WorkerFailure):
                     continue
                 failed += isinstance(result, WorkerFailure)
-                done += not isinstance(result, WorkerFailure)
-                if not done and failed > self.workers + 2:
+                self._done += not isinstance(result, WorkerFailure)
+                if not self._done and failed > self.workers + 2:
                     assert isinstance(result, WorkerFailure)  # noqa: S101 - all results so far are failures
                     raise SimulationError(f"all worker processes die: {result.reason}")
                 yield job, result
@@ -148,10 +160,12 @@ class WorkerPool(Generic[JobT, ResultT]):
 class _WorkerSlot:
     """One worker: its process, which is replaced after RECYCLE jobs or when it dies."""
 
-    def __init__(self, context: SpawnContext, stop: _Flag, recycle: int) -> None:
+    def __init__(self, context: SpawnContext, stop: _Flag, recycle: int, most: float) -> None:
         self._context = context
         self._stop = stop
         self._recycle = recycle
+        self._most = most
+        self._exceeded: _Flag = context.RawValue("b", 0)
         self._jobs = 0
         self._began = 0.0
         self._executor: ProcessPoolExecutor | None = None
@@ -164,16 +178,21 @@ class _WorkerSlot:
             self.close()
         if self._executor is None:
             self._jobs = 0
+            self._exceeded.value = 0
             self._executor = ProcessPoolExecutor(
                 1,
                 mp_context=self._context,
                 initializer=_begin,
-                initargs=(self._stop, self._pid, self._memory),
+                initargs=(self._stop, self._pid, self._memory, self._most, self._exceeded),
             )
         self._jobs += 1
         self._began = time.monotonic()
-        with _interrupt_blocked():  # a process that starts inherits it, until it ignores Ctrl-C
-            return self._executor.submit(_limited, work, job, limit)
+        try:
+            with _interrupt_blocked():  # a new process inherits it, until it ignores Ctrl-C
+                return self._executor.submit(_limited, work, job, limit)
+        except OSError as error:  # no memory, or too many processes
+            what = f"no worker process can be started: {error.strerror or error}"
+            raise SimulationError(f"{what}; take fewer --workers") from error
 
     def end_if_overdue(self) -> None:
         """Kill a process that hangs in a plugin, where no signal reaches it."""
@@ -189,8 +208,12 @@ class _WorkerSlot:
             self.close()
             plugin = self._heartbeat.plugin
             who = f"{plugin}: " if plugin else ""
+            if self._exceeded.value:
+                what = f"{who}exceeded the limit of {self._most:g} MB of memory"
+                return WorkerFailure(what, Cause.TOO_MUCH_MEMORY)
             if time.monotonic() - self._began >= limit:
-                return WorkerFailure(f"{who}exceeded the wall-clock limit of {limit:g} s", True)
+                what = f"{who}exceeded the wall-clock limit of {limit:g} s"
+                return WorkerFailure(what, Cause.TOO_LONG)
             return WorkerFailure(f"{who}the process of the run ended without a result")
         except Exception as error:  # raised by the job, or a result that cannot be pickled
             return WorkerFailure(f"{type(error).__name__}: {error}")
@@ -232,25 +255,33 @@ def _single_threaded() -> Iterator[None]:
 # --- in the worker -------------------------------------------------------------------------------
 
 
-def _begin(stop: _Flag, pid: _Flag, memory: Any) -> None:
-    """Set up a worker process: it ignores Ctrl-C, and ends when its parent ends."""
+def _begin(stop: _Flag, pid: _Flag, memory: Any, most: float, exceeded: _Flag) -> None:
+    """Set up a worker process: it ignores Ctrl-C, and ends when its parent ends.
+
+    Also, with ``exceeded`` set, when it has more than ``most`` [MB] of memory.
+    """
     global _stop  # noqa: PLW0603 - the only state of a worker process
     _stop = stop
     pid.value = os.getpid()
     set_memory(memory)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
-    threading.Thread(target=_watch, args=(stop,), daemon=True).start()
+    threading.Thread(target=_watch, args=(stop, most, exceeded), daemon=True).start()
 
 
-def _watch(stop: _Flag) -> None:
+def _watch(stop: _Flag, most: float, exceeded: _Flag) -> None:
     """End this process when its parent has ended, or GRACE after a request to stop.
+
+    Also when it has more than ``most`` [MB] of memory.
 
     Also when its main thread has ended: threads that plugins left behind do not.
     """
     parent = multiprocessing.parent_process()
     while threading.main_thread().is_alive() and (parent is None or parent.is_alive()):
-        time.sleep(1.0)
+        time.sleep(LOOK_PERIOD)
+        if peak_memory_mb() > most:
+            exceeded.value = 1
+            break
         if stop.value:
             time.sleep(GRACE)
             break

@@ -31,7 +31,7 @@ def suite_folder(
     """A folder as ``navfw suite`` leaves it."""
     plan = SuitePlan("rooms", (case(0),), {}, suite_hash="5eed" * 16, options=options)
     folder = SuiteFolder(path)
-    folder.open(plan, revision, resume=False)
+    folder.open(plan, revision)
     folder.save(rows, {"complete": complete, **summarize(rows, expect)})
     return folder
 

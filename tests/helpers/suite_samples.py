@@ -120,6 +120,32 @@ def fake_run_that_dies_on_3(job: Job) -> RunRow:
     return fake_run(job)
 
 
+def fake_run_that_dies_once_on_3(job: Job) -> RunRow:
+    """``fake_run`` whose process dies with seed 3, but not a second time."""
+    mark = job.pictures / "died.png"
+    if job.case.seed == 3 and not mark.exists():
+        mark.touch()
+        os._exit(1)
+    return fake_run(job)
+
+
+def fake_run_that_dies_on_3_once_more(job: Job) -> RunRow:
+    """``fake_run`` whose process dies with seed 3; each death leaves a file."""
+    if job.case.seed == 3:
+        (job.pictures / f"died-{os.getpid()}.png").touch()
+        os._exit(1)
+    return fake_run(job)
+
+
+def fake_run_that_swells_on_3(job: Job) -> RunRow:
+    """``fake_run`` whose process takes 1 GB with seed 3."""
+    if job.case.seed == 3:
+        swollen = b"x" * 1_000_000_000
+        time.sleep(60.0)
+        assert swollen
+    return fake_run(job)
+
+
 def fake_run_by_hand(job: Job) -> RunRow:
     """Creates a file, so that a test can list the runs."""
     Path(job.pictures, f"{job.case.seed}.png").touch()

@@ -111,6 +111,8 @@ def processes_in(group: int) -> bool:
         (["suite", "tiny.yaml", "--seeds", "0:1", "--out", "tiny.yaml/x"], "cannot be written"),
         (["suite", "tiny.yaml", "--seeds", "0:1", "--out", "mine"], "is not empty"),
         (["suite", "tiny.yaml", "--seeds", "0:1", "--resume"], "needs --out"),
+        (["suite", "tiny.yaml", "--seeds", "0:1", "--restart"], "needs --out"),
+        (["suite", "tiny.yaml", "--seeds", "0:1", "--resume", "--extend"], "cannot go with"),
         (["suite", "tiny.yaml", "--seeds", "0:1", "--worlds", "mine"], "no entry that takes"),
         (["suite", "mine/world.yaml", "--seeds", "0:1"], "entries[1].world: unknown world 'ofice'"),
         (["suite", "mine/mission.yaml", "--seeds", "0:1"], "did you mean 'straight'?"),

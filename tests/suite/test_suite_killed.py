@@ -19,6 +19,7 @@ import suite_samples
 from killing import Ended, Started, moments
 
 from navfw.suite.run_table import RunRow, read_table
+from navfw.suite.suite_folder import SuiteFolder
 
 MANY = int(os.environ.get("NAVFW_KILLS", "5"))
 """Moments for each signal in the slow tests."""
@@ -31,9 +32,10 @@ from navfw.interruption import deferred
 from navfw.suite.suite_folder import SuiteFolder
 from navfw.suite.suite_plan import SuitePlan
 from navfw.suite.suite_run import run_suite
-plan = SuitePlan("rooms", tuple(case(seed) for seed in range(8)), {{"entry rooms": "1234"}})
-with deferred(), SuiteFolder.claim(Path("o"), plan, range(8)) as folder:
-    have = folder.open(plan, "abc", resume=True)
+cases = tuple(case(seed) for seed in range(int(sys.argv[1])))
+plan = SuitePlan("rooms", cases, {{"entry rooms": "1234"}})
+with deferred(), SuiteFolder.claim(Path("o"), plan, range(40)) as folder:
+    have = folder.open(plan, "abc", begin="resume")
     done = run_suite(plan, folder, workers=2, have=have, work=slow_fake_run)
     sys.exit(done.exit_code)
 """
@@ -74,7 +76,7 @@ def undisturbed(code: str, words: tuple[str, ...], folder: Path) -> Undisturbed:
 
 @pytest.fixture(scope="module")
 def fake(tmp_path_factory: pytest.TempPathFactory) -> Undisturbed:
-    return undisturbed(FAKE, (), tmp_path_factory.mktemp("fake"))
+    return undisturbed(FAKE, ("8",), tmp_path_factory.mktemp("fake"))
 
 
 @pytest.fixture(scope="module")
@@ -84,9 +86,9 @@ def real(tmp_path_factory: pytest.TempPathFactory) -> Undisturbed:
 
 
 def rows_of(folder: Path) -> list[RunRow]:
-    """The rows of the table, valid at any time; none before it is there."""
-    table = folder / "o" / "table.csv"
-    return read_table(table) if table.exists() else []
+    """The rows of the journal, valid at any time; none before it is there."""
+    out = SuiteFolder(folder / "o")
+    return out.rows() if out.journal.file.exists() else []
 
 
 def check_files(folder: Path) -> None:
@@ -95,6 +97,30 @@ def check_files(folder: Path) -> None:
     assert not hidden
     for file in (folder / "o").glob("*.json"):
         json.loads(file.read_text())
+
+
+def kill_again_and_again(count: int, folder: Path) -> None:
+    """One suite of 40 runs, whose parent or worker is killed ``count`` times in turn."""
+    suite = undisturbed(FAKE, ("40",), folder)
+    shutil.rmtree(folder / "o")
+    kept: dict[int, RunRow] = {}
+    for index, moment in enumerate(moments(40, count, 3.0)):
+        started = suite.start(folder)
+        if started.after(1.0 + moment):
+            workers = started.workers() if index % 2 else []
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(workers[0] if workers else started.pid, signal.SIGKILL)
+        if not index % 2:
+            started.ended()
+        else:
+            started.send(signal.SIGKILL)
+            started.ended()
+        rows = rows_of(folder)
+        finished = {row.seed: row for row in rows if row.has_result}
+        assert len({row.seed for row in rows}) == len(rows), "a run is there twice"
+        assert kept.items() <= finished.items(), "a finished run was lost, or driven again"
+        kept = finished
+    check_resumed(folder, suite)
 
 
 def check_stopped(ended: Ended, folder: Path, suite: Undisturbed, number: signal.Signals) -> None:
@@ -115,8 +141,9 @@ def check_resumed(folder: Path, suite: Undisturbed) -> None:
     kept = {row.seed: row for row in rows_of(folder) if row.has_result}
     ended = suite.start(folder).ended()
     assert ended.code == 0, ended.stderr
-    rows = rows_of(folder)
+    rows = read_table(folder / "o" / "table.csv")
     assert [(row.seed, row.command_hash) for row in rows] == sorted(suite.hashes.items())
+    assert sorted(rows_of(folder), key=lambda row: row.seed) == rows
     assert all(row == kept.get(row.seed, row) for row in rows), "a finished run was driven again"
     check_files(folder)
 
@@ -161,12 +188,17 @@ def test_a_killed_worker(fake: Undisturbed, tmp_path: Path) -> None:
 
 
 def test_ctrl_c_while_workers_start_prints_no_traceback(tmp_path: Path) -> None:
-    started = Started(FAKE, (), tmp_path)
+    started = Started(FAKE, ("8",), tmp_path)
     while started.running() and not started.workers():
         time.sleep(0.005)
     started.send(signal.SIGINT)
     ended = started.ended()
     assert (ended.code, ended.stderr) == (1, "")
+
+
+@pytest.mark.slow
+def test_forty_runs_killed_twenty_times(tmp_path: Path) -> None:
+    kill_again_and_again(20, tmp_path)
 
 
 @pytest.mark.slow

@@ -14,7 +14,7 @@ from navfw.errors import InputError
 from navfw.recording.provenance import machine_kind
 from navfw.suite.case import Case
 from navfw.suite.run_table import RunRow, read_table
-from navfw.suite.suite_folder import SuiteFolder
+from navfw.suite.suite_folder import Beginning, SuiteFolder
 from navfw.suite.suite_plan import SuitePlan
 from navfw.suite.suite_run import SuiteResult, run_suite
 
@@ -27,9 +27,9 @@ def plan(*seeds: int) -> SuitePlan:
 
 
 def run(
-    wanted: SuitePlan, out: SuiteFolder, *, resume: bool = False, **options: Any
+    wanted: SuitePlan, out: SuiteFolder, *, begin: Beginning = "new", **options: Any
 ) -> SuiteResult:
-    have = out.open(wanted, "abc", resume=resume)
+    have = out.open(wanted, "abc", begin=begin)
     return run_suite(wanted, out, have=have, **{"work": samples.fake_run, **options})
 
 
@@ -48,7 +48,7 @@ def test_the_table_is_complete_and_in_order(tmp_path: Path) -> None:
     assert summary["success"] == 0.5
     assert summary["causes"] == {"timeout: slow": 2}
     files = sorted(p.name for p in out.path.iterdir())
-    assert files == ["suite.json", "summary.json", "table.csv", "table.md"]
+    assert files == ["journal.sqlite", "suite.json", "summary.json", "table.csv", "table.md"]
 
 
 def test_a_run_whose_process_dies_is_a_fault_with_its_reason(tmp_path: Path) -> None:
@@ -74,20 +74,48 @@ def test_ctrl_c_keeps_finished_runs_and_resume_makes_the_others(tmp_path: Path) 
     assert first.summary["complete"] is False
     assert [row.seed for row in read_table(out.table)] == [2, 3]
 
-    marked = run(wanted, out, resume=True, work=samples.fake_run_by_hand)
+    marked = run(wanted, out, begin="resume", work=samples.fake_run_by_hand)
     assert marked.complete
     assert [row.seed for row in marked.rows] == [2, 3, 4, 5]
     made = sorted(file.stem for file in out.pictures.iterdir())
     assert made == ["4", "5"]  # finished runs are not repeated
-    assert run(wanted, out, resume=True, work=samples.die).complete  # nothing is left to do
+    assert run(wanted, out, begin="resume", work=samples.die).complete  # nothing is left to do
 
 
 def test_a_table_can_be_extended_by_seeds(tmp_path: Path) -> None:
     out = SuiteFolder(tmp_path / "out")
     run(plan(2, 3), out)
-    grown = run(plan(3, 4), out, resume=True)
+    grown = run(plan(3, 4), out, begin="resume")
     assert grown.complete
     assert [row.seed for row in grown.rows] == [3, 4, 2]
+
+
+def test_a_run_that_dies_once_is_driven_again_at_the_end(tmp_path: Path) -> None:
+    out = SuiteFolder(tmp_path / "out")
+    seen: list[int] = []
+    work = samples.fake_run_that_dies_once_on_3
+    done = run(plan(3, 4, 5), out, work=work, on_row=lambda case, row: seen.append(row.seed))
+    assert (done.complete, done.exit_code) == (True, 0)
+    assert seen == [4, 5, 3]
+    assert [row.attempts for row in done.rows] == [2, 1, 1]
+
+
+def test_a_death_before_the_suite_was_killed_counts(tmp_path: Path) -> None:
+    out, wanted = SuiteFolder(tmp_path / "out"), plan(2, 3)
+    out.open(wanted, "abc")
+    out.journal.add_death("", wanted.cases[1].key, "it died")
+    done = run(wanted, out, begin="resume", work=samples.fake_run_that_dies_on_3_once_more)
+    fault = done.rows[1]
+    assert (fault.cause, fault.attempts, done.exit_code) == ("process_died", 2, 1)
+    assert len(list(out.pictures.iterdir())) == 1  # driven once, as it had died before
+
+
+def test_a_run_with_too_much_memory_is_a_fault_with_its_reason(tmp_path: Path) -> None:
+    out = SuiteFolder(tmp_path / "out")
+    done = run(plan(2, 3), out, work=samples.fake_run_that_swells_on_3, memory=400.0)
+    assert [row.cause for row in done.rows] == ["", "too_much_memory"]
+    assert "exceeded the limit of 400 MB" in done.rows[1].reason
+    assert (done.summary["died"], done.exit_code) == (1, 1)
 
 
 def test_resuming_with_another_configuration_is_refused(tmp_path: Path) -> None:
@@ -96,14 +124,14 @@ def test_resuming_with_another_configuration_is_refused(tmp_path: Path) -> None:
     before = out.table.read_text()
     other = replace(plan(2, 4), content={**CONTENT, "stack default of entry rooms": "other"})
     with pytest.raises(InputError, match="stack default of entry rooms differs"):
-        out.open(other, "abc", resume=True)
+        out.open(other, "abc", begin="resume")
     assert out.table.read_text() == before
 
 
 def test_revisions_are_recorded(tmp_path: Path) -> None:
     out = SuiteFolder(tmp_path / "out")
     run(plan(2), out)
-    out.open(plan(2), "def-dirty", resume=True)
+    out.open(plan(2), "def-dirty", begin="resume")
     assert out.revisions == ["abc", "def-dirty"]
     assert out.about()["machines"] == [machine_kind()]
 
@@ -112,17 +140,17 @@ def test_nothing_is_overwritten(tmp_path: Path) -> None:
     out = SuiteFolder(tmp_path / "out")
     run(plan(2), out)
     with pytest.raises(InputError, match="--resume"):
-        out.open(plan(2), "abc", resume=False)
+        out.open(plan(2), "abc")
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "notes.txt").touch()
     with pytest.raises(InputError, match="is not empty"):
-        SuiteFolder(tmp_path / "mine").open(plan(2), "abc", resume=False)
+        SuiteFolder(tmp_path / "mine").open(plan(2), "abc")
     with pytest.raises(InputError, match="is not empty"):
-        SuiteFolder(tmp_path / "mine").open(plan(2), "abc", resume=True)
+        SuiteFolder(tmp_path / "mine").open(plan(2), "abc", begin="resume")
     (tmp_path / "file").touch()
     for where in (tmp_path / "file", tmp_path / "file" / "below"):
         with pytest.raises(InputError):
-            SuiteFolder(where).open(plan(2), "abc", resume=False)
+            SuiteFolder(where).open(plan(2), "abc")
 
 
 def test_a_damaged_folder_is_not_continued(tmp_path: Path) -> None:
@@ -130,7 +158,7 @@ def test_a_damaged_folder_is_not_continued(tmp_path: Path) -> None:
     run(plan(2), out)
     (out.path / "suite.json").write_text("{")
     with pytest.raises(InputError, match=r"suite\.json"):
-        out.open(plan(2), "abc", resume=True)
+        out.open(plan(2), "abc", begin="resume")
 
 
 def test_default_folders_are_numbered(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -138,7 +166,7 @@ def test_default_folders_are_numbered(tmp_path: Path, monkeypatch: pytest.Monkey
     names = []
     for _ in range(2):
         with SuiteFolder.claim(None, plan(2), range(2, 3)) as out:
-            out.open(plan(2), "abc", resume=False)
+            out.open(plan(2), "abc")
             names.append(str(out.path))
     assert names == ["runs/rooms-2-3", "runs/rooms-2-3-2"]
 
@@ -147,7 +175,7 @@ def test_died_runs_are_no_success_and_are_driven_again(tmp_path: Path) -> None:
     out = SuiteFolder(tmp_path / "out")
     died = run(plan(2, 3, 4), out, work=samples.fake_run_that_dies_on_3)
     assert (died.complete, died.summary["died"], died.exit_code) == (True, 1, 1)
-    again = run(plan(2, 3, 4), out, resume=True, work=samples.fake_run_by_hand)
+    again = run(plan(2, 3, 4), out, begin="resume", work=samples.fake_run_by_hand)
     assert (again.complete, again.summary["died"], again.exit_code) == (True, 0, 0)
     assert [row.outcome for row in again.rows] == ["reached", "timeout", "reached"]
     assert [file.stem for file in out.pictures.iterdir()] == ["3"]
@@ -177,13 +205,14 @@ def test_a_folder_that_another_suite_writes_is_refused(
     monkeypatch.chdir(tmp_path)
     seeds = range(2, 3)
     with SuiteFolder.claim(tmp_path / "out", plan(2), seeds) as out:
-        out.open(plan(2), "abc", resume=False)
+        out.open(plan(2), "abc")
         second = SuiteFolder.claim(tmp_path / "out", plan(2), seeds)
         with pytest.raises(InputError, match="another suite is writing it"), second:
             pass
     with SuiteFolder.claim(tmp_path / "out", plan(2), seeds) as out:
-        assert out.open(plan(2), "abc", resume=True) == []
+        assert out.open(plan(2), "abc", begin="resume") == []
     assert sorted(file.name for file in out.path.iterdir()) == [
+        "journal.sqlite",
         "pictures",
         "suite.json",
         "table.csv",

@@ -152,7 +152,7 @@ def test_variants_are_compared_with_each_other() -> None:
 def test_a_suite_writes_the_table_of_variants(tmp_path: Path) -> None:
     out = SuiteFolder(tmp_path / "out")
     plan = plan_of(SUITE, tmp_path)
-    have = out.open(plan, "abc", resume=False)
+    have = out.open(plan, "abc")
     done = run_suite(plan, out, have=have, work=samples.fake_run, keep="none")
     assert done.complete
     assert [found.variant for found in read_table(out.table)][::2] == [

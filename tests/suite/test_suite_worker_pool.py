@@ -11,6 +11,7 @@ import pytest
 import suite_samples as samples
 
 from navfw.errors import SimulationError
+from navfw.suite.failure_causes import Cause
 from navfw.suite.worker_pool import WorkerFailure, WorkerPool
 
 
@@ -37,7 +38,7 @@ def test_a_failing_job_is_reported_and_the_others_complete(
     bad = results.pop(13)
     assert isinstance(bad, WorkerFailure)
     assert message in bad.reason
-    assert bad.too_long == (work is samples.sleep_on_13)
+    assert (bad.cause is Cause.TOO_LONG) == (work is samples.sleep_on_13)
     assert results == {1: 1, 2: 2, 3: 3}
 
 

@@ -1,0 +1,25 @@
+"""The largest memory that this process has had."""
+
+from __future__ import annotations
+
+import resource
+import sys
+from pathlib import Path
+
+__all__ = ["peak_memory_mb"]
+
+_STATUS = Path("/proc/self/status")
+
+
+def peak_memory_mb() -> float:
+    """The largest resident memory [MB] of this process since its start.
+
+    On Linux by ``VmHWM``: ``ru_maxrss`` of a process counts what its parent had when it started it.
+    """
+    try:
+        text = _STATUS.read_text(encoding="utf-8")
+    except OSError:  # another system
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        return peak / (1e6 if sys.platform == "darwin" else 1e3)
+    line = next(line for line in text.splitlines() if line.startswith("VmHWM:"))
+    return int(line.split()[1]) * 1024 / 1e6

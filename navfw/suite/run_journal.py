@@ -1,0 +1,166 @@
+"""The journal of a suite: every run that has ended, written at once to an SQLite database.
+
+A run is one transaction: after a kill or a power cut the journal has all of it or nothing. The
+primary key is the run with the fingerprint of what it was made with (``Case.content``), so that no
+run is there twice, and runs of a suite that was changed since stay beside the new ones. Rows are
+the cells of the table (``navfw.suite.run_table``) with a checksum, as SQLite has none.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import sqlite3
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from navfw.config.input_file import is_file
+from navfw.errors import ConfigError, InputError
+from navfw.suite.run_table import RunKey, RunRow, cells_of_row, row_of_cells
+
+__all__ = ["JournalDamagedError", "RunJournal"]
+
+VERSION = 1
+"""Version of the tables, kept as SQLite's ``user_version``."""
+
+MAX_JOURNAL = 2_000_000_000
+"""Largest size of a journal [byte]; the largest suite takes a tenth of it."""
+
+WAIT = 10.0
+"""Longest time [s] to wait for another process that reads or writes the journal."""
+
+_TABLES = f"""
+BEGIN;
+CREATE TABLE IF NOT EXISTS run (
+    content TEXT NOT NULL, key TEXT NOT NULL, cells TEXT NOT NULL, checksum TEXT NOT NULL,
+    PRIMARY KEY (content, key)
+);
+CREATE TABLE IF NOT EXISTS death (content TEXT NOT NULL, key TEXT NOT NULL, reason TEXT NOT NULL);
+PRAGMA user_version = {VERSION};
+COMMIT;
+"""
+_DAMAGE = {sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_ERROR}
+"""Primary error codes of a damaged file; SQLITE_ERROR is that of a table that is not there."""
+
+
+class JournalDamagedError(ConfigError):
+    """The journal is damaged; ``navfw.suite.journal_recovery`` keeps what is intact."""
+
+
+@dataclass(frozen=True)
+class RunJournal:
+    """The journal in ``file``; every method opens the database and closes it.
+
+    Raises (all methods):
+        JournalDamagedError: the file is not a journal, or parts of it cannot be read.
+        InputError: it cannot be read or written.
+
+    """
+
+    file: Path
+
+    def create(self) -> None:
+        """Create the file, if it is not there, and its tables."""
+        with self._opened("rwc") as database:
+            database.executescript(_TABLES)
+
+    def add(self, content: str, row: RunRow) -> None:
+        """Write the row of a run that has ended; it replaces an earlier one of the same run."""
+        self.add_all([(content, row)])
+
+    def add_all(self, rows: Iterable[tuple[str, RunRow]]) -> None:
+        """Write many rows, each with its content, in one transaction."""
+        with self._opened("rw") as database, database:
+            for content, row in rows:
+                key, cells = _key_text(row.key), json.dumps(cells_of_row(row))
+                values = (content, key, cells, _checksum(content, key, cells))
+                database.execute("INSERT OR REPLACE INTO run VALUES (?, ?, ?, ?)", values)
+                database.execute("DELETE FROM death WHERE content = ? AND key = ?", (content, key))
+
+    def add_death(self, content: str, key: RunKey, reason: str) -> None:
+        """Note that the process of a run died; forgotten when the run has a row."""
+        with self._opened("rw") as database, database:
+            values = (content, _key_text(key), reason)
+            database.execute("INSERT INTO death VALUES (?, ?, ?)", values)
+
+    def rows(self, contents: Collection[str]) -> list[RunRow]:
+        """The rows that were made with one of ``contents``, in the order of writing.
+
+        A row that differs from its checksum is damage.
+        """
+        return [row for content, row in self.all_rows() if content in contents]
+
+    def all_rows(self) -> list[tuple[str, RunRow]]:
+        """All rows with their contents, also those of a suite that was changed since."""
+        with self._opened("ro") as database:
+            known = list(database.execute("SELECT * FROM run ORDER BY rowid"))
+        return [self._checked(*values) for values in known]
+
+    def deaths(self, contents: Collection[str]) -> Counter[RunKey]:
+        """The number of deaths of the runs that have no row since."""
+        with self._opened("ro") as database:
+            known = list(database.execute("SELECT content, key FROM death"))
+        return Counter(RunKey(*json.loads(key)) for content, key in known if content in contents)
+
+    def check(self) -> None:
+        """Have SQLite look for damage in the whole file."""
+        with self._opened("ro") as database:
+            (version,) = database.execute("PRAGMA user_version").fetchone()
+            if version > VERSION:
+                what = f"was written by a newer navfw (version {version} of the journal)"
+                raise InputError(f"{what}; use that one, or choose another --out", file=self.file)
+            (found,) = database.execute("PRAGMA quick_check(1)").fetchone()
+            if found != "ok":
+                raise JournalDamagedError(f"is damaged: {found}", file=self.file)
+
+    def intact(self) -> list[tuple[str, RunRow]]:
+        """All rows of a damaged journal that can be read, from its beginning and from its end."""
+        found: dict[str, tuple[str, RunRow]] = {}
+        for order in ("ASC", "DESC"):
+            with contextlib.suppress(InputError), self._opened("ro") as database:
+                for values in database.execute(f"SELECT * FROM run ORDER BY rowid {order}"):  # noqa: S608 - one of two words
+                    with contextlib.suppress(ConfigError):
+                        content, row = self._checked(*values)
+                        found.setdefault(json.dumps([content, row.key]), (content, row))
+        return list(found.values())
+
+    def _checked(
+        self, content: object, key: object, cells: object, checksum: object
+    ) -> tuple[str, RunRow]:
+        """The content and the row of one line of the database, by its checksum."""
+        if not (isinstance(content, str) and isinstance(key, str) and isinstance(cells, str)):
+            raise JournalDamagedError("is damaged: a row is not text", file=self.file)
+        if checksum != _checksum(content, key, cells):
+            raise JournalDamagedError("is damaged: a row differs from its checksum", file=self.file)
+        try:
+            return content, row_of_cells(json.loads(cells), str(self.file))
+        except (ValueError, AttributeError):  # no object of JSON, with its checksum all the same
+            raise JournalDamagedError("is damaged: a row has no cells", file=self.file) from None
+
+    @contextlib.contextmanager
+    def _opened(self, mode: str) -> Iterator[sqlite3.Connection]:
+        if mode != "rwc" and not is_file(self.file):
+            raise InputError("cannot be read or written: it is not there", file=self.file)
+        if is_file(self.file) and self.file.stat().st_size > MAX_JOURNAL:
+            what = f"is larger than {MAX_JOURNAL // 1_000_000} MB, so it is not read"
+            raise InputError(what, file=self.file)
+        place = f"{self.file.absolute().as_uri()}?mode={mode}"
+        try:
+            with contextlib.closing(sqlite3.connect(place, WAIT, uri=True)) as database:
+                yield database
+        except sqlite3.Error as error:
+            code = getattr(error, "sqlite_errorcode", 0) & 0xFF
+            if code in _DAMAGE:
+                raise JournalDamagedError(f"is damaged: {error}", file=self.file) from None
+            raise InputError(f"cannot be read or written: {error}", file=self.file) from None
+
+
+def _key_text(key: RunKey) -> str:
+    return json.dumps(key)
+
+
+def _checksum(*parts: str) -> str:
+    return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:16]

@@ -1,0 +1,169 @@
+"""The journal of a suite: whole after damage, the same after a change of the suite."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import suite_samples as samples
+
+from navfw.errors import InputError
+from navfw.suite.run_journal import JournalDamagedError, RunJournal
+from navfw.suite.run_table import read_table
+from navfw.suite.suite_folder import Beginning, SuiteFolder
+from navfw.suite.suite_plan import SuitePlan
+from navfw.suite.suite_run import SuiteResult, run_suite
+
+
+def plan(seeds: int = 4, **contents: str) -> SuitePlan:
+    """Runs of entries by name, each with its content."""
+    cases = [
+        samples.case(seed, entry=entry, content=content)
+        for entry, content in (contents or {"rooms": "aa"}).items()
+        for seed in range(seeds)
+    ]
+    numbered = tuple(replace(case, index=index) for index, case in enumerate(cases))
+    return SuitePlan("rooms", numbered, {f"entry {name}": c for name, c in contents.items()})
+
+
+def run(
+    wanted: SuitePlan, out: SuiteFolder, begin: Beginning = "new", told: list[str] | None = None
+) -> tuple[SuiteResult, list[tuple[str, int]]]:
+    """The result, and entry and seed of the runs that were driven."""
+    driven: list[tuple[str, int]] = []
+    notes = [] if told is None else told
+    have = out.open(wanted, "abc", begin=begin, tell=notes.append)
+    done = run_suite(
+        wanted,
+        out,
+        have=have,
+        work=samples.fake_run,
+        on_row=lambda case, row: driven.append((case.entry, row.seed)),
+    )
+    return done, driven
+
+
+@pytest.fixture
+def out(tmp_path: Path) -> SuiteFolder:
+    return SuiteFolder(tmp_path / "out")
+
+
+def test_the_journal_has_every_run_as_it_ends(out: SuiteFolder) -> None:
+    wanted, counts = plan(), []
+    have = out.open(wanted, "abc")
+    run_suite(
+        wanted,
+        out,
+        have=have,
+        work=samples.fake_run,
+        on_row=lambda case, row: counts.append(len(out.rows())),
+    )
+    assert counts == [1, 2, 3, 4]
+    assert out.rows() == read_table(out.table)
+
+
+def test_a_row_replaces_an_earlier_one_of_the_same_run(tmp_path: Path) -> None:
+    journal = RunJournal(tmp_path / "journal.sqlite")
+    journal.create()
+    journal.add_death("aa", samples.row(1).key, "it died")
+    assert journal.deaths({"aa"})[samples.row(1).key] == 1
+    journal.add("aa", samples.row(1, "fault"))
+    journal.add("aa", samples.row(1))
+    journal.add("bb", samples.row(1, "stuck"))
+    assert journal.rows({"aa"}) == [samples.row(1)]
+    assert [row.outcome for row in journal.rows({"aa", "bb"})] == ["reached", "stuck"]
+    assert not journal.deaths({"aa"})
+
+
+def test_extend_keeps_what_a_change_has_not_touched(out: SuiteFolder) -> None:
+    run(plan(2, rooms="aa", maze="bb"), out)
+    changed, told = plan(2, rooms="aa", maze="cc", poles="dd"), list[str]()
+    with pytest.raises(InputError, match=r"entry maze differs \(and 1 more\); keep .* --extend"):
+        out.open(changed, "abc", begin="resume")
+    done, driven = run(changed, out, "extend", told)
+    assert driven == [("maze", 0), ("maze", 1), ("poles", 0), ("poles", 1)]
+    assert len(done.rows) == len(out.rows()) == 6
+    assert told == ["the suite was changed: 2 finished runs are unchanged and kept"]
+    _, back = run(plan(2, rooms="aa", maze="bb"), out, "extend")
+    assert back == []  # the runs of the first version are still there
+
+
+def test_restart_moves_the_earlier_results_aside(out: SuiteFolder) -> None:
+    run(plan(2), out)
+    told: list[str] = []
+    _, driven = run(plan(3), out, "restart", told)
+    assert len(driven) == 3
+    assert told == [f"{out.path}: the earlier results are in before-1"]
+    assert len(SuiteFolder(out.path / "before-1").rows()) == 2
+    _, driven = run(plan(3), out, "restart")
+    assert len(driven) == 3
+    assert run(plan(3), out, "resume")[1] == []
+
+
+def _overwrite(file: Path, at: int, count: int) -> None:
+    with file.open("r+b") as stream:
+        stream.seek(at)
+        stream.write(b"\xff" * count)
+
+
+def test_what_is_intact_of_a_damaged_journal_is_kept(out: SuiteFolder) -> None:
+    wanted = plan(80)
+    run(wanted, out)
+    before = {row.seed: row for row in out.rows()}
+    out.table.unlink()
+    size = out.journal.file.stat().st_size
+    _overwrite(out.journal.file, size // 2 // 4096 * 4096, 4096)  # a page in the middle
+    with pytest.raises(JournalDamagedError):
+        out.rows()
+    told: list[str] = []
+    kept = out.open(wanted, "abc", begin="resume", tell=told.append)
+    assert 10 < len(kept) < 80
+    assert all(before[row.seed] == row for row in kept)
+    assert f"{len(kept)} finished runs are intact and kept" in told[0]
+    assert "it is kept as journal-damaged-1.sqlite" in told[0]
+    assert (out.path / "journal-damaged-1.sqlite").stat().st_size == size
+    done, driven = run(wanted, out, "resume")
+    assert done.complete
+    assert len(driven) == 80 - len(kept)
+
+
+def test_a_row_that_differs_from_its_checksum_is_driven_again(out: SuiteFolder) -> None:
+    run(plan(), out)
+    out.table.unlink()
+    with closing(sqlite3.connect(out.journal.file)) as database, database:
+        database.execute("UPDATE run SET cells = replace(cells, 'timeout', 'reached')")
+    told: list[str] = []
+    done, driven = run(plan(), out, "resume", told)
+    assert [seed for _, seed in driven] == [1, 3]  # the two with another outcome
+    assert [row.outcome for row in done.rows] == ["reached", "timeout"] * 2
+    assert "a row differs from its checksum" in told[0]
+
+
+@pytest.mark.parametrize("left", [None, b"", b"no database at all" * 300])
+def test_the_table_stands_in_for_a_lost_journal(out: SuiteFolder, left: bytes | None) -> None:
+    run(plan(), out)
+    out.journal.file.unlink()
+    if left is not None:
+        out.journal.file.write_bytes(left)
+    told: list[str] = []
+    done, driven = run(plan(5), out, "resume", told)
+    assert [seed for _, seed in driven] == [4]
+    assert done.complete
+    assert "4 finished runs are intact and kept" in told[0]
+
+
+def test_a_journal_of_a_newer_version_is_refused(out: SuiteFolder) -> None:
+    run(plan(), out)
+    with closing(sqlite3.connect(out.journal.file)) as database:
+        database.execute("PRAGMA user_version = 9")
+    with pytest.raises(InputError, match="written by a newer navfw"):
+        out.open(plan(), "abc", begin="resume")
+
+
+def test_suite_json_names_the_contents_of_now(out: SuiteFolder) -> None:
+    run(plan(1, rooms="aa", maze="bb"), out)
+    assert json.loads((out.path / "suite.json").read_text())["current"] == ["aa", "bb"]
