@@ -48,6 +48,7 @@ def test_openings_in_thick_walls_are_doors_between_named_rooms(tmp_path: Path) -
     assert max(made.lengths.values()) > 15.0
     for name in made.missions:
         mission = load_mission(folder / "missions" / f"{name}.yaml")
+        assert mission.spec.stack == "floor_plan"
         assert mission.check(plan) > 3.0
 
 
