@@ -25,6 +25,10 @@ Usual texture gives nearly all cells, and edges between surfaces without texture
 FAINT = 7.0
 """Contrast [grey levels] of the path's image below which sight is weak. Usual texture gives 15 and
 more, a contrast of 6 under a noise of 2 about 5.5, a contrast of 3 about 3.3."""
+CLEAR = 12.0
+"""Contrast [grey levels] from which on the path is seen whatever share of its cells is matched:
+cells without a match are then out of the flow's range, as those of near floor under a low camera,
+or late; what they do not observe stays unknown."""
 WIDTH = 160
 """Width of an image [px] for which the windows are given; they grow with that of the camera."""
 WINDOW = 13
@@ -70,12 +74,16 @@ class PathSight:
     @property
     def weak(self) -> bool:
         """Whether the path is seen so poorly that only floor seen as such is free."""
-        return self.texture < WEAK or self.contrast < FAINT
+        return self.contrast < FAINT or (self.texture < WEAK and not self._clear)
 
     @property
     def none(self) -> bool:
         """Whether next to nothing of the path is seen."""
-        return self.texture < SEEN
+        return self.texture < SEEN and not self._clear
+
+    @property
+    def _clear(self) -> bool:
+        return CLEAR <= self.contrast < math.inf
 
     @property
     def trouble(self) -> str:

@@ -165,3 +165,16 @@ def test_the_contrast_does_not_depend_on_the_number_of_pixels() -> None:
         contrasts.append(sight.contrast)
     assert min(contrasts) > 5.0
     assert max(contrasts) / min(contrasts) < 1.1
+
+
+@pytest.mark.parametrize(("contrast", "weak", "none"), [(40, False, False), (16, True, True)])
+def test_a_floor_of_high_contrast_is_seen_though_few_of_its_cells_are_matched(
+    contrast: int, weak: bool, none: bool
+) -> None:
+    """As near floor under a low camera, whose motion is beyond the flow's search."""
+    sight, rng = PathSight(ROBOT), np.random.default_rng(2)
+    shape = ROBOT.camera.height, ROBOT.camera.width
+    for _ in range(40):
+        sight.observe(percept(0.0))
+        sight.observe_image(rng.integers(100, 100 + contrast * 2, shape).astype(np.uint8))
+    assert (sight.weak, sight.none) == (weak, none)
