@@ -42,6 +42,7 @@ COMMANDS = (
     "navfw.cli.import_world",
     "navfw.cli.bench",
     "navfw.cli.suite",
+    "navfw.cli.compare",
     "navfw.cli.results",
     "navfw.cli.trust",
 )

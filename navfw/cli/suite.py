@@ -1,4 +1,4 @@
-"""``navfw suite`` runs missions with many seeds; ``navfw compare`` compares two tables."""
+"""``navfw suite`` runs missions with many seeds into one table."""
 
 from __future__ import annotations
 
@@ -28,6 +28,9 @@ __all__ = ["add_to"]
 LINE_PERIOD = 10.0
 """Interval between progress lines where stderr is not a terminal [s]."""
 
+SPEED_PERIOD = 900.0
+"""Time [s] over which the bar measures the speed: runs of one suite differ in length."""
+
 MAX_SHOWN = 25
 """Largest number of failed runs to print; the table holds all."""
 
@@ -41,9 +44,8 @@ class Keep(StrEnum):
 
 
 def add_to(app: typer.Typer) -> None:
-    """Add the commands."""
+    """Add the command."""
     app.command()(suite)
-    app.command()(compare)
 
 
 Seeds = Annotated[str, typer.Option(metavar="A:B", help="Seeds from A to B - 1.")]
@@ -165,29 +167,6 @@ def _beginning(out: Path | None, *, resume: bool, extend: bool, restart: bool) -
     return given[0] if given else "new"
 
 
-def compare(
-    a: Annotated[Path, typer.Argument(help="table.csv of a suite, or its folder.")],
-    b: Annotated[Path, typer.Argument(help="Another one, with the same seeds.")],
-    variant_a: Annotated[str | None, typer.Option(help="Use only this variant of A.")] = None,
-    variant_b: Annotated[str | None, typer.Option(help="Use only this variant of B.")] = None,
-    json: Json = False,
-) -> None:
-    """Compare two tables run by run."""
-    from navfw.config.input_file import is_folder
-    from navfw.suite.paired_comparison import compare_tables, of_variant
-    from navfw.suite.run_table import read_table
-    from navfw.suite.suite_folder import SuiteFolder
-
-    first, second = (
-        SuiteFolder(path).rows() if is_folder(path) else read_table(path) for path in (a, b)
-    )
-    found = compare_tables(of_variant(first, variant_a), of_variant(second, variant_b))
-    if json:
-        print_json(found)
-    else:
-        _print_comparison(found)
-
-
 # --- output --------------------------------------------------------------------------------------
 
 
@@ -282,29 +261,6 @@ def _passes(part: dict[str, Any]) -> str:
     return f"{word}, {part['passed']} of {part['missions']} ({part['expect']})"
 
 
-def _print_comparison(found: dict[str, Any]) -> None:
-    typer.echo(f"{found['pairs']} pairs, {found['unpaired']} unpaired runs")
-    typer.echo(
-        f"success    {_percent(found['success_a'])} -> {_percent(found['success_b'])}"
-        f"  (only B {len(found['gained'])}, only A {len(found['lost'])};"
-        f" McNemar exact p = {found['p']:.3g})"
-    )
-    typer.echo(
-        f"SPL        {found['spl_a']:.3f} -> {found['spl_b']:.3f}"
-        f"  (median difference {found['spl_difference']:+.3f})"
-    )
-    if found["both_reached"]:
-        typer.echo(
-            f"time       {found['time_a_s']:.1f} -> {found['time_b_s']:.1f} s  (median difference"
-            f" {found['time_difference_s']:+.1f} s in {found['both_reached']} pairs of successes)"
-        )
-    typer.echo(f"collisions {found['collisions_a']} -> {found['collisions_b']}")
-    for word in ("gained", "lost"):
-        for run in found[word][:MAX_SHOWN]:
-            where = f"{run['entry']} / {run['world']} / {run['mission']}, seed {run['seed']}"
-            typer.echo(f"  {word}: {where} ({run['outcome']}: {run['cause']})")
-
-
 def _percent(share: float | None) -> str:
     return "" if share is None else f"{100.0 * share:.1f} %"
 
@@ -328,7 +284,9 @@ class _SuiteProgress:
         self._quiet = quiet
         self._bar: Any = None
         self._task: Any = None
-        self._next_line = time.monotonic() + LINE_PERIOD
+        self._before = self._done
+        self._began = time.monotonic()
+        self._next_line = self._began + LINE_PERIOD
 
     def __enter__(self) -> Self:
         if not self._quiet and sys.stderr.isatty():
@@ -349,6 +307,7 @@ class _SuiteProgress:
                 TimeRemainingColumn(),
                 console=Console(stderr=True),
                 transient=True,
+                speed_estimate_period=SPEED_PERIOD,
             )
             self._task = self._bar.add_task(
                 self._name, total=self._total, completed=self._done, reached=""
@@ -375,4 +334,14 @@ class _SuiteProgress:
             self._bar.update(self._task, completed=self._done, reached=share)
         elif not self._quiet and (self._done == self._total or time.monotonic() > self._next_line):
             self._next_line = time.monotonic() + LINE_PERIOD
-            typer.echo(f"{self._name}: {self._done} of {self._total} runs, {share}", err=True)
+            done = f"{self._name}: {self._done} of {self._total} runs, {share}"
+            typer.echo(f"{done}{self._time_left()}", err=True)
+
+    def _time_left(self) -> str:
+        """The time that the missing runs take at the mean speed of those driven so far."""
+        missing, driven = self._total - self._done, self._done - self._before
+        if not missing:
+            return ""
+        minutes = missing / driven * (time.monotonic() - self._began) / 60.0
+        hours, rest = divmod(max(1, round(minutes)), 60)
+        return f", about {f'{hours} h ' if hours else ''}{rest} min left"

@@ -8,10 +8,14 @@ from statistics import median
 from typing import Any
 
 from navfw.errors import InputError, UnknownNameError
-from navfw.suite.run_statistics import mcnemar_exact
+from navfw.suite.run_statistics import mcnemar_exact, median_interval, paired_interval
 from navfw.suite.run_table import RunKey, RunRow
 
 __all__ = ["RunPair", "compare_tables", "of_variant", "pair_up"]
+
+
+SPL_LOSS = 0.1
+"""Loss of SPL beyond which a run counts as worse, although it succeeded."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,6 +24,15 @@ class RunPair:
 
     a: RunRow
     b: RunRow
+
+    @property
+    def spl_difference(self) -> float:
+        """SPL of B minus that of A; 0 for a run without a result."""
+        return (self.b.spl or 0.0) - (self.a.spl or 0.0)
+
+    def loss(self) -> tuple[bool, float]:
+        """A key that sorts the worst pairs first: new collisions, then the loss of SPL."""
+        return not (self.b.collisions and not self.a.collisions), self.spl_difference
 
 
 def of_variant(rows: Sequence[RunRow], name: str | None) -> Sequence[RunRow]:
@@ -77,7 +90,10 @@ def compare_tables(first: Sequence[RunRow], second: Sequence[RunRow]) -> dict[st
 
     ``p`` is that of McNemar's exact test on success. ``spl_difference`` is the median over all
     pairs; ``time_difference_s`` and ``time_ratio`` are medians over the pairs in which both runs
-    succeeded. ``gained`` and ``lost`` list the runs in which only B, and only A, succeeded.
+    succeeded. All differences have an interval of 95 %, None for too few pairs. ``gained`` and
+    ``lost`` list the runs in which only B, and only A, succeeded, ``worse`` those in which both
+    did, and the SPL of B is lower by more than ``SPL_LOSS``; the worst come first: collisions, then
+    the largest loss of SPL.
 
     Raises:
         InputError: no run is in both tables.
@@ -86,6 +102,7 @@ def compare_tables(first: Sequence[RunRow], second: Sequence[RunRow]) -> dict[st
     pairs = pair_up(first, second)
     lost = [pair for pair in pairs if pair.a.succeeded and not pair.b.succeeded]
     gained = [pair for pair in pairs if pair.b.succeeded and not pair.a.succeeded]
+    worse = [pair for pair in pairs if pair.b.succeeded and pair.spl_difference < -SPL_LOSS]
     times = [
         (pair.a.sim_time_s, pair.b.sim_time_s)
         for pair in pairs
@@ -100,25 +117,29 @@ def compare_tables(first: Sequence[RunRow], second: Sequence[RunRow]) -> dict[st
         "success_a": success_a,
         "success_b": success_b,
         "success_difference": success_b - success_a,
+        "success_interval": paired_interval(len(lost), len(gained), count),
         "p": mcnemar_exact(len(lost), len(gained)),
         "spl_a": median(pair.a.spl or 0.0 for pair in pairs),
         "spl_b": median(pair.b.spl or 0.0 for pair in pairs),
-        "spl_difference": median((pair.b.spl or 0.0) - (pair.a.spl or 0.0) for pair in pairs),
+        "spl_difference": median(pair.spl_difference for pair in pairs),
+        "spl_interval": median_interval([pair.spl_difference for pair in pairs]),
         "both_reached": len(times),
         "time_a_s": median(a for a, _ in times) if times else None,
         "time_b_s": median(b for _, b in times) if times else None,
         "time_difference_s": median(b - a for a, b in times) if times else None,
+        "time_interval_s": median_interval([b - a for a, b in times]),
         "time_ratio": median(b / a for a, b in times) if times else None,
         "collisions_a": sum(pair.a.collisions or 0 for pair in pairs),
         "collisions_b": sum(pair.b.collisions or 0 for pair in pairs),
         "same_commands": sum(pair.a.command_hash == pair.b.command_hash != "" for pair in pairs),
         "gained": [_named(pair.a) for pair in gained],
-        "lost": [_named(pair.b) for pair in lost],
+        "lost": [_named(pair.b) for pair in sorted(lost, key=RunPair.loss)],
+        "worse": [_named(pair.b) for pair in sorted(worse, key=RunPair.loss)],
     }
 
 
 def _named(row: RunRow) -> dict[str, Any]:
-    """The failed run of a pair, with its outcome and cause."""
+    """One run of a pair, with its outcome, cause, SPL and picture."""
     return {
         "entry": row.entry,
         "world": row.world,
@@ -126,4 +147,6 @@ def _named(row: RunRow) -> dict[str, Any]:
         "seed": row.seed,
         "outcome": row.outcome,
         "cause": row.cause,
+        "spl": row.spl,
+        "picture": row.picture,
     }

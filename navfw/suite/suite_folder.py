@@ -32,7 +32,7 @@ from navfw.suite.run_table import RunRow, read_table, write_table
 from navfw.suite.suite_plan import SuitePlan
 from navfw.target_lock import TargetInUseError, TargetLock, sweep
 
-__all__ = ["Beginning", "SuiteFolder"]
+__all__ = ["MARKDOWN", "Beginning", "SuiteFolder"]
 
 TABLE, SUMMARY, ABOUT, PICTURES = "table.csv", "summary.json", "suite.json", "pictures"
 MARKDOWN, JOURNAL = "table.md", "journal.sqlite"

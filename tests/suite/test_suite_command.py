@@ -119,6 +119,7 @@ def processes_in(group: int) -> bool:
         (["suite", "mine/folder.yaml", "--seeds", "0:1"], "there is no such folder"),
         (["suite", "mine/wall.yaml", "--seeds", "0:1"], "mine/wall.yaml:2: entries[0]:"),
         (["compare", "a.csv", "tiny.yaml"], "there is no such file"),
+        (["compare", "a.csv", "b.csv", "--fail-if-worse", "much"], "such as 1% or 0.01"),
         (["compare", "tiny.yaml", "tiny.yaml"], "is not a table of navfw suite"),
     ],
 )
@@ -181,3 +182,14 @@ def test_compare_prints_the_paired_numbers(folder: Path) -> None:
     shown = navfw("compare", "a", "b.csv").stdout
     assert "33.3 % -> 100.0 %" in shown
     assert "p = 0.0312" in shown
+    assert "reports    a/table.md, b.csv" in shown
+
+
+@pytest.mark.parametrize(("margin", "code"), [("30%", 0), ("0.2", 1), ("1%", 1)])
+def test_compare_fails_if_b_is_worse(margin: str, code: int, folder: Path) -> None:
+    write_table(folder / "a.csv", [row(seed) for seed in range(8)])
+    write_table(folder / "b.csv", [row(s, "stuck" if s < 2 else "reached") for s in range(8)])
+    done = navfw("compare", "a.csv", "b.csv", "--fail-if-worse", margin)
+    assert done.exit_code == code
+    assert ("success fell by 25.0 %" in done.stderr) == bool(code)
+    assert navfw("compare", "b.csv", "a.csv", "--fail-if-worse", margin).exit_code == 0

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
-from scipy.stats import binomtest
+from scipy.stats import binomtest, quantile_test
 from suite_samples import row
 
 from navfw.errors import InputError
 from navfw.suite.paired_comparison import compare_tables
+from navfw.suite.run_statistics import median_interval, paired_interval
 from navfw.suite.suite_summary import summarize
 
 
@@ -61,6 +63,38 @@ def test_a_comparison_pairs_by_seed() -> None:
     assert found["time_difference_s"] == pytest.approx(-5.0)
     assert found["time_ratio"] == pytest.approx(0.75)
     assert found["spl_difference"] == pytest.approx(0.9)
+
+
+def test_the_interval_of_a_difference_covers_it() -> None:
+    generator = np.random.default_rng(3)
+    covered = 0
+    for _ in range(400):
+        kinds = generator.multinomial(60, [0.05, 0.15, 0.8])  # only A, only B, both or neither
+        low, high = paired_interval(int(kinds[0]), int(kinds[1]), 60)
+        covered += low <= 0.1 <= high
+    assert 0.92 <= covered / 400 <= 1.0
+
+
+@pytest.mark.parametrize("count", [6, 20, 101])
+def test_the_interval_of_a_median_is_that_of_the_sign_test(count: int) -> None:
+    values = np.random.default_rng(count).random(count)
+    wanted = quantile_test(values, p=0.5).confidence_interval(0.95)
+    assert median_interval(list(values)) == pytest.approx((wanted.low, wanted.high))
+    assert median_interval([1.0] * 5) is None
+
+
+def test_the_worst_regressions_come_first() -> None:
+    a = [row(seed, spl=0.9) for seed in range(5)]
+    b = [
+        row(0, "timeout", spl=0.0),
+        row(1, "collided", spl=0.0),
+        row(2, spl=0.5),
+        row(3, spl=0.3),
+        row(4, spl=0.85),
+    ]
+    found = compare_tables(a, b)
+    assert [run["seed"] for run in found["lost"]] == [1, 0]
+    assert [run["seed"] for run in found["worse"]] == [3, 2]
 
 
 def test_tables_of_several_stacks_are_paired_by_stack() -> None:

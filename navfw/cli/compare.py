@@ -1,0 +1,125 @@
+"""``navfw compare``: two tables of suites, run by run."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from navfw.cli.options import Json
+from navfw.cli.output import print_json, print_status
+from navfw.errors import InputError
+
+__all__ = ["add_to"]
+
+MAX_SHOWN = 25
+"""Largest number of runs to print of each kind; ``--json`` has all."""
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command()(compare)
+
+
+FailIfWorse = Annotated[
+    str | None,
+    typer.Option(metavar="SHARE", help="Exit with 1 if success fell by more, as in 1%."),
+]
+
+
+def compare(
+    a: Annotated[Path, typer.Argument(help="table.csv of a suite, or its folder.")],
+    b: Annotated[Path, typer.Argument(help="Another one, with the same seeds.")],
+    variant_a: Annotated[str | None, typer.Option(help="Use only this variant of A.")] = None,
+    variant_b: Annotated[str | None, typer.Option(help="Use only this variant of B.")] = None,
+    fail_if_worse: FailIfWorse = None,
+    json: Json = False,
+) -> None:
+    """Compare two tables run by run, the worst regressions first.
+
+    With --fail-if-worse, exit with 1 if B succeeds more rarely than A by more than that.
+    """
+    margin = None if fail_if_worse is None else _margin(fail_if_worse)
+    from navfw.config.input_file import is_folder
+    from navfw.suite.paired_comparison import compare_tables, of_variant
+    from navfw.suite.run_table import read_table
+    from navfw.suite.suite_folder import MARKDOWN, SuiteFolder
+
+    first, second = (
+        SuiteFolder(path).rows() if is_folder(path) else read_table(path) for path in (a, b)
+    )
+    found = compare_tables(of_variant(first, variant_a), of_variant(second, variant_b))
+    reports = [path / MARKDOWN if is_folder(path) else path for path in (a, b)]
+    if json:
+        print_json({**found, "reports": [str(file) for file in reports]})
+    else:
+        _print_comparison(found)
+        typer.echo(f"reports    {reports[0]}, {reports[1]}")
+    fallen = (len(found["lost"]) - len(found["gained"])) / found["pairs"]
+    if margin is not None and fallen > margin + 1e-9:
+        what = f"success fell by {_percent(fallen)}, more than {_percent(margin)}"
+        print_status(f"navfw: {what}")
+        raise typer.Exit(1)
+
+
+def _margin(text: str) -> float:
+    """A share from ``1%`` or ``0.01``.
+
+    Raises:
+        InputError: it is neither, or outside of 0 to 100 %.
+
+    """
+    number, percent = text.removesuffix("%").strip(), text.endswith("%")
+    try:
+        share = float(number) / (100.0 if percent else 1.0)
+    except ValueError:
+        share = math.nan
+    if not 0.0 <= share <= 1.0:
+        what = f"expected a share of the runs such as 1% or 0.01, got {text!r:.40}"
+        raise InputError(what, key="--fail-if-worse")
+    return share
+
+
+def _print_comparison(found: dict[str, Any]) -> None:
+    typer.echo(f"{found['pairs']} pairs, {found['unpaired']} unpaired runs")
+    typer.echo(
+        f"success    {_percent(found['success_a'])} -> {_percent(found['success_b'])}"
+        f"{_interval(found['success_interval'], 100.0, 1, ' %')}"
+        f"  (only B {len(found['gained'])}, only A {len(found['lost'])};"
+        f" McNemar exact p = {found['p']:.3g})"
+    )
+    typer.echo(
+        f"SPL        {found['spl_a']:.3f} -> {found['spl_b']:.3f}"
+        f"  (median difference {found['spl_difference']:+.3f}"
+        f"{_interval(found['spl_interval'], 1.0, 3)})"
+    )
+    if found["both_reached"]:
+        typer.echo(
+            f"time       {found['time_a_s']:.1f} -> {found['time_b_s']:.1f} s  (median difference"
+            f" {found['time_difference_s']:+.1f} s{_interval(found['time_interval_s'], 1.0, 1)} in"
+            f" {found['both_reached']} pairs of successes)"
+        )
+    typer.echo(f"collisions {found['collisions_a']} -> {found['collisions_b']}")
+    for word in ("lost", "worse", "gained"):
+        for run in found[word][:MAX_SHOWN]:
+            where = f"{run['entry']} / {run['world']} / {run['mission']}, seed {run['seed']}"
+            why = (
+                f"SPL {run['spl']:.2f}" if word == "worse" else f"{run['outcome']}: {run['cause']}"
+            )
+            typer.echo(f"  {word}: {where} ({why}) {run['picture']}".rstrip())
+        if len(found[word]) > MAX_SHOWN:
+            typer.echo(f"  {word}: and {len(found[word]) - MAX_SHOWN} more")
+
+
+def _interval(ends: tuple[float, float] | None, factor: float, digits: int, unit: str = "") -> str:
+    """The ends of an interval of a difference; "" without one."""
+    if ends is None:
+        return ""
+    low, high = (f"{factor * end:+.{digits}f}" for end in ends)
+    return f" [{low}, {high}]{unit}"
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.1f} %"
