@@ -1,7 +1,7 @@
 # Needs Python 3 and make alone; uv is brought into .tools/ where the machine has none.
 UV := $(shell uv --version >/dev/null 2>&1 && echo uv || echo .tools/uv/bin/uv)
 
-.PHONY: run test check uv
+.PHONY: run test check docs uv
 
 run: | uv
 	$(UV) run navfw run office lobby-to-lab
@@ -14,6 +14,10 @@ check: | uv
 	$(UV) run ruff format --check
 	$(UV) run mypy
 	$(UV) run lint-imports
+
+# the site of the documentation, in dist/site
+docs: | uv
+	$(UV) run --group docs python docs/build_site.py
 
 # by venv, or by pip alone: Debian's Python may lack either
 uv:

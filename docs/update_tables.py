@@ -27,6 +27,7 @@ DOCS = Path(__file__).parent
 
 _KEYS = re.compile(r"(<!-- keys: ([\w.]+):([\w.]+) -->\n).*?(<!-- end -->)", re.DOTALL)
 _NESTED = re.compile(r"a mapping to values, each .*")
+_PATTERN = re.compile(r"(?<=that matches )\^.*?\$")
 _CHANNELS = re.compile(r"(<!-- channels -->\n).*?(<!-- end -->)", re.DOTALL)
 _KINDS = re.compile(r"(<!-- kinds -->\n).*?(<!-- end -->)", re.DOTALL)
 
@@ -45,7 +46,7 @@ def keys_table(model: type[BaseModel]) -> str:
         info = model.model_fields[parameter.name]
         cells = (
             f"`{info.alias or parameter.name}`",
-            _NESTED.sub("a mapping", describe(info.annotation, info.metadata)),
+            _described(info.annotation, info.metadata),
             "**required**" if parameter.required else _default(parameter.default),
             parameter.description or _about(parameter.name, info.annotation),
         )
@@ -67,6 +68,11 @@ def kinds_table() -> str:
         does = (base.__doc__ or "").strip().splitlines()[0]
         rows.append(f"| `{kind}` | `{base.__name__}` | {does} |")
     return "\n".join(rows) + "\n"
+
+
+def _described(annotation: Any, metadata: list[Any]) -> str:
+    text = _NESTED.sub("a mapping", describe(annotation, metadata))
+    return _PATTERN.sub(lambda pattern: f"`{pattern[0]}`", text)
 
 
 def _default(value: object) -> str:

@@ -75,7 +75,10 @@ def test_the_guide_to_behaviours_has_all_that_they_know_and_return() -> None:
         assert hasattr(getattr(context, name), part), f"{name}.{part}"
 
 
-@pytest.mark.parametrize("name", ["commands.md", "behaviors.md", "plugins.md", "worlds.md"])
+@pytest.mark.parametrize(
+    "name",
+    ["commands.md", "behaviors.md", "rules.md", "mission-tests.md", "plugins.md", "worlds.md"],
+)
 def test_the_keys_and_names_of_a_guide_occur_in_the_code(name: str) -> None:
     text = without_code((DOCS / name).read_text(encoding="utf-8"))
     named = set(re.findall(r"`([a-z]+(?:_[a-z]+)*)`", text))
@@ -90,7 +93,9 @@ def _text(file: Path) -> str:
 
 
 def test_every_section_of_a_file_has_its_table_of_keys() -> None:
-    text = (DOCS / "files.md").read_text(encoding="utf-8")
+    text = "".join(
+        (DOCS / name).read_text(encoding="utf-8") for name in ("files.md", "stack-file.md")
+    )
     documented = {
         getattr(importlib.import_module(module), name)
         for module, name in re.findall(r"<!-- keys: ([\w.]+):(\w+) -->", text)

@@ -1,0 +1,149 @@
+"""Build the site of the documentation, without warnings, into ``dist/site`` or ``--out``.
+
+Its pages are those of this folder, sections of the README, and pages made here: the Python API
+from docstrings, the options of all commands, the notebook. ``docs/zensical.toml`` has their order::
+
+    uv run --group docs python docs/build_site.py
+"""
+
+from __future__ import annotations
+
+import argparse
+import inspect
+import json
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import typer
+import typer.cli
+import typer.main
+
+import navfw
+import navfw.signals
+import navfw.testing
+from navfw.cli import app
+
+DOCS = Path(__file__).parent
+ROOT = DOCS.parent
+
+README_PAGES = {
+    "index.md": "How it works",
+    "first-run.md": "Commands",
+    "first-behavior.md": "Write a behaviour",
+}
+"""The sections of the README that are pages of the site; the first one with what precedes it."""
+
+PROJECT_PAGES = {"CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changelog.md"}
+"""Other pages of the repository's root, with their names on the site."""
+
+API_MODULES = {
+    navfw: "Missions, plugins and results",
+    navfw.signals: "What passes between stages",
+    navfw.testing: "Tests of plugins and missions",
+}
+"""The public modules, each with the heading of its section; a name is shown once."""
+
+_LINK = re.compile(r"(?<=\]\()(?!https?:)[^)#\s]+")
+
+
+def assemble(folder: Path) -> None:
+    """Write the configuration and all pages of the site to ``folder``."""
+    pages = folder / "pages"
+    shutil.copytree(
+        DOCS, pages, ignore=shutil.ignore_patterns("*.py", "*.toml", "*.ipynb", "results")
+    )
+    shutil.copy(DOCS / "zensical.toml", folder)
+    made = {**dict(readme_pages()), "python.md": notebook_page(), "api.md": api_page()}
+    for source, name in PROJECT_PAGES.items():
+        made[name] = _relinked((ROOT / source).read_text(encoding="utf-8"))
+    made["options.md"] = options_page()
+    for name, text in made.items():
+        (pages / name).write_text(text, encoding="utf-8")
+
+
+def readme_pages() -> Iterator[tuple[str, str]]:
+    """The pages that are sections of the README: name and text."""
+    text = _relinked((ROOT / "README.md").read_text(encoding="utf-8"))
+    first, *sections = re.split(r"^## ", text, flags=re.MULTILINE)
+    by_heading = {section.partition("\n")[0]: section for section in sections}
+    for name, heading in README_PAGES.items():
+        if name == "index.md":
+            yield name, f"{first}## {by_heading[heading]}"
+        else:
+            yield name, f"# {by_heading[heading]}"
+
+
+def notebook_page() -> str:
+    """The cells of the notebook, code as fenced blocks."""
+    cells = json.loads((DOCS / "python.ipynb").read_text(encoding="utf-8"))["cells"]
+    texts = [(cell["cell_type"], "".join(cell["source"])) for cell in cells]
+    return "\n\n".join(
+        f"```python\n{text}\n```" if kind == "code" else text for kind, text in texts
+    )
+
+
+def api_page() -> str:
+    """The docstrings of all public names, by module."""
+    parts = ["# Python API", "Generated from the docstrings. Units are SI and radians."]
+    shown: set[object] = set()
+    for module, heading in API_MODULES.items():
+        parts.append(f"## {heading}\n\n`{module.__name__}`")
+        for name in module.__all__:
+            value = getattr(module, name)
+            if not inspect.isroutine(value) and not inspect.isclass(value):
+                continue
+            if not value.__module__.startswith("navfw") or value in shown:
+                continue
+            shown.add(value)
+            parts.append(f"::: {value.__module__}.{value.__qualname__}")
+    return "\n\n".join(parts) + "\n"
+
+
+def options_page() -> str:
+    """Arguments and options of all commands, as ``--help`` has them."""
+    command = typer.main.get_command(app)
+    text = typer.cli.get_docs_for_click(
+        obj=command, ctx=typer.Context(command), name="navfw", title="Options of all commands"
+    )
+    prose_and_code = str(text).split("`")
+    prose_and_code[::2] = [prose.replace("[", "\\[") for prose in prose_and_code[::2]]
+    return "`".join(prose_and_code)
+
+
+def _relinked(text: str) -> str:
+    """``text`` of a page in the repository's root, with links as a page beside ``docs/*.md``."""
+
+    def on_site(link: re.Match[str]) -> str:
+        target = link[0].removeprefix("docs/")
+        return PROJECT_PAGES.get(target, target.replace(".ipynb", ".md"))
+
+    return _LINK.sub(on_site, text).replace("[LICENSE](LICENSE)", "LICENSE")
+
+
+def build(out: Path) -> int:
+    """Build the site into ``out``, which is replaced; the exit code of the generator."""
+    with tempfile.TemporaryDirectory() as made:
+        folder = Path(made)
+        assemble(folder)
+        command = [sys.executable, "-m", "zensical", "build", "--strict", "--clean"]
+        code = subprocess.run(command, cwd=folder, check=False).returncode  # noqa: S603 - no shell
+        if code == 0:
+            shutil.rmtree(out, ignore_errors=True)
+            shutil.copytree(folder / "site", out)
+    return code
+
+
+def main() -> int:
+    """Build the site; 0 if there was no warning."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--out", type=Path, default=ROOT / "dist" / "site", help="folder to write")
+    return build(parser.parse_args().out)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,86 @@
+"""The site of the documentation: built without warnings, with every page and every public name."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+from docs_pages import ROOT, load_module
+
+import navfw
+import navfw.testing
+
+DOCS = ROOT / "docs"
+
+
+@pytest.fixture(scope="module")
+def builder() -> ModuleType:
+    return load_module(DOCS / "build_site.py")
+
+
+@pytest.fixture(scope="module")
+def assembled(builder: ModuleType, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder that the generator builds the site from."""
+    folder = tmp_path_factory.mktemp("site")
+    builder.assemble(folder)
+    return folder
+
+
+def pages_of(entries: list[dict[str, Any]]) -> Iterator[str]:
+    """The pages of a navigation, in its order."""
+    for entry in entries:
+        for target in entry.values():
+            if isinstance(target, str):
+                yield target
+            else:
+                yield from pages_of(target)
+
+
+def test_the_navigation_has_every_page_once(assembled: Path) -> None:
+    config = tomllib.loads((assembled / "zensical.toml").read_text(encoding="utf-8"))
+    listed = list(pages_of(config["project"]["nav"]))
+    pages = assembled / "pages"
+    found = {str(page.relative_to(pages)) for page in pages.rglob("*.md")}
+    # the index of the decisions leads to each of them
+    found -= {name for name in found if re.match(r"decisions/\d", name)}
+    assert sorted(listed) == sorted(found)
+
+
+def test_the_readme_is_on_the_site(assembled: Path) -> None:
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    page = (assembled / "pages" / "first-behavior.md").read_text(encoding="utf-8")
+    assert page.startswith("# Write a behaviour\n")
+    assert re.findall(r"^\*\*`.*$", page, re.MULTILINE) == re.findall(
+        r"^\*\*`.*$", readme, re.MULTILINE
+    )
+    assert "](docs/" not in "".join(
+        made.read_text(encoding="utf-8") for made in (assembled / "pages").glob("*.md")
+    )
+
+
+def test_the_options_of_every_command_are_on_the_site(assembled: Path) -> None:
+    text = (assembled / "pages" / "options.md").read_text(encoding="utf-8")
+    assert {"`navfw run`", "`navfw map build`"} <= set(re.findall(r"^#+ (.*)$", text, re.M))
+    assert "* `--seed" in text
+
+
+def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
+    pytest.importorskip("zensical", reason="needs the group docs: uv sync --group docs")
+    command = [sys.executable, str(DOCS / "build_site.py"), "--out", str(tmp_path / "site")]
+    done = subprocess.run(  # noqa: S603 - this Python, words of our own
+        command, capture_output=True, text=True, timeout=300, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    api = (tmp_path / "site" / "api.html").read_text(encoding="utf-8")
+    anchors = set(re.findall(r'<h3 id="[\w.]+\.(\w+)"', api))
+    public = {*navfw.__all__, *navfw.testing.__all__} - {"Array", "Explain", "__version__"}
+    assert public - anchors == set()
+    # neither fonts nor scripts come from a server
+    assert re.findall(r'<(?:script|link)[^>]+(?:src|href)="https?:', api) == []
