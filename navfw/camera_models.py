@@ -19,6 +19,10 @@ WORKING_WIDTH = 160
 """Least width [px] of the images that flow and perception work on: the paper's."""
 
 
+CELLS = 16, 12
+"""Columns and rows of the usual grid of flow vectors."""
+
+
 class CameraModel(BaseModel):
     """A pinhole camera fixed to base_link, looking forward (camera_optical: x right, y down)."""
 
@@ -52,13 +56,16 @@ class CameraModel(BaseModel):
 
     @property
     def reduction(self) -> int:
-        """The factor by which the stack reduces images: the largest to no less than WORKING_WIDTH.
+        """The factor by which the stack reduces images: the largest that leaves at least WORKING_WIDTH.
 
-        The pixels of flow fields and percepts are those of the reduced image.
+        The reduced image divides into the cells of CELLS. The pixels of flow fields and percepts
+        are those of the reduced image.
         """
-        both = math.gcd(self.width, self.height)
+        parts = math.gcd(self.width // CELLS[0], self.height // CELLS[1])
+        if self.width % CELLS[0] or self.height % CELLS[1]:
+            return 1
         factors = range(self.width // WORKING_WIDTH, 1, -1)
-        return next((factor for factor in factors if both % factor == 0), 1)
+        return next((factor for factor in factors if parts % factor == 0), 1)
 
     def fall_per_depth(self, points: Array, pitch: float | None = None) -> Array:
         """How far [m] the rays through ``points`` (..., 2) [px] fall per metre of depth along z.

@@ -37,7 +37,7 @@ def test_variations_of_the_default_stack_differ_in_few_keys() -> None:
     assert differing("poles") == {"stixels", "warmup", "commands"}
     assert differing("pedestrians") == {"commands"}
     assert differing("patrol") == {"composite", "behaviors"}
-    assert differing("search") == {"composite", "behaviors"}
+    assert differing("search") == {"composite", "behaviors", "planner"}
     behaviors = shipped("default")["behaviors"]
     assert shipped("patrol")["behaviors"] == {**behaviors, "cruise": {"weight": 0.5}}  # type: ignore[dict-item]
 
