@@ -56,7 +56,7 @@ class CameraModel(BaseModel):
 
     @property
     def reduction(self) -> int:
-        """The factor by which the stack reduces images: the largest that leaves at least WORKING_WIDTH.
+        """The factor by which the stack reduces images: the largest that leaves WORKING_WIDTH.
 
         The reduced image divides into the cells of CELLS. The pixels of flow fields and percepts
         are those of the reduced image.
