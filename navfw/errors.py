@@ -35,10 +35,15 @@ __all__ = [
 ]
 
 
+_NEAR = 0.52
+"""Least similarity of a name that is meant: "bride" and "bright" have 0.55, "latency" and
+"emergency" 0.5."""
+
+
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """A hint for an error message: the nearest known name, or all known names if none is near."""
     names = sorted(set(known))
-    near = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
+    near = difflib.get_close_matches(name, names, n=1, cutoff=_NEAR)
     if near:
         return f"did you mean {near[0]!r}?"
     if names:

@@ -39,11 +39,14 @@ def show(
     """Draw a map over its world's floor plan."""
     from navfw.cli.map_inputs import find_map, outline_for
     from navfw.recording.map_picture import draw_map
+    from navfw.topomap.map_formats import SUFFIXES
 
     with quiet_stdout():
         topo_map = find_map(map_)
         outline = outline_for(topo_map, world)
-        path = out or Path(f"{Path(topo_map.name).name}.png")
+        given = Path(map_)
+        stem = given.stem if given.suffix.lower() in SUFFIXES else given.name
+        path = out or Path(f"{stem}.png")
         draw_map(path, topo_map, outline)
     kinds: dict[str, int] = {}
     for place in topo_map.places.values():

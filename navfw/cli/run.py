@@ -50,7 +50,7 @@ def add_to(app: typer.Typer) -> None:
 
 def run(
     world: World,
-    mission: Mission,
+    mission: Mission = "",
     seed: Annotated[
         int, typer.Option(min=0, help="Seed of all noise; the same one gives the same commands.")
     ] = 0,
@@ -90,6 +90,8 @@ def run(
 
     Exit with 3 if a file of the run folder could not be written; the result is printed anyway.
     """
+    if not mission:
+        raise _no_mission(world)
     _run(
         _Request(
             world,
@@ -106,6 +108,13 @@ def run(
             quiet=quiet,
         )
     )
+
+
+def _no_mission(world: str) -> InputError:
+    from navfw.config.lookup import list_missions
+
+    names = ", ".join(found.name for found in list_missions(world))
+    return InputError(f"give one of the missions of {world}: {names or 'it has none'}")
 
 
 @dataclass(frozen=True, slots=True)

@@ -143,8 +143,15 @@ class Router:
         self._graph.set_cost(passage, self.costs.of(passage))
 
     def explain(self, route: Route) -> list[dict[str, Any]]:
-        """The cost of each passage of the route, rule by rule, as plain data."""
-        return [self.costs.explain(passage) for passage in route.passages]
+        """The cost of each passage of the route, rule by rule, as plain data.
+
+        Passages are in the order of travel, and ``from`` and ``to`` are in its direction.
+        """
+        travelled = zip(route.passages, pairwise(route.places), strict=True)
+        return [
+            {**self.costs.explain(passage), "from": start, "to": end}
+            for passage, (start, end) in travelled
+        ]
 
     def _route(self, start: Endpoint, goal: Endpoint, entry: Access, leave: Access) -> Route:
         found = self._graph.cheapest_path(entry.costs, leave.costs, goal.point)

@@ -269,3 +269,10 @@ def test_help_names_every_command_and_imports_nothing_heavy() -> None:
     for command in ("worlds", "missions", "maps", "stacks", "robots", "plugins"):
         assert f" {command} " in done.stdout
     assert "navfw.cli.listings" in COMMANDS
+
+
+@pytest.mark.usefixtures("project")
+def test_run_without_a_mission_lists_those_of_the_world() -> None:
+    result = CliRunner().invoke(app, ["run", "barn"])
+    assert result.exit_code == 2
+    assert "navfw: give one of the missions of barn: bad, cross" in result.stderr

@@ -85,6 +85,7 @@ def test_show_draws_the_map_over_its_world(tmp_path: Path, monkeypatch: pytest.M
     ran("map", "convert", "office", "copy.geojson")
     text = (tmp_path / "copy.geojson").read_text().replace('"name": "office"', '"name": "../x y"')
     (tmp_path / "copy.geojson").write_text(text)
+    assert json_of("map", "show", "copy.geojson")["picture"] == "copy.png"
     assert json_of("map", "show", "copy.geojson", "--out", "b.png")["over_world"] is False
     assert size(tmp_path / "b.png")[0] > 800
 

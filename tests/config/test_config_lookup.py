@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from navfw.config import lookup, ownership
-from navfw.errors import ConfigError, UnknownNameError
+from navfw.errors import ConfigError, UnknownNameError, did_you_mean
 
 HOME = Path(lookup.__file__).parents[2]
 
@@ -75,6 +75,17 @@ def test_unknown_names_get_the_nearest(
 ) -> None:
     with pytest.raises(UnknownNameError, match=f"did you mean '{near}'"):
         lookup.find(kind, name)
+
+
+@pytest.mark.parametrize(
+    ("name", "hint"),
+    [
+        ("max_speed", "did you mean 'max_v'?"),
+        ("latency", "known: emergency, max_v"),
+    ],
+)
+def test_only_a_plausible_name_is_proposed(name: str, hint: str) -> None:
+    assert did_you_mean(name, ["max_v", "emergency"]) == hint
 
 
 def test_names_cannot_lead_out_of_the_folders(shipped: Path) -> None:
