@@ -23,7 +23,7 @@ __all__ = ["MAX_TRIANGLES", "MESH_SUFFIXES", "Corners", "TriangleMesh", "joined"
 Corners = npt.NDArray[np.int64]
 
 MAX_TRIANGLES = 20_000
-"""Largest number of triangles of a mesh: about 3 ms more for each image that shows it."""
+"""Largest number of triangles of a mesh: each image that shows it draws them all."""
 MESH_SUFFIXES = (".obj", ".stl")
 """Suffixes of mesh files."""
 _MAX_BYTES = 10_000_000
