@@ -16,7 +16,7 @@ from contextlib import contextmanager, nullcontext
 
 from navfw.heartbeat import LONGEST_GAP, begin_call, end_call, postpone
 
-__all__ = ["PluginTimeout", "Watchdog"]
+__all__ = ["PluginTimeout", "Watchdog", "compiling"]
 
 PERIOD = 0.25
 """Period [s] in which the interval timer compares the time with the deadline."""
@@ -147,6 +147,11 @@ class _Compilation:
 
 
 _compilation = _Compilation()
+
+
+def compiling() -> bool:
+    """Whether a kernel is being compiled while a watchdog is on duty in this process."""
+    return _compilation.active
 
 
 def _listen_to_numba() -> None:

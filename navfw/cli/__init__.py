@@ -43,6 +43,7 @@ COMMANDS = (
     "navfw.cli.bench",
     "navfw.cli.suite",
     "navfw.cli.compare",
+    "navfw.cli.warm",
     "navfw.cli.results",
     "navfw.cli.trust",
 )

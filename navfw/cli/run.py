@@ -18,6 +18,7 @@ from navfw.cli.completion import complete_setting, complete_stack
 from navfw.cli.options import Json, Live, LivePort, Mission, Record, Robot, World, of_robot
 from navfw.cli.output import console, print_json, quiet_stdout
 from navfw.cli.supervisor import announce, announce_end
+from navfw.cli.warm import compile_with_progress
 from navfw.errors import InputError
 from navfw.interruption import check_interrupted, deferred, interruptible
 
@@ -38,9 +39,9 @@ LINE_WIDTH = 200
 """Largest length of such a line [characters]."""
 
 COMPILING_NOTICE_AFTER = 3.0
-"""Time without progress after which ``COMPILING`` is printed [s]."""
+"""Time without progress after which ``COMPILING`` is printed, if a kernel is compiled [s]."""
 
-COMPILING = "the first run after a change of navfw compiles its kernels: up to a minute"
+COMPILING = "compiling a kernel for types that it has not been called with before"
 
 
 def add_to(app: typer.Typer) -> None:
@@ -173,6 +174,7 @@ def _drive(request: _Request) -> tuple[MissionResult, Path | None, tuple[str, ..
             overrides=request.overrides,
         )
         check_interrupted()
+        compile_with_progress(loaded=True, quiet=request.quiet)
         observers = [] if request.port is None else [_live(session, request)]
     numbered = request.out is None
     target = RunFolder(request.out or default_folder(session), numbered=numbered)
@@ -304,9 +306,11 @@ class _ProgressLine:
             typer.echo(_line(progress)[:LINE_WIDTH], err=True)
 
     def _explain_delay(self) -> None:
-        """Print ``COMPILING`` once if there is no progress for a while."""
+        """Print ``COMPILING`` once if there is no progress for a while because of a kernel."""
+        from navfw.watchdog import compiling
+
         while not self._over.wait(0.1 * COMPILING_NOTICE_AFTER):
-            if time.monotonic() - self._shown > COMPILING_NOTICE_AFTER:
+            if compiling() and time.monotonic() - self._shown > COMPILING_NOTICE_AFTER:
                 if self._live is None:
                     typer.echo(COMPILING, err=True)
                 else:

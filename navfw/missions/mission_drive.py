@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Self
 
+from navfw.kernels import compile_kernels
 from navfw.missions.oracle import plugins_of
 from navfw.missions.outcome import MissionVerdict
 from navfw.missions.runner import MissionLoop, RunResult
@@ -20,6 +21,7 @@ __all__ = ["MissionDrive"]
 class MissionDrive:
     """A context manager with the ``simulator`` and the ``loop`` of one run of ``stack``.
 
+    Kernels of imported modules that are not compiled yet are compiled when the context begins.
     What is known of the whole run only is set when the context ends: ``timings`` [s] by part,
     ``cause`` of a collision, and the tracks of what moved (``movers``) and changed (``changes``).
     """
@@ -41,6 +43,7 @@ class MissionDrive:
         self._make_loop = loop
 
     def __enter__(self) -> Self:
+        compile_kernels(loaded=True)
         self.simulator = self._simulation()
         try:
             self.loop = self._make_loop(self.simulator)

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import io
+import sys
 import time
 
 import pytest
 
+from navfw import watchdog
 from navfw.cli import run
+from navfw.cli.progress_bar import ProgressBar
 from navfw.missions.runner import Progress
 
 
@@ -30,10 +34,20 @@ def test_without_a_terminal_there_is_a_line_every_few_seconds(
     assert "Front is a door; Floor" in err
 
 
-def test_a_long_delay_is_explained_once(
+def test_a_delay_without_a_kernel_to_compile_says_nothing(
+    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(run, "COMPILING_NOTICE_AFTER", 0.02)
+    with run._ProgressLine(quiet=False):
+        time.sleep(0.2)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_long_compilation_is_told_once(
     capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(run, "COMPILING_NOTICE_AFTER", 0.05)
+    monkeypatch.setattr(watchdog, "compiling", lambda: True)
     with run._ProgressLine(quiet=False) as line:
         line.show(progress(1.0))
         text = ""
@@ -48,7 +62,52 @@ def test_quiet_prints_nothing(
     capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(run, "COMPILING_NOTICE_AFTER", 0.01)
+    monkeypatch.setattr(watchdog, "compiling", lambda: True)
     with run._ProgressLine(quiet=True) as line:
         line.show(progress(1.0))
         time.sleep(0.1)
     assert capfd.readouterr() == ("", "")
+
+
+def test_a_bar_without_a_terminal_is_lines_with_rate_and_time_left(
+    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock = iter([10.0, 12.0, 16.0, 20.0])
+    monkeypatch.setattr(time, "monotonic", lambda: next(clock))
+    with ProgressBar("checking", "worlds") as bar:
+        bar.update(2, 10, "first")
+        bar.update(3, 10, "within the period")
+        bar.update(5, 10, "third")
+        bar.update(10, 10)
+    out, err = capfd.readouterr()
+    assert out == ""
+    assert err.splitlines() == [
+        "checking: 2 of 10 worlds: first",
+        "checking: 5 of 10 worlds, 0.5/s, 10 s left: third",
+        "checking: 10 of 10 worlds, 0.8/s",
+    ]
+
+
+def test_a_bar_shows_nothing_before_the_first_update_and_nothing_when_quiet(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    with ProgressBar("checking", "worlds"):
+        pass
+    with ProgressBar("checking", "worlds", quiet=True) as bar:
+        bar.update(1, 2)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_bar_on_a_terminal_shows_names_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    screen = io.StringIO()
+    monkeypatch.setattr(screen, "isatty", lambda: True)
+    monkeypatch.setattr(sys, "stderr", screen)
+    monkeypatch.setenv("COLUMNS", "120")
+    monkeypatch.setenv("TERM", "xterm")
+    with ProgressBar("compiling", "kernels") as bar:
+        bar.update(0, 4, "array [m]")
+        bar.update(1, 4, "sweep_arcs")
+    assert "0 of 4 kernels" in screen.getvalue()
+    assert "array [m]" in screen.getvalue()
+    assert "1 of 4 kernels, " in screen.getvalue()
+    assert " s left" in screen.getvalue()

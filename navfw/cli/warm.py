@@ -1,0 +1,39 @@
+"""``navfw warm``: compile navfw's kernels ahead of need, for images of machines and CI caches."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from navfw.cli.progress_bar import ProgressBar
+
+__all__ = ["add_to", "compile_with_progress"]
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command()(warm)
+
+
+def warm(
+    quiet: Annotated[bool, typer.Option("--quiet", help="Print no progress.")] = False,
+) -> None:
+    """Compile all kernels that are not compiled yet, on all cores."""
+    compiled = compile_with_progress(quiet=quiet)
+    typer.echo(f"{compiled} kernels compiled" if compiled else "all kernels are compiled")
+
+
+def compile_with_progress(*, loaded: bool = False, quiet: bool = False) -> int:
+    """Compile what is missing, with ``loaded`` for imported modules only; returns the number.
+
+    The bar appears only when something is compiled.
+    """
+    from navfw.kernels import CompilationState, compile_kernels
+
+    with ProgressBar("compiling", "kernels", quiet=quiet) as bar:
+
+        def show(state: CompilationState) -> None:
+            bar.update(state.done, state.total, state.now)
+
+        return compile_kernels(show, loaded=loaded)

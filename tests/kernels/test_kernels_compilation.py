@@ -1,0 +1,126 @@
+"""Kernels compiled ahead of need: their list, their groups, and one process at a time."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from kernel_recording import listed_calls
+
+from navfw.kernels import groups_of, listed_kernels, parse_types
+
+COMPILE = """
+import sys
+from navfw.kernels import parallel_compilation, Kernel
+from navfw.guard.answer_kernels import are_degrees, are_finite, are_within
+from navfw.kernels import parse_types
+one, two = parse_types("array(float64, 1d, C)"), parse_types("readonly array(float64, 1d, C)")
+kernels = [Kernel(str(f), f, (one, two)) for f in (are_degrees, are_finite)]
+parallel_compilation.listed_kernels = lambda loaded: kernels
+shown = []
+print(parallel_compilation.compile_kernels(shown.append), any(k.missing for k in kernels))
+print(*(f"{state.done}/{state.total}" for state in shown))
+compiled = [s for k in kernels for s in k.function.stats.cache_misses.values()]
+print("compiled here:", sum(compiled))
+"""
+
+
+def compiler(cache: Path, code: str = COMPILE) -> subprocess.Popen[str]:
+    """A process that compiles two small kernels into ``cache``."""
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache)}
+    return subprocess.Popen(  # noqa: S603 - the interpreter of this test
+        [sys.executable, "-c", code], env=environment, stdout=subprocess.PIPE, text=True
+    )
+
+
+def test_names_of_types_are_those_that_numba_prints() -> None:
+    text = "float64, readonly array(uint8, 2d, A), Tuple(UniTuple(int64 x 3), bool), int8"
+    types = parse_types(text)
+    assert ", ".join(map(str, types)) == text
+    assert not types[1].mutable
+    assert parse_types("") == ()
+
+
+@pytest.mark.parametrize("text", ["float65", "array(float64, 2d)", "Tuple(float64", "a, b"])
+def test_other_names_are_refused(text: str) -> None:
+    with pytest.raises(ValueError, match="no type of a kernel's argument"):
+        parse_types(text)
+
+
+def test_the_list_names_kernels_that_exist_with_the_number_of_their_arguments() -> None:
+    listed = listed_kernels()
+    assert sum(map(len, listed_calls().values())) == len(listed) > 50
+    for kernel in listed:
+        count = kernel.function.py_func.__code__.co_argcount
+        assert {len(types) for types in kernel.signatures} == {count}, kernel.name
+
+
+def test_groups_hold_every_kernel_once_and_have_no_function_in_common() -> None:
+    listed = listed_kernels()
+    groups = groups_of(listed)
+    names = [kernel.name for group in groups for kernel in group]
+    assert sorted(names) == sorted(kernel.name for kernel in listed)
+    called = [set().union(*(kernel.calls for kernel in group)) for group in groups]
+    assert sum(map(len, called)) == len(set().union(*called)) > len(names)
+    assert len(groups) > 20  # enough for many cores
+
+
+def test_workers_compile_and_a_second_process_finds_all_compiled(tmp_path: Path) -> None:
+    first = compiler(tmp_path).communicate(timeout=300)[0].splitlines()
+    assert first[0] == "2 False"
+    assert first[1].split()[0] == "0/2"
+    assert first[1].split()[-1] == "2/2"
+    assert first[2] == "compiled here: 0"  # but by the workers
+    assert compiler(tmp_path).communicate(timeout=300)[0].splitlines()[:2] == ["0 False", ""]
+
+
+def test_only_one_of_two_processes_compiles(tmp_path: Path) -> None:
+    waiting = compiler(tmp_path)
+    both = [process.communicate(timeout=300)[0] for process in (compiler(tmp_path), waiting)]
+    assert all("compiled here: 0" in text for text in both)
+    assert len(list(tmp_path.rglob("*.nbc"))) == 4
+
+
+def test_workers_end_with_their_process(tmp_path: Path) -> None:
+    code = COMPILE.replace(
+        "shown = []",
+        "shown = []\nKernel.compile = lambda self: __import__('time').sleep(0.5)\n"
+        "kernels *= 20\nparallel_compilation.groups_of = lambda k: [[one] for one in k]\n"
+        "print('begun', flush=True)",
+    )
+    process = compiler(tmp_path, code)
+    assert process.stdout is not None
+    assert process.stdout.readline() == "begun\n"
+    time.sleep(1.0)
+    process.kill()
+    # the pipe closes once no worker holds it any more
+    began = time.monotonic()
+    process.communicate(timeout=60)
+    assert time.monotonic() - began < 8.0
+
+
+def test_a_drive_calls_listed_kernels_with_listed_types_alone() -> None:
+    code = (
+        "import json; from kernel_recording import calls_of_drives;"
+        "print(json.dumps(calls_of_drives(['default'], 2.0)))"
+    )
+    helpers = Path(__file__).parents[1] / "helpers"
+    environment = {**os.environ, "PYTHONPATH": str(helpers)}
+    done = subprocess.run(  # noqa: S603 - the interpreter of this test
+        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True
+    )
+    called, listed = json.loads(done.stdout.splitlines()[-1]), listed_calls()
+    missing = [
+        f"{module}.{name}: {signature}"
+        for module, functions in called.items()
+        for name, signatures in functions.items()
+        for signature in signatures
+        if signature not in listed.get(module, {}).get(name, [])
+    ]
+    assert not missing, "run: uv run python tests/helpers/kernel_recording.py"
+    assert sum(map(len, called.values())) > 40
