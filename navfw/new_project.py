@@ -1,11 +1,13 @@
 """A new project from the templates in ``navfw/templates/project``, written whole or not at all.
 
 A file of the templates is copied as it is. The ending ``.template`` is left out: it keeps tools
-that look for Python files and for ``.gitignore`` from taking templates for their own.
+that look for Python files and for ``.gitignore`` from taking templates for their own. Beside the
+copies, ``.vscode`` gets the schemas of files, so that an editor completes and explains their keys.
 """
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
 from pathlib import Path
@@ -14,6 +16,7 @@ from navfw.atomic import AtomicFolder
 from navfw.config.input_file import shown_path
 from navfw.config.lookup import project_folder
 from navfw.errors import ConfigError
+from navfw.file_schemas import editor_settings
 
 __all__ = ["TEMPLATES", "write_project"]
 
@@ -41,11 +44,16 @@ def write_project(folder: Path) -> list[str]:
         what = f"is within the project {shown_path(around)}; choose a folder outside of it"
         raise ConfigError(what, file=folder)
     names = {_name(file): file for file in sorted(TEMPLATES.rglob("*")) if file.is_file()}
+    settings = {f".vscode/{name}": content for name, content in editor_settings().items()}
     with AtomicFolder(folder, _NOTHING, "DIR") as target:
         for name, template in names.items():
             (target.path / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(template, target.path / name)
-    return sorted(names)
+        for name, content in settings.items():
+            (target.path / name).parent.mkdir(parents=True, exist_ok=True)
+            text = json.dumps(content, indent=2) + "\n"
+            (target.path / name).write_text(text, encoding="utf-8")
+    return sorted((*names, *settings))
 
 
 def _name(template: Path) -> str:

@@ -2,29 +2,14 @@
 
 from __future__ import annotations
 
-import importlib
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from navfw.cli.output import print_json, quiet_stdout
-from navfw.errors import UnknownNameError
+from navfw.file_schemas import MODELS, schema_of
 
-if TYPE_CHECKING:
-    from pydantic import BaseModel
-
-__all__ = ["MODELS", "add_to"]
-
-MODELS = {
-    "map": "navfw.topomap.mapspec:MapSpec",
-    "mission": "navfw.missions.missionspec:MissionSpec",
-    "robot": "navfw.robotfile:RobotSpec",
-    "rules": "navfw.fuzzy.rulespec:RuleBaseSpec",
-    "stack": "navfw.stackfile:StackSpec",
-    "suite": "navfw.suite.suitefile:SuiteSpec",
-    "world": "navfw.sim.worldspec:WorldSpec",
-}
-"""The model of each kind of file, as ``module:Class``; imported when asked for."""
+__all__ = ["add_to"]
 
 
 def add_to(app: typer.Typer) -> None:
@@ -41,14 +26,6 @@ def schema(
 
     It gives keys, types and bounds. What files say of each other is checked by navfw check.
     """
-    if kind not in MODELS:
-        raise UnknownNameError("kind of file", kind, MODELS)
     with quiet_stdout():
-        found = _model(kind).model_json_schema()
-    print_json({"$schema": "https://json-schema.org/draft/2020-12/schema", **found})
-
-
-def _model(kind: str) -> type[BaseModel]:
-    module, _, name = MODELS[kind].partition(":")
-    model: type[BaseModel] = getattr(importlib.import_module(module), name)
-    return model
+        found = schema_of(kind)
+    print_json(found)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+import yaml
 from typer.testing import CliRunner, Result
 
 from navfw import Behavior
@@ -37,6 +39,20 @@ def test_a_new_project_is_sound(folder: Path, monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.chdir(folder / "mine")
     checked = navfw("check")
     assert (checked.exit_code, checked.stdout) == (0, "5 checked, 0 wrong\n")
+
+
+def test_every_file_of_a_new_project_has_its_schema_in_the_editor(folder: Path) -> None:
+    navfw("new", "project", "mine")
+    project = folder / "mine"
+    wired = json.loads((project / ".vscode/settings.json").read_text())["yaml.schemas"]
+    schemas = {path.relative_to(project) for path in project.glob(".vscode/schemas/*.json")}
+    assert {Path(name) for name in wired} == schemas
+    found = {path: name for name, pattern in wired.items() for path in project.glob(pattern)}
+    files = {path for path in project.rglob("*.yaml") if ".github" not in path.parts}
+    assert set(found) == files
+    for path, name in found.items():
+        known = json.loads((project / name).read_text())["properties"]
+        assert set(yaml.safe_load(path.read_text())) <= set(known), path
 
 
 def test_an_empty_folder_is_taken_and_another_is_not(folder: Path) -> None:

@@ -9,9 +9,9 @@ import pytest
 from typer.testing import CliRunner
 
 from navfw.cli import app
-from navfw.cli.schema import MODELS
 from navfw.config.document import load_yaml
 from navfw.config.lookup import shipped_folder
+from navfw.file_schemas import MODELS
 
 ROOT = shipped_folder()
 EXAMPLES = {
