@@ -79,10 +79,23 @@ def test_workers_compile_and_a_second_process_finds_all_compiled(tmp_path: Path)
     assert compiler(tmp_path).communicate(timeout=300)[0].splitlines()[:2] == ["0 False", ""]
 
 
+BOTH_AT_ONCE = """
+import os, pathlib, time
+ready = pathlib.Path(os.environ["NUMBA_CACHE_DIR"])
+(ready / f"{os.getpid()}.ready").touch()
+while len(list(ready.glob("*.ready"))) < 2:
+    time.sleep(0.01)
+compile_ = Kernel.compile
+Kernel.compile = lambda self: (time.sleep(1.0), compile_(self))
+shown = []
+"""
+
+
 def test_only_one_of_two_processes_compiles(tmp_path: Path) -> None:
-    waiting = compiler(tmp_path)
-    both = [process.communicate(timeout=300)[0] for process in (compiler(tmp_path), waiting)]
-    assert all("compiled here: 0" in text for text in both)
+    code = COMPILE.replace("shown = []", BOTH_AT_ONCE)
+    processes = [compiler(tmp_path, code) for _ in range(2)]
+    texts = [process.communicate(timeout=300)[0] for process in processes]
+    assert sorted(text.splitlines()[0] for text in texts) == ["0 False", "2 False"]
     assert len(list(tmp_path.rglob("*.nbc"))) == 4
 
 
