@@ -29,6 +29,7 @@ COMMANDS = (
     "navfw.cli.run",
     "navfw.cli.replay",
     "navfw.cli.explain",
+    "navfw.cli.report",
     "navfw.cli.plan",
     "navfw.cli.map",
     "navfw.cli.learn",

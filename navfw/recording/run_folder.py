@@ -20,6 +20,7 @@ __all__ = [
     "PICTURE",
     "PLAN",
     "RECORDING",
+    "REPORT",
     "RESULT",
     "RunFolder",
     "plain_json",
@@ -35,6 +36,9 @@ PICTURE = "trajectory.png"
 RECORDING = "run.mcap"
 """The file with the recording of a run."""
 
+REPORT = "report.html"
+"""The report of ``navfw report``."""
+
 OLD_RECORDING = "recording.npz"
 """The recording of earlier versions: no longer read, and replaced with its folder."""
 
@@ -42,7 +46,7 @@ PLAN = "plan.yaml"
 """The file of the map's floor plan, if it has one; its image is beside it."""
 
 FILES = frozenset(
-    {RESULT, PICTURE, RECORDING, OLD_RECORDING, "map.yaml", "stack.yaml", PLAN, "plan.png"},
+    {RESULT, PICTURE, RECORDING, OLD_RECORDING, REPORT, "map.yaml", "stack.yaml", PLAN, "plan.png"},
 )
 """The files of a run folder; a folder with any other file in it is never replaced."""
 

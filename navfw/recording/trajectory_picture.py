@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from navfw.recording.behavior_colors import behavior_colors
 from navfw.recording.run_log import RunLog
 from navfw.recording.top_view import Point, WorldOutline, draw_names, draw_outline, style_axes
 from navfw.signals import Array, Pose
@@ -20,15 +21,6 @@ if TYPE_CHECKING:
 
 __all__ = ["TrajectoryPicture", "draw_trajectory"]
 
-# Okabe and Ito's colours, distinct for colour-blind readers; shipped behaviours have fixed ones
-_PALETTE = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#B8A800", "#6A51A3")
-_FIXED = {
-    "go_to_xy": "#0072B2",
-    "avoid": "#E69F00",
-    "follow_wall": "#009E73",
-    "emergency": "#D55E00",
-    "": "#9A9A9A",
-}
 _ESTIMATE, _PLACE, _START, _GOAL, _CONTACT = "#303030", "#7A7A7A", "#2E7D32", "#B0004E", "#D00000"
 
 _BAD_OUTCOME, _GOOD_OUTCOME = "#B00020", "#2E7D32"
@@ -149,7 +141,7 @@ def _draw_paths(axes: Axes, log: RunLog) -> None:
     true, estimate = log.true[shown, :2], log.estimate[shown, :2]
     segments = np.stack([true[:-1], true[1:]], axis=1)
     leader = log.leader[shown][1:]
-    for index, (name, color) in enumerate(_colors(log.leaders).items()):
+    for index, (name, color) in enumerate(behavior_colors(log.leaders).items()):
         led = segments[leader == index]
         if not len(led):
             continue
@@ -158,15 +150,6 @@ def _draw_paths(axes: Axes, log: RunLog) -> None:
         lines.set_capstyle("round")
         axes.add_collection(lines)
     axes.plot(*estimate.T, color=_ESTIMATE, lw=0.9, ls=(0, (4, 2)), label="estimate", zorder=6)
-
-
-def _colors(leaders: Sequence[str]) -> dict[str, str]:
-    free = [color for color in _PALETTE if color not in {_FIXED.get(name) for name in leaders}]
-    colors: dict[str, str] = {}
-    for name in leaders:
-        spare = free[len(colors) % len(free)] if free else _PALETTE[len(colors) % len(_PALETTE)]
-        colors[name] = _FIXED.get(name, spare)
-    return colors
 
 
 def _draw_marks(axes: Axes, log: RunLog, picture: TrajectoryPicture) -> None:

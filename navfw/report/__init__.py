@@ -1,0 +1,1 @@
+"""Reports of runs and suites: one HTML file each, which needs no network."""

@@ -1,0 +1,125 @@
+"""The report of a run: a page for the browser whose slider moves, and clear errors without one."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from navfw.cli import app
+from navfw.recording.behavior_colors import behavior_colors
+from navfw.recording.run_folder import PICTURE, RECORDING, REPORT
+
+PROBE = """<script>
+addEventListener("error", (event) => { document.body.dataset.error = event.message; });
+setTimeout(() => {
+  const seen = () => [document.getElementById("camera").toDataURL(),
+    document.getElementById("time").textContent,
+    Bokeh.documents[0].get_model_by_name("now-command").location].join("|");
+  const slider = document.getElementById("slider");
+  const before = seen();
+  slider.value = slider.max;
+  slider.dispatchEvent(new Event("input"));
+  setTimeout(() => {
+    const changed = seen().split("|").map((part, i) => part !== before.split("|")[i]);
+    document.body.dataset.changed = changed.join(" ");
+  }, 2000);
+}, 4000);
+</script>"""
+"""Moves the slider to its end; leaves in the page what of picture, time and timeline changed."""
+
+
+def invoke(*words: object) -> Result:
+    return CliRunner().invoke(app, [str(word) for word in words])
+
+
+@pytest.fixture(scope="module")
+def run_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("report") / "run"
+    words = ("--set", "mission.timeout=3", "--record", "--out", folder)
+    done = invoke("run", "paper-room", "through-the-door", *words)
+    assert (folder / RECORDING).is_file(), done.output
+    return folder
+
+
+def test_in_a_browser_the_slider_changes_picture_time_and_timeline(
+    run_folder: Path, tmp_path: Path
+) -> None:
+    browser = shutil.which("chromium")
+    if browser is None:
+        pytest.skip("no chromium; install the package chromium")
+    page = tmp_path / REPORT
+    assert invoke("report", run_folder, "--out", page).exit_code == 0
+    text = page.read_text(encoding="utf-8")
+    assert len(text) < 15e6
+    page.write_text(text.replace("<main>", PROBE + "<main>", 1), encoding="utf-8")
+    options = ["--headless", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr"]
+    options += ["--virtual-time-budget=12000", f"--user-data-dir={tmp_path / 'profile'}"]
+    done = subprocess.run(  # noqa: S603 - the browser of this machine
+        [browser, *options, "--dump-dom", page.as_uri()],
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=120,
+    )
+    body = re.search(r"<body[^>]*>", done.stdout)
+    assert body is not None
+    assert body[0] == '<body data-changed="true true true">'
+    console = [line for line in done.stderr.splitlines() if "CONSOLE" in line]
+    assert [line for line in console if "setting log level" not in line] == []
+
+
+def test_texts_of_a_run_are_no_code_on_its_page(run_folder: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    shutil.copytree(run_folder, folder)
+    result = folder / "result.json"
+    shown = result.read_text(encoding="utf-8").replace('"paper-room"', '"<script>hostile"', 1)
+    result.write_text(shown, encoding="utf-8")
+    assert invoke("report", folder).exit_code == 0
+    page = (folder / REPORT).read_text(encoding="utf-8")
+    assert "<script>hostile" not in page
+    assert "&lt;script&gt;hostile" in page
+
+
+def test_without_a_recording_the_page_has_the_picture_and_says_so(
+    run_folder: Path, tmp_path: Path
+) -> None:
+    folder = tmp_path / "run"
+    folder.mkdir()
+    for name in ("result.json", PICTURE):
+        shutil.copy(run_folder / name, folder / name)
+    assert invoke("report", folder).exit_code == 0
+    page = (folder / REPORT).read_text(encoding="utf-8")
+    assert "was not recorded" in page
+    assert "data:image/png;base64," in page
+
+
+def test_a_foreign_folder_and_an_unwritable_place_are_refused(
+    run_folder: Path, tmp_path: Path
+) -> None:
+    foreign = invoke("report", tmp_path)
+    assert (foreign.exit_code, "is not a run folder" in foreign.output) == (2, True)
+    (tmp_path / "file").touch()
+    below = invoke("report", run_folder, "--out", tmp_path / "file" / "page.html")
+    assert (below.exit_code, "cannot be written" in below.output) == (2, True)
+
+
+def test_a_cut_recording_is_shown_as_far_as_it_is_intact(run_folder: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    shutil.copytree(run_folder, folder)
+    recording = folder / RECORDING
+    content = recording.read_bytes()
+    recording.write_bytes(content[: len(content) * 9 // 10])
+    done = invoke("report", folder)
+    assert done.exit_code == 0, done.output
+    assert "ends before its run" in (folder / REPORT).read_text(encoding="utf-8")
+
+
+def test_behaviours_keep_their_colour_whoever_else_is_in_the_run() -> None:
+    alone = {name: behavior_colors([name])[name] for name in ("avoid", "peek", "cautious")}
+    assert behavior_colors(["peek", "cautious", "avoid"]) == alone
+    assert len(set(behavior_colors(["a", "b", "c", "d", "e"]).values())) == 5
