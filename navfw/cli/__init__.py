@@ -45,6 +45,7 @@ COMMANDS = (
     "navfw.cli.suite",
     "navfw.cli.compare",
     "navfw.cli.warm",
+    "navfw.cli.tune",
     "navfw.cli.results",
     "navfw.cli.trust",
 )

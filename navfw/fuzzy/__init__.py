@@ -12,7 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 from navfw.fuzzy.fired_rules import FiredRule, explain
 from navfw.fuzzy.rulebase import Rule, RuleBase, Variable
-from navfw.fuzzy.rulefile import load_rule_base, parse_rule_base, rule_base_from_mapping
+from navfw.fuzzy.rulefile import (
+    TermCorners,
+    load_rule_base,
+    parse_rule_base,
+    rule_base_from_mapping,
+)
 from navfw.lazy_names import first_access
 
 if TYPE_CHECKING:
@@ -26,6 +31,7 @@ __all__ = [
     "ReferenceFis",
     "Rule",
     "RuleBase",
+    "TermCorners",
     "Variable",
     "explain",
     "load_rule_base",

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from navfw.config.document import KeyPath, YamlDocument, load_yaml, parse_yaml
+from navfw.config.overrides import Override, apply_overrides
 from navfw.config.problems import FileProblem, config_error
 from navfw.config.yamlfile import check
 from navfw.errors import ConfigError, RuleBaseError, did_you_mean
@@ -16,11 +17,15 @@ from navfw.fuzzy.membership import SHAPES, Shape, make_shape
 from navfw.fuzzy.rulebase import Rule, RuleBase, Variable
 from navfw.fuzzy.rulespec import InputSpec, OutputSpec, RuleBaseSpec, check_name
 
-__all__ = ["load_rule_base", "parse_rule_base", "rule_base_from_mapping"]
+__all__ = ["TermCorners", "load_rule_base", "parse_rule_base", "rule_base_from_mapping"]
 
 
-def load_rule_base(path: str | Path) -> RuleBase:
-    """The rule base in the YAML file ``path``.
+TermCorners = Mapping[str, Mapping[str, Sequence[float]]]
+"""Corners of terms by variable and term: ``{"reserve": {"short": [0, 0, 0.9, 1.3]}}``."""
+
+
+def load_rule_base(path: str | Path, terms: TermCorners | None = None) -> RuleBase:
+    """The rule base in the YAML file ``path``, its inputs with the corners in ``terms``.
 
     Raises:
         RuleBaseError: the file cannot be read, breaks the schema, a sentence cannot be parsed, or
@@ -32,7 +37,30 @@ def load_rule_base(path: str | Path) -> RuleBase:
         document = load_yaml(path)
     except ConfigError as error:
         raise _as_rule_base_error(error) from None
-    return _checked(document)
+    return _checked(_with_corners(document, terms) if terms else document)
+
+
+def _with_corners(document: YamlDocument, terms: TermCorners) -> YamlDocument:
+    """``document`` with other corners of terms of its inputs; each keeps its shape."""
+    changes = []
+    for name, corners in terms.items():
+        inputs = document.at(("inputs",))
+        known = _member(document, inputs, name, "input").get("terms", {})
+        for term, values in corners.items():
+            kind = next(iter(_member(document, known, term, f"term of {name}")), "")
+            text = f"terms.{name}.{term}={list(values)}"
+            changes.append(Override(("inputs", name, "terms", term, kind), list(values), text))
+    return apply_overrides(document, changes)
+
+
+def _member(document: YamlDocument, mapping: Any, name: str, what: str) -> dict[str, Any]:
+    """The mapping called ``name`` in ``mapping``."""
+    found = mapping.get(name) if isinstance(mapping, dict) else None
+    if not isinstance(found, dict):
+        known = mapping if isinstance(mapping, dict) else ()
+        message = f"the rule base has no {what} called {name!r}: {did_you_mean(name, known)}"
+        raise RuleBaseError(message, file=document.file, key=f"terms.{name}")
+    return found
 
 
 def parse_rule_base(text: str, source: str | None = None) -> RuleBase:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import inspect
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import Field
 
 from navfw.context import Context
 from navfw.fuzzy import load_rule_base
@@ -17,8 +19,27 @@ from navfw.signals import Explain
 __all__ = ["RuledBehavior", "RuledComposite"]
 
 
+Corners = Annotated[
+    tuple[Annotated[float, Field(ge=-1e6, le=1e6)], ...], Field(min_length=2, max_length=4)
+]
+
+
 class _Ruled(Plugin):
     """Loads the rule base from the YAML file beside the class' file, then resets."""
+
+    class Params(Plugin.Params):
+        """Changes of the rule base."""
+
+        terms: Annotated[
+            Mapping[str, Mapping[str, Corners]],
+            Field(
+                max_length=100,
+                description="corners of terms of inputs, instead of those of the rule base: "
+                "{reserve: {short: [0, 0, 0.8, 1.2]}}",
+            ),
+        ] = Field(default_factory=dict)
+
+    params: Params
 
     def __init__(self, robot: RobotModel, params: Plugin.Params | None = None) -> None:
         super().__init__(robot, params)
@@ -40,10 +61,10 @@ class _Ruled(Plugin):
         """The rules; override it if they are not in the YAML file beside the class.
 
         Raises:
-            InputError: they cannot be read, or do not cover their inputs.
+            InputError: they cannot be read, do not cover their inputs, or have no such terms.
 
         """
-        return BehaviorRules.beside(inspect.getfile(type(self)))
+        return BehaviorRules.beside(inspect.getfile(type(self)), self.params.terms)
 
 
 class RuledBehavior(_Ruled, Behavior):

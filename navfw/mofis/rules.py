@@ -9,7 +9,14 @@ import numba
 import numpy as np
 
 from navfw.context import CommandGrid
-from navfw.fuzzy import CompiledFis, Inference, RuleBase, load_rule_base, parse_rule_base
+from navfw.fuzzy import (
+    CompiledFis,
+    Inference,
+    RuleBase,
+    TermCorners,
+    load_rule_base,
+    parse_rule_base,
+)
 from navfw.signals import Array
 
 __all__ = ["BehaviorRules", "Verdict"]
@@ -92,9 +99,12 @@ class BehaviorRules:
         self._peaks: dict[str, tuple[float, ...]] = {}
 
     @classmethod
-    def beside(cls, module_file: str) -> BehaviorRules:
-        """The rule base in the YAML file beside a module: ``BehaviorRules.beside(__file__)``."""
-        return cls(cls.file_beside(module_file))
+    def beside(cls, module_file: str, terms: TermCorners | None = None) -> BehaviorRules:
+        """The rule base in the YAML file beside a module: ``BehaviorRules.beside(__file__)``.
+
+        ``terms`` has corners of terms of inputs, instead of those in the file.
+        """
+        return cls(load_rule_base(cls.file_beside(module_file), terms))
 
     @staticmethod
     def file_beside(module_file: str) -> Path:

@@ -1,0 +1,136 @@
+"""``navfw tune``: search better parameters of a stack on a suite, and validate them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from navfw.cli.completion import complete_suite
+from navfw.cli.options import Json, Stack
+from navfw.cli.output import print_json, quiet_stdout
+
+if TYPE_CHECKING:
+    from optuna.trial import FrozenTrial
+
+__all__ = ["add_to"]
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command()(tune)
+
+
+Suite = Annotated[
+    str,
+    typer.Argument(metavar="SUITE", help="Name or file of a suite.", autocompletion=complete_suite),
+]
+Trials = Annotated[int, typer.Option(min=1, max=100_000, help="Number of trials in all.")]
+Training = Annotated[str, typer.Option(metavar="A:B", help="Training seeds from A to B - 1.")]
+Validation = Annotated[
+    str, typer.Option(metavar="A:B", help="Validation seeds; none of them for training.")
+]
+Tuned = Annotated[
+    list[str] | None,
+    typer.Option(help="PLUGIN or PLUGIN.NAME to tune [default: all behaviours]. May be repeated."),
+]
+Rules = Annotated[
+    list[str] | None,
+    typer.Option(help="PLUGIN or PLUGIN.INPUT whose break points to tune. May be repeated."),
+]
+Objective = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="NAME[=WEIGHT]",
+        help="success, spl, sct or clearance [default: success, spl]. May be repeated.",
+    ),
+]
+TuneWorkers = Annotated[int, typer.Option(min=1, max=256, help="Processes.")]
+RunLimit = Annotated[float, typer.Option(min=1.0, help="Largest wall time of a run [s].")]
+SearchSeed = Annotated[int, typer.Option(min=0, help="Seed of the search.")]
+StudyOut = Annotated[
+    Path | None, typer.Option(help="Folder of the study [default: runs/tune-SUITE].")
+]
+Resume = Annotated[bool, typer.Option("--resume", help="Go on with the study in --out.")]
+
+
+def tune(
+    file: Suite,
+    stack: Stack,
+    trials: Trials,
+    seeds: Training = "0:8",
+    validate: Validation = "1000:1020",
+    param: Tuned = None,
+    rules: Rules = None,
+    objective: Objective = None,
+    workers: TuneWorkers = 1,
+    limit: RunLimit = 900.0,
+    search_seed: SearchSeed = 0,
+    out: StudyOut = None,
+    resume: Resume = False,
+    json: Json = False,
+) -> None:
+    """Tune parameters and break points of rules on a suite; write a stack file, and validate it.
+
+    The stack itself is not changed. Needs the extra tune.
+    """
+    with quiet_stdout():
+        _check_extra()
+        from navfw.plugins import default_registry
+        from navfw.suite.suitefile import load_suite
+        from navfw.target_lock import TargetLock
+        from navfw.tune.case_driving import driver
+        from navfw.tune.stack_study import StackStudy
+        from navfw.tune.study_folder import StudyFolder
+
+        suite = load_suite(file)
+        study = StackStudy.plan(
+            suite,
+            stack,
+            default_registry(),
+            seeds=seeds,
+            validate=validate,
+            parameters=tuple(param or ()),
+            rules=tuple(rules or ()),
+            objectives=tuple(objective or ("success", "spl")),
+        )
+        folder = StudyFolder(out or Path("runs") / f"tune-{suite.name}")
+        lock = TargetLock(folder.created().absolute() / "study")
+        with lock, driver(workers, limit) as drive:
+            found = study.run(
+                folder, drive, trials, resume=resume, seed=search_seed, on_trial=_tell
+            )
+    if json:
+        print_json(found)
+    else:
+        _print_validation(found)
+
+
+def _check_extra() -> None:
+    """Raise MissingExtraError without Optuna."""
+    from navfw.errors import MissingExtraError
+
+    try:
+        import optuna  # noqa: F401 - only whether it is there
+    except ModuleNotFoundError:
+        raise MissingExtraError("tune", key="navfw tune") from None
+
+
+def _tell(trial: FrozenTrial) -> None:
+    """One line for a finished trial, on stderr."""
+    runs = trial.user_attrs.get("runs", 0)
+    score = "" if trial.value is None else f", score {trial.value:.3f}"
+    typer.echo(f"trial {trial.number}: {trial.state.name.lower()} {runs} runs{score}", err=True)
+
+
+def _print_validation(found: dict[str, Any]) -> None:
+    low, high = found["interval"]
+    for name in found["before"]:
+        typer.echo(f"{name:<10} {found['before'][name]:.3f} -> {found['after'][name]:.3f}")
+    typer.echo(
+        f"score      {found['score_before']:.3f} -> {found['score_after']:.3f}  (difference"
+        f" {found['difference']:+.3f}, 95 % [{low:+.3f}, {high:+.3f}], {found['runs']} runs)"
+    )
+    verdict = "better" if found["better"] else "not shown to be better"
+    typer.echo(f"the best trial, {found['trial']}, is {verdict}; its stack: {found['stack']}")

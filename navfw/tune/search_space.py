@@ -1,0 +1,250 @@
+"""What is tuned: bounded numbers of plugins, and break points of rule bases.
+
+Each is a coordinate: it suggests a value to a trial, and gives the settings of the stack that the
+value means. Break points keep their order: what is searched are the factors by which the gaps
+between them grow or shrink.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import TYPE_CHECKING, Protocol
+
+import annotated_types
+import numpy as np
+
+from navfw.errors import ConfigError, UnknownNameError
+from navfw.fuzzy import RuleBase, Variable
+from navfw.fuzzy.coverage import check_coverage
+from navfw.fuzzy.membership import Shape, Trapezoid, Triangle
+from navfw.mofis.ruled import RuledBehavior, RuledComposite
+from navfw.robot import RobotModel
+from navfw.stackfile import Choice, StackConfig
+
+if TYPE_CHECKING:
+    from optuna.trial import BaseTrial
+
+__all__ = ["BreakPoints", "Coordinate", "SearchSpace", "TunedNumber", "search_space"]
+
+GAP_FACTOR = 2.0
+"""Largest factor by which a gap between two break points grows or shrinks, beside the others."""
+
+
+class Coordinate(Protocol):
+    """A part of the search space."""
+
+    @property
+    def path(self) -> str:
+        """Its path in the stack, as for ``--set``."""
+        ...
+
+    def start(self) -> dict[str, float]:
+        """The values of the stack as it is, by the names of Optuna's parameters."""
+        ...
+
+    def suggest(self, trial: BaseTrial) -> object:
+        """The value at ``path`` that a trial is to take, plain data."""
+        ...
+
+
+@dataclass(frozen=True)
+class TunedNumber:
+    """A number of a plugin with both bounds; ``now`` is its value in the stack."""
+
+    path: str
+    low: float
+    high: float
+    whole: bool
+    now: float
+
+    def start(self) -> dict[str, float]:
+        """Its value now."""
+        return {self.path: self.now}
+
+    def suggest(self, trial: BaseTrial) -> float:
+        """A number within the bounds."""
+        if self.whole:
+            return trial.suggest_int(self.path, round(self.low), round(self.high))
+        return trial.suggest_float(self.path, self.low, self.high)
+
+
+@dataclass(frozen=True)
+class BreakPoints:
+    """The break points of an input of a rule base that lie within its range.
+
+    Terms that share a break point go on sharing it, so that what meets goes on meeting.
+    """
+
+    path: str
+    base: RuleBase
+    variable: Variable
+
+    @property
+    def points(self) -> list[float]:
+        """The break points, ascending, without those at the ends of the range and beyond."""
+        low, high = self.variable.low, self.variable.high
+        corners = {c for shape in self._shapes().values() for c in shape.corners}
+        return sorted(c for c in corners if low < c < high)
+
+    def _shapes(self) -> dict[str, Shape]:
+        terms = self.variable.terms.items()
+        return {name: shape for name, shape in terms if isinstance(shape, Trapezoid | Triangle)}
+
+    def _names(self) -> list[str]:
+        return [f"{self.path}[{index}]" for index in range(len(self.points) + 1)]
+
+    def start(self) -> dict[str, float]:
+        """All gaps as they are."""
+        return dict.fromkeys(self._names(), 1.0)
+
+    def suggest(self, trial: BaseTrial) -> dict[str, list[float]]:
+        """The corners of each term.
+
+        Raises:
+            RuleBaseError: with them the rules do not cover their inputs.
+
+        """
+        factors = [
+            trial.suggest_float(name, 1.0 / GAP_FACTOR, GAP_FACTOR, log=True)
+            for name in self._names()
+        ]
+        return self.moved(factors)
+
+    def moved(self, factors: Sequence[float]) -> dict[str, list[float]]:
+        """The corners of each term after each gap has changed by its factor; all fill the range.
+
+        Raises:
+            RuleBaseError: as ``suggest``.
+
+        """
+        low, high = self.variable.low, self.variable.high
+        old = [low, *self.points, high]
+        gaps = np.array([b - a for a, b in pairwise(old)]) * factors
+        new = low + (high - low) * np.cumsum(gaps) / gaps.sum()
+        places = dict(zip(old[1:-1], (round(float(x), 9) for x in new[:-1]), strict=True))
+        terms = {
+            name: [places.get(corner, corner) for corner in shape.corners]
+            for name, shape in self._shapes().items()
+        }
+        self._check(terms)
+        return terms
+
+    def _check(self, terms: Mapping[str, Sequence[float]]) -> None:
+        shapes = {**self.variable.terms}
+        shapes |= {name: type(shapes[name])(*corners) for name, corners in terms.items()}
+        changed = replace(self.variable, terms=shapes)
+        inputs = {**self.base.inputs, self.variable.name: changed}
+        check_coverage(replace(self.base, inputs=inputs))
+
+
+@dataclass(frozen=True)
+class SearchSpace:
+    """All coordinates, in the order in which they were asked for."""
+
+    coordinates: tuple[Coordinate, ...]
+
+    def start(self) -> dict[str, float]:
+        """The stack as it is, as parameters of a trial."""
+        return {k: v for coordinate in self.coordinates for k, v in coordinate.start().items()}
+
+    def settings(self, trial: BaseTrial) -> dict[str, object]:
+        """The values that a trial takes, by path, as for ``--set``.
+
+        Raises:
+            RuleBaseError: break points leave a gap in what the rules cover.
+
+        """
+        return {c.path: c.suggest(trial) for c in self.coordinates}
+
+    def overrides(self, settings: Mapping[str, object]) -> tuple[str, ...]:
+        """The same as arguments of ``--set``."""
+        return tuple(f"{path}={json.dumps(value)}" for path, value in settings.items())
+
+
+def search_space(
+    config: StackConfig, parameters: Sequence[str], rules: Sequence[str], robot: RobotModel
+) -> SearchSpace:
+    """The coordinates of the ``parameters`` and ``rules`` of a stack.
+
+    A parameter is ``PLUGIN.NAME``, or ``PLUGIN`` for all its bounded numbers; rules are ``PLUGIN``
+    or ``PLUGIN.INPUT``.
+
+    Raises:
+        UnknownNameError: the stack has no such plugin, parameter or input.
+        ConfigError: a parameter is no number with both bounds, or a plugin has no rule base.
+
+    """
+    plugins = {choice.name: choice for choice in config.stages.values()} | dict(config.behaviors)
+    found: dict[str, Coordinate] = {}
+    for text in parameters:
+        name, _, parameter = text.partition(".")
+        numbers = _numbers(name, _plugin(plugins, name, "--param"))
+        if parameter and f"{name}.{parameter}" not in numbers:
+            _refuse_parameter(plugins[name], name, parameter, numbers)
+        found |= {p: n for p, n in numbers.items() if not parameter or p == text}
+    for text in rules:
+        name, _, wanted = text.partition(".")
+        inputs = _break_points(name, _plugin(plugins, name, "--rules"), robot)
+        if wanted and wanted not in inputs:
+            raise UnknownNameError(f"input of {name}", wanted, inputs, key="--rules")
+        found |= {c.path: c for key, c in inputs.items() if not wanted or key == wanted}
+    if not found:
+        raise ConfigError("nothing to tune: name a plugin with bounded numbers", key="--param")
+    return SearchSpace(tuple(found.values()))
+
+
+def _plugin(plugins: Mapping[str, Choice], name: str, key: str) -> Choice:
+    if name not in plugins:
+        raise UnknownNameError("plugin of this stack", name, plugins, key=key)
+    return plugins[name]
+
+
+def _numbers(name: str, choice: Choice) -> dict[str, Coordinate]:
+    """The numbers of a plugin's parameters that have both bounds, by path."""
+    found: dict[str, Coordinate] = {}
+    for field, info in choice.plugin.Params.model_fields.items():
+        if info.annotation not in (int, float):
+            continue
+        low = high = None
+        for item in info.metadata:
+            match item:
+                case annotated_types.Ge(ge=bound) | annotated_types.Gt(gt=bound):
+                    low = float(bound)  # type: ignore[arg-type]
+                case annotated_types.Le(le=bound) | annotated_types.Lt(lt=bound):
+                    high = float(bound)  # type: ignore[arg-type]
+        if low is None or high is None:
+            continue
+        inset = 1e-3 * (high - low) * (info.annotation is float)  # bounds may be excluded
+        now = float(getattr(choice.params, field))
+        ends = min(low + inset, now), max(high - inset, now)
+        found[f"{name}.{field}"] = TunedNumber(
+            f"{name}.{field}", *ends, info.annotation is int, now
+        )
+    return found
+
+
+def _refuse_parameter(
+    choice: Choice, name: str, parameter: str, numbers: Mapping[str, Coordinate]
+) -> None:
+    fields = choice.plugin.Params.model_fields
+    if parameter not in fields:
+        raise UnknownNameError(f"parameter of {name}", parameter, fields, key="--param")
+    some = ", ".join(numbers) or "none"
+    what = f"{name}.{parameter} is no number with both bounds; those of {name}: {some}"
+    raise ConfigError(what, key="--param")
+
+
+def _break_points(name: str, choice: Choice, robot: RobotModel) -> dict[str, BreakPoints]:
+    """The inputs of a plugin's rule base that have break points, by name."""
+    made = choice.plugin(robot, choice.params)
+    if not isinstance(made, RuledBehavior | RuledComposite):
+        raise ConfigError(f"{name} has no rule base of its own", key="--rules")
+    base = made.rules.base
+    inputs = {
+        variable.name: BreakPoints(f"{name}.terms.{variable.name}", base, variable)
+        for variable in base.inputs.values()
+    }
+    return {key: found for key, found in inputs.items() if found.points}

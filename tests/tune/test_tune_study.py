@@ -1,0 +1,262 @@
+"""Studies: the search space, trials with a made-up score, the files, and what is refused."""
+
+from __future__ import annotations
+
+import csv
+import json
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from navfw.cli import app
+from navfw.config.lookup import find
+from navfw.config.overrides import parse_override
+from navfw.errors import InputError, RuleBaseError, UnknownNameError
+from navfw.fuzzy import load_rule_base
+from navfw.plugins import default_registry
+from navfw.robot import RobotModel
+from navfw.stackfile import load_stack
+from navfw.suite.case import Case
+from navfw.suite.case_rows import case_columns
+from navfw.suite.run_table import RunRow
+from navfw.suite.suitefile import load_suite
+
+pytest.importorskip("optuna", reason="needs the extra tune: uv sync --extra tune")
+
+from navfw.tune.case_driving import driver
+from navfw.tune.objectives import Objectives
+from navfw.tune.search_space import BreakPoints, search_space
+from navfw.tune.stack_study import StackStudy
+from navfw.tune.study_folder import StudyFolder
+
+DETUNED = "base: default\nbehaviors:\n  avoid: {spare: 0.9}\n"
+BEST = 0.06
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> tuple[Path, Path]:
+    suite, stack = tmp_path / "short.yaml", tmp_path / "detuned.yaml"
+    suite.write_text("entries: [{world: empty, missions: [straight]}]\n", encoding="utf-8")
+    stack.write_text(DETUNED, encoding="utf-8")
+    return suite, stack
+
+
+def planned(files: tuple[Path, Path], **changed: Any) -> StackStudy:
+    options: dict[str, Any] = {
+        "seeds": "0:6",
+        "validate": "100:110",
+        "parameters": ("avoid.spare",),
+        "rules": (),
+        "objectives": ("spl",),
+    }
+    options |= changed
+    return StackStudy.plan(load_suite(files[0]), str(files[1]), default_registry(), **options)
+
+
+@dataclass
+class FakeRuns:
+    """Rows whose SPL falls with the distance of avoid.spare from BEST, with noise by seed."""
+
+    driven: list[Case] = field(default_factory=list)
+    stop_after: int = 10**9
+
+    def __call__(self, cases: Sequence[Case]) -> Iterator[RunRow]:
+        for case in cases:
+            if len(self.driven) >= self.stop_after:
+                raise KeyboardInterrupt
+            self.driven.append(case)
+            given = map(parse_override, case.overrides)
+            settings = {".".join(map(str, o.path)): o.value for o in given}
+            spare = float(str(settings.get("avoid.spare", 0.9)))
+            spl = 1.0 - abs(spare - BEST) - 0.01 * (case.seed % 3)
+            yield RunRow(**case_columns(case), outcome="reached", spl=spl)
+
+
+def table_of(folder: StudyFolder) -> list[dict[str, str]]:
+    text = (folder.path / "trials.csv").read_text(encoding="utf-8")
+    return list(csv.DictReader(text.splitlines()))
+
+
+def test_tuning_brings_a_detuned_parameter_back(files: tuple[Path, Path], tmp_path: Path) -> None:
+    folder = StudyFolder(tmp_path / "out")
+    found = planned(files).run(folder, FakeRuns(), 30)
+    tuned = load_stack(folder.stack, default_registry())
+    spare = tuned.behaviors["avoid"].params.model_dump()["spare"]
+    assert spare == pytest.approx(BEST, abs=0.05)
+    assert found["settings"] == {"avoid.spare": spare}
+    assert found["better"]
+    assert found["interval"][0] > 0.7
+    # nothing else of the stack has changed
+    wanted = load_stack(files[1], default_registry(), [f"avoid.spare={spare}"])
+    assert tuned.as_data() == wanted.as_data()
+    assert json.loads((folder.path / "validation.json").read_text(encoding="utf-8")) == found
+    assert (folder.path / "importance.png").read_bytes().startswith(b"\x89PNG")
+    rows = table_of(folder)
+    assert len(rows) == 30
+    assert float(rows[0]["avoid.spare"]) == 0.9, "the first trial is the stack as it is"
+    pruned = [row for row in rows if row["state"] == "pruned"]
+    assert pruned, "trials that are worse run by run end early"
+    assert all(int(row["runs"]) < 6 for row in pruned)
+
+
+def test_training_and_validation_share_no_run(files: tuple[Path, Path], tmp_path: Path) -> None:
+    runs = FakeRuns()
+    planned(files).run(StudyFolder(tmp_path / "out"), runs, 3)
+    seeds = [case.seed for case in runs.driven]
+    assert set(seeds[:-20]) == set(range(6))
+    assert seeds[-20:] == 2 * list(range(100, 110))
+    with pytest.raises(InputError, match="--validate: 5:9 has seeds of the training, 0:6"):
+        planned(files, validate="5:9")
+
+
+def test_a_study_goes_on_where_it_was(files: tuple[Path, Path], tmp_path: Path) -> None:
+    folder, study = StudyFolder(tmp_path / "out"), planned(files)
+    with pytest.raises(KeyboardInterrupt):
+        study.run(folder, FakeRuns(stop_after=14), 8)
+    with pytest.raises(InputError, match="there is a study in it; --resume goes on"):
+        study.run(folder, FakeRuns(), 8)
+    rest = FakeRuns()
+    study.run(folder, rest, 8, resume=True)
+    rows = table_of(folder)
+    assert len(rows) == len({row["trial"] for row in rows}) == 8
+    assert int(rows[0]["runs"]) == 6, "the first trial is kept"
+    assert len(rest.driven) - 20 < sum(int(row["runs"]) for row in rows)
+
+
+@pytest.mark.parametrize(
+    ("changed", "what"),
+    [
+        ({"seeds": "0:7"}, "another seeds: "),
+        ({"objectives": ("sct",)}, "another objective: "),
+        ({"parameters": ("avoid.weight",)}, "another parameters: "),
+    ],
+)
+def test_a_study_of_other_runs_is_refused(
+    files: tuple[Path, Path], tmp_path: Path, changed: dict[str, Any], what: str
+) -> None:
+    folder = StudyFolder(tmp_path / "out")
+    folder.open(planned(files).identity, resume=False, seed=0)
+    with pytest.raises(InputError, match=what):
+        folder.open(planned(files, **changed).identity, resume=True, seed=0)
+
+
+def test_a_study_of_another_suite_is_refused(files: tuple[Path, Path], tmp_path: Path) -> None:
+    folder = StudyFolder(tmp_path / "out")
+    folder.open(planned(files).identity, resume=False, seed=0)
+    other = tmp_path / "other.yaml"
+    other.write_text("entries: [{world: empty, missions: [turn-back]}]\n", encoding="utf-8")
+    with pytest.raises(InputError, match='another suite: "short", not "other"'):
+        planned((other, files[1])).run(folder, FakeRuns(), 2, resume=True)
+
+
+def test_a_file_that_is_no_study_is_told(tmp_path: Path) -> None:
+    folder = StudyFolder(tmp_path / "out")
+    with pytest.raises(InputError, match="there is no study to resume"):
+        folder.open({}, resume=True, seed=0)
+    folder.created()
+    folder.database.write_bytes(b"not a database" * 100)
+    with pytest.raises(InputError, match=r"study\.db: expected a study of navfw tune"):
+        folder.open({}, resume=True, seed=0)
+
+
+@pytest.mark.parametrize(
+    ("changed", "error", "message"),
+    [
+        ({"parameters": ("avoid.spar",)}, UnknownNameError, "parameter of avoid 'spar'.*'spare'"),
+        ({"parameters": ("avid",)}, UnknownNameError, "--param: unknown plugin.*'avoid'"),
+        ({"parameters": ("avoid.terms",)}, InputError, "no number with both bounds.*avoid.spare"),
+        ({"rules": ("avoid.reserv",)}, UnknownNameError, "input of avoid 'reserv'.*'reserve'"),
+        ({"rules": ("papfis",)}, InputError, "--rules: papfis has no rule base"),
+        ({"objectives": ("spk",)}, UnknownNameError, "--objective: unknown objective 'spk'"),
+        ({"objectives": ("spl=-1",)}, InputError, "a positive weight, got 'spl=-1'"),
+    ],
+)
+def test_mistakes_are_told_before_the_first_trial(
+    files: tuple[Path, Path], changed: dict[str, Any], error: type[Exception], message: str
+) -> None:
+    with pytest.raises(error, match=message):
+        planned(files, **changed)
+
+
+def test_without_optuna_the_remedy_is_told(
+    files: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in list(sys.modules):
+        if name.partition(".")[0] == "optuna" or name.startswith("navfw.tune"):
+            monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "optuna", None)
+    arguments = ["tune", str(files[0]), "--stack", str(files[1]), "--trials", "1"]
+    done = CliRunner().invoke(app, arguments)
+    assert done.exit_code == 2
+    assert "uv sync --extra tune" in done.stderr
+
+
+def all_break_points() -> list[BreakPoints]:
+    config = load_stack(find("stack", "default"), default_registry())
+    space = search_space(config, (), ("avoid", "go_to_xy", "travel", "escape"), RobotModel())
+    return [part for part in space.coordinates if isinstance(part, BreakPoints)]
+
+
+def test_break_points_keep_their_order_their_meetings_and_the_cover() -> None:
+    rng = np.random.default_rng(0)
+    parts = all_break_points()
+    assert len(parts) > 8
+    covered = 0
+    for part in parts:
+        shapes = {name: list(shape.corners) for name, shape in part.variable.terms.items()}
+        same = part.moved([1.0] * (len(part.points) + 1))
+        assert same.keys() == shapes.keys()
+        assert all(same[name] == pytest.approx(shapes[name]) for name in same)
+        try:
+            moved = part.moved(np.exp(rng.uniform(-0.69, 0.69, len(part.points) + 1)).tolist())
+        except RuleBaseError:
+            continue
+        covered += 1
+        assert moved != same
+        for name, corners in moved.items():
+            assert all(a <= b for a, b in pairwise(corners))
+            met = [a == b for a, b in pairwise(shapes[name])]
+            assert [a == b for a, b in pairwise(corners)] == met
+        load_rule_base(str(part.base.file), {part.variable.name: moved})
+    assert covered > 0.8 * len(parts)
+
+
+def test_a_tuned_rule_base_is_a_setting_of_the_stack(
+    files: tuple[Path, Path], tmp_path: Path
+) -> None:
+    folder = StudyFolder(tmp_path / "out")
+    study = planned(files, parameters=(), rules=("travel.idle",))
+    study.run(folder, FakeRuns(), 3)
+    tuned = load_stack(folder.stack, default_registry()).stages["composite"]
+    corners = tuned.params.model_dump()["terms"]["idle"]
+    assert corners["progressing"][2] == corners["stuck"][0]
+    assert tuned.plugin(RobotModel(), tuned.params)
+    with pytest.raises(RuleBaseError, match="no term of idle called 'stuk': did you mean 'stuck'"):
+        tuned.plugin(
+            RobotModel(),
+            tuned.plugin.Params.model_validate({"terms": {"idle": {"stuk": [0, 1, 2, 3]}}}),
+        )
+
+
+def test_scores_are_weighed_means() -> None:
+    row = RunRow(entry="e", world="w", mission="m", seed=0, stack="s", outcome="reached", spl=0.5)
+    assert Objectives.parse(["success=3", "spl"]).score(row) == pytest.approx(0.875)
+    assert Objectives.parse(["clearance", "sct"]).score(row) == 0.0
+
+
+@pytest.mark.slow
+def test_tuning_by_real_runs_brings_the_speed_back(
+    files: tuple[Path, Path], tmp_path: Path
+) -> None:
+    study = planned(files, seeds="0:2", validate="10:12", objectives=("sct",))
+    with driver(2, 300.0) as drive:
+        found = study.run(StudyFolder(tmp_path / "out"), drive, 8)
+    assert found["score_after"] > found["score_before"]
+    assert found["settings"]["avoid.spare"] < 0.9
