@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import sys
 import time
+from collections.abc import Iterator
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Annotated, Any, Self
@@ -21,7 +24,8 @@ if TYPE_CHECKING:
     from navfw.suite.case import Case
     from navfw.suite.run_table import RunRow
     from navfw.suite.suite_folder import Beginning
-    from navfw.suite.suite_run import SuiteResult
+    from navfw.suite.suite_plan import SuitePlan
+    from navfw.suite.suite_run import Engine, SuiteResult
 
 __all__ = ["add_to"]
 
@@ -43,11 +47,22 @@ class Keep(StrEnum):
     NONE = "none"
 
 
+class EngineKind(StrEnum):
+    """What drives the runs."""
+
+    PROCESSES = "processes"
+    DASK = "dask"
+
+
 def add_to(app: typer.Typer) -> None:
     """Add the command."""
     app.command()(suite)
 
 
+SuiteName = Annotated[
+    str,
+    typer.Argument(metavar="SUITE", help="Name or file of a suite.", autocompletion=complete_suite),
+]
 Seeds = Annotated[str, typer.Option(metavar="A:B", help="Seeds from A to B - 1.")]
 Workers = Annotated[int, typer.Option(min=1, max=256, help="Processes, each with one thread.")]
 SuiteOut = Annotated[
@@ -78,6 +93,12 @@ Variants = Annotated[
 KeepPictures = Annotated[Keep, typer.Option(help="Runs of which to keep the trajectory's picture.")]
 Limit = Annotated[float, typer.Option(min=1.0, help="Largest wall time of a run [s].")]
 Memory = Annotated[float, typer.Option(min=100.0, help="Largest memory of a run's process [MB].")]
+EngineName = Annotated[
+    EngineKind, typer.Option("--engine", help="Processes of this machine, or a cluster of Dask.")
+]
+Scheduler = Annotated[
+    str | None, typer.Option(metavar="ADDRESS", help="Of --engine dask: tcp://HOST:PORT.")
+]
 Extend = Annotated[
     bool,
     typer.Option("--extend", help="Continue a suite that was changed; keep runs still valid."),
@@ -88,12 +109,7 @@ Restart = Annotated[
 
 
 def suite(
-    file: Annotated[
-        str,
-        typer.Argument(
-            metavar="SUITE", help="Name or file of a suite.", autocompletion=complete_suite
-        ),
-    ],
+    file: SuiteName,
     seeds: Seeds,
     workers: Workers = 1,
     out: SuiteOut = None,
@@ -105,6 +121,8 @@ def suite(
     keep: KeepPictures = Keep.FAILED,
     limit: Limit = 900.0,
     memory: Memory = 2000.0,
+    engine: EngineName = EngineKind.PROCESSES,
+    scheduler: Scheduler = None,
     resume: Annotated[bool, typer.Option("--resume", help="Continue the suite in --out.")] = False,
     extend: Extend = False,
     restart: Restart = False,
@@ -115,6 +133,7 @@ def suite(
 
     Exit with 3 if the table could not be written; the runs are printed anyway.
     """
+    _check_engine(engine, scheduler)
     begin = _beginning(out, resume=resume, extend=extend, restart=restart)
     with quiet_stdout():
         from navfw.plugins import default_registry
@@ -125,33 +144,48 @@ def suite(
         from navfw.suite.suitefile import load_suite, parse_seeds
 
         span = parse_seeds(seeds)
-        plan = plan_runs(
-            load_suite(file),
-            span,
-            default_registry(),
-            stacks=stack or [],
-            overrides=[*of_robot(robot), *(set_ or [])],
-            worlds=worlds,
-            variants=variant or [],
-        )
+        changes = [*of_robot(robot), *(set_ or [])]
+        choice = {"stacks": stack or [], "overrides": changes, "variants": variant or []}
+        plan = plan_runs(load_suite(file), span, default_registry(), worlds=worlds, **choice)
     for name, reason in plan.skipped.items():
         typer.echo(f"navfw: variant {name} skipped: {reason}", err=True)
     with deferred():  # from here on there are runs to save and to print
-        with quiet_stdout(), SuiteFolder.claim(out, plan, span) as folder:
+        with (
+            quiet_stdout(),
+            _engine(scheduler, plan, limit, memory) as runner,
+            SuiteFolder.claim(out, plan, span) as folder,
+        ):
             have = folder.open(plan, code_revision(), begin=begin, tell=_tell)
             with _SuiteProgress(plan.suite, plan.cases, have, quiet=quiet) as bar:
-                done = run_suite(
-                    plan,
-                    folder,
-                    workers=workers,
-                    keep=keep.value,
-                    have=have,
-                    limit=limit,
-                    memory=memory,
-                    on_row=bar.update,
+                drive = partial(run_suite, workers=workers, limit=limit, memory=memory)
+                done = drive(
+                    plan, folder, keep=keep.value, have=have, engine=runner, on_row=bar.update
                 )
         _print_result(done, folder.table, json=json)
         raise typer.Exit(done.exit_code)
+
+
+def _check_engine(engine: EngineKind, scheduler: str | None) -> None:
+    """An address and Dask belong together."""
+    if (engine is EngineKind.DASK) != (scheduler is not None):
+        what = "needs --engine dask" if scheduler else "needs --scheduler tcp://HOST:PORT"
+        raise typer.BadParameter(what, param_hint="--scheduler" if scheduler else "--engine dask")
+
+
+@contextlib.contextmanager
+def _engine(
+    scheduler: str | None, plan: SuitePlan, limit: float, memory: float
+) -> Iterator[Engine | None]:
+    """The engine at a scheduler of Dask; None for processes of this machine."""
+    if scheduler is None:
+        yield None
+        return
+    from navfw.suite.dask_engine import DaskEngine
+    from navfw.suite.job_package import JobPackage
+
+    package = JobPackage.of(plan.cases)
+    with DaskEngine(scheduler, package, limit=limit, memory=memory) as engine:
+        yield engine
 
 
 def _beginning(out: Path | None, *, resume: bool, extend: bool, restart: bool) -> Beginning:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Protocol
 
 from navfw.errors import InputError
 from navfw.interruption import deferred
@@ -20,7 +21,7 @@ from navfw.suite.suite_plan import SuitePlan
 from navfw.suite.suite_summary import summarize
 from navfw.suite.worker_pool import WorkerFailure, WorkerPool
 
-__all__ = ["SuiteResult", "run_suite"]
+__all__ = ["Engine", "SuiteResult", "run_suite"]
 
 EXPORT_PERIOD = 2.0
 """Shortest time [s] between two exports of table and summary; the journal has each run at once."""
@@ -33,6 +34,13 @@ LIMIT = 900.0
 
 MEMORY = 2000.0
 """Default limit [MB] of the memory of a run's process; usual ones have 400."""
+
+
+class Engine(Protocol):
+    """Runs jobs, on this machine or on others (``WorkerPool``, ``DaskEngine``)."""
+
+    def run(self, jobs: Iterable[Job], /) -> Iterator[tuple[Job, RunRow | WorkerFailure]]:
+        """Each job with its result, in the order of completion."""
 
 
 @dataclass(frozen=True)
@@ -67,9 +75,11 @@ def run_suite(
     memory: float = MEMORY,
     work: Callable[[Job], RunRow] = run_job,
     on_row: Callable[[Case, RunRow], None] | None = None,
+    engine: Engine | None = None,
 ) -> SuiteResult:
-    """Run all cases of ``plan`` that have no row in ``have`` yet, in processes of this machine.
+    """Run all cases of ``plan`` that have no row in ``have`` yet.
 
+    They run in ``workers`` processes of this machine, or by ``engine``, already entered.
     ``limit`` [s] and ``memory`` [MB] bound a run's wall time and its process's memory. ``on_row``
     is called with every run as it ends; by then it is in the journal of ``out``. A run that dies
     with its process is driven again, once, after all others. Ctrl-C, SIGTERM, or a folder that
@@ -87,13 +97,14 @@ def run_suite(
         for case in plan.cases
         if case.key not in table.rows
     ]
-    pool = WorkerPool(work, max(1, min(workers, len(jobs))), limit, memory=memory)
+    count = max(1, min(workers, len(jobs)))
+    pool = WorkerPool(work, count, limit, memory=memory) if engine is None else nullcontext(engine)
     unsaved = ""
     with deferred():  # the engine alone is interrupted, while it waits for runs
         try:
-            with pool as engine:
+            with pool as runner:
                 while jobs:
-                    jobs = _drive(engine.run(jobs), table, on_row)
+                    jobs = _drive(runner.run(jobs), table, on_row)
         except KeyboardInterrupt:
             pass  # the suite is incomplete
         except InputError as error:  # of the journal, or of the exported files

@@ -1,0 +1,115 @@
+"""What runs inside a worker of Dask: the files of a suite, and its runs in processes of their own.
+
+A run needs a main thread, may hang or leak, and has limits of time and memory; so each thread of
+Dask hands its runs to a process of a ``WorkerPool``.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from distributed import Worker, WorkerPlugin, get_worker
+
+from navfw.config.project_code import TRUST_VARIABLE
+from navfw.errors import SimulationError
+from navfw.suite.case import Job
+from navfw.suite.job_package import JobPackage, worker_identity
+from navfw.suite.run_table import RunRow
+from navfw.suite.worker_pool import WorkerFailure, WorkerPool
+
+__all__ = ["PackageOnWorker", "RemoteResult", "drive"]
+
+
+@dataclass(frozen=True)
+class RemoteResult:
+    """A row, or why there is none, with the picture of the run as PNG."""
+
+    row: RunRow | WorkerFailure
+    picture: bytes | None = None
+
+
+@dataclass(frozen=True)
+class _Folders:
+    """A job in the folder of its unpacked files."""
+
+    job: Job
+    work: Callable[[Job], RunRow]
+    project: Path
+
+
+class PackageOnWorker(WorkerPlugin):
+    """Unpacks the files of a suite on every worker, also on one that joins later."""
+
+    def __init__(
+        self,
+        package: JobPackage,
+        work: Callable[[Job], RunRow],
+        limit: float,
+        memory: float,
+    ) -> None:
+        self.package = package
+        self.work = work
+        self.limit = limit
+        self.memory = memory
+        self.name = f"navfw-{package.key}"
+        self.identity = worker_identity()
+        self.folder = Path()
+        self.idle: list[WorkerPool[_Folders, RemoteResult]] = []
+
+    def setup(self, worker: Worker) -> None:
+        """Unpack the files in the worker's own folder."""
+        self.folder = self.package.unpack(Path(worker.local_directory))
+
+    def teardown(self, worker: Worker) -> None:
+        """End the processes of the runs."""
+        del worker
+        while self.idle:
+            self.idle.pop().__exit__(None, None, None)
+
+    def run(self, job: Job) -> RemoteResult:
+        """Drive a run in a process that is kept for the next one."""
+        if self.identity != worker_identity():
+            raise SimulationError("the worker has another version of navfw or of its libraries")
+        process = multiprocessing.current_process()
+        if process.daemon:  # as Dask's nanny starts it; a daemon may have no processes of its own
+            process.daemon = False
+        pool = self.idle.pop() if self.idle else self._new_pool()
+        given = _Folders(self.package.unpacked(job, self.folder), self.work, self.folder)
+        try:
+            for _, result in pool.run([given]):
+                return RemoteResult(result) if isinstance(result, WorkerFailure) else result
+        finally:
+            self.idle.append(pool)
+        raise AssertionError("a pool answers every job")
+
+    def _new_pool(self) -> WorkerPool[_Folders, RemoteResult]:
+        pool: WorkerPool[_Folders, RemoteResult]
+        pool = WorkerPool(_work_in_folder, 1, self.limit, memory=self.memory)
+        return pool.__enter__()
+
+
+def drive(name: str, job: Job) -> RemoteResult:
+    """A task of Dask: one run on this worker, with the files of the package ``name``."""
+    plugin: Any = get_worker().plugins.get(name)
+    if plugin is None:
+        raise SimulationError("the worker could not take the files of the suite; see its log")
+    result: RemoteResult = plugin.run(job)
+    return result
+
+
+def _work_in_folder(given: _Folders) -> RemoteResult:
+    """In the process of the run: its project is the unpacked one, trusted by who sent it."""
+    os.environ[TRUST_VARIABLE] = "1"
+    os.chdir(given.project / "project")
+    with tempfile.TemporaryDirectory(prefix="navfw-pictures-") as folder:
+        pictures = Path(folder) / given.job.pictures.name
+        pictures.mkdir()
+        row = given.work(replace(given.job, pictures=pictures))
+        picture = pictures / Path(row.picture).name if row.picture else None
+        return RemoteResult(row, picture.read_bytes() if picture else None)

@@ -1,0 +1,168 @@
+"""What runs on other machines need: the files of the project and of its worlds, with their hash.
+
+What ships with navfw does not travel: workers have the same version of it (``worker_identity``).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import platform
+import tempfile
+import zipfile
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cache
+from importlib import metadata
+from pathlib import Path
+from typing import Self
+
+from navfw.config.input_file import read_input
+from navfw.config.lookup import project_folder, shipped_folder
+from navfw.errors import InputError
+from navfw.plugins.registry import GROUPS
+from navfw.suite.case import Case, Job
+
+__all__ = ["JobPackage", "worker_identity"]
+
+MAX_PACKAGE = 200_000_000
+"""Largest size of all files that travel [byte]."""
+
+_PROJECT_PARTS = ("worlds", "maps", "stacks", "robots", "behaviors", "plugins")
+_PACKAGE = Path(__file__).parents[1]
+_SHIPPED_PARTS = ("worlds", "maps", "behaviors")
+_LIBRARIES = ("numpy", "numba", "opencv-python-headless", "pybullet", "scipy")
+_PATHS = ("world", "mission", "stack")
+
+
+@dataclass(frozen=True)
+class JobPackage:
+    """Files as a zip archive, and the local folders that their names stand for.
+
+    Inside the archive, the project is ``project``, and folders of worlds outside of it are
+    ``world-0``, ``world-1``, ... ``key`` is the hash of the archive.
+    """
+
+    archive: bytes
+    folders: tuple[tuple[str, str], ...]
+
+    @classmethod
+    def of(cls, cases: Iterable[Case]) -> Self:
+        """The package of ``cases`` and of the project around the working folder.
+
+        Raises:
+            InputError: a file cannot be read, or all together are larger than ``MAX_PACKAGE``.
+
+        """
+        project = project_folder()
+        if project is not None and project.resolve() == shipped_folder().resolve():
+            project = None
+        roots = {"shipped": shipped_folder(), "package": _PACKAGE}
+        if project is not None:
+            roots["project"] = project
+        for folder in dict.fromkeys(Path(c.world).parent for c in cases if c.world):
+            if not any(folder.is_relative_to(root) for root in roots.values()):
+                roots[f"world-{len(roots)}"] = folder
+        stream, total = io.BytesIO(), 0
+        with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+            archive.writestr(_entry("project/"), b"")
+            if project is not None:
+                archive.writestr(_entry("project/navfw.toml"), b"")
+            for name, file in _travelling(roots):
+                content = read_input(file, MAX_PACKAGE)
+                total += len(content)
+                if total > MAX_PACKAGE:
+                    what = f"the files of the project exceed {MAX_PACKAGE // 1_000_000} MB"
+                    raise InputError(f"{what}; move what no run needs", file=project or file)
+                archive.writestr(_entry(name), content)
+        return cls(stream.getvalue(), tuple((name, str(root)) for name, root in roots.items()))
+
+    @property
+    def key(self) -> str:
+        """The SHA-256 of the archive, its first 16 digits."""
+        return hashlib.sha256(self.archive).hexdigest()[:16]
+
+    def packed(self, job: Job) -> Job:
+        """``job`` with names of the package instead of local paths."""
+        changed: dict[str, str] = {}
+        for part in _PATHS:
+            path = getattr(job.case, part)
+            within = [(n, root) for n, root in self.folders if path and _inside(path, root)]
+            if within:  # the innermost: the package may lie inside of what is shipped
+                name, root = max(within, key=lambda item: len(item[1]))
+                changed[part] = f"{name}:{Path(path).relative_to(root).as_posix()}"
+        return replace(job, case=replace(job.case, **changed))  # type: ignore[arg-type]
+
+    def unpacked(self, job: Job, folder: Path) -> Job:
+        """``job`` with the paths of this machine; ``folder`` is that of the unpacked files."""
+        changed: dict[str, str] = {}
+        for part in _PATHS:
+            name, colon, rest = getattr(job.case, part).partition(":")
+            if colon:
+                root = {"shipped": shipped_folder(), "package": _PACKAGE}.get(name, folder / name)
+                changed[part] = str(root / rest)
+        return replace(job, case=replace(job.case, **changed))  # type: ignore[arg-type]
+
+    def unpack(self, folder: Path) -> Path:
+        """The folder with the files, inside ``folder``; written once.
+
+        Raises:
+            OSError: it cannot be written.
+
+        """
+        target = folder / f"navfw-{self.key}"
+        if not target.exists():
+            part = Path(tempfile.mkdtemp(dir=folder))
+            with zipfile.ZipFile(io.BytesIO(self.archive)) as archive:
+                archive.extractall(part)
+            part.rename(target)
+        return target
+
+
+@cache
+def worker_identity() -> dict[str, str]:
+    """What has to be the same on all machines: versions, navfw's own files, and its plugins.
+
+    ``plugins`` are those of other installed packages, as ``kind name``.
+    """
+    digest = hashlib.sha256()
+    shipped = {part: shipped_folder() / part for part in _SHIPPED_PARTS}
+    for name, file in _files_of({"navfw": _PACKAGE, **shipped}):
+        digest.update(f"{name}\0".encode() + hashlib.sha256(file.read_bytes()).digest())
+    versions = {name: metadata.version(name) for name in _LIBRARIES}
+    plugins = {
+        f"{kind} {point.name}"
+        for group, kind in GROUPS.items()
+        for point in metadata.entry_points(group=group)
+    }
+    return {
+        "navfw": f"{metadata.version('navfw')} ({digest.hexdigest()[:12]})",
+        "python": platform.python_version(),
+        **versions,
+        "plugins": ", ".join(sorted(plugins)),
+    }
+
+
+def _travelling(roots: Mapping[str, Path]) -> Iterator[tuple[str, Path]]:
+    """The files of the project's parts, and of all folders outside of it, by name."""
+    own = {name: root for name, root in roots.items() if name.startswith("world-")}
+    if "project" in roots:
+        own |= {f"project/{part}": roots["project"] / part for part in _PROJECT_PARTS}
+    return _files_of(own)
+
+
+def _files_of(folders: Mapping[str, Path]) -> Iterator[tuple[str, Path]]:
+    for name, folder in folders.items():
+        for file in sorted(folder.rglob("*")):
+            inside = file.relative_to(folder)
+            if "__pycache__" not in inside.parts and file.is_file():
+                yield f"{name}/{inside.as_posix()}", file
+
+
+def _entry(name: str) -> zipfile.ZipInfo:
+    """An entry of the archive without a time: the same files give the same hash."""
+    return zipfile.ZipInfo(name)
+
+
+def _inside(path: str, root: str) -> bool:
+    return Path(path).is_relative_to(root)

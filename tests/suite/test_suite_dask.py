@@ -1,0 +1,120 @@
+"""A suite on a scheduler of Dask with two workers on loopback, one of which is killed."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import suite_samples as samples
+
+from navfw.errors import InputError
+from navfw.suite import dask_engine
+from navfw.suite.case import Job
+from navfw.suite.dask_engine import DaskEngine
+from navfw.suite.job_package import JobPackage, worker_identity
+from navfw.suite.run_table import RunRow
+from navfw.suite.suite_folder import SuiteFolder
+from navfw.suite.suite_plan import SuitePlan
+from navfw.suite.suite_run import run_suite
+
+pytest.importorskip("distributed", reason="needs the extra dask: uv sync --extra dask")
+
+HELPERS = Path(samples.__file__).parent
+
+
+def start(folder: Path, *words: str) -> subprocess.Popen[bytes]:
+    with (folder / f"{Path(words[-1]).stem}.log").open("wb") as log:
+        return subprocess.Popen(  # noqa: S603 - this Python, words of our own
+            [sys.executable, "-m", "dask", *words],
+            cwd=folder,
+            env={**os.environ, "PYTHONPATH": str(HELPERS)},
+            stdout=log,
+            stderr=subprocess.STDOUT,
+        )
+
+
+@pytest.fixture
+def cluster(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
+    """The address of a scheduler, and its two workers."""
+    file = str(tmp_path / "scheduler.json")
+    quiet = ["--no-dashboard", "--host", "127.0.0.1"]
+    all_ = [start(tmp_path, "scheduler", *quiet, "--port", "0", "--scheduler-file", file)]
+    for name in ("one", "two"):
+        words = ["--no-dashboard", "--no-nanny", "--nthreads", "1", "--name", name]
+        all_.append(start(tmp_path, "worker", "--scheduler-file", file, *words))
+    deadline = time.monotonic() + 120.0
+    while not Path(file).exists():
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
+    yield json.loads(Path(file).read_text())["address"], all_[1:]
+    for process in all_:
+        process.kill()
+        process.wait()
+
+
+@pytest.mark.slow
+def test_every_run_ends_once_although_a_worker_is_killed(
+    cluster: tuple[str, list[subprocess.Popen[bytes]]], tmp_path: Path
+) -> None:
+    address, workers = cluster
+    plan = SuitePlan("rooms", tuple(samples.case(seed) for seed in range(30)), {"a": "1"})
+    out = SuiteFolder(tmp_path / "out")
+    have = out.open(plan, "abc")
+    ended: list[int] = []
+
+    def kill_one(case: object, row: RunRow) -> None:
+        ended.append(row.seed)
+        if len(ended) == 6:
+            workers[0].send_signal(signal.SIGKILL)
+
+    package = JobPackage.of(plan.cases)
+    engine = DaskEngine(address, package, limit=60.0, memory=2000.0, work=samples.slow_fake_run)
+    with engine:
+        done = run_suite(plan, out, have=have, engine=engine, on_row=kill_one)
+    assert (done.complete, done.exit_code) == (True, 0)
+    assert sorted(ended) == list(range(30))
+    assert [row.seed for row in out.rows()] == ended
+
+
+def test_a_worker_of_another_version_is_refused() -> None:
+    ours = {**worker_identity(), "navfw": "9.9 (abc)"}
+    with pytest.raises(InputError, match=r"has navfw .*, here it is 9\.9 \(abc\); install"):
+        dask_engine._compare("tcp://a", worker_identity(), ours)
+
+
+def test_a_plugin_that_workers_lack_is_named() -> None:
+    ours = {**worker_identity(), "plugins": "flow mine, fusion yours"}
+    theirs = {**ours, "plugins": "fusion yours"}
+    with pytest.raises(InputError, match="lacks the plugin flow mine; install its package"):
+        dask_engine._compare("tcp://a", theirs, ours)
+
+
+def test_a_scheduler_that_does_not_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(dask_engine, "CONNECT_TIME", 0.5)
+    engine = DaskEngine("tcp://127.0.0.1:9", JobPackage(b"", ()), limit=1.0, memory=1.0)
+    with pytest.raises(InputError, match=r"no scheduler of Dask answers at tcp://127\.0\.0\.1:9"):
+        engine.__enter__()
+
+
+def test_paths_travel_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    world = tmp_path / "mine" / "worlds" / "hall" / "world.yaml"
+    world.parent.mkdir(parents=True)
+    world.write_text("name: hall")
+    (tmp_path / "mine" / "navfw.toml").touch()
+    monkeypatch.chdir(tmp_path / "mine")
+    job = Job(samples.case(1, family="", world=str(world)), tmp_path)
+    package = JobPackage.of([job.case])
+    assert package.key == JobPackage.of([job.case]).key
+    (tmp_path / "there").mkdir()
+    folder = package.unpack(tmp_path / "there")
+    there = package.unpacked(package.packed(job), folder)
+    assert Path(there.case.world).is_relative_to(tmp_path / "there")
+    assert Path(there.case.world).read_text() == "name: hall"
+    assert there.case.stack == job.case.stack
