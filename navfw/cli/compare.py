@@ -50,7 +50,10 @@ def compare(
     first, second = (
         SuiteFolder(path).rows() if is_folder(path) else read_table(path) for path in (a, b)
     )
-    found = compare_tables(of_variant(first, variant_a), of_variant(second, variant_b))
+    try:
+        found = compare_tables(of_variant(first, variant_a), of_variant(second, variant_b))
+    except InputError as error:
+        raise InputError(f"{a}, {b}: {error}") from None
     reports = [path / MARKDOWN if is_folder(path) else path for path in (a, b)]
     if json:
         print_json({**found, "reports": [str(file) for file in reports]})

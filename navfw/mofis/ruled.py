@@ -31,13 +31,14 @@ class _Ruled(Plugin):
         """Changes of the rule base."""
 
         terms: Annotated[
-            Mapping[str, Mapping[str, Corners]],
+            Mapping[str, Mapping[str, Corners]] | None,
             Field(
                 max_length=100,
+                exclude_if=lambda terms: terms is None,
                 description="corners of terms of inputs, instead of those of the rule base: "
                 "{reserve: {short: [0, 0, 0.8, 1.2]}}",
             ),
-        ] = Field(default_factory=dict)
+        ] = None
 
     params: Params
 
@@ -64,7 +65,7 @@ class _Ruled(Plugin):
             InputError: they cannot be read, do not cover their inputs, or have no such terms.
 
         """
-        return BehaviorRules.beside(inspect.getfile(type(self)), self.params.terms)
+        return BehaviorRules.beside(inspect.getfile(type(self)), self.params.terms or {})
 
 
 class RuledBehavior(_Ruled, Behavior):

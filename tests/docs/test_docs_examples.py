@@ -80,7 +80,7 @@ def test_the_behaviour_is_found_and_keeps_the_contract() -> None:
     assert issubclass(behavior, Behavior)
     check_behavior(behavior)
     (listed,) = (row for row in registry.listing("behavior") if row["name"] == "cautious")
-    assert [parameter["name"] for parameter in listed["parameters"]] == ["weight"]
+    assert [parameter["name"] for parameter in listed["parameters"]] == ["terms", "weight"]
     # the README's files must not hide that a shipped one is broken, nor break one
     assert [row["name"] for row in registry.broken() if "cautious" in row["source"]] == []
 
