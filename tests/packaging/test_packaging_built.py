@@ -113,6 +113,7 @@ def test_an_installed_navfw_lists_its_files_from_any_folder(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_the_wheel_drives_in_an_empty_environment(dist: Path, tmp_path: Path) -> None:
     (wheel,) = dist.glob("*.whl")
     environment, elsewhere = tmp_path / "environment", tmp_path / "elsewhere"
