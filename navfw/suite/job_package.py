@@ -17,6 +17,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Self
 
+from navfw.config.folder_files import files_in
 from navfw.config.input_file import read_input
 from navfw.config.lookup import project_folder, shipped_folder
 from navfw.errors import InputError
@@ -153,10 +154,8 @@ def _travelling(roots: Mapping[str, Path]) -> Iterator[tuple[str, Path]]:
 
 def _files_of(folders: Mapping[str, Path]) -> Iterator[tuple[str, Path]]:
     for name, folder in folders.items():
-        for file in sorted(folder.rglob("*")):
-            inside = file.relative_to(folder)
-            if "__pycache__" not in inside.parts and file.is_file():
-                yield f"{name}/{inside.as_posix()}", file
+        for file, inside in files_in(folder):
+            yield f"{name}/{inside.as_posix()}", file
 
 
 def _entry(name: str) -> zipfile.ZipInfo:

@@ -13,6 +13,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Self
 
+from navfw.config.folder_files import files_in
 from navfw.config.input_file import open_input
 from navfw.config.lookup import find, find_mission, project_folder, shipped_folder
 from navfw.recording.provenance import machine_kind
@@ -80,13 +81,10 @@ def _installed() -> str:
     return digest.hexdigest()
 
 
-def _files(folders: Iterable[Path], without: str = "__pycache__") -> Iterator[Path]:
-    """The files in ``folders``, sorted, but for caches of Python and a part ``without``."""
+def _files(folders: Iterable[Path], without: str = "") -> Iterator[Path]:
+    """The files in ``folders``, but for those in a folder ``without``."""
     for folder in folders:
-        for file in sorted(folder.rglob("*")):
-            inside = file.relative_to(folder).parts
-            if "__pycache__" not in inside and without not in inside and file.is_file():
-                yield file
+        yield from (file for file, inside in files_in(folder) if without not in inside.parts)
 
 
 def _add(digest: hashlib._Hash, file: Path) -> None:
