@@ -7,7 +7,7 @@ sample. Results equal those of scikit-fuzzy (``ReferenceFis``) to 1e-6, as
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -15,23 +15,14 @@ import numpy as np
 import numpy.typing as npt
 
 from navfw.errors import RuleBaseError, UnknownNameError
-from navfw.fuzzy import inference_kernels
 from navfw.fuzzy.fired_rules import FiredRule, explain
-from navfw.fuzzy.grammar import And, Clause, Is, Not, Or, atoms
-from navfw.fuzzy.rulebase import RuleBase, Variable
+from navfw.fuzzy.inference_kernels import infer
+from navfw.fuzzy.inference_tables import concluded_terms, tables_of
+from navfw.fuzzy.interpolation_kernels import fuzzify
+from navfw.fuzzy.rulebase import RuleBase
 from navfw.signals import Array
 
 __all__ = ["CompiledFis", "Inference"]
-
-Indices = npt.NDArray[np.int64]
-
-_METHODS = {
-    "centroid": inference_kernels.CENTROID,
-    "bisector": inference_kernels.BISECTOR,
-    "mom": inference_kernels.MOM,
-    "som": inference_kernels.SOM,
-    "lom": inference_kernels.LOM,
-}
 
 
 class ResultLayout(NamedTuple):
@@ -97,26 +88,6 @@ class Inference:
         return int(self._table.shape[0])
 
 
-class InferenceTables(NamedTuple):
-    """A rule base as arrays: the arguments of ``inference_kernels.infer`` after x, in its order."""
-
-    input_xs: Array  # universes of all inputs, one after the other
-    input_starts: Indices  # (inputs + 1,) where each begins
-    literal_ys: Array  # (literals, longest universe) degree of "input IS hedges term"
-    literal_starts: Indices  # (inputs + 1,) literals are grouped by input
-    program: Indices  # antecedents in postfix form, one after the other
-    program_starts: Indices  # (rules + 1,)
-    weights: Array  # (rules,)
-    conclusions: Indices  # (conclusions, 2) rule, term
-    output_xs: Array  # universes of all outputs, one after the other
-    output_starts: Indices  # (outputs + 1,)
-    term_ys: Array  # (terms, longest universe) of the terms that rules conclude
-    term_starts: Indices  # (outputs + 1,) terms are grouped by output
-    support: Indices  # (terms, 2) first and last sample above zero
-    defaults: Array  # (outputs,) NaN where none
-    modes: Indices  # defuzzification, implication is prod, depth of stack, size of workspace
-
-
 class CompiledFis:
     """Evaluates one rule base; stateless, so that one instance can be shared.
 
@@ -126,7 +97,8 @@ class CompiledFis:
 
     def __init__(self, rule_base: RuleBase) -> None:
         self.rule_base = rule_base
-        self._tables, self._layout = _flatten(rule_base)
+        self._tables = tables_of(rule_base).packed
+        self._layout = _layout(rule_base)
         self._row_of = {name: row for row, name in enumerate(rule_base.inputs)}
 
     @property
@@ -170,9 +142,7 @@ class CompiledFis:
         if inputs.keys() != self._row_of.keys():
             raise self._names_error(inputs)
         sample = [[inputs[name]] for name in self._row_of]
-        return Inference(
-            inference_kernels.infer(np.array(sample, dtype=np.float64), *self._tables), self._layout
-        )
+        return Inference(infer(np.array(sample, dtype=np.float64), *self._tables), self._layout)
 
     def evaluate_rows(self, rows: Array) -> Inference:
         """``evaluate`` for ``rows`` (inputs, N), one row per input as in ``input_names``.
@@ -188,7 +158,7 @@ class CompiledFis:
                 f"rule base {self.rule_base.name!r}: expected an array of shape "
                 f"({len(self._row_of)}, N), got {rows.shape}"
             )
-        return Inference(inference_kernels.infer(rows, *self._tables), self._layout)
+        return Inference(infer(rows, *self._tables), self._layout)
 
     def fuzzify(self, name: str, values: npt.ArrayLike) -> dict[str, Array]:
         """The degree of every term of input ``name`` at ``values``: (N,) each; NaN for NaN.
@@ -202,7 +172,7 @@ class CompiledFis:
         variable = self.rule_base.inputs[name]
         x = np.atleast_1d(np.asarray(values, dtype=np.float64))
         degrees = np.empty((x.size, len(variable.terms)))
-        inference_kernels.fuzzify(x, variable.universe, self._sampled[name], degrees)
+        fuzzify(x, variable.universe, self._sampled[name], degrees)
         return {term: degrees[:, k] for k, term in enumerate(variable.terms)}
 
     def explain(self, result: Inference, index: int = 0, minimum: float = 0.05) -> list[FiredRule]:
@@ -229,68 +199,11 @@ class CompiledFis:
         )
 
 
-def _flatten(rule_base: RuleBase) -> tuple[InferenceTables, ResultLayout]:
-    outputs = list(rule_base.outputs.values())
-    concluded = _group(outputs, (pair for rule in rule_base.rules for pair in rule.conclusions))
-    terms = [
-        [name for name in output.terms if name in group]  # in the order of the declaration
-        for output, group in zip(outputs, concluded, strict=True)
-    ]
-    return _tables(rule_base, terms), _layout(rule_base, terms)
-
-
-def _tables(rule_base: RuleBase, terms: Sequence[Sequence[str]]) -> InferenceTables:
-    """``terms`` are, for each output, those that a rule concludes."""
-    inputs, outputs = list(rule_base.inputs.values()), list(rule_base.outputs.values())
-    literals = _group(
-        inputs,
-        ((atom.variable, atom) for rule in rule_base.rules for atom in atoms(rule.antecedent)),
-    )
-    literal_index = {atom: k for k, atom in enumerate(a for group in literals for a in group)}
-    pairs = [(output, term) for output, names in zip(outputs, terms, strict=True) for term in names]
-    term_index = {(output.name, term): k for k, (output, term) in enumerate(pairs)}
-    programs = [
-        _postfix(rule.antecedent, literal_index, rule_base.conjunction) for rule in rule_base.rules
-    ]
-    conclusions = [
-        (number, term_index[pair])
-        for number, rule in enumerate(rule_base.rules)
-        for pair in rule.conclusions
-    ]
-    literal_ys = [
-        rule_base.inputs[atom.variable].sampled(atom.term, atom.hedges) for atom in literal_index
-    ]
-    term_ys = _padded([output.sampled(term) for output, term in pairs])
-    longest = max(output.universe.size for output in outputs)
-    modes = (
-        _METHODS[rule_base.defuzzify],
-        rule_base.implication == "prod",
-        max(len(program) for program in programs),
-        longest * (1 + max(len(names) for names in terms)),
-    )
-    return InferenceTables(
-        input_xs=np.concatenate([variable.universe for variable in inputs]),
-        input_starts=_starts([variable.universe.size for variable in inputs]),
-        literal_ys=_padded(literal_ys),
-        literal_starts=_starts([len(group) for group in literals]),
-        program=np.array([op for program in programs for op in program], dtype=np.int64),
-        program_starts=_starts([len(program) for program in programs]),
-        weights=np.array([rule.weight for rule in rule_base.rules]),
-        conclusions=np.array(conclusions, dtype=np.int64),
-        output_xs=np.concatenate([variable.universe for variable in outputs]),
-        output_starts=_starts([variable.universe.size for variable in outputs]),
-        term_ys=term_ys,
-        term_starts=_starts([len(names) for names in terms]),
-        support=np.array([(row.nonzero()[0][0], row.nonzero()[0][-1]) for row in term_ys]),
-        defaults=np.array([np.nan if v.default is None else v.default for v in outputs]),
-        modes=np.array(modes, dtype=np.int64),
-    )
-
-
-def _layout(rule_base: RuleBase, terms: Sequence[Sequence[str]]) -> ResultLayout:
-    """Columns: strengths of the rules, activations of ``terms``, crisp outputs."""
+def _layout(rule_base: RuleBase) -> ResultLayout:
+    """Columns: strengths of the rules, activations of the concluded terms, crisp outputs."""
     columns: dict[str, dict[str, int | None]] = {}
     column = len(rule_base.rules)
+    terms = concluded_terms(rule_base)
     for output, names in zip(rule_base.outputs.values(), terms, strict=True):
         columns[output.name] = dict.fromkeys(output.terms)
         for name in names:
@@ -298,36 +211,3 @@ def _layout(rule_base: RuleBase, terms: Sequence[Sequence[str]]) -> ResultLayout
             column += 1
     crisp = {name: column + k for k, name in enumerate(rule_base.outputs)}
     return ResultLayout(len(rule_base.rules), columns, crisp)
-
-
-def _group(variables: Sequence[Variable], items: Any) -> list[list[Any]]:
-    """The distinct values of ``items`` (variable name, value), grouped by variable."""
-    groups: dict[str, dict[Any, None]] = {variable.name: {} for variable in variables}
-    for name, item in items:
-        groups[name][item] = None
-    return [list(group) for group in groups.values()]
-
-
-def _postfix(clause: Clause, index: Mapping[Is, int], conjunction: str) -> list[int]:
-    match clause:
-        case Is():
-            return [index[clause]]
-        case Not(inner):
-            return [*_postfix(inner, index, conjunction), inference_kernels.NOT]
-        case And(left, right):
-            op = inference_kernels.AND_MIN if conjunction == "min" else inference_kernels.AND_PROD
-        case Or(left, right):
-            op = inference_kernels.OR_MAX
-    return [*_postfix(left, index, conjunction), *_postfix(right, index, conjunction), op]
-
-
-def _starts(lengths: Sequence[int]) -> Indices:
-    return np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64)
-
-
-def _padded(rows: Sequence[Array]) -> Array:
-    """Rows of different length as one array, the shorter ones padded with zeros."""
-    table = np.zeros((len(rows), max(row.size for row in rows)))
-    for target, row in zip(table, rows, strict=True):
-        target[: row.size] = row
-    return table
