@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from navfw.camera_geometry.derotation import derotate
 from navfw.egomotion.camera_motion import with_yaw_sigma
@@ -34,7 +34,7 @@ class View:
     ``flows`` are the derotated flow fields of all useful pairs and ``percepts`` what OFFIS makes of
     them; empty while the robot has not moved, and where the stage fails. ``moving_objects`` are
     detections in all views, ``stixels`` upright obstacles by image columns. ``yaw_corrections`` are
-    for the odometer.
+    for the odometer. ``percept`` is the newest of the percepts with any depth.
     """
 
     flows: tuple[FlowField, ...] = ()
@@ -42,11 +42,11 @@ class View:
     moving_objects: tuple[MovingObject, ...] = ()
     stixels: Stixels | None = None
     yaw_corrections: tuple[YawCorrection, ...] = ()
+    percept: Percept | None = field(init=False)
 
-    @property
-    def percept(self) -> Percept | None:
-        """The newest percept with any depth."""
-        return next((p for p in reversed(self.percepts) if p.sees_depth), None)
+    def __post_init__(self) -> None:
+        seen = (percept for percept in reversed(self.percepts) if percept.sees_depth)
+        object.__setattr__(self, "percept", next(seen, None))
 
 
 class Vision:

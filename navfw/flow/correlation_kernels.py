@@ -258,21 +258,13 @@ def find_peaks(
     second = np.full((rows, cols), -2.0, np.float64)
     curvature = np.zeros((rows, cols), np.float64)
     inner = np.zeros((rows, cols), np.bool_)
+    tops = np.empty(span, np.float32)
     for r in range(rows):
         for c in range(cols):
             s = scores[r, c]
-            py, px, best = 0, 0, np.float32(-2.0)
-            for iy in range(span):
-                for ix in range(span):
-                    if s[iy, ix] > best:
-                        py, px, best = iy, ix, s[iy, ix]
+            py, px, best, rival = _highest(s, tops)
             if best <= OUTSIDE:
                 continue
-            rival = np.float32(-2.0)
-            for iy in range(span):
-                for ix in range(span):
-                    if (abs(iy - py) > 1 or abs(ix - px) > 1) and s[iy, ix] > rival:
-                        rival = s[iy, ix]
             height[r, c] = best
             second[r, c] = rival
             peak[r, c, 0], peak[r, c, 1] = px - search, py - search
@@ -292,6 +284,40 @@ def find_peaks(
             fine[r, c, 1] += oy
             curvature[r, c] = flattest
     return peak, fine, height, second, curvature, inner
+
+
+@numba.njit(cache=True)
+def _highest(s: Floats, tops: Floats) -> tuple[int, int, np.float32, np.float32]:
+    """Row and column of the highest score, the score, and the highest outside its neighbourhood.
+
+    The first of equal scores counts. ``tops`` (span,) is workspace for the maxima of the rows.
+    """
+    span = tops.size
+    py = 0
+    for iy in range(span):
+        tops[iy] = _maximum(s[iy])
+        if tops[iy] > tops[py]:
+            py = iy
+    best = tops[py]
+    px = 0
+    while s[py, px] < best:
+        px += 1
+    rival = OUTSIDE
+    for iy in range(span):
+        if abs(iy - py) > 1:
+            rival = max(rival, tops[iy])
+        else:
+            rival = max(rival, _maximum(s[iy, : max(px - 1, 0)]), _maximum(s[iy, px + 2 :]))
+    return py, px, best, rival
+
+
+@numba.njit(cache=True, fastmath={"nnan", "nsz"})
+def _maximum(values: Floats) -> np.float32:
+    """The largest of ``values``, at least OUTSIDE; a loop that the compiler vectorises."""
+    top = OUTSIDE
+    for value in values:
+        top = value if value > top else top
+    return top
 
 
 @numba.njit(cache=True)

@@ -108,10 +108,10 @@ class PathSight:
         """Take in the newest valid image."""
         if not self._pixels.any():
             return
-        grey = image[self._top :].astype(np.float32)
+        below = image[self._top :]
         windows = slice(None, None, self._stride), slice(None, None, self._stride)
-        mean = cv2.blur(grey, self._window)[windows][self._pixels]
-        square = cv2.blur(grey * grey, self._window)[windows][self._pixels]
+        mean = cv2.boxFilter(below, cv2.CV_32F, self._window)[windows][self._pixels]
+        square = cv2.sqrBoxFilter(below, cv2.CV_32F, self._window)[windows][self._pixels]
         variance = np.sort(square - mean * mean)
         middle = variance[(variance.size - 1) // 2] + variance[variance.size // 2]
         contrast = math.sqrt(max(0.5 * float(middle), 0.0))
