@@ -1,104 +1,155 @@
-"""A further behaviour or world for the project one stands in, after the project's templates.
+"""Write a part into the project one stands in: a behaviour, a stage, a world, a mission, a suite.
 
-The files are those of ``navfw/templates/project`` under another name, so that what a new project
-shows and what a new part shows is the same.
+The kinds are those of ``navfw.part_kinds``; all files of a part are written, or none.
 """
 
 from __future__ import annotations
 
 import keyword
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
 
 from navfw.atomic import write_text
+from navfw.config.document import load_yaml
 from navfw.config.input_file import read_input_text, shown_path
-from navfw.config.lookup import list_worlds, plugin_files, plugin_folders, project_folder
-from navfw.errors import ConfigError, InputError
+from navfw.config.lookup import (
+    NamedFile,
+    list_maps,
+    list_missions,
+    list_stacks,
+    list_worlds,
+    plugin_files,
+    plugin_folders,
+    project_folder,
+)
+from navfw.errors import ConfigError
 from navfw.new_project import TEMPLATES
+from navfw.part_kinds import PARTS, NameRule
+from navfw.plugins.registry import BUILT_IN
+from navfw.suite.suitefile import list_suites
 
-__all__ = ["write_behavior", "write_world"]
+__all__ = ["write_part"]
 
-_MAX_TEMPLATE = 100_000
-_WORLD_NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
+_MAX_TEMPLATE = 1_000_000
+"""Largest size of a template, and of the mission that another one begins as [byte]."""
+
+_HYPHENATED = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
 
 
-def write_behavior(name: str) -> list[str]:
-    """Write behaviour, rules and test; the names of the files, relative to the project.
+def write_part(kind: str, name: str) -> tuple[list[str], str]:
+    """Write a part of a ``kind`` of ``PARTS``; the files, relative to the project, and what next.
+
+    The name of a mission is ``world/mission``.
 
     Raises:
-        ConfigError: the name is no identifier in small letters or is taken, a file exists, or the
-            working folder is in no project.
+        ConfigError: the name is none for this kind or is taken, a file exists, or the working
+            folder is in no project.
+        UnknownNameError: there is no world of a mission's name.
         InputError: a file cannot be written.
 
     """
-    if not (name.isascii() and name.isidentifier() and name == name.lower()) or (
-        keyword.iskeyword(name) or name.startswith("_")
-    ):
-        what = "expected a Python identifier in small letters, such as slow_down"
-        raise ConfigError(f"{what}; got {name!r}", key="NAME")
-    taken = {file.stem: file for folder in plugin_folders() for file in plugin_files(folder)}
-    if name in taken:
-        what = f"there is a plugin {name!r} in {shown_path(taken[name])}; choose another name"
-        raise ConfigError(what, key="NAME")
-    words = {"cautious": name, "Cautious": "".join(part.title() for part in name.split("_"))}
-    return _write(
-        words,
-        {
-            f"behaviors/{name}.py": "behaviors/cautious.py.template",
-            f"behaviors/{name}.yaml": "behaviors/cautious.yaml",
-            f"tests/test_{name}.py": "tests/test_cautious.py.template",
-        },
-    )
-
-
-def write_world(name: str) -> list[str]:
-    """Write world, map, mission ``next-room`` and its test; the names of the files.
-
-    Raises:
-        ConfigError: the name is not of small letters, digits and hyphens, or is taken, a file
-            exists, or the working folder is in no project.
-        InputError: a file cannot be written.
-
-    """
-    if not _WORLD_NAME.fullmatch(name):
-        what = "expected small letters, digits and single hyphens, such as east-wing"
-        raise ConfigError(f"{what}; got {name!r}", key="NAME")
-    taken = {found.name: found.path for found in list_worlds()}
-    if name in taken:
-        what = f"there is a world {name!r} in {shown_path(taken[name])}; choose another name"
-        raise ConfigError(what, key="NAME")
-    words = {r"\bden\b": name, r"\nstack: careful[^\n]*": "", ', stack="careful"': ""}
-    return _write(
-        words,
-        {
-            f"worlds/{name}/world.yaml": "worlds/den/world.yaml",
-            f"worlds/{name}/missions/next-room.yaml": "worlds/den/missions/next-room.yaml",
-            f"maps/{name}.yaml": "maps/den.yaml",
-            f"tests/test_{name.replace('-', '_')}.py": "tests/test_next_room.py.template",
-        },
-    )
-
-
-def _write(words: Mapping[str, str], files: Mapping[str, str]) -> list[str]:
-    """Write each of ``files`` after its template with ``words`` replaced: all, or none."""
+    part = PARTS[kind]
     project = project_folder()
     if project is None:
         what = "is in no project; change into one, or write one by navfw new project DIR"
         raise ConfigError(what, file=Path.cwd())
-    for name in files:
-        if (project / name).exists():
-            raise ConfigError("exists, and is not replaced", file=shown_path(project / name))
+    world, _, own = name.rpartition("/")
+    if name.count("/") != (kind == "mission"):
+        expected = "WORLD/NAME, such as office/evening" if kind == "mission" else "no '/'"
+        raise ConfigError(f"expected {expected}; got {name!r}", key="NAME")
+    _check_spelling(own, part.rule)
+    for sort in part.unique:
+        taken = _taken(sort, world)
+        if own in taken:
+            what = f"there is a {sort} {own!r} in {taken[own]}; choose another name"
+            raise ConfigError(what, key="NAME")
+    fields = {
+        "name": own,
+        "module": re.sub(r"\W", "_", name),
+        "class_name": "".join(word.title() for word in own.split("_")),
+        "world": world,
+    }
+    if kind == "mission":
+        model = _model(world)
+        fields |= {"model": str(model.path), "model_name": model.name}
+    files = {file.format(**fields): t.format(**fields) for file, t in part.files.items()}
+    words = {word: by.format(**fields) for word, by in part.words.items()}
+    _write(project, {name: _rendered(template, words) for name, template in files.items()})
+    return sorted(files), part.then.format(**fields)
+
+
+def _check_spelling(name: str, rule: NameRule) -> None:
+    if rule == "hyphenated":
+        if not _HYPHENATED.fullmatch(name):
+            what = "expected small letters, digits and single hyphens, such as east-wing"
+            raise ConfigError(f"{what}; got {name!r}", key="NAME")
+    elif (
+        not (name.isascii() and name.isidentifier() and name == name.lower())
+        or keyword.iskeyword(name)
+        or name.startswith("_")
+    ):
+        what = "expected a Python identifier in small letters, such as slow_down"
+        raise ConfigError(f"{what}; got {name!r}", key="NAME")
+
+
+def _taken(sort: str, world: str) -> dict[str, str]:
+    """Names that are taken among things of that ``sort``, each with where it is."""
+    listed: dict[str, Callable[[], list[NamedFile]]] = {
+        "map": list_maps,
+        "mission": lambda: list_missions(world),
+        "stack": list_stacks,
+        "world": list_worlds,
+    }
+    if sort in listed:
+        return {found.name: shown_path(found.path) for found in listed[sort]()}
+    if sort == "suite":
+        return {name: shown_path(file) for name, file in list_suites().items()}
+    shipped = {name: "navfw" for names in BUILT_IN.values() for name in names}
+    files = (file for folder in plugin_folders() for file in plugin_files(folder))
+    return shipped | {file.stem: shown_path(file) for file in files}
+
+
+def _model(world: str) -> NamedFile:
+    """The mission of ``world`` that a new one begins as: the first one without events.
+
+    Raises:
+        ConfigError: the world has no such mission.
+
+    """
+    for mission in list_missions(world):
+        data = load_yaml(mission.path).data
+        if isinstance(data, dict) and "events" not in data:
+            return mission
+    what = f"the world {world!r} has no mission without events that a new one could begin as"
+    raise ConfigError(f"{what}; see docs/worlds.md for its keys", key="NAME")
+
+
+def _rendered(template: str, words: Mapping[str, str]) -> str:
+    """The text of a template, or of the file at an absolute path, with ``words`` replaced."""
+    text = read_input_text(TEMPLATES / template, _MAX_TEMPLATE)
+    for word, by in words.items():
+        text = re.sub(word, by, text)
+    return text
+
+
+def _write(project: Path, texts: Mapping[str, str]) -> None:
+    """Write each of ``texts`` by its name in ``project``: all, or none."""
+    files = {project / name: text for name, text in texts.items()}
+    for file in files:
+        if file.exists():
+            raise ConfigError("exists, and is not replaced", file=shown_path(file))
+    above = {folder for file in files for folder in file.parents if not folder.exists()}
     written: list[Path] = []
     try:
-        for name, template in files.items():
-            text = read_input_text(TEMPLATES / template, _MAX_TEMPLATE)
-            for old, new in words.items():
-                text = re.sub(old, new, text)
-            write_text(project / name, text, parents=True)
-            written.append(project / name)
-    except InputError:
-        for path in written:
-            path.unlink(missing_ok=True)
+        for file, text in files.items():
+            write_text(file, text, parents=True)
+            written.append(file)
+    except BaseException:
+        for file in written:
+            file.unlink(missing_ok=True)
+        for folder in sorted(above, reverse=True):
+            with suppress(OSError):
+                folder.rmdir()
         raise
-    return sorted(files)

@@ -20,8 +20,10 @@ from navfw.file_schemas import editor_settings
 
 __all__ = ["TEMPLATES", "write_project"]
 
-TEMPLATES = Path(__file__).parent / "templates" / "project"
-"""The templates of a project's files."""
+TEMPLATES = Path(__file__).parent / "templates"
+"""The templates: of a project's files in ``project``, of its parts' in ``parts``."""
+
+_PROJECT = TEMPLATES / "project"
 
 _ENDING = ".template"
 _NOTHING = re.compile(r"(?!)")
@@ -43,7 +45,7 @@ def write_project(folder: Path) -> list[str]:
     if around is not None:
         what = f"is within the project {shown_path(around)}; choose a folder outside of it"
         raise ConfigError(what, file=folder)
-    names = {_name(file): file for file in sorted(TEMPLATES.rglob("*")) if file.is_file()}
+    names = {_name(file): file for file in sorted(_PROJECT.rglob("*")) if file.is_file()}
     settings = {f".vscode/{name}": content for name, content in editor_settings().items()}
     with AtomicFolder(folder, _NOTHING, "DIR") as target:
         for name, template in names.items():
@@ -58,7 +60,7 @@ def write_project(folder: Path) -> list[str]:
 
 def _name(template: Path) -> str:
     """The name of a template's copy, relative to the project."""
-    name = template.relative_to(TEMPLATES).as_posix().removesuffix(_ENDING)
+    name = template.relative_to(_PROJECT).as_posix().removesuffix(_ENDING)
     return _HIDDEN.get(name, name)
 
 

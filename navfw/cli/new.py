@@ -1,13 +1,20 @@
-"""``navfw new project``, ``behavior``, ``world``: files of one's own, all of which pass."""
+"""``navfw new project``, and ``navfw new KIND NAME``: files of one's own, all of which pass."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from navfw.part_kinds import PARTS
+
 __all__ = ["add_to"]
+
+_Name = Annotated[
+    str, typer.Argument(metavar="NAME", help="Its name: slow_down for code, east-wing for files.")
+]
 
 
 def add_to(app: typer.Typer) -> None:
@@ -17,8 +24,10 @@ def add_to(app: typer.Typer) -> None:
     )
     group.callback()(_group)
     group.command()(project)
-    group.command()(behavior)
-    group.command()(world)
+    for kind, part in PARTS.items():
+        group.command(kind, help=f"{part.help} They go into the project one stands in.")(
+            _writer(kind)
+        )
     app.add_typer(group, name="new")
 
 
@@ -41,25 +50,15 @@ def project(
     typer.echo(f"next: cd {folder}, then navfw trust . && navfw check && navfw run den next-room")
 
 
-def behavior(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Its name, such as slow_down.")],
-) -> None:
-    """Write a behaviour with rules and a test into the project one stands in."""
-    from navfw.new_parts import write_behavior
+def _writer(kind: str) -> Callable[[str], None]:
+    """The command that writes a part of a kind."""
 
-    _tell(write_behavior(name), f"next: put {name} into a stack, then navfw check && pytest tests")
+    def write(name: _Name) -> None:
+        from navfw.new_parts import write_part
 
+        written, then = write_part(kind, name)
+        typer.echo("wrote:")
+        typer.echo("".join(f"  {file}\n" for file in written), nl=False)
+        typer.echo(f"next: navfw check && {then}")
 
-def world(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Its name, such as east-wing.")],
-) -> None:
-    """Write a world with map, mission and a test into the project one stands in."""
-    from navfw.new_parts import write_world
-
-    _tell(write_world(name), f"next: navfw check && navfw run {name} next-room")
-
-
-def _tell(written: list[str], then: str) -> None:
-    typer.echo("wrote:")
-    typer.echo("".join(f"  {file}\n" for file in written), nl=False)
-    typer.echo(then)
+    return write

@@ -30,6 +30,7 @@ READERS: dict[str, Callable[[Path], Any]] = {
     "navfw/localization/situations.yaml": load_table,
     "navfw/robots/*.yaml": load_robot,
     "navfw/stacks/*.yaml": lambda path: load_stack(path, default_registry()),
+    "navfw/templates/parts/s*.yaml": load_yaml,  # of a stack and a suite
     "navfw/templates/project/behaviors/*.yaml": load_rule_base,
     "navfw/templates/project/maps/*.yaml": load_map,
     # these name a behaviour and a map of the new project, found only there

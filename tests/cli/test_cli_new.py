@@ -12,10 +12,7 @@ import pytest
 import yaml
 from typer.testing import CliRunner, Result
 
-from navfw import Behavior
 from navfw.cli import app
-from navfw.plugins import default_registry
-from navfw.testing import check_behavior
 
 
 @pytest.fixture
@@ -87,56 +84,6 @@ def test_a_file_in_the_way(folder: Path) -> None:
     done = navfw("new", "project", "mine")
     assert (done.exit_code, "expected a folder, got a file" in done.output) == (2, True)
     assert (folder / "mine").read_text() == "keep"
-
-
-def test_a_new_behavior_and_a_new_world_are_sound(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    navfw("new", "project", "mine")
-    monkeypatch.chdir(folder / "mine" / "tests")
-    for part in (("behavior", "slow_down"), ("world", "east-wing")):
-        done = navfw("new", *part)
-        assert done.exit_code == 0, done.output
-    names = [line.strip() for line in done.stdout.splitlines()[1:-1]]
-    assert names == [
-        "maps/east-wing.yaml",
-        "tests/test_east_wing.py",
-        "worlds/east-wing/missions/next-room.yaml",
-        "worlds/east-wing/world.yaml",
-    ]
-    monkeypatch.chdir(folder / "mine")
-    texts = "".join(Path(name).read_text() for name in names)
-    assert "careful" not in texts
-    assert "class SlowDown(RuledBehavior):" in Path("behaviors/slow_down.py").read_text()
-    checked = navfw("check")
-    assert (checked.exit_code, checked.stdout) == (0, "9 checked, 0 wrong\n")
-    found = default_registry().get("behavior", "slow_down")
-    assert issubclass(found, Behavior)
-    check_behavior(found)
-
-
-WRONG_PARTS = {
-    ("behavior", "slow-down"): "NAME: expected a Python identifier in small letters",
-    ("behavior", "class"): "NAME: expected a Python identifier",
-    ("behavior", "avoid"): "there is a plugin 'avoid' in",
-    ("behavior", "cautious"): "there is a plugin 'cautious' in behaviors/cautious.py",
-    ("behavior", "next_room"): "tests/test_next_room.py: exists, and is not replaced",
-    ("world", "East Wing"): "NAME: expected small letters, digits and single hyphens",
-    ("world", "office"): "there is a world 'office' in",
-}
-
-
-def test_a_part_that_cannot_be_written(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    done = navfw("new", "behavior", "slow_down")
-    assert (done.exit_code, "is in no project; change into one" in done.output) == (2, True)
-    navfw("new", "project", "mine")
-    monkeypatch.chdir(folder / "mine")
-    before = sorted(Path().rglob("*"))
-    for part, message in WRONG_PARTS.items():
-        done = navfw("new", *part)
-        assert done.exit_code == 2
-        assert message in done.output
-    assert sorted(Path().rglob("*")) == before
 
 
 @pytest.mark.slow

@@ -20,6 +20,8 @@ from navfw.cli import app
 from navfw.config.overrides import parse_override
 from navfw.missions.outcome import Outcome
 from navfw.missions.session import MissionResult, prepare
+from navfw.new_parts import write_part
+from navfw.new_project import write_project
 from navfw.plugins import default_registry
 from navfw.stackfile import load_stack
 from navfw.testing import check_behavior, check_composite
@@ -70,6 +72,34 @@ def test_the_pages_have_all_the_files_of_their_examples() -> None:
         "worlds/den/missions/next-room.yaml",
         "maps/den.yaml",
         "tests/test_den.py",
+    }
+
+
+@pytest.mark.parametrize(
+    ("page", "part"), [("plugins.md", "flow there_and_back"), ("plugins.md", "fusion largest_sum")]
+)
+def test_the_pages_show_the_parts_that_navfw_new_writes(
+    page: str, part: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "navfw.toml").touch()
+    monkeypatch.chdir(tmp_path)
+    kind, name = part.split()
+    write_part(kind, name)
+    shown = files_of(ROOT / "docs" / page)[f"plugins/{name}.py"]
+    assert (tmp_path / "plugins" / f"{name}.py").read_text(encoding="utf-8") == shown
+
+
+def test_the_pages_show_the_behavior_and_the_world_of_a_new_project(tmp_path: Path) -> None:
+    write_project(tmp_path / "mine")
+    shown = files_of(ROOT / "README.md") | files_of(ROOT / "docs" / "worlds.md")
+    written = {name: tmp_path / "mine" / name for name in shown}
+    same = {n for n, file in written.items() if file.is_file() and file.read_text() == shown[n]}
+    assert same == {
+        "behaviors/cautious.py",
+        "behaviors/cautious.yaml",
+        "maps/den.yaml",
+        "stacks/careful.yaml",
+        "worlds/den/world.yaml",
     }
 
 
