@@ -49,8 +49,8 @@ def output_place(target: Path, option: str, *, replaced: bool = True) -> Path:
     """The absolute place of an output; for a link, what it points to.
 
     Raises:
-        InputError: a link that points to nothing, a place without the right to write, or, if it is
-            to be ``replaced``, the root of a mounted file system.
+        InputError: a link that points to nothing, a place below a file or without the right to
+            write, or, if it is to be ``replaced``, the root of a mounted file system.
 
     """
     place = Path(os.path.abspath(target))  # noqa: PTH100 - resolves no links, unlike Path.resolve
@@ -62,6 +62,8 @@ def output_place(target: Path, option: str, *, replaced: bool = True) -> Path:
     if replaced and place.is_mount():
         raise InputError(f"is a mount point; choose a folder in it as {option}", file=target)
     nearest = next(folder for folder in (place, *place.parents) if folder.exists())
+    if nearest != place and not nearest.is_dir():
+        raise _unwritable(target, NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR)))
     if not os.access(nearest, os.W_OK):
         raise _unwritable(target, PermissionError(errno.EACCES, os.strerror(errno.EACCES)))
     return place

@@ -27,6 +27,7 @@ __all__ = [
     "Recorded",
     "Robot",
     "Stack",
+    "Video",
     "World",
     "of_robot",
 ]
@@ -94,4 +95,12 @@ Live = Annotated[
 ]
 LivePort = Annotated[
     int, typer.Option(min=0, max=65535, help="Port of --live; 0 takes a free one.")
+]
+Video = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE",
+        help="MP4 file to write: the camera with flow and percept beside the plan.",
+        show_default=False,
+    ),
 ]

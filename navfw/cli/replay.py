@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import typer
 
-from navfw.cli.options import Json, Recorded
+from navfw.cli.options import Json, Recorded, Video
 from navfw.cli.output import print_json, quiet_stdout
+from navfw.cli.video import VIDEO, write_video
 
 __all__ = ["add_to"]
 
@@ -17,13 +18,19 @@ def add_to(app: typer.Typer) -> None:
 
 def replay(
     folder: Recorded,
+    video: Video = None,
     json: Json = False,
 ) -> None:
     """Run the stack on recorded readings. Exit with 1 if the commands differ."""
     with quiet_stdout():
         from navfw.recording.run_replay import replay as run_again
+        from navfw.video_output import check_video
 
+        if video is not None:
+            check_video(video, VIDEO)
         result = run_again(folder)
+        if video is not None:
+            write_video(folder, video, quiet=json)
     if json:
         print_json(
             {

@@ -15,9 +15,10 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn, Self
 import typer
 
 from navfw.cli.completion import complete_setting, complete_stack
-from navfw.cli.options import Json, Live, LivePort, Mission, Record, Robot, World, of_robot
+from navfw.cli.options import Json, Live, LivePort, Mission, Record, Robot, Video, World, of_robot
 from navfw.cli.output import console, print_json, quiet_stdout
 from navfw.cli.supervisor import announce, announce_end
+from navfw.cli.video import VIDEO, write_video
 from navfw.cli.warm import compile_with_progress
 from navfw.errors import InputError
 from navfw.interruption import check_interrupted, deferred, interruptible
@@ -44,6 +45,18 @@ COMPILING_NOTICE_AFTER = 3.0
 COMPILING = "compiling a kernel for types that it has not been called with before"
 
 
+Settings = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        autocompletion=complete_setting,
+        metavar="K=V",
+        help="Change one value, e.g. avoid.spare=0.1, mission.timeout=60, robot.radius=0.2,"
+        " sensors.preset=poor. May be repeated.",
+    ),
+]
+
+
 def add_to(app: typer.Typer) -> None:
     """Add the command."""
     app.command()(run)
@@ -63,22 +76,14 @@ def run(
         ),
     ] = None,
     robot: Robot = None,
-    set_: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            autocompletion=complete_setting,
-            metavar="K=V",
-            help="Change one value, e.g. avoid.spare=0.1, mission.timeout=60, robot.radius=0.2,"
-            " sensors.preset=poor. May be repeated.",
-        ),
-    ] = None,
+    set_: Settings = None,
     out: Annotated[
         Path | None, typer.Option(help="Run folder [default: runs/WORLD-MISSION-SEED].")
     ] = None,
     record: Record = False,
     live: Live = False,
     port: LivePort = 8765,
+    video: Video = None,
     limit: Annotated[
         float | None,
         typer.Option(min=1.0, help="Wall-clock limit [s]. Beyond it the run is a fault."),
@@ -102,8 +107,9 @@ def run(
             (*of_robot(robot), *(set_ or ())),
             out,
             math.inf if limit is None else limit,
-            record=record,
+            record=record or video is not None,
             port=port if live else None,
+            video=video,
             gui=gui,
             json=json,
             quiet=quiet,
@@ -131,6 +137,7 @@ class _Request:
     limit: float
     record: bool
     port: int | None
+    video: Path | None
     gui: bool
     json: bool
     quiet: bool
@@ -161,10 +168,13 @@ def _drive(request: _Request) -> tuple[MissionResult, Path | None, tuple[str, ..
     from navfw.missions.run_report import default_folder, write_run
     from navfw.missions.session import prepare
     from navfw.recording.run_folder import RunFolder
+    from navfw.video_output import check_video
 
     if request.gui and sys.platform == "linux" and not os.environ.get("DISPLAY"):
         # PyBullet would end the process without a message
         raise InputError("needs a display, but DISPLAY is not set", key="--gui")
+    if request.video is not None:
+        check_video(request.video, VIDEO)
     with interruptible():  # up to here there is nothing to save
         session = prepare(
             request.world,
@@ -203,7 +213,21 @@ def _drive(request: _Request) -> tuple[MissionResult, Path | None, tuple[str, ..
         if result is None:
             raise
         missing = (str(error),)
-    return result, target.final, missing
+    return result, target.final, (*missing, *_film(request, target.final))
+
+
+def _film(request: _Request, folder: Path | None) -> tuple[str, ...]:
+    """Write the video of a run, if one was asked for; returns why it is missing, if it is."""
+    if request.video is None or folder is None:
+        return ()
+    try:
+        with interruptible():
+            write_video(folder, request.video, quiet=request.quiet)
+    except KeyboardInterrupt:
+        return (f"{request.video} is missing: interrupted",)
+    except InputError as error:
+        return (f"the video is missing: {error}",)
+    return ()
 
 
 def _live(session: Session, request: _Request) -> LiveServer:

@@ -103,6 +103,7 @@ def draw(result: MissionResult, path: Path) -> None:
         f"smallest clearance {metrics.min_clearance_m:.2f} m",
         f"final estimate error {metrics.estimate_error_m:.2f} m",
     ]
+    movers = result.movers
     picture = TrajectoryPicture(
         title=title,
         reason=verdict.reason,
@@ -114,6 +115,8 @@ def draw(result: MissionResult, path: Path) -> None:
         zone=session.mission.spec.success.within,
         robot_radius=session.mission.spec.robot.radius,
         places={p.name: (p.x, p.y) for p in session.mission.topo_map.places.values()},
+        tracks=() if movers is None else list(movers.points.swapaxes(0, 1)),
+        track_radii=() if movers is None else movers.radii.tolist(),
     )
     draw_trajectory(path, result.run.log, picture)
 

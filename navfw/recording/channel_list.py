@@ -14,6 +14,7 @@ __all__ = [
     "FLOW",
     "LANDMARK_IMAGE",
     "LEFT_IMAGE",
+    "LOCAL_GOAL",
     "LOCAL_MAP",
     "OBSTACLES",
     "PATH",
@@ -40,6 +41,7 @@ FLOW = "/flow"
 CELLS = "/percept/cells"
 PERCEPT = "/percept"
 LOCAL_MAP = "/local_map"
+LOCAL_GOAL = "/local_goal"
 OBSTACLES = "/moving_obstacles"
 TRANSFORMS = "/tf"
 POSE = "/pose"
@@ -78,6 +80,7 @@ VIEWER_CHANNELS = (
     ChannelInfo(CELLS, _ANNOTATIONS, "5 Hz", "what each flow cell shows, by colour"),
     ChannelInfo(PERCEPT, "navfw.Percept", "5 Hz", "OFFIS: sentence, quadrants, situations"),
     ChannelInfo(LOCAL_MAP, "foxglove.Grid", "2 Hz", "`occupancy` in percent, in `odom`"),
+    ChannelInfo(LOCAL_GOAL, "foxglove.PoseInFrame", "10 Hz", "local goal, in `base_link`"),
     ChannelInfo(OBSTACLES, "foxglove.SceneUpdate", "10 Hz", "moving obstacles, with velocity"),
     ChannelInfo(
         TRANSFORMS,

@@ -111,6 +111,10 @@ class RunChannels:
         self._log(topics.TRANSFORMS, log_time, messages.transforms_message, *placed)
         self._log(topics.POSE, log_time, messages.pose_message, belief, odometry.twist, stamp)
         self._log(topics.PATH, log_time, messages.path_message, belief, state.path, stamp)
+        context = stack.mofis.context
+        if state.command is not None and context is not None and context.local_goal is not None:
+            goal = context.local_goal
+            self._log(topics.LOCAL_GOAL, log_time, messages.local_goal_message, goal, stamp)
 
     def _log(self, topic: str, log_time: int, make: Any, *arguments: Any) -> None:
         """Log what ``make`` gives, if anybody receives it."""
@@ -175,4 +179,6 @@ def _rules(stack: Stack, state: StackState, guard: PluginGuard) -> Mapping[str, 
     """The rules that fired for the command, as ``navfw explain`` gives them."""
     if state.command is None or state.proposals is None:
         return {}
-    return explain_command(state.command, state.proposals, stack.mofis, guard)
+    fired = explain_command(state.command, state.proposals, stack.mofis, guard)
+    sentence = "" if state.percept is None else state.percept.sentence
+    return {**fired, "perception": {"sentence": sentence}}

@@ -38,8 +38,10 @@ from foxglove.messages import (
 )
 from foxglove.messages import Pose as Pose3
 
+from navfw.localmap import LocalGoal
 from navfw.localmap.occupancy_grid import OccupancyGrid
 from navfw.movers.tracking import Track
+from navfw.recording import palette
 from navfw.recording.top_view import WorldOutline
 from navfw.robot import CameraModel
 from navfw.signals import Array, Belief, FlowField, Label, Percept, Pose, Proposal, Twist, Waypoint
@@ -47,6 +49,7 @@ from navfw.signals import Array, Belief, FlowField, Label, Percept, Pose, Propos
 __all__ = [
     "cells_message",
     "flow_message",
+    "local_goal_message",
     "local_map_message",
     "obstacles_message",
     "path_message",
@@ -56,19 +59,6 @@ __all__ = [
     "true_pose_message",
     "world_message",
 ]
-
-_ARROW = Color(r=1.0, g=0.75, b=0.1, a=1.0)
-_OBSTACLE = Color(r=0.84, g=0.15, b=0.16, a=0.8)
-_SPEED = Color(r=0.84, g=0.15, b=0.16, a=1.0)
-_WALL = Color(r=0.45, g=0.45, b=0.45, a=1.0)
-_FURNITURE = Color(r=0.8, g=0.76, b=0.7, a=1.0)
-_LABEL_COLORS = {
-    Label.UNKNOWN: Color(r=0.6, g=0.6, b=0.6, a=0.5),
-    Label.FLOOR: Color(r=0.2, g=0.65, b=0.3, a=1.0),
-    Label.OBSTACLE: Color(r=0.84, g=0.15, b=0.16, a=1.0),
-    Label.DROP: Color(r=0.6, g=0.2, b=0.7, a=1.0),
-    Label.ABOVE: Color(r=0.2, g=0.45, b=0.8, a=1.0),
-}
 
 _WALL_HEIGHT, _FURNITURE_HEIGHT = 2.0, 0.7
 """Heights in the scene [m]; the outline has none."""
@@ -84,7 +74,7 @@ def flow_message(flow: FlowField, camera: CameraModel, stamp: Timestamp) -> Imag
     ends = camera.reduction * flow.points[known] + _centre(camera)
     starts = ends - camera.reduction * flow.vectors[known]
     pairs = np.stack([starts, ends], axis=1).reshape(-1, 2)
-    return _annotations(stamp, [(PointsAnnotationType.LineList, pairs, _ARROW, 1.0)])
+    return _annotations(stamp, [(PointsAnnotationType.LineList, pairs, _color(palette.FLOW), 1.0)])
 
 
 def cells_message(percept: Percept, camera: CameraModel, stamp: Timestamp) -> ImageAnnotations:
@@ -93,10 +83,19 @@ def cells_message(percept: Percept, camera: CameraModel, stamp: Timestamp) -> Im
     return _annotations(
         stamp,
         [
-            (PointsAnnotationType.Points, points[percept.label == label], color, 2.0)
-            for label, color in _LABEL_COLORS.items()
+            (PointsAnnotationType.Points, points[percept.label == label], _cell_color(label), 2.0)
+            for label in palette.CELLS
         ],
     )
+
+
+def _cell_color(label: Label) -> Color:
+    return _color(palette.CELLS[label], 0.5 if label == Label.UNKNOWN else 1.0)
+
+
+def _color(color: str, alpha: float = 1.0) -> Color:
+    red, green, blue = palette.rgb(color)
+    return Color(r=red / 255.0, g=green / 255.0, b=blue / 255.0, a=alpha)
 
 
 def _annotations(
@@ -194,7 +193,11 @@ def obstacles_message(tracks: Sequence[Track], time: float, stamp: Timestamp) ->
         middle = _pose3(Pose(x, y, 0.0), 0.5 * _TRACK_HEIGHT)
         cylinders.append(
             CylinderPrimitive(
-                pose=middle, size=size, bottom_scale=1.0, top_scale=1.0, color=_OBSTACLE
+                pose=middle,
+                size=size,
+                bottom_scale=1.0,
+                top_scale=1.0,
+                color=_color(palette.MOVING, 0.8),
             )
         )
         lines.append(
@@ -202,7 +205,7 @@ def obstacles_message(tracks: Sequence[Track], time: float, stamp: Timestamp) ->
                 type=LinePrimitiveLineType.LineStrip,
                 thickness=0.05,
                 points=[Point3(x=x, y=y, z=0.1), Point3(x=x + vx, y=y + vy, z=0.1)],
-                color=_SPEED,
+                color=_color(palette.MOVING),
             )
         )
     entity = SceneEntity(
@@ -213,15 +216,15 @@ def obstacles_message(tracks: Sequence[Track], time: float, stamp: Timestamp) ->
 
 def world_message(outline: WorldOutline, stamp: Timestamp) -> SceneUpdate:
     """The world in ``map``: walls and furniture as cubes, round things as cylinders."""
-    cubes = [_cube(corners, _WALL_HEIGHT, _WALL) for corners in outline.walls]
-    cubes += [_cube(corners, _FURNITURE_HEIGHT, _FURNITURE) for corners in outline.furniture]
+    cubes = [_cube(corners, _WALL_HEIGHT, palette.WALL) for corners in outline.walls]
+    cubes += [_cube(corners, _FURNITURE_HEIGHT, palette.FURNITURE) for corners in outline.furniture]
     cylinders = [
         CylinderPrimitive(
             pose=_pose3(Pose(disc.x, disc.y, 0.0), 0.5 * _FURNITURE_HEIGHT),
             size=Vector3(x=2.0 * disc.radius, y=2.0 * disc.radius, z=_FURNITURE_HEIGHT),
             bottom_scale=1.0,
             top_scale=1.0,
-            color=_FURNITURE,
+            color=_color(palette.FURNITURE),
         )
         for disc in outline.discs
     ]
@@ -231,13 +234,13 @@ def world_message(outline: WorldOutline, stamp: Timestamp) -> SceneUpdate:
     return SceneUpdate(entities=[entity])
 
 
-def _cube(corners: Array, height: float, color: Color) -> CubePrimitive:
+def _cube(corners: Array, height: float, color: str) -> CubePrimitive:
     """The upright block over a rectangle with ``corners`` (4, 2) [m]."""
     along, across = corners[1] - corners[0], corners[2] - corners[1]
     x, y = corners.mean(axis=0).tolist()
     yaw = math.atan2(along[1], along[0])
     size = Vector3(x=math.hypot(*along), y=math.hypot(*across), z=height)
-    return CubePrimitive(pose=_pose3(Pose(x, y, yaw), 0.5 * height), size=size, color=color)
+    return CubePrimitive(pose=_pose3(Pose(x, y, yaw), 0.5 * height), size=size, color=_color(color))
 
 
 def transforms_message(
@@ -297,6 +300,12 @@ def pose_message(belief: Belief, twist: Twist, stamp: Timestamp) -> Odometry:
 def true_pose_message(pose: Pose, stamp: Timestamp) -> PoseInFrame:
     """The true pose in ``map``."""
     return PoseInFrame(timestamp=stamp, frame_id="map", pose=_pose3(pose))
+
+
+def local_goal_message(goal: LocalGoal, stamp: Timestamp) -> PoseInFrame:
+    """The point to head for now, in ``base_link``."""
+    pose = _pose3(Pose(goal.x, goal.y, 0.0))
+    return PoseInFrame(timestamp=stamp, frame_id="base_link", pose=pose)
 
 
 def path_message(belief: Belief, path: Sequence[Waypoint], stamp: Timestamp) -> PosesInFrame:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from navfw.recording.behavior_colors import behavior_colors
+from navfw.recording import palette
 from navfw.report.run_moments import Rating
 from navfw.report.run_timeline import RunTimeline
 from navfw.signals import Array
@@ -22,8 +22,6 @@ if TYPE_CHECKING:
 
 __all__ = ["plan_figure", "plan_key", "rating_figure", "timeline_figures"]
 
-_WALL, _FURNITURE, _EDGE, _FLOOR = "#4A4A4A", "#D9D2C5", "#8C8577", "#FBFAF7"
-_GOAL = "#B0004E"
 _BLUES = ("#FFFFFF", "#DEEBF7", "#C6DBEF", "#9ECAE1", "#6BAED6", "#4292C6", "#2171B5", "#084594")
 _REDS = ("#FFFFFF", "#FEE5D9", "#FCBBA1", "#FC9272", "#FB6A4A", "#EF3B2C", "#CB181D", "#99000D")
 
@@ -34,7 +32,7 @@ def _figure(**options: Any) -> figure:
 
     shown = figure(sizing_mode="stretch_width", output_backend="canvas", **options)
     shown.toolbar.logo = None
-    shown.background_fill_color = _FLOOR
+    shown.background_fill_color = palette.FLOOR
     shown.outline_line_color = None
     return shown
 
@@ -55,8 +53,8 @@ def plan_figure(
     plan.grid.grid_line_color = None
     outline = timeline.outline
     for polygons, fill, edge in (
-        (outline.furniture, _FURNITURE, _EDGE),
-        (outline.walls, _WALL, _WALL),
+        (outline.furniture, palette.FURNITURE, palette.EDGE),
+        (outline.walls, palette.WALL, palette.WALL),
     ):
         xs = [corners[:, 0].tolist() for corners in polygons]
         ys = [corners[:, 1].tolist() for corners in polygons]
@@ -67,18 +65,18 @@ def plan_figure(
             x=[d.x for d in discs],
             y=[d.y for d in discs],
             radius=[d.radius for d in discs],
-            fill_color=_FURNITURE,
-            line_color=_EDGE,
+            fill_color=palette.FURNITURE,
+            line_color=palette.EDGE,
         )
     for name, points in _led_paths(timeline).items():
-        color = behavior_colors([name])[name]
+        color = palette.behavior_color(name)
         plan.line(points[:, 0], points[:, 1], color=color, line_width=4, line_cap="round")
-    plan.line(*timeline.estimate.T, color="#303030", line_dash="dashed", line_width=1)
+    plan.line(*timeline.estimate.T, color=palette.ESTIMATE, line_dash="dashed", line_width=1)
     if goals:
         xs, ys = [x for x, _ in goals], [y for _, y in goals]
-        plan.scatter(xs, ys, marker="star", size=15, fill_color=_GOAL, line_color="white")
+        plan.scatter(xs, ys, marker="star", size=15, fill_color=palette.GOAL, line_color="white")
     way = ColumnDataSource({"x": [], "y": []}, name="way")
-    plan.line("x", "y", source=way, color=_GOAL, line_dash="dotted", line_width=2)
+    plan.line("x", "y", source=way, color=palette.GOAL, line_dash="dotted", line_width=2)
     robot = ColumnDataSource({"x": [], "y": []}, name="robot")
     body: dict[str, Any] = {"fill_color": "white", "line_color": "black", "line_width": 2}
     plan.circle("x", "y", radius=robot_radius, source=robot, **body)
@@ -100,7 +98,7 @@ def plan_key(timeline: RunTimeline) -> list[tuple[str, str]]:
     """The leading behaviours, each with its share of the commands, and their colours."""
     total = len(timeline.leaders)
     return [
-        (f"{name or 'standing'} ({count / total:.0%})", behavior_colors([name])[name])
+        (f"{name or 'standing'} ({count / total:.0%})", palette.behavior_color(name))
         for name, count in Counter(timeline.leaders).most_common()
     ]
 
@@ -134,7 +132,7 @@ def _timeline(
     )
     for values, color in zip(columns, ("#0072B2", "#D55E00"), strict=False):
         shown.line(time, values, color=color, line_width=2)
-    mark = Span(location=0.0, dimension="height", line_color=_GOAL, name=f"now-{name}")
+    mark = Span(location=0.0, dimension="height", line_color=palette.GOAL, name=f"now-{name}")
     shown.add_layout(mark)
     return shown
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -17,7 +17,7 @@ from navfw.recording import channel_list as topics
 from navfw.recording.recorded_run import RecordedMessage, RecordedRun, image_of
 from navfw.signals import Image
 
-__all__ = ["MAX_MOMENTS", "Rating", "RunMoment", "read_moments"]
+__all__ = ["MAX_MOMENTS", "Rating", "RunMoment", "newest_at_images", "read_moments"]
 
 MAX_MOMENTS = 240
 """Largest number of moments of a report; of a longer run they are further apart."""
@@ -91,7 +91,7 @@ def read_moments(run: RecordedRun, limit: int = MAX_MOMENTS) -> list[RunMoment]:
         topics.TRUE_POSE,
     )
     moments: list[RunMoment] = []
-    for newest in _at_images(run, wanted, kept):
+    for newest in newest_at_images(run, wanted, kept):
         try:
             moments.append(_moment(newest, run))
         except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
@@ -101,10 +101,13 @@ def read_moments(run: RecordedRun, limit: int = MAX_MOMENTS) -> list[RunMoment]:
     return moments
 
 
-def _at_images(
-    run: RecordedRun, wanted: tuple[str, ...], kept: set[int]
+def newest_at_images(
+    run: RecordedRun, wanted: tuple[str, ...], kept: Container[int]
 ) -> Iterator[dict[str, RecordedMessage]]:
-    """The newest message of each topic after each image of ``kept``, just before the next image."""
+    """The newest message of each topic after each image of ``kept``, just before the next image.
+
+    ``wanted`` has the topic of the images. The mapping is updated from image to image.
+    """
     newest: dict[str, RecordedMessage] = {}
     number = -1
     for message in run.messages(*wanted):

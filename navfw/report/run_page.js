@@ -16,7 +16,7 @@
         pen.fillRect(points[i] * step - 2, points[i + 1] * step - 2, 4, 4);
       }
     }
-    pen.strokeStyle = "rgb(255, 191, 26)";
+    pen.strokeStyle = data.flow_color;
     pen.lineWidth = 1.5;
     pen.beginPath();
     for (let i = 0; i < moment.flow.length; i += 4) {

@@ -11,11 +11,12 @@ import numpy as np
 
 from navfw.config.input_file import is_file
 from navfw.errors import ConfigError
+from navfw.recording import palette
 from navfw.recording.recorded_run import RecordedRun, recording_in
-from navfw.recording.run_folder import PICTURE, RECORDING, RESULT, plain_json, read_result
+from navfw.recording.run_folder import PICTURE, RECORDING, plain_json, read_result
 from navfw.report.report_page import picture_source, render_page
 from navfw.report.run_moments import Rating, RunMoment, read_moments
-from navfw.report.run_timeline import read_timeline
+from navfw.report.run_timeline import read_timeline, robot_and_goals
 
 __all__ = ["run_report"]
 
@@ -49,6 +50,7 @@ def run_report(folder: Path) -> str:
         "picture": None,
         "figures": {},
         "moments": None,
+        "cells": palette.camera_key(),
     }
     if is_file(folder / RECORDING):
         content |= _recorded(RecordedRun(recording_in(folder)), result)
@@ -73,7 +75,7 @@ def _recorded(run: RecordedRun, result: Mapping[str, Any]) -> dict[str, Any]:
 
     from navfw.report.run_figures import plan_figure, plan_key, rating_figure, timeline_figures
 
-    radius, goals = _mission(result)
+    radius, goals = robot_and_goals(result)
     timeline = read_timeline(run, radius)
     moments = read_moments(run)
     if not moments:
@@ -98,21 +100,11 @@ def _recorded(run: RecordedRun, result: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _mission(result: Mapping[str, Any]) -> tuple[float, list[tuple[float, float]]]:
-    """The robot's radius [m] and the goals (x, y) [m] in a result."""
-    try:
-        mission = result["config"]["mission"]
-        goals = [(float(goal["x"]), float(goal["y"])) for goal in mission["goals"]]
-        return float(mission["robot"]["radius"]), goals
-    except (KeyError, TypeError, ValueError) as error:
-        what = f"its configuration has no robot's radius or goals ({type(error).__name__}: {error})"
-        raise ConfigError(what, file=RESULT) from None
-
-
 def _script_data(moments: Sequence[RunMoment], rating: Rating | None) -> dict[str, Any]:
     """The moments as the page's script reads them; ratings as bytes in base64."""
     data: dict[str, Any] = {
         "size": moments[0].size,
+        "flow_color": palette.FLOW,
         "first": next((n for n, moment in enumerate(moments) if moment.rules), 0),
         "moments": [
             {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,10 +13,11 @@ import numpy as np
 from navfw.errors import ConfigError
 from navfw.recording import channel_list as topics
 from navfw.recording.recorded_run import RecordedRun
+from navfw.recording.run_folder import RESULT
 from navfw.recording.top_view import OutlineDisc, WorldOutline
 from navfw.signals import Array
 
-__all__ = ["RunTimeline", "read_timeline"]
+__all__ = ["RunTimeline", "read_timeline", "robot_and_goals"]
 
 _MAX_ROWS = 4000
 """Largest number of rows; of a longer run every n-th command is taken."""
@@ -53,6 +55,17 @@ def read_timeline(run: RecordedRun, robot_radius: float) -> RunTimeline:
     except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
         what = f"a message is damaged ({type(error).__name__}: {error})"
         raise ConfigError(what, file=run.path) from None
+
+
+def robot_and_goals(result: Mapping[str, Any]) -> tuple[float, list[tuple[float, float]]]:
+    """The robot's radius [m] and the goals (x, y) [m] in a result."""
+    try:
+        mission = result["config"]["mission"]
+        goals = [(float(goal["x"]), float(goal["y"])) for goal in mission["goals"]]
+        return float(mission["robot"]["radius"]), goals
+    except (KeyError, TypeError, ValueError) as error:
+        what = f"its configuration has no robot's radius or goals ({type(error).__name__}: {error})"
+        raise ConfigError(what, file=RESULT) from None
 
 
 def _read(run: RecordedRun, robot_radius: float) -> RunTimeline:

@@ -11,8 +11,9 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from navfw.cli import app
-from navfw.recording.behavior_colors import behavior_colors
+from navfw.recording.recorded_run import open_run
 from navfw.recording.run_folder import PICTURE, RECORDING, REPORT
+from navfw.report.run_moments import read_moments
 
 PROBE = """<script>
 addEventListener("error", (event) => { document.body.dataset.error = event.message; });
@@ -73,6 +74,14 @@ def test_in_a_browser_the_slider_changes_picture_time_and_timeline(
     assert [line for line in console if "setting log level" not in line] == []
 
 
+def test_the_rules_are_told_with_what_was_perceived(run_folder: Path) -> None:
+    moments = read_moments(open_run(run_folder))
+    told = [moment for moment in moments if moment.rules and moment.sentence]
+    assert told
+    for moment in told:
+        assert "perceived  Layer1" in moment.rules
+
+
 def test_texts_of_a_run_are_no_code_on_its_page(run_folder: Path, tmp_path: Path) -> None:
     folder = tmp_path / "run"
     shutil.copytree(run_folder, folder)
@@ -117,9 +126,3 @@ def test_a_cut_recording_is_shown_as_far_as_it_is_intact(run_folder: Path, tmp_p
     done = invoke("report", folder)
     assert done.exit_code == 0, done.output
     assert "ends before its run" in (folder / REPORT).read_text(encoding="utf-8")
-
-
-def test_behaviours_keep_their_colour_whoever_else_is_in_the_run() -> None:
-    alone = {name: behavior_colors([name])[name] for name in ("avoid", "peek", "cautious")}
-    assert behavior_colors(["peek", "cautious", "avoid"]) == alone
-    assert len(set(behavior_colors(["a", "b", "c", "d", "e"]).values())) == 5

@@ -1,0 +1,121 @@
+"""The video of a run: camera beside the plan; refused before the drive where it cannot be."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner, Result
+
+from navfw.cli import app
+from navfw.recording import palette
+from navfw.recording.recorded_run import open_run
+from navfw.recording.run_folder import RECORDING, read_result
+from navfw.signals import Array
+
+av = pytest.importorskip("av", reason="needs the extra video")
+
+RUN = ("run", "paper-room", "through-the-door", "--set", "mission.timeout=5")
+WIDTH, HEIGHT = 1280, 720
+
+
+def invoke(*words: object) -> Result:
+    return CliRunner().invoke(app, [str(word) for word in words])
+
+
+@pytest.fixture(scope="module")
+def filmed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a run, and its video."""
+    folder = tmp_path_factory.mktemp("video")
+    done = invoke(*RUN, "--out", folder / "run", "--video", folder / "run.mp4")
+    assert done.exit_code == 1, done.output  # 5 s are too short for the mission
+    assert "video: " in done.stderr
+    return folder
+
+
+def pictures(file: Path) -> list[Array]:
+    with av.open(file) as video:
+        (stream,) = video.streams.video
+        assert stream.codec_context.name == "h264"
+        assert stream.codec_context.pix_fmt == "yuv420p", "the one that browsers play"
+        return [frame.to_ndarray(format="rgb24").astype(float) for frame in video.decode(stream)]
+
+
+def share_of(picture: Array, color: str) -> float:
+    """The share of pixels in nearly that colour."""
+    return float((np.abs(picture - np.array(palette.rgb(color))).max(axis=2) < 40.0).mean())
+
+
+def test_the_video_shows_the_run_in_simulated_time(filmed: Path) -> None:
+    shown = pictures(filmed / "run.mp4")
+    images = len(list(open_run(filmed / "run").messages("/camera/image")))
+    assert len(shown) == images
+    with av.open(filmed / "run.mp4") as video:
+        assert video.streams.video[0].average_rate == 10
+    first, last = shown[0], shown[-1]
+    assert first.shape == (HEIGHT, WIDTH, 3)
+    camera, plan = np.s_[:480, :640], np.s_[:650, 640:]
+    assert np.abs(first[camera] - last[camera]).mean() > 5.0, "the camera moves"
+    assert share_of(last[camera], palette.FLOW) > 1e-3 > share_of(first[camera], palette.FLOW)
+    assert share_of(last[plan], palette.WALL) > 0.01
+    # the path so far and the way ahead
+    path = palette.behavior_color("go_to_xy")
+    assert share_of(last[plan], path) > 5e-4 > 5.0 * share_of(first[plan], path)
+    assert share_of(last[plan], palette.LOCAL_GOAL) > 1e-5
+
+
+def test_a_video_changes_no_command_and_the_run_is_recorded(filmed: Path, tmp_path: Path) -> None:
+    assert (filmed / "run" / RECORDING).is_file()
+    plain = invoke(*RUN, "--out", tmp_path / "plain")
+    assert plain.exit_code == 1
+    hashes = {read_result(f)["command_hash"] for f in (filmed / "run", tmp_path / "plain")}
+    assert len(hashes) == 1
+
+
+def test_a_replay_writes_the_same_video(filmed: Path, tmp_path: Path) -> None:
+    done = invoke("replay", filmed / "run", "--video", tmp_path / "again.mp4")
+    assert done.exit_code == 0, done.output
+    again, first = pictures(tmp_path / "again.mp4"), pictures(filmed / "run.mp4")
+    assert len(again) == len(first)
+    assert all(np.array_equal(a, b) for a, b in zip(again, first, strict=True))
+    assert [path.name for path in tmp_path.iterdir()] == ["again.mp4"]
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("run.gif", "--video: expected a file .mp4, got .gif"),
+        ("run", "--video: expected a file .mp4, got no suffix"),
+        ("file/run.mp4", "cannot be written"),
+        ("folder.mp4", "--video: expected a file to write, got a folder"),
+    ],
+)
+def test_what_cannot_be_written_is_refused_before_the_drive(
+    tmp_path: Path, name: str, message: str
+) -> None:
+    (tmp_path / "file").touch()
+    (tmp_path / "folder.mp4").mkdir()
+    done = invoke(*RUN, "--out", tmp_path / "run", "--video", tmp_path / name)
+    assert (done.exit_code, message in done.stderr) == (2, True), done.output
+    assert len(done.stderr.splitlines()) == 1
+    assert not (tmp_path / "run").exists()
+
+
+def test_without_the_extra_the_remedy_is_told_before_the_drive(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "av", None)
+    done = invoke(*RUN, "--out", tmp_path / "run", "--video", tmp_path / "run.mp4")
+    assert (done.exit_code, "uv sync --extra video" in done.stderr) == (2, True), done.output
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_run_without_a_recording_gives_no_video(filmed: Path, tmp_path: Path) -> None:
+    (tmp_path / "run").mkdir()
+    result = (filmed / "run" / "result.json").read_text()
+    (tmp_path / "run" / "result.json").write_text(result)
+    done = invoke("replay", tmp_path / "run", "--video", tmp_path / "run.mp4")
+    assert (done.exit_code, "run again with --record" in done.stderr) == (2, True)
+    assert not (tmp_path / "run.mp4").exists()
