@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-import cv2
+import numba
 import numpy as np
 import numpy.typing as npt
 
@@ -35,8 +35,6 @@ WINDOW = 13
 """Side of the windows [px] in which the contrast is measured."""
 _STRIDE = 4
 """Every so many pixels [px] a window counts."""
-_MARGIN = -(-(WINDOW // 2) // _STRIDE)
-"""Rows of windows above the path that its uppermost windows reach into."""
 SHARE = 0.15
 """Weight of the newest percept in the mean over the percepts so far: single ones vary."""
 
@@ -56,13 +54,12 @@ class PathSight:
         self._path: npt.NDArray[np.bool_] = np.zeros((0, 0), np.bool_)
         camera = robot.camera
         scale = max(1, round(camera.width / WIDTH))
-        self._window, self._stride = (WINDOW * scale, WINDOW * scale), _STRIDE * scale
-        x = np.arange(0, camera.width, self._stride) + 0.5 - 0.5 * camera.width
-        y = np.arange(0, camera.height, self._stride) + 0.5 - 0.5 * camera.height
-        pixels = self._path_of(np.stack(np.meshgrid(x, y), axis=-1))
-        rows = np.flatnonzero(pixels.any(axis=1))
-        first = max(int(rows[0]) - _MARGIN, 0) if rows.size else 0
-        self._top, self._pixels = first * self._stride, pixels[first:]
+        stride = _STRIDE * scale
+        x, y = np.arange(0, camera.width, stride), np.arange(0, camera.height, stride)
+        pixels = np.stack(np.meshgrid(x, y), axis=-1)
+        middle = 0.5 * np.array([camera.width - 1, camera.height - 1])
+        self._centres = np.ascontiguousarray(pixels[self._path_of(pixels - middle)])
+        self._half = WINDOW * scale // 2
         self.reset()
 
     def reset(self) -> None:
@@ -106,15 +103,9 @@ class PathSight:
 
     def observe_image(self, image: Image) -> None:
         """Take in the newest valid image."""
-        if not self._pixels.any():
-            return
-        below = image[self._top :]
-        windows = slice(None, None, self._stride), slice(None, None, self._stride)
-        mean = cv2.boxFilter(below, cv2.CV_32F, self._window)[windows][self._pixels]
-        square = cv2.sqrBoxFilter(below, cv2.CV_32F, self._window)[windows][self._pixels]
-        variance = np.sort(square - mean * mean)
-        middle = variance[(variance.size - 1) // 2] + variance[variance.size // 2]
-        contrast = math.sqrt(max(0.5 * float(middle), 0.0))
+        if not self._centres.size:
+            return  # a camera that sees no floor
+        contrast = math.sqrt(_median_variance(image, self._centres, self._half))
         if math.isinf(self.contrast):
             self.contrast = contrast
         self.contrast += SHARE * (contrast - self.contrast)
@@ -128,3 +119,26 @@ class PathSight:
         ahead, left, _ = np.moveaxis(depth[..., None] * (rays @ camera.base_from_camera.T), -1, 0)
         near = (ahead > 0.0) & (ahead <= REACH) & (fall > 0.0)
         return np.asarray(near & (np.abs(left) <= self._robot.radius + BESIDE))
+
+
+@numba.njit(cache=True)
+def _median_variance(
+    image: Image, centres: npt.NDArray[np.int64], half: int
+) -> float:  # pragma: no cover - compiled
+    """Median variance of the grey values in windows around ``centres`` (n, 2) [px: x, y].
+
+    The windows reach ``half`` pixels to each side, and end at the image's border.
+    """
+    height, width = image.shape
+    variances = np.empty(centres.shape[0])
+    for k in range(centres.shape[0]):
+        left, right = max(centres[k, 0] - half, 0), min(centres[k, 0] + half + 1, width)
+        top, bottom = max(centres[k, 1] - half, 0), min(centres[k, 1] + half + 1, height)
+        total, squares = 0, 0
+        for y in range(top, bottom):
+            for grey in image[y, left:right]:
+                total += np.int32(grey)
+                squares += np.int32(grey) * np.int32(grey)
+        pixels = (right - left) * (bottom - top)
+        variances[k] = (pixels * squares - total * total) / (pixels * pixels)
+    return float(np.median(variances))
