@@ -137,8 +137,8 @@ def _median_variance(
         total, squares = 0, 0
         for y in range(top, bottom):
             for grey in image[y, left:right]:
-                total += np.int32(grey)
-                squares += np.int32(grey) * np.int32(grey)
+                total += int(grey)
+                squares += int(grey) * int(grey)
         pixels = (right - left) * (bottom - top)
         variances[k] = (pixels * squares - total * total) / (pixels * pixels)
     return float(np.median(variances))
