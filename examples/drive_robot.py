@@ -95,7 +95,8 @@ def main(arguments: list[str] | None = None) -> int:
         stack = Stack.load(find("stack", options.stack), robot, topo_map, default_registry())
         compile_kernels(loaded=True)  # the first tick must not wait for it
         connection = socket.create_connection(("127.0.0.1", options.port), options.timeout)
-        goal = Waypoint(*options.goal, 0.3, "", "goal", final=True)
+        x, y = options.goal
+        goal = Waypoint(x, y, 0.3, "", "goal", final=True)
         with closing(RobotLink(connection, options.timeout)) as link:
             ended = drive(link, stack, robot, Pose(*options.start), goal)
     except (LinkLostError, NavfwError, OSError) as error:
