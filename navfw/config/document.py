@@ -28,6 +28,7 @@ __all__ = [
     "YamlDocument",
     "key_text",
     "load_yaml",
+    "parse_mapping",
     "parse_yaml",
 ]
 
@@ -130,14 +131,18 @@ def load_yaml(
             and values.
 
     """
-    name = shown_path(Path(path))
-    document = parse_yaml(read_input_text(path, max_bytes), name, max_nodes)
+    return parse_mapping(read_input_text(path, max_bytes), shown_path(Path(path)), max_nodes)
+
+
+def parse_mapping(text: str, file: str, max_nodes: int = MAX_NODES) -> YamlDocument:
+    """``text`` as a document whose root is a mapping; raises as ``load_yaml``."""
+    document = parse_yaml(text, file, max_nodes)
     if document.data is None:
-        raise ConfigError("the file is empty; expected a mapping ('key: value' lines)", file=name)
+        raise ConfigError("the file is empty; expected a mapping ('key: value' lines)", file=file)
     if not isinstance(document.data, dict):
         raise ConfigError(
             f"expected a mapping ('key: value' lines), got {_kind(document.data)}",
-            file=name,
+            file=file,
             line=document.line_of(()),
         )
     return document

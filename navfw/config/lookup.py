@@ -16,6 +16,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Literal, TypeAlias
 
@@ -90,15 +91,19 @@ def _is_project(folder: Path) -> bool:
         text = read_input_text(folder / "pyproject.toml", _MAX_PROJECT)
     except ConfigError:
         return False
-    if "navfw" not in text:
-        return False
     try:
-        tool = tomllib.loads(text).get("tool", {})
+        return "navfw" in text and _has_section(text)
     except (ValueError, RecursionError) as error:  # also an integer of thousands of digits
         if "tool.navfw" not in text:
             return False
         reason = "nested too deeply" if isinstance(error, RecursionError) else error
         raise ConfigError(f"not valid TOML: {reason}", file=folder / "pyproject.toml") from None
+
+
+@lru_cache(maxsize=8)
+def _has_section(text: str) -> bool:
+    """Whether the TOML ``text`` has a section ``tool.navfw``."""
+    tool = tomllib.loads(text).get("tool", {})
     return isinstance(tool, dict) and "navfw" in tool
 
 

@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from functools import lru_cache
 from typing import Any
 
 import yaml
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from ruamel.yaml.resolver import VersionedResolver
+from ruamel.yaml.tag import Tag
 
 __all__ = ["MAX_NESTING", "compose_quickly"]
 
@@ -82,15 +84,15 @@ class _Composer:
 
     def _new(self, event: Any, kind: type[Any], depth: int) -> Node:
         if kind is yaml.ScalarEvent:
-            return ScalarNode(self._tag_of(event), event.value, event.start_mark)
+            return ScalarNode(_tag(self._tag_of(event)), event.value, event.start_mark)
         if kind is yaml.SequenceStartEvent:
             items = [self._node(item, depth + 1) for item in self._until(yaml.SequenceEndEvent)]
-            return SequenceNode(_TAG + "seq", items, event.start_mark)
+            return SequenceNode(_tag(_TAG + "seq"), items, event.start_mark)
         pairs = [
             (self._node(key, depth + 1), self._node(next(self._events), depth + 1))
             for key in self._until(yaml.MappingEndEvent)
         ]
-        return MappingNode(_TAG + "map", pairs, event.start_mark)
+        return MappingNode(_tag(_TAG + "map"), pairs, event.start_mark)
 
     def _until(self, end: type[Any]) -> Iterator[Any]:
         while type(event := next(self._events)) is not end:
@@ -104,3 +106,9 @@ class _Composer:
                 if pattern.match(value):
                     return str(tag)
         return _TAG + "str"
+
+
+@lru_cache(maxsize=16)
+def _tag(text: str) -> Tag:
+    """One object for all nodes with a tag: it decodes its text once."""
+    return Tag(suffix=text)

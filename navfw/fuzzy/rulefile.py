@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from navfw.config.document import KeyPath, YamlDocument, load_yaml, parse_yaml
+from navfw.config.document import MAX_BYTES, KeyPath, YamlDocument, parse_mapping, parse_yaml
+from navfw.config.input_file import read_input_text, shown_path
 from navfw.config.overrides import Override, apply_overrides
 from navfw.config.problems import FileProblem, config_error
 from navfw.config.yamlfile import check
@@ -19,6 +21,9 @@ from navfw.fuzzy.rulespec import InputSpec, OutputSpec, RuleBaseSpec, check_name
 
 __all__ = ["TermCorners", "load_rule_base", "parse_rule_base", "rule_base_from_mapping"]
 
+
+MAX_KEPT = 64
+"""Number of rule bases kept for the next stack."""
 
 TermCorners = Mapping[str, Mapping[str, Sequence[float]]]
 """Corners of terms by variable and term: ``{"reserve": {"short": [0, 0, 0.9, 1.3]}}``."""
@@ -34,10 +39,19 @@ def load_rule_base(path: str | Path, terms: TermCorners | None = None) -> RuleBa
 
     """
     try:
-        document = load_yaml(path)
+        text, name = read_input_text(path, MAX_BYTES), shown_path(Path(path))
+        if not terms:
+            return _of_file(text, name)
+        document = parse_mapping(text, name)
     except ConfigError as error:
         raise _as_rule_base_error(error) from None
-    return _checked(_with_corners(document, terms) if terms else document)
+    return _checked(_with_corners(document, terms))
+
+
+@lru_cache(maxsize=MAX_KEPT)
+def _of_file(text: str, name: str) -> RuleBase:
+    """The rule base in a file of this content: every stack reads the same ones."""
+    return _checked(parse_mapping(text, name))
 
 
 def _with_corners(document: YamlDocument, terms: TermCorners) -> YamlDocument:

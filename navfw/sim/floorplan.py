@@ -279,8 +279,18 @@ class FloorPlan:
         """Whether a robot of ``radius`` [m] can drive straight from a to b (tested every 1 cm)."""
         steps = max(int(np.ceil(np.linalg.norm(b - a) / 0.01)), 1)
         points = a + np.linspace(0.0, 1.0, steps + 1)[:, None] * (b - a)
+        low, high = np.minimum(a, b) - radius, np.maximum(a, b) + radius
+        near = (self._bounds[:, :2] <= high) & (self._bounds[:, 2:] >= low)
         # tolerance of 0.5 mm: shortest paths touch the corners of solids
-        return bool((self.clearances(points) >= radius - 5e-4).all())
+        return all(
+            (self.solids[index].shape.distance(points) >= radius - 5e-4).all()
+            for index in np.flatnonzero(near.all(axis=1)).tolist()
+        )
+
+    @cached_property
+    def _bounds(self) -> Array:
+        """(n, 4) the boxes x0, y0, x1, y1 [m] around all solids."""
+        return np.array([solid.shape.bounds for solid in self.solids]).reshape(-1, 4)
 
     def _shortened(self, path: Array, radius: float) -> Array:
         """Shorten a path until it no longer gets shorter: resample it, cut its corners, repeat."""
