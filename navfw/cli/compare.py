@@ -45,7 +45,7 @@ def compare(
     from navfw.config.input_file import is_folder
     from navfw.suite.paired_comparison import compare_tables, of_variant
     from navfw.suite.run_table import read_table
-    from navfw.suite.suite_folder import MARKDOWN, SuiteFolder
+    from navfw.suite.suite_folder import SuiteFolder
 
     first, second = (
         SuiteFolder(path).rows() if is_folder(path) else read_table(path) for path in (a, b)
@@ -54,7 +54,7 @@ def compare(
         found = compare_tables(of_variant(first, variant_a), of_variant(second, variant_b))
     except InputError as error:
         raise InputError(f"{a}, {b}: {error}") from None
-    reports = [path / MARKDOWN if is_folder(path) else path for path in (a, b)]
+    reports = [SuiteFolder(path).report if is_folder(path) else path for path in (a, b)]
     if json:
         print_json({**found, "reports": [str(file) for file in reports]})
     else:
@@ -86,42 +86,19 @@ def _margin(text: str) -> float:
 
 
 def _print_comparison(found: dict[str, Any]) -> None:
+    from navfw.suite.summary_table import comparison_rows
+
     typer.echo(f"{found['pairs']} pairs, {found['unpaired']} unpaired runs")
-    typer.echo(
-        f"success    {_percent(found['success_a'])} -> {_percent(found['success_b'])}"
-        f"{_interval(found['success_interval'], 100.0, 1, ' %')}"
-        f"  (only B {len(found['gained'])}, only A {len(found['lost'])};"
-        f" McNemar exact p = {found['p']:.3g})"
-    )
-    typer.echo(
-        f"SPL        {found['spl_a']:.3f} -> {found['spl_b']:.3f}"
-        f"  (median difference {found['spl_difference']:+.3f}"
-        f"{_interval(found['spl_interval'], 1.0, 3)})"
-    )
-    if found["both_reached"]:
-        typer.echo(
-            f"time       {found['time_a_s']:.1f} -> {found['time_b_s']:.1f} s  (median difference"
-            f" {found['time_difference_s']:+.1f} s{_interval(found['time_interval_s'], 1.0, 1)} in"
-            f" {found['both_reached']} pairs of successes)"
-        )
-    typer.echo(f"collisions {found['collisions_a']} -> {found['collisions_b']}")
-    for word in ("lost", "worse", "gained"):
+    for name, a, b, difference in comparison_rows(found):
+        typer.echo(f"{name:<10} {a} -> {b}" + (f"  ({difference})" if difference else ""))
+    for word in ("lost", "worse", "gained", "better"):
         for run in found[word][:MAX_SHOWN]:
             where = f"{run['entry']} / {run['world']} / {run['mission']}, seed {run['seed']}"
-            why = (
-                f"SPL {run['spl']:.2f}" if word == "worse" else f"{run['outcome']}: {run['cause']}"
-            )
+            reached = word in {"worse", "better"}
+            why = f"SPL {run['spl']:.2f}" if reached else f"{run['outcome']}: {run['cause']}"
             typer.echo(f"  {word}: {where} ({why}) {run['picture']}".rstrip())
         if len(found[word]) > MAX_SHOWN:
             typer.echo(f"  {word}: and {len(found[word]) - MAX_SHOWN} more")
-
-
-def _interval(ends: tuple[float, float] | None, factor: float, digits: int, unit: str = "") -> str:
-    """The ends of an interval of a difference; "" without one."""
-    if ends is None:
-        return ""
-    low, high = (f"{factor * end:+.{digits}f}" for end in ends)
-    return f" [{low}, {high}]{unit}"
 
 
 def _percent(share: float) -> str:

@@ -5,27 +5,32 @@ from __future__ import annotations
 import sys
 import time
 from types import TracebackType
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
 import typer
 
-__all__ = ["ProgressBar"]
+__all__ = ["ProgressBar", "Quiet"]
 
-LINE_PERIOD = 5.0
+LINE_PERIOD = 10.0
 """Interval between two lines where stderr is not a terminal [s]."""
+
+Quiet = Annotated[bool, typer.Option("--quiet", help="Print no progress.")]
+"""The option ``--quiet`` of commands with long work."""
 
 
 class ProgressBar:
-    """Shows ``update``; nothing before the first one, and nothing with ``quiet``.
+    """Shows ``update`` or ``show_part``; nothing before the first one, and nothing with ``quiet``.
 
     ``work`` says what is done, ``unit`` what is counted. Rate and time left are means since the
-    first update; no time left is given before something is done. There is no thread.
+    first update; no time left is given before something is done. There is no thread. Where stdout
+    is the same terminal, what is printed there while the bar is shown appears above it.
     """
 
     def __init__(self, work: str, unit: str, *, quiet: bool = False) -> None:
         self._work = work
         self._unit = unit
         self._quiet = quiet
+        self._part = ""
         self._began: float | None = None
         self._first = 0
         self._next_line = 0.0
@@ -45,30 +50,47 @@ class ProgressBar:
             self._bar.stop()
 
     def update(self, done: int, total: int, now: str = "") -> None:
-        """Show that ``done`` of ``total`` are done; ``now`` names what is in progress."""
+        """Show that ``done`` of ``total`` are done; ``now`` names what is in progress.
+
+        A ``total`` of 0 is unknown.
+        """
         if self._quiet:
             return
         clock = time.monotonic()
         if self._began is None:
             self._began, self._first = clock, done
-            if sys.stderr.isatty():
+            if self._bar is None and sys.stderr.isatty():
                 self._start()
-        pace = self._pace(done, total, clock - self._began)
+        count = self._count(done, total, clock - self._began)
         if self._bar is not None:
-            self._bar.update(self._task, completed=done, total=total, pace=pace, now=now)
+            shown = {"count": count, "now": now or self._part}
+            self._bar.update(self._task, completed=done, total=total or None, **shown)
             self._bar.refresh()
-        elif clock >= self._next_line or done == total:
+        elif clock >= self._next_line or done == total > 0:
             self._next_line = clock + LINE_PERIOD
-            text = f"{self._work}: {done} of {total} {self._unit}{pace}"
-            typer.echo(f"{text}: {now}" if now else text, err=True)
+            parts = (part for part in (self._part, count, now) if part)
+            typer.echo(f"{self._work}: {': '.join(parts)}", err=True)
 
-    def _pace(self, done: int, total: int, elapsed: float) -> str:
-        """Rate and time left, as far as known."""
+    def show_part(self, part: str, done: int = 0, total: int = 0) -> None:
+        """``update`` of one part of work whose parts differ: each has its own rate and time left.
+
+        A part with a ``total`` of 0 has nothing to count.
+        """
+        if part != self._part:
+            self._part, self._began, self._next_line = part, None, 0.0
+        self.update(done, total)
+
+    def _count(self, done: int, total: int, elapsed: float) -> str:
+        """What is done, with rate and time left as far as known."""
+        if not total and not done:
+            return ""
+        text = f"{done} of {total} {self._unit}" if total else f"{done} {self._unit}"
         new = done - self._first
         if new <= 0 or elapsed <= 0.0:
-            return ""
-        left = "" if done == total else f", {(total - done) * elapsed / new:.0f} s left"
-        return f", {new / elapsed:.1f}/s{left}"
+            return text
+        rate = new / elapsed
+        text += f", {rate:.1f}/s" if rate >= 0.1 else f", {60.0 * rate:.2g}/min"
+        return f"{text}, {_duration((total - done) / rate)} left" if done < total else text
 
     def _start(self) -> None:
         from rich.console import Console
@@ -79,14 +101,24 @@ class ProgressBar:
         self._bar = Progress(
             TextColumn("{task.description}", markup=False),
             BarColumn(20),
-            TextColumn(
-                f"{{task.completed}} of {{task.total}} {self._unit}{{task.fields[pace]}}",
-                markup=False,
-            ),
+            TextColumn("{task.fields[count]}", markup=False),
             TextColumn("{task.fields[now]}", markup=False, table_column=now),
             console=Console(stderr=True),
             auto_refresh=False,
             transient=True,
+            redirect_stdout=sys.stdout.isatty(),  # a file gets its lines, not the terminal
         )
-        self._task = self._bar.add_task(self._work, pace="", now="")
+        self._task = self._bar.add_task(self._work, count="", now="")
         self._bar.start()
+
+
+def _duration(seconds: float) -> str:
+    """A time in its two largest units.
+
+    >>> _duration(42.3), _duration(1000.0), _duration(7300.0)
+    ('42 s', '17 min', '2 h 2 min')
+    """
+    if seconds < 100.0:
+        return f"{seconds:.0f} s"
+    hours, minutes = divmod(round(seconds / 60.0), 60)
+    return f"{hours} h {minutes} min" if hours else f"{minutes} min"

@@ -1,4 +1,4 @@
-"""``navfw report RUN|SUITE...``: one HTML file of a run, which needs no network."""
+"""``navfw report RUN|SUITE...``: one HTML file of a run, a suite or two, which needs no network."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from navfw.cli.output import quiet_stdout
+from navfw.cli.output import print_status, quiet_stdout
+from navfw.errors import InputError
 
 __all__ = ["add_to"]
 
@@ -18,19 +19,77 @@ def add_to(app: typer.Typer) -> None:
 
 
 def report(
-    folder: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run.")],
+    folder: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="RUN|SUITE...",
+            help="Folder of a run or of a suite; or of two suites, which are compared.",
+            show_default=False,
+        ),
+    ],
     out: Annotated[
-        Path | None, typer.Option(help="File to write [default: report.html in the folder].")
+        Path | None,
+        typer.Option(
+            help="File to write [default: report.html in the folder; comparison.html in that of"
+            " the second suite].",
+            show_default=False,
+        ),
     ] = None,
 ) -> None:
-    """Write a report of a run as one HTML file: plan, pictures, ratings, rules, timelines."""
+    """Write a report of a run, of a suite, or of two suites side by side, as one HTML file."""
+    if len(folder) > 2:
+        raise typer.BadParameter("at most two folders", param_hint="RUN|SUITE...")
     with quiet_stdout():
-        from navfw.atomic import output_file, write_text
-        from navfw.recording.run_folder import REPORT, read_result
+        target, notes = _write(folder, out)
+    for what in notes:
+        print_status(f"navfw: left out: {what}")
+    typer.echo(f"report: {target}")
+
+
+def _write(folders: list[Path], out: Path | None) -> tuple[Path, list[str]]:
+    """Write the report; returns its file, and what is wrong with pictures."""
+    from navfw.atomic import output_file, write_text
+    from navfw.recording.run_folder import REPORT
+    from navfw.suite.suite_folder import COMPARISON, SuiteFolder
+
+    of_run = [_is_run(folder) for folder in folders]
+    target = out or folders[-1] / (REPORT if len(folders) == 1 else COMPARISON)
+    output_file(target, "--out")
+    notes: list[str] = []
+    if len(folders) > 1:
+        from navfw.report.comparison_page import comparison_report
+
+        if any(of_run):
+            what = "is the folder of a run; two suites can be compared"
+            raise InputError(what, file=folders[of_run.index(True)])
+        first, second = map(SuiteFolder, folders)
+        text, notes = comparison_report(first, second, target.parent)
+    elif of_run[0]:
         from navfw.report.run_page import run_report
 
-        read_result(folder)
-        target = out or folder / REPORT
-        output_file(target, "--out")
-        write_text(target, run_report(folder))
-    typer.echo(f"report: {target}")
+        text = run_report(folders[0])
+    else:
+        from navfw.report.suite_page import suite_report
+
+        text, notes = suite_report(SuiteFolder(folders[0]), target.parent)
+    write_text(target, text)
+    return target, notes
+
+
+def _is_run(folder: Path) -> bool:
+    """Whether it is the folder of a run; otherwise it is that of a suite.
+
+    Raises:
+        InputError: it is neither.
+
+    """
+    from navfw.config.input_file import is_file
+    from navfw.recording.run_folder import RESULT
+    from navfw.suite.suite_folder import SuiteFolder
+
+    if is_file(folder / RESULT):
+        return True
+    if not SuiteFolder(folder).has_runs:
+        what = f"is neither the folder of a run (it has no {RESULT}) nor of a suite (it has no"
+        raise InputError(f"{what} journal.sqlite, and no table.csv)", file=folder)
+    return False

@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 import contextlib
-import math
 import sys
-import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from enum import StrEnum
 from functools import partial
 from pathlib import Path
-from types import TracebackType
-from typing import TYPE_CHECKING, Annotated, Any, Self
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from navfw.cli.completion import complete_setting, complete_stack, complete_suite
 from navfw.cli.options import Json, Robot, of_robot
 from navfw.cli.output import print_json, print_status, print_table, quiet_stdout
-from navfw.interruption import deferred
+from navfw.cli.progress_bar import ProgressBar, Quiet
+from navfw.cli.warm import compile_with_progress
+from navfw.interruption import deferred, interruptible
 
 if TYPE_CHECKING:
     from navfw.suite.case import Case
@@ -28,12 +27,6 @@ if TYPE_CHECKING:
     from navfw.suite.suite_run import Engine, SuiteResult
 
 __all__ = ["add_to"]
-
-LINE_PERIOD = 10.0
-"""Interval between progress lines where stderr is not a terminal [s]."""
-
-SPEED_PERIOD = 900.0
-"""Time [s] over which the bar measures the speed: runs of one suite differ in length."""
 
 MAX_SHOWN = 25
 """Largest number of failed runs to print; the table holds all."""
@@ -127,7 +120,7 @@ def suite(
     extend: Extend = False,
     restart: Restart = False,
     json: Json = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="No progress bar.")] = False,
+    quiet: Quiet = False,
 ) -> None:
     """Run a suite with many seeds. Exit with 1 when runs have no result or plugins failed.
 
@@ -136,17 +129,15 @@ def suite(
     _check_engine(engine, scheduler)
     begin = _beginning(out, resume=resume, extend=extend, restart=restart)
     with quiet_stdout():
-        from navfw.plugins import default_registry
         from navfw.recording.provenance import code_revision
         from navfw.suite.suite_folder import SuiteFolder
-        from navfw.suite.suite_plan import plan_runs
         from navfw.suite.suite_run import run_suite
-        from navfw.suite.suitefile import load_suite, parse_seeds
+        from navfw.suite.suitefile import parse_seeds
 
         span = parse_seeds(seeds)
         changes = [*of_robot(robot), *(set_ or [])]
         choice = {"stacks": stack or [], "overrides": changes, "variants": variant or []}
-        plan = plan_runs(load_suite(file), span, default_registry(), worlds=worlds, **choice)
+        plan = _checked_plan(file, span, worlds, choice, quiet=quiet)
     for name, reason in plan.skipped.items():
         typer.echo(f"navfw: variant {name} skipped: {reason}", err=True)
     with deferred():  # from here on there are runs to save and to print
@@ -156,13 +147,28 @@ def suite(
             SuiteFolder.claim(out, plan, span) as folder,
         ):
             have = folder.open(plan, code_revision(), begin=begin, tell=_tell)
-            with _SuiteProgress(plan.suite, plan.cases, have, quiet=quiet) as bar:
+            if runner is None:
+                with interruptible():  # workers would wait for it in silence
+                    compile_with_progress(loaded=True, quiet=quiet)
+            with ProgressBar(plan.suite, "runs", quiet=quiet) as bar:
                 drive = partial(run_suite, workers=workers, limit=limit, memory=memory)
-                done = drive(
-                    plan, folder, keep=keep.value, have=have, engine=runner, on_row=bar.update
-                )
+                shown = _RunCount(bar, plan.cases, have).add
+                done = drive(plan, folder, keep=keep.value, have=have, engine=runner, on_row=shown)
         _print_result(done, folder.table, json=json)
         raise typer.Exit(done.exit_code)
+
+
+def _checked_plan(
+    file: str, seeds: range, worlds: Path | None, choice: dict[str, list[str]], *, quiet: bool
+) -> SuitePlan:
+    """The runs of a suite, checked; ``choice`` has stacks, overrides and variants."""
+    from navfw.plugins import default_registry
+    from navfw.suite.suite_plan import plan_runs
+    from navfw.suite.suitefile import load_suite
+
+    with ProgressBar("checking", "missions", quiet=quiet) as bar:
+        checked: Callable[..., SuitePlan] = partial(plan_runs, worlds=worlds, progress=bar.update)
+        return checked(load_suite(file), seeds, default_registry(), **choice)
 
 
 def _check_engine(engine: EngineKind, scheduler: str | None) -> None:
@@ -228,21 +234,11 @@ def _print_json(done: SuiteResult, table: Path) -> None:
 
 
 def _print_summary(summary: dict[str, Any], rows: tuple[RunRow, ...]) -> None:
-    parts = dict(summary["by_entry"])
-    for kind in ("stack", "variant"):
-        for name, numbers in summary.get(f"by_{kind}", {}).items():
-            parts[f"all, {kind} {name}"] = numbers
-    if len(parts) > 1:
-        parts["all"] = summary
-    columns = ["", "runs", "success [95 %]", "collided", "SPL", "SCT", "BARN", "time", "clearance"]
-    columns.append("faults")
-    lines = [_line(name, part) for name, part in parts.items()]
-    if any("expect" in part for part in parts.values()):
-        columns.append("passes")
-        lines = [[*line, _passes(part)] for line, part in zip(lines, parts.values(), strict=True)]
-    print_table(columns, lines, "No runs.")
+    from navfw.suite.summary_table import summary_table
+
+    print_table(*summary_table(summary), "No runs.")
     for cause, count in summary["causes"].items():
-        seeds = [row.seed for row in rows if f"{row.outcome}: {row.cause}" == cause]
+        seeds = [row.seed for row in rows if row.failure == cause]
         some = ", ".join(map(str, seeds[:8])) + (", ..." if len(seeds) > 8 else "")
         typer.echo(f"{count:5d} x {cause:<28} seeds {some}")
     failed = [row for row in rows if not row.succeeded]
@@ -272,110 +268,22 @@ def _print_table(done: SuiteResult, table: Path) -> None:
     csv.writer(sys.stdout, lineterminator="\n").writerows(table_cells(done.rows))
 
 
-def _line(name: str, part: dict[str, Any]) -> list[str]:
-    interval = f"[{100 * part['success_low']:.1f}, {100 * part['success_high']:.1f}]"
-    return [
-        name,
-        str(part["missions"]),
-        f"{_percent(part['success'])} {interval}",
-        _percent(part["collision_rate"]),
-        _number(part["spl"]),
-        _number(part["sct"]),
-        _number(part["barn_score"], 3),
-        _number(part["mean_time_s"], 1, " s"),
-        _number(part["min_clearance_m"], 2, " m"),
-        str(part["plugin_faults"]),
-    ]
+class _RunCount:
+    """Counts the runs that have ended, and shows them on ``bar``."""
 
-
-def _passes(part: dict[str, Any]) -> str:
-    if "expect" not in part:
-        return ""
-    word = "yes" if part["passes"] else "NO"
-    return f"{word}, {part['passed']} of {part['missions']} ({part['expect']})"
-
-
-def _percent(share: float | None) -> str:
-    return "" if share is None else f"{100.0 * share:.1f} %"
-
-
-def _number(value: float | None, digits: int = 2, unit: str = "") -> str:
-    return "" if value is None or math.isinf(value) else f"{value:.{digits}f}{unit}"
-
-
-class _SuiteProgress:
-    """Progress on stderr: a bar on a terminal, otherwise a line every ``LINE_PERIOD`` seconds."""
-
-    def __init__(
-        self, name: str, cases: tuple[Case, ...], have: list[RunRow], *, quiet: bool
-    ) -> None:
+    def __init__(self, bar: ProgressBar, cases: tuple[Case, ...], have: list[RunRow]) -> None:
         keys = {case.key for case in cases}
         known = [row for row in have if row.key in keys]
-        self._name = name
+        self._bar = bar
         self._total = len(keys)
         self._done = len(known)
         self._reached = sum(row.succeeded for row in known)
-        self._quiet = quiet
-        self._bar: Any = None
-        self._task: Any = None
-        self._before = self._done
-        self._began = time.monotonic()
-        self._next_line = self._began + LINE_PERIOD
+        bar.update(self._done, self._total)
 
-    def __enter__(self) -> Self:
-        if not self._quiet and sys.stderr.isatty():
-            from rich.console import Console
-            from rich.progress import (
-                BarColumn,
-                MofNCompleteColumn,
-                Progress,
-                TextColumn,
-                TimeRemainingColumn,
-            )
-
-            self._bar = Progress(
-                TextColumn("{task.description}"),
-                BarColumn(),
-                MofNCompleteColumn(),
-                TextColumn("{task.fields[reached]}"),
-                TimeRemainingColumn(),
-                console=Console(stderr=True),
-                transient=True,
-                speed_estimate_period=SPEED_PERIOD,
-            )
-            self._task = self._bar.add_task(
-                self._name, total=self._total, completed=self._done, reached=""
-            )
-            self._bar.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        if self._bar is not None:
-            self._bar.stop()
-
-    def update(self, case: Case, row: RunRow) -> None:
+    def add(self, case: Case, row: RunRow) -> None:
         """Count a finished run."""
         del case
         self._done += 1
         self._reached += row.succeeded
         share = f"{self._reached} reached ({100.0 * self._reached / self._done:.1f} %)"
-        if self._bar is not None:
-            self._bar.update(self._task, completed=self._done, reached=share)
-        elif not self._quiet and (self._done == self._total or time.monotonic() > self._next_line):
-            self._next_line = time.monotonic() + LINE_PERIOD
-            done = f"{self._name}: {self._done} of {self._total} runs, {share}"
-            typer.echo(f"{done}{self._time_left()}", err=True)
-
-    def _time_left(self) -> str:
-        """The time that the missing runs take at the mean speed of those driven so far."""
-        missing, driven = self._total - self._done, self._done - self._before
-        if not missing:
-            return ""
-        minutes = missing / driven * (time.monotonic() - self._began) / 60.0
-        hours, rest = divmod(max(1, round(minutes)), 60)
-        return f", about {f'{hours} h ' if hours else ''}{rest} min left"
+        self._bar.update(self._done, self._total, share)

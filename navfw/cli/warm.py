@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
 import typer
 
-from navfw.cli.progress_bar import ProgressBar
+from navfw.cli.progress_bar import ProgressBar, Quiet
 
 __all__ = ["add_to", "compile_with_progress"]
 
@@ -17,7 +15,7 @@ def add_to(app: typer.Typer) -> None:
 
 
 def warm(
-    quiet: Annotated[bool, typer.Option("--quiet", help="Print no progress.")] = False,
+    quiet: Quiet = False,
 ) -> None:
     """Compile all kernels that are not compiled yet, on all cores."""
     compiled = compile_with_progress(quiet=quiet)

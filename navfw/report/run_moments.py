@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Container, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -15,7 +13,7 @@ from navfw.errors import ConfigError
 from navfw.mofis.explanation_text import explanation_lines
 from navfw.recording import channel_list as topics
 from navfw.recording.recorded_run import RecordedMessage, RecordedRun, image_of
-from navfw.signals import Image
+from navfw.report.report_page import reduced_source
 
 __all__ = ["MAX_MOMENTS", "Rating", "RunMoment", "newest_at_images", "read_moments"]
 
@@ -123,7 +121,8 @@ def newest_at_images(
 def _moment(newest: dict[str, RecordedMessage], run: RecordedRun) -> RunMoment:
     picture = newest[topics.CAMERA_IMAGE]
     image = image_of(picture, run.path)
-    moment = RunMoment(picture.time, _embedded(image), (image.shape[1], image.shape[0]))
+    source = reduced_source(image, _WIDTH, _QUALITY)
+    moment = RunMoment(picture.time, source, (image.shape[1], image.shape[0]))
     content = {topic: message.content for topic, message in newest.items()}
     if topics.FLOW in content:
         moment.flow = _points(content[topics.FLOW].points[0], 2 * _MAX_POINTS)
@@ -144,16 +143,6 @@ def _moment(newest: dict[str, RecordedMessage], run: RecordedRun) -> RunMoment:
     if topics.PROPOSALS in content:
         moment.rating = _rating(content[topics.PROPOSALS])
     return moment
-
-
-def _embedded(image: Image) -> str:
-    """The image as a data URL, reduced to ``_WIDTH``."""
-    height, width = image.shape
-    if width > _WIDTH:
-        size = (_WIDTH, max(1, round(_WIDTH * height / width)))
-        image = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
-    code = cv2.imencode(".webp", image, [cv2.IMWRITE_WEBP_QUALITY, _QUALITY])[1].tobytes()
-    return f"data:image/webp;base64,{base64.b64encode(code).decode('ascii')}"
 
 
 def _points(group: Any, limit: int) -> list[int]:

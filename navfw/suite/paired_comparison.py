@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from statistics import median
 from typing import Any
@@ -11,11 +11,11 @@ from navfw.errors import InputError, UnknownNameError
 from navfw.suite.run_statistics import mcnemar_exact, median_interval, paired_interval
 from navfw.suite.run_table import RunKey, RunRow
 
-__all__ = ["RunPair", "compare_tables", "of_variant", "pair_up"]
+__all__ = ["PairedChanges", "RunPair", "compare_tables", "of_variant", "pair_up"]
 
 
-SPL_LOSS = 0.1
-"""Loss of SPL beyond which a run counts as worse, although it succeeded."""
+SPL_CHANGE = 0.1
+"""Change of SPL beyond which a run counts as worse, or better, although both runs succeeded."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +33,37 @@ class RunPair:
     def loss(self) -> tuple[bool, float]:
         """A key that sorts the worst pairs first: new collisions, then the loss of SPL."""
         return not (self.b.collisions and not self.a.collisions), self.spl_difference
+
+
+@dataclass(frozen=True, slots=True)
+class PairedChanges:
+    """The pairs that differ, the worst and the best first: collisions, then the change of SPL.
+
+    Only A succeeded in ``lost``, only B in ``gained``. Both did in ``worse`` and ``better``, and
+    the SPL of B is lower, or higher, by more than ``SPL_CHANGE``.
+    """
+
+    lost: tuple[RunPair, ...]
+    worse: tuple[RunPair, ...]
+    gained: tuple[RunPair, ...]
+    better: tuple[RunPair, ...]
+
+    @classmethod
+    def of(cls, pairs: Sequence[RunPair]) -> PairedChanges:
+        """The changes among ``pairs``."""
+        both = [pair for pair in pairs if pair.a.succeeded and pair.b.succeeded]
+        return cls(
+            lost=_sorted(pair for pair in pairs if pair.a.succeeded and not pair.b.succeeded),
+            worse=_sorted(pair for pair in both if pair.spl_difference < -SPL_CHANGE),
+            gained=_sorted(
+                (pair for pair in pairs if pair.b.succeeded and not pair.a.succeeded), best=True
+            ),
+            better=_sorted((pair for pair in both if pair.spl_difference > SPL_CHANGE), best=True),
+        )
+
+
+def _sorted(pairs: Iterable[RunPair], *, best: bool = False) -> tuple[RunPair, ...]:
+    return tuple(sorted(pairs, key=RunPair.loss, reverse=best))
 
 
 def of_variant(rows: Sequence[RunRow], name: str | None) -> Sequence[RunRow]:
@@ -90,19 +121,16 @@ def compare_tables(first: Sequence[RunRow], second: Sequence[RunRow]) -> dict[st
 
     ``p`` is that of McNemar's exact test on success. ``spl_difference`` is the median over all
     pairs; ``time_difference_s`` and ``time_ratio`` are medians over the pairs in which both runs
-    succeeded. All differences have an interval of 95 %, None for too few pairs. ``gained`` and
-    ``lost`` list the runs in which only B, and only A, succeeded, ``worse`` those in which both
-    did, and the SPL of B is lower by more than ``SPL_LOSS``; the worst come first: collisions, then
-    the largest loss of SPL.
+    succeeded. All differences have an interval of 95 %, None for too few pairs. ``lost``,
+    ``worse``, ``gained`` and ``better`` list the runs of ``PairedChanges``.
 
     Raises:
         InputError: no run is in both tables.
 
     """
     pairs = pair_up(first, second)
-    lost = [pair for pair in pairs if pair.a.succeeded and not pair.b.succeeded]
-    gained = [pair for pair in pairs if pair.b.succeeded and not pair.a.succeeded]
-    worse = [pair for pair in pairs if pair.b.succeeded and pair.spl_difference < -SPL_LOSS]
+    changes = PairedChanges.of(pairs)
+    lost, gained = len(changes.lost), len(changes.gained)
     times = [
         (pair.a.sim_time_s, pair.b.sim_time_s)
         for pair in pairs
@@ -117,8 +145,8 @@ def compare_tables(first: Sequence[RunRow], second: Sequence[RunRow]) -> dict[st
         "success_a": success_a,
         "success_b": success_b,
         "success_difference": success_b - success_a,
-        "success_interval": paired_interval(len(lost), len(gained), count),
-        "p": mcnemar_exact(len(lost), len(gained)),
+        "success_interval": paired_interval(lost, gained, count),
+        "p": mcnemar_exact(lost, gained),
         "spl_a": median(pair.a.spl or 0.0 for pair in pairs),
         "spl_b": median(pair.b.spl or 0.0 for pair in pairs),
         "spl_difference": median(pair.spl_difference for pair in pairs),
@@ -132,9 +160,10 @@ def compare_tables(first: Sequence[RunRow], second: Sequence[RunRow]) -> dict[st
         "collisions_a": sum(pair.a.collisions or 0 for pair in pairs),
         "collisions_b": sum(pair.b.collisions or 0 for pair in pairs),
         "same_commands": sum(pair.a.command_hash == pair.b.command_hash != "" for pair in pairs),
-        "gained": [_named(pair.a) for pair in gained],
-        "lost": [_named(pair.b) for pair in sorted(lost, key=RunPair.loss)],
-        "worse": [_named(pair.b) for pair in sorted(worse, key=RunPair.loss)],
+        "gained": [_named(pair.a) for pair in changes.gained],
+        "lost": [_named(pair.b) for pair in changes.lost],
+        "worse": [_named(pair.b) for pair in changes.worse],
+        "better": [_named(pair.b) for pair in changes.better],
     }
 
 

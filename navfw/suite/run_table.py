@@ -112,6 +112,11 @@ class RunRow:
         return self.outcome == Outcome.REACHED
 
     @property
+    def failure(self) -> str:
+        """Outcome and cause of a run that failed, by which failures are counted and grouped."""
+        return f"{self.outcome}: {self.cause}"
+
+    @property
     def died(self) -> bool:
         """Whether the process of the run ended without a result, or was ended at a limit."""
         return self.outcome == Outcome.FAULT and self.cause in _DEATHS

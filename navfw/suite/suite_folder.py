@@ -1,4 +1,4 @@
-"""The folder of a suite: table, summary, configuration and pictures.
+"""The folder of a suite: table, summary, configuration, pictures and reports.
 
 ``journal.sqlite`` has every run that has ended (``navfw.suite.run_journal``). ``table.csv``, one
 row per run, is exported from it, ``summary.json`` is the summary, ``table.md`` the summary as
@@ -24,24 +24,26 @@ from navfw.config.input_file import is_file, is_folder
 from navfw.config.json_file import read_json_object
 from navfw.errors import ConfigError, InputError
 from navfw.recording.provenance import machine_kind
-from navfw.recording.run_folder import plain_json
+from navfw.recording.run_folder import REPORT, plain_json
 from navfw.suite.journal_recovery import ready_journal
 from navfw.suite.markdown_table import markdown_table
-from navfw.suite.run_journal import RunJournal
+from navfw.suite.run_journal import JournalDamagedError, RunJournal
 from navfw.suite.run_table import RunRow, read_table, write_table
 from navfw.suite.suite_plan import SuitePlan
 from navfw.target_lock import TargetInUseError, TargetLock, sweep
 
-__all__ = ["MARKDOWN", "Beginning", "SuiteFolder"]
+__all__ = ["COMPARISON", "Beginning", "SuiteFolder"]
 
 TABLE, SUMMARY, ABOUT, PICTURES = "table.csv", "summary.json", "suite.json", "pictures"
 MARKDOWN, JOURNAL = "table.md", "journal.sqlite"
+COMPARISON = "comparison.html"
+"""The report of two suites, in the folder of the second."""
 
 Beginning = Literal["new", "resume", "extend", "restart"]
 """How a suite begins: in an empty folder; with the runs that it has; with those that a change of
 the suite has not touched; anew, with the earlier results moved aside."""
 
-_OWN = (TABLE, SUMMARY, MARKDOWN, ABOUT, PICTURES, JOURNAL)
+_OWN = (TABLE, SUMMARY, MARKDOWN, ABOUT, PICTURES, JOURNAL, REPORT, COMPARISON)
 _BEFORE = re.compile(r"before-\d+|journal-damaged-\d+\.sqlite(-journal)?")
 """Names of what is left of earlier suites."""
 
@@ -71,6 +73,17 @@ class SuiteFolder:
     def pictures(self) -> Path:
         """The folder of the runs' pictures."""
         return self.path / PICTURES
+
+    @property
+    def report(self) -> Path:
+        """What a person reads of the suite: its page of ``navfw report``, or what there is."""
+        files = (self.path / name for name in (REPORT, MARKDOWN, TABLE))
+        return next((file for file in files if is_file(file)), self.path)
+
+    @property
+    def has_runs(self) -> bool:
+        """Whether a suite has written runs here."""
+        return is_file(self.journal.file) or is_file(self.table)
 
     @classmethod
     @contextlib.contextmanager
@@ -122,7 +135,7 @@ class SuiteFolder:
         if begin == "restart":
             self._set_aside(tell)
         known: dict[str, Any] = {}
-        if begin in {"resume", "extend"} and self._has_runs():
+        if begin in {"resume", "extend"} and self.has_runs:
             known = self.about()
             if begin == "resume":
                 self._compare(known.get("content", {}), plan.content)
@@ -152,9 +165,6 @@ class SuiteFolder:
         write_table(self.table, rows)
         return rows
 
-    def _has_runs(self) -> bool:
-        return is_file(self.journal.file) or is_file(self.table)
-
     def _rows_of(self, plan: SuitePlan, tell: Callable[[str], None]) -> list[RunRow]:
         """The rows in the journal that belong to ``plan``; a damaged journal is repaired."""
         contents = {case.setting: case.content for case in plan.cases}
@@ -166,7 +176,7 @@ class SuiteFolder:
     def _set_aside(self, tell: Callable[[str], None]) -> None:
         """Move what an earlier suite left into the first free folder ``before-N``."""
         names = [name for name in _OWN if (self.path / name).exists()]
-        if not self._has_runs() or not names:
+        if not self.has_runs or not names:
             return
         numbers = itertools.count(1)
         aside = next(
@@ -190,7 +200,21 @@ class SuiteFolder:
         """
         if not is_file(self.journal.file):
             return read_table(self.table)
-        return self.journal.rows(set(self.about().get("current", [])))
+        try:
+            return self.journal.rows(set(self.about().get("current", [])))
+        except JournalDamagedError as error:
+            what = f"{error}; continue the suite with --resume, which keeps what is intact"
+            raise JournalDamagedError(what) from None
+
+    def summary(self) -> dict[str, Any]:
+        """The summary that was written last, empty before the first.
+
+        Raises:
+            ConfigError: it is damaged.
+
+        """
+        file = self.path / SUMMARY
+        return read_json_object(file) if is_file(file) else {}
 
     def save(self, rows: Sequence[RunRow], summary: Mapping[str, Any]) -> None:
         """Replace the table and the summary."""
@@ -236,7 +260,7 @@ class SuiteFolder:
             raise InputError(f"{what}{more}; {help_} another --out", file=self.path)
 
     def _refuse_foreign(self) -> None:
-        if self._has_runs():
+        if self.has_runs:
             what = "contains runs already: continue with --resume, begin again with --restart"
             raise InputError(f"{what}, or choose another --out", file=self.path)
         # a suite that was killed as it began leaves some of its own files, without runs

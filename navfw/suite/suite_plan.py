@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
@@ -56,6 +56,7 @@ def plan_runs(
     overrides: Sequence[str] = (),
     worlds: Path | None = None,
     variants: Sequence[str] = (),
+    progress: Callable[[int, int, str], object] = lambda done, total, now: None,
 ) -> SuitePlan:
     """Expand and check a suite.
 
@@ -63,39 +64,37 @@ def plan_runs(
     entry without a stack uses the stack named by each mission. ``overrides`` follow those of the
     entries. ``worlds`` replaces every folder named by an entry. ``variants`` are those to run, all
     if empty. A variant whose package is not installed is listed in the plan's ``skipped``.
+    ``progress`` is called with the missions checked, their number, and the one to be checked now.
 
     Raises:
         InputError: a world, mission, family or stack does not exist or is invalid; the message has
             the suite's file, line and key.
 
     """
-    if worlds is not None and all(entry.worlds is None for entry in suite.spec.entries):
-        what = f"the suite {suite.name!r} has no entry that takes a folder of worlds"
-        raise InputError(what, key="--worlds")
+    _check_worlds(suite, worlds)
     files = stack_files(stacks)
     chosen = _chosen_variants(suite, variants, stacks)
-    cases: list[Case] = []
-    content: dict[str, str] = {}
-    skipped: dict[str, str] = {}
-    for index, entry in enumerate(suite.spec.entries):
-        templates = list(case_templates(suite, index, entry, worlds))
-        for template, (name, variant) in product(templates, chosen.items()):
-            if name in skipped:
-                continue
-            changes = (*entry.overrides, *variant.overrides, *overrides)
-            first = replace(template, variant=name, overrides=changes, seed=seeds[0])
-            of_variant = files or stacks_of(suite, index, name)
-            try:
-                checked, parts = _checked(suite, index, first, of_variant, registry)
-            except MissingExtraError as error:
-                if not name:
-                    raise
-                skipped[name] = str(error)
-                continue
-            content |= parts
-            cases += [with_seed(case, entry, seed) for case in checked for seed in seeds]
-            if len(cases) > MAX_RUNS:
-                raise InputError(f"more than {MAX_RUNS} runs; give fewer seeds", key="--seeds")
+    cases, content, skipped = list[Case](), dict[str, str](), dict[str, str]()
+    templates = _templates(suite, worlds, chosen)
+    for number, (index, template) in enumerate(templates):
+        entry, name = suite.spec.entries[index], template.variant
+        if name in skipped:
+            continue
+        progress(number, len(templates), template.world_name or template.family)
+        changes = (*entry.overrides, *chosen[name].overrides, *overrides)
+        first = replace(template, overrides=changes, seed=seeds[0])
+        of_variant = files or stacks_of(suite, index, name)
+        try:
+            checked, parts = _checked(suite, index, first, of_variant, registry)
+        except MissingExtraError as error:
+            if not name:
+                raise
+            skipped[name] = str(error)
+            continue
+        content |= parts
+        cases += [with_seed(case, entry, seed) for case in checked for seed in seeds]
+        _check_number(cases)
+    progress(len(templates), len(templates), "")
     if not cases:
         raise InputError(f"nothing is left to run: {'; '.join(skipped.values())}", key="variants")
     return SuitePlan(
@@ -107,6 +106,28 @@ def plan_runs(
         suite_hash=hashlib.sha256(read_input(suite.file, MAX_BYTES)).hexdigest(),
         options=_options(stacks, overrides, worlds),
     )
+
+
+def _templates(
+    suite: Suite, worlds: Path | None, variants: Iterable[str]
+) -> list[tuple[int, Case]]:
+    """A case for each entry, by its index, with each mission and variant."""
+    return [
+        (index, replace(template, variant=name))
+        for index, entry in enumerate(suite.spec.entries)
+        for template, name in product(case_templates(suite, index, entry, worlds), variants)
+    ]
+
+
+def _check_worlds(suite: Suite, worlds: Path | None) -> None:
+    if worlds is not None and all(entry.worlds is None for entry in suite.spec.entries):
+        what = f"the suite {suite.name!r} has no entry that takes a folder of worlds"
+        raise InputError(what, key="--worlds")
+
+
+def _check_number(cases: Sequence[Case]) -> None:
+    if len(cases) > MAX_RUNS:
+        raise InputError(f"more than {MAX_RUNS} runs; give fewer seeds", key="--seeds")
 
 
 def _checked(

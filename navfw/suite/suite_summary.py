@@ -116,7 +116,7 @@ def _numbers(rows: Sequence[RunRow]) -> dict[str, Any]:
         "barn_score": _mean(row.barn_score or 0.0 for row in rows),
         "real_time_factor": _median(_given(row.real_time_factor for row in rows)),
         "outcomes": _counts(row.outcome for row in rows),
-        "causes": _counts(f"{row.outcome}: {row.cause}" for row in failed),
+        "causes": _counts(row.failure for row in failed),
     }
 
 

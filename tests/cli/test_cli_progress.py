@@ -7,6 +7,7 @@ import sys
 import time
 
 import pytest
+import typer
 
 from navfw import watchdog
 from navfw.cli import run
@@ -72,7 +73,7 @@ def test_quiet_prints_nothing(
 def test_a_bar_without_a_terminal_is_lines_with_rate_and_time_left(
     capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    clock = iter([10.0, 12.0, 16.0, 20.0])
+    clock = iter([10.0, 12.0, 30.0, 50.0])
     monkeypatch.setattr(time, "monotonic", lambda: next(clock))
     with ProgressBar("checking", "worlds") as bar:
         bar.update(2, 10, "first")
@@ -83,9 +84,43 @@ def test_a_bar_without_a_terminal_is_lines_with_rate_and_time_left(
     assert out == ""
     assert err.splitlines() == [
         "checking: 2 of 10 worlds: first",
-        "checking: 5 of 10 worlds, 0.5/s, 10 s left: third",
-        "checking: 10 of 10 worlds, 0.8/s",
+        "checking: 5 of 10 worlds, 0.1/s, 33 s left: third",
+        "checking: 10 of 10 worlds, 0.2/s",
     ]
+
+
+def test_each_part_of_the_work_has_its_own_rate(
+    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock = iter([0.0, 100.0, 160.0, 280.0, 300.0])
+    monkeypatch.setattr(time, "monotonic", lambda: next(clock))
+    with ProgressBar("reproduce", "steps") as bar:
+        bar.show_part("times")
+        bar.show_part("views", 0, 100)
+        bar.show_part("views", 1, 100)
+        bar.show_part("views", 100, 100)
+        bar.show_part("pictures")
+    assert capfd.readouterr().err.splitlines() == [
+        "reproduce: times",
+        "reproduce: views: 0 of 100 steps",
+        "reproduce: views: 1 of 100 steps, 1/min, 1 h 39 min left",
+        "reproduce: views: 100 of 100 steps, 0.6/s",
+        "reproduce: pictures",
+    ]
+
+
+def test_lines_of_a_file_stay_in_it_while_a_bar_is_shown(
+    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    screen = io.StringIO()
+    monkeypatch.setattr(screen, "isatty", lambda: True)
+    monkeypatch.setattr(sys, "stderr", screen)
+    monkeypatch.setenv("TERM", "xterm")
+    with ProgressBar("perceive", "images") as bar:
+        bar.update(0, 2)
+        typer.echo("a result")
+    assert capfd.readouterr().out == "a result\n"
+    assert "a result" not in screen.getvalue()
 
 
 def test_a_bar_shows_nothing_before_the_first_update_and_nothing_when_quiet(

@@ -182,7 +182,7 @@ def test_compare_prints_the_paired_numbers(folder: Path) -> None:
     shown = navfw("compare", "a", "b.csv").stdout
     assert "33.3 % -> 100.0 %" in shown
     assert "p = 0.0312" in shown
-    assert "reports    a/table.md, b.csv" in shown
+    assert "reports    a/table.csv, b.csv" in shown
 
 
 @pytest.mark.parametrize(("margin", "code"), [("30%", 0), ("0.2", 1), ("1%", 1)])

@@ -1,0 +1,45 @@
+"""A page in headless Chromium: what a script left in it, and what its console said."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+
+@dataclass(frozen=True)
+class SeenPage:
+    """The page's opening tag ``<body ...>``, and the lines of the console."""
+
+    body: str
+    console: list[str]
+
+
+def seen_in_browser(page: Path, probe: str, profile: Path) -> SeenPage:
+    """Open ``page`` with the script ``probe`` added before its main part; skips without Chromium.
+
+    An error of any script is left in ``data-error`` of the body.
+    """
+    browser = shutil.which("chromium")
+    if browser is None:
+        pytest.skip("no chromium; install the package chromium")
+    catch = 'addEventListener("error", (e) => { document.body.dataset.error = e.message; });'
+    script = f"<script>{catch}\n{probe}</script>"
+    text = page.read_text(encoding="utf-8")
+    page.write_text(text.replace("<main>", script + "<main>", 1), encoding="utf-8")
+    options = ["--headless", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr"]
+    options += ["--virtual-time-budget=12000", f"--user-data-dir={profile}"]
+    done = subprocess.run(  # noqa: S603 - the browser of this machine
+        [browser, *options, "--dump-dom", page.as_uri()],
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=120,
+    )
+    body = re.search(r"<body[^>]*>", done.stdout)
+    assert body is not None, done.stdout
+    return SeenPage(body[0], [line for line in done.stderr.splitlines() if "CONSOLE" in line])

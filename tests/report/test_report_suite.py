@@ -1,0 +1,240 @@
+"""The reports of suites: failures first, pictures a click away; two suites side by side."""
+
+from __future__ import annotations
+
+import json
+import re
+import sqlite3
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from report_browser import seen_in_browser
+from suite_samples import row
+from typer.testing import CliRunner, Result
+
+from navfw.cli import app
+from navfw.suite.paired_comparison import compare_tables
+from navfw.suite.run_journal import RunJournal
+from navfw.suite.run_table import RunRow
+
+PROBE = """
+const settle = () => new Promise((done) => setTimeout(done, 300));
+setTimeout(async () => {
+  const viewer = document.getElementById("viewer");
+  const title = () => viewer.querySelector("h2").textContent;
+  const images = () => Array.from(viewer.querySelectorAll("img"));
+  const large = () => images().map((image) => image.naturalWidth).join("+");
+  document.querySelector("tr .shot").click();
+  await settle();
+  const seen = [viewer.open, title(), large()];
+  viewer.querySelector("[data-step='1']").click();
+  await settle();
+  seen.push(title());
+  viewer.querySelector("[data-step='0']").click();
+  const filter = document.getElementById("filter");
+  filter.value = "SEED 5";
+  filter.dispatchEvent(new Event("input"));
+  seen.push(viewer.open, document.getElementById("count").textContent);
+  document.body.dataset.seen = seen.join("; ");
+}, 500);
+"""
+"""Opens a run's pictures, goes to the next run, closes them, and looks for runs with seed 5."""
+
+
+def invoke(*words: object) -> Result:
+    return CliRunner().invoke(app, [str(word) for word in words])
+
+
+def write_suite(folder: Path, rows: Sequence[RunRow], size: tuple[int, int] = (900, 700)) -> Path:
+    """The folder of a suite with ``rows``; a picture of ``size`` for each row that names one."""
+    (folder / "pictures").mkdir(parents=True)
+    for one in rows:
+        if one.picture:
+            image = np.full((*size[::-1], 3), 255, np.uint8)
+            cv2.line(image, (20, 20), (300 + one.seed, 500), (180, 90, 20), 4)
+            cv2.imwrite(str(folder / one.picture), image)
+    journal = RunJournal(folder / "journal.sqlite")
+    journal.create()
+    journal.add_all([("made-with", one) for one in rows])
+    about = {"suite": "rooms", "content": {"entry rooms": "x"}, "current": ["made-with"]}
+    (folder / "suite.json").write_text(json.dumps(about))
+    return folder
+
+
+def pictured(seed: int, outcome: str = "reached", **values: object) -> RunRow:
+    return row(seed, outcome, picture=f"pictures/run-{seed}.png", **values)
+
+
+@pytest.fixture
+def suite(tmp_path: Path) -> Path:
+    rows = [
+        pictured(1),
+        pictured(2, "collided", cause="drove_into", reason="hit 'box <b>3'"),
+        pictured(5, "stuck", cause="standstill"),
+        row(3),
+        pictured(4, "stuck", cause="standstill"),
+    ]
+    return write_suite(tmp_path / "a", rows)
+
+
+def test_failures_come_first_by_cause_with_their_pictures(suite: Path) -> None:
+    done = invoke("report", suite)
+    assert (done.exit_code, done.stdout) == (0, f"report: {suite / 'report.html'}\n")
+    page = (suite / "report.html").read_text(encoding="utf-8")
+    heads = re.findall(r"<h2>(.+?)</h2>", page)
+    assert heads == ["2 x stuck: standstill", "1 x collided: drove_into", "2 x reached"]
+    runs = re.findall(r'data-run="([^"]+)"', page)
+    assert [run.rpartition(" ")[2] for run in runs] == ["5", "4", "2", "1", "3"]
+    assert page.count("data:image/webp;base64,") == 4
+    links = re.findall(r'href="(pictures/[^"]+)"', page)
+    assert [(suite / link).is_file() for link in links] == [True] * 4
+    assert "40.0 % [11.8, 76.9]" in page
+    assert "hit &#39;box &lt;b&gt;3&#39;" in page
+    assert "not complete" in page  # there is no summary yet
+
+
+def test_links_lead_to_the_pictures_from_another_folder_too(suite: Path, tmp_path: Path) -> None:
+    place = tmp_path / "elsewhere" / "page.html"
+    place.parent.mkdir()
+    assert invoke("report", suite, "--out", place).exit_code == 0
+    links = re.findall(r'href="([^"#]+\.png)"', place.read_text(encoding="utf-8"))
+    assert [(place.parent / link).resolve() for link in links] == [
+        suite / "pictures" / f"run-{seed}.png" for seed in (5, 4, 2, 1)
+    ]
+
+
+def test_in_a_browser_a_click_shows_the_picture(suite: Path, tmp_path: Path) -> None:
+    assert invoke("report", suite).exit_code == 0
+    seen = seen_in_browser(suite / "report.html", PROBE, tmp_path / "profile")
+    first, second = "rooms / rooms-5 / cross, seed 5", "rooms / rooms-4 / cross, seed 4"
+    expected = f"true; {first}; 640; {second}; false; 1 of 5"
+    assert (seen.body, seen.console) == (f'<body data-seen="{expected}">', [])
+
+
+@pytest.fixture
+def later(tmp_path: Path) -> Path:
+    """The same runs: 2 and 4 gained, 1 lost, 3 worse, 5 stuck as before."""
+    rows = [
+        pictured(1, "stuck", cause="standstill"),
+        row(2),
+        row(3, spl=0.5),
+        row(4),
+        pictured(5, "stuck", cause="standstill"),
+    ]
+    return write_suite(tmp_path / "b", rows)
+
+
+def test_two_suites_stand_side_by_side(suite: Path, later: Path) -> None:
+    done = invoke("report", suite, later)
+    assert (done.exit_code, done.stdout) == (0, f"report: {later / 'comparison.html'}\n")
+    page = (later / "comparison.html").read_text(encoding="utf-8")
+    heads = re.findall(r"<h2>(.+?)</h2>", page)
+    assert heads == ["Lost: 1", "Worse: 1", "Gained: 2", "Better: 0", "Failed in both: 1"]
+    assert page.count("data:image/webp;base64,") == 6
+    assert 'href="../a/pictures/run-2.png"' in page
+    shown = invoke("compare", suite, later).stdout
+    assert "40.0 % -> 60.0 %" in shown
+    difference = re.search(r"success .*\((.+)\)", shown)
+    assert difference is not None
+    assert f"<td>{difference[1]}</td>" in page
+    assert f"reports    {suite / 'table.md'}" not in shown
+
+
+def test_compare_names_the_reports_that_are_there(suite: Path, later: Path) -> None:
+    invoke("report", suite)
+    shown = invoke("compare", suite, later).stdout
+    assert f"reports    {suite / 'report.html'}, {later}\n" in shown
+
+
+def test_in_a_browser_a_click_shows_both_pictures(suite: Path, later: Path, tmp_path: Path) -> None:
+    assert invoke("report", suite, later).exit_code == 0
+    seen = seen_in_browser(later / "comparison.html", PROBE, tmp_path / "profile")
+    first, second = "rooms / rooms-1 / cross, seed 1", "rooms / rooms-2 / cross, seed 2"
+    expected = f"true; {first}; 640+640; {second}; false; 1 of 5"
+    assert (seen.body, seen.console) == (f'<body data-seen="{expected}">', [])
+
+
+def test_better_runs_are_those_worse_the_other_way_round() -> None:
+    a, b = [row(1, spl=0.9), row(2, spl=0.5)], [row(1, spl=0.6), row(2, spl=0.55)]
+    forth, back = compare_tables(a, b), compare_tables(b, a)
+    assert [run["seed"] for run in forth["worse"]] == [1]
+    assert [run["seed"] for run in back["better"]] == [1]
+    assert (forth["better"], back["worse"]) == ([], [])
+
+
+def test_a_damaged_picture_costs_itself_alone(suite: Path) -> None:
+    (suite / "pictures" / "run-2.png").write_bytes(b"\x89PNG\r\n\x1a\n")
+    done = invoke("report", suite)
+    assert done.exit_code == 0
+    assert "left out: " in done.stderr
+    assert "run-2.png" in done.stderr
+    page = (suite / "report.html").read_text(encoding="utf-8")
+    assert page.count("data:image/webp;base64,") == 3
+
+
+def test_a_picture_outside_of_the_suite_is_never_read(tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / "private.png"), np.zeros((9, 9), np.uint8))
+    folder = write_suite(tmp_path / "a", [row(1, "stuck")])
+    journal = RunJournal(folder / "journal.sqlite")
+    journal.add("made-with", row(1, "stuck", picture="../../private.png"))
+    assert invoke("report", folder).exit_code == 0
+    assert "data:image" not in (folder / "report.html").read_text(encoding="utf-8")
+
+
+def damage(folder: Path) -> None:
+    with sqlite3.connect(folder / "journal.sqlite") as database:
+        database.execute("UPDATE run SET cells = replace(cells, 'stuck', 'reached')")
+
+
+def empty(folder: Path) -> None:
+    with sqlite3.connect(folder / "journal.sqlite") as database:
+        database.execute("DELETE FROM run")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["none"], "none: is neither the folder of a run"),
+        (["foreign"], "foreign: is neither the folder of a run"),
+        (["a", "foreign"], "foreign: is neither the folder of a run"),
+        (["a", "run"], "run: is the folder of a run; two suites can be compared"),
+        (["a", "a", "a"], "at most two folders"),
+        (["damaged"], "a row differs from its checksum; continue the suite with --resume"),
+        (["a", "damaged"], "a row differs from its checksum"),
+        (["empty"], "empty: no run of the suite has ended yet"),
+        (["a", "other"], "a, other: the tables have no run in common"),
+        (["a", "--out", "a"], "expected a file to write, got a folder"),
+        (["a", "--out", "foreign/file/page.html"], "cannot be written"),
+    ],
+)
+def test_bad_input_gives_one_message_and_writes_nothing(
+    words: list[str], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("a", "damaged", "empty"):
+        write_suite(tmp_path / name, [pictured(1, "stuck")])
+    write_suite(tmp_path / "other", [row(1, entry="maze")])
+    damage(tmp_path / "damaged")
+    empty(tmp_path / "empty")
+    for name in ("foreign/file", "run/result.json"):
+        (tmp_path / name).parent.mkdir()
+        (tmp_path / name).touch()
+    before = sorted(tmp_path.rglob("*"))
+    done = invoke("report", *words)
+    assert (done.exit_code, done.stdout) == (2, "")
+    assert message in " ".join(done.stderr.replace("│", " ").split())
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+@pytest.mark.slow
+def test_two_hundred_runs_take_twenty_seconds_at_most(tmp_path: Path) -> None:
+    rows = [pictured(seed, "stuck" if seed % 3 else "reached") for seed in range(200)]
+    folder = write_suite(tmp_path / "a", rows, size=(1500, 1150))
+    began = time.process_time()
+    assert invoke("report", folder).exit_code == 0
+    assert time.process_time() - began < 20.0
+    assert (folder / "report.html").stat().st_size < 15e6
