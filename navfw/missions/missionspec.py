@@ -72,9 +72,18 @@ class PointGoal(StrictModel):
 
 
 class SuccessSpec(StrictModel):
-    """The success criterion: the true distance from each goal that has to be reached."""
+    """The true distance from each goal that has to be reached; what a score is relative to."""
 
     within: Annotated[float, Field(gt=0.0, le=5.0, description="distance from a goal [m]")] = 0.5
+    reference: Annotated[
+        float | None,
+        Field(
+            gt=0.0,
+            le=1e5,
+            description="length of a benchmark's reference path, to which its score is relative"
+            " [m]; left out: the robot's shortest path",
+        ),
+    ] = None
 
 
 class SensorsSpec(SensorParams):

@@ -23,12 +23,16 @@ __all__ = [
     "count_collisions",
     "measure",
     "path_length",
+    "traversal_time",
 ]
 
 Point = tuple[float, float]
 
 SAMPLING = 0.1
 """Sampling period [s] of the path; a shorter one would count vibration of the wheels as path."""
+
+SET_OUT = 0.1
+"""Distance from the start [m] at which the BARN challenge starts its clock."""
 
 DEBOUNCE = 1.0
 """Contacts less than this time [s] apart count as one collision."""
@@ -54,8 +58,9 @@ class TimedClearanceSource(Protocol):
 class RunMetrics:
     """The metrics of one run; lengths in metres, times in seconds.
 
-    ``spl`` is success times shortest over driven length (Anderson et al. 2018). Clearances are from
-    the robot's body to the nearest object. ``distance_to_goal_m`` is that of the true position,
+    ``spl`` is success times shortest over driven length (Anderson et al. 2018). ``traversal_s`` is
+    the time from the first 0.1 m to the neighbourhood of the last goal. Clearances are from the
+    robot's body to the nearest object. ``distance_to_goal_m`` is that of the true position,
     ``estimate_error_m`` the position error of the stack's belief at the end. ``stage_ms`` is
     computing time per camera frame; it alone varies between runs of the same seed.
     """
@@ -63,6 +68,7 @@ class RunMetrics:
     path_length_m: float
     shortest_path_m: float
     spl: float
+    traversal_s: float
     collisions: int
     min_clearance_m: float
     clearance_p05_m: float
@@ -95,12 +101,27 @@ def count_collisions(contacts: Sequence[Contact], debounce: float = DEBOUNCE) ->
     return count
 
 
+def traversal_time(log: RunLog, start: Point, goal: Point, within: float) -> float:
+    """Time [s] from leaving ``start`` by SET_OUT to the arrival ``within`` [m] of ``goal``.
+
+    To the end of the run if the robot did not arrive, 0 if it did not set out.
+    """
+    left = np.hypot(*(log.true[:, :2] - start).T) >= SET_OUT
+    if not left.any():
+        return 0.0
+    first = int(left.argmax())
+    near = np.hypot(*(log.true[first:, :2] - goal).T) <= within
+    last = first + int(near.argmax()) if near.any() else -1
+    return float(log.time[last] - log.time[first])
+
+
 def measure(
     log: RunLog,
     plan: ClearanceSource,
     *,
     start: Point,
     goal: Point,
+    within: float,
     shortest: float,
     discs: Sequence[tuple[float, float, float]],
     succeeded: bool,
@@ -109,8 +130,9 @@ def measure(
 ) -> RunMetrics:
     """The metrics of a run from ``start`` to ``goal`` by a robot of these ``discs``.
 
-    ``shortest`` [m] is the length of the shortest path through all goals of the mission. Clearances
-    are to the static objects in ``plan``, and to those in ``moving`` at their times.
+    ``shortest`` [m] is the length of the shortest path through all goals of the mission; the last
+    one counts as reached ``within`` that distance [m]. Clearances are to the static objects in
+    ``plan``, and to those in ``moving`` at their times.
     """
     sampled = log.every(SAMPLING)
     true = log.true[sampled] if log.ticks else np.array([[*start, 0.0]])
@@ -133,6 +155,7 @@ def measure(
         path_length_m=driven,
         shortest_path_m=shortest,
         spl=shortest / longest if succeeded and longest > 0.0 else float(succeeded),
+        traversal_s=traversal_time(log, start, goal, within),
         collisions=count_collisions(log.contacts),
         min_clearance_m=float(clearance.min()),
         clearance_p05_m=float(np.percentile(clearance, 5.0, method="lower")),

@@ -231,6 +231,7 @@ class MissionResult:
             permanent_plan(session.plan, self.changes),
             start=(start.x, start.y),
             goal=(goal.x, goal.y),
+            within=session.mission.spec.success.within,
             shortest=session.shortest,
             discs=session.mission.spec.robot.discs,
             succeeded=self.outcome.succeeded,

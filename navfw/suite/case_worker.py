@@ -90,7 +90,7 @@ def row_of(case: Case, result: MissionResult) -> RunRow:
         cause=_cause(result),
         collision_cause=summary["collision_cause"] or "",
         sct=sct(good, time, shortest, spec.robot.max_v),
-        barn_score=barn_score(good, time, shortest),
+        barn_score=barn_score(good, result.metrics.traversal_s, spec.success.reference or shortest),
         memory_mb=round(peak_memory_mb(), 1),
     )
 

@@ -103,8 +103,9 @@ def sct(succeeded: bool, time: float, shortest: float, max_speed: float) -> floa
 def barn_score(succeeded: bool, time: float, path: float) -> float:
     """The BARN challenge's score of a run: success x OT / clip(AT, 2 OT, 8 OT).
 
-    OT is the time for the length [m] of the reference ``path`` at 2 m/s, AT the ``time`` [s] taken.
-    The best score is 0.5; a robot of 0.5 m/s reaches at most 0.25.
+    OT is the time for the length [m] of the reference ``path`` at 2 m/s, AT the ``time`` [s] from
+    the first 0.1 m to within 1 m of the goal (``run_metrics.traversal_time``). The best score is
+    0.5; a robot of 0.5 m/s reaches at most 0.25.
 
     >>> barn_score(True, time=25.0, path=10.0)
     0.2

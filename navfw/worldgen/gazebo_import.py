@@ -1,8 +1,4 @@
-"""Import of Gazebo worlds of cylinders, boxes and meshes, with a mission.
-
-Worlds of the BARN benchmark (Perille et al. 2020; github.com/Daffan/the-barn-challenge) have a
-standard mission: from (-2.25, 3) facing y to (-2.25, 13), reached within 1 m, in 100 s.
-"""
+"""Import of Gazebo worlds of cylinders, boxes and meshes, with a mission."""
 
 from __future__ import annotations
 
@@ -20,24 +16,23 @@ from navfw.missions.missionspec import MissionSpec
 from navfw.sim.floorplan import FloorPlan
 from navfw.sim.world_check import check_world
 from navfw.sim.worldspec import BoxSpec, CylinderSpec, WorldSpec
+from navfw.worldgen.barn import (
+    BARN_GOAL,
+    BARN_START,
+    POLE_HEIGHT,
+    is_barn,
+    reference_length,
+)
 from navfw.worldgen.generated_world import MISSION, write_world
 from navfw.worldgen.sdf_reader import SdfShape, SdfWorld, read_sdf
 from navfw.worldgen.texture_palette import Palette
 from navfw.worldgen.world_draft import FAST_ROBOT, POLES_STACK, ROBOT
 
-__all__ = ["POLE_HEIGHT", "ImportedWorld", "import_world", "is_barn"]
+__all__ = ["ImportedWorld", "import_world"]
 
 Goal = tuple[float, float]
 Start = tuple[float, float, float]
 
-POLE_HEIGHT = 1.0
-"""Height of BARN's poles [m]: in the files, half of their 1 m is below the ground."""
-
-_BARN_RADIUS = 0.075
-"""Radius of BARN's poles [m]."""
-_BARN_START: Start = (-2.25, 3.0, 1.57)
-_BARN_GOAL: Goal = (-2.25, 13.0)
-"""Start (x, y [m], yaw [rad]) and goal (x, y [m]) of BARN's mission."""
 _BORDER = 3.0
 """Width of the floor around all solids, start and goal [m]."""
 
@@ -64,14 +59,6 @@ class ImportedWorld:
 
         """
         return write_world(folder, self.world, {MISSION: self.mission}, None)
-
-
-def is_barn(found: SdfWorld) -> bool:
-    """Whether this is a world of the BARN benchmark: many cylinders of BARN's name and radius."""
-    return len(found.shapes) >= 20 and all(
-        shape.name.startswith("unit_cylinder") and abs(shape.radius - _BARN_RADIUS) < 1e-6
-        for shape in found.shapes
-    )
 
 
 def import_world(
@@ -104,8 +91,8 @@ def import_world(
             file=path,
         )
     barn = is_barn(found)
-    start = start or (_BARN_START if barn else None)
-    goal = goal or (_BARN_GOAL if barn else None)
+    start = start or (BARN_START if barn else None)
+    goal = goal or (BARN_GOAL if barn else None)
     if start is None or goal is None:
         missing = " and ".join(
             option for option, at in (("--start", start), ("--goal", goal)) if at is None
@@ -222,7 +209,7 @@ def _mission(path: Path, start: Start, goal: Goal, barn: bool) -> MissionSpec:
     if barn:
         data |= {
             "tolerance": 0.8,
-            "success": {"within": 1.0},
+            "success": {"within": 1.0, "reference": reference_length(path)},
             "robot": FAST_ROBOT,
             "stack": POLES_STACK,
         }

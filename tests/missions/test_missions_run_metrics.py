@@ -45,6 +45,7 @@ def metrics(log: RunLog, shortest: float = 2.0, succeeded: bool = True) -> RunMe
         WallAt(0.5),
         start=(0.0, 0.0),
         goal=(3.0, 0.4),
+        within=0.5,
         shortest=shortest,
         discs=((0.0, 0.0, RADIUS),),
         succeeded=succeeded,
@@ -65,6 +66,14 @@ def test_a_straight_run_has_the_measured_lengths() -> None:
     assert (found.collisions, found.emergencies) == (0, 0)
 
 
+def test_the_traversal_lasts_from_the_first_decimetre_to_the_goal_s_neighbourhood() -> None:
+    # 0.3 m/s along x; the goal (3, 0.4) comes within 0.5 m at x = 2.7
+    assert metrics(straight(3.0, 10.0)).traversal_s == pytest.approx((2.7 - 0.1) / 0.3, abs=0.02)
+    # without arrival to the end; a robot that did not set out has none
+    assert metrics(straight(2.0, 10.0)).traversal_s == pytest.approx(9.5, abs=0.02)
+    assert metrics(straight(0.05, 10.0)).traversal_s == 0.0
+
+
 def test_spl_is_0_for_a_failure_and_at_most_1() -> None:
     assert metrics(straight(3.0, 10.0), succeeded=False).spl == 0.0
     # the success zone extends around the goal: a driven path may be shorter than the shortest one
@@ -83,7 +92,7 @@ def test_without_objects_the_clearance_is_infinite_and_nothing_is_nan() -> None:
             return np.full(len(points), math.inf)
 
     found = measure(
-        straight(1.0, 2.0), Open(), start=(0, 0), goal=(1, 0), shortest=1.0,
+        straight(1.0, 2.0), Open(), start=(0, 0), goal=(1, 0), within=0.1, shortest=1.0,
         discs=((0.0, 0.0, 0.2),), succeeded=True,
     )  # fmt: skip
     assert (found.min_clearance_m, found.clearance_p05_m) == (math.inf, math.inf)

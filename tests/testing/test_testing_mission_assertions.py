@@ -46,6 +46,7 @@ def run() -> MissionRun:
         _Wall(),
         start=(0.0, 0.0),
         goal=(2.0, 0.0),
+        within=0.5,
         shortest=2.0,
         discs=((0.0, 0.0, 0.2),),
         succeeded=True,

@@ -14,7 +14,8 @@ from navfw.cli import app
 from navfw.errors import ConfigError, InputError, WorldError
 from navfw.missions.session import prepare
 from navfw.sim.worldfile import load_world
-from navfw.worldgen.gazebo_import import POLE_HEIGHT, import_world
+from navfw.worldgen.barn import POLE_HEIGHT
+from navfw.worldgen.gazebo_import import import_world
 from navfw.worldgen.sdf_reader import MAX_BYTES, read_sdf
 
 GROUND = """
