@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import sys
 import threading
 import time
@@ -88,7 +87,9 @@ def run(
         float | None,
         typer.Option(min=1.0, help="Wall-clock limit [s]. Beyond it the run is a fault."),
     ] = None,
-    gui: Annotated[bool, typer.Option("--gui", help="Show the window of PyBullet.")] = False,
+    gui: Annotated[
+        bool, typer.Option("--gui", help="Show a window that follows the robot.")
+    ] = False,
     json: Json = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="Print no progress.")] = False,
 ) -> None:
@@ -168,11 +169,11 @@ def _drive(request: _Request) -> tuple[MissionResult, Path | None, tuple[str, ..
     from navfw.missions.run_report import default_folder, write_run
     from navfw.missions.session import prepare
     from navfw.recording.run_folder import RunFolder
+    from navfw.sim.window import check_display
     from navfw.video_output import check_video
 
-    if request.gui and sys.platform == "linux" and not os.environ.get("DISPLAY"):
-        # PyBullet would end the process without a message
-        raise InputError("needs a display, but DISPLAY is not set", key="--gui")
+    if request.gui:
+        check_display()
     if request.video is not None:
         check_video(request.video, VIDEO)
     with interruptible():  # up to here there is nothing to save

@@ -9,6 +9,7 @@ from navfw.kernels import compile_kernels
 from navfw.missions.oracle import plugins_of
 from navfw.missions.outcome import MissionVerdict
 from navfw.missions.runner import MissionLoop, RunResult
+from navfw.missions.window_overlay import WindowOverlay
 from navfw.plugins.simulator_access import SimulatorWatch
 from navfw.sim.movers import MoverTrack
 from navfw.sim.simulation import Simulation
@@ -47,6 +48,9 @@ class MissionDrive:
         self.simulator = self._simulation()
         try:
             self.loop = self._make_loop(self.simulator)
+            if self.simulator.window is not None:
+                overlay = WindowOverlay(self.simulator.window, self._stack)
+                self.loop.observers = (*self.loop.observers, overlay)
         except BaseException:
             self.simulator.close()
             raise

@@ -20,6 +20,7 @@ from navfw.perceive.pixel_range import DeepImage, PixelRange
 from navfw.perceive.shuffle_check import ShuffleCheck
 from navfw.perceive.undistortion import Undistortion
 from navfw.perceive.video_file import FRAME_RATE, FRAME_RATES, VideoFile
+from navfw.recording.run_folder import FILES, RESULT
 from navfw.signals import Image
 
 __all__ = ["IMAGES", "VIDEOS", "ImageSource", "SourceImage", "open_source"]
@@ -267,6 +268,11 @@ def _images_in(folder: Path) -> list[Path]:
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror}", file=folder) from None
     images = [e for e in entries if is_file(e) and e.suffix.lower() in IMAGES]
+    if any(entry.name == RESULT for entry in entries):
+        images = [image for image in images if image.name not in FILES]
+        if not images:
+            what = "is a run folder without images: its pictures are plans, not the camera's"
+            raise InputError(f"{what}; see navfw report and navfw replay", file=folder)
     if images:
         return sorted(images, key=natural_key)
     others = sorted(e.name for e in entries if is_folder(e) or e.suffix.lower() in VIDEOS)

@@ -7,7 +7,7 @@ import math
 import cv2
 import numpy as np
 
-from navfw.perceive.lettering import Colour, text_width, wrap, write
+from navfw.perceive.lettering import Colour, text_width, wrap, write, write_key
 from navfw.perceive.pair_report import strongest_term
 from navfw.perceive.pair_result import PairResult
 from navfw.perceive.working_size import WorkingSize
@@ -24,11 +24,16 @@ COLOURS: dict[str, Colour] = {
 }
 """Colour of each distance term."""
 _INK, _PAPER, _FAINT, _WARNING = (30, 26, 24), (250, 250, 250), (170, 165, 160), (60, 190, 250)
+_PLANE, _FOCUS = (255, 255, 160), (120, 255, 120)
+_KEY = (*COLOURS.items(), ("flow", _PAPER), ("planes", _PLANE), ("heading", _FOCUS))
+"""What is drawn over the image, with its colours."""
 _LONG_SIDE, _SHORT_SIDE = 1024, 480
 _LETTERS = 17.0
 _LINE = 24
 _MARGIN = 18
 _LINES = 6
+_KEY_WIDTH = 580
+"""Width from which the key fits on one line [px]."""
 _SHIFT = 4
 
 
@@ -142,7 +147,7 @@ def _draw_planes(scene: Image, percept: Percept, corners: tuple[Array, Array]) -
             ]
         )
         fixed = np.rint(outline * (1 << _SHIFT)).astype(np.int32)
-        for colour, thick in ((_INK, 4), ((255, 255, 160), 2)):
+        for colour, thick in ((_INK, 4), (_PLANE, 2)):
             cv2.polylines(scene, [fixed], True, colour, thick, cv2.LINE_AA, _SHIFT)
 
 
@@ -150,7 +155,7 @@ def _draw_focus(scene: Image, at: Array) -> None:
     height, width = scene.shape[:2]
     if not (0.0 <= at[0] < width and 0.0 <= at[1] < height):
         return
-    for colour, thick in ((_INK, 5), ((120, 255, 120), 2)):
+    for colour, thick in ((_INK, 5), (_FOCUS, 2)):
         cv2.circle(scene, _fixed(at), 9 << _SHIFT, colour, thick, cv2.LINE_AA, _SHIFT)
         for step in ((14, 0), (-14, 0), (0, 14), (0, -14)):
             inner = at + 0.45 * np.array(step)
@@ -158,8 +163,10 @@ def _draw_focus(scene: Image, at: Array) -> None:
 
 
 def _caption(result: PairResult, width: int) -> Image:
-    """The sentence and the figures of the result, in a strip of fixed height."""
-    strip = np.full((_LINES * _LINE + 2 * _MARGIN, width, 3), _INK, dtype=np.uint8)
+    """The sentence and the figures of the result, and the key, in a strip of fixed height."""
+    key_lines = 1 if width > _KEY_WIDTH else 2
+    height = (_LINES + key_lines) * _LINE + 2 * _MARGIN
+    strip = np.full((height, width, 3), _INK, dtype=np.uint8)
     parts = result.percept.sentence.split("; ")
     front = [part for part in parts if not part.startswith("Layer")]
     right = _figures(result)
@@ -178,6 +185,8 @@ def _caption(result: PairResult, width: int) -> Image:
         lines += [(line, _WARNING) for line in wrap("; ".join(result.notes), _LETTERS - 2, room)]
     for k, (line, colour) in enumerate(lines[: _LINES - 1]):
         write(strip, line, (_MARGIN, y + _LINE * (k + 1)), _LETTERS - 2, colour)
+    below = height - _MARGIN - _LINE * (key_lines - 1)
+    write_key(strip, _KEY, (_MARGIN, below), 14.0, _FAINT)
     return strip
 
 

@@ -102,20 +102,20 @@ def read_moments(run: RecordedRun, limit: int = MAX_MOMENTS) -> list[RunMoment]:
 def newest_at_images(
     run: RecordedRun, wanted: tuple[str, ...], kept: Container[int]
 ) -> Iterator[dict[str, RecordedMessage]]:
-    """The newest message of each topic after each image of ``kept``, just before the next image.
+    """The newest message of each topic at the time of each image of ``kept``, the image included.
 
-    ``wanted`` has the topic of the images. The mapping is updated from image to image.
+    Images stand later in the file than what was logged with them: they are packed meanwhile. The
+    mapping is updated from image to image.
     """
     newest: dict[str, RecordedMessage] = {}
-    number = -1
-    for message in run.messages(*wanted):
-        if message.topic == topics.CAMERA_IMAGE:
-            if number in kept:
-                yield newest
-            number += 1
-        newest[message.topic] = message
-    if number in kept:
-        yield newest
+    others = run.messages(*(topic for topic in wanted if topic != topics.CAMERA_IMAGE))
+    ahead = next(others, None)
+    for number, image in enumerate(run.messages(topics.CAMERA_IMAGE)):
+        while ahead is not None and ahead.time <= image.time + 1e-9:
+            newest[ahead.topic] = ahead
+            ahead = next(others, None)
+        if number in kept:
+            yield newest | {topics.CAMERA_IMAGE: image}
 
 
 def _moment(newest: dict[str, RecordedMessage], run: RecordedRun) -> RunMoment:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import time as wall
 from collections.abc import Iterable
+from contextlib import nullcontext
 from types import TracebackType
 from typing import Literal
 
@@ -21,7 +22,7 @@ from navfw.sim.camera import DepthImage
 from navfw.sim.camera_rig import CameraRig, NoiseGenerators, Timings
 from navfw.sim.display import Display
 from navfw.sim.drop_geometry import fallen_into
-from navfw.sim.engine import bullet
+from navfw.sim.engine import bullet, quiet_output
 from navfw.sim.event_actions import DoorChange, EventAction, Obstacle, Textureless
 from navfw.sim.floorplan import FloorPlan
 from navfw.sim.injected_faults import InjectedFaults
@@ -32,6 +33,7 @@ from navfw.sim.scenery import Scenery
 from navfw.sim.sensor_models import GyroModel, SensorParams, WheelEncoderModel
 from navfw.sim.urdf_body import UrdfBody
 from navfw.sim.wheeled_body import BodyState, ContactPoint, WheeledBody
+from navfw.sim.window import SimulatorWindow
 from navfw.sim.world_changes import ChangeTrack, WorldChanges
 from navfw.sim.world_check import check_world
 from navfw.sim.worldspec import WorldSpec
@@ -53,8 +55,9 @@ class Simulation:
 
     With ``landmark_frames`` the camera also captures the larger frames of ``robot.landmark_view``.
     ``read()`` gives the robot's sensor readings; ``true_pose``, ``true_depth``, ``contacts``,
-    ``movers`` and ``plan`` are ground truth, for metrics and tests only. A new Simulation with the
-    same arguments and the same commands gives the same readings, bit for bit.
+    ``movers`` and ``plan`` are ground truth, for metrics and tests only. ``window`` is that of
+    ``gui``, else None. A new Simulation with the same arguments and the same commands gives the
+    same readings, bit for bit.
 
     Raises:
         WorldError: the world's geometry is impossible, or the start is not free.
@@ -82,6 +85,7 @@ class Simulation:
         _check_apart(self.movers, start, robot.reach)
         self.timings = Timings()
         self.time = 0.0
+        self.window: SimulatorWindow | None = None
         self._client = _connect(gui)
         self._steps = 0
         self._contacts: set[str] = set()
@@ -97,11 +101,7 @@ class Simulation:
         )
         self._faults = InjectedFaults(for_faults)
         try:
-            bullet.setGravity(0.0, 0.0, -_GRAVITY, physicsClientId=self._client)
-            bullet.setTimeStep(1.0 / PHYSICS_RATE, physicsClientId=self._client)
-            bullet.setPhysicsEngineParameter(
-                deterministicOverlappingPairs=1, physicsClientId=self._client
-            )
+            self._set_up_engine(gui)
             scenery = Scenery(world, Display(self._client) if gui else None)
             self._physics = PhysicsWorld(world, self._client, scenery)
             self._changes = WorldChanges(world, self._physics)
@@ -119,9 +119,21 @@ class Simulation:
             self._gyro = GyroModel(sensors, for_gyro, _READINGS_AHEAD)
             self._encoders = WheelEncoderModel(sensors, robot, for_encoders, _READINGS_AHEAD)
             self._settle()
+            if self.window is not None:
+                self.window.show(start.x, start.y)
         except BaseException:
             self.close()
             raise
+
+    def _set_up_engine(self, gui: bool) -> None:
+        """Set the physics' parameters, and take hold of the window."""
+        bullet.setGravity(0.0, 0.0, -_GRAVITY, physicsClientId=self._client)
+        bullet.setTimeStep(1.0 / PHYSICS_RATE, physicsClientId=self._client)
+        bullet.setPhysicsEngineParameter(
+            deterministicOverlappingPairs=1, physicsClientId=self._client
+        )
+        if gui:
+            self.window = SimulatorWindow(self._client)
 
     def _make_body(self, start: Pose) -> WheeledBody:
         """The robot at its start."""
@@ -333,7 +345,8 @@ class Simulation:
     def close(self) -> None:
         """Disconnect from PyBullet; calling it again has no effect."""
         if self._client >= 0:
-            bullet.disconnect(physicsClientId=self._client)
+            with quiet_output() if self.window is not None else nullcontext():
+                bullet.disconnect(physicsClientId=self._client)
             self._client = -1
 
     def __enter__(self) -> Simulation:
@@ -361,7 +374,11 @@ def _check_apart(movers: tuple[Mover, ...], start: Pose, radius: float) -> None:
 
 def _connect(gui: bool) -> int:
     try:
-        client = int(bullet.connect(bullet.GUI if gui else bullet.DIRECT))
+        if gui:
+            with quiet_output():  # it prints all about threads and OpenGL
+                client = int(bullet.connect(bullet.GUI))
+        else:
+            client = int(bullet.connect(bullet.DIRECT))
     except bullet.error as error:
         client = -1
         reason = str(error)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,8 @@ from perceive_images import HEIGHT, WIDTH, assert_ahead, save, texture, wall_at
 from typer.testing import CliRunner
 
 from navfw.cli import app
+from navfw.perceive.overlay import COLOURS
+from navfw.recording import run_folder
 from navfw.signals import Image
 
 PICTURE = texture()
@@ -175,6 +178,27 @@ def test_overlay_folder(approach: Path, tmp_path: Path) -> None:
     # the quadrants carry the colour of their distance, blue-green-red (0, 159, 230)
     part = picture[30:80, 300:400].reshape(-1, 3).mean(axis=0)
     assert part[2] - part[0] > 25.0
+
+
+def test_the_overlay_says_what_its_colours_mean(approach: Path, tmp_path: Path) -> None:
+    perceive(*[approach / f"image_{n}.png" for n in (1, 2)], "--overlay", tmp_path / "out")
+    picture = cv2.imread(str(tmp_path / "out" / "view-00001.png"))
+    assert picture is not None
+    key = picture[-40:].reshape(-1, 3).astype(int)
+    for name, colour in COLOURS.items():
+        assert (np.abs(key - np.array(colour)).max(axis=1) < 3).sum() > 50, name
+
+
+def test_the_pictures_of_a_run_folder_are_no_images_of_a_camera(
+    approach: Path, tmp_path: Path
+) -> None:
+    for name in (run_folder.RESULT, run_folder.PICTURE):
+        shutil.copy(approach / "image_1.png", tmp_path / name)
+    assert "is a run folder without images" in refused(tmp_path)
+    for number in (1, 2):
+        shutil.copy(approach / f"image_{number}.png", tmp_path)
+    (view,) = perceive(tmp_path)
+    assert view["frames"] == ["image_1.png", "image_2.png"]
 
 
 def test_overlay_film(approach: Path, tmp_path: Path) -> None:

@@ -62,6 +62,8 @@ def test_the_rules_are_told_with_what_was_perceived(run_folder: Path) -> None:
     assert told
     for moment in told:
         assert "perceived  Layer1" in moment.rules
+        # rules are recorded twice a second
+        assert -0.001 <= moment.time - float(moment.rules.split()[1]) + 0.05 < 0.65
 
 
 def test_texts_of_a_run_are_no_code_on_its_page(run_folder: Path, tmp_path: Path) -> None:

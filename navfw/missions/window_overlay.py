@@ -1,0 +1,82 @@
+"""A run drawn into the simulator's window: path, way ahead, local goal; the camera follows."""
+
+from __future__ import annotations
+
+import math
+
+from navfw.recording import palette
+from navfw.signals import Pose, SensorReading, Twist, Waypoint
+from navfw.sim.window import Point3, SimulatorWindow
+from navfw.stack import Stack
+
+__all__ = ["WindowOverlay"]
+
+_LIFT = 0.03
+"""Height of lines above the floor [m]."""
+_POST = 0.5
+"""Height of the posts at waypoints and at the local goal [m]."""
+_STEP = 0.05
+"""Length of the pieces of the path [m]."""
+
+
+class WindowOverlay:
+    """An observer of a run of ``stack`` that shows it in ``window``; it only watches.
+
+    The path is the true one, in the colours of the leading behaviours; the way ahead and the local
+    goal are where the robot believes them to be.
+    """
+
+    def __init__(self, window: SimulatorWindow, stack: Stack) -> None:
+        self._window = window
+        self._stack = stack
+        self._drawn: Pose | None = None
+        self._posted: tuple[Waypoint, ...] = ()
+
+    def observe(self, reading: SensorReading, twist: Twist, pose: Pose) -> None:
+        """Draw what is new once per camera frame."""
+        if reading.frame is None:
+            return
+        self._window.follow(pose.x, pose.y)
+        self._draw_path(pose)
+        self._draw_way()
+
+    def close(self) -> None:
+        """The window closes with the simulator."""
+
+    def _draw_path(self, pose: Pose) -> None:
+        last = self._drawn
+        if last is None:
+            self._drawn = pose
+        elif math.hypot(pose.x - last.x, pose.y - last.y) >= _STEP:
+            command = self._stack.state.command
+            leader = "" if command is None else command.leader
+            ends = (last.x, last.y, _LIFT), (pose.x, pose.y, _LIFT)
+            self._window.extend(*ends, palette.rgb(palette.behavior_color(leader)))
+            self._drawn = pose
+
+    def _draw_way(self) -> None:
+        state, context = self._stack.state, self._stack.mofis.context
+        if state.belief is None:
+            return
+        here, color = state.belief.pose, palette.rgb(palette.GOAL)
+        first = state.path[:1]
+        self._window.draw(
+            "first leg", [_at(here.x, here.y), *(_at(w.x, w.y) for w in first)], color
+        )
+        if state.path is not self._posted:
+            self._posted = state.path
+            self._window.draw("way", [_at(w.x, w.y) for w in state.path], color)
+            for number, waypoint in enumerate(state.path):
+                self._window.draw(f"post {number}", _post(waypoint.x, waypoint.y), color)
+        if state.command is not None and context is not None and context.local_goal is not None:
+            point = here.to_parent(context.local_goal.x, context.local_goal.y)
+            ends = [_at(here.x, here.y), *_post(*point)]
+            self._window.draw("local goal", ends, palette.rgb(palette.LOCAL_GOAL))
+
+
+def _at(x: float, y: float) -> Point3:
+    return x, y, _LIFT
+
+
+def _post(x: float, y: float) -> list[Point3]:
+    return [(x, y, _LIFT), (x, y, _POST)]
