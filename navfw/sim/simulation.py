@@ -119,8 +119,6 @@ class Simulation:
             self._gyro = GyroModel(sensors, for_gyro, _READINGS_AHEAD)
             self._encoders = WheelEncoderModel(sensors, robot, for_encoders, _READINGS_AHEAD)
             self._settle()
-            if self.window is not None:
-                self.window.show(start.x, start.y)
         except BaseException:
             self.close()
             raise
@@ -142,7 +140,7 @@ class Simulation:
         return UrdfBody(self.robot, self._client, start, self._physics.floor)
 
     def _settle(self) -> None:
-        """Let the robot come to rest on its wheels before time begins."""
+        """Let the robot come to rest on its wheels before time begins; then show it."""
         for _ in range(_SETTLING_STEPS):
             bullet.stepSimulation(physicsClientId=self._client)
         self._place_movers()
@@ -150,6 +148,8 @@ class Simulation:
         self._last_pose = self.true_pose()
         self._encoders.reset(self._body.wheel_angles())
         self._yaw_read = self._last_pose.yaw
+        if self.window is not None:
+            self.window.show(self._last_pose.x, self._last_pose.y)
 
     # --- sensors and wheels, for the robot ----------------------------------------------------
 
