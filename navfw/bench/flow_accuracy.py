@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from statistics import median
 from typing import Any
@@ -27,6 +27,7 @@ from navfw.flow.ideal import Ideal
 from navfw.flow.lucas_kanade import LucasKanade
 from navfw.flow.registered import Registered
 from navfw.interfaces import FlowProcessor
+from navfw.part_report import PartReport, told, untold
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Array, CameraMotion, FlowField, Frame, FramePair
 
@@ -109,11 +110,11 @@ def bench_flow(
     robot: RobotModel | None = None,
     worlds: Sequence[str] = WORLDS,
     processors: Mapping[str, FlowProcessor] | None = None,
-    tick: Callable[[str], None] | None = None,
+    report: PartReport = untold,
 ) -> dict[str, Any]:
     """Measure ``processors`` (default: all) at ``places`` random poses of each world.
 
-    ``tick`` is called with a status text at each step. Returns plain data:
+    ``report`` is called with each part. Returns plain data:
 
     - ``pairs``: number of frame pairs; ``places``, ``seed``, ``worlds``, ``motions``;
     - ``trusted_from``: least confidence of the vectors evaluated;
@@ -123,16 +124,15 @@ def bench_flow(
       {``sigma_from``, ``sigma_to``, ``n``, ``rms``, ``within_1_sigma``, ``within_2_sigma``};
     - ``block_matching_ratio``, ``match_template_ms``: see ``match_template_ratio``.
     """
-    report = tick or (lambda _: None)
     robot = RobotModel() if robot is None else robot
     processors = all_processors(robot) if processors is None else processors
-    report("rendering")
-    pairs = list(rendered_pairs(load_worlds(worlds), robot, places, seed))
+    rendered = rendered_pairs(load_worlds(worlds), robot, places, seed)
+    pairs = list(told(rendered, "flow: rendering", report, len(worlds) * places * len(MOTIONS)))
     measured = {}
     for name, processor in processors.items():
-        report(name)
-        measured[name] = _summary(measure(processor, pairs, worlds), worlds)
-    report("matchTemplate")
+        shown = told(pairs, f"flow: {name}", report)
+        measured[name] = _summary(measure(processor, shown, worlds), worlds)
+    report("flow: matchTemplate")
     return {
         "pairs": len(pairs),
         "places": places,

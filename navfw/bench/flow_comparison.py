@@ -28,6 +28,7 @@ from navfw.bench.tum_recording import TumRecording, tum_camera, tum_pairs
 from navfw.errors import InputError
 from navfw.flow.ideal import Ideal
 from navfw.interfaces import FlowProcessor
+from navfw.part_report import PartReport, told, untold
 from navfw.perceive.working_size import WorkingSize
 from navfw.robot import RobotModel
 from navfw.signals import Array, CameraMotion
@@ -120,18 +121,16 @@ def _unaided(
 def bench_flow_sets(
     sets: Sequence[TrueSet],
     processors: Processors | None = None,
-    tick: Callable[[str], None] | None = None,
+    report: PartReport = untold,
 ) -> dict[str, Any]:
     """The processors (default: all that ship, and OpenCV's) on each set; plain data.
 
     Keys: ``trusted_from``; ``sets``: by name what ``measure_set`` says of the pairs; and by the
     name of each set its ``processors``.
     """
-    report = tick or (lambda _: None)
     facts, figures = {}, {}
     for chosen in sets:
-        report(f"{chosen.name}: {len(chosen.pairs)} pairs")
-        measured = measure_set(chosen, (processors or _every_processor)(chosen.robot))
+        measured = measure_set(chosen, (processors or _every_processor)(chosen.robot), report)
         figures[chosen.name] = measured.pop("processors")
         facts[chosen.name] = measured
     return {"trusted_from": TRUSTED, "sets": facts, **figures}
@@ -153,7 +152,9 @@ class _Answers:
     milliseconds: list[float] = field(default_factory=list)
 
 
-def measure_set(chosen: TrueSet, processors: Mapping[str, FlowProcessor]) -> dict[str, Any]:
+def measure_set(
+    chosen: TrueSet, processors: Mapping[str, FlowProcessor], report: PartReport = untold
+) -> dict[str, Any]:
     """Cost and errors of ``processors`` on one set; plain data.
 
     Keys: ``pairs``, ``width``, ``height``; ``flow_median_px``, the median length of the true flow;
@@ -177,7 +178,7 @@ def measure_set(chosen: TrueSet, processors: Mapping[str, FlowProcessor]) -> dic
     lengths = []
     for processor in processors.values():
         processor.compute(chosen.pairs[0].pair)  # compiles kernels, which is not timed
-    for true in chosen.pairs:
+    for true in told(chosen.pairs, f"pairs of {chosen.name}", report):
         for name, processor in processors.items():
             begun = time.thread_time()
             flow = processor.compute(true.pair)

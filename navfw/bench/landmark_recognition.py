@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import time as clock
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ import numpy as np
 from navfw.features.aruco import Aruco
 from navfw.features.posters import Posters
 from navfw.interfaces import FeatureRecognizer
+from navfw.part_report import PartReport, told, untold
 from navfw.robot import RobotModel
 from navfw.signals import Frame, Image, LandmarkDetection, Pose
 from navfw.sim.sensor_models import SensorParams
@@ -56,13 +58,11 @@ def view_of(
     return image, math.atan2(left, ahead), math.hypot(ahead, left)
 
 
-def bench_landmarks(
-    views: int, seed: int = 0, report: Callable[[str], None] = lambda _: None
-) -> dict[str, Any]:
+def bench_landmarks(views: int, seed: int = 0, report: PartReport = untold) -> dict[str, Any]:
     """Detection rate, errors and time by kind, distance and angle; plain data.
 
-    ``views`` images are rendered for each kind, distance and angle. ``report`` is called with a
-    status text for each kind.
+    ``views`` images are rendered for each kind, distance and angle. ``report`` is called with
+    each view.
     """
     robot = RobotModel()
     recognizers: Mapping[str, FeatureRecognizer] = {
@@ -71,8 +71,8 @@ def bench_landmarks(
     }
     kinds = {}
     for kind, recognizer in recognizers.items():
-        report(f"{kind}: {len(DISTANCES) * len(ANGLES) * views} views")
-        kinds[kind] = _bench_kind(kind, recognizer, robot, views, np.random.default_rng(seed))
+        rng = np.random.default_rng(seed)
+        kinds[kind] = _bench_kind(kind, recognizer, robot, views, rng, report)
     wanted = robot.landmark_camera
     return {
         "image": [wanted.width, wanted.height],
@@ -89,6 +89,7 @@ def _bench_kind(
     robot: RobotModel,
     views: int,
     rng: np.random.Generator,
+    report: PartReport,
 ) -> dict[str, Any]:
     world = _hall(kind)
     recognizer.set_map(_map(kind))
@@ -97,24 +98,23 @@ def _bench_kind(
     spent = rendered = 0.0
     mark = world.landmarks[0]
     with Simulation(world, large, Pose(2.0, 6.0, 0.0), 0, SensorParams.preset("perfect")) as sim:
-        for distance in DISTANCES:
-            for angle in ANGLES:
-                errors = []
-                for _ in range(views):
-                    begun = clock.perf_counter()
-                    turn = math.radians(angle) * float(rng.choice((-1.0, 1.0)))
-                    aside = float(rng.uniform(-_WIDEST, _WIDEST))
-                    clean, bearing, away = view_of(sim, mark, distance, turn, aside)
-                    rendered += clock.perf_counter() - begun
-                    noisy = clean + _NOISE * rng.standard_normal(clean.shape)
-                    image = np.clip(np.rint(noisy), 0, 255).astype(np.uint8)
-                    begun = clock.perf_counter()
-                    seen = recognizer.recognize(Frame(0.0, image))
-                    spent += clock.perf_counter() - begun
-                    false += sum(s.identity != f"{kind}-{mark.id}" for s in seen)
-                    errors += [_error(s, bearing, away) for s in seen if s.identity.endswith("-0")]
-                chi += [error[2] for error in errors]
-                rows.append(_row(distance, angle, views, errors))
+        for distance, angle in told([*product(DISTANCES, ANGLES)], f"positions: {kind}", report):
+            errors = []
+            for _ in range(views):
+                begun = clock.perf_counter()
+                turn = math.radians(angle) * float(rng.choice((-1.0, 1.0)))
+                aside = float(rng.uniform(-_WIDEST, _WIDEST))
+                clean, bearing, away = view_of(sim, mark, distance, turn, aside)
+                rendered += clock.perf_counter() - begun
+                noisy = clean + _NOISE * rng.standard_normal(clean.shape)
+                image = np.clip(np.rint(noisy), 0, 255).astype(np.uint8)
+                begun = clock.perf_counter()
+                seen = recognizer.recognize(Frame(0.0, image))
+                spent += clock.perf_counter() - begun
+                false += sum(s.identity != f"{kind}-{mark.id}" for s in seen)
+                errors += [_error(s, bearing, away) for s in seen if s.identity.endswith("-0")]
+            chi += [error[2] for error in errors]
+            rows.append(_row(distance, angle, views, errors))
     total = len(rows) * views
     return {
         "size_m": SIZES[kind],

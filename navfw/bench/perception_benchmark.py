@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from navfw.bench import (
     recorded_approach,
 )
 from navfw.errors import InputError
+from navfw.part_report import PartReport, untold
 
 __all__ = [
     "TARGETS",
@@ -127,20 +128,19 @@ def bench_perception(
     seed: int | None = None,
     workers: int = 1,
     data: Mapping[str, Path] | None = None,
-    report: Callable[[str], None] = lambda _: None,
+    report: PartReport = untold,
 ) -> dict[str, Any]:
     """Measure accuracy, flow, computing time and recorded images; plain data.
 
     Keys: those of ``TARGETS`` (None: not measured); ``ideal``, the accuracies with ideal flow; and
     the complete parts ``accuracy``, ``speed``, ``flow``, ``approach`` and ``tum`` (the last two
     None without their ``data``). ``seed`` is the seed of the random views, ``workers`` the number
-    of processes for what is not timed. ``report`` is called with a status text at each step.
+    of processes for what is not timed. ``report`` is called with each part.
     """
     seed = perception_accuracy.HELD_OUT_SEED if seed is None else seed
     report(f"time, and {extent.comparisons} inputs of every rule base by scikit-fuzzy")
     costs = perception_time.run(extent.comparisons, extent.repeats, workers)
-    report(f"flow at {extent.places} poses of each world")
-    flow = flow_accuracy.bench_flow(extent.places, seed=seed, tick=lambda text: report(f"  {text}"))
+    flow = flow_accuracy.bench_flow(extent.places, seed=seed, report=report)
     approach = tum = None
     if data is not None and "approach" in data:
         report("the recorded approach")
@@ -148,14 +148,13 @@ def bench_perception(
     if data is not None and "tum_fr1" in data:
         report("the recorded office")
         tum = flow_comparison.bench_flow_sets(
-            flow_comparison.recorded_sets(data["tum_fr1"].parent, only="tum_fr1")
+            flow_comparison.recorded_sets(data["tum_fr1"].parent, only="tum_fr1"), report=report
         )
-    report(f"accuracy over {extent.poses} views")
 
     def count(done: int) -> None:
-        if done % 100 == 0:
-            report(f"  {done} of {extent.poses}")
+        report("accuracy over views", done, extent.poses)
 
+    count(0)
     accuracy = perception_accuracy.run(extent.poses, seed, workers, progress=count)
     return {
         "offis_ms": costs["offis_ms"],

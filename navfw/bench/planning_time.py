@@ -13,6 +13,7 @@ import networkx as nx
 import numpy as np
 
 from navfw.papfis.routes import Endpoint, Route, Router
+from navfw.part_report import PartReport, told, untold
 from navfw.robot import RobotModel
 from navfw.topomap import Passage, Place, TopoMap
 
@@ -27,14 +28,16 @@ LEAST_DISTANCE = 0.5
 Result = TypeVar("Result")
 
 
-def bench_planning(places: int = 10_000, repeats: int = 20, seed: int = 0) -> dict[str, Any]:
+def bench_planning(
+    places: int = 10_000, repeats: int = 20, seed: int = 0, report: PartReport = untold
+) -> dict[str, Any]:
     """Plan ``repeats`` long routes through a generated map, and again with a passage closed.
 
     The cost of every route is checked against networkx, which looks its weights up as attributes.
     Times [ms] are given as median, least and largest. ``costs_ms``: inference of the costs of all
     passages, once for each map and robot; ``first_plan_ms``: the first route; ``replan_ms``: the
     route from the place before the middle passage after that passage is closed;
-    ``networkx_ms``: ``networkx.astar_path``.
+    ``networkx_ms``: ``networkx.astar_path``. ``report`` is called with each route.
 
     Raises:
         AssertionError: a route is more expensive than that of networkx.
@@ -47,7 +50,7 @@ def bench_planning(places: int = 10_000, repeats: int = 20, seed: int = 0) -> di
     times: dict[str, list[float]] = {
         key: [] for key in ("costs_ms", "first_plan_ms", "replan_ms", "networkx_ms")
     }
-    for start, goal in _far_pairs(topo_map, repeats, rng):
+    for start, goal in told(_far_pairs(topo_map, repeats, rng), "routes", report):
         spent, router = _timed(lambda: Router(topo_map, robot))
         times["costs_ms"].append(spent)
         graph = _priced(topo_map, router)

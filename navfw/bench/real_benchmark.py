@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -23,6 +23,7 @@ from navfw.bench.real_poses import camera_poses, camera_way, heading_error
 from navfw.bench.real_yaw import RecordedGyro, recorded_gyro, yaw_rates, yaw_summary
 from navfw.config.input_file import is_folder
 from navfw.errors import ConfigError
+from navfw.part_report import PartReport, untold
 from navfw.perceive.calibration_file import CameraCalibration
 from navfw.perceive.image_order import natural_key
 from navfw.perceive.image_sources import IMAGES, ImageSource, open_source
@@ -113,7 +114,7 @@ def bench_real(
     split: str,
     flows: Sequence[str],
     registry: Registry,
-    tick: Callable[[str], None] | None = None,
+    report: PartReport = untold,
 ) -> dict[str, Any]:
     """Verdicts of the labelled frames of ``split`` ("tuning", "test" or "all").
 
@@ -129,7 +130,6 @@ def bench_real(
         InputError: a file of a recording cannot be read.
 
     """
-    report = tick or (lambda _: None)
     parts = labelled_parts(split)
     found: dict[str, Any] = {}
     for flow in flows:

@@ -7,7 +7,7 @@ without a table.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +18,7 @@ from navfw.localization.discrete_filter import DiscreteFilter, DiscreteParams
 from navfw.localization.landmark_existence import LandmarkExistence
 from navfw.localization.situation_model import SITUATIONS, SituationTable, learn_table
 from navfw.missions.situation_samples import SituationDrive, record_situations
+from navfw.part_report import PartReport, told, untold
 
 if TYPE_CHECKING:
     from navfw.plugins import Registry
@@ -58,22 +59,20 @@ class LearntSituations:
 
 
 def learn_situations(
-    plan: SuitePlan, registry: Registry, report: Callable[[str], None]
+    plan: SuitePlan, registry: Registry, report: PartReport = untold
 ) -> LearntSituations:
     """Drive all runs of a suite and learn a table from them.
 
-    ``report`` is called with a status text after each drive.
+    ``report`` is called with each drive.
 
     Raises:
         InputError: OFFIS inferred no situation on any drive.
 
     """
     drives: dict[str, list[SituationDrive]] = {}
-    for case in plan.cases:
+    for case in told(plan.cases, "drives", report):
         drive = record_situations(case.session(registry))
         drives.setdefault(case.entry, []).append(drive)
-        where = f"{case.world_name} {case.mission_name} {case.seed}"
-        report(f"{case.index + 1} of {len(plan.cases)}: {where}: {drive.outcome}")
     accuracy = {}
     if len(drives) > 1:
         for entry, own in drives.items():

@@ -11,7 +11,8 @@ from navfw.cli.bench_flow import flow
 from navfw.cli.bench_landmarks import landmarks
 from navfw.cli.bench_real import real
 from navfw.cli.options import Json, NoiseSeed, Robot, Stack, of_robot
-from navfw.cli.output import print_json, print_status, print_table, print_tables, quiet_stdout
+from navfw.cli.output import print_json, print_table, print_tables, quiet_stdout
+from navfw.cli.progress_bar import ProgressBar, Quiet
 
 __all__ = ["add_to"]
 
@@ -39,6 +40,7 @@ def loop(
     ] = 20.0,
     repeats: Annotated[int, typer.Option(min=1, max=100, help="Number of laps.")] = 3,
     json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
     """Time the whole loop, and rendering with physics alone. Runs on one core."""
     with quiet_stdout():
@@ -47,7 +49,8 @@ def loop(
         from navfw.recording.provenance import provenance
 
         session = prepare(world, mission, seed=seed, stack=stack, overrides=of_robot(robot))
-        result = bench_loop(session, seconds, repeats, print_status)
+        with ProgressBar("bench", quiet=quiet) as bar:
+            result = bench_loop(session, seconds, repeats, bar.show_part)
         options = {"world": world, "mission": mission, "seed": seed, "stack": stack}
         options |= {} if robot is None else {"robot": robot}
         options |= {"seconds": f"{seconds:g}", "repeats": repeats}
@@ -92,6 +95,7 @@ def perception(
     data: RecordedData = None,
     out: PageFolder = None,
     json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
     """Measure accuracy and speed of perception. Covers flow, situations and recorded images."""
     with quiet_stdout():
@@ -108,15 +112,10 @@ def perception(
 
         recorded = None if data is None else find_data(data)
         folder = None if out is None else page_folder(out)
-        result = plain_json(
-            bench_perception(
-                SampleSizes(poses=poses, comparisons=comparisons, places=places),
-                seed,
-                workers or usable_cores(),
-                recorded,
-                print_status,
-            )
-        )
+        sizes = SampleSizes(poses=poses, comparisons=comparisons, places=places)
+        processes = workers or usable_cores()
+        with ProgressBar("bench", quiet=quiet) as bar:
+            result = plain_json(bench_perception(sizes, seed, processes, recorded, bar.show_part))
         options = {"poses": poses, "comparisons": comparisons, "places": places}
         options |= {"seed": result["accuracy"]["seed"]} | ({"data": "DIR"} if data else {})
         result["provenance"] = provenance("navfw bench perception", options)
@@ -138,13 +137,15 @@ def planning(
     repeats: Annotated[int, typer.Option(min=3, max=1000, help="Number of routes to plan.")] = 20,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the map and the routes.")] = 0,
     json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
     """Time planning on a large map. Compares PAPFIS with A* of networkx."""
     with quiet_stdout():
         from navfw.bench.planning_time import bench_planning
         from navfw.recording.provenance import provenance
 
-        result = bench_planning(places, repeats, seed)
+        with ProgressBar("bench", quiet=quiet) as bar:
+            result = bench_planning(places, repeats, seed, bar.show_part)
         options = {"places": places, "repeats": repeats, "seed": seed}
         result["provenance"] = provenance("navfw bench planning", options)
     if json:

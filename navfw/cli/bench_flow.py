@@ -8,7 +8,8 @@ from typing import Annotated
 import typer
 
 from navfw.cli.options import Json
-from navfw.cli.output import print_json, print_status, print_tables, quiet_stdout
+from navfw.cli.output import print_json, print_tables, quiet_stdout
+from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.errors import InputError
 
 __all__ = ["flow"]
@@ -30,6 +31,7 @@ def flow(
         str, typer.Option(help="Pairs of each sequence, by their number: all, odd or even.")
     ] = "all",
     json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
     """Measure cost, error and sigma of flow. Compares the processors with OpenCV's."""
     with quiet_stdout():
@@ -46,11 +48,12 @@ def flow(
             raise InputError(f"must be one of {', '.join(PARTS)}, got {part!r}", key="--part")
         if data is None and not places:
             raise InputError("must be at least 1 without --data, got 0", key="--places")
-        sets = [] if data is None else recorded_sets(data, PARTS[part])
-        if places:
-            print_status("rendering")
-            sets.append(rendered_set(places, seed, PARTS[part]))
-        result = bench_flow_sets(sets, tick=print_status)
+        with ProgressBar("bench", quiet=quiet) as bar:
+            bar.show_part("reading and rendering pairs")
+            sets = [] if data is None else recorded_sets(data, PARTS[part])
+            if places:
+                sets.append(rendered_set(places, seed, PARTS[part]))
+            result = bench_flow_sets(sets, report=bar.show_part)
         options = {"places": places, "seed": seed, "part": part} | ({"data": "DIR"} if data else {})
         result["provenance"] = provenance("navfw bench flow", options)
     if json:

@@ -7,7 +7,8 @@ from typing import Annotated
 import typer
 
 from navfw.cli.options import Json
-from navfw.cli.output import print_json, print_status, print_tables, quiet_stdout
+from navfw.cli.output import print_json, print_tables, quiet_stdout
+from navfw.cli.progress_bar import ProgressBar, Quiet
 
 __all__ = ["landmarks"]
 
@@ -18,13 +19,15 @@ def landmarks(
     ] = 20,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the views and their noise.")] = 0,
     json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
     """Measure landmark recognition. Varies distance and angle, and measures the time per frame."""
     with quiet_stdout():
         from navfw.bench.landmark_recognition import bench_landmarks, tables
         from navfw.recording.provenance import provenance
 
-        result = bench_landmarks(views, seed, print_status)
+        with ProgressBar("bench", quiet=quiet) as bar:
+            result = bench_landmarks(views, seed, bar.show_part)
         options = {"views": views, "seed": seed}
         result["provenance"] = provenance("navfw bench landmarks", options)
     if json:

@@ -8,7 +8,8 @@ from typing import Annotated
 import typer
 
 from navfw.cli.options import Json
-from navfw.cli.output import print_json, print_status, print_table, quiet_stdout
+from navfw.cli.output import print_json, print_table, quiet_stdout
+from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.errors import InputError
 
 __all__ = ["real"]
@@ -24,6 +25,7 @@ def real(
         typer.Option(help="Flow processor, repeatable. Default: perceive's and OpenCV's."),
     ] = None,
     json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
     """Judge perception on real frames by labels. Counts right, partly right, wrong and silent."""
     with quiet_stdout():
@@ -36,7 +38,8 @@ def real(
         if split not in SPLITS:
             raise InputError(f"must be one of {', '.join(SPLITS)}, got {split!r}", key="--split")
         names = flow or [PerceiverOptions().flow, "dis", "lucas_kanade", "farneback"]
-        result = bench_real(data, split, names, default_registry(), print_status)
+        with ProgressBar("bench", quiet=quiet) as bar:
+            result = bench_real(data, split, names, default_registry(), bar.show_part)
         result["provenance"] = provenance("navfw bench real", {"data": "DIR", "split": split})
     if json:
         print_json(result)

@@ -1,16 +1,20 @@
-"""``navfw import``: a world from a Gazebo file, or from a floor plan as of ROS' map_server."""
+"""``navfw import``: worlds from Gazebo files, or from floor plans as of ROS' map_server."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from navfw.cli.options import Json
 from navfw.cli.output import print_json, quiet_stdout
+from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.errors import InputError
+from navfw.part_report import PartReport, untold
 
 __all__ = ["add_to"]
 
@@ -25,9 +29,16 @@ def add_to(app: typer.Typer) -> None:
 
 def import_(
     source: Annotated[
-        Path, typer.Argument(help="SDF file, map_server yaml, or image of a floor plan.")
+        list[Path],
+        typer.Argument(
+            metavar="FILE...",
+            help="SDF file, map_server yaml, or image of a floor plan.",
+            show_default=False,
+        ),
     ],
-    out: Annotated[Path, typer.Option(help="Folder to write.")],
+    out: Annotated[
+        Path, typer.Option(help="Folder to write; of several files each gets OUT/NAME.")
+    ],
     start: Annotated[
         str | None,
         typer.Option(metavar="X,Y,YAW", help="SDF: start [m, rad]; not needed for a BARN world."),
@@ -51,116 +62,198 @@ def import_(
         float | None, typer.Option(help="Plan: narrower openings are closed [m] [default: 0.15].")
     ] = None,
     json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
-    """Make a world of a Gazebo world, or of a floor plan: with a map, and missions between places.
+    """Make worlds of Gazebo worlds, or of floor plans: with a map, and missions between places.
 
-    Drive in it with navfw run FOLDER MISSION.
+    Drive in one with navfw run FOLDER MISSION. Of several files, one that cannot be imported costs
+    itself alone; exit with 2 if there is one.
     """
+    begin = _numbers("--start", start, ("X", "Y", "YAW"))
+    end = _numbers("--goal", goal, ("X", "Y"))
+    options = _ImportOptions(begin, end, skip_unsupported, models, resolution, speckle, gap)
+    folders = _folders(source, out)
+    with ProgressBar("import", "files", quiet=quiet) as bar, quiet_stdout():
+        made, failed = _import_files(folders, options, bar)
+    _print(made, single=len(folders) == 1, json=json)
+    for what in failed:
+        typer.echo(f"navfw: {what}", err=True)
+    if failed:
+        raise typer.Exit(2)
+
+
+@dataclass(frozen=True, slots=True)
+class _ImportOptions:
+    """The options of ``navfw import`` that belong to one kind of file."""
+
+    start: tuple[float, ...] | None
+    goal: tuple[float, ...] | None
+    skip_unsupported: bool
+    models: Path | None
+    resolution: float | None
+    speckle: float | None
+    gap: float | None
+
+    def check(self, kind: str, *, plan: bool) -> None:
+        """Raise InputError for an option that is not for files with the suffix ``kind``."""
+        for option, value, fits in (
+            ("--start", self.start, not plan),
+            ("--goal", self.goal, not plan),
+            ("--skip-unsupported", self.skip_unsupported or None, not plan),
+            ("--models", self.models, not plan),
+            ("--resolution", self.resolution, kind in IMAGE_SUFFIXES),
+            ("--speckle", self.speckle, plan),
+            ("--gap", self.gap, plan),
+        ):
+            if value is not None and not fits:
+                raise InputError(f"is not for {kind or 'such'} files; leave it out", key=option)
+
+
+@dataclass(frozen=True, slots=True)
+class _Imported:
+    """One imported world: the object of ``--json``, its lines, and what was left out."""
+
+    data: dict[str, Any]
+    lines: tuple[str, ...]
+    left_out: tuple[str, ...] = ()
+
+
+def _folders(sources: list[Path], out: Path) -> dict[Path, Path]:
+    """The folder of each file: ``out`` of a single one, else a folder in it with the file's name.
+
+    Raises:
+        InputError: two files have the same name, or ``out`` cannot be written.
+
+    """
+    if len(sources) == 1:
+        return {sources[0]: out}
+    from navfw.atomic import output_place
+
+    output_place(out, "--out", replaced=False)
+    stems = [file.stem for file in sources]
+    for number, (file, stem) in enumerate(zip(sources, stems, strict=True)):
+        if stem in stems[:number]:
+            what = f"a second file called {stem!r}, which is the name of its folder in --out"
+            raise InputError(f"{what}; import it on its own", file=file)
+    return {file: out / stem for file, stem in zip(sources, stems, strict=True)}
+
+
+def _import_files(
+    folders: Mapping[Path, Path], options: _ImportOptions, bar: ProgressBar
+) -> tuple[list[_Imported], list[InputError]]:
+    """Import each file into its folder; returns what was made, and what was wrong.
+
+    Raises:
+        InputError: the only file cannot be imported.
+
+    """
+    if len(folders) == 1:
+        ((file, folder),) = folders.items()
+        return [_import_file(file, folder, options, bar.show_part)], []
+    made: list[_Imported] = []
+    failed: list[InputError] = []
+    for number, (file, folder) in enumerate(folders.items()):
+        bar.update(number, len(folders), file.name)
+        try:
+            made.append(_import_file(file, folder, options, untold))
+        except InputError as error:
+            failed.append(error)
+    bar.update(len(folders), len(folders))
+    return made, failed
+
+
+def _import_file(
+    source: Path, folder: Path, options: _ImportOptions, report: PartReport
+) -> _Imported:
+    """Import one file of either kind."""
     kind = source.suffix.lower()
     plan = kind in {".yaml", ".yml", *IMAGE_SUFFIXES}
-    for option, value, fits in (
-        ("--start", start, not plan),
-        ("--goal", goal, not plan),
-        ("--skip-unsupported", skip_unsupported or None, not plan),
-        ("--models", models, not plan),
-        ("--resolution", resolution, kind in IMAGE_SUFFIXES),
-        ("--speckle", speckle, plan),
-        ("--gap", gap, plan),
-    ):
-        if value is not None and not fits:
-            raise InputError(f"is not for {kind or 'such'} files; leave it out", key=option)
+    options.check(kind, plan=plan)
     if plan:
-        _import_plan(source, out, resolution, {"speckle": speckle, "gap": gap}, json)
-    else:
-        _import_gazebo(source, out, start, goal, skip_unsupported, models, json)
+        return _import_plan(source, folder, options, report)
+    return _import_gazebo(source, folder, options, report)
 
 
-def _import_plan(
-    source: Path,
-    out: Path,
-    resolution: float | None,
-    cleaning: dict[str, float | None],
-    json: bool,
-) -> None:
+def _import_plan(source: Path, out: Path, options: _ImportOptions, report: PartReport) -> _Imported:
     from navfw.worldgen.plan_import import import_plan, read_cleaning, read_plan
 
-    with quiet_stdout():
-        steps = read_cleaning(cleaning)
-        made = import_plan(read_plan(source, resolution), source.stem, steps)
-        folder = made.write(out)
+    steps = read_cleaning({"speckle": options.speckle, "gap": options.gap})
+    report("reading")
+    made = import_plan(read_plan(source, options.resolution), source.stem, steps, report)
+    folder = made.write(out)
     kinds = {place.kind for place in made.topo_map.places.values()}
     doors = sum(place.kind == "door" for place in made.topo_map.places.values())
-    if json:
-        print_json(
-            {
-                "folder": str(folder),
-                "world": made.world.name,
-                "walls": len(made.world.walls),
-                "size_m": list(made.size),
-                "free_m2": made.free_area,
-                "places": len(made.topo_map.places),
-                "doors": doors,
-                "kinds": sorted(kinds),
-                "edges": len(made.topo_map.passages),
-                "missions": {name: made.lengths[name] for name in made.missions},
-            }
-        )
-        return
-    typer.echo(f"{folder}: {made.world.description}")
-    typer.echo(
-        f"{made.free_area:.0f} m2 free; {len(made.topo_map.places)} places, {doors} doors, "
-        f"{len(made.topo_map.passages)} edges"
+    places, edges = len(made.topo_map.places), len(made.topo_map.passages)
+    data = {
+        "folder": str(folder),
+        "world": made.world.name,
+        "walls": len(made.world.walls),
+        "size_m": list(made.size),
+        "free_m2": made.free_area,
+        "places": places,
+        "doors": doors,
+        "kinds": sorted(kinds),
+        "edges": edges,
+        "missions": {name: made.lengths[name] for name in made.missions},
+    }
+    lines = (
+        f"{folder}: {made.world.description}",
+        f"{made.free_area:.0f} m2 free; {places} places, {doors} doors, {edges} edges",
+        *(f"  navfw run {folder} {name}  ({made.lengths[name]:.1f} m)" for name in made.missions),
     )
-    for name in made.missions:
-        typer.echo(f"  navfw run {folder} {name}  ({made.lengths[name]:.1f} m)")
+    return _Imported(data, lines)
 
 
 def _import_gazebo(
-    source: Path,
-    out: Path,
-    start: str | None,
-    goal: str | None,
-    skip_unsupported: bool,
-    models: Path | None,
-    json: bool,
-) -> None:
+    source: Path, out: Path, options: _ImportOptions, report: PartReport
+) -> _Imported:
     from navfw.worldgen.gazebo_import import import_world
     from navfw.worldgen.generated_world import MISSION
 
-    with quiet_stdout():
-        begin = _numbers("--start", start, ("X", "Y", "YAW"))
-        end = _numbers("--goal", goal, ("X", "Y"))
-        made = import_world(
-            source,
-            start=None if begin is None else (begin[0], begin[1], begin[2]),
-            goal=None if end is None else (end[0], end[1]),
-            skip_unsupported=skip_unsupported,
-            models=models,
-        )
-        folder = made.write(out)
-    for what in made.skipped:
-        typer.echo(f"left out: {what}", err=True)
+    begin, end = options.start, options.goal
+    report("reading")
+    made = import_world(
+        source,
+        start=None if begin is None else (begin[0], begin[1], begin[2]),
+        goal=None if end is None else (end[0], end[1]),
+        skip_unsupported=options.skip_unsupported,
+        models=options.models,
+    )
+    folder = made.write(out)
+    data = {
+        "folder": str(folder),
+        "world": made.world.name,
+        "mission": MISSION,
+        "barn": made.barn,
+        "description": made.world.description,
+        "boxes": len(made.world.boxes),
+        "cylinders": len(made.world.cylinders),
+        "meshes": made.meshes,
+        "shortest_path_m": made.shortest,
+        "skipped": list(made.skipped),
+    }
+    lines = (
+        f"{folder}: {made.world.description}",
+        f"{made.shortest:.1f} m from start to goal; navfw run {folder} {MISSION}",
+    )
+    return _Imported(data, lines, tuple(made.skipped))
+
+
+def _print(made: Sequence[_Imported], *, single: bool, json: bool) -> None:
+    """Print one object or a list of objects, or the lines of all."""
+    for one in made:
+        for what in one.left_out:
+            where = "" if single else f"{one.data['folder']}: "
+            typer.echo(f"{where}left out: {what}", err=True)
     if json:
-        print_json(
-            {
-                "folder": str(folder),
-                "world": made.world.name,
-                "mission": MISSION,
-                "barn": made.barn,
-                "description": made.world.description,
-                "boxes": len(made.world.boxes),
-                "cylinders": len(made.world.cylinders),
-                "meshes": made.meshes,
-                "shortest_path_m": made.shortest,
-                "skipped": list(made.skipped),
-            }
-        )
+        print_json(made[0].data if single else [one.data for one in made])
         return
-    typer.echo(f"{folder}: {made.world.description}")
-    typer.echo(f"{made.shortest:.1f} m from start to goal; navfw run {folder} {MISSION}")
+    for one in made:
+        for line in one.lines:
+            typer.echo(line)
 
 
-def _numbers(option: str, text: str | None, names: tuple[str, ...]) -> list[float] | None:
+def _numbers(option: str, text: str | None, names: tuple[str, ...]) -> tuple[float, ...] | None:
     """The numbers of an option such as ``--goal 1.5,-2``; None where it is not given."""
     if text is None:
         return None
@@ -170,4 +263,4 @@ def _numbers(option: str, text: str | None, names: tuple[str, ...]) -> list[floa
         numbers = []
     if len(numbers) != len(names) or not all(math.isfinite(number) for number in numbers):
         raise InputError(f"expected {','.join(names)}, got {text!r}", key=option)
-    return numbers
+    return tuple(numbers)

@@ -8,7 +8,8 @@ from typing import Annotated
 import typer
 
 from navfw.cli.options import Json
-from navfw.cli.output import print_json, print_status, print_tables, quiet_stdout
+from navfw.cli.output import print_json, print_tables, quiet_stdout
+from navfw.cli.progress_bar import ProgressBar, Quiet
 
 __all__ = ["add_to"]
 
@@ -34,6 +35,7 @@ def situations(
     seeds: Annotated[str, typer.Option(metavar="A:B", help="Seeds from A to B - 1.")] = "7000:7005",
     out: Annotated[Path, typer.Option(help="File to write.")] = Path("situations.yaml"),
     json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
     """Learn the situations at places. The table says how often OFFIS infers each (METHOD 4.4)."""
     with quiet_stdout():
@@ -46,7 +48,8 @@ def situations(
         output_file(out, "--out")
         registry = default_registry()
         plan = plan_runs(load_suite(suite), parse_seeds(seeds), registry)
-        learnt = learn_situations(plan, registry, print_status)
+        with ProgressBar("learn", quiet=quiet) as bar:
+            learnt = learn_situations(plan, registry, bar.show_part)
         provenance = f"navfw learn situations {suite} --seeds {seeds}: {learnt.drives} drives"
         write_text(out, learnt.table.text(provenance), parents=True)
     if json:

@@ -10,6 +10,7 @@ import typer
 from navfw.cli.map_learn import learn
 from navfw.cli.options import Json, Map, World
 from navfw.cli.output import print_json, print_table, quiet_stdout
+from navfw.cli.progress_bar import ProgressBar, Quiet
 
 __all__ = ["add_to"]
 
@@ -102,6 +103,7 @@ def build(
     world: World,
     out: Annotated[Path, typer.Option(help="Map file to write.")],
     json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
     """Build a draft of a map from a world."""
     from navfw.config.lookup import find
@@ -115,9 +117,10 @@ def build(
         spec = load_world(find("world", world))
         plan = FloorPlan.from_world(spec)
         rooms = {room.name: (*room.x, *room.y) for room in spec.rooms}
-        topo_map = build_map(
-            spec.name, ClearanceGrid.of(plan.bounds, plan.near_clearances), rooms=rooms
-        )
+        with ProgressBar("map build", quiet=quiet) as bar:
+            bar.show_part("clearances")
+            grid = ClearanceGrid.of(plan.bounds, plan.near_clearances)
+            topo_map = build_map(spec.name, grid, rooms=rooms, report=bar.show_part)
         save_map(topo_map, out)
     if json:
         print_json(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import math
 import re
-import time
 from collections.abc import Callable, Generator, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +12,8 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import typer
 
-from navfw.cli.output import print_json_list, print_status, quiet_stdout, quietly
+from navfw.cli.output import print_json_list, quiet_stdout, quietly
+from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.errors import InputError
 
 if TYPE_CHECKING:
@@ -27,11 +27,6 @@ if TYPE_CHECKING:
     Assessed: TypeAlias = tuple[PairResult, dict[str, float | str]]
 
 __all__ = ["add_to"]
-
-FIRST_LINE = 2.0
-"""Wall time until the first line of progress [s]."""
-LINE_PERIOD = 5.0
-"""Wall time between two lines of progress [s]."""
 
 
 def add_to(app: typer.Typer) -> None:
@@ -157,6 +152,7 @@ def perceive(
     stride: Stride = None,
     overlay: Overlay = None,
     json: JsonList = False,
+    quiet: Quiet = False,
 ) -> None:
     """Run perception on recorded images. Lists obstacles, distances and the situation."""
     with quiet_stdout():
@@ -176,24 +172,28 @@ def perceive(
         )
         opened = _opener(source, fps, times)
         options = replace(options, gyro=_motion_record(gyro, poses, pitch or 0.0, opened(None)))
-        progress = _StatusLines()
-        images, view, lens = _with_lens(opened, calibration, hfov, progress)
+    with ProgressBar("perceive", quiet=quiet) as bar:
+        with quiet_stdout():
+            images, view, lens = _with_lens(opened, calibration, hfov, bar)
         options = replace(options, hfov=view)
-    tally = _Tally(images.total, progress)
-    with contextlib.closing(_results(options, images, overlay)) as results:
-        shown = tally.counted(quietly(results))
-        if json:
-            from navfw.perceive.pair_report import as_data
-
-            estimated = None if lens is None else lens.as_data()
-            print_json_list(
-                {**as_data(one), "assumed": assumed, "estimated": estimated}
-                for one, assumed in shown
-            )
-        else:
-            _print(shown, lens, overlay)
+        tally = _Tally(images.total, bar)
+        with contextlib.closing(_results(options, images, overlay)) as results:
+            shown = tally.counted(quietly(results))
+            if json:
+                _print_json(shown, lens)
+            else:
+                _print(shown, lens, overlay)
     for note in [*tally.notes(options), *images.notes]:
         typer.echo(f"note: {note}", err=True)
+
+
+def _print_json(results: Iterable[Assessed], lens: LensEstimate | None) -> None:
+    from navfw.perceive.pair_report import as_data
+
+    estimated = None if lens is None else lens.as_data()
+    print_json_list(
+        {**as_data(one), "assumed": assumed, "estimated": estimated} for one, assumed in results
+    )
 
 
 def _print(results: Iterable[Assessed], lens: LensEstimate | None, overlay: Path | None) -> None:
@@ -228,7 +228,7 @@ def _with_lens(
     opened: Callable[[CameraCalibration | None], ImageSource],
     calibration: Path | None,
     hfov: float | None,
-    progress: _StatusLines,
+    bar: ProgressBar,
 ) -> tuple[ImageSource, float | None, LensEstimate | None]:
     """The images, their field of view [deg], and the estimate of a lens that nobody gave."""
     from navfw.perceive.calibration_file import load_calibration
@@ -236,7 +236,7 @@ def _with_lens(
 
     if calibration is not None:
         return opened(load_calibration(calibration)), None, None
-    return open_with_lens(opened, hfov, lambda: progress.tell("perceive: estimating the lens"))
+    return open_with_lens(opened, hfov, lambda: bar.show_part("estimating the lens"))
 
 
 def _results(
@@ -279,30 +279,16 @@ def _require_one(option: str, value: object, other: str, other_value: object) ->
         raise InputError(f"give {option} or {other}, not both", key=other)
 
 
-class _StatusLines:
-    """Lines on stderr about how far the work is, none of them within the first seconds."""
-
-    def __init__(self) -> None:
-        self._next_line = time.monotonic() + FIRST_LINE
-
-    def tell(self, text: str) -> None:
-        """Print ``text`` if a line is due."""
-        now = time.monotonic()
-        if now >= self._next_line:
-            self._next_line = now + LINE_PERIOD
-            print_status(text)
-
-
 class _Tally:
-    """Counts results as they pass, and tells on stderr how far the work is.
+    """Counts results as they pass, and shows on ``bar`` how far the work is.
 
     ``total`` is the number of images, 0 if it is unknown.
     """
 
-    def __init__(self, total: int, progress: _StatusLines) -> None:
+    def __init__(self, total: int, bar: ProgressBar) -> None:
         self._total = total
         self._pairs = self._metric = self._unmeasured = self._unknown = 0
-        self._progress = progress
+        self._bar = bar
 
     def counted(self, results: Iterable[Assessed]) -> Iterator[Assessed]:
         """The ``results``; each is counted."""
@@ -311,7 +297,7 @@ class _Tally:
             self._metric += result.scale.metric
             self._unmeasured += result.turn_source == "flow"
             self._unknown += not result.known
-            self._tell(result.time)
+            self._bar.show_part("images", self._pairs + 1, self._total)
             yield result, assumed
 
     def notes(self, options: PerceiverOptions) -> list[str]:
@@ -332,10 +318,6 @@ class _Tally:
         if self._unknown:
             notes.append(f"{self._unknown} of {self._pairs} pairs of images give no result")
         return notes
-
-    def _tell(self, seconds: float) -> None:
-        total = f" of {self._total}" if self._total else ""
-        self._progress.tell(f"perceive: {self._pairs + 1}{total} images, {seconds:.1f} s")
 
 
 def _grid(text: str) -> tuple[int, int]:

@@ -14,6 +14,9 @@ __all__ = ["ProgressBar", "Quiet"]
 LINE_PERIOD = 10.0
 """Interval between two lines where stderr is not a terminal [s]."""
 
+REFRESH_PERIOD = 0.1
+"""Shortest interval between two pictures of the bar [s]: drawing it takes milliseconds."""
+
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print no progress.")]
 """The option ``--quiet`` of commands with long work."""
 
@@ -21,12 +24,12 @@ Quiet = Annotated[bool, typer.Option("--quiet", help="Print no progress.")]
 class ProgressBar:
     """Shows ``update`` or ``show_part``; nothing before the first one, and nothing with ``quiet``.
 
-    ``work`` says what is done, ``unit`` what is counted. Rate and time left are means since the
-    first update; no time left is given before something is done. There is no thread. Where stdout
-    is the same terminal, what is printed there while the bar is shown appears above it.
+    ``work`` says what is done, ``unit`` what ``update`` counts. Rate and time left are means since
+    the first update; no time left is given before something is done. There is no thread. Where
+    stdout is the same terminal, what is printed there while the bar is shown appears above it.
     """
 
-    def __init__(self, work: str, unit: str, *, quiet: bool = False) -> None:
+    def __init__(self, work: str, unit: str = "", *, quiet: bool = False) -> None:
         self._work = work
         self._unit = unit
         self._quiet = quiet
@@ -34,6 +37,7 @@ class ProgressBar:
         self._began: float | None = None
         self._first = 0
         self._next_line = 0.0
+        self._next_picture = 0.0
         self._bar: Any = None
         self._task: Any = None
 
@@ -63,6 +67,9 @@ class ProgressBar:
                 self._start()
         count = self._count(done, total, clock - self._began)
         if self._bar is not None:
+            if clock < self._next_picture and not done == total > 0:
+                return
+            self._next_picture = clock + REFRESH_PERIOD
             shown = {"count": count, "now": now or self._part}
             self._bar.update(self._task, completed=done, total=total or None, **shown)
             self._bar.refresh()
@@ -77,14 +84,15 @@ class ProgressBar:
         A part with a ``total`` of 0 has nothing to count.
         """
         if part != self._part:
-            self._part, self._began, self._next_line = part, None, 0.0
+            self._part, self._began, self._next_line, self._next_picture = part, None, 0.0, 0.0
         self.update(done, total)
 
     def _count(self, done: int, total: int, elapsed: float) -> str:
         """What is done, with rate and time left as far as known."""
         if not total and not done:
             return ""
-        text = f"{done} of {total} {self._unit}" if total else f"{done} {self._unit}"
+        unit = "" if self._part else f" {self._unit}"
+        text = f"{done} of {total}{unit}" if total else f"{done}{unit}"
         new = done - self._first
         if new <= 0 or elapsed <= 0.0:
             return text

@@ -9,7 +9,8 @@ from typing import Annotated, Any
 import typer
 
 from navfw.cli.options import Json
-from navfw.cli.output import print_json, print_status, print_table, quiet_stdout
+from navfw.cli.output import print_json, print_table, quiet_stdout
+from navfw.cli.progress_bar import ProgressBar, Quiet
 
 __all__ = ["add_to"]
 
@@ -36,12 +37,14 @@ def reproduce(
         typer.Option(min=20, max=10_000, help="Number of views in the comparison of section 4.3."),
     ] = 1000,
     json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
     """Repeat the paper's experiments, on a page of HTML. Exit with 1 if a check of them fails."""
     with quiet_stdout():
         from navfw.reproduce.reproduction import reproduce as run
 
-        result = run(out, seed, views, data, print_status)
+        with ProgressBar("reproduce", quiet=quiet) as bar:
+            result = run(out, seed, views, data, bar.show_part)
     if json:
         print_json(result)
     else:

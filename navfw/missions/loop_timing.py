@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import math
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from statistics import median
 from typing import Any
@@ -18,6 +18,7 @@ import numpy as np
 
 from navfw.missions.runner import run_task
 from navfw.missions.session import Session
+from navfw.part_report import PartReport, told, untold
 from navfw.process_memory import peak_memory_mb
 from navfw.recording.run_log import RunLog
 from navfw.signals import Pose
@@ -69,20 +70,18 @@ class Lap:
 
 
 def bench_loop(
-    session: Session, seconds: float, repeats: int, tick: Callable[[str], None] | None = None
+    session: Session, seconds: float, repeats: int, report: PartReport = untold
 ) -> dict[str, Any]:
     """Drive the first ``seconds`` [s] of a mission ``repeats`` times on one core.
 
-    ``tick`` is called with a line of text at each step. Returns ``summarize`` of the laps.
+    ``report`` is called with each lap. Returns ``summarize`` of the laps.
     """
-    report = tick or (lambda _: None)
     laps: list[Lap] = []
     with one_core() as pinned, contextlib.ExitStack() as opened:
         report("warming up")
         _drive(session, min(WARM_UP, seconds))
         reference, memory = None, None
-        for number in range(1, repeats + 1):
-            report(f"lap {number} of {repeats}")
+        for _ in told(range(repeats), "laps", report):
             drive = _drive(session, seconds)
             if reference is None:
                 memory = peak_memory_mb()  # before PyBullet's renderer is loaded

@@ -18,6 +18,7 @@ import numpy.typing as npt
 from navfw.bench.perception_samples import PerceptionSample, samples_of_world
 from navfw.offis.offis import Offis
 from navfw.offis.pyramid import QUADRANTS, Channels, Pyramid
+from navfw.part_report import PartReport, told, untold
 from navfw.reproduce.percept_verdict import check_percept
 from navfw.robot import RobotModel
 from navfw.signals import Array, FlowField, Twist
@@ -49,21 +50,23 @@ Answers = Mapping[str, Sequence[bool | None]]
 """Whether the answer for each view is right, by question; None where it is not judged."""
 
 
-def compare_metrics(views: int, seed: int) -> dict[str, Any]:
+def compare_metrics(views: int, seed: int, report: PartReport = untold) -> dict[str, Any]:
     """Both comparisons on ``views`` views of a ``seed``, with ideal flow and with block matching.
 
     Shares of correct results: ``offis[setting][flow]`` with ``quadrant``, ``distance`` and
     ``situation``; ``numbers[metric][flow]`` with ``quadrant`` and ``situation``, the classifier's
-    by 10-fold cross-validation. ``claims`` has the paper's claim for each of them.
+    by 10-fold cross-validation. ``claims`` has the paper's claim for each of them. ``report`` is
+    called with each part.
     """
-    samples = list(islice(_samples(seed), views))
+    drawn = islice(_samples(seed), views)
+    samples = list(told(drawn, "section 4.3: rendering views", report, views))
     flows = {
         "ideal": [(s.ideal, s.view.twist) for s in samples],
         "block matching": [(s.flow, s.twist) for s in samples],
     }
     offis = {
-        name: {kind: _perceived(params, seen, samples) for kind, seen in flows.items()}
-        for name, params in SETTINGS.items()
+        name: {kind: _perceived(SETTINGS[name], seen, samples) for kind, seen in flows.items()}
+        for name in told(SETTINGS, "section 4.3: settings of OFFIS", report)
     }
     numbers = {
         name: {

@@ -9,7 +9,7 @@ total: nothing should be said about them.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from navfw.bench.real_benchmark import judge_result, labelled_parts, open_part
 from navfw.bench.real_labels import FrameLabel, Judgement, SentenceVerdict
 from navfw.config.input_file import is_folder
 from navfw.errors import ConfigError
+from navfw.part_report import PartReport
 from navfw.perceive.overlay import draw
 from navfw.perceive.pair_result import PairResult
 from navfw.perceive.perceiver_options import PerceiverOptions
@@ -84,9 +85,7 @@ def chosen_frames(labels: Sequence[FrameLabel]) -> list[FrameLabel]:
     return chosen
 
 
-def real_scenes(
-    data: Path, registry: Registry, report: Callable[[str], None]
-) -> dict[FrameLabel, RealScene]:
+def real_scenes(data: Path, registry: Registry, report: PartReport) -> dict[FrameLabel, RealScene]:
     """Every labelled frame of the recordings in ``data``; pictures of the chosen ones.
 
     Raises:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from navfw.atomic import AtomicFolder
 from navfw.bench.real_labels import FrameLabel
 from navfw.config.lookup import find
+from navfw.part_report import PartReport, untold
 from navfw.plugins import default_registry
 from navfw.recording.run_folder import plain_json
 from navfw.reproduce.metric_comparison import compare_metrics
@@ -45,14 +46,14 @@ def reproduce(
     seed: int,
     views: int,
     data: Path | None = None,
-    report: Callable[[str], None] = lambda _: None,
+    report: PartReport = untold,
 ) -> dict[str, Any]:
     """Write the reproduction to the folder ``out``, atomically; returns the result as plain data.
 
     ``views`` is the number of views in the comparison of section 4.3; ``data`` is the folder of
     the recordings for Table 3 on photographs, None to leave them out. Everything except
     ``timings`` depends on these and ``seed`` only; ``digest`` is the SHA-256 of it. ``report`` is
-    called with a status text at each step.
+    called with each part.
 
     Raises:
         InputError: ``out`` holds other files, or cannot be written; ``data`` lacks recordings.
@@ -65,12 +66,11 @@ def reproduce(
         rows = table2(seed)
         report("Table 3: the office")
         scenes = table3(seed)
-        report(f"section 4.3: {views} views")
         found = {
             "seed": seed,
             **as_data(rows, scenes),
             "real": None if data is None else real_as_data(real),
-            "metrics": compare_metrics(views, seed),
+            "metrics": compare_metrics(views, seed, report),
             "checks": checks(rows),
         }
         result = plain_json({**found, "summary": summary(found)})

@@ -15,6 +15,7 @@ import networkx as nx
 import numpy as np
 
 from navfw.errors import MapError
+from navfw.part_report import PartReport, told, untold
 from navfw.robot import RobotModel
 from navfw.signals import Array
 from navfw.topomap.clearance_grid import ClearanceGrid
@@ -55,11 +56,12 @@ def build_map(
     grid: ClearanceGrid,
     robot: RobotModel | None = None,
     rooms: Mapping[str, Bounds] | None = None,
+    report: PartReport = untold,
 ) -> TopoMap:
     """The map of the free space in ``grid`` for ``robot`` (default: ``RobotModel()``).
 
     ``rooms`` (x0, x1, y0, y1) [m] by name, where given, provide the names of places; else regions
-    are called room, hall or corridor, with numbers.
+    are called room, hall or corridor, with numbers. ``report`` is called with each part.
 
     Raises:
         MapError: there is no free space for the robot.
@@ -67,17 +69,21 @@ def build_map(
     """
     robot = robot or RobotModel()
     need = robot.radius + MARGIN
+    report("skeleton of the free space")
     graph = skeleton_graph(grid, need)
     if not graph:
         raise MapError(f"no space is free for a robot of radius {robot.radius:g} m", key=name)
     lines = _StraightLines(grid, need)
-    for a, b, data in list(graph.edges(data=True)):
+    for a, b, data in told(list(graph.edges(data=True)), "lines", report):
         lines.add_line(graph, min(a, b), max(a, b), data["line"])
     for node in nx.isolates(graph):
         lines.point_of(graph, node)
+    report("doors")
     lines.merge()
     lines.drop_false_doors()
+    report("shortcuts")
     lines.shorten()
+    report("places")
     return lines.finish(name, rooms or {})
 
 

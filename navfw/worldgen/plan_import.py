@@ -15,6 +15,7 @@ from pydantic import ValidationError
 
 from navfw.errors import InputError, MapError
 from navfw.missions.missionspec import MissionSpec
+from navfw.part_report import PartReport, untold
 from navfw.signals import Array, Pose
 from navfw.sim.floorplan import FloorPlan
 from navfw.sim.shapes import Rectangle
@@ -129,9 +130,12 @@ def read_cleaning(options: Mapping[str, float | None]) -> PlanCleaning:
 
 
 def import_plan(
-    plan: OccupancyMap, name: str, cleaning: PlanCleaning | None = None
+    plan: OccupancyMap,
+    name: str,
+    cleaning: PlanCleaning | None = None,
+    report: PartReport = untold,
 ) -> ImportedPlan:
-    """Import a floor plan as a world called ``name``.
+    """Import a floor plan as a world called ``name``; ``report`` is called with each part.
 
     Raises:
         InputError: it has no free ground, or its resolution or origin cannot be right.
@@ -151,12 +155,13 @@ def import_plan(
             "occupancy is below free_thresh",
             file=plan.file,
         )
+    report("walls")
     plan = cleaned(plan, cleaning or PlanCleaning())
     size = _extent(plan)
     walls = [_in_map(plan, each) for each in wall_rectangles(plan.free, plan.resolution)]
     world = _world(name, plan, walls, size)
     check_world(world, file=plan.file)
-    topo_map = _topological_map(world, plan, size)
+    topo_map = _topological_map(world, plan, size, report)
     ways = {way.name: way for way in _ways(topo_map)}
     return ImportedPlan(
         world,
@@ -231,7 +236,9 @@ def _wall(name: str, shape: Rectangle, texture: str) -> WallSpec:
     )
 
 
-def _topological_map(world: WorldSpec, plan: OccupancyMap, size: tuple[float, float]) -> TopoMap:
+def _topological_map(
+    world: WorldSpec, plan: OccupancyMap, size: tuple[float, float], report: PartReport
+) -> TopoMap:
     solids = FloorPlan.from_world(world)
 
     def near_clearances(x: Array, y: Array, reach: float) -> Array:
@@ -241,7 +248,9 @@ def _topological_map(world: WorldSpec, plan: OccupancyMap, size: tuple[float, fl
         return np.where(behind, -0.01, near)  # the floor outside of the walls is not for driving
 
     try:
-        drafted = build_map(world.name, ClearanceGrid.of(solids.bounds, near_clearances))
+        report("clearances")
+        grid = ClearanceGrid.of(solids.bounds, near_clearances)
+        drafted = build_map(world.name, grid, report=report)
     except MapError as error:
         raise MapError(
             f"{error}: the free ground is {size[0]:g} x {size[1]:g} m; is the resolution of "

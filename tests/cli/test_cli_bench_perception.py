@@ -61,7 +61,7 @@ def measured(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
             "comparisons": comparisons,
         }
 
-    def run_flow(places: int, seed: int, tick: object) -> dict[str, Any]:
+    def run_flow(places: int, seed: int, report: object) -> dict[str, Any]:
         arguments["flow"] = places, seed
         worlds, motions = ("empty",), {"2 cm": flow_pairs.MOTIONS["2 cm"]}
         monkeypatch.setattr(flow_accuracy, "MOTIONS", motions)

@@ -10,7 +10,7 @@ import pytest
 import typer
 
 from navfw import watchdog
-from navfw.cli import run
+from navfw.cli import progress_bar, run
 from navfw.cli.progress_bar import ProgressBar
 from navfw.missions.runner import Progress
 
@@ -94,7 +94,7 @@ def test_each_part_of_the_work_has_its_own_rate(
 ) -> None:
     clock = iter([0.0, 100.0, 160.0, 280.0, 300.0])
     monkeypatch.setattr(time, "monotonic", lambda: next(clock))
-    with ProgressBar("reproduce", "steps") as bar:
+    with ProgressBar("reproduce") as bar:
         bar.show_part("times")
         bar.show_part("views", 0, 100)
         bar.show_part("views", 1, 100)
@@ -102,9 +102,9 @@ def test_each_part_of_the_work_has_its_own_rate(
         bar.show_part("pictures")
     assert capfd.readouterr().err.splitlines() == [
         "reproduce: times",
-        "reproduce: views: 0 of 100 steps",
-        "reproduce: views: 1 of 100 steps, 1/min, 1 h 39 min left",
-        "reproduce: views: 100 of 100 steps, 0.6/s",
+        "reproduce: views: 0 of 100",
+        "reproduce: views: 1 of 100, 1/min, 1 h 39 min left",
+        "reproduce: views: 100 of 100, 0.6/s",
         "reproduce: pictures",
     ]
 
@@ -139,6 +139,7 @@ def test_a_bar_on_a_terminal_shows_names_whole(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(sys, "stderr", screen)
     monkeypatch.setenv("COLUMNS", "120")
     monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setattr(progress_bar, "REFRESH_PERIOD", 0.0)
     with ProgressBar("compiling", "kernels") as bar:
         bar.update(0, 4, "array [m]")
         bar.update(1, 4, "sweep_arcs")

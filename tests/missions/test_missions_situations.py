@@ -94,4 +94,4 @@ def test_drives_without_situations_are_an_error(tmp_path: Path) -> None:
     suite.write_text("entries: [{world: empty, missions: [straight], set: {mission.timeout: 0.5}}]")
     plan = plan_runs(load_suite(suite), range(1), default_registry())
     with pytest.raises(InputError, match="OFFIS reported no situation on 1 drives"):
-        learn_situations(plan, default_registry(), lambda _: None)
+        learn_situations(plan, default_registry())

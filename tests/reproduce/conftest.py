@@ -13,6 +13,8 @@ from navfw.reproduce.metric_comparison import compare_metrics
 def quick() -> Iterator[None]:
     """Few views in the comparison of metrics, which has tests of its own; few repeats of times."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(reproduction, "compare_metrics", lambda _, seed: compare_metrics(4, seed))
+        patch.setattr(
+            reproduction, "compare_metrics", lambda _, seed, report: compare_metrics(4, seed)
+        )
         patch.setattr(reproduction, "timings", partial(paper_tables.timings, repeats=2))
         yield

@@ -262,6 +262,36 @@ def test_import_command(tmp_path: Path) -> None:
         assert answer.stderr == f"navfw: --goal: expected X,Y, got {bad!r}\n"
 
 
+def test_several_files_are_imported_and_a_damaged_one_costs_itself_alone(tmp_path: Path) -> None:
+    files = [barn(tmp_path).rename(tmp_path / f"world_{n}.world") for n in (2, 1)]
+    broken = tmp_path / "broken.world"
+    broken.write_text("<sdf><world>")
+    out = tmp_path / "out"
+    words = ["import", str(files[0]), str(broken), str(files[1]), "--out", str(out)]
+    answer = CliRunner().invoke(app, [*words, "--json"])
+    assert answer.exit_code == 2
+    folders = [made["folder"] for made in json.loads(answer.stdout)]
+    assert folders == [str(out / "world_2"), str(out / "world_1")]
+    assert sorted(path.name for path in out.iterdir()) == ["world_1", "world_2"]
+    assert answer.stderr.splitlines()[-1].startswith(f"navfw: {broken}:1: expected an SDF world")
+    assert "import: 3 of 3 files" in answer.stderr
+    again = CliRunner().invoke(app, [*words, "--quiet"])
+    assert len(again.stderr.splitlines()) == 1
+    assert again.stdout.count("navfw run ") == 2
+
+
+def test_two_files_of_one_name_are_refused_before_anything_is_written(tmp_path: Path) -> None:
+    (tmp_path / "other").mkdir()
+    file = barn(tmp_path)
+    twin = tmp_path / "other" / file.name
+    twin.write_bytes(file.read_bytes())
+    out = tmp_path / "out"
+    answer = CliRunner().invoke(app, ["import", str(file), str(twin), "--out", str(out)])
+    assert (answer.exit_code, answer.stdout) == (2, "")
+    assert f"{twin}: a second file called '{file.stem}'" in answer.stderr
+    assert not out.exists()
+
+
 def test_generate_command(tmp_path: Path) -> None:
     out = tmp_path / "out"
     words = ["generate", "clutter", "--seed", "4", "--difficulty", "0.25", "--out", str(out)]
