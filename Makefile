@@ -1,13 +1,17 @@
 # Needs Python 3 and make alone; uv is brought into .tools/ where the machine has none.
 UV := $(shell uv --version >/dev/null 2>&1 && echo uv || echo .tools/uv/bin/uv)
 
-.PHONY: run test check docs uv
+.PHONY: run test check coverage docs uv
 
 run: | uv
 	$(UV) run navfw run office lobby-to-lab
 
 test: check
 	$(UV) run pytest -n auto --maxprocesses 4 --dist worksteal $(PYTEST_OPTIONS)
+
+# of the robot's rooms, with a floor (pyproject.toml); tracing doubles the time
+coverage: | uv
+	$(UV) run pytest -n auto --maxprocesses 4 --dist worksteal --cov -m 'not slow'
 
 check: | uv
 	$(UV) run ruff check

@@ -51,6 +51,7 @@ def approach(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.thorough
 def test_time_to_contact_of_an_approach(approach: Path) -> None:
     result = json.loads(json.dumps(bench_approach(approach)))
     assert result["frames"] == 24

@@ -76,6 +76,7 @@ def approach(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.mark.thorough
 def test_the_benchmark_counts_verdicts_and_headings(approach: Path) -> None:
     result = bench_real(approach, "tuning", ["dis"], default_registry())
     assert result["frames"] == 2

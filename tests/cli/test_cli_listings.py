@@ -216,6 +216,7 @@ def test_wrong_usage_gives_exit_code_2(arguments: list[str], message: str) -> No
     assert message in done.stderr
 
 
+@pytest.mark.thorough
 def test_stdout_is_json_alone_in_a_real_process(project: Path) -> None:
     done = navfw("plugins", "--json")
     assert done.returncode == 2, done.stderr

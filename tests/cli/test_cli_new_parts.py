@@ -116,6 +116,7 @@ def test_a_new_mission_begins_as_another_one_of_its_world(
         assert session.session.mission.spec.goals
 
 
+@pytest.mark.thorough
 def test_a_new_suite_drives_generated_worlds_and_those_of_the_project(project: Path) -> None:
     assert invoke("new", "suite", "nightly").exit_code == 0
     plan = plan_runs(load_suite("nightly"), range(2), default_registry())

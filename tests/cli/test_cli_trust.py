@@ -226,6 +226,7 @@ def test_any_answer_but_yes_on_a_terminal_is_a_no(answer: str, project: Path) ->
     assert not TrustFile().path.exists()
 
 
+@pytest.mark.thorough
 def test_a_yes_on_a_terminal_is_asked_for_once(project: Path) -> None:
     code, stdout, shown = on_terminal("y\n")
     assert code == 0, shown

@@ -232,6 +232,7 @@ def test_the_code_that_asks_why_runs(capsys: pytest.CaptureFixture[str]) -> None
     assert re.search(r"^go_to_xy 0\.\d+ .*'rule': 'IF ", capsys.readouterr().out, re.MULTILINE)
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("project")
 @pytest.mark.parametrize("page", WITH_RUNS, ids=lambda page: page.name)
 def test_worlds_missions_stacks_and_values_of_commands_exist(page: Path) -> None:

@@ -17,6 +17,7 @@ def check(done: list[Tried]) -> None:
     assert [tried for tried in done if tried.defect] == []
 
 
+@pytest.mark.thorough
 def test_a_damaged_input_is_read_or_refused() -> None:
     done = fuzz(2000)
     assert len(done) == 2000

@@ -56,6 +56,7 @@ def drive(folder: Path) -> dict[str, Any]:
     return result
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("kind", "misdeed"), PAIRS)
 def test_a_plugin_costs_its_own_calls_and_is_told(tmp_path: Path, kind: str, misdeed: str) -> None:
     write_wrongdoer(tmp_path, kind, misdeed)

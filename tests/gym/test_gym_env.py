@@ -49,6 +49,7 @@ def maps_of(found: list[tuple[Any, float, bool, bool, Any]]) -> list[Any]:
     return [step[0]["local_map"] for step in found]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("observation", KINDS)
 def test_gymnasium_finds_no_fault_with_any_kind_of_observation(observation: str) -> None:
     action = "weights" if observation == "percept" else "twist"

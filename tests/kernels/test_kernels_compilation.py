@@ -70,6 +70,7 @@ def test_groups_hold_every_kernel_once_and_have_no_function_in_common() -> None:
     assert len(groups) > 20  # enough for many cores
 
 
+@pytest.mark.thorough
 def test_workers_compile_and_a_second_process_finds_all_compiled(tmp_path: Path) -> None:
     first = compiler(tmp_path).communicate(timeout=300)[0].splitlines()
     assert first[0] == "2 False"
@@ -91,6 +92,7 @@ shown = []
 """
 
 
+@pytest.mark.thorough
 def test_only_one_of_two_processes_compiles(tmp_path: Path) -> None:
     code = COMPILE.replace("shown = []", BOTH_AT_ONCE)
     processes = [compiler(tmp_path, code) for _ in range(2)]
@@ -117,6 +119,7 @@ def test_workers_end_with_their_process(tmp_path: Path) -> None:
     assert time.monotonic() - began < 8.0
 
 
+@pytest.mark.thorough
 def test_a_drive_calls_listed_kernels_with_listed_types_alone() -> None:
     code = (
         "import json; from kernel_recording import calls_of_drives;"

@@ -27,6 +27,7 @@ def drive(stack: str, *overrides: str) -> MissionResult:
     ).run()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("stack", ["paper", "balance", "divergence", "oracle", "patrol", "search"])
 def test_every_stack_gets_to_a_goal_in_the_open(stack: str) -> None:
     result = drive(stack)

@@ -62,6 +62,7 @@ def twice(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[dict[str, Any]
     return answers
 
 
+@pytest.mark.thorough
 def test_the_same_seed_gives_the_same_commands_in_fresh_processes(
     twice: list[tuple[dict[str, Any], str, Path]],
 ) -> None:
@@ -105,6 +106,7 @@ def test_the_folders_are_numbered_and_complete(
         assert cv2.imread(str(folder / "trajectory.png")) is not None
 
 
+@pytest.mark.thorough
 def test_ctrl_c_ends_as_cancelled_with_the_folder_intact(tmp_path: Path) -> None:
     words = ("run", "paper-room", "through-the-door", "--json", "--out", "mine")
     process = start(*words, folder=tmp_path)

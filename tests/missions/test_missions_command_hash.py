@@ -73,6 +73,7 @@ def hash_of_process(folder: Path, settings: Settings, *words: str) -> str:
     return str(json.loads(done.stdout)["command_hash"])
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", TOGETHER)
 def test_the_commands_are_those_of_any_other_process(
     name: str, expected: str, tmp_path: Path

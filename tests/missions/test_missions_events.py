@@ -204,6 +204,7 @@ def run(*events: str, timeout: float = 40.0, record: bool = False) -> MissionRes
     return session.run(record=record)
 
 
+@pytest.mark.thorough
 def test_a_failing_behaviour_is_recorded_and_fails_again_in_the_replay(tmp_path: Path) -> None:
     result = run(
         "{at: 2, lasting: 1, behavior: {name: avoid, does: raises}}",

@@ -139,6 +139,7 @@ def kill(started: Started, index: int) -> None:
 SIGNALS = [signal.SIGKILL, signal.SIGTERM, signal.SIGINT]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("number", SIGNALS)
 def test_a_killed_run_leaves_a_result_or_nothing(
     number: signal.Signals,

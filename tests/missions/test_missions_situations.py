@@ -61,6 +61,7 @@ def test_odometry_from_a_known_start_gives_the_place(drive: SituationDrive) -> N
         assert unknown < 0.7 * probability
 
 
+@pytest.mark.thorough
 def test_the_command_writes_a_table_that_localisers_load(tmp_path: Path) -> None:
     suite, out = tmp_path / "tiny.yaml", tmp_path / "tables" / "mine.yaml"
     suite.write_text(SUITE)

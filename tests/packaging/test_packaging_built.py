@@ -97,6 +97,7 @@ def test_the_wheel_contains_every_data_file(installed: Path) -> None:
     assert sorted(path.name.split("-")[0] for path in installed.iterdir()) == ["navfw", "navfw"]
 
 
+@pytest.mark.thorough
 def test_an_installed_navfw_lists_its_files_from_any_folder(
     installed: Path, tmp_path: Path
 ) -> None:

@@ -52,6 +52,7 @@ def driven(tmp_path_factory: pytest.TempPathFactory) -> tuple[MissionResult, Pat
     return result, folder.final
 
 
+@pytest.mark.thorough
 def test_the_stack_without_simulator_gives_the_same_commands(
     driven: tuple[MissionResult, Path],
 ) -> None:

@@ -74,6 +74,7 @@ def test_a_video_changes_no_command_and_the_run_is_recorded(filmed: Path, tmp_pa
     assert len(hashes) == 1
 
 
+@pytest.mark.thorough
 def test_a_replay_writes_the_same_video(filmed: Path, tmp_path: Path) -> None:
     done = invoke("replay", filmed / "run", "--video", tmp_path / "again.mp4")
     assert done.exit_code == 0, done.output

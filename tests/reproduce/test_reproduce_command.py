@@ -11,6 +11,7 @@ from navfw.bench import real_benchmark
 from navfw.cli import app
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("quick")
 def test_reproduce_without_recordings(tmp_path: Path) -> None:
     out = tmp_path / "page"

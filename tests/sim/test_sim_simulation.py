@@ -156,6 +156,7 @@ def record(seed: int) -> str:
     return digest.hexdigest()
 
 
+@pytest.mark.thorough
 def test_same_seed_same_bytes_in_a_fresh_process() -> None:
     code = (
         f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r}); "

@@ -111,6 +111,7 @@ def free_pose(plan: FloorPlan, rng: np.random.Generator) -> Pose:
             return Pose(x, y, rng.uniform(-math.pi, math.pi))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["office", "empty", *FAMILIES])
 @pytest.mark.parametrize("pitch", [0.0, 0.3])
 def test_images_and_depth_are_the_same_as_without_culling(

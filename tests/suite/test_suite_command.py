@@ -38,6 +38,7 @@ def navfw(*words: str) -> Any:
     return CliRunner().invoke(app, list(words))
 
 
+@pytest.mark.thorough
 def test_a_suite_runs_and_its_runs_are_those_of_navfw_run(folder: Path) -> None:
     done = navfw("suite", "tiny.yaml", "--seeds", "4:6", "--workers", "2", "--json")
     assert done.exit_code == 0, done.output
@@ -61,6 +62,7 @@ def test_a_suite_runs_and_its_runs_are_those_of_navfw_run(folder: Path) -> None:
     assert len(read_table(out / "table.csv")) == 2
 
 
+@pytest.mark.thorough
 def test_ctrl_c_leaves_a_valid_table_and_no_process(folder: Path) -> None:
     words = ["suite", "tiny.yaml", "--seeds", "0:5000", "--out", "o", "--json", "--keep", "none"]
     process = subprocess.Popen(  # noqa: S603 - this Python, words of our own

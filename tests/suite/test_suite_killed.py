@@ -178,11 +178,13 @@ def kill_workers(suite: Undisturbed, number: signal.Signals, count: int, folder:
         shutil.rmtree(here)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
 def test_a_killed_parent(fake: Undisturbed, number: signal.Signals, tmp_path: Path) -> None:
     kill_parents(fake, number, 2, tmp_path)
 
 
+@pytest.mark.thorough
 def test_a_killed_worker(fake: Undisturbed, tmp_path: Path) -> None:
     kill_workers(fake, signal.SIGKILL, 2, tmp_path)
 

@@ -81,6 +81,7 @@ def test_an_unknown_stack_of_a_mission_is_refused_with_its_line(world: Path) -> 
     assert "seek.yaml:4: stack: unknown stack 'serach': did you mean 'search'" in text
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["office", "hospital"])
 def test_long_missions_of_shipped_suites_use_landmarks(name: str) -> None:
     plan = plan_runs(load_suite(name), range(1), default_registry())

@@ -21,6 +21,7 @@ def test_jobs_run_in_parallel_in_separate_processes(tmp_path: Path) -> None:
     assert str(os.getpid()) not in {file.name for file in tmp_path.iterdir()}
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("work", "message", "limit"),
     [
@@ -42,6 +43,7 @@ def test_a_failing_job_is_reported_and_the_others_complete(
     assert results == {1: 1, 2: 2, 3: 3}
 
 
+@pytest.mark.thorough
 def test_threads_that_a_job_leaves_behind_do_not_keep_its_process() -> None:
     began = time.monotonic()
     with WorkerPool(samples.leave_a_thread, workers=1, limit=60.0, recycle=1) as pool:

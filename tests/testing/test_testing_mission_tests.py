@@ -67,6 +67,7 @@ def section(done: pytest.RunResult, name: str) -> str:
     return line.removeprefix(f"{name}: ")
 
 
+@pytest.mark.thorough
 def test_an_unchanged_mission_is_driven_once(pytester: pytest.Pytester, drives: list[str]) -> None:
     place = pytester.path / "worlds" / "hall"
     shutil.copytree(shipped_folder() / "worlds" / "empty", place)

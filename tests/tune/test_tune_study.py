@@ -84,6 +84,7 @@ def table_of(folder: StudyFolder) -> list[dict[str, str]]:
     return list(csv.DictReader(text.splitlines()))
 
 
+@pytest.mark.thorough
 def test_tuning_brings_a_detuned_parameter_back(files: tuple[Path, Path], tmp_path: Path) -> None:
     folder = StudyFolder(tmp_path / "out")
     found = planned(files).run(folder, FakeRuns(), 30)
@@ -116,6 +117,7 @@ def test_training_and_validation_share_no_run(files: tuple[Path, Path], tmp_path
         planned(files, validate="5:9")
 
 
+@pytest.mark.thorough
 def test_a_study_goes_on_where_it_was(files: tuple[Path, Path], tmp_path: Path) -> None:
     folder, study = StudyFolder(tmp_path / "out"), planned(files)
     with pytest.raises(KeyboardInterrupt):

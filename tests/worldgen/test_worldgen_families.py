@@ -90,6 +90,7 @@ def test_same_arguments_same_world(
     assert other.world.model_dump(exclude={"name"}) != world.world.model_dump(exclude={"name"})
 
 
+@pytest.mark.thorough
 def test_same_world_in_a_fresh_process(tmp_path: Path) -> None:
     code = (
         "import sys; from navfw.worldgen import generate; "
