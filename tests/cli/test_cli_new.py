@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 import yaml
+from docs_pages import ROOT, blocks_of
 from typer.testing import CliRunner, Result
 
 from navfw.cli import app
@@ -88,24 +90,23 @@ def test_a_file_in_the_way(folder: Path) -> None:
 
 @pytest.mark.slow
 def test_five_commands_lead_to_an_edited_behaviour_that_passes(folder: Path) -> None:
-    navfw_ = f"{sys.executable} -c 'from navfw.cli import main; main()'"
-    commands = (
-        f"{navfw_} new project mine && cd mine",
-        f"{navfw_} trust .",
-        "sed -i 's/little: {trapezoid: .*/little: {trapezoid: [0, 0, 0.4, 1.5]}/;"
-        " s/plenty: {trapezoid: .*/plenty: {trapezoid: [0.4, 1.5, 3, 3]}/'"
-        " behaviors/cautious.yaml",
-        f"{navfw_} check",
-        f"{sys.executable} -m pytest -q tests -p no:cacheprovider",
-    )
+    """Those of the README, typed in a shell by a user with a home of his own."""
+    (block,) = (b for b in blocks_of(ROOT / "README.md") if "navfw new project" in b.text)
+    lines = re.findall(r"^\$ (.*)$", block.text, re.MULTILINE)
+    assert len(lines) == 5
     environment = {key: value for key, value in os.environ.items() if key != "NAVFW_TRUST"}
-    done = subprocess.run(  # noqa: S603 - the interpreter of this test
-        ["/bin/sh", "-ec", "\n".join(commands)],
-        env=environment | {"XDG_CONFIG_HOME": str(folder / "config")},
+    environment |= {
+        "HOME": str(folder),
+        "XDG_CONFIG_HOME": str(folder / "config"),
+        "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",
+    }
+    done = subprocess.run(  # noqa: S603 - commands of our own page
+        ["/bin/sh", "-ec", "\n".join(lines)],
+        env=environment,
         capture_output=True,
         text=True,
         check=False,
     )
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "0.4, 1.5" in Path("mine/behaviors/cautious.yaml").read_text()
+    assert "IF ahead IS very little" in (folder / "my-robot/behaviors/cautious.yaml").read_text()
     assert "2 passed" in done.stdout

@@ -11,14 +11,14 @@ from typing import Any
 
 import pytest
 import typer.main
-from docs_pages import PAGES, ROOT, table
+from docs_pages import PAGES, ROOT, blocks_of, table
 from typer.testing import CliRunner, Result
 
 from navfw.cli import app
 
 QUICK = (
     "plan ",
-    "map show",
+    "map show hospital",
     "map check",
     "map build",
     "map convert",
@@ -85,6 +85,19 @@ def test_a_quick_command_succeeds_and_prints_what_is_shown(
     assert result.exit_code == 0, result.output
     printed = [row.rstrip() for row in result.output.splitlines()]
     assert [row for row in shown if row not in printed] == []
+
+
+def test_the_code_that_reads_a_recording_runs(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (block,) = (b for b in blocks_of(ROOT / "docs" / "recordings.md") if b.language == "python")
+    names: dict[str, Any] = {}
+    code = block.text.replace("/tmp/", f"{folder}/")  # noqa: S108 - replaced
+    exec(compile(code, block.page, "exec"), names)  # noqa: S102 - our own page
+    assert names["image"].shape == (120, 160)
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) > 30
+    assert re.fullmatch(r"\d+\.\d s \w+", lines[-1])
 
 
 @pytest.mark.parametrize(

@@ -7,18 +7,22 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
+from typing import NamedTuple
 
 __all__ = [
     "COMMAND",
     "PAGES",
     "ROOT",
+    "DocBlock",
     "anchors",
+    "blocks_of",
     "commands",
     "files_of",
     "links",
     "load_module",
     "table",
     "without_code",
+    "write_files",
 ]
 
 ROOT = Path(__file__).parents[2]
@@ -28,12 +32,44 @@ PAGES += sorted((ROOT / "docs").rglob("*.md"))
 # **`path/of/file`** with words behind it or not, then (perhaps after a paragraph) its fenced text
 _FILE = re.compile(r"^\*\*`([\w./-]+)`\*\*[^`]*?^```\w+\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 _LINK = re.compile(r"\]\(([^)\s]+)\)")
+_FENCED = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 COMMAND = re.compile(r"^\$ (?:uv run )?navfw (.+?)(?:  +#.*)?$", re.MULTILINE)
 
 
 def files_of(page: Path) -> dict[str, str]:
     """The files that a page asks its reader to write: text by path."""
     return dict(_FILE.findall(page.read_text(encoding="utf-8")))
+
+
+def write_files(folder: Path) -> None:
+    """Make ``folder`` a project with the files of all pages."""
+    (folder / "navfw.toml").touch()
+    for page in PAGES:
+        for name, text in files_of(page).items():
+            file = folder / name
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.write_text(text, encoding="utf-8")
+
+
+class DocBlock(NamedTuple):
+    """A fenced block: the page's name, the language, the text; ``file`` if it is one to write."""
+
+    page: str
+    language: str
+    text: str
+    file: str | None
+
+    @property
+    def first(self) -> str:
+        """Its first line."""
+        return self.text.partition("\n")[0].strip()
+
+
+def blocks_of(page: Path) -> list[DocBlock]:
+    """The fenced blocks of a page, in order."""
+    names = {text: name for name, text in files_of(page).items()}
+    found = _FENCED.findall(page.read_text(encoding="utf-8"))
+    return [DocBlock(page.name, language, text, names.get(text)) for language, text in found]
 
 
 def commands(page: Path) -> list[list[str]]:
