@@ -164,8 +164,9 @@ def test_bench_gives_ratio_speed_and_memory(capfd: pytest.CaptureFixture[str]) -
     done = CliRunner().invoke(app, [*words, "--seconds", "2", "--repeats", "2"])
     assert done.exit_code == 0, done.output
     answer = json.loads(done.stdout)
-    assert answer["loop_over_render"] > 1.0
-    assert answer["loop_wall_s"] > answer["render_physics_wall_s"] > 0.0
+    # PyBullet's renderer alone may take longer than the loop with navfw's own
+    assert answer["loop_over_render"] > 0.0
+    assert answer["render_physics_wall_s"] > 0.0
     assert answer["loop_wall_s"] > answer["own_render_physics_wall_s"] > 0.0
     # 2 s at 10 frames a second
     spent = answer["own_render_physics_wall_s"] - 1e-3 * 20 * answer["stage_ms"]["render"]
