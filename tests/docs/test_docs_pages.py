@@ -60,6 +60,13 @@ def test_the_architecture_has_every_room() -> None:
     assert rooms - set(named) == set()
 
 
+def test_the_page_on_stack_files_has_every_stack() -> None:
+    page = (DOCS / "stack-file.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| (`.*?`) \| (?!`)", page[page.index("| stack | what it is |") :], re.M)
+    listed = {name for row in rows for name in re.findall(r"`(\w+)`", row)}
+    assert {file.stem for file in (ROOT / "navfw" / "stacks").glob("*.yaml")} - listed == set()
+
+
 def test_the_guide_to_behaviours_has_all_that_they_know_and_return() -> None:
     knows, returns = "## What a behaviour may know: Context", "## What it returns: Proposal"
     for kind, heading in ((Context, knows), (Proposal, returns)):

@@ -43,6 +43,7 @@ def robot() -> Iterator[subprocess.Popen[str]]:
             process.kill()
 
 
+@pytest.mark.thorough
 def test_the_stack_drives_a_robot_process_to_its_goal(
     robot: subprocess.Popen[str],
     modules: dict[str, ModuleType],
