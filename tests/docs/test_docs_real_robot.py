@@ -144,6 +144,7 @@ def test_the_drive_ends_with_a_stop_when_no_sound_reading_comes(
     printed = capsys.readouterr().out
     assert printed.startswith("stopped: ")
     assert message in printed
+    assert len(received) == 2, "the answer to the first reading, and the stop"
     assert json.loads(received[-1]) == {"left": 0.0, "right": 0.0}
 
 
