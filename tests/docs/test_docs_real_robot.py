@@ -77,7 +77,7 @@ def test_the_robot_stops_by_itself_when_no_sound_command_comes(
     with socket.create_server(("127.0.0.1", 0)) as server:
         far = socket.create_connection(server.getsockname())
         near, _ = server.accept()
-    robot_end = modules["robot_link"].RobotLink(near, 0.2)
+    robot_end = modules["robot_link"].RobotLink(near, 2.0)
     stack_end = modules["robot_link"].RobotLink(far, 5.0)
 
     def command() -> None:
@@ -106,7 +106,7 @@ def test_the_robot_stops_by_itself_when_no_sound_command_comes(
 
 READING: dict[str, Any] = {"time": 0.0, "gyro": [0.0, 0.0, 0.0], "ticks": [0, 0]}
 WRONG_READINGS: dict[str, tuple[bytes, str]] = {
-    "silent": (b"", "nothing came for 0.3 s"),
+    "silent": (b"", "nothing came for 1.5 s"),
     "no message": (b"hello\n", "no message: b'hello\\n'"),
     "small image": (
         json.dumps(READING | {"taken": 0.0, "image": 2}).encode() + b"\nxy",
@@ -138,7 +138,7 @@ def test_the_drive_ends_with_a_stop_when_no_sound_reading_comes(
         robot = threading.Thread(target=listen, args=(server,), daemon=True)
         robot.start()
         port = str(server.getsockname()[1])
-        code = modules["drive_robot"].main(["--port", port, "--timeout", "0.3"])
+        code = modules["drive_robot"].main(["--port", port, "--timeout", "1.5"])
         robot.join(10.0)
     assert code == 1
     printed = capsys.readouterr().out
