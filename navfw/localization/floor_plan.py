@@ -35,6 +35,11 @@ not belong to the plan: furniture explains the point, nothing explains the ray."
 INFLATION = 2.0
 """Factor on the covariance after a fit that was not used: the pose may be wrong."""
 
+CLEARLY_BETTER = 0.5
+"""Mean log likelihood of the points by which another pose has to fit better than the tracked one
+to take its place. Things that the plan does not show cost the tracked pose less; a wrong pose fits
+worse by 1 and more."""
+
 FOUND_XY, FOUND_YAW = 0.15, 0.05
 """Standard deviations [m, rad] of a pose that the search has found."""
 
@@ -44,9 +49,10 @@ class FloorPlanLocalizer(Localizer):
 
     Scans are taken some way apart, since neighbouring ones share their errors. The running mean of
     their ``fit`` to the plan tells whether the robot is where it believes: the share of points that
-    belong to the plan, less for rays that a wall would have blocked. Below ``doubt_below`` the
-    whole plan is searched for a better pose, below ``lost_below`` the robot is lost.
-    Landmarks are not used.
+    belong to the plan, less the share of rays that a wall would have blocked. Below ``doubt_below``
+    the whole plan is searched for a clearly better pose. Below ``lost_below`` the robot is lost;
+    points without a wall alone do not lose it, as they may be of things that the plan does not
+    show: it goes on by its odometry, with less confidence. Landmarks are not used.
     """
 
     name: ClassVar[str] = "floor_plan"
@@ -66,8 +72,8 @@ class FloorPlanLocalizer(Localizer):
         ] = 0.42
         lost_below: Annotated[
             float,
-            Field(ge=0.0, lt=1.0, description="mean fit of the scans: lost below"),
-        ] = 0.25
+            Field(ge=-1.0, lt=1.0, description="mean fit of the scans: lost below"),
+        ] = -0.1
 
     params: Params
 
@@ -140,7 +146,7 @@ class FloorPlanLocalizer(Localizer):
         match = self._field.match(scan, here, by_filter)
         at = np.array([[match.pose.x, match.pose.y, match.pose.yaw]])
         blocked = float(self._field.blocked(scan, at)[0])
-        fit = max(match.belonging - BLOCKED_COST * blocked, 0.0)
+        fit = match.belonging - BLOCKED_COST * blocked
         self.fit += (fit - self.fit) / self.params.memory
         off = np.array([match.pose.x - here.x, match.pose.y - here.y, 0.0])
         off[2] = wrap_angle(match.pose.yaw - here.yaw)
@@ -157,8 +163,11 @@ class FloorPlanLocalizer(Localizer):
         found = self._search.find()
         if found is None:
             return
-        if not self.tracking or not are_close(found, self.filter.pose):
-            self._track(found, FOUND_XY, FOUND_YAW, odometry)
+        if self.tracking:
+            here = self.filter.pose
+            if are_close(found, here) or self._search.advantage(found, here) < CLEARLY_BETTER:
+                return
+        self._track(found, FOUND_XY, FOUND_YAW, odometry)
 
     def _track(self, pose: Pose, xy: float, yaw: float, odometry: Odometry) -> None:
         self.tracking = True
@@ -172,7 +181,7 @@ class FloorPlanLocalizer(Localizer):
             origin = Pose(0.0, 0.0, 0.0)
             return Belief(odometry.time, origin, unknown, nowhere, 0.0, lost=True)
         pose, covariance = self.filter.pose, self.filter.pose_covariance
-        trust = min(1.0, self.fit / max(self.params.doubt_below, 1e-6))
+        trust = min(max(self.fit / max(self.params.doubt_below, 1e-6), 0.0), 1.0)
         return Belief(
             odometry.time,
             pose,

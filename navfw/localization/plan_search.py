@@ -59,9 +59,16 @@ LOOSE = np.diag([0.2**-2, 0.2**-2, 0.12**-2])
 EVIDENCE = 2.0
 """Number of independent points of a scan: its columns of cells share walls and errors."""
 
+MOST_EVIDENCE = 40.0
+"""Largest number of independent points of all scans: things that the plan does not show are in many
+of them, at the same place."""
+
 BLOCKED = 4.0
 """Log likelihood that a ray costs which a wall of the plan would have blocked: the plan may show
 walls that are not there."""
+
+THROUGH_WALLS = 0.5
+"""Log likelihood that it costs if the robot's way leads through walls of the plan."""
 
 LEAST_CLEARANCE = 0.08
 """Clearance [m] below which the robot cannot have stood at a point of the plan."""
@@ -109,6 +116,21 @@ class PlanSearch:
         self._before = _frame_of(found, here)
         return found if self._agreed >= AGREEING else None
 
+    def advantage(self, pose: Pose, other: Pose) -> float:
+        """How much better the scans fit at ``pose`` than at ``other``: mean log likelihood.
+
+        Both are poses in ``map`` at the newest scan.
+        """
+        cloud = self._cloud(self._scans[-1][1], FINE_POINTS)
+        poses = np.array([(at.x, at.y, at.yaw) for at in (pose, other)])
+        better, worse = self._rating(cloud, poses).tolist()
+        return float(better - worse)
+
+    def _rating(self, cloud: PlanScan, poses: Array) -> Array:
+        """Mean log likelihood (m,) of the scans at ``poses`` (m, 3), blocked rays included."""
+        blocked = self._field.blocked(cloud, poses)
+        return self._field.rate(cloud, poses, FINE_SIGMA) - BLOCKED * blocked
+
     def _best(self, here: Pose) -> Pose | None:
         """The one pose that explains the scans, if all others are improbable."""
         coarse = self._rated(self._cloud(here, COARSE_POINTS), self._grid, COARSE_SIGMA)
@@ -118,15 +140,16 @@ class PlanSearch:
             start = Pose(*self._grid[k].tolist())
             refined.append(self._field.match(cloud, start, LOOSE).pose)
         poses = np.array([(pose.x, pose.y, pose.yaw) for pose in refined])
-        rating = self._field.rate(cloud, poses, FINE_SIGMA)
-        rating -= BLOCKED * self._field.blocked(cloud, poses)
-        rating[self._impossible(poses, here)] = -math.inf
+        rating = self._rating(cloud, poses)
+        impossible = self._impossible(poses, here)
+        rating -= THROUGH_WALLS * impossible
         best = int(np.argmax(rating))
-        if not math.isfinite(rating[best]):
+        if impossible[best]:
             return None
         others = [not are_close(pose, refined[best]) for pose in refined]
         gap = rating[best] - max(rating[others], default=-math.inf)
-        odds = math.exp(min(EVIDENCE * len(self._scans) * gap, 50.0))
+        evidence = min(EVIDENCE * len(self._scans), MOST_EVIDENCE)
+        odds = math.exp(min(evidence * gap, 50.0))
         return refined[best] if odds / (1.0 + odds) >= CERTAIN else None
 
     def _rated(self, cloud: PlanScan, poses: Array, sigma: float) -> list[int]:

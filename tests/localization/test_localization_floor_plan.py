@@ -134,6 +134,19 @@ def test_furniture_and_missing_walls_do_not_mislead() -> None:
     assert np.percentile([error(*moment) for moment in report], 95) < 0.20
 
 
+def test_things_all_around_that_the_plan_does_not_show_lose_no_robot() -> None:
+    rows, columns = np.indices(PLAN.cells.shape)
+    cells = PLAN.cells.copy()
+    centres = PLAN.centres(rows.ravel(), columns.ravel())
+    way = np.array([(true.x, true.y) for true, _ in arcs(START, ROUND)])
+    near = np.min(np.hypot(*(centres[:, None] - way[None, ::4]).transpose(2, 0, 1)), axis=1) < 0.7
+    cells[~near.reshape(cells.shape)] = OCCUPIED  # boxes on both sides hide the walls
+    report = drive(known=True, seen=OccupancyMap(cells, PLAN.resolution, PLAN.origin), scale=1.0)
+    assert not any(belief.lost for _, belief in report)
+    assert max(error(*moment) for moment in report) < 0.3
+    assert min(belief.confidence for _, belief in report) < 0.5, "it knows that it may be wrong"
+
+
 def test_an_unknown_start_is_found_and_never_confidently_wrong() -> None:
     report = drive(known=False, scale=1.005)
     assert report[0][1].lost
