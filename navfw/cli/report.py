@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from navfw.cli.output import print_status, quiet_stdout
+from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.errors import InputError
+
+if TYPE_CHECKING:
+    from navfw.suite.suite_folder import SuiteFolder
 
 __all__ = ["add_to"]
 
@@ -35,19 +39,23 @@ def report(
             show_default=False,
         ),
     ] = None,
+    quiet: Quiet = False,
 ) -> None:
-    """Write a report of a run, of a suite, or of two suites side by side, as one HTML file."""
+    """Write a report of a run, of a suite, or of two suites side by side, as one HTML file.
+
+    Recorded runs of a suite get reports of their own, if they have none yet.
+    """
     if len(folder) > 2:
         raise typer.BadParameter("at most two folders", param_hint="RUN|SUITE...")
-    with quiet_stdout():
-        target, notes = _write(folder, out)
+    with quiet_stdout(), ProgressBar("report", "recorded runs", quiet=quiet) as bar:
+        target, notes = _write(folder, out, bar)
     for what in notes:
         print_status(f"navfw: left out: {what}")
     typer.echo(f"report: {target}")
 
 
-def _write(folders: list[Path], out: Path | None) -> tuple[Path, list[str]]:
-    """Write the report; returns its file, and what is wrong with pictures."""
+def _write(folders: list[Path], out: Path | None, bar: ProgressBar) -> tuple[Path, list[str]]:
+    """Write the report; returns its file, and what is wrong with pictures and recordings."""
     from navfw.atomic import output_file, write_text
     from navfw.recording.run_folder import REPORT
     from navfw.suite.suite_folder import COMPARISON, SuiteFolder
@@ -55,25 +63,54 @@ def _write(folders: list[Path], out: Path | None) -> tuple[Path, list[str]]:
     of_run = [_is_run(folder) for folder in folders]
     target = out or folders[-1] / (REPORT if len(folders) == 1 else COMPARISON)
     output_file(target, "--out")
+    suites = [SuiteFolder(folder) for folder in folders]
     notes: list[str] = []
-    if len(folders) > 1:
-        from navfw.report.comparison_page import comparison_report
-
-        if any(of_run):
-            what = "is the folder of a run; two suites can be compared"
-            raise InputError(what, file=folders[of_run.index(True)])
-        first, second = map(SuiteFolder, folders)
-        text, notes = comparison_report(first, second, target.parent)
-    elif of_run[0]:
+    if of_run == [True]:
         from navfw.report.run_page import run_report
 
         text = run_report(folders[0])
+    elif any(of_run):
+        what = "is the folder of a run; two suites can be compared"
+        raise InputError(what, file=folders[of_run.index(True)])
     else:
-        from navfw.report.suite_page import suite_report
-
-        text, notes = suite_report(SuiteFolder(folders[0]), target.parent)
+        text, notes = _suite_text(suites, target.parent)
+        for suite in suites:
+            notes += _write_run_reports(suite, bar)
     write_text(target, text)
     return target, notes
+
+
+def _suite_text(suites: list[SuiteFolder], page: Path) -> tuple[str, list[str]]:
+    """The page of one suite, or of two; and what is wrong with pictures."""
+    if len(suites) == 1:
+        from navfw.report.suite_page import suite_report
+
+        return suite_report(suites[0], page)
+    from navfw.report.comparison_page import comparison_report
+
+    return comparison_report(suites[0], suites[1], page)
+
+
+def _write_run_reports(suite: SuiteFolder, bar: ProgressBar) -> list[str]:
+    """Write the reports of recorded runs that have none; returns what is wrong with recordings."""
+    from navfw.atomic import write_text
+    from navfw.config.input_file import is_file
+    from navfw.recording.run_folder import RECORDING, REPORT
+    from navfw.report.run_page import run_report
+
+    folders = [
+        folder
+        for row in suite.rows()
+        if is_file((folder := suite.recording(row)) / RECORDING) and not is_file(folder / REPORT)
+    ]
+    wrong = []
+    for number, folder in enumerate(folders):
+        bar.update(number, len(folders), folder.name)
+        try:
+            write_text(folder / REPORT, run_report(folder))
+        except InputError as error:
+            wrong.append(str(error))
+    return wrong
 
 
 def _is_run(folder: Path) -> bool:

@@ -84,6 +84,9 @@ Variants = Annotated[
     list[str] | None, typer.Option(help="Run only this variant of the suite. May be repeated.")
 ]
 KeepPictures = Annotated[Keep, typer.Option(help="Runs of which to keep the trajectory's picture.")]
+Recorded = Annotated[
+    Keep, typer.Option("--record", help="Runs of which to keep the recording, for a report.")
+]
 Limit = Annotated[float, typer.Option(min=1.0, help="Largest wall time of a run [s].")]
 Memory = Annotated[float, typer.Option(min=100.0, help="Largest memory of a run's process [MB].")]
 EngineName = Annotated[
@@ -112,6 +115,7 @@ def suite(
     worlds: Worlds = None,
     variant: Variants = None,
     keep: KeepPictures = Keep.FAILED,
+    record: Recorded = Keep.NONE,
     limit: Limit = 900.0,
     memory: Memory = 2000.0,
     engine: EngineName = EngineKind.PROCESSES,
@@ -126,7 +130,7 @@ def suite(
 
     Exit with 3 if the table could not be written; the runs are printed anyway.
     """
-    _check_engine(engine, scheduler)
+    _check_engine(engine, scheduler, record)
     begin = _beginning(out, resume=resume, extend=extend, restart=restart)
     with quiet_stdout():
         from navfw.recording.provenance import code_revision
@@ -152,8 +156,9 @@ def suite(
                     compile_with_progress(loaded=True, quiet=quiet)
             with ProgressBar(plan.suite, "runs", quiet=quiet) as bar:
                 drive = partial(run_suite, workers=workers, limit=limit, memory=memory)
+                drive = partial(drive, keep=keep.value, record=record.value)
                 shown = _RunCount(bar, plan.cases, have).add
-                done = drive(plan, folder, keep=keep.value, have=have, engine=runner, on_row=shown)
+                done = drive(plan, folder, have=have, engine=runner, on_row=shown)
         _print_result(done, folder.table, json=json)
         raise typer.Exit(done.exit_code)
 
@@ -171,8 +176,11 @@ def _checked_plan(
         return checked(load_suite(file), seeds, default_registry(), **choice)
 
 
-def _check_engine(engine: EngineKind, scheduler: str | None) -> None:
-    """An address and Dask belong together."""
+def _check_engine(engine: EngineKind, scheduler: str | None, record: Keep) -> None:
+    """An address and Dask belong together; recordings stay where the run was driven."""
+    if engine is EngineKind.DASK and record is not Keep.NONE:
+        what = "is not for --engine dask; drive the run again alone: navfw run --record"
+        raise typer.BadParameter(what, param_hint="--record")
     if (engine is EngineKind.DASK) != (scheduler is not None):
         what = "needs --engine dask" if scheduler else "needs --scheduler tcp://HOST:PORT"
         raise typer.BadParameter(what, param_hint="--scheduler" if scheduler else "--engine dask")

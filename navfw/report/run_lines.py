@@ -13,6 +13,7 @@ import numpy as np
 from navfw.config.image_file import read_image
 from navfw.config.input_file import is_file
 from navfw.errors import ConfigError
+from navfw.recording.run_folder import RECORDING, REPORT
 from navfw.report.report_page import reduced_source
 from navfw.suite.run_table import RunRow
 from navfw.suite.suite_folder import SuiteFolder
@@ -30,12 +31,14 @@ _WIDTH, _QUALITY = 640, 60
 class RunLine:
     """One run on a page.
 
-    ``image`` is a data URL and ``link`` the relative URL of the picture's file; "" without one.
+    ``image`` is a data URL, ``link`` the relative URL of the picture's file, and ``report`` that of
+    the report of a recorded run; "" without one.
     """
 
     row: RunRow
     image: str
     link: str
+    report: str
 
     @property
     def name(self) -> str:
@@ -61,10 +64,13 @@ class RunLines:
 
     def line(self, row: RunRow) -> RunLine:
         """The line of one run."""
+        recording = self._folder.recording(row)
+        known = is_file(recording / RECORDING) or is_file(recording / REPORT)
+        report = relative_link(recording / REPORT, self._page) if known else ""
         file = self._folder.pictures / Path(row.picture).name
         if not row.picture or not is_file(file):
-            return RunLine(row, "", "")
-        return RunLine(row, self._image(file), relative_link(file, self._page))
+            return RunLine(row, "", "", report)
+        return RunLine(row, self._image(file), relative_link(file, self._page), report)
 
     def _image(self, file: Path) -> str:
         """The picture as a data URL; "" where there are too many, or it cannot be read."""

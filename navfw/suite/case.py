@@ -13,10 +13,13 @@ if TYPE_CHECKING:
     from navfw.plugins import Registry
     from navfw.suite.suitefile import Look
 
-__all__ = ["Case", "Job", "KeptPictures"]
+__all__ = ["RECORDINGS", "Case", "Job", "KeptRuns"]
 
-KeptPictures = Literal["all", "failed", "none"]
-"""The runs whose pictures are kept."""
+RECORDINGS = "recordings"
+"""The folder of the recorded runs' folders, beside that of the pictures."""
+
+KeptRuns = Literal["all", "failed", "none"]
+"""The runs of which something is kept: the picture, or the recording."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,8 +94,12 @@ class Case:
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """A case, the folder for its picture, and whether the picture is kept."""
+    """A case, the folder for its picture, and of which runs picture and recording are kept.
+
+    The folder of recordings is beside that of the pictures.
+    """
 
     case: Case
     pictures: Path
-    keep: KeptPictures = "failed"
+    keep: KeptRuns = "failed"
+    record: KeptRuns = "none"

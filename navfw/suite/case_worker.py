@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import functools
-import re
 import sys
 import traceback
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,7 +16,8 @@ from navfw.errors import InputError, SimulationError
 from navfw.missions.outcome import Outcome
 from navfw.missions.session import MissionResult
 from navfw.process_memory import peak_memory_mb
-from navfw.suite.case import Case, Job
+from navfw.recording.run_folder import RunFolder
+from navfw.suite.case import RECORDINGS, Case, Job, KeptRuns
 from navfw.suite.case_rows import case_columns, fault_row
 from navfw.suite.failure_causes import Cause, classify
 from navfw.suite.failure_symptoms import collect_symptoms
@@ -27,7 +29,7 @@ if TYPE_CHECKING:
     from navfw.missions.runner import Progress
     from navfw.plugins import Registry
 
-__all__ = ["picture_name", "row_of", "run_job"]
+__all__ = ["row_of", "run_job"]
 
 
 def run_job(job: Job) -> RunRow:
@@ -41,8 +43,8 @@ def run_job(job: Job) -> RunRow:
     try:
         _one_thread()
         session = case.session(_registry())
-        result = session.run(_stop_on_request)
-        return _with_picture(row_of(case, result), job, result)
+        result = session.run(_stop_on_request, record=job.record != "none")
+        return _keep(row_of(case, result), job, result)
     except InputError as error:
         return fault_row(case, str(error), Cause.BAD_INPUT)
     except MemoryError:
@@ -106,28 +108,37 @@ def _cause(result: MissionResult) -> str:
         return str(Cause.UNKNOWN)
 
 
-def picture_name(case: Case) -> str:
-    """A file name that is unique among the runs of the table and tells which run it is."""
-    where = () if case.family else (case.world_name, case.mission_name)
-    which = (case.variant,) if case.variant else (case.stack_name,)
-    parts = dict.fromkeys((case.entry, *where, *which, str(case.seed)))
-    return re.sub(r"[^\w.+-]+", "_", "-".join(parts)) + ".png"
-
-
-def _with_picture(row: RunRow, job: Job, result: MissionResult) -> RunRow:
-    wanted = job.keep == "all" or (job.keep == "failed" and not row.succeeded)
-    if not wanted or row.outcome == Outcome.CANCELLED:
+def _keep(row: RunRow, job: Job, result: MissionResult) -> RunRow:
+    """Write picture and recording of the run if they are kept; the row names the picture."""
+    if row.outcome == Outcome.CANCELLED:
         return row
-    from navfw.missions.run_report import draw
+    from navfw.missions.run_report import draw, write_run
 
-    file = job.pictures / picture_name(job.case)
+    name = job.case.key.file_name(generated=bool(job.case.family))
+    if _kept(job.record, row):
+        with _losing_no_result(), RunFolder(job.pictures.with_name(RECORDINGS) / name) as folder:
+            for missing in write_run(result, folder):
+                sys.stderr.write(f"{folder.target}: {missing}\n")
+    if _kept(job.keep, row):
+        file = job.pictures / f"{name}.png"
+        with _losing_no_result():
+            with atomic_file(file) as part:
+                draw(result, part)
+            return dataclasses.replace(row, picture=f"{job.pictures.name}/{file.name}")
+    return row
+
+
+@contextlib.contextmanager
+def _losing_no_result() -> Iterator[None]:
+    """Print an exception, for example of a full disk, instead of raising it."""
     try:
-        with atomic_file(file) as part:
-            draw(result, part)
-    except Exception:  # for example a full disk: the result is kept without its picture
+        yield
+    except Exception:
         traceback.print_exc(file=sys.stderr)
-        return row
-    return dataclasses.replace(row, picture=f"{job.pictures.name}/{file.name}")
+
+
+def _kept(which: KeptRuns, row: RunRow) -> bool:
+    return which == "all" or (which == "failed" and not row.succeeded)
 
 
 def _stop_on_request(progress: Progress) -> None:

@@ -6,6 +6,7 @@ import csv
 import dataclasses
 import io
 import math
+import re
 import typing
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -47,6 +48,15 @@ class RunKey(NamedTuple):
     seed: int
     stack: str
     variant: str = ""
+
+    def file_name(self, *, generated: bool) -> str:
+        """A name for files of the run, unique in the table, that tells which run it is.
+
+        In a ``generated`` world the seed stands for the world.
+        """
+        where = () if generated else (self.world, self.mission)
+        parts = dict.fromkeys((self.entry, *where, self.variant or self.stack, str(self.seed)))
+        return re.sub(r"[^\w.+-]+", "_", "-".join(parts))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -25,6 +25,7 @@ from navfw.config.json_file import read_json_object
 from navfw.errors import ConfigError, InputError
 from navfw.recording.provenance import machine_kind
 from navfw.recording.run_folder import REPORT, plain_json
+from navfw.suite.case import RECORDINGS
 from navfw.suite.journal_recovery import ready_journal
 from navfw.suite.markdown_table import markdown_table
 from navfw.suite.run_journal import JournalDamagedError, RunJournal
@@ -43,7 +44,7 @@ Beginning = Literal["new", "resume", "extend", "restart"]
 """How a suite begins: in an empty folder; with the runs that it has; with those that a change of
 the suite has not touched; anew, with the earlier results moved aside."""
 
-_OWN = (TABLE, SUMMARY, MARKDOWN, ABOUT, PICTURES, JOURNAL, REPORT, COMPARISON)
+_OWN = (TABLE, SUMMARY, MARKDOWN, ABOUT, PICTURES, JOURNAL, RECORDINGS, REPORT, COMPARISON)
 _BEFORE = re.compile(r"before-\d+|journal-damaged-\d+\.sqlite(-journal)?")
 """Names of what is left of earlier suites."""
 
@@ -84,6 +85,11 @@ class SuiteFolder:
     def has_runs(self) -> bool:
         """Whether a suite has written runs here."""
         return is_file(self.journal.file) or is_file(self.table)
+
+    def recording(self, row: RunRow) -> Path:
+        """The run folder of a run that was recorded (``navfw suite --record``)."""
+        name = row.key.file_name(generated=bool(row.family))
+        return self.path / RECORDINGS / name
 
     @classmethod
     @contextlib.contextmanager

@@ -11,7 +11,7 @@ from typing import Any, Protocol
 from navfw.errors import InputError
 from navfw.interruption import deferred
 from navfw.missions.outcome import Outcome
-from navfw.suite.case import Case, Job, KeptPictures
+from navfw.suite.case import Case, Job, KeptRuns
 from navfw.suite.case_rows import fault_row
 from navfw.suite.case_worker import run_job
 from navfw.suite.failure_causes import Cause
@@ -69,7 +69,8 @@ def run_suite(
     out: SuiteFolder,
     *,
     workers: int = 1,
-    keep: KeptPictures = "failed",
+    keep: KeptRuns = "failed",
+    record: KeptRuns = "none",
     have: Sequence[RunRow] = (),
     limit: float = LIMIT,
     memory: float = MEMORY,
@@ -80,6 +81,7 @@ def run_suite(
     """Run all cases of ``plan`` that have no row in ``have`` yet.
 
     They run in ``workers`` processes of this machine, or by ``engine``, already entered.
+    ``keep`` and ``record`` say of which runs pictures and recordings are kept.
     ``limit`` [s] and ``memory`` [MB] bound a run's wall time and its process's memory. ``on_row``
     is called with every run as it ends; by then it is in the journal of ``out``. A run that dies
     with its process is driven again, once, after all others. Ctrl-C, SIGTERM, or a folder that
@@ -93,7 +95,7 @@ def run_suite(
     """
     table = _TableKeeper(plan, out, have)
     jobs = [
-        Job(case, out.pictures.absolute(), keep)
+        Job(case, out.pictures.absolute(), keep, record)
         for case in plan.cases
         if case.key not in table.rows
     ]

@@ -21,6 +21,7 @@ NOT_TYPED = {
     r"uv run pre-commit": "changes the hooks of the clone",
     r"pip install": "tests/packaging",
     r"navfw suite": "hours; tests/suite",
+    r"navfw report runs/rooms": "reports what takes hours; tests/report",
     r"navfw compare runs/ablations": "compares what takes hours; tests/suite",
     r"navfw results": "writes pages of this repository; tests/results",
     r"navfw tune": "hours; tests/tune",

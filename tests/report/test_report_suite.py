@@ -185,6 +185,28 @@ def test_a_picture_outside_of_the_suite_is_never_read(tmp_path: Path) -> None:
     assert "data:image" not in (folder / "report.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.thorough
+def test_recorded_runs_are_a_click_from_their_own_reports(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    tiny = "entries: [{world: paper-room, missions: [through-the-door], set: {mission.timeout: 2}}]"
+    Path("tiny.yaml").write_text(tiny)
+    words = ("suite", "tiny.yaml", "--seeds", "3:5", "--out", "s", "--quiet")
+    done = invoke(*words, "--record", "failed")
+    assert (done.exit_code, "checking" in done.stderr) == (0, False), done.output
+    done = invoke("report", "s")
+    assert "report: 0 of 2 recorded runs" in done.stderr
+    page = Path("s/report.html").read_text(encoding="utf-8")
+    links = re.findall(r'href="(recordings/[^"]+)"', page)
+    assert len(set(links)) == 2
+    for link in links:
+        assert "Rules that fired" in (Path("s") / link).read_text(encoding="utf-8")
+    assert invoke("report", "s").stderr == ""  # they have their reports
+    refused = invoke(*words, "--engine", "dask", "--scheduler", "tcp://x:1", "--record", "all")
+    assert (refused.exit_code, "--record" in refused.stderr) == (2, True)
+
+
 def damage(folder: Path) -> None:
     with sqlite3.connect(folder / "journal.sqlite") as database:
         database.execute("UPDATE run SET cells = replace(cells, 'stuck', 'reached')")
