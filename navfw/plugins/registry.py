@@ -157,7 +157,8 @@ class Registry:
     def discover_entry_points(self, points: Iterable[EntryPoint] | None = None) -> None:
         """Add the plugins of installed packages; they are imported on first use."""
         if points is None:
-            points = [point for group in GROUPS for point in entry_points(group=group)]
+            installed = entry_points()  # reads the metadata of all packages, so once for all groups
+            points = [point for group in GROUPS for point in installed.select(group=group)]
         for point in points:
             package = "" if point.dist is None else f" of {point.dist.name} {point.dist.version}"
             entry = _RegistryEntry(

@@ -22,6 +22,7 @@ from navfw.sim.raster import Raster
 from navfw.sim.shapes import Rectangle
 from navfw.sim.solids import Solid, solids_of
 from navfw.sim.surface_patches import (
+    SurfacePatch,
     drop_patches,
     floor_patches,
     merged_parts,
@@ -39,6 +40,9 @@ __all__ = ["Scenery"]
 
 _MAX_SINGLE = 24
 """With more boxes and cylinders than this, they are merged by texture and area."""
+_KEPT_WORLDS = 4
+"""Number of worlds whose surfaces are kept."""
+_known_surfaces: dict[str, tuple[tuple[str, Mesh, PartBounds], ...]] = {}
 _COVER_DISTANCE = 0.003
 """Distance [m] of a textureless cover from the surface that it hides."""
 
@@ -60,7 +64,6 @@ class Scenery:
         self._periods: dict[int, tuple[float, float]] = {}
         self._images: list[Image] = []
         solids = solids_of(world)
-        walls = [s for s in solids if s.kind in ("wall", "lintel")]
         furniture = [s for s in solids if s.kind in ("box", "cylinder")]
         self._bodies: list[int] = []
         bounds: list[PartBounds] = []
@@ -82,11 +85,7 @@ class Scenery:
             for solid in furniture:
                 self._bodies.append(self.add_solid(solid))
                 bounds.append(_solid_bounds(solid))
-            furniture = []
-        patches = [solid_patch(solid) for solid in furniture]
-        patches += [patch for wall in walls for patch in wall_patches(world, wall)]
-        patches += [*floor_patches(world), *drop_patches(world)]
-        for texture, mesh, part_bounds in merged_parts(patches):
+        for texture, mesh, part_bounds in _surfaces(world):
             self._bodies.append(self._add(mesh, texture))
             bounds.append(part_bounds)
         self._visibility = _visibility(world, solids, bounds)
@@ -184,6 +183,28 @@ class Scenery:
     def _load_image(self, image: Image) -> int:
         self._images.append(image)
         return self.raster.add_texture(image)
+
+
+def _surfaces(world: WorldSpec) -> tuple[tuple[str, Mesh, PartBounds], ...]:
+    """Walls, floor, drops, and furniture where there is much of it, merged by texture and area.
+
+    Kept for the next runs in an equal world: making them takes half of a run's set-up.
+    """
+    key = world.model_dump_json()
+    if key not in _known_surfaces:
+        if len(_known_surfaces) == _KEPT_WORLDS:
+            del _known_surfaces[next(iter(_known_surfaces))]
+        _known_surfaces[key] = tuple(merged_parts(_patches(world)))
+    return _known_surfaces[key]
+
+
+def _patches(world: WorldSpec) -> list[SurfacePatch]:
+    solids = solids_of(world)
+    furniture = [solid for solid in solids if solid.kind in ("box", "cylinder")]
+    walls = [solid for solid in solids if solid.kind in ("wall", "lintel")]
+    patches = [solid_patch(s) for s in furniture] if len(furniture) > _MAX_SINGLE else []
+    patches += [patch for wall in walls for patch in wall_patches(world, wall)]
+    return [*patches, *floor_patches(world), *drop_patches(world)]
 
 
 def _visibility(

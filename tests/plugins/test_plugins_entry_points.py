@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
-from importlib.metadata import EntryPoint
+from importlib.metadata import EntryPoint, EntryPoints
 from pathlib import Path
 
 import pytest
@@ -96,15 +96,14 @@ def test_groups_are_one_for_each_kind() -> None:
 
 
 def test_installed_entry_points_are_discovered(monkeypatch: pytest.MonkeyPatch) -> None:
-    groups: list[str] = []
-
-    def entry_points(group: str) -> list[EntryPoint]:
-        groups.append(group)
-        return [point("nowhere:Hover")] if group == "navfw.behaviors" else []
-
-    monkeypatch.setattr(registry_module, "entry_points", entry_points)
+    others = EntryPoint("other", "nowhere:Other", "console_scripts")
+    installed = EntryPoints(
+        [others, point("nowhere:Hover"), point("nowhere:Flow", "lucid", "navfw.flows")]
+    )
+    monkeypatch.setattr(registry_module, "entry_points", lambda: installed)
     registry = default_registry()
-    assert sorted(groups) == sorted(GROUPS)
+    assert "lucid" in registry.names("flow")
+    assert not any("other" in registry.names(kind) for kind in GROUPS.values())
     assert "hover" in registry.names("behavior")
     with pytest.raises(PluginError, match="nowhere"):
         registry.get("behavior", "hover")
