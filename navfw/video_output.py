@@ -13,7 +13,7 @@ from navfw.signals import Image
 __all__ = ["VideoOutput", "check_video"]
 
 _SUFFIX = ".mp4"
-_OPTIONS = {"crf": "23", "preset": "veryfast"}
+_OPTIONS = {"crf": "26", "preset": "veryfast"}
 """Quality (0 to 51, less is better) and effort of the encoder."""
 
 

@@ -160,7 +160,7 @@ def _draw_route(axes: Axes, topo_map: TopoMap, route: MarkedRoute) -> Array:
     for distance in np.linspace(0.0, along[-1], _ARROWS + 2)[1:-1]:
         leg = legs[np.searchsorted(along, distance) - 1]
         point = (float(np.interp(distance, along, xs)), float(np.interp(distance, along, ys)))
-        draw_arrow(axes, point, math.atan2(leg[1], leg[0]), GOAL, zorder=6.5)
+        draw_arrow(axes, point, math.atan2(leg[1], leg[0]), _NAME, zorder=6.5)
     return points
 
 

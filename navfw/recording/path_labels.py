@@ -23,6 +23,8 @@ _SIDES = ((1, 1), (1, -1), (-1, 1), (-1, -1), (1, 0), (-1, 0), (0, 1), (0, -1))
 """Where a label lies from its point, to the right (1) and above (1); the best first."""
 _PATH_MARGIN = 3.0
 """Half the width of a drawn path, and the space beside it [pt]."""
+_MARK = 3.5
+"""Half the width of a mark [pt]."""
 _STEP = 3.0
 """Distance of the points by which the path is known [pixel]."""
 
@@ -30,16 +32,25 @@ _STEP = 3.0
 class PathLabels:
     """Writes labels into ``axes``, whose limits are set, clear of a ``path`` (n, 2) [m].
 
-    Labels written first take their place first.
+    Labels written first take their place first; they may stand beside narrow axes.
     """
 
     def __init__(self, axes: Axes, path: Array, zorder: float) -> None:
+        axes.apply_aspect()  # which fixes where points are in the picture
         self._axes = axes
         self._zorder = zorder
         self._renderer = axes.figure.canvas.get_renderer()  # type: ignore[attr-defined]
         self._pixels_per_pt = axes.figure.dpi / 72.0
         self._path = _dense(axes.transData.transform(path)) if len(path) else np.empty((0, 2))
         self._taken: list[Bbox] = []
+
+    def keep_clear(self, point: Point) -> None:
+        """Let no label cover the mark at ``point`` [m]."""
+        from matplotlib.transforms import Bbox
+
+        at = np.asarray(self._axes.transData.transform(point))
+        half = _MARK * self._pixels_per_pt
+        self._taken.append(Bbox([at - half, at + half]))
 
     def write(self, text: str, point: Point, color: str) -> bool:
         """Write ``text`` beside ``point`` [m]; False, and nothing, where there is no room."""
@@ -73,8 +84,8 @@ class PathLabels:
         return False
 
     def _is_free(self, box: Bbox) -> bool:
-        frame = self._axes.bbox
-        inside = frame.contains(box.x0, box.y0) and frame.contains(box.x1, box.y1)
+        frame, width = self._axes.bbox, self._axes.figure.bbox.width
+        inside = box.x0 >= 0.0 and box.x1 <= width and frame.y0 <= box.y0 and box.y1 <= frame.y1
         if not inside or any(box.overlaps(other) for other in self._taken):
             return False
         margin = _PATH_MARGIN * self._pixels_per_pt

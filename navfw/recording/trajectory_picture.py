@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,13 +26,19 @@ from navfw.signals import Array, Pose
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 __all__ = ["TrajectoryPicture", "draw_trajectory"]
 
 _PLACE, _TIME = "#7A7A7A", "#1C2430"
 
 _BAD_OUTCOME, _GOOD_OUTCOME = "#B00020", "#2E7D32"
+
+_LINE = 0.23
+"""Distance of lines above the picture [inch]."""
+_LETTER_WIDTH = 0.08
+"""Mean width of a letter of the reason, with the margin [inch]."""
+_BELOW = 0.95
+"""Height of the room below the picture, for axis and legend [inch]."""
 
 _TIME_STEPS = (1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0, 1800.0)
 """Intervals between two times on the path [s]."""
@@ -77,10 +84,13 @@ def draw_trajectory(path: Path, log: RunLog, picture: TrajectoryPicture) -> None
     low, high = _bounds(log, picture)
     width, height = high - low
     scale = min(11.0 / width, 8.0 / height)
-    inches = max(3.0, height * scale) + 1.8
-    figure = Figure(figsize=(max(8.5, width * scale) + 0.6, inches))
+    wide = max(8.5, width * scale) + 0.6
+    header = _header(picture, wide)
+    above = 0.16 + _LINE * len(header)
+    inches = max(3.0, height * scale) + _BELOW + above
+    figure = Figure(figsize=(wide, inches))
     FigureCanvasAgg(figure)
-    axes = figure.add_axes((0.05, 0.95 / inches, 0.92, 1.0 - 1.8 / inches))
+    axes = figure.add_axes((0.05, _BELOW / inches, 0.92, 1.0 - (_BELOW + above) / inches))
     _draw_world(axes, picture)
     _draw_tracks(axes, picture)
     _draw_paths(axes, log)
@@ -92,18 +102,23 @@ def draw_trajectory(path: Path, log: RunLog, picture: TrajectoryPicture) -> None
     style_axes(axes)
     axes.set_xlabel("x [m]", fontsize=8, color="#666666", labelpad=1)
     axes.set_ylabel("y [m]", fontsize=8, color="#666666", labelpad=1)
-    _write_header(figure, picture, inches)
+    for number, (text, size, ink) in enumerate(header):
+        weight = "bold" if number == 0 else "normal"
+        y = 1.0 - (0.34 + _LINE * number) / inches
+        figure.text(0.03, y, text, fontsize=size, color=ink, weight=weight)
     write_legend(figure, axes)
     figure.savefig(path, dpi=130, format="png", metadata={"Software": "navfw"})
 
 
-def _write_header(figure: Figure, picture: TrajectoryPicture, inches: float) -> None:
-    color = _GOOD_OUTCOME if picture.good else _BAD_OUTCOME
-    lines = ((picture.title, 13, color), (picture.reason, 9.5, "#222222"))
-    for number, (text, size, ink) in enumerate((*lines, (picture.numbers, 9, "#666666"))):
-        weight = "bold" if number == 0 else "normal"
-        y = 1.0 - (0.34 + 0.23 * number) / inches
-        figure.text(0.03, y, text, fontsize=size, color=ink, weight=weight)
+def _header(picture: TrajectoryPicture, wide: float) -> list[tuple[str, float, str]]:
+    """The lines above the picture, with size [pt] and colour; ``wide`` is its width [inch]."""
+    letters = int(wide / _LETTER_WIDTH)
+    reason = textwrap.wrap(picture.reason, letters, max_lines=3, placeholder=" ...") or [""]
+    return [
+        (picture.title, 13.0, _GOOD_OUTCOME if picture.good else _BAD_OUTCOME),
+        *((line, 9.5, "#222222") for line in reason),
+        (picture.numbers, 9.0, "#666666"),
+    ]
 
 
 def _bounds(log: RunLog, picture: TrajectoryPicture) -> tuple[Array, Array]:
@@ -143,6 +158,8 @@ def _write_labels(axes: Axes, log: RunLog, picture: TrajectoryPicture) -> None:
         body = picture.robot_radius * np.column_stack([np.cos(turn), np.sin(turn)])
         path = np.vstack([path[0] + body, path, path[-1] + body])
     labels = PathLabels(axes, path, zorder=10)
+    for waypoint in log.waypoints:
+        labels.keep_clear((waypoint.x, waypoint.y))
     for contact in log.contacts[:1]:
         labels.write(contact.body, (contact.x, contact.y), CONTACT)
     passed = {waypoint.place for waypoint in log.waypoints}

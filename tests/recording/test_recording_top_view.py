@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from io import BytesIO
+
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
@@ -49,6 +51,15 @@ def test_labels_cover_neither_each_other_nor_the_path(axes: Axes) -> None:
         assert not inside.all(axis=1).any()
 
 
+def test_labels_keep_off_marks(axes: Axes) -> None:
+    labels = PathLabels(axes, NO_PATH, zorder=1)
+    mark = (5.15, 5.1)
+    labels.keep_clear(mark)
+    assert labels.write("lobby", (5.0, 5.0), "black")
+    (text,) = axes.texts
+    assert not text.get_window_extent().contains(*axes.transData.transform(mark))
+
+
 def test_a_label_without_room_is_left_out(axes: Axes) -> None:
     labels = PathLabels(axes, NO_PATH, zorder=1)
     assert labels.write("lobby", (5.0, 5.0), "black")
@@ -61,6 +72,21 @@ def test_a_label_stays_within_the_picture(axes: Axes) -> None:
     (text,) = axes.texts
     box = text.get_window_extent()
     assert axes.bbox.contains(box.x1, box.y1)
+
+
+def test_labels_keep_off_the_path_in_narrow_axes(axes: Axes) -> None:
+    axes.set_xlim(4.5, 5.5)
+    axes.set_aspect("equal")
+    path = np.array([[5.0, 0.0], [5.0, 10.0]])
+    labels = PathLabels(axes, path, zorder=1)
+    assert all(labels.write(f"a long name {y}", (5.0, y), "black") for y in (2.0, 5.0, 8.0))
+    figure = axes.figure
+    assert isinstance(figure, Figure)
+    figure.savefig(BytesIO())
+    for text in axes.texts:
+        box = text.get_window_extent()
+        inside = (pixels(axes, path) > box.min) & (pixels(axes, path) < box.max)
+        assert not inside.all(axis=1).any()
 
 
 def test_the_legend_has_each_label_once(axes: Axes) -> None:

@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from navfw.recording.palette import FLOOR, MOVING, rgb
 from navfw.recording.run_log import Contact, RunLog, RunLogger, hash_commands
 from navfw.recording.top_view import OutlineDisc, WorldOutline
 from navfw.recording.trajectory_picture import TrajectoryPicture, draw_trajectory
@@ -129,3 +130,21 @@ def test_the_legend_of_many_behaviours_is_complete(tmp_path: Path) -> None:
     assert legend.min() < 100.0, "there is a legend"
     edges = np.concatenate([legend[:, :12], legend[:, -12:]], axis=1)
     assert edges.min() > 250.0, "nothing of it is cut at the sides"
+
+
+def test_a_long_reason_is_written_in_lines(tmp_path: Path) -> None:
+    short = drawn(tmp_path / "short.png", curved_log(), picture())
+    long = drawn(tmp_path / "long.png", curved_log(), picture(reason="no way through. " * 12))
+    assert long.shape[1] == short.shape[1]
+    assert long.shape[0] > short.shape[0] + 20
+    assert long[:120, -12:].min() > 250.0, "nothing of it is cut at the side"
+
+
+def test_moving_obstacles_are_drawn_where_they_went(tmp_path: Path) -> None:
+    track = np.column_stack([np.linspace(0.5, 2.5, 50), np.full(50, -0.8)])
+    shown = drawn(tmp_path / "a.png", curved_log(), picture(tracks=[track], track_radii=[0.2]))
+    bare = drawn(tmp_path / "b.png", curved_log(), picture())
+    # seven tenths of the colour over the floor
+    parts = [0.7 * a + 0.3 * b for a, b in zip(rgb(MOVING), rgb(FLOOR), strict=True)]
+    mixed = "#" + "".join(f"{round(part):02X}" for part in parts)
+    assert share_of(shown, mixed) > 5e-4 > share_of(bare, mixed)
