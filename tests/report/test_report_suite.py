@@ -19,7 +19,7 @@ from typer.testing import CliRunner, Result
 from navfw.cli import app
 from navfw.suite.paired_comparison import compare_tables
 from navfw.suite.run_journal import RunJournal
-from navfw.suite.run_table import RunRow
+from navfw.suite.run_table import RunRow, read_table
 
 PROBE = """
 const settle = () => new Promise((done) => setTimeout(done, 300));
@@ -192,9 +192,15 @@ def test_recorded_runs_are_a_click_from_their_own_reports(
     monkeypatch.chdir(tmp_path)
     tiny = "entries: [{world: paper-room, missions: [through-the-door], set: {mission.timeout: 2}}]"
     Path("tiny.yaml").write_text(tiny)
+    ended: list[int] = []
+    monkeypatch.setattr(
+        "navfw.cli.suite.compile_with_progress",
+        lambda **options: ended.append(len(read_table("s/table.csv"))),
+    )
     words = ("suite", "tiny.yaml", "--seeds", "3:5", "--out", "s", "--quiet")
     done = invoke(*words, "--record", "failed")
     assert (done.exit_code, "checking" in done.stderr) == (0, False), done.output
+    assert ended == [0]  # kernels are compiled before the first run
     done = invoke("report", "s")
     assert "report: 0 of 2 recorded runs" in done.stderr
     page = Path("s/report.html").read_text(encoding="utf-8")
