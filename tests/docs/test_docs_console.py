@@ -15,7 +15,7 @@ from docs_pages import PAGES, ROOT, blocks_of, write_files
 from perceive_images import save, texture, wall_at
 
 NOT_TYPED = {
-    r"make (run|test)": "drives and tests what other tests do",
+    r"make (run|test|coverage)": "drives and tests what other tests do",
     r"uv run pytest|pytest tests/|uv run --project": "these tests themselves",
     r"uv run --group mutation": "tests/mutation",
     r"uv run pre-commit": "changes the hooks of the clone",
