@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from navfw.report.run_moments import newest_at_images
 from navfw.report.run_timeline import read_timeline, robot_and_goals
 from navfw.report.video_camera import draw_camera
 from navfw.report.video_plan import VideoPlan
-from navfw.signals import Array
+from navfw.signals import Array, Image
 from navfw.video_output import VideoOutput
 
 __all__ = ["write_run_video"]
@@ -81,7 +80,7 @@ def _rate(times: Array) -> float:
     return 1.0 / float(np.median(np.diff(times))) if len(times) > 1 else 1.0
 
 
-def _picture(newest: dict[str, RecordedMessage], plan: VideoPlan, run: RecordedRun) -> Any:
+def _picture(newest: dict[str, RecordedMessage], plan: VideoPlan, run: RecordedRun) -> Image:
     camera = newest[topics.CAMERA_IMAGE]
     content = {
         topic: message.content

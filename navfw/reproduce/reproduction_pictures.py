@@ -11,6 +11,7 @@ import numpy as np
 
 from navfw.perceive.lettering import write
 from navfw.perceive.overlay import draw_flow
+from navfw.recording.palette import FURNITURE, WALL
 from navfw.reproduce.paper_tables import FAST, SceneRow, WaypointRow
 from navfw.reproduce.paper_trajectory import TrajectoryPoint
 from navfw.signals import FlowField, Image
@@ -22,6 +23,7 @@ __all__ = ["draw_map", "scene_picture", "waypoint_picture"]
 _GAIN = 4
 _STRIP = 30
 _PAPER, _INK = (255, 255, 255), (40, 40, 40)
+_WAYPOINT = "#D00000"
 
 
 def waypoint_picture(row: WaypointRow) -> Image:
@@ -84,20 +86,20 @@ def draw_map(world: WorldSpec, way: list[TrajectoryPoint], rows: list[WaypointRo
     axes = figure.add_axes((0.04, 0.06, 0.94, 0.92))
     for shape, corners in plan.rectangles():
         wall = "wall" in shape.name or "partition" in shape.name
-        axes.add_patch(Polygon(corners, facecolor="#4A4A4A" if wall else "#D9D2C5"))
+        axes.add_patch(Polygon(corners, facecolor=WALL if wall else FURNITURE))
     for _, disc in plan.circles():
-        axes.add_patch(Circle((disc.x, disc.y), disc.radius, facecolor="#D9D2C5"))
+        axes.add_patch(Circle((disc.x, disc.y), disc.radius, facecolor=FURNITURE))
     axes.plot([m.pose.x for m in way], [m.pose.y for m in way], color="#0072B2", linewidth=1.5)
     for row in rows:
         pose = row.point.pose
         fast = row.waypoint.number == FAST
-        axes.plot(pose.x, pose.y, "o", color="#D00000", markersize=9 if fast else 6)
+        axes.plot(pose.x, pose.y, "o", color=_WAYPOINT, markersize=9 if fast else 6)
         ahead = 0.4 * math.cos(pose.yaw), 0.4 * math.sin(pose.yaw)
         axes.annotate(
             "",
             (pose.x + ahead[0], pose.y + ahead[1]),
             (pose.x, pose.y),
-            arrowprops={"arrowstyle": "->", "color": "#D00000"},
+            arrowprops={"arrowstyle": "->", "color": _WAYPOINT},
         )
         # label beside the trajectory
         side = 14.0 * math.sin(pose.yaw) - 4.0, -14.0 * math.cos(pose.yaw) - 4.0

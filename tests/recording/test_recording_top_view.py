@@ -37,10 +37,10 @@ def pixels(axes: Axes, path: Array) -> Array:
 
 
 def test_labels_cover_neither_each_other_nor_the_path(axes: Axes) -> None:
-    # the path has two points: it must be known between them
+    # just above the places; of its two points none is near a place
     path = np.array([[0.0, 4.8], [10.0, 5.2]])
     labels = PathLabels(axes, path, zorder=1)
-    names = {f"place {n}": (1.5 + 0.9 * n, 5.0 + 0.1 * (n % 3)) for n in range(8)}
+    names = {f"place {n}": (1.5 + 0.9 * n, 4.7 + 0.05 * (n % 3)) for n in range(8)}
     written = [name for name, point in names.items() if labels.write(name, point, "black")]
     assert len(written) >= 6
     assert [text.get_text() for text in axes.texts] == written
@@ -79,7 +79,8 @@ def test_labels_keep_off_the_path_in_narrow_axes(axes: Axes) -> None:
     axes.set_aspect("equal")
     path = np.array([[5.0, 0.0], [5.0, 10.0]])
     labels = PathLabels(axes, path, zorder=1)
-    assert all(labels.write(f"a long name {y}", (5.0, y), "black") for y in (2.0, 5.0, 8.0))
+    # ten pixels beside the path, but a hundred if the axes were not narrow
+    assert all(labels.write(f"at {y}", (4.8, y), "black") for y in (2.0, 5.0, 8.0))
     figure = axes.figure
     assert isinstance(figure, Figure)
     figure.savefig(BytesIO())
