@@ -124,3 +124,12 @@ def test_a_default_lies_in_the_range() -> None:
 def test_a_missing_file_is_a_rule_base_error(tmp_path: Path) -> None:
     with pytest.raises(RuleBaseError, match="no such file"):
         load_rule_base(tmp_path / "none.yaml")
+
+
+def test_a_file_that_was_changed_is_read_again(tmp_path: Path) -> None:
+    path = tmp_path / "rules.yaml"
+    path.write_text(TEXT)
+    first = load_rule_base(path)
+    assert load_rule_base(path) is first  # every stack of a process shares it
+    path.write_text(TEXT.replace("name: ", "name: other_", 1))
+    assert load_rule_base(path).name == f"other_{first.name}"
