@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import cv2
 import numpy as np
 
 from navfw.errors import ConfigError
@@ -26,6 +27,15 @@ _OLDEST = 2.0
 """Age of a message from which it is no longer shown [s]."""
 _MOST_REPEATS = 600
 """Largest number of times that a picture is repeated while the camera gives no other."""
+_OF_DAMAGED_MESSAGES = (
+    ArithmeticError,
+    AttributeError,
+    IndexError,
+    KeyError,
+    TypeError,
+    ValueError,
+)
+"""Errors while a message is drawn whose fields are missing, or have impossible values."""
 _SHOWN = (
     topics.CAMERA_IMAGE,
     topics.FLOW,
@@ -90,6 +100,6 @@ def _picture(newest: dict[str, RecordedMessage], plan: VideoPlan, run: RecordedR
     try:
         left = draw_camera(camera.time, image_of(camera, run.path), content, _SIZE)
         return np.concatenate([left, plan.draw(camera.time, content)], axis=1)
-    except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
+    except (*_OF_DAMAGED_MESSAGES, cv2.error) as error:
         what = f"a message before {camera.time:.2f} s is damaged ({type(error).__name__}: {error})"
         raise ConfigError(what, file=run.path) from None

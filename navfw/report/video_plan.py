@@ -53,6 +53,7 @@ class VideoPlan:
         ends = [np.array([(d.x, d.y)]) + d.radius * np.array([[-1], [1]]) for d in outline.discs]
         corners = [*outline.walls, *outline.furniture, *ends, timeline.true, np.array(goals)]
         points = np.vstack([part.reshape(-1, 2) for part in corners])
+        points = points[np.isfinite(points).all(axis=1)]
         self._low, self._high = points.min(axis=0) - _MARGIN, points.max(axis=0) + _MARGIN
         room = np.array([size[0], size[1] - _KEY_HEIGHT])
         fitting = float((room / (self._high - self._low)).min())

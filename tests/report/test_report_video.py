@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap_rewriting import rewrite
 from typer.testing import CliRunner, Result
 
 from navfw.cli import app
 from navfw.recording import palette
+from navfw.recording.channel_list import LOCAL_MAP
 from navfw.recording.recorded_run import open_run
 from navfw.recording.run_folder import RECORDING, read_result
 from navfw.signals import Array
@@ -120,3 +123,15 @@ def test_a_run_without_a_recording_gives_no_video(filmed: Path, tmp_path: Path) 
     done = invoke("replay", tmp_path / "run", "--video", tmp_path / "run.mp4")
     assert (done.exit_code, "run again with --record" in done.stderr) == (2, True)
     assert not (tmp_path / "run.mp4").exists()
+
+
+def test_a_damaged_message_is_told_and_leaves_no_video(filmed: Path, tmp_path: Path) -> None:
+    shutil.copytree(filmed / "run", tmp_path / "run")
+
+    def emptied(topic: str, data: bytes) -> bytes:
+        return b"" if topic == LOCAL_MAP else data
+
+    rewrite(filmed / "run" / RECORDING, tmp_path / "run" / RECORDING, emptied)
+    done = invoke("replay", tmp_path / "run", "--video", tmp_path / "run.mp4")
+    assert (done.exit_code, "is damaged (ValueError" in done.stderr) == (2, True), done.output
+    assert [path.name for path in tmp_path.iterdir()] == ["run"]
