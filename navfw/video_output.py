@@ -6,13 +6,16 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from navfw.atomic import AtomicTarget, output_file
 from navfw.errors import InputError, MissingExtraError
 from navfw.signals import Image
 
-__all__ = ["VideoOutput", "check_video"]
+__all__ = ["VIDEO_SUFFIX", "VideoOutput", "check_video"]
 
-_SUFFIX = ".mp4"
+VIDEO_SUFFIX = ".mp4"
+"""Suffix of the files written."""
 _OPTIONS = {"crf": "26", "preset": "veryfast"}
 """Quality (0 to 51, less is better) and effort of the encoder."""
 
@@ -25,17 +28,18 @@ def check_video(target: Path, option: str) -> None:
         MissingExtraError: the library that writes videos is not installed.
 
     """
-    if target.suffix.lower() != _SUFFIX:
-        what = f"expected a file {_SUFFIX}, got {target.suffix or 'no suffix'}"
+    if target.suffix.lower() != VIDEO_SUFFIX:
+        what = f"expected a file {VIDEO_SUFFIX}, got {target.suffix or 'no suffix'}"
         raise InputError(what, file=target, key=option)
     output_file(target, option)
     _library(option)
 
 
 class VideoOutput(AtomicTarget):
-    """A context manager that writes pictures of one, even size; it replaces an earlier video.
+    """A context manager that writes pictures of one size; it replaces an earlier video.
 
-    ``rate`` is the number of pictures per second of the video.
+    Of an odd width or height the last column or row is left out, as the colours are those of 2 x 2
+    pixels. ``rate`` is the number of pictures per second of the video.
 
     Raises:
         InputError: as ``check_video``, or another process writes the target.
@@ -53,13 +57,14 @@ class VideoOutput(AtomicTarget):
     def add(self, picture: Image) -> None:
         """Append a picture (height, width, 3), blue, green, red."""
         av = _library(self.option)
+        picture = picture[: picture.shape[0] // 2 * 2, : picture.shape[1] // 2 * 2]
         if self._video is None:
             options = {"movflags": "faststart"}
             self._video = av.open(self.path / self.target.name, "w", options=options)
             self._stream = self._video.add_stream("libx264", rate=self._rate, options=_OPTIONS)
             self._stream.height, self._stream.width = picture.shape[:2]
             self._stream.pix_fmt = "yuv420p"
-        frame = av.VideoFrame.from_ndarray(picture, format="bgr24")
+        frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(picture), format="bgr24")
         self._video.mux(self._stream.encode(frame))
 
     def _finish(self) -> None:

@@ -124,7 +124,7 @@ Overlay = Annotated[
     Path | None,
     typer.Option(
         metavar="OUT",
-        help="Draw the results: a folder of PNG files, or an .mp4 or .avi file.",
+        help="Draw the results: a folder of PNG files, or an .mp4 file (extra video).",
         show_default=False,
     ),
 ]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import re
 from pathlib import Path
 from types import TracebackType
@@ -10,14 +9,15 @@ from typing import Protocol, Self
 
 import cv2
 
-from navfw.atomic import AtomicFolder, AtomicTarget
+from navfw.atomic import AtomicFolder
 from navfw.errors import InputError
 from navfw.perceive.image_sources import ImageSource
 from navfw.signals import Image
+from navfw.video_output import VIDEO_SUFFIX, VideoOutput
 
 __all__ = ["OverlayOutput", "open_output"]
 
-_CODECS = {".mp4": "mp4v", ".m4v": "mp4v", ".avi": "MJPG"}
+_NO_FOLDERS = {".avi", ".m4v", ".mov", ".mkv", ".webm", ".gif", ".png", ".jpg", ".jpeg"}
 _OURS = re.compile(r"view-[0-9]{5,}\.png")
 
 
@@ -49,54 +49,20 @@ class _Pictures(AtomicFolder):
             raise InputError("is not writable", file=self.target)
 
 
-class _Film(AtomicTarget):
-    def __init__(self, target: Path, rate: float) -> None:
-        super().__init__(target)
-        self._rate = rate
-        self._film: cv2.VideoWriter | None = None
-
-    def add(self, picture: Image) -> None:
-        if self._film is None:
-            codec = _CODECS[self.target.suffix.lower()]
-            self._film = cv2.VideoWriter(
-                str(self.path / self.target.name),
-                cv2.VideoWriter.fourcc(*codec),
-                self._rate,
-                (picture.shape[1], picture.shape[0]),
-            )
-            if not self._film.isOpened():
-                raise InputError(
-                    "the installed OpenCV cannot write this kind of video", file=self.target
-                )
-        self._film.write(picture)
-
-    def _finish(self) -> None:
-        if self._film is not None:
-            self._film.release()
-
-    def _move_into_place(self) -> None:
-        # temporary files are private: give the file the usual permissions
-        with contextlib.suppress(OSError):
-            (self.path / self.target.name).chmod(0o644)
-        (self.path / self.target.name).replace(self.target)
-
-
 def open_output(target: Path, source: ImageSource) -> OverlayOutput:
-    """Open a new ``.mp4`` or ``.avi``, otherwise a folder whose overlay images are replaced.
+    """Open a new ``.mp4``, otherwise a folder whose overlay images are replaced.
 
     Raises:
         InputError: the target is an existing file, a folder with other files, or of another type.
+        MissingExtraError: the library that writes videos is not installed.
 
     """
     suffix = target.suffix.lower()
-    if suffix in _CODECS:
-        if target.is_dir():
-            raise InputError("is a folder, not a video", file=target)
-        if target.exists():
+    if suffix == VIDEO_SUFFIX:
+        if target.is_file():
             raise InputError("exists; remove it, or choose another --overlay", file=target)
-        return _Film(target, min(max(source.rate, 1.0), 120.0))
-    if suffix in {".mov", ".mkv", ".webm", ".gif", ".png", ".jpg", ".jpeg"}:
-        raise InputError(
-            "is neither .mp4 nor .avi, nor the name of a folder", file=target, key="--overlay"
-        )
+        return VideoOutput(target, min(max(source.rate, 1.0), 120.0), "--overlay")
+    if suffix in _NO_FOLDERS:
+        expected = f"is neither a {VIDEO_SUFFIX} nor the name of a folder"
+        raise InputError(expected, file=target, key="--overlay")
     return _Pictures(target)

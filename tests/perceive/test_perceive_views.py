@@ -156,7 +156,7 @@ def test_grid_and_processor(approach: Path) -> None:
         (("--stride", "99"), "--stride: must be between"),
         (("--flow", "diss"), "did you mean 'dis'?"),
         (("--flow", "ideal"), "needs the true depth"),
-        (("--overlay", "view.gif"), "neither .mp4 nor .avi"),
+        (("--overlay", "view.gif"), "neither a .mp4 nor the name of a folder"),
     ],
 )
 def test_bad_options(approach: Path, arguments: tuple[str, ...], message: str) -> None:
@@ -201,13 +201,22 @@ def test_the_pictures_of_a_run_folder_are_no_images_of_a_camera(
     assert view["frames"] == ["image_1.png", "image_2.png"]
 
 
-def test_overlay_film(approach: Path, tmp_path: Path) -> None:
-    out = tmp_path / "film.avi"
+def test_overlay_video(approach: Path, tmp_path: Path) -> None:
+    av = pytest.importorskip("av", reason="needs the extra video")
+    out = tmp_path / "seen.mp4"
     perceive(approach, "--fps", "10", "--overlay", out)
-    film = cv2.VideoCapture(str(out))
-    assert film.get(cv2.CAP_PROP_FRAME_COUNT) == 4
-    assert film.get(cv2.CAP_PROP_FPS) == pytest.approx(10.0)
-    film.release()
+    with av.open(out) as video:
+        (stream,) = video.streams.video
+        assert stream.codec_context.name == "h264"
+        assert stream.average_rate == 10
+        pictures = [frame.to_ndarray(format="bgr24") for frame in video.decode(stream)]
+    perceive(approach, "--fps", "10", "--overlay", tmp_path / "seen")
+    drawn = [cv2.imread(str(file)) for file in sorted((tmp_path / "seen").iterdir())]
+    assert len(pictures) == len(drawn) == 4
+    for shown, image in zip(pictures, drawn, strict=True):
+        assert image is not None
+        rows, columns = shown.shape[:2]
+        assert np.abs(image[:rows, :columns].astype(float) - shown).mean() < 8.0
     assert "exists" in refused(approach, "--overlay", out)
 
 
