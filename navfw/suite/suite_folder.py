@@ -162,8 +162,8 @@ class SuiteFolder:
             "revisions": list(dict.fromkeys([*known.get("revisions", []), revision])),
             "machines": machines + [machine_kind()] * (machine_kind() not in machines),
         }
+        self._write(ABOUT, about)  # before the journal, which cannot be read without it
         rows = self._rows_of(plan, tell)
-        self._write(ABOUT, about)
         if known.get("content", plan.content) != plan.content:
             kept = sum(row.has_result for row in rows)
             tell(f"the suite was changed: {kept} finished runs are unchanged and kept")

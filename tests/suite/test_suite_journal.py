@@ -12,6 +12,7 @@ import pytest
 import suite_samples as samples
 
 from navfw.errors import InputError
+from navfw.suite import suite_folder
 from navfw.suite.run_journal import JournalDamagedError, RunJournal
 from navfw.suite.run_table import read_table
 from navfw.suite.suite_folder import Beginning, SuiteFolder
@@ -77,6 +78,27 @@ def test_a_row_replaces_an_earlier_one_of_the_same_run(tmp_path: Path) -> None:
     assert journal.rows({"aa"}) == [samples.row(1)]
     assert [row.outcome for row in journal.rows({"aa", "bb"})] == ["reached", "stuck"]
     assert not journal.deaths({"aa"})
+
+
+@pytest.mark.parametrize("last", ["write_text", "ready_journal", "write_table"])
+def test_a_suite_that_dies_as_it_begins_is_resumed(
+    out: SuiteFolder, monkeypatch: pytest.MonkeyPatch, last: str
+) -> None:
+    done = getattr(suite_folder, last)
+
+    def die(*arguments: object) -> None:
+        done(*arguments)
+        raise SystemExit
+
+    with monkeypatch.context() as patched:
+        patched.setattr(suite_folder, last, die)
+        with pytest.raises(SystemExit):
+            out.open(plan(), "abc")
+    if out.has_runs:
+        assert out.rows() == []
+    result, driven = run(plan(), out, "resume")
+    assert result.complete
+    assert len(driven) == 4
 
 
 def test_extend_keeps_what_a_change_has_not_touched(out: SuiteFolder) -> None:
