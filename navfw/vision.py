@@ -119,8 +119,7 @@ class Vision:
             return replace(flow, derotated=True), None
         if not settings.refine:
             return derotate(flow, camera), None
-        motion = with_yaw_sigma(flow.motion, odometry)
-        flow = replace(flow, motion=motion)
+        flow = with_yaw_sigma(flow, odometry)
         refinement = refine(flow, camera)
-        correction = YawCorrection(refinement.yaw, refinement.yaw_sigma, motion)
+        correction = YawCorrection(refinement.yaw, refinement.yaw_sigma, flow.motion)
         return refinement.apply(flow, camera), correction

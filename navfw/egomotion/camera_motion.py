@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from navfw.robot import RobotModel
-from navfw.signals import Array, CameraMotion, Odometry, Pose, wrap_angle
+from navfw.signals import Array, CameraMotion, FlowField, Odometry, Pose, wrap_angle
 
 __all__ = ["SLIP", "YAW_RATE_SIGMA", "camera_motion", "with_yaw_sigma", "yaw_rotation"]
 
@@ -64,9 +64,9 @@ def camera_motion(
     )
 
 
-def with_yaw_sigma(motion: CameraMotion, odometry: Odometry) -> CameraMotion:
-    """``motion`` with the larger yaw sigma that is due while wheels stand in for a stale gyro."""
+def with_yaw_sigma(flow: FlowField, odometry: Odometry) -> FlowField:
+    """``flow`` with the larger yaw sigma that is due while wheels stand in for a stale gyro."""
     if not odometry.gyro_stale:
-        return motion
-    sigma = max(motion.yaw_sigma, WHEELS_YAW_SIGMA * motion.baseline)
-    return replace(motion, yaw_sigma=sigma)
+        return flow
+    sigma = max(flow.motion.yaw_sigma, WHEELS_YAW_SIGMA * flow.motion.baseline)
+    return replace(flow, motion=replace(flow.motion, yaw_sigma=sigma))

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import Field
 
 from navfw.camera_geometry.derotation import derotated_vectors
 from navfw.camera_geometry.rotations import rotation_matrix
 from navfw.egomotion.refinement_kernels import refine_rotation, weigh_residuals
-from navfw.interfaces import Params
 from navfw.robot import CameraModel
 from navfw.signals import Array, CameraMotion, FlowField
 
@@ -26,27 +23,21 @@ CERTAIN, DOUBT = 3.0, 0.1
 deviations, to which DOUBT [px] is added in quadrature."""
 
 
-class RefinementParams(Params):
-    """Priors and gates of the correction of the measured rotation."""
+@dataclass(frozen=True, slots=True)
+class RefinementParams:
+    """Priors and gates of the correction of the measured rotation.
 
-    pitch_sigma: Annotated[
-        float, Field(gt=0.0, le=0.1, description="standard deviation of pitch between frames [rad]")
-    ] = 0.002
-    overlap: Annotated[
-        float, Field(ge=1.0, description="number of neighbouring vectors with a common error")
-    ] = 4.0
-    direction_sigma: Annotated[
-        float,
-        Field(ge=0.0, le=1.0, description="error of the translation's direction [rad]"),
-    ] = 0.03
-    hole: Annotated[
-        float,
-        Field(ge=0.0, description="ignored radius around the focus of expansion [px]"),
-    ] = 4.0
-    gate: Annotated[
-        float,
-        Field(gt=0.0, description="largest epipolar residual of a consistent vector [sigma]"),
-    ] = 3.0
+    ``pitch_sigma`` [rad] is the standard deviation of pitch between frames, ``overlap`` the number
+    of neighbouring vectors with a common error, ``direction_sigma`` [rad] the error of the
+    translation's direction, ``hole`` [px] the ignored radius around the focus of expansion, and
+    ``gate`` the largest epipolar residual of a consistent vector in standard deviations.
+    """
+
+    pitch_sigma: float = 0.002
+    overlap: float = 4.0
+    direction_sigma: float = 0.03
+    hole: float = 4.0
+    gate: float = 3.0
 
 
 _USUAL = RefinementParams()

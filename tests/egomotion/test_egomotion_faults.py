@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from flow_scene import exact_field
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -136,9 +137,9 @@ def test_a_gyro_residual_in_proportion_to_the_turning_rate_is_no_bias() -> None:
 
 
 def test_without_gyro_yaw_is_less_certain_and_the_flow_corrects_unequal_wheels() -> None:
-    drive = Drive()
+    drive, field = Drive(), exact_field(ROBOT.camera, motion(0.0), np.ones((12, 16)))
     drive.go(1.0, 0.4)
-    assert with_yaw_sigma(motion(0.0), drive.odometry).yaw_sigma == 0.0
+    assert with_yaw_sigma(field, drive.odometry).motion.yaw_sigma == 0.0
     skew = 0.04
     for _ in range(100):
         before = drive.odometry.pose.yaw
@@ -146,7 +147,7 @@ def test_without_gyro_yaw_is_less_certain_and_the_flow_corrects_unequal_wheels()
         measured = (drive.odometry.pose.yaw - before) / 0.04
         yaw = 0.5 * (skew - measured) * 0.08
         drive.odometer.correct(YawCorrection(yaw, 0.0, motion(0.0)))
-    assert with_yaw_sigma(motion(0.0), drive.odometry).yaw_sigma > 0.005
+    assert with_yaw_sigma(field, drive.odometry).motion.yaw_sigma > 0.005
     before = drive.odometry.pose.yaw
     drive.go(1.0, 0.4, gyro=False)
     assert drive.odometry.pose.yaw - before == pytest.approx(0.4 * skew, rel=0.2)
