@@ -22,7 +22,9 @@ def wrap_angle(angle: float) -> float:
 
 def position_sigma(covariance: Array) -> float:
     """The largest standard deviation [m], in any direction, by the (3, 3) of (x, y, yaw)."""
-    return math.sqrt(max(float(np.linalg.eigvalsh(covariance[:2, :2])[-1]), 0.0))
+    (xx, xy), (_, yy) = covariance[:2, :2].tolist()
+    largest = 0.5 * (xx + yy) + math.hypot(0.5 * (xx - yy), xy)  # eigenvalue of the (2, 2)
+    return math.sqrt(max(largest, 0.0))
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,10 +6,12 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from navfw.errors import InputError
 from navfw.localization.place_posterior import PlacePosterior, known_start, likeliest_places
-from navfw.signals import Pose
+from navfw.signals import Pose, position_sigma
 from navfw.topomap import Place, TopoMap
 
 MAP = TopoMap("two", [Place("west", 0.0, 0.0, "room"), Place("east", 4.0, 0.0, "room")], [])
@@ -33,3 +35,16 @@ def test_an_unknown_start_is_refused_with_a_remedy() -> None:
     assert known_start(here, "mine", "another") is here
     with pytest.raises(InputError, match=r"'mine' cannot find an unknown start.*the stack another"):
         known_start(None, "mine", "another")
+
+
+@given(st.floats(0.0, 3.0), st.floats(0.0, 3.0), st.floats(-math.pi, math.pi))
+def test_the_position_sigma_is_the_largest_half_axis(
+    long: float, short: float, turn: float
+) -> None:
+    c, s = math.cos(turn), math.sin(turn)
+    axes = np.array([[c, -s], [s, c]])
+    covariance = np.diag([0.0, 0.0, 5.0])
+    covariance[:2, :2] = axes @ np.diag([long**2, short**2]) @ axes.T
+    assert position_sigma(covariance) == pytest.approx(max(long, short), abs=1e-6)
+    largest = max(float(np.linalg.eigvalsh(covariance[:2, :2])[-1]), 0.0)
+    assert position_sigma(covariance) ** 2 == pytest.approx(largest, abs=1e-9)
