@@ -37,6 +37,11 @@ __all__ = [
 ]
 
 SECTORS = 48
+
+WALL_DEPTH = 0.15
+"""Depth [m] behind what is seen of a wall that a turning body keeps out of, unless it is observed
+free."""
+
 _BEARINGS = read_only(np.linspace(-math.pi, math.pi, SECTORS + 1)[1:])
 
 
@@ -82,13 +87,17 @@ def arcs_of(
     free, observed, clearance = np.empty((3, speeds.size, turns.size))
     robot = occupancy.robot
     ground, start = _ground(occupancy, occupancy.footprint_observed), _start(pose)
-    filled = free, observed, clearance
     if robot.footprint is None:
         radius = robot.radius + margin
+        filled = free, observed, clearance
         sweep_arcs(ground, start, speeds, turns, radius, reach, horizon, *filled)
     else:
         discs = np.array(robot.discs)
-        sweep_body(ground, start, speeds, turns, discs, margin, reach, horizon, *filled)
+        spot = speeds == 0.0
+        for rows, around in ((~spot, ground), (spot, _turning_ground(occupancy))):
+            swept = np.empty((3, int(rows.sum()), turns.size))
+            sweep_body(around, start, speeds[rows], turns, discs, margin, reach, horizon, *swept)
+            free[rows], observed[rows], clearance[rows] = swept
     # The camera does not look back: behind the robot, unobserved cells count as occupied. (Its own
     # footprint is observed, so its rim and not its centre must stay out of the unobserved.)
     backward = slice(0, int(np.searchsorted(speeds, 0.0)))
@@ -117,6 +126,7 @@ def free_distance(
         contact, unobserved, _ = follow_arc(ground, _start(pose), v, w, robot.radius, reach, 0.0)
     else:
         discs = np.array(robot.discs)
+        ground = _turning_ground(occupancy) if v == 0.0 else ground
         contact, unobserved, _ = follow_body(ground, _start(pose), v, w, discs, 0.0, reach, 0.0)
     return FreeDistance(contact, unobserved)
 
@@ -134,6 +144,16 @@ def free_turn(occupancy: OccupancyGrid, pose: Pose, w: float) -> float:
 def _ground(occupancy: OccupancyGrid, observed: npt.NDArray[np.uint8]) -> Ground:
     """The arrays that rays are cast through; ``observed`` (n, n) says where floor was seen."""
     return occupancy.clearance, observed, *occupancy.origin, occupancy.params.cell
+
+
+def _turning_ground(occupancy: OccupancyGrid) -> Ground:
+    """The arrays for turns on the spot of a body that is not round.
+
+    Beside a doorway the camera has seen a wall's near side only; the corners of a long body turn
+    towards its far side.
+    """
+    others = _ground(occupancy, occupancy.footprint_observed)[1:]
+    return occupancy.clearance_behind(WALL_DEPTH), *others
 
 
 def _start(pose: Pose) -> Start:

@@ -358,6 +358,11 @@ class OccupancyGrid:
             self._clearance = self._distance(self.occupied)
         return self._clearance
 
+    def clearance_behind(self, depth: float) -> Array:
+        """(n, n) ``clearance`` if cells not observed within ``depth`` [m] of it were occupied."""
+        hidden = (self.observed == 0) & (self.clearance <= depth)
+        return self._distance(hidden | self.occupied)
+
     def clearance_with(self, discs: tuple[OccupiedDisc, ...]) -> Array:
         """(n, n) ``clearance`` if ``discs`` were occupied as well."""
         if not discs:

@@ -75,6 +75,19 @@ def test_only_the_turn_that_leads_to_the_wall_is_barred() -> None:
     assert standing[0] == arcs.reach
 
 
+def test_a_turn_keeps_out_of_the_far_side_of_a_wall() -> None:
+    occupancy = occupancy_with((-1.0, 1.0, 0.6, 0.6))
+    slanting = Pose(0.0, 0.0, 1.0)
+    assert free_turn(occupancy, slanting, 1.0) == 0.5
+    (first, _), (last, _) = occupancy.index(0.0, 0.4), occupancy.index(0.0, 0.55)
+    occupancy = occupancy_with((-1.0, 1.0, 0.6, 0.6))
+    occupancy.log_odds[first : last + 1] = 0.0  # between the body and what is seen of the wall
+    assert free_turn(occupancy, slanting, 1.0) < 0.4
+    assert free_distance(occupancy, slanting, AHEAD).contact == pytest.approx(
+        free_distance(occupancy_with((-1.0, 1.0, 0.6, 0.6)), slanting, AHEAD).contact
+    )
+
+
 def test_ranges_are_from_the_rim() -> None:
     ranges = ranges_around(occupancy_with((1.0, 1.2, -1.0, 1.0)), ORIGIN)
     ahead = int(np.abs(ranges.bearings).argmin())
