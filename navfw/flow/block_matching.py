@@ -129,7 +129,8 @@ class BlockMatching(MatchedFlow):
         windows = (self._x_windows, self._y_windows)
         low, high = p.texture_low, p.texture_high
         scores, deviation = correlate(now, past, *windows, p.search, visible)
-        if (deviation[len(deviation) // 2 :] < high).mean() > WEAK_SHARE:
+        lower = deviation[len(deviation) // 2 :]
+        if np.count_nonzero(lower < high) > WEAK_SHARE * lower.size:
             now, past = _smoothed(now), _smoothed(past)
             low, high = SMOOTHED_TEXTURE * low, SMOOTHED_TEXTURE * high
             scores, deviation = correlate(now, past, *windows, p.search, visible)

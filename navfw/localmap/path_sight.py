@@ -97,7 +97,7 @@ class PathSight:
         confidence = percept.confidence[self._path]
         if not confidence.size:
             return  # a camera that sees no floor gives no judgement
-        share = float((confidence >= CONFIDENCE).mean())
+        share = float(np.count_nonzero(confidence >= CONFIDENCE) / confidence.size)
         self.texture = share if self._first else self.texture + SHARE * (share - self.texture)
         self._first = False
 

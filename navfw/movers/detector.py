@@ -68,12 +68,8 @@ class MovingObjectDetector:
 
     def dense_flow(self, pair: FramePair, odometry: Odometry, *, coarse: bool = False) -> FlowField:
         """Dense flow of the lower image between the frames of ``pair``, refined and derotated."""
-        flow = self._floor_aligned.compute(pair, coarse)
-        flow = replace(flow, motion=with_yaw_sigma(flow.motion, odometry))
-        # a copy, as validating the parameters again for every frame is slow
-        params = _REFINEMENT.model_copy(
-            update={"direction_sigma": direction_sigma(flow.motion.baseline)}
-        )
+        flow = with_yaw_sigma(self._floor_aligned.compute(pair, coarse), odometry)
+        params = replace(_REFINEMENT, direction_sigma=direction_sigma(flow.motion.baseline))
         return refine(flow, self.camera, params).apply(flow, self.camera)
 
     def _coarse_search(self, pair: FramePair, odometry: Odometry) -> bool:
