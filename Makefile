@@ -1,6 +1,9 @@
 # Needs Python 3 and make alone; uv is brought into .tools/ where the machine has none.
 UV := $(shell uv --version >/dev/null 2>&1 && echo uv || echo .tools/uv/bin/uv)
 
+# some hundred processes import the same modules: they must find them compiled
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: run test check coverage docs uv
 
 run: | uv
