@@ -11,18 +11,28 @@ import math
 import signal
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from types import FrameType
+from typing import Any
 
-__all__ = ["check_interrupted", "deferred", "interrupted", "interruptible"]
+__all__ = [
+    "check_interrupted",
+    "deferred",
+    "ignore_signals",
+    "interrupted",
+    "interruptible",
+    "set_handlers",
+]
 
 REPEAT = 1.0
 """Wall time [s] after a signal within which another one counts as the same: a terminal sends Ctrl-C
 to the waiting and to the driving process of a run, and the former forwards it."""
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+_Handler = Callable[[int, FrameType | None], None] | signal.Handlers
 
 
 @dataclass
@@ -102,17 +112,27 @@ def deferred() -> Iterator[None]:
             _raise_pending()
 
 
+def set_handlers(handler: _Handler) -> dict[signal.Signals, Any]:
+    """Let ``handler`` take each signal that the process does not ignore; the handlers before."""
+    return {
+        number: signal.signal(number, handler)
+        for number in _SIGNALS
+        if signal.getsignal(number) is not signal.SIG_IGN
+    }
+
+
+def ignore_signals() -> None:
+    """Ignore both signals from here on: the command is over, and its exit code is to tell how."""
+    set_handlers(signal.SIG_IGN)
+
+
 @contextmanager
 def _handlers() -> Iterator[bool]:
     """The handlers of both signals; yields whether they were not installed before."""
     if _state.handled:
         yield False
         return
-    handlers = {
-        number: signal.signal(number, _interrupt)
-        for number in _SIGNALS
-        if signal.getsignal(number) is not signal.SIG_IGN
-    }
+    handlers = set_handlers(_interrupt)
     _state.handled, _state.pending = True, ""
     try:
         yield True

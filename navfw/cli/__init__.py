@@ -21,7 +21,7 @@ from navfw.cli.supervisor import supervise
 from navfw.cli.trust import TrustOnce, accept_trust, ask_on_terminal
 from navfw.config.project_code import asking, trusting
 from navfw.errors import InputError, NavfwError
-from navfw.interruption import interruptible
+from navfw.interruption import ignore_signals, interruptible
 
 __all__ = ["COMMANDS", "app", "main"]
 
@@ -110,7 +110,10 @@ def main() -> None:
     """The console script; exits with navfw's exit code."""
     command = next((word for word in sys.argv[1:] if not word.startswith("-")), "")
     with standard_streams():
-        sys.exit(supervise(_run) if command == "run" else app())
+        try:
+            sys.exit(supervise(_run) if command == "run" else app())
+        finally:
+            ignore_signals()  # the interpreter's end would take them for a failure
 
 
 def _run() -> None:

@@ -18,14 +18,15 @@ import signal
 import sys
 import time
 import traceback
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
 from typing import Any
 
 from navfw.heartbeat import HEARTBEAT_SIZE, HeartbeatMonitor, set_memory
+from navfw.interruption import ignore_signals, set_handlers
 
 __all__ = ["announce", "announce_end", "supervise"]
 
@@ -123,6 +124,7 @@ def _exit_code(command: Callable[[], object]) -> int:
 
 def _end_child(code: int) -> None:
     """End the process, whatever threads plugins have left behind."""
+    ignore_signals()
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError):
             stream.flush()
@@ -154,11 +156,13 @@ class _Supervisor:
         self._deadline = math.inf
         self._stopped = False
         self._driven = False
+        self._ended = False
 
     def wait(self) -> int:
         """The exit code of the child, or of the result written in its place."""
-        with self._forwarding():
-            status = self._watch()
+        self._forward_signals()
+        status = self._watch()
+        self._ended = True
         if self._code is not None:
             return self._code
         if isinstance(status, int):
@@ -220,28 +224,23 @@ class _Supervisor:
             self._code = int(message["finished"])
             self._deadline = now + LAST_STEPS
 
-    @contextmanager
-    def _forwarding(self) -> Iterator[None]:
-        """Forward signals to the child; it takes Ctrl-C from a terminal, sent to both, once."""
+    def _forward_signals(self) -> None:
+        """Forward signals to the child; it takes Ctrl-C from a terminal, sent to both, once.
+
+        A signal that arrives after the child has ended changes nothing.
+        """
 
         def stop(number: int, frame: FrameType | None) -> None:
             del frame
-            os.kill(self._child, number)
+            if self._ended:
+                return
+            with suppress(ProcessLookupError):  # it ends at this moment
+                os.kill(self._child, number)
             if not self._stopped and not self._driven:
                 self._stopped = True
                 self._deadline = min(self._deadline, time.monotonic() + PATIENCE)
 
-        numbers = [
-            number
-            for number in (signal.SIGINT, signal.SIGTERM)
-            if signal.getsignal(number) is not signal.SIG_IGN
-        ]
-        before = {number: signal.signal(number, stop) for number in numbers}
-        try:
-            yield
-        finally:
-            for number, handler in before.items():
-                signal.signal(number, handler)
+        set_handlers(stop)
 
     def _conclude(self, why: str, plugin: str) -> int:
         """Print and write the result of a run whose process has ended without one."""

@@ -136,6 +136,16 @@ def kill(started: Started, index: int) -> None:
         started.send(signal.SIGKILL, group=index % 3 == 0)
 
 
+@pytest.mark.parametrize(("words", "code"), [(("worlds",), 0), (WORDS, 1)])
+def test_a_signal_after_the_end_changes_nothing(
+    words: tuple[str, ...], code: int, tmp_path: Path
+) -> None:
+    at_exit = "import atexit, os, signal\natexit.register(os.kill, os.getpid(), signal.SIGINT)\n"
+    ended = Started(at_exit + MAIN, words, tmp_path).ended()
+    assert ended.code == code
+    assert ended.stderr == ""
+
+
 SIGNALS = [signal.SIGKILL, signal.SIGTERM, signal.SIGINT]
 
 
