@@ -25,7 +25,7 @@ from navfw.missions.window_overlay import WindowOverlay
 from navfw.recording import palette
 from navfw.sim.window import Point3, SimulatorWindow, check_display
 
-RUN = ("run", "empty", "straight", "--set", "mission.timeout=4")
+RUN = ("run", "empty", "straight")
 NAVFW = [sys.executable, "-c", "from navfw.cli import main; main()"]
 
 
@@ -88,7 +88,7 @@ def test_the_window_shows_robot_path_and_way_and_changes_no_command(tmp_path: Pa
         process = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True)  # noqa: S603
         with process:
             while process.poll() is None:
-                time.sleep(0.3)
+                time.sleep(0.05)
                 picture = display.picture()
                 if min(pixels_of(picture, color) for color in (path, way, goal)) > 10:
                     shown.append(picture)
