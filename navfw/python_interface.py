@@ -30,9 +30,10 @@ def run(
 ) -> MissionResult:
     """Drive a mission to its end, as ``navfw run`` does; nothing is written.
 
-    Without ``stack`` the mission's own drives, else ``default``. ``set`` changes values, by texts
-    as for ``--set`` or by a mapping such as ``{"avoid.latency": 0.5}``. With ``record`` the result
-    has a recording, for ``navfw.missions.run_report.write_run``.
+    Without ``stack`` the mission's own drives, else ``floor_plan`` if the map has a floor plan,
+    else ``default``. ``set`` changes values, by texts as for ``--set`` or by a mapping such as
+    ``{"avoid.latency": 0.5}``. With ``record`` the result has a recording, for
+    ``navfw.missions.run_report.write_run``.
 
     Raises:
         InputError: world, mission, stack or ``set`` is wrong, or the stack refuses the mission.

@@ -109,7 +109,11 @@ class MissionSpec(StrictModel):
         Field(description="name or file of a topological map; left out: start and goals alone"),
     ] = None
     stack: Annotated[
-        str | None, Field(description="name or file of the stack; --stack takes precedence")
+        str | None,
+        Field(
+            description="name or file of the stack; left out: `floor_plan` if the map has a floor"
+            " plan, else `default`; --stack takes precedence"
+        ),
     ] = None
     start: Annotated[
         tuple[Coordinate, Coordinate, Yaw] | PlaceStart | UnknownStart | Unknown,

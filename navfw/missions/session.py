@@ -49,8 +49,8 @@ if TYPE_CHECKING:
 
 __all__ = ["MissionResult", "Session", "mission_stack", "prepare", "split_overrides"]
 
-DEFAULT_STACK = "default"
-"""The stack of a mission that names none."""
+DEFAULT_STACK, FLOOR_PLAN_STACK = "default", "floor_plan"
+"""The stack of a mission that names none, and the one if its map has a floor plan."""
 
 _MISSION_PARTS = ("robot", "sensors")
 """Keys of a mission file that overrides may begin with; others need ``mission.`` before them."""
@@ -286,7 +286,7 @@ def prepare(
 ) -> Session:
     """Load and check world, mission, map and stack.
 
-    Without ``stack``, the stack named by the mission is used, else ``default``.
+    Without ``stack``, that of ``mission_stack`` is used.
     ``overrides`` that begin with ``mission.`` (``mission.timeout=60``), ``robot.`` or ``sensors.``
     apply to the mission, all others (``offis.layers=1``) to the stack.
 
@@ -350,14 +350,17 @@ def with_drops(world: WorldSpec, mission: MissionFile) -> WorldSpec:
 
 
 def mission_stack(mission: MissionFile) -> Path:
-    """The stack file named by the mission, or the default one.
+    """The file of the mission's stack.
+
+    If it names none, the stack is ``floor_plan`` where its map has a floor plan, else ``default``.
 
     Raises:
         UnknownNameError: there is no stack of that name; the message has the mission's file and
             line.
 
     """
-    name = mission.spec.stack or DEFAULT_STACK
+    unnamed = DEFAULT_STACK if mission.topo_map.floor_plan is None else FLOOR_PLAN_STACK
+    name = mission.spec.stack or unnamed
     try:
         return find("stack", name)
     except UnknownNameError as error:

@@ -83,7 +83,7 @@ def generated_session(
 ) -> Session:
     """The session of a generated world; ``seed`` determines the world and all noise.
 
-    Without ``stack``, the stack named by the mission is used, else ``default``.
+    Without ``stack``, that of ``navfw.missions.session.mission_stack`` is used.
 
     Raises:
         InputError: there is no such family or difficulty, an override is invalid, or the mission is

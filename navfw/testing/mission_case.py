@@ -21,9 +21,8 @@ KEYS = ("world", "mission", "seeds", "stack", "set", "allow_faults")
 MARKER = (
     "mission(world, mission, seeds=(0,), stack=None, set=(), allow_faults=False): drive a mission"
     " (or each of a list of missions) once for each seed and hand the result to the `mission`"
-    " fixture; `stack`: instead of the one that the mission names, else `default`; `set`: changes"
-    " such as 'offis.layers=1' or {'offis.layers': 1}; `allow_faults`: faults of plugins do not"
-    " fail the test"
+    " fixture; `stack`: instead of the mission's; `set`: changes such as 'offis.layers=1' or"
+    " {'offis.layers': 1}; `allow_faults`: faults of plugins do not fail the test"
 )
 
 
@@ -33,7 +32,7 @@ class MarkerError(Exception):
 
 @dataclass(frozen=True)
 class MissionCase:
-    """World, mission, seed, stack (None: the mission's own, else ``default``) and overrides."""
+    """World, mission, seed, stack (None: the mission's) and overrides."""
 
     world: str
     mission: str

@@ -52,9 +52,6 @@ _THINNEST, _THICKEST = 0.02, 5.0
 _ENDS = ("room", "corridor", "junction")
 """Kinds of places that missions begin and end at."""
 
-STACK = "floor_plan"
-"""Stack of the missions: without landmarks, walls alone bound the error of the position."""
-
 
 @dataclass(frozen=True, slots=True)
 class _Way:
@@ -294,7 +291,6 @@ def _mission(topo_map: TopoMap, way: _Way) -> MissionSpec:
     yaw = math.atan2(then.y - start.y, then.x - start.x)
     return MissionSpec.model_validate(
         {
-            "stack": STACK,
             "description": f"From {way.start} to {way.goal}, {way.length:.1f} m on the map.",
             "map": f"../{MAP_FILE}",
             "start": {"place": way.start, "yaw": round(yaw, 3)},

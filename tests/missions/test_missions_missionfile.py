@@ -10,7 +10,7 @@ import pytest
 from navfw.config.lookup import NamedFile, find, list_missions, list_worlds
 from navfw.errors import ConfigError, InputError, UnknownNameError, WorldError
 from navfw.missions.missionfile import MissionFile, load_mission
-from navfw.missions.session import prepare
+from navfw.missions.session import mission_stack, prepare
 from navfw.robot import RobotModel
 from navfw.sim.floorplan import FloorPlan
 from navfw.sim.sensor_models import PRESETS, SensorParams
@@ -174,3 +174,15 @@ def test_a_mission_may_name_its_stack(tmp_path: Path) -> None:
     file.write_text("stack: oracle\nstart: [1, 1, 0]\ngoals: [{x: 2, y: 1}]\n")
     assert prepare("empty", file).stack_file.stem == "oracle"
     assert prepare("empty", file, stack="paper").stack_file.stem == "paper"
+
+
+@pytest.mark.parametrize(("named", "stack"), [("office", "floor_plan"), ("paper-room", "default")])
+def test_a_mission_without_a_stack_is_localised_on_the_floor_plan_of_its_map(
+    tmp_path: Path, named: str, stack: str
+) -> None:
+    (tmp_path / "m.yaml").write_text(f"map: {named}\nstart: [1, 1, 0]\ngoals: [{{x: 2, y: 1}}]\n")
+    assert mission_stack(load_mission(tmp_path / "m.yaml")).stem == stack
+    (tmp_path / "m.yaml").write_text(
+        f"map: {named}\nstack: landmarks\nstart: [1, 1, 0]\ngoals: [{{x: 2, y: 1}}]\n"
+    )
+    assert mission_stack(load_mission(tmp_path / "m.yaml")).stem == "landmarks"

@@ -170,7 +170,7 @@ def test_a_stack_that_cannot_find_its_start_refuses_the_mission(tmp_path: Path) 
     file = tmp_path / "find.yaml"
     file.write_text(ANYWHERE)
     with pytest.raises(InputError, match="cannot find an unknown start"):
-        prepare("office", file, seed=1).run()
+        prepare("office", file, seed=1, stack="default").run()
 
 
 def test_without_a_visible_landmark_the_robot_turns_and_has_no_plan(tmp_path: Path) -> None:
