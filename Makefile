@@ -4,12 +4,14 @@ UV := $(shell uv --version >/dev/null 2>&1 && echo uv || echo .tools/uv/bin/uv)
 # some hundred processes import the same modules: they must find them compiled
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: run test check coverage docs uv
+.PHONY: run test check kernels coverage docs uv
 
 run: | uv
 	$(UV) run navfw run office lobby-to-lab
 
-test: check
+# the checks leave a core idle: the kernels are compiled beside them
+test: | uv
+	@$(MAKE) --no-print-directory --jobs=2 check kernels
 	$(UV) run pytest -n auto --maxprocesses 4 --dist worksteal $(PYTEST_OPTIONS)
 
 # of the robot's rooms, with a floor (pyproject.toml); tracing doubles the time
@@ -21,6 +23,9 @@ check: | uv
 	$(UV) run ruff format --check
 	$(UV) run mypy
 	$(UV) run lint-imports
+
+kernels: | uv
+	$(UV) run navfw warm --quiet
 
 # the site of the documentation, in dist/site
 docs: | uv
