@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 
 import numpy as np
@@ -15,7 +15,10 @@ from navfw.plugins import Registry, default_registry
 from navfw.robot import RobotModel
 from navfw.signals import (
     Belief,
+    Encoders,
     Frame,
+    Image,
+    Inertial,
     LandmarkDetection,
     Odometry,
     PassageQuery,
@@ -23,6 +26,8 @@ from navfw.signals import (
     Percept,
     Pose,
     Proposal,
+    SensorReading,
+    Twist,
     Waypoint,
 )
 from navfw.stack import Stack
@@ -33,6 +38,9 @@ from navfw.vision import View, Vision
 
 ROBOT = RobotModel()
 START = Pose(0.0, 0.0, 0.0)
+SHAPE = (ROBOT.camera.height, ROBOT.camera.width)
+"""(rows, columns) of an image."""
+RNG = np.random.default_rng(0)
 GOAL = Waypoint(3.0, 0.0, 0.3, "goal", "goal", final=True)
 LINE = TopoMap(
     "line",
@@ -76,6 +84,17 @@ class Idle(Behavior):
         """A proposal that does not apply."""
         nothing = context.commands.zeros()
         return Proposal(0.0, nothing, nothing, "nothing")
+
+
+class Ahead(Idle):
+    """Desires to drive straight on at full speed."""
+
+    name = "ahead"
+
+    def propose(self, context: Context) -> Proposal:
+        """A proposal that applies in full."""
+        commands = context.commands
+        return Proposal(1.0, commands.around(1.0, 0.0), commands.zeros(), "straight on")
 
 
 class RecordingPlanner(Planner):
@@ -185,3 +204,38 @@ def drive(stack: Stack, seconds: float, simulator: FakeSimulator | None = None) 
         simulator.drive(*ROBOT.wheel_speeds(twist))
         simulator.advance(1.0 / ROBOT.control_rate)
     return simulator
+
+
+@dataclass
+class Rig:
+    """A stack whose planner, localiser and landmark recogniser are records."""
+
+    stack: Stack = field(default_factory=lambda: sample_stack(Idle))
+    planner: RecordingPlanner = field(default_factory=lambda: RecordingPlanner(ROBOT))
+    localizer: RecordingLocalizer = field(default_factory=lambda: RecordingLocalizer(ROBOT))
+    features: RecordingFeatures = field(default_factory=lambda: RecordingFeatures(ROBOT))
+
+    def __post_init__(self) -> None:
+        self.stack.planner.plugin, self.stack.localizer.plugin = self.planner, self.localizer
+        self.stack.features.plugin = self.features
+        self.stack.start(START, [GOAL])
+
+    def step(
+        self,
+        time: float,
+        image: Image | str | None = "noise",
+        *,
+        frame_time: float | None = None,
+        landmark_frame: Frame | None = None,
+        ticks: int = 0,
+    ) -> Twist:
+        """One control tick at ``time`` [s] of a robot whose wheels have turned by ``ticks``."""
+        frame = None
+        if image is not None:
+            pixels = RNG.integers(0, 256, SHAPE, np.uint8) if isinstance(image, str) else image
+            frame = Frame(time if frame_time is None else frame_time, pixels)
+        return self.stack.step(
+            SensorReading(
+                time, Inertial(time, 0, 0, 0), Encoders(time, ticks, ticks), frame, landmark_frame
+            )
+        )

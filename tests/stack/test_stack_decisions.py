@@ -1,9 +1,8 @@
-"""The stack's decisions once a camera frame: from which inputs, when, and when it gives up."""
+"""The stack's decisions once a camera frame: from which inputs, and when."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
@@ -11,87 +10,20 @@ from stack_samples import (
     GOAL,
     LINE,
     ROBOT,
+    SHAPE,
     START,
+    Ahead,
     Idle,
     RecordingFeatures,
-    RecordingLocalizer,
-    RecordingPlanner,
+    Rig,
     ScriptedVision,
-    drive,
     sample_stack,
 )
 
-from navfw.context import Context
 from navfw.offis.offis import Offis
-from navfw.progress_watch import NO_ROUTE_AFTER, STUCK_AFTER
-from navfw.safety import PersistentFailure
-from navfw.signals import (
-    Encoders,
-    Frame,
-    Image,
-    Inertial,
-    LandmarkDetection,
-    MovingObject,
-    Odometry,
-    PassageQuery,
-    Pose,
-    Proposal,
-    SensorReading,
-    Stixels,
-    Twist,
-)
-from navfw.stack import TIMED, Stack
-from navfw.stack_state import StackState
+from navfw.signals import Frame, LandmarkDetection, MovingObject, Odometry, PassageQuery, Twist
 from navfw.testing.behavior_scenes import wall_flow
 from navfw.vision import View
-
-RNG = np.random.default_rng(0)
-SHAPE = (ROBOT.camera.height, ROBOT.camera.width)
-
-
-class Ahead(Idle):
-    """Desires to drive straight on at full speed."""
-
-    name = "ahead"
-
-    def propose(self, context: Context) -> Proposal:
-        commands = context.commands
-        return Proposal(1.0, commands.around(1.0, 0.0), commands.zeros(), "straight on")
-
-
-@dataclass
-class Rig:
-    """A stack whose planner, localiser and landmark recogniser are records."""
-
-    stack: Stack = field(default_factory=lambda: sample_stack(Idle))
-    planner: RecordingPlanner = field(default_factory=lambda: RecordingPlanner(ROBOT))
-    localizer: RecordingLocalizer = field(default_factory=lambda: RecordingLocalizer(ROBOT))
-    features: RecordingFeatures = field(default_factory=lambda: RecordingFeatures(ROBOT))
-
-    def __post_init__(self) -> None:
-        self.stack.planner.plugin, self.stack.localizer.plugin = self.planner, self.localizer
-        self.stack.features.plugin = self.features
-        self.stack.start(START, [GOAL])
-
-    def step(
-        self,
-        time: float,
-        image: Image | str | None = "noise",
-        *,
-        frame_time: float | None = None,
-        landmark_frame: Frame | None = None,
-        ticks: int = 0,
-    ) -> Twist:
-        """One control tick at ``time`` [s] of a robot whose wheels have turned by ``ticks``."""
-        frame = None
-        if image is not None:
-            pixels = RNG.integers(0, 256, SHAPE, np.uint8) if isinstance(image, str) else image
-            frame = Frame(time if frame_time is None else frame_time, pixels)
-        return self.stack.step(
-            SensorReading(
-                time, Inertial(time, 0, 0, 0), Encoders(time, ticks, ticks), frame, landmark_frame
-            )
-        )
 
 
 def test_the_stages_get_what_the_frame_shows() -> None:
@@ -263,171 +195,3 @@ def test_passage_reports_reach_the_planner_at_the_next_frame_once() -> None:
     rig.stack.start(START, [GOAL])
     rig.step(2.0)
     assert rig.planner.reports == []
-
-
-# --- giving up ------------------------------------------------------------------------------------
-
-
-def test_the_stack_gives_up_without_a_route_for_long() -> None:
-    rig = Rig()
-    for time in np.arange(0.0, 3.0, 0.5):
-        rig.step(float(time))
-    rig.planner.reason = "the door is shut"
-    for time in np.arange(3.0, 3.0 + NO_ROUTE_AFTER, 0.5):
-        rig.step(float(time))
-        assert rig.stack.state.stuck is None
-    rig.step(3.0 + NO_ROUTE_AFTER)
-    assert rig.stack.state.stuck == "the door is shut"
-
-
-@pytest.mark.parametrize("change", ["route", "waypoint"])
-def test_a_route_in_between_starts_the_time_without_one_anew(change: str) -> None:
-    rig = Rig()
-    rig.planner.reason = "the door is shut"
-    for time in np.arange(0.0, 15.0, 0.5):
-        rig.step(float(time))
-    if change == "route":
-        rig.planner.reason = None
-    else:
-        rig.localizer.lost = True
-    rig.step(15.0)
-    rig.planner.reason, rig.localizer.lost = "the door is shut", False
-    for time in np.arange(15.5, 35.0, 0.5):
-        rig.step(float(time))
-        assert rig.stack.state.stuck is None
-    # a new mission starts anew as well
-    rig.stack.start(START, [GOAL])
-    rig.planner.reason = "the door is shut"
-    rig.step(40.0)
-    assert rig.stack.state.stuck is None
-
-
-@pytest.mark.parametrize(
-    ("reason", "text"), [(None, ""), ("the door is shut", "; the door is shut")]
-)
-def test_the_stack_gives_up_without_progress(reason: str | None, text: str) -> None:
-    rig = Rig()
-    rig.step(0.0)
-    for time in np.arange(1.0, STUCK_AFTER + 0.1, 1.0):
-        rig.step(float(time))
-        assert rig.stack.state.stuck is None
-    rig.planner.reason = reason
-    rig.step(STUCK_AFTER + 1.0)
-    assert rig.stack.state.stuck == f"no progress toward goal for 61 s{text}"
-
-
-def test_a_lost_robot_is_not_stuck() -> None:
-    rig = Rig()
-    rig.localizer.lost = True
-    for time in np.arange(0.0, 70.0, 1.0):
-        rig.step(float(time))
-    assert rig.stack.state.stuck is None
-
-
-def test_a_sensor_that_has_failed_for_good_is_a_fault() -> None:
-    rig = Rig()
-    rig.step(0.0)
-    rig.step(19.0, None)
-    assert rig.stack.state.fault is None
-    rig.step(21.0, None)
-    assert rig.stack.state.fault == PersistentFailure("sensor", "the camera is silent, for 21 s")
-
-
-# --- what comes out -------------------------------------------------------------------------------
-
-
-def test_the_safety_monitor_has_the_last_word() -> None:
-    rig = Rig(sample_stack(Ahead))
-    simulator = drive(rig.stack, 1.0)
-    driven = rig.stack.step(simulator.read())
-    # nothing beside the footprint has been observed
-    assert rig.stack.verdict.reason == "unobserved space ahead"
-    assert driven == rig.stack.verdict.twist
-    assert rig.stack.state.command is not None
-    assert 0.0 < driven.v < 0.5 * rig.stack.state.command.twist.v
-
-
-def test_wheels_that_are_driven_and_do_not_count_are_silent() -> None:
-    rig = Rig(sample_stack(Ahead))
-    # the odometer compares the encoders with the twist that was driven
-    for k in range(60):
-        rig.step(k / 60.0, "noise" if k % 6 == 0 else None)
-    assert rig.stack.state.odometry is not None
-    assert rig.stack.state.odometry.silent
-
-
-def test_weak_wheels_are_trimmed() -> None:
-    rig = Rig(sample_stack(Ahead))
-    rig.stack.trim._shares = [0.5, 0.5]
-    for k in range(6):
-        rig.step(0.02 * k)
-    assert rig.step(0.12).v == pytest.approx(2.0 * rig.stack.verdict.twist.v)
-
-
-def test_stage_times_are_accounted_for() -> None:
-    stack = sample_stack(Idle)
-    drive(stack, 0.3)
-    assert set(stack.timings) == set(TIMED)
-    spent = {stage for stage, seconds in stack.timings.items() if seconds > 0.0}
-    # flow and perception are of the scripted vision here
-    assert spent == set(TIMED) - {"flow", "perception"}
-    stack.start(START, [GOAL])
-    assert set(stack.timings.values()) == {0.0}
-
-
-def test_a_decision_can_be_explained() -> None:
-    flow = wall_flow(ROBOT, 0.0, 2.0, 20.0, 20.0)
-    percept = Offis(ROBOT).perceive(flow, Twist(0.3, 0.0))
-    one = np.ones(1)
-    stixels = Stixels(0.0, 0.1 * one, one, 0.1 * one, one)
-    view = View(flows=(flow,), percepts=(percept,), stixels=stixels)
-    rig = Rig(sample_stack(Ahead, script=lambda frame, odometry: view))
-    assert rig.stack.explain() == {}
-    rig.step(0.0)
-    explanation = rig.stack.explain()
-    assert explanation["perception"]["sentence"] == percept.sentence
-    assert explanation["perception"]["inference"] == dict(percept.explanation)
-    assert explanation["stixels"] == stixels.explain()
-    assert "ahead" in explanation["behaviors"]
-    # the last decision is explained after the end, too
-    rig.planner.waypoint = None
-    rig.step(0.1)
-    assert rig.stack.state.command is None
-    assert rig.stack.explain() == explanation
-    rig.stack.start(START, [GOAL])
-    assert rig.stack.explain() == {}
-
-
-def located(stack: Stack) -> bool:
-    """Whether the local map of ``stack`` has a position."""
-    return stack.local_map.occupancy.located
-
-
-def test_start_returns_every_part_to_the_start_of_a_run() -> None:
-    person = MovingObject(0.0, 0.0, 0.3, 0.7, np.zeros((2, 2)), np.zeros(2))
-    stack = sample_stack(
-        Ahead,
-        script=lambda frame, odometry: View(moving_objects=(replace(person, time=frame.time),)),
-    )
-    drive(stack, 0.5)
-    vision = stack.vision
-    assert isinstance(vision, ScriptedVision)
-    assert vision.frames
-    assert stack.tracker.tracks
-    assert located(stack)
-    assert stack.mofis.proposals
-    assert stack.verdict.twist != Twist(0.0, 0.0)
-    stack.trim._shares = [0.5, 0.5]
-    stack.start(START, [GOAL])
-    assert stack.state == StackState(time=0.0)
-    assert vision.frames == []
-    assert stack.tracker.tracks == []
-    assert not located(stack)
-    assert stack.mofis.proposals == {}
-    assert stack.mofis.context is None
-    assert stack.verdict.twist == Twist(0.0, 0.0)
-    assert stack.trim.shares == (1.0, 1.0)
-    with pytest.raises(IndexError):
-        stack.history.at(0.0)
-    assert stack.odometer.update(Inertial(9.0, 0, 0, 0), Encoders(9.0, 7, 7)).pose == Pose(0, 0, 0)
-    assert stack.safety.senses.camera_age == 0.0
