@@ -130,6 +130,7 @@ class OccupancyGrid:
         self._weak_sight = False
         self._obstacles: tuple[OccupiedDisc, ...] = ()
         self._clearance: Array | None = None
+        self._clearance_behind: tuple[float, Array] | None = None  # the depth it is for
         self._observed: npt.NDArray[np.uint8] | None = None
         self._footprint_observed: npt.NDArray[np.uint8] | None = None
 
@@ -156,7 +157,7 @@ class OccupancyGrid:
             self.log_odds *= math.exp((self._time - time) / self.params.decay)
         self._time = time
         self._mark_footprint(pose)
-        self._clearance = self._observed = self._footprint_observed = None
+        self._clearance = self._clearance_behind = self._observed = self._footprint_observed = None
 
     def _mark_footprint(self, pose: Pose) -> None:
         """Mark the cells under the robot as free."""
@@ -260,7 +261,7 @@ class OccupancyGrid:
         )
         clamps = p.clamp_min, p.clamp_max
         merge_evidence(self.log_odds, self._hit, self._free, p.hit, p.miss, *clamps)
-        self._clearance = self._observed = self._footprint_observed = None
+        self._clearance = self._clearance_behind = self._observed = self._footprint_observed = None
 
     def _decay_view(self, at: tuple[float, float], yaw: float, time: float) -> None:
         """Decay the free evidence within the view; see ``decay_view``."""
@@ -279,7 +280,7 @@ class OccupancyGrid:
     def set_obstacles(self, discs: tuple[OccupiedDisc, ...]) -> None:
         """Count ``discs`` as occupied until the next call, whatever the log-odds."""
         if discs or self._obstacles:
-            self._clearance = None
+            self._clearance = self._clearance_behind = None
         self._obstacles = discs
 
     # --- reading ---------------------------------------------------------------------------------
@@ -360,8 +361,10 @@ class OccupancyGrid:
 
     def clearance_behind(self, depth: float) -> Array:
         """(n, n) ``clearance`` if cells not observed within ``depth`` [m] of it were occupied."""
-        hidden = (self.observed == 0) & (self.clearance <= depth)
-        return self._distance(hidden | self.occupied)
+        if self._clearance_behind is None or self._clearance_behind[0] != depth:
+            hidden = (self.observed == 0) & (self.clearance <= depth)
+            self._clearance_behind = depth, self._distance(hidden | self.occupied)
+        return self._clearance_behind[1]
 
     def clearance_with(self, discs: tuple[OccupiedDisc, ...]) -> Array:
         """(n, n) ``clearance`` if ``discs`` were occupied as well."""

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from navfw.localmap.occupancy_grid import OccupancyGrid, OccupancyParams
 from navfw.robot import RobotModel
-from navfw.signals import Label, Percept, Pose, Stixels
+from navfw.signals import Label, OccupiedDisc, Percept, Pose, Stixels
 
 ROBOT = RobotModel()
 CAMERA_AHEAD = ROBOT.camera.mount_forward
@@ -228,6 +228,32 @@ def test_clearance_is_the_distance_to_the_nearest_occupied_cell() -> None:
     )
     # OpenCV's 5x5 mask approximates the Euclidean distance to within 2 %
     assert np.allclose(occupancy.clearance, brute, rtol=0.025, atol=0.005)
+
+
+def test_clearance_behind_is_kept_until_evidence_or_obstacles_change() -> None:
+    pose, depth = Pose(0, 0, 0), 0.15
+    seen = [percept_of(0.0, 1.2, Label.OBSTACLE, sigma=0.005)]
+    occupancy = integrated(seen * 6, pose)
+    hidden = occupancy.index(1.3, 0.1)  # not observed, behind what is seen of the wall
+    assert not occupancy.occupied[hidden]
+    assert occupancy.clearance_behind(depth)[hidden] == 0.0
+    assert occupancy.clearance_behind(depth) is occupancy.clearance_behind(depth)
+    assert occupancy.clearance_behind(0.0)[hidden] > 0.0, "another depth is another clearance"
+
+    cell = occupancy.index(-1.0, 0.5)
+    before = occupancy.clearance_behind(depth)
+    occupancy.set_obstacles((OccupiedDisc(-1.0, 0.5, 0.1),))
+    assert occupancy.clearance_behind(depth)[cell] == 0.0
+    occupancy.set_obstacles(())
+    assert np.array_equal(occupancy.clearance_behind(depth), before)
+    for _ in range(6):
+        occupancy.integrate(percept_of(60.0, 1.0, Label.OBSTACLE, sigma=0.005), pose)
+    integrated_more = occupancy.clearance_behind(depth)
+    assert not np.array_equal(integrated_more, before)
+    occupancy.update(pose, 60.0)  # the evidence decays
+    assert not np.array_equal(occupancy.clearance_behind(depth), integrated_more)
+    occupancy.reset()
+    assert (occupancy.clearance_behind(depth) == occupancy.params.extent).all()
 
 
 def test_the_grid_has_no_position_before_the_first_update() -> None:
