@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+from dataclasses import dataclass, replace
 from types import TracebackType
 from typing import Annotated, Any, Self
 
@@ -17,6 +18,9 @@ LINE_PERIOD = 10.0
 REFRESH_PERIOD = 0.1
 """Shortest interval between two pictures of the bar [s]: drawing it takes milliseconds."""
 
+MOVES_PER_SECOND = 2.0
+"""Pictures of a moving bar between updates [1/s]: no second of its clock is left out."""
+
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print no progress.")]
 """The option ``--quiet`` of commands with long work."""
 
@@ -25,17 +29,22 @@ class ProgressBar:
     """Shows ``update`` or ``show_part``; nothing before the first one, and nothing with ``quiet``.
 
     ``work`` says what is done, ``unit`` what ``update`` counts. Rate and time left are means since
-    the first update; no time left is given before something is done. There is no thread. Where
-    stdout is the same terminal, what is printed there while the bar is shown appears above it.
+    the first update; no time left is given before something is done. Where stdout is the same
+    terminal, what is printed there while the bar is shown appears above it.
+
+    A ``moving`` bar goes on between updates: a thread draws time elapsed and time left. It is for
+    work of other processes, which the drawing does not disturb.
     """
 
-    def __init__(self, work: str, unit: str = "", *, quiet: bool = False) -> None:
+    def __init__(
+        self, work: str, unit: str = "", *, quiet: bool = False, moving: bool = False
+    ) -> None:
         self._work = work
         self._unit = unit
         self._quiet = quiet
+        self._moving = moving
         self._part = ""
-        self._began: float | None = None
-        self._first = 0
+        self._count: _Count | None = None
         self._next_line = 0.0
         self._next_picture = 0.0
         self._bar: Any = None
@@ -61,21 +70,21 @@ class ProgressBar:
         if self._quiet:
             return
         clock = time.monotonic()
-        if self._began is None:
-            self._began, self._first = clock, done
+        if self._count is None:
+            unit = "" if self._part else f" {self._unit}"
+            self._count = _Count(unit, done, total, done, clock, clock)
             if self._bar is None and sys.stderr.isatty():
                 self._start()
-        count = self._count(done, total, clock - self._began)
+        self._count = replace(self._count, done=done, total=total, updated=clock)
         if self._bar is not None:
-            if clock < self._next_picture and not done == total > 0:
-                return
-            self._next_picture = clock + REFRESH_PERIOD
-            shown = {"count": count, "now": now or self._part}
+            shown = {"count": self._count, "now": now or self._part}
             self._bar.update(self._task, completed=done, total=total or None, **shown)
-            self._bar.refresh()
+            if clock >= self._next_picture or done == total > 0:
+                self._next_picture = clock + REFRESH_PERIOD
+                self._bar.refresh()
         elif clock >= self._next_line or done == total > 0:
             self._next_line = clock + LINE_PERIOD
-            parts = (part for part in (self._part, count, now) if part)
+            parts = (part for part in (self._part, self._count.text(clock), now) if part)
             typer.echo(f"{self._work}: {': '.join(parts)}", err=True)
 
     def show_part(self, part: str, done: int = 0, total: int = 0) -> None:
@@ -84,40 +93,64 @@ class ProgressBar:
         A part with a ``total`` of 0 has nothing to count.
         """
         if part != self._part:
-            self._part, self._began, self._next_line, self._next_picture = part, None, 0.0, 0.0
+            self._part, self._count, self._next_line, self._next_picture = part, None, 0.0, 0.0
         self.update(done, total)
-
-    def _count(self, done: int, total: int, elapsed: float) -> str:
-        """What is done, with rate and time left as far as known."""
-        if not total and not done:
-            return ""
-        unit = "" if self._part else f" {self._unit}"
-        text = f"{done} of {total}{unit}" if total else f"{done}{unit}"
-        new = done - self._first
-        if new <= 0 or elapsed <= 0.0:
-            return text
-        rate = new / elapsed
-        text += f", {rate:.1f}/s" if rate >= 0.1 else f", {60.0 * rate:.2g}/min"
-        return f"{text}, {_duration((total - done) / rate)} left" if done < total else text
 
     def _start(self) -> None:
         from rich.console import Console
-        from rich.progress import BarColumn, Progress, TextColumn
+        from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
         from rich.table import Column
 
         now = Column(no_wrap=True, overflow="ellipsis")
         self._bar = Progress(
             TextColumn("{task.description}", markup=False),
             BarColumn(20),
+            *([TimeElapsedColumn()] if self._moving else []),
             TextColumn("{task.fields[count]}", markup=False),
             TextColumn("{task.fields[now]}", markup=False, table_column=now),
             console=Console(stderr=True),
-            auto_refresh=False,
+            auto_refresh=self._moving,
+            refresh_per_second=MOVES_PER_SECOND,
             transient=True,
             redirect_stdout=sys.stdout.isatty(),  # a file gets its lines, not the terminal
         )
         self._task = self._bar.add_task(self._work, count="", now="")
         self._bar.start()
+
+
+@dataclass(frozen=True)
+class _Count:
+    """What was done at the last update, ``updated`` [s], of work that began with ``first`` done."""
+
+    unit: str
+    done: int
+    total: int
+    first: int
+    began: float
+    updated: float
+
+    def __str__(self) -> str:
+        """The text now: a moving bar draws it between updates."""
+        return self.text(time.monotonic())
+
+    def text(self, clock: float) -> str:
+        """What is done, with rate and time left at ``clock`` [s] as far as known.
+
+        Between updates the time left goes down until the next one is due by the mean interval; an
+        interval that lasts longer counts in the mean.
+        """
+        done, total = self.done, self.total
+        if not total and not done:
+            return ""
+        text = f"{done} of {total}{self.unit}" if total else f"{done}{self.unit}"
+        new = done - self.first
+        if new <= 0 or self.updated <= self.began:
+            return text
+        interval = max((self.updated - self.began) / new, (clock - self.began) / (new + 1))
+        rate = 1.0 / interval
+        text += f", {rate:.1f}/s" if rate >= 0.1 else f", {60.0 * rate:.2g}/min"
+        left = (total - done) * interval - min(clock - self.updated, interval)
+        return f"{text}, {_duration(left)} left" if done < total else text
 
 
 def _duration(seconds: float) -> str:

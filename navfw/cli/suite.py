@@ -154,7 +154,7 @@ def suite(
             if runner is None:
                 with interruptible():  # workers would wait for it in silence
                     compile_with_progress(loaded=True, quiet=quiet)
-            with ProgressBar(plan.suite, "runs", quiet=quiet) as bar:
+            with ProgressBar(plan.suite, "runs", quiet=quiet, moving=True) as bar:
                 drive = partial(run_suite, workers=workers, limit=limit, memory=memory)
                 drive = partial(drive, keep=keep.value, record=record.value)
                 shown = _RunCount(bar, plan.cases, have).add

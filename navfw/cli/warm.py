@@ -29,7 +29,7 @@ def compile_with_progress(*, loaded: bool = False, quiet: bool = False) -> int:
     """
     from navfw.kernels import CompilationState, compile_kernels
 
-    with ProgressBar("compiling", "kernels", quiet=quiet) as bar:
+    with ProgressBar("compiling", "kernels", quiet=quiet, moving=True) as bar:
 
         def show(state: CompilationState) -> None:
             bar.update(state.done, state.total, state.now)

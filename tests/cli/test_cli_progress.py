@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import io
 import sys
+import threading
 import time
+from types import SimpleNamespace
 
 import pytest
 import typer
@@ -147,3 +149,56 @@ def test_a_bar_on_a_terminal_shows_names_whole(monkeypatch: pytest.MonkeyPatch) 
     assert "array [m]" in screen.getvalue()
     assert "1 of 4 kernels, " in screen.getvalue()
     assert " s left" in screen.getvalue()
+
+
+def _wait_for(screen: io.StringIO, text: str) -> None:
+    """Until the bar on ``screen`` shows ``text``; fails after 10 s."""
+    end = time.monotonic() + 10.0
+    while text not in screen.getvalue():
+        assert time.monotonic() < end, f"{text} is not in {screen.getvalue()!r}"
+        time.sleep(0.01)
+
+
+def test_a_moving_bar_shows_elapsed_time_and_time_left_between_updates(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    screen = io.StringIO()
+    monkeypatch.setattr(screen, "isatty", lambda: True)
+    monkeypatch.setattr(sys, "stderr", screen)
+    monkeypatch.setenv("COLUMNS", "120")
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setattr(progress_bar, "MOVES_PER_SECOND", 50.0)
+    clock = [100.0]
+    monkeypatch.setattr(progress_bar, "time", SimpleNamespace(monotonic=lambda: clock[0]))
+    threads = threading.active_count()
+    with ProgressBar("rooms", "runs", moving=True) as bar:
+        bar.update(0, 5)
+        _wait_for(screen, "0:00:01")  # the first run is not over yet
+        assert "left" not in screen.getvalue()
+        clock[0] = 110.0
+        bar.update(1, 5)
+        _wait_for(screen, "1 of 5 runs, 0.1/s, 40 s left")
+        clock[0] = 114.0
+        _wait_for(screen, "1 of 5 runs, 0.1/s, 36 s left")
+        # a run that takes three times as long as the first one counts in the rate
+        clock[0] = 140.0
+        _wait_for(screen, "1 of 5 runs, 3/min, 60 s left")
+    end = time.monotonic() + 10.0
+    while threading.active_count() > threads:
+        assert time.monotonic() < end, "the thread that draws has not ended"
+        time.sleep(0.01)
+
+
+def test_a_moving_bar_without_a_terminal_is_lines(
+    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock = iter([0.0, 60.0, 120.0])
+    monkeypatch.setattr(time, "monotonic", lambda: next(clock))
+    with ProgressBar("rooms", "runs", moving=True) as bar:
+        for done in range(3):
+            bar.update(done, 3)
+    assert capfd.readouterr() == (
+        "",
+        "rooms: 0 of 3 runs\nrooms: 1 of 3 runs, 1/min, 2 min left\n"
+        "rooms: 2 of 3 runs, 1/min, 60 s left\n",
+    )
