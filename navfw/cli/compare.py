@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from navfw.cli.options import Json
+from navfw.cli.options import Json, VariantA, VariantB
 from navfw.cli.output import print_json, print_status
 from navfw.errors import InputError
 
@@ -32,8 +32,8 @@ FailIfWorse = Annotated[
 def compare(
     a: Annotated[Path, typer.Argument(help="table.csv of a suite, or its folder.")],
     b: Annotated[Path, typer.Argument(help="Another one, with the same seeds.")],
-    variant_a: Annotated[str | None, typer.Option(help="Use only this variant of A.")] = None,
-    variant_b: Annotated[str | None, typer.Option(help="Use only this variant of B.")] = None,
+    variant_a: VariantA = None,
+    variant_b: VariantB = None,
     fail_if_worse: FailIfWorse = None,
     json: Json = False,
 ) -> None:
@@ -89,11 +89,15 @@ def _print_comparison(found: dict[str, Any]) -> None:
     from navfw.suite.summary_table import comparison_rows
 
     typer.echo(f"{found['pairs']} pairs, {found['unpaired']} unpaired runs")
-    for name, a, b, difference in comparison_rows(found):
-        typer.echo(f"{name:<10} {a} -> {b}" + (f"  ({difference})" if difference else ""))
+    rows = comparison_rows(found)
+    width = max(10, *(len(name) for name, *_ in rows))
+    for name, a, b, difference in rows:
+        typer.echo(f"{name:<{width}} {a} -> {b}" + (f"  ({difference})" if difference else ""))
     for word in ("lost", "worse", "gained", "better"):
         for run in found[word][:MAX_SHOWN]:
             where = f"{run['entry']} / {run['world']} / {run['mission']}, seed {run['seed']}"
+            if "by_configuration" in found:
+                where += f", {run['variant'] or run['stack']}"
             reached = word in {"worse", "better"}
             why = f"SPL {run['spl']:.2f}" if reached else f"{run['outcome']}: {run['cause']}"
             typer.echo(f"  {word}: {where} ({why}) {run['picture']}".rstrip())

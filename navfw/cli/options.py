@@ -27,6 +27,8 @@ __all__ = [
     "Recorded",
     "Robot",
     "Stack",
+    "VariantA",
+    "VariantB",
     "Video",
     "World",
     "of_robot",
@@ -58,6 +60,12 @@ Robot = Annotated[
         help="Name or file of a robot [default: that of the mission, or default].",
         autocompletion=complete_robot,
     ),
+]
+VariantA = Annotated[
+    str | None, typer.Option(help="Use only this variant of A.", show_default=False)
+]
+VariantB = Annotated[
+    str | None, typer.Option(help="Use only this variant of B.", show_default=False)
 ]
 NoiseSeed = Annotated[int, typer.Option(min=0, help="Seed of all noise.")]
 Json = Annotated[

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from navfw.cli.options import VariantA, VariantB
 from navfw.cli.output import print_status, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.errors import InputError
@@ -15,6 +16,9 @@ if TYPE_CHECKING:
     from navfw.suite.suite_folder import SuiteFolder
 
 __all__ = ["add_to"]
+
+Variants = tuple[str | None, str | None]
+"""The variants of A and B to compare; None for all."""
 
 
 def add_to(app: typer.Typer) -> None:
@@ -39,6 +43,8 @@ def report(
             show_default=False,
         ),
     ] = None,
+    variant_a: VariantA = None,
+    variant_b: VariantB = None,
     quiet: Quiet = False,
 ) -> None:
     """Write a report of a run, of a suite, or of two suites side by side, as one HTML file.
@@ -47,14 +53,19 @@ def report(
     """
     if len(folder) > 2:
         raise typer.BadParameter("at most two folders", param_hint="RUN|SUITE...")
+    if len(folder) < 2 and (variant_a or variant_b):
+        name = "--variant-a" if variant_a else "--variant-b"
+        raise typer.BadParameter("needs two suites to compare", param_hint=name)
     with quiet_stdout(), ProgressBar("report", "recorded runs", quiet=quiet) as bar:
-        target, notes = _write(folder, out, bar)
+        target, notes = _write(folder, (variant_a, variant_b), out, bar)
     for what in notes:
         print_status(f"navfw: left out: {what}")
     typer.echo(f"report: {target}")
 
 
-def _write(folders: list[Path], out: Path | None, bar: ProgressBar) -> tuple[Path, list[str]]:
+def _write(
+    folders: list[Path], variants: Variants, out: Path | None, bar: ProgressBar
+) -> tuple[Path, list[str]]:
     """Write the report; returns its file, and what is wrong with pictures and recordings."""
     from navfw.atomic import output_file, write_text
     from navfw.recording.run_folder import REPORT
@@ -73,14 +84,14 @@ def _write(folders: list[Path], out: Path | None, bar: ProgressBar) -> tuple[Pat
         what = "is the folder of a run; two suites can be compared"
         raise InputError(what, file=folders[of_run.index(True)])
     else:
-        text, notes = _suite_text(suites, target.parent)
+        text, notes = _suite_text(suites, variants, target.parent)
         for suite in suites:
             notes += _write_run_reports(suite, bar)
     write_text(target, text)
     return target, notes
 
 
-def _suite_text(suites: list[SuiteFolder], page: Path) -> tuple[str, list[str]]:
+def _suite_text(suites: list[SuiteFolder], variants: Variants, page: Path) -> tuple[str, list[str]]:
     """The page of one suite, or of two; and what is wrong with pictures."""
     if len(suites) == 1:
         from navfw.report.suite_page import suite_report
@@ -88,7 +99,7 @@ def _suite_text(suites: list[SuiteFolder], page: Path) -> tuple[str, list[str]]:
         return suite_report(suites[0], page)
     from navfw.report.comparison_page import comparison_report
 
-    return comparison_report(suites[0], suites[1], page)
+    return comparison_report(suites[0], suites[1], page, variants)
 
 
 def _write_run_reports(suite: SuiteFolder, bar: ProgressBar) -> list[str]:

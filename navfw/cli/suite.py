@@ -251,8 +251,7 @@ def _print_summary(summary: dict[str, Any], rows: tuple[RunRow, ...]) -> None:
         typer.echo(f"{count:5d} x {cause:<28} seeds {some}")
     failed = [row for row in rows if not row.succeeded]
     for row in failed[:MAX_SHOWN]:
-        stack = row.variant or row.stack
-        run = f"{row.entry} / {row.world} / {row.mission}, seed {row.seed}, {stack}"
+        run = f"{row.entry} / {row.world} / {row.mission}, seed {row.seed}, {row.configuration}"
         typer.echo(f"  {run}: {row.outcome} ({row.cause}): {row.reason}")
     if len(failed) > MAX_SHOWN:
         typer.echo(f"  and {len(failed) - MAX_SHOWN} more")

@@ -9,26 +9,39 @@ from navfw.errors import InputError
 from navfw.report.report_page import render_page
 from navfw.report.run_lines import RunLine, RunLines, relative_link
 from navfw.report.suite_page import finished_rows
-from navfw.suite.paired_comparison import PairedChanges, RunPair, compare_tables, pair_up
+from navfw.suite.paired_comparison import (
+    PairedChanges,
+    RunPair,
+    compare_tables,
+    of_variant,
+    pair_up,
+)
 from navfw.suite.suite_folder import SuiteFolder
 from navfw.suite.summary_table import comparison_rows
 
 __all__ = ["comparison_report"]
 
 
-def comparison_report(first: SuiteFolder, second: SuiteFolder, page: Path) -> tuple[str, list[str]]:
+def comparison_report(
+    first: SuiteFolder,
+    second: SuiteFolder,
+    page: Path,
+    variants: tuple[str | None, str | None] = (None, None),
+) -> tuple[str, list[str]]:
     """The report of two suites over the same runs, and what is wrong with pictures.
 
-    Links to pictures are relative to ``page``, the folder that the file will be in.
+    Of each suite one of the ``variants`` is compared, or all by name. Links to pictures are
+    relative to ``page``, the folder that the file will be in.
 
     Raises:
         ConfigError: journal or table of one of them are empty or damaged.
-        InputError: they have no run in common.
+        InputError: they have no run in common, or no such variant.
 
     """
     suites = (first, second)
-    rows = tuple(finished_rows(suite) for suite in suites)
+    finished = [finished_rows(suite) for suite in suites]
     try:
+        rows = [of_variant(*chosen) for chosen in zip(finished, variants, strict=True)]
         found = compare_tables(*rows)
     except InputError as error:
         raise InputError(f"{first.path}, {second.path}: {error}") from None
@@ -36,13 +49,18 @@ def comparison_report(first: SuiteFolder, second: SuiteFolder, page: Path) -> tu
     changes = PairedChanges.of(pairs)
     neither = [pair for pair in pairs if not pair.a.succeeded and not pair.b.succeeded]
     lines = tuple(RunLines(suite, page) for suite in suites)
+    names = [
+        f"{suite.path}, {variant}" if variant else str(suite.path)
+        for suite, variant in zip(suites, variants, strict=True)
+    ]
     content = render_page(
         "comparison_page.html",
-        title=f"{first.path} and {second.path}",
+        title=" and ".join(names),
         suites=[
-            (name, str(suite.path), relative_link(suite.report, page))
-            for name, suite in zip("AB", suites, strict=True)
+            (letter, name, relative_link(suite.report, page))
+            for letter, name, suite in zip("AB", names, suites, strict=True)
         ],
+        several="by_configuration" in found,
         pairs=found["pairs"],
         unpaired=found["unpaired"],
         numbers=comparison_rows(found),

@@ -50,7 +50,7 @@ def suite_report(folder: SuiteFolder, page: Path) -> tuple[str, list[str]]:
         groups=groups,
         reached=lines.of(reached[:MAX_REACHED]),
         more=max(0, len(reached) - MAX_REACHED),
-        several_stacks=len({row.variant or row.stack for row in rows}) > 1,
+        several_stacks=len({row.configuration for row in rows}) > 1,
     )
     return content, lines.damaged
 

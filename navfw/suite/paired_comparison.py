@@ -30,6 +30,11 @@ class RunPair:
         """SPL of B minus that of A; 0 for a run without a result."""
         return (self.b.spl or 0.0) - (self.a.spl or 0.0)
 
+    @property
+    def configuration(self) -> str:
+        """Variant, or stack, of B; "" where A was driven with another."""
+        return self.b.configuration if self.a.configuration == self.b.configuration else ""
+
     def loss(self) -> tuple[bool, float]:
         """A key that sorts the worst pairs first: new collisions, then the loss of SPL."""
         return not (self.b.collisions and not self.a.collisions), self.spl_difference
@@ -112,7 +117,8 @@ def pair_up(first: Sequence[RunRow], second: Sequence[RunRow]) -> list[RunPair]:
     if not pairs:
         what = "entry, world, mission, seed" + (", stack" if by_stack else "")
         what += ", variant" if by_variant else ""
-        raise InputError(f"the tables have no run in common (same {what})")
+        chosen = "; --variant-a and --variant-b choose one of each" if by_variant else ""
+        raise InputError(f"the tables have no run in common (same {what}){chosen}")
     return pairs
 
 
@@ -122,13 +128,25 @@ def compare_tables(first: Sequence[RunRow], second: Sequence[RunRow]) -> dict[st
     ``p`` is that of McNemar's exact test on success. ``spl_difference`` is the median over all
     pairs; ``time_difference_s`` and ``time_ratio`` are medians over the pairs in which both runs
     succeeded. All differences have an interval of 95 %, None for too few pairs. ``lost``,
-    ``worse``, ``gained`` and ``better`` list the runs of ``PairedChanges``.
+    ``worse``, ``gained`` and ``better`` list the runs of ``PairedChanges``. With several variants
+    in both tables, or several stacks, ``by_configuration`` has the same of each.
 
     Raises:
         InputError: no run is in both tables.
 
     """
     pairs = pair_up(first, second)
+    found = {**_numbers(pairs), "unpaired": len(first) + len(second) - 2 * len(pairs)}
+    names = dict.fromkeys(pair.configuration for pair in pairs)
+    if len(names) > 1 and "" not in names:
+        found["by_configuration"] = {
+            name: _numbers([pair for pair in pairs if pair.configuration == name]) for name in names
+        }
+    return found
+
+
+def _numbers(pairs: Sequence[RunPair]) -> dict[str, Any]:
+    """The comparison of ``pairs``, at least one."""
     changes = PairedChanges.of(pairs)
     lost, gained = len(changes.lost), len(changes.gained)
     times = [
@@ -141,7 +159,6 @@ def compare_tables(first: Sequence[RunRow], second: Sequence[RunRow]) -> dict[st
     success_b = sum(pair.b.succeeded for pair in pairs) / count
     return {
         "pairs": count,
-        "unpaired": len(first) + len(second) - 2 * count,
         "success_a": success_a,
         "success_b": success_b,
         "success_difference": success_b - success_a,
@@ -174,6 +191,8 @@ def _named(row: RunRow) -> dict[str, Any]:
         "world": row.world,
         "mission": row.mission,
         "seed": row.seed,
+        "stack": row.stack,
+        "variant": row.variant,
         "outcome": row.outcome,
         "cause": row.cause,
         "spl": row.spl,

@@ -111,6 +111,11 @@ class RunRow:
         return RunKey(self.entry, self.world, self.mission, self.seed, self.stack, self.variant)
 
     @property
+    def configuration(self) -> str:
+        """The variant that was driven; the stack, in a suite without variants."""
+        return self.variant or self.stack
+
+    @property
     def setting(self) -> tuple[str, ...]:
         """What the run was made in: its key without the seed, nor the world that a seed makes."""
         world = "" if self.family else self.world

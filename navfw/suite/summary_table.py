@@ -66,7 +66,18 @@ def _passes(part: Mapping[str, Any]) -> str:
 
 
 def comparison_rows(found: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
-    """Name, value of A, value of B, and the difference with its interval, of ``compare_tables``."""
+    """Name, value of A, value of B, and the difference with its interval, of ``compare_tables``.
+
+    Success and SPL of each variant, or stack, come last.
+    """
+    rows = _pair_rows(found)
+    for name, part in found.get("by_configuration", {}).items():
+        rows += [(f"{name}: {what}", a, b, by) for what, a, b, by in _pair_rows(part)[:2]]
+    return rows
+
+
+def _pair_rows(found: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
+    """Success, SPL, time where there are some, and collisions of pairs."""
     success = _difference(found["success_difference"], found["success_interval"], 100.0, 1, " %")
     rows = [
         (

@@ -144,6 +144,47 @@ def test_two_suites_stand_side_by_side(suite: Path, later: Path) -> None:
     assert f"reports    {suite / 'table.md'}" not in shown
 
 
+@pytest.fixture
+def ablations(tmp_path: Path) -> Path:
+    """A suite with two variants: ``paper`` gets stuck with seeds 2 and 3."""
+    rows = [row(seed, variant="default", picture="") for seed in (1, 2, 3)]
+    rows += [row(1, variant="paper")]
+    rows += [row(seed, "stuck", cause="standstill", variant="paper") for seed in (2, 3)]
+    return write_suite(tmp_path / "ablations", rows)
+
+
+def test_two_variants_of_a_suite_stand_side_by_side(ablations: Path) -> None:
+    words = ("--variant-a", "default", "--variant-b", "paper")
+    done = invoke("report", ablations, ablations, *words)
+    assert (done.exit_code, done.stderr) == (0, "")
+    page = (ablations / "comparison.html").read_text(encoding="utf-8")
+    assert f"{ablations}, default and {ablations}, paper" in page
+    assert re.findall(r"<h2>(.+?)</h2>", page)[:2] == ["Lost: 2", "Worse: 0"]
+    assert "<th>stack</th>" not in page
+
+
+def test_suites_with_variants_are_compared_variant_by_variant(
+    ablations: Path, tmp_path: Path
+) -> None:
+    before = [row(seed, variant=name) for name in ("default", "paper") for seed in (1, 2, 3)]
+    suites = (write_suite(tmp_path / "before", before), ablations)
+    assert invoke("report", *suites).exit_code == 0
+    page = (ablations / "comparison.html").read_text(encoding="utf-8")
+    numbers = re.findall(r"<tr><td>(.+?)</td><td>(.+?)</td><td>(.+?)</td>", page)
+    assert numbers[0] == ("success", "100.0 %", "66.7 %")
+    assert numbers[-4:-2] == [
+        ("default: success", "100.0 %", "100.0 %"),
+        ("default: SPL", "0.900", "0.900"),
+    ]
+    assert numbers[-2] == ("paper: success", "100.0 %", "33.3 %")
+    assert re.findall(r'data-run="([^"]+)"', page) == [
+        f"rooms / rooms-{seed} / cross, seed {seed}, paper" for seed in (2, 3)
+    ]
+    shown = invoke("compare", *suites).stdout
+    assert "paper: success   100.0 % -> 33.3 %" in shown
+    assert "lost: rooms / rooms-2 / cross, seed 2, paper (stuck" in shown
+
+
 def test_compare_names_the_reports_that_are_there(suite: Path, later: Path) -> None:
     invoke("report", suite)
     shown = invoke("compare", suite, later).stdout
@@ -235,6 +276,9 @@ def empty(folder: Path) -> None:
         (["a", "damaged"], "a row differs from its checksum"),
         (["empty"], "empty: no run of the suite has ended yet"),
         (["a", "other"], "a, other: the tables have no run in common"),
+        (["variants", "a"], "variant); --variant-a and --variant-b choose one of each"),
+        (["variants", "a", "--variant-a", "papr"], "did you mean 'paper'"),
+        (["a", "--variant-b", "paper"], "needs two suites to compare"),
         (["a", "--out", "a"], "expected a file to write, got a folder"),
         (["a", "--out", "foreign/file/page.html"], "cannot be written"),
     ],
@@ -246,6 +290,7 @@ def test_bad_input_gives_one_message_and_writes_nothing(
     for name in ("a", "damaged", "empty"):
         write_suite(tmp_path / name, [pictured(1, "stuck")])
     write_suite(tmp_path / "other", [row(1, entry="maze")])
+    write_suite(tmp_path / "variants", [row(1, variant=name) for name in ("default", "paper")])
     damage(tmp_path / "damaged")
     empty(tmp_path / "empty")
     for name in ("foreign/file", "run/result.json"):

@@ -144,7 +144,13 @@ def test_variants_are_compared_with_each_other() -> None:
     found = compare_tables(of_variant(table, "default"), of_variant(table, "paper"))
     assert found["pairs"] == 8
     assert len(found["lost"]) == 6
-    assert compare_tables(table, table)["pairs"] == 16
+    both = compare_tables(table, table)
+    assert both["pairs"] == 16
+    assert {name: part["success_b"] for name, part in both["by_configuration"].items()} == {
+        "default": 1.0,
+        "paper": 0.25,
+    }
+    assert "by_configuration" not in found
     with pytest.raises(UnknownNameError, match="did you mean 'paper'"):
         of_variant(table, "papre")
 
