@@ -275,7 +275,7 @@ class Stack:
             finished=finished,
             unsure=self._progress.unsure,
             stuck=self._progress.give_up_reason,
-            sight_trouble=self.local_map.sight.trouble,
+            sight=self.local_map.sight.judgement,
             faults=tuple(str(fault) for fault in self.guard.faults),
             landmark_detections=detections,
             detection_counts=counted(self.state.detection_counts, detections),

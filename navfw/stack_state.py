@@ -15,6 +15,7 @@ from navfw.signals import (
     Odometry,
     Percept,
     Proposal,
+    Sight,
     Stixels,
     Waypoint,
 )
@@ -28,9 +29,9 @@ class StackState:
 
     ``flows`` are the newest derotated flow fields; ``stuck`` is why the stack gave up, ``fault``
     which sensor has failed for good, or None. ``unsure`` is whether the robot is at its goal by an
-    estimate that is too uncertain to say so. ``sight_trouble`` is what the camera does not show of
-    the path ahead, or empty. ``landmark_detections`` are those of the last frame,
-    known to the map or not; ``detection_counts`` counts all so far, by identity.
+    estimate that is too uncertain to say so. ``sight`` is how well the camera shows the path ahead.
+    ``landmark_detections`` are those of the last frame, known to the map or not;
+    ``detection_counts`` counts all so far, by identity.
     """
 
     time: float
@@ -47,7 +48,7 @@ class StackState:
     finished: bool = False
     stuck: str | None = None
     unsure: bool = False
-    sight_trouble: str = ""
+    sight: Sight = Sight.ENOUGH
     fault: PersistentFailure | None = None
     faults: tuple[str, ...] = ()
     landmark_detections: tuple[LandmarkDetection, ...] = ()

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from navfw.robot import RobotModel
-from navfw.signals import Array, Image, Percept
+from navfw.signals import Array, Image, Percept, Sight
 
 __all__ = ["PathSight"]
 
@@ -25,6 +25,9 @@ Usual texture gives nearly all cells, and edges between surfaces without texture
 FAINT = 7.0
 """Contrast [grey levels] of the path's image below which sight is weak. Usual texture gives 15 and
 more, a contrast of 6 under a noise of 2 about 5.5, a contrast of 3 about 3.3."""
+BARE = 0.6
+"""Covariance of neighbouring pixels [grey levels^2] of the path's image below which it shows noise
+alone. A contrast of 3 gives 1 and more, surfaces without texture 0.5 at most, at any noise."""
 CLEAR = 12.0
 """Contrast [grey levels] from which on the path is seen whatever share of its cells is matched:
 cells without a match are then out of the flow's range, as those of near floor under a low camera,
@@ -43,6 +46,8 @@ class PathSight:
     """``texture``: the share of the path's cells that the newest percepts have matched.
 
     ``contrast`` [grey levels]: the median standard deviation of the path's image in small windows.
+    ``covariance`` [grey levels^2]: the median covariance of horizontal neighbours in them. Texture
+    that the lens resolves is alike from one pixel to the next, noise is not.
 
     The path is the floor that the robot would drive over. A cell of the image that shows it, or
     what stands on it, has a confidence above 0 only with texture above the noise.
@@ -65,7 +70,7 @@ class PathSight:
     def reset(self) -> None:
         """Back to the start of a run: before the first percept there is no judgement."""
         self.texture = 1.0
-        self.contrast = math.inf
+        self.contrast = self.covariance = math.inf
         self._first = True
 
     @property
@@ -76,19 +81,19 @@ class PathSight:
     @property
     def none(self) -> bool:
         """Whether next to nothing of the path is seen."""
-        return self.texture < SEEN and not self._clear
+        unmatched = self.texture < SEEN and not self._clear
+        return unmatched or (self.contrast < FAINT and self.covariance < BARE)
 
     @property
     def _clear(self) -> bool:
         return CLEAR <= self.contrast < math.inf
 
     @property
-    def trouble(self) -> str:
-        """What a person should know about the sight of the path; empty where it is good."""
-        if not self.weak:
-            return ""
-        seen = "nothing" if self.none else "little"
-        return f"{seen} is seen of the path ahead: too little texture above the noise"
+    def judgement(self) -> Sight:
+        """How well the path is seen."""
+        if self.none:
+            return Sight.NOTHING
+        return Sight.LITTLE if self.weak else Sight.ENOUGH
 
     def observe(self, percept: Percept) -> None:
         """Take in the newest percept."""
@@ -105,10 +110,12 @@ class PathSight:
         """Take in the newest valid image."""
         if not self._centres.size:
             return  # a camera that sees no floor
-        contrast = math.sqrt(_median_variance(image, self._centres, self._half))
+        variance, covariance = _median_spread(image, self._centres, self._half)
+        contrast = math.sqrt(variance)
         if math.isinf(self.contrast):
-            self.contrast = contrast
+            self.contrast, self.covariance = contrast, covariance
         self.contrast += SHARE * (contrast - self.contrast)
+        self.covariance += SHARE * (covariance - self.covariance)
 
     def _path_of(self, points: Array) -> npt.NDArray[np.bool_]:
         """(rows, cols) True for cells whose rays meet the floor of the path."""
@@ -122,23 +129,32 @@ class PathSight:
 
 
 @numba.njit(cache=True)
-def _median_variance(
+def _median_spread(
     image: Image, centres: npt.NDArray[np.int64], half: int
-) -> float:  # pragma: no cover - compiled
-    """Median variance of the grey values in windows around ``centres`` (n, 2) [px: x, y].
+) -> tuple[float, float]:  # pragma: no cover - compiled
+    """Medians over windows around ``centres`` (n, 2) [px: x, y] of the grey values' variance.
 
-    The windows reach ``half`` pixels to each side, and end at the image's border.
+    And of the covariance of horizontal neighbours. The windows reach ``half`` pixels to each side,
+    and end at the image's border.
     """
     height, width = image.shape
-    variances = np.empty(centres.shape[0])
+    variances, covariances = np.empty(centres.shape[0]), np.empty(centres.shape[0])
     for k in range(centres.shape[0]):
         left, right = max(centres[k, 0] - half, 0), min(centres[k, 0] + half + 1, width)
         top, bottom = max(centres[k, 1] - half, 0), min(centres[k, 1] + half + 1, height)
-        total, squares = 0, 0
+        total, squares, products, first, last = 0, 0, 0, 0, 0
         for y in range(top, bottom):
-            for grey in image[y, left:right]:
-                total += int(grey)
-                squares += int(grey) * int(grey)
+            before = 0
+            for x in range(left, right):
+                grey = int(image[y, x])
+                total += grey
+                squares += grey * grey
+                products += grey * before
+                before = grey
+            first += int(image[y, left])
+            last += before
         pixels = (right - left) * (bottom - top)
+        pairs = pixels - (bottom - top)
         variances[k] = (pixels * squares - total * total) / (pixels * pixels)
-    return float(np.median(variances))
+        covariances[k] = (pairs * products - (total - first) * (total - last)) / (pairs * pairs)
+    return float(np.median(variances)), float(np.median(covariances))

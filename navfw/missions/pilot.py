@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 from navfw.safety import PersistentFailure
-from navfw.signals import Belief, Command, Percept, Pose, SensorReading, Twist, Waypoint
+from navfw.signals import Belief, Command, Percept, Pose, SensorReading, Sight, Twist, Waypoint
 
 __all__ = ["Pilot", "PilotState", "Simulator"]
 
@@ -29,7 +29,7 @@ class PilotState(Protocol):
     @property
     def unsure(self) -> bool: ...  # noqa: D102
     @property
-    def sight_trouble(self) -> str: ...  # noqa: D102
+    def sight(self) -> Sight: ...  # noqa: D102
     @property
     def fault(self) -> PersistentFailure | None:
         """What has failed for good, or None."""

@@ -254,6 +254,7 @@ class MissionLoop:
             leader=self.leader,
             emergency=command is not None and (command.emergency or self.leader == EMERGENCY),
             belief=state.belief,
+            sight=state.sight,
         )
         for observer in self.observers:
             observer.observe(reading, twist, pose)
@@ -330,7 +331,7 @@ class MissionLoop:
         return replace(self._verdict(Outcome.FAULT, reason), fault=kind, trace=trace)
 
     def _verdict(self, outcome: Outcome, reason: str) -> MissionVerdict:
-        trouble = self.pilot.state.sight_trouble
+        trouble = self.pilot.state.sight.trouble
         if trouble and outcome in (Outcome.STUCK, Outcome.TIMEOUT):
             reason = f"{reason}; {trouble}"
         return MissionVerdict(

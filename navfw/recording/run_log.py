@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from navfw.errors import MissingExtraError
-from navfw.signals import Array, Belief, Pose, Twist, Waypoint
+from navfw.signals import Array, Belief, Pose, Sight, Twist, Waypoint
 
 if TYPE_CHECKING:
     import pandas
@@ -50,8 +50,8 @@ class RunLog:
     ``commands`` (n, 2) holds v [m/s] and w [rad/s]. ``leader`` (n,) indexes ``leaders``, the names
     of the leading behaviours. ``emergency`` (n,) marks ticks with an emergency command.
     ``waypoints`` are the planner's, in order. ``confidence`` (n,) in [0, 1] is that of the belief,
-    0 while it is lost (None: not recorded). ``updates`` is the number of landmark detections that
-    the localiser used.
+    0 while it is lost (None: not recorded). ``sight`` (n,) has the values of ``signals.Sight``.
+    ``updates`` is the number of landmark detections that the localiser used.
     """
 
     time: Array
@@ -60,6 +60,7 @@ class RunLog:
     commands: Array
     leader: npt.NDArray[np.int16]
     emergency: npt.NDArray[np.bool_]
+    sight: npt.NDArray[np.int8]
     leaders: tuple[str, ...]
     contacts: tuple[Contact, ...] = ()
     waypoints: tuple[Waypoint, ...] = ()
@@ -88,7 +89,7 @@ class RunLog:
         for pose, rows in (("true", self.true), ("estimate", self.estimate)):
             found |= {f"{pose}_{part}": rows[:, at] for at, part in enumerate(("x", "y", "yaw"))}
         found |= {"v": self.commands[:, 0], "w": self.commands[:, 1]}
-        found |= {"leader": names[self.leader], "emergency": self.emergency}
+        found |= {"leader": names[self.leader], "emergency": self.emergency, "sight": self.sight}
         return found if self.confidence is None else found | {"confidence": self.confidence}
 
     def to_pandas(self) -> pandas.DataFrame:
@@ -123,6 +124,7 @@ class RunLogger:
     _leader: list[int] = field(init=False, default_factory=list)
     _leaders: dict[str, int] = field(init=False, default_factory=dict)
     _emergency: list[bool] = field(init=False, default_factory=list)
+    _sight: list[int] = field(init=False, default_factory=list)
     _confidence: array[float] = field(init=False, default_factory=lambda: array("d"))
     _updates: int = field(init=False, default=0)
     _waypoints: dict[tuple[float, float, str], Waypoint] = field(init=False, default_factory=dict)
@@ -141,6 +143,7 @@ class RunLogger:
         leader: str,
         emergency: bool,
         belief: Belief | None = None,
+        sight: Sight = Sight.ENOUGH,
     ) -> None:
         """Add one control tick; ``belief``, if given, has the confidence of ``estimate``."""
         lost = belief is not None and belief.lost
@@ -151,6 +154,7 @@ class RunLogger:
         )
         self._leader.append(self._leaders.setdefault(leader, len(self._leaders)))
         self._emergency.append(emergency)
+        self._sight.append(sight)
 
     def add_waypoints(self, waypoints: tuple[Waypoint, ...]) -> None:
         """Add the planner's waypoints ahead; waypoints already in the log are not repeated."""
@@ -167,6 +171,7 @@ class RunLogger:
             commands=rows[:, 7:9],
             leader=np.array(self._leader, dtype=np.int16),
             emergency=np.array(self._emergency, dtype=np.bool_),
+            sight=np.array(self._sight, dtype=np.int8),
             leaders=tuple(self._leaders),
             contacts=tuple(self.contacts),
             waypoints=tuple(self._waypoints.values()),

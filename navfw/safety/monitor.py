@@ -196,7 +196,7 @@ class SafetyMonitor:
             reason = f"the wheel encoders do not count, for {patience:.0f} s"
             return PersistentFailure("sensor", reason)
         if self._sightless_for > patience:
-            reason = f"{self.local_map.sight.trouble}, for {self._sightless_for:.0f} s"
+            reason = f"{self.local_map.sight.judgement.trouble}, for {self._sightless_for:.0f} s"
             return PersistentFailure("sight", reason)
         if self._failing is not None and self._failing_for > patience:
             what = f"{self._failing.plugin}: {self._failing.error}"
@@ -247,9 +247,10 @@ class SafetyMonitor:
     def _sight_cap(self) -> tuple[float, str]:
         """Top forward speed [m/s] that the sight of the path allows, and why."""
         sight = self.local_map.sight
+        trouble = sight.judgement.trouble
         if self._sightless_since is not None:
-            return 0.0, sight.trouble
-        return (self.params.weak_sight, sight.trouble) if sight.weak else (math.inf, "")
+            return 0.0, trouble
+        return (self.params.weak_sight if sight.weak else math.inf), trouble
 
     def _stall_cap(self, time: float) -> tuple[float, str]:
         """Standstill for a moment after the wheels did not follow."""

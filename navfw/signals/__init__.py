@@ -35,6 +35,7 @@ from navfw.signals.percepts import (
     Label,
     MovingObject,
     Percept,
+    Sight,
     Stixels,
 )
 from navfw.signals.places import (
@@ -78,6 +79,7 @@ __all__ = [
     "Pose",
     "Proposal",
     "SensorReading",
+    "Sight",
     "Stixels",
     "Twist",
     "Waypoint",

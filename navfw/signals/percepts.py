@@ -14,7 +14,7 @@ import numpy.typing as npt
 from navfw.signals.geometry import Array
 from navfw.signals.immutable import freeze
 
-__all__ = ["Label", "MovingObject", "Percept", "Stixels"]
+__all__ = ["Label", "MovingObject", "Percept", "Sight", "Stixels"]
 
 
 class Label(IntEnum):
@@ -30,6 +30,25 @@ class Label(IntEnum):
     """Clearly below the floor: stairs down, a pit."""
     ABOVE = 4
     """Passes over the robot: ceiling, lintel, upper wall."""
+
+
+class Sight(IntEnum):
+    """How well the camera shows the floor of the path ahead."""
+
+    NOTHING = 0
+    """Next to nothing of it is seen."""
+    LITTLE = 1
+    """So little is seen that only floor observed as such is free."""
+    ENOUGH = 2
+    """It is seen, or there is no judgement yet."""
+
+    @property
+    def trouble(self) -> str:
+        """What a person should know about it; empty where it is good."""
+        if self is Sight.ENOUGH:
+            return ""
+        seen = self.name.lower()
+        return f"{seen} is seen of the path ahead: too little texture above the noise"
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,6 +12,7 @@ from enum import StrEnum
 from typing import Literal
 
 from navfw.missions.outcome import FaultKind, Outcome
+from navfw.signals import Sight
 
 __all__ = [
     "Cause",
@@ -61,6 +62,11 @@ class Cause(StrEnum):
     """lost, stuck, timeout: the position estimate is wrong"""
     GOAL_MISSED = "goal_missed"
     """lost: the position estimate is right, but a goal was not approached closely enough"""
+    NOTHING_SEEN = "nothing_seen"
+    """fault, stuck, timeout: next to nothing could be seen of the path ahead"""
+    LITTLE_SEEN = "little_seen"
+    """stuck, timeout: the robot was not approaching the goal, and little could be seen of the path
+    ahead, so that it drives only over floor observed as such"""
     OSCILLATING = "oscillating"
     """stuck, timeout: the robot drives or turns without approaching the goal"""
     STANDSTILL = "standstill"
@@ -73,8 +79,6 @@ class Cause(StrEnum):
     """fault: the stack stopped, because a sensor had failed for good"""
     PLUGIN_FAILED = "plugin_failed"
     """fault: a plugin failed at the start of the run, or a stage failed for too long"""
-    NOTHING_SEEN = "nothing_seen"
-    """fault: the stack stopped, because nothing could be seen of the path ahead"""
     CODE_REPLACED = "code_replaced"
     """fault: functions of navfw were replaced during the run"""
     BAD_COMMAND = "bad_command"
@@ -137,7 +141,8 @@ class MotionSymptoms:
 class FailureSymptoms:
     """Symptoms of a failed run; estimate errors in metres.
 
-    ``slack`` [m] is the largest position error with which the mission can still succeed.
+    ``slack`` [m] is the largest position error with which the mission can still succeed. ``sight``
+    of the path ahead is the median over the end of the run.
     """
 
     outcome: Outcome
@@ -147,6 +152,7 @@ class FailureSymptoms:
     collision: CollisionSymptoms | None = None
     path: PathSymptoms | None = None
     motion: MotionSymptoms | None = None
+    sight: Sight = Sight.ENOUGH
     fault: FaultKind | None = None
 
 
@@ -190,9 +196,14 @@ _BY_MAP = {
 
 
 def _of_delay(symptoms: FailureSymptoms) -> Cause:
-    """The cause of outcome stuck or timeout: from estimate and map first, then from the motion."""
+    """The cause of outcome stuck or timeout: from estimate and map first, then from the motion.
+
+    A robot that sees nothing may not go on whatever its map has; one that sees little still can.
+    """
     if symptoms.estimate_error > max(0.5, symptoms.slack):
         return Cause.ESTIMATE_ERROR
+    if symptoms.sight is Sight.NOTHING:
+        return Cause.NOTHING_SEEN
     return _of_path(symptoms.path) or _of_motion(symptoms)
 
 
@@ -211,8 +222,10 @@ def _of_motion(symptoms: FailureSymptoms) -> Cause:
     if motion is None:
         return Cause.UNKNOWN
     moved = motion.recent_driven >= MEAN_SPEED * motion.recent
-    if not moved and motion.recent_turned < MEAN_RATE * motion.recent:
-        return Cause.STANDSTILL
     approaching = moved and motion.gained > 0.5 * motion.driven
-    late = symptoms.outcome is Outcome.TIMEOUT
-    return Cause.SLOW if late and approaching else Cause.OSCILLATING
+    if symptoms.outcome is Outcome.TIMEOUT and approaching:
+        return Cause.SLOW
+    if symptoms.sight is Sight.LITTLE:
+        return Cause.LITTLE_SEEN
+    turned = motion.recent_turned >= MEAN_RATE * motion.recent
+    return Cause.OSCILLATING if moved or turned else Cause.STANDSTILL

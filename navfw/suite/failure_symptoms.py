@@ -17,7 +17,7 @@ from navfw.localmap.occupancy_grid import OccupancyGrid
 from navfw.missions.run_metrics import path_length
 from navfw.missions.session import MissionResult
 from navfw.recording.run_log import Contact, RunLog
-from navfw.signals import Array, Odometry, Pose, wrap_angle
+from navfw.signals import Array, Odometry, Pose, Sight, wrap_angle
 from navfw.sim.floorplan import FloorPlan, NamedShape
 from navfw.sim.shapes import Circle
 from navfw.suite.failure_causes import (
@@ -30,7 +30,7 @@ from navfw.suite.failure_causes import (
 __all__ = ["collect_symptoms"]
 
 RECENT = 30.0
-"""Duration [s] of the end of a run over which its recent motion is measured."""
+"""Duration [s] of the end of a run over which its recent motion and sight are measured."""
 
 APPROACH = 0.25
 """Time [s] before a contact over which the robot's speed is averaged."""
@@ -62,6 +62,7 @@ def collect_symptoms(result: MissionResult) -> FailureSymptoms:
         collision=collision,
         path=path,
         motion=_motion(result) if log.ticks else None,
+        sight=_sight(log) if log.ticks else Sight.ENOUGH,
         fault=result.run.verdict.fault,
     )
 
@@ -197,7 +198,7 @@ def _distance_from_truth(
     return distance
 
 
-# --- the motion --------------------------------------------------------------------------------
+# --- motion and sight --------------------------------------------------------------------------
 
 
 def _motion(result: MissionResult) -> MotionSymptoms:
@@ -217,6 +218,12 @@ def _motion(result: MissionResult) -> MotionSymptoms:
         recent_driven=path_length(recent),
         recent_turned=float(turned),
     )
+
+
+def _sight(log: RunLog) -> Sight:
+    """Median sight of the path ahead over the end of the run."""
+    late = log.time >= log.time[-1] - RECENT
+    return Sight(int(np.median(log.sight[late])))
 
 
 def _remaining(

@@ -23,6 +23,7 @@ from navfw.signals import (
     Percept,
     Pose,
     SensorReading,
+    Sight,
     Twist,
     Waypoint,
     wrap_angle,
@@ -124,7 +125,7 @@ class FakeState:
     finished: bool = False
     stuck: str | None = None
     unsure: bool = False
-    sight_trouble: str = ""
+    sight: Sight = Sight.ENOUGH
     fault: PersistentFailure | None = None
     faults: tuple[str, ...] = ()
 

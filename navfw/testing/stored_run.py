@@ -23,13 +23,13 @@ FILES = (RUN, LOG)
 """The files of a stored run."""
 
 MAX_BYTES = 64_000_000
-"""Largest size of one file [byte]: the log of a run of 2 h has 41 MB."""
+"""Largest size of one file [byte]: the log of a run of 2 h has 45 MB."""
 
-_COLUMNS = ("time", "true", "estimate", "commands", "leader", "emergency", "confidence")
-_ENDS = (1, 4, 7, 9, 10, 11)
+_COLUMNS = ("time", "true", "estimate", "commands", "leader", "emergency", "sight", "confidence")
+_ENDS = (1, 4, 7, 9, 10, 11, 12)
 """The columns of ``log.npy`` are those of the log side by side; here each part's end."""
 
-_WIDTH = 12
+_WIDTH = 13
 
 
 def store_run(run: DrivenRun, folder: Path) -> None:
@@ -60,6 +60,7 @@ def read_run(folder: Path) -> DrivenRun | None:
         log |= {name: columns[name][:, 0] for name in ("time", "confidence")}
         log["leader"] = columns["leader"][:, 0].astype(np.int16)
         log["emergency"] = columns["emergency"][:, 0].astype(np.bool_)
+        log["sight"] = columns["sight"][:, 0].astype(np.int8)
         run = {name: _loaded(DrivenRun, name, parts[name]) for name in _names(DrivenRun)}
         return DrivenRun(log=RunLog(**log), **run)
     except Exception:  # numpy, json and pydantic raise errors of many kinds for damaged files

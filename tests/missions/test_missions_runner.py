@@ -17,7 +17,7 @@ from navfw.guard import PluginCallError
 from navfw.missions.outcome import FaultKind, Outcome
 from navfw.missions.runner import Progress, Task, run_task
 from navfw.robot import RobotModel
-from navfw.signals import Pose, SensorReading, Twist, Waypoint
+from navfw.signals import Pose, SensorReading, Sight, Twist, Waypoint
 from navfw.testing.fakes import FakePilot, FakeSimulator, Post, ScriptedPilot
 
 ROBOT = RobotModel()
@@ -109,7 +109,7 @@ class BlindPilot(ScriptedPilot):
 
     def step(self, reading: SensorReading) -> Twist:
         twist = super().step(reading)
-        self.state = dataclasses.replace(self.state, sight_trouble="nothing is seen")
+        self.state = dataclasses.replace(self.state, sight=Sight.NOTHING)
         return twist
 
 
@@ -119,7 +119,7 @@ class BlindPilot(ScriptedPilot):
 def test_a_run_without_progress_tells_what_the_camera_does_not_show(
     twist: Twist, reason: str
 ) -> None:
-    for pilot, seen in ((ScriptedPilot, ""), (BlindPilot, "; nothing is seen")):
+    for pilot, seen in ((ScriptedPilot, ""), (BlindPilot, f"; {Sight.NOTHING.trouble}")):
         driven = pilot([twist] * 10_000)
         run = run_task(task(timeout=6.0, stuck_after=5.0), driven, FakeSimulator(START))
         assert run.verdict.reason.startswith(reason)

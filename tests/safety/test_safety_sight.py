@@ -11,7 +11,7 @@ from safety_samples import ROBOT, monitor_with, odometry, picture, reading
 
 from navfw.localmap.path_sight import PathSight
 from navfw.safety import SafetyMonitor
-from navfw.signals import Image, Percept, Twist
+from navfw.signals import Array, Image, Percept, Twist
 from navfw.testing.behavior_scenes import BehaviorScene, contexts_of
 
 RATE = 60.0
@@ -101,7 +101,7 @@ def test_the_cells_of_the_path_decide(known: float, low: bool, weak: bool, none:
     assert not sight.weak, "no judgement before the first percept"
     sight.observe(percept(known, low))
     assert (sight.weak, sight.none) == (weak, none)
-    assert bool(sight.trouble) is weak
+    assert bool(sight.judgement.trouble) is weak
 
 
 def test_single_percepts_do_not_change_the_judgement() -> None:
@@ -114,11 +114,17 @@ def test_single_percepts_do_not_change_the_judgement() -> None:
     assert sight.none
 
 
-def textured(contrast: float, seed: int = 0) -> Image:
-    """An image of the floor with that contrast, and sharp things above the horizon."""
+def textured(contrast: float, seed: int = 0, blur: float = 1.0) -> Image:
+    """An image of the floor with that contrast, and sharp things above the horizon.
+
+    ``blur`` [px] is that of the lens; without it neighbouring pixels are as independent as noise.
+    """
     rng = np.random.default_rng(seed)
     height, width = ROBOT.camera.height, ROBOT.camera.width
-    image = 128.0 + contrast * rng.normal(size=(height, width))
+    grain: Array = rng.normal(size=(height, width))
+    if blur:
+        grain = np.asarray(cv2.GaussianBlur(grain, (0, 0), blur), dtype=np.float64)
+    image: Array = 128.0 + contrast * grain / float(grain.std())
     image[: height // 3] = 255.0 * (rng.random((height // 3, width)) < 0.5)
     return np.clip(image.round(), 0, 255).astype(np.uint8)
 
@@ -133,16 +139,26 @@ def test_floor_of_little_contrast_is_seen_weakly(contrast: float, weak: bool) ->
     assert not sight.none
 
 
+@pytest.mark.parametrize("level", [1.0, 2.0, 4.0])
+def test_noise_alone_shows_nothing_however_strong_it_is(level: float) -> None:
+    sight = PathSight(ROBOT)
+    sight.observe(percept(0.4))
+    assert "little is seen" in sight.judgement.trouble
+    for seed in range(20):
+        sight.observe_image(textured(level, seed, blur=0.0))
+    assert "nothing is seen" in sight.judgement.trouble
+
+
 def test_single_images_do_not_change_the_judgement() -> None:
     sight = PathSight(ROBOT)
     sight.observe_image(textured(12.0))
     sight.observe_image(textured(2.0))
-    assert sight.trouble == ""
+    assert sight.judgement.trouble == ""
     for seed in range(20):
-        sight.observe_image(textured(2.0, seed))
-    assert "little" in sight.trouble
+        sight.observe_image(textured(3.0, seed))
+    assert "little is seen" in sight.judgement.trouble
     sight.reset()
-    assert sight.trouble == ""
+    assert sight.judgement.trouble == ""
 
 
 def test_a_camera_that_sees_no_floor_judges_no_image() -> None:

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from navfw.missions.outcome import FaultKind, Outcome
+from navfw.signals import Sight
 from navfw.suite.failure_causes import (
     Cause,
     CollisionSymptoms,
@@ -75,6 +76,32 @@ PATH = PathSymptoms(cost=5.0, without_phantoms=4.5, sharpened=4.0)
 )
 def test_stuck_and_timeout(outcome: Outcome, symptoms: dict[str, Any], cause: Cause) -> None:
     assert classify(FailureSymptoms(outcome, **symptoms)) is cause
+
+
+@pytest.mark.parametrize("outcome", [Outcome.STUCK, Outcome.TIMEOUT])
+@pytest.mark.parametrize(
+    ("symptoms", "nothing", "little"),
+    [
+        ({"path": PATH, "motion": TURNS}, Cause.NOTHING_SEEN, Cause.LITTLE_SEEN),
+        ({"path": PATH, "motion": STANDS}, Cause.NOTHING_SEEN, Cause.LITTLE_SEEN),
+        (
+            {"path": PathSymptoms(math.inf, 4.0, 4.0), "motion": TURNS},
+            Cause.NOTHING_SEEN,
+            Cause.PHANTOM_OBSTACLES,
+        ),
+        ({"estimate_error": 0.8, "motion": TURNS}, Cause.ESTIMATE_ERROR, Cause.ESTIMATE_ERROR),
+    ],
+)
+def test_a_robot_that_sees_too_little_to_go_on(
+    outcome: Outcome, symptoms: dict[str, Any], nothing: Cause, little: Cause
+) -> None:
+    assert classify(FailureSymptoms(outcome, sight=Sight.NOTHING, **symptoms)) is nothing
+    assert classify(FailureSymptoms(outcome, sight=Sight.LITTLE, **symptoms)) is little
+
+
+def test_a_timeout_of_an_approaching_robot_that_sees_little_is_slow() -> None:
+    symptoms = FailureSymptoms(Outcome.TIMEOUT, motion=DRIVES, sight=Sight.LITTLE)
+    assert classify(symptoms) is Cause.SLOW
 
 
 def test_slow_is_a_cause_of_timeouts_only() -> None:

@@ -15,7 +15,7 @@ from navfw.missions.session import MissionResult, Session, prepare
 from navfw.mofis.mofis import DecisionInputs
 from navfw.plugins import default_registry
 from navfw.recording.run_log import Contact, RunLog
-from navfw.signals import Belief, Odometry, Pose, Twist
+from navfw.signals import Belief, Odometry, Pose, Sight, Twist
 from navfw.sim.floorplan import FloorPlan
 from navfw.sim.movers import MoverTrack
 from navfw.sim.worldspec import BoxSpec, CylinderSpec, WorldSpec
@@ -49,6 +49,7 @@ def log_to(x: float, y: float, yaw: float, contact: str = "", speed: float = 0.4
         commands=np.column_stack([np.full_like(time, speed), np.zeros_like(time)]),
         leader=np.zeros(len(time), dtype=np.int16),
         emergency=np.zeros(len(time), dtype=np.bool_),
+        sight=np.full(len(time), Sight.ENOUGH, dtype=np.int8),
         leaders=("go_to_xy",),
         contacts=contacts,
     )
@@ -171,3 +172,12 @@ def test_progress_is_measured_along_the_shortest_path(empty: Session) -> None:
     assert classify(symptoms) is Cause.OSCILLATING
     slow = collect_symptoms(result_of(empty, Outcome.TIMEOUT, log_to(1.5, 0.0, 0.0), []))
     assert classify(slow) is Cause.SLOW
+
+
+@pytest.mark.parametrize("sight", list(Sight))
+def test_sight_is_the_median_over_the_end_of_the_run(empty: Session, sight: Sight) -> None:
+    log = log_to(0.5, 0.0, 0.0)
+    early = len(log.time) // 3
+    others = np.where(np.arange(len(log.time)) < early, (sight + 1) % 3, sight).astype(np.int8)
+    seen = collect_symptoms(result_of(empty, Outcome.STUCK, replace(log, sight=others), []))
+    assert seen.sight is sight
