@@ -7,7 +7,8 @@ from pathlib import Path
 from navfw.config.lookup import find, find_mission
 from navfw.config.overrides import Settings, override_texts
 from navfw.missions.missionfile import load_mission
-from navfw.missions.session import mission_stack, split_overrides, with_drops
+from navfw.missions.run_options import chosen_stack, split_overrides
+from navfw.missions.session import with_drops
 from navfw.sim.worldfile import load_world
 from navfw.stackfile import load_stack
 
@@ -35,5 +36,5 @@ def check_inputs(
     loaded_world = load_world(find("world", world))
     loaded = load_mission(find_mission(world, mission), for_mission)
     with_drops(loaded_world, loaded)
-    stack_file = mission_stack(loaded) if stack is None else find("stack", stack)
+    stack_file = chosen_stack(loaded, stack)
     load_stack(stack_file, default_registry(), for_stack)

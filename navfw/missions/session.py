@@ -9,14 +9,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from navfw.config.lookup import find, find_mission
-from navfw.config.overrides import Override, Settings, override_texts, parse_override
-from navfw.errors import UnknownNameError
+from navfw.config.overrides import Settings, override_texts
 from navfw.fault_injection import FaultInjector, inject_faults
 from navfw.missions.changing_world import CombinedClearance, permanent_plan
 from navfw.missions.event_check import resolve_events, with_doors_open
@@ -30,11 +29,11 @@ from navfw.missions.process_check import check_process
 from navfw.missions.process_state import ProcessState
 from navfw.missions.resolved_config import run_description
 from navfw.missions.run_metrics import RunMetrics, measure
+from navfw.missions.run_options import chosen_stack, split_overrides
 from navfw.missions.runner import MissionLoop, Progress, RunResult, Task
 from navfw.missions.world_outline import outline_of
 from navfw.recording.run_observer import RunObserver, SeenRun
 from navfw.recording.run_recorder import RunRecorder
-from navfw.robotfile import robot_section
 from navfw.sim.floorplan import FloorPlan
 from navfw.sim.movers import MoverTrack
 from navfw.sim.simulation import Simulation
@@ -47,13 +46,7 @@ from navfw.stack import Stack
 if TYPE_CHECKING:
     from navfw.plugins import Registry
 
-__all__ = ["MissionResult", "Session", "mission_stack", "prepare", "split_overrides"]
-
-DEFAULT_STACK, FLOOR_PLAN_STACK = "default", "floor_plan"
-"""The stack of a mission that names none, and the one if its map has a floor plan."""
-
-_MISSION_PARTS = ("robot", "sensors")
-"""Keys of a mission file that overrides may begin with; others need ``mission.`` before them."""
+__all__ = ["MissionResult", "Session", "prepare"]
 
 
 @dataclass(frozen=True)
@@ -286,7 +279,7 @@ def prepare(
 ) -> Session:
     """Load and check world, mission, map and stack.
 
-    Without ``stack``, that of ``mission_stack`` is used.
+    ``stack`` is that of ``chosen_stack``.
     ``overrides`` that begin with ``mission.`` (``mission.timeout=60``), ``robot.`` or ``sensors.``
     apply to the mission, all others (``offis.layers=1``) to the stack.
 
@@ -307,7 +300,7 @@ def prepare(
     opened = FloorPlan.from_world(with_doors_open(world_spec, loaded.spec.events), height)
     loaded = loaded.placed(seed, opened)
     shortest = loaded.check(opened)
-    stack_file = mission_stack(loaded) if stack is None else find("stack", stack)
+    stack_file = chosen_stack(loaded, stack)
     registry = registry or _registry()
     built = Stack.load(stack_file, loaded.spec.robot, loaded.topo_map, registry, for_stack)
     return Session(
@@ -347,54 +340,6 @@ def with_drops(world: WorldSpec, mission: MissionFile) -> WorldSpec:
     # the world has been checked, and the mission's drops come first: indices are those of its file
     check_world(changed, file=mission.file, line_of=mission.document.line_of)
     return changed
-
-
-def mission_stack(mission: MissionFile) -> Path:
-    """The file of the mission's stack.
-
-    If it names none, the stack is ``floor_plan`` where its map has a floor plan, else ``default``.
-
-    Raises:
-        UnknownNameError: there is no stack of that name; the message has the mission's file and
-            line.
-
-    """
-    unnamed = DEFAULT_STACK if mission.topo_map.floor_plan is None else FLOOR_PLAN_STACK
-    name = mission.spec.stack or unnamed
-    try:
-        return find("stack", name)
-    except UnknownNameError as error:
-        origin = mission.document.origin_of(("stack",))
-        where: dict[str, Any] = {"file": origin.file, "line": origin.line, "key": "stack"}
-        raise UnknownNameError(error.what, error.name, error.known, **where) from None
-
-
-def split_overrides(overrides: Sequence[str]) -> tuple[list[Override], list[str]]:
-    """Overrides for the mission file, and the others, which are for the stack.
-
-    ``robot=NAME`` chooses the robot, in place of all that the mission says of it.
-
-    >>> mission, stack = split_overrides(["mission.timeout=9", "robot.radius=1", "dis.x=1"])
-    >>> [override.path for override in mission], stack
-    ([('timeout',), ('robot', 'radius')], ['dis.x=1'])
-
-    Raises:
-        ConfigError: one is malformed.
-
-    """
-    for_mission: list[Override] = []
-    for_stack: list[str] = []
-    for text in overrides:
-        override = parse_override(text)
-        if override.path[0] == "mission" and len(override.path) > 1:
-            for_mission.append(Override(override.path[1:], override.value, override.text))
-        elif override.path == ("robot",):
-            for_mission.append(replace(override, value=robot_section(override.value)))
-        elif override.path[0] in _MISSION_PARTS:
-            for_mission.append(override)
-        else:
-            for_stack.append(text)
-    return for_mission, for_stack
 
 
 def _registry() -> Registry:

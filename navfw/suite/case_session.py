@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 from navfw.config.document import parse_yaml
-from navfw.config.lookup import find
 from navfw.config.overrides import apply_overrides
 from navfw.errors import ConfigError, WorldError
 from navfw.missions.event_check import resolve_events
 from navfw.missions.missionfile import MissionFile
 from navfw.missions.missionspec import MissionSpec, PlaceStart, PointGoal, mission_spec
-from navfw.missions.session import Session, mission_stack, prepare, split_overrides
+from navfw.missions.run_options import chosen_stack, split_overrides
+from navfw.missions.session import Session, prepare
 from navfw.signals import Pose, Waypoint
 from navfw.sim.floorplan import FloorPlan
 from navfw.sim.worldspec import WorldSpec
@@ -83,7 +83,7 @@ def generated_session(
 ) -> Session:
     """The session of a generated world; ``seed`` determines the world and all noise.
 
-    Without ``stack``, that of ``navfw.missions.session.mission_stack`` is used.
+    ``stack`` is that of ``navfw.missions.run_options.chosen_stack``.
 
     Raises:
         InputError: there is no such family or difficulty, an override is invalid, or the mission is
@@ -106,7 +106,7 @@ def generated_session(
     )
     plan = FloorPlan.from_world(made.world, spec.robot.height)
     shortest = mission.check(plan)
-    stack_file = mission_stack(mission) if stack is None else find("stack", stack)
+    stack_file = chosen_stack(mission, stack)
     built = Stack.load(stack_file, spec.robot, made.topo_map, registry, for_stack)
     return Session(
         world_name=world_name,

@@ -10,7 +10,8 @@ import pytest
 from navfw.config.lookup import NamedFile, find, list_missions, list_worlds
 from navfw.errors import ConfigError, InputError, UnknownNameError, WorldError
 from navfw.missions.missionfile import MissionFile, load_mission
-from navfw.missions.session import mission_stack, prepare
+from navfw.missions.run_options import chosen_stack
+from navfw.missions.session import prepare
 from navfw.robot import RobotModel
 from navfw.sim.floorplan import FloorPlan
 from navfw.sim.sensor_models import PRESETS, SensorParams
@@ -181,8 +182,8 @@ def test_a_mission_without_a_stack_is_localised_on_the_floor_plan_of_its_map(
     tmp_path: Path, named: str, stack: str
 ) -> None:
     (tmp_path / "m.yaml").write_text(f"map: {named}\nstart: [1, 1, 0]\ngoals: [{{x: 2, y: 1}}]\n")
-    assert mission_stack(load_mission(tmp_path / "m.yaml")).stem == stack
+    assert chosen_stack(load_mission(tmp_path / "m.yaml")).stem == stack
     (tmp_path / "m.yaml").write_text(
         f"map: {named}\nstack: landmarks\nstart: [1, 1, 0]\ngoals: [{{x: 2, y: 1}}]\n"
     )
-    assert mission_stack(load_mission(tmp_path / "m.yaml")).stem == "landmarks"
+    assert chosen_stack(load_mission(tmp_path / "m.yaml")).stem == "landmarks"

@@ -10,7 +10,8 @@ from typer.testing import CliRunner
 from navfw.cli import app
 from navfw.errors import InputError, UnknownNameError
 from navfw.missions.missionfile import load_mission
-from navfw.missions.session import prepare, split_overrides
+from navfw.missions.run_options import split_overrides
+from navfw.missions.session import prepare
 from navfw.robot import RobotModel
 from navfw.robotfile import load_robot
 from navfw.sim.sensor_models import SensorParams

@@ -86,7 +86,7 @@ def test_an_unknown_stack_of_a_mission_is_refused_with_its_line(world: Path) -> 
 def test_long_missions_of_shipped_suites_use_landmarks(name: str) -> None:
     plan = plan_runs(load_suite(name), range(1), default_registry())
     used = {case.mission_name: case.stack_name for case in plan.cases}
-    assert set(used.values()) == {"default", "landmarks"}
+    assert set(used.values()) == {"floor_plan", "landmarks"}
     assert used["patrol"] == "landmarks"
     left_out = {mission.name for mission in list_missions(name)} - used.keys()
     assert left_out <= {"patrol-1km"}

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from navfw.cli import app
 from navfw.errors import InputError
 from navfw.missions.missionfile import load_mission
-from navfw.missions.session import mission_stack
+from navfw.missions.run_options import chosen_stack
 from navfw.signals import Pose
 from navfw.sim.floorplan import FloorPlan
 from navfw.sim.worldfile import load_world
@@ -49,7 +49,7 @@ def test_openings_in_thick_walls_are_doors_between_named_rooms(tmp_path: Path) -
     assert max(made.lengths.values()) > 15.0
     for name in made.missions:
         mission = load_mission(folder / "missions" / f"{name}.yaml")
-        assert mission_stack(mission).stem == "floor_plan"
+        assert chosen_stack(mission).stem == "floor_plan"
         assert mission.check(plan) > 3.0
 
 
