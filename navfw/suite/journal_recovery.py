@@ -31,7 +31,6 @@ def ready_journal(
     try:
         if file.exists():
             journal.check()
-            journal.create()  # a kill may have left a file without tables
             kept = journal.all_rows()
             if kept:
                 return ""

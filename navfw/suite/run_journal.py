@@ -17,6 +17,7 @@ from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from navfw.atomic import atomic_file
 from navfw.config.input_file import is_file
 from navfw.errors import ConfigError, InputError
 from navfw.suite.run_table import RunKey, RunRow, cells_of_row, row_of_cells
@@ -33,14 +34,12 @@ WAIT = 10.0
 """Longest time [s] to wait for another process that reads or writes the journal."""
 
 _TABLES = f"""
-BEGIN;
-CREATE TABLE IF NOT EXISTS run (
+CREATE TABLE run (
     content TEXT NOT NULL, key TEXT NOT NULL, cells TEXT NOT NULL, checksum TEXT NOT NULL,
     PRIMARY KEY (content, key)
 );
-CREATE TABLE IF NOT EXISTS death (content TEXT NOT NULL, key TEXT NOT NULL, reason TEXT NOT NULL);
+CREATE TABLE death (content TEXT NOT NULL, key TEXT NOT NULL, reason TEXT NOT NULL);
 PRAGMA user_version = {VERSION};
-COMMIT;
 """
 _DAMAGE = {sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_ERROR}
 """Primary error codes of a damaged file; SQLITE_ERROR is that of a table that is not there."""
@@ -63,9 +62,14 @@ class RunJournal:
     file: Path
 
     def create(self) -> None:
-        """Create the file, if it is not there, and its tables."""
-        with self._opened("rwc") as database:
+        """Create the file with its tables, if it is not there: at once, as a kill may come."""
+        if is_file(self.file):
+            return
+        with contextlib.closing(sqlite3.connect(":memory:")) as database:
             database.executescript(_TABLES)
+            empty = database.serialize()
+        with atomic_file(self.file) as part:
+            part.write_bytes(empty)
 
     def add(self, content: str, row: RunRow) -> None:
         """Write the row of a run that has ended; it replaces an earlier one of the same run."""
@@ -142,9 +146,9 @@ class RunJournal:
 
     @contextlib.contextmanager
     def _opened(self, mode: str) -> Iterator[sqlite3.Connection]:
-        if mode != "rwc" and not is_file(self.file):
+        if not is_file(self.file):
             raise InputError("cannot be read or written: it is not there", file=self.file)
-        if is_file(self.file) and self.file.stat().st_size > MAX_JOURNAL:
+        if self.file.stat().st_size > MAX_JOURNAL:
             what = f"is larger than {MAX_JOURNAL // 1_000_000} MB, so it is not read"
             raise InputError(what, file=self.file)
         place = f"{self.file.absolute().as_uri()}?mode={mode}"
