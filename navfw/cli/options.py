@@ -13,6 +13,7 @@ from navfw.cli.completion import (
     complete_mission,
     complete_robot,
     complete_stack,
+    complete_suite,
     complete_world,
 )
 
@@ -27,6 +28,7 @@ __all__ = [
     "Recorded",
     "Robot",
     "Stack",
+    "Suite",
     "VariantA",
     "VariantB",
     "Video",
@@ -52,6 +54,10 @@ Map = Annotated[
 ]
 Recorded = Annotated[
     Path, typer.Argument(metavar="RUN_FOLDER", help="Run folder written by navfw run --record.")
+]
+Suite = Annotated[
+    str,
+    typer.Argument(metavar="SUITE", help="Name or file of a suite.", autocompletion=complete_suite),
 ]
 Stack = Annotated[str, typer.Option(help="Name or file of a stack.", autocompletion=complete_stack)]
 Robot = Annotated[

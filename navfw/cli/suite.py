@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from enum import StrEnum
 from functools import partial
 from pathlib import Path
@@ -12,8 +11,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from navfw.cli.completion import complete_setting, complete_stack, complete_suite
-from navfw.cli.options import Json, Robot, of_robot
+from navfw.cli.completion import complete_setting, complete_stack
+from navfw.cli.engine_options import (
+    EngineKind,
+    EngineName,
+    Limit,
+    Memory,
+    Scheduler,
+    Workers,
+    check_engine,
+    dask_engine,
+)
+from navfw.cli.options import Json, Robot, Suite, of_robot
 from navfw.cli.output import print_json, print_status, print_table, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.cli.warm import compile_with_progress
@@ -24,7 +33,7 @@ if TYPE_CHECKING:
     from navfw.suite.run_table import RunRow
     from navfw.suite.suite_folder import Beginning
     from navfw.suite.suite_plan import SuitePlan
-    from navfw.suite.suite_run import Engine, SuiteResult
+    from navfw.suite.suite_run import SuiteResult
 
 __all__ = ["add_to"]
 
@@ -40,24 +49,12 @@ class Keep(StrEnum):
     NONE = "none"
 
 
-class EngineKind(StrEnum):
-    """What drives the runs."""
-
-    PROCESSES = "processes"
-    DASK = "dask"
-
-
 def add_to(app: typer.Typer) -> None:
     """Add the command."""
     app.command()(suite)
 
 
-SuiteName = Annotated[
-    str,
-    typer.Argument(metavar="SUITE", help="Name or file of a suite.", autocompletion=complete_suite),
-]
 Seeds = Annotated[str, typer.Option(metavar="A:B", help="Seeds from A to B - 1.")]
-Workers = Annotated[int, typer.Option(min=1, max=256, help="Processes, each with one thread.")]
 SuiteOut = Annotated[
     Path | None, typer.Option(help="Folder for the table [default: runs/SUITE-A-B].")
 ]
@@ -87,14 +84,6 @@ KeepPictures = Annotated[Keep, typer.Option(help="Runs of which to keep the traj
 Recorded = Annotated[
     Keep, typer.Option("--record", help="Runs of which to keep the recording, for a report.")
 ]
-Limit = Annotated[float, typer.Option(min=1.0, help="Largest wall time of a run [s].")]
-Memory = Annotated[float, typer.Option(min=100.0, help="Largest memory of a run's process [MB].")]
-EngineName = Annotated[
-    EngineKind, typer.Option("--engine", help="Processes of this machine, or a cluster of Dask.")
-]
-Scheduler = Annotated[
-    str | None, typer.Option(metavar="ADDRESS", help="Of --engine dask: tcp://HOST:PORT.")
-]
 Extend = Annotated[
     bool,
     typer.Option("--extend", help="Continue a suite that was changed; keep runs still valid."),
@@ -105,7 +94,7 @@ Restart = Annotated[
 
 
 def suite(
-    file: SuiteName,
+    file: Suite,
     seeds: Seeds,
     workers: Workers = 1,
     out: SuiteOut = None,
@@ -130,7 +119,8 @@ def suite(
 
     Exit with 3 if the table could not be written; the runs are printed anyway.
     """
-    _check_engine(engine, scheduler, record)
+    _check_record(engine, record)
+    check_engine(engine, scheduler)
     begin = _beginning(out, resume=resume, extend=extend, restart=restart)
     with quiet_stdout():
         from navfw.recording.provenance import code_revision
@@ -147,7 +137,7 @@ def suite(
     with deferred():  # from here on there are runs to save and to print
         with (
             quiet_stdout(),
-            _engine(scheduler, plan, limit, memory) as runner,
+            dask_engine(scheduler, plan.cases, limit=limit, memory=memory) as runner,
             SuiteFolder.claim(out, plan, span) as folder,
         ):
             have = folder.open(plan, code_revision(), begin=begin, tell=_tell)
@@ -176,30 +166,11 @@ def _checked_plan(
         return checked(load_suite(file), seeds, default_registry(), **choice)
 
 
-def _check_engine(engine: EngineKind, scheduler: str | None, record: Keep) -> None:
-    """An address and Dask belong together; recordings stay where the run was driven."""
+def _check_record(engine: EngineKind, record: Keep) -> None:
+    """Recordings stay where the run was driven."""
     if engine is EngineKind.DASK and record is not Keep.NONE:
         what = "is not for --engine dask; drive the run again alone: navfw run --record"
         raise typer.BadParameter(what, param_hint="--record")
-    if (engine is EngineKind.DASK) != (scheduler is not None):
-        what = "needs --engine dask" if scheduler else "needs --scheduler tcp://HOST:PORT"
-        raise typer.BadParameter(what, param_hint="--scheduler" if scheduler else "--engine dask")
-
-
-@contextlib.contextmanager
-def _engine(
-    scheduler: str | None, plan: SuitePlan, limit: float, memory: float
-) -> Iterator[Engine | None]:
-    """The engine at a scheduler of Dask; None for processes of this machine."""
-    if scheduler is None:
-        yield None
-        return
-    from navfw.suite.dask_engine import DaskEngine
-    from navfw.suite.job_package import JobPackage
-
-    package = JobPackage.of(plan.cases)
-    with DaskEngine(scheduler, package, limit=limit, memory=memory) as engine:
-        yield engine
 
 
 def _beginning(out: Path | None, *, resume: bool, extend: bool, restart: bool) -> Beginning:

@@ -7,8 +7,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from navfw.cli.completion import complete_suite
-from navfw.cli.options import Json, Stack
+from navfw.cli.engine_options import (
+    EngineKind,
+    EngineName,
+    Limit,
+    Memory,
+    Scheduler,
+    Workers,
+    check_engine,
+    dask_engine,
+)
+from navfw.cli.options import Json, Stack, Suite
 from navfw.cli.output import print_json, quiet_stdout
 
 if TYPE_CHECKING:
@@ -22,10 +31,6 @@ def add_to(app: typer.Typer) -> None:
     app.command()(tune)
 
 
-Suite = Annotated[
-    str,
-    typer.Argument(metavar="SUITE", help="Name or file of a suite.", autocompletion=complete_suite),
-]
 Trials = Annotated[int, typer.Option(min=1, max=100_000, help="Number of trials in all.")]
 Training = Annotated[str, typer.Option(metavar="A:B", help="Training seeds from A to B - 1.")]
 Validation = Annotated[
@@ -46,8 +51,6 @@ Objective = Annotated[
         help="success, spl, sct or clearance [default: success, spl]. May be repeated.",
     ),
 ]
-TuneWorkers = Annotated[int, typer.Option(min=1, max=256, help="Processes.")]
-RunLimit = Annotated[float, typer.Option(min=1.0, help="Largest wall time of a run [s].")]
 SearchSeed = Annotated[int, typer.Option(min=0, help="Seed of the search.")]
 StudyOut = Annotated[
     Path | None, typer.Option(help="Folder of the study [default: runs/tune-SUITE].")
@@ -64,8 +67,11 @@ def tune(
     param: Tuned = None,
     rules: Rules = None,
     objective: Objective = None,
-    workers: TuneWorkers = 1,
-    limit: RunLimit = 900.0,
+    workers: Workers = 1,
+    limit: Limit = 900.0,
+    memory: Memory = 2000.0,
+    engine: EngineName = EngineKind.PROCESSES,
+    scheduler: Scheduler = None,
     search_seed: SearchSeed = 0,
     out: StudyOut = None,
     resume: Resume = False,
@@ -75,9 +81,11 @@ def tune(
 
     The stack itself is not changed. Needs the extra tune.
     """
+    check_engine(engine, scheduler)
     with quiet_stdout():
         _check_extra()
         from navfw.plugins import default_registry
+        from navfw.suite.run_engine import engine_or_processes
         from navfw.suite.suitefile import load_suite
         from navfw.target_lock import TargetLock
         from navfw.tune.case_driving import driver
@@ -97,9 +105,13 @@ def tune(
         )
         folder = StudyFolder(out or Path("runs") / f"tune-{suite.name}")
         lock = TargetLock(folder.created().absolute() / "study")
-        with lock, driver(workers, limit) as drive:
+        with (
+            dask_engine(scheduler, study.cases, limit=limit, memory=memory) as cluster,
+            lock,
+            engine_or_processes(cluster, workers, limit=limit, memory=memory) as runner,
+        ):
             found = study.run(
-                folder, drive, trials, resume=resume, seed=search_seed, on_trial=_tell
+                folder, driver(runner), trials, resume=resume, seed=search_seed, on_trial=_tell
             )
     if json:
         print_json(found)

@@ -8,8 +8,9 @@ from navfw.missions.outcome import Outcome
 from navfw.suite.case import Case
 from navfw.suite.failure_causes import Cause
 from navfw.suite.run_table import RunRow
+from navfw.suite.worker_pool import WorkerFailure
 
-__all__ = ["case_columns", "fault_row"]
+__all__ = ["case_columns", "fault_row", "row_of"]
 
 
 def fault_row(case: Case, reason: str, cause: Cause) -> RunRow:
@@ -20,6 +21,13 @@ def fault_row(case: Case, reason: str, cause: Cause) -> RunRow:
         reason=" ".join(reason.split()),
         cause=cause.value,
     )
+
+
+def row_of(case: Case, result: RunRow | WorkerFailure) -> RunRow:
+    """What an engine answers for ``case``, as a row."""
+    if isinstance(result, WorkerFailure):
+        return fault_row(case, result.reason, result.cause)
+    return result
 
 
 def case_columns(case: Case) -> dict[str, Any]:

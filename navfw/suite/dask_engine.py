@@ -92,6 +92,15 @@ class DaskEngine:
             self._client.unregister_worker_plugin(self._name)
         self._client.close()
 
+    @property
+    def capacity(self) -> int:
+        """Number of threads of all workers now; 1 while there are none."""
+        return max(1, self._threads)
+
+    @property
+    def _threads(self) -> int:
+        return sum(self._client.nthreads().values())
+
     def run(self, jobs: Iterable[Job]) -> Iterator[tuple[Job, RunRow | WorkerFailure]]:
         """Run all jobs; may be called again with others.
 
@@ -106,7 +115,7 @@ class DaskEngine:
         waiting, futures = deque(jobs), dict[Any, Job]()
         seen = time.monotonic()
         while waiting or futures:
-            threads = sum(self._client.nthreads().values())
+            threads = self._threads
             seen = time.monotonic() if threads else seen
             if time.monotonic() - seen > WORKER_TIME:
                 raise SimulationError(f"{self._address} has no workers left; {_RESUME}")

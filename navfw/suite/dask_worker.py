@@ -109,7 +109,7 @@ def _work_in_folder(given: _Folders) -> RemoteResult:
     os.chdir(given.project / "project")
     with tempfile.TemporaryDirectory(prefix="navfw-pictures-") as folder:
         pictures = Path(folder) / given.job.pictures.name
-        pictures.mkdir()
+        pictures.mkdir(exist_ok=True)
         row = given.work(replace(given.job, pictures=pictures))
         picture = pictures / Path(row.picture).name if row.picture else None
         return RemoteResult(row, picture.read_bytes() if picture else None)

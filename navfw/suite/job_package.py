@@ -10,7 +10,7 @@ import io
 import platform
 import tempfile
 import zipfile
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib import metadata
@@ -34,21 +34,22 @@ _PACKAGE = Path(__file__).parents[1]
 _SHIPPED_PARTS = ("worlds", "maps", "behaviors")
 _LIBRARIES = ("numpy", "numba", "opencv-python-headless", "pybullet", "scipy")
 _PATHS = ("world", "mission", "stack")
+_OUTSIDE = "outside-"
 
 
 @dataclass(frozen=True)
 class JobPackage:
     """Files as a zip archive, and the local folders that their names stand for.
 
-    Inside the archive, the project is ``project``, and folders of worlds outside of it are
-    ``world-0``, ``world-1``, ... ``key`` is the hash of the archive.
+    Inside the archive, the project is ``project``; what lies outside of it, folders of worlds, and
+    missions and stacks, is ``outside-2``, ``outside-3``, ... ``key`` is the hash of the archive.
     """
 
     archive: bytes
     folders: tuple[tuple[str, str], ...]
 
     @classmethod
-    def of(cls, cases: Iterable[Case]) -> Self:
+    def of(cls, cases: Sequence[Case]) -> Self:
         """The package of ``cases`` and of the project around the working folder.
 
         Raises:
@@ -61,9 +62,12 @@ class JobPackage:
         roots = {"shipped": shipped_folder(), "package": _PACKAGE}
         if project is not None:
             roots["project"] = project
-        for folder in dict.fromkeys(Path(c.world).parent for c in cases if c.world):
-            if not any(folder.is_relative_to(root) for root in roots.values()):
-                roots[f"world-{len(roots)}"] = folder
+        worlds = [Path(case.world).parent for case in cases if case.world]
+        files = [Path(file) for case in cases for file in (case.mission, case.stack) if file]
+        for path in dict.fromkeys([*worlds, *files]):
+            if not any(path.is_relative_to(root) for root in roots.values()):
+                suffix = path.suffix if path.is_file() else ""
+                roots[f"{_OUTSIDE}{len(roots)}{suffix}"] = path
         stream, total = io.BytesIO(), 0
         with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
             archive.writestr(_entry("project/"), b"")
@@ -145,8 +149,8 @@ def worker_identity() -> dict[str, str]:
 
 
 def _travelling(roots: Mapping[str, Path]) -> Iterator[tuple[str, Path]]:
-    """The files of the project's parts, and of all folders outside of it, by name."""
-    own = {name: root for name, root in roots.items() if name.startswith("world-")}
+    """The files of the project's parts, and those outside of it, by name."""
+    own = {name: root for name, root in roots.items() if name.startswith(_OUTSIDE)}
     if "project" in roots:
         own |= {f"project/{part}": roots["project"] / part for part in _PROJECT_PARTS}
     return _files_of(own)
@@ -154,6 +158,8 @@ def _travelling(roots: Mapping[str, Path]) -> Iterator[tuple[str, Path]]:
 
 def _files_of(folders: Mapping[str, Path]) -> Iterator[tuple[str, Path]]:
     for name, folder in folders.items():
+        if folder.is_file():
+            yield name, folder
         for file, inside in files_in(folder):
             yield f"{name}/{inside.as_posix()}", file
 

@@ -3,44 +3,30 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import nullcontext
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import Any
 
 from navfw.errors import InputError
 from navfw.interruption import deferred
 from navfw.missions.outcome import Outcome
 from navfw.suite.case import Case, Job, KeptRuns
-from navfw.suite.case_rows import fault_row
+from navfw.suite.case_rows import row_of
 from navfw.suite.case_worker import run_job
-from navfw.suite.failure_causes import Cause
+from navfw.suite.run_engine import LIMIT, MEMORY, Engine, engine_or_processes
 from navfw.suite.run_table import RunKey, RunRow
 from navfw.suite.suite_folder import SuiteFolder
 from navfw.suite.suite_plan import SuitePlan
 from navfw.suite.suite_summary import summarize
-from navfw.suite.worker_pool import WorkerFailure, WorkerPool
+from navfw.suite.worker_pool import WorkerFailure
 
-__all__ = ["Engine", "SuiteResult", "run_suite"]
+__all__ = ["SuiteResult", "run_suite"]
 
 EXPORT_PERIOD = 2.0
 """Shortest time [s] between two exports of table and summary; the journal has each run at once."""
 
 EXPORT_SHARE = 0.02
 """Largest share of the time that exports take: those of a large suite become rarer."""
-
-LIMIT = 900.0
-"""Default wall-clock limit of a run [s]."""
-
-MEMORY = 2000.0
-"""Default limit [MB] of the memory of a run's process; usual ones have 400."""
-
-
-class Engine(Protocol):
-    """Runs jobs, on this machine or on others (``WorkerPool``, ``DaskEngine``)."""
-
-    def run(self, jobs: Iterable[Job], /) -> Iterator[tuple[Job, RunRow | WorkerFailure]]:
-        """Each job with its result, in the order of completion."""
 
 
 @dataclass(frozen=True)
@@ -99,12 +85,11 @@ def run_suite(
         for case in plan.cases
         if case.key not in table.rows
     ]
-    count = max(1, min(workers, len(jobs)))
-    pool = WorkerPool(work, count, limit, memory=memory) if engine is None else nullcontext(engine)
+    drives = engine_or_processes(engine, workers, limit=limit, memory=memory, work=work)
     unsaved = ""
     with deferred():  # the engine alone is interrupted, while it waits for runs
         try:
-            with pool as runner:
+            with drives as runner:
                 while jobs:
                     jobs = _drive(runner.run(jobs), table, on_row)
         except KeyboardInterrupt:
@@ -127,19 +112,13 @@ def _drive(
         if table.is_first_death(job.case, result):
             again.append(job)
             continue
-        row = _row(job.case, result, table.deaths[job.case.key] + 1)
+        row = replace(row_of(job.case, result), attempts=table.deaths[job.case.key] + 1)
         if row.outcome == Outcome.CANCELLED:
             continue
         table.add(job.case, row)
         if on_row is not None:
             on_row(job.case, row)
     return again
-
-
-def _row(case: Case, result: RunRow | WorkerFailure, attempts: int) -> RunRow:
-    if isinstance(result, WorkerFailure):
-        result = fault_row(case, result.reason, result.cause)
-    return replace(result, attempts=attempts)
 
 
 class _TableKeeper:
@@ -158,7 +137,7 @@ class _TableKeeper:
 
     def is_first_death(self, case: Case, result: RunRow | WorkerFailure) -> bool:
         """Whether the run died with its process for the first time; then it is noted."""
-        if not isinstance(result, WorkerFailure) or result.cause is Cause.TOO_LONG:
+        if not isinstance(result, WorkerFailure) or not result.repeatable:
             return False
         if self.deaths[case.key]:
             return False

@@ -67,6 +67,11 @@ class WorkerFailure:
     reason: str
     cause: Cause = Cause.PROCESS_DIED
 
+    @property
+    def repeatable(self) -> bool:
+        """Whether another process may succeed: time does not get longer."""
+        return self.cause is not Cause.TOO_LONG
+
 
 def stop_requested() -> bool:
     """In a worker process: whether the user has stopped the suite."""
@@ -112,6 +117,11 @@ class WorkerPool(Generic[JobT, ResultT]):
         self._cleanup.close()
         for slot in self._slots:
             slot.close()
+
+    @property
+    def capacity(self) -> int:
+        """Number of jobs that run at the same time."""
+        return self.workers
 
     def run(self, jobs: Iterable[JobT]) -> Iterator[tuple[JobT, ResultT | WorkerFailure]]:
         """Run all jobs; may be called again with others.

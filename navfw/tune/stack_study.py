@@ -83,6 +83,11 @@ class StackStudy:
         runs = training.cases, validation.cases
         return cls(stack, config, space, scores, *runs, identity, registry)
 
+    @property
+    def cases(self) -> tuple[Case, ...]:
+        """The runs of training and validation, with the stack as it is."""
+        return self.training + self.validation
+
     def run(
         self,
         folder: StudyFolder,

@@ -13,7 +13,9 @@ from pathlib import Path
 
 import pytest
 import suite_samples as samples
+from typer.testing import CliRunner, Result
 
+from navfw.cli import app
 from navfw.errors import InputError
 from navfw.suite import dask_engine
 from navfw.suite.case import Job
@@ -27,6 +29,10 @@ from navfw.suite.suite_run import run_suite
 pytest.importorskip("distributed", reason="needs the extra dask: uv sync --extra dask")
 
 HELPERS = Path(samples.__file__).parent
+
+
+def invoke(*words: str) -> Result:
+    return CliRunner().invoke(app, [*words])
 
 
 def start(folder: Path, *words: str) -> subprocess.Popen[bytes]:
@@ -83,6 +89,40 @@ def test_every_run_ends_once_although_a_worker_is_killed(
     assert [row.seed for row in out.rows()] == ended
 
 
+@pytest.mark.slow
+def test_suite_and_tune_drive_on_a_cluster(
+    cluster: tuple[str, list[subprocess.Popen[bytes]]], tmp_path: Path
+) -> None:
+    there = ["--engine", "dask", "--scheduler", cluster[0], "--json"]
+    suite, stack = tmp_path / "short.yaml", tmp_path / "detuned.yaml"
+    suite.write_text("entries: [{world: empty, missions: [straight]}]\n", encoding="utf-8")
+    stack.write_text("base: default\nbehaviors:\n  avoid: {spare: 0.5}\n", encoding="utf-8")
+    words = ["suite", str(suite), "--seeds", "0:3", "--stack", str(stack), "--keep", "all"]
+    hashes = []
+    for name, where in (("cluster", there), ("here", ["--json"])):
+        done = invoke(*words, "--out", str(tmp_path / name), *where)
+        assert done.exit_code == 0, done.output
+        assert len(list((tmp_path / name).glob("**/*.png"))) == 3
+        hashes.append([run["command_hash"] for run in json.loads(done.stdout)["runs"]])
+    assert hashes[0] == hashes[1]
+
+    words = ["tune", str(suite), "--stack", str(stack), "--param", "avoid.spare", "--trials", "2"]
+    words += ["--seeds", "0:2", "--validate", "9:10", "--out", str(tmp_path / "study")]
+    done = invoke(*words, *there)
+    assert done.exit_code == 0, done.output
+    assert json.loads(done.stdout)["runs"] == 1
+
+
+@pytest.mark.parametrize("command", ["suite", "tune"])
+def test_scheduler_and_engine_belong_together(command: str) -> None:
+    needed = {"suite": ["--seeds", "0:2"], "tune": ["--stack", "default", "--trials", "2"]}
+    words = [command, "rooms", *needed[command]]
+    lonely = invoke(*words, "--scheduler", "tcp://127.0.0.1:9")
+    assert (lonely.exit_code, "needs --engine dask" in lonely.stderr) == (2, True)
+    nowhere = invoke(*words, "--engine", "dask")
+    assert (nowhere.exit_code, "tcp://HOST:PORT" in nowhere.stderr) == (2, True)
+
+
 def test_a_worker_of_another_version_is_refused() -> None:
     ours = {**worker_identity(), "navfw": "9.9 (abc)"}
     with pytest.raises(InputError, match=r"has navfw .*, here it is 9\.9 \(abc\); install"):
@@ -109,7 +149,9 @@ def test_paths_travel_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     world.write_text("name: hall")
     (tmp_path / "mine" / "navfw.toml").touch()
     monkeypatch.chdir(tmp_path / "mine")
-    job = Job(samples.case(1, family="", world=str(world)), tmp_path)
+    outside = tmp_path / "tuned.yaml"
+    outside.write_text("base: default")
+    job = Job(samples.case(1, family="", world=str(world), stack=str(outside)), tmp_path)
     package = JobPackage.of([job.case])
     assert package.key == JobPackage.of([job.case]).key
     (tmp_path / "there").mkdir()
@@ -117,4 +159,6 @@ def test_paths_travel_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     there = package.unpacked(package.packed(job), folder)
     assert Path(there.case.world).is_relative_to(tmp_path / "there")
     assert Path(there.case.world).read_text() == "name: hall"
-    assert there.case.stack == job.case.stack
+    assert Path(there.case.stack).is_relative_to(tmp_path / "there")
+    assert Path(there.case.stack).suffix == ".yaml"
+    assert Path(there.case.stack).read_text() == "base: default"

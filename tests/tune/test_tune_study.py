@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
@@ -23,13 +23,16 @@ from navfw.fuzzy import load_rule_base
 from navfw.plugins import default_registry
 from navfw.robot import RobotModel
 from navfw.stackfile import load_stack
-from navfw.suite.case import Case
+from navfw.suite.case import Case, Job
 from navfw.suite.case_rows import case_columns
+from navfw.suite.failure_causes import Cause
 from navfw.suite.run_table import RunRow
 from navfw.suite.suitefile import load_suite
+from navfw.suite.worker_pool import WorkerFailure
 
 pytest.importorskip("optuna", reason="needs the extra tune: uv sync --extra tune")
 
+from navfw.suite.run_engine import engine_or_processes
 from navfw.tune.case_driving import driver
 from navfw.tune.objectives import Objectives
 from navfw.tune.search_space import BreakPoints, search_space
@@ -247,6 +250,41 @@ def test_a_tuned_rule_base_is_a_setting_of_the_stack(
         )
 
 
+@dataclass
+class FakeEngine:
+    """Answers jobs in reverse order; the first run of ``dies`` dies, of ``late`` takes too long."""
+
+    dies: int = -1
+    late: int = -1
+    batches: list[list[int]] = field(default_factory=list)
+    capacity: int = 2
+
+    def run(self, jobs: Iterable[Job]) -> Iterator[tuple[Job, RunRow | WorkerFailure]]:
+        given = list(jobs)
+        seeds = [job.case.seed for job in given]
+        first = not any(self.dies in batch for batch in self.batches)
+        self.batches += [seeds] if seeds else []
+        for job in reversed(given):
+            row = RunRow(**case_columns(job.case), outcome="reached")
+            if job.case.seed == self.dies and first:
+                yield job, WorkerFailure("died")
+            elif job.case.seed == self.late:
+                yield job, WorkerFailure("too long", Cause.TOO_LONG)
+            else:
+                yield job, row
+
+
+def test_runs_come_in_order_a_batch_at_a_time(files: tuple[Path, Path]) -> None:
+    cases, engine = planned(files, seeds="0:5").training, FakeEngine(dies=1, late=3)
+    rows = driver(engine)(cases)
+    assert next(rows).seed == 0
+    assert engine.batches == [[0, 1], [1]], "a run that died is driven again before the next ones"
+    rest = list(rows)
+    assert [row.seed for row in rest] == [1, 2, 3, 4]
+    assert [row.outcome for row in rest] == ["reached", "reached", "fault", "reached"]
+    assert engine.batches[2:] == [[2, 3], [4]], "a run that took too long is not driven again"
+
+
 def test_scores_are_weighed_means() -> None:
     row = RunRow(entry="e", world="w", mission="m", seed=0, stack="s", outcome="reached", spl=0.5)
     assert Objectives.parse(["success=3", "spl"]).score(row) == pytest.approx(0.875)
@@ -258,7 +296,7 @@ def test_tuning_by_real_runs_brings_the_speed_back(
     files: tuple[Path, Path], tmp_path: Path
 ) -> None:
     study = planned(files, seeds="0:2", validate="10:12", objectives=("sct",))
-    with driver(2, 300.0) as drive:
-        found = study.run(StudyFolder(tmp_path / "out"), drive, 8)
+    with engine_or_processes(None, 2, limit=300.0) as engine:
+        found = study.run(StudyFolder(tmp_path / "out"), driver(engine), 8)
     assert found["score_after"] > found["score_before"]
     assert found["settings"]["avoid.spare"] < 0.9
