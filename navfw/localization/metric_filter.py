@@ -20,6 +20,7 @@ from navfw.localization.motion_model import (
     process_noise,
     transition,
 )
+from navfw.localization.passage_walls import PassageFix
 from navfw.robot import RobotModel
 from navfw.signals import Array, Odometry, Pose, wrap_angle
 
@@ -118,6 +119,21 @@ class MetricFilter:
         """Correct the state by landmark observations, weighted by existence probability and fit."""
         for observation in observations:
             self._observe(observation)
+
+    def observe_passage(self, fix: PassageFix) -> None:
+        """Correct the state by the walls of a passage, unless they contradict it."""
+        rows, off, variances = fix.rows()
+        shared = self.covariance[:, :3] @ rows.T
+        spread = rows @ shared[:3] + np.diag(variances)
+        if float(off @ np.linalg.solve(spread, off)) > GATE:
+            return
+        gain = np.linalg.solve(spread, shared.T).T
+        self.state = self.state + gain @ off
+        self.state[2] = wrap_angle(float(self.state[2]))
+        updated = self.covariance - gain @ shared.T
+        self.covariance = 0.5 * (updated + updated.T)
+        self._limit_certainty()
+        self.updates += 1
 
     def adopt(self, pose: Pose, information: Array) -> None:
         """Take in a fit of the pose that began from this filter's own.

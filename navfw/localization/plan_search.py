@@ -8,12 +8,12 @@ pose is found when one of them is much more probable than all others, several ti
 from __future__ import annotations
 
 import math
-from collections import deque
 
 import numpy as np
 
 from navfw.localization.plan_field import PlanField
 from navfw.localization.plan_scan import PlanScan
+from navfw.localization.scan_memory import ScanMemory
 from navfw.signals import Array, Pose, wrap_angle
 from navfw.topomap.occupancy_map import OccupancyMap
 
@@ -86,26 +86,22 @@ class PlanSearch:
     def __init__(self, plan: OccupancyMap, field: PlanField, radius: float) -> None:
         self._field = field
         self._grid = _free_poses(plan, field, radius)
-        self.clear()
-
-    def clear(self) -> None:
-        """Forget all scans."""
-        self._scans: deque[tuple[float, Pose, PlanScan]] = deque()
+        self._scans = ScanMemory(MEMORY)
         self._searched_at = -math.inf
         self._before: Pose | None = None
         self._agreed = 0
 
     def add(self, driven: float, odom: Pose, scan: PlanScan) -> None:
         """Add a scan that was seen from ``odom`` after ``driven`` [m]."""
-        self._scans.append((driven, odom, scan))
-        while driven - self._scans[0][0] > MEMORY:
-            self._scans.popleft()
+        self._scans.add(driven, odom, scan)
 
     def find(self) -> Pose | None:
         """The pose in ``map`` at the newest scan; None while it is not known."""
-        if len(self._scans) < LEAST_SCANS or self._scans[-1][0] - self._searched_at < EVERY:
+        if len(self._scans) < LEAST_SCANS:
             return None
-        driven, here, _ = self._scans[-1]
+        driven, here = self._scans.newest
+        if driven - self._searched_at < EVERY:
+            return None
         self._searched_at = driven
         found = self._best(here)
         if found is None:
@@ -121,7 +117,7 @@ class PlanSearch:
 
         Both are poses in ``map`` at the newest scan.
         """
-        cloud = self._cloud(self._scans[-1][1], FINE_POINTS)
+        cloud = self._scans.cloud(self._scans.newest[1], FINE_POINTS)
         poses = np.array([(at.x, at.y, at.yaw) for at in (pose, other)])
         better, worse = self._rating(cloud, poses).tolist()
         return float(better - worse)
@@ -133,8 +129,8 @@ class PlanSearch:
 
     def _best(self, here: Pose) -> Pose | None:
         """The one pose that explains the scans, if all others are improbable."""
-        coarse = self._rated(self._cloud(here, COARSE_POINTS), self._grid, COARSE_SIGMA)
-        cloud = self._cloud(here, FINE_POINTS)
+        coarse = self._rated(self._scans.cloud(here, COARSE_POINTS), self._grid, COARSE_SIGMA)
+        cloud = self._scans.cloud(here, FINE_POINTS)
         refined: list[Pose] = []
         for k in coarse:
             start = Pose(*self._grid[k].tolist())
@@ -165,21 +161,9 @@ class PlanSearch:
                 break
         return kept
 
-    def _cloud(self, here: Pose, count: int) -> PlanScan:
-        """About ``count`` points of all scans, evenly picked, seen from odom pose ``here``."""
-        points, sigma, origins = [], [], []
-        for _, odom, scan in self._scans:
-            pose = here.relative(odom)
-            points.append(pose.points_to_parent(scan.points))
-            origins.append(pose.points_to_parent(scan.origins))
-            sigma.append(scan.sigma)
-        step = max(1, sum(map(len, sigma)) // count)
-        picked = (np.concatenate(part)[::step] for part in (points, sigma, origins))
-        return PlanScan(*map(np.ascontiguousarray, picked))
-
     def _impossible(self, poses: Array, here: Pose) -> Array:
         """Which of ``poses`` (m, 3) would have led the robot through a wall, or off the plan."""
-        way = np.array([(q.x, q.y) for q in (here.relative(pose) for _, pose, _ in self._scans)])
+        way = np.array([(q.x, q.y) for q in map(here.relative, self._scans.poses)])
         blocked = []
         for pose in poses.tolist():
             clearance = self._field.clearance(Pose(*pose).points_to_parent(way))

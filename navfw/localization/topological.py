@@ -14,6 +14,7 @@ from navfw.localization.discrete_filter import Cluster, DiscreteFilter, Discrete
 from navfw.localization.landmark_existence import LandmarkExistence
 from navfw.localization.landmark_observations import LandmarkObservation, LandmarkObserver
 from navfw.localization.metric_filter import MetricFilter, MetricFilterParams
+from navfw.localization.passage_observer import PassageObserver
 from navfw.localization.place_posterior import PlacePosterior, probability_within
 from navfw.localization.situation_model import observed_situations, situation_table
 from navfw.signals import Array, Belief, LandmarkDetection, Odometry, Percept, Pose, wrap_angle
@@ -39,7 +40,7 @@ class Topological(Localizer):
     that two landmarks support, the metric filter is initialised there; when it later lies
     elsewhere, with more supporting landmarks than the tracked pose has, the metric filter is
     initialised again there. While the two disagree the confidence falls; below ``lost_below`` the
-    belief is lost.
+    belief is lost. The walls beside the map's corridors and doors correct the tracked pose, too.
     """
 
     name: ClassVar[str] = "topological"
@@ -53,6 +54,10 @@ class Topological(Localizer):
         discrete: Annotated[DiscreteParams, Field(description="of the discrete filter")] = (
             DiscreteParams()
         )
+        passages: Annotated[
+            bool,
+            Field(description="heading and lateral position by the walls beside the map's edges"),
+        ] = True
         adopt_above: Annotated[
             float,
             Field(gt=0.5, lt=1.0, description="probability from which its pose is adopted"),
@@ -79,6 +84,7 @@ class Topological(Localizer):
         self.discrete = DiscreteFilter(topo_map, p.discrete, p.metric.prior, self.existence, table)
         self.discrete.initialize(pose, odometry)
         self.metric = MetricFilter(p.metric, self.existence, self.robot)
+        self._passages = PassageObserver(topo_map, self.robot) if p.passages else None
         self.tracking = pose is not None
         self.relocations = 0
         self._established = pose is not None
@@ -102,6 +108,7 @@ class Topological(Localizer):
         if self.tracking:
             self.metric.predict(odometry)
             self.metric.observe(observations)
+            self._observe_passages(odometry, percept)
         changed = self._version is not self.discrete.version
         self._version = self.discrete.version
         if observations or changed:
@@ -109,6 +116,14 @@ class Topological(Localizer):
         if self.tracking:
             return self._tracking_belief(self._posterior, odometry)
         return self._search_belief(odometry, changed)
+
+    def _observe_passages(self, odometry: Odometry, percept: Percept | None) -> None:
+        """Correct the tracked pose by the walls beside it, unless it is in doubt."""
+        if self._passages is None:
+            return
+        for fix in self._passages.observe(self.metric.pose, odometry, percept):
+            if self._disagreement == 0.0:
+                self.metric.observe_passage(fix)
 
     def _compare(self, odometry: Odometry, observations: Sequence[LandmarkObservation]) -> None:
         """Adopt the discrete filter's pose where it is probable, supported, and not tracked."""

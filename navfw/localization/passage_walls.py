@@ -1,0 +1,225 @@
+"""What the walls beside a passage of the map tell of the robot's heading and lateral position.
+
+A topological map has no walls, but it has straight passages with their widths: a corridor has a
+wall on each side, parallel to its edge and equally far from it; a door is a gap of known width in a
+wall across its edge (METHOD 4.1).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from navfw.localization.plan_scan import PlanScan
+from navfw.signals import Array, Pose, wrap_angle
+from navfw.topomap import Passage, Place, TopoMap
+
+__all__ = ["PassageAxis", "PassageFix", "corridor_fix", "door_fix", "passage_axes"]
+
+WIDEST = 3.0
+"""Largest width [m] of a passage between walls."""
+
+ALIGNED = 0.1
+"""Largest distance [m] of the ends of collinear passages from their common line."""
+
+TOLERANCE = 0.2
+"""Largest difference [m] of the distance between two walls from the width on the map."""
+
+SPREAD = 0.1
+"""Scale [m] of the residuals of points that belong to a wall: skirting, frames, posters."""
+
+LEAST_SPAN = 0.6
+"""Least length [m] of wall that gives a heading."""
+
+LEAST_POINTS = 6
+"""Least number of points on a wall."""
+
+AXIS_SIGMA, AXIS_YAW_SIGMA = 0.05, 0.02
+"""Standard deviations [m, rad] of an edge of the map from the middle between the walls, and of its
+direction: places are set by hand."""
+
+DOOR_SIGMA = 0.06
+"""Standard deviation [m] of the middle between two seen door posts."""
+
+POST = 0.1
+"""Quantile of the distances of a wall's points from the middle of a door that is its post: single
+points are wrong."""
+
+FATTENING = 0.4
+"""How much narrower [m] than it is a gap may look: cells of the image reach over its edges."""
+
+
+@dataclass(frozen=True, slots=True)
+class PassageAxis:
+    """A straight line of the map, from ``origin`` [m, map] in the direction ``yaw`` [rad].
+
+    ``length`` [m] of it is a corridor of ``width`` [m]; a door has length 0, its origin between the
+    posts.
+    """
+
+    origin: tuple[float, float]
+    yaw: float
+    length: float
+    width: float
+
+    def frame(self, pose: Pose) -> Pose:
+        """``pose`` (map) in the frame of the axis: x along it, y to its left."""
+        return Pose(*self.origin, self.yaw).relative(pose)
+
+    def heading_off(self, pose: Pose) -> float:
+        """Smallest angle [rad] between the heading of ``pose`` and the axis, either way."""
+        off = abs(wrap_angle(pose.yaw - self.yaw))
+        return min(off, math.pi - off)
+
+    @property
+    def is_door(self) -> bool:
+        """Whether it is a gap in a wall across it."""
+        return self.length == 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class PassageFix:
+    """Corrections of a believed pose: ``turn`` [rad] of its yaw, ``shift`` [m] to the axis' left.
+
+    With standard deviations; infinite where walls tell nothing of it.
+    """
+
+    axis: PassageAxis
+    turn: float
+    turn_sigma: float
+    shift: float
+    shift_sigma: float
+
+    def rows(self) -> tuple[Array, Array, Array]:
+        """What is observed of x, y, yaw (n, 3), its corrections (n,) and their variances (n,)."""
+        across = [-math.sin(self.axis.yaw), math.cos(self.axis.yaw), 0.0]
+        rows = np.array([[0.0, 0.0, 1.0], across])
+        known = np.isfinite([self.turn_sigma, self.shift_sigma])
+        values = np.array([self.turn, self.shift])
+        variances = np.array([self.turn_sigma, self.shift_sigma]) ** 2
+        return rows[known], values[known], variances[known]
+
+
+def passage_axes(topo_map: TopoMap) -> list[PassageAxis]:
+    """The corridors and doors of a map."""
+    return [*_corridors(topo_map), *_doors(topo_map)]
+
+
+def _corridors(topo_map: TopoMap) -> Iterator[PassageAxis]:
+    """The straight corridors: passages one after the other on a line, as wide as the widest.
+
+    The width of a passage is that of its narrowest point, between things in the corridor.
+    """
+    rest = [passage for passage in topo_map.passages if _is_corridor(topo_map, passage)]
+    while rest:
+        first = rest.pop(0)
+        a, b = topo_map.place(first.a), topo_map.place(first.b)
+        axis = PassageAxis((a.x, a.y), math.atan2(b.y - a.y, b.x - a.x), 0.0, first.width)
+        low, high, width = 0.0, a.distance(b.x, b.y), first.width
+        while joined := [
+            (passage, span)
+            for passage in rest
+            if (span := _span(topo_map, axis, passage)) is not None
+            and span[0] <= high + ALIGNED
+            and span[1] >= low - ALIGNED
+        ]:
+            for passage, span in joined:
+                rest.remove(passage)
+                low, high = min(low, span[0]), max(high, span[1])
+                width = max(width, passage.width)
+        start = Pose(a.x, a.y, axis.yaw).compose(Pose(low, 0.0, 0.0))
+        yield PassageAxis((start.x, start.y), axis.yaw, high - low, width)
+
+
+def _span(topo_map: TopoMap, axis: PassageAxis, passage: Passage) -> tuple[float, float] | None:
+    """The extent [m] of a passage along the axis; None if it is not on that line."""
+    ends = [axis.frame(_at(topo_map.place(name))) for name in (passage.a, passage.b)]
+    if max(abs(end.y) for end in ends) > ALIGNED:
+        return None
+    return min(end.x for end in ends), max(end.x for end in ends)
+
+
+def _doors(topo_map: TopoMap) -> Iterator[PassageAxis]:
+    """Each door place on a straight line between two others."""
+    for door in topo_map.places.values():
+        around = topo_map.passages_at(door.name) if door.kind == "door" else ()
+        if len(around) != 2:
+            continue
+        before, after = (topo_map.place(p.other(door.name)) for p in around)
+        yaw = math.atan2(after.y - before.y, after.x - before.x)
+        width = min(p.width for p in around)
+        axis = PassageAxis((door.x, door.y), yaw, 0.0, width)
+        if width <= WIDEST and abs(axis.frame(_at(before)).y) <= ALIGNED:
+            yield axis
+
+
+def _is_corridor(topo_map: TopoMap, passage: Passage) -> bool:
+    kinds = {topo_map.place(name).kind for name in passage.ends}
+    return kinds <= {"corridor", "junction"} and passage.width <= WIDEST
+
+
+def _at(place: Place) -> Pose:
+    return Pose(place.x, place.y, 0.0)
+
+
+def corridor_fix(axis: PassageAxis, here: Pose, scan: PlanScan) -> PassageFix | None:
+    """What the walls of a corridor tell of the believed pose ``here`` (map); None if too little.
+
+    Two parallel lines are fitted to the points of ``scan``, robustly (Cauchy weights).
+    """
+    robot = axis.frame(here)
+    points = robot.points_to_parent(scan.points)
+    half = 0.5 * axis.width
+    near = np.abs(np.abs(points[:, 1]) - half) <= TOLERANCE + SPREAD
+    near &= (points[:, 0] >= -ALIGNED) & (points[:, 0] <= axis.length + ALIGNED)
+    along, across, sigma = points[near, 0] - robot.x, points[near, 1], scan.sigma[near]
+    left = across > 0.0
+    if len(along) < LEAST_POINTS or np.ptp(along) < LEAST_SPAN:
+        return None
+    design = np.column_stack([left, ~left, along]).astype(np.float64)
+    start = np.array([half, -half, 0.0])
+    lines, covariance = _robust_lines(design, across, sigma, start)
+    slope_sigma = math.sqrt(covariance[2, 2])
+    shift, shift_sigma = 0.0, math.inf
+    both = min(int(left.sum()), int((~left).sum())) >= LEAST_POINTS
+    if both and abs(lines[0] - lines[1] - axis.width) <= TOLERANCE:
+        shift = -0.5 * float(lines[0] + lines[1])
+        middle = np.array([0.5, 0.5, 0.0])
+        shift_sigma = math.hypot(math.sqrt(middle @ covariance @ middle), AXIS_SIGMA)
+    turn_sigma = math.hypot(slope_sigma, AXIS_YAW_SIGMA)
+    return PassageFix(axis, -math.atan(lines[2]), turn_sigma, shift, shift_sigma)
+
+
+def _robust_lines(design: Array, across: Array, sigma: Array, start: Array) -> tuple[Array, Array]:
+    """Parameters (3,) of the lines, with a weak prior at ``start``, and their covariance (3, 3)."""
+    found, prior = start, np.diag([TOLERANCE**-2, TOLERANCE**-2, 0.3**-2])
+    variance = sigma**2 + (0.5 * SPREAD) ** 2
+    inverse = prior
+    for _ in range(8):
+        residual = across - design @ found
+        weight = 1.0 / (variance * (1.0 + (residual / SPREAD) ** 2))
+        inverse = prior + (design * weight[:, None]).T @ design
+        found = found + np.linalg.solve(
+            inverse, (design * weight[:, None]).T @ residual - prior @ (found - start)
+        )
+    return found, np.linalg.inv(inverse)
+
+
+def door_fix(axis: PassageAxis, here: Pose, scan: PlanScan) -> PassageFix | None:
+    """What the posts of a door tell of the believed pose ``here`` (map); None if too little."""
+    points = axis.frame(here).points_to_parent(scan.points)
+    in_wall = np.abs(points[:, 0]) <= TOLERANCE + scan.sigma
+    posts = []
+    for side in (1.0, -1.0):
+        off = side * points[in_wall, 1]
+        off = off[(off > 0.0) & (off < axis.width)]
+        if len(off) < LEAST_POINTS // 2:
+            return None
+        posts.append(float(np.quantile(off, POST)))
+    gap = posts[0] + posts[1]
+    if not axis.width - FATTENING <= gap <= axis.width + TOLERANCE:
+        return None
+    return PassageFix(axis, 0.0, math.inf, -0.5 * (posts[0] - posts[1]), DOOR_SIGMA)
