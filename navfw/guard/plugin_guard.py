@@ -11,7 +11,7 @@ from navfw.errors import InputError, PluginError
 from navfw.guard.answers import AnswerError, instance
 from navfw.guard.fault_origin import fault_origin
 from navfw.interfaces import Plugin
-from navfw.interruption import interrupted
+from navfw.interruption import check_interrupted, interrupted
 from navfw.robot import RobotModel
 from navfw.watchdog import PluginTimeout, Watchdog
 
@@ -174,6 +174,7 @@ class PluginGuard:
             self._suspend(plugin)
             raise self._failure(plugin, f"took too long: {timeout}", vital) from None
         except BaseException as error:  # SystemExit, too: a plugin must not end the run
+            check_interrupted()  # compiled code may raise another error than the interruption
             if isinstance(error, KeyboardInterrupt) and interrupted():
                 raise
             if isinstance(error, InputError) and self.starting:

@@ -198,9 +198,13 @@ class MissionLoop:
     def _drive(self) -> MissionVerdict:
         verdict: MissionVerdict | None = None
         with interruptible():
-            while verdict is None:
-                check_interrupted()
-                verdict = self._advance()
+            try:
+                while verdict is None:
+                    check_interrupted()
+                    verdict = self._advance()
+            except Exception:
+                check_interrupted()  # compiled code may raise another error than the interruption
+                raise
         return verdict
 
     def _contained(self, action: Callable[[], VerdictT]) -> VerdictT | MissionVerdict:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
+import os
 import sqlite3
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator
@@ -77,7 +78,7 @@ class RunJournal:
 
     def add_all(self, rows: Iterable[tuple[str, RunRow]]) -> None:
         """Write many rows, each with its content, in one transaction."""
-        with self._opened("rw") as database, database:
+        with self._opened() as database, database:
             for content, row in rows:
                 key, cells = _key_text(row.key), json.dumps(cells_of_row(row))
                 values = (content, key, cells, _checksum(content, key, cells))
@@ -86,7 +87,7 @@ class RunJournal:
 
     def add_death(self, content: str, key: RunKey, reason: str) -> None:
         """Note that the process of a run died; forgotten when the run has a row."""
-        with self._opened("rw") as database, database:
+        with self._opened() as database, database:
             values = (content, _key_text(key), reason)
             database.execute("INSERT INTO death VALUES (?, ?, ?)", values)
 
@@ -99,19 +100,19 @@ class RunJournal:
 
     def all_rows(self) -> list[tuple[str, RunRow]]:
         """All rows with their contents, also those of a suite that was changed since."""
-        with self._opened("ro") as database:
+        with self._opened() as database:
             known = list(database.execute("SELECT * FROM run ORDER BY rowid"))
         return [self._checked(*values) for values in known]
 
     def deaths(self, contents: Collection[str]) -> Counter[RunKey]:
         """The number of deaths of the runs that have no row since."""
-        with self._opened("ro") as database:
+        with self._opened() as database:
             known = list(database.execute("SELECT content, key FROM death"))
         return Counter(RunKey(*json.loads(key)) for content, key in known if content in contents)
 
     def check(self) -> None:
         """Have SQLite look for damage in the whole file."""
-        with self._opened("ro") as database:
+        with self._opened() as database:
             (version,) = database.execute("PRAGMA user_version").fetchone()
             if version > VERSION:
                 what = f"was written by a newer navfw (version {version} of the journal)"
@@ -124,7 +125,7 @@ class RunJournal:
         """All rows of a damaged journal that can be read, from its beginning and from its end."""
         found: dict[str, tuple[str, RunRow]] = {}
         for order in ("ASC", "DESC"):
-            with contextlib.suppress(InputError), self._opened("ro") as database:
+            with contextlib.suppress(InputError), self._opened() as database:
                 for values in database.execute(f"SELECT * FROM run ORDER BY rowid {order}"):  # noqa: S608 - one of two words
                     with contextlib.suppress(ConfigError):
                         content, row = self._checked(*values)
@@ -145,12 +146,14 @@ class RunJournal:
             raise JournalDamagedError("is damaged: a row has no cells", file=self.file) from None
 
     @contextlib.contextmanager
-    def _opened(self, mode: str) -> Iterator[sqlite3.Connection]:
+    def _opened(self) -> Iterator[sqlite3.Connection]:
         if not is_file(self.file):
             raise InputError("cannot be read or written: it is not there", file=self.file)
         if self.file.stat().st_size > MAX_JOURNAL:
             what = f"is larger than {MAX_JOURNAL // 1_000_000} MB, so it is not read"
             raise InputError(what, file=self.file)
+        # the first reading after a kill rolls back what that left unfinished, so it may write
+        mode = "rw" if os.access(self.file, os.W_OK) else "ro"
         place = f"{self.file.absolute().as_uri()}?mode={mode}"
         try:
             with contextlib.closing(sqlite3.connect(place, WAIT, uri=True)) as database:

@@ -79,6 +79,21 @@ def test_the_users_interrupt_is_not_a_fault() -> None:
     assert guard.faults == ()
 
 
+def test_an_error_in_place_of_the_users_interrupt_is_not_a_fault() -> None:
+    """Compiled code may answer the KeyboardInterrupt of a signal with another exception."""
+
+    def disguised() -> None:
+        try:
+            os.kill(os.getpid(), signal.SIGTERM)
+        except KeyboardInterrupt:
+            raise SystemError("returned a result with an exception set") from None
+
+    guard = PluginGuard()
+    with interruptible(), pytest.raises(KeyboardInterrupt):
+        guard.call("flow mine", disguised, check=nothing)
+    assert guard.faults == ()
+
+
 def test_a_plugin_may_refuse_the_mission_at_its_start_only() -> None:
     guard = PluginGuard()
     refuse = raiser(InputError("no route"))

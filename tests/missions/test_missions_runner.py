@@ -6,6 +6,8 @@ import dataclasses
 import gc
 import itertools
 import math
+import os
+import signal
 from collections.abc import Sequence
 
 import pytest
@@ -160,6 +162,19 @@ def test_an_exception_or_bad_command_ends_the_run_with_a_result(
     assert reason in run.verdict.reason
     assert run.log.ticks == 5
     assert ("Traceback" in run.verdict.trace) == (fault is FaultKind.EXCEPTION)
+
+
+def test_an_error_in_place_of_an_interruption_cancels_the_run() -> None:
+    class Disguising(BrokenPilot):
+        def step(self, reading: SensorReading) -> Twist:
+            try:
+                os.kill(os.getpid(), signal.SIGTERM)
+            except KeyboardInterrupt:
+                raise SystemError("returned a result with an exception set") from None
+            return super().step(reading)
+
+    run = run_task(task(), Disguising(Twist(0.0, 0.0)), FakeSimulator(START))
+    assert run.verdict.outcome is Outcome.CANCELLED
 
 
 @pytest.mark.parametrize("breakage", [ValueError("bad cell"), Twist(math.nan, 0.0)])

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import sqlite3
+import subprocess
+import sys
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -99,6 +101,27 @@ def test_a_suite_that_dies_as_it_begins_is_resumed(
     result, driven = run(plan(), out, "resume")
     assert result.complete
     assert len(driven) == 4
+
+
+KILLED_WHILE_WRITING = """
+import os, sqlite3, sys
+database = sqlite3.connect(sys.argv[1])
+database.execute("PRAGMA cache_size = 1")
+database.execute("BEGIN")
+for number in range(500):
+    database.execute("INSERT INTO run VALUES ('aa', ?, ?, '')", (str(number), "x" * 2000))
+os._exit(0)
+"""
+
+
+def test_what_a_kill_left_unfinished_is_rolled_back(out: SuiteFolder) -> None:
+    wanted = plan()
+    run(wanted, out)
+    before = out.rows()
+    subprocess.run([sys.executable, "-c", KILLED_WHILE_WRITING, out.journal.file], check=True)  # noqa: S603 - this Python
+    assert (out.path / "journal.sqlite-journal").exists()
+    assert out.rows() == before
+    assert run(wanted, out, "resume")[1] == []
 
 
 def test_extend_keeps_what_a_change_has_not_touched(out: SuiteFolder) -> None:
