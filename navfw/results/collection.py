@@ -10,6 +10,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from navfw.config.folder_files import files_in
 from navfw.config.input_file import is_file, is_folder
 from navfw.config.json_file import read_json_object
 from navfw.errors import ConfigError, InputError
@@ -102,6 +103,7 @@ def _of_suite(folder: SuiteFolder, name: str | None) -> list[StoredResult]:
             what = f"expected one, got {about.get(key, 'none')}; run the whole suite anew"
             raise ConfigError(what, file=folder.path / "suite.json", key=key)
     rows = read_table(folder.table)
+    size = sum(file.stat().st_size for file, _ in files_in(folder.path))
     entries = summary["by_entry"]
     expect = {entry: part["expect"] for entry, part in entries.items() if "expect" in part}
     compared = summarize(rows).get("by_variant", {})
@@ -127,6 +129,7 @@ def _of_suite(folder: SuiteFolder, name: str | None) -> list[StoredResult]:
                 variant=variant,
                 figures=_figures(own, expect),
                 parts=_parts(own, expect),
+                disk_kb=round(size / 1000.0 / len(rows), 2),
                 p=compared[variant]["p"] if variant != first else None,
                 against=first if variant != first else "",
             )

@@ -49,7 +49,8 @@ class Figures(StrictModel):
     """What a number of runs come to; see ``navfw.suite.suite_summary.summarize`` for each figure.
 
     ``estimate_error_m`` is the median, ``estimate_error_max_m`` the largest, over the runs' ends.
-    ``passed`` counts the runs that did what the suite's ``expect`` asks for, where it asks.
+    ``passed`` counts the runs that did what the suite's ``expect`` asks for, where it asks. Older
+    results lack ``cpu_time_s`` and ``memory_mb``.
     """
 
     runs: Count
@@ -65,6 +66,8 @@ class Figures(StrictModel):
     min_clearance_m: float | None
     estimate_error_m: float | None
     estimate_error_max_m: float | None
+    cpu_time_s: float | None = None
+    memory_mb: float | None = None
     causes: Mapping[str, Count] = Field(default_factory=dict)
     expect: Literal["arrival", "stop"] | None = None
     passed: Count | None = None
@@ -96,6 +99,7 @@ class StoredSuiteResult(_StoredBase):
     ``suite_hash`` is the SHA-256 of the suite's file. ``parts`` has the figures of each entry, of
     an entry with several missions each mission's; it is empty when there is only one. ``p`` is of
     McNemar's exact test of success against the variant ``against``, over the same runs.
+    ``disk_kb`` is the size of the suite's folder [kB] by its number of runs.
     """
 
     kind: Literal["suite"] = "suite"
@@ -106,6 +110,7 @@ class StoredSuiteResult(_StoredBase):
     figures: Figures
     parts: Mapping[str, Figures]
     p: Share | None = None
+    disk_kb: Annotated[float, Field(ge=0.0)] | None = None
     against: str = ""
 
     @property

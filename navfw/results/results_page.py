@@ -5,6 +5,7 @@
 | ``{{suites NAME...}}`` | a table with a row for each result of these suites |
 | ``{{parts NAME...}}`` | the same with a row for each entry or mission of a suite |
 | ``{{variants NAME}}`` | a table of a suite's variants, compared with the first |
+| ``{{sizing NAME...}}`` | a table of what the runs of these suites cost, and ten thousand of them |
 | ``{{runs PATTERN...}}`` | a table with a row for each single run whose name matches |
 | ``{{values NAME "LABEL"=KEY:FORMAT...}}`` | a table with a row for each value of a benchmark |
 | ``{{value NAME KEY FORMAT}}`` | a number of a result, or the sum over the results of a suite |
@@ -65,6 +66,16 @@ _SUITE_COLUMNS = (
     "time",
     "estimate's error",
     "causes of failure",
+    "revision",
+    "machine",
+)
+_SIZING_COLUMNS = (
+    "suite",
+    "runs",
+    "runs per core-hour",
+    "10,000 runs on a core",
+    "memory of a process, largest",
+    "on disk, per run",
     "revision",
     "machine",
 )
@@ -146,6 +157,7 @@ class _Writer:
             "suites": self._suite_table,
             "parts": self._part_table,
             "variants": self._variant_table,
+            "sizing": self._sizing_table,
             "runs": self._run_table,
             "values": self._value_table,
             "value": self._value,
@@ -197,6 +209,21 @@ class _Writer:
         ]
         columns = ["variant", *_SUITE_COLUMNS[:-2], "p", *entries, *_SUITE_COLUMNS[-2:]]
         return pipe_table(columns, rows) if rows else ""
+
+    def _sizing_table(self, *names: str) -> str:
+        rows = []
+        for result in self._of_suites(names):
+            figures = result.figures
+            if result.variant or not figures.cpu_time_s:
+                continue
+            cells = [
+                f"{3600.0 / figures.cpu_time_s:.0f}",
+                f"{10_000.0 * figures.cpu_time_s / 3600.0:.1f} h",
+                f"{_number(figures.memory_mb, 0)} MB",
+                f"{_number(result.disk_kb, 1)} kB",
+            ]
+            rows.append([_label(result), str(figures.runs), *cells, *self._origin(result)])
+        return pipe_table(_SIZING_COLUMNS, rows) if rows else ""
 
     def _run_table(self, *patterns: str) -> str:
         rows = []

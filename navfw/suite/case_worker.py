@@ -6,6 +6,7 @@ import contextlib
 import dataclasses
 import functools
 import sys
+import time
 import traceback
 from collections.abc import Iterator
 from pathlib import Path
@@ -39,12 +40,17 @@ def run_job(job: Job) -> RunRow:
         SimulationError: the simulator cannot be started, or its temporary files not be written.
 
     """
-    case = job.case
+    case, began = job.case, time.process_time()
     try:
         _one_thread()
         session = case.session(_registry())
         result = session.run(_stop_on_request, record=job.record != "none")
-        return _keep(row_of(case, result), job, result)
+        row = _keep(row_of(case, result), job, result)
+        return dataclasses.replace(
+            row,
+            cpu_time_s=round(time.process_time() - began, 3),
+            memory_mb=round(peak_memory_mb(), 1),
+        )
     except InputError as error:
         return fault_row(case, str(error), Cause.BAD_INPUT)
     except MemoryError:
@@ -93,7 +99,6 @@ def row_of(case: Case, result: MissionResult) -> RunRow:
         collision_cause=summary["collision_cause"] or "",
         sct=sct(good, time, shortest, spec.robot.max_v),
         barn_score=barn_score(good, result.metrics.traversal_s, spec.success.reference or shortest),
-        memory_mb=round(peak_memory_mb(), 1),
     )
 
 

@@ -67,9 +67,10 @@ class RunRow:
     body that moved into the other: "robot" or "mover". ``picture`` is a file beside the table.
     ``variant`` is empty in suites without variants; their tables have no such column.
     ``plugin_faults`` is the number of kinds of plugin faults beside the injected ones. ``attempts``
-    is the number of processes that the run took: 2 if the first one died. ``memory_mb`` is the
-    largest resident memory [MB] of the process since its start. Tables of older versions lack the
-    last three.
+    is the number of processes that the run took: 2 if the first one died. ``cpu_time_s`` is the
+    processor time of the whole run, with its world, checks and picture, ``memory_mb`` the largest
+    resident memory [MB] of the process since its start. Tables of older versions lack the last
+    four.
     """
 
     entry: str
@@ -103,6 +104,7 @@ class RunRow:
     command_hash: str = ""
     picture: str = ""
     attempts: int | None = None
+    cpu_time_s: float | None = None
     memory_mb: float | None = None
 
     @property
@@ -145,7 +147,7 @@ class RunRow:
 COLUMNS = tuple(field.name for field in dataclasses.fields(RunRow))
 _TYPES = typing.get_type_hints(RunRow)
 
-_OPTIONAL = {"variant", "plugin_faults", "attempts", "memory_mb"}
+_OPTIONAL = {"variant", "plugin_faults", "attempts", "cpu_time_s", "memory_mb"}
 """Columns that a table may lack."""
 
 

@@ -28,11 +28,12 @@ def summarize(rows: Sequence[RunRow], expect: Mapping[str, Expect] | None = None
     ``collision_rate`` the share of runs with one, ``collisions_by_robot`` the number of runs in
     which the robot moved into the object, ``died`` the number of runs whose process ended without a
     result, ``plugin_faults`` the number of kinds of plugin faults, summed over the runs.
-    ``mean_time_s`` is over the successful runs. Numbers that no run has are None. With more than
-    one stack, ``by_stack`` has the summary of each. Entries in ``expect`` have ``expect``, the
-    number of runs that ``passed``, and whether the entry ``passes``. With variants, ``by_variant``
-    replaces ``by_stack``; it has the summary of each variant and of its entries, and ``p`` of
-    McNemar's exact test on success against the first variant.
+    ``mean_time_s`` is over the successful runs, ``cpu_time_s`` a mean, ``memory_mb`` the largest.
+    Numbers that no run has are None. With more than one stack, ``by_stack`` has the summary of
+    each. Entries in ``expect`` have ``expect``, the number of runs that ``passed``, and whether the
+    entry ``passes``. With variants, ``by_variant`` replaces ``by_stack``; it has the summary of
+    each variant and of its entries, and ``p`` of McNemar's exact test on success against the first
+    variant.
     """
     summary = _numbers(rows)
     by_entry = _split(rows, lambda row: row.entry)
@@ -114,6 +115,8 @@ def _numbers(rows: Sequence[RunRow]) -> dict[str, Any]:
         "min_clearance_m": min(_given(row.min_clearance_m for row in rows), default=None),
         "estimate_error_m": _median(_given(row.estimate_error_m for row in rows)),
         "barn_score": _mean(row.barn_score or 0.0 for row in rows),
+        "cpu_time_s": _mean(_given(row.cpu_time_s for row in rows)),
+        "memory_mb": max(_given(row.memory_mb for row in rows), default=None),
         "real_time_factor": _median(_given(row.real_time_factor for row in rows)),
         "outcomes": _counts(row.outcome for row in rows),
         "causes": _counts(row.failure for row in failed),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -48,6 +49,16 @@ def test_a_suite_is_kept_with_its_origin_and_figures(tmp_path: Path) -> None:
     assert figures.causes == {"collided: slow": 1}
     assert result.parts == {}
     assert not result.dirty
+
+
+def test_what_runs_cost_is_kept(tmp_path: Path) -> None:
+    rows = [replace(row(seed), cpu_time_s=2.0 + seed, memory_mb=300.0 + seed) for seed in range(3)]
+    folder = suite_folder(tmp_path / "runs", rows).path
+    (folder / "failure.png").write_bytes(bytes(300_000))
+    result = of_suite(folder)
+    assert (result.figures.cpu_time_s, result.figures.memory_mb) == (3.0, 302.0)
+    assert result.disk_kb is not None
+    assert 100.0 < result.disk_kb < 150.0, "everything in the folder, per run"
 
 
 def test_options_are_part_of_command_and_name(tmp_path: Path) -> None:

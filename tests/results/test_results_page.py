@@ -123,6 +123,15 @@ def test_variants_stand_beside_the_first() -> None:
     assert filled("{{suites rooms}}", first) == "not measured"
 
 
+def test_sizing_extrapolates_the_processor_time_of_runs() -> None:
+    measured = suite_result()
+    assert filled("{{sizing rooms}}", measured) == "not measured", "of an older version"
+    figures = measured.figures.model_copy(update={"cpu_time_s": 4.5, "memory_mb": 380.4})
+    sized = measured.model_copy(update={"figures": figures, "disk_kb": 9.27})
+    row = "| rooms | 4 | 800 | 12.5 h | 380 MB | 9.3 kB | 012345678 | A |"
+    assert row in filled("{{sizing rooms}}", sized)
+
+
 def test_values_runs_and_machines() -> None:
     other = bench_result(
         "office-tour-3-default",

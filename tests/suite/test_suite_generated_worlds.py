@@ -142,6 +142,9 @@ def test_a_generated_run_gives_a_full_row_and_its_picture(tmp_path: Path) -> Non
     assert row.shortest_path_m == pytest.approx(4.0)
     assert len(row.command_hash) == 64
     assert row.plugin_faults == 0, "injected ones do not count"
+    assert row.cpu_time_s is not None
+    assert row.cpu_time_s > 0.1
+    assert row.memory_mb is not None
     assert (tmp_path.parent / row.picture).is_file()
 
 
