@@ -40,6 +40,10 @@ CLEARLY_BETTER = 0.5
 to take its place. Things that the plan does not show cost the tracked pose less; a wrong pose fits
 worse by 1 and more."""
 
+TRUSTED_SHARE, TRUSTED_XY = 0.5, 0.15
+"""Share of the points that belong to the plan, and standard deviation [m] of the position, with
+which a wall that was seen through is not there."""
+
 FOUND_XY, FOUND_YAW = 0.15, 0.05
 """Standard deviations [m, rad] of a pose that the search has found."""
 
@@ -52,7 +56,8 @@ class FloorPlanLocalizer(Localizer):
     belong to the plan, less the share of rays that a wall would have blocked. Below ``doubt_below``
     the whole plan is searched for a clearly better pose. Below ``lost_below`` the robot is lost;
     points without a wall alone do not lose it, as they may be of things that the plan does not
-    show: it goes on by its odometry, with less confidence. Landmarks are not used.
+    show: it goes on by its odometry, with less confidence. A wall that the camera sees through from
+    a well known pose is taken out of the plan. Landmarks are not used.
     """
 
     name: ClassVar[str] = "floor_plan"
@@ -155,6 +160,8 @@ class FloorPlanLocalizer(Localizer):
             self.filter.covariance[:, :3] *= math.sqrt(INFLATION)
         else:
             self.filter.adopt(match.pose, match.information)
+            if match.belonging >= TRUSTED_SHARE and known[0, 0] + known[1, 1] <= TRUSTED_XY**2:
+                self._field.see_through(scan, match.pose)
         if self.fit < self.params.lost_below:
             self.tracking = False
 

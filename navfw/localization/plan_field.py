@@ -9,7 +9,12 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import distance_transform_edt
 
-from navfw.localization.plan_kernels import match_points, rate_poses, share_of_blocked_rays
+from navfw.localization.plan_kernels import (
+    count_rays_through_walls,
+    match_points,
+    rate_poses,
+    share_of_blocked_rays,
+)
 from navfw.localization.plan_scan import PlanScan
 from navfw.signals import Array, Pose
 from navfw.topomap.occupancy_map import OccupancyMap
@@ -27,6 +32,12 @@ CORRELATION = 12.0
 
 SHORT = 0.25
 """Part of a ray next to its point [m] in which no wall counts as blocking it."""
+
+NEAR = 0.1
+"""Distance [m] up to which a point belongs to a wall; rays and points count so far around."""
+
+SEEN_THROUGH = 12
+"""Number of rays through a wall, above that of points on it, by which it is not there."""
 
 ITERATIONS = 8
 """Number of Gauss-Newton steps."""
@@ -46,13 +57,15 @@ class PlanMatch:
 
 
 class PlanField:
-    """Signed distances from the walls of ``plan``, in cells: negative inside walls."""
+    """Signed distances from the walls of ``plan``, in cells: negative inside walls.
+
+    A wall that was seen through, from poses that explain what was seen behind it, is not there.
+    """
 
     def __init__(self, plan: OccupancyMap) -> None:
-        occupied = plan.occupied
-        outside = _distances(~occupied)
-        inside = _distances(occupied)
-        self.cells = np.where(occupied, 0.5 - inside, outside - 0.5).astype(np.float32)
+        self._occupied = plan.occupied.copy()
+        self._through = np.zeros(self._occupied.shape, np.int64)
+        self.cells = _signed_distances(self._occupied)
         self.resolution = plan.resolution
         self.origin = plan.origin
         c, s = np.cos(plan.origin.yaw), np.sin(plan.origin.yaw)
@@ -103,6 +116,23 @@ class PlanField:
         )
         return np.asarray(found, dtype=np.float64)
 
+    def see_through(self, scan: PlanScan, pose: Pose) -> None:
+        """Take away walls that the rays of ``scan`` from ``pose`` (map) have gone through."""
+        count_rays_through_walls(
+            scan.points,
+            scan.origins,
+            self.cells,
+            self.resolution,
+            self._on_grid(np.array([[pose.x, pose.y, pose.yaw]]))[0],
+            SHORT,
+            NEAR / self.resolution,
+            self._through,
+        )
+        gone = self._occupied & (self._through >= SEEN_THROUGH)
+        if gone.any():
+            self._occupied &= ~gone
+            self.cells = _signed_distances(self._occupied)
+
     def clearance(self, points: Array) -> Array:
         """Distance (n,) [m] of ``points`` (n, 2) [m, map] from the nearest wall; NaN outside."""
         x, y = (self._on_grid(points).T[:2] / self.resolution).astype(np.intp)
@@ -118,6 +148,12 @@ class PlanField:
         moved[:, :2] = (poses[:, :2] - (self.origin.x, self.origin.y)) @ self._map_from_grid[:2, :2]
         moved[:, 2:] -= self.origin.yaw
         return moved
+
+
+def _signed_distances(occupied: npt.NDArray[np.bool_]) -> npt.NDArray[np.float32]:
+    """Distance [cells] of each cell's centre from the nearest surface, negative inside walls."""
+    outside, inside = _distances(~occupied), _distances(occupied)
+    return np.where(occupied, 0.5 - inside, outside - 0.5).astype(np.float32)
 
 
 def _distances(away: npt.NDArray[np.bool_]) -> Array:

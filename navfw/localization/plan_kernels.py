@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from navfw.signals import Array
 
-__all__ = ["match_points", "rate_poses", "share_of_blocked_rays"]
+__all__ = ["count_rays_through_walls", "match_points", "rate_poses", "share_of_blocked_rays"]
 
 Floats = npt.NDArray[np.float32]
 
@@ -130,6 +130,58 @@ def rate_poses(
             total += math.log(density + other)
         rating[k] = total / max(points.shape[0], 1)
     return rating
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _count_around(
+    counts: npt.NDArray[np.int64], field: Floats, x: int, y: int, reach: int, amount: np.int64
+) -> None:
+    """Add to the counts of the walls' cells at most ``reach`` [cells] from a cell, down to 0."""
+    for row in range(max(y - reach, 0), min(y + reach + 1, field.shape[0])):
+        for column in range(max(x - reach, 0), min(x + reach + 1, field.shape[1])):
+            if field[row, column] < 0.0:
+                counts[row, column] = min(max(counts[row, column] + amount, 0), 1000)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def count_rays_through_walls(
+    points: Array,
+    origins: Array,
+    field: Floats,
+    cell: float,
+    pose: Array,
+    short: float,
+    near: float,
+    counts: npt.NDArray[np.int64],
+) -> None:
+    """Count in ``counts`` (rows, columns) the rays through each wall, less the points on it.
+
+    A ray counts only if its point belongs to a wall, at most ``near`` [cells] off: the pose then
+    explains the point, so the walls before it are in doubt. Rays and points count for the cells
+    around, too. For the other arguments see ``share_of_blocked_rays``; ``pose`` is (3,).
+    """
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    reach, through, seen = int(near) + 1, np.int64(1), np.int64(-1)
+    for i in range(points.shape[0]):
+        ex = int((pose[0] + c * points[i, 0] - s * points[i, 1]) / cell)
+        ey = int((pose[1] + s * points[i, 0] + c * points[i, 1]) / cell)
+        if not (0 <= ex < field.shape[1] and 0 <= ey < field.shape[0]):
+            continue
+        if abs(field[ey, ex]) > near:
+            continue
+        _count_around(counts, field, ex, ey, reach, seen)
+        dx, dy = points[i, 0] - origins[i, 0], points[i, 1] - origins[i, 1]
+        length = math.hypot(dx, dy)
+        inside = False
+        for step in range(int((length - short) / cell)):
+            part = step * cell / length
+            px, py = origins[i, 0] + part * dx, origins[i, 1] + part * dy
+            x, y = int((pose[0] + c * px - s * py) / cell), int((pose[1] + s * px + c * py) / cell)
+            if not (0 <= x < field.shape[1] and 0 <= y < field.shape[0]):
+                break
+            if field[y, x] < 0.0 and not inside:
+                _count_around(counts, field, x, y, reach, through)
+            inside = field[y, x] < 0.0
 
 
 @numba.njit(cache=True, error_model="numpy")

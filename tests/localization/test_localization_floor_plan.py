@@ -134,6 +134,27 @@ def test_furniture_and_missing_walls_do_not_mislead() -> None:
     assert np.percentile([error(*moment) for moment in report], 95) < 0.20
 
 
+def test_walls_that_are_not_there_are_seen_through() -> None:
+    way = [true for true, _ in arcs(START, ROUND)]
+    cells = PLAN.cells.copy()
+    rows, columns = np.indices(cells.shape)
+    centres = PLAN.centres(rows.ravel(), columns.ravel())
+    for true in way[50::35]:  # across the way, 1.2 m wide
+        local = np.array(
+            [true.relative(Pose(x, y, 0.0)) for x, y in centres.tolist()], dtype=object
+        )
+        across = [abs(at.x) < 0.05 and abs(at.y) < 0.6 for at in local]
+        cells[np.reshape(across, cells.shape)] = OCCUPIED
+    plan = OccupancyMap(cells, PLAN.resolution, PLAN.origin)
+    localizer = FloorPlanLocalizer(ROBOT)
+    localizer.reset()
+    wrong_map = TopoMap("b", list(MAP.places.values()), MAP.passages, floor_plan=plan)
+    localizer.start(wrong_map, START, AT_REST)
+    report = follow(localizer, np.random.default_rng(0), ROUND, PLAN, 1.03)
+    assert not any(belief.lost for _, belief in report)
+    assert np.percentile([error(*moment) for moment in report], 95) < 0.15
+
+
 def test_things_all_around_that_the_plan_does_not_show_lose_no_robot() -> None:
     rows, columns = np.indices(PLAN.cells.shape)
     cells = PLAN.cells.copy()
