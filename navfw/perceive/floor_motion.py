@@ -4,7 +4,8 @@ A floor at the height h below a camera that moves by ``rotation`` and ``directio
 image points by a homography with one unknown, baseline / h, besides the camera's pitch. The past
 image is warped by each of a set of values, and the differences of the two images tell which one is
 right. All pixels below the horizon count together, so that a floor of little texture is found, and
-edges along which local flow cannot be measured do no harm.
+edges along which local flow cannot be measured do no harm. Nor does a glossy floor: a cell may show
+a mirror image, which moves like something below the floor.
 """
 
 from __future__ import annotations
@@ -35,6 +36,13 @@ ELEVATION_SIGMA = math.radians(5.0)
 
 LOW_ROWS = 0.42
 """Share of the image's rows, from the lowest, by which ratio and pitch are chosen."""
+
+MIRRORED = 0.3
+"""Prior probability that a cell of the floor shows the mirror image of something."""
+
+NEAREST_MIRRORED = 0.5
+"""Largest nearness of a mirror image, as a share of the floor's in that cell: it is that of things
+as high above the floor as the camera, or higher."""
 
 LEAST_FALL = 0.12
 """Least descent of a ray per depth that is below the horizon though the pitch is not exact."""
@@ -138,14 +146,15 @@ class FloorFinder:
         tried = self._pitches
         if known is not None and self._pairs % REVIEW:
             tried = np.array([known])
-        scores = np.array([self._score(warp, _level(pitch)) for pitch in tried.tolist()])
+        scores = np.array([self._floor_score(warp, pitch) for pitch in tried.tolist()])
         if tried.size > 1 and (scores.max(axis=1) - scores[:, 0]).max() > LEAST_GAIN:
             self._collect(scores.max(axis=1), motion)
         pitch = self.pitch
         if pitch is None:
             return None
         likelihood = scores[int(np.abs(tried - pitch).argmin())]
-        if self._score(warp, _upright(pitch)).max() > likelihood.max() + WALL_MARGIN:
+        wall = np.log(self._likelihoods(warp, _upright(pitch))).sum(axis=(1, 2))
+        if wall.max() > likelihood.max() + WALL_MARGIN:
             return None
         found = self._floor(warp, pitch, _peak(likelihood + self._expected(motion.dt)))
         speed = found.ratio / motion.dt
@@ -172,15 +181,20 @@ class FloorFinder:
         self._evidence += likelihood - likelihood.max() - 0.5 * off * off
         self._pairs += 1
 
-    def _score(self, warp: PlaneWarp, normal: Array) -> Array:
-        """Log likelihood (n,) of each of RATIOS for a plane, by the same cells for all planes."""
-        lowest = int(LOW_ROWS * self._grid[0])
-        return np.array(
-            [
-                -0.5 * float(np.log1p(warp.difference(normal, ratio)[-lowest:]).sum())
-                for ratio in RATIOS.tolist()
-            ]
+    def _floor_score(self, warp: PlaneWarp, pitch: float) -> Array:
+        """Log likelihood (n,) of each of RATIOS for a floor, parts of which may be glossy."""
+        plain = self._likelihoods(warp, _level(pitch))
+        mirrored = np.array(
+            [plain[NEAREST_MIRRORED * ratio >= RATIOS].mean(axis=0) for ratio in RATIOS]
         )
+        mixed = (1.0 - MIRRORED) * plain + MIRRORED * mirrored
+        return np.asarray(np.log(mixed).sum(axis=(1, 2)))
+
+    def _likelihoods(self, warp: PlaneWarp, normal: Array) -> Array:
+        """Likelihood (n, rows, cols) of each of RATIOS for a plane, by the same cells for all."""
+        lowest = int(LOW_ROWS * self._grid[0])
+        off = [warp.difference(normal, ratio)[-lowest:] for ratio in RATIOS.tolist()]
+        return np.asarray(1.0 / np.sqrt(1.0 + np.array(off)))
 
     def _expected(self, dt: float) -> Array:
         """Log likelihood (n,) of RATIOS by the speed of the pairs before."""

@@ -89,6 +89,23 @@ def test_a_floor_with_little_texture_is_reached_from_one_that_has_some() -> None
     assert found.cells[bare].all()
 
 
+@pytest.mark.parametrize(("contrast", "nearness"), [(12.0, 0.0), (8.0, 0.1)])
+def test_mirror_images_in_a_glossy_floor_do_no_harm(contrast: float, nearness: float) -> None:
+    """Lamps deep below a floor of faint texture, in a quarter of its cells."""
+    ratio = 0.25
+    floor, lamps = texture(6, contrast), texture(7, contrast=60.0)
+    glossy = np.zeros((CAMERA.height, CAMERA.width), dtype=np.bool_)
+    glossy[70:, 60:100] = True
+    past = np.where(glossy, lamps, floor)
+    mirrored = moved(lamps, floor_normal(), nearness * ratio)
+    now = np.where(glossy, mirrored, moved(floor, floor_normal(), ratio))
+    found = FloorFinder(CAMERA, GRID, PITCH).find(now, past, MOTION)
+    assert found is not None
+    assert found.ratio == pytest.approx(ratio, rel=0.05)
+    assert found.proven[8:, :5].mean() > 0.5
+    assert not found.proven[8:, 7:9].any(), "a mirror image does not move like the floor"
+
+
 def test_the_floor_is_missed_when_it_disappears() -> None:
     finder = FloorFinder(CAMERA, GRID, PITCH)
     for seed in range(6):
