@@ -23,7 +23,7 @@ from navfw.egomotion.epipolar_fit import (
     fit_reweighted,
 )
 
-__all__ = ["fit_motion", "fit_rotation", "rate_directions"]
+__all__ = ["fit_motion", "fit_rotation", "rate_directions", "tangents"]
 
 Doubles = npt.NDArray[np.float64]
 
@@ -214,7 +214,7 @@ def fit_motion(
         iterations: number of Gauss-Newton steps.
 
     Returns:
-        rotation (3, 3); direction (3,); information (5, 5) in the basis of ``_tangents``; residuals
+        rotation (3, 3); direction (3,); information (5, 5) in the basis of ``tangents``; residuals
         (n,) [px].
 
     """
@@ -226,7 +226,7 @@ def fit_motion(
     residuals, weights = np.zeros(n), np.zeros(n)
     matrix, right = np.zeros((5, 5)), np.zeros(5)
     for step in range(iterations + 1):
-        basis = _tangents(t)
+        basis = tangents(t)
         matrix[:], right[:] = 0.0, 0.0
         off3 = rotation_vector(rotation @ mean.T)
         matrix[:3, :3] = information
@@ -263,7 +263,7 @@ def fit_motion(
 
 
 @numba.njit(cache=True)
-def _tangents(direction: Doubles) -> Doubles:
+def tangents(direction: Doubles) -> Doubles:
     """Two orthonormal vectors (2, 3) perpendicular to the unit vector ``direction`` (3,).
 
     The first lies in the camera's horizontal plane: it is a change of bearing.

@@ -8,6 +8,7 @@ over directions comes first, since the residuals have several minima.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cache
@@ -18,7 +19,12 @@ import numpy.typing as npt
 
 from navfw.camera_geometry.rotations import rotation_matrix, rotation_vector
 from navfw.camera_geometry.turned_points import rotate_points
-from navfw.egomotion.epipolar_kernels import fit_motion, fit_rotation, rate_directions
+from navfw.egomotion.epipolar_kernels import (
+    fit_motion,
+    fit_rotation,
+    rate_directions,
+    tangents,
+)
 from navfw.signals import Array
 
 __all__ = [
@@ -144,6 +150,25 @@ class Egomotion:
     direction: Array
     covariance: Array
     heading_sigma: float
+
+    def deviations(self, sigmas: float) -> Iterator[tuple[Array, Array]]:
+        """Motions that are ``sigmas`` standard deviations off, both ways along each principal axis.
+
+        Each is a small rotation (3, 3), to be done after ``rotation``, and the unit vector (3,) of
+        the translation. Nothing if the direction is unknown.
+        """
+        if not np.isfinite(self.covariance).all():
+            return
+        variances, axes = np.linalg.eigh(self.covariance)
+        basis = tangents(self.direction)
+        for variance, axis in zip(variances.tolist(), axes.T, strict=True):
+            for way in (-sigmas, sigmas):
+                off = way * math.sqrt(max(variance, 0.0)) * axis
+                direction = self.direction + off[3:] @ basis
+                yield (
+                    rotation_matrix(np.ascontiguousarray(off[:3])),
+                    direction / np.linalg.norm(direction),
+                )
 
 
 def estimate_egomotion(

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from navfw.offis.distances import TERMS, Distances
 from navfw.offis.planes import Planes
-from navfw.offis.pyramid import NEIGHBOURS, Pyramid
+from navfw.offis.pyramid import NEIGHBOURS, Pyramid, position
 from navfw.signals import Array
 
-__all__ = ["nearest_objects"]
+__all__ = ["common_regions", "nearest_objects"]
 
 ALIKE = 0.7
 """Least size of a region that joins the nearest object, relative to the biggest region.
@@ -38,6 +38,21 @@ def nearest_objects(
         found[f"layer{layer}"] = {pyramid.names[r]: TERMS[terms[r]] for r in sorted(chosen)}
         families = [child for r in chosen if (child := pyramid.first_child(r)) is not None]
     return found
+
+
+def common_regions(
+    obstacles: Mapping[str, Mapping[str, str]], others: Sequence[Mapping[str, Mapping[str, str]]]
+) -> Mapping[str, Mapping[str, str]]:
+    """``obstacles`` in the quadrants that layer 1 of all ``others`` names, too."""
+    places = {
+        position(region)
+        for region in obstacles["layer1"]
+        if all(region in other["layer1"] for other in others)
+    }
+    return {
+        layer: {region: term for region, term in regions.items() if position(region) in places}
+        for layer, regions in obstacles.items()
+    }
 
 
 def _biggest(first: int, size: list[float], shown: list[bool], same: list[float]) -> list[int]:

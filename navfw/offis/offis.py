@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
@@ -14,7 +16,7 @@ from navfw.offis.distances import TERMS, find_distances
 from navfw.offis.elementary_situations import FLOOR_IN_FRONT, find_situations, front_features
 from navfw.offis.floor import FloorModel
 from navfw.offis.grid_geometry import GridGeometry
-from navfw.offis.nearest_objects import nearest_objects
+from navfw.offis.nearest_objects import common_regions, nearest_objects
 from navfw.offis.nearness import Nearness, triangulate
 from navfw.offis.object_cells import find_objects, object_channels, raw_channels
 from navfw.offis.percept_explanation import OffisResults, PerceptExplanation
@@ -125,21 +127,21 @@ class Offis(Perception):
         self._geometry: GridGeometry | None = None
         self._pairs = np.empty((0, 2), dtype=np.int64)
 
-    def perceive(self, flow: FlowField, twist: Twist) -> Percept:
+    def perceive(
+        self, flow: FlowField, twist: Twist, alternatives: Sequence[FlowField] = ()
+    ) -> Percept:
         """Interpret ``flow`` (derotated); ``twist`` is the measured egomotion at its time.
 
-        Without translation or texture the situation is ``unknown`` with degree 1, all other
-        degrees are 0 and no floor is reported.
+        ``alternatives`` are what the flow is if the camera's motion was another one that is
+        possible: quadrants are named as nearest only if they are by all of them, too. Without
+        translation or texture the situation is ``unknown`` with degree 1, all other degrees are 0
+        and no floor is reported.
         """
         geometry = self._geometry_of(flow.points)
-        seen = triangulate(
-            flow,
-            self.robot.camera.focal,
-            minimum_baseline=self.params.minimum_baseline,
-            rejection=self.params.rejection,
-        )
-        height, label = self._floor.classify(flow.points, seen, geometry.fall)
+        seen, height, label = self._cells(flow, geometry)
         found = self._infer(flow, twist, geometry, seen, label)
+        if alternatives:
+            found = self._settle(found, alternatives, twist, geometry)
         degrees, situations = found.distances.degrees, found.situations
         return Percept(
             time=flow.time,
@@ -165,9 +167,39 @@ class Offis(Perception):
                 found.obstacles,
                 situations.front,
                 situations.floor_in_front >= FLOOR_IN_FRONT,
-                bool(degrees[:, :4].any()),
+                found.known,
             ),
             explanation=PerceptExplanation(found),
+        )
+
+    def _cells(
+        self, flow: FlowField, geometry: GridGeometry
+    ) -> tuple[Nearness, Array, npt.NDArray[np.int8]]:
+        """Nearness, height [m] and label of each cell."""
+        seen = triangulate(
+            flow,
+            self.robot.camera.focal,
+            minimum_baseline=self.params.minimum_baseline,
+            rejection=self.params.rejection,
+        )
+        return (seen, *self._floor.classify(flow.points, seen, geometry.fall))
+
+    def _settle(
+        self,
+        found: OffisResults,
+        alternatives: Sequence[FlowField],
+        twist: Twist,
+        geometry: GridGeometry,
+    ) -> OffisResults:
+        """``found`` with the nearest objects that all ``alternatives`` show, too."""
+        others = []
+        for flow in alternatives:
+            seen, _, label = self._cells(flow, geometry)
+            others.append(self._infer(flow, twist, geometry, seen, label))
+        obstacles = common_regions(found.obstacles, [other.obstacles for other in others])
+        empty = all(other.known and not other.obstacles["layer1"] for other in (found, *others))
+        return replace(
+            found, obstacles=obstacles, known=found.known and (bool(obstacles["layer1"]) or empty)
         )
 
     def _infer(
@@ -211,6 +243,7 @@ class Offis(Perception):
             planes=planes,
             distances=distances,
             obstacles=nearest_objects(pyramid, size, present, planes, distances),
+            known=bool(distances.degrees[:, :4].any()),
             borders=borders,
             walls=walls,
             slopes=slopes,

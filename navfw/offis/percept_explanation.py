@@ -21,7 +21,7 @@ __all__ = ["OffisResults", "PerceptExplanation", "evaluations_of"]
 
 @dataclass(frozen=True, slots=True)
 class OffisResults:
-    """All intermediate results of one frame."""
+    """All intermediate results of one frame; ``known`` tells whether the nearest object is."""
 
     mode: str
     pyramid: Pyramid
@@ -29,6 +29,7 @@ class OffisResults:
     planes: Planes
     distances: Distances
     obstacles: Mapping[str, Mapping[str, str]]
+    known: bool
     borders: BlindBorders
     walls: Walls
     slopes: Slopes

@@ -10,11 +10,13 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from navfw.camera_geometry import rotations
+from navfw.camera_geometry.turned_points import rotate_points
 from navfw.egomotion.flow_egomotion import (
     FREE_TURN,
     Egomotion,
@@ -27,7 +29,7 @@ from navfw.perceive.motion_record import MotionRecord
 from navfw.perceive.point_tracks import TrackImage, track_points
 from navfw.perceive.working_size import WorkingSize
 from navfw.robot import CameraModel
-from navfw.signals import Array, CameraMotion
+from navfw.signals import Array, CameraMotion, FlowField
 
 __all__ = ["RATE_DRIFT", "PairMotion", "PairMotionEstimator", "rotation_vector"]
 
@@ -39,6 +41,9 @@ HEADING_DRIFT = 0.35
 
 LEAST_DRIFT = 0.1
 """Least of it after many pairs of one heading [rad]."""
+
+DEVIATION = 3.0
+"""How far off the motion is taken to be possible, in standard deviations."""
 
 RATE_DRIFT = 0.35
 """Least standard deviation of the change of a rate of rotation from one pair to the next [rad/s]:
@@ -84,6 +89,18 @@ class PairMotion:
             math.sqrt(min(vertical, FREE_TURN**2)),
             0.1 * way,
         )
+
+    def alternatives(self, flow: FlowField, focal: float) -> Iterator[FlowField]:
+        """What ``flow`` (derotated) is by other motions that the tracked points allow."""
+        past = flow.points - flow.vectors
+        for turn, direction in self.egomotion.deviations(DEVIATION):
+            moved = replace(
+                flow.motion,
+                rotation=turn @ flow.motion.rotation,
+                translation=direction * flow.motion.baseline,
+            )
+            turned = rotate_points(past, turn, focal)
+            yield replace(flow, vectors=flow.points - turned, motion=moved)
 
 
 class PairMotionEstimator:

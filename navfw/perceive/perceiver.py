@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import cast
 
@@ -16,7 +16,7 @@ from navfw.egomotion.refinement import RefinementParams, refine
 from navfw.errors import InputError
 from navfw.interfaces import FlowProcessor
 from navfw.offis.offis import Offis
-from navfw.perceive.floor_motion import FloorFinder
+from navfw.perceive.floor_motion import FloorFinder, FloorMotion
 from navfw.perceive.image_sources import ImageSource, SourceImage
 from navfw.perceive.pair_motion import PairMotion, PairMotionEstimator, rotation_vector
 from navfw.perceive.pair_result import PairResult
@@ -149,15 +149,13 @@ class Perceiver:
         motion = self._motions.estimate(past.track, now.track, past.frame.time, now.frame.time)
         pair = FramePair(past.frame, now.frame, motion.camera_motion(1.0))
         raw = self._processor.compute(pair)
-        flow, problems = self._without_rotation(raw, motion)
-        notes = motion.notes
-        floor = None
+        derotated, problems = self._without_rotation(raw, motion)
+        notes, floor, lost = motion.notes, None, False
         if not problems:
-            floor = self._floors.find(now.frame.image, past.frame.image, flow.motion)
-        if floor is not None:
-            flow = floor.apply(flow, self._camera)
-        elif not problems and self._floors.lost:
-            flow = self._floors.without_floor(flow)
+            floor = self._floors.find(now.frame.image, past.frame.image, derotated.motion)
+            lost = self._floors.lost
+        flow = self._with_floor(derotated, floor, lost=lost)
+        if lost:
             notes += (NO_FLOOR,)
         if problems == [TEXTURELESS] and _alike(past.frame, now.frame):
             problems = [MOTIONLESS]
@@ -165,21 +163,42 @@ class Perceiver:
         ratio = None if floor is None else floor.ratio
         self._scales.speed = self.options.speed_between(past.frame.time, now.frame.time)
         scale = self._scales.update(None if ratio is None else ratio / motion.dt)
-        flow = _scaled(flow, scale.speed * motion.dt)
-        percept = self._perceive(flow, scale, unknown=bool(problems))
-        if not problems and _confidence(percept) < LEAST_CONFIDENCE:
-            problems = ["too little of the flow is reliable"]
-            percept = self._perceive(flow, scale, unknown=True)
+        way = scale.speed * motion.dt
+        flow = _scaled(flow, way)
+        if not problems:
+            # without the floor, anything may be below the horizon
+            others = [_unknown(flow)] if lost else self._others(derotated, floor, motion, way)
+            percept = self._perceive(flow, scale, others)
+            if _confidence(percept) < LEAST_CONFIDENCE:
+                problems = ["too little of the flow is reliable"]
+        if problems:
+            percept = self._perceive(_unknown(flow), scale)
         if not problems and motion.egomotion.kind in DIRECTIONS:
             notes += (DIRECTIONS[motion.egomotion.kind],)
         return _Analysis(flow, percept, scale, motion, notes, problems)
 
-    def _perceive(self, flow: FlowField, scale: Scale, *, unknown: bool) -> Percept:
-        """The percept of ``flow``; if ``unknown``, that of a flow without confidence."""
-        if unknown:
-            flow = replace(flow, confidence=np.zeros(flow.shape))
+    def _with_floor(self, flow: FlowField, floor: FloorMotion | None, *, lost: bool) -> FlowField:
+        """``flow`` (derotated) with the floor's vectors, or without any where it may be."""
+        if floor is not None:
+            return floor.apply(flow, self._camera)
+        return self._floors.without_floor(flow) if lost else flow
+
+    def _others(
+        self, flow: FlowField, floor: FloorMotion | None, motion: PairMotion, way: float
+    ) -> list[FlowField]:
+        """What the derotated ``flow`` and the floor's are by other motions of a length of ``way``.
+
+        They are as far off as the camera's motion is uncertain.
+        """
+        return [
+            _scaled(self._with_floor(other, floor, lost=False), way)
+            for other in motion.alternatives(flow, self._camera.focal)
+        ]
+
+    def _perceive(self, flow: FlowField, scale: Scale, others: Sequence[FlowField] = ()) -> Percept:
+        """The percept of ``flow``; the nearest object is named if ``others`` show it, too."""
         ahead = scale.speed * float(flow.motion.translation[2]) / max(flow.motion.baseline, 1e-12)
-        return self._offis_at(scale).perceive(flow, Twist(ahead, 0.0))
+        return self._offis_at(scale).perceive(flow, Twist(ahead, 0.0), others)
 
     def _without_rotation(self, raw: FlowField, motion: PairMotion) -> tuple[FlowField, list[str]]:
         """The derotated flow, and the reason if it carries no information about the scene."""
@@ -321,6 +340,11 @@ def _alike(past: Frame, now: Frame) -> bool:
     """Whether two images with texture differ by no more than noise."""
     change = np.abs(now.image.astype(np.int16) - past.image).mean()
     return bool(change < 0.1 * now.image.std() and now.image.std() > 4.0)
+
+
+def _unknown(flow: FlowField) -> FlowField:
+    """``flow`` without confidence."""
+    return replace(flow, confidence=np.zeros(flow.shape))
 
 
 def _scaled(flow: FlowField, way: float) -> FlowField:

@@ -98,6 +98,25 @@ def test_the_covariance_tells_the_truth() -> None:
     assert 0.6 < float(np.std(bearings)) < 1.5
 
 
+def test_deviations_are_as_far_off_as_the_covariance_says() -> None:
+    points, depth = scene(3)
+    found = estimate_egomotion(
+        seen(
+            points, depth, rotation_of(np.array([0.0, 0.02, 0.0])), np.array([0.1, 0.0, 0.2]), 0.3
+        ),
+        FOCAL,
+    )
+    off = [
+        [*cv2.Rodrigues(turn)[0].ravel(), math.acos(min(float(way @ found.direction), 1.0))]
+        for turn, way in found.deviations(2.0)
+    ]
+    turns, angles = np.array(off)[:, :3], np.array(off)[:, 3]
+    assert turns.T @ turns / 8.0 == pytest.approx(found.covariance[:3, :3], rel=1e-3, abs=1e-9)
+    assert angles @ angles / 8.0 == pytest.approx(np.trace(found.covariance[3:, 3:]), rel=1e-2)
+    still = estimate_egomotion(PointMotion(points, points, np.ones(200), np.ones(200)), FOCAL)
+    assert not list(still.deviations(2.0)), "no direction, no deviation from it"
+
+
 def test_rotation_stillness_and_too_few_points_are_told_apart() -> None:
     points, depth = scene(3)
     turn = rotation_of(np.array([0.0, 0.05, 0.0]))

@@ -333,6 +333,32 @@ def test_the_explanation_is_plain_data_with_rules_and_numbers() -> None:
         percept.explanation["nothing"]
 
 
+def test_only_what_all_alternatives_show_is_named_as_nearest() -> None:
+    offis = Offis(ROBOT)
+    both, left, right, none = (
+        ideal_flow(Scene((*walls, wall_ahead(11.0))))[0]
+        for walls in (
+            (*box(1.2, 0.5, 0.4, 2.0), *box(1.2, -0.5, 0.4, 2.0)),
+            box(1.2, 0.5, 0.4, 2.0),
+            box(1.2, -0.5, 0.4, 2.0),
+            (),
+        )
+    )
+    unknown = replace(both, confidence=np.zeros(both.shape))
+
+    def nearest(flow: FlowField, *others: FlowField) -> str:
+        percept = offis.perceive(flow, SLOW, others)
+        assert percept.explanation["report"]["nearest"] == percept.obstacles
+        return percept.sentence.split("; ")[0].removeprefix("Layer1: ")
+
+    named = "nearest object is on upper left and on lower left in middle distance"
+    assert nearest(left) == nearest(left, both) == nearest(both, both, left) == named
+    assert nearest(left, right) == nearest(both, left, right) == "nearest object is unknown"
+    assert nearest(left, unknown) == nearest(left, none) == "nearest object is unknown"
+    assert nearest(none) == nearest(none, none) == "no object in sight"
+    assert nearest(none, left) == nearest(none, unknown) == "nearest object is unknown"
+
+
 def test_a_new_grid_is_taken_up() -> None:
     offis = Offis(ROBOT)
     for rows, cols in ((12, 16), (10, 15), (12, 16)):

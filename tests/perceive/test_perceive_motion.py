@@ -9,14 +9,21 @@ import numpy as np
 import pytest
 
 from navfw.camera_geometry.rotations import rotation_matrix
-from navfw.egomotion.flow_egomotion import FREE_TURN, MotionKind
+from navfw.egomotion.flow_egomotion import FREE_TURN, Egomotion, MotionKind
+from navfw.flow.grid import grid_points
 from navfw.flow.ideal import true_vectors
-from navfw.perceive.pair_motion import RATE_DRIFT, PairMotionEstimator, rotation_vector
+from navfw.perceive.pair_motion import (
+    DEVIATION,
+    RATE_DRIFT,
+    PairMotion,
+    PairMotionEstimator,
+    rotation_vector,
+)
 from navfw.perceive.point_tracks import TrackImage, track_points
 from navfw.perceive.scale import ScaleEstimator
 from navfw.perceive.working_size import WorkingSize
 from navfw.robot import CameraModel
-from navfw.signals import Array, CameraMotion, Image
+from navfw.signals import Array, CameraMotion, FlowField, Image
 
 SIZE = WorkingSize.of(640, 480, 12, 16)
 CAMERA: CameraModel = SIZE.camera(math.radians(65.0), 0.9, 0.0, 10.0)
@@ -106,6 +113,28 @@ def test_a_steady_turn_is_expected_to_go_on() -> None:
     found = estimator.estimate(blank, blank, 5.0, 5.2).egomotion
     assert rotation_vector(found.rotation, CAMERA) == pytest.approx(np.zeros(3))
     assert math.sqrt(found.covariance[1, 1]) == pytest.approx(FREE_TURN)
+
+
+def test_alternatives_are_the_flow_of_motions_that_are_as_far_off_as_the_covariance_says() -> None:
+    ahead, sigma = np.array([0.0, 0.0, 1.0]), 0.002
+    covariance = np.diag([0.0, sigma**2, 0.0, 0.0, 0.0])  # about the camera's y axis alone
+    motion = PairMotion(
+        Egomotion(MotionKind.FORWARD, np.eye(3), ahead, covariance, 0.0), 0.1, "flow", ()
+    )
+    points = grid_points(CAMERA, 12, 16)
+    moved = motion.camera_motion(0.2)
+    nearness = np.full((12, 16), 0.5)
+    vectors = true_vectors(points, nearness, moved, CAMERA.focal)
+    ones = np.ones((12, 16))
+    flow = FlowField(0.1, points, vectors, ones, ones, moved, derotated=True)
+    shifts = [
+        float((other.vectors - vectors)[6, 8, 0])
+        for other in motion.alternatives(flow, CAMERA.focal)
+    ]
+    expected = DEVIATION * sigma * CAMERA.focal
+    assert sorted(shifts) == pytest.approx([-expected, *[0.0] * 8, expected], rel=0.05, abs=1e-9)
+    for other in motion.alternatives(flow, CAMERA.focal):
+        assert other.motion.baseline == pytest.approx(moved.baseline)
 
 
 def test_scale_from_what_is_known() -> None:

@@ -14,7 +14,10 @@ from perceive_images import HEIGHT, WIDTH, assert_ahead, save, texture, wall_at
 from typer.testing import CliRunner
 
 from navfw.cli import app
+from navfw.perceive import pair_motion
+from navfw.perceive.floor_motion import FloorFinder
 from navfw.perceive.overlay import COLOURS
+from navfw.perceive.perceiver import NO_FLOOR
 from navfw.recording import run_folder
 from navfw.signals import Image
 
@@ -64,6 +67,30 @@ def test_without_speed_only_times(approach: Path) -> None:
         assert view["scale"] == {"source": "none", "speed_m_s": None, "camera_height_m": None}
         assert all(q["distance_m"] is None for q in view["distances"].values())
         assert all(q["term"] == "middle" for q in view["distances"].values())
+
+
+def test_the_nearest_object_is_named_only_if_the_motion_is_known_well_enough(
+    approach: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pair_motion, "DEVIATION", 100.0)
+    view = perceive(approach, "--fps", "10")[-1]
+    assert view["known"]
+    assert view["situation"] == "wall"
+    assert "nearest object is unknown" in view["sentence"]
+    assert not any(view["obstacles"].values())
+
+
+def test_without_the_floor_seen_before_no_object_is_the_nearest(
+    approach: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def find(finder: FloorFinder, *_: object) -> None:
+        finder.lost = True
+
+    monkeypatch.setattr(FloorFinder, "find", find)
+    view = perceive(approach, "--fps", "10")[-1]
+    assert view["known"]
+    assert view["notes"] == [NO_FLOOR]
+    assert "nearest object is unknown" in view["sentence"]
 
 
 def test_two_images_are_enough(approach: Path) -> None:
