@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from navfw.egomotion.epipolar_fit import CAUCHY
 
-__all__ = ["UNKNOWNS", "register_floor"]
+__all__ = ["SLANT", "UNKNOWNS", "register_floor"]
 
 Doubles = npt.NDArray[np.float64]
 Floats = npt.NDArray[np.float32]
@@ -23,6 +23,11 @@ Floats = npt.NDArray[np.float32]
 UNKNOWNS = 5
 """x, y [m], yaw [rad] of the robot in its past base_link; gain - 1 and offset [grey levels] of the
 past image's brightness."""
+
+SLANT = UNKNOWNS
+"""Index of the slant of what is seen, which is tested and not fitted: with the slant s a pixel
+shows something nearer than the floor by the factor (distance / nearest)^s, ``nearest`` being the
+distance of the nearest floor in view. 0 is the floor, 1 a wall that stands there."""
 
 DEVIATION = 0.6745
 """Median absolute deviation of a normal distribution of standard deviation 1."""
@@ -44,13 +49,16 @@ def _residuals(
     down: Floats,
     values: Doubles,
     ground: Doubles,
+    farness: Doubles,
     camera: Doubles,
     base_from_camera: Doubles,
     at: Doubles,
     offsets: Doubles,
     slopes: Doubles,
 ) -> None:
-    """Residuals (n,) [grey levels] at the parameters ``at``, and their slopes (n, UNKNOWNS).
+    """Residuals (n,) [grey levels] at the parameters ``at``, and their slopes (n, UNKNOWNS + 1).
+
+    The last slope is that of the slant, about 0.
 
     NaN where the past image does not show the point. Arguments as in ``register_floor``.
     """
@@ -88,6 +96,7 @@ def _residuals(
         slopes[i, 0], slopes[i, 1] = fx / depth, fy / depth
         slopes[i, 2] = (-fx * qy + fy * qx) / depth
         slopes[i, 3], slopes[i, 4] = -values[i], -1.0
+        slopes[i, SLANT] = (slopes[i, 0] * at[0] + slopes[i, 1] * at[1]) * farness[i]
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -97,13 +106,14 @@ def register_floor(
     down: Floats,
     values: Doubles,
     ground: Doubles,
+    farness: Doubles,
     camera: Doubles,
     base_from_camera: Doubles,
     start: Doubles,
     prior: Doubles,
     least: float,
     iterations: int,
-) -> tuple[Doubles, Doubles, float, float]:
+) -> tuple[Doubles, Doubles, float, float, float]:
     """The motion over the floor that explains the present image by the past one.
 
     Args:
@@ -112,6 +122,7 @@ def register_floor(
         down: (height, width) its derivative along rows [grey levels/px].
         values: (n,) grey levels of the present image, smoothed, at n of its pixels.
         ground: (n, 2) x, y [m, base_link] of the floor that these pixels show.
+        farness: (n,) logarithm of its distance from the camera over that of the nearest of it.
         camera: focal length [px], position ahead of base_link and height above the floor [m].
         base_from_camera: (3, 3) rotation of the camera's axes into base_link's.
         start: (UNKNOWNS,) parameters to start from; also the mean of the prior.
@@ -120,26 +131,38 @@ def register_floor(
         iterations: largest number of Gauss-Newton steps.
 
     Returns:
-        parameters (UNKNOWNS,), the information (UNKNOWNS, UNKNOWNS) of the images alone, the
-        share of the visible pixels that agree, and the share of the variance of their grey levels
-        that the motion explains.
+        parameters (UNKNOWNS,), the information (UNKNOWNS + 1, UNKNOWNS + 1) of the images alone on
+        them and on the slant, the images' pull on the slant, the share of the visible pixels that
+        agree, and the share of the variance of their grey levels that the motion explains.
 
     """
     n = values.size
     texture = np.median(np.abs(values - np.median(values))) / DEVIATION
-    at, offsets, slopes = start.copy(), np.empty(n), np.zeros((n, UNKNOWNS))
-    matrix, right = np.zeros((UNKNOWNS, UNKNOWNS)), np.zeros(UNKNOWNS)
+    size = UNKNOWNS + 1
+    at, offsets, slopes = start.copy(), np.empty(n), np.zeros((n, size))
+    matrix, right = np.zeros((size, size)), np.zeros(size)
     sigma, agree = least, 0
     for iteration in range(iterations):
         _residuals(
-            past, across, down, values, ground, camera, base_from_camera, at, offsets, slopes
+            past,
+            across,
+            down,
+            values,
+            ground,
+            farness,
+            camera,
+            base_from_camera,
+            at,
+            offsets,
+            slopes,
         )
         seen = np.abs(offsets[~np.isnan(offsets)])
         if seen.size < n // 4:
-            return at, matrix, 0.0, 0.0
+            return at, matrix, 0.0, 0.0, 0.0
         sigma = max(np.median(seen) / DEVIATION, least)
         matrix[:] = 0.0
-        right[:] = prior @ (start - at)
+        right[:UNKNOWNS] = prior @ (start - at)
+        right[SLANT] = 0.0
         agree = 0
         for i in range(n):
             if math.isnan(offsets[i]):
@@ -150,16 +173,17 @@ def register_floor(
                 weight = 1.0 / (sigma * sigma * (1.0 + off * off / CAUCHY))
             else:
                 weight = math.exp(-off * off / WELSCH) / (sigma * sigma)
-            for a in range(UNKNOWNS):
+            for a in range(size):
                 scaled = weight * slopes[i, a]
                 right[a] -= scaled * offsets[i]
-                for e in range(a, UNKNOWNS):
+                for e in range(a, size):
                     matrix[a, e] += scaled * slopes[i, e]
-        for a in range(UNKNOWNS):
+        for a in range(size):
             for e in range(a):
                 matrix[a, e] = matrix[e, a]
-        step = np.linalg.solve(matrix + prior, right)
+        step = np.linalg.solve(matrix[:UNKNOWNS, :UNKNOWNS] + prior, right[:UNKNOWNS])
         at += step
         if iteration >= WIDE and max(abs(step[0]), abs(step[1]), abs(step[2])) < CONVERGED:
             break
-    return at, matrix, agree / seen.size, 1.0 - (sigma / max(texture, least)) ** 2
+    explained = 1.0 - (sigma / max(texture, least)) ** 2
+    return at, matrix, right[SLANT], agree / seen.size, explained

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from navfw.egomotion.floor_kernels import UNKNOWNS, register_floor
+from navfw.egomotion.floor_kernels import SLANT, UNKNOWNS, register_floor
 from navfw.robot import RobotModel
 from navfw.signals import Array, Image, Pose
 from navfw.signals.immutable import read_only
@@ -47,6 +47,11 @@ LEAST_SHARE = 0.5
 LEAST_EXPLAINED = 0.5
 """Least share of the variance of the grey levels that the motion explains: a wall in front of the
 robot moves otherwise than the floor."""
+
+SLANT_SIGMA, MOST_SLANT = 0.5, 0.25
+"""Standard deviation of the slant (``floor_kernels.SLANT``) of what is seen before it is measured,
+and the slant beyond which it is no floor. Measured: 0.0 to 0.1 of floors, 0.5 to 1.0 of walls that
+fill the view."""
 
 LEAST_PIXELS = 100
 """Least number of pixels that could show the floor."""
@@ -105,11 +110,13 @@ class FloorRegistration:
         depth = camera.mount_height / -rays[:, 2]
         ground = depth[:, None] * rays[:, :2] + np.array([camera.mount_forward, 0.0])
         self._ground = read_only(np.ascontiguousarray(ground))
+        distance = depth * np.hypot(rays[:, 0], rays[:, 1])
+        self._farness = read_only(np.log(distance / distance.min(initial=np.inf)))
         self._camera = read_only(
             np.array([camera.focal, camera.mount_forward, camera.mount_height])
         )
         self._base_from_camera = np.ascontiguousarray(camera.base_from_camera)
-        self._brightness = np.diag([0.0, 0.0, 0.0, GAIN**-2, OFFSET**-2])
+        self._known = np.diag([0.0, 0.0, 0.0, GAIN**-2, OFFSET**-2, SLANT_SIGMA**-2])
 
     def prepare(self, image: Image) -> FloorImage:
         """``image`` (height, width) made ready for registration."""
@@ -123,7 +130,7 @@ class FloorRegistration:
     def register(
         self, past: FloorImage, now: FloorImage, guess: Pose, covariance: Array
     ) -> FloorStep | None:
-        """The motion from ``past`` to ``now``; None if the images do not show it.
+        """The motion from ``past`` to ``now``; None if they do not show a level floor's motion.
 
         ``guess`` with ``covariance`` (3, 3) is what is known of it beforehand. It guides the fit,
         which tells the floor from other things by it, but is no part of the answer.
@@ -131,7 +138,7 @@ class FloorRegistration:
         if len(self._ground) < LEAST_PIXELS:
             return None
         start = np.array([guess.x, guess.y, guess.yaw, 0.0, 0.0])
-        prior = self._brightness.copy()
+        prior = self._known[:UNKNOWNS, :UNKNOWNS].copy()
         prior[:3, :3] = np.linalg.inv(covariance)
         found: Any = register_floor(
             past.grey,
@@ -139,6 +146,7 @@ class FloorRegistration:
             past.down,
             now.values,
             self._ground,
+            self._farness,
             self._camera,
             self._base_from_camera,
             start,
@@ -146,13 +154,18 @@ class FloorRegistration:
             LEAST_GREY,
             ITERATIONS,
         )
-        at, information, share, explained = found
+        at, information, slanted, share, explained = found
         if share < LEAST_SHARE or explained < LEAST_EXPLAINED:
             return None
+        information = information / CORRELATION + self._known
+        pull = np.append(_prior_pull(prior, start, at), slanted / CORRELATION)
+        # covariance of the motion if the slant is not known beforehand, either
+        spread = np.linalg.inv(information)
+        if float(spread[SLANT] @ pull) > MOST_SLANT:
+            return None
         # the answer of the images alone: where they and the prior pull equally hard
-        by_images = np.linalg.inv(information / CORRELATION + self._brightness)
-        at = at + by_images @ _prior_pull(prior, start, at)
-        spread = by_images[:3, :3].copy()
+        at = at + np.linalg.solve(information[:SLANT, :SLANT], pull[:SLANT])
+        spread = spread[:3, :3].copy()
         spread[np.diag_indices(3)] += LEAST_SIGMA**2
         spread[:2, :2] += SCALE_SIGMA**2 * np.outer(at[:2], at[:2])
         return FloorStep(Pose(*at[:3].tolist()), spread, share, explained)

@@ -12,7 +12,7 @@ from scipy.ndimage import gaussian_filter
 
 from navfw.egomotion.floor_odometry import FloorOdometry
 from navfw.egomotion.floor_registration import FloorRegistration
-from navfw.robot import RobotModel
+from navfw.robot import CameraModel, RobotModel
 from navfw.signals import (
     Array,
     CameraMotion,
@@ -33,7 +33,14 @@ KNOWN = np.diag([3e-3, 1e-3, 2e-3]) ** 2
 class PaintedFloor:
     """Views of an endless floor with a smooth random texture, and of a wall if there is one."""
 
-    def __init__(self, seed: int = 0, contrast: float = 30.0, wall: float = math.inf) -> None:
+    def __init__(
+        self,
+        seed: int = 0,
+        contrast: float = 30.0,
+        wall: float = math.inf,
+        camera: CameraModel = ROBOT.camera,
+    ) -> None:
+        self._camera = camera
         rng = np.random.default_rng(seed)
         self._noise = np.random.default_rng(seed + 1)
         self._wall = wall
@@ -43,7 +50,7 @@ class PaintedFloor:
 
     def view(self, pose: Pose, light: float = 1.0) -> Image:
         """The image that the camera of a robot at ``pose`` takes; the wall is at x = ``wall``."""
-        camera = ROBOT.camera
+        camera = self._camera
         y, x = np.mgrid[: camera.height, : camera.width].astype(np.float64)
         right = (x - 0.5 * (camera.width - 1)) / camera.focal
         down = (y - 0.5 * (camera.height - 1)) / camera.focal
@@ -134,8 +141,15 @@ def test_wheels_and_gyro_are_calibrated_by_the_floor() -> None:
     assert corrected.twist.w == pytest.approx(0.15, abs=0.001)
 
 
-def test_a_wall_right_in_front_is_not_taken_for_floor() -> None:
-    floor, odometry = PaintedFloor(wall=1.3), FloorOdometry(ROBOT)
+@pytest.mark.parametrize(
+    ("camera", "wall"),
+    [(ROBOT.camera, 1.3), (CameraModel(mount_height=0.66, hfov=1.065), 1.9)],
+    ids=["low", "high"],
+)
+def test_a_wall_right_in_front_is_not_taken_for_floor(camera: CameraModel, wall: float) -> None:
+    """The high camera sees no floor any more from a distance of 1.5 m on."""
+    floor = PaintedFloor(wall=wall, camera=camera)
+    odometry = FloorOdometry(ROBOT.model_copy(update={"camera": camera}))
     true, raw = Pose(0.0, 0.0, 0.0), None
     for true, raw in drive(4.5, 0.2, 0.0, scale=1.0, bias=0.0):
         odometry.observe(Frame(raw.time, floor.view(true)), raw)
