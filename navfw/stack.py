@@ -13,6 +13,7 @@ from navfw.context import CommandGrid
 from navfw.egomotion.floor_odometry import FloorOdometry
 from navfw.egomotion.odometer import Odometer
 from navfw.egomotion.odometry_history import OdometryHistory
+from navfw.egomotion.pairing import seeing_speed
 from navfw.errors import ConfigError
 from navfw.guard import PluginGuard
 from navfw.guard.guarded_stages import (
@@ -110,7 +111,7 @@ class Stack:
             robot,
             behaviors,
             build("fusion"),
-            CommandGrid(robot, settings.commands),
+            CommandGrid(robot, settings.commands, seeing_speed(robot, settings.pairing)),
             self.local_map,
             build("composite"),
             self.guard,

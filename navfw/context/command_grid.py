@@ -54,11 +54,18 @@ class CommandGrid(Sealed):
     ``relative_v`` and ``relative_w`` are the same in units of the top speed and top turning rate:
     the units of ``speed`` and ``turn`` in behaviours' rule bases. ``backward_rows`` and
     ``forward_rows`` are the slices of ``v`` with that sign; the one speed between them is zero.
+    The top speed is the least of ``params.cruise``, that of the robot, and ``seeing_speed`` [m/s],
+    up to which the camera shows depth.
     """
 
-    def __init__(self, robot: RobotModel, params: CommandGridParams | None = None) -> None:
+    def __init__(
+        self,
+        robot: RobotModel,
+        params: CommandGridParams | None = None,
+        seeing_speed: float = math.inf,
+    ) -> None:
         params = params or CommandGridParams()
-        self.max_v = min(params.cruise, robot.max_v)
+        self.max_v = min(params.cruise, robot.max_v, seeing_speed)
         self.max_w = min(params.turn_rate, robot.max_w)
         turns = params.turns | 1  # an odd count contains zero
         backward = np.linspace(-robot.max_reverse, 0.0, params.reverse + 1)[:-1]

@@ -15,9 +15,12 @@ from navfw.interfaces import Params
 from navfw.robot import RobotModel
 from navfw.signals import Frame, FramePair, Odometry, Pose, wrap_angle
 
-__all__ = ["FrameBuffer", "PairingParams", "PosedFrame"]
+__all__ = ["FrameBuffer", "PairingParams", "PosedFrame", "seeing_speed"]
 
 Length = Annotated[float, Field(gt=0.0, le=1.0)]
+
+BASELINE_SHARE = 0.9
+"""Share of the largest baseline that successive frames may be apart: commands and poses vary."""
 
 
 class PairingParams(Params):
@@ -171,6 +174,14 @@ class FrameBuffer:
             way = now.baseline(past)
             if least <= way <= most and now.turn(past) <= self.params.max_rotation:
                 yield way, past
+
+
+def seeing_speed(robot: RobotModel, params: PairingParams) -> float:
+    """Top speed [m/s] at which successive frames of ``robot``'s camera are still a pair.
+
+    Faster, no two frames are near enough to each other to show any depth.
+    """
+    return BASELINE_SHARE * params.max_baseline * robot.camera.rate
 
 
 def _pose_at(time: float, odometry: Odometry) -> Pose:
