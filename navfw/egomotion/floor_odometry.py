@@ -97,6 +97,7 @@ class FloorOdometry:
         self._covariance[3, 3] = CALIBRATION**2
         self._used_until = -math.inf
         self._disagreed = 0
+        self._registered_last = False
 
     @property
     def slipping(self) -> bool:
@@ -115,7 +116,8 @@ class FloorOdometry:
         share, bias = self.calibration
         turn = 0.0 if raw.still else raw.yaw_bias - bias
         twist = Twist((1.0 - share) * raw.twist.v, raw.twist.w + turn)
-        return replace(raw, pose=self._shift.compose(raw.pose), twist=twist, yaw_bias=bias)
+        pose = self._shift.compose(raw.pose)
+        return replace(raw, pose=pose, twist=twist, yaw_bias=bias, by_floor=self._registered_last)
 
     def observe(self, frame: Frame, raw: Odometry) -> None:
         """Correct by a camera frame; ``raw`` is the odometer's answer at the frame's time."""
@@ -130,7 +132,7 @@ class FloorOdometry:
         self._raw = raw
         if raw.still:
             return
-        used = self._measure(self._key.image, image)
+        self._registered_last = used = self._measure(self._key.image, image)
         pose = self._key.pose.compose(Pose(*self._state[:3].tolist()))
         self._shift = _between(pose, raw.pose)
         distance = math.hypot(*self._state[:2])

@@ -110,7 +110,7 @@ class MetricFilter:
         turning_dt = 0.0 if odometry.still else dt
         drift = (odometry.yaw_bias - float(self.state[3])) * turning_dt
         jacobian = transition(self.state, moved, drift, turning_dt)
-        noise = process_noise(float(self.state[2]), moved, turning_dt, self.noise, odometry.silent)
+        noise = process_noise(float(self.state[2]), moved, turning_dt, self.noise, odometry)
         noise[3, 3] = self.noise.bias_walk**2 * dt
         self.state = predict(self.state, moved, drift)
         self.covariance = jacobian @ self.covariance @ jacobian.T + noise

@@ -19,7 +19,8 @@ class Odometry:
     ``still`` is true while neither wheel has turned for a moment: then the gyro's bias is estimated
     (``yaw_bias`` [rad/s], already removed from the pose and twist). ``silent`` is true while the
     encoders do not follow the commanded wheel speeds, so that the distance driven is a guess.
-    ``gyro_stale`` is true while the wheels stand in for a gyro without a fresh reading.
+    ``gyro_stale`` is true while the wheels stand in for a gyro without a fresh reading,
+    ``by_floor`` while the distance driven is measured by the floor's motion in the images.
     """
 
     time: float
@@ -29,6 +30,7 @@ class Odometry:
     still: bool
     silent: bool = False
     gyro_stale: bool = False
+    by_floor: bool = False
 
 
 @dataclass(frozen=True, slots=True)

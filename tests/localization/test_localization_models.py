@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from navfw.localization.landmark_model import (
     joseph,
 )
 from navfw.localization.motion_model import (
+    BY_FLOOR,
     MotionParams,
     motion_noise,
     predict,
@@ -24,7 +26,7 @@ from navfw.localization.motion_model import (
     transition,
 )
 from navfw.robot import RobotModel
-from navfw.signals import Array, Pose, wrap_angle
+from navfw.signals import Array, Odometry, Pose, Twist, wrap_angle
 
 coordinates = st.floats(-20.0, 20.0)
 angles = st.floats(-3.0, 3.0)
@@ -124,14 +126,26 @@ def test_process_noise_is_positive_and_turns_with_the_robot(
     yaw: float, moved: Pose, dt: float
 ) -> None:
     sigma = motion_noise(MotionParams(), RobotModel())
-    noise = process_noise(yaw, moved, dt, sigma, commanded=False)
+    wheels = Odometry(1.0, moved, Twist(0.0, 0.0), 0.0, still=False)
+    noise = process_noise(yaw, moved, dt, sigma, wheels)
     assert np.linalg.eigvalsh(noise).min() >= -1e-15
-    ahead = process_noise(0.0, moved, dt, sigma, commanded=False)
+    ahead = process_noise(0.0, moved, dt, sigma, wheels)
     c, s = math.cos(yaw), math.sin(yaw)
     turn = np.array([[c, -s], [s, c]])
     assert np.allclose(noise[:2, :2], turn @ ahead[:2, :2] @ turn.T)
-    commanded = process_noise(yaw, moved, dt, sigma, commanded=True)
+    commanded = process_noise(yaw, moved, dt, sigma, replace(wheels, silent=True))
     assert np.trace(commanded) >= np.trace(noise)
+
+
+@pytest.mark.parametrize("silent", [False, True])
+def test_a_distance_measured_by_the_floor_does_not_depend_on_the_wheels(silent: bool) -> None:
+    sigma = replace(motion_noise(MotionParams(), RobotModel()), along=0.2)
+    wheels = Odometry(1.0, Pose(0.5, 0.0, 0.0), Twist(0.5, 0.0), 0.0, still=False, silent=silent)
+    by_wheels = process_noise(0.0, wheels.pose, 1.0, sigma, wheels)
+    by_floor = process_noise(0.0, wheels.pose, 1.0, sigma, replace(wheels, by_floor=True))
+    assert by_floor[0, 0] == pytest.approx(BY_FLOOR**2 * 0.5)
+    assert by_wheels[0, 0] >= 0.2**2 * 0.5
+    assert np.array_equal(by_floor[1:, 1:], by_wheels[1:, 1:])
 
 
 @given(st.lists(st.floats(0.0, 1e6), max_size=40), st.floats(0.5, 0.95))
