@@ -10,10 +10,10 @@ from typing import Any, cast
 from navfw.camera_geometry.image_reduction import reduce_frame
 from navfw.config.input_file import shown_path
 from navfw.context import CommandGrid
+from navfw.egomotion import seeing_speed
 from navfw.egomotion.floor_odometry import FloorOdometry
 from navfw.egomotion.odometer import Odometer
 from navfw.egomotion.odometry_history import OdometryHistory
-from navfw.egomotion.pairing import seeing_speed
 from navfw.errors import ConfigError
 from navfw.guard import PluginGuard
 from navfw.guard.guarded_stages import (

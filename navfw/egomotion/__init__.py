@@ -5,6 +5,13 @@ from __future__ import annotations
 from navfw.egomotion.camera_motion import camera_motion
 from navfw.egomotion.odometer import Odometer
 from navfw.egomotion.odometry_history import OdometryHistory
-from navfw.egomotion.pairing import FrameBuffer, PairingParams
+from navfw.egomotion.pairing import FrameBuffer, PairingParams, seeing_speed
 
-__all__ = ["FrameBuffer", "Odometer", "OdometryHistory", "PairingParams", "camera_motion"]
+__all__ = [
+    "FrameBuffer",
+    "Odometer",
+    "OdometryHistory",
+    "PairingParams",
+    "camera_motion",
+    "seeing_speed",
+]

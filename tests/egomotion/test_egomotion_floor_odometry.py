@@ -139,6 +139,7 @@ def test_wheels_and_gyro_are_calibrated_by_the_floor() -> None:
     assert share == pytest.approx(1.0 - 1.0 / 1.01, abs=0.002)
     assert bias == pytest.approx(0.004, abs=0.001)
     assert corrected.twist.w == pytest.approx(0.15, abs=0.001)
+    assert corrected.by_floor
 
 
 @pytest.mark.parametrize(
@@ -147,7 +148,7 @@ def test_wheels_and_gyro_are_calibrated_by_the_floor() -> None:
     ids=["low", "high"],
 )
 def test_a_wall_right_in_front_is_not_taken_for_floor(camera: CameraModel, wall: float) -> None:
-    """The high camera sees no floor any more from a distance of 1.5 m on."""
+    """In the end neither camera sees any floor: the high one from a distance of 1.5 m on."""
     floor = PaintedFloor(wall=wall, camera=camera)
     odometry = FloorOdometry(ROBOT.model_copy(update={"camera": camera}))
     true, raw = Pose(0.0, 0.0, 0.0), None
@@ -156,6 +157,7 @@ def test_a_wall_right_in_front_is_not_taken_for_floor(camera: CameraModel, wall:
     assert raw is not None
     assert odometry.corrected(raw).pose.x == pytest.approx(true.x, abs=0.015)
     assert not odometry.slipping
+    assert not odometry.corrected(raw).by_floor
 
 
 def test_slipping_wheels_are_noticed_and_corrected() -> None:

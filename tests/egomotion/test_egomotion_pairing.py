@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from navfw.egomotion import FrameBuffer, PairingParams
+from navfw.egomotion import FrameBuffer, PairingParams, seeing_speed
 from navfw.robot import RobotModel
 from navfw.signals import Frame, FramePair, Odometry, Pose, Twist
 
@@ -68,6 +68,15 @@ def test_turning_alone_gives_no_pair() -> None:
 
 def test_a_fast_turn_gives_no_pair() -> None:
     assert not any(drive(0.2, 1.2))
+
+
+@pytest.mark.parametrize("rate", [5.0, 6.0, 10.0])
+def test_up_to_the_seeing_speed_successive_frames_are_pairs(rate: float) -> None:
+    camera = ROBOT.camera.model_copy(update={"rate": rate})
+    robot = ROBOT.model_copy(update={"camera": camera})
+    speed = seeing_speed(robot, PairingParams())
+    assert all(drive(speed, 0.0, dt=1.0 / rate)[1:])
+    assert not any(drive(1.2 * speed, 0.0, dt=1.0 / rate))
 
 
 def test_standing_still_after_a_drive_repeats_nothing() -> None:

@@ -55,6 +55,12 @@ def test_the_stages_get_what_the_frame_shows() -> None:
     assert rig.stack.state.time == 0.1
 
 
+def test_the_top_speed_leaves_successive_frames_a_pair() -> None:
+    settings = ["commands.cruise=0.5", "pairing.max_baseline=0.04", "pairing.baseline=0.03"]
+    stack = sample_stack(Idle, overrides=settings)
+    assert stack.mofis.commands.max_v == pytest.approx(0.9 * 0.04 * ROBOT.camera.rate)
+
+
 def test_without_a_frame_nothing_is_decided() -> None:
     rig = Rig()
     rig.step(0.0)
