@@ -47,7 +47,7 @@ class Papfis(Planner):
         passing: Annotated[Metres, Field(description="tolerance at places in the open [m]")] = 0.6
         door_passing: Annotated[Metres, Field(description="tolerance in doors [m]")] = 0.25
         beside_door_passing: Annotated[
-            Metres, Field(description="tolerance just before and after doors [m]")
+            Metres, Field(description="tolerance just before and after roomy doors [m]")
         ] = 0.35
         passing_reach: Annotated[
             Metres, Field(description="a waypoint left behind within this counts as passed [m]")
@@ -111,7 +111,7 @@ class Papfis(Planner):
         p = self.params
         self._router = Router(topo_map, self.robot, CostParams(p.aversion, p.avoidance))
         passing = PassingTolerances(
-            p.passing, p.door_passing, p.beside_door_passing, p.passing_reach
+            p.passing, p.door_passing, p.beside_door_passing, p.passing_reach, self.robot.reach
         )
         self._tour = Tour(self._router, goals, passing, p.replan_distance, p.max_off_map)
         self._blockages = Blockages(self._router, p.closing_votes, p.vote_interval, p.closed_for)

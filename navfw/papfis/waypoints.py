@@ -19,25 +19,50 @@ SHARPEST_TURN = math.radians(120.0)
 """Largest turn at a waypoint for which its bisector decides whether it is passed [rad]."""
 
 
+ROOMY = 0.27
+"""Free width [m] between the body and each post of a door from which on the tolerance beside it is
+the whole one: a wide robot that comes from aside does not fit through."""
+
+LEAST_SHARE = 0.3
+"""Least share of the tolerance beside a door."""
+
+
 @dataclass(frozen=True, slots=True)
 class PassingTolerances:
     """Distances [m] within which a waypoint counts as passed: in the open, in and beside a door.
 
     A waypoint left behind counts as passed within ``reach`` [m] too, except a door passed outside
-    its gap.
+    its gap. Beside a door in whose width a robot of the radius ``body`` [m] about its turning
+    centre can turn, the tolerance is smaller for wide robots; another robot could not comply.
     """
 
     open: float = 0.6
     door: float = 0.25
     beside_door: float = 0.35
     reach: float = 1.0
+    body: float = 0.0
 
-    def tolerance(self, kinds: Sequence[str], index: int) -> float:
-        """The tolerance [m] at place ``index`` of a route with places of these ``kinds``."""
-        if kinds[index] == "door":
+    def tolerances(self, kinds: Sequence[str], widths: Sequence[float]) -> list[float]:
+        """The tolerances [m] at a route's places of these ``kinds`` and ``widths`` [m]."""
+        return [
+            self._tolerance(kind, [widths[k] for k in (i - 1, i + 1) if _is_door(kinds, k)])
+            for i, kind in enumerate(kinds)
+        ]
+
+    def _tolerance(self, kind: str, doors: Sequence[float]) -> float:
+        """The tolerance [m] at a place of that kind, beside doors of these widths [m]."""
+        if kind == "door":
             return self.door
-        neighbors = kinds[max(index - 1, 0) : index + 2]
-        return self.beside_door if "door" in neighbors else self.open
+        if not doors:
+            return self.open
+        free = 0.5 * min(doors) - self.body
+        if free <= 0.0:
+            return self.beside_door
+        return self.beside_door * min(max(free / ROOMY, LEAST_SHARE), 1.0)
+
+
+def _is_door(kinds: Sequence[str], index: int) -> bool:
+    return 0 <= index < len(kinds) and kinds[index] == "door"
 
 
 def waypoints_of(
@@ -50,24 +75,25 @@ def waypoints_of(
     """
     places = [topo_map.places[name] for name in route.places]
     kinds = [place.kind for place in places]
-    waypoints = []
+    widths = list(route.widths[: len(places)])
     for i, place in enumerate(places):
-        width = route.widths[i]
         if place.kind == "door":
-            width = min(width, *(p.width for p in topo_map.passages_at(place.name)))
-        tolerance = passing.tolerance(kinds, i)
-        waypoints.append(
-            Waypoint(
-                place.x,
-                place.y,
-                tolerance,
-                place.name,
-                place.kind,
-                final=False,
-                width=width,
-                passage=_ends(route.legs[i]),
-            )
+            widths[i] = min(widths[i], *(p.width for p in topo_map.passages_at(place.name)))
+    waypoints = [
+        Waypoint(
+            place.x,
+            place.y,
+            tolerance,
+            place.name,
+            place.kind,
+            final=False,
+            width=width,
+            passage=_ends(leg),
         )
+        for place, tolerance, width, leg in zip(
+            places, passing.tolerances(kinds, widths), widths, route.legs, strict=False
+        )
+    ]
     last = route.legs[-1]
     if places and kinds[-1] != "door" and places[-1].distance(goal.x, goal.y) <= goal.tolerance:
         del waypoints[-1]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 from typing import get_args
 
@@ -119,3 +120,16 @@ def test_a_goal_on_a_passage_has_the_width_of_that_passage() -> None:
     )
     *_, found = waypoints_of(route, end, TopoMap("row", [a, b], [passage]), PASSING)
     assert (found.width, found.passage) == (0.8, ("a", "b"))
+
+
+@pytest.mark.parametrize(
+    ("body", "width", "beside"),
+    [(0.18, 0.95, 0.4), (0.34, 0.95, 0.2), (0.46, 0.95, 0.12), (0.6, 0.95, 0.4), (0.34, 1.4, 0.4)],
+)
+def test_a_wide_robot_passes_the_places_beside_a_door_more_closely(
+    body: float, width: float, beside: float
+) -> None:
+    """But for one that cannot turn there, and could not comply."""
+    kinds = ["room", "room", "door", "room", "room"]
+    tolerances = replace(PASSING, body=body).tolerances(kinds, [3.0, 3.0, width, 3.0, 3.0])
+    assert tolerances == pytest.approx([0.7, beside, 0.2, beside, 0.7], abs=0.001)
