@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 from pydantic import Field
 
-from navfw import Context, Proposal, RuledBehavior
+from navfw import Array, Context, Proposal, RuledBehavior
 
 
 class Avoid(RuledBehavior):
@@ -38,9 +38,11 @@ class Avoid(RuledBehavior):
         p, commands, arcs = self.params, context.commands, context.arcs
         v = np.abs(commands.v)
         needed = v**2 / (2.0 * p.braking) + v * p.latency + p.spare
-        needed[v == 0.0] = 1e-3  # a turn on the spot needs no room
+        needed[v == 0.0] = 1e-3  # a turn on the spot needs no way, but an angle
+        reserve = arcs.free / needed[:, None]
+        reserve[v == 0.0] = np.minimum(arcs.turn / self._turn_needed(commands.w), 1e3)
         verdict = self.rules.evaluate_all(
-            reserve=arcs.free / needed[:, None],
+            reserve=reserve,
             observed=arcs.observed / needed[:, None],
             pace=commands.product(v, np.ones_like(commands.w)),
             clearance=arcs.clearance,
@@ -53,3 +55,9 @@ class Avoid(RuledBehavior):
             reason=f"nearest obstacle at {nearest:.2f} m",
             explain=verdict.explain,
         )
+
+    def _turn_needed(self, w: Array) -> Array:
+        """Angles [rad] that the robot turns until it stands, from the turning rates ``w``."""
+        fast = np.abs(w)
+        needed: Array = fast**2 / (2.0 * self.robot.max_turn_accel) + fast * self.params.latency
+        return np.maximum(needed, 1e-3)

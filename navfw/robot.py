@@ -163,6 +163,15 @@ class RobotModel(BaseModel):
     track: Annotated[
         float, Field(ge=0.02, le=4.0, description="distance between the wheels [m]")
     ] = 0.28
+    skid: Annotated[
+        float,
+        Field(
+            ge=0.0,
+            le=1.0,
+            description="standard deviation of the point about which it turns, along the body [m]:"
+            " wheels that skid move it",
+        ),
+    ] = 0.0
     ticks_per_turn: Annotated[
         int, Field(ge=16, le=1_000_000, description="encoder ticks a wheel turn")
     ] = 2048

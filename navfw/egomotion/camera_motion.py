@@ -44,7 +44,8 @@ def camera_motion(
     axle, so a turn also moves it sideways, and its pitch maps yaw into rotation about two of its
     own axes (METHOD 2.1, 2.2, here without the small-angle approximation). ``dt`` [s] is the time
     between the poses; ``yaw_rate_sigma`` [rad/s] and ``slip`` (relative to the distance driven) are
-    the standard deviations of the gyro's and the wheels' errors.
+    the standard deviations of the gyro's and the wheels' errors; that of the point about which the
+    robot turns is ``robot.skid``.
     """
     turn = wrap_angle(now.yaw - past.yaw)
     # the camera's displacement in the axes of base_link now; the lever arm turned with the robot
@@ -55,12 +56,14 @@ def camera_motion(
     base_from_camera = robot.camera.base_from_camera
     translation = base_from_camera.T @ displacement
     way = math.sqrt(translation @ translation)
+    skid = robot.skid * abs(turn)
     return CameraMotion(
         rotation=base_from_camera.T @ now_from_past @ base_from_camera,
         translation=translation,
         dt=dt,
         yaw_sigma=yaw_rate_sigma * abs(dt),
-        translation_sigma=math.hypot(TRANSLATION_FLOOR, slip * way),
+        translation_sigma=math.hypot(TRANSLATION_FLOOR, slip * way, skid),
+        skid_sigma=skid,
     )
 
 

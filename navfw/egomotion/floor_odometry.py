@@ -82,6 +82,7 @@ class FloorOdometry:
         self._registration = FloorRegistration(robot)
         sheet = robot.odometry
         self._slip = sheet.slip**2 * sheet.slip_time
+        self._skid = robot.skid**2 * KEY_TURN  # keeps its value within a key frame
         self._gyro = sheet.gyro_noise**2 / robot.control_rate
         self._walk = (BIAS_MARGIN * sheet.gyro_bias_walk) ** 2
         self._bias_prior = sheet.gyro_noise**2 / robot.control_rate + sheet.gyro_bias_walk**2
@@ -189,6 +190,8 @@ class FloorOdometry:
             along += (SLIPPED * way) ** 2
         ux, uy = (dx / way, dy / way) if way > 0.0 else (c, s)
         self._covariance[:2, :2] += along * np.outer((ux, uy), (ux, uy)) + 1e-9 * np.eye(2)
+        aside = self._skid * abs(moved.yaw)
+        self._covariance[:2, :2] += aside * np.outer((-s, c), (-s, c))
         self._covariance[2, 2] += self._gyro * dt + (1e-3 * moved.yaw) ** 2
         self._covariance[3, 3] += CALIBRATION_WALK**2 * way
         self._covariance[4, 4] += self._walk * dt

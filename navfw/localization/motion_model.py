@@ -46,6 +46,9 @@ that estimate while the robot rests [s]."""
 MEMORY = 10.0
 """Averaging time of odometry's bias estimate [s]: it lags behind a bias that drifts."""
 
+TURN_MEMORY = 0.5
+"""Turn [rad] over which the point keeps its place about which skidding wheels turn the robot."""
+
 BY_FLOOR = 0.01
 """Error of the distance that the floor's motion in the images measures [m per root of m]: measured
 0.002 to 0.004."""
@@ -88,6 +91,7 @@ class MotionNoise:
 
     along: float
     aside: float
+    aside_by_turning: float
     yaw_by_time: float
     yaw_by_turning: float
     bias: float
@@ -107,6 +111,7 @@ def motion_noise(params: MotionParams, robot: RobotModel) -> MotionNoise:
     return MotionNoise(
         known(params.along, slipping + INTEGRATION**2),
         params.aside,
+        params.margin * robot.skid * math.sqrt(TURN_MEMORY),
         known(params.yaw_by_time, noise),
         params.yaw_by_turning,
         known(params.bias, noise / REST + lag),
@@ -152,7 +157,8 @@ def process_noise(
     speeds, and its error along the path is as large as the path, unless the floor measures it.
     """
     distance = math.hypot(moved.x, moved.y)
-    along, aside = sigma.along**2 * distance, sigma.aside**2 * distance
+    along = sigma.along**2 * distance
+    aside = sigma.aside**2 * distance + sigma.aside_by_turning**2 * abs(moved.yaw)
     if odometry.by_floor:
         along = min(along, BY_FLOOR**2 * distance)
     elif odometry.silent:

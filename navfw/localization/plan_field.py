@@ -30,6 +30,9 @@ OTHER = 0.1
 CORRELATION = 12.0
 """Number of points with a common error: a column of cells shows one wall, by one pair of frames."""
 
+SCALE_SIGMA = 0.06
+"""Standard deviation of the distances' common scale: that of the motion between the frames."""
+
 SHORT = 0.25
 """Part of a ray next to its point [m] in which no wall counts as blocking it."""
 
@@ -75,21 +78,27 @@ class PlanField:
         """The pose near ``start`` (map), known with ``information`` (3, 3), that fits the scan."""
         turn = self._map_from_grid
         here = self.origin.relative(start)
+        prior = np.diag([0.0, 0.0, 0.0, SCALE_SIGMA**-2])
+        prior[:3, :3] = turn.T @ information @ turn
         found: Any = match_points(
             scan.points,
             scan.sigma,
+            scan.origins,
             self.cells,
             self.resolution,
-            np.array([here.x, here.y, here.yaw]),
-            CORRELATION * (turn.T @ information @ turn),
+            np.array([here.x, here.y, here.yaw, 0.0]),
+            CORRELATION * prior,
             PLAN_SIGMA,
             OTHER,
             ITERATIONS,
         )
         at, by_points, belonging = found
+        by_points = by_points / CORRELATION
+        shared = by_points[:3, 3]  # with the scale, which is not known either
+        pose_alone = by_points[:3, :3] - np.outer(shared, shared) / (by_points[3, 3] + prior[3, 3])
         return PlanMatch(
-            self.origin.compose(Pose(*at.tolist())),
-            turn @ by_points @ turn.T / CORRELATION,
+            self.origin.compose(Pose(*at[:3].tolist())),
+            turn @ pose_alone @ turn.T,
             float(belonging),
         )
 

@@ -40,6 +40,7 @@ def _at(field: Floats, x: float, y: float) -> tuple[float, float, float]:
 def match_points(
     points: Array,
     sigma: Array,
+    origins: Array,
     field: Floats,
     cell: float,
     start: Array,
@@ -48,60 +49,63 @@ def match_points(
     other: float,
     iterations: int,
 ) -> tuple[Array, Array, float]:
-    """The pose at which the points fit the walls of the plan, near ``start``.
+    """The pose, and the scale of the points' distances, with which they fit the walls of the plan.
 
-    Gauss-Newton on the distances. Each point counts by the probability that it belongs to the plan:
-    the density of its distance against a constant one of all else.
+    Gauss-Newton on the distances from the walls. Each point counts by the probability that it
+    belongs to the plan: the density of its distance against a constant one of all else.
 
     Args:
         points: (n, 2) seen points [m] in base_link.
-        sigma: (n,) standard deviations [m] along the rays from base_link to the points.
+        sigma: (n,) standard deviations [m] along the rays from the camera to the points.
+        origins: (n, 2) where the camera was when it saw each point [m], in base_link.
         field: (rows, columns) signed distances [cells].
         cell: side of a cell [m].
-        start: (3,) x, y [m] and yaw [rad] of the robot along the grid's axes.
-        prior: (3, 3) information of ``start``.
+        start: (4,) x, y [m] and yaw [rad] of the robot along the grid's axes, and the logarithm of
+            the scale.
+        prior: (4, 4) information of ``start``.
         plan_sigma: standard deviation [m] of the walls in the plan.
         other: density of points that do not belong to the plan, relative to the peak of the others.
         iterations: number of steps.
 
     Returns:
-        the pose (3,), the information (3, 3) of the points alone, as if they were independent, and
+        the state (4,), the information (4, 4) of the points alone, as if they were independent, and
         the mean probability of belonging to the plan.
 
     """
-    pose, information, right = start.copy(), np.zeros((3, 3)), np.zeros(3)
-    slope = np.zeros(3)
+    state, information, right = start.copy(), np.zeros((4, 4)), np.zeros(4)
+    slope = np.zeros(4)
     belonging = 0.0
     for _ in range(iterations):
         information[:] = 0.0
-        right[:] = prior @ (start - pose)
+        right[:] = prior @ (start - state)
         belonging = 0.0
-        c, s = math.cos(pose[2]), math.sin(pose[2])
+        c, s, scale = math.cos(state[2]), math.sin(state[2]), math.exp(state[3])
         for i in range(points.shape[0]):
-            dx = c * points[i, 0] - s * points[i, 1]
-            dy = s * points[i, 0] + c * points[i, 1]
-            x, y = (pose[0] + dx) / cell - 0.5, (pose[1] + dy) / cell - 0.5
+            rx, ry = points[i, 0] - origins[i, 0], points[i, 1] - origins[i, 1]
+            px, py = origins[i, 0] + scale * rx, origins[i, 1] + scale * ry
+            dx, dy = c * px - s * py, s * px + c * py
+            x, y = (state[0] + dx) / cell - 0.5, (state[1] + dy) / cell - 0.5
             distance, gx, gy = _at(field, x, y)
             if math.isnan(distance):
                 continue
             steep = math.hypot(gx, gy)
             if steep < 0.1:
                 continue
-            reach = math.hypot(dx, dy)
-            across = (gx * dx + gy * dy) / max(steep * reach, 1e-9) * sigma[i]
+            # by how much the distance grows where the point is farther, in parts of its range
+            deeper = scale * (gx * (c * rx - s * ry) + gy * (s * rx + c * ry))
+            across = deeper / max(steep * math.hypot(rx, ry), 1e-9) * sigma[i]
             variance = plan_sigma * plan_sigma + across * across
             off = distance * cell
             density = math.exp(-0.5 * off * off / variance)
             weight = density / (density + other)
             belonging += weight
-            slope[0], slope[1] = gx, gy
-            slope[2] = -gx * dy + gy * dx
-            for a in range(3):
+            slope[0], slope[1], slope[2], slope[3] = gx, gy, -gx * dy + gy * dx, deeper
+            for a in range(4):
                 right[a] -= weight * slope[a] * off / variance
-                for b in range(3):
+                for b in range(4):
                     information[a, b] += weight * slope[a] * slope[b] / variance
-        pose += np.linalg.solve(information + prior, right)
-    return pose, information, belonging / max(points.shape[0], 1)
+        state += np.linalg.solve(information + prior, right)
+    return state, information, belonging / max(points.shape[0], 1)
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -192,7 +196,7 @@ def share_of_blocked_rays(
 
     Args:
         points: (n, 2) seen points [m] in base_link.
-        origins: (n, 2) where the robot was when it saw them [m], in base_link.
+        origins: (n, 2) where the camera was when it saw them [m], in base_link.
         field: (rows, columns) signed distances [cells].
         cell: side of a cell [m].
         poses: (m, 3) x, y [m] and yaw [rad] of base_link along the grid's axes.

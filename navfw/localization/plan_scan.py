@@ -29,7 +29,7 @@ LEAST_SIGMA = 0.03
 class PlanScan:
     """Points (n, 2) [m] in base_link, and their standard deviations (n,) [m] along the rays.
 
-    ``origins`` (n, 2) [m, base_link] is where the robot was when it saw each point.
+    ``origins`` (n, 2) [m, base_link] is where the camera was when it saw each point.
     """
 
     points: Array
@@ -57,8 +57,8 @@ def scan_of(percept: Percept, robot: RobotModel) -> PlanScan:
     depth = 1.0 / nearness[used]
     image = percept.points[used] / camera.focal
     rays = np.column_stack([image, np.ones(len(image))]) @ camera.base_from_camera.T
-    points = depth[:, None] * rays[:, :2] + np.array([camera.mount_forward, 0.0])
+    lens = np.array([camera.mount_forward, 0.0])
+    points = np.ascontiguousarray(depth[:, None] * rays[:, :2] + lens)
     relative = np.maximum(percept.sigma[used] * depth, LEAST_SIGMA)
     sigma = relative * depth * np.hypot(rays[:, 0], rays[:, 1])
-    points = np.ascontiguousarray(points)
-    return PlanScan(points, np.ascontiguousarray(sigma), np.zeros_like(points))
+    return PlanScan(points, np.ascontiguousarray(sigma), np.tile(lens, (len(points), 1)))

@@ -47,20 +47,22 @@ _BEARINGS = read_only(np.linspace(-math.pi, math.pi, SECTORS + 1)[1:])
 
 @dataclass(frozen=True, slots=True)
 class Arcs:
-    """Free distance along the arc of every command; arrays (n_v, n_w) [m].
+    """Free distance along the arc of every command; arrays (n_v, n_w) [m] but for ``turn``.
 
     ``free`` is the length until the body would touch something, ``observed`` the length until its
     centre would enter a cell not observed free, both at most ``reach``; ``clearance`` is the least
-    distance from the body's rim to anything over the first stretch.
+    distance from the body's rim to anything over the first stretch. ``turn`` (n_w,) [rad] is the
+    angle until the body would touch something by a turn on the spot; inf beyond half a radian.
     """
 
     free: Array
     observed: Array
     clearance: Array
+    turn: Array
     reach: float
 
     def __post_init__(self) -> None:
-        freeze(self, "free", "observed", "clearance")
+        freeze(self, "free", "observed", "clearance", "turn")
 
 
 class FreeDistance(NamedTuple):
@@ -85,6 +87,7 @@ def arcs_of(
     taken over the first ``horizon`` [m].
     """
     free, observed, clearance = np.empty((3, speeds.size, turns.size))
+    turn = np.full(turns.size, math.inf)
     robot = occupancy.robot
     ground, start = _ground(occupancy, occupancy.footprint_observed), _start(pose)
     if robot.footprint is None:
@@ -98,13 +101,14 @@ def arcs_of(
             swept = np.empty((3, int(rows.sum()), turns.size))
             sweep_body(around, start, speeds[rows], turns, discs, margin, reach, horizon, *swept)
             free[rows], observed[rows], clearance[rows] = swept
+        turn[:] = _angle(free[spot], reach).min(axis=0, initial=math.inf)
     # The camera does not look back: behind the robot, unobserved cells count as occupied. (Its own
     # footprint is observed, so its rim and not its centre must stay out of the unobserved.)
     backward = slice(0, int(np.searchsorted(speeds, 0.0)))
     behind = np.maximum(observed[backward] - robot.disc_radius - margin, 0.0)
     behind[observed[backward] >= reach] = reach
     free[backward] = np.minimum(free[backward], behind)
-    return Arcs(free, observed, clearance + margin, reach)
+    return Arcs(free, observed, clearance + margin, turn, reach)
 
 
 def free_distance(
@@ -132,13 +136,19 @@ def free_distance(
 
 
 def free_turn(occupancy: OccupancyGrid, pose: Pose, w: float) -> float:
-    """Angle [rad] that the robot may turn on the spot in the sense of ``w``, judged up to ``TURN``.
+    """Angle [rad] until a turn on the spot in the sense of ``w`` touches something.
 
-    A round body may always turn: inf.
+    It is judged up to ``TURN``, and inf beyond. A round body may always turn.
     """
     if occupancy.robot.footprint is None:
         return math.inf
-    return TURN * free_distance(occupancy, pose, Twist(0.0, w), reach=1.0).contact
+    contact = free_distance(occupancy, pose, Twist(0.0, w), reach=1.0).contact
+    return float(_angle(np.array(contact), 1.0))
+
+
+def _angle(free: Array, reach: float) -> Array:
+    """Angles [rad] of turns on the spot with free lengths ``free``; inf where they are whole."""
+    return np.where(free >= reach, math.inf, TURN * free / reach)
 
 
 def _ground(occupancy: OccupancyGrid, observed: npt.NDArray[np.uint8]) -> Ground:

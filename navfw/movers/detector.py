@@ -69,7 +69,7 @@ class MovingObjectDetector:
     def dense_flow(self, pair: FramePair, odometry: Odometry, *, coarse: bool = False) -> FlowField:
         """Dense flow of the lower image between the frames of ``pair``, refined and derotated."""
         flow = with_yaw_sigma(self._floor_aligned.compute(pair, coarse), odometry)
-        params = replace(_REFINEMENT, direction_sigma=direction_sigma(flow.motion.baseline))
+        params = replace(_REFINEMENT, direction_sigma=direction_sigma(flow.motion))
         return refine(flow, self.camera, params).apply(flow, self.camera)
 
     def _coarse_search(self, pair: FramePair, odometry: Odometry) -> bool:

@@ -21,7 +21,7 @@ import numba
 import numpy as np
 
 from navfw.robot import CameraModel
-from navfw.signals import Array, FlowField, Mask
+from navfw.signals import Array, CameraMotion, FlowField, Mask
 
 __all__ = ["direction_sigma", "segment_motion"]
 
@@ -44,9 +44,10 @@ FLOOR_TOLERANCE = 0.2
 """Relative difference from the floor's nearness up to which a cell is the floor."""
 
 
-def direction_sigma(baseline: float) -> float:
-    """Sigma [rad] of the camera's direction of motion; large for a short ``baseline`` [m]."""
-    return min(0.03 + 0.003 / max(baseline, 1e-4), 1.0)
+def direction_sigma(motion: CameraMotion) -> float:
+    """Sigma [rad] of the camera's direction of motion; large for a short baseline."""
+    baseline = max(motion.baseline, 1e-4)
+    return min(math.hypot(0.03 + 0.003 / baseline, motion.skid_sigma / baseline), 1.0)
 
 
 def segment_motion(flow: FlowField, fall: Array, camera: CameraModel) -> Mask:
@@ -66,13 +67,15 @@ def segment_motion(flow: FlowField, fall: Array, camera: CameraModel) -> Mask:
         camera.focal,
     )
     nearness = np.ascontiguousarray(np.maximum(fall, 0.0) / camera.mount_height)
-    direction = direction_sigma(motion.baseline)
-    moving = _below_floor_flow(*field, nearness, standing, (float(motion.yaw_sigma), direction))
+    skid = float(motion.skid_sigma / max(motion.baseline, MIN_BASELINE))
+    slip, patch_direction = math.hypot(SLIP, skid), math.hypot(PATCH_DIRECTION_SIGMA, skid)
+    sigmas = float(motion.yaw_sigma), direction_sigma(motion), slip
+    moving = _below_floor_flow(*field, nearness, standing, sigmas)
     if flow.inconsistency is not None:
         moving |= flow.inconsistency > 0.0
     if not standing:
-        moving |= _patches(_off_epipolar(*field))
-        moving |= _patches(_nearer_than_foot(*field, nearness))
+        moving |= _patches(_off_epipolar(*field, patch_direction))
+        moving |= _patches(_nearer_than_foot(*field, nearness, slip))
     return moving
 
 
@@ -101,14 +104,14 @@ def _below_floor_flow(
     focal: float,
     floor: Array,
     standing: bool,
-    sigmas: tuple[float, float],
+    sigmas: tuple[float, float, float],
 ) -> Mask:
     """(rows, cols) which valid vectors fall short of those of a floor of that nearness [1/m].
 
-    ``sigmas`` are those of the yaw and of the direction of motion [rad]. While ``standing``, any
-    vector counts that the error of the yaw does not explain.
+    ``sigmas`` are those of the yaw, of the direction of motion [rad], and of the way, relative to
+    it. While ``standing``, any vector counts that the error of the yaw does not explain.
     """
-    yaw_sigma, direction = sigmas
+    yaw_sigma, direction, slip = sigmas
     moving = np.zeros(sigma.shape, np.bool_)
     for r, c in np.ndindex(sigma.shape):
         if not confidence[r, c] > 0.0:
@@ -125,7 +128,7 @@ def _below_floor_flow(
         ex, ey, lever = _lever(points[r, c], translation, focal)
         least = lever * near / (1.0 + translation[2] * near)
         sigma_px = math.hypot(sigma[r, c], direction * (length - least)) + GATE_SIGMA
-        moving[r, c] = ex * u + ey * v < least * (1.0 - SLIP) - GATE * sigma_px
+        moving[r, c] = ex * u + ey * v < least * (1.0 - slip) - GATE * sigma_px
     return moving
 
 
@@ -137,8 +140,12 @@ def _off_epipolar(
     confidence: Array,
     translation: Array,
     focal: float,
+    direction: float,
 ) -> Mask:
-    """(rows, cols) which valid vectors point across their epipolar lines; for patches."""
+    """(rows, cols) which valid vectors point across their epipolar lines; for patches.
+
+    ``direction`` [rad] is the sigma of the lines' direction.
+    """
     nearest = FOE_RADIUS * math.sqrt(np.sum(translation * translation))
     moving = np.zeros(sigma.shape, np.bool_)
     for r, c in np.ndindex(sigma.shape):
@@ -148,7 +155,7 @@ def _off_epipolar(
         if lever <= nearest:
             continue
         u, v = vectors[r, c, 0], vectors[r, c, 1]
-        allowed = math.hypot(sigma[r, c], PATCH_DIRECTION_SIGMA * math.hypot(u, v))
+        allowed = math.hypot(sigma[r, c], direction * math.hypot(u, v))
         moving[r, c] = abs(ex * v - ey * u) > PATCH_GATE * math.hypot(allowed, PATCH_SIGMA)
     return moving
 
@@ -162,8 +169,11 @@ def _nearer_than_foot(
     translation: Array,
     focal: float,
     floor: Array,
+    slip: float,
 ) -> Mask:
     """(rows, cols) which cells seem nearer [1/m] than the ``floor`` below them, up every column.
+
+    ``slip`` is the relative sigma of the way driven.
 
     The farthest floor cell of a column may be half hidden, so an object may stand one row nearer.
     """
@@ -177,7 +187,7 @@ def _nearer_than_foot(
             ex, ey, lever = _lever(points[r, c], translation, focal)
             along = ex * vectors[r, c, 0] + ey * vectors[r, c, 1]
             nearness = along / max(lever - translation[2] * along, 1e-9)
-            nearness_sigma = math.hypot(sigma[r, c], SLIP * along) / lever
+            nearness_sigma = math.hypot(sigma[r, c], slip * along) / lever
             like = max(FLOOR_TOLERANCE * floor[r, c], 2.0 * nearness_sigma)
             if floor[r, c] > 0.0 and abs(nearness - floor[r, c]) < like:
                 stands = floor[min(r + 1, rows - 1), c]

@@ -23,8 +23,6 @@ __all__ = ["PersistentFailure", "SafetyMonitor", "SafetyParams", "SafetyVerdict"
 
 Seconds = Annotated[float, Field(gt=0.0, le=60.0)]
 
-_LONGEST_TURN = 0.45
-"""Largest angle [rad] of room that a turn on the spot needs: the local map looks 0.5 rad ahead."""
 _PROBE_PERIOD, _PROBE_TIME = 3.0, 0.3
 """Period and duration [s] of the probes whether silent encoders count again."""
 
@@ -180,8 +178,11 @@ class SafetyMonitor:
             # evidence decays, walls too: without frames the map gets worse with time
             if self._blind_reverse > self.params.blind_reverse:
                 v, reason = 0.0, "longest reverse without a valid frame"
-        if v == 0.0 and w != 0.0 and self.local_map.free_turn(pose, w) < self._turn_needed(w):
-            w, reason = 0.0, "no room to turn"
+        if v == 0.0:
+            room = self.local_map.free_turn(pose, w) - self.params.gap / robot.reach
+            fastest = self._stopping_speed(room, robot.max_turn_accel)
+            if abs(w) > fastest:
+                w, reason = math.copysign(fastest, w), "no room to turn"
         stopped = twist.v > 0.0 and v <= 0.0
         return SafetyVerdict(Twist(v, w), reason, stopped)
 
@@ -286,19 +287,14 @@ class SafetyMonitor:
         if too_far and self._sightless_since is None:
             self._sightless_since = odometry.time
 
-    def _turn_needed(self, w: float) -> float:
-        """Angle [rad] that the robot turns until it stands, from the turning rate ``w`` [rad/s]."""
-        stopping = w * w / (2.0 * self.robot.max_turn_accel) + abs(w) * self.params.latency
-        return min(stopping, _LONGEST_TURN)
-
     def _braking_speed(self, room: float) -> float:
-        """Top speed [m/s] from which full braking ends within ``room`` [m] (METHOD 2.13).
+        """Top speed [m/s] from which full braking ends at the gap before ``room`` [m]."""
+        return self._stopping_speed(room - self.params.gap, self.robot.max_brake)
 
-        Solves ``v latency + v^2 / (2 brake) = room - gap``.
+    def _stopping_speed(self, room: float, brake: float) -> float:
+        """Top speed from which the deceleration ``brake`` ends within ``room`` (METHOD 2.13).
+
+        Solves ``v latency + v^2 / (2 brake) = room``, in metres or in radians.
         """
-        left = room - self.params.gap
-        if left <= 0.0:
-            return 0.0
-        brake, latency = self.robot.max_brake, self.params.latency
-        lag = brake * latency
-        return math.sqrt(lag * lag + 2.0 * brake * left) - lag
+        lag = brake * self.params.latency
+        return max(math.sqrt(lag * lag + 2.0 * brake * max(room, 0.0)) - lag, 0.0)

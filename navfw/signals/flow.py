@@ -40,7 +40,8 @@ class CameraMotion:
     ``rotation`` (3, 3) turns vectors given in the past camera's axes into the current camera's
     axes; ``translation`` (3,) [m] is the camera's displacement, current minus past position, in
     the CURRENT camera's axes. A static point obeys ``X_now = rotation @ X_past - translation``.
-    ``yaw_sigma`` [rad] and ``translation_sigma`` [m] are one standard deviation.
+    ``yaw_sigma`` [rad] and ``translation_sigma`` [m] are one standard deviation, ``skid_sigma`` [m]
+    is the part of the latter that skidding wheels add in turns, sideways.
     """
 
     rotation: Array
@@ -48,6 +49,7 @@ class CameraMotion:
     dt: float
     yaw_sigma: float = 0.0
     translation_sigma: float = 0.0
+    skid_sigma: float = 0.0
 
     def __post_init__(self) -> None:
         freeze(self, "rotation", "translation")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -103,6 +104,19 @@ def test_avoid_prohibits_commands_that_cannot_stop_before_the_wall(registry: Reg
     assert np.all(proposal.prohibition[standing] < 0.5)  # turning on the spot is always allowed
     rules = proposal.explain(len(context.commands.v) - 1, straight)
     assert rules and "prohibit IS yes" in rules[0]["rule"]
+
+
+def test_avoid_prohibits_turns_without_room_to_stop_them(registry: Registry) -> None:
+    avoid = behavior_class(registry, "avoid")(ROBOT)
+    avoid.reset()
+    context, _ = propose(registry, "avoid", BehaviorScene("open", Twist(0.0, 0.0), ticks=14))
+    turn = np.where(context.commands.w > 0.0, 0.1, math.inf)  # something is to the left
+    beside = replace(context, arcs=replace(context.arcs, turn=turn))
+    standing = int(np.flatnonzero(context.commands.v == 0.0)[0])
+    prohibited = avoid.propose(beside).prohibition[standing]
+    assert np.all(prohibited[context.commands.w <= 0.0] < 0.5)
+    assert prohibited[-1] > 0.5
+    assert prohibited[np.searchsorted(context.commands.w, 0.15)] < 0.5, "a slow turn can be stopped"
 
 
 def test_avoid_allows_observed_open_floor(registry: Registry) -> None:

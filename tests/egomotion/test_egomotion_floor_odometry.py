@@ -172,6 +172,24 @@ def test_slipping_wheels_are_noticed_and_corrected() -> None:
     assert raw.pose.x - true.x > 0.4
 
 
+def test_a_turn_on_skidding_wheels_is_seen_to_move_the_robot_aside() -> None:
+    """The turning point lies 6 cm before base_link: a turn by 2 rad moves that by 10 cm."""
+    errors = []
+    for skid in (0.0, 0.08):
+        floor, odometry = (
+            PaintedFloor(seed=4),
+            FloorOdometry(ROBOT.model_copy(update={"skid": skid})),
+        )
+        for time, yaw in ((0.1 * k, 0.02 * k) for k in range(101)):
+            true = Pose(0.06 * (1.0 - math.cos(yaw)), -0.06 * math.sin(yaw), yaw)
+            raw = Odometry(time, Pose(0.0, 0.0, yaw), Twist(0.0, 0.2), 0.0, still=False)
+            odometry.observe(Frame(time, floor.view(true)), raw)
+        corrected = odometry.corrected(raw).pose
+        errors.append(math.dist((corrected.x, corrected.y), (true.x, true.y)))
+    assert errors[0] > 0.05, "without it the wheels are believed"
+    assert errors[1] < 0.015
+
+
 def test_yaw_by_the_flow_corrects_the_gyro_bias_once_for_each_stretch() -> None:
     odometry = FloorOdometry(ROBOT)
     bare = np.full((ROBOT.camera.height, ROBOT.camera.width), 128, np.uint8)

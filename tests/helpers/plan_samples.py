@@ -52,13 +52,23 @@ def ranges(plan: OccupancyMap, eye: tuple[float, float], yaw: float) -> Array:
 
 
 def wall_percept(
-    true: Pose, time: float, rng: np.random.Generator, plan: OccupancyMap = PLAN
+    true: Pose,
+    time: float,
+    rng: np.random.Generator,
+    plan: OccupancyMap = PLAN,
+    shared: float = 0.0,
 ) -> Percept:
-    """What OFFIS makes of the walls around a robot at ``true``, with 3 % errors of depth."""
+    """What OFFIS makes of the walls around a robot at ``true``.
+
+    The depths have errors of 3 % each, and in common one with the relative sigma ``shared``: that
+    of the camera's motion between the frames.
+    """
     camera = ROBOT.camera
     eye = true.to_parent(camera.mount_forward, 0.0)
     depth = ranges(plan, eye, true.yaw) * np.cos(BEARINGS)
     depth *= 1.0 + 0.03 * rng.standard_normal(depth.size)
+    if shared > 0.0:
+        depth *= 1.0 + shared * rng.standard_normal()
     x = -camera.focal * np.tan(BEARINGS)
     shape = (1, len(BEARINGS))
     return Percept(

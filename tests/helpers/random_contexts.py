@@ -125,6 +125,7 @@ def contexts(draw: st.DrawFn, time: float = 1.0) -> Context:
             draw(layers(COMMANDS.shape, 0.0, reach)),
             draw(layers(COMMANDS.shape, 0.0, reach)),
             draw(layers(COMMANDS.shape, -0.1, reach)),
+            draw(st.just(np.full(COMMANDS.w.shape, math.inf)) | layers(COMMANDS.w.shape, 0.0, 0.5)),
             reach,
         ),
         ranges=Ranges(

@@ -24,14 +24,18 @@ AT_REST = Odometry(0.0, Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0), 0.0, still=True)
 
 
 def drive(
-    known: bool, seen: OccupancyMap = PLAN, scale: float = 1.03, seed: int = 0
+    known: bool,
+    seen: OccupancyMap = PLAN,
+    scale: float = 1.03,
+    seed: int = 0,
+    shared: float = 0.0,
 ) -> list[tuple[Pose, Belief]]:
     """True poses and beliefs on a round through the large room, whose walls are ``seen``."""
     rng = np.random.default_rng(seed)
     localizer = FloorPlanLocalizer(ROBOT)
     localizer.reset()
     localizer.start(MAP, START if known else None, AT_REST)
-    return follow(localizer, rng, ROUND, seen, scale)
+    return follow(localizer, rng, ROUND, seen, scale, shared)
 
 
 def follow(
@@ -40,11 +44,12 @@ def follow(
     legs: list[tuple[float, float, float]],
     seen: OccupancyMap = PLAN,
     scale: float = 1.0,
+    shared: float = 0.0,
 ) -> list[tuple[Pose, Belief]]:
     """True poses and beliefs along ``legs``, with a percept at every third step."""
     report = []
     for step, (true, odometry) in enumerate(arcs(START, legs, scale)):
-        percept = None if step % 3 else wall_percept(true, odometry.time, rng, seen)
+        percept = None if step % 3 else wall_percept(true, odometry.time, rng, seen, shared)
         report.append((true, localizer.update(odometry, percept, ())))
     return report
 
@@ -121,8 +126,25 @@ def test_walls_correct_wheels_that_report_too_much_way() -> None:
 
 
 def test_the_covariance_is_about_right() -> None:
-    values = [nees(*moment) for seed in range(3) for moment in drive(True, scale=1.005, seed=seed)]
+    values = [
+        nees(*moment)
+        for seed in range(3)
+        for moment in drive(True, scale=1.005, seed=seed, shared=0.05)
+    ]
     assert 0.2 < np.mean(values) < 6.0
+
+
+def test_a_common_error_of_the_distances_is_no_error_of_the_pose() -> None:
+    true = Pose(4.0, 2.5, 0.2)
+    scan, known = all_round(true, PLAN), np.linalg.inv(np.diag([0.1, 0.1, 0.03]) ** 2)
+    for scale in (0.94, 1.06):
+        farther = PlanScan(scale * scan.points, scan.sigma, scan.origins)
+        match = PlanField(PLAN).match(farther, true, known)
+        assert math.dist((match.pose.x, match.pose.y), (true.x, true.y)) < 0.04
+        assert match.belonging > 0.5
+    ahead = scan_of(wall_percept(Pose(6.0, 4.0, 0.0), 0.0, np.random.default_rng(1)), ROBOT)
+    along = PlanField(PLAN).match(ahead, Pose(6.0, 4.0, 0.0), known).information[0, 0]
+    assert along < (0.03 * np.median(ahead.points[:, 0])) ** -2, "the scale hides the distance"
 
 
 def test_furniture_and_missing_walls_do_not_mislead() -> None:

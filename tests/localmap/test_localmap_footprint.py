@@ -62,13 +62,13 @@ def test_a_passage_of_its_width_is_free_along_and_barred_across() -> None:
     occupancy = occupancy_with((0.2, 1.6, 0.26, 0.4), (0.2, 1.6, -0.4, -0.26))
     assert free_distance(occupancy, ORIGIN, AHEAD).contact == 1.0
     assert free_turn(occupancy, ORIGIN, 1.0) < 0.3
-    assert free_turn(occupancy_with(), ORIGIN, 1.0) == 0.5
+    assert free_turn(occupancy_with(), ORIGIN, 1.0) == math.inf
 
 
 def test_only_the_turn_that_leads_to_the_wall_is_barred() -> None:
     occupancy = occupancy_with((-1.0, 1.5, 0.22, 0.4))
     assert free_turn(occupancy, ORIGIN, 1.0) < 0.2
-    assert free_turn(occupancy, ORIGIN, -1.0) == 0.5
+    assert free_turn(occupancy, ORIGIN, -1.0) == math.inf
     arcs = arcs_of(occupancy, ORIGIN, COMMANDS.v, COMMANDS.w, 0.0)
     standing = arcs.free[COMMANDS.v == 0.0][0]
     assert standing[-1] < 0.5 * arcs.reach
@@ -78,7 +78,7 @@ def test_only_the_turn_that_leads_to_the_wall_is_barred() -> None:
 def test_a_turn_keeps_out_of_the_far_side_of_a_wall() -> None:
     occupancy = occupancy_with((-1.0, 1.0, 0.6, 0.6))
     slanting = Pose(0.0, 0.0, 1.0)
-    assert free_turn(occupancy, slanting, 1.0) == 0.5
+    assert free_turn(occupancy, slanting, 1.0) == math.inf
     (first, _), (last, _) = occupancy.index(0.0, 0.4), occupancy.index(0.0, 0.55)
     occupancy = occupancy_with((-1.0, 1.0, 0.6, 0.6))
     occupancy.log_odds[first : last + 1] = 0.0  # between the body and what is seen of the wall
@@ -106,10 +106,15 @@ def test_the_ground_under_the_body_is_free() -> None:
     assert (turned.log_odds < 0.0)[turned.index(0.1, 0.45)]
 
 
-def test_safety_stops_a_turn_without_room() -> None:
+def test_safety_slows_a_turn_to_what_the_room_allows() -> None:
     local_map = LocalMap(CART)
     local_map.occupancy = occupancy_with((-1.0, 1.5, 0.22, 0.4))
     monitor = SafetyMonitor(CART, local_map)
     verdict = monitor.limit(Twist(0.0, 1.0), 0.0, ORIGIN)
-    assert (verdict.twist.w, verdict.reason) == (0.0, "no room to turn")
+    assert verdict.reason == "no room to turn"
+    fastest = verdict.twist.w
+    room = local_map.free_turn(ORIGIN, 1.0) - monitor.params.gap / CART.reach
+    stopping = fastest * monitor.params.latency + fastest**2 / (2.0 * CART.max_turn_accel)
+    assert 0.0 < fastest < 1.0
+    assert stopping == pytest.approx(room)
     assert monitor.limit(Twist(0.0, -1.0), 0.1, ORIGIN).twist.w == -1.0

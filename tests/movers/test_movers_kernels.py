@@ -37,10 +37,10 @@ def test_motion_segmentation(seed: int) -> None:
     flow = field(seed)
     near = floor(flow[0])
     for kernel, arguments in (
-        (motion_segmentation._off_epipolar, flow),
-        (motion_segmentation._nearer_than_foot, (*flow, near)),
-        (motion_segmentation._below_floor_flow, (*flow, near, False, (0.01, 0.05))),
-        (motion_segmentation._below_floor_flow, (*flow, near, True, (0.01, 0.05))),
+        (motion_segmentation._off_epipolar, (*flow, 0.04)),
+        (motion_segmentation._nearer_than_foot, (*flow, near, 0.05)),
+        (motion_segmentation._below_floor_flow, (*flow, near, False, (0.01, 0.05, 0.05))),
+        (motion_segmentation._below_floor_flow, (*flow, near, True, (0.01, 0.05, 0.05))),
     ):
         compiled = kernel(*arguments)
         assert np.array_equal(kernel.py_func(*arguments), compiled)

@@ -38,6 +38,10 @@ def flow_of(
     return np.asarray(lever * (nearness / (1.0 + s[2] * nearness))[..., None])
 
 
+def driven(way: float) -> CameraMotion:
+    return camera_motion(ROBOT, Pose(0, 0, 0), Pose(way, 0, 0), DT)
+
+
 def scene(
     way: float,
     body: tuple[float, float, float],
@@ -59,7 +63,7 @@ def scene(
     known = length > 1e-6
     cross = vectors[..., 0] * lever[..., 1] - vectors[..., 1] * lever[..., 0]
     across[known] = np.abs(cross[known]) / length[known]
-    sigma = np.hypot(0.2, direction_sigma(motion.baseline) * np.hypot(*np.moveaxis(vectors, -1, 0)))
+    sigma = np.hypot(0.2, direction_sigma(motion) * np.hypot(*np.moveaxis(vectors, -1, 0)))
     return FlowField(
         1.0,
         POINTS,
@@ -215,14 +219,38 @@ def test_the_border_of_the_image_without_flow_is_9_px_wide(border: float, factor
 
 @given(st.floats(0.0, 2.0), st.floats(0.0, 2.0))
 def test_the_direction_of_a_short_way_is_uncertain(one: float, other: float) -> None:
-    short, long = sorted((one, other))
+    short, long = map(driven, sorted((one, other)))
     assert 0.03 <= direction_sigma(long) <= direction_sigma(short) <= 1.0
 
 
 def test_three_millimetres_aside_make_the_direction_uncertain() -> None:
-    assert direction_sigma(0.0) == 1.0
-    assert direction_sigma(0.1) == pytest.approx(0.03 + math.atan2(0.003, 0.1), rel=1e-3)
-    assert direction_sigma(100.0) == pytest.approx(0.03, rel=1e-2)
+    assert direction_sigma(driven(0.0)) == 1.0
+    assert direction_sigma(driven(0.1)) == pytest.approx(0.03 + math.atan2(0.003, 0.1), rel=1e-3)
+    assert direction_sigma(driven(100.0)) == pytest.approx(0.03, rel=1e-2)
+
+
+@pytest.mark.parametrize("turn", [-0.12, 0.12])
+@pytest.mark.parametrize("farther", [-0.1, 0.0, 0.1])
+def test_skidding_wheels_move_no_floor(turn: float, farther: float) -> None:
+    """A turn on the spot about another point than base_link: the camera goes another way aside."""
+    camera = ROBOT.camera.model_copy(update={"mount_forward": 0.5})
+    robot = ROBOT.model_copy(update={"camera": camera})
+    nearness = np.maximum(Y, 0.0) / CAMERA.focal / CAMERA.mount_height
+    true = camera_motion(robot, Pose(0, 0, 0), Pose(0, -farther * turn, turn), DT)
+    vectors = flow_of(nearness, true, (0.0, 0.0), robot)
+    found = {}
+    for skid in (0.0, 0.08):
+        skidding = robot.model_copy(update={"skid": skid})
+        believed = camera_motion(skidding, Pose(0, 0, 0), Pose(0, 0, turn), DT)
+        flow = dataclasses.replace(
+            scene(0.0, (2.0, 9.0, 0.1), (0.0, 0.0)),
+            vectors=vectors,
+            motion=believed,
+            inconsistency=None,
+        )
+        found[skid] = segment_motion(flow, camera.fall_per_depth(POINTS), camera)
+    assert not found[0.08].any()
+    assert found[0.0].any() == (farther > 0.0)
 
 
 def test_the_foot_point_counts_as_out_of_view_down_to_the_border_of_the_flow() -> None:
