@@ -16,7 +16,7 @@ from navfw.atomic import atomic_file
 from navfw.errors import InputError, SimulationError
 from navfw.missions.outcome import Outcome
 from navfw.missions.session import MissionResult
-from navfw.process_memory import peak_memory_mb
+from navfw.process_memory import peak_memory_mb, return_freed_memory
 from navfw.recording.run_folder import RunFolder
 from navfw.suite.case import RECORDINGS, Case, Job, KeptRuns
 from navfw.suite.case_rows import case_columns, fault_row
@@ -41,6 +41,7 @@ def run_job(job: Job) -> RunRow:
 
     """
     case, began = job.case, time.process_time()
+    return_freed_memory()  # of the run before
     try:
         _one_thread()
         session = case.session(_registry())
