@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
+import scipy.fft
 
 from navfw.signals import Array
 
-__all__ = ["RESOLUTION", "TILE", "frequencies", "passed_share", "spectral_noise"]
+__all__ = ["RESOLUTION", "TILE", "frequencies", "passed_band", "passed_share", "spectral_noise"]
 
 TILE = 2.0
 """Period of a pattern: edge of the square that it covers [m]."""
@@ -44,9 +47,28 @@ def spectral_noise(
 
     ``stretch`` > 1 elongates the grain along the texture's rows (vertical on walls).
     """
+    white = scipy.fft.rfft2(rng.standard_normal((resolution, resolution)))
+    coloured = white * _noise_amplitudes(resolution, exponent, stretch)
+    pattern: Array = scipy.fft.irfft2(coloured, s=(resolution, resolution))
+    return pattern / float(pattern.std())
+
+
+@lru_cache(maxsize=16)
+def _noise_amplitudes(resolution: int, exponent: float, stretch: float) -> Array:
+    """Amplitudes of ``spectral_noise`` in the real Fourier transform; none of the mean."""
     rows, columns = frequencies((resolution, resolution), (TILE, TILE))
     frequency = np.hypot(rows * np.sqrt(stretch), columns / np.sqrt(stretch))
     frequency[0, 0] = np.inf
-    white = np.fft.rfft2(rng.standard_normal((resolution, resolution)))
-    pattern = np.fft.irfft2(white * frequency**-exponent, s=(resolution, resolution))
-    return pattern / float(pattern.std())
+    amplitudes: Array = frequency**-exponent
+    return amplitudes
+
+
+@lru_cache(maxsize=16)
+def passed_band(resolution: int, finest: float, coarsest: float) -> Array:
+    """Share of amplitudes kept in a tile's real Fourier transform: a band-pass.
+
+    Half wavelengths are at least ``finest`` [m], wavelengths at most ``coarsest`` [m].
+    """
+    frequency = np.hypot(*frequencies((resolution, resolution), (TILE, TILE)))
+    band: Array = passed_share(frequency, finest) * (frequency >= 0.99 / coarsest)
+    return band

@@ -14,6 +14,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy.fft
 
 from navfw.signals import Array, Image
 from navfw.sim.material_patterns import (
@@ -25,9 +26,7 @@ from navfw.sim.material_patterns import (
 )
 from navfw.sim.texture_spectra import (
     RESOLUTION,
-    TILE,
-    frequencies,
-    passed_share,
+    passed_band,
     spectral_noise,
 )
 
@@ -71,7 +70,8 @@ def synthesize(spec: TextureSpec, resolution: int = RESOLUTION) -> Image:
     """
     grey = luminance_pattern(spec, resolution)
     tint = np.asarray(spec.colour) / max(float(_LUMA @ spec.colour), 1e-3)
-    image: Image = np.clip(np.rint(grey[:, :, None] * tint), 0, 255).astype(np.uint8)
+    channels = np.clip(np.rint(tint[:, None, None] * grey), 0, 255).astype(np.uint8)
+    image: Image = np.ascontiguousarray(np.moveaxis(channels, 0, -1))
     image.setflags(write=False)
     return image
 
@@ -92,9 +92,8 @@ def luminance_pattern(spec: TextureSpec, resolution: int = RESOLUTION) -> Array:
 
 def _band_limit(pattern: Array, finest: float) -> Array:
     """Band-pass: half wavelengths of at least ``finest`` [m], wavelengths of at most 1 m."""
-    frequency = np.hypot(*frequencies(pattern.shape, (TILE, TILE)))
-    keep = passed_share(frequency, finest) * (frequency >= 0.99 / _COARSEST)
-    limited: Array = np.fft.irfft2(np.fft.rfft2(pattern) * keep, s=pattern.shape)
+    keep = passed_band(len(pattern), finest, _COARSEST)
+    limited: Array = scipy.fft.irfft2(scipy.fft.rfft2(pattern) * keep, s=pattern.shape)
     return limited
 
 
