@@ -17,7 +17,16 @@ from navfw.localization.place_posterior import PlacePosterior, probability_withi
 from navfw.localization.plan_field import PlanField
 from navfw.localization.plan_scan import PlanScan, scan_of
 from navfw.localization.plan_search import PlanSearch, are_close
-from navfw.signals import Array, Belief, LandmarkDetection, Odometry, Percept, Pose, wrap_angle
+from navfw.signals import (
+    Array,
+    Belief,
+    LandmarkDetection,
+    Odometry,
+    Percept,
+    Pose,
+    Twist,
+    wrap_angle,
+)
 from navfw.topomap import TopoMap
 
 __all__ = ["FloorPlanLocalizer"]
@@ -31,6 +40,14 @@ GATE = 16.0
 BLOCKED_COST = 2.0
 """How much more a ray that a wall would have blocked speaks against a pose than a point that does
 not belong to the plan: furniture explains the point, nothing explains the ray."""
+
+LEAST_SHARE = 0.25
+"""Share of the points that belong to the plan below which a scan shows furniture, and tells nothing
+of the pose."""
+
+LARGEST_SKID = 0.1
+"""Sigma of the camera's way aside, as a part of its way, up to which a scan is matched: a camera
+that has gone another way distorts the whole scan."""
 
 INFLATION = 2.0
 """Factor on the covariance after a fit that was not used: the pose may be wrong."""
@@ -124,7 +141,7 @@ class FloorPlanLocalizer(Localizer):
         self._last = odometry.pose
         if self.tracking:
             self.filter.predict(odometry)
-        scan = self._scan(percept)
+        scan = self._scan(percept, odometry.twist)
         if scan is not None:
             self._search.add(self._driven, odometry.pose, scan)
             if self.tracking:
@@ -133,15 +150,22 @@ class FloorPlanLocalizer(Localizer):
                 self._find(odometry)
         return self._belief(self._posterior, odometry)
 
-    def _scan(self, percept: Percept | None) -> PlanScan | None:
+    def _scan(self, percept: Percept | None, twist: Twist) -> PlanScan | None:
         """The points of ``percept``, if the robot has moved on far enough since the last scan."""
         if percept is None or self._driven - self._scanned_at < self.params.every:
+            return None
+        if self._skidding(twist):
             return None
         scan = scan_of(percept, self.robot)
         if scan.size < LEAST_POINTS:
             return None
         self._scanned_at = self._driven
         return scan
+
+    def _skidding(self, twist: Twist) -> bool:
+        """Whether wheels that skid in a turn leave open which way the camera has gone."""
+        way = math.hypot(twist.v, twist.w * self.robot.camera.mount_forward)
+        return self.robot.skid * abs(twist.w) > LARGEST_SKID * way
 
     def _correct(self, scan: PlanScan) -> None:
         """Match a scan to the plan, near the predicted pose."""
@@ -158,7 +182,7 @@ class FloorPlanLocalizer(Localizer):
         if float(off @ np.linalg.solve(known, off)) > GATE:
             self.filter.covariance[:3, :] *= math.sqrt(INFLATION)
             self.filter.covariance[:, :3] *= math.sqrt(INFLATION)
-        else:
+        elif match.belonging >= LEAST_SHARE:
             self.filter.adopt(match.pose, match.information)
             if match.belonging >= TRUSTED_SHARE and known[0, 0] + known[1, 1] <= TRUSTED_XY**2:
                 self._field.see_through(scan, match.pose)

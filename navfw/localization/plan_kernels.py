@@ -64,7 +64,8 @@ def match_points(
             the scale.
         prior: (4, 4) information of ``start``.
         plan_sigma: standard deviation [m] of the walls in the plan.
-        other: density of points that do not belong to the plan, relative to the peak of the others.
+        other: density of points that do not belong to the plan, the same at all distances, relative
+            to the peak of those of walls whose only error is that of the plan.
         iterations: number of steps.
 
     Returns:
@@ -97,7 +98,8 @@ def match_points(
             variance = plan_sigma * plan_sigma + across * across
             off = distance * cell
             density = math.exp(-0.5 * off * off / variance)
-            weight = density / (density + other)
+            # a wider density has a lower peak
+            weight = density / (density + other * math.sqrt(variance) / plan_sigma)
             belonging += weight
             slope[0], slope[1], slope[2], slope[3] = gx, gy, -gx * dy + gy * dx, deeper
             for a in range(4):
