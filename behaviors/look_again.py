@@ -33,25 +33,29 @@ class LookAgain(RuledBehavior):
             Field(ge=0.0, le=1.0, description="turn of a straight command [of the top rate]"),
         ] = 0.15
 
+        facing: Annotated[
+            float,
+            Field(ge=0.0, le=3.2, description="bearing up to which a waypoint is faced [rad]"),
+        ] = 0.4
+
     params: Params
 
     def reset(self) -> None:
         """Back to a fresh view."""
-        self._began: float | None = None
-        self._way = 1.0
+        self._looked: float | None = None
+        self._way = 0.0
 
     def propose(self, context: Context) -> Proposal:
         """Desire the turn and the speed that the rules give for the old percept."""
         distances, commands = context.quadrant_distances, context.commands
         if distances is not None and distances.age <= self.params.max_age:
-            self._began = None
+            self._looked, self._way = context.pose.yaw, 0.0
             return Proposal(0.0, commands.zeros(), commands.zeros(), "the view is fresh")
-        if self._began is None:
-            self._began = context.pose.yaw
-            freer = 0.0 if distances is None else distances.left - distances.right
-            side = freer if abs(freer) > 0.1 else context.waypoint_bearing
-            self._way = 1.0 if side >= 0.0 else -1.0
-        turned = abs(context.turn_to(self._began))
+        if self._looked is None:
+            self._looked = context.pose.yaw
+        if self._way == 0.0:
+            self._way = self._freer_way(context)
+        turned = abs(context.turn_to(self._looked))
         verdict = self.rules.evaluate(
             ahead=1.0 if distances is None else distances.ahead, turned=turned
         )
@@ -65,3 +69,14 @@ class LookAgain(RuledBehavior):
             reason=f"no view since {turned:.1f} rad ago",
             explain=verdict.explain,
         )
+
+    def _freer_way(self, context: Context) -> float:
+        """The side to turn to, 1 left and -1 right: that of a waypoint aside, else the freer one.
+
+        A turn away from the waypoint would be undone at once by goal seeking, again and again.
+        """
+        distances, bearing = context.quadrant_distances, context.waypoint_bearing
+        freer = 0.0 if distances is None else distances.left - distances.right
+        faced = abs(bearing) < self.params.facing
+        side = freer if faced and abs(freer) > 0.1 else bearing
+        return 1.0 if side >= 0.0 else -1.0

@@ -65,6 +65,7 @@ _SHIPPED = {
     "search": "#7F1D4E",
     "look_again": "#A3B18A",
     "look_around": "#3D405B",
+    "keep_clear": "#2A9D8F",
     "avoid_quadrants": "#C08497",
     "follow_wall_quadrants": "#5F7A3A",
     "emergency_quadrants": "#A44A3F",

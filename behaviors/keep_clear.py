@@ -1,0 +1,258 @@
+"""Keep clear: of what was near and has left the view, by dead reckoning."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, ClassVar
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field
+
+from navfw import Array, Context, Label, Percept, Pose, Proposal, RuledBehavior
+
+Mask = npt.NDArray[np.bool_]
+
+VIEW_RIM = 0.05
+"""Angle [rad] within the border of the view where a percept does not count as seeing an object."""
+SHADOW = (0.0, 0.1, 0.2, 0.3)
+"""Distances [m] behind what is seen of an object, along the ray, that count as the object."""
+LEAST_WEIGHT = 1.0
+"""Least weight of the nearest cells of an image column [cells of confidence 1]."""
+NEAREST_SHARE = 0.125
+"""Share of a column's object cells in its nearest part, as in OFFIS' regions."""
+LEAST_CONFIDENCE = 0.15
+"""Least confidence of a cell that counts."""
+LONGEST = 0.5
+"""Way [m] straight ahead up to which room is judged: the range of the rules' input."""
+FREE = 0.35
+"""Way [m] ahead from which a heading is free; the rules turn on until about there."""
+HEADINGS = 12
+"""Turns of either sense that are compared, evenly up to half a turn."""
+GOAL_SHARE = 0.3
+"""Price of an angle [rad] off the waypoint, in angles to turn."""
+AHEAD, DELAY = 0.15, 0.2
+"""Way [m] and time [s] for which a command is driven before the robot brakes."""
+LEAST_APPROACH = 0.2
+"""Share of the way driven by which a command must come nearer to be barred: others lead past."""
+SPACING = 0.04
+"""Distance [m] within which two points count as one."""
+STRAIGHT = 0.15
+"""Share of the top turning rate up to which a command is straight."""
+
+
+class KeepClear(RuledBehavior):
+    """Prohibits forward commands that lead into what the newest percepts had near.
+
+    The camera does not see beside the body, and nearer than ``blind`` flow exceeds its search
+    range: what a body touches has left the percept before. So the nearest object of each image
+    column is remembered as a point until a percept shows the place again, or the robot has passed
+    it. If one is in the way straight ahead, the robot turns on the spot away from it, drives on
+    past it, and does not turn back before.
+    """
+
+    name: ClassVar[str] = "keep_clear"
+
+    class Params(RuledBehavior.Params):
+        """What is remembered, and the way kept free of it."""
+
+        near: Annotated[
+            float, Field(gt=0.0, le=3.0, description="largest distance of what is remembered [m]")
+        ] = 0.9
+        blind: Annotated[
+            float,
+            Field(ge=0.0, le=3.0, description="distance within which a percept denies nothing [m]"),
+        ] = 0.45
+        passing: Annotated[
+            float, Field(gt=0.0, le=3.0, description="distance at which it is forgotten [m]")
+        ] = 0.9
+        max_age: Annotated[
+            float, Field(gt=0.0, le=60.0, description="age at which it is forgotten [s]")
+        ] = 15.0
+        margin: Annotated[
+            float, Field(ge=0.0, le=0.5, description="clearance from the body's rim [m]")
+        ] = 0.05
+        least_room: Annotated[
+            float, Field(gt=0.0, le=0.5, description="way ahead below which it turns [m]")
+        ] = 0.2
+        onward: Annotated[
+            float, Field(ge=0.0, le=2.0, description="way driven before it may turn back [m]")
+        ] = 0.25
+        max_time: Annotated[
+            float, Field(gt=0.0, le=60.0, description="longest time of turn and way [s]")
+        ] = 12.0
+
+    params: Params
+
+    def reset(self) -> None:
+        """Nothing remembered, no turn."""
+        self._points = np.empty((0, 5))  # x, y [m] and ray (x, y) in odom, and the time [s]
+        self._seen = -math.inf
+        self._way: float | None = None
+        self._began = 0.0
+        self._free_at: Pose | None = None
+
+    def propose(self, context: Context) -> Proposal:
+        """Prohibit the ways into remembered objects; turn and drive on while one is ahead."""
+        commands, pose = context.commands, context.pose
+        self._observe(context)
+        nearby = self._objects(pose)
+        prohibited = self._barred(context, nearby)
+        room = self._room(nearby)
+        self._follow(context, nearby, room)
+        if self._way is None:
+            return Proposal(0.0, commands.zeros(), prohibited, "nothing near is in the way")
+        away = self._way * commands.relative_w
+        # discouraged only: an emergency may have to turn back
+        back = away < -STRAIGHT
+        prohibited[:, back] = np.maximum(prohibited[:, back], 0.5)
+        verdict = self.rules.evaluate(room=room)
+        desire = commands.product(
+            verdict.over("speed", commands.relative_v), verdict.over("turn", away)
+        )
+        side = "left" if self._way > 0.0 else "right"
+        return Proposal(
+            applicability=1.0,
+            desirability=desire,
+            prohibition=prohibited,
+            reason=f"{side} of what was near, {room:.2f} m of way",
+            explain=verdict.explain,
+        )
+
+    # --- what is remembered -------------------------------------------------------------------
+
+    def _observe(self, context: Context) -> None:
+        """Take in a new percept, and forget what is passed or old."""
+        percept, pose = context.percept, context.pose
+        if percept is not None and percept.sees_depth and percept.time > self._seen:
+            self._seen = percept.time
+            kept = self._points[~self._in_view(self._local(pose))]
+            found = self._nearest(percept)
+            camera = pose.to_parent(self.robot.camera.mount_forward, 0.0)
+            seen = np.array([pose.to_parent(x, y) for x, y in found]).reshape(-1, 2)
+            rays = seen - camera
+            rays /= np.maximum(np.hypot(rays[:, :1], rays[:, 1:]), 1e-9)
+            times = np.full((len(seen), 1), percept.time)
+            points = np.concatenate([np.concatenate([seen, rays, times], axis=1), kept])
+            _, first = np.unique(np.round(points[:, :2] / SPACING), axis=0, return_index=True)
+            self._points = points[first]
+        nearby = self._local(pose)
+        close = np.hypot(nearby[:, 0], nearby[:, 1]) < self.params.passing
+        young = self._points[:, 4] > context.time - self.params.max_age
+        self._points = self._points[close & young]
+
+    def _local(self, pose: Pose) -> Array:
+        """(n, 2) the remembered points in base_link [m]."""
+        return _turned(self._points[:, :2] - (pose.x, pose.y), pose.yaw)
+
+    def _objects(self, pose: Pose) -> Array:
+        """(4 n, 2) the same with what is hidden behind each of them: unknown is not free."""
+        hidden = [self._points[:, :2] + far * self._points[:, 2:4] for far in SHADOW]
+        return _turned(np.concatenate(hidden) - (pose.x, pose.y), pose.yaw)
+
+    def _in_view(self, points: Array) -> Mask:
+        """(n,) whether a percept shows what is at ``points`` (n, 2) in base_link."""
+        camera = self.robot.camera
+        ahead = points[:, 0] - camera.mount_forward
+        aside = np.abs(np.arctan2(points[:, 1], ahead))
+        seen: Mask = (ahead > self.params.blind) & (aside < 0.5 * camera.hfov - VIEW_RIM)
+        return seen
+
+    def _nearest(self, percept: Percept) -> list[tuple[float, float]]:
+        """Positions [m] in base_link of the nearest object of each image column."""
+        camera = self.robot.camera
+        shown: Mask = (
+            (percept.label == Label.OBSTACLE)
+            & (percept.confidence >= LEAST_CONFIDENCE)
+            & (percept.nearness > 1.0 / self.params.near)
+        )
+        found = []
+        for column in np.flatnonzero(shown.any(axis=0)):
+            cells = shown[:, column]
+            nearness, weight = percept.nearness[cells, column], percept.confidence[cells, column]
+            depth = _nearest_depth(nearness, weight)
+            if depth is not None:
+                slope = -float(percept.points[0, column, 0]) / camera.focal
+                found.append((camera.mount_forward + depth, slope * depth))
+        return found
+
+    # --- the way past it ----------------------------------------------------------------------
+
+    def _follow(self, context: Context, nearby: Array, room: float) -> None:
+        """Begin a turn where the way ahead is barred; end it once the object is passed."""
+        params, pose = self.params, context.pose
+        if room < params.least_room:
+            self._free_at = None
+            if self._way is None:
+                self._way, self._began = self._freer_way(context, nearby), context.time
+        elif self._free_at is None:
+            self._free_at = pose
+        if self._free_at is not None:
+            driven = math.hypot(pose.x - self._free_at.x, pose.y - self._free_at.y)
+            if driven > params.onward:
+                self._way = None
+        if context.time - self._began > params.max_time:
+            self._way = None
+
+    def _freer_way(self, context: Context, nearby: Array) -> float:
+        """The sense of the smaller turn to a free way, 1 left and -1 right; less the waypoint's."""
+        prices = {}
+        for way in (1.0, -1.0):
+            turns = way * math.pi * np.arange(1, HEADINGS + 1) / HEADINGS
+            free = [t for t in turns if self._room(_turned(nearby, t)) >= FREE]
+            turn = free[0] if free else turns[-1]
+            off = abs(math.remainder(context.waypoint_bearing - turn, 2.0 * math.pi))
+            prices[way] = abs(turn) + GOAL_SHARE * off
+        return min(prices, key=prices.__getitem__)
+
+    def _room(self, points: Array) -> float:
+        """Way [m] straight ahead until the body is at one of ``points`` (n, 2) in base_link."""
+        radius = self.robot.radius + self.params.margin
+        ahead = points[(np.abs(points[:, 1]) < radius) & (points[:, 0] > 0.0)]
+        ways = ahead[:, 0] - np.sqrt(radius**2 - ahead[:, 1] ** 2)
+        return float(np.clip(ways.min(initial=LONGEST), 0.0, LONGEST))
+
+    def _barred(self, context: Context, nearby: Array) -> Array:
+        """(n_v, n_w) 1 for forward commands that come too near to one of ``nearby``, and nearer."""
+        layer, rows = context.commands.zeros(), context.commands.forward_rows
+        if len(nearby):
+            places, driven = _places(context)
+            now = np.hypot(nearby[:, 0], nearby[:, 1])
+            offset = nearby - places[..., None, :]
+            then = np.hypot(offset[..., 0], offset[..., 1])
+            touched = then < self.robot.radius + self.params.margin
+            nearer = then < now - LEAST_APPROACH * driven[:, None, :, None]
+            layer[rows] = (touched & nearer).any(axis=(2, 3))
+        return layer
+
+
+def _places(context: Context) -> tuple[Array, Array]:
+    """Positions (n_v, n_w, 4, 2) [m] in base_link along forward arcs, and the way (n_v, 4) there.
+
+    The last one is where the robot stands if it brakes after ``AHEAD`` and one more decision.
+    """
+    commands, robot = context.commands, context.robot
+    v = commands.v[commands.forward_rows]
+    length = AHEAD + DELAY * v + v**2 / (2.0 * robot.max_brake)
+    driven = length[:, None] * np.array([0.25, 0.5, 0.75, 1.0])
+    half = 0.5 * np.clip(commands.w[None, :, None] / v[:, None, None] * driven[:, None, :], -2, 2)
+    chord = driven[:, None, :] * np.sinc(half / math.pi)
+    return np.stack([chord * np.cos(half), chord * np.sin(half)], axis=-1), driven
+
+
+def _nearest_depth(nearness: Array, weight: Array) -> float | None:
+    """Mean depth [m] of the nearest eighth of the cells; None if they have too little weight."""
+    nearest_first = np.argsort(-nearness)
+    total = np.cumsum(weight[nearest_first])
+    if total[-1] < LEAST_WEIGHT:
+        return None
+    count = int(np.searchsorted(total, max(NEAREST_SHARE * total[-1], LEAST_WEIGHT))) + 1
+    chosen = nearest_first[:count]
+    return float(weight[chosen].sum() / (weight[chosen] @ nearness[chosen]))
+
+
+def _turned(points: Array, turn: float) -> Array:
+    """``points`` (n, 2) in base_link, after a turn [rad, left positive] on the spot."""
+    c, s = math.cos(turn), math.sin(turn)
+    turned: Array = points @ np.array([[c, -s], [s, c]])
+    return turned
