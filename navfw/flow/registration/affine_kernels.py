@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any, TypeAlias
 
 import numba
 import numpy as np
@@ -15,13 +14,15 @@ Ints = npt.NDArray[np.int64]
 Doubles = npt.NDArray[np.float64]
 Floats = npt.NDArray[np.float32]
 Flags = npt.NDArray[np.bool_]
-Real: TypeAlias = float | np.floating[Any]
 
 #: Number of unknowns: displacement (x, y), then the change of each over half a window in x and y.
 UNKNOWNS = 6
 #: Largest gain of the brightness between the frames, and its reciprocal the least; the offset is
 #: free.
 GAIN = 2.0
+
+_SUMS = {"reassoc", "contract", "nsz"}
+"""Sums in any order: without it the compiler does not vectorise them."""
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -59,207 +60,122 @@ def _solve(lower: Doubles, right: Doubles, out: Doubles) -> None:
 
 @numba.njit(cache=True)
 def _axis(first: int, last: int, step: int, width: float) -> tuple[Ints, Floats, Floats]:
-    """Sampled pixels of [first, last), their positions in [-1, 1] in the window, and weights."""
+    """Sampled pixels of [first, last), their positions in [-1, 1] in the window, root weights."""
     count = (last - first + step - 1) // step
     begin = first + (last - first - 1 - (count - 1) * step) // 2
     pixels = np.empty(count, np.int64)
     place = np.empty(count, np.float32)
-    weight = np.empty(count, np.float32)
+    root = np.empty(count, np.float32)
     centre, half = 0.5 * (first + last - 1), 0.5 * (last - first)
     for i in range(count):
         pixels[i] = begin + i * step
         place[i] = (pixels[i] - centre) / half
-        weight[i] = math.exp(-0.5 * (place[i] / width) ** 2)
-    return pixels, place, weight
+        root[i] = math.exp(-0.25 * (place[i] / width) ** 2)
+    return pixels, place, root
 
 
 @numba.njit(cache=True)
-def _template(
+def _read(
     now: Floats,
     gradient_x: Floats,
     gradient_y: Floats,
-    xs: Ints,
-    ys: Ints,
-    place_x: Floats,
-    place_y: Floats,
-    weight_x: Floats,
-    weight_y: Floats,
-    hessian: Doubles,
-    slope: Doubles,
-    product: Doubles,
-) -> tuple[float, float, float]:
-    """Compute the quantities of a window that are constant over the iterations.
-
-    Sets ``hessian`` (6, 6; lower triangle), the weighted products of the centred steepest descent
-    images; ``slope`` (6,), their sums; ``product`` (6,), their products with the centred grey
-    values. Returns the sum of the weights, the mean grey value and the weighted sum of squared
-    deviations from it.
-    """
-    hessian[:] = 0.0
-    slope[:] = 0.0
-    product[:] = 0.0
-    # relative to a grey value of the window: float32 squares would lose digits
-    middle = now[ys[ys.size // 2], xs[xs.size // 2]]
-    total, grey, energy = 0.0, 0.0, 0.0
-    for j in range(ys.size):
-        y = ys[j]
-        zero = np.float32(0.0)
-        sums_x, sums_y, places_x, places_y = zero, zero, zero, zero
-        xx, xxp, xxpp, xy, xyp, xypp = zero, zero, zero, zero, zero, zero
-        yy, yyp, yypp, tx, txp, ty, typ = zero, zero, zero, zero, zero, zero, zero
-        weights, t_sum, tt = zero, zero, zero
-        for i in range(xs.size):
-            x, p, weight = xs[i], place_x[i], weight_x[i]
-            t = now[y, x] - middle
-            gx, gy = gradient_x[y, x], gradient_y[y, x]
-            wx, wy, wt = weight * gx, weight * gy, weight * t
-            weights += weight
-            t_sum += wt
-            tt += wt * t
-            sums_x += wx
-            sums_y += wy
-            places_x += wx * p
-            places_y += wy * p
-            a, b, c = wx * gx, wx * gy, wy * gy
-            xx += a
-            xy += b
-            yy += c
-            a *= p
-            b *= p
-            c *= p
-            xxp += a
-            xyp += b
-            yyp += c
-            xxpp += a * p
-            xypp += b * p
-            yypp += c * p
-            u, v = wx * t, wy * t
-            tx += u
-            ty += v
-            txp += u * p
-            typ += v * p
-        w, q = float(weight_y[j]), float(place_y[j])
-        total += float(w * weights)
-        grey += float(w * t_sum)
-        energy += float(w * tt)
-        for k in range(2):
-            g, gp, h, hp = (sums_x, places_x, tx, txp) if k == 0 else (sums_y, places_y, ty, typ)
-            slope[k] += w * g
-            slope[2 + 2 * k] += w * gp
-            slope[3 + 2 * k] += w * g * q
-            product[k] += w * h
-            product[2 + 2 * k] += w * hp
-            product[3 + 2 * k] += w * h * q
-        _add_block(hessian, 0, 0, w, q, xx, xxp, xxpp)
-        _add_block(hessian, 1, 0, w, q, xy, xyp, xypp)
-        _add_block(hessian, 1, 1, w, q, yy, yyp, yypp)
-    for k in range(UNKNOWNS):
-        product[k] -= grey / total * slope[k]
-        for m in range(k + 1):
-            hessian[k, m] -= slope[k] * slope[m] / total
-    return total, middle + grey / total, energy - grey * grey / total
-
-
-@numba.njit(cache=True)
-def _add_block(
-    hessian: Doubles, u: int, v: int, w: float, q: float, g: Real, gp: Real, gpp: Real
+    columns: tuple[Ints, Floats, Floats],
+    lines: tuple[Ints, Floats, Floats],
+    places: Floats,
+    grey: Floats,
+    steep: Floats,
 ) -> None:
-    """Add a row's products of gradients u and v with 1, p and p^2 (lower triangle)."""
-    a, b = 2 + 2 * u, 2 + 2 * v
-    hessian[u, v] += w * g
-    hessian[a, v] += w * gp
-    hessian[a + 1, v] += w * g * q
-    hessian[b, u] += w * gp * (u != v)
-    hessian[b + 1, u] += w * g * q * (u != v)
-    hessian[a, b] += w * gpp
-    hessian[a + 1, b] += w * gp * q
-    hessian[a, b + 1] += w * gp * q * (u != v)
-    hessian[a + 1, b + 1] += w * g * q * q
+    """Set what the samples of a window are, row by row.
+
+    ``places`` (5, samples): column and row in the image, position x and y in the window, root of
+    the weight; ``grey`` (samples,) and the first rows of ``steep``: grey value and gradient.
+    """
+    xs, place_x, root_x = columns
+    ys, place_y, root_y = lines
+    n = 0
+    for j in range(ys.size):
+        y, q, root = ys[j], place_y[j], root_y[j]
+        for i in range(xs.size):
+            x = xs[i]
+            places[0, n], places[1, n], places[2, n], places[3, n] = x, y, place_x[i], q
+            places[4, n] = root_x[i] * root
+            grey[n], steep[0, n], steep[1, n] = now[y, x], gradient_x[y, x], gradient_y[y, x]
+            n += 1
 
 
-@numba.njit(cache=True)
-def _compare(
-    now: Floats,
+@numba.njit(cache=True, fastmath=_SUMS)
+def _dot(a: Floats, b: Floats) -> np.float32:
+    """Scalar product of two vectors; a loop that the compiler vectorises."""
+    total = np.float32(0.0)
+    for i in range(a.size):
+        total += a[i] * b[i]
+    return total
+
+
+@numba.njit(cache=True, fastmath=_SUMS)
+def _weigh(places: Floats, grey: Floats, steep: Floats) -> tuple[float, float]:
+    """Multiply ``grey`` less its mean, and gradients, by the root weight; fill in ``steep``.
+
+    ``steep`` (UNKNOWNS, samples) are the steepest descent images. A product of two such rows is
+    weighted. Returns the sum of the weights and the mean grey value.
+    """
+    p, q, root = places[2], places[3], places[4]
+    gx, gy = steep[0], steep[1]
+    x_by_p, x_by_q, y_by_p, y_by_q = steep[2], steep[3], steep[4], steep[5]
+    weight, total = np.float32(0.0), np.float32(0.0)
+    for i in range(grey.size):
+        weight += root[i] * root[i]
+        total += root[i] * root[i] * grey[i]
+    mean = total / weight
+    for i in range(grey.size):
+        grey[i] = root[i] * (grey[i] - mean)
+        gx[i] *= root[i]
+        gy[i] *= root[i]
+    for i in range(grey.size):
+        x_by_p[i], x_by_q[i] = gx[i] * p[i], gx[i] * q[i]
+        y_by_p[i], y_by_q[i] = gy[i] * p[i], gy[i] * q[i]
+    return float(weight), float(mean)
+
+
+@numba.njit(cache=True, fastmath=_SUMS)
+def _sample(
     past: Floats,
-    gradient_x: Floats,
-    gradient_y: Floats,
-    xs: Ints,
-    ys: Ints,
-    place_x: Floats,
-    place_y: Floats,
-    weight_x: Floats,
-    weight_y: Floats,
+    places: Floats,
+    grey: Floats,
     warp: Doubles,
     mean: float,
     limits: tuple[int, int, int, int],
-    product: Doubles,
-) -> tuple[float, float, float, int]:
-    """Sample the past image at the window's positions warped by ``warp``, and compare.
+    samples: Floats,
+) -> int:
+    """Sample ``past`` bilinearly at a window's positions warped by ``warp``.
 
-    Sets ``product`` (6,), the products of the samples with the steepest descent images. Returns the
-    weighted sums of the samples (less ``mean``), of their squares and of their products with the
-    window, and the number of samples outside ``limits`` (columns, rows), which are left out.
+    Sets ``samples`` (samples,), less ``mean`` and times the root of the weight; outside ``limits``
+    (columns, rows) they are those of the window, so that they have no influence on the step.
+    Returns how many these are.
     """
     left, right, top, bottom = limits
-    high_x, high_y = np.float32(right - 1.001), np.float32(bottom - 1.001)
     low_x, low_y = np.float32(left), np.float32(top)
-    reach_x, reach_y = abs(warp[2]) + abs(warp[3]), abs(warp[4]) + abs(warp[5])
-    safe = (
-        xs[0] - warp[0] - reach_x >= left
-        and xs[-1] - warp[0] + reach_x <= high_x
-        and ys[0] - warp[1] - reach_y >= top
-        and ys[-1] - warp[1] + reach_y <= high_y
-    )
-    stride = past.shape[1]
-    pixels = past.ravel()
-    slope_x, slope_y = np.float32(warp[2]), np.float32(warp[4])
-    middle = np.float32(mean)
-    product[:] = 0.0
-    total, squares, both, outside = 0.0, 0.0, 0.0, 0
-    for j in range(ys.size):
-        y, q = ys[j], place_y[j]
-        from_x = np.float32(-warp[0] - warp[3] * q)
-        from_y = np.float32(y - warp[1] - warp[5] * q)
-        row, row_squares, row_both = np.float32(0.0), np.float32(0.0), np.float32(0.0)
-        vx, vxp = np.float32(0.0), np.float32(0.0)
-        vy, vyp = np.float32(0.0), np.float32(0.0)
-        for i in range(xs.size):
-            x, p = xs[i], place_x[i]
-            px = np.float32(x) + from_x - slope_x * p
-            py = from_y - slope_y * p
-            template = now[y, x] - middle
-            if safe or (low_x <= px <= high_x and low_y <= py <= high_y):
-                column, line = np.int32(px), np.int32(py)
-                fx, fy = px - np.float32(column), py - np.float32(line)
-                at = np.uint64(line * stride + column)
-                a, b = pixels[at], pixels[at + np.uint64(1)]
-                c, d = pixels[at + np.uint64(stride)], pixels[at + np.uint64(stride + 1)]
-                above, below = a + fx * (b - a), c + fx * (d - c)
-                v = above + fy * (below - above) - middle
-            else:
-                # equal to the window, so that it has no influence on the step
-                outside += 1
-                v = template
-            wv = weight_x[i] * v
-            row += wv
-            row_squares += wv * v
-            row_both += wv * template
-            gx, gy = wv * gradient_x[y, x], wv * gradient_y[y, x]
-            vx += gx
-            vy += gy
-            vxp += gx * p
-            vyp += gy * p
-        w = float(weight_y[j])
-        total += float(w * row)
-        squares += float(w * row_squares)
-        both += float(w * row_both)
-        product[0] += w * vx
-        product[1] += w * vy
-        product[2] += w * vxp
-        product[3] += w * vx * q
-        product[4] += w * vyp
-        product[5] += w * vy * q
-    return total, squares, both, outside
+    high_x, high_y = np.float32(right - 1.001), np.float32(bottom - 1.001)
+    shift_x, x_by_p, x_by_q = np.float32(warp[0]), np.float32(warp[2]), np.float32(warp[3])
+    shift_y, y_by_p, y_by_q = np.float32(warp[1]), np.float32(warp[4]), np.float32(warp[5])
+    middle, stride = np.float32(mean), past.shape[1]
+    pixels, outside = past.ravel(), 0
+    for i in range(samples.size):
+        p, q = places[2, i], places[3, i]
+        x = places[0, i] - shift_x - x_by_p * p - x_by_q * q
+        y = places[1, i] - shift_y - y_by_p * p - y_by_q * q
+        if low_x <= x <= high_x and low_y <= y <= high_y:
+            column, line = np.int32(x), np.int32(y)
+            fx, fy = x - np.float32(column), y - np.float32(line)
+            at = np.uint64(line * stride + column)
+            a, b = pixels[at], pixels[at + np.uint64(1)]
+            c, d = pixels[at + np.uint64(stride)], pixels[at + np.uint64(stride + 1)]
+            above, below = a + fx * (b - a), c + fx * (d - c)
+            samples[i] = places[4, i] * (above + fy * (below - above) - middle)
+        else:
+            samples[i] = grey[i]
+            outside += 1
+    return outside
 
 
 @numba.njit(cache=True)
@@ -324,34 +240,42 @@ def register(
     warp = np.empty(UNKNOWNS, np.float64)
     columns = [_axis(x_windows[c, 0], x_windows[c, 1], step, width) for c in range(cols)]
     for r in range(rows):
-        ys, place_y, weight_y = _axis(y_windows[r, 0], y_windows[r, 1], step, width)
+        lines = _axis(y_windows[r, 0], y_windows[r, 1], step, width)
         for c in range(cols):
             if not active[r, c]:
                 continue
-            xs, place_x, weight_x = columns[c]
-            weight, mean, energy = _template(
-                *(now, gradient_x, gradient_y, xs, ys, place_x, place_y, weight_x, weight_y),
-                *(hessian, slope, fixed),
+            count = columns[c][0].size * lines[0].size
+            places, steep = (
+                np.empty((5, count), np.float32),
+                np.empty((UNKNOWNS, count), np.float32),
             )
+            grey, samples = np.empty(count, np.float32), np.empty(count, np.float32)
+            _read(now, gradient_x, gradient_y, columns[c], lines, places, grey, steep)
+            weight, mean = _weigh(places, grey, steep)
+            energy = float(_dot(grey, grey))
             hold = stiffness * weight
-            for k in range(2, UNKNOWNS):
-                hessian[k, k] += hold
+            for k in range(UNKNOWNS):
+                slope[k], fixed[k] = _dot(steep[k], places[4]), _dot(steep[k], grey)
+                for m in range(k + 1):
+                    hessian[k, m] = _dot(steep[k], steep[m]) - slope[k] * slope[m] / weight
+                if k >= 2:
+                    hessian[k, k] += hold
             if energy <= 0.0 or not _factorize(hessian, lower):
                 continue
             warp[:] = 0.0
             warp[0], warp[1] = start[r, c, 0], start[r, c, 1]
             for iteration in range(iterations):
-                total, squares, both, outside = _compare(
-                    *(now, past, gradient_x, gradient_y, xs, ys, place_x, place_y),
-                    *(weight_x, weight_y, warp, mean, limits, moving),
-                )
-                spread = max(squares - total * total / weight, 1e-6)
+                outside = _sample(past, places, grey, warp, mean, limits, samples)
+                total = float(_dot(places[4], samples))
+                both = float(_dot(grey, samples))
+                spread = max(float(_dot(samples, samples)) - total * total / weight, 1e-6)
                 score[r, c] = both / math.sqrt(spread * energy)
-                share[r, c] = 1.0 - outside / (xs.size * ys.size)
+                share[r, c] = 1.0 - outside / count
                 gain = min(max(both / spread, 1.0 / GAIN), GAIN)
                 for k in range(UNKNOWNS):
                     # the mean of the samples is free: offset of the brightness
-                    moving[k] = gain * (moving[k] - total / weight * slope[k]) - fixed[k]
+                    product = _dot(steep[k], samples) - total / weight * slope[k]
+                    moving[k] = gain * product - fixed[k]
                     if k >= 2:
                         moving[k] -= hold * warp[k]
                 _solve(lower, moving, change)
