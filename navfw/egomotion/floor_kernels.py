@@ -42,11 +42,13 @@ WELSCH = 2.985**2
 """Squared width of the Welsch weights [sigma^2]: 95 % efficient on normal errors."""
 
 
+_SUMS = {"reassoc", "contract", "nsz"}
+"""Sums in any order: without it the compiler does not vectorise them."""
+
+
 @numba.njit(cache=True, error_model="numpy")
 def _residuals(
     past: Floats,
-    across: Floats,
-    down: Floats,
     values: Doubles,
     ground: Doubles,
     farness: Doubles,
@@ -56,54 +58,91 @@ def _residuals(
     offsets: Doubles,
     slopes: Doubles,
 ) -> None:
-    """Residuals (n,) [grey levels] at the parameters ``at``, and their slopes (n, UNKNOWNS + 1).
+    """Residuals (n,) [grey levels] at the parameters ``at``, and their slopes (UNKNOWNS + 1, n).
 
     The last slope is that of the slant, about 0.
 
     NaN where the past image does not show the point. Arguments as in ``register_floor``.
     """
-    focal, ahead, height = camera[0], camera[1], camera[2]
-    rows, columns = past.shape
-    cx, cy = 0.5 * (columns - 1), 0.5 * (rows - 1)
-    c, s = math.cos(at[2]), math.sin(at[2])
+    # locals, which no store into an array can change: the compiler keeps them in registers
+    focal, ahead, height, cx, cy = camera[0], camera[1], camera[2], camera[3], camera[4]
     b = base_from_camera
+    xx, xy, xz = b[0, 0], b[0, 1], b[0, 2]
+    yx, yy, yz = b[1, 0], b[1, 1], b[1, 2]
+    low_x, low_y, low_z = b[2, 0] * height, b[2, 1] * height, b[2, 2] * height
+    tx, ty, gain, offset = at[0], at[1], 1.0 + at[3], at[4]
+    c, s = math.cos(at[2]), math.sin(at[2])
+    rows, columns = past.shape
+    pixels, one, row = past.ravel(), np.uint64(1), np.uint64(columns)
     for i in range(values.size):
-        px, py = ground[i, 0], ground[i, 1]
+        px, py, value = ground[i, 0], ground[i, 1], values[i]
         qx, qy = c * px - s * py, s * px + c * py
-        dx, dy = qx + at[0] - ahead, qy + at[1]
-        depth = b[0, 2] * dx + b[1, 2] * dy - b[2, 2] * height
+        dx, dy = qx + tx - ahead, qy + ty
+        depth = xz * dx + yz * dy - low_z
         offsets[i] = math.nan
         if depth <= 0.0:
             continue
-        x = focal * (b[0, 0] * dx + b[1, 0] * dy - b[2, 0] * height) / depth
-        y = focal * (b[0, 1] * dx + b[1, 1] * dy - b[2, 1] * height) / depth
-        column, row = cx + x, cy + y
-        j, k = int(math.floor(row)), int(math.floor(column))
-        if j < 1 or k < 1 or j + 2 >= rows or k + 2 >= columns:
+        scale = 1.0 / depth
+        x = focal * (xx * dx + yx * dy - low_x) * scale
+        y = focal * (xy * dx + yy * dy - low_y) * scale
+        u, v = cx + x, cy + y
+        if not (1.0 <= u < columns - 2 and 1.0 <= v < rows - 2):
             continue
-        v, u = row - j, column - k
-        w00, w01, w10, w11 = (1 - v) * (1 - u), (1 - v) * u, v * (1 - u), v * u
-        grey = w00 * past[j, k] + w01 * past[j, k + 1]
-        grey += w10 * past[j + 1, k] + w11 * past[j + 1, k + 1]
-        gu = w00 * across[j, k] + w01 * across[j, k + 1]
-        gu += w10 * across[j + 1, k] + w11 * across[j + 1, k + 1]
-        gv = w00 * down[j, k] + w01 * down[j, k + 1]
-        gv += w10 * down[j + 1, k] + w11 * down[j + 1, k + 1]
-        offsets[i] = grey - (1.0 + at[3]) * values[i] - at[4]
+        k, j = int(u), int(v)
+        u, v = u - k, v - j
+        # grey values by row and column: the four around the point, and the eight beside these
+        n = np.uint64(j * columns + k)
+        g11, g12, g21, g22 = pixels[n], pixels[n + one], pixels[n + row], pixels[n + row + one]
+        g01, g02 = pixels[n - row], pixels[n - row + one]
+        g31, g32 = pixels[n + row + row], pixels[n + row + row + one]
+        g10, g13 = pixels[n - one], pixels[n + one + one]
+        g20, g23 = pixels[n + row - one], pixels[n + row + one + one]
+        w11, w12, w21, w22 = (1 - v) * (1 - u), (1 - v) * u, v * (1 - u), v * u
+        grey = w11 * g11 + w12 * g12 + (w21 * g21 + w22 * g22)
+        # gradients [grey levels/px] by central differences
+        gu = w11 * (g12 - g10) + w12 * (g13 - g11) + (w21 * (g22 - g20) + w22 * (g23 - g21))
+        gv = w11 * (g21 - g01) + w12 * (g22 - g02) + (w21 * (g31 - g11) + w22 * (g32 - g12))
+        gu, gv = 0.5 * scale * gu, 0.5 * scale * gv
+        offsets[i] = grey - gain * value - offset
         # motion [px/m] of the image point as the ground point moves along the past base's axes
-        fx = gu * (focal * b[0, 0] - x * b[0, 2]) + gv * (focal * b[0, 1] - y * b[0, 2])
-        fy = gu * (focal * b[1, 0] - x * b[1, 2]) + gv * (focal * b[1, 1] - y * b[1, 2])
-        slopes[i, 0], slopes[i, 1] = fx / depth, fy / depth
-        slopes[i, 2] = (-fx * qy + fy * qx) / depth
-        slopes[i, 3], slopes[i, 4] = -values[i], -1.0
-        slopes[i, SLANT] = (slopes[i, 0] * at[0] + slopes[i, 1] * at[1]) * farness[i]
+        fx = gu * (focal * xx - x * xz) + gv * (focal * xy - y * xz)
+        fy = gu * (focal * yx - x * yz) + gv * (focal * yy - y * yz)
+        slopes[0, i], slopes[1, i] = fx, fy
+        slopes[2, i] = fy * qx - fx * qy
+        slopes[3, i], slopes[4, i] = -value, -1.0
+        slopes[SLANT, i] = (fx * tx + fy * ty) * farness[i]
+
+
+@numba.njit(cache=True, fastmath=_SUMS)
+def _weighted_sums(
+    weights: Doubles,
+    offsets: Doubles,
+    slopes: Doubles,
+    scaled: Doubles,
+    matrix: Doubles,
+    right: Doubles,
+) -> None:
+    """Set ``matrix`` (m, m), the weighted products of ``slopes`` (m, n), and ``right`` (m,).
+
+    ``right`` are the negative ones with ``offsets`` (n,); ``scaled`` (n,) is workspace.
+    """
+    for a in range(right.size):
+        for i in range(scaled.size):
+            scaled[i] = weights[i] * slopes[a, i]
+        total = 0.0
+        for i in range(scaled.size):
+            total += scaled[i] * offsets[i]
+        right[a] = -total
+        for e in range(a, right.size):
+            total = 0.0
+            for i in range(scaled.size):
+                total += scaled[i] * slopes[e, i]
+            matrix[a, e] = matrix[e, a] = total
 
 
 @numba.njit(cache=True, error_model="numpy")
 def register_floor(
     past: Floats,
-    across: Floats,
-    down: Floats,
     values: Doubles,
     ground: Doubles,
     farness: Doubles,
@@ -117,13 +156,13 @@ def register_floor(
     """The motion over the floor that explains the present image by the past one.
 
     Args:
-        past: (height, width) past image [grey levels], smoothed.
-        across: (height, width) its derivative along columns [grey levels/px].
-        down: (height, width) its derivative along rows [grey levels/px].
+        past: (rows, columns) the part of the past image that may show floor [grey levels],
+            smoothed.
         values: (n,) grey levels of the present image, smoothed, at n of its pixels.
         ground: (n, 2) x, y [m, base_link] of the floor that these pixels show.
         farness: (n,) logarithm of its distance from the camera over that of the nearest of it.
-        camera: focal length [px], position ahead of base_link and height above the floor [m].
+        camera: focal length [px], position ahead of base_link and height above the floor [m],
+            principal point in ``past`` (column, row).
         base_from_camera: (3, 3) rotation of the camera's axes into base_link's.
         start: (UNKNOWNS,) parameters to start from; also the mean of the prior.
         prior: (UNKNOWNS, UNKNOWNS) information of the prior.
@@ -139,48 +178,30 @@ def register_floor(
     n = values.size
     texture = np.median(np.abs(values - np.median(values))) / DEVIATION
     size = UNKNOWNS + 1
-    at, offsets, slopes = start.copy(), np.empty(n), np.zeros((n, size))
+    at, offsets, slopes = start.copy(), np.empty(n), np.zeros((size, n))
+    weights, scaled = np.empty(n), np.empty(n)
     matrix, right = np.zeros((size, size)), np.zeros(size)
     sigma, agree = least, 0
     for iteration in range(iterations):
-        _residuals(
-            past,
-            across,
-            down,
-            values,
-            ground,
-            farness,
-            camera,
-            base_from_camera,
-            at,
-            offsets,
-            slopes,
-        )
+        _residuals(past, values, ground, farness, camera, base_from_camera, at, offsets, slopes)
         seen = np.abs(offsets[~np.isnan(offsets)])
         if seen.size < n // 4:
             return at, matrix, 0.0, 0.0, 0.0
         sigma = max(np.median(seen) / DEVIATION, least)
-        matrix[:] = 0.0
-        right[:UNKNOWNS] = prior @ (start - at)
-        right[SLANT] = 0.0
         agree = 0
         for i in range(n):
+            weights[i] = 0.0
             if math.isnan(offsets[i]):
+                offsets[i] = 0.0
                 continue
             off = offsets[i] / sigma
             agree += abs(off) < 3.0
             if iteration < WIDE:
-                weight = 1.0 / (sigma * sigma * (1.0 + off * off / CAUCHY))
+                weights[i] = 1.0 / (sigma * sigma * (1.0 + off * off / CAUCHY))
             else:
-                weight = math.exp(-off * off / WELSCH) / (sigma * sigma)
-            for a in range(size):
-                scaled = weight * slopes[i, a]
-                right[a] -= scaled * offsets[i]
-                for e in range(a, size):
-                    matrix[a, e] += scaled * slopes[i, e]
-        for a in range(size):
-            for e in range(a):
-                matrix[a, e] = matrix[e, a]
+                weights[i] = math.exp(-off * off / WELSCH) / (sigma * sigma)
+        _weighted_sums(weights, offsets, slopes, scaled, matrix, right)
+        right[:UNKNOWNS] += prior @ (start - at)
         step = np.linalg.solve(matrix[:UNKNOWNS, :UNKNOWNS] + prior, right[:UNKNOWNS])
         at += step
         if iteration >= WIDE and max(abs(step[0]), abs(step[1]), abs(step[2])) < CONVERGED:

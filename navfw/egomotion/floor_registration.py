@@ -6,6 +6,7 @@ if it shows the floor at all. Pixels that show something else disagree and lose 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -31,6 +32,9 @@ of the floor than the finest detail of its texture."""
 
 SMOOTHING = 1.0
 """Standard deviation of the smoothing of images [px]: gradients are then linear over a pixel."""
+
+SMOOTHED = 8
+"""Rows above the horizon [px] that are kept, so that smoothing at the border changes no floor."""
 
 CORRELATION = 4.0
 """Number of neighbouring pixels with a common error, by smoothing and by the texture's sampling."""
@@ -68,15 +72,12 @@ LEAST_SIGMA = np.array([1e-4, 1e-4, 5e-4])
 
 @dataclass(frozen=True, slots=True)
 class FloorImage:
-    """An image made ready for registration: smoothed, with its derivatives.
+    """The part of an image below the horizon, made ready for registration.
 
-    ``grey``, ``across`` and ``down`` are (height, width): grey levels, and their derivatives along
-    columns and rows [grey levels/px]; ``values`` (n,) are the grey levels at the pixels used.
+    ``grey`` (rows, width) are its grey levels, smoothed; ``values`` (n,) those of the pixels used.
     """
 
     grey: Floats
-    across: Floats
-    down: Floats
     values: Array
 
 
@@ -106,26 +107,30 @@ class FloorRegistration:
         rays = rays @ camera.base_from_camera.T
         near = -rays[..., 2] * REACH > np.hypot(rays[..., 0], rays[..., 1])
         rays = rays[near]
-        self._at = rows[near], columns[near]
+        horizon = 0.5 * (camera.height - 1) - camera.focal * math.tan(camera.pitch)
+        self._top = min(max(math.floor(horizon) - SMOOTHED, 0), camera.height - 1)
+        self._at = rows[near] - self._top, columns[near]
         depth = camera.mount_height / -rays[:, 2]
         ground = depth[:, None] * rays[:, :2] + np.array([camera.mount_forward, 0.0])
         self._ground = read_only(np.ascontiguousarray(ground))
         distance = depth * np.hypot(rays[:, 0], rays[:, 1])
         self._farness = read_only(np.log(distance / distance.min(initial=np.inf)))
         self._camera = read_only(
-            np.array([camera.focal, camera.mount_forward, camera.mount_height])
+            np.array(
+                [
+                    *(camera.focal, camera.mount_forward, camera.mount_height),
+                    *(0.5 * (camera.width - 1), 0.5 * (camera.height - 1) - self._top),
+                ]
+            )
         )
         self._base_from_camera = np.ascontiguousarray(camera.base_from_camera)
         self._known = np.diag([0.0, 0.0, 0.0, GAIN**-2, OFFSET**-2, SLANT_SIGMA**-2])
 
     def prepare(self, image: Image) -> FloorImage:
         """``image`` (height, width) made ready for registration."""
-        blurred = cv2.GaussianBlur(image.astype(np.float32), (0, 0), SMOOTHING)
+        blurred = cv2.GaussianBlur(image[self._top :].astype(np.float32), (0, 0), SMOOTHING)
         grey = np.asarray(blurred, dtype=np.float32)
-        across, down = np.zeros_like(grey), np.zeros_like(grey)
-        across[:, 1:-1] = 0.5 * (grey[:, 2:] - grey[:, :-2])
-        down[1:-1] = 0.5 * (grey[2:] - grey[:-2])
-        return FloorImage(grey, across, down, grey[self._at].astype(np.float64))
+        return FloorImage(grey, grey[self._at].astype(np.float64))
 
     def register(
         self, past: FloorImage, now: FloorImage, guess: Pose, covariance: Array
@@ -142,8 +147,6 @@ class FloorRegistration:
         prior[:3, :3] = np.linalg.inv(covariance)
         found: Any = register_floor(
             past.grey,
-            past.across,
-            past.down,
             now.values,
             self._ground,
             self._farness,
