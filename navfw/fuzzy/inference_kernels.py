@@ -27,7 +27,7 @@ Below it, scikit-fuzzy's guard against division by zero falsifies the centroid.
 """
 
 _REMEMBERED = 16
-"""Samples whose crisp outputs are kept for reuse: where inputs saturate, many samples are equal."""
+"""Samples whose results are kept for reuse: where inputs saturate, many samples are equal."""
 
 
 @numba.njit(cache=True)
@@ -73,13 +73,13 @@ def read_inputs(
 
 
 @numba.njit(cache=True)
-def find_equal(cuts: Array, n: int, different: Indices, count: int) -> int:
-    """A sample in ``different`` with the same activations as sample n, or -1."""
+def find_equal(rows: Array, n: int, different: Indices, count: int) -> int:
+    """A sample in ``different`` with the same row of ``rows`` as sample n, or -1."""
     for k in range(min(count, different.size)):
         m = different[k]
         same = True
-        for term in range(cuts.shape[1]):
-            if cuts[m, term] != cuts[n, term]:
+        for column in range(rows.shape[1]):
+            if rows[m, column] != rows[n, column]:
                 same = False
                 break
         if same:
@@ -114,13 +114,21 @@ def infer(x: Array, reals: Array, indices: Indices) -> Array:
     table = np.zeros((samples, rules + terms + defaults.size))
     literals, stack = np.empty(literal_starts[-1]), np.empty(depth)
     px, py, extra = np.empty(workspace), np.empty(workspace), np.empty(workspace)
+    inputs = x.T.copy()
+    read, reads = np.empty(_REMEMBERED, np.int64), 0
     different, count = np.empty(_REMEMBERED, np.int64), 0
     for n in range(samples):
+        equal = find_equal(inputs, n, read, reads)
+        if equal >= 0:
+            table[n] = table[equal]
+            continue
+        read[reads % _REMEMBERED] = n
+        reads += 1
         firing = table[n, :rules]
         cuts = table[n, rules : rules + terms]
         crisp = table[n, rules + terms :]
         crisp[:] = defaults
-        if not read_inputs(x[:, n], input_xs, input_starts, literal_ys, literal_starts, literals):
+        if not read_inputs(inputs[n], input_xs, input_starts, literal_ys, literal_starts, literals):
             continue
         fire(program, program_starts, weights, literals, stack, firing)
         for k in range(conclusions.shape[0]):
