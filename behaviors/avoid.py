@@ -37,10 +37,11 @@ class Avoid(RuledBehavior):
         """Rate every arc by its reserve, its observed length and its clearance."""
         p, commands, arcs = self.params, context.commands, context.arcs
         v = np.abs(commands.v)
-        needed = v**2 / (2.0 * p.braking) + v * p.latency + p.spare
+        needed = self._to_stop(v, p.braking) + p.spare
         needed[v == 0.0] = 1e-3  # a turn on the spot needs no way, but an angle
         reserve = arcs.free / needed[:, None]
-        reserve[v == 0.0] = np.minimum(arcs.turn / self._turn_needed(commands.w), 1e3)
+        angles = self._to_stop(np.abs(commands.w), self.robot.max_turn_accel)
+        reserve[v == 0.0] = np.minimum(arcs.turn / np.maximum(angles, 1e-3), 1e3)
         verdict = self.rules.evaluate_all(
             reserve=reserve,
             observed=arcs.observed / needed[:, None],
@@ -56,8 +57,7 @@ class Avoid(RuledBehavior):
             explain=verdict.explain,
         )
 
-    def _turn_needed(self, w: Array) -> Array:
-        """Angles [rad] that the robot turns until it stands, from the turning rates ``w``."""
-        fast = np.abs(w)
-        needed: Array = fast**2 / (2.0 * self.robot.max_turn_accel) + fast * self.params.latency
-        return np.maximum(needed, 1e-3)
+    def _to_stop(self, speed: Array, deceleration: float) -> Array:
+        """Ways [m] or angles [rad] until the robot stands, from ``speed`` on, after the latency."""
+        way: Array = speed**2 / (2.0 * deceleration) + speed * self.params.latency
+        return way

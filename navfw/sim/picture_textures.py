@@ -16,7 +16,7 @@ import numpy as np
 from navfw.config.image_file import read_image
 from navfw.errors import ConfigError
 from navfw.signals import Array, Image
-from navfw.sim.texture_spectra import RESOLUTION, TILE, frequencies, passed_share
+from navfw.sim.texture_spectra import RESOLUTION, TILE, filtered, frequencies, passed_share
 
 if TYPE_CHECKING:
     from navfw.sim.worldspec import TextureSpec
@@ -77,5 +77,4 @@ def picture_texture(spec: TextureSpec) -> Image:
 def _low_passed(channel: Array, area: tuple[float, float], finest: float) -> Array:
     """``channel`` (rows, columns) without half wavelengths below ``finest`` [m]; periodic."""
     keep = passed_share(np.hypot(*frequencies(channel.shape, area[::-1])), finest)
-    limited: Array = np.fft.irfft2(np.fft.rfft2(channel) * keep, s=channel.shape)
-    return limited
+    return filtered(channel, keep)

@@ -5,11 +5,18 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-import scipy.fft
 
 from navfw.signals import Array
 
-__all__ = ["RESOLUTION", "TILE", "frequencies", "passed_band", "passed_share", "spectral_noise"]
+__all__ = [
+    "RESOLUTION",
+    "TILE",
+    "filtered",
+    "frequencies",
+    "passed_band",
+    "passed_share",
+    "spectral_noise",
+]
 
 TILE = 2.0
 """Period of a pattern: edge of the square that it covers [m]."""
@@ -40,6 +47,12 @@ def passed_share(frequency: Array, finest: float) -> Array:
     return share
 
 
+def filtered(pattern: Array, amplitudes: Array) -> Array:
+    """The periodic ``pattern`` with its real Fourier transform times ``amplitudes``."""
+    result: Array = np.fft.irfft2(np.fft.rfft2(pattern) * amplitudes, s=pattern.shape)
+    return result
+
+
 def spectral_noise(
     rng: np.random.Generator, resolution: int, exponent: float, stretch: float = 1.0
 ) -> Array:
@@ -47,9 +60,8 @@ def spectral_noise(
 
     ``stretch`` > 1 elongates the grain along the texture's rows (vertical on walls).
     """
-    white = scipy.fft.rfft2(rng.standard_normal((resolution, resolution)))
-    coloured = white * _noise_amplitudes(resolution, exponent, stretch)
-    pattern: Array = scipy.fft.irfft2(coloured, s=(resolution, resolution))
+    white = rng.standard_normal((resolution, resolution))
+    pattern = filtered(white, _noise_amplitudes(resolution, exponent, stretch))
     return pattern / float(pattern.std())
 
 

@@ -14,7 +14,6 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy.fft
 
 from navfw.signals import Array, Image
 from navfw.sim.material_patterns import (
@@ -26,6 +25,7 @@ from navfw.sim.material_patterns import (
 )
 from navfw.sim.texture_spectra import (
     RESOLUTION,
+    filtered,
     passed_band,
     spectral_noise,
 )
@@ -92,9 +92,7 @@ def luminance_pattern(spec: TextureSpec, resolution: int = RESOLUTION) -> Array:
 
 def _band_limit(pattern: Array, finest: float) -> Array:
     """Band-pass: half wavelengths of at least ``finest`` [m], wavelengths of at most 1 m."""
-    keep = passed_band(len(pattern), finest, _COARSEST)
-    limited: Array = scipy.fft.irfft2(scipy.fft.rfft2(pattern) * keep, s=pattern.shape)
-    return limited
+    return filtered(pattern, passed_band(len(pattern), finest, _COARSEST))
 
 
 def _plaster(rng: np.random.Generator, resolution: int) -> Array:
