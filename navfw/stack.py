@@ -25,6 +25,7 @@ from navfw.guard.guarded_stages import (
     GuardedPlanner,
 )
 from navfw.interfaces import Behavior, FeatureRecognizer
+from navfw.localization.known_walls import KnownWalls
 from navfw.localmap import LocalMap
 from navfw.locom.trim import WheelTrim
 from navfw.mofis.explanation import explain_command
@@ -87,7 +88,9 @@ class Stack:
         self.resolved = config
         self.topo_map = topo_map
         self.odometer = Odometer(robot)
-        self.floor_odometry = FloorOdometry(robot) if settings.floor_odometry else None
+        by_floor = settings.floor_odometry
+        by_floor = robot.skid > 0.0 if by_floor is None else by_floor
+        self.floor_odometry = FloorOdometry(robot) if by_floor else None
         self.history = OdometryHistory()
         self.timings: dict[str, float] = dict.fromkeys(TIMED, 0.0)
         self.vision = Vision(
@@ -105,6 +108,7 @@ class Stack:
             for name, choice in config.behaviors.items()
         }
         self.local_map = LocalMap(robot, settings.local_map)
+        self.known_walls = KnownWalls.of(topo_map.floor_plan, robot)
         self.tracker = Tracker(robot, settings.movers.tracking)
         self.conflicts = ConflictPredictor(robot, settings.movers.conflicts)
         self.mofis = Mofis(
@@ -255,6 +259,9 @@ class Stack:
         command, idle = None, 0.0
         if not finished and not self._warming_up(reading.time):
             moving_obstacles = self._map(frame, view, odometry, seen_from.pose)
+            if self.known_walls is not None:
+                walls = self.known_walls.around(belief, odometry.pose)
+                self.local_map.occupancy.set_walls(walls)
             inputs = self._inputs(odometry, belief, waypoint, moving_obstacles)
             with timed(self.timings, "motion"):
                 command = self.mofis.decide(inputs)

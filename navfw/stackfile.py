@@ -63,9 +63,12 @@ class StackSettings(BaseModel):
         bool, Field(description="refine the gyro's rotation by the flow (METHOD 2.6)")
     ] = True
     floor_odometry: Annotated[
-        bool,
-        Field(description="correct wheels and gyro by the floor's motion in the images"),
-    ] = False
+        bool | None,
+        Field(
+            description="correct wheels and gyro by the floor's motion in the images; "
+            "null: if the robot's wheels skid"
+        ),
+    ] = None
     stixels: Annotated[
         bool, Field(description="detect thin upright obstacles by image columns")
     ] = False

@@ -38,10 +38,6 @@ __all__ = [
 
 SECTORS = 48
 
-WALL_DEPTH = 0.15
-"""Depth [m] behind what is seen of a wall that a turning body keeps out of, unless it is observed
-free."""
-
 _BEARINGS = read_only(np.linspace(-math.pi, math.pi, SECTORS + 1)[1:])
 
 
@@ -96,8 +92,8 @@ def arcs_of(
         sweep_arcs(ground, start, speeds, turns, radius, reach, horizon, *filled)
     else:
         discs = np.array(robot.discs)
-        spot = speeds == 0.0
-        for rows, around in ((~spot, ground), (spot, _turning_ground(occupancy))):
+        forward, spot = speeds > 0.0, speeds == 0.0
+        for rows, around in ((forward, ground), (~forward, _blind_ground(occupancy))):
             swept = np.empty((3, int(rows.sum()), turns.size))
             sweep_body(around, start, speeds[rows], turns, discs, margin, reach, horizon, *swept)
             free[rows], observed[rows], clearance[rows] = swept
@@ -130,7 +126,7 @@ def free_distance(
         contact, unobserved, _ = follow_arc(ground, _start(pose), v, w, robot.radius, reach, 0.0)
     else:
         discs = np.array(robot.discs)
-        ground = _turning_ground(occupancy) if v == 0.0 else ground
+        ground = ground if v > 0.0 else _blind_ground(occupancy)
         contact, unobserved, _ = follow_body(ground, _start(pose), v, w, discs, 0.0, reach, 0.0)
     return FreeDistance(contact, unobserved)
 
@@ -156,14 +152,14 @@ def _ground(occupancy: OccupancyGrid, observed: npt.NDArray[np.uint8]) -> Ground
     return occupancy.clearance, observed, *occupancy.origin, occupancy.params.cell
 
 
-def _turning_ground(occupancy: OccupancyGrid) -> Ground:
-    """The arrays for turns on the spot of a body that is not round.
+def _blind_ground(occupancy: OccupancyGrid) -> Ground:
+    """The arrays for turns on the spot, and for reversing, of a body that is not round.
 
     Beside a doorway the camera has seen a wall's near side only; the corners of a long body turn
     towards its far side.
     """
     others = _ground(occupancy, occupancy.footprint_observed)[1:]
-    return occupancy.clearance_behind(WALL_DEPTH), *others
+    return occupancy.blind_clearance, *others
 
 
 def _start(pose: Pose) -> Start:

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from navfw.localmap.cell_arrays import cell_disc, distances, shifted
 from navfw.localmap.sensor_kernels import cast_evidence, decay_view, merge_evidence, rays_of
 from navfw.robot import Footprint, RobotModel
 from navfw.signals import Array, Mask, OccupiedDisc, Percept, Pose, Stixels
@@ -43,6 +44,8 @@ _SIDE_MARGIN = 0.1
 tried: the robot then creeps."""
 _LOW_PASS = 0.15
 """Height [m] below which a passing ray is full evidence for a free cell."""
+_WALL_DEPTH = 0.15
+"""Depth [m] behind what is seen of a wall that may be wall as well, unless it is observed free."""
 _SHIFT = 0.4
 """Distance [m] from the grid's centre at which the grid is shifted; shifting costs a copy."""
 
@@ -111,12 +114,12 @@ class OccupancyGrid:
         self.size = 2 * round(0.5 * self.params.extent / self.params.cell) + 1
         self._base_from_camera = robot.camera.base_from_camera
         p = self.params
-        # wider by the gap that was closed: one erosion takes back both
+        # wider by the closed gap: one erosion takes back both
         self._margin = np.ones((2 * round(_SIDE_MARGIN / p.cell) + len(_GAP),) * 2, np.uint8)
-        self._body = _disc(round(robot.radius / p.cell) + len(_GAP) // 2).view(np.uint8)
+        self._body = cell_disc(round(robot.radius / p.cell) + len(_GAP) // 2).view(np.uint8)
         self._limits = np.array([p.range, p.hit_width, *p.cell_share, _LOW_PASS, p.over_weight])
         self._hit_weights = np.array([0.0, 0.0, 1.0, p.drop_weight, 1.0])  # in the order of Label
-        self._footprint = _disc(round(robot.radius / p.cell))
+        self._footprint = cell_disc(round(robot.radius / p.cell))
         # the evidence of one frame; zero between frames
         self._hit, self._free = np.zeros((2, self.size, self.size))
         self.reset()
@@ -129,8 +132,9 @@ class OccupancyGrid:
         self._last_view: float | None = None
         self._weak_sight = False
         self._obstacles: tuple[OccupiedDisc, ...] = ()
+        self._walls: Array = np.empty((0, 2))
         self._clearance: Array | None = None
-        self._clearance_behind: tuple[float, Array] | None = None  # the depth it is for
+        self._blind_clearance: Array | None = None
         self._observed: npt.NDArray[np.uint8] | None = None
         self._footprint_observed: npt.NDArray[np.uint8] | None = None
 
@@ -151,13 +155,13 @@ class OccupancyGrid:
                 round((new - old) / cell) for new, old in zip(corner, self.origin, strict=True)
             ]
             if max(abs(s) for s in shift) > round(_SHIFT / cell):
-                self.log_odds = _shifted(self.log_odds, *shift)
+                self.log_odds = shifted(self.log_odds, *shift)
                 self._origin = corner
         if self._time is not None and time > self._time:
             self.log_odds *= math.exp((self._time - time) / self.params.decay)
         self._time = time
         self._mark_footprint(pose)
-        self._clearance = self._clearance_behind = self._observed = self._footprint_observed = None
+        self._forget_derived()
 
     def _mark_footprint(self, pose: Pose) -> None:
         """Mark the cells under the robot as free."""
@@ -261,7 +265,7 @@ class OccupancyGrid:
         )
         clamps = p.clamp_min, p.clamp_max
         merge_evidence(self.log_odds, self._hit, self._free, p.hit, p.miss, *clamps)
-        self._clearance = self._clearance_behind = self._observed = self._footprint_observed = None
+        self._forget_derived()
 
     def _decay_view(self, at: tuple[float, float], yaw: float, time: float) -> None:
         """Decay the free evidence within the view; see ``decay_view``."""
@@ -280,8 +284,18 @@ class OccupancyGrid:
     def set_obstacles(self, discs: tuple[OccupiedDisc, ...]) -> None:
         """Count ``discs`` as occupied until the next call, whatever the log-odds."""
         if discs or self._obstacles:
-            self._clearance = self._clearance_behind = None
+            self._clearance = self._blind_clearance = None
         self._obstacles = discs
+
+    def set_walls(self, points: Array) -> None:
+        """Take odom ``points`` (n, 2) [m] for those of walls until the next call."""
+        self._walls = points
+        self._blind_clearance = None
+
+    def _forget_derived(self) -> None:
+        """Derive all that is read anew: the log-odds have changed."""
+        self._clearance = self._blind_clearance = None
+        self._observed = self._footprint_observed = None
 
     # --- reading ---------------------------------------------------------------------------------
 
@@ -356,44 +370,30 @@ class OccupancyGrid:
     def clearance(self) -> Array:
         """(n, n) distance [m] from each cell to the nearest occupied cell."""
         if self._clearance is None:
-            self._clearance = self._distance(self.occupied)
+            self._clearance = self._distances(self.occupied)
         return self._clearance
 
-    def clearance_behind(self, depth: float) -> Array:
-        """(n, n) ``clearance`` if cells not observed within ``depth`` [m] of it were occupied."""
-        if self._clearance_behind is None or self._clearance_behind[0] != depth:
-            hidden = (self.observed == 0) & (self.clearance <= depth)
-            self._clearance_behind = depth, self._distance(hidden | self.occupied)
-        return self._clearance_behind[1]
+    @property
+    def blind_clearance(self) -> Array:
+        """(n, n) ``clearance`` for parts of a body that go where the camera does not look.
+
+        Cells that are not observed free are occupied as well, where they are behind what is seen of
+        a wall, or in a wall that was set.
+        """
+        if self._blind_clearance is None:
+            cells = np.rint((self._walls - self.origin) / self.params.cell).astype(np.intp)
+            columns, rows = cells[np.all((cells >= 0) & (cells < self.size), axis=1)].T
+            hidden = self.clearance <= _WALL_DEPTH
+            hidden[rows, columns] = True
+            self._blind_clearance = self._distances(hidden & (self.observed == 0) | self.occupied)
+        return self._blind_clearance
 
     def clearance_with(self, discs: tuple[OccupiedDisc, ...]) -> Array:
         """(n, n) ``clearance`` if ``discs`` were occupied as well."""
         if not discs:
             return self.clearance
-        return self._distance(self._painted(self.occupied, discs))
+        return self._distances(self._painted(self.occupied, discs))
 
-    def _distance(self, occupied: Mask) -> Array:
+    def _distances(self, occupied: Mask) -> Array:
         """(n, n) distance [m] from each cell to the nearest of ``occupied`` (n, n)."""
-        if not occupied.any():
-            return np.full((self.size, self.size), self.params.extent)
-        distance = cv2.distanceTransform((~occupied).view(np.uint8), cv2.DIST_L2, 5)
-        return np.multiply(distance, self.params.cell, dtype=np.float64)
-
-
-def _disc(radius: int) -> Mask:
-    """(2 radius + 1, 2 radius + 1) True within ``radius`` [cells] of the centre."""
-    offsets = np.arange(-radius, radius + 1)
-    disc: Mask = offsets[:, None] ** 2 + offsets[None, :] ** 2 <= radius**2
-    return disc
-
-
-def _shifted(grid: Array, columns: int, rows: int) -> Array:
-    """``grid`` with its origin moved by (columns, rows); cells that come in are zero (unknown)."""
-    n = grid.shape[0]
-    moved = np.zeros_like(grid)
-    if abs(columns) >= n or abs(rows) >= n:
-        return moved
-    target = np.s_[max(0, -rows) : n - max(0, rows), max(0, -columns) : n - max(0, columns)]
-    source = np.s_[max(0, rows) : n + min(0, rows), max(0, columns) : n + min(0, columns)]
-    moved[target] = grid[source]
-    return moved
+        return distances(occupied, self.params.cell, self.params.extent)

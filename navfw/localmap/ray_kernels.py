@@ -113,6 +113,9 @@ def follow_arc(
     return length, length if observed_until < 0.0 else observed_until, least - radius
 
 
+SLACK = 0.005
+"""Length [m] by which a body that is too near already may come nearer: errors of interpolation."""
+
 TURN = 0.5
 """Angle [rad] of a turn on the spot by which the room to turn is judged."""
 
@@ -160,7 +163,7 @@ def follow_body(
     size = observed.shape[0]
     px, py, yaw = start
     least = _body_room(ground, px, py, yaw, discs, margin)
-    floor = min(0.0, least - 0.02)
+    floor = min(0.0, least - SLACK)
     if v == 0.0 and w == 0.0:
         return reach, reach, least
     front, rear = discs[:, 0].max(), discs[:, 0].min()
@@ -185,7 +188,7 @@ def follow_body(
             blocked = True
             break
         if room > floor and floor < 0.0:
-            floor = min(0.0, room - 0.02)  # moving away: from now on no nearer than this
+            floor = min(0.0, room - SLACK)  # moving away: from now on no nearer than this
         if length < horizon and room < least:
             least = room
         row = int(math.floor((py + end * math.sin(yaw) - origin_y) / cell + 0.5))
@@ -212,12 +215,25 @@ def _body_room(
     room = np.inf
     for k in range(discs.shape[0]):
         ahead, left = discs[k, 0], discs[k, 1]
-        column = int(math.floor((x + ahead * c - left * s - origin_x) / cell + 0.5))
-        row = int(math.floor((y + ahead * s + left * c - origin_y) / cell + 0.5))
-        if row < 0 or column < 0 or row >= size or column >= size:
+        column = (x + ahead * c - left * s - origin_x) / cell
+        row = (y + ahead * s + left * c - origin_y) / cell
+        if row < 0.0 or column < 0.0 or row >= size - 1 or column >= size - 1:
             continue
-        room = min(room, clearance[row, column] - discs[k, 2] - margin)
+        room = min(room, _interpolated(clearance, row, column) - discs[k, 2] - margin)
     return room
+
+
+@numba.njit(cache=True)
+def _interpolated(field: Array, row: float, column: float) -> float:
+    """Bilinear value of ``field`` (n, n) at (row, column) [cells] inside of it.
+
+    Taken from the nearest cell alone, the room beside a moving body would jump by half a cell.
+    """
+    i, j = int(row), int(column)
+    down, right = row - i, column - j
+    above = field[i, j] * (1.0 - right) + field[i, j + 1] * right
+    below = field[i + 1, j] * (1.0 - right) + field[i + 1, j + 1] * right
+    return float(above * (1.0 - down) + below * down)
 
 
 @numba.njit(cache=True)

@@ -88,6 +88,36 @@ def test_a_turn_keeps_out_of_the_far_side_of_a_wall() -> None:
     )
 
 
+def test_known_walls_count_where_the_camera_does_not_look() -> None:
+    occupancy = occupancy_with()
+    (first, _), (last, _) = occupancy.index(0.0, 0.2), occupancy.index(0.0, 0.6)
+    occupancy.log_odds[first : last + 1] = 0.0  # beside the body nothing is observed
+    assert free_turn(occupancy, ORIGIN, 1.0) == math.inf
+    wall = np.column_stack([np.arange(-1.0, 1.5, 0.05), np.full(50, 0.3)])
+    occupancy.set_walls(wall)
+    assert free_turn(occupancy, ORIGIN, 1.0) < 0.4
+    turning_back = Twist(-0.2, 1.0)
+    assert free_distance(occupancy, ORIGIN, turning_back).contact < 0.4
+    assert free_distance(occupancy, ORIGIN, AHEAD).contact == 1.0
+    occupancy = occupancy_with()
+    occupancy.set_walls(wall)
+    assert free_turn(occupancy, ORIGIN, 1.0) == math.inf, "what is observed free is free"
+
+
+@given(st.floats(-0.05, 0.05), st.floats(0.2, 0.23), st.floats(-math.pi, math.pi))
+def test_a_body_too_near_a_wall_may_turn_away_alone(x: float, beside: float, yaw: float) -> None:
+    """Wherever the wall's cells lie; and small turns to it do not add up."""
+    occupancy, pose = occupancy_with(), Pose(x * math.cos(yaw), x * math.sin(yaw), yaw)
+    for along in np.arange(-1.5, 1.5, 0.02):
+        for left in np.linspace(beside, beside + 0.1, 5):
+            occupancy.log_odds[occupancy.index(*pose.to_parent(along, left))] = 3.0
+    assert free_turn(occupancy, pose, -1.0) == math.inf
+    turned = 0.0
+    while turned < 0.5 and free_turn(occupancy, Pose(pose.x, pose.y, yaw + turned), 1.0) > 0.03:
+        turned += 0.01
+    assert turned < 0.25
+
+
 def test_ranges_are_from_the_rim() -> None:
     ranges = ranges_around(occupancy_with((1.0, 1.2, -1.0, 1.0)), ORIGIN)
     ahead = int(np.abs(ranges.bearings).argmin())

@@ -230,30 +230,34 @@ def test_clearance_is_the_distance_to_the_nearest_occupied_cell() -> None:
     assert np.allclose(occupancy.clearance, brute, rtol=0.025, atol=0.005)
 
 
-def test_clearance_behind_is_kept_until_evidence_or_obstacles_change() -> None:
-    pose, depth = Pose(0, 0, 0), 0.15
+def test_blind_clearance_is_kept_until_evidence_obstacles_or_walls_change() -> None:
+    pose = Pose(0, 0, 0)
     seen = [percept_of(0.0, 1.2, Label.OBSTACLE, sigma=0.005)]
     occupancy = integrated(seen * 6, pose)
     hidden = occupancy.index(1.3, 0.1)  # not observed, behind what is seen of the wall
     assert not occupancy.occupied[hidden]
-    assert occupancy.clearance_behind(depth)[hidden] == 0.0
-    assert occupancy.clearance_behind(depth) is occupancy.clearance_behind(depth)
-    assert occupancy.clearance_behind(0.0)[hidden] > 0.0, "another depth is another clearance"
+    assert occupancy.blind_clearance[hidden] == 0.0 < occupancy.clearance[hidden]
+    assert occupancy.blind_clearance is occupancy.blind_clearance
 
     cell = occupancy.index(-1.0, 0.5)
-    before = occupancy.clearance_behind(depth)
+    before = occupancy.blind_clearance
     occupancy.set_obstacles((OccupiedDisc(-1.0, 0.5, 0.1),))
-    assert occupancy.clearance_behind(depth)[cell] == 0.0
+    assert occupancy.blind_clearance[cell] == 0.0
     occupancy.set_obstacles(())
-    assert np.array_equal(occupancy.clearance_behind(depth), before)
+    assert np.array_equal(occupancy.blind_clearance, before)
+    occupancy.set_walls(np.array([[-1.0, 0.5], [0.6, 0.0], [99.0, 0.0]]))
+    assert occupancy.blind_clearance[cell] == 0.0 < occupancy.clearance[cell]
+    assert occupancy.blind_clearance[occupancy.index(0.6, 0.0)] > 0.0, "it is observed free"
+    occupancy.set_walls(np.empty((0, 2)))
     for _ in range(6):
         occupancy.integrate(percept_of(60.0, 1.0, Label.OBSTACLE, sigma=0.005), pose)
-    integrated_more = occupancy.clearance_behind(depth)
+    integrated_more = occupancy.blind_clearance
     assert not np.array_equal(integrated_more, before)
     occupancy.update(pose, 60.0)  # the evidence decays
-    assert not np.array_equal(occupancy.clearance_behind(depth), integrated_more)
+    assert not np.array_equal(occupancy.blind_clearance, integrated_more)
     occupancy.reset()
-    assert (occupancy.clearance_behind(depth) == occupancy.params.extent).all()
+    occupancy.update(pose, 0.0)
+    assert (occupancy.blind_clearance == occupancy.params.extent).all()
 
 
 def test_the_grid_has_no_position_before_the_first_update() -> None:

@@ -17,11 +17,15 @@ from stack_samples import (
     RecordingFeatures,
     Rig,
     ScriptedVision,
+    registry,
     sample_stack,
 )
 
+from navfw.config.lookup import find
 from navfw.offis.offis import Offis
 from navfw.signals import Frame, LandmarkDetection, MovingObject, Odometry, PassageQuery, Twist
+from navfw.stack import Stack
+from navfw.stackfile import load_stack
 from navfw.testing.behavior_scenes import wall_flow
 from navfw.vision import View
 
@@ -201,3 +205,15 @@ def test_passage_reports_reach_the_planner_at_the_next_frame_once() -> None:
     rig.stack.start(START, [GOAL])
     rig.step(2.0)
     assert rig.planner.reports == []
+
+
+def test_skidding_wheels_are_corrected_by_the_floor_unless_the_stack_says_otherwise() -> None:
+    skidding = ROBOT.model_copy(update={"skid": 0.08})
+    for robot, settings, corrected in (
+        (ROBOT, [], False),
+        (skidding, [], True),
+        (skidding, ["floor_odometry=false"], False),
+        (ROBOT, ["floor_odometry=true"], True),
+    ):
+        config = load_stack(find("stack", "default"), registry(), settings)
+        assert (Stack(config, robot, LINE).floor_odometry is not None) is corrected

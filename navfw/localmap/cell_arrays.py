@@ -1,0 +1,40 @@
+"""Arrays of square cells: discs, distances, and grids that are moved by whole cells."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from navfw.signals import Array, Mask
+
+__all__ = ["cell_disc", "distances", "shifted"]
+
+
+def cell_disc(radius: int) -> Mask:
+    """(2 radius + 1, 2 radius + 1) True within ``radius`` [cells] of the centre."""
+    offsets = np.arange(-radius, radius + 1)
+    within: Mask = offsets[:, None] ** 2 + offsets[None, :] ** 2 <= radius**2
+    return within
+
+
+def distances(occupied: Mask, cell: float, farthest: float) -> Array:
+    """(n, n) distance [m] from each cell to the nearest of ``occupied`` (n, n).
+
+    ``cell`` [m] is the side of a cell, ``farthest`` [m] the answer where nothing is occupied.
+    """
+    if not occupied.any():
+        return np.full(occupied.shape, farthest)
+    found = cv2.distanceTransform((~occupied).view(np.uint8), cv2.DIST_L2, 5)
+    return np.multiply(found, cell, dtype=np.float64)
+
+
+def shifted(grid: Array, columns: int, rows: int) -> Array:
+    """``grid`` with its origin moved by (columns, rows); cells that come in are zero (unknown)."""
+    n = grid.shape[0]
+    moved = np.zeros_like(grid)
+    if abs(columns) >= n or abs(rows) >= n:
+        return moved
+    target = np.s_[max(0, -rows) : n - max(0, rows), max(0, -columns) : n - max(0, columns)]
+    source = np.s_[max(0, rows) : n + min(0, rows), max(0, columns) : n + min(0, columns)]
+    moved[target] = grid[source]
+    return moved
