@@ -40,6 +40,9 @@ _COARSEST = 1.0
 _LUMA = np.array([0.299, 0.587, 0.114])
 """Weights of red, green and blue in the luminance (Rec. 601)."""
 
+MOST_KEPT = 32
+"""Number of textures that are kept: those of a world, for the next run in it, at 0.8 MB each."""
+
 STOCK: Mapping[str, Mapping[str, object]] = MappingProxyType(
     {
         "plaster": {"style": "plaster", "seed": 1, "colour": (1.0, 0.96, 0.88)},
@@ -61,7 +64,7 @@ def stock_texture(name: str) -> TextureSpec:
     return TextureSpec.model_validate(dict(STOCK[name]))
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=MOST_KEPT)
 def synthesize(spec: TextureSpec, resolution: int = RESOLUTION) -> Image:
     """The texture as a read-only, periodic image (resolution, resolution, 3) uint8, RGB.
 

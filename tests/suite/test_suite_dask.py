@@ -10,6 +10,8 @@ import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 import suite_samples as samples
@@ -19,6 +21,7 @@ from navfw.cli import app
 from navfw.errors import InputError
 from navfw.suite import dask_engine
 from navfw.suite.case import Job
+from navfw.suite.case_worker import run_job
 from navfw.suite.dask_engine import DaskEngine
 from navfw.suite.job_package import JobPackage, worker_identity
 from navfw.suite.run_table import RunRow
@@ -141,6 +144,22 @@ def test_a_scheduler_that_does_not_answer(monkeypatch: pytest.MonkeyPatch) -> No
     engine = DaskEngine("tcp://127.0.0.1:9", JobPackage(b"", ()), limit=1.0, memory=1.0)
     with pytest.raises(InputError, match=r"no scheduler of Dask answers at tcp://127\.0\.0\.1:9"):
         engine.__enter__()
+
+
+def test_a_worker_is_not_profiled_while_it_has_a_suite(tmp_path: Path) -> None:
+    from navfw.suite.dask_worker import PackageOnWorker
+
+    log: list[str] = []
+    profile = SimpleNamespace(stop=lambda: log.append("stop"), start=lambda: log.append("start"))
+    worker: Any = SimpleNamespace(
+        local_directory=str(tmp_path / "worker"), periodic_callbacks={"profile": profile}
+    )
+    (tmp_path / "worker").mkdir()
+    plugin = PackageOnWorker(JobPackage.of([samples.case(1)]), run_job, 10.0, 1000.0)
+    plugin.setup(worker)
+    assert log == ["stop"]
+    plugin.teardown(worker)
+    assert log == ["stop", "start"]
 
 
 def test_paths_travel_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
