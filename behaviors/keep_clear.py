@@ -143,12 +143,12 @@ class KeepClear(RuledBehavior):
 
     def _local(self, pose: Pose) -> Array:
         """(n, 2) the remembered points in base_link [m]."""
-        return _turned(self._points[:, :2] - (pose.x, pose.y), pose.yaw)
+        return pose.points_to_local(self._points[:, :2])
 
     def _objects(self, pose: Pose) -> Array:
         """(4 n, 2) the same with what is hidden behind each of them: unknown is not free."""
         hidden = [self._points[:, :2] + far * self._points[:, 2:4] for far in SHADOW]
-        return _turned(np.concatenate(hidden) - (pose.x, pose.y), pose.yaw)
+        return pose.points_to_local(np.concatenate(hidden))
 
     def _in_view(self, points: Array) -> Mask:
         """(n,) whether a percept shows what is at ``points`` (n, 2) in base_link."""
@@ -199,7 +199,9 @@ class KeepClear(RuledBehavior):
         prices = {}
         for way in (1.0, -1.0):
             turns = way * math.pi * np.arange(1, HEADINGS + 1) / HEADINGS
-            free = [t for t in turns if self._room(_turned(nearby, t)) >= FREE]
+            free = [
+                t for t in turns if self._room(Pose(0.0, 0.0, t).points_to_local(nearby)) >= FREE
+            ]
             turn = free[0] if free else turns[-1]
             off = abs(math.remainder(context.waypoint_bearing - turn, 2.0 * math.pi))
             prices[way] = abs(turn) + GOAL_SHARE * off
@@ -249,10 +251,3 @@ def _nearest_depth(nearness: Array, weight: Array) -> float | None:
     count = int(np.searchsorted(total, max(NEAREST_SHARE * total[-1], LEAST_WEIGHT))) + 1
     chosen = nearest_first[:count]
     return float(weight[chosen].sum() / (weight[chosen] @ nearness[chosen]))
-
-
-def _turned(points: Array, turn: float) -> Array:
-    """``points`` (n, 2) in base_link, after a turn [rad, left positive] on the spot."""
-    c, s = math.cos(turn), math.sin(turn)
-    turned: Array = points @ np.array([[c, -s], [s, c]])
-    return turned

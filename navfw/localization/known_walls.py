@@ -42,7 +42,5 @@ class KnownWalls:
         unsure = belief.sigma > SURE_XY or math.sqrt(belief.covariance[2, 2]) > SURE_YAW
         if belief.lost or unsure:
             return np.empty((0, 2))
-        off = self._points - (at.x, at.y)
-        near = off[np.abs(off).max(axis=1, initial=0.0) <= REACH]
-        c, s = math.cos(at.yaw), math.sin(at.yaw)
-        return pose.points_to_parent(near @ np.array([[c, -s], [s, c]]))
+        off = np.abs(self._points - (at.x, at.y)).max(axis=1, initial=0.0)
+        return pose.points_to_parent(at.points_to_local(self._points[off <= REACH]))

@@ -51,6 +51,11 @@ class Pose:
         c, s = math.cos(self.yaw), math.sin(self.yaw)
         return np.asarray(points @ np.array([[c, s], [-s, c]]) + (self.x, self.y))
 
+    def points_to_local(self, points: Array) -> Array:
+        """The points (n, 2) of this pose's parent frame, seen from this pose."""
+        c, s = math.cos(self.yaw), math.sin(self.yaw)
+        return np.asarray((points - (self.x, self.y)) @ np.array([[c, -s], [s, c]]))
+
     def compose(self, other: Pose) -> Pose:
         """``other``, given relative to this pose, in this pose's parent frame."""
         x, y = self.to_parent(other.x, other.y)

@@ -99,8 +99,7 @@ class OccupancyMap:
 
         They lie outside of the grid for points outside.
         """
-        c, s = np.cos(self.origin.yaw), np.sin(self.origin.yaw)
-        local = (points - np.array([self.origin.x, self.origin.y])) @ np.array([[c, -s], [s, c]])
+        local = self.origin.points_to_local(points)
         found: npt.NDArray[np.intp] = np.floor(local[:, ::-1] / self.resolution).astype(np.intp)
         return found
 

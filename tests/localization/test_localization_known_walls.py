@@ -7,6 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from navfw.localization.known_walls import SURE_XY, SURE_YAW, KnownWalls
 from navfw.robot import Footprint, RobotModel
@@ -51,3 +53,13 @@ def test_only_bodies_that_are_not_round_need_them() -> None:
     assert KnownWalls.of(PLAN, cart) is not None
     assert KnownWalls.of(None, cart) is None
     assert KnownWalls.of(PLAN, RobotModel()) is None
+
+
+@given(*[st.floats(-5.0, 5.0)] * 5)
+def test_points_and_poses_are_moved_alike(
+    x: float, y: float, yaw: float, a: float, b: float
+) -> None:
+    pose, points = Pose(x, y, yaw), np.array([[a, b], [b, a]])
+    local = pose.points_to_local(points)
+    assert np.allclose(local, [pose.to_local(*point) for point in points.tolist()])
+    assert np.allclose(pose.points_to_parent(local), points)
