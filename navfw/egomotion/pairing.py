@@ -22,11 +22,17 @@ Length = Annotated[float, Field(gt=0.0, le=1.0)]
 BASELINE_SHARE = 0.9
 """Share of the largest baseline that successive frames may be apart: commands and poses vary."""
 
+MOST_HEIGHTS = 0.32
+"""Largest desired baseline in heights of the camera: beyond, the motion of near floor between the
+frames exceeds the flow's range (METHOD 2.7)."""
+
 
 class PairingParams(Params):
     """Limits on the pairs of frames, and the errors of their camera motion."""
 
-    baseline: Annotated[Length, Field(description="desired baseline of a pair [m]")] = 0.08
+    baseline: Annotated[
+        Length, Field(description="desired baseline of a pair, less for a low camera [m]")
+    ] = 0.08
     min_baseline: Annotated[Length, Field(description="smallest baseline of a pair [m]")] = 0.02
     max_baseline: Annotated[Length, Field(description="largest baseline of a pair [m]")] = 0.16
     short: Annotated[
@@ -120,6 +126,8 @@ class FrameBuffer:
     def __init__(self, robot: RobotModel, params: PairingParams | None = None) -> None:
         self.params = PairingParams() if params is None else params
         self._robot = robot
+        low = MOST_HEIGHTS * robot.camera.mount_height
+        self._desired = max(min(self.params.baseline, low), self.params.min_baseline)
         self.reset()
 
     def reset(self) -> None:
@@ -141,8 +149,8 @@ class FrameBuffer:
     def pairs(self) -> tuple[FramePair, ...]:
         """Pairs of the newest frame with past ones: none, the long one, or the long and the short.
 
-        The long pair is the one whose baseline is nearest to ``params.baseline``. The short pair
-        exists only if ``params.short`` is set and its baseline is well below that of the long one.
+        The long pair is the one whose baseline is nearest to the desired one. The short pair exists
+        only if ``params.short`` is set and its baseline is well below that of the long one.
         """
         return self._pairs
 
@@ -154,7 +162,7 @@ class FrameBuffer:
         allowed = list(self._allowed(now))[::-1]
         if not allowed:
             return
-        long_way, long = min(allowed, key=lambda past: abs(past[0] - self.params.baseline))
+        long_way, long = min(allowed, key=lambda past: abs(past[0] - self._desired))
         yield now.pair(long, self._robot, self.params)
         if self.params.short:
             target = self.params.short_baseline

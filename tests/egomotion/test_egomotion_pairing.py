@@ -17,10 +17,15 @@ IMAGE = np.zeros((120, 160), np.uint8)
 
 
 def drive(
-    v: float, w: float, frames: int = 20, params: PairingParams | None = None, dt: float = 0.1
+    v: float,
+    w: float,
+    frames: int = 20,
+    params: PairingParams | None = None,
+    dt: float = 0.1,
+    robot: RobotModel = ROBOT,
 ) -> list[tuple[FramePair, ...]]:
     """Pairs after each frame of a drive at constant twist."""
-    buffer = FrameBuffer(ROBOT, params)
+    buffer = FrameBuffer(robot, params)
     pose, given = Pose(0.0, 0.0, 0.0), []
     for i in range(frames):
         odometry = Odometry(i * dt, pose, Twist(v, w), 0.0, still=False)
@@ -53,6 +58,13 @@ def test_the_baseline_comes_as_near_to_the_target_as_frames_allow(v: float) -> N
     assert abs(pairs[0].motion.baseline - 0.08) <= 0.5 * abs(v) * 0.1 + 1e-9
     assert pairs[0].motion.translation[2] * v > 0.0
     assert pairs[0].now.time == pytest.approx(3.9)
+
+
+@pytest.mark.parametrize(("height", "expected"), [(0.5, 0.08), (0.15, 0.05), (0.03, 0.02)])
+def test_a_low_camera_has_a_shorter_baseline(height: float, expected: float) -> None:
+    low = ROBOT.with_camera(ROBOT.camera.model_copy(update={"mount_height": height}))
+    [pair] = drive(0.1, 0.0, robot=low)[-1]
+    assert pair.motion.baseline == pytest.approx(expected)
 
 
 def test_a_short_pair_comes_too_when_asked_for() -> None:
