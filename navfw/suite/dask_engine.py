@@ -151,7 +151,8 @@ class DaskEngine:
 
         from navfw.suite.dask_worker import PackageOnWorker
 
-        plugin = PackageOnWorker(self._package, self._work, *self._limits)
+        work = f"{self._work.__module__}:{self._work.__qualname__}"
+        plugin = PackageOnWorker(self._package, work, *self._limits)
         self._name = plugin.name
         self._client.register_plugin(plugin)
 

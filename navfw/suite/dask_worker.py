@@ -1,7 +1,7 @@
 """What runs inside a worker of Dask: the files of a suite, and its runs in processes of their own.
 
 A run needs a main thread, may hang or leak, and has limits of time and memory; so each thread of
-Dask hands its runs to a process of a ``WorkerPool``.
+Dask hands its runs to a process of a ``WorkerPool``. Only there the simulator is imported.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any
 
 from distributed import Worker, WorkerPlugin, get_worker
@@ -39,17 +40,20 @@ class _Folders:
     """A job in the folder of its unpacked files."""
 
     job: Job
-    work: Callable[[Job], RunRow]
+    work: str
     project: Path
 
 
 class PackageOnWorker(WorkerPlugin):
-    """Unpacks the files of a suite on every worker, also on one that joins later."""
+    """Unpacks the files of a suite on every worker, also on one that joins later.
+
+    ``work`` is the function of a job, ``module:name``.
+    """
 
     def __init__(
         self,
         package: JobPackage,
-        work: Callable[[Job], RunRow],
+        work: str,
         limit: float,
         memory: float,
     ) -> None:
@@ -119,6 +123,7 @@ def _work_in_folder(given: _Folders) -> RemoteResult:
     with tempfile.TemporaryDirectory(prefix="navfw-pictures-") as folder:
         pictures = Path(folder) / given.job.pictures.name
         pictures.mkdir(exist_ok=True)
-        row = given.work(replace(given.job, pictures=pictures))
+        work: Callable[[Job], RunRow] = resolve_name(given.work)
+        row = work(replace(given.job, pictures=pictures))
         picture = pictures / Path(row.picture).name if row.picture else None
         return RemoteResult(row, picture.read_bytes() if picture else None)

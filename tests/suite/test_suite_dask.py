@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import pickle
 import signal
 import subprocess
 import sys
@@ -21,7 +22,6 @@ from navfw.cli import app
 from navfw.errors import InputError
 from navfw.suite import dask_engine
 from navfw.suite.case import Job
-from navfw.suite.case_worker import run_job
 from navfw.suite.dask_engine import DaskEngine
 from navfw.suite.job_package import JobPackage, worker_identity
 from navfw.suite.run_table import RunRow
@@ -155,11 +155,25 @@ def test_a_worker_is_not_profiled_while_it_has_a_suite(tmp_path: Path) -> None:
         local_directory=str(tmp_path / "worker"), periodic_callbacks={"profile": profile}
     )
     (tmp_path / "worker").mkdir()
-    plugin = PackageOnWorker(JobPackage.of([samples.case(1)]), run_job, 10.0, 1000.0)
+    plugin = PackageOnWorker(JobPackage.of([samples.case(1)]), "a:b", 10.0, 1000.0)
     plugin.setup(worker)
     assert log == ["stop"]
     plugin.teardown(worker)
     assert log == ["stop", "start"]
+
+
+def test_a_worker_itself_imports_no_simulator(tmp_path: Path) -> None:
+    from navfw.suite.dask_worker import PackageOnWorker
+
+    work = "navfw.suite.case_worker:run_job"
+    plugin = PackageOnWorker(JobPackage.of([samples.case(1)]), work, 10.0, 1000.0)
+    (tmp_path / "plugin").write_bytes(pickle.dumps(plugin))
+    code = "import pickle, sys; pickle.load(sys.stdin.buffer); print('numba' in sys.modules)"
+    with (tmp_path / "plugin").open("rb") as pickled:
+        found = subprocess.run(  # noqa: S603 - this Python, words of our own
+            [sys.executable, "-c", code], stdin=pickled, capture_output=True, check=True
+        )
+    assert found.stdout.strip() == b"False"
 
 
 def test_paths_travel_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
