@@ -39,6 +39,9 @@ def add(
     name: Annotated[
         str | None, typer.Option(help="Of the result [default: from what was run].")
     ] = None,
+    total: Annotated[
+        bool, typer.Option("--total", help="All variants of a suite as one result.")
+    ] = False,
     folder: Folder = _FOLDER,
 ) -> None:
     """Keep a result as JSON, with revision, command, seeds and kind of machine."""
@@ -46,7 +49,7 @@ def add(
     from navfw.results.result_file import save_result
 
     _check(folder)
-    for result in collect(source, name):
+    for result in collect(source, name, total=total):
         typer.echo(f"{save_result(folder, result)}: {result.command}")
         if result.dirty:
             print_status(

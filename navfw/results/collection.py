@@ -48,11 +48,11 @@ _OF_RUNS = {
 """Keys of ``result.json`` that are not measured values."""
 
 
-def collect(source: Path, name: str | None = None) -> list[StoredResult]:
+def collect(source: Path, name: str | None = None, *, total: bool = False) -> list[StoredResult]:
     """The results in a suite's folder, a run folder, or the JSON that a command printed.
 
-    A suite with variants gives one result for each. ``name`` replaces the default name: suite and
-    seeds, world, mission and seed, or the benchmark's command.
+    A suite with variants gives one result for each; with ``total`` one for all. ``name`` replaces
+    the default name: suite and seeds, world, mission and seed, or the benchmark's command.
 
     Raises:
         InputError: there is nothing of that kind, it is incomplete, or of several revisions.
@@ -60,7 +60,7 @@ def collect(source: Path, name: str | None = None) -> list[StoredResult]:
     """
     try:
         if is_file(source / "suite.json"):
-            return _of_suite(SuiteFolder(source), name)
+            return _of_suite(SuiteFolder(source), name, total=total)
         if is_folder(source):
             return [_of_run(read_result(source), name)]
         data = read_json_object(source)
@@ -94,7 +94,7 @@ def seed_range(seeds: Iterable[int], file: str | Path | None = None) -> str:
 # --- suites --------------------------------------------------------------------------------------
 
 
-def _of_suite(folder: SuiteFolder, name: str | None) -> list[StoredResult]:
+def _of_suite(folder: SuiteFolder, name: str | None, *, total: bool) -> list[StoredResult]:
     about, summary = folder.about(), read_json_object(folder.path / SUMMARY)
     if not summary.get("complete"):
         raise InputError("is incomplete: run the rest with --resume", file=folder.path)
@@ -106,10 +106,10 @@ def _of_suite(folder: SuiteFolder, name: str | None) -> list[StoredResult]:
     size = sum(file.stat().st_size for file, _ in files_in(folder.path))
     entries = summary["by_entry"]
     expect = {entry: part["expect"] for entry, part in entries.items() if "expect" in part}
-    compared = summarize(rows).get("by_variant", {})
+    compared = {} if total else summarize(rows).get("by_variant", {})
     results: list[StoredResult] = []
-    for variant in dict.fromkeys(row.variant for row in rows):
-        own = [row for row in rows if row.variant == variant]
+    for variant in [""] if total else dict.fromkeys(row.variant for row in rows):
+        own = [row for row in rows if total or row.variant == variant]
         _check_one_stack(own, folder.path)
         seeds = seed_range((row.seed for row in own), folder.table)
         of_variant = ["--variant", variant] if variant else []

@@ -82,6 +82,15 @@ def test_each_variant_is_a_result_compared_with_the_first(tmp_path: Path) -> Non
     assert second.command == "navfw suite rooms --seeds 0:5 --variant bare"
 
 
+def test_all_variants_may_be_one_result(tmp_path: Path) -> None:
+    rows = [row(seed, variant=variant) for variant in ("slow", "fast") for seed in range(5)]
+    [result] = collect(suite_folder(tmp_path / "runs", rows).path, total=True)
+    assert isinstance(result, StoredSuiteResult)
+    assert (result.name, result.variant, result.p) == ("rooms-0-5", "", None)
+    assert (result.figures.runs, result.figures.reached) == (10, 10)
+    assert result.command == "navfw suite rooms --seeds 0:5"
+
+
 def test_entries_and_missions_are_parts(tmp_path: Path) -> None:
     rows = [
         row(0, entry="office", mission="there"),
