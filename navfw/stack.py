@@ -258,10 +258,7 @@ class Stack:
         finished = waypoint is None and not belief.lost
         command, idle = None, 0.0
         if not finished and not self._warming_up(reading.time):
-            moving_obstacles = self._map(frame, view, odometry, seen_from.pose)
-            if self.known_walls is not None:
-                walls = self.known_walls.around(belief, odometry.pose)
-                self.local_map.occupancy.set_walls(walls)
+            moving_obstacles = self._map(frame, view, odometry, seen_from.pose, belief)
             inputs = self._inputs(odometry, belief, waypoint, moving_obstacles)
             with timed(self.timings, "motion"):
                 command = self.mofis.decide(inputs)
@@ -343,7 +340,7 @@ class Stack:
             return self.planner.update(belief)
 
     def _map(
-        self, frame: Frame, view: View, odometry: Odometry, seen_from: Pose
+        self, frame: Frame, view: View, odometry: Odometry, seen_from: Pose, belief: Belief
     ) -> tuple[OccupiedDisc, ...]:
         """Update local map and tracks; the discs that bar only the way to the local goal.
 
@@ -353,6 +350,9 @@ class Stack:
             if self.safety.senses.seeing:
                 self.local_map.sight.observe_image(frame.image)
             self.local_map.update(odometry, view.percepts, view.stixels, seen_from)
+            if self.known_walls is not None:
+                walls = self.known_walls.around(belief, odometry.pose)
+                self.local_map.occupancy.set_walls(walls)
         self._percept = view.percept or self._percept
         self._flow = view.flows[-1] if view.flows else self._flow
         with timed(self.timings, "movers"):
