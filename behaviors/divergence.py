@@ -148,10 +148,12 @@ def _growth(points: Array, vectors: Array, weight: Array) -> float:
 
     From an affine fit of ``vectors``; for a frontal surface it is 1 - (depth now / depth past).
     """
-    root = np.sqrt(weight)[:, None]
-    design = np.column_stack([np.ones(len(points)), points])
-    fitted = np.linalg.lstsq(root * design, root * vectors, rcond=None)[0]
-    return 0.5 * float(fitted[1, 0] + fitted[2, 1])
+    mean = (weight[:, None] * points).sum(axis=0) / weight.sum()
+    x, y = (points - mean).T
+    xx, xy, yy = ((weight * square).sum() for square in (x * x, x * y, y * y))
+    by_x, by_y = weight * (yy * x - xy * y), weight * (xx * y - xy * x)
+    rates = (by_x * vectors[:, 0]).sum() + (by_y * vectors[:, 1]).sum()
+    return 0.5 * float(rates / (xx * yy - xy * xy))
 
 
 def _mean_turn(flow: FlowField) -> float:

@@ -154,8 +154,8 @@ class KeepClear(RuledBehavior):
         """(n,) whether a percept shows what is at ``points`` (n, 2) in base_link."""
         camera = self.robot.camera
         ahead = points[:, 0] - camera.mount_forward
-        aside = np.abs(np.arctan2(points[:, 1], ahead))
-        seen: Mask = (ahead > self.params.blind) & (aside < 0.5 * camera.hfov - VIEW_RIM)
+        edge = ahead * math.tan(0.5 * camera.hfov - VIEW_RIM)
+        seen: Mask = (ahead > self.params.blind) & (np.abs(points[:, 1]) < edge)
         return seen
 
     def _nearest(self, percept: Percept) -> list[tuple[float, float]]:
@@ -244,10 +244,10 @@ def _places(context: Context) -> tuple[Array, Array]:
 
 def _nearest_depth(nearness: Array, weight: Array) -> float | None:
     """Mean depth [m] of the nearest eighth of the cells; None if they have too little weight."""
-    nearest_first = np.argsort(-nearness)
+    nearest_first = np.argsort(-nearness, kind="stable")
     total = np.cumsum(weight[nearest_first])
     if total[-1] < LEAST_WEIGHT:
         return None
     count = int(np.searchsorted(total, max(NEAREST_SHARE * total[-1], LEAST_WEIGHT))) + 1
     chosen = nearest_first[:count]
-    return float(weight[chosen].sum() / (weight[chosen] @ nearness[chosen]))
+    return float(weight[chosen].sum() / (weight[chosen] * nearness[chosen]).sum())

@@ -8,6 +8,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
+from navfw.numerics.products import product
 from navfw.signals import Array
 
 __all__ = ["CameraModel", "LandmarkCamera", "SideCamera", "SideViews"]
@@ -93,7 +94,8 @@ class SideCamera(CameraModel):
     def base_from_camera(self) -> Array:
         """(3, 3) rotation that turns camera_optical axes into base_link axes."""
         c, s = math.cos(self.turn), math.sin(self.turn)
-        return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ super().base_from_camera
+        turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        return np.asarray(product(turn, super().base_from_camera))
 
 
 class SideViews(BaseModel):

@@ -132,7 +132,8 @@ def poster_image(number: int) -> Image:
     """
     rng = np.random.default_rng([number, 20090213])
     canvas = _smooth_noise(rng)
-    for span in np.geomspace(0.34, 0.035, _SHAPES):
+    for shape in range(_SHAPES):
+        span = 0.34 * (0.035 / 0.34) ** (shape / (_SHAPES - 1))
         grey = float(rng.uniform(15.0, 240.0))
         _shape(canvas, rng, 0.5 * span * _POSTER, grey)
     canvas += 12.0 * cv2.resize(rng.standard_normal((64, 64)), (_POSTER, _POSTER))

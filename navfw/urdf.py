@@ -17,6 +17,7 @@ import numpy as np
 from navfw.config.input_file import is_file, shown_path
 from navfw.config.xml_file import line_of, read_xml
 from navfw.errors import ConfigError
+from navfw.numerics.products import product
 from navfw.signals import Array
 
 __all__ = [
@@ -81,7 +82,7 @@ class UrdfModel:
             joint = by_child.get(link)
             if joint is None:
                 break
-            frame, link = joint.frame @ frame, joint.parent
+            frame, link = product(joint.frame, frame), joint.parent
         return frame
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from navfw.config.document import KeyPath, YamlDocument, key_text
 from navfw.errors import ConfigError, UnknownNameError
+from navfw.numerics.products import product
 from navfw.robot import CameraModel, DrivenUrdf, RobotModel
 from navfw.signals import Array
 from navfw.urdf import UrdfModel, read_urdf
@@ -147,8 +148,8 @@ def _check_wheels(urdf: DrivenUrdf, wheel_radius: float, model: UrdfModel, where
 def _axis_across(model: UrdfModel, joint: str) -> float:
     """The share of a joint's axis that points left, -1 to 1."""
     found = model.joints[joint]
-    axis = model.frame_of(found.child)[:3, :3] @ found.axis
-    return float(axis[1] / max(float(np.linalg.norm(axis)), 1e-9))
+    axis = product(model.frame_of(found.child)[:3, :3], found.axis)
+    return float(axis[1] / max(math.hypot(*axis), 1e-9))
 
 
 def _mounted(camera: CameraModel, model: UrdfModel, link: str, origin: Array) -> CameraModel:

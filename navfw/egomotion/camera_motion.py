@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from navfw.numerics.products import product
 from navfw.robot import RobotModel
 from navfw.signals import Array, CameraMotion, FlowField, Odometry, Pose, wrap_angle
 
@@ -52,13 +53,13 @@ def camera_motion(
     lever = np.array([robot.camera.mount_forward, 0.0, 0.0])
     x, y = now.to_local(past.x, past.y)
     now_from_past = yaw_rotation(-turn)
-    displacement = np.array([-x, -y, 0.0]) + lever - now_from_past @ lever
+    displacement = np.array([-x, -y, 0.0]) + lever - product(now_from_past, lever)
     base_from_camera = robot.camera.base_from_camera
-    translation = base_from_camera.T @ displacement
-    way = math.sqrt(translation @ translation)
+    translation = product(base_from_camera.T, displacement)
+    way = math.sqrt(product(translation, translation))
     skid = robot.skid * abs(turn)
     return CameraMotion(
-        rotation=base_from_camera.T @ now_from_past @ base_from_camera,
+        rotation=product(base_from_camera.T, now_from_past, base_from_camera),
         translation=translation,
         dt=dt,
         yaw_sigma=yaw_rate_sigma * abs(dt),

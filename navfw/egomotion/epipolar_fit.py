@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from navfw.camera_geometry.turned_points import turning_slope
+from navfw.numerics.algebra_kernels import solve_system
 
 __all__ = ["add_equations", "cauchy_weight", "epipolar_residual", "fit_reweighted"]
 
@@ -145,16 +146,12 @@ def fit_reweighted(
 
 @numba.njit(cache=True)
 def _solved(matrix: Doubles, right: Doubles) -> Doubles:
-    """Solution (k,) of ``matrix`` (k, k) times it = ``right`` (k,).
-
-    Two unknowns, those of the control loop, are solved by Cramer's rule, which costs less than the
-    call of a library.
-    """
+    """Solution (k,) of ``matrix`` (k, k) times it = ``right`` (k,)."""
     solution = np.empty_like(right)
     if right.size == 2:
         det = matrix[0, 0] * matrix[1, 1] - matrix[0, 1] * matrix[0, 1]
         solution[0] = (matrix[1, 1] * right[0] - matrix[0, 1] * right[1]) / det
         solution[1] = (matrix[0, 0] * right[1] - matrix[0, 1] * right[0]) / det
     else:
-        solution[:] = np.linalg.solve(matrix, right)
+        solution[:] = solve_system(matrix, right)
     return solution

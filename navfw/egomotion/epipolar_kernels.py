@@ -7,7 +7,6 @@ where the point that is now at ``points`` was in the past image: ``points - vect
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numba
 import numpy as np
@@ -22,6 +21,7 @@ from navfw.egomotion.epipolar_fit import (
     epipolar_residual,
     fit_reweighted,
 )
+from navfw.numerics.algebra_kernels import bilinear, dot, multiply, solve_system
 
 __all__ = ["fit_motion", "fit_rotation", "rate_directions", "tangents"]
 
@@ -86,8 +86,8 @@ def fit_rotation(
         right[:] = 0.0
         add_equations(matrix, right, along_x, off[:, 0], weights)
         add_equations(matrix, right, along_y, off[:, 1], weights)
-        step: Any = np.linalg.solve(matrix, right)
-        rotation = rotation_matrix(step) @ rotation
+        step = solve_system(matrix, right)
+        rotation = multiply(rotation_matrix(step), rotation)
     return rotation
 
 
@@ -172,7 +172,7 @@ def rate_directions(
                 offsets[i] = _residual((x, y), vector, focal, directions[k], axes, slopes[i])
         angles, _ = fit_reweighted(offsets, slopes, sigma, weight, prior, iterations)
         rotation[k] = angles
-        total = 0.5 * (angles @ (prior @ angles))
+        total = 0.5 * bilinear(angles, prior, angles)
         for i in range(n):
             if weight[i] > 0.0 and not math.isnan(offsets[i]):
                 off = offsets[i]
@@ -228,14 +228,15 @@ def fit_motion(
     for step in range(iterations + 1):
         basis = tangents(t)
         matrix[:], right[:] = 0.0, 0.0
-        off3 = rotation_vector(rotation @ mean.T)
+        off3 = rotation_vector(multiply(rotation, mean.T))
         matrix[:3, :3] = information
-        right[:3] = -(information @ off3)
+        for k in range(3):
+            right[k] = -dot(information[k], off3)
         gap = t - towards
         for j in range(2):
-            right[3 + j] = -(basis[j] @ (pull @ gap))
+            right[3 + j] = -bilinear(basis[j], pull, gap)
             for h in range(2):
-                matrix[3 + j, 3 + h] = basis[j] @ (pull @ basis[h])
+                matrix[3 + j, 3 + h] = bilinear(basis[j], pull, basis[h])
         for i in range(n):
             point = points[i, 0], points[i, 1]
             px, py = turn_point(past[i, 0], past[i, 1], rotation, focal)
@@ -252,13 +253,13 @@ def fit_motion(
         damped = matrix.copy()
         for j in range(5):
             damped[j, j] = damped[j, j] * 1.001 + 1e-6
-        move: Any = np.linalg.solve(damped, right)
+        move = solve_system(damped, right)
         turn = math.sqrt(move[3] * move[3] + move[4] * move[4])
         if turn > 0.3:
             move *= 0.3 / turn
-        rotation = rotation_matrix(move[:3]) @ rotation
+        rotation = multiply(rotation_matrix(move[:3]), rotation)
         t = t + move[3] * basis[0] + move[4] * basis[1]
-        t /= math.sqrt(t @ t)
+        t /= math.sqrt(dot(t, t))
     return rotation, t, matrix, residuals
 
 

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from navfw.egomotion.epipolar_fit import CAUCHY
+from navfw.numerics.algebra_kernels import dot, solve_system
 
 __all__ = ["SLANT", "UNKNOWNS", "register_floor"]
 
@@ -40,10 +41,6 @@ WIDE = 3
 
 WELSCH = 2.985**2
 """Squared width of the Welsch weights [sigma^2]: 95 % efficient on normal errors."""
-
-
-_SUMS = {"reassoc", "contract", "nsz"}
-"""Sums in any order: without it the compiler does not vectorise them."""
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -113,7 +110,7 @@ def _residuals(
         slopes[SLANT, i] = (fx * tx + fy * ty) * farness[i]
 
 
-@numba.njit(cache=True, fastmath=_SUMS)
+@numba.njit(cache=True, error_model="numpy")
 def _weighted_sums(
     weights: Doubles,
     offsets: Doubles,
@@ -129,15 +126,9 @@ def _weighted_sums(
     for a in range(right.size):
         for i in range(scaled.size):
             scaled[i] = weights[i] * slopes[a, i]
-        total = 0.0
-        for i in range(scaled.size):
-            total += scaled[i] * offsets[i]
-        right[a] = -total
+        right[a] = -dot(scaled, offsets)
         for e in range(a, right.size):
-            total = 0.0
-            for i in range(scaled.size):
-                total += scaled[i] * slopes[e, i]
-            matrix[a, e] = matrix[e, a] = total
+            matrix[a, e] = matrix[e, a] = dot(scaled, slopes[e])
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -201,8 +192,10 @@ def register_floor(
             else:
                 weights[i] = math.exp(-off * off / WELSCH) / (sigma * sigma)
         _weighted_sums(weights, offsets, slopes, scaled, matrix, right)
-        right[:UNKNOWNS] += prior @ (start - at)
-        step = np.linalg.solve(matrix[:UNKNOWNS, :UNKNOWNS] + prior, right[:UNKNOWNS])
+        away = start - at
+        for a in range(UNKNOWNS):
+            right[a] += dot(prior[a], away)
+        step = solve_system(matrix[:UNKNOWNS, :UNKNOWNS] + prior, right[:UNKNOWNS])
         at += step
         if iteration >= WIDE and max(abs(step[0]), abs(step[1]), abs(step[2])) < CONVERGED:
             break

@@ -17,6 +17,8 @@ import numpy as np
 
 from navfw.egomotion.camera_motion import YAW_RATE_SIGMA
 from navfw.egomotion.floor_registration import FloorImage, FloorRegistration, FloorStep
+from navfw.numerics.linear_systems import solve
+from navfw.numerics.products import product
 from navfw.robot import RobotModel
 from navfw.signals import Array, Frame, Odometry, Pose, Twist, YawCorrection, wrap_angle
 
@@ -183,7 +185,7 @@ class FloorOdometry:
         jacobian[0, 2], jacobian[1, 2] = -dy, dx
         jacobian[0, 3], jacobian[1, 3] = -dx / covered, -dy / covered
         jacobian[2, 4] = -dt
-        self._covariance = jacobian @ self._covariance @ jacobian.T
+        self._covariance = product(jacobian, self._covariance, jacobian.T)
         way = math.hypot(dx, dy)
         along = self._slip * max(abs(now.twist.v), 0.1) * way
         if now.silent:
@@ -233,7 +235,7 @@ class FloorOdometry:
     def _distance(self, found: FloorStep) -> float:
         """Squared Mahalanobis distance of ``found`` from the state."""
         off = self._offset(found)
-        return float(off @ np.linalg.solve(self._covariance[:3, :3] + found.covariance, off))
+        return float(product(off, solve(self._covariance[:3, :3] + found.covariance, off)))
 
     def _offset(self, found: FloorStep) -> Array:
         x, y, yaw = self._state[:3].tolist()
@@ -242,12 +244,12 @@ class FloorOdometry:
 
     def _update(self, found: FloorStep) -> None:
         spread = self._covariance[:3, :3] + found.covariance
-        gain = np.linalg.solve(spread, self._covariance[:3, :]).T
-        self._state = self._state + gain @ self._offset(found)
+        gain = solve(spread, self._covariance[:3, :]).T
+        self._state = self._state + product(gain, self._offset(found))
         keep = np.eye(5)
         keep[:, :3] -= gain
-        updated: Array = keep @ self._covariance @ keep.T + gain @ found.covariance @ gain.T
-        self._covariance = updated
+        noise = product(gain, found.covariance, gain.T)
+        self._covariance = product(keep, self._covariance, keep.T) + noise
 
 
 def _between(corrected: Pose, raw: Pose) -> Pose:

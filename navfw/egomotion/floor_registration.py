@@ -15,6 +15,9 @@ import numpy as np
 import numpy.typing as npt
 
 from navfw.egomotion.floor_kernels import SLANT, UNKNOWNS, register_floor
+from navfw.numerics.functions import log
+from navfw.numerics.linear_systems import inverse, solve
+from navfw.numerics.products import product
 from navfw.robot import RobotModel
 from navfw.signals import Array, Image, Pose
 from navfw.signals.immutable import read_only
@@ -104,7 +107,7 @@ class FloorRegistration:
         x = columns - 0.5 * (camera.width - 1)
         y = rows - 0.5 * (camera.height - 1)
         rays = np.stack([x / camera.focal, y / camera.focal, np.ones_like(x)], axis=-1)
-        rays = rays @ camera.base_from_camera.T
+        rays = product(rays, camera.base_from_camera.T)
         near = -rays[..., 2] * REACH > np.hypot(rays[..., 0], rays[..., 1])
         rays = rays[near]
         horizon = 0.5 * (camera.height - 1) - camera.focal * math.tan(camera.pitch)
@@ -114,7 +117,7 @@ class FloorRegistration:
         ground = depth[:, None] * rays[:, :2] + np.array([camera.mount_forward, 0.0])
         self._ground = read_only(np.ascontiguousarray(ground))
         distance = depth * np.hypot(rays[:, 0], rays[:, 1])
-        self._farness = read_only(np.log(distance / distance.min(initial=np.inf)))
+        self._farness = read_only(log(distance / distance.min(initial=np.inf)))
         self._camera = read_only(
             np.array(
                 [
@@ -144,7 +147,7 @@ class FloorRegistration:
             return None
         start = np.array([guess.x, guess.y, guess.yaw, 0.0, 0.0])
         prior = self._known[:UNKNOWNS, :UNKNOWNS].copy()
-        prior[:3, :3] = np.linalg.inv(covariance)
+        prior[:3, :3] = inverse(covariance)
         found: Any = register_floor(
             past.grey,
             now.values,
@@ -163,11 +166,11 @@ class FloorRegistration:
         information = information / CORRELATION + self._known
         pull = np.append(_prior_pull(prior, start, at), slanted / CORRELATION)
         # covariance of the motion if the slant is not known beforehand, either
-        spread = np.linalg.inv(information)
-        if float(spread[SLANT] @ pull) > MOST_SLANT:
+        spread = inverse(information)
+        if float(product(spread[SLANT], pull)) > MOST_SLANT:
             return None
         # the answer of the images alone: where they and the prior pull equally hard
-        at = at + np.linalg.solve(information[:SLANT, :SLANT], pull[:SLANT])
+        at = at + solve(information[:SLANT, :SLANT], pull[:SLANT])
         spread = spread[:3, :3].copy()
         spread[np.diag_indices(3)] += LEAST_SIGMA**2
         spread[:2, :2] += SCALE_SIGMA**2 * np.outer(at[:2], at[:2])
@@ -177,5 +180,5 @@ class FloorRegistration:
 def _prior_pull(prior: Array, start: Array, at: Array) -> Array:
     """The pull (UNKNOWNS,) of the prior of the motion on a fit at ``at``, back to ``start``."""
     pull = np.zeros(UNKNOWNS)
-    pull[:3] = prior[:3, :3] @ (at[:3] - start[:3])
+    pull[:3] = product(prior[:3, :3], at[:3] - start[:3])
     return pull

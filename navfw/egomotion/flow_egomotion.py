@@ -25,6 +25,8 @@ from navfw.egomotion.epipolar_kernels import (
     rate_directions,
     tangents,
 )
+from navfw.numerics.linear_systems import inverse, solve
+from navfw.numerics.products import product
 from navfw.signals import Array
 
 __all__ = [
@@ -98,7 +100,7 @@ class EgomotionPrior:
     @property
     def information(self) -> Array:
         """Inverse (3, 3) of ``rotation_covariance`` [1/rad^2]."""
-        return np.asarray(np.linalg.inv(self.rotation_covariance), dtype=np.float64)
+        return np.asarray(inverse(self.rotation_covariance), dtype=np.float64)
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,10 +166,10 @@ class Egomotion:
         for variance, axis in zip(variances.tolist(), axes.T, strict=True):
             for way in (-sigmas, sigmas):
                 off = way * math.sqrt(max(variance, 0.0)) * axis
-                direction = self.direction + off[3:] @ basis
+                direction = self.direction + product(off[3:], basis)
                 yield (
                     rotation_matrix(np.ascontiguousarray(off[:3])),
-                    direction / np.linalg.norm(direction),
+                    direction / math.hypot(*direction),
                 )
 
 
@@ -215,7 +217,7 @@ def _translation(motion: PointMotion, focal: float, prior: EgomotionPrior) -> Eg
     ]
     best = int(np.argmin(costs))
     rotation, direction, matrix, _ = fits[best]
-    covariance: Any = np.linalg.inv(matrix + 1e-9 * np.eye(5)) * scale**2
+    covariance: Any = inverse(matrix + 1e-9 * np.eye(5)) * scale**2
     sigma = math.sqrt(max(float(np.linalg.eigvalsh(covariance[3:, 3:])[-1]), 0.0))
     share = _forward_share(motion, focal, rotation, direction)
     if share < 0.5:
@@ -223,7 +225,7 @@ def _translation(motion: PointMotion, focal: float, prior: EgomotionPrior) -> Eg
     rivals = [
         cost - costs[best]
         for cost, other in zip(costs, fits, strict=True)
-        if abs(float(other[1] @ direction)) < math.cos(min(max(3.0 * sigma, 0.15), 1.5))
+        if abs(float(product(other[1], direction))) < math.cos(min(max(3.0 * sigma, 0.15), 1.5))
     ]
     decided = share >= SIGN_SHARE and all(gap > DECISIVE for gap in rivals)
     return Egomotion(
@@ -248,10 +250,10 @@ def _bounded_cost(motion: PointMotion, residual: Array, scale: float) -> float:
 
 def _surprise(prior: EgomotionPrior, rotation: Array, direction: Array) -> float:
     """Negative log likelihood of a motion by ``prior``; the sign of ``direction`` is open."""
-    turn = rotation_vector(rotation @ prior.rotation.T)
-    cost = 0.5 * float(turn @ np.linalg.solve(prior.rotation_covariance, turn))
+    turn = rotation_vector(product(rotation, prior.rotation.T))
+    cost = 0.5 * float(product(turn, solve(prior.rotation_covariance, turn)))
     if math.isfinite(prior.direction_sigma):
-        gap = 2.0 - 2.0 * abs(float(direction @ prior.direction))
+        gap = 2.0 - 2.0 * abs(float(product(direction, prior.direction)))
         cost += 0.5 * gap / prior.direction_sigma**2
     return cost
 
@@ -266,11 +268,11 @@ def _starts(
         motion.points, past, motion.sigma, motion.weight, focal, directions, information, 4
     )
     gap = directions - prior.direction
-    cost = cost + 0.5 * ((gap @ pull) * gap).sum(axis=1)
+    cost = cost + 0.5 * ((product(gap, pull)) * gap).sum(axis=1)
     found: list[tuple[Array, Array]] = []
-    for k in np.argsort(cost).tolist():
-        if all(abs(float(directions[k] @ other)) < APART for _, other in found):
-            found.append((rotation_matrix(turns[k]) @ prior.rotation, directions[k]))
+    for k in np.argsort(cost, kind="stable").tolist():
+        if all(abs(float(product(directions[k], other))) < APART for _, other in found):
+            found.append((product(rotation_matrix(turns[k]), prior.rotation), directions[k]))
         if len(found) == STARTS:
             break
     return found

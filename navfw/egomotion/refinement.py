@@ -11,6 +11,7 @@ import numpy.typing as npt
 from navfw.camera_geometry.derotation import derotated_vectors
 from navfw.camera_geometry.rotations import rotation_matrix
 from navfw.egomotion.refinement_kernels import refine_rotation, weigh_residuals
+from navfw.numerics.products import product
 from navfw.robot import CameraModel
 from navfw.signals import Array, CameraMotion, FlowField
 
@@ -114,7 +115,7 @@ def refine(flow: FlowField, camera: CameraModel, params: RefinementParams = _USU
     residual, allowed = (values.reshape(flow.shape) for values in per_vector)
     yaw, pitch = angles.tolist()
     yaw_sigma, pitch_sigma = deviations.tolist()
-    rotation = rotation_matrix(-yaw * up + pitch * right) @ motion.rotation
+    rotation = product(rotation_matrix(-yaw * up + pitch * right), motion.rotation)
     return Refinement(
         motion=dataclasses.replace(motion, rotation=rotation, yaw_sigma=yaw_sigma),
         yaw=yaw,

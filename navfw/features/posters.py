@@ -23,7 +23,8 @@ __all__ = ["Posters"]
 _SIDES = (160, 64)
 """Sides [px] of the templates: one for near, one for distant posters."""
 _ENLARGED = 2
-"""Factor by which frames are enlarged: ORB's patches are 31 px wide, like distant posters."""
+"""Factor by which frames are enlarged: ORB's patches are 31 px wide, like distant posters. At this
+factor OpenCV's cubic interpolation is exact on every processor; at others it is not."""
 _FRAME_FEATURES = 800
 _TEMPLATE_FEATURES = 250
 """Number of features extracted from a frame, and from a template at each size."""

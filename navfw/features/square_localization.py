@@ -13,6 +13,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from navfw.landmark_appearance import identity_of
+from navfw.numerics.functions import arctan2
+from navfw.numerics.products import product
 from navfw.robot import CameraModel
 from navfw.signals import Array, LandmarkDetection
 from navfw.topomap import TopoMap
@@ -42,7 +44,7 @@ def locate(corners: Array, side: float, camera: CameraModel) -> Array:
     right, bottom left in the image; ``side`` [m] is the squares' side.
     """
     ahead = np.full((*corners.shape[:-1], 1), camera.focal)
-    rays = np.concatenate([corners, ahead], axis=-1) @ camera.base_from_camera.T
+    rays = product(np.concatenate([corners, ahead], axis=-1), camera.base_from_camera.T)
     level = np.hypot(rays[..., 0], rays[..., 1])
     slopes = rays[..., 2] / level
     directions = rays[..., :2] / level[..., None]
@@ -52,7 +54,7 @@ def locate(corners: Array, side: float, camera: CameraModel) -> Array:
     points = (side / drop)[..., None] * along
     middle = points.mean(axis=-2)
     x = middle[..., 0] + camera.mount_forward
-    return np.stack([np.arctan2(middle[..., 1], x), np.hypot(x, middle[..., 1])], axis=-1)
+    return np.stack([arctan2(middle[..., 1], x), np.hypot(x, middle[..., 1])], axis=-1)
 
 
 def locate_with_covariance(
@@ -66,7 +68,7 @@ def locate_with_covariance(
     varied = locate(np.concatenate([corners[None], corners + shifts]), side, camera)
     found = varied[0]
     jacobian = (varied[1:] - found) / _STEP
-    covariance = sigma**2 * jacobian.T @ jacobian
+    covariance = product(sigma**2 * jacobian.T, jacobian)
     covariance += np.diag([_BEARING_FLOOR**2, (_RANGE_FLOOR * found[1]) ** 2])
     return found, covariance
 

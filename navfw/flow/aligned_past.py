@@ -10,6 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from navfw.camera_geometry.turned_points import turn_point
+from navfw.numerics.linear_systems import inverse
+from navfw.numerics.products import product
 from navfw.robot import CameraModel
 from navfw.signals import Array, Image, Mask
 
@@ -43,7 +45,7 @@ def align_past(past: Image, rotation: Array, camera: CameraModel) -> Image:
     if not rotation_matters(rotation, camera):
         return past
     intrinsics, inverse = _intrinsics(camera.focal, camera.width, camera.height)
-    past_from_now = intrinsics @ rotation.T @ inverse
+    past_from_now = product(intrinsics, rotation.T, inverse)
     warped = cv2.warpPerspective(
         past,
         past_from_now,
@@ -60,7 +62,7 @@ def _intrinsics(focal: float, width: int, height: int) -> tuple[Array, Array]:
     matrix = np.array(
         [[focal, 0.0, 0.5 * (width - 1)], [0.0, focal, 0.5 * (height - 1)], [0.0, 0.0, 1.0]]
     )
-    return matrix, np.linalg.inv(matrix)
+    return matrix, inverse(matrix)
 
 
 def visible_in_past(rotation: Array, camera: CameraModel) -> tuple[int, int, int, int]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from navfw.numerics.products import product
 from navfw.signals import Array, FlowField
 
 __all__ = ["ContactFilter", "Expansion", "fit_expansion"]
@@ -59,17 +60,17 @@ def fit_expansion(flow: FlowField, least: float = 0.2) -> Expansion | None:
     off, away = np.zeros(len(points)), points
     for _ in range(ITERATIONS):
         total = weight.sum()
-        centre, mean = weight @ points / total, weight @ vectors / total
+        centre, mean = product(weight, points) / total, product(weight, vectors) / total
         away = points - centre
-        spread = float(weight @ (away**2).sum(axis=1))
+        spread = float(product(weight, (away**2).sum(axis=1)))
         if spread <= 0.0:
             return None
-        rate = float(weight @ (away * (vectors - mean)).sum(axis=1)) / spread
+        rate = float(product(weight, (away * (vectors - mean)).sum(axis=1))) / spread
         off = np.linalg.norm(vectors - mean - rate * away, axis=1)
         scale = max(1.2 * float(np.median(off)), RESIDUAL_FLOOR)
         weight = first / (1.0 + (off / (2.0 * scale)) ** 2)
-    component = max(float(weight @ off**2) / (2.0 * weight.sum()), RESIDUAL_FLOOR**2)
-    variance = OVERLAP * component * float(weight**2 @ (away**2).sum(axis=1)) / spread**2
+    component = max(float(product(weight, off**2)) / (2.0 * weight.sum()), RESIDUAL_FLOOR**2)
+    variance = OVERLAP * component * float(product(weight**2, (away**2).sum(axis=1))) / spread**2
     agree = off <= 3.0 * max(1.2 * float(np.median(off)), RESIDUAL_FLOOR)
     focus = centre - mean / rate if rate != 0.0 else centre
     return Expansion(rate, math.sqrt(variance), focus, float(agree.mean()))

@@ -18,6 +18,8 @@ import numpy.typing as npt
 from navfw.flow.cell_kernels import match_cells, unwarp_cells
 from navfw.flow.dense_flow import Dense
 from navfw.flow.grid import check_frame
+from navfw.numerics.linear_systems import inverse
+from navfw.numerics.products import product
 from navfw.robot import RobotModel
 from navfw.signals import Array, CameraMotion, FlowField, FramePair, Image
 from navfw.signals.immutable import read_only
@@ -74,7 +76,7 @@ class FloorAlignedFlow:
         self._border = np.array([EDGE, EDGE, *last])
         f = camera.focal
         self._intrinsics = np.array([[f, 0.0, cx], [0.0, f, cy], [0.0, 0.0, 1.0]])
-        self._rays = np.linalg.inv(self._intrinsics)
+        self._rays = inverse(self._intrinsics)
         self._down = -camera.base_from_camera[2]
         self._corner = np.array([[1.0, 0.0, self._left], [0.0, 1.0, self._top], [0.0, 0.0, 1.0]])
         self._dis, self._coarse_dis = _matcher(), _matcher()
@@ -101,7 +103,7 @@ class FloorAlignedFlow:
         rows, cols = self._pixel_x.shape
         warped = cv2.warpPerspective(
             pair.past.image,
-            warp @ self._corner,
+            product(warp, self._corner),
             (cols, rows),
             flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
             borderMode=cv2.BORDER_REPLICATE,
@@ -127,7 +129,7 @@ class FloorAlignedFlow:
         """Homography (3, 3) from current to past pixels of points on the floor."""
         height = self._robot.camera.mount_height
         shift = _UNIT + motion.translation[:, None] * self._down / height
-        return np.asarray(self._intrinsics @ motion.rotation.T @ shift @ self._rays)
+        return np.asarray(product(self._intrinsics, motion.rotation.T, shift, self._rays))
 
     def _matches(self, now: Image, past: Image, back: Dense) -> npt.NDArray[np.bool_]:
         """Whether the past image matches the current one along the flow, for each cell."""

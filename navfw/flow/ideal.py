@@ -16,6 +16,7 @@ from navfw.errors import PluginError
 from navfw.flow.confidence import SIGMA_UNKNOWN
 from navfw.flow.grid import check_frame
 from navfw.flow.grid_flow import GridFlow
+from navfw.numerics.products import product
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Array, CameraMotion, FlowField, Frame, FramePair
 
@@ -122,6 +123,6 @@ def true_vectors(points: Array, nearness: Array, motion: CameraMotion, focal: fl
     holds for points at infinity.
     """
     ray = np.concatenate([points / focal, np.ones_like(points[..., :1])], axis=-1)
-    past = (ray + nearness[..., None] * motion.translation) @ motion.rotation
+    past = product(ray + nearness[..., None] * motion.translation, motion.rotation)
     ahead = np.where(past[..., 2:] > 1e-6, past[..., 2:], np.nan)
     return np.asarray(points - focal * past[..., :2] / ahead)

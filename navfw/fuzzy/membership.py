@@ -15,6 +15,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from navfw.numerics.functions import exp
 from navfw.signals import Array
 
 __all__ = [
@@ -137,7 +138,7 @@ class Gauss(Shape):
     def __call__(self, x: Array) -> Array:
         """One at the mean; zero (by underflow) beyond some 38 sigma."""
         z = (x - self.mean) / self.sigma
-        return np.asarray(np.exp(-0.5 * np.square(np.clip(z, -1e3, 1e3))))
+        return np.asarray(exp(-0.5 * np.square(np.clip(z, -1e3, 1e3))))
 
     @property
     def corners(self) -> tuple[float, ...]:
@@ -166,7 +167,7 @@ class Sigmoid(Shape):
     def __call__(self, x: Array) -> Array:
         """0.5 at the centre."""
         z = self.slope * (x - self.centre)
-        return np.asarray(1.0 / (1.0 + np.exp(np.clip(-z, -700.0, 700.0))))
+        return np.asarray(1.0 / (1.0 + exp(np.clip(-z, -700.0, 700.0))))
 
     @property
     def corners(self) -> tuple[float, ...]:

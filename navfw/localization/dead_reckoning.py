@@ -18,6 +18,7 @@ from navfw.localization.place_posterior import (
     known_start,
     probability_within,
 )
+from navfw.numerics.products import product
 from navfw.signals import Array, Belief, LandmarkDetection, Odometry, Percept, Pose, wrap_angle
 from navfw.topomap import TopoMap
 
@@ -118,7 +119,7 @@ class DeadReckoning(Localizer):
                 [0.0, 0.0, p.yaw_by_distance**2 * distance + p.yaw_by_turning**2 * turned],
             ]
         )
-        propagated: Array = jacobian @ self._covariance @ jacobian.T + noise
+        propagated: Array = product(jacobian, self._covariance, jacobian.T) + noise
         return propagated
 
 

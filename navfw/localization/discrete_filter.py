@@ -19,6 +19,8 @@ from navfw.localization.landmark_observations import LandmarkObservation, consis
 from navfw.localization.lattice import Lattice
 from navfw.localization.place_posterior import COUNT
 from navfw.localization.situation_model import LEARNT, SituationTable
+from navfw.numerics.functions import arctan2, exp, power
+from navfw.numerics.products import product
 from navfw.signals import Array, Odometry, Pose, wrap_angle
 from navfw.topomap import TopoMap
 
@@ -130,11 +132,11 @@ class DiscreteFilter:
             return
         lattice = self.lattice
         sigma = max(sigma, lattice.cell)
-        x = np.exp(-0.5 * ((lattice.x - pose.x) / sigma) ** 2)
-        y = np.exp(-0.5 * ((lattice.y - pose.y) / sigma) ** 2)
+        x = exp(-0.5 * ((lattice.x - pose.x) / sigma) ** 2)
+        y = exp(-0.5 * ((lattice.y - pose.y) / sigma) ** 2)
         off = _wrapped(lattice.yaw - (pose.yaw - odometry.pose.yaw))
         width = 2.0 * math.pi / lattice.headings
-        yaw = np.exp(-0.5 * (off / (0.5 * width)) ** 2)
+        yaw = exp(-0.5 * (off / (0.5 * width)) ** 2)
         around = yaw[:, None, None] * y[None, :, None] * x[None, None, :]
         self.belief = (self.belief * 1e-6 + around * lattice.domain).astype(np.float32)
         self._normalise()
@@ -256,14 +258,14 @@ class DiscreteFilter:
         rows, columns = self._window(mark.x, mark.y, distance + 4.0 * sigma_range)
         to_x = mark.x - lattice.x[columns][None, :]
         to_y = mark.y - lattice.y[rows][:, None]
-        direction = np.arctan2(to_y, to_x)
+        direction = arctan2(to_y, to_x)
         front = np.abs(_wrapped(direction + math.pi - mark.yaw)) <= FACING
-        ring = np.exp(-0.5 * ((np.hypot(to_x, to_y) - distance) / sigma_range) ** 2) * front
+        ring = exp(-0.5 * ((np.hypot(to_x, to_y) - distance) / sigma_range) ** 2) * front
         off = _wrapped(direction[None] - bearing - lattice.yaw[:, None, None])
-        toward = np.exp(-0.5 * (off / sigma_angle) ** 2)
+        toward = exp(-0.5 * (off / sigma_angle) ** 2)
         peak = 1.0 / (2.0 * math.pi * sigma_range * sigma_angle * ELSEWHERE_DENSITY)
         odds = existence / (1.0 - existence) * peak
-        ratio = (1.0 + odds * ring[None] * toward) ** observation.weight
+        ratio = power(1.0 + odds * ring[None] * toward, observation.weight)
         self.belief[:, rows, columns] *= ratio.astype(np.float32)
         self._normalise()
 
@@ -308,9 +310,9 @@ class DiscreteFilter:
         yaws, ys, xs = (np.asarray(grid).ravel() for grid in grids)
         weights = part.ravel() / mass
         samples = np.stack([xs, ys, yaws])
-        mean = samples @ weights
+        mean = product(samples, weights)
         off = samples - mean[:, None]
-        covariance = (off * weights) @ off.T
+        covariance = product(off * weights, off.T)
         place, turn = lattice.cell**2 / 12.0, (2.0 * math.pi / lattice.headings) ** 2 / 12.0
         covariance += np.diag((place, place, turn))
         pose = Pose(x0 + float(mean[0]), y0 + float(mean[1]), float(mean[2] + lattice.yaw[heading]))
@@ -325,10 +327,10 @@ class DiscreteFilter:
         dx, dy = self.lattice.x - pose.x, self.lattice.y - pose.y
         along_x, along_y = layer.sum(axis=0), layer.sum(axis=1)
         spread = np.zeros((3, 3))
-        spread[0, 0], spread[1, 1] = float(along_x @ dx**2), float(along_y @ dy**2)
-        spread[0, 1] = spread[1, 0] = float(dy @ layer @ dx)
+        spread[0, 0], spread[1, 1] = float(product(along_x, dx**2)), float(product(along_y, dy**2))
+        spread[0, 1] = spread[1, 0] = float(product(dy, layer, dx))
         yaws = self.belief.sum(axis=(1, 2), dtype=np.float64)
-        spread[2, 2] = float(yaws @ _wrapped(self.lattice.yaw - pose.yaw) ** 2)
+        spread[2, 2] = float(product(yaws, _wrapped(self.lattice.yaw - pose.yaw) ** 2))
         return spread
 
     def _at_present(self, cluster: Cluster) -> Cluster:

@@ -17,6 +17,8 @@ from navfw.localization.place_posterior import PlacePosterior, probability_withi
 from navfw.localization.plan_field import PlanField
 from navfw.localization.plan_scan import PlanScan, scan_of
 from navfw.localization.plan_search import PlanSearch, are_close
+from navfw.numerics.linear_systems import inverse, solve
+from navfw.numerics.products import product
 from navfw.signals import (
     Array,
     Belief,
@@ -171,7 +173,7 @@ class FloorPlanLocalizer(Localizer):
         """Match a scan to the plan, near the predicted pose."""
         known = self.filter.pose_covariance
         here = self.filter.pose
-        by_filter: Array = np.asarray(np.linalg.inv(known), dtype=np.float64)
+        by_filter: Array = np.asarray(inverse(known), dtype=np.float64)
         match = self._field.match(scan, here, by_filter)
         at = np.array([[match.pose.x, match.pose.y, match.pose.yaw]])
         blocked = float(self._field.blocked(scan, at)[0])
@@ -179,7 +181,7 @@ class FloorPlanLocalizer(Localizer):
         self.fit += (fit - self.fit) / self.params.memory
         off = np.array([match.pose.x - here.x, match.pose.y - here.y, 0.0])
         off[2] = wrap_angle(match.pose.yaw - here.yaw)
-        if float(off @ np.linalg.solve(known, off)) > GATE:
+        if float(product(off, solve(known, off))) > GATE:
             self.filter.covariance[:3, :] *= math.sqrt(INFLATION)
             self.filter.covariance[:, :3] *= math.sqrt(INFLATION)
         elif match.belonging >= LEAST_SHARE:

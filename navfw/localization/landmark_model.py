@@ -13,6 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from navfw.numerics.linear_systems import determinant, inverse
+from navfw.numerics.products import product
 from navfw.signals import Array, wrap_angle
 
 __all__ = [
@@ -49,8 +51,8 @@ def expected_measurement(state: Array, x: float, y: float) -> tuple[Array, Array
 
 def joseph(covariance: Array, gain: Array, jacobian: Array, noise: Array) -> Array:
     """The covariance after an update: symmetric and positive semidefinite for any ``gain``."""
-    left = np.eye(len(covariance)) - gain @ jacobian
-    updated = left @ covariance @ left.T + gain @ noise @ gain.T
+    left = np.eye(len(covariance)) - product(gain, jacobian)
+    updated = product(left, covariance, left.T) + product(gain, noise, gain.T)
     return np.asarray(0.5 * (updated + updated.T))
 
 
@@ -87,16 +89,16 @@ def associate(
     predicted, jacobian = expected_measurement(state, *at)
     innovation = measured - predicted
     innovation[0] = wrap_angle(float(innovation[0]))
-    spread = jacobian @ covariance @ jacobian.T + noise
-    inverse = np.linalg.inv(spread)
-    distance = float(innovation @ inverse @ innovation)
-    density = math.exp(-0.5 * min(distance, 600.0)) * math.sqrt(max(np.linalg.det(inverse), 0.0))
+    spread = product(jacobian, covariance, jacobian.T) + noise
+    information = inverse(spread)
+    distance = float(product(innovation, information, innovation))
+    density = math.exp(-0.5 * min(distance, 600.0)) * math.sqrt(max(determinant(information), 0.0))
     ratio = density / (2.0 * math.pi) / ELSEWHERE_DENSITY
     if distance > GATE:
         return Association(state, covariance, distance, ratio, 0.0)
     probability = existence * ratio / (existence * ratio + 1.0 - existence)
-    gain = covariance @ jacobian.T @ inverse
-    step = gain @ innovation
+    gain = product(covariance, jacobian.T, information)
+    step = product(gain, innovation)
     moved = state + probability * step
     moved[2] = wrap_angle(float(moved[2]))
     updated = joseph(covariance, gain, jacobian, noise)

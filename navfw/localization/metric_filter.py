@@ -21,6 +21,8 @@ from navfw.localization.motion_model import (
     transition,
 )
 from navfw.localization.passage_walls import PassageFix
+from navfw.numerics.linear_systems import solve
+from navfw.numerics.products import product
 from navfw.robot import RobotModel
 from navfw.signals import Array, Odometry, Pose, wrap_angle
 
@@ -113,7 +115,7 @@ class MetricFilter:
         noise = process_noise(float(self.state[2]), moved, turning_dt, self.noise, odometry)
         noise[3, 3] = self.noise.bias_walk**2 * dt
         self.state = predict(self.state, moved, drift)
-        self.covariance = jacobian @ self.covariance @ jacobian.T + noise
+        self.covariance = product(jacobian, self.covariance, jacobian.T) + noise
 
     def observe(self, observations: Sequence[LandmarkObservation]) -> None:
         """Correct the state by landmark observations, weighted by existence probability and fit."""
@@ -123,14 +125,14 @@ class MetricFilter:
     def observe_passage(self, fix: PassageFix) -> None:
         """Correct the state by the walls of a passage, unless they contradict it."""
         rows, off, variances = fix.rows()
-        shared = self.covariance[:, :3] @ rows.T
-        spread = rows @ shared[:3] + np.diag(variances)
-        if float(off @ np.linalg.solve(spread, off)) > GATE:
+        shared = product(self.covariance[:, :3], rows.T)
+        spread = product(rows, shared[:3]) + np.diag(variances)
+        if float(product(off, solve(spread, off))) > GATE:
             return
-        gain = np.linalg.solve(spread, shared.T).T
-        self.state = self.state + gain @ off
+        gain = solve(spread, shared.T).T
+        self.state = self.state + product(gain, off)
         self.state[2] = wrap_angle(float(self.state[2]))
-        updated = self.covariance - gain @ shared.T
+        updated = self.covariance - product(gain, shared.T)
         self.covariance = 0.5 * (updated + updated.T)
         self._limit_certainty()
         self.updates += 1
@@ -144,10 +146,10 @@ class MetricFilter:
         known = self.covariance[:3, :3]
         off = np.array((pose.x, pose.y, pose.yaw)) - self.state[:3]
         off[2] = wrap_angle(float(off[2]))
-        self.state = self.state + self.covariance[:, :3] @ np.linalg.solve(known, off)
+        self.state = self.state + product(self.covariance[:, :3], solve(known, off))
         self.state[2] = wrap_angle(float(self.state[2]))
-        share = np.linalg.solve(np.eye(3) + information @ known, information)
-        updated = self.covariance - self.covariance[:, :3] @ share @ self.covariance[:3, :]
+        share = solve(np.eye(3) + product(information, known), information)
+        updated = self.covariance - product(self.covariance[:, :3], share, self.covariance[:3, :])
         self.covariance = 0.5 * (updated + updated.T)
         self._limit_certainty()
         self.updates += 1

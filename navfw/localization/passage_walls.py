@@ -14,6 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from navfw.localization.plan_scan import PlanScan
+from navfw.numerics.linear_systems import inverse, solve
+from navfw.numerics.products import product
 from navfw.signals import Array, Pose, wrap_angle
 from navfw.topomap import Passage, Place, TopoMap
 
@@ -188,7 +190,7 @@ def corridor_fix(axis: PassageAxis, here: Pose, scan: PlanScan) -> PassageFix | 
     if both and abs(lines[0] - lines[1] - axis.width) <= TOLERANCE:
         shift = -0.5 * float(lines[0] + lines[1])
         middle = np.array([0.5, 0.5, 0.0])
-        shift_sigma = math.hypot(math.sqrt(middle @ covariance @ middle), AXIS_SIGMA)
+        shift_sigma = math.hypot(math.sqrt(product(middle, covariance, middle)), AXIS_SIGMA)
     turn_sigma = math.hypot(slope_sigma, AXIS_YAW_SIGMA)
     return PassageFix(axis, -math.atan(lines[2]), turn_sigma, shift, shift_sigma)
 
@@ -197,15 +199,16 @@ def _robust_lines(design: Array, across: Array, sigma: Array, start: Array) -> t
     """Parameters (3,) of the lines, with a weak prior at ``start``, and their covariance (3, 3)."""
     found, prior = start, np.diag([TOLERANCE**-2, TOLERANCE**-2, 0.3**-2])
     variance = sigma**2 + (0.5 * SPREAD) ** 2
-    inverse = prior
+    information = prior
     for _ in range(8):
-        residual = across - design @ found
+        residual = across - product(design, found)
         weight = 1.0 / (variance * (1.0 + (residual / SPREAD) ** 2))
-        inverse = prior + (design * weight[:, None]).T @ design
-        found = found + np.linalg.solve(
-            inverse, (design * weight[:, None]).T @ residual - prior @ (found - start)
+        weighted = (design * weight[:, None]).T
+        information = prior + product(weighted, design)
+        found = found + solve(
+            information, product(weighted, residual) - product(prior, found - start)
         )
-    return found, np.linalg.inv(inverse)
+    return found, inverse(information)
 
 
 def door_fix(axis: PassageAxis, here: Pose, scan: PlanScan) -> PassageFix | None:

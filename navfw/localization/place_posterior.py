@@ -8,6 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from navfw.errors import InputError
+from navfw.numerics.functions import exp
 from navfw.signals import Array, Pose, position_sigma
 from navfw.topomap import TopoMap
 
@@ -50,10 +51,9 @@ def likeliest_places(
     spread = radius**2 + 0.5 * float(np.trace(covariance[:2, :2]))
     squared = topo_map.place_distances(pose.x, pose.y) ** 2
     count = min(count, len(squared))
-    likeliest = np.argpartition(squared, count - 1)[:count]
-    likeliest = likeliest[np.argsort(squared[likeliest], kind="stable")]
+    likeliest = np.argsort(squared, kind="stable")[:count]
     # relative to the nearest place, so that the weights do not all underflow far from every place
-    weights = np.exp(-0.5 * (squared[likeliest] - squared[likeliest[0]]) / spread)
+    weights = exp(-0.5 * (squared[likeliest] - squared[likeliest[0]]) / spread)
     weights /= weights.sum()
     names = list(topo_map.places)
     return {names[i]: float(w) for i, w in zip(likeliest.tolist(), weights, strict=True)}

@@ -16,6 +16,7 @@ from navfw.localization.plan_kernels import (
     share_of_blocked_rays,
 )
 from navfw.localization.plan_scan import PlanScan
+from navfw.numerics.products import product
 from navfw.signals import Array, Pose
 from navfw.topomap.occupancy_map import OccupancyMap
 
@@ -79,7 +80,7 @@ class PlanField:
         turn = self._map_from_grid
         here = self.origin.relative(start)
         prior = np.diag([0.0, 0.0, 0.0, SCALE_SIGMA**-2])
-        prior[:3, :3] = turn.T @ information @ turn
+        prior[:3, :3] = product(turn.T, information, turn)
         found: Any = match_points(
             scan.points,
             scan.sigma,
@@ -98,7 +99,7 @@ class PlanField:
         pose_alone = by_points[:3, :3] - np.outer(shared, shared) / (by_points[3, 3] + prior[3, 3])
         return PlanMatch(
             self.origin.compose(Pose(*at[:3].tolist())),
-            turn @ pose_alone @ turn.T,
+            product(turn, pose_alone, turn.T),
             float(belonging),
         )
 
@@ -154,7 +155,8 @@ class PlanField:
     def _on_grid(self, poses: Array) -> Array:
         """``poses`` (n, 2 or 3) of ``map`` along the axes of the grid, from its corner."""
         moved = poses.astype(np.float64)
-        moved[:, :2] = (poses[:, :2] - (self.origin.x, self.origin.y)) @ self._map_from_grid[:2, :2]
+        from_corner = poses[:, :2] - (self.origin.x, self.origin.y)
+        moved[:, :2] = product(from_corner, self._map_from_grid[:2, :2])
         moved[:, 2:] -= self.origin.yaw
         return moved
 

@@ -13,6 +13,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from navfw.numerics.algebra_kernels import dot, solve_system
 from navfw.signals import Array
 
 __all__ = ["count_rays_through_walls", "match_points", "rate_poses", "share_of_blocked_rays"]
@@ -78,7 +79,9 @@ def match_points(
     belonging = 0.0
     for _ in range(iterations):
         information[:] = 0.0
-        right[:] = prior @ (start - state)
+        away = start - state
+        for a in range(4):
+            right[a] = dot(prior[a], away)
         belonging = 0.0
         c, s, scale = math.cos(state[2]), math.sin(state[2]), math.exp(state[3])
         for i in range(points.shape[0]):
@@ -106,7 +109,7 @@ def match_points(
                 right[a] -= weight * slope[a] * off / variance
                 for b in range(4):
                     information[a, b] += weight * slope[a] * slope[b] / variance
-        state += np.linalg.solve(information + prior, right)
+        state += solve_system(information + prior, right)
     return state, information, belonging / max(points.shape[0], 1)
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from navfw.numerics.products import product
 from navfw.robot import RobotModel
 from navfw.signals import Array, Label, Percept
 
@@ -56,7 +57,7 @@ def scan_of(percept: Percept, robot: RobotModel) -> PlanScan:
     )
     depth = 1.0 / nearness[used]
     image = percept.points[used] / camera.focal
-    rays = np.column_stack([image, np.ones(len(image))]) @ camera.base_from_camera.T
+    rays = product(np.column_stack([image, np.ones(len(image))]), camera.base_from_camera.T)
     lens = np.array([camera.mount_forward, 0.0])
     points = np.ascontiguousarray(depth[:, None] * rays[:, :2] + lens)
     relative = np.maximum(percept.sigma[used] * depth, LEAST_SIGMA)

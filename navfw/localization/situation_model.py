@@ -19,6 +19,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from navfw.config.document import YamlDocument, load_yaml
 from navfw.config.yamlfile import validate
 from navfw.errors import ConfigError, UnknownNameError
+from navfw.numerics.products import product
 from navfw.signals import Array, Percept
 from navfw.topomap import PLACE_KINDS, TopoMap
 
@@ -97,7 +98,7 @@ class SituationTable:
             return None
         kinds = {place.kind for place in topo_map.places.values()}
         mean = np.mean(list(self.seen_at.values()), axis=0)
-        of_kind = {kind: float(shares @ self.seen_at.get(kind, mean)) for kind in kinds}
+        of_kind = {kind: float(product(shares, self.seen_at.get(kind, mean))) for kind in kinds}
         best = max(of_kind.values())
         if best <= 0.0:
             return None

@@ -8,6 +8,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from navfw.numerics.products import product
 from navfw.robot import RobotModel
 from navfw.signals import Array, Image, Percept, Sight
 
@@ -122,8 +123,9 @@ class PathSight:
         camera = self._robot.camera
         fall = camera.fall_per_depth(points)
         depth = camera.mount_height / np.maximum(fall, 1e-6)
-        rays = np.concatenate([points / camera.focal, np.ones((*points.shape[:2], 1))], axis=-1)
-        ahead, left, _ = np.moveaxis(depth[..., None] * (rays @ camera.base_from_camera.T), -1, 0)
+        image = np.concatenate([points / camera.focal, np.ones((*points.shape[:2], 1))], axis=-1)
+        rays = product(image, camera.base_from_camera.T)
+        ahead, left, _ = np.moveaxis(depth[..., None] * rays, -1, 0)
         near = (ahead > 0.0) & (ahead <= REACH) & (fall > 0.0)
         return np.asarray(near & (np.abs(left) <= self._robot.radius + BESIDE))
 

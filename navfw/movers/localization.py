@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 
 from navfw.movers.motion_segmentation import segment_motion
+from navfw.numerics.products import product
 from navfw.robot import CameraModel
 from navfw.signals import Array, FlowField, Mask, MovingObject
 
@@ -113,4 +114,5 @@ def _velocity(
     s = motion.translation
     at_rest = (points * s[2] - f * s[:2]) / depth_then
     weight = 1.0 / (SHARED_ERRORS * FLOW_ERROR**2)
-    return weight * design.T @ design, weight * design.T @ (at_rest - vectors).ravel()
+    weighted = weight * design.T
+    return product(weighted, design), product(weighted, (at_rest - vectors).ravel())

@@ -22,7 +22,7 @@ __all__ = ["MAX_PITCH", "find_stixels"]
 
 MAX_PITCH = 0.15
 """Pitch [rad] of the camera beyond which upright edges cross image columns."""
-NEARNESS = np.geomspace(0.3, 5.0, 57)
+NEARNESS = np.array([0.3 * (5.0 / 0.3) ** (k / 56) for k in range(57)])
 """Candidates of nearness [1/m, ahead of the camera] that every column is fitted with."""
 FARTHER = 0.7
 """The fit is compared with the best candidate of at most this share of its nearness."""

@@ -16,6 +16,8 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from navfw.movers.view_merging import BORDER_ANGLE
+from navfw.numerics.linear_systems import inverse, solve
+from navfw.numerics.products import product
 from navfw.robot import RobotModel
 from navfw.signals import Array, MovingObject, OccupiedDisc, Pose
 
@@ -228,17 +230,17 @@ class Tracker:
         position = pose.to_parent(self._camera.mount_forward + away * ahead, away * aside)
         c, s = math.cos(pose.yaw), math.sin(pose.yaw)
         turn = np.array([[c, -s], [s, c]])
-        ray = turn @ np.array([[ahead, -aside], [aside, ahead]])
+        ray = product(turn, np.array([[ahead, -aside], [aside, ahead]]))
         spread = np.hypot(
             [p.distance_sigma * detection.distance, p.bearing_sigma * away], SHAPE_SIGMA
         )
         return _Measurement(
             detection.time,
             np.array(position),
-            ray @ np.diag(spread**-2.0) @ ray.T,
-            turn @ detection.information @ turn.T,
-            turn @ detection.evidence,
-            turn @ np.array(detection.velocity(p.speed_sigma)),
+            product(ray, np.diag(1.0 / spread**2), ray.T),
+            product(turn, detection.information, turn.T),
+            product(turn, detection.evidence),
+            product(turn, np.array(detection.velocity(p.speed_sigma))),
             radius,
         )
 
@@ -255,9 +257,9 @@ class Tracker:
         step = np.eye(4)
         step[0, 2] = step[1, 3] = dt
         push = np.vstack([0.5 * dt * dt * np.eye(2), dt * np.eye(2)])
-        covariance = step @ track.covariance @ step.T
-        covariance += self.params.acceleration_sigma**2 * push @ push.T + 1e-9 * np.eye(4)
-        return step @ track.state, covariance
+        covariance = product(step, track.covariance, step.T)
+        covariance += product(self.params.acceleration_sigma**2 * push, push.T) + 1e-9 * np.eye(4)
+        return product(step, track.state), covariance
 
     def _association_cost(self, track: Track, measurement: _Measurement) -> float:
         """Cost [sigma] of associating ``measurement`` with ``track``; inf outside the gates.
@@ -268,8 +270,8 @@ class Tracker:
         """
         state, covariance = self._predicted(track, measurement.time)
         off = measurement.position - state[:2]
-        spread = covariance[:2, :2] + np.linalg.inv(measurement.position_information)
-        distance = math.sqrt(float(off @ np.linalg.solve(spread, off)))
+        spread = covariance[:2, :2] + inverse(measurement.position_information)
+        distance = math.sqrt(float(product(off, solve(spread, off))))
         if distance > self.params.gate or math.hypot(*off) > GATE_DISTANCE:
             return math.inf
         change = math.dist(measurement.velocity, track.velocity)
@@ -278,8 +280,8 @@ class Tracker:
     def _correct(self, track: Track, measurement: _Measurement) -> None:
         """The Kalman filter's correction of ``track`` by ``measurement``."""
         state, covariance = self._predicted(track, measurement.time)
-        prior: Array = np.asarray(np.linalg.inv(covariance), dtype=np.float64)
-        track.state, track.covariance = _joined(prior, prior @ state, measurement)
+        prior: Array = np.asarray(inverse(covariance), dtype=np.float64)
+        track.state, track.covariance = _joined(prior, product(prior, state), measurement)
         excess = math.hypot(*track.velocity) / self.params.max_speed
         if excess > 1.0:
             track.state[2:] /= excess
@@ -301,7 +303,7 @@ def _joined(information: Array, evidence: Array, measurement: _Measurement) -> t
     information, evidence = information.copy(), evidence.copy()
     information[:2, :2] += measurement.position_information
     information[2:, 2:] += measurement.velocity_information
-    evidence[:2] += measurement.position_information @ measurement.position
+    evidence[:2] += product(measurement.position_information, measurement.position)
     evidence[2:] += measurement.velocity_evidence
-    covariance: Array = np.asarray(np.linalg.inv(information), dtype=np.float64)
-    return covariance @ evidence, covariance
+    covariance: Array = np.asarray(inverse(information), dtype=np.float64)
+    return product(covariance, evidence), covariance

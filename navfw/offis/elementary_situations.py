@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from navfw.numerics.products import product
 from navfw.offis.fuzzy_systems import FuzzyEvaluation, infer, load_system
 from navfw.offis.grid_geometry import GridGeometry
 from navfw.offis.object_cells import ObjectCells
@@ -104,8 +105,8 @@ class Situations:
 def front_features(geometry: GridGeometry, walls: Walls, objects: ObjectCells) -> FrontFeatures:
     """Features of the area in front from the fitted ``walls`` and the cells ahead."""
     path = geometry.path_cells
-    floor_share = float(geometry.path @ objects.floor) / path if path > 0.0 else 0.0
-    support = min(float(geometry.middle @ objects.wall_weight) / 2.0, 1.0)
+    floor_share = float(product(geometry.path, objects.floor)) / path if path > 0.0 else 0.0
+    support = min(float(product(geometry.middle, objects.wall_weight)) / 2.0, 1.0)
     return FrontFeatures(
         opening=np.array([walls.gap]),
         steepness=walls.incline.min(keepdims=True),

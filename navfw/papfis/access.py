@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from navfw.numerics.products import product
 from navfw.papfis.edge_costs import EdgeCosts
 from navfw.topomap import Passage, PassageProjection, Place, TopoMap
 
@@ -73,7 +74,7 @@ class Doorways:
         from_start = np.array(start) - self._centers
         leg = np.array(end) - np.array(start)
         before = np.sum(from_start * self._normals, axis=1)
-        after = before + self._normals @ leg
+        after = before + product(self._normals, leg)
         # a point in the wall's plane itself counts as on either side
         crossing = (before * after < 0.0) & (np.minimum(np.abs(before), np.abs(after)) > 1e-6)
         share = before[crossing] / (before[crossing] - after[crossing])

@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from navfw.fuzzy import CompiledFis, Inference, load_rule_base
+from navfw.numerics.products import product
 from navfw.robot import RobotModel
 from navfw.signals import Array, Mask
 from navfw.topomap import Passage, TopoMap
@@ -147,7 +148,7 @@ class EdgeCosts:
 def _penalties(result: Inference, peaks: Array) -> tuple[Array, Mask]:
     """Penalty in [0, 1] and whether to avoid the passage, (N,) each."""
     firing = result.firing
-    penalties = np.clip(firing @ peaks / firing.sum(axis=1), 0.0, 1.0)
+    penalties = np.clip(product(firing, peaks) / firing.sum(axis=1), 0.0, 1.0)
     return penalties, result.degrees["penalty"]["extreme"] > AVOID_ABOVE
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from navfw.numerics.products import product
 from navfw.signals.geometry import Array, Pose, Twist
 from navfw.signals.immutable import freeze
 from navfw.signals.sensors import Frame
@@ -57,7 +58,7 @@ class CameraMotion:
     @property
     def baseline(self) -> float:
         """Length of the translation [m]."""
-        return math.sqrt(self.translation @ self.translation)
+        return math.sqrt(product(self.translation, self.translation))
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from navfw.numerics.products import product
+
 __all__ = ["Array", "Image", "Mask", "Pose", "Twist", "position_sigma", "wrap_angle"]
 
 Array = npt.NDArray[np.float64]
@@ -49,12 +51,13 @@ class Pose:
     def points_to_parent(self, points: Array) -> Array:
         """The points (n, 2) seen from this pose, in this pose's parent frame."""
         c, s = math.cos(self.yaw), math.sin(self.yaw)
-        return np.asarray(points @ np.array([[c, s], [-s, c]]) + (self.x, self.y))
+        turned = product(points, np.array([[c, s], [-s, c]]))
+        return np.asarray(turned + np.array((self.x, self.y)))
 
     def points_to_local(self, points: Array) -> Array:
         """The points (n, 2) of this pose's parent frame, seen from this pose."""
         c, s = math.cos(self.yaw), math.sin(self.yaw)
-        return np.asarray((points - (self.x, self.y)) @ np.array([[c, -s], [s, c]]))
+        return np.asarray(product(points - (self.x, self.y), np.array([[c, -s], [s, c]])))
 
     def compose(self, other: Pose) -> Pose:
         """``other``, given relative to this pose, in this pose's parent frame."""

@@ -75,8 +75,10 @@ class MovingObject:
     def velocity(self, usual: float = 0.4) -> tuple[float, float]:
         """(ahead, left) [m/s] under a prior of zero mean and sigma ``usual`` [m/s] per axis."""
         prior = np.eye(2) / usual**2
-        ahead, left = np.linalg.solve(self.information + prior, self.evidence).tolist()
-        return ahead, left
+        (xx, xy), (_, yy) = (self.information + prior).tolist()
+        x, y = self.evidence.tolist()
+        determinant = xx * yy - xy * xy
+        return (yy * x - xy * y) / determinant, (xx * y - xy * x) / determinant
 
 
 @dataclass(frozen=True, slots=True)

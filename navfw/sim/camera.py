@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from navfw.numerics.products import product
 from navfw.robot import CameraModel
 from navfw.signals import Array, Image
 from navfw.sim.raster import Light, depth_buffer
@@ -181,14 +182,14 @@ class Camera:
                 [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
             ]
         )
-        eye: Array = position + rotation @ self._mount
-        return eye, rotation @ self._base_from_camera
+        eye: Array = position + product(rotation, self._mount)
+        return eye, product(rotation, self._base_from_camera)
 
 
 def _view(eye: Array, axes: Array) -> Array:
     """OpenGL view matrix (4, 4) of a camera at ``eye`` with ``axes``."""
     view = np.zeros((4, 4))
     turn = np.multiply(axes.T, _RIGHT_UP_BACK, out=view[:3, :3])
-    view[:3, 3] = -turn @ eye
+    view[:3, 3] = product(-turn, eye)
     view[3, 3] = 1.0
     return view

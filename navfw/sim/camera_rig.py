@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from navfw.errors import SimulationError
+from navfw.numerics.products import product
 from navfw.robot import RobotModel
 from navfw.signals import CameraMotion, Frame, Image
 from navfw.sim.camera import Camera, DepthImage
@@ -175,8 +176,8 @@ class CameraRig:
         from_position, from_axes = self.camera.camera_pose(*bodies[past.time])
         to_position, to_axes = self.camera.camera_pose(*bodies[now.time])
         return CameraMotion(
-            rotation=to_axes.T @ from_axes,
-            translation=to_axes.T @ (to_position - from_position),
+            rotation=product(to_axes.T, from_axes),
+            translation=product(to_axes.T, to_position - from_position),
             dt=now.time - past.time,
         )
 

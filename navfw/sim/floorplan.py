@@ -277,7 +277,7 @@ class FloorPlan:
 
     def straight_path_free(self, a: Array, b: Array, radius: float) -> bool:
         """Whether a robot of ``radius`` [m] can drive straight from a to b (tested every 1 cm)."""
-        steps = max(int(np.ceil(np.linalg.norm(b - a) / 0.01)), 1)
+        steps = max(int(np.ceil(math.dist(a, b) / 0.01)), 1)
         points = a + np.linspace(0.0, 1.0, steps + 1)[:, None] * (b - a)
         low, high = np.minimum(a, b) - radius, np.maximum(a, b) + radius
         near = (self._bounds[:, :2] <= high) & (self._bounds[:, 2:] >= low)
@@ -364,6 +364,6 @@ def _resample(path: Array, spacing: float) -> Array:
     """The same path with a point at least every ``spacing`` [m]."""
     parts = []
     for a, b in pairwise(path):
-        count = max(int(np.ceil(np.linalg.norm(b - a) / spacing)), 1)
+        count = max(int(np.ceil(math.dist(a, b) / spacing)), 1)
         parts.append(a + np.linspace(0.0, 1.0, count, endpoint=False)[:, None] * (b - a))
     return np.vstack([*parts, path[-1:]])

@@ -10,6 +10,7 @@ import numpy as np
 
 from navfw.config.input_file import shown_path
 from navfw.errors import ConfigError
+from navfw.numerics.products import product
 from navfw.sim.mesh_file import MAX_TRIANGLES, TriangleMesh, read_mesh
 from navfw.sim.mesh_outline import OutlineBox, boxes_around
 from navfw.sim.urdf_shapes import read_urdf_shapes
@@ -39,7 +40,7 @@ def furniture_mesh(file: str, scale: float, up: Up) -> TriangleMesh:
         what = f"has {len(mesh.faces)} triangles, at most {MAX_TRIANGLES}; simplify its meshes"
         raise ConfigError(what, file=shown_path(path))
     size = np.diag([scale, scale, scale, 1.0])
-    mesh = mesh.moved(_Y_UP @ size if up == "y" else size)
+    mesh = mesh.moved(product(_Y_UP, size) if up == "y" else size)
     low, high = mesh.bounds
     extent = float((high - low).max())
     if not _LEAST <= extent <= _MOST:

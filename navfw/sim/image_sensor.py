@@ -9,6 +9,8 @@ import cv2
 import numpy as np
 
 from navfw.camera_effects import CameraEffects
+from navfw.numerics.functions import arccos
+from navfw.numerics.products import product
 from navfw.robot import CameraModel
 from navfw.signals import Array, Image
 
@@ -103,6 +105,6 @@ def _angles(view: CameraModel, axis: Array) -> Array:
     x = (np.arange(view.width) - 0.5 * (view.width - 1)) / view.focal
     y = (np.arange(view.height) - 0.5 * (view.height - 1)) / view.focal
     rays = np.stack([*np.meshgrid(x, y), np.ones((view.height, view.width))], axis=-1)
-    along = rays @ view.base_from_camera.T @ axis / np.linalg.norm(rays, axis=-1)
-    angles: Array = np.arccos(np.clip(along, -1.0, 1.0))
+    along = product(rays, view.base_from_camera.T, axis) / np.linalg.norm(rays, axis=-1)
+    angles: Array = arccos(np.clip(along, -1.0, 1.0))
     return angles

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from navfw.landmark_appearance import landmark_kind
+from navfw.numerics.products import product
 from navfw.signals import Array
 from navfw.sim.meshes import Mesh
 from navfw.sim.visibility import PartBounds
@@ -46,7 +47,7 @@ def plate_bounds(mark: LandmarkPlateSpec) -> PartBounds:
     """The plate's bounds in the plane, with the plane in front of which it is visible."""
     _, normal = plate_axes(mark)
     points = np.array(plate_mesh(mark).vertices)
-    plane = (float(normal[0]), float(normal[1]), 0.0, float(points[0] @ normal))
+    plane = (float(normal[0]), float(normal[1]), 0.0, float(product(points[0], normal)))
     return PartBounds.around(points, mark.yaw + 0.5 * math.pi, plane)
 
 

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from navfw.config.input_file import read_input, shown_path
 from navfw.errors import ConfigError
+from navfw.numerics.products import product
 from navfw.signals import Array
 
 __all__ = ["MAX_TRIANGLES", "MESH_SUFFIXES", "Corners", "TriangleMesh", "joined", "read_mesh"]
@@ -54,7 +55,8 @@ class TriangleMesh:
 
     def moved(self, transform: Array) -> TriangleMesh:
         """The mesh in other axes; ``transform`` (4, 4) may scale, but not mirror."""
-        return TriangleMesh(self.vertices @ transform[:3, :3].T + transform[:3, 3], self.faces)
+        turned = product(self.vertices, transform[:3, :3].T)
+        return TriangleMesh(turned + transform[:3, 3], self.faces)
 
 
 def joined(meshes: list[TriangleMesh]) -> TriangleMesh:
@@ -143,7 +145,8 @@ def _obj_triangles(path: Path, content: bytes) -> Array:
     corners = np.array(points).reshape(-1, 3)[np.array(triangles, np.int64).reshape(-1, 3)]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     for number, first, end in polygons:
-        if end - first > 1 and (normals[first:end] @ normals[first:end].sum(axis=0) < 0.0).any():
+        parts = normals[first:end]
+        if len(parts) > 1 and (product(parts, parts.sum(axis=0)) < 0.0).any():
             what = "the face is concave; triangulate the mesh when exporting it"
             raise ConfigError(what, file=shown_path(path), line=number)
     return corners

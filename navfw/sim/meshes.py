@@ -14,6 +14,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from navfw.numerics.products import product
 from navfw.signals import Array
 from navfw.sim.texture_spectra import TILE
 
@@ -97,8 +98,8 @@ class Mesh:
         c, s = math.cos(yaw), math.sin(yaw)
         turn = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])  # for rows
         first = len(self.vertices)
-        self.vertices += (np.array(mesh.vertices) @ turn + position).tolist()
-        self.normals += (np.array(mesh.normals) @ turn).tolist()
+        self.vertices += (product(np.array(mesh.vertices), turn) + position).tolist()
+        self.normals += (product(np.array(mesh.normals), turn)).tolist()
         self.uvs += mesh.uvs
         self.shifts += mesh.shifts
         self.indices += [first + index for index in mesh.indices]

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from navfw.numerics.products import product
 from navfw.signals import Array, Image, Mask
 from navfw.sim.meshes import Mesh
 from navfw.sim.raster_kernels import cover
@@ -192,7 +193,7 @@ class Raster:
             packed.surfaces,
             packed.tables,
             packed.texels,
-            _singles(towards / np.sqrt(towards @ towards)),
+            _singles(towards / np.sqrt(product(towards, towards))),
             light.ambient,
             light.diffuse,
             rgb,

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from navfw.landmark_appearance import landmark_kind
+from navfw.numerics.products import product
 from navfw.signals import Array, Image
 from navfw.sim.display import Display
 from navfw.sim.furniture_mesh import furniture_mesh
@@ -79,7 +80,7 @@ class Scenery:
             place = (*thing.at, thing.base)
             self._bodies.append(self._add(visible, thing.texture, place, thing.yaw))
             c, s = math.cos(thing.yaw), math.sin(thing.yaw)
-            points = triangles.vertices[:, :2] @ np.array([[c, s], [-s, c]])
+            points = product(triangles.vertices[:, :2], np.array([[c, s], [-s, c]]))
             bounds.append(PartBounds.around(points + np.array(thing.at)))
         if len(furniture) <= _MAX_SINGLE:
             for solid in furniture:

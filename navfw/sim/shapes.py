@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from navfw.numerics.products import product
 from navfw.signals import Array
 
 __all__ = ["OVERLAP_TOLERANCE", "Circle", "Rectangle", "Shape", "gap_between", "overlap_depth"]
@@ -30,7 +31,7 @@ class Rectangle:
         """(4, 2) corners [m], counter-clockwise."""
         signs = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
         c, s = math.cos(self.yaw), math.sin(self.yaw)
-        turned = (signs * (self.half_x, self.half_y)) @ np.array([[c, s], [-s, c]])
+        turned = product(signs * (self.half_x, self.half_y), np.array([[c, s], [-s, c]]))
         corners: Array = turned + (self.x, self.y)  # noqa: RUF005 - adds, does not append
         return corners
 
@@ -86,7 +87,7 @@ def overlap_depth(a: Shape, b: Shape) -> float:
     corners_a, corners_b = a.corners, b.corners
     for yaw in (a.yaw, a.yaw + math.pi / 2.0, b.yaw, b.yaw + math.pi / 2.0):
         axis = np.array([math.cos(yaw), math.sin(yaw)])
-        along_a, along_b = corners_a @ axis, corners_b @ axis
+        along_a, along_b = product(corners_a, axis), product(corners_b, axis)
         depth = min(depth, float(min(along_a.max() - along_b.min(), along_b.max() - along_a.min())))
     return depth
 

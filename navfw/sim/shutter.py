@@ -15,6 +15,7 @@ from collections import deque
 import numpy as np
 
 from navfw.camera_effects import CameraEffects
+from navfw.numerics.products import product
 from navfw.signals import Array, Image
 from navfw.sim.camera import Camera, DepthImage
 from navfw.sim.wheeled_body import BodyState
@@ -114,7 +115,7 @@ def _between(first: BodyState, second: BodyState, share: float) -> BodyState:
     """The state at ``share`` of the small motion from ``first`` to ``second``."""
     place = (1.0 - share) * np.array(first[0]) + share * np.array(second[0])
     one, other = np.array(first[1]), np.array(second[1])
-    turn = (1.0 - share) * one + share * (other if one @ other > 0.0 else -other)
+    turn = (1.0 - share) * one + share * (other if product(one, other) > 0.0 else -other)
     x, y, z = place.tolist()
-    qx, qy, qz, qw = (turn / np.linalg.norm(turn)).tolist()
+    qx, qy, qz, qw = (turn / math.hypot(*turn)).tolist()
     return (x, y, z), (qx, qy, qz, qw)

@@ -10,6 +10,7 @@ from functools import partial
 
 import numpy as np
 
+from navfw.numerics.products import product
 from navfw.signals import Array
 from navfw.sim.drop_geometry import Tread, drop_at, treads_of
 from navfw.sim.meshes import Mesh, box_mesh, cylinder_mesh, side_count, split_positions
@@ -187,7 +188,7 @@ def _patch(
     mesh = Mesh()
     mesh.add_patch(corner, right, up, columns, rows, _NO_SHIFT)
     x, y, z = (float(n) for n in np.cross(right, up))
-    return SurfacePatch(texture, mesh, (x, y, z, float(np.dot((x, y, z), corner))))
+    return SurfacePatch(texture, mesh, (x, y, z, float(product((x, y, z), corner))))
 
 
 # --- boxes and cylinders ----------------------------------------------------------------------

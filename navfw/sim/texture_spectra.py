@@ -6,6 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from navfw.numerics.functions import power
 from navfw.signals import Array
 
 __all__ = [
@@ -71,8 +72,7 @@ def _noise_amplitudes(resolution: int, exponent: float, stretch: float) -> Array
     rows, columns = frequencies((resolution, resolution), (TILE, TILE))
     frequency = np.hypot(rows * np.sqrt(stretch), columns / np.sqrt(stretch))
     frequency[0, 0] = np.inf
-    amplitudes: Array = frequency**-exponent
-    return amplitudes
+    return power(frequency, -exponent)
 
 
 @lru_cache(maxsize=16)

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from navfw.numerics.products import product
 from navfw.signals import Array, Image
 from navfw.sim.material_patterns import (
     brick,
@@ -72,7 +73,7 @@ def synthesize(spec: TextureSpec, resolution: int = RESOLUTION) -> Image:
     clipped: hard edges would add detail beyond the cutoff.
     """
     grey = luminance_pattern(spec, resolution)
-    tint = np.asarray(spec.colour) / max(float(_LUMA @ spec.colour), 1e-3)
+    tint = np.asarray(spec.colour) / max(float(product(_LUMA, spec.colour)), 1e-3)
     channels = np.clip(np.rint(tint[:, None, None] * grey), 0, 255).astype(np.uint8)
     image: Image = np.ascontiguousarray(np.moveaxis(channels, 0, -1))
     image.setflags(write=False)

@@ -11,6 +11,7 @@ import numpy as np
 from navfw.config.input_file import shown_path
 from navfw.config.xml_file import line_of, read_xml
 from navfw.errors import ConfigError
+from navfw.numerics.products import product
 from navfw.signals import Array
 from navfw.sim.mesh_file import TriangleMesh, joined, read_mesh
 from navfw.urdf import MAX_BYTES, attribute_numbers, origin_frame, read_urdf
@@ -34,7 +35,7 @@ def read_urdf_shapes(path: Path) -> TriangleMesh:
     for link in read_xml(path, MAX_BYTES, "a URDF").findall("link"):
         frame = model.frame_of(link.get("name", ""))
         for collision in link.findall("collision"):
-            placed = frame @ origin_frame(path, collision.find("origin"))
+            placed = product(frame, origin_frame(path, collision.find("origin")))
             parts += [_shape(path, s).moved(placed) for s in collision.findall("geometry/*")]
     if not parts:
         what = "no link has a collision shape; add <collision> elements, which are drawn as well"

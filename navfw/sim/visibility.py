@@ -15,6 +15,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from navfw.numerics.products import product
 from navfw.signals import Array, Mask
 from navfw.sim.shapes import Rectangle
 
@@ -49,8 +50,9 @@ class PartBounds:
         """The bounding rectangle of points (N, 2 or more), with sides along ``direction`` [rad]."""
         c, s = math.cos(direction), math.sin(direction)
         turn = np.array([[c, s], [-s, c]])
-        (x0, y0), (x1, y1) = (np.array(f(points[:, :2] @ turn.T, axis=0)) for f in (np.min, np.max))
-        corners = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]]) @ turn
+        turned = product(points[:, :2], turn.T)
+        (x0, y0), (x1, y1) = turned.min(axis=0), turned.max(axis=0)
+        corners = product(np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]]), turn)
         return cls(corners) if plane is None else cls(corners, plane)
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from navfw.numerics.products import product
 from navfw.signals import Array
 from navfw.sim.engine import bullet
 
@@ -70,7 +71,7 @@ class WheeledBody(ABC):
         """(n, 3) points [m] in the map: where the body rests on the floor."""
         origin, turn = self.state()
         axes = np.array(self._call("getMatrixFromQuaternion", turn)).reshape(3, 3)
-        points: Array = origin + self._supports @ axes[:, :2].T
+        points: Array = origin + product(self._supports, axes[:, :2].T)
         return points
 
     def roll_pitch_rates(self, turn: tuple[float, float, float, float]) -> tuple[float, float]:

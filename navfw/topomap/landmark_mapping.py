@@ -16,6 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from navfw.errors import MapError
+from navfw.numerics.linear_systems import inverse, solve
+from navfw.numerics.products import product
 from navfw.signals import Array, LandmarkDetection, Odometry, Pose, wrap_angle
 from navfw.topomap.elements import Landmark
 from navfw.topomap.topological_map import TopoMap
@@ -118,12 +120,12 @@ class _PoseGraph:
         for _ in range(_ITERATIONS):
             normal, right = 1e-9 * np.eye(size), np.zeros(size)
             for columns, jacobian, residual, information in self._factors():
-                length = math.sqrt(float(residual @ information @ residual))
+                length = math.sqrt(float(product(residual, information, residual)))
                 weight = 1.0 if length <= _HUBER else _HUBER / length
-                weighted = weight * jacobian.T @ information
-                normal[np.ix_(columns, columns)] += weighted @ jacobian
-                right[columns] -= weighted @ residual
-            step = np.linalg.solve(normal, right)
+                weighted = product(weight * jacobian.T, information)
+                normal[np.ix_(columns, columns)] += product(weighted, jacobian)
+                right[columns] -= product(weighted, residual)
+            step = solve(normal, right)
             for i in range(poses):
                 x, y, yaw = step[3 * i : 3 * i + 3].tolist()
                 old = self._poses[i]
@@ -131,7 +133,7 @@ class _PoseGraph:
             self._marks += step[3 * poses :].reshape(-1, 2)
             if float(np.abs(step).max()) < 1e-4:
                 break
-        self._spread = np.asarray(np.linalg.inv(normal), np.float64)
+        self._spread = np.asarray(inverse(normal), np.float64)
 
     def estimate(self, identity: str, observations: int) -> LandmarkEstimate:
         """The estimate of one landmark."""
@@ -184,7 +186,7 @@ class _PoseGraph:
         of_pose = np.hstack([-of_mark, np.array([[-1.0], [0.0]])])
         first = 3 * len(self._poses) + 2 * j
         columns = np.r_[3 * i : 3 * i + 3, first : first + 2]
-        information = np.asarray(np.linalg.inv(detection.covariance), np.float64)
+        information = np.asarray(inverse(detection.covariance), np.float64)
         return columns, np.hstack([of_pose, of_mark]), residual, information
 
 

@@ -12,7 +12,6 @@ import math
 from collections.abc import Mapping
 
 import networkx as nx
-import numpy as np
 
 from navfw.errors import MapError
 from navfw.part_report import PartReport, told, untold
@@ -319,6 +318,6 @@ class _StraightLines:
 def _beyond_door(line: Array, index: int, step: int) -> int:
     """Index of the first point of ``line`` at least ``BEFORE_DOOR`` from ``index``."""
     here = index
-    while 0 < here < len(line) - 1 and np.linalg.norm(line[here] - line[index]) < BEFORE_DOOR:
+    while 0 < here < len(line) - 1 and math.dist(line[here], line[index]) < BEFORE_DOOR:
         here += step
     return here

@@ -8,6 +8,7 @@ matter would be too long (greedy spanner; Althofer et al. 1993).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import cv2
@@ -53,7 +54,7 @@ def spanner(
         lengths[index[door], :] = lengths[:, index[door]] = np.inf
     for a, b in graph.edges:
         i, j = index[a], index[b]
-        lengths[i, j] = lengths[j, i] = max(float(np.linalg.norm(nodes[i] - nodes[j])), 1e-6)
+        lengths[i, j] = lengths[j, i] = max(math.dist(nodes[i], nodes[j]), 1e-6)
     first = [index[key] for key in keys]
     found = _Spanner(nodes, points)
     for door in doors:
@@ -116,7 +117,7 @@ class _Spanner:
         if self.graph.has_edge(a, b):
             return
         self.graph.add_edge(a, b)
-        ways, length = self._ways, float(np.linalg.norm(self._nodes[i] - self._nodes[j]))
+        ways, length = self._ways, math.dist(self._nodes[i], self._nodes[j])
         known = np.flatnonzero(np.isfinite(ways[i]) | np.isfinite(ways[j]))
         part = np.ix_(known, known)
         through = ways[known, i, None] + length + ways[None, j, known]

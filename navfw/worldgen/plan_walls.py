@@ -17,6 +17,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from navfw.numerics.products import product
 from navfw.signals import Array, Mask
 from navfw.sim.shapes import Rectangle
 
@@ -91,7 +92,7 @@ class _Strip:
         """Flat indices of the cells of ``mask`` with their centre inside, or within ``margin``."""
         (ax, ay) = self.along
         ends = np.array([(0, 0), (self.length, 0), (0, self.depth), (self.length, self.depth)])
-        corners = ends @ np.array([[ax, ay], [-ay, ax]]) + self.start
+        corners = product(ends, np.array([[ax, ay], [-ay, ax]])) + self.start
         low = np.maximum(np.floor(corners.min(axis=0) - margin).astype(int), 0)
         high = np.ceil(corners.max(axis=0) + margin).astype(int)
         rows, columns = np.nonzero(mask[low[1] : high[1], low[0] : high[0]])
@@ -141,15 +142,15 @@ def _positions(outline: Array, corners: Array) -> list[int]:
 def _fitted(points: Array) -> _Edge:
     """The ends of the line through points (N, 2), moved half a cell to its left."""
     first, last = points[0], points[-1]
-    along = (last - first) / max(float(np.linalg.norm(last - first)), 1e-9)
+    along = (last - first) / max(math.dist(last, first), 1e-9)
     if len(points) > 6:
         # by least squares, without the ends, where the outline turns into the next edge
         inner = points[2:-2]
         middle = inner.mean(axis=0)
         _, _, axes = np.linalg.svd(inner - middle, full_matrices=False)
-        along = axes[0] if axes[0] @ along > 0 else -axes[0]
-        first = middle + along * float((first - middle) @ along)
-        last = middle + along * float((last - middle) @ along)
+        along = axes[0] if product(axes[0], along) > 0 else -axes[0]
+        first = middle + along * float(product(first - middle, along))
+        last = middle + along * float(product(last - middle, along))
     left = np.array([-along[1], along[0]])
     # the outline of a slanted edge runs through the outermost cells: half a cell is the border
     return first + 0.5 * left, last + 0.5 * left
@@ -158,7 +159,7 @@ def _fitted(points: Array) -> _Edge:
 def _grown(ground: Mask, open_: Mask, edge: _Edge, cell: float) -> _Strip | None:
     """The rectangle behind an edge, as deep and as long as the wall; None if there is none."""
     first, last = edge
-    length = float(np.linalg.norm(last - first))
+    length = math.dist(last, first)
     if length < 0.5:
         return None
     along = (last - first) / length

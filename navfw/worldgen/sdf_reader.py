@@ -17,6 +17,7 @@ import numpy as np
 
 from navfw.config.xml_file import line_of, read_xml
 from navfw.errors import ConfigError, WorldError
+from navfw.numerics.products import product
 from navfw.signals import Array
 from navfw.sim.shapes import Circle
 from navfw.urdf import rigid_transform
@@ -130,7 +131,7 @@ class _SdfReader:
                 return
         if pose is None:
             return
-        here = parent @ pose
+        here = product(parent, pose)
         static = (model.findtext("static") or "0").strip() in ("1", "true")
         if outermost and not static and any(True for _ in _solid_geometries(model)):
             self._unsupported(model, f"the model {name!r}, which is not static")
@@ -142,7 +143,7 @@ class _SdfReader:
             for collision in link.findall("collision"):
                 collision_pose = self._pose(collision, name)
                 if collision_pose is not None:
-                    self._collision(collision, here @ link_pose @ collision_pose, name)
+                    self._collision(collision, product(here, link_pose, collision_pose), name)
         for nested in model.findall("model"):
             self._model(nested, here, f"{name}-{nested.get('name', 'model')}")
         for include in model.findall("include"):
@@ -203,7 +204,7 @@ class _SdfReader:
             self._unsupported(shape, f"the mesh {uri!r} of the model {model!r}: {error}")
             return
         try:
-            parts = mesh_solids((triangles * scale) @ pose[:3, :3].T + pose[:3, 3])
+            parts = mesh_solids(product(triangles * scale, pose[:3, :3].T) + pose[:3, 3])
         except WorldError as error:
             raise WorldError(
                 f"the mesh {uri!r} {error}", file=self.path, line=line_of(shape)

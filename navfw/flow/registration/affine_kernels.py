@@ -8,6 +8,8 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from navfw.numerics.algebra_kernels import dot, fma
+
 __all__ = ["register"]
 
 Ints = npt.NDArray[np.int64]
@@ -20,9 +22,6 @@ UNKNOWNS = 6
 #: Largest gain of the brightness between the frames, and its reciprocal the least; the offset is
 #: free.
 GAIN = 2.0
-
-_SUMS = {"reassoc", "contract", "nsz"}
-"""Sums in any order: without it the compiler does not vectorise them."""
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -103,16 +102,7 @@ def _read(
             n += 1
 
 
-@numba.njit(cache=True, fastmath=_SUMS)
-def _dot(a: Floats, b: Floats) -> np.float32:
-    """Scalar product of two vectors; a loop that the compiler vectorises."""
-    total = np.float32(0.0)
-    for i in range(a.size):
-        total += a[i] * b[i]
-    return total
-
-
-@numba.njit(cache=True, fastmath=_SUMS)
+@numba.njit(cache=True, error_model="numpy")
 def _weigh(places: Floats, grey: Floats, steep: Floats) -> tuple[float, float]:
     """Multiply ``grey`` less its mean, and gradients, by the root weight; fill in ``steep``.
 
@@ -122,11 +112,10 @@ def _weigh(places: Floats, grey: Floats, steep: Floats) -> tuple[float, float]:
     p, q, root = places[2], places[3], places[4]
     gx, gy = steep[0], steep[1]
     x_by_p, x_by_q, y_by_p, y_by_q = steep[2], steep[3], steep[4], steep[5]
-    weight, total = np.float32(0.0), np.float32(0.0)
     for i in range(grey.size):
-        weight += root[i] * root[i]
-        total += root[i] * root[i] * grey[i]
-    mean = total / weight
+        x_by_p[i] = root[i] * grey[i]
+    weight = dot(root, root)
+    mean = dot(root, x_by_p) / weight
     for i in range(grey.size):
         grey[i] = root[i] * (grey[i] - mean)
         gx[i] *= root[i]
@@ -137,7 +126,7 @@ def _weigh(places: Floats, grey: Floats, steep: Floats) -> tuple[float, float]:
     return float(weight), float(mean)
 
 
-@numba.njit(cache=True, fastmath=_SUMS)
+@numba.njit(cache=True, error_model="numpy")
 def _sample(
     past: Floats,
     places: Floats,
@@ -156,22 +145,22 @@ def _sample(
     left, right, top, bottom = limits
     low_x, low_y = np.float32(left), np.float32(top)
     high_x, high_y = np.float32(right - 1.001), np.float32(bottom - 1.001)
-    shift_x, x_by_p, x_by_q = np.float32(warp[0]), np.float32(warp[2]), np.float32(warp[3])
-    shift_y, y_by_p, y_by_q = np.float32(warp[1]), np.float32(warp[4]), np.float32(warp[5])
+    shift_x, x_by_p, x_by_q = np.float32(-warp[0]), np.float32(-warp[2]), np.float32(-warp[3])
+    shift_y, y_by_p, y_by_q = np.float32(-warp[1]), np.float32(-warp[4]), np.float32(-warp[5])
     middle, stride = np.float32(mean), past.shape[1]
     pixels, outside = past.ravel(), 0
     for i in range(samples.size):
         p, q = places[2, i], places[3, i]
-        x = places[0, i] - shift_x - x_by_p * p - x_by_q * q
-        y = places[1, i] - shift_y - y_by_p * p - y_by_q * q
+        x = fma(x_by_q, q, fma(x_by_p, p, places[0, i] + shift_x))
+        y = fma(y_by_q, q, fma(y_by_p, p, places[1, i] + shift_y))
         if low_x <= x <= high_x and low_y <= y <= high_y:
             column, line = np.int32(x), np.int32(y)
             fx, fy = x - np.float32(column), y - np.float32(line)
             at = np.uint64(line * stride + column)
             a, b = pixels[at], pixels[at + np.uint64(1)]
             c, d = pixels[at + np.uint64(stride)], pixels[at + np.uint64(stride + 1)]
-            above, below = a + fx * (b - a), c + fx * (d - c)
-            samples[i] = places[4, i] * (above + fy * (below - above) - middle)
+            above, below = fma(fx, b - a, a), fma(fx, d - c, c)
+            samples[i] = places[4, i] * (fma(fy, below - above, above) - middle)
         else:
             samples[i] = grey[i]
             outside += 1
@@ -252,12 +241,12 @@ def register(
             grey, samples = np.empty(count, np.float32), np.empty(count, np.float32)
             _read(now, gradient_x, gradient_y, columns[c], lines, places, grey, steep)
             weight, mean = _weigh(places, grey, steep)
-            energy = float(_dot(grey, grey))
+            energy = float(dot(grey, grey))
             hold = stiffness * weight
             for k in range(UNKNOWNS):
-                slope[k], fixed[k] = _dot(steep[k], places[4]), _dot(steep[k], grey)
+                slope[k], fixed[k] = dot(steep[k], places[4]), dot(steep[k], grey)
                 for m in range(k + 1):
-                    hessian[k, m] = _dot(steep[k], steep[m]) - slope[k] * slope[m] / weight
+                    hessian[k, m] = dot(steep[k], steep[m]) - slope[k] * slope[m] / weight
                 if k >= 2:
                     hessian[k, k] += hold
             if energy <= 0.0 or not _factorize(hessian, lower):
@@ -266,15 +255,15 @@ def register(
             warp[0], warp[1] = start[r, c, 0], start[r, c, 1]
             for iteration in range(iterations):
                 outside = _sample(past, places, grey, warp, mean, limits, samples)
-                total = float(_dot(places[4], samples))
-                both = float(_dot(grey, samples))
-                spread = max(float(_dot(samples, samples)) - total * total / weight, 1e-6)
+                total = float(dot(places[4], samples))
+                both = float(dot(grey, samples))
+                spread = max(float(dot(samples, samples)) - total * total / weight, 1e-6)
                 score[r, c] = both / math.sqrt(spread * energy)
                 share[r, c] = 1.0 - outside / count
                 gain = min(max(both / spread, 1.0 / GAIN), GAIN)
                 for k in range(UNKNOWNS):
                     # the mean of the samples is free: offset of the brightness
-                    product = _dot(steep[k], samples) - total / weight * slope[k]
+                    product = dot(steep[k], samples) - total / weight * slope[k]
                     moving[k] = gain * product - fixed[k]
                     if k >= 2:
                         moving[k] -= hold * warp[k]

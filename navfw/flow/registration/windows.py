@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from navfw.flow.registration.affine_kernels import register
 from navfw.flow.registration.mixtures import find_mixtures
+from navfw.numerics.functions import exp
 from navfw.signals import Array, Image
 
 __all__ = ["Registration", "grid_windows", "register_windows"]
@@ -32,7 +33,7 @@ REACH = 3.0
 LIKELY = 0.8
 
 _PLACES = np.arange(-3.0, 4.0)
-_BELL = np.exp(-0.5 * (_PLACES / SMOOTHING) ** 2)
+_BELL = exp(-0.5 * (_PLACES / SMOOTHING) ** 2)
 _BELL /= _BELL.sum()
 # derivative of the bell, scaled to give 1 for a slope of 1
 _SLOPE = _PLACES * _BELL

@@ -17,6 +17,7 @@ from navfw.mofis.fusion.common import (
     prohibition_of,
     shares_of,
 )
+from navfw.numerics.products import product
 from navfw.signals import Array, Command, Mask
 
 __all__ = ["FuzzyFusion"]
@@ -97,8 +98,8 @@ class FuzzyFusion(Fusion):
         chosen = regions == 1 + int(mass.argmax())
         inside = np.where(chosen, support, 0.0)
         weight = inside.sum()
-        row = np.arange(support.shape[0]) @ inside.sum(axis=1) / weight
-        column = np.arange(support.shape[1]) @ inside.sum(axis=0) / weight
+        row = product(np.arange(support.shape[0]), inside.sum(axis=1)) / weight
+        column = product(np.arange(support.shape[1]), inside.sum(axis=0)) / weight
         if forbidden[round(row), round(column)]:
             # the centroid of a concave region may lie outside it
             top = np.unravel_index(int(inside.argmax()), support.shape)

@@ -11,6 +11,7 @@ from pydantic import Field
 from navfw.context import Context
 from navfw.interfaces import Fusion
 from navfw.mofis.fusion.common import Proposals, command_at, no_command, prohibition_of
+from navfw.numerics.functions import power
 from navfw.signals import Array, Command
 
 __all__ = ["ParetoFusion"]
@@ -52,7 +53,7 @@ class ParetoFusion(Fusion):
             return no_command(context, proposals, forbidden)
         front = pareto_front(objectives)
         short = objectives.max(axis=1, keepdims=True) - objectives[:, front]
-        distance = (weights[:, None] * short**self.params.power).sum(axis=0)
+        distance = (weights[:, None] * power(short, self.params.power)).sum(axis=0)
         chosen = allowed[front[int(distance.argmin())]]
         row, column = np.unravel_index(int(chosen), forbidden.shape)
         return command_at(

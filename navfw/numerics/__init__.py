@@ -1,0 +1,11 @@
+"""Arithmetic with the same result, bit for bit, on every x86-64 machine with AVX2.
+
+BLAS and LAPACK choose their kernels by the processor, numpy's exponentials, logarithms and inverse
+trigonometric functions have other last bits with AVX-512, and a compiler that may reorder a sum
+does so by the width of the registers. Code that commands depend on uses these instead:
+
+- ``products``: products of matrices and vectors;
+- ``linear_systems``: equations, inverses, determinants;
+- ``functions``: elementary functions of arrays;
+- ``algebra_kernels``: the same within compiled functions, and scalar products of long vectors.
+"""

@@ -1,0 +1,94 @@
+"""Elementary functions of arrays by the C library, element by element.
+
+numpy's own have other last bits with AVX-512. Its square root, sine, cosine, hyperbolic tangent and
+``hypot`` have not, and need no replacement.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+__all__ = ["arccos", "arctan2", "exp", "log", "power"]
+
+Doubles = npt.NDArray[np.float64]
+
+
+def arccos(values: npt.ArrayLike) -> Doubles:
+    """Angles [rad] in [0, pi] of which ``values`` in [-1, 1] are the cosines."""
+    return _unary(_arccos, values)
+
+
+def arctan2(y: npt.ArrayLike, x: npt.ArrayLike) -> Doubles:
+    """Angles [rad] in [-pi, pi] of the points (x, y), broadcast against each other."""
+    return _binary(_arctan2, y, x)
+
+
+def exp(values: npt.ArrayLike) -> Doubles:
+    """E to the power of ``values``, which are below 700."""
+    return _unary(_exp, values)
+
+
+def log(values: npt.ArrayLike) -> Doubles:
+    """Natural logarithms of ``values`` above 0."""
+    return _unary(_log, values)
+
+
+def power(base: npt.ArrayLike, exponent: npt.ArrayLike) -> Doubles:
+    """``base`` to the power of ``exponent``, broadcast against each other."""
+    return _binary(_power, base, exponent)
+
+
+def _unary(kernel: Callable[[Doubles, Doubles], None], values: npt.ArrayLike) -> Doubles:
+    arguments = np.array(values, dtype=np.float64, order="C")
+    flat = arguments.reshape(-1)
+    kernel(flat, flat)
+    return arguments
+
+
+def _binary(
+    kernel: Callable[[Doubles, Doubles, Doubles], None],
+    first: npt.ArrayLike,
+    second: npt.ArrayLike,
+) -> Doubles:
+    one, other = (
+        np.array(values, dtype=np.float64, order="C")
+        for values in np.broadcast_arrays(first, second)
+    )
+    flat = one.reshape(-1)
+    kernel(flat, other.reshape(-1), flat)
+    return one
+
+
+@numba.njit(cache=True)
+def _arccos(values: Doubles, results: Doubles) -> None:
+    for i in range(values.size):
+        results[i] = math.acos(values[i])
+
+
+@numba.njit(cache=True)
+def _arctan2(y: Doubles, x: Doubles, results: Doubles) -> None:
+    for i in range(y.size):
+        results[i] = math.atan2(y[i], x[i])
+
+
+@numba.njit(cache=True)
+def _exp(values: Doubles, results: Doubles) -> None:
+    for i in range(values.size):
+        results[i] = math.exp(values[i])
+
+
+@numba.njit(cache=True)
+def _log(values: Doubles, results: Doubles) -> None:
+    for i in range(values.size):
+        results[i] = math.log(values[i])
+
+
+@numba.njit(cache=True)
+def _power(base: Doubles, exponent: Doubles, results: Doubles) -> None:
+    for i in range(base.size):
+        results[i] = math.pow(base[i], exponent[i])
