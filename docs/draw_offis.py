@@ -26,7 +26,7 @@ from navfw.reproduce.rendered_views import RenderedPair, ViewRenderer
 from navfw.robot import RobotModel
 from navfw.signals import FlowField, Label, Percept, Pose
 from navfw.sim.worldfile import load_world
-from navfw.stackfile import load_stack
+from navfw.stack.stackfile import load_stack
 
 DOCS = Path(__file__).parent
 

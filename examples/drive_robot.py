@@ -23,7 +23,7 @@ from navfw.config.lookup import find
 from navfw.errors import NavfwError
 from navfw.kernels import compile_kernels
 from navfw.plugins import default_registry
-from navfw.robotfile import load_robot
+from navfw.robot.robotfile import load_robot
 from navfw.signals import Encoders, Frame, Inertial, SensorReading
 from navfw.stack import Stack
 from navfw.topomap import load_map

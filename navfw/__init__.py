@@ -24,11 +24,11 @@ if TYPE_CHECKING:
         Planner,
     )
     from navfw.missions.outcome import Outcome
+    from navfw.missions.python_interface import open_session, run
     from navfw.missions.session import MissionResult
     from navfw.missions.stepped_session import SteppedSession, TickView
     from navfw.mofis.ruled import RuledBehavior, RuledComposite
     from navfw.mofis.rules import BehaviorRules
-    from navfw.python_interface import open_session, run
     from navfw.robot import CameraModel, RobotModel
     from navfw.signals import (
         Array,
@@ -75,8 +75,8 @@ _HOMES = {
     "TickView": "navfw.missions.stepped_session",
     "Twist": "navfw.signals",
     "Waypoint": "navfw.signals",
-    "open_session": "navfw.python_interface",
-    "run": "navfw.python_interface",
+    "open_session": "navfw.missions.python_interface",
+    "run": "navfw.missions.python_interface",
 }
 
 __all__ = [

@@ -19,22 +19,6 @@ import difflib
 from collections.abc import Iterable
 from pathlib import Path
 
-__all__ = [
-    "ConfigError",
-    "InputError",
-    "MapError",
-    "MissingExtraError",
-    "NavfwError",
-    "PluginError",
-    "RuleBaseError",
-    "SimulationError",
-    "UnknownNameError",
-    "UntrustedCodeError",
-    "WorldError",
-    "did_you_mean",
-]
-
-
 _NEAR = 0.52
 """Least similarity of a name that is meant: "bride" and "bright" have 0.55, "latency" and
 "emergency" 0.5."""

@@ -2,7 +2,7 @@
 
 A plugin is constructed with the robot's model and its validated parameters. ``reset()`` is called
 at the start of every run; a plugin keeps no state outside itself. Nine kinds are stages of the
-stack or parts of MOFIS; a stack file (``navfw/stacks``) names the plugin of each and its
+stack or parts of MOFIS; a stack file (``navfw/stack/stacks``) names the plugin of each and its
 parameters. Three kinds extend worlds and missions: landmark kinds, mission events, families of
 generated worlds.
 """
@@ -39,24 +39,6 @@ if TYPE_CHECKING:
 
     from navfw.context import Context
     from navfw.topomap import TopoMap
-
-__all__ = [
-    "KINDS",
-    "Behavior",
-    "Composite",
-    "Controller",
-    "FeatureRecognizer",
-    "FlowProcessor",
-    "Fusion",
-    "LandmarkKind",
-    "Localizer",
-    "MissionEvent",
-    "Params",
-    "Perception",
-    "Planner",
-    "Plugin",
-    "WorldFamily",
-]
 
 
 class Params(BaseModel):

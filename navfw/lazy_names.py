@@ -17,8 +17,6 @@ import sys
 from collections.abc import Mapping
 from typing import Any
 
-__all__ = ["first_access"]
-
 
 def first_access(package: str, name: str, homes: Mapping[str, str]) -> Any:
     """The object ``name`` of the module ``homes[name]``; from now on ``package`` has it itself.

@@ -20,8 +20,6 @@ from navfw.interfaces import Behavior
 from navfw.robot import RobotModel
 from navfw.signals import Array, Proposal
 
-__all__ = ["Navground"]
-
 Metres = Annotated[float, Field(ge=0.0, le=20.0)]
 
 

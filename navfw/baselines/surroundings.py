@@ -7,8 +7,6 @@ from typing import Protocol
 
 from navfw.signals import Array
 
-__all__ = ["Surroundings", "SurroundingsSource"]
-
 
 @dataclass(frozen=True, slots=True)
 class Surroundings:

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from navfw.bench.flow_pairs import MOTIONS, WORLDS, TruePair, load_worlds, rendered_pairs
-from navfw.bench.flow_report import SIGMA_BINS, plot, table
+from navfw.bench.flow_report import SIGMA_BINS
 from navfw.bench.true_flow import true_flow
 from navfw.flow.block_matching import BlockMatching
 from navfw.flow.dis import Dis
@@ -27,21 +27,9 @@ from navfw.flow.ideal import Ideal
 from navfw.flow.lucas_kanade import LucasKanade
 from navfw.flow.registered import Registered
 from navfw.interfaces import FlowProcessor
-from navfw.part_report import PartReport, told, untold
+from navfw.process.progress import PartReport, told, untold
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Array, CameraMotion, FlowField, Frame, FramePair
-
-__all__ = [
-    "FlowErrors",
-    "TruePairSource",
-    "all_processors",
-    "bench_flow",
-    "match_template_ratio",
-    "measure",
-    "plot",
-    "statistics",
-    "table",
-]
 
 TRUSTED = 0.3
 """Least confidence of the vectors that are evaluated."""

@@ -28,22 +28,10 @@ from navfw.bench.tum_recording import TumRecording, tum_camera, tum_pairs
 from navfw.errors import InputError
 from navfw.flow.ideal import Ideal
 from navfw.interfaces import FlowProcessor
-from navfw.part_report import PartReport, told, untold
 from navfw.perceive.working_size import WorkingSize
+from navfw.process.progress import PartReport, told, untold
 from navfw.robot import RobotModel
 from navfw.signals import Array, CameraMotion
-
-__all__ = [
-    "PARTS",
-    "RECORDED",
-    "Processors",
-    "TrueSet",
-    "bench_flow_sets",
-    "comparison_tables",
-    "measure_set",
-    "recorded_sets",
-    "rendered_set",
-]
 
 Processors = Callable[[RobotModel], Mapping[str, FlowProcessor]]
 """Processors by name, for the camera of a robot."""

@@ -16,8 +16,6 @@ from navfw.signals import Array, CameraMotion, Frame, FramePair, Image, Pose
 from navfw.sim import Simulation, WorldSpec, load_world
 from navfw.sim.worldspec import BoxSpec, CylinderSpec, WallSpec
 
-__all__ = ["MOTIONS", "WORLDS", "TruePair", "corridor_world", "load_worlds", "rendered_pairs"]
-
 WORLDS = ("office", "paper-room", "corridor")
 """Worlds in which pairs are rendered: ``corridor`` is built here, the others are shipped."""
 

@@ -9,8 +9,6 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["SIGMA_BINS", "plot", "table"]
-
 SIGMA_BINS = (0.0, 0.05, 0.1, 0.2, 0.4, 0.8, np.inf)
 """Limits [px] of the intervals of sigma in the calibration table."""
 

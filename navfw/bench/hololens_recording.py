@@ -26,8 +26,6 @@ from navfw.perceive.working_size import WorkingSize
 from navfw.robot import CameraModel
 from navfw.signals import Array, CameraMotion, Frame, FramePair, Image
 
-__all__ = ["HololensRecording", "hololens_pairs", "read_poses"]
-
 _MAX_TEXT = 10_000_000
 """Largest size of the files of poses and intrinsics [byte]; the originals have 9 kB."""
 PERIOD = 0.1

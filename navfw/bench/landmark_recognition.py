@@ -13,15 +13,13 @@ import numpy as np
 from navfw.features.aruco import Aruco
 from navfw.features.posters import Posters
 from navfw.interfaces import FeatureRecognizer
-from navfw.part_report import PartReport, told, untold
+from navfw.process.progress import PartReport, told, untold
 from navfw.robot import RobotModel
 from navfw.signals import Frame, Image, LandmarkDetection, Pose
 from navfw.sim.sensor_models import SensorParams
 from navfw.sim.simulation import Simulation
 from navfw.sim.worldspec import LandmarkPlateSpec, WallSpec, WorldSpec
 from navfw.topomap import Landmark, Place, TopoMap
-
-__all__ = ["ANGLES", "DISTANCES", "SIZES", "bench_landmarks", "tables", "view_of"]
 
 DISTANCES = (1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0)
 """Distances [m] from camera to landmark."""

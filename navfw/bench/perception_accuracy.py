@@ -34,16 +34,6 @@ from navfw.offis.pyramid import QUADRANTS
 from navfw.robot import RobotModel
 from navfw.signals import FlowField, Percept, Twist
 
-__all__ = [
-    "HELD_OUT_SEED",
-    "TUNING_SEEDS",
-    "PerceptScore",
-    "markdown",
-    "run",
-    "score",
-    "score_percept",
-]
-
 TUNING_SEEDS = (1, 2, 3)
 """Seeds that the rule bases were tuned on; results are not reported on them."""
 

@@ -9,29 +9,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from navfw.atomic import AtomicFolder
 from navfw.bench import (
     flow_accuracy,
     flow_comparison,
+    flow_report,
     perception_accuracy,
     perception_time,
     recorded_approach,
 )
 from navfw.errors import InputError
-from navfw.part_report import PartReport, untold
-
-__all__ = [
-    "TARGETS",
-    "SampleSizes",
-    "Table",
-    "Target",
-    "bench_perception",
-    "find_data",
-    "page",
-    "page_folder",
-    "tables",
-    "write_page",
-]
+from navfw.process.atomic import AtomicFolder
+from navfw.process.progress import PartReport, untold
 
 Table = tuple[str, Sequence[str], Sequence[Sequence[object]]]
 """Title, columns, rows."""
@@ -104,7 +92,7 @@ def page_folder(out: Path) -> AtomicFolder:
 
 def write_page(result: Mapping[str, Any], folder: Path) -> None:
     """Write ``index.md``, ``result.json`` and ``flow.png``."""
-    flow_accuracy.plot(dict(result["flow"]), folder / "flow.png")
+    flow_report.plot(dict(result["flow"]), folder / "flow.png")
     (folder / "index.md").write_text(page(result), encoding="utf-8")
     text = json.dumps(result, indent=2, allow_nan=False)
     (folder / "result.json").write_text(text + "\n", encoding="utf-8")
@@ -229,7 +217,7 @@ def page(result: Mapping[str, Any]) -> str:
         parts.append(f"## {title}\n")
         parts += _markdown(columns, rows)
     parts.append("## Flow in full\n\n![error and time of the processors](flow.png)\n")
-    parts.append(flow_accuracy.table(dict(result["flow"])))
+    parts.append(flow_report.table(dict(result["flow"])))
     if result["tum"] is not None:
         for title, columns, rows in flow_comparison.comparison_tables(result["tum"]):
             parts.append(f"## {title}\n")

@@ -28,8 +28,6 @@ from navfw.sim.sensor_models import GyroModel, SensorParams, WheelEncoderModel
 from navfw.sim.simulation import Simulation
 from navfw.sim.worldspec import WorldSpec
 
-__all__ = ["VIEWS_PER_WORLD", "PerceptionSample", "ideal_flow", "samples_of_world"]
-
 VIEWS_PER_WORLD = 12
 """Views in each world: many enough that building worlds costs little, few enough for variety."""
 
@@ -123,7 +121,7 @@ def _pair(
     gyro = GyroModel(sensors, rng)
     wheels = WheelEncoderModel(sensors, robot, rng)
     odometer = Odometer(robot)
-    buffer = FrameBuffer(robot, PairingParams(max_rotation=0.12))  # as navfw/stacks/default.yaml
+    buffer = FrameBuffer(robot, PairingParams(max_rotation=0.12))  # as the default stack
     speeds = np.array(robot.wheel_speeds(view.twist))
     rate, camera_rate = robot.control_rate, robot.camera.rate
     ticks = round((_STANDING + _DRIVING) * rate)

@@ -26,8 +26,6 @@ from navfw.offis.percept_explanation import PerceptExplanation, evaluations_of
 from navfw.robot import RobotModel
 from navfw.signals import CameraMotion, FlowField, Frame, FramePair, Twist
 
-__all__ = ["LARGEST_DIFFERENCE", "compare_rule_bases", "run", "time_flow", "time_offis"]
-
 LARGEST_DIFFERENCE = 1e-6
 """Largest allowed difference between a compiled rule base and scikit-fuzzy, in output units."""
 

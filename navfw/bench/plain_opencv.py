@@ -14,8 +14,6 @@ from navfw.flow.grid_flow import GridFlow, MatchedFlow
 from navfw.robot import RobotModel
 from navfw.signals import Array, Image
 
-__all__ = ["PlainDense", "PlainPoints", "plain_processors", "reference_processor"]
-
 DenseMethod = Callable[[Image, Image], Dense]
 """Displacement (height, width, 2) [px] of each pixel of the first image in the second."""
 

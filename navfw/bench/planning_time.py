@@ -13,11 +13,9 @@ import networkx as nx
 import numpy as np
 
 from navfw.papfis.routes import Endpoint, Route, Router
-from navfw.part_report import PartReport, told, untold
+from navfw.process.progress import PartReport, told, untold
 from navfw.robot import RobotModel
 from navfw.topomap import Passage, Place, TopoMap
-
-__all__ = ["bench_planning", "large_map"]
 
 SPACING = 4.0
 """Distance [m] of neighbouring places before their random displacement."""

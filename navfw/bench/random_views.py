@@ -30,8 +30,6 @@ from navfw.sim.worldspec import (
     WorldSpec,
 )
 
-__all__ = ["AIMS", "YARD", "RandomView", "random_views", "random_world"]
-
 AIMS = ("corridor", "door", "corner", "wall", "slope wall", "anywhere")
 """The situations that views are drawn for; ``anywhere`` sets no condition."""
 

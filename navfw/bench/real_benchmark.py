@@ -23,7 +23,6 @@ from navfw.bench.real_poses import camera_poses, camera_way, heading_error
 from navfw.bench.real_yaw import RecordedGyro, recorded_gyro, yaw_rates, yaw_summary
 from navfw.config.input_file import is_folder
 from navfw.errors import ConfigError
-from navfw.part_report import PartReport, untold
 from navfw.perceive.calibration_file import CameraCalibration
 from navfw.perceive.image_order import natural_key
 from navfw.perceive.image_sources import IMAGES, ImageSource, open_source
@@ -32,18 +31,8 @@ from navfw.perceive.pair_result import PairResult
 from navfw.perceive.perceiver import Perceiver
 from navfw.perceive.perceiver_options import PerceiverOptions
 from navfw.plugins import Registry
+from navfw.process.progress import PartReport, untold
 from navfw.signals import Array
-
-__all__ = [
-    "CAMERAS",
-    "OpenedPart",
-    "RealCamera",
-    "bench_real",
-    "judge_result",
-    "labelled_parts",
-    "open_part",
-    "real_rows",
-]
 
 LEAD = 6
 """Number of images before the first labelled one of a part that are processed as well."""

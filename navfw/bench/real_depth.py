@@ -16,8 +16,6 @@ from navfw.perceive.pair_result import PairResult
 from navfw.perceive.working_size import WorkingSize
 from navfw.signals import Array, Label
 
-__all__ = ["DepthFile", "NearnessErrors", "depth_files", "nearness_errors"]
-
 TRUSTED = 0.15
 """Largest standard deviation of a trusted cell, relative to its nearness: the median of a normal
 error is then 10 %."""

@@ -10,8 +10,6 @@ from pathlib import Path
 
 from navfw.config.input_file import read_input_text
 
-__all__ = ["FrameLabel", "Judgement", "SentenceVerdict", "judge", "load_labels"]
-
 _MAX_BYTES = 1_000_000
 """Largest size of the file of labels [byte]."""
 

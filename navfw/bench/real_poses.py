@@ -13,8 +13,6 @@ from navfw.bench.tum_recording import TumRecording
 from navfw.perceive.pair_result import PairResult
 from navfw.signals import Array
 
-__all__ = ["camera_poses", "camera_way", "heading_error"]
-
 
 def camera_poses(data: Path, folder: str) -> Mapping[str, Array]:
     """Poses (4, 4), camera to world, of the images in ``folder`` by file name; may be empty.

@@ -16,8 +16,6 @@ from navfw.perceive.image_times import ImageTimes, load_image_times
 from navfw.perceive.pair_result import PairResult
 from navfw.signals import Array
 
-__all__ = ["RecordedGyro", "recorded_gyro", "yaw_rates", "yaw_summary"]
-
 READINGS = "readings.csv"
 """File of a recording with a gyro: a row for each image, with its time and the gyro's rates."""
 

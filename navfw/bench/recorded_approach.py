@@ -24,8 +24,6 @@ from navfw.flow.divergence import ContactFilter, Expansion, fit_expansion
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Array, CameraMotion, Frame, FramePair, Image
 
-__all__ = ["bench_approach", "contact_times", "read_grey"]
-
 _MAX_TIMES = 1_000_000
 """Largest size of the file of times [byte]; the original has 1 kB."""
 

@@ -18,13 +18,11 @@ from navfw.localization.discrete_filter import DiscreteFilter, DiscreteParams
 from navfw.localization.landmark_existence import LandmarkExistence
 from navfw.localization.situation_model import SITUATIONS, SituationTable, learn_table
 from navfw.missions.situation_samples import SituationDrive, record_situations
-from navfw.part_report import PartReport, told, untold
+from navfw.process.progress import PartReport, told, untold
 
 if TYPE_CHECKING:
     from navfw.plugins import Registry
     from navfw.suite.suite_plan import SuitePlan
-
-__all__ = ["LearntSituations", "learn_situations", "place_accuracy", "tables"]
 
 EVERY = 10
 """The filter's accuracy is evaluated at one camera frame in this many."""

@@ -19,8 +19,6 @@ from navfw.flow.ideal import nearness_at, true_vectors
 from navfw.robot import CameraModel
 from navfw.signals import Array, FlowField
 
-__all__ = ["true_flow", "with_recording_error"]
-
 HIDDEN = 1.1
 """A surface is hidden in the past frame where another is nearer there by this factor."""
 ITERATIONS = 20

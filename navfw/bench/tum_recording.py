@@ -25,15 +25,6 @@ from navfw.perceive.pose_record import load_pose_record
 from navfw.robot import CameraModel
 from navfw.signals import Array, CameraMotion, Frame, FramePair, Image
 
-__all__ = [
-    "FR1_DISTORTION",
-    "FR1_MATRIX",
-    "TumRecording",
-    "project_depth",
-    "tum_camera",
-    "tum_pairs",
-]
-
 _MAX_LIST = 50_000_000
 """Largest size of a list of images or poses [byte]; those of freiburg1 have 0.3 MB."""
 

@@ -48,17 +48,6 @@ from navfw.sim.shapes import Rectangle
 from navfw.sim.solids import opening_segment, solids_of, wall_segments
 from navfw.sim.worldspec import WorldSpec
 
-__all__ = [
-    "DOMINANT",
-    "HIDDEN",
-    "MAJORITY",
-    "HalfPlane",
-    "ViewTruth",
-    "WallGeometry",
-    "true_term",
-    "truth_of",
-]
-
 CELL_AREA = 100
 """Area [px] of one cell of a 12 x 16 grid over 160 x 120 px."""
 

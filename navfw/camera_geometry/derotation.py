@@ -10,8 +10,6 @@ from navfw.camera_geometry.turned_points import rotate_points, undo_turn
 from navfw.robot import CameraModel
 from navfw.signals import Array, FlowField
 
-__all__ = ["derotate", "derotated_vectors", "rotational_flow"]
-
 
 def rotational_flow(points: Array, rotation: Array, focal: float) -> Array:
     """Flow (..., 2) [px] at current ``points`` of a camera that only rotates by ``rotation``.

@@ -7,8 +7,6 @@ import numpy as np
 
 from navfw.signals import Frame, Image
 
-__all__ = ["reduce_frame"]
-
 
 def reduce_frame(frame: Frame, factor: int) -> Frame:
     """``frame`` with the mean grey value of ``factor`` x ``factor`` pixels in place of each pixel.

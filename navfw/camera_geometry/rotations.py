@@ -12,8 +12,6 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["rotation_matrix", "rotation_vector"]
-
 Doubles = npt.NDArray[np.float64]
 
 SMALL = 1e-12

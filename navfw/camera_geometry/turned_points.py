@@ -12,8 +12,6 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["rotate_points", "turn_point", "turn_points", "turning_slope", "undo_turn"]
-
 Doubles = npt.NDArray[np.float64]
 
 BEHIND = 1e-9

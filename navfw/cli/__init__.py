@@ -21,7 +21,7 @@ from navfw.cli.supervisor import supervise
 from navfw.cli.trust import TrustOnce, accept_trust, ask_on_terminal
 from navfw.config.project_code import asking, trusting
 from navfw.errors import InputError, NavfwError
-from navfw.interruption import ignore_signals, interruptible
+from navfw.process.interruption import ignore_signals, interruptible
 
 __all__ = ["COMMANDS", "app", "main"]
 

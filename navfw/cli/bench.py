@@ -14,8 +14,6 @@ from navfw.cli.options import Json, NoiseSeed, Robot, Stack, of_robot
 from navfw.cli.output import print_json, print_table, print_tables, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
 
-__all__ = ["add_to"]
-
 
 def add_to(app: typer.Typer) -> None:
     """Add ``bench`` with its commands."""

@@ -12,8 +12,6 @@ from navfw.cli.output import print_json, print_tables, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.errors import InputError
 
-__all__ = ["flow"]
-
 
 def flow(
     data: Annotated[

@@ -10,8 +10,6 @@ from navfw.cli.options import Json
 from navfw.cli.output import print_json, print_tables, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
 
-__all__ = ["landmarks"]
-
 
 def landmarks(
     views: Annotated[

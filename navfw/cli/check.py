@@ -13,8 +13,6 @@ from navfw.cli.output import print_json, quiet_stdout
 if TYPE_CHECKING:
     from navfw.plugins import Registry
 
-__all__ = ["add_to"]
-
 Checked = dict[str, Any]
 
 

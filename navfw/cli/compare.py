@@ -12,8 +12,6 @@ from navfw.cli.options import Json, VariantA, VariantB
 from navfw.cli.output import print_json, print_status
 from navfw.errors import InputError
 
-__all__ = ["add_to"]
-
 MAX_SHOWN = 25
 """Largest number of runs to print of each kind; ``--json`` has all."""
 

@@ -23,16 +23,6 @@ from navfw.config.lookup import (
 )
 from navfw.errors import InputError
 
-__all__ = [
-    "complete_map",
-    "complete_mission",
-    "complete_robot",
-    "complete_setting",
-    "complete_stack",
-    "complete_suite",
-    "complete_world",
-]
-
 Names = Callable[[typer.Context], Iterable[str]]
 Completer = Callable[[typer.Context, str], list[str]]
 

@@ -13,17 +13,6 @@ if TYPE_CHECKING:
     from navfw.suite.case import Case
     from navfw.suite.run_engine import Engine
 
-__all__ = [
-    "EngineKind",
-    "EngineName",
-    "Limit",
-    "Memory",
-    "Scheduler",
-    "Workers",
-    "check_engine",
-    "dask_engine",
-]
-
 
 class EngineKind(StrEnum):
     """What drives the runs."""

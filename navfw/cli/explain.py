@@ -9,8 +9,6 @@ import typer
 from navfw.cli.options import Json, Recorded
 from navfw.cli.output import print_json, quiet_stdout
 
-__all__ = ["add_to"]
-
 
 def add_to(app: typer.Typer) -> None:
     """Add the command."""

@@ -13,8 +13,6 @@ from navfw.errors import ConfigError, InputError, did_you_mean
 if TYPE_CHECKING:
     from navfw.plugins import Registry
 
-__all__ = ["check_file", "data_files", "kind_of_file"]
-
 FOLDERS = {
     "maps": "map",
     "missions": "mission",
@@ -131,7 +129,7 @@ def _check_mission(path: Path, registry: Registry) -> None:
 
 
 def _check_robot(path: Path, registry: Registry) -> None:
-    from navfw.robotfile import load_robot
+    from navfw.robot.robotfile import load_robot
 
     del registry
     load_robot(path.absolute())
@@ -145,7 +143,7 @@ def _check_rule_base(path: Path, registry: Registry) -> None:
 
 
 def _check_stack(path: Path, registry: Registry) -> None:
-    from navfw.stackfile import load_stack
+    from navfw.stack.stackfile import load_stack
 
     for chosen in load_stack(path, registry).plugins:
         chosen.check_files()

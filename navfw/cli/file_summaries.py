@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict
 
-from navfw.config.yamlfile import load_yaml, validate
-from navfw.stack_document import read_stack
+from navfw.config.document import load_yaml
+from navfw.config.yamlfile import validate
+from navfw.stack.stack_document import read_stack
 from navfw.topomap.mapspec import MAX_BYTES, MAX_NODES
 
 if TYPE_CHECKING:
     from navfw.robot import RobotModel
-
-__all__ = ["map_summary", "mission_summary", "robot_summary", "stack_summary", "world_summary"]
 
 
 class _FileSummary(BaseModel):
@@ -84,7 +83,7 @@ def stack_summary(path: Path) -> dict[str, Any]:
 
 def robot_summary(path: Path) -> dict[str, Any]:
     """The description of a robot, its body [m], top speed [m/s] and camera."""
-    from navfw.robotfile import load_robot
+    from navfw.robot.robotfile import load_robot
 
     robot = load_robot(path)
     camera = robot.camera

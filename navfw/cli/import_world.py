@@ -14,9 +14,7 @@ from navfw.cli.options import Json
 from navfw.cli.output import print_json, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.errors import InputError
-from navfw.part_report import PartReport, untold
-
-__all__ = ["add_to"]
+from navfw.process.progress import PartReport, untold
 
 IMAGE_SUFFIXES = (".pgm", ".png", ".bmp")
 """Files that are imported as the image of a floor plan."""
@@ -127,7 +125,7 @@ def _folders(sources: list[Path], out: Path) -> dict[Path, Path]:
     """
     if len(sources) == 1:
         return {sources[0]: out}
-    from navfw.atomic import output_place
+    from navfw.process.atomic import output_place
 
     output_place(out, "--out", replaced=False)
     stems = [file.stem for file in sources]

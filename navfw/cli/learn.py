@@ -11,8 +11,6 @@ from navfw.cli.options import Json
 from navfw.cli.output import print_json, print_tables, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
 
-__all__ = ["add_to"]
-
 
 def add_to(app: typer.Typer) -> None:
     """Add ``learn`` with its commands."""
@@ -39,9 +37,9 @@ def situations(
 ) -> None:
     """Learn the situations at places. The table says how often OFFIS infers each (METHOD 4.4)."""
     with quiet_stdout():
-        from navfw.atomic import output_file, write_text
         from navfw.bench.situation_learning import learn_situations, tables
         from navfw.plugins import default_registry
+        from navfw.process.atomic import output_file, write_text
         from navfw.suite.suite_plan import plan_runs
         from navfw.suite.suitefile import load_suite, parse_seeds
 

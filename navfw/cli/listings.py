@@ -13,8 +13,6 @@ from navfw.cli.output import console, print_json, print_table, quiet_stdout
 if TYPE_CHECKING:
     from navfw.config.lookup import NamedFile
 
-__all__ = ["add_to"]
-
 Json = Annotated[
     bool, typer.Option("--json", help="Print a JSON list of objects, and nothing else.")
 ]

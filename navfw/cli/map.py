@@ -12,8 +12,6 @@ from navfw.cli.options import Json, Map, World
 from navfw.cli.output import print_json, print_table, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
 
-__all__ = ["add_to"]
-
 OverWorld = Annotated[
     str | None,
     typer.Option(help="Name or file of a world [default: the world with the map's name]."),

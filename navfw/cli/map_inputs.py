@@ -10,8 +10,6 @@ if TYPE_CHECKING:
     from navfw.sim.floorplan import FloorPlan
     from navfw.topomap import TopoMap
 
-__all__ = ["find_map", "floor_plan", "outline_for"]
-
 
 def find_map(name: str, both_ways: bool = False) -> TopoMap:
     """The map called ``name``, or in the file ``name`` of any supported format.
@@ -21,7 +19,7 @@ def find_map(name: str, both_ways: bool = False) -> TopoMap:
 
     """
     from navfw.config.lookup import find
-    from navfw.landmark_appearance import check_landmark_kind
+    from navfw.features.landmark_appearance import check_landmark_kind
     from navfw.topomap.map_formats import SUFFIXES, load_any_map
 
     path = Path(name)

@@ -10,8 +10,6 @@ import typer
 from navfw.cli.options import Json, Mission, NoiseSeed, Stack, World
 from navfw.cli.output import print_json, print_table, quiet_stdout
 
-__all__ = ["learn"]
-
 
 def learn(
     world: World,
@@ -28,9 +26,9 @@ def learn(
 ) -> None:
     """Add detected landmarks to a map. Drives a mission, and writes its map with them."""
     with quiet_stdout():
-        from navfw.atomic import output_file
         from navfw.missions.landmark_learning_drive import learn_landmarks
         from navfw.missions.session import prepare
+        from navfw.process.atomic import output_file
         from navfw.recording.run_folder import plain_json
         from navfw.topomap.map_formats import save_map
 

@@ -8,9 +8,7 @@ from typing import Annotated
 
 import typer
 
-from navfw.part_kinds import PARTS
-
-__all__ = ["add_to"]
+from navfw.scaffold.part_kinds import PARTS
 
 _Name = Annotated[
     str, typer.Argument(metavar="NAME", help="Its name: slow_down for code, east-wing for files.")
@@ -42,7 +40,7 @@ def project(
 
     All of it passes. Nothing that exists is overwritten.
     """
-    from navfw.new_project import write_project
+    from navfw.scaffold.new_project import write_project
 
     written = write_project(folder)
     typer.echo(f"wrote {folder}:")
@@ -54,7 +52,7 @@ def _writer(kind: str) -> Callable[[str], None]:
     """The command that writes a part of a kind."""
 
     def write(name: _Name) -> None:
-        from navfw.new_parts import write_part
+        from navfw.scaffold.new_parts import write_part
 
         written, then = write_part(kind, name)
         typer.echo("wrote:")

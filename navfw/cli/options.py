@@ -17,25 +17,6 @@ from navfw.cli.completion import (
     complete_world,
 )
 
-__all__ = [
-    "Json",
-    "Live",
-    "LivePort",
-    "Map",
-    "Mission",
-    "NoiseSeed",
-    "Record",
-    "Recorded",
-    "Robot",
-    "Stack",
-    "Suite",
-    "VariantA",
-    "VariantB",
-    "Video",
-    "World",
-    "of_robot",
-]
-
 World = Annotated[
     str,
     typer.Argument(metavar="WORLD", help="Name or file of a world.", autocompletion=complete_world),

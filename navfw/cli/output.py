@@ -12,17 +12,6 @@ from typing import Any, TypeVar
 
 import typer
 
-__all__ = [
-    "console",
-    "print_json",
-    "print_json_list",
-    "print_status",
-    "print_table",
-    "print_tables",
-    "quiet_stdout",
-    "quietly",
-]
-
 ItemT = TypeVar("ItemT")
 
 

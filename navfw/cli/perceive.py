@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 
     Assessed: TypeAlias = tuple[PairResult, dict[str, float | str]]
 
-__all__ = ["add_to"]
-
 
 def add_to(app: typer.Typer) -> None:
     """Add the command."""

@@ -10,8 +10,6 @@ import typer
 from navfw.cli.options import Json, Map
 from navfw.cli.output import print_json, print_table, quiet_stdout
 
-__all__ = ["add_to"]
-
 
 def add_to(app: typer.Typer) -> None:
     """Add the command."""

@@ -10,8 +10,6 @@ from typing import Annotated, Any, Self
 
 import typer
 
-__all__ = ["ProgressBar", "Quiet"]
-
 LINE_PERIOD = 10.0
 """Interval between two lines where stderr is not a terminal [s]."""
 

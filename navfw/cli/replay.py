@@ -8,8 +8,6 @@ from navfw.cli.options import Json, Recorded, Video
 from navfw.cli.output import print_json, quiet_stdout
 from navfw.cli.video import VIDEO, write_video
 
-__all__ = ["add_to"]
-
 
 def add_to(app: typer.Typer) -> None:
     """Add the command."""
@@ -24,7 +22,7 @@ def replay(
     """Run the stack on recorded readings. Exit with 1 if the commands differ."""
     with quiet_stdout():
         from navfw.recording.run_replay import replay as run_again
-        from navfw.video_output import check_video
+        from navfw.recording.video_output import check_video
 
         if video is not None:
             check_video(video, VIDEO)

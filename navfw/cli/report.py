@@ -15,8 +15,6 @@ from navfw.errors import InputError
 if TYPE_CHECKING:
     from navfw.suite.suite_folder import SuiteFolder
 
-__all__ = ["add_to"]
-
 Variants = tuple[str | None, str | None]
 """The variants of A and B to compare; None for all."""
 
@@ -67,7 +65,7 @@ def _write(
     folders: list[Path], variants: Variants, out: Path | None, bar: ProgressBar
 ) -> tuple[Path, list[str]]:
     """Write the report; returns its file, and what is wrong with pictures and recordings."""
-    from navfw.atomic import output_file, write_text
+    from navfw.process.atomic import output_file, write_text
     from navfw.recording.run_folder import REPORT
     from navfw.suite.suite_folder import COMPARISON, SuiteFolder
 
@@ -104,8 +102,8 @@ def _suite_text(suites: list[SuiteFolder], variants: Variants, page: Path) -> tu
 
 def _write_run_reports(suite: SuiteFolder, bar: ProgressBar) -> list[str]:
     """Write the reports of recorded runs that have none; returns what is wrong with recordings."""
-    from navfw.atomic import write_text
     from navfw.config.input_file import is_file
+    from navfw.process.atomic import write_text
     from navfw.recording.run_folder import RECORDING, REPORT
     from navfw.report.run_page import run_report
 

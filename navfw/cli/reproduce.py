@@ -12,8 +12,6 @@ from navfw.cli.options import Json
 from navfw.cli.output import print_json, print_table, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
 
-__all__ = ["add_to"]
-
 
 def add_to(app: typer.Typer) -> None:
     """Add the command."""

@@ -11,8 +11,6 @@ from navfw.cli.output import print_status
 from navfw.config.input_file import is_file, is_folder, read_input_text
 from navfw.errors import InputError
 
-__all__ = ["add_to"]
-
 Folder = Annotated[
     Path, typer.Option(help="The folder of results and template.md; its page is FOLDER.md.")
 ]
@@ -64,7 +62,7 @@ def write(
     folder: Folder = _FOLDER,
 ) -> None:
     """Write FOLDER.md from the template and the results, and the marked tables of the README."""
-    from navfw.atomic import write_text
+    from navfw.process.atomic import write_text
     from navfw.results.results_page import MAX_PAGE, current_pages
 
     _check(folder)

@@ -20,14 +20,12 @@ from navfw.cli.supervisor import announce, announce_end
 from navfw.cli.video import VIDEO, write_video
 from navfw.cli.warm import compile_with_progress
 from navfw.errors import InputError
-from navfw.interruption import check_interrupted, deferred, interruptible
+from navfw.process.interruption import check_interrupted, deferred, interruptible
 
 if TYPE_CHECKING:
     from navfw.missions.runner import Progress
     from navfw.missions.session import MissionResult, Session
     from navfw.recording.live_server import LiveServer
-
-__all__ = ["add_to"]
 
 LINE_PERIOD = 5.0
 """Interval between progress lines where stderr is not a terminal [s]."""
@@ -169,8 +167,8 @@ def _drive(request: _Request) -> tuple[MissionResult, Path | None, tuple[str, ..
     from navfw.missions.run_report import default_folder, write_run
     from navfw.missions.session import prepare
     from navfw.recording.run_folder import RunFolder
+    from navfw.recording.video_output import check_video
     from navfw.sim.window import check_display
-    from navfw.video_output import check_video
 
     if request.gui:
         check_display()
@@ -332,7 +330,7 @@ class _ProgressLine:
 
     def _explain_delay(self) -> None:
         """Print ``COMPILING`` once if there is no progress for a while because of a kernel."""
-        from navfw.watchdog import compiling
+        from navfw.process.watchdog import compiling
 
         while not self._over.wait(0.1 * COMPILING_NOTICE_AFTER):
             if compiling() and time.monotonic() - self._shown > COMPILING_NOTICE_AFTER:

@@ -7,9 +7,7 @@ from typing import Annotated
 import typer
 
 from navfw.cli.output import print_json, quiet_stdout
-from navfw.file_schemas import MODELS, schema_of
-
-__all__ = ["add_to"]
+from navfw.scaffold.file_schemas import MODELS, schema_of
 
 
 def add_to(app: typer.Typer) -> None:

@@ -12,8 +12,6 @@ import os
 import sys
 from collections.abc import Iterator
 
-__all__ = ["standard_streams"]
-
 _OUTPUTS = (1, 2)
 """Descriptors of standard output and standard error."""
 

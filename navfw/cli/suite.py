@@ -26,7 +26,7 @@ from navfw.cli.options import Json, Robot, Suite, of_robot
 from navfw.cli.output import print_json, print_status, print_table, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.cli.warm import compile_with_progress
-from navfw.interruption import deferred, interruptible
+from navfw.process.interruption import deferred, interruptible
 
 if TYPE_CHECKING:
     from navfw.suite.case import Case
@@ -34,8 +34,6 @@ if TYPE_CHECKING:
     from navfw.suite.suite_folder import Beginning
     from navfw.suite.suite_plan import SuitePlan
     from navfw.suite.suite_run import SuiteResult
-
-__all__ = ["add_to"]
 
 MAX_SHOWN = 25
 """Largest number of failed runs to print; the table holds all."""

@@ -19,8 +19,6 @@ from navfw.errors import InputError
 if TYPE_CHECKING:
     from navfw.config.trust_file import TrustedFolder
 
-__all__ = ["TrustOnce", "accept_trust", "add_to", "ask_on_terminal"]
-
 TrustOnce = Annotated[
     bool,
     typer.Option("--trust", help="Execute the project's own plugins, for this command alone."),

@@ -23,8 +23,6 @@ from navfw.cli.output import print_json, quiet_stdout
 if TYPE_CHECKING:
     from optuna.trial import FrozenTrial
 
-__all__ = ["add_to"]
-
 
 def add_to(app: typer.Typer) -> None:
     """Add the command."""
@@ -85,9 +83,9 @@ def tune(
     with quiet_stdout():
         _check_extra()
         from navfw.plugins import default_registry
+        from navfw.process.target_lock import TargetLock
         from navfw.suite.run_engine import engine_or_processes
         from navfw.suite.suitefile import load_suite
-        from navfw.target_lock import TargetLock
         from navfw.tune.case_driving import driver
         from navfw.tune.stack_study import StackStudy
         from navfw.tune.study_folder import StudyFolder

@@ -8,8 +8,6 @@ import typer
 
 from navfw.cli.progress_bar import ProgressBar
 
-__all__ = ["VIDEO", "write_video"]
-
 VIDEO = "--video"
 """The option, for messages."""
 

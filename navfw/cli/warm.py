@@ -6,8 +6,6 @@ import typer
 
 from navfw.cli.progress_bar import ProgressBar, Quiet
 
-__all__ = ["add_to", "compile_with_progress"]
-
 
 def add_to(app: typer.Typer) -> None:
     """Add the command."""

@@ -20,18 +20,6 @@ from navfw.config.input_file import read_input_text, shown_path
 from navfw.config.yaml_compose import compose_quickly
 from navfw.errors import ConfigError
 
-__all__ = [
-    "MAX_BYTES",
-    "Data",
-    "KeyPath",
-    "Origin",
-    "YamlDocument",
-    "key_text",
-    "load_yaml",
-    "parse_mapping",
-    "parse_yaml",
-]
-
 KeyPath: TypeAlias = tuple[str | int, ...]
 """The path of a value in a document: mapping keys and list indices, outermost first."""
 

@@ -18,8 +18,6 @@ from pydantic.fields import FieldInfo
 from navfw.config.document import KeyPath
 from navfw.config.type_descriptions import choices_of, describe, is_model, members_of, peel
 
-__all__ = ["ErrorLocation", "ExpectedType", "locate"]
-
 
 @dataclass(frozen=True)
 class ExpectedType:

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-__all__ = ["files_in"]
-
 
 def files_in(folder: Path) -> Iterator[tuple[Path, Path]]:
     """Each file below ``folder`` and its path inside of it, sorted, but for caches of Python."""

@@ -19,8 +19,6 @@ from PIL import Image as PillowImage
 from navfw.config.input_file import read_input, shown_path
 from navfw.errors import ConfigError
 
-__all__ = ["MAX_BYTES", "MAX_PIXELS", "decode_image", "read_image"]
-
 MAX_BYTES = 100_000_000
 """Largest size of an image file [byte]."""
 

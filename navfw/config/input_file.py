@@ -17,17 +17,6 @@ from typing import BinaryIO
 
 from navfw.errors import ConfigError, did_you_mean
 
-__all__ = [
-    "is_file",
-    "is_folder",
-    "no_such_file",
-    "open_input",
-    "read_input",
-    "read_input_text",
-    "shown_path",
-    "traced_inputs",
-]
-
 _FLAGS = (
     os.O_RDONLY
     | getattr(os, "O_NONBLOCK", 0)  # opening a pipe must not wait for a writer

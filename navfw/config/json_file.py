@@ -9,8 +9,6 @@ from typing import Any
 from navfw.config.input_file import read_input_text, shown_path
 from navfw.errors import ConfigError
 
-__all__ = ["MAX_BYTES", "parse_json", "read_json_object"]
-
 MAX_BYTES = 16_000_000
 """Largest size of a JSON file [byte]: the result of a run of 2 h with 1000 events has 1 MB."""
 

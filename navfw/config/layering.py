@@ -11,8 +11,6 @@ from navfw.config.document import Data, KeyPath, Origin, YamlDocument, load_yaml
 from navfw.config.lookup import Kind, find
 from navfw.errors import ConfigError, UnknownNameError
 
-__all__ = ["layered", "on_its_base"]
-
 
 def layered(
     lower: YamlDocument, upper: YamlDocument, replaced: Container[str] = ()

@@ -24,23 +24,6 @@ from navfw.config.input_file import is_file, no_such_file, read_input_text
 from navfw.config.ownership import own_folders
 from navfw.errors import ConfigError, UnknownNameError
 
-__all__ = [
-    "Kind",
-    "NamedFile",
-    "find",
-    "find_mission",
-    "list_maps",
-    "list_missions",
-    "list_robots",
-    "list_stacks",
-    "list_worlds",
-    "plugin_files",
-    "plugin_folders",
-    "project_folder",
-    "project_plugin_folders",
-    "shipped_folder",
-]
-
 Kind: TypeAlias = Literal["world", "map", "stack", "robot", "mission"]
 _SUFFIXES = {".yaml", ".yml"}
 _PACKAGE = Path(__file__).parents[1]
@@ -123,8 +106,8 @@ def _data_folders(start: Path | None = None) -> list[_DataFolders]:
             "shipped",
             shipped / "worlds",
             shipped / "maps",
-            _PACKAGE / "stacks",
-            _PACKAGE / "robots",
+            _PACKAGE / "stack" / "stacks",
+            _PACKAGE / "robot" / "robots",
             shipped / "behaviors",
         )
     ]

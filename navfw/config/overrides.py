@@ -12,8 +12,6 @@ from typing import TypeAlias
 from navfw.config.document import Data, KeyPath, Origin, YamlDocument, key_text, parse_yaml
 from navfw.errors import ConfigError, did_you_mean
 
-__all__ = ["Override", "Settings", "apply_overrides", "override_texts", "parse_override"]
-
 Settings: TypeAlias = str | Sequence[str] | Mapping[str, object]
 """Overrides: texts such as ``"offis.layers=1"``, or a mapping such as ``{"offis.layers": 1}``."""
 

@@ -7,8 +7,6 @@ import stat
 from collections.abc import Iterator
 from pathlib import Path
 
-__all__ = ["own_folders", "owned_by_user", "writable_by_anyone"]
-
 
 def owned_by_user(path: Path) -> bool:
     """Whether this user owns ``path``, and what it leads to if it is a link; False if it is gone.

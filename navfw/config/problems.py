@@ -15,8 +15,6 @@ from navfw.config.error_location import ErrorLocation, ExpectedType, locate
 from navfw.config.type_descriptions import choices_of, members_of
 from navfw.errors import ConfigError, did_you_mean
 
-__all__ = ["MAX_TOLD", "FileProblem", "config_error", "problems_of", "shown"]
-
 MAX_TOLD = 50
 """Largest number of problems that one error tells; the others are counted."""
 

@@ -23,16 +23,6 @@ from navfw.config.lookup import plugin_files, project_folder, project_plugin_fol
 from navfw.config.ownership import writable_by_anyone
 from navfw.errors import UntrustedCodeError
 
-__all__ = [
-    "LIBRARY_SETTINGS",
-    "TRUST_VARIABLE",
-    "ProjectCode",
-    "asking",
-    "require_trust",
-    "require_trust_in_settings",
-    "trusting",
-]
-
 TRUST_VARIABLE = "NAVFW_TRUST"
 """Environment variable: ``1`` trusts whatever project is in use; else folders of projects to trust,
 separated as in ``PATH``. Child processes inherit it."""

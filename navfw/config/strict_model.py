@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from pydantic import BaseModel, ConfigDict
 
-__all__ = ["StrictModel"]
-
 
 class StrictModel(BaseModel):
     """A frozen model that accepts neither unknown keys nor infinite or NaN numbers."""

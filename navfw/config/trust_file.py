@@ -14,13 +14,11 @@ from typing import Annotated
 from platformdirs import user_config_path
 from pydantic import Field
 
-from navfw.atomic import write_text
 from navfw.config.ownership import owned_by_user, writable_by_anyone
 from navfw.config.strict_model import StrictModel
 from navfw.config.yamlfile import load_model
 from navfw.errors import ConfigError, InputError, UnknownNameError
-
-__all__ = ["TrustFile", "TrustedFolder"]
+from navfw.process.atomic import write_text
 
 
 class TrustedFolder(StrictModel):

@@ -13,17 +13,6 @@ from pydantic import BaseModel, RootModel
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticSerializationError, PydanticUndefined, to_jsonable_python
 
-__all__ = [
-    "Parameter",
-    "bounds_of",
-    "choices_of",
-    "describe",
-    "is_model",
-    "members_of",
-    "parameters_of",
-    "peel",
-]
-
 _PLAIN: Mapping[Any, str] = {
     bool: "true or false",
     int: "a whole number",

@@ -9,8 +9,6 @@ from xml.parsers import expat
 from navfw.config.input_file import read_input
 from navfw.errors import ConfigError
 
-__all__ = ["line_of", "read_xml"]
-
 _MAX_DEPTH = 60
 """Largest nesting of elements."""
 _LINE = "navfw-line"

@@ -16,8 +16,6 @@ from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from ruamel.yaml.resolver import VersionedResolver
 from ruamel.yaml.tag import Tag
 
-__all__ = ["MAX_NESTING", "compose_quickly"]
-
 MAX_NESTING = 100
 """Largest depth of nesting of a text that is composed here."""
 

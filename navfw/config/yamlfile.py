@@ -13,23 +13,9 @@ from typing import TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from navfw.config.document import KeyPath, Origin, YamlDocument, key_text, load_yaml, parse_yaml
+from navfw.config.document import KeyPath, YamlDocument, load_yaml
 from navfw.config.overrides import Override, apply_overrides
 from navfw.config.problems import FileProblem, config_error, problems_of
-
-__all__ = [
-    "FileProblem",
-    "KeyPath",
-    "Origin",
-    "YamlDocument",
-    "check",
-    "config_error",
-    "key_text",
-    "load_model",
-    "load_yaml",
-    "parse_yaml",
-    "validate",
-]
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
 

@@ -12,9 +12,6 @@ from navfw.robot import RobotModel
 from navfw.signals import Array, Twist
 from navfw.signals.immutable import Sealed, read_only
 
-__all__ = ["CommandGrid", "CommandGridParams", "peak"]
-
-
 SPEED_STEP = 0.0625
 """Largest step [m/s] between forward speeds: from standstill the robot begins with one step."""
 

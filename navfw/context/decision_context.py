@@ -23,8 +23,6 @@ from navfw.signals import (
 if TYPE_CHECKING:
     from navfw.localmap import Arcs, LocalGoal, Ranges
 
-__all__ = ["Context"]
-
 
 @dataclass(frozen=True, slots=True)
 class Context:

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 
 from navfw.signals import Percept
 
-__all__ = ["QuadrantDistances", "quadrant_distances"]
-
 _LEFT, _RIGHT = ("P2", "P3"), ("P1", "P4")
 # the inner parts of each quadrant (see navfw.offis)
 _INNER = ("sP12", "sP13", "sP21", "sP24", "sP31", "sP34", "sP42", "sP43")

@@ -11,8 +11,6 @@ from navfw.numerics.products import product
 from navfw.robot import RobotModel
 from navfw.signals import Array, CameraMotion, FlowField, Odometry, Pose, wrap_angle
 
-__all__ = ["SLIP", "YAW_RATE_SIGMA", "camera_motion", "with_yaw_sigma", "yaw_rotation"]
-
 #: Standard deviation of the gyro's error once its bias is removed, a constant rate [rad/s].
 YAW_RATE_SIGMA = 0.003
 #: Standard deviation of the wheels' slip, relative to the distance driven.

@@ -7,8 +7,6 @@ import math
 from navfw.robot import RobotModel
 from navfw.signals import Encoders, Twist
 
-__all__ = ["EncoderFaultDetector"]
-
 #: Least commanded rim speed [m/s] that counts as evidence: friction may stop a slower wheel.
 LEAST_SPEED = 0.03
 #: Commanded travel of the rim [m] without a tick from which on an encoder counts as silent.

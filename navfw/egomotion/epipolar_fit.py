@@ -16,8 +16,6 @@ import numpy.typing as npt
 from navfw.camera_geometry.turned_points import turning_slope
 from navfw.numerics.algebra_kernels import solve_system
 
-__all__ = ["add_equations", "cauchy_weight", "epipolar_residual", "fit_reweighted"]
-
 Doubles = npt.NDArray[np.float64]
 
 CAUCHY = 2.385**2

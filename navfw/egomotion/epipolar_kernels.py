@@ -23,8 +23,6 @@ from navfw.egomotion.epipolar_fit import (
 )
 from navfw.numerics.algebra_kernels import bilinear, dot, multiply, solve_system
 
-__all__ = ["fit_motion", "fit_rotation", "rate_directions", "tangents"]
-
 Doubles = npt.NDArray[np.float64]
 
 COARSE = 0.5

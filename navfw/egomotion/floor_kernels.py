@@ -16,8 +16,6 @@ import numpy.typing as npt
 from navfw.egomotion.epipolar_fit import CAUCHY
 from navfw.numerics.algebra_kernels import dot, solve_system
 
-__all__ = ["SLANT", "UNKNOWNS", "register_floor"]
-
 Doubles = npt.NDArray[np.float64]
 Floats = npt.NDArray[np.float32]
 

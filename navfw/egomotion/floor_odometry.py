@@ -22,8 +22,6 @@ from navfw.numerics.products import product
 from navfw.robot import RobotModel
 from navfw.signals import Array, Frame, Odometry, Pose, Twist, YawCorrection, wrap_angle
 
-__all__ = ["FloorOdometry"]
-
 KEY_DISTANCE = 0.12
 """Distance [m] from the key frame at which the present frame becomes the next one."""
 

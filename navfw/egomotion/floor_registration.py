@@ -22,8 +22,6 @@ from navfw.robot import RobotModel
 from navfw.signals import Array, Image, Pose
 from navfw.signals.immutable import read_only
 
-__all__ = ["FloorImage", "FloorRegistration", "FloorStep"]
-
 Floats = npt.NDArray[np.float32]
 
 STRIDE = 2

@@ -29,15 +29,6 @@ from navfw.numerics.linear_systems import inverse, solve
 from navfw.numerics.products import product
 from navfw.signals import Array
 
-__all__ = [
-    "FREE_TURN",
-    "Egomotion",
-    "EgomotionPrior",
-    "MotionKind",
-    "PointMotion",
-    "estimate_egomotion",
-]
-
 DIRECTIONS = 128
 """Number of directions of the global search, on a hemisphere: 13 deg apart."""
 

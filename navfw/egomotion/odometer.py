@@ -8,8 +8,6 @@ from navfw.egomotion.encoder_fault import EncoderFaultDetector
 from navfw.robot import RobotModel
 from navfw.signals import Encoders, Inertial, Odometry, Pose, Twist, YawCorrection, wrap_angle
 
-__all__ = ["Odometer"]
-
 #: Time for which the wheels must have rested before the robot counts as still [s].
 REST = 0.3
 #: Change of an encoder at rest [ticks]: it may flicker between two neighbouring ticks.

@@ -8,8 +8,6 @@ from operator import attrgetter
 
 from navfw.signals import Odometry
 
-__all__ = ["OdometryHistory"]
-
 #: Time [s] for which odometry is kept. An older frame is assigned the oldest entry.
 MEMORY = 3.0
 

@@ -15,8 +15,6 @@ from navfw.interfaces import Params
 from navfw.robot import RobotModel
 from navfw.signals import Frame, FramePair, Odometry, Pose, wrap_angle
 
-__all__ = ["FrameBuffer", "PairingParams", "PosedFrame", "seeing_speed"]
-
 Length = Annotated[float, Field(gt=0.0, le=1.0)]
 
 BASELINE_SHARE = 0.9

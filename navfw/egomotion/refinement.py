@@ -15,8 +15,6 @@ from navfw.numerics.products import product
 from navfw.robot import CameraModel
 from navfw.signals import Array, CameraMotion, FlowField
 
-__all__ = ["Refinement", "RefinementParams", "refine"]
-
 ITERATIONS = 6
 
 CERTAIN, DOUBT = 3.0, 0.1

@@ -10,8 +10,6 @@ import numpy.typing as npt
 
 from navfw.egomotion.epipolar_fit import epipolar_residual, fit_reweighted
 
-__all__ = ["refine_rotation", "weigh_residuals"]
-
 Doubles = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 

@@ -9,14 +9,12 @@ import cv2
 import numpy as np
 from pydantic import Field
 
+from navfw.features.landmark_appearance import marker_dictionary
 from navfw.features.square_localization import is_upright, landmark_sizes, square_detection
 from navfw.interfaces import FeatureRecognizer
-from navfw.landmark_appearance import marker_dictionary
 from navfw.robot import RobotModel
 from navfw.signals import Frame, LandmarkDetection
 from navfw.topomap import TopoMap
-
-__all__ = ["Aruco"]
 
 
 class Aruco(FeatureRecognizer):

@@ -14,8 +14,6 @@ from navfw.robot import RobotModel
 from navfw.signals import Frame, LandmarkDetection
 from navfw.topomap import TopoMap
 
-__all__ = ["Landmarks"]
-
 
 class Landmarks(FeatureRecognizer):
     """Detects markers and posters; without posters in the map only markers cost time."""

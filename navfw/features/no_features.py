@@ -8,8 +8,6 @@ from typing import ClassVar
 from navfw.interfaces import FeatureRecognizer
 from navfw.signals import Frame, LandmarkDetection
 
-__all__ = ["NoFeatures"]
-
 
 class NoFeatures(FeatureRecognizer):
     """Detects nothing."""

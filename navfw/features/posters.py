@@ -11,14 +11,12 @@ import numpy as np
 from pydantic import Field
 
 from navfw.config.image_file import read_image
+from navfw.features.landmark_appearance import poster_image
 from navfw.features.square_localization import is_upright, landmark_sizes, square_detection
 from navfw.interfaces import FeatureRecognizer
-from navfw.landmark_appearance import poster_image
 from navfw.robot import RobotModel
 from navfw.signals import Array, Frame, Image, LandmarkDetection
 from navfw.topomap import TopoMap
-
-__all__ = ["Posters"]
 
 _SIDES = (160, 64)
 """Sides [px] of the templates: one for near, one for distant posters."""

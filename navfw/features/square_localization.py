@@ -12,14 +12,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from navfw.landmark_appearance import identity_of
+from navfw.features.landmark_appearance import identity_of
 from navfw.numerics.functions import arctan2
 from navfw.numerics.products import product
 from navfw.robot import CameraModel
 from navfw.signals import Array, LandmarkDetection
 from navfw.topomap import TopoMap
-
-__all__ = ["is_upright", "landmark_sizes", "locate", "locate_with_covariance", "square_detection"]
 
 _STEP = 0.25
 """Step of the numerical derivative [px]."""

@@ -15,8 +15,6 @@ from navfw.numerics.products import product
 from navfw.robot import CameraModel
 from navfw.signals import Array, Image, Mask
 
-__all__ = ["align_past", "is_visible", "rotation_matters", "visible_in_past"]
-
 Pixels = npt.NDArray[Any]
 
 #: Largest rotational flow in the image [px] that is not compensated before matching.

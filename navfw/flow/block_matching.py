@@ -22,8 +22,6 @@ from navfw.robot import RobotModel
 from navfw.signals import Array, FramePair, Image
 from navfw.signals.immutable import read_only
 
-__all__ = ["BlockMatching"]
-
 Integers = npt.NDArray[np.int64]
 Floats = npt.NDArray[np.float32]
 Flags = npt.NDArray[np.bool_]

@@ -6,8 +6,6 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["match_cells", "unwarp_cells"]
-
 Doubles = npt.NDArray[np.float64]
 Floats = npt.NDArray[np.float32]
 Bytes = npt.NDArray[np.uint8]

@@ -10,15 +10,6 @@ from navfw.interfaces import Params
 from navfw.robot import CameraModel
 from navfw.signals import Array, FramePair
 
-__all__ = [
-    "SIGMA_UNKNOWN",
-    "check_ramps",
-    "is_frozen",
-    "local_spread",
-    "match_sigma",
-    "ramp",
-]
-
 #: Standard deviation of vectors of confidence 0, and upper limit of all others [px].
 SIGMA_UNKNOWN = 10.0
 #: Baseline [m] beyond which two images of a working camera are never identical.

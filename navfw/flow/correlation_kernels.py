@@ -8,8 +8,6 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["correlate", "find_peaks"]
-
 Ints = npt.NDArray[np.int64]
 Doubles = npt.NDArray[np.float64]
 Ints32 = npt.NDArray[np.int32]

@@ -17,8 +17,6 @@ from navfw.flow.grid_flow import MatchedFlow
 from navfw.robot import RobotModel
 from navfw.signals import Array, Image
 
-__all__ = ["Dense", "DenseFlow"]
-
 Dense = npt.NDArray[np.float32]
 
 #: Least standard deviation of a cell's mean vector [px].

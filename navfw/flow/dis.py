@@ -12,8 +12,6 @@ from navfw.flow.dense_flow import Dense, DenseFlow
 from navfw.robot import RobotModel
 from navfw.signals import Image
 
-__all__ = ["Dis"]
-
 _PRESETS = {
     "ultrafast": cv2.DISOPTICAL_FLOW_PRESET_ULTRAFAST,
     "fast": cv2.DISOPTICAL_FLOW_PRESET_FAST,

@@ -10,8 +10,6 @@ import numpy as np
 from navfw.numerics.products import product
 from navfw.signals import Array, FlowField
 
-__all__ = ["ContactFilter", "Expansion", "fit_expansion"]
-
 ITERATIONS = 10
 #: Least number of vectors for a fit.
 FEWEST = 8

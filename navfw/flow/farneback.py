@@ -11,8 +11,6 @@ from pydantic import Field
 from navfw.flow.dense_flow import Dense, DenseFlow
 from navfw.signals import Image
 
-__all__ = ["Farneback"]
-
 
 class Farneback(DenseFlow):
     """OpenCV's Farneback flow, one mean vector per grid cell (Farneback 2003).

@@ -24,8 +24,6 @@ from navfw.robot import RobotModel
 from navfw.signals import Array, CameraMotion, FlowField, FramePair, Image
 from navfw.signals.immutable import read_only
 
-__all__ = ["FloorAlignedFlow"]
-
 CELL = 4
 """Side of the cells [px] over which flow is averaged."""
 CELLS_ABOVE = 3

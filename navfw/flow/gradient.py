@@ -10,8 +10,6 @@ import numpy.typing as npt
 
 from navfw.signals import Image
 
-__all__ = ["gradient_products", "smaller_eigenvalue"]
-
 Floats = npt.NDArray[np.float32]
 Floating = npt.NDArray[np.floating[Any]]
 

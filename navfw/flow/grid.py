@@ -9,8 +9,6 @@ from navfw.robot import CameraModel
 from navfw.signals import Array, Frame
 from navfw.signals.immutable import read_only
 
-__all__ = ["check_frame", "check_grid", "grid_points"]
-
 
 def check_grid(camera: CameraModel, rows: int, cols: int, owner: str) -> None:
     """Check that ``rows`` x ``cols`` equal cells fill the camera's image.

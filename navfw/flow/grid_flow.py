@@ -16,8 +16,6 @@ from navfw.flow.grid import check_frame, check_grid, grid_points
 from navfw.robot import RobotModel
 from navfw.signals import Array, FlowField, FramePair, Image
 
-__all__ = ["GridFlow", "MatchedFlow"]
-
 
 class GridFlow(interfaces.FlowProcessor):
     """Base of processors whose field has one vector per cell of a regular grid."""

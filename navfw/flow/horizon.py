@@ -10,8 +10,6 @@ import numpy as np
 from navfw.robot import CameraModel
 from navfw.signals import FlowField
 
-__all__ = ["above_horizon"]
-
 
 def above_horizon(flow: FlowField, camera: CameraModel) -> FlowField:
     """``flow`` with confidence 0 below the horizon, where a ray may meet the floor (METHOD 2.8)."""

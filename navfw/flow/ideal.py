@@ -20,8 +20,6 @@ from navfw.numerics.products import product
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Array, CameraMotion, FlowField, Frame, FramePair
 
-__all__ = ["Ideal", "TruthSource", "nearness_at", "true_vectors"]
-
 Depth = npt.NDArray[np.float32]
 
 #: Standard deviation reported with ideal flow [px].

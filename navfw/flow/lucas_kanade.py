@@ -16,8 +16,6 @@ from navfw.flow.grid_flow import MatchedFlow
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Array, Image
 
-__all__ = ["LucasKanade"]
-
 #: Least standard deviation of a tracked vector [px].
 SIGMA_FLOOR = 0.05
 #: Factor that scales the noise model to the errors measured on rendered frames.

@@ -16,8 +16,6 @@ from navfw.robot import RobotModel
 from navfw.signals import Array, Image
 from navfw.signals.immutable import read_only
 
-__all__ = ["Registered"]
-
 #: Least standard deviation of a registered vector [px], however well the window fits.
 FLOOR = 0.035
 #: Standard deviation [grey levels] of rounding to whole grey levels: residuals of images without

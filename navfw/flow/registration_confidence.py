@@ -11,8 +11,6 @@ import numpy.typing as npt
 
 from navfw.flow.confidence import ramp
 
-__all__ = ["PEAK_CORRELATION", "judge_registration", "uniqueness"]
-
 Doubles = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 

@@ -22,8 +22,6 @@ from navfw.fuzzy.interpolation_kernels import fuzzify
 from navfw.fuzzy.rulebase import RuleBase
 from navfw.signals import Array
 
-__all__ = ["CompiledFis", "Inference"]
-
 
 class ResultLayout(NamedTuple):
     """The columns of a result table; shared by all results of one evaluator."""

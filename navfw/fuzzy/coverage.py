@@ -24,8 +24,6 @@ from navfw.fuzzy.grammar import And, Clause, Is, Not, Or
 from navfw.fuzzy.inference_kernels import FIRING_FLOOR
 from navfw.fuzzy.rulebase import RuleBase, Variable
 
-__all__ = ["InputInterval", "check_coverage", "uncovered_region"]
-
 Classes = npt.NDArray[np.int8]
 # Classes of degrees. They are ordered, so AND is min, OR is max, and NOT is 2 - class.
 _ZERO, _BETWEEN, _ONE = 0, 1, 2

@@ -17,8 +17,6 @@ import numpy.typing as npt
 from navfw.fuzzy.interpolation_kernels import interpolate, interval_of
 from navfw.signals import Array
 
-__all__ = ["BISECTOR", "CENTROID", "LOM", "MOM", "SOM", "defuzzify", "join"]
-
 Indices = npt.NDArray[np.int64]
 
 CENTROID, BISECTOR, MOM, SOM, LOM = 0, 1, 2, 3, 4

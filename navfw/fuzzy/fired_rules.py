@@ -7,8 +7,6 @@ from typing import TypedDict
 from navfw.fuzzy.rulebase import RuleBase
 from navfw.signals import Array
 
-__all__ = ["FiredRule", "explain"]
-
 
 class FiredRule(TypedDict):
     """A rule's sentence as in its file, and its strength in [0, 1], weight included."""

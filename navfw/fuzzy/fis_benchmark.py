@@ -14,8 +14,6 @@ from navfw.fuzzy.reference_fis import ReferenceFis
 from navfw.fuzzy.rulebase import RuleBase
 from navfw.signals import Array
 
-__all__ = ["FisComparison", "compare", "random_inputs"]
-
 _BATCH = 16
 """Samples in one call: about the number of regions in a frame."""
 

@@ -21,20 +21,6 @@ from typing import NamedTuple
 from navfw.errors import did_you_mean
 from navfw.fuzzy.membership import HEDGES
 
-__all__ = [
-    "KEYWORDS",
-    "NAME_PATTERN",
-    "And",
-    "Clause",
-    "Is",
-    "Not",
-    "Or",
-    "ParsedRule",
-    "SentenceError",
-    "atoms",
-    "parse_rule",
-]
-
 KEYWORDS = frozenset({"IF", "IS", "AND", "OR", "NOT", "THEN", "WITH", "WEIGHT"})
 NAME_PATTERN = r"[A-Za-z_][A-Za-z0-9_]*"
 MAX_NESTING = 50

@@ -13,8 +13,6 @@ from navfw.fuzzy.defuzzification_kernels import CENTROID, defuzzify, join
 from navfw.fuzzy.interpolation_kernels import interpolate, interval_of
 from navfw.signals import Array
 
-__all__ = ["AND_MIN", "AND_PROD", "FIRING_FLOOR", "NOT", "OR_MAX", "infer", "part"]
-
 Indices = npt.NDArray[np.int64]
 
 # Opcodes of antecedents in postfix form; an opcode >= 0 pushes the degree of that literal.

@@ -14,8 +14,6 @@ from navfw.fuzzy.grammar import And, Clause, Is, Not, Or, atoms
 from navfw.fuzzy.rulebase import RuleBase, Variable
 from navfw.signals import Array
 
-__all__ = ["InferenceTables", "concluded_terms", "pack", "tables_of"]
-
 Indices = npt.NDArray[np.int64]
 
 _METHODS = {

@@ -9,8 +9,6 @@ import numpy as np
 
 from navfw.signals import Array
 
-__all__ = ["fuzzify", "interpolate", "interval_of"]
-
 
 @numba.njit(cache=True)
 def interval_of(xs: Array, x: float) -> int:

@@ -18,19 +18,6 @@ import numpy as np
 from navfw.numerics.functions import exp
 from navfw.signals import Array
 
-__all__ = [
-    "HEDGES",
-    "SHAPES",
-    "Gauss",
-    "Shape",
-    "Sigmoid",
-    "Trapezoid",
-    "Triangle",
-    "hedged",
-    "make_shape",
-    "sample_universe",
-]
-
 EDGE_WIDTH = 1e-9
 """Width of the ramp that represents a vertical edge, relative to the range of the variable."""
 

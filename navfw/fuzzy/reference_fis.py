@@ -39,8 +39,6 @@ from navfw.fuzzy.inference_kernels import FIRING_FLOOR
 from navfw.fuzzy.rulebase import RuleBase, Variable
 from navfw.signals import Array
 
-__all__ = ["ReferenceFis", "ReferenceInference"]
-
 _RESET_EVERY = 500
 """Samples after which the past results of the simulation are dropped, to bound its memory."""
 

@@ -15,8 +15,6 @@ from navfw.fuzzy.grammar import Clause
 from navfw.fuzzy.membership import Shape, hedged, sample_universe
 from navfw.signals import Array
 
-__all__ = ["Defuzzification", "Norm", "Rule", "RuleBase", "Variable"]
-
 Defuzzification: TypeAlias = Literal["centroid", "bisector", "mom", "som", "lom"]
 """Centroid, bisector, mean / smallest / largest of maximum."""
 

@@ -19,9 +19,6 @@ from navfw.fuzzy.membership import SHAPES, Shape, make_shape
 from navfw.fuzzy.rulebase import Rule, RuleBase, Variable
 from navfw.fuzzy.rulespec import InputSpec, OutputSpec, RuleBaseSpec, check_name
 
-__all__ = ["TermCorners", "load_rule_base", "parse_rule_base", "rule_base_from_mapping"]
-
-
 MAX_KEPT = 64
 """Number of rule bases kept for the next stack."""
 

@@ -11,8 +11,6 @@ from navfw.config.strict_model import StrictModel
 from navfw.fuzzy.grammar import KEYWORDS, NAME_PATTERN
 from navfw.fuzzy.membership import HEDGES
 
-__all__ = ["InputSpec", "OutputSpec", "RuleBaseSpec", "check_name"]
-
 _MIN_WIDTH = 1e-6
 """Least width of a range, in its unit: rounding would merge the samples of a narrower one."""
 

@@ -9,15 +9,6 @@ import numba
 
 from navfw.signals import Array
 
-__all__ = [
-    "are_degrees",
-    "are_deviations",
-    "are_finite",
-    "are_finite_where",
-    "are_within",
-    "is_symmetric",
-]
-
 _ROUNDING = 1e-9
 """By how much a degree may exceed 1: sums and products of degrees round."""
 

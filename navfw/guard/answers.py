@@ -18,27 +18,6 @@ from navfw.guard.answer_kernels import are_degrees, are_finite
 from navfw.signals import Array, Pose, Twist
 from navfw.signals.immutable import read_only
 
-__all__ = [
-    "MAX_ITEMS",
-    "AnswerError",
-    "array",
-    "contiguous",
-    "degree",
-    "degrees",
-    "instance",
-    "items",
-    "mapping",
-    "nothing",
-    "number",
-    "numbers",
-    "pose",
-    "real",
-    "rebuilt",
-    "text",
-    "texts",
-    "twist",
-]
-
 MAX_ITEMS = 10_000
 """Largest number of items in an answer: landmarks in one image, waypoints, places."""
 

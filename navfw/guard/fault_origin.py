@@ -8,8 +8,6 @@ from pathlib import Path
 
 from navfw.config.input_file import shown_path
 
-__all__ = ["fault_origin"]
-
 _FRAMES = 50
 """Number of calls, from the innermost outwards, in which the plugin's own code is looked for."""
 

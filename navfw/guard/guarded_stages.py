@@ -53,16 +53,6 @@ from navfw.signals import (
 )
 from navfw.topomap import TopoMap
 
-__all__ = [
-    "GuardedController",
-    "GuardedFeatures",
-    "GuardedFlow",
-    "GuardedLocalizer",
-    "GuardedPerception",
-    "GuardedPlanner",
-    "GuardedStage",
-]
-
 PluginT = TypeVar("PluginT", bound=Plugin)
 AnswerT = TypeVar("AnswerT")
 

@@ -11,11 +11,9 @@ from navfw.errors import InputError, PluginError
 from navfw.guard.answers import AnswerError, instance
 from navfw.guard.fault_origin import fault_origin
 from navfw.interfaces import Plugin
-from navfw.interruption import check_interrupted, interrupted
+from navfw.process.interruption import check_interrupted, interrupted
+from navfw.process.watchdog import PluginTimeout, Watchdog
 from navfw.robot import RobotModel
-from navfw.watchdog import PluginTimeout, Watchdog
-
-__all__ = ["FailingStage", "PluginCallError", "PluginFault", "PluginGuard", "label_of"]
 
 FIRST_LIMIT = 60.0
 """Wall time limit of a plugin's first call in a run [s], and of all up to the first decision: they
@@ -69,8 +67,8 @@ class FailingStage:
     error: str
 
 
-class PluginChoice(Protocol):
-    """A plugin class with its parameters (``navfw.stackfile.Choice``)."""
+class _PluginChoice(Protocol):
+    """A plugin class with its parameters (``navfw.stack.stackfile.Choice``)."""
 
     @property
     def name(self) -> str: ...
@@ -124,7 +122,7 @@ class PluginGuard:
         """The vital stages that fail at present, by plugin."""
         return self._failing
 
-    def construct(self, choice: PluginChoice, robot: RobotModel) -> Plugin:
+    def construct(self, choice: _PluginChoice, robot: RobotModel) -> Plugin:
         """A plugin object of the class chosen.
 
         Raises:

@@ -53,21 +53,6 @@ from navfw.signals import (
     Waypoint,
 )
 
-__all__ = [
-    "check_belief",
-    "check_command",
-    "check_detections",
-    "check_flow",
-    "check_path",
-    "check_percept",
-    "check_proposal",
-    "check_queries",
-    "check_reason",
-    "check_twist",
-    "check_waypoint",
-    "check_weights",
-]
-
 T = TypeVar("T")
 
 QUADRANTS = ("P1", "P2", "P3", "P4")

@@ -16,8 +16,6 @@ from navfw.robot import RobotModel
 from navfw.signals import Command, Proposal, Twist
 from navfw.stack import Stack
 
-__all__ = ["ACTIONS", "Action", "AgentAction", "AgentChoice", "AgentCommand", "AgentWeights"]
-
 Action = Literal["twist", "weights"]
 """What an agent decides: the twist in the place of fusion, or the composite's weights."""
 

@@ -15,8 +15,6 @@ from navfw.suite.case import Case
 from navfw.suite.entry_cases import with_seed
 from navfw.suite.suitefile import EntrySpec, parse_seeds
 
-__all__ = ["Episodes"]
-
 
 @dataclass(frozen=True)
 class Episodes:

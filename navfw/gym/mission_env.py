@@ -19,8 +19,6 @@ from navfw.signals import Image
 from navfw.stack import Stack
 from navfw.suite.suitefile import parse_seeds
 
-__all__ = ["MissionEnv"]
-
 Seen = dict[str, Any]
 """An observation: arrays by name."""
 

@@ -21,8 +21,6 @@ from navfw.offis.elementary_situations import ELEMENTARY, TABLE
 from navfw.signals import Array, Image, Label, Pose
 from navfw.stack import Stack
 
-__all__ = ["KINDS", "AgentView", "Observation", "ObservationKind"]
-
 Observation = Literal["image", "flow", "percept", "local_map"]
 """The kinds of observation."""
 

@@ -16,8 +16,6 @@ from navfw.missions.progress_checkers import GoalChecker
 from navfw.missions.session import Session
 from navfw.signals import Pose
 
-__all__ = ["RemainingWay", "RewardWeights", "reward_terms"]
-
 
 class RewardWeights(StrictModel):
     """The weight of each term of the reward."""

@@ -20,8 +20,6 @@ from numba.extending import is_jitted
 
 from navfw.kernels.kernel_types import parse_types
 
-__all__ = ["KERNEL_FILE", "Kernel", "groups_of", "listed_kernels"]
-
 KERNEL_FILE = Path(__file__).with_name("kernels.json")
 """Module: function: its signatures."""
 

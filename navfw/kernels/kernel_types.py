@@ -12,8 +12,6 @@ from typing import Any
 
 import numba
 
-__all__ = ["parse_types"]
-
 _types: Any = numba.types
 
 _SCALARS = {

@@ -15,11 +15,9 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
-from navfw.interruption import check_interrupted
 from navfw.kernels.kernel_list import Kernel, groups_of, listed_kernels
-from navfw.target_lock import TargetInUseError, TargetLock
-
-__all__ = ["CompilationState", "compile_kernels"]
+from navfw.process.interruption import check_interrupted
+from navfw.process.target_lock import TargetInUseError, TargetLock
 
 PERIOD = 0.5
 """Wall time [s] between two reports while nothing is finished."""

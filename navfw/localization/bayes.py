@@ -15,8 +15,6 @@ from navfw.localization.situation_model import observed_situations, situation_ta
 from navfw.signals import Belief, LandmarkDetection, Odometry, Percept, Pose
 from navfw.topomap import TopoMap
 
-__all__ = ["Bayes"]
-
 
 class Bayes(Localizer):
     """Probability of every cell and heading of the map, by odometry, landmarks and OFFIS.

@@ -22,8 +22,6 @@ from navfw.numerics.products import product
 from navfw.signals import Array, Belief, LandmarkDetection, Odometry, Percept, Pose, wrap_angle
 from navfw.topomap import TopoMap
 
-__all__ = ["DeadReckoning"]
-
 NonNegative = Annotated[float, Field(ge=0.0, le=10.0)]
 """Sigmas in metres and radians, and of their growth: 10 says that nothing is known."""
 

@@ -24,8 +24,6 @@ from navfw.numerics.products import product
 from navfw.signals import Array, Odometry, Pose, wrap_angle
 from navfw.topomap import TopoMap
 
-__all__ = ["Cluster", "DiscreteFilter", "DiscreteParams"]
-
 FACING = math.radians(80.0)
 """A landmark is visible from its front only, up to this angle off its normal [rad]."""
 

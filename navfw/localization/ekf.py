@@ -16,8 +16,6 @@ from navfw.localization.place_posterior import PlacePosterior, known_start, prob
 from navfw.signals import Belief, LandmarkDetection, Odometry, Percept, Pose
 from navfw.topomap import TopoMap
 
-__all__ = ["Ekf"]
-
 
 class Ekf(Localizer):
     """Odometry and gyro predict (x, y, yaw, gyro bias); landmark detections correct them.

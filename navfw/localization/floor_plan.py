@@ -31,8 +31,6 @@ from navfw.signals import (
 )
 from navfw.topomap import TopoMap
 
-__all__ = ["FloorPlanLocalizer"]
-
 LEAST_POINTS = 8
 """Least number of points of a scan that is matched."""
 

@@ -15,8 +15,6 @@ from navfw.robot import RobotModel
 from navfw.signals import Array, Belief, Pose
 from navfw.topomap.occupancy_map import OccupancyMap
 
-__all__ = ["KnownWalls"]
-
 REACH = 2.0
 """Distance [m] from the robot up to which walls count."""
 SURE_XY, SURE_YAW = 0.1, 0.1

@@ -9,8 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-__all__ = ["LandmarkExistence"]
-
 MAX_GAIN, MAX_LOSS = 1.0, -1.5
 """Bounds on the log-odds that one observation adds."""
 

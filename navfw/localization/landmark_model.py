@@ -17,15 +17,6 @@ from navfw.numerics.linear_systems import determinant, inverse
 from navfw.numerics.products import product
 from navfw.signals import Array, wrap_angle
 
-__all__ = [
-    "ELSEWHERE_DENSITY",
-    "GATE",
-    "Association",
-    "associate",
-    "expected_measurement",
-    "joseph",
-]
-
 GATE = 9.0
 """Association gate: squared Mahalanobis distance of (bearing, range) beyond which a detection is
 rejected. 99 % of correct detections are nearer (chi-square, two degrees of freedom)."""

@@ -16,8 +16,6 @@ import numpy as np
 from navfw.signals import Array, LandmarkDetection, Odometry, Pose
 from navfw.topomap import Landmark, TopoMap
 
-__all__ = ["LandmarkObservation", "LandmarkObserver", "consistent_observations"]
-
 MAX_AGE = 2.0
 """Largest age of a detection [s]; older ones are dropped."""
 

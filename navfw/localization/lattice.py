@@ -15,8 +15,6 @@ import numpy.typing as npt
 from navfw.signals import Array
 from navfw.topomap import TopoMap
 
-__all__ = ["Lattice"]
-
 Floats = npt.NDArray[np.float32]
 
 MAX_HALF_WIDTH = 1.5

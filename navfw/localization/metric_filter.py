@@ -26,8 +26,6 @@ from navfw.numerics.products import product
 from navfw.robot import RobotModel
 from navfw.signals import Array, Odometry, Pose, wrap_angle
 
-__all__ = ["MetricFilter", "MetricFilterParams"]
-
 NonNegative = Annotated[float, Field(ge=0.0, le=10.0)]
 """Sigmas in metres and radians, and of their growth: 10 says that nothing is known."""
 

@@ -24,15 +24,6 @@ from navfw.interfaces import Params
 from navfw.robot import RobotModel
 from navfw.signals import Array, Odometry, Pose, wrap_angle
 
-__all__ = [
-    "MotionNoise",
-    "MotionParams",
-    "motion_noise",
-    "predict",
-    "process_noise",
-    "transition",
-]
-
 NonNegative = Annotated[float, Field(ge=0.0, le=10.0)]
 """Sigmas in metres and radians, and of their growth: 10 says that nothing is known."""
 

@@ -17,8 +17,6 @@ from navfw.robot import RobotModel
 from navfw.signals import Odometry, Percept, Pose
 from navfw.topomap import TopoMap
 
-__all__ = ["PassageObserver"]
-
 SCAN_EVERY = 0.1
 """Distance driven [m] between two scans."""
 

@@ -19,8 +19,6 @@ from navfw.numerics.products import product
 from navfw.signals import Array, Pose, wrap_angle
 from navfw.topomap import Passage, Place, TopoMap
 
-__all__ = ["PassageAxis", "PassageFix", "corridor_fix", "door_fix", "passage_axes"]
-
 WIDEST = 3.0
 """Largest width [m] of a passage between walls."""
 

@@ -12,17 +12,6 @@ from navfw.numerics.functions import exp
 from navfw.signals import Array, Pose, position_sigma
 from navfw.topomap import TopoMap
 
-__all__ = [
-    "CONFIDENCE_RADIUS",
-    "COUNT",
-    "PLACE_RADIUS",
-    "REFRESH",
-    "PlacePosterior",
-    "known_start",
-    "likeliest_places",
-    "probability_within",
-]
-
 PLACE_RADIUS = 1.0
 """Standard deviation [m] of the robot's position when it is at a place."""
 

@@ -20,8 +20,6 @@ from navfw.numerics.products import product
 from navfw.signals import Array, Pose
 from navfw.topomap.occupancy_map import OccupancyMap
 
-__all__ = ["PlanField", "PlanMatch"]
-
 PLAN_SIGMA = 0.04
 """Standard deviation [m] of the walls in a plan: its cells, skirting, doors left ajar."""
 

@@ -16,8 +16,6 @@ import numpy.typing as npt
 from navfw.numerics.algebra_kernels import dot, solve_system
 from navfw.signals import Array
 
-__all__ = ["count_rays_through_walls", "match_points", "rate_poses", "share_of_blocked_rays"]
-
 Floats = npt.NDArray[np.float32]
 
 

@@ -10,8 +10,6 @@ from navfw.numerics.products import product
 from navfw.robot import RobotModel
 from navfw.signals import Array, Label, Percept
 
-__all__ = ["PlanScan", "scan_of"]
-
 LOWEST, HIGHEST = 0.12, 2.0
 """Heights [m above the floor] between which seen points count: below is the floor with its error,
 above may be the ceiling."""

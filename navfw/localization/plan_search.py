@@ -17,8 +17,6 @@ from navfw.localization.scan_memory import ScanMemory
 from navfw.signals import Array, Pose, wrap_angle
 from navfw.topomap.occupancy_map import OccupancyMap
 
-__all__ = ["PlanSearch", "are_close"]
-
 MEMORY = 8.0
 """Distance driven [m] for which scans are kept: odometry is exact enough over it."""
 

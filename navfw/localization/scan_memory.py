@@ -10,8 +10,6 @@ import numpy as np
 from navfw.localization.plan_scan import PlanScan
 from navfw.signals import Pose
 
-__all__ = ["ScanMemory"]
-
 
 class ScanMemory:
     """Scans with their poses in ``odom``, over the last ``length`` [m] of the way."""

@@ -23,19 +23,6 @@ from navfw.numerics.products import product
 from navfw.signals import Array, Percept
 from navfw.topomap import PLACE_KINDS, TopoMap
 
-__all__ = [
-    "FLOOR",
-    "LEARNT",
-    "NO_TABLE",
-    "SITUATIONS",
-    "SituationTable",
-    "learn_table",
-    "load_table",
-    "observed_situations",
-    "situation_shares",
-    "situation_table",
-]
-
 FLOOR = 0.05
 """Least likelihood of a place: OFFIS' situations are too uncertain to exclude one."""
 

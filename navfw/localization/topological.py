@@ -20,8 +20,6 @@ from navfw.localization.situation_model import observed_situations, situation_ta
 from navfw.signals import Array, Belief, LandmarkDetection, Odometry, Percept, Pose, wrap_angle
 from navfw.topomap import TopoMap
 
-__all__ = ["Topological"]
-
 SAME_POSE_DISTANCE = 1.5
 """Distance [m] up to which the poses of both filters count as the same."""
 

@@ -7,8 +7,6 @@ import numpy as np
 
 from navfw.signals import Array, Mask
 
-__all__ = ["cell_disc", "distances", "shifted"]
-
 
 def cell_disc(radius: int) -> Mask:
     """(2 radius + 1, 2 radius + 1) True within ``radius`` [cells] of the centre."""

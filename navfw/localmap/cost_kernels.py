@@ -14,8 +14,6 @@ import numpy.typing as npt
 
 from navfw.signals import Array
 
-__all__ = ["cost_to_go", "descend", "first_leg", "price_cells"]
-
 
 @numba.njit(cache=True)
 def price_cells(

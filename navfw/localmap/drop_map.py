@@ -16,8 +16,6 @@ import numpy.typing as npt
 from navfw.robot import RobotModel
 from navfw.signals import Array, Label, OccupiedDisc, Percept, Pose
 
-__all__ = ["DropMap"]
-
 SPOT = 0.25
 """Side of a square spot of floor [m]."""
 

@@ -26,16 +26,6 @@ from navfw.robot import RobotModel
 from navfw.signals import Array, Pose, Twist
 from navfw.signals.immutable import freeze, read_only
 
-__all__ = [
-    "Arcs",
-    "FreeDistance",
-    "Ranges",
-    "arcs_of",
-    "free_distance",
-    "free_turn",
-    "ranges_around",
-]
-
 SECTORS = 48
 
 _BEARINGS = read_only(np.linspace(-math.pi, math.pi, SECTORS + 1)[1:])

@@ -36,8 +36,6 @@ from navfw.signals import (
     Twist,
 )
 
-__all__ = ["LocalMap", "LocalMapParams"]
-
 
 class LocalMapParams(BaseModel):
     """Parameters of the local map's parts."""

@@ -18,9 +18,6 @@ from navfw.localmap.cost_kernels import cost_to_go, descend, first_leg, price_ce
 from navfw.localmap.occupancy_grid import OccupancyGrid
 from navfw.signals import Array, OccupiedDisc, Pose, wrap_angle
 
-__all__ = ["LocalGoal", "LocalPlanner", "LocalPlannerParams"]
-
-
 _LEG = 0.4
 """Length [m] of the first leg, by which one of several ways of similar cost is chosen."""
 _OTHER_WAY = math.radians(40.0)

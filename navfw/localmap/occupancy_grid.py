@@ -20,8 +20,6 @@ from navfw.localmap.sensor_kernels import cast_evidence, decay_view, merge_evide
 from navfw.robot import Footprint, RobotModel
 from navfw.signals import Array, Mask, OccupiedDisc, Percept, Pose, Stixels
 
-__all__ = ["OccupancyGrid", "OccupancyParams"]
-
 Positive = Annotated[float, Field(gt=0.0, le=100.0)]
 """Log-odds, lengths [m] and times [s]: beyond 100 nothing changes any more."""
 Share = Annotated[float, Field(ge=0.0, le=1.0)]

@@ -12,8 +12,6 @@ from navfw.numerics.products import product
 from navfw.robot import RobotModel
 from navfw.signals import Array, Image, Percept, Sight
 
-__all__ = ["PathSight"]
-
 REACH = 2.0
 """Distance ahead [m] up to which the floor of the path counts."""
 BESIDE = 0.1

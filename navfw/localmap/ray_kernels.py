@@ -13,19 +13,6 @@ import numpy.typing as npt
 
 from navfw.signals import Array
 
-__all__ = [
-    "TURN",
-    "Ground",
-    "Start",
-    "cast_ranges",
-    "follow_arc",
-    "follow_body",
-    "least_within",
-    "sweep_arcs",
-    "sweep_body",
-]
-
-
 Ground = tuple[Array, npt.NDArray[np.uint8], float, float, float]
 """What rays are cast through: ``clearance`` (n, n) [m], the distance of each cell to the nearest
 occupied one; ``observed`` (n, n), > 0 where a cell has been observed free; origin x and y [m, odom]

@@ -14,8 +14,6 @@ import numpy as np
 
 from navfw.signals import Array
 
-__all__ = ["cast_evidence", "decay_view", "merge_evidence", "rays_of"]
-
 _PEAK = 1.0 / math.sqrt(2.0 * math.pi)
 
 

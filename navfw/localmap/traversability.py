@@ -20,8 +20,6 @@ from pydantic import BaseModel, ConfigDict, Field
 from navfw.localmap.occupancy_grid import OccupancyGrid
 from navfw.signals import Belief, PassageQuery, PassageStatus, Pose
 
-__all__ = ["TraversabilityCheck", "TraversabilityParams", "passage_statuses"]
-
 Bits = npt.NDArray[np.uint8]
 Cells = npt.NDArray[np.intp]
 """(k,) flat indices of cells."""

@@ -8,8 +8,6 @@ from collections import deque
 from navfw.robot import RobotModel
 from navfw.signals import Encoders, Twist
 
-__all__ = ["WheelTrim"]
-
 #: Time over which commanded and measured rotation of a wheel are compared [s].
 WINDOW = 0.6
 #: Least commanded distance of a wheel for a comparison [m].

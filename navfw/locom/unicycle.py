@@ -11,8 +11,6 @@ from navfw.interfaces import Controller
 from navfw.robot import RobotModel
 from navfw.signals import Command, Odometry, Twist
 
-__all__ = ["Unicycle"]
-
 
 class Unicycle(Controller):
     """Follows the fused command as fast as the drive's limits allow.

@@ -9,8 +9,6 @@ from navfw.sim.floorplan import FloorPlan
 from navfw.sim.movers import MoverTrack
 from navfw.sim.world_changes import ChangeTrack
 
-__all__ = ["CombinedClearance", "permanent_plan"]
-
 
 class CombinedClearance:
     """Clearances to the nearest of several sets of moving or temporary bodies."""

@@ -9,8 +9,6 @@ from pydantic import Field
 
 from navfw.interfaces import MissionEvent
 
-__all__ = ["Blackout"]
-
 
 class Blackout(MissionEvent):
     """A power failure: the lamps dim, and all open doors of the world close."""

@@ -21,10 +21,8 @@ from navfw.sim.event_actions import DoorChange, EventAction, Obstacle, Texturele
 from navfw.sim.textures import STOCK
 from navfw.sim.worldspec import WorldSpec
 from navfw.stack import Stack
-from navfw.stackfile import PluginSource
+from navfw.stack.stackfile import PluginSource
 from navfw.topomap import TopoMap
-
-__all__ = ["resolve_events", "with_doors_open"]
 
 
 def resolve_events(

@@ -11,8 +11,6 @@ from navfw.missions.eventspec import BehaviorFault
 from navfw.signals import Pose
 from navfw.sim.event_actions import EventAction
 
-__all__ = ["Event", "EventClock", "EventRecord", "EventTarget"]
-
 
 @dataclass(frozen=True, slots=True)
 class Event:

@@ -19,7 +19,7 @@ from typing import Annotated, Any, Self
 from pydantic import Field, model_validator
 
 from navfw.config.strict_model import StrictModel
-from navfw.fault_injection import Failure
+from navfw.plugins.fault_injection import Failure
 from navfw.sim.event_actions import (
     CameraFault,
     DoorChange,
@@ -31,8 +31,6 @@ from navfw.sim.event_actions import (
     Textureless,
     WeakWheel,
 )
-
-__all__ = ["BehaviorFault", "EventSpec", "NearTrigger"]
 
 _TRIGGERS = ("at", "near")
 

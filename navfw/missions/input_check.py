@@ -10,9 +10,7 @@ from navfw.missions.missionfile import load_mission
 from navfw.missions.run_options import chosen_stack, split_overrides
 from navfw.missions.session import with_drops
 from navfw.sim.worldfile import load_world
-from navfw.stackfile import load_stack
-
-__all__ = ["check_inputs"]
+from navfw.stack.stackfile import load_stack
 
 
 def check_inputs(

@@ -9,17 +9,15 @@ from typing import Any
 
 from navfw.errors import MapError
 from navfw.features.combined_landmarks import Landmarks
-from navfw.landmark_appearance import landmark_kind
+from navfw.features.landmark_appearance import landmark_kind
 from navfw.missions.runner import Progress, RunResult, run_task
 from navfw.missions.session import Session
 from navfw.missions.stack_observer import StackObserver
 from navfw.signals import SensorReading
 from navfw.stack import Stack
-from navfw.stack_state import StackState
+from navfw.stack.stack_state import StackState
 from navfw.topomap import TopoMap
 from navfw.topomap.landmark_mapping import LandmarkEstimate, LandmarkMapper, with_landmarks
-
-__all__ = ["LearningDrive", "learn_landmarks"]
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,6 @@ import numpy.typing as npt
 
 from navfw.recording.run_log import RunLog
 
-__all__ = ["CONFIDENT", "CORRECT", "LocalizationMetrics", "measure_localization"]
-
 CONFIDENT = 0.9
 """Confidence from which a belief counts as confident."""
 

@@ -18,14 +18,12 @@ import numpy as np
 
 from navfw.missions.runner import run_task
 from navfw.missions.session import Session
-from navfw.part_report import PartReport, told, untold
-from navfw.process_memory import peak_memory_mb
+from navfw.process.process_memory import peak_memory_mb
+from navfw.process.progress import PartReport, told, untold
 from navfw.recording.run_log import RunLog
 from navfw.signals import Pose
 from navfw.sim.movers import MoverTrack
 from navfw.sim.reference_renderer import ReferenceRenderer
-
-__all__ = ["Lap", "bench_loop", "one_core", "summarize"]
 
 WARM_UP = 2.0
 """Simulated time [s] driven before the first lap, so that laps contain no compiling of kernels."""

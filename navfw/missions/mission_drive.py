@@ -16,8 +16,6 @@ from navfw.sim.simulation import Simulation
 from navfw.sim.world_changes import ChangeTrack
 from navfw.stack import Stack
 
-__all__ = ["MissionDrive"]
-
 
 class MissionDrive:
     """A context manager with the ``simulator`` and the ``loop`` of one run of ``stack``.

@@ -18,7 +18,7 @@ from navfw.config.document import KeyPath, YamlDocument, key_text, load_yaml
 from navfw.config.lookup import find
 from navfw.config.overrides import Override, apply_overrides
 from navfw.errors import ConfigError, UnknownNameError, WorldError
-from navfw.landmark_appearance import check_landmark_kind
+from navfw.features.landmark_appearance import check_landmark_kind
 from navfw.missions.missionspec import (
     MissionSpec,
     PlaceStart,
@@ -27,11 +27,9 @@ from navfw.missions.missionspec import (
     mission_spec,
 )
 from navfw.missions.starts import draw_start, start_candidates
-from navfw.robotfile import with_section
+from navfw.robot.robotfile import with_section
 from navfw.signals import Array, Pose, Waypoint
 from navfw.topomap import Passage, Place, TopoMap, load_map
-
-__all__ = ["FloorPlanQueries", "MissionFile", "goals_map", "load_mission"]
 
 
 class FloorPlanQueries(Protocol):

@@ -28,20 +28,10 @@ from navfw.config.strict_model import StrictModel
 from navfw.config.yamlfile import validate
 from navfw.missions.eventspec import EventSpec
 from navfw.robot import RobotModel
-from navfw.robotfile import with_robot
+from navfw.robot.robotfile import with_robot
+from navfw.robot.urdf_drive import with_urdf
 from navfw.sim.sensor_models import SensorParams
 from navfw.sim.worldspec import DropSpec
-from navfw.urdf_drive import with_urdf
-
-__all__ = [
-    "MissionSpec",
-    "PlaceStart",
-    "PointGoal",
-    "SensorsSpec",
-    "SuccessSpec",
-    "UnknownStart",
-    "mission_spec",
-]
 
 Coordinate = Annotated[float, Field(ge=-500.0, le=500.0)]
 Yaw = Annotated[float, Field(ge=-2.0 * math.pi, le=2.0 * math.pi)]

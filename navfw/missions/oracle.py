@@ -17,8 +17,6 @@ from navfw.sim.shapes import Circle, Shape
 from navfw.sim.simulation import Simulation
 from navfw.stack import Stack
 
-__all__ = ["SimulatorTruth", "plugins_of", "reveal"]
-
 
 class SimulatorTruth:
     """True depth, motion and surroundings from the simulator.

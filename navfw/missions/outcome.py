@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
-__all__ = ["FaultKind", "MissionVerdict", "Outcome"]
-
 
 class Outcome(StrEnum):
     """How a mission ended."""

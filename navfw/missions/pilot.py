@@ -8,11 +8,9 @@ from typing import Protocol
 from navfw.safety import PersistentFailure
 from navfw.signals import Belief, Command, Percept, Pose, SensorReading, Sight, Twist, Waypoint
 
-__all__ = ["Pilot", "PilotState", "Simulator"]
-
 
 class PilotState(Protocol):
-    """The part of a stack's state that the runner reads (``navfw.stack_state.StackState``)."""
+    """The part of a stack's state (``StackState``) that the runner reads."""
 
     @property
     def belief(self) -> Belief | None: ...  # noqa: D102

@@ -13,8 +13,6 @@ from navfw.missions.outcome import FaultKind, Outcome
 from navfw.missions.process_state import ProcessState
 from navfw.missions.runner import RunResult
 
-__all__ = ["check_process"]
-
 
 def check_process(
     run: RunResult, before: ProcessState, plugins: Iterable[type[Plugin]]

@@ -18,8 +18,6 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["ProcessState"]
-
 _PACKAGE = "navfw."
 _LIMIT = 3
 """Number of changed functions named in a message."""

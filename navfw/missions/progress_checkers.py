@@ -7,8 +7,6 @@ from collections.abc import Sequence
 
 from navfw.signals import Pose, Waypoint
 
-__all__ = ["GoalChecker", "ProgressChecker", "goal_name"]
-
 
 class GoalChecker:
     """Counts the goals that the robot has truly visited, in order, within ``radius`` [m]."""

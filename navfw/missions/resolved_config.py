@@ -9,8 +9,6 @@ from navfw.missions.missionfile import MissionFile
 from navfw.recording.run_folder import plain_json
 from navfw.stack import Stack
 
-__all__ = ["DescribedRun", "resolved_config", "run_description"]
-
 
 class DescribedRun(Protocol):
     """What describes a run (``navfw.missions.session.Session``)."""

@@ -16,16 +16,6 @@ from navfw.missions.localization_metrics import LocalizationMetrics, measure_loc
 from navfw.recording.run_log import Contact, RunLog
 from navfw.signals import Array
 
-__all__ = [
-    "ClearanceSource",
-    "RunMetrics",
-    "TimedClearanceSource",
-    "count_collisions",
-    "measure",
-    "path_length",
-    "traversal_time",
-]
-
 Point = tuple[float, float]
 
 SAMPLING = 0.1

@@ -11,9 +11,7 @@ from navfw.config.lookup import find
 from navfw.config.overrides import Override, parse_override
 from navfw.errors import UnknownNameError
 from navfw.missions.missionfile import MissionFile
-from navfw.robotfile import robot_section
-
-__all__ = ["chosen_stack", "split_overrides"]
+from navfw.robot.robotfile import robot_section
 
 DEFAULT_STACK, FLOOR_PLAN_STACK = "default", "floor_plan"
 """The stack of a mission that names none, and the one if its map has a floor plan."""

@@ -9,17 +9,15 @@ from pathlib import Path
 from typing import Any
 
 from navfw.errors import InputError
-from navfw.interruption import deferred, interruptible
 from navfw.missions.resolved_config import resolved_config
 from navfw.missions.session import MissionResult, Session
 from navfw.missions.world_outline import outline_of
+from navfw.process.interruption import deferred, interruptible
 from navfw.recording.provenance import code_revision, machine_kind
 from navfw.recording.run_folder import PICTURE, PLAN, RECORDING, RESULT, RunFolder
 from navfw.recording.trajectory_picture import TrajectoryPicture, draw_trajectory
 from navfw.topomap.mapfile import map_data
 from navfw.topomap.ros_map import save_ros_map
-
-__all__ = ["default_folder", "draw", "versions", "write_run"]
 
 _LIBRARIES = ("pybullet", "numpy", "numba", "opencv-python-headless", "scikit-fuzzy", "networkx")
 """Libraries whose versions are recorded."""

@@ -12,23 +12,15 @@ from typing import TypeVar
 
 from navfw.errors import InputError
 from navfw.guard import PluginCallError
-from navfw.interruption import check_interrupted, interruptible
 from navfw.missions.event_clock import EventClock, EventRecord
 from navfw.missions.outcome import FaultKind, MissionVerdict, Outcome
 from navfw.missions.pilot import Pilot, Simulator
 from navfw.missions.progress_checkers import GoalChecker, ProgressChecker, goal_name
+from navfw.process.interruption import check_interrupted, interruptible
 from navfw.recording.run_log import Contact, RunLog, RunLogger
 from navfw.recording.run_observer import RunObserver
 from navfw.robot import RobotModel
 from navfw.signals import Pose, SensorReading, Twist, Waypoint
-
-__all__ = [
-    "MissionLoop",
-    "Progress",
-    "RunResult",
-    "Task",
-    "run_task",
-]
 
 VerdictT = TypeVar("VerdictT", bound=MissionVerdict | None)
 

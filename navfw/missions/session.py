@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 
 from navfw.config.lookup import find, find_mission
 from navfw.config.overrides import Settings, override_texts
-from navfw.fault_injection import FaultInjector, inject_faults
 from navfw.missions.changing_world import CombinedClearance, permanent_plan
 from navfw.missions.event_check import resolve_events, with_doors_open
 from navfw.missions.event_clock import Event, EventClock, EventTarget
@@ -32,6 +31,7 @@ from navfw.missions.run_metrics import RunMetrics, measure
 from navfw.missions.run_options import chosen_stack, split_overrides
 from navfw.missions.runner import MissionLoop, Progress, RunResult, Task
 from navfw.missions.world_outline import outline_of
+from navfw.plugins.fault_injection import FaultInjector, inject_faults
 from navfw.recording.run_observer import RunObserver, SeenRun
 from navfw.recording.run_recorder import RunRecorder
 from navfw.sim.floorplan import FloorPlan
@@ -45,8 +45,6 @@ from navfw.stack import Stack
 
 if TYPE_CHECKING:
     from navfw.plugins import Registry
-
-__all__ = ["MissionResult", "Session", "prepare"]
 
 
 @dataclass(frozen=True)

@@ -15,10 +15,8 @@ from navfw.missions.session import Session
 from navfw.missions.stack_observer import StackObserver
 from navfw.signals import Odometry, Percept, Pose, SensorReading
 from navfw.stack import Stack
-from navfw.stack_state import StackState
+from navfw.stack.stack_state import StackState
 from navfw.topomap import TopoMap
-
-__all__ = ["SituationDrive", "SituationSample", "record_situations"]
 
 SPACING = 0.25
 """Driven distance [m] from one sample to the next: nearer frames show the same surroundings."""

@@ -7,9 +7,7 @@ from collections.abc import Mapping, Sequence
 
 from navfw.signals import Pose, SensorReading, Twist, Waypoint
 from navfw.stack import Stack
-from navfw.stack_state import StackState
-
-__all__ = ["StackObserver"]
+from navfw.stack.stack_state import StackState
 
 
 class StackObserver(ABC):

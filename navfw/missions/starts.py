@@ -11,8 +11,6 @@ from navfw.errors import WorldError
 from navfw.signals import Pose
 from navfw.topomap import Place, TopoMap
 
-__all__ = ["draw_start", "start_candidates"]
-
 _STREAM = 1 << 20
 """Spawn key of the random stream that draws starts; the sensors' streams have other keys."""
 

@@ -21,9 +21,7 @@ from navfw.signals import (
     SensorReading,
     Twist,
 )
-from navfw.stack_state import StackState
-
-__all__ = ["SteppedSession", "TickView"]
+from navfw.stack.stack_state import StackState
 
 
 @dataclass(frozen=True, slots=True)

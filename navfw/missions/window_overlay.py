@@ -9,8 +9,6 @@ from navfw.signals import Pose, SensorReading, Twist, Waypoint
 from navfw.sim.window import Point3, SimulatorWindow
 from navfw.stack import Stack
 
-__all__ = ["WindowOverlay"]
-
 _LIFT = 0.03
 """Height of lines above the floor [m]."""
 _POST = 0.5

@@ -5,8 +5,6 @@ from __future__ import annotations
 from navfw.recording.top_view import OutlineDisc, WorldOutline
 from navfw.sim.floorplan import FloorPlan
 
-__all__ = ["outline_of"]
-
 
 def outline_of(plan: FloorPlan) -> WorldOutline:
     """The outline of the world in a top view: walls, doors, furniture and drops."""

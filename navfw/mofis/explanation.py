@@ -10,8 +10,6 @@ from navfw.guard.answers import items, mapping
 from navfw.mofis.mofis import Mofis
 from navfw.signals import Command, Proposal
 
-__all__ = ["explain_command"]
-
 
 def explain_command(
     command: Command,

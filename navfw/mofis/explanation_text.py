@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-__all__ = ["explanation_lines"]
-
 
 def explanation_lines(explanation: dict[str, Any]) -> list[str]:
     """The lines: the command, what was perceived, then weights, reasons and rules.

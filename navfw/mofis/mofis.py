@@ -27,8 +27,6 @@ from navfw.signals import (
     Waypoint,
 )
 
-__all__ = ["DecisionInputs", "Mofis"]
-
 
 @dataclass(frozen=True, slots=True)
 class DecisionInputs:

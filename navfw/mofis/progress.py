@@ -7,8 +7,6 @@ import math
 from navfw.localmap import LocalGoal
 from navfw.signals import Command, Odometry, Waypoint
 
-__all__ = ["ProgressMonitor"]
-
 MOVING = 0.08
 """Commanded speed [m/s] from which the wheels are expected to follow."""
 FOLLOWING = 0.15

@@ -16,9 +16,6 @@ from navfw.mofis.rules import BehaviorRules
 from navfw.robot import RobotModel
 from navfw.signals import Explain
 
-__all__ = ["RuledBehavior", "RuledComposite"]
-
-
 Corners = Annotated[
     tuple[Annotated[float, Field(ge=-1e6, le=1e6)], ...], Field(min_length=2, max_length=4)
 ]

@@ -19,8 +19,6 @@ from navfw.fuzzy import (
 )
 from navfw.signals import Array
 
-__all__ = ["BehaviorRules", "Verdict"]
-
 _CACHE_SIZE = 64
 """Number of sets of terms kept for the next call."""
 

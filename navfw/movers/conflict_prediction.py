@@ -20,8 +20,6 @@ from navfw.movers.tracking import Track
 from navfw.robot import RobotModel
 from navfw.signals import Array, Conflicts, Odometry
 
-__all__ = ["ConflictParams", "ConflictPredictor"]
-
 STEP = 0.1
 """Time step of the prediction [s]."""
 TURN_DURATIONS = 1.0, 1.5, 2.0

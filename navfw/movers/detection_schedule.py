@@ -8,8 +8,6 @@ from typing import Literal
 
 from navfw.signals import MovingObject
 
-__all__ = ["DetectionMode", "DetectionSchedule"]
-
 DetectionMode = Literal["full", "coarse", "idle"]
 """``full``: search the frame; ``coarse``: search it at low resolution first, and fully only if that
 finds something; ``idle``: leave it out."""

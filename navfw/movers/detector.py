@@ -15,8 +15,6 @@ from navfw.movers.recent_frames import RecentFrames
 from navfw.robot import RobotModel
 from navfw.signals import FlowField, Frame, FramePair, MovingObject, Odometry
 
-__all__ = ["MovingObjectDetector"]
-
 SIDEWAYS = 0.05
 """Sideways displacement of the camera [m] beyond which near points leave the search range."""
 

@@ -18,8 +18,6 @@ from navfw.numerics.products import product
 from navfw.robot import CameraModel
 from navfw.signals import Array, FlowField, Mask, MovingObject
 
-__all__ = ["locate_moving_objects"]
-
 MIN_CELLS = 6
 """Least number of connected cells of one object; fewer are mismatches."""
 MIN_FALL = 0.10

@@ -23,8 +23,6 @@ import numpy as np
 from navfw.robot import CameraModel
 from navfw.signals import Array, CameraMotion, FlowField, Mask
 
-__all__ = ["direction_sigma", "segment_motion"]
-
 GATE, GATE_SIGMA = 3.0, 0.05
 """Residual of a single vector from which it is moving [sigma], and the sigma [px] added to its
 own."""

@@ -11,8 +11,6 @@ from navfw.movers.view_merging import merge_views
 from navfw.robot import RobotModel
 from navfw.signals import Frame, FramePair, MovingObject, Odometry, Stixels
 
-__all__ = ["MultiViewDetector"]
-
 STIXEL_BASELINE = 0.05
 """Baseline [m] from which the frames searched for moving objects also give stixels."""
 

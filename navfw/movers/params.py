@@ -9,8 +9,6 @@ from pydantic import BaseModel, ConfigDict, Field
 from navfw.movers.conflict_prediction import ConflictParams
 from navfw.movers.tracking import TrackerParams
 
-__all__ = ["MoverParams"]
-
 
 class MoverParams(BaseModel):
     """Whether moving objects are detected, and how they are tracked and predicted."""

@@ -8,8 +8,6 @@ from navfw.egomotion.pairing import PairingParams, PosedFrame
 from navfw.robot import RobotModel
 from navfw.signals import Frame, FramePair, Odometry
 
-__all__ = ["RecentFrames"]
-
 INTERVAL = 0.2
 """Time between the frames of a pair [s]: a walking person moves far enough to be segmented."""
 NEAR_INTERVAL = 0.1

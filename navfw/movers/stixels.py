@@ -18,8 +18,6 @@ import numpy as np
 from navfw.robot import CameraModel
 from navfw.signals import Array, FlowField, Stixels
 
-__all__ = ["MAX_PITCH", "find_stixels"]
-
 MAX_PITCH = 0.15
 """Pitch [rad] of the camera beyond which upright edges cross image columns."""
 NEARNESS = np.array([0.3 * (5.0 / 0.3) ** (k / 56) for k in range(57)])

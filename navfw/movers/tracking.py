@@ -21,8 +21,6 @@ from navfw.numerics.products import product
 from navfw.robot import RobotModel
 from navfw.signals import Array, MovingObject, OccupiedDisc, Pose
 
-__all__ = ["Track", "Tracker", "TrackerParams"]
-
 Positive = Annotated[float, Field(gt=0.0, le=100.0)]
 """Sigmas and speeds [m/s]: beyond 100 nothing changes any more."""
 

@@ -8,8 +8,6 @@ from collections.abc import Sequence
 from navfw.robot import CameraModel
 from navfw.signals import MovingObject
 
-__all__ = ["BORDER_ANGLE", "merge_views"]
-
 BORDER_ANGLE = math.radians(7.0)
 """Angle [rad] from an image's border within which flow is not computed: a detection that ends there
 may be cut off."""

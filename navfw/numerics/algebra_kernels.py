@@ -12,8 +12,6 @@ from llvmlite import ir
 from numba.core import cgutils, errors, types
 from numba.extending import intrinsic
 
-__all__ = ["LANES", "bilinear", "dot", "fma", "multiply", "solve_in_place", "solve_system"]
-
 Doubles = npt.NDArray[np.float64]
 Vector = npt.NDArray[np.float32] | Doubles
 

@@ -13,8 +13,6 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["arccos", "arctan2", "exp", "log", "power"]
-
 Doubles = npt.NDArray[np.float64]
 
 

@@ -7,8 +7,6 @@ import numpy.typing as npt
 
 from navfw.numerics.algebra_kernels import solve_in_place
 
-__all__ = ["determinant", "inverse", "solve"]
-
 Doubles = npt.NDArray[np.float64]
 
 

@@ -17,8 +17,6 @@ from navfw.offis.grid_geometry import GridGeometry
 from navfw.offis.percept_kernels import blind_border
 from navfw.signals import Array, FlowField
 
-__all__ = ["BlindBorders", "find_blind_borders"]
-
 BEYOND = 1.4
 """Nearness of such an obstacle relative to the least nearness outside the search range; a typical
 value from measurements."""

@@ -9,8 +9,6 @@ import numpy as np
 from navfw.offis.fuzzy_systems import FuzzyEvaluation, infer, load_system
 from navfw.signals import Array
 
-__all__ = ["TERMS", "Distances", "find_distances"]
-
 TERMS = ("near", "middle", "far")
 
 

@@ -19,16 +19,6 @@ from navfw.offis.slopes import Slopes
 from navfw.offis.walls import Walls
 from navfw.signals import Array
 
-__all__ = [
-    "ELEMENTARY",
-    "FLOOR_IN_FRONT",
-    "TABLE",
-    "FrontFeatures",
-    "Situations",
-    "find_situations",
-    "front_features",
-]
-
 TABLE = (
     "door or corridor",
     "door or corner",

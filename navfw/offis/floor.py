@@ -18,9 +18,6 @@ from navfw.offis.percept_kernels import label_cells
 from navfw.robot import CameraModel
 from navfw.signals import Array
 
-__all__ = ["FloorModel", "floor_nearness"]
-
-
 LOW_CAMERA = 0.2
 """Height of a camera [m] below which the tolerances of the floor are relative to it."""
 

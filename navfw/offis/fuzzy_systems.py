@@ -14,8 +14,6 @@ from navfw.fuzzy import CompiledFis, load_rule_base
 from navfw.fuzzy import Inference as Result
 from navfw.signals import Array
 
-__all__ = ["RULES", "FuzzyEvaluation", "infer", "infer_rows", "load_system"]
-
 RULES = Path(__file__).parent / "rules"
 """Folder of the rule bases, one YAML file per inference system."""
 

@@ -13,8 +13,6 @@ from navfw.offis.pyramid import Pyramid
 from navfw.robot import RobotModel
 from navfw.signals import Array
 
-__all__ = ["GridGeometry"]
-
 LOW_SHARE = 0.3
 """Weight of cells below the horizon in the fits of planes.
 

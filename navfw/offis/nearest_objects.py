@@ -11,8 +11,6 @@ from navfw.offis.planes import Planes
 from navfw.offis.pyramid import NEIGHBOURS, Pyramid, position
 from navfw.signals import Array
 
-__all__ = ["common_regions", "nearest_objects"]
-
 ALIKE = 0.7
 """Least size of a region that joins the nearest object, relative to the biggest region.
 

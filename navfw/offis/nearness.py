@@ -15,8 +15,6 @@ import numpy as np
 from navfw.offis.percept_kernels import triangulate_cells
 from navfw.signals import Array, FlowField
 
-__all__ = ["Nearness", "triangulate"]
-
 
 class Nearness(NamedTuple):
     """Nearness of every cell: three arrays (rows, cols).

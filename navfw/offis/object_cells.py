@@ -15,8 +15,6 @@ from navfw.offis.pyramid import Channels
 from navfw.offis.walls import Walls
 from navfw.signals import Array, FlowField
 
-__all__ = ["ObjectCells", "find_objects", "object_channels", "raw_channels"]
-
 
 @dataclass(frozen=True, slots=True)
 class ObjectCells:

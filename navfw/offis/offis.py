@@ -28,8 +28,6 @@ from navfw.offis.walls import find_walls
 from navfw.robot import RobotModel
 from navfw.signals import Array, FlowField, Percept, Twist
 
-__all__ = ["Offis"]
-
 Positive = Annotated[float, Field(gt=0.0, le=100.0)]
 """Lengths [m], of vectors [px], and multiples of sigma: beyond 100 nothing changes any more."""
 Share = Annotated[float, Field(ge=0.0, le=1.0)]

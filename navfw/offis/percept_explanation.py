@@ -16,8 +16,6 @@ from navfw.offis.slopes import SIDES, Slopes
 from navfw.offis.walls import Walls
 from navfw.signals.immutable import Sealed
 
-__all__ = ["OffisResults", "PerceptExplanation", "evaluations_of"]
-
 
 @dataclass(frozen=True, slots=True)
 class OffisResults:

@@ -10,17 +10,6 @@ import numpy.typing as npt
 
 from navfw.signals import Array
 
-__all__ = [
-    "SIGMA_LIMIT",
-    "blind_border",
-    "compare_pairs",
-    "label_cells",
-    "object_cells",
-    "object_nearness",
-    "region_moments",
-    "triangulate_cells",
-]
-
 SIGMA_LIMIT = 20.0
 """Sigma [1/m] of unknown cells, and upper limit of all others: no surface is nearer than 5 cm."""
 

@@ -11,8 +11,6 @@ from navfw.offis.percept_kernels import compare_pairs
 from navfw.offis.pyramid import NEIGHBOURS, Pyramid, RegionStatistics
 from navfw.signals import Array
 
-__all__ = ["Planes", "find_planes", "pairs_of"]
-
 
 @dataclass(frozen=True, slots=True)
 class Planes:

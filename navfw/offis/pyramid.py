@@ -16,8 +16,6 @@ import numpy.typing as npt
 from navfw.offis.percept_kernels import region_moments
 from navfw.signals import Array
 
-__all__ = ["NEIGHBOURS", "QUADRANTS", "Channels", "Pyramid", "RegionStatistics", "position"]
-
 QUADRANTS = ("P1", "P2", "P3", "P4")
 """P1 upper right, P2 upper left, P3 lower left, P4 lower right (METHOD R4)."""
 

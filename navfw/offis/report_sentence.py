@@ -7,8 +7,6 @@ from collections.abc import Mapping
 from navfw.offis.distances import TERMS
 from navfw.offis.pyramid import position
 
-__all__ = ["report"]
-
 
 def report(
     obstacles: Mapping[str, Mapping[str, str]], front: str, floor_in_front: bool, known: bool

@@ -19,8 +19,6 @@ from navfw.offis.pyramid import RegionStatistics
 from navfw.offis.walls import Walls
 from navfw.signals import Array
 
-__all__ = ["CODES", "SIDES", "Slopes", "slopes_of_means", "slopes_of_walls"]
-
 CODES = {
     "very_slope": ("[3 1]", "[1 3]"),
     "slope": ("[2 1]", "[1 2]"),

@@ -10,8 +10,6 @@ import numpy.typing as npt
 
 from navfw.signals import Array
 
-__all__ = ["find_wall_planes"]
-
 
 @numba.njit(cache=True)
 def find_wall_planes(

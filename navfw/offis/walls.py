@@ -25,8 +25,6 @@ from navfw.offis.nearness import Nearness
 from navfw.offis.wall_kernels import find_wall_planes
 from navfw.signals import Array
 
-__all__ = ["Walls", "find_walls"]
-
 ENOUGH = 0.06
 """Share of the cells of a half in its plane from which on the plane has full support."""
 

@@ -18,8 +18,6 @@ from navfw.numerics.products import product
 from navfw.papfis.edge_costs import EdgeCosts
 from navfw.topomap import Passage, PassageProjection, Place, TopoMap
 
-__all__ = ["AT_PLACE", "OFF_PASSAGE_COST", "Access", "Doorways", "find_access"]
-
 DISTANCE_SLACK = 0.1
 """Passages up to this much farther than the nearest accessible one are used too [m]."""
 

@@ -14,8 +14,6 @@ from navfw.papfis.routes import Router
 from navfw.signals import PassageQuery, PassageReport, PassageStatus
 from navfw.topomap import Passage
 
-__all__ = ["Blockages"]
-
 BARRIER_AHEAD = 0.4
 """Assumed distance [m] from the robot to what blocks a passage that is reported closed."""
 

@@ -26,8 +26,6 @@ from navfw.robot import RobotModel
 from navfw.signals import Array, Mask
 from navfw.topomap import Passage, TopoMap
 
-__all__ = ["RULE_BASE", "CostParams", "EdgeCosts", "inputs_of"]
-
 RULE_BASE = Path(__file__).parent / "rules" / "edge_cost.yaml"
 
 AVOID_ABOVE = 0.5

@@ -11,8 +11,6 @@ from dataclasses import dataclass
 from navfw.signals import Array
 from navfw.topomap import Passage, TopoMap
 
-__all__ = ["CostGraph", "SearchResult"]
-
 
 @dataclass(frozen=True, slots=True)
 class SearchResult:

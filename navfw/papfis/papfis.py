@@ -17,8 +17,6 @@ from navfw.papfis.waypoints import PassingTolerances
 from navfw.signals import Belief, PassageQuery, PassageReport, Waypoint
 from navfw.topomap import Passage, TopoMap
 
-__all__ = ["Papfis"]
-
 Metres = Annotated[float, Field(gt=0.0, le=10.0)]
 
 

@@ -20,8 +20,6 @@ from navfw.papfis.routes import Endpoint, Route, Router
 from navfw.robot import RobotModel
 from navfw.topomap import Passage, TopoMap
 
-__all__ = ["RoutePlan", "parse_endpoint", "parse_passage", "plan_route"]
-
 MAX_OFF_MAP = 8.0
 """Largest distance of start and goal from the map [m]."""
 

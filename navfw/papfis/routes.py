@@ -15,8 +15,6 @@ from navfw.papfis.graph_search import CostGraph, SearchResult
 from navfw.robot import RobotModel
 from navfw.topomap import Passage, PassageProjection, TopoMap
 
-__all__ = ["Endpoint", "Route", "Router"]
-
 
 @dataclass(frozen=True, slots=True)
 class Endpoint:

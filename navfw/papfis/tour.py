@@ -18,8 +18,6 @@ from navfw.papfis.waypoints import (
 )
 from navfw.signals import PassageQuery, Waypoint
 
-__all__ = ["Tour"]
-
 QUERY_RANGE = 2.5
 """Distance along the path up to which passages are queried [m] (METHOD 4.3)."""
 

@@ -11,8 +11,6 @@ from navfw.papfis.routes import Route
 from navfw.signals import Waypoint
 from navfw.topomap import Passage, TopoMap
 
-__all__ = ["PassingTolerances", "Point", "distance_to_leg", "has_passed", "waypoints_of"]
-
 Point = tuple[float, float]
 
 SHARPEST_TURN = math.radians(120.0)

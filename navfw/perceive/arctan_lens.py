@@ -14,8 +14,6 @@ import numpy as np
 
 from navfw.signals import Array
 
-__all__ = ["CURVATURES", "STEEPEST", "distort", "focal_for", "straighten"]
-
 CURVATURES = (-0.6, 1.6)
 """Least and largest curvature."""
 

@@ -10,8 +10,6 @@ from navfw.perceive.lens_estimate import LensEstimate
 from navfw.perceive.perceiver_options import PerceiverOptions
 from navfw.perceive.working_size import WorkingSize
 
-__all__ = ["assumptions", "assumptions_line", "estimate_line"]
-
 
 def assumptions(
     options: PerceiverOptions, source: ImageSource, size: WorkingSize

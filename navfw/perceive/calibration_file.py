@@ -16,8 +16,6 @@ from navfw.config.input_file import read_input_text, shown_path
 from navfw.errors import InputError, did_you_mean
 from navfw.signals import Array
 
-__all__ = ["ARCTAN", "FISHEYE", "CameraCalibration", "load_calibration"]
-
 FISHEYE = "equidistant"
 """Model of lenses of any field of view (Kannala and Brandt): OpenCV's module ``fisheye``."""
 ARCTAN = "arctan"

@@ -21,8 +21,6 @@ from navfw.perceive.plane_warp import PlaneWarp
 from navfw.robot import CameraModel
 from navfw.signals import Array, CameraMotion, FlowField, Image
 
-__all__ = ["FloorFinder", "FloorMotion"]
-
 Mask = npt.NDArray[np.bool_]
 
 PITCHES = np.radians(np.arange(-10.0, 32.5, 2.5))

@@ -9,8 +9,6 @@ from dataclasses import dataclass
 
 from navfw.errors import did_you_mean
 
-__all__ = ["COLUMNS", "RATES", "TIME_UNITS", "GyroColumn", "column_of"]
-
 COLUMNS = ("time", "yaw_rate", "pitch_rate", "roll_rate")
 """Columns of a record: time [s] and rates [rad/s], positive for a turn to the left (yaw), nose down
 (pitch) and right side down (roll)."""

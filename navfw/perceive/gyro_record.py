@@ -17,8 +17,6 @@ from navfw.errors import InputError
 from navfw.perceive.gyro_columns import COLUMNS, RATES, GyroColumn, column_of
 from navfw.signals import Array
 
-__all__ = ["GyroRecord", "load_gyro_record"]
-
 _FASTEST = 10.0
 """Largest rate [rad/s]: a camera that turns faster sees nothing but blur, so larger values have
 another unit."""

@@ -9,8 +9,6 @@ from pathlib import Path
 from navfw.config.input_file import shown_path
 from navfw.errors import InputError
 
-__all__ = ["natural_key", "require_order", "times_in_names"]
-
 _EPOCH_UNITS = {13: 1e-3, 16: 1e-6, 19: 1e-9}
 """Unit [s] of a time since 1970 written as a whole number, by its number of digits."""
 

@@ -23,8 +23,6 @@ from navfw.perceive.video_file import FRAME_RATE, FRAME_RATES, VideoFile
 from navfw.recording.run_folder import FILES, RESULT
 from navfw.signals import Image
 
-__all__ = ["IMAGES", "VIDEOS", "ImageSource", "SourceImage", "open_source"]
-
 IMAGES = frozenset(
     {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm", ".pnm", ".webp"}
     | {".heic", ".heif", ".hif"}

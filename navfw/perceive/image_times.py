@@ -11,8 +11,6 @@ from navfw.config.input_file import read_input_text, shown_path
 from navfw.errors import InputError
 from navfw.perceive.gyro_columns import GyroColumn, column_of
 
-__all__ = ["ImageTimes", "load_image_times"]
-
 _MAX_BYTES = 50_000_000
 """Largest size of a list [byte]."""
 _FILE_COLUMNS = ("file", "filename", "file_name", "image", "name")

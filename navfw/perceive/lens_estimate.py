@@ -22,8 +22,6 @@ from navfw.perceive.lens_fit import LensFit, LensShape, TrackedPair
 from navfw.perceive.lens_pairs import lens_pairs
 from navfw.perceive.working_size import HFOV
 
-__all__ = ["LensEstimate", "estimate_lens", "open_with_lens"]
-
 LEAST_PAIRS = 15
 """Least number of pairs for an estimate."""
 BLOCKS = 5

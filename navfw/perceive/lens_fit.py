@@ -22,8 +22,6 @@ from navfw.egomotion.flow_egomotion import FREE_TURN, PointMotion, estimate_egom
 from navfw.perceive.arctan_lens import CURVATURES, focal_for, straighten
 from navfw.signals import Array
 
-__all__ = ["LensFit", "LensShape", "TrackedPair"]
-
 SIGMA = 0.18
 """Standard deviation of a track [px of the image in which it was tracked]."""
 

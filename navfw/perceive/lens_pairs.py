@@ -14,8 +14,6 @@ from navfw.perceive.lens_fit import TrackedPair
 from navfw.perceive.point_tracks import TrackImage, track_points
 from navfw.perceive.working_size import WorkingSize
 
-__all__ = ["lens_pairs"]
-
 LOOKED_AT = 120
 """Number of pairs that are looked at."""
 MOST_PAIRS = 100

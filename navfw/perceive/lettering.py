@@ -11,8 +11,6 @@ import numpy.typing as npt
 
 from navfw.signals import Image
 
-__all__ = ["Colour", "text_width", "wrap", "write", "write_key"]
-
 Colour = tuple[int, int, int]
 """Blue, green, red, each in 0..255."""
 Outlines = tuple[npt.NDArray[np.float64], ...]

@@ -8,9 +8,6 @@ from navfw.errors import InputError
 from navfw.perceive.image_sources import ImageSource
 from navfw.signals import Array
 
-__all__ = ["MotionRecord", "on_clock_of"]
-
-
 LONGEST = 86_400.0
 """Longest recording [s], where its length is unknown: a day."""
 

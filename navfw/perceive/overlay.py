@@ -13,8 +13,6 @@ from navfw.perceive.pair_result import PairResult
 from navfw.perceive.working_size import WorkingSize
 from navfw.signals import Array, FlowField, Image, Percept
 
-__all__ = ["COLOURS", "draw", "draw_flow"]
-
 # Okabe and Ito's colours (blue, green, red), distinguishable by colour-blind readers
 COLOURS: dict[str, Colour] = {
     "near": (0, 94, 213),

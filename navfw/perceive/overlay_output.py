@@ -9,13 +9,11 @@ from typing import Protocol, Self
 
 import cv2
 
-from navfw.atomic import AtomicFolder
 from navfw.errors import InputError
 from navfw.perceive.image_sources import ImageSource
+from navfw.process.atomic import AtomicFolder
+from navfw.recording.video_output import VIDEO_SUFFIX, VideoOutput
 from navfw.signals import Image
-from navfw.video_output import VIDEO_SUFFIX, VideoOutput
-
-__all__ = ["OverlayOutput", "open_output"]
 
 _NO_FOLDERS = {".avi", ".m4v", ".mov", ".mkv", ".webm", ".gif", ".png", ".jpg", ".jpeg"}
 _OURS = re.compile(r"view-[0-9]{5,}\.png")

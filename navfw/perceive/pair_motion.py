@@ -31,8 +31,6 @@ from navfw.perceive.working_size import WorkingSize
 from navfw.robot import CameraModel
 from navfw.signals import Array, CameraMotion, FlowField
 
-__all__ = ["RATE_DRIFT", "PairMotion", "PairMotionEstimator", "rotation_vector"]
-
 GYRO_SIGMA = 0.005
 """Standard deviation of the constant error of a gyro's rates [rad/s]."""
 

@@ -9,8 +9,6 @@ from typing import Any
 from navfw.offis.elementary_situations import ELEMENTARY, TABLE
 from navfw.perceive.pair_result import PairResult
 
-__all__ = ["as_data", "as_line", "front_situation", "strongest_term"]
-
 _DIGITS = 4
 
 

@@ -8,8 +8,6 @@ from navfw.egomotion.flow_egomotion import Egomotion
 from navfw.perceive.scale import Scale
 from navfw.signals import Array, FlowField, Percept
 
-__all__ = ["PairResult"]
-
 
 @dataclass(frozen=True, slots=True)
 class PairResult:

@@ -28,8 +28,6 @@ from navfw.plugins import Registry
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import FlowField, Frame, FramePair, Label, Percept, Twist
 
-__all__ = ["Perceiver"]
-
 LEAST_PARALLAX = 1.0
 """Least 90th percentile of the derotated flow [px] for distances to be known."""
 LEAST_AHEAD = 0.17

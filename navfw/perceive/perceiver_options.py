@@ -11,8 +11,6 @@ from navfw.errors import InputError
 from navfw.perceive.motion_record import MotionRecord
 from navfw.perceive.working_size import HFOV
 
-__all__ = ["LONGEST", "USUAL_VIEW", "PerceiverOptions"]
-
 USUAL_VIEW = 65.0
 """Field of view along the longer side of an image that is assumed if none is given [deg]: that of
 the main camera of telephones."""

@@ -11,8 +11,6 @@ import numpy.typing as npt
 
 from navfw.signals import Image
 
-__all__ = ["DeepImage", "PixelRange"]
-
 _BITS = (8, 10, 12, 14, 16)
 """Numbers of bits of cameras' converters; files keep all beyond 8 in 16 bits."""
 

@@ -10,8 +10,6 @@ import numpy.typing as npt
 
 from navfw.signals import Array, CameraMotion, Image
 
-__all__ = ["PlaneWarp", "cells_of"]
-
 Grey = npt.NDArray[np.float32]
 
 NOISE = 3.0

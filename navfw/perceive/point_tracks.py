@@ -17,8 +17,6 @@ from navfw.egomotion.flow_egomotion import PointMotion
 from navfw.perceive.working_size import WorkingSize
 from navfw.signals import Array, Image
 
-__all__ = ["TrackImage", "track_points"]
-
 WIDEST = 640
 """Largest width of the images in which points are tracked [px]."""
 

@@ -17,8 +17,6 @@ from navfw.perceive.gyro_columns import RATES
 from navfw.robot import CameraModel
 from navfw.signals import Array
 
-__all__ = ["PoseRecord", "load_pose_record"]
-
 _COLUMNS = "timestamp tx ty tz qx qy qz qw"
 _MAX_BYTES = 50_000_000
 """Largest size of a record [byte]: an hour of poses at 100 Hz."""

@@ -12,8 +12,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-__all__ = ["NO_FLOOR", "Scale", "ScaleEstimator"]
-
 NOMINAL_SPEED = 0.35
 """Speed assumed if the scale is unknown [m/s]: the limits of OFFIS's distance terms in metres,
 divided by this speed, are those of its terms of time to contact in seconds."""

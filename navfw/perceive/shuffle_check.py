@@ -9,8 +9,6 @@ from scipy.spatial.distance import cdist
 from navfw.errors import InputError
 from navfw.signals import Array, Image
 
-__all__ = ["ShuffleCheck"]
-
 _SIZE = (16, 12)
 """Width and height of the images that are compared [px]."""
 _LEAST_CONTRAST = 2.0

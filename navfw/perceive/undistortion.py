@@ -13,8 +13,6 @@ from navfw.perceive.arctan_lens import distort
 from navfw.perceive.calibration_file import ARCTAN, FISHEYE, CameraCalibration
 from navfw.signals import Array, Image
 
-__all__ = ["Undistortion"]
-
 WIDEST = math.radians(120.0)
 """Largest horizontal and vertical field of view of the result [rad]: beyond, a pinhole image shows
 little but stretched pixels of the rim."""

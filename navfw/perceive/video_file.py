@@ -17,8 +17,6 @@ from navfw.config.input_file import open_input, shown_path
 from navfw.errors import InputError
 from navfw.signals import Image
 
-__all__ = ["FRAME_RATE", "FRAME_RATES", "VideoFile"]
-
 FRAME_RATE = 10.0
 """Frame rate assumed if none is known [1/s]."""
 FRAME_RATES = (0.01, 10_000.0)

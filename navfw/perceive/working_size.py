@@ -12,8 +12,6 @@ from navfw.errors import InputError
 from navfw.robot import CameraModel
 from navfw.signals import Array, Image
 
-__all__ = ["HFOV", "WorkingSize"]
-
 HFOV = (15.0, 155.0)
 """Smallest and largest horizontal field of view of a pinhole camera [deg]."""
 AREA = 160 * 120

@@ -18,11 +18,9 @@ from typing import Any, TypeVar
 from navfw.config.input_file import shown_path
 from navfw.errors import PluginError, did_you_mean
 from navfw.interfaces import Plugin
-from navfw.interruption import interrupted
 from navfw.plugins.verification import find_problems, kind_of, verify
-from navfw.watchdog import Watchdog
-
-__all__ = ["candidates_of", "decorated_plugins", "import_file", "import_object", "plugin"]
+from navfw.process.interruption import interrupted
+from navfw.process.watchdog import Watchdog
 
 IMPORT_LIMIT = 60.0
 """Wall time limit of an import [s]: large libraries on a slow disk take some of it."""

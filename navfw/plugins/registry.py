@@ -20,8 +20,6 @@ from navfw.plugins import plugin_import
 from navfw.plugins.simulator_access import access_notes
 from navfw.plugins.verification import kind_of, source_file, verify
 
-__all__ = ["BUILT_IN", "GROUPS", "Registry", "check_kind", "default_registry"]
-
 BUILT_IN: dict[str, dict[str, str]] = {
     "behavior": {"navground": "navfw.baselines.navground:Navground"},
     "flow": {
@@ -56,8 +54,8 @@ BUILT_IN: dict[str, dict[str, str]] = {
     },
     "controller": {"unicycle": "navfw.locom.unicycle:Unicycle"},
     "landmark": {
-        "aruco": "navfw.landmark_appearance:ArucoMarker",
-        "poster": "navfw.landmark_appearance:Poster",
+        "aruco": "navfw.features.landmark_appearance:ArucoMarker",
+        "poster": "navfw.features.landmark_appearance:Poster",
     },
     "event": {"blackout": "navfw.missions.composed_events:Blackout"},
     "family": {

@@ -22,8 +22,6 @@ from navfw.errors import ConfigError
 from navfw.interfaces import Plugin
 from navfw.plugins.verification import source_file
 
-__all__ = ["SIMULATOR", "SimulatorWatch", "SourceFinding", "access_notes", "source_findings"]
-
 _MAX_SOURCE = 5_000_000
 """Largest size of a plugin's source [byte]."""
 

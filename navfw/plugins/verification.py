@@ -17,8 +17,6 @@ from navfw.config.input_file import shown_path
 from navfw.config.problems import shown
 from navfw.errors import PluginError
 
-__all__ = ["find_problems", "kind_of", "source_file", "verify"]
-
 _WITHOUT_DOCSTRINGS = 2
 """The level of ``python -O`` from which on classes have lost their docstrings."""
 

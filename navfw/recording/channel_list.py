@@ -6,32 +6,6 @@ from dataclasses import dataclass
 
 from navfw.recording.reading_message import SCHEMA_NAME
 
-__all__ = [
-    "CAMERA_IMAGE",
-    "CELLS",
-    "CHANNELS",
-    "COMMAND",
-    "FLOW",
-    "LANDMARK_IMAGE",
-    "LEFT_IMAGE",
-    "LOCAL_GOAL",
-    "LOCAL_MAP",
-    "OBSTACLES",
-    "PATH",
-    "PERCEPT",
-    "POSE",
-    "PROPOSALS",
-    "READING",
-    "RIGHT_IMAGE",
-    "RULES",
-    "SENSOR_CHANNELS",
-    "TRANSFORMS",
-    "TRUE_POSE",
-    "VIEWER_CHANNELS",
-    "WORLD",
-    "ChannelInfo",
-]
-
 READING = "/sensors/reading"
 CAMERA_IMAGE = "/camera/image"
 LANDMARK_IMAGE = "/camera/landmarks/image"

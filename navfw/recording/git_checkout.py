@@ -24,8 +24,6 @@ from navfw.config.input_file import read_input
 from navfw.config.ownership import own_folders, owned_by_user
 from navfw.errors import ConfigError
 
-__all__ = ["GitCheckout"]
-
 TIMEOUT = 5.0
 """Largest time [s] that git may take."""
 

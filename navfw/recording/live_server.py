@@ -12,8 +12,6 @@ from navfw.recording.run_observer import SeenRun
 from navfw.recording.sensor_channels import nanoseconds
 from navfw.signals import Pose, SensorReading, Twist
 
-__all__ = ["LiveServer"]
-
 _HOST = "127.0.0.1"
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from navfw.atomic import atomic_file
+from navfw.process.atomic import atomic_file
 from navfw.recording.palette import GOAL, START
 from navfw.recording.path_labels import PathLabels
 from navfw.recording.top_view import (
@@ -24,8 +24,6 @@ from navfw.topomap import TopoMap
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-__all__ = ["MarkedRoute", "draw_map"]
 
 _KIND_COLORS = {
     "room": "#0072B2",

@@ -22,8 +22,6 @@ from mcap.stream_reader import breakup_chunk
 from navfw.config.input_file import open_input
 from navfw.errors import ConfigError
 
-__all__ = ["MAX_BYTES", "McapFile"]
-
 MAX_BYTES = 1 << 30
 """Largest size of a recording [byte]; an hour of 160x120 images at 10 Hz is 0.6 GB."""
 

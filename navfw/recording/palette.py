@@ -11,27 +11,6 @@ import zlib
 
 from navfw.signals import Label
 
-__all__ = [
-    "CELLS",
-    "CONTACT",
-    "EDGE",
-    "ESTIMATE",
-    "FLOOR",
-    "FLOW",
-    "FREE",
-    "FURNITURE",
-    "GOAL",
-    "LOCAL_GOAL",
-    "MOVING",
-    "OCCUPIED",
-    "START",
-    "WALL",
-    "behavior_color",
-    "bgr",
-    "camera_key",
-    "rgb",
-]
-
 WALL, FURNITURE, EDGE, FLOOR = "#4A4A4A", "#D9D2C5", "#8C8577", "#FBFAF7"
 """Walls, furniture and its outline, and the floor in top view."""
 START, GOAL, CONTACT, ESTIMATE = "#2E7D32", "#B0004E", "#D00000", "#303030"

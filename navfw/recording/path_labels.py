@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.transforms import Bbox
 
-__all__ = ["PathLabels"]
-
 _GAPS = (4.0, 9.0, 16.0)
 """Distances of a label from its point [pt]; the nearest free place is taken."""
 _SIDES = ((1, 1), (1, -1), (-1, 1), (-1, -1), (1, 0), (-1, 0), (0, 1), (0, -1))

@@ -12,15 +12,6 @@ from typing import Any
 from navfw.config.lookup import project_folder
 from navfw.recording.git_checkout import GitCheckout
 
-__all__ = [
-    "DIRTY",
-    "code_revision",
-    "git_revision",
-    "machine_kind",
-    "provenance",
-    "usable_cores",
-]
-
 DIRTY = "-dirty"
 """Suffix of a revision whose tracked files have uncommitted changes."""
 

@@ -11,8 +11,6 @@ from typing import NamedTuple
 
 from navfw.signals import SensorReading, Twist
 
-__all__ = ["SCHEMA", "SCHEMA_NAME", "ImageFlags", "ReadingRow", "pack_reading", "unpack_reading"]
-
 SCHEMA_NAME = "navfw_msgs/msg/SensorReading"
 
 SCHEMA = """\

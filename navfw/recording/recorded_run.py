@@ -32,8 +32,6 @@ from navfw.recording.run_folder import OLD_RECORDING, RECORDING
 from navfw.recording.run_recorder import END, FORMAT_VERSION, PROFILE, RUN
 from navfw.signals import Image
 
-__all__ = ["RecordedMessage", "RecordedRun", "image_of", "open_run", "recording_in"]
-
 _SCHEMAS = {channel.topic: channel.schema for channel in CHANNELS}
 
 

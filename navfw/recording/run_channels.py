@@ -19,9 +19,7 @@ from navfw.recording.run_observer import SeenRun
 from navfw.recording.sensor_channels import SensorChannels, nanoseconds
 from navfw.signals import Percept, Pose, SensorReading, Twist
 from navfw.stack import Stack
-from navfw.stack_state import StackState
-
-__all__ = ["RunChannels"]
+from navfw.stack.stack_state import StackState
 
 _VISION_PERIOD = 0.2
 """Interval between two flows, percepts and ratings of all commands [s]: what costs most."""

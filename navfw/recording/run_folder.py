@@ -8,24 +8,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from navfw.atomic import AtomicTarget
 from navfw.config.input_file import is_file
 from navfw.config.json_file import read_json_object
 from navfw.errors import ConfigError, InputError
-from navfw.target_lock import lock_first_free
-
-__all__ = [
-    "FILES",
-    "OLD_RECORDING",
-    "PICTURE",
-    "PLAN",
-    "RECORDING",
-    "REPORT",
-    "RESULT",
-    "RunFolder",
-    "plain_json",
-    "read_result",
-]
+from navfw.process.atomic import AtomicTarget
+from navfw.process.target_lock import lock_first_free
 
 RESULT = "result.json"
 """The file with outcome, metrics and configuration of a run."""

@@ -16,8 +16,6 @@ from navfw.signals import Array, Belief, Pose, Sight, Twist, Waypoint
 if TYPE_CHECKING:
     import pandas
 
-__all__ = ["Contact", "RunLog", "RunLogger", "hash_commands"]
-
 
 def hash_commands(commands: Array) -> str:
     """The sha256 (hex) of a command stream.

@@ -11,8 +11,6 @@ if TYPE_CHECKING:
     from navfw.recording.top_view import WorldOutline
     from navfw.stack import Stack
 
-__all__ = ["RunObserver", "SeenRun"]
-
 
 class RunObserver(Protocol):
     """Takes in every control tick of a run, after the stack; it must change nothing in it."""

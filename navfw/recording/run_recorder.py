@@ -10,8 +10,6 @@ from navfw.recording.mcap_file import MAX_BYTES
 from navfw.recording.run_observer import SeenRun
 from navfw.signals import Frame, Pose, SensorReading, Twist
 
-__all__ = ["END", "FORMAT_VERSION", "PROFILE", "RUN", "RunRecorder"]
-
 FORMAT_VERSION = 1
 """Version of the channels; raised when a replay reads them differently."""
 PROFILE = "navfw-"

@@ -14,8 +14,8 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from navfw.errors import ConfigError, InputError
-from navfw.fault_injection import Failure, inject_faults
-from navfw.landmark_appearance import check_landmark_kind
+from navfw.features.landmark_appearance import check_landmark_kind
+from navfw.plugins.fault_injection import Failure, inject_faults
 from navfw.recording.channel_list import CAMERA_IMAGE
 from navfw.recording.recorded_run import recording_in
 from navfw.recording.run_folder import RESULT, read_result
@@ -26,8 +26,6 @@ from navfw.signals import Array, Pose, SensorReading, Twist, Waypoint
 
 if TYPE_CHECKING:
     from navfw.stack import Stack
-
-__all__ = ["ReplayResult", "explain_at", "replay", "replay_commands"]
 
 
 class ReplayedStack(Protocol):

@@ -21,8 +21,6 @@ from navfw.signals import Image, SensorReading, Twist
 if TYPE_CHECKING:
     from foxglove import Context
 
-__all__ = ["IMAGE_FORMAT", "SensorChannels", "nanoseconds"]
-
 IMAGE_FORMAT = "png"
 """Format of the images. It loses nothing; WebP and JPEG 2000 are a tenth smaller and take five to
 ten times as long, an eighth of the run."""

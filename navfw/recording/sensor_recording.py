@@ -22,8 +22,6 @@ from navfw.recording.reading_message import ImageFlags, ReadingRow
 from navfw.recording.recorded_run import RecordedMessage, RecordedRun, image_of
 from navfw.signals import Array, Encoders, Frame, Image, Inertial, SensorReading
 
-__all__ = ["SensorRecording", "load_recording"]
-
 _IMAGES = (CAMERA_IMAGE, LANDMARK_IMAGE, LEFT_IMAGE, RIGHT_IMAGE)
 
 _TOLERANCE = 1.0

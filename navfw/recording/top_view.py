@@ -16,16 +16,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = [
-    "OutlineDisc",
-    "Point",
-    "WorldOutline",
-    "draw_arrow",
-    "draw_outline",
-    "style_axes",
-    "write_legend",
-]
-
 Point = tuple[float, float]
 
 _ARROW_HEAD = np.array([[1.0, 0.0], [-0.8, 0.6], [-0.5, 0.0], [-0.8, -0.6]])

@@ -27,8 +27,6 @@ from navfw.signals import Array, Pose
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["TrajectoryPicture", "draw_trajectory"]
-
 _PLACE, _TIME = "#7A7A7A", "#1C2430"
 
 _BAD_OUTCOME, _GOOD_OUTCOME = "#B00020", "#2E7D32"

@@ -46,20 +46,6 @@ from navfw.recording.top_view import WorldOutline
 from navfw.robot import CameraModel
 from navfw.signals import Array, Belief, FlowField, Label, Percept, Pose, Proposal, Twist, Waypoint
 
-__all__ = [
-    "cells_message",
-    "flow_message",
-    "local_goal_message",
-    "local_map_message",
-    "obstacles_message",
-    "path_message",
-    "pose_message",
-    "proposals_message",
-    "transforms_message",
-    "true_pose_message",
-    "world_message",
-]
-
 _WALL_HEIGHT, _FURNITURE_HEIGHT = 2.0, 0.7
 """Heights in the scene [m]; the outline has none."""
 _TRACK_HEIGHT = 1.0

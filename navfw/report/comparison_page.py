@@ -19,8 +19,6 @@ from navfw.suite.paired_comparison import (
 from navfw.suite.suite_folder import SuiteFolder
 from navfw.suite.summary_table import comparison_rows
 
-__all__ = ["comparison_report"]
-
 
 def comparison_report(
     first: SuiteFolder,

@@ -11,8 +11,6 @@ from navfw.recording.palette import bgr
 from navfw.recording.top_view import Point
 from navfw.signals import Array, Image
 
-__all__ = ["PlanCanvas"]
-
 _SHIFT = 4
 """Bits of a pixel's fraction in OpenCV's drawing."""
 

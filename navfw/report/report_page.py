@@ -16,8 +16,6 @@ from navfw.config.input_file import read_input
 from navfw.errors import ConfigError
 from navfw.signals import Image
 
-__all__ = ["picture_source", "reduced_source", "render_page"]
-
 _HERE = Path(__file__).parent
 _MAX_PICTURE = 5_000_000
 """Largest size of a picture file [byte]."""

@@ -20,8 +20,6 @@ from navfw.signals import Array
 if TYPE_CHECKING:
     from bokeh.plotting import figure
 
-__all__ = ["plan_figure", "plan_key", "rating_figure", "timeline_figures"]
-
 _BLUES = ("#FFFFFF", "#DEEBF7", "#C6DBEF", "#9ECAE1", "#6BAED6", "#4292C6", "#2171B5", "#084594")
 _REDS = ("#FFFFFF", "#FEE5D9", "#FCBBA1", "#FC9272", "#FB6A4A", "#EF3B2C", "#CB181D", "#99000D")
 

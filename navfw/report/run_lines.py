@@ -18,8 +18,6 @@ from navfw.report.report_page import reduced_source
 from navfw.suite.run_table import RunRow
 from navfw.suite.suite_folder import SuiteFolder
 
-__all__ = ["RunLine", "RunLines", "relative_link"]
-
 MAX_PICTURES = 400
 """Largest number of embedded pictures of a suite: about 10 MB. Of other runs there are links."""
 

@@ -15,8 +15,6 @@ from navfw.recording import channel_list as topics
 from navfw.recording.recorded_run import RecordedMessage, RecordedRun, image_of
 from navfw.report.report_page import reduced_source
 
-__all__ = ["MAX_MOMENTS", "Rating", "RunMoment", "newest_at_images", "read_moments"]
-
 MAX_MOMENTS = 240
 """Largest number of moments of a report; of a longer run they are further apart."""
 

@@ -18,8 +18,6 @@ from navfw.report.report_page import picture_source, render_page
 from navfw.report.run_moments import Rating, RunMoment, read_moments
 from navfw.report.run_timeline import read_timeline, robot_and_goals
 
-__all__ = ["run_report"]
-
 _NUMBERS = {
     "sim_time_s": ("time", "s"),
     "path_length_m": ("path", "m"),

@@ -17,8 +17,6 @@ from navfw.recording.run_folder import RESULT
 from navfw.recording.top_view import OutlineDisc, WorldOutline
 from navfw.signals import Array
 
-__all__ = ["RunTimeline", "read_timeline", "robot_and_goals"]
-
 _MAX_ROWS = 4000
 """Largest number of rows; of a longer run every n-th command is taken."""
 

@@ -12,14 +12,12 @@ from navfw.errors import ConfigError
 from navfw.recording import channel_list as topics
 from navfw.recording.recorded_run import RecordedMessage, RecordedRun, image_of, recording_in
 from navfw.recording.run_folder import read_result
+from navfw.recording.video_output import VideoOutput
 from navfw.report.run_moments import newest_at_images
 from navfw.report.run_timeline import read_timeline, robot_and_goals
 from navfw.report.video_camera import draw_camera
 from navfw.report.video_plan import VideoPlan
 from navfw.signals import Array, Image
-from navfw.video_output import VideoOutput
-
-__all__ = ["write_run_video"]
 
 _SIZE = (640, 720)
 """Width and height of each half of a picture [px]."""

@@ -13,8 +13,6 @@ from navfw.suite.suite_folder import SuiteFolder
 from navfw.suite.suite_summary import summarize
 from navfw.suite.summary_table import summary_table
 
-__all__ = ["finished_rows", "suite_report"]
-
 MAX_REACHED = 2000
 """Largest number of successful runs on a page; the table has all of them."""
 

@@ -14,8 +14,6 @@ from navfw.recording import channel_list as topics
 from navfw.recording import palette
 from navfw.signals import Image
 
-__all__ = ["draw_camera"]
-
 _TEXT_HEIGHT = 240
 """Height of the text below the camera's image [px]."""
 _LETTERS, _LINE = 14.0, 20

@@ -17,8 +17,6 @@ from navfw.report.plan_canvas import PlanCanvas
 from navfw.report.run_timeline import RunTimeline
 from navfw.signals import Array, Image, Pose
 
-__all__ = ["VideoPlan"]
-
 _KEY_HEIGHT = 70
 """Height of the key below the plan [px]."""
 _SCALES = (36.0, 160.0)

@@ -18,13 +18,11 @@ import numpy.typing as npt
 from navfw.bench.perception_samples import PerceptionSample, samples_of_world
 from navfw.offis.offis import Offis
 from navfw.offis.pyramid import QUADRANTS, Channels, Pyramid
-from navfw.part_report import PartReport, told, untold
+from navfw.process.progress import PartReport, told, untold
 from navfw.reproduce.percept_verdict import check_percept
 from navfw.robot import RobotModel
 from navfw.signals import Array, FlowField, Twist
 from navfw.suite.run_statistics import mcnemar_exact
-
-__all__ = ["SETTINGS", "compare_metrics"]
 
 TWO_LAYERS, ONE_LAYER = "L=2, means", "L=1, means and variances"
 """The two metrics of the paper's claim, as parameters of OFFIS and of the classifier."""

@@ -20,8 +20,6 @@ from navfw.sim.worldspec import (
     WorldSpec,
 )
 
-__all__ = ["COLS", "IMAGE", "ROWS", "SCENES", "STEP", "OfficeScene", "hand_held"]
-
 IMAGE = (108, 144)
 """Rows and columns of the paper's images [px]."""
 ROWS, COLS = 10, 15

@@ -35,18 +35,6 @@ from navfw.robot import RobotModel
 from navfw.signals import FlowField, FramePair, Pose
 from navfw.sim.worldfile import load_world
 
-__all__ = [
-    "FAST",
-    "PERIOD",
-    "SceneRow",
-    "WaypointRow",
-    "as_data",
-    "checks",
-    "table2",
-    "table3",
-    "timings",
-]
-
 PERIOD = 0.15
 """Time between the two images at a waypoint [s]."""
 FAST = 3

@@ -14,16 +14,6 @@ from itertools import pairwise
 
 from navfw.signals import Pose, Twist, wrap_angle
 
-__all__ = [
-    "FAST_TURN",
-    "PLACES",
-    "START",
-    "WAYPOINTS",
-    "TrajectoryPoint",
-    "TrajectoryWaypoint",
-    "drive",
-]
-
 START = Pose(0.9, 2.3, 0.0)
 """Start pose of the robot in the map of ``paper-room``."""
 

@@ -15,8 +15,6 @@ from navfw.offis.distances import TERMS
 from navfw.offis.elementary_situations import TABLE
 from navfw.signals import Percept
 
-__all__ = ["check_percept", "front_of", "judge_percept", "no_situation"]
-
 
 def judge_percept(percept: Percept, truth: ViewTruth) -> Judgement:
     """The statements ``nearest``, ``distance`` and ``front`` of a ``percept``."""

@@ -18,14 +18,12 @@ from navfw.bench.real_benchmark import judge_result, labelled_parts, open_part
 from navfw.bench.real_labels import FrameLabel, Judgement, SentenceVerdict
 from navfw.config.input_file import is_folder
 from navfw.errors import ConfigError
-from navfw.part_report import PartReport
 from navfw.perceive.overlay import draw
 from navfw.perceive.pair_result import PairResult
 from navfw.perceive.perceiver_options import PerceiverOptions
 from navfw.plugins import Registry
+from navfw.process.progress import PartReport
 from navfw.signals import Image
-
-__all__ = ["RECORDINGS", "RealScene", "chosen_frames", "real_as_data", "real_scenes"]
 
 
 @dataclass(frozen=True, slots=True)

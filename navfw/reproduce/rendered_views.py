@@ -24,17 +24,6 @@ from navfw.sim.sensor_models import SensorParams
 from navfw.sim.simulation import Simulation
 from navfw.sim.worldspec import WorldSpec
 
-__all__ = [
-    "CheckedPercept",
-    "RenderedPair",
-    "ViewRenderer",
-    "checked_percept",
-    "derotated",
-    "matched_flow",
-    "not_derotated",
-    "true_flow",
-]
-
 IMAGE_NOISE = 2.0
 """Standard deviation of the image noise [grey levels]."""
 

@@ -9,11 +9,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from navfw.atomic import AtomicFolder
 from navfw.bench.real_labels import FrameLabel
 from navfw.config.lookup import find
-from navfw.part_report import PartReport, untold
 from navfw.plugins import default_registry
+from navfw.process.atomic import AtomicFolder
+from navfw.process.progress import PartReport, untold
 from navfw.recording.run_folder import plain_json
 from navfw.reproduce.metric_comparison import compare_metrics
 from navfw.reproduce.paper_tables import (
@@ -32,8 +32,6 @@ from navfw.reproduce.reproduction_pictures import draw_map, scene_picture, waypo
 from navfw.reproduce.reproduction_summary import summary
 from navfw.signals import Image
 from navfw.sim.worldfile import load_world
-
-__all__ = ["PAPER_TIMES", "reproduce"]
 
 PAPER_TIMES = {"obstacles_s": 0.16, "situation_synthetic_s": 0.58, "situation_real_s": 0.62}
 """Times of OFFIS [s] in the paper, on an Athlon XP 2600+ at 2.09 GHz."""

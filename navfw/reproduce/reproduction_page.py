@@ -14,8 +14,6 @@ from navfw.offis.pyramid import position
 from navfw.reproduce.paper_tables import FAST, PERIOD
 from navfw.signals import Image
 
-__all__ = ["write_page"]
-
 TEMPLATE = "reproduction.html"
 QUALITY = 82
 """Quality of the pictures, of 100: flow arrows stay sharp, and the page stays below 8 MB."""

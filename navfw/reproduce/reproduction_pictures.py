@@ -18,8 +18,6 @@ from navfw.signals import FlowField, Image
 from navfw.sim.floorplan import FloorPlan
 from navfw.sim.worldspec import WorldSpec
 
-__all__ = ["draw_map", "scene_picture", "waypoint_picture"]
-
 _GAIN = 4
 _STRIP = 30
 _PAPER, _INK = (255, 255, 255), (40, 40, 40)

@@ -9,8 +9,6 @@ from typing import Any
 from navfw.bench.real_labels import SentenceVerdict
 from navfw.reproduce.paper_tables import FAST
 
-__all__ = ["summary"]
-
 SIGNIFICANT = 0.05
 """Largest p of a difference that is taken for more than chance."""
 

@@ -27,8 +27,6 @@ from navfw.suite.suite_folder import SUMMARY, SuiteFolder
 from navfw.suite.suite_summary import summarize
 from navfw.suite.suitefile import Expect
 
-__all__ = ["collect", "seed_range"]
-
 MAX_DEPTH = 3
 """Depth of nested objects up to which the values of a benchmark are kept."""
 

@@ -10,24 +10,13 @@ from typing import Annotated, Final, Literal, TypeAlias
 
 from pydantic import Field, JsonValue
 
-from navfw.atomic import write_text
-from navfw.config.document import YamlDocument
+from navfw.config.document import YamlDocument, load_yaml
 from navfw.config.json_file import read_json_object
 from navfw.config.strict_model import StrictModel
-from navfw.config.yamlfile import load_yaml, validate
+from navfw.config.yamlfile import validate
 from navfw.errors import ConfigError
+from navfw.process.atomic import write_text
 from navfw.recording.provenance import DIRTY
-
-__all__ = [
-    "FORMAT",
-    "Figures",
-    "Machine",
-    "StoredResult",
-    "StoredSuiteResult",
-    "StoredValues",
-    "load_results",
-    "save_result",
-]
 
 FORMAT: Final = 1
 """Version of the keys below. Results of another version are refused, not converted."""

@@ -39,8 +39,6 @@ from navfw.results.result_file import (
 from navfw.suite.markdown_table import pipe_table
 from navfw.suite.suitefile import list_suites
 
-__all__ = ["MAX_PAGE", "SENTENCES", "TEMPLATE", "current_pages", "fill"]
-
 TEMPLATE = "template.md"
 """The template's name, beside the results."""
 

@@ -19,8 +19,6 @@ from navfw.robot import RobotModel
 from navfw.safety.senses import Senses
 from navfw.signals import Odometry, Pose, SensorReading, Twist
 
-__all__ = ["PersistentFailure", "SafetyMonitor", "SafetyParams", "SafetyVerdict"]
-
 Seconds = Annotated[float, Field(gt=0.0, le=60.0)]
 
 _PROBE_PERIOD, _PROBE_TIME = 3.0, 0.3

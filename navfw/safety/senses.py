@@ -7,8 +7,6 @@ import numpy as np
 
 from navfw.signals import Frame, Image, Odometry, SensorReading, wrap_angle
 
-__all__ = ["Senses"]
-
 DARK, BRIGHT = 8.0, 247.0
 """Mean grey levels below and above which an image is invalid."""
 FLAT = 2.5

@@ -9,8 +9,6 @@ from typing import Any
 from navfw.signals.geometry import Array, Twist
 from navfw.signals.immutable import freeze
 
-__all__ = ["Command", "Explain", "Proposal"]
-
 Explain = Callable[[int, int], Sequence[Mapping[str, Any]]]
 """Returns the rules that fired for the command at (row, column) of the grid, strongest first."""
 

@@ -10,8 +10,6 @@ from navfw.signals.geometry import Array, Pose, Twist
 from navfw.signals.immutable import freeze
 from navfw.signals.sensors import Frame
 
-__all__ = ["CameraMotion", "FlowField", "FramePair", "Odometry", "YawCorrection"]
-
 
 @dataclass(frozen=True, slots=True)
 class Odometry:

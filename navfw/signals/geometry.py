@@ -10,8 +10,6 @@ import numpy.typing as npt
 
 from navfw.numerics.products import product
 
-__all__ = ["Array", "Image", "Mask", "Pose", "Twist", "position_sigma", "wrap_angle"]
-
 Array = npt.NDArray[np.float64]
 Image = npt.NDArray[np.uint8]
 Mask = npt.NDArray[np.bool_]

@@ -8,8 +8,6 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-__all__ = ["Sealed", "freeze", "immutable", "read_only"]
-
 _LEAVES = frozenset((float, str, int, bool, type(None)))
 _MAPPINGS = (MutableMapping, MappingProxyType)
 """Mappings of which a copy is made; any other type of mapping has to be read only itself."""

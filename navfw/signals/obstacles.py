@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from navfw.signals.geometry import Array
 from navfw.signals.immutable import freeze
 
-__all__ = ["Conflicts", "OccupiedDisc"]
-
 
 @dataclass(frozen=True, slots=True)
 class OccupiedDisc:

@@ -14,8 +14,6 @@ import numpy.typing as npt
 from navfw.signals.geometry import Array
 from navfw.signals.immutable import freeze
 
-__all__ = ["Label", "MovingObject", "Percept", "Sight", "Stixels"]
-
 
 class Label(IntEnum):
     """What a flow cell shows, by its height above the floor (METHOD 2.8)."""

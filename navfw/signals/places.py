@@ -10,15 +10,6 @@ from typing import Literal
 from navfw.signals.geometry import Array, Pose, position_sigma
 from navfw.signals.immutable import freeze
 
-__all__ = [
-    "Belief",
-    "LandmarkDetection",
-    "PassageQuery",
-    "PassageReport",
-    "PassageStatus",
-    "Waypoint",
-]
-
 
 @dataclass(frozen=True, slots=True)
 class LandmarkDetection:

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from navfw.signals.geometry import Image
 from navfw.signals.immutable import freeze
 
-__all__ = ["Encoders", "Frame", "Inertial", "SensorReading"]
-
 
 @dataclass(frozen=True, slots=True)
 class Frame:

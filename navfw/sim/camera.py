@@ -17,8 +17,6 @@ from navfw.sim.scenery import Scenery
 from navfw.sim.visibility import field_of_view
 from navfw.sim.worldspec import LightSpec
 
-__all__ = ["Camera", "DepthImage", "RenderRequest", "projection_matrix"]
-
 NEAR, FAR = 0.03, 40.0
 """Distances of the clipping planes [m]."""
 

@@ -26,8 +26,6 @@ from navfw.sim.shutter import Shutter
 from navfw.sim.wheeled_body import BodyState
 from navfw.sim.worldspec import LightSpec
 
-__all__ = ["CameraRig", "NoiseGenerators", "Timings"]
-
 _KEPT_STATES = 64
 """Number of past frames whose true body state is kept."""
 

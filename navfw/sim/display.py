@@ -7,12 +7,10 @@ from typing import Any
 
 import cv2
 
-from navfw.atomic import scratch_folder
+from navfw.process.atomic import scratch_folder
 from navfw.signals import Image
 from navfw.sim.engine import bullet
 from navfw.sim.meshes import Mesh
-
-__all__ = ["Display"]
 
 
 class Display:

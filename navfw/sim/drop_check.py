@@ -13,8 +13,6 @@ from navfw.sim.shapes import OVERLAP_TOLERANCE, Circle, overlap_depth
 from navfw.sim.solids import solids_of
 from navfw.sim.worldspec import WorldSpec
 
-__all__ = ["drop_problems"]
-
 _ON_FLOOR = 0.05
 """A solid whose underside is lower than this [m] needs floor under it."""
 _STEP = 0.05

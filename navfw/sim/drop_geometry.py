@@ -16,16 +16,6 @@ from navfw.signals import Array
 from navfw.sim.shapes import OVERLAP_TOLERANCE, Rectangle, Shape, overlap_depth
 from navfw.sim.worldspec import DropSpec, WorldSpec
 
-__all__ = [
-    "Tread",
-    "drop_at",
-    "drop_rectangle",
-    "drop_under",
-    "fallen_into",
-    "floor_pieces",
-    "treads_of",
-]
-
 _FALL_DEPTH = 0.02
 """The robot falls when one of its support points is deeper below the floor than this [m]."""
 

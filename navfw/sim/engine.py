@@ -8,8 +8,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-__all__ = ["bullet", "quiet_output"]
-
 
 @contextmanager
 def quiet_output() -> Iterator[None]:

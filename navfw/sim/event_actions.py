@@ -14,19 +14,6 @@ from navfw.config.strict_model import StrictModel
 from navfw.errors import did_you_mean
 from navfw.sim.shapes import Circle, Rectangle, Shape
 
-__all__ = [
-    "CameraFault",
-    "DoorChange",
-    "EncoderFault",
-    "EventAction",
-    "GyroFault",
-    "LightChange",
-    "Obstacle",
-    "Slippery",
-    "Textureless",
-    "WeakWheel",
-]
-
 
 def _ascending(interval: tuple[float, float]) -> tuple[float, float]:
     if interval[0] >= interval[1]:

@@ -18,8 +18,6 @@ from navfw.sim.shapes import Circle, Rectangle, Shape
 from navfw.sim.solids import solids_of
 from navfw.sim.worldspec import WorldSpec
 
-__all__ = ["ConfigurationSpaceGrid", "DistanceField", "FloorPlan", "NamedShape"]
-
 CELL = 0.05
 """Edge of a cell of the search grid [m]."""
 _MOVES = ((0, 1), (1, 0), (1, 1), (1, -1), (1, 2), (2, 1), (2, -1), (1, -2))

@@ -15,8 +15,6 @@ from navfw.sim.mesh_file import MAX_TRIANGLES, TriangleMesh, read_mesh
 from navfw.sim.mesh_outline import OutlineBox, boxes_around
 from navfw.sim.urdf_shapes import read_urdf_shapes
 
-__all__ = ["Up", "furniture_mesh", "furniture_outline"]
-
 Up = Literal["y", "z"]
 
 _LEAST, _MOST = 0.02, 50.0

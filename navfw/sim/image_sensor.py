@@ -8,13 +8,11 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from navfw.camera_effects import CameraEffects
 from navfw.numerics.functions import arccos
 from navfw.numerics.products import product
 from navfw.robot import CameraModel
+from navfw.robot.camera_effects import CameraEffects
 from navfw.signals import Array, Image
-
-__all__ = ["ImageSensor", "light_falloff"]
 
 _SHORTEST = 1.0 / 256.0
 """Shortest exposure that the control sets, as a share of the longest one."""

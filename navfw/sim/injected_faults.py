@@ -21,8 +21,6 @@ from navfw.sim.event_actions import (
     WeakWheel,
 )
 
-__all__ = ["InjectedFaults"]
-
 _OVER_EXPOSURE = 6.0
 """Gain of an over-exposed image: it saturates every texture."""
 

@@ -7,14 +7,12 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from navfw.config.document import KeyPath
-from navfw.landmark_appearance import identity_of, landmark_kind
+from navfw.features.landmark_appearance import identity_of, landmark_kind
 from navfw.signals import Array
 from navfw.sim.landmark_plates import plate_axes
 from navfw.sim.shapes import Rectangle
 from navfw.sim.solids import Solid, solids_of
 from navfw.sim.worldspec import LandmarkPlateSpec, WorldSpec
-
-__all__ = ["landmark_problems"]
 
 _DEPTH_TOLERANCE = 0.03
 """Distance [m] by which a plate's ends may stand off the supporting face, or lie inside it."""

@@ -6,14 +6,12 @@ import math
 
 import numpy as np
 
-from navfw.landmark_appearance import landmark_kind
+from navfw.features.landmark_appearance import landmark_kind
 from navfw.numerics.products import product
 from navfw.signals import Array
 from navfw.sim.meshes import Mesh
 from navfw.sim.visibility import PartBounds
 from navfw.sim.worldspec import LandmarkPlateSpec
-
-__all__ = ["plate_axes", "plate_bounds", "plate_mesh"]
 
 _STAND_OFF = 0.006
 """Distance of a plate from its wall [m]: more than that of the textureless cover of a wall."""

@@ -13,8 +13,6 @@ import numpy as np
 from navfw.signals import Array
 from navfw.sim.texture_spectra import spectral_noise
 
-__all__ = ["brick", "concrete", "parquet", "roughcast", "rug"]
-
 
 def concrete(rng: np.random.Generator, resolution: int) -> Array:
     """Clouds, fine grain, and dark pores of 1 to 3 cm."""

@@ -19,8 +19,6 @@ from navfw.errors import ConfigError
 from navfw.numerics.products import product
 from navfw.signals import Array
 
-__all__ = ["MAX_TRIANGLES", "MESH_SUFFIXES", "Corners", "TriangleMesh", "joined", "read_mesh"]
-
 Corners = npt.NDArray[np.int64]
 
 MAX_TRIANGLES = 20_000

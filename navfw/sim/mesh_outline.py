@@ -18,8 +18,6 @@ import numpy.typing as npt
 from navfw.signals import Array, Mask
 from navfw.sim.mesh_file import TriangleMesh
 
-__all__ = ["OutlineBox", "boxes_around"]
-
 _CELL = 0.02
 """Edge of a cell [m]; doubled until there are few enough cells and boxes."""
 _BAND = 0.1

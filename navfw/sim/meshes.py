@@ -18,16 +18,6 @@ from navfw.numerics.products import product
 from navfw.signals import Array
 from navfw.sim.texture_spectra import TILE
 
-__all__ = [
-    "MAX_PATCH",
-    "Mesh",
-    "box_mesh",
-    "cylinder_mesh",
-    "side_count",
-    "split_positions",
-    "triangle_mesh",
-]
-
 MAX_PATCH = 2.0
 """Largest edge of a patch [m]."""
 

@@ -17,8 +17,6 @@ import numpy as np
 from navfw.signals import Array, Pose
 from navfw.sim.worldspec import MoverSpec
 
-__all__ = ["CLOSING_SPEED", "YIELD_DISTANCE", "Mover", "MoverPath", "MoverTrack", "caused_by_robot"]
-
 YIELD_DISTANCE = 0.6
 """A mover that yields waits when the gap to the robot in front of it is at most this [m]."""
 

@@ -17,8 +17,6 @@ from navfw.sim.shapes import Rectangle
 from navfw.sim.solids import Solid, solids_of
 from navfw.sim.worldspec import MeshSpec, MoverSpec, WorldSpec
 
-__all__ = ["BODY_GROUP", "FLOOR_GROUP", "SOLID_GROUP", "WHEEL_GROUP", "PhysicsWorld"]
-
 FLOOR_GROUP = 1
 """Collision group of the floor and of treads."""
 SOLID_GROUP = 2

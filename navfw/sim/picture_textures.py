@@ -21,8 +21,6 @@ from navfw.sim.texture_spectra import RESOLUTION, TILE, filtered, frequencies, p
 if TYPE_CHECKING:
     from navfw.sim.worldspec import TextureSpec
 
-__all__ = ["MAX_PICTURE_PIXELS", "covered_area", "picture_texture", "read_picture"]
-
 MAX_PICTURE_PIXELS = 4_000_000
 """Largest number of pixels: 4 mm each over 8 x 8 m, finer than the camera resolves."""
 _MAX_PICTURE_BYTES = 20_000_000

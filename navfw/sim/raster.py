@@ -20,8 +20,6 @@ from navfw.sim.meshes import Mesh
 from navfw.sim.raster_kernels import cover
 from navfw.sim.raster_shading import shade
 
-__all__ = ["Light", "Raster", "RenderedImage", "depth_buffer"]
-
 Floats = npt.NDArray[np.float32]
 
 _NORMALIZATIONS = 4

@@ -11,8 +11,6 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["shade"]
-
 Floats = npt.NDArray[np.float32]
 Ints = npt.NDArray[np.int32]
 Longs = npt.NDArray[np.int64]

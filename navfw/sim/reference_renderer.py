@@ -19,8 +19,6 @@ from navfw.sim.scenery import Scenery
 from navfw.sim.solids import solids_of
 from navfw.sim.worldspec import WorldSpec
 
-__all__ = ["ReferenceRenderer"]
-
 
 class ReferenceRenderer:
     """The scenery of a world in a separate PyBullet client, drawn by its TinyRenderer.

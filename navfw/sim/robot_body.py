@@ -11,14 +11,12 @@ import math
 
 import numpy as np
 
-from navfw.atomic import scratch_folder
+from navfw.process.atomic import scratch_folder
 from navfw.robot import RobotModel
 from navfw.signals import Pose, wrap_angle
 from navfw.sim.engine import bullet
 from navfw.sim.physics_world import BODY_GROUP, FLOOR_GROUP, SOLID_GROUP, WHEEL_GROUP
 from navfw.sim.wheeled_body import BodyState, WheeledBody
-
-__all__ = ["RobotBody", "pose_of", "robot_urdf"]
 
 MASS = 6.0
 """Mass of the robot without wheels [kg]."""

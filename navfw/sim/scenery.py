@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from navfw.landmark_appearance import landmark_kind
+from navfw.features.landmark_appearance import landmark_kind
 from navfw.numerics.products import product
 from navfw.signals import Array, Image
 from navfw.sim.display import Display
@@ -36,8 +36,6 @@ from navfw.sim.surface_patches import (
 from navfw.sim.textures import STOCK, stock_texture, synthesize
 from navfw.sim.visibility import PartBounds, Visibility
 from navfw.sim.worldspec import TextureSpec, WorldSpec
-
-__all__ = ["Scenery"]
 
 _MAX_SINGLE = 24
 """With more boxes and cylinders than this, they are merged by texture and area."""

@@ -14,8 +14,6 @@ from navfw.errors import UnknownNameError
 from navfw.robot import OdometrySheet, RobotModel
 from navfw.signals import Encoders, Inertial
 
-__all__ = ["PRESETS", "GyroModel", "SensorParams", "WheelEncoderModel"]
-
 Fraction = Annotated[float, Field(ge=0.0, le=0.5)]
 Sigma = Annotated[float, Field(ge=0.0, le=1.0)]
 """[rad/s], as in ``OdometrySheet``."""

@@ -10,8 +10,6 @@ import numpy as np
 from navfw.numerics.products import product
 from navfw.signals import Array
 
-__all__ = ["OVERLAP_TOLERANCE", "Circle", "Rectangle", "Shape", "gap_between", "overlap_depth"]
-
 OVERLAP_TOLERANCE = 0.002
 """Two solids of a world file may overlap by this much [m]: coordinates are rounded."""
 

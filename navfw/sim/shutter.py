@@ -14,13 +14,11 @@ from collections import deque
 
 import numpy as np
 
-from navfw.camera_effects import CameraEffects
 from navfw.numerics.products import product
+from navfw.robot.camera_effects import CameraEffects
 from navfw.signals import Array, Image
 from navfw.sim.camera import Camera, DepthImage
 from navfw.sim.wheeled_body import BodyState
-
-__all__ = ["Shutter", "image_motion", "row_weights"]
 
 _MOST_POSES = 16
 """Limit of the number of poses rendered for one image."""

@@ -38,8 +38,6 @@ from navfw.sim.world_changes import ChangeTrack, WorldChanges
 from navfw.sim.world_check import check_world
 from navfw.sim.worldspec import WorldSpec
 
-__all__ = ["PHYSICS_RATE", "Simulation", "Timings"]
-
 PHYSICS_RATE = 240
 """Physics steps per second."""
 _SETTLING_STEPS = 60

@@ -16,8 +16,6 @@ from navfw.sim.furniture_mesh import furniture_outline
 from navfw.sim.shapes import Circle, Rectangle, Shape
 from navfw.sim.worldspec import MeshSpec, OpeningSpec, WallSpec, WorldSpec
 
-__all__ = ["Segment", "Solid", "opening_segment", "solids_of", "wall_segments"]
-
 Kind = Literal["wall", "lintel", "door", "box", "cylinder", "mesh"]
 
 _ON_LINE = 0.02

@@ -20,18 +20,6 @@ from navfw.sim.visibility import PartBounds
 from navfw.sim.wall_trim import texture_at, trim_strips
 from navfw.sim.worldspec import RoomSpec, WorldSpec
 
-__all__ = [
-    "SurfacePatch",
-    "drop_patches",
-    "floor_patches",
-    "merged_parts",
-    "solid_mesh",
-    "solid_patch",
-    "solid_yaw",
-    "texture_shift",
-    "wall_patches",
-]
-
 _MAX_PARTS = 192
 """Largest number of parts: with more, the visibility test costs more than culling saves."""
 _BLOCKS = (4.0, 8.0, 16.0)

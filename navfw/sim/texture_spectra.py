@@ -9,16 +9,6 @@ import numpy as np
 from navfw.numerics.functions import power
 from navfw.signals import Array
 
-__all__ = [
-    "RESOLUTION",
-    "TILE",
-    "filtered",
-    "frequencies",
-    "passed_band",
-    "passed_share",
-    "spectral_noise",
-]
-
 TILE = 2.0
 """Period of a pattern: edge of the square that it covers [m]."""
 RESOLUTION = 512

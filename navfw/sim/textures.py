@@ -34,8 +34,6 @@ from navfw.sim.texture_spectra import (
 if TYPE_CHECKING:
     from navfw.sim.worldspec import TextureSpec
 
-__all__ = ["STOCK", "luminance_pattern", "stock_texture", "synthesize"]
-
 _COARSEST = 1.0
 """Longest wavelength [m]: longer ones do not help the correlation of a 24 px window."""
 _LUMA = np.array([0.299, 0.587, 0.114])

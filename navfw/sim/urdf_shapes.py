@@ -12,11 +12,9 @@ from navfw.config.input_file import shown_path
 from navfw.config.xml_file import line_of, read_xml
 from navfw.errors import ConfigError
 from navfw.numerics.products import product
+from navfw.robot.urdf import MAX_BYTES, attribute_numbers, origin_frame, read_urdf
 from navfw.signals import Array
 from navfw.sim.mesh_file import TriangleMesh, joined, read_mesh
-from navfw.urdf import MAX_BYTES, attribute_numbers, origin_frame, read_urdf
-
-__all__ = ["read_urdf_shapes"]
 
 _SIDES = 24
 """Sides of a cylinder, and of a sphere's equator."""

@@ -19,8 +19,6 @@ from navfw.numerics.products import product
 from navfw.signals import Array, Mask
 from navfw.sim.shapes import Rectangle
 
-__all__ = ["PartBounds", "Visibility", "field_of_view"]
-
 _BEHIND = 1e-6
 """Tolerance of the test whether a point is behind a wall's face [m]."""
 _SEAM = 1e-9

@@ -15,8 +15,6 @@ from navfw.signals import Array
 from navfw.sim.solids import Solid, opening_segment, wall_segments
 from navfw.sim.worldspec import DoorFrameSpec, OpeningSpec, WallSpec, WorldSpec
 
-__all__ = ["TrimStrip", "texture_at", "trim_strips"]
-
 _PARALLEL = 0.99
 """Least cosine between a face and a wall's line along it."""
 _AT_OPENING = 0.01

@@ -13,8 +13,6 @@ from navfw.numerics.products import product
 from navfw.signals import Array
 from navfw.sim.engine import bullet
 
-__all__ = ["BodyState", "ContactPoint", "WheeledBody"]
-
 BodyState = tuple[tuple[float, float, float], tuple[float, float, float, float]]
 """Position [m] and orientation (quaternion x, y, z, w) of base_link in the map."""
 

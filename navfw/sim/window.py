@@ -12,8 +12,6 @@ from typing import Any
 from navfw.errors import InputError
 from navfw.sim.engine import bullet
 
-__all__ = ["Point3", "SimulatorWindow", "check_display"]
-
 Point3 = tuple[float, float, float]
 """x, y, z [m]."""
 

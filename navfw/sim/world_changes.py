@@ -16,15 +16,6 @@ from navfw.sim.shapes import Rectangle, Shape
 from navfw.sim.solids import Solid, solids_of
 from navfw.sim.worldspec import WorldSpec
 
-__all__ = [
-    "CLEAR_OF_ROBOT",
-    "ChangeTrack",
-    "Presence",
-    "WorldChanges",
-    "all_doors",
-    "stretch_within",
-]
-
 CLEAR_OF_ROBOT = 0.1
 """Distance [m] from the robot's body below which a door or obstacle is not inserted yet."""
 

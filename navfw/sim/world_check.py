@@ -18,8 +18,6 @@ from navfw.sim.solids import Solid, opening_segment, solids_of, wall_segments
 from navfw.sim.textures import STOCK
 from navfw.sim.worldspec import WorldSpec
 
-__all__ = ["check_world"]
-
 Problem = tuple[KeyPath, str]
 
 _SUNKEN = 0.005

@@ -14,8 +14,6 @@ from navfw.sim.picture_textures import read_picture
 from navfw.sim.world_check import check_world
 from navfw.sim.worldspec import WorldSpec
 
-__all__ = ["load_world"]
-
 
 def load_world(path: str | Path) -> WorldSpec:
     """Read and check a world file.

@@ -12,26 +12,7 @@ from typing import Annotated, Literal, Self
 from pydantic import AfterValidator, Field, model_validator
 
 from navfw.config.strict_model import StrictModel
-from navfw.landmark_appearance import check_landmark_kind, landmark_kind
-
-__all__ = [
-    "MAX_CONTRAST",
-    "BoxSpec",
-    "CylinderSpec",
-    "DoorFrameSpec",
-    "DoorSpec",
-    "DropSpec",
-    "LandmarkPlateSpec",
-    "LightSpec",
-    "MeshSpec",
-    "MoverSpec",
-    "OpeningSpec",
-    "RoomSpec",
-    "SkirtingSpec",
-    "TextureSpec",
-    "WallSpec",
-    "WorldSpec",
-]
+from navfw.features.landmark_appearance import check_landmark_kind, landmark_kind
 
 
 def _ascending(interval: tuple[float, float]) -> tuple[float, float]:

@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from navfw.plugins import Registry
     from navfw.suite.suitefile import Look
 
-__all__ = ["RECORDINGS", "Case", "Job", "KeptRuns"]
-
 RECORDINGS = "recordings"
 """The folder of the recorded runs' folders, beside that of the pictures."""
 

@@ -20,8 +20,6 @@ from navfw.suite.suitefile import Suite
 if TYPE_CHECKING:
     from navfw.plugins import Registry
 
-__all__ = ["check_case"]
-
 
 def check_case(
     suite: Suite, index: int, case: Case, registry: Registry

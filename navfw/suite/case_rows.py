@@ -10,8 +10,6 @@ from navfw.suite.failure_causes import Cause
 from navfw.suite.run_table import RunRow
 from navfw.suite.worker_pool import WorkerFailure
 
-__all__ = ["case_columns", "fault_row", "row_of"]
-
 
 def fault_row(case: Case, reason: str, cause: Cause) -> RunRow:
     """The row of a run that ended without a result."""

@@ -25,8 +25,6 @@ from navfw.topomap import TopoMap
 if TYPE_CHECKING:
     from navfw.plugins import Registry
 
-__all__ = ["Generated", "generate", "generated_session", "prepared_session"]
-
 DEFAULT_DIFFICULTY = 0.5
 """Difficulty of generated worlds in entries without one: the middle of the range 0 to 1."""
 

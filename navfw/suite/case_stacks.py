@@ -9,8 +9,6 @@ from navfw.config.lookup import find
 from navfw.errors import InputError
 from navfw.suite.suitefile import Suite
 
-__all__ = ["stack_files", "stack_of_entry", "stacks_of"]
-
 
 def stacks_of(suite: Suite, index: int, variant: str) -> Mapping[str, Path | None]:
     """The stack of the variant, else of the entry; None: the mission's, not known yet."""

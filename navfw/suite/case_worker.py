@@ -12,11 +12,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from navfw.atomic import atomic_file
 from navfw.errors import InputError, SimulationError
 from navfw.missions.outcome import Outcome
 from navfw.missions.session import MissionResult
-from navfw.process_memory import peak_memory_mb, return_freed_memory
+from navfw.process.atomic import atomic_file
+from navfw.process.process_memory import peak_memory_mb, return_freed_memory
 from navfw.recording.run_folder import RunFolder
 from navfw.suite.case import RECORDINGS, Case, Job, KeptRuns
 from navfw.suite.case_rows import case_columns, fault_row
@@ -29,8 +29,6 @@ from navfw.suite.worker_pool import stop_requested
 if TYPE_CHECKING:
     from navfw.missions.runner import Progress
     from navfw.plugins import Registry
-
-__all__ = ["row_of", "run_job"]
 
 
 def run_job(job: Job) -> RunRow:

@@ -11,16 +11,14 @@ from itertools import islice
 from types import TracebackType
 from typing import Any, Self
 
-from navfw.atomic import atomic_file
 from navfw.errors import InputError, MissingExtraError, SimulationError
-from navfw.interruption import check_interrupted, interruptible
+from navfw.process.atomic import atomic_file
+from navfw.process.interruption import check_interrupted, interruptible
 from navfw.suite.case import Job
 from navfw.suite.case_worker import run_job
 from navfw.suite.job_package import JobPackage, worker_identity
 from navfw.suite.run_table import RunRow
 from navfw.suite.worker_pool import WorkerFailure
-
-__all__ = ["DaskEngine"]
 
 PERIOD = 0.5
 """Period [s] of looking for an interruption."""

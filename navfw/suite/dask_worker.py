@@ -24,8 +24,6 @@ from navfw.suite.job_package import JobPackage, worker_identity
 from navfw.suite.run_table import RunRow
 from navfw.suite.worker_pool import WorkerFailure, WorkerPool
 
-__all__ = ["PackageOnWorker", "RemoteResult", "drive"]
-
 
 @dataclass(frozen=True)
 class RemoteResult:

@@ -15,8 +15,6 @@ from navfw.errors import ConfigError, InputError
 from navfw.suite.case import Case
 from navfw.suite.suitefile import EntrySpec, Suite
 
-__all__ = ["case_templates", "draw_difficulty", "with_seed"]
-
 _DIFFICULTY_STREAM = 0xD1F
 """Spawn key of the random stream that draws difficulties; other uses of the seed have others."""
 

@@ -14,15 +14,6 @@ from typing import Literal
 from navfw.missions.outcome import FaultKind, Outcome
 from navfw.signals import Sight
 
-__all__ = [
-    "Cause",
-    "CollisionSymptoms",
-    "FailureSymptoms",
-    "MotionSymptoms",
-    "PathSymptoms",
-    "classify",
-]
-
 REVERSING = 0.05
 """Backward speed [m/s] above which a robot counts as reversing at a collision."""
 

@@ -27,8 +27,6 @@ from navfw.suite.failure_causes import (
     PathSymptoms,
 )
 
-__all__ = ["collect_symptoms"]
-
 RECENT = 30.0
 """Duration [s] of the end of a run over which its recent motion and sight are measured."""
 

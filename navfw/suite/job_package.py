@@ -24,8 +24,6 @@ from navfw.errors import InputError
 from navfw.plugins.registry import GROUPS
 from navfw.suite.case import Case, Job
 
-__all__ = ["JobPackage", "worker_identity"]
-
 MAX_PACKAGE = 200_000_000
 """Largest size of all files that travel [byte]."""
 

@@ -10,8 +10,6 @@ from navfw.errors import InputError
 from navfw.suite.run_journal import JournalDamagedError, RunJournal
 from navfw.suite.run_table import RunRow
 
-__all__ = ["ready_journal"]
-
 
 def ready_journal(
     journal: RunJournal, contents: dict[tuple[str, ...], str], exported: Sequence[RunRow]

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-__all__ = ["markdown_table", "pipe_table"]
-
 _P_SHOWN = 1e-4
 """Values of p below this are shown as "< 0.0001"."""
 

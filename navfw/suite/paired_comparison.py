@@ -11,9 +11,6 @@ from navfw.errors import InputError, UnknownNameError
 from navfw.suite.run_statistics import mcnemar_exact, median_interval, paired_interval
 from navfw.suite.run_table import RunKey, RunRow
 
-__all__ = ["PairedChanges", "RunPair", "compare_tables", "of_variant", "pair_up"]
-
-
 SPL_CHANGE = 0.1
 """Change of SPL beyond which a run counts as worse, or better, although both runs succeeded."""
 

@@ -11,8 +11,6 @@ from navfw.suite.case_worker import run_job
 from navfw.suite.run_table import RunRow
 from navfw.suite.worker_pool import WorkerFailure, WorkerPool
 
-__all__ = ["LIMIT", "MEMORY", "Engine", "engine_or_processes"]
-
 LIMIT = 900.0
 """Default wall-clock limit of a run [s]."""
 

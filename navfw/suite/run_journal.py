@@ -18,12 +18,10 @@ from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from navfw.atomic import atomic_file
 from navfw.config.input_file import is_file
 from navfw.errors import ConfigError, InputError
+from navfw.process.atomic import atomic_file
 from navfw.suite.run_table import RunKey, RunRow, cells_of_row, row_of_cells
-
-__all__ = ["JournalDamagedError", "RunJournal"]
 
 VERSION = 1
 """Version of the tables, kept as SQLite's ``user_version``."""

@@ -6,8 +6,6 @@ import math
 from collections.abc import Sequence
 from statistics import NormalDist
 
-__all__ = ["barn_score", "mcnemar_exact", "median_interval", "paired_interval", "sct", "wilson"]
-
 BARN_SPEED = 2.0
 """The BARN challenge's reference speed [m/s]: OT is the path's length divided by it."""
 

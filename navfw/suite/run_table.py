@@ -13,23 +13,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from navfw.atomic import write_text
 from navfw.config.input_file import read_input_text, shown_path
 from navfw.errors import ConfigError
 from navfw.missions.outcome import Outcome
+from navfw.process.atomic import write_text
 from navfw.suite.failure_causes import Cause
-
-__all__ = [
-    "COLUMNS",
-    "RunKey",
-    "RunRow",
-    "cells_of_row",
-    "columns_of",
-    "read_table",
-    "row_of_cells",
-    "table_cells",
-    "write_table",
-]
 
 _MAX_TABLE = 100_000_000
 """Largest size of a table [byte]; a larger file is refused before it is read."""

@@ -19,10 +19,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
-from navfw.atomic import output_place, write_text
 from navfw.config.input_file import is_file, is_folder
 from navfw.config.json_file import read_json_object
 from navfw.errors import ConfigError, InputError
+from navfw.process.atomic import output_place, write_text
+from navfw.process.target_lock import TargetInUseError, TargetLock, sweep
 from navfw.recording.provenance import machine_kind
 from navfw.recording.run_folder import REPORT, plain_json
 from navfw.suite.case import RECORDINGS
@@ -31,9 +32,6 @@ from navfw.suite.markdown_table import markdown_table
 from navfw.suite.run_journal import JournalDamagedError, RunJournal
 from navfw.suite.run_table import RunRow, read_table, write_table
 from navfw.suite.suite_plan import SuitePlan
-from navfw.target_lock import TargetInUseError, TargetLock, sweep
-
-__all__ = ["COMPARISON", "Beginning", "SuiteFolder"]
 
 TABLE, SUMMARY, ABOUT, PICTURES = "table.csv", "summary.json", "suite.json", "pictures"
 MARKDOWN, JOURNAL = "table.md", "journal.sqlite"

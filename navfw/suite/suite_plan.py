@@ -21,8 +21,6 @@ from navfw.suite.suitefile import Expect, Suite, VariantSpec
 if TYPE_CHECKING:
     from navfw.plugins import Registry
 
-__all__ = ["SuitePlan", "plan_runs"]
-
 MAX_RUNS = 200_000
 """Largest number of runs of a suite, against mistyped ranges of seeds."""
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from navfw.errors import InputError
-from navfw.interruption import deferred
 from navfw.missions.outcome import Outcome
+from navfw.process.interruption import deferred
 from navfw.suite.case import Case, Job, KeptRuns
 from navfw.suite.case_rows import row_of
 from navfw.suite.case_worker import run_job
@@ -19,8 +19,6 @@ from navfw.suite.suite_folder import SuiteFolder
 from navfw.suite.suite_plan import SuitePlan
 from navfw.suite.suite_summary import summarize
 from navfw.suite.worker_pool import WorkerFailure
-
-__all__ = ["SuiteResult", "run_suite"]
 
 EXPORT_PERIOD = 2.0
 """Shortest time [s] between two exports of table and summary; the journal has each run at once."""

@@ -13,9 +13,6 @@ from navfw.suite.run_statistics import mcnemar_exact, wilson
 from navfw.suite.run_table import RunRow
 from navfw.suite.suitefile import Expect
 
-__all__ = ["summarize"]
-
-
 ENOUGH = 0.9
 """Smallest share of successful runs with which an entry with ``expect: arrival`` passes."""
 

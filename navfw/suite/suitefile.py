@@ -39,19 +39,6 @@ from navfw.errors import ConfigError, InputError, UnknownNameError
 from navfw.missions.eventspec import EventSpec
 from navfw.sim.worldspec import MAX_CONTRAST
 
-__all__ = [
-    "EntrySpec",
-    "Expect",
-    "Look",
-    "Suite",
-    "SuiteSpec",
-    "VariantSpec",
-    "find_suite",
-    "list_suites",
-    "load_suite",
-    "parse_seeds",
-]
-
 MAX_SEED = 2**32
 """Seeds are below this."""
 

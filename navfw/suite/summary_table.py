@@ -6,8 +6,6 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-__all__ = ["comparison_rows", "summary_table"]
-
 _COLUMNS = (
     "",
     "runs",

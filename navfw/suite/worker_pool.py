@@ -25,12 +25,10 @@ from types import TracebackType
 from typing import Any, Generic, Protocol, Self, TypeVar
 
 from navfw.errors import SimulationError
-from navfw.heartbeat import HEARTBEAT_SIZE, HeartbeatMonitor, set_memory
-from navfw.interruption import check_interrupted, interruptible
-from navfw.process_memory import peak_memory_mb
+from navfw.process.heartbeat import HEARTBEAT_SIZE, HeartbeatMonitor, set_memory
+from navfw.process.interruption import check_interrupted, interruptible
+from navfw.process.process_memory import peak_memory_mb
 from navfw.suite.failure_causes import Cause
-
-__all__ = ["WorkerFailure", "WorkerPool", "stop_requested"]
 
 RECYCLE = 100
 """Number of jobs after which a process is replaced: the simulator's libraries leak memory."""

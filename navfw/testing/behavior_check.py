@@ -22,8 +22,6 @@ from navfw.testing.behavior_scenes import SCENES, BehaviorScene, contexts_of
 if TYPE_CHECKING:
     from navfw.context import Context
 
-__all__ = ["BUDGET", "check_behavior", "check_composite"]
-
 BUDGET = 0.05
 """Largest median computing time [s] of a proposal: half of a camera period."""
 

@@ -32,8 +32,6 @@ from navfw.signals import (
     Waypoint,
 )
 
-__all__ = ["SCENES", "BehaviorScene", "contexts_of", "wall_flow"]
-
 PERIOD = 0.1
 """Time [s] between frames."""
 

@@ -29,8 +29,6 @@ from navfw.signals import (
     wrap_angle,
 )
 
-__all__ = ["FakePilot", "FakeSimulator", "FakeState", "Post", "ScriptedPilot"]
-
 
 @dataclass(frozen=True, slots=True)
 class Post:

@@ -17,14 +17,6 @@ import numpy as np
 from navfw.errors import UnknownNameError
 from navfw.testing.mission_run import MissionRun
 
-__all__ = [
-    "assert_behavior_led",
-    "assert_clearance",
-    "assert_no_collision",
-    "assert_reached",
-    "assert_visited",
-]
-
 
 def assert_reached(mission: MissionRun) -> None:
     """The robot truly reached all goals."""

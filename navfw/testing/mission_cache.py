@@ -15,18 +15,16 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from navfw.atomic import AtomicFolder
 from navfw.config.input_file import traced_inputs
 from navfw.errors import InputError
 from navfw.missions.session import MissionResult
+from navfw.process.atomic import AtomicFolder
+from navfw.process.target_lock import TargetLock
 from navfw.recording.run_folder import RESULT, RunFolder
-from navfw.target_lock import TargetLock
 from navfw.testing.mission_case import MissionCase
 from navfw.testing.mission_run import DrivenRun, drive
 from navfw.testing.run_inputs import RunInputs
 from navfw.testing.stored_run import FILES, read_run, store_run
-
-__all__ = ["MissionCache"]
 
 WAIT = 900.0
 """Longest wall time [s] to wait for another process that drives the same mission."""

@@ -13,8 +13,6 @@ from typing import Any
 
 import pytest
 
-__all__ = ["KEYS", "MARKER", "MarkerError", "MissionCase", "cases_of", "widened"]
-
 KEYS = ("world", "mission", "seeds", "stack", "set", "allow_faults")
 """Arguments of the marker, in the order in which they may be given without names."""
 

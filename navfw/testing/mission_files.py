@@ -21,8 +21,6 @@ import pytest
 from navfw.testing.mission_case import MissionCase, widened
 from navfw.testing.session_runs import run_for
 
-__all__ = ["MissionItem", "MissionYaml", "NotReachedError"]
-
 
 class NotReachedError(Exception):
     """The mission of a file did not reach its goals."""

@@ -10,8 +10,6 @@ from navfw.recording.run_folder import PICTURE, RECORDING
 from navfw.recording.run_log import RunLog
 from navfw.testing.mission_run import MissionRun
 
-__all__ = ["describe", "properties", "saved_properties"]
-
 DECISIONS = 6
 """Number of last changes of the leading behaviour that a report shows."""
 

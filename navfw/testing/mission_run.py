@@ -17,8 +17,6 @@ from navfw.recording.run_log import RunLog
 from navfw.signals import Array
 from navfw.testing.mission_case import MissionCase
 
-__all__ = ["DrivenRun", "MissionRun", "drive"]
-
 
 @dataclass(frozen=True)
 class DrivenRun:

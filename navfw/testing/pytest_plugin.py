@@ -34,8 +34,6 @@ if TYPE_CHECKING:
     from navfw.testing.mission_files import MissionYaml
     from navfw.testing.mission_run import MissionRun
 
-__all__ = ["mission"]
-
 _MISSION = "mission"
 _FILES = "navfw_missions"
 

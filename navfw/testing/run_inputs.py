@@ -20,8 +20,6 @@ from navfw.recording.provenance import machine_kind
 from navfw.stack import Stack
 from navfw.testing.mission_case import MissionCase
 
-__all__ = ["RunInputs"]
-
 MAX_BYTES = 1 << 28
 """Largest size of a file that goes into the hash [byte]."""
 

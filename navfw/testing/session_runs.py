@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from navfw.testing.mission_cache import MissionCache
     from navfw.testing.mission_run import DrivenRun, MissionRun
 
-__all__ = ["RUN", "RUNS", "finish", "run_for"]
-
 RUN: pytest.StashKey[MissionRun] = pytest.StashKey()
 """The run of a test, in the stash of its item."""
 

@@ -16,8 +16,6 @@ from navfw.config.input_file import open_input, read_input_text
 from navfw.recording.run_log import RunLog
 from navfw.testing.mission_run import DrivenRun
 
-__all__ = ["FILES", "read_run", "store_run"]
-
 RUN, LOG = "run.json", "log.npy"
 FILES = (RUN, LOG)
 """The files of a stored run."""

@@ -11,8 +11,6 @@ import numpy as np
 
 from navfw.signals import Array
 
-__all__ = ["ClearanceGrid"]
-
 EXACT = 1.0
 """Distances up to this [m] are exact: they decide on doors and free widths."""
 

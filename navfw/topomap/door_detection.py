@@ -10,8 +10,6 @@ import numpy as np
 from navfw.signals import Array
 from navfw.topomap.clearance_grid import ClearanceGrid
 
-__all__ = ["BEFORE_DOOR", "DOOR_WIDTH", "Door", "doors_on"]
-
 DOOR_WIDTH = 1.5
 """Largest width of a door [m]."""
 

@@ -9,14 +9,6 @@ import math
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-__all__ = [
-    "PLACE_KINDS",
-    "Landmark",
-    "Passage",
-    "Place",
-    "PlaceKind",
-]
-
 PlaceKind = Literal["room", "door", "corridor", "junction", "corner", "danger"]
 
 PLACE_KINDS: tuple[PlaceKind, ...] = get_args(PlaceKind)

@@ -21,8 +21,6 @@ from navfw.topomap.map_import import MapImporter
 from navfw.topomap.mapfile import map_data
 from navfw.topomap.topological_map import TopoMap
 
-__all__ = ["geojson_text", "read_geojson"]
-
 _EDGES = ("MultiLineString", "LineString")
 
 

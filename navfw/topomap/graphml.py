@@ -19,8 +19,6 @@ from navfw.topomap.map_import import EDGE_KEYS, PLACE_KEYS, MapImporter
 from navfw.topomap.mapfile import map_data
 from navfw.topomap.topological_map import TopoMap
 
-__all__ = ["graphml_text", "read_graphml"]
-
 _NAMESPACE = "http://graphml.graphdrawing.org/xmlns"
 _MAX_DEPTH = 60
 """Largest nesting of elements."""

@@ -22,8 +22,6 @@ from navfw.signals import Array, LandmarkDetection, Odometry, Pose, wrap_angle
 from navfw.topomap.elements import Landmark
 from navfw.topomap.topological_map import TopoMap
 
-__all__ = ["LandmarkEstimate", "LandmarkMapper", "with_landmarks"]
-
 _HUBER = 2.0
 _ITERATIONS = 12
 _STEP_SHARE, _STEP_FLOOR = 0.02, 0.004

@@ -14,7 +14,7 @@ from collections.abc import Mapping
 import networkx as nx
 
 from navfw.errors import MapError
-from navfw.part_report import PartReport, told, untold
+from navfw.process.progress import PartReport, told, untold
 from navfw.robot import RobotModel
 from navfw.signals import Array
 from navfw.topomap.clearance_grid import ClearanceGrid
@@ -24,8 +24,6 @@ from navfw.topomap.map_regions import Bounds, PlaceNames, Regions
 from navfw.topomap.shortcuts import spanner
 from navfw.topomap.skeleton import skeleton_graph
 from navfw.topomap.topological_map import TopoMap
-
-__all__ = ["build_map"]
 
 Point = tuple[float, float]
 MARGIN = 0.07

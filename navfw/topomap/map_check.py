@@ -15,8 +15,6 @@ from navfw.signals import Array
 from navfw.topomap.elements import Passage
 from navfw.topomap.topological_map import TopoMap
 
-__all__ = ["MapProblem", "MapProblemKind", "check_map"]
-
 MapProblemKind = Literal[
     "apart", "narrow", "unreachable", "duplicate", "in-wall", "blocked", "width"
 ]

@@ -10,17 +10,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from navfw.atomic import write_text
 from navfw.config.input_file import read_input_text, shown_path
 from navfw.errors import MapError
+from navfw.process.atomic import write_text
 from navfw.topomap.geojson import geojson_text, read_geojson
 from navfw.topomap.graphml import graphml_text, read_graphml
 from navfw.topomap.mapfile import KindCheck, load_map, map_text
 from navfw.topomap.mapspec import MAX_BYTES
 from navfw.topomap.ros_map import save_ros_map
 from navfw.topomap.topological_map import TopoMap
-
-__all__ = ["SUFFIXES", "load_any_map", "save_map"]
 
 _WRITERS: dict[str, Callable[[TopoMap, str | None], str]] = {
     ".yaml": map_text,

@@ -10,8 +10,6 @@ from navfw.topomap.mapfile import read_map
 from navfw.topomap.mapspec import EdgeSpec, MapLandmarkSpec, PlaceSpec
 from navfw.topomap.topological_map import TopoMap
 
-__all__ = ["EDGE_KEYS", "PLACE_KEYS", "MapImporter"]
-
 PLACE_KEYS = tuple(PlaceSpec.model_fields)
 EDGE_KEYS = tuple(key for key in EdgeSpec.model_fields if key not in {"from_", "to"})
 LANDMARK_KEYS = tuple(MapLandmarkSpec.model_fields)

@@ -11,8 +11,6 @@ import numpy as np
 from navfw.topomap.clearance_grid import ClearanceGrid
 from navfw.topomap.door_detection import DOOR_WIDTH
 
-__all__ = ["Bounds", "PlaceNames", "Regions"]
-
 Point = tuple[float, float]
 Bounds = tuple[float, float, float, float]
 

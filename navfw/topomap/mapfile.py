@@ -21,7 +21,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from navfw.config.yamlfile import YamlDocument, key_text, load_yaml, validate
+from navfw.config.document import YamlDocument, key_text, load_yaml
+from navfw.config.yamlfile import validate
 from navfw.errors import ConfigError, MapError, did_you_mean
 from navfw.topomap.elements import Landmark, Passage, Place
 from navfw.topomap.mapspec import MAX_BYTES, MAX_NODES, EdgeSpec, MapSpec
@@ -29,8 +30,6 @@ from navfw.topomap.occupancy_map import OccupancyMap
 from navfw.topomap.ros_map import load_ros_map
 from navfw.topomap.topological_map import TopoMap
 from navfw.topomap.validation import MapViolation, map_violations
-
-__all__ = ["KindCheck", "load_map", "map_data", "map_text", "read_map"]
 
 _PLAIN = re.compile(r"(?!(?i:true|false|yes|no|on|off|null|nan|inf)$)[A-Za-z][\w-]*", re.ASCII)
 """Texts that YAML reads as text without quotes."""

@@ -9,8 +9,6 @@ from pydantic import Field
 from navfw.config.strict_model import StrictModel
 from navfw.topomap.elements import PlaceKind
 
-__all__ = ["MAX_BYTES", "MAX_NODES", "EdgeSpec", "MapLandmarkSpec", "MapSpec", "PlaceSpec"]
-
 MAX_BYTES = 8_000_000
 """Largest size of a map file [bytes]: enough for some ten thousand places."""
 

@@ -16,8 +16,6 @@ from navfw.errors import MapError
 from navfw.signals import Array, Mask, Pose
 from navfw.signals.immutable import freeze
 
-__all__ = ["FREE", "MAX_CELLS", "OCCUPIED", "UNKNOWN", "Cells", "OccupancyMap"]
-
 Cells = npt.NDArray[np.int8]
 
 FREE, OCCUPIED, UNKNOWN = 0, 100, -1

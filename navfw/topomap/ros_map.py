@@ -13,16 +13,14 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from navfw.atomic import atomic_file, write_text
 from navfw.config.image_file import read_image
 from navfw.config.input_file import shown_path
 from navfw.config.yamlfile import load_model
 from navfw.errors import ConfigError, MapError
+from navfw.process.atomic import atomic_file, write_text
 from navfw.signals import Array, Mask, Pose
 from navfw.topomap.occupancy_map import FREE, MAX_CELLS, OCCUPIED, UNKNOWN, Cells, OccupancyMap
 from navfw.topomap.ros_mapspec import PlanMode, RosMapSpec
-
-__all__ = ["IMAGE_SUFFIXES", "load_ros_map", "plan_of_image", "save_ros_map"]
 
 IMAGE_SUFFIXES = (".pgm", ".png", ".bmp")
 """Formats of a floor plan's image: without loss, and known to map_server."""

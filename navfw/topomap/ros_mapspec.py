@@ -8,8 +8,6 @@ from pydantic import BeforeValidator, ConfigDict, Field, model_validator
 
 from navfw.config.strict_model import StrictModel
 
-__all__ = ["PlanMode", "RosMapSpec"]
-
 PlanMode = Literal["trinary", "scale", "raw"]
 
 Coordinate = Annotated[float, Field(ge=-1e6, le=1e6)]

@@ -19,8 +19,6 @@ from scipy.sparse.csgraph import dijkstra
 from navfw.signals import Array, Mask
 from navfw.topomap.clearance_grid import ClearanceGrid
 
-__all__ = ["STRETCH", "spanner"]
-
 STRETCH = 1.05
 """Largest length of a way in the graph, over that of the shortest one with ``COMFORT``."""
 

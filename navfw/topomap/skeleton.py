@@ -9,8 +9,6 @@ import numpy as np
 from navfw.signals import Mask
 from navfw.topomap.clearance_grid import ClearanceGrid
 
-__all__ = ["skeleton_graph", "thinned"]
-
 SPUR = 1.6
 """Largest length of a spur into a corner, over the clearance where it branches off."""
 

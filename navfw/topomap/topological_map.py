@@ -21,8 +21,6 @@ from navfw.topomap.elements import Landmark, Passage, Place
 from navfw.topomap.occupancy_map import OccupancyMap
 from navfw.topomap.validation import map_violations
 
-__all__ = ["PassageProjection", "TopoMap"]
-
 
 @dataclass(frozen=True, slots=True)
 class PassageProjection:

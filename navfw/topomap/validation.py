@@ -13,8 +13,6 @@ from typing import TypeAlias
 from navfw.errors import did_you_mean
 from navfw.topomap.elements import Landmark, Passage, Place
 
-__all__ = ["MapViolation", "map_violations"]
-
 LENGTH_ROUNDING = 0.005
 """Tolerance [m] of a length below the straight distance: map files round to two decimals."""
 

@@ -12,8 +12,6 @@ from navfw.suite.run_table import RunRow
 from navfw.suite.worker_pool import WorkerFailure
 from navfw.tune.tuning import Drive
 
-__all__ = ["driver"]
-
 
 def driver(engine: Engine) -> Drive:
     """A ``Drive`` by ``engine``: as many runs at once as it has places for.

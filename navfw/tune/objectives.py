@@ -8,8 +8,6 @@ from dataclasses import dataclass
 from navfw.errors import InputError, UnknownNameError
 from navfw.suite.run_table import RunRow
 
-__all__ = ["SCORES", "Objectives"]
-
 CLEAR = 0.5
 """Clearance [m] from which more of it counts no more."""
 

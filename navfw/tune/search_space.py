@@ -22,12 +22,10 @@ from navfw.fuzzy.coverage import check_coverage
 from navfw.fuzzy.membership import Shape, Trapezoid, Triangle
 from navfw.mofis.ruled import RuledBehavior, RuledComposite
 from navfw.robot import RobotModel
-from navfw.stackfile import Choice, StackConfig
+from navfw.stack.stackfile import Choice, StackConfig
 
 if TYPE_CHECKING:
     from optuna.trial import BaseTrial
-
-__all__ = ["BreakPoints", "Coordinate", "SearchSpace", "TunedNumber", "search_space"]
 
 GAP_FACTOR = 2.0
 """Largest factor by which a gap between two break points grows or shrinks, beside the others."""

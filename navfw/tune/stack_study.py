@@ -14,7 +14,7 @@ from navfw.config.lookup import find
 from navfw.errors import InputError
 from navfw.plugins import Registry
 from navfw.robot import RobotModel
-from navfw.stackfile import StackConfig, load_stack
+from navfw.stack.stackfile import StackConfig, load_stack
 from navfw.suite.case import Case
 from navfw.suite.suite_plan import SuitePlan, plan_runs
 from navfw.suite.suitefile import Suite, parse_seeds
@@ -23,8 +23,6 @@ from navfw.tune.search_space import SearchSpace, search_space
 from navfw.tune.study_folder import StudyFolder
 from navfw.tune.tuning import Drive, best_of, run_trials, with_settings
 from navfw.tune.validated_difference import validated_difference
-
-__all__ = ["StackStudy"]
 
 
 @dataclass(frozen=True)

@@ -14,13 +14,11 @@ import optuna
 from ruamel.yaml import YAML
 from sqlalchemy.exc import SQLAlchemyError
 
-from navfw.atomic import atomic_file, write_text
 from navfw.config.input_file import is_file
 from navfw.errors import ConfigError, InputError
-from navfw.stackfile import StackConfig
+from navfw.process.atomic import atomic_file, write_text
+from navfw.stack.stackfile import StackConfig
 from navfw.tune.tuning import SETTINGS, finished, sampler_and_pruner
-
-__all__ = ["StudyFolder"]
 
 _NAME = "navfw"
 _IDENTITY = "identity"

@@ -16,16 +16,6 @@ from navfw.suite.run_table import RunRow
 from navfw.tune.objectives import Objectives
 from navfw.tune.search_space import SearchSpace
 
-__all__ = [
-    "SETTINGS",
-    "Drive",
-    "best_of",
-    "finished",
-    "run_trials",
-    "sampler_and_pruner",
-    "with_settings",
-]
-
 Drive = Callable[[Sequence[Case]], Iterator[RunRow]]
 """Drives cases, and yields a row for each, in their order."""
 

@@ -11,8 +11,6 @@ import numpy as np
 from navfw.suite.run_table import RunRow
 from navfw.tune.objectives import Objectives
 
-__all__ = ["validated_difference"]
-
 RESAMPLES = 9999
 """Number of bootstrap samples."""
 

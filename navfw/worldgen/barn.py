@@ -19,8 +19,6 @@ from navfw.errors import ConfigError
 from navfw.signals import Array
 from navfw.worldgen.sdf_reader import SdfWorld
 
-__all__ = ["BARN_GOAL", "BARN_START", "POLE_HEIGHT", "is_barn", "reference_length"]
-
 POLE_HEIGHT = 1.0
 """Height of BARN's poles [m]: in the files, half of their 1 m is below the ground."""
 

@@ -9,8 +9,6 @@ import numpy as np
 from navfw.sim.shapes import Circle, Rectangle
 from navfw.worldgen.world_draft import WALL, WorldDraft, blend
 
-__all__ = ["build"]
-
 
 def build(rng: np.random.Generator, difficulty: float) -> WorldDraft:
     """An area of 8 to 12 m by 8 to 12 m, crossed from one side to the opposite one."""

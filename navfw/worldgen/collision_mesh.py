@@ -12,8 +12,6 @@ from navfw.config.xml_file import read_xml
 from navfw.errors import ConfigError, InputError
 from navfw.signals import Array
 
-__all__ = ["MAX_BYTES", "MAX_TRIANGLES", "SUFFIXES", "read_triangles"]
-
 SUFFIXES = (".dae", ".obj", ".stl")
 """Files that can be read."""
 

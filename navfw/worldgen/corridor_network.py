@@ -11,8 +11,6 @@ import numpy as np
 from navfw.worldgen.partition import FloorArea
 from navfw.worldgen.world_draft import WALL, Point, Unsuitable, blend
 
-__all__ = ["SIDE_ROOM", "CorridorNetwork", "CorridorSegment", "Node", "SideDoor", "plan_network"]
-
 Node = tuple[int, int]
 
 _EDGE = 0.4

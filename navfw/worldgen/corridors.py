@@ -21,8 +21,6 @@ from navfw.worldgen.partition import DoorGap, WallLine, boundary_lines, walls_al
 from navfw.worldgen.roadmap import Roadmap
 from navfw.worldgen.world_draft import ROBOT, WALL, Unsuitable, WorldDraft, blend
 
-__all__ = ["build"]
-
 _APPROACH = 0.65
 """Least distance of the place in a side room from its door [m]."""
 

@@ -10,8 +10,6 @@ from navfw.interfaces import WorldFamily
 from navfw.worldgen import clutter, corridors, maze, moving, poles, rooms
 from navfw.worldgen.world_draft import WorldDraft
 
-__all__ = ["Clutter", "Corridors", "Maze", "Moving", "Poles", "Rooms"]
-
 
 class Clutter(WorldFamily):
     """A walled area with boxes and cylinders, gaps from 1.2 down to 0.75 m."""

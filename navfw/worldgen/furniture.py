@@ -10,8 +10,6 @@ import numpy as np
 from navfw.sim.shapes import Circle, Rectangle
 from navfw.worldgen.world_draft import WorldDraft
 
-__all__ = ["furnish"]
-
 Interval = tuple[float, float]
 
 _ALONG_WALLS = (

@@ -28,8 +28,6 @@ from navfw.worldgen.sdf_reader import SdfShape, SdfWorld, read_sdf
 from navfw.worldgen.texture_palette import Palette
 from navfw.worldgen.world_draft import FAST_ROBOT, POLES_STACK, ROBOT
 
-__all__ = ["ImportedWorld", "import_world"]
-
 Goal = tuple[float, float]
 Start = tuple[float, float, float]
 

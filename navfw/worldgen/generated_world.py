@@ -10,16 +10,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from navfw.atomic import AtomicTarget
 from navfw.config.document import MAX_BYTES
 from navfw.config.input_file import is_file, is_folder, open_input
 from navfw.errors import ConfigError, InputError
 from navfw.missions.missionspec import MissionSpec
+from navfw.process.atomic import AtomicTarget
 from navfw.sim.worldspec import WorldSpec
 from navfw.topomap import TopoMap
 from navfw.topomap.ros_map import save_ros_map
-
-__all__ = ["MAP_FILE", "MISSION", "GeneratedWorld", "write_world"]
 
 MISSION = "cross"
 """Name of the mission in a generated folder."""

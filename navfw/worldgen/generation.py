@@ -19,8 +19,6 @@ from navfw.worldgen.looks import LOOKS, Look, with_look
 from navfw.worldgen.texture_palette import with_contrast
 from navfw.worldgen.world_draft import ROBOT, Unsuitable, WorldDraft
 
-__all__ = ["FAMILIES", "MAX_SEED", "SHORTEST_PATH", "generate"]
-
 _SHIPPED: dict[str, type[WorldFamily]] = {
     family.name: family for family in (Rooms, Clutter, Corridors, Maze, Moving, Poles)
 }

@@ -12,8 +12,6 @@ from navfw.sim.textures import STOCK
 from navfw.sim.worldspec import DoorFrameSpec, SkirtingSpec, TextureSpec, WorldSpec
 from navfw.worldgen.texture_palette import Role
 
-__all__ = ["LOOKS", "Look", "with_look"]
-
 Look = Literal["plain", "photo"]
 LOOKS: tuple[Look, ...] = ("plain", "photo")
 

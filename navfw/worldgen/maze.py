@@ -12,8 +12,6 @@ from navfw.worldgen.partition import WallLine, walls_along
 from navfw.worldgen.roadmap import Roadmap
 from navfw.worldgen.world_draft import WALL, Point, Unsuitable, WorldDraft, blend
 
-__all__ = ["build"]
-
 Cell = tuple[int, int]
 _LONGEST = 30.0
 """Limit of the path from start to goal [m], in cells times their size."""

@@ -11,8 +11,6 @@ from navfw.errors import InputError
 from navfw.signals import Array
 from navfw.worldgen.collision_mesh import read_triangles
 
-__all__ = ["MeshFolders", "MissingMeshError"]
-
 _MODEL = "model://"
 _FILE = "file://"
 

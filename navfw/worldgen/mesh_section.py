@@ -12,8 +12,6 @@ from scipy.sparse.csgraph import connected_components
 
 from navfw.signals import Array, Mask
 
-__all__ = ["MeshSurface", "PlanGrid", "surfaces_of"]
-
 Indices = npt.NDArray[np.int64]
 
 _CELL = 0.02

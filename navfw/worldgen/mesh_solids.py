@@ -20,8 +20,6 @@ from navfw.sim.shapes import Circle, Rectangle, Shape
 from navfw.worldgen.mesh_section import MeshSurface, PlanGrid, surfaces_of
 from navfw.worldgen.plan_walls import wall_rectangles
 
-__all__ = ["MAX_PARTS", "UprightPart", "mesh_solids"]
-
 MAX_PARTS = 2000
 """Largest number of solids for one mesh."""
 

@@ -13,8 +13,6 @@ from navfw.sim.shapes import Circle, Rectangle
 from navfw.sim.worldspec import MoverSpec
 from navfw.worldgen.world_draft import ROBOT, Point, Unsuitable, WorldDraft, blend
 
-__all__ = ["build"]
-
 _RADIUS, _HEIGHT = 0.25, 1.7
 """Size of a person's cylinder [m]."""
 

@@ -12,8 +12,6 @@ import numpy.typing as npt
 from navfw.sim.worldspec import OpeningSpec, WallSpec
 from navfw.worldgen.world_draft import WALL
 
-__all__ = ["DoorGap", "FloorArea", "WallLine", "boundary_lines", "walls_along"]
-
 _FILL = 0.4 * WALL
 """Extension of a wall's ends into the wall that they meet [m]: faces are not coplanar."""
 

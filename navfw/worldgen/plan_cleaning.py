@@ -15,8 +15,6 @@ from navfw.config.strict_model import StrictModel
 from navfw.signals import Mask
 from navfw.topomap.occupancy_map import FREE, OCCUPIED, UNKNOWN, Cells, OccupancyMap
 
-__all__ = ["PlanCleaning", "cleaned"]
-
 
 class PlanCleaning(StrictModel):
     """The steps of cleaning, in this order; 0 leaves a step out."""

@@ -10,8 +10,6 @@ from navfw.sim.floorplan import FloorPlan
 from navfw.sim.worldspec import WorldSpec
 from navfw.topomap.occupancy_map import FREE, MAX_CELLS, OCCUPIED, OccupancyMap
 
-__all__ = ["RESOLUTION", "exported_plan"]
-
 RESOLUTION = 0.05
 """Edge of a cell [m]: the usual one of maps for Nav2."""
 

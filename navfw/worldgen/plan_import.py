@@ -15,7 +15,7 @@ from pydantic import ValidationError
 
 from navfw.errors import InputError, MapError
 from navfw.missions.missionspec import MissionSpec
-from navfw.part_report import PartReport, untold
+from navfw.process.progress import PartReport, untold
 from navfw.signals import Array, Pose
 from navfw.sim.floorplan import FloorPlan
 from navfw.sim.shapes import Rectangle
@@ -30,8 +30,6 @@ from navfw.worldgen.generated_world import MAP_FILE, write_world
 from navfw.worldgen.plan_cleaning import PlanCleaning, cleaned
 from navfw.worldgen.plan_walls import wall_rectangles
 from navfw.worldgen.texture_palette import Palette
-
-__all__ = ["ImportedPlan", "import_plan", "read_cleaning", "read_plan"]
 
 COARSEST = 0.25
 """Largest edge of a cell [m]: in coarser plans doors and the robot are a few cells wide."""

@@ -21,8 +21,6 @@ from navfw.numerics.products import product
 from navfw.signals import Array, Mask
 from navfw.sim.shapes import Rectangle
 
-__all__ = ["wall_rectangles"]
-
 OUTLINE_TOLERANCE = 1.2
 """Largest distance [cells] of the outline from its straight edges: noise of a mapped wall."""
 

@@ -12,8 +12,6 @@ import numpy.typing as npt
 from navfw.sim.shapes import Circle
 from navfw.worldgen.world_draft import FAST_ROBOT, POLES_STACK, ROBOT, WALL, WorldDraft, blend
 
-__all__ = ["build"]
-
 CELL = 0.15
 """Edge of the automaton's cells [m], as in BARN."""
 _ROWS, _LENGTH = 30, 36

@@ -19,8 +19,6 @@ from navfw.sim.floorplan import FloorPlan
 from navfw.topomap import Passage, Place, PlaceKind, TopoMap
 from navfw.worldgen.world_draft import Point, Unsuitable
 
-__all__ = ["Roadmap"]
-
 CLEARANCES = (0.45, 0.38, 0.32, 0.27)
 """Clearances [m] tried in turn, down to the least one that lets the robot pass."""
 

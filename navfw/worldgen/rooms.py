@@ -15,8 +15,6 @@ from navfw.worldgen.furniture import furnish
 from navfw.worldgen.roadmap import Roadmap
 from navfw.worldgen.world_draft import WALL, Point, Unsuitable, WorldDraft, blend
 
-__all__ = ["build"]
-
 _SMALLEST = 2.9
 """Least side of a room between wall centre lines [m]."""
 _APPROACH = 0.65

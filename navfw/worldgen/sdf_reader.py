@@ -18,13 +18,11 @@ import numpy as np
 from navfw.config.xml_file import line_of, read_xml
 from navfw.errors import ConfigError, WorldError
 from navfw.numerics.products import product
+from navfw.robot.urdf import rigid_transform
 from navfw.signals import Array
 from navfw.sim.shapes import Circle
-from navfw.urdf import rigid_transform
 from navfw.worldgen.mesh_folders import MeshFolders, MissingMeshError
 from navfw.worldgen.mesh_solids import mesh_solids
-
-__all__ = ["MAX_BYTES", "SdfShape", "SdfWorld", "read_sdf"]
 
 MAX_BYTES = 20_000_000
 """Largest size of a file [bytes]; the largest BARN world has 0.7 MB."""

@@ -11,8 +11,6 @@ import numpy as np
 from navfw.sim.textures import STOCK, stock_texture
 from navfw.sim.worldspec import TextureSpec
 
-__all__ = ["Palette", "Role", "with_contrast"]
-
 Role = Literal["floor", "wall", "ceiling", "thing", "person"]
 Style = Literal["plaster", "carpet", "wood", "stone", "panels"]
 

@@ -23,8 +23,6 @@ from navfw.sim.worldspec import (
 from navfw.topomap import TopoMap
 from navfw.worldgen.texture_palette import Palette
 
-__all__ = ["MARGIN", "WALL", "KeepFree", "Point", "Unsuitable", "WorldDraft", "blend", "rounded"]
-
 Point = tuple[float, float]
 
 WALL = 0.1

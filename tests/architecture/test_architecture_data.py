@@ -14,10 +14,10 @@ from navfw.fuzzy import load_rule_base
 from navfw.localization.situation_model import load_table
 from navfw.missions.missionfile import load_mission
 from navfw.plugins import default_registry
-from navfw.robotfile import load_robot
+from navfw.robot.robotfile import load_robot
 from navfw.sim.worldfile import load_world
-from navfw.stack_document import read_stack
-from navfw.stackfile import load_stack
+from navfw.stack.stack_document import read_stack
+from navfw.stack.stackfile import load_stack
 from navfw.suite.suitefile import load_suite
 from navfw.topomap import load_map
 from navfw.topomap.ros_map import load_ros_map
@@ -28,15 +28,15 @@ READERS: dict[str, Callable[[Path], Any]] = {
     "maps/plans/*.yaml": load_ros_map,
     "navfw/*/rules/*.yaml": load_rule_base,
     "navfw/localization/situations.yaml": load_table,
-    "navfw/robots/*.yaml": load_robot,
-    "navfw/stacks/*.yaml": lambda path: load_stack(path, default_registry()),
-    "navfw/templates/parts/s*.yaml": load_yaml,  # of a stack and a suite
-    "navfw/templates/project/behaviors/*.yaml": load_rule_base,
-    "navfw/templates/project/maps/*.yaml": load_map,
+    "navfw/robot/robots/*.yaml": load_robot,
+    "navfw/stack/stacks/*.yaml": lambda path: load_stack(path, default_registry()),
+    "navfw/scaffold/templates/parts/s*.yaml": load_yaml,  # of a stack and a suite
+    "navfw/scaffold/templates/project/behaviors/*.yaml": load_rule_base,
+    "navfw/scaffold/templates/project/maps/*.yaml": load_map,
     # these name a behaviour and a map of the new project, found only there
-    "navfw/templates/project/stacks/*.yaml": read_stack,
-    "navfw/templates/project/worlds/*/missions/*.yaml": load_yaml,
-    "navfw/templates/project/worlds/*/world.yaml": load_world,
+    "navfw/scaffold/templates/project/stacks/*.yaml": read_stack,
+    "navfw/scaffold/templates/project/worlds/*/missions/*.yaml": load_yaml,
+    "navfw/scaffold/templates/project/worlds/*/world.yaml": load_world,
     "worlds/*/missions/*.yaml": load_mission,
     "worlds/*/world.yaml": load_world,
     "worlds/suites/*.yaml": load_suite,

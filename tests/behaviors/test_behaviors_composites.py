@@ -17,7 +17,7 @@ from navfw.localmap.local_planner import LocalGoal
 from navfw.plugins import Registry, default_registry
 from navfw.robot import RobotModel
 from navfw.signals import Belief, Twist, Waypoint
-from navfw.stackfile import load_stack
+from navfw.stack.stackfile import load_stack
 from navfw.testing.behavior_scenes import BehaviorScene, contexts_of
 
 ROBOT = RobotModel()
@@ -252,7 +252,7 @@ def test_a_composite_in_a_users_folder_is_found_chosen_and_listed(tmp_path: Path
     registry = default_registry([tmp_path])
     listed = [entry for entry in registry.listing("composite") if entry["name"] == "timid"]
     assert [entry["status"] for entry in listed] == ["ok"]
-    config = load_stack("navfw/stacks/default.yaml", registry, ["composite={timid: }"])
+    config = load_stack("navfw/stack/stacks/default.yaml", registry, ["composite={timid: }"])
     assert config.stages["composite"].name == "timid"
     assert config.stages["composite"].plugin(ROBOT).weigh(CORRIDOR)["peek"] == 1.0  # type: ignore[attr-defined]
 

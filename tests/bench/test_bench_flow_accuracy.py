@@ -7,15 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from navfw.bench.flow_accuracy import (
-    all_processors,
-    bench_flow,
-    match_template_ratio,
-    plot,
-    statistics,
-    table,
-)
+from navfw.bench.flow_accuracy import all_processors, bench_flow, match_template_ratio, statistics
 from navfw.bench.flow_pairs import MOTIONS, corridor_world, load_worlds, rendered_pairs
+from navfw.bench.flow_report import plot, table
 from navfw.flow.block_matching import BlockMatching
 from navfw.flow.ideal import Ideal
 from navfw.plugins import default_registry

@@ -11,10 +11,10 @@ from types import SimpleNamespace
 import pytest
 import typer
 
-from navfw import watchdog
 from navfw.cli import progress_bar, run
 from navfw.cli.progress_bar import ProgressBar
 from navfw.missions.runner import Progress
+from navfw.process import watchdog
 
 
 def progress(seconds: float) -> Progress:

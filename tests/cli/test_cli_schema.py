@@ -11,15 +11,15 @@ from typer.testing import CliRunner
 from navfw.cli import app
 from navfw.config.document import load_yaml
 from navfw.config.lookup import shipped_folder
-from navfw.file_schemas import MODELS
+from navfw.scaffold.file_schemas import MODELS
 
 ROOT = shipped_folder()
 EXAMPLES = {
     "map": ROOT / "maps/office.yaml",
     "mission": ROOT / "worlds/office/missions/lobby-to-lab.yaml",
-    "robot": ROOT / "navfw/robots/default.yaml",
+    "robot": ROOT / "navfw/robot/robots/default.yaml",
     "rules": ROOT / "behaviors/avoid.yaml",
-    "stack": ROOT / "navfw/stacks/default.yaml",
+    "stack": ROOT / "navfw/stack/stacks/default.yaml",
     "suite": next(iter(sorted((ROOT / "worlds").rglob("suites/*.yaml")))),
     "world": ROOT / "worlds/office/world.yaml",
 }

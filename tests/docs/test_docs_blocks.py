@@ -22,9 +22,9 @@ from navfw.mofis.rules import BehaviorRules
 from navfw.perceive.calibration_file import load_calibration
 from navfw.plugins import default_registry
 from navfw.robot import RobotModel
-from navfw.robotfile import RobotSpec, load_robot
+from navfw.robot.robotfile import RobotSpec, load_robot
 from navfw.sim.worldfile import load_world
-from navfw.stackfile import load_stack
+from navfw.stack.stackfile import load_stack
 
 BLOCKS = [block for page in PAGES for block in blocks_of(page)]
 

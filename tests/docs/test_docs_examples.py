@@ -19,10 +19,10 @@ from navfw.cli import app
 from navfw.config.overrides import parse_override
 from navfw.missions.outcome import Outcome
 from navfw.missions.session import MissionResult, prepare
-from navfw.new_parts import write_part
-from navfw.new_project import write_project
 from navfw.plugins import default_registry
-from navfw.stackfile import load_stack
+from navfw.scaffold.new_parts import write_part
+from navfw.scaffold.new_project import write_project
+from navfw.stack.stackfile import load_stack
 from navfw.testing import check_behavior, check_composite
 from navfw.worldgen import generate
 

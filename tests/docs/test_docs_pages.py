@@ -64,7 +64,9 @@ def test_the_page_on_stack_files_has_every_stack() -> None:
     page = (DOCS / "stack-file.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| (`.*?`) \| (?!`)", page[page.index("| stack | what it is |") :], re.M)
     listed = {name for row in rows for name in re.findall(r"`(\w+)`", row)}
-    assert {file.stem for file in (ROOT / "navfw" / "stacks").glob("*.yaml")} - listed == set()
+    assert {
+        file.stem for file in (ROOT / "navfw" / "stack" / "stacks").glob("*.yaml")
+    } - listed == set()
 
 
 def test_the_guide_to_behaviours_has_all_that_they_know_and_return() -> None:

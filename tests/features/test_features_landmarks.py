@@ -16,9 +16,9 @@ from navfw.bench.landmark_recognition import view_of
 from navfw.errors import ConfigError
 from navfw.features.aruco import Aruco
 from navfw.features.combined_landmarks import Landmarks
+from navfw.features.landmark_appearance import landmark_kind, marker_dictionary, poster_image
 from navfw.features.posters import Posters
 from navfw.features.square_localization import is_upright, locate, locate_with_covariance
-from navfw.landmark_appearance import landmark_kind, marker_dictionary, poster_image
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Array, Frame, Image, Pose
 from navfw.sim.sensor_models import SensorParams

@@ -18,7 +18,7 @@ from navfw.robot import RobotModel
 from navfw.signals import Array, CameraMotion, Frame, FramePair, Pose
 from navfw.sim import Simulation, load_world
 from navfw.sim.sensor_models import SensorParams
-from navfw.stackfile import load_stack
+from navfw.stack.stackfile import load_stack
 
 ROBOT = RobotModel()
 CAMERA = ROBOT.camera

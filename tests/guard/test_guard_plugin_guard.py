@@ -17,7 +17,7 @@ from navfw.guard import PluginCallError, PluginGuard, PluginTimeout
 from navfw.guard.answers import nothing, number
 from navfw.guard.plugin_guard import LONGEST_SUSPENSION, SUSPENSION, error_text
 from navfw.interfaces import Behavior, Plugin
-from navfw.interruption import interruptible
+from navfw.process.interruption import interruptible
 from navfw.robot import RobotModel
 
 

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator
 import numba
 import pytest
 
-from navfw.heartbeat import (
+from navfw.process.heartbeat import (
     GRACE,
     HEARTBEAT_SIZE,
     LONGEST_GAP,
@@ -23,7 +23,7 @@ from navfw.heartbeat import (
     postpone,
     set_memory,
 )
-from navfw.watchdog import PERIOD, PluginTimeout, Watchdog
+from navfw.process.watchdog import PERIOD, PluginTimeout, Watchdog
 
 
 def hang() -> None:
@@ -110,7 +110,7 @@ def test_compiling_a_kernel_does_not_count() -> None:
 def test_while_the_process_is_stopped_no_time_passes_for_a_call() -> None:
     program = """
 import time
-from navfw.watchdog import PluginTimeout, Watchdog
+from navfw.process.watchdog import PluginTimeout, Watchdog
 watchdog = Watchdog()
 with watchdog.on_duty():
     watchdog.begin("behavior paused", 3.0)

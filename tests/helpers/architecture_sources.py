@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 import tomllib
 from collections.abc import Iterator
 from functools import cache
@@ -66,14 +67,10 @@ def import_settings() -> dict[str, Any]:
 
 
 def stack_modules() -> list[Path]:
-    """The modules of the stack, as in the import contract on honest sensing."""
-    (contract,) = (
-        contract
-        for contract in import_settings()["contracts"]
-        if contract["name"].startswith("honest sensing")
-    )
-    found: list[Path] = []
-    for name in contract["source_modules"]:
-        base = ROOT / name.replace(".", "/")
-        found += sorted(base.rglob("*.py")) if base.is_dir() else [base.with_suffix(".py")]
-    return found
+    """The modules of the rooms below the simulator in the import contract on the data flow."""
+    (layers,) = (c["layers"] for c in import_settings()["contracts"] if c["type"] == "layers")
+    modules: list[Path] = []
+    for room in re.split(r" [|:] ", " | ".join(layers[1:])):
+        base = ROOT / room.replace(".", "/")
+        modules += sorted(base.rglob("*.py")) if base.is_dir() else [base.with_suffix(".py")]
+    return modules

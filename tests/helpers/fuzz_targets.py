@@ -153,7 +153,7 @@ def _prepare_mission(folder: Path) -> object:
 
 def _prepare_stack(folder: Path) -> object:
     from navfw.plugins import default_registry
-    from navfw.stackfile import load_stack
+    from navfw.stack.stackfile import load_stack
 
     return load_stack(folder / "stack.yaml", default_registry())
 
@@ -235,7 +235,7 @@ DIFFERING = frozenset({0, 1, 2})
 TARGETS: dict[str, Target] = {
     "world": Target("world.yaml", "data", _world, _prepare_mission, 6),
     "mission": Target("missions/cross.yaml", "data", _world, _prepare_mission, 7),
-    "stack": Target("stack.yaml", "data", _copy("stack.yaml", "navfw/stacks/paper.yaml"),
+    "stack": Target("stack.yaml", "data", _copy("stack.yaml", "navfw/stack/stacks/paper.yaml"),
                     _prepare_stack, 5),
     "map": Target("map.yaml", "data", _map_as(".yaml"),
                   _command("map", "check", "./map.yaml"), 8, DIFFERING),

@@ -31,10 +31,10 @@ from navfw.signals import (
     Waypoint,
 )
 from navfw.stack import Stack
-from navfw.stackfile import Choice, load_stack
+from navfw.stack.stackfile import Choice, load_stack
+from navfw.stack.vision import View, Vision
 from navfw.testing.fakes import FakeSimulator
 from navfw.topomap import Passage, Place, TopoMap
-from navfw.vision import View, Vision
 
 ROBOT = RobotModel()
 START = Pose(0.0, 0.0, 0.0)

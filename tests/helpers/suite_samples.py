@@ -10,8 +10,8 @@ import time
 from pathlib import Path
 from typing import Any
 
-from navfw.atomic import atomic_file
-from navfw.heartbeat import begin_call
+from navfw.process.atomic import atomic_file
+from navfw.process.heartbeat import begin_call
 from navfw.suite.case import Case, Job
 from navfw.suite.case_rows import case_columns
 from navfw.suite.run_table import RunRow

@@ -15,7 +15,7 @@ from navfw.localization.plan_field import PlanField
 from navfw.localization.plan_scan import PlanScan, scan_of
 from navfw.plugins import default_registry
 from navfw.signals import Belief, Odometry, Pose, Twist, wrap_angle
-from navfw.stackfile import load_stack
+from navfw.stack.stackfile import load_stack
 from navfw.topomap import TopoMap
 from navfw.topomap.occupancy_map import FREE, OCCUPIED, OccupancyMap
 

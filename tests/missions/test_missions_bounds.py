@@ -24,8 +24,8 @@ from navfw.missions.outcome import Outcome
 from navfw.missions.session import prepare
 from navfw.plugins import default_registry
 from navfw.sim.worldspec import WorldSpec
-from navfw.stack_document import STAGES
-from navfw.stackfile import StackSettings
+from navfw.stack.stack_document import STAGES
+from navfw.stack.stackfile import StackSettings
 from navfw.suite.suitefile import SuiteSpec
 from navfw.topomap.mapspec import EdgeSpec, MapSpec
 

@@ -19,7 +19,7 @@ from typing import Any
 import pytest
 from killing import Ended, Started, moments
 
-from navfw.atomic import scratch_folder
+from navfw.process.atomic import scratch_folder
 from navfw.recording.run_folder import FILES, RunFolder, read_result
 
 MANY = int(os.environ.get("NAVFW_KILLS", "5"))

@@ -13,7 +13,7 @@ from navfw.missions.missionfile import load_mission
 from navfw.missions.run_options import split_overrides
 from navfw.missions.session import prepare
 from navfw.robot import RobotModel
-from navfw.robotfile import load_robot
+from navfw.robot.robotfile import load_robot
 from navfw.sim.sensor_models import SensorParams
 
 MISSION = "start: [1, 1, 0]\ngoals: [{x: 3, y: 1}]\n"

@@ -11,10 +11,10 @@ from typer.testing import CliRunner
 from navfw.cli import app
 from navfw.errors import InputError
 from navfw.missions.session import prepare
-from navfw.robotfile import load_robot
-from navfw.urdf import read_urdf
+from navfw.robot.robotfile import load_robot
+from navfw.robot.urdf import read_urdf
 
-SHIPPED = Path(__file__).parents[2] / "navfw" / "robots"
+SHIPPED = Path(__file__).parents[2] / "navfw" / "robot" / "robots"
 URDF = (SHIPPED / "urdf" / "cart.urdf").read_text()
 ROBOT = (SHIPPED / "cart.yaml").read_text().replace("urdf/cart.urdf", "own.urdf")
 

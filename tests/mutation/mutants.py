@@ -28,7 +28,7 @@ from queue import SimpleQueue
 
 ROOT = Path(__file__).parents[2]
 ROOMS = {
-    "stack": ("navfw/stack.py", "tests/stack tests/missions/test_missions_runner.py"),
+    "stack": ("navfw/stack/stack.py", "tests/stack tests/missions/test_missions_runner.py"),
     "safety": ("navfw/safety", "tests/safety"),
     "localmap": ("navfw/localmap", "tests/localmap"),
     "movers": ("navfw/movers", "tests/movers"),

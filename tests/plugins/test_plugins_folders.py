@@ -10,8 +10,8 @@ from plugins_samples import GOOD, discovered, put, statuses
 
 from navfw.errors import PluginError
 from navfw.interfaces import Behavior
-from navfw.interruption import interruptible
 from navfw.plugins import Registry, plugin_import
+from navfw.process.interruption import interruptible
 from navfw.robot import RobotModel
 
 
@@ -108,7 +108,7 @@ def test_private_classes_and_bases_in_a_file_are_helpers(folder: Path) -> None:
         "file",
         '''
 from navfw.interfaces import Behavior
-from navfw.interruption import interruptible
+from navfw.process.interruption import interruptible
 
 class _Hidden(Behavior): pass
 

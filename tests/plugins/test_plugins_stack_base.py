@@ -13,7 +13,7 @@ from navfw.config.layering import layered
 from navfw.config.lookup import find, list_stacks
 from navfw.errors import InputError
 from navfw.plugins import default_registry
-from navfw.stackfile import load_stack
+from navfw.stack.stackfile import load_stack
 
 REGISTRY = default_registry()
 

@@ -9,7 +9,7 @@ import pytest
 from navfw.config.lookup import find
 from navfw.errors import InputError
 from navfw.plugins import default_registry
-from navfw.stackfile import load_stack
+from navfw.stack.stackfile import load_stack
 
 
 @pytest.mark.parametrize(

@@ -15,11 +15,11 @@ from pathlib import Path
 
 import pytest
 
-from navfw import target_lock
-from navfw.atomic import AtomicFolder, scratch_folder, write_text
 from navfw.errors import InputError
+from navfw.process import target_lock
+from navfw.process.atomic import AtomicFolder, scratch_folder, write_text
+from navfw.process.target_lock import TargetInUseError, TargetLock, sweep
 from navfw.recording.run_folder import RESULT, RunFolder, read_result
-from navfw.target_lock import TargetInUseError, TargetLock, sweep
 
 PAGE = re.compile("index.md")
 

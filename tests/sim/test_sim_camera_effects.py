@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from navfw.camera_effects import AutoExposure, CameraEffects
 from navfw.missions.session import prepare
 from navfw.robot import CameraModel, RobotModel, SideViews
-from navfw.robotfile import load_robot
+from navfw.robot.camera_effects import AutoExposure, CameraEffects
+from navfw.robot.robotfile import load_robot
 from navfw.signals import Array, Image, Pose
 from navfw.sim.camera import Camera
 from navfw.sim.event_actions import LightChange

@@ -12,7 +12,7 @@ import pytest
 
 from navfw.config.lookup import find
 from navfw.errors import ConfigError, WorldError
-from navfw.landmark_appearance import landmark_kind
+from navfw.features.landmark_appearance import landmark_kind
 from navfw.robot import RobotModel
 from navfw.signals import Pose
 from navfw.sim.event_actions import CameraFault

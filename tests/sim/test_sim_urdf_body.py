@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from navfw.config.lookup import find
-from navfw.robotfile import load_robot
+from navfw.robot.robotfile import load_robot
 from navfw.signals import Array, Pose, Twist
 from navfw.sim.sensor_models import SensorParams
 from navfw.sim.simulation import Simulation

@@ -28,10 +28,10 @@ from navfw.signals import (
     YawCorrection,
 )
 from navfw.stack import TIMED
-from navfw.stackfile import StackSettings
+from navfw.stack.stackfile import StackSettings
+from navfw.stack.vision import View, Vision
 from navfw.testing.behavior_scenes import wall_flow
 from navfw.testing.fakes import FakeSimulator
-from navfw.vision import View, Vision
 
 OFFIS = Offis(ROBOT)
 
@@ -163,7 +163,7 @@ def test_the_stack_applies_every_yaw_correction_once_in_order() -> None:
 
 
 def test_vision_knows_no_odometer() -> None:
-    used = {name for module, name in imports(tree_of(ROOT / "navfw" / "vision.py"))}
+    used = {name for module, name in imports(tree_of(ROOT / "navfw" / "stack" / "vision.py"))}
     assert "Odometer" not in used
     vision = vision_of(StackSettings(), {})
     assert not [value for value in vars(vision).values() if isinstance(value, Odometer)]

@@ -25,9 +25,9 @@ from navfw.config.lookup import find
 from navfw.offis.offis import Offis
 from navfw.signals import Frame, LandmarkDetection, MovingObject, Odometry, PassageQuery, Twist
 from navfw.stack import Stack
-from navfw.stackfile import load_stack
+from navfw.stack.stackfile import load_stack
+from navfw.stack.vision import View
 from navfw.testing.behavior_scenes import wall_flow
-from navfw.vision import View
 
 
 def test_the_stages_get_what_the_frame_shows() -> None:

@@ -7,10 +7,10 @@ import pytest
 from stack_samples import Idle, drive, sample_stack
 
 from navfw.context import Context
-from navfw.fault_injection import inject_faults
 from navfw.interfaces import Behavior
+from navfw.plugins.fault_injection import inject_faults
 from navfw.signals import Frame, MovingObject, Odometry, Proposal, Twist
-from navfw.vision import View
+from navfw.stack.vision import View
 
 
 class Careful(Idle):

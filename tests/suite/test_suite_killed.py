@@ -28,7 +28,7 @@ FAKE = f"""
 sys.path.insert(0, {str(Path(suite_samples.__file__).parent)!r})
 from pathlib import Path
 from suite_samples import case, slow_fake_run
-from navfw.interruption import deferred
+from navfw.process.interruption import deferred
 from navfw.suite.suite_folder import SuiteFolder
 from navfw.suite.suite_plan import SuitePlan
 from navfw.suite.suite_run import run_suite

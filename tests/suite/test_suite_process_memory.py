@@ -7,11 +7,11 @@ import sys
 
 import pytest
 
-from navfw.process_memory import peak_memory_mb
+from navfw.process.process_memory import peak_memory_mb
 
 FRAGMENTS = """
 from pathlib import Path
-from navfw.process_memory import return_freed_memory
+from navfw.process.process_memory import return_freed_memory
 
 def resident():
     lines = Path("/proc/self/status").read_text().splitlines()

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navfw.config.yamlfile import parse_yaml
+from navfw.config.document import parse_yaml
 from navfw.errors import ConfigError, InputError, MapError
 from navfw.topomap import Landmark, Passage, Place, TopoMap, load_map
 from navfw.topomap.mapfile import map_text, read_map

@@ -22,7 +22,7 @@ from navfw.errors import InputError, RuleBaseError, UnknownNameError
 from navfw.fuzzy import load_rule_base
 from navfw.plugins import default_registry
 from navfw.robot import RobotModel
-from navfw.stackfile import load_stack
+from navfw.stack.stackfile import load_stack
 from navfw.suite.case import Case, Job
 from navfw.suite.case_rows import case_columns
 from navfw.suite.failure_causes import Cause

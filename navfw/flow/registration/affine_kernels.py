@@ -10,8 +10,6 @@ import numpy.typing as npt
 
 from navfw.numerics.algebra_kernels import dot, fma
 
-__all__ = ["register"]
-
 Ints = npt.NDArray[np.int64]
 Doubles = npt.NDArray[np.float64]
 Floats = npt.NDArray[np.float32]

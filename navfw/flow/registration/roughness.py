@@ -8,8 +8,6 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["roughness"]
-
 Doubles = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 

@@ -13,8 +13,6 @@ from navfw.flow.registration.mixtures import find_mixtures
 from navfw.numerics.functions import exp
 from navfw.signals import Array, Image
 
-__all__ = ["Registration", "grid_windows", "register_windows"]
-
 Integers = npt.NDArray[np.int64]
 Floats = npt.NDArray[np.float32]
 

@@ -11,8 +11,6 @@ from navfw.interfaces import Fusion
 from navfw.mofis.fusion.common import Proposals, command_at, no_command, prohibition_of
 from navfw.signals import Array, Command
 
-__all__ = ["BlendFusion"]
-
 
 class BlendFusion(Fusion):
     """Averages the behaviours' own crisp commands, weighted by applicability.

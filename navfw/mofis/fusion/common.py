@@ -10,16 +10,6 @@ import numpy as np
 from navfw.context import Context
 from navfw.signals import Array, Command, Mask, Proposal, Twist
 
-__all__ = [
-    "Proposals",
-    "at_fraction",
-    "command_at",
-    "leader_at",
-    "no_command",
-    "prohibition_of",
-    "shares_of",
-]
-
 Proposals = Mapping[str, Proposal]
 
 

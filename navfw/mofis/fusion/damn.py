@@ -13,8 +13,6 @@ from navfw.interfaces import Fusion
 from navfw.mofis.fusion.common import Proposals, command_at, no_command, prohibition_of, shares_of
 from navfw.signals import Command
 
-__all__ = ["DamnFusion"]
-
 
 class DamnFusion(Fusion):
     """Adds up all votes for and against, weighted by applicability, smooths them, takes the best.

@@ -20,8 +20,6 @@ from navfw.mofis.fusion.common import (
 from navfw.numerics.products import product
 from navfw.signals import Array, Command, Mask
 
-__all__ = ["FuzzyFusion"]
-
 
 class FuzzyFusion(Fusion):
     """Blends desires by applicability, removes prohibitions, takes the centroid of one region.

@@ -14,8 +14,6 @@ from navfw.mofis.fusion.common import Proposals, command_at, no_command, prohibi
 from navfw.numerics.functions import power
 from navfw.signals import Array, Command
 
-__all__ = ["ParetoFusion"]
-
 
 class ParetoFusion(Fusion):
     """Takes each behaviour's membership function as an objective.

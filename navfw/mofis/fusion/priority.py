@@ -12,8 +12,6 @@ from navfw.interfaces import Fusion
 from navfw.mofis.fusion.common import Proposals, command_at, no_command
 from navfw.signals import Command
 
-__all__ = ["PriorityFusion"]
-
 
 class PriorityFusion(Fusion):
     """Gives the command to one behaviour: the first of ``order`` that is applicable enough.

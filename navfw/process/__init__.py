@@ -1,0 +1,1 @@
+"""What owns a run and its output: atomic files, locks, interruption, watchdog, progress."""

@@ -1,0 +1,267 @@
+"""Atomic output: a file or folder is written completely or not at all.
+
+What is unfinished lies beside the target, under a lock (``navfw.process.target_lock``).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import errno
+import os
+import re
+import secrets
+import shutil
+import tempfile
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from navfw.errors import InputError, SimulationError
+from navfw.process.interruption import deferred
+from navfw.process.target_lock import TargetInUseError, TargetLock, lock_first_free, sweep
+
+_OF_THE_DISK = {
+    errno.ENOSPC,
+    errno.EFBIG,
+    errno.EDQUOT,
+    errno.EROFS,
+    errno.EIO,
+    errno.EACCES,
+    errno.EPERM,
+}
+"""Errors while content is written that are those of the disk, not of the program."""
+
+
+def output_place(target: Path, option: str, *, replaced: bool = True) -> Path:
+    """The absolute place of an output; for a link, what it points to.
+
+    Raises:
+        InputError: a link that points to nothing, a place below a file or without the right to
+            write, or, if it is to be ``replaced``, the root of a mounted file system.
+
+    """
+    place = Path(os.path.abspath(target))  # noqa: PTH100 - resolves no links, unlike Path.resolve
+    if place.is_symlink():
+        if not place.exists():
+            what = f"is a link to {place.readlink()}, which does not exist"
+            raise InputError(f"{what}; choose another {option}", file=target)
+        place = place.resolve()
+    if replaced and place.is_mount():
+        raise InputError(f"is a mount point; choose a folder in it as {option}", file=target)
+    nearest = next(folder for folder in (place, *place.parents) if folder.exists())
+    if nearest != place and not nearest.is_dir():
+        raise _unwritable(target, NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR)))
+    if not os.access(nearest, os.W_OK):
+        raise _unwritable(target, PermissionError(errno.EACCES, os.strerror(errno.EACCES)))
+    return place
+
+
+def output_file(target: Path, option: str = "") -> Path:
+    """The absolute place of a file to write (see ``output_place``), checked before the work.
+
+    Raises:
+        InputError: it cannot be written, or is a folder or a device.
+
+    """
+    place = output_place(target, option or "file")
+    key = option or None
+    if place.is_dir():
+        raise InputError("expected a file to write, got a folder", file=target, key=key)
+    if place.exists() and not place.is_file():
+        raise InputError("is not a regular file; choose another", file=target, key=key)
+    return place
+
+
+class AtomicTarget(ABC):
+    """A context manager for writing ``target`` atomically.
+
+    Inside the block, ``path`` is a hidden folder beside the target. Without an exception, the
+    folder, or its content, is moved to the target at the end; after an exception it is removed.
+    ``option`` is the command line option that names the target. A link to a folder is followed.
+    With ``numbered=True`` the target is the first of ``NAME``, ``NAME-2``, ... that is free.
+
+    Raises:
+        InputError: the target cannot be written, or another process writes it.
+
+    """
+
+    def __init__(self, target: Path, option: str = "--out", *, numbered: bool = False) -> None:
+        self.target = target
+        self.path = target
+        self.option = option
+        self.numbered = numbered
+        self.place = output_place(target, option)
+        self._lock = TargetLock(self.place)
+
+    def __enter__(self) -> Self:
+        try:
+            with deferred():
+                self._claim()
+        except BaseException:
+            self._lock.release()
+            raise
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        with deferred():
+            try:
+                self._finish()
+                if kind is None:
+                    self._move_into_place()
+            except OSError as failure:
+                raise _unwritable(self.target, failure) from failure
+            finally:
+                shutil.rmtree(self.path, ignore_errors=True)
+                self._lock.release()
+            if isinstance(error, OSError) and error.errno in _OF_THE_DISK:
+                raise _unwritable(self.target, error) from error
+
+    def _claim(self) -> None:
+        """Lock the target and create the folder beside it."""
+        try:
+            self.place.parent.mkdir(parents=True, exist_ok=True)
+            sweep(self.place.parent)
+            if self.numbered:
+                self._lock = lock_first_free(self.place)
+                self.place = self._lock.target
+                self.target = self.target.with_name(self.place.name)
+            else:
+                self._lock.acquire()
+            self._lock.part.mkdir()
+            self.path = self._lock.part
+        except TargetInUseError as error:
+            what = f"another process is writing it; wait for it, or choose another {self.option}"
+            raise TargetInUseError(what, file=self.target) from error
+        except OSError as error:
+            raise _unwritable(self.target, error) from error
+
+    def _finish(self) -> None:  # noqa: B027 - optional
+        """Close open files; called after an exception as well."""
+
+    @abstractmethod
+    def _move_into_place(self) -> None:
+        """Move the result to the target."""
+
+    def _replace(self) -> None:
+        """Move the hidden folder to the place of the target; an earlier one is replaced.
+
+        If the process is killed in between, the next one restores the earlier one.
+        """
+        if self.place.exists():
+            self.place.rename(self._lock.old)
+        self.path.rename(self.place)
+        shutil.rmtree(self._lock.old, ignore_errors=True)
+
+
+class AtomicFolder(AtomicTarget):
+    """A folder that is written atomically and replaces an earlier one.
+
+    ``replaceable`` matches the names of files that an earlier folder may contain.
+
+    Raises:
+        InputError: the target contains other files, or cannot be written.
+
+    """
+
+    def __init__(self, target: Path, replaceable: re.Pattern[str], option: str) -> None:
+        super().__init__(target, option)
+        self._replaceable = replaceable
+        self._refuse_foreign()
+
+    def _move_into_place(self) -> None:
+        self._refuse_foreign()
+        self._replace()
+
+    def _refuse_foreign(self) -> None:
+        if not self.place.exists():
+            return
+        if not self.place.is_dir():
+            raise InputError("expected a folder, got a file", file=self.target)
+        names = sorted(entry.name for entry in self.place.iterdir())
+        foreign = [name for name in names if not self._replaceable.fullmatch(name)]
+        if foreign:
+            raise InputError(
+                f"contains {foreign[0]!r}, so it is not replaced; choose another {self.option}",
+                file=self.target,
+            )
+
+
+@contextlib.contextmanager
+def atomic_file(path: Path, *, parents: bool = False) -> Iterator[Path]:
+    """A hidden file beside ``path``, to be written in this context.
+
+    At its end it replaces ``path``. Folders above it are created if ``parents``.
+
+    Raises:
+        InputError: the file cannot be written, or another process writes it; an existing one stays
+            unchanged.
+
+    """
+    place = output_file(path)
+    try:
+        if parents:
+            place.parent.mkdir(parents=True, exist_ok=True)
+        with deferred(), TargetLock(place) as lock:
+            try:
+                yield lock.part
+                lock.part.replace(lock.target)
+            finally:
+                lock.part.unlink(missing_ok=True)
+    except OSError as error:
+        raise _unwritable(path, error) from error
+
+
+def write_text(
+    path: Path,
+    content: str | Iterable[Iterable[str]],
+    *,
+    parents: bool = False,
+    mode: int | None = None,
+) -> None:
+    """Replace the file at ``path`` by a text, or by rows of CSV (see ``atomic_file``).
+
+    ``mode``: its permissions, instead of the usual.
+    """
+    with (
+        atomic_file(path, parents=parents) as part,
+        part.open("x", encoding="utf-8", newline="") as stream,
+    ):
+        if mode is not None:
+            part.chmod(mode)
+        if isinstance(content, str):
+            stream.write(content)
+        else:
+            csv.writer(stream, lineterminator="\n").writerows(content)
+
+
+@contextlib.contextmanager
+def scratch_folder(purpose: str) -> Iterator[Path]:
+    """A private folder in the system's temporary folder; those of dead processes are removed.
+
+    Raises:
+        SimulationError: it cannot be written; the simulator reads files from it.
+
+    """
+    folder = Path(tempfile.gettempdir())
+    sweep(folder)
+    try:
+        with TargetLock(folder / f"navfw-{purpose}-{secrets.token_hex(8)}") as lock:
+            lock.part.mkdir(mode=0o700)
+            try:
+                yield lock.part
+            finally:
+                shutil.rmtree(lock.part, ignore_errors=True)
+    except OSError as error:
+        raise SimulationError(str(_unwritable(folder, error))) from error
+
+
+def _unwritable(target: Path, error: OSError) -> InputError:
+    return InputError(f"cannot be written: {error.strerror or error}", file=target)

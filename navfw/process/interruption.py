@@ -1,0 +1,152 @@
+"""Interruption from outside: Ctrl-C and SIGTERM, both as KeyboardInterrupt, or deferred.
+
+A flag says whether a signal has arrived, so that a KeyboardInterrupt raised by a plugin can be told
+from one that the user has sent. A signal that the process ignores stays ignored, and a thread other
+than the main one has no signals: it cannot be interrupted.
+"""
+
+from __future__ import annotations
+
+import math
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from types import FrameType
+from typing import Any
+
+REPEAT = 1.0
+"""Wall time [s] after a signal within which another one counts as the same: a terminal sends Ctrl-C
+to the waiting and to the driving process of a run, and the former forwards it."""
+
+_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+_Handler = Callable[[int, FrameType | None], None] | signal.Handlers
+
+
+@dataclass
+class _SignalState:
+    """What a signal does now, and what the last one did; signals are those of the process.
+
+    ``handled``: the handlers are installed. ``raising``: a signal raises KeyboardInterrupt, else it
+    is kept in ``pending``, by name. ``raised`` is when it last raised [s, monotonic].
+    """
+
+    handled: bool = False
+    raising: bool = False
+    interrupted: bool = True
+    pending: str = ""
+    raised: float = -math.inf
+
+
+_state = _SignalState()
+
+
+def interrupted() -> bool:
+    """Whether the innermost ``interruptible`` context has been interrupted.
+
+    True outside of any: a KeyboardInterrupt is then taken for one that the user has sent.
+    """
+    return _state.interrupted
+
+
+def check_interrupted() -> None:
+    """Raise KeyboardInterrupt if a signal has arrived in the innermost ``interruptible`` context.
+
+    Python drops what a handler raises in a finalizer or in a callback of compiled code, so a loop
+    that a signal is to end calls this.
+    """
+    if _state.raising and _state.interrupted:
+        raise KeyboardInterrupt
+
+
+@contextmanager
+def interruptible() -> Iterator[None]:
+    """Raise KeyboardInterrupt inside this context on Ctrl-C or SIGTERM.
+
+    A signal that was deferred around this context is raised at its beginning.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    with _handlers():
+        raising, interrupted = _state.raising, _state.interrupted
+        try:
+            _state.interrupted = False
+            _state.raising = True
+            _raise_pending()
+            yield
+        finally:
+            _state.raising, _state.interrupted = raising, interrupted
+
+
+@contextmanager
+def deferred() -> Iterator[None]:
+    """Inside this context Ctrl-C and SIGTERM wait: for ``interruptible``, or for its end.
+
+    At its end a waiting signal is raised as KeyboardInterrupt, unless another exception is on its
+    way, or a deferring context lies around this one.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    with _handlers() as outermost:
+        raising = _state.raising
+        try:
+            _state.raising = False
+            yield
+        finally:
+            _state.raising = raising
+        if raising or outermost:
+            _raise_pending()
+
+
+def set_handlers(handler: _Handler) -> dict[signal.Signals, Any]:
+    """Let ``handler`` take each signal that the process does not ignore; the handlers before."""
+    return {
+        number: signal.signal(number, handler)
+        for number in _SIGNALS
+        if signal.getsignal(number) is not signal.SIG_IGN
+    }
+
+
+def ignore_signals() -> None:
+    """Ignore both signals from here on: the command is over, and its exit code is to tell how."""
+    set_handlers(signal.SIG_IGN)
+
+
+@contextmanager
+def _handlers() -> Iterator[bool]:
+    """The handlers of both signals; yields whether they were not installed before."""
+    if _state.handled:
+        yield False
+        return
+    handlers = set_handlers(_interrupt)
+    _state.handled, _state.pending = True, ""
+    try:
+        yield True
+    finally:
+        _state.handled = False
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+
+
+def _raise_pending() -> None:
+    name, _state.pending = _state.pending, ""
+    if name:
+        _state.interrupted = True
+        raise KeyboardInterrupt(name)
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    del frame
+    name = signal.Signals(number).name
+    if not _state.raising:
+        _state.pending = name
+        return
+    if _state.interrupted and time.monotonic() < _state.raised + REPEAT:
+        return
+    _state.interrupted, _state.raised = True, time.monotonic()
+    raise KeyboardInterrupt(name)

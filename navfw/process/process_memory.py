@@ -1,0 +1,34 @@
+"""The memory of this process: the largest that it has had, and freed memory given back."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import resource
+import sys
+from pathlib import Path
+
+_STATUS = Path("/proc/self/status")
+
+
+def peak_memory_mb() -> float:
+    """The largest resident memory [MB] of this process since its start.
+
+    On Linux by ``VmHWM``: ``ru_maxrss`` of a process counts what its parent had when it started it.
+    """
+    try:
+        text = _STATUS.read_text(encoding="utf-8")
+    except OSError:  # another system
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        return peak / (1e6 if sys.platform == "darwin" else 1e3)
+    line = next(line for line in text.splitlines() if line.startswith("VmHWM:"))
+    return int(line.split()[1]) * 1024 / 1e6
+
+
+def return_freed_memory() -> None:
+    """Give memory that has been freed back to the system, where the C library can (glibc).
+
+    The library keeps it otherwise, in pieces that the next run does not fit into.
+    """
+    with contextlib.suppress(AttributeError, OSError):
+        ctypes.CDLL(None).malloc_trim(0)

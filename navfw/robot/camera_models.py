@@ -1,0 +1,124 @@
+"""Models of cameras: image size, lens and mounting; shared by stack and simulator."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from navfw.numerics.products import product
+from navfw.signals import Array
+
+Rate = Annotated[float, Field(ge=0.1, le=60.0)]
+"""Rate of frames [Hz]; a slower camera sees nothing in time, a faster one is not simulated."""
+
+WORKING_WIDTH = 160
+"""Least width [px] of the images that flow and perception work on: the paper's."""
+
+
+CELLS = 16, 12
+"""Columns and rows of the usual grid of flow vectors."""
+
+
+class CameraModel(BaseModel):
+    """A pinhole camera fixed to base_link, looking forward (camera_optical: x right, y down)."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    width: Annotated[int, Field(ge=32, le=1920, description="image width [px]")] = 160
+    height: Annotated[int, Field(ge=24, le=1080, description="image height [px]")] = 120
+    hfov: Annotated[float, Field(gt=0.2, lt=2.8, description="horizontal field of view [rad]")] = (
+        math.radians(90.0)
+    )
+    mount_height: Annotated[float, Field(ge=0.01, le=60.0, description="above the floor [m]")] = (
+        0.35
+    )
+    mount_forward: Annotated[
+        float, Field(ge=-2.0, le=2.0, description="ahead of the wheel axle [m]")
+    ] = 0.10
+    pitch: Annotated[float, Field(gt=-1.0, lt=1.0, description="nose-down positive [rad]")] = 0.0
+    rate: Annotated[Rate, Field(description="frames per second [Hz]")] = 10.0
+
+    @property
+    def focal(self) -> float:
+        """Focal length [px], the same for both axes."""
+        return 0.5 * self.width / math.tan(0.5 * self.hfov)
+
+    @property
+    def base_from_camera(self) -> Array:
+        """(3, 3) rotation that turns camera_optical axes into base_link axes."""
+        c, s = math.cos(self.pitch), math.sin(self.pitch)
+        # columns: the camera's x (right), y (down) and z (forward) axes, in base_link
+        return np.array([[0.0, -s, c], [-1.0, 0.0, 0.0], [0.0, -c, -s]])
+
+    @property
+    def reduction(self) -> int:
+        """The factor by which the stack reduces images: the largest that leaves WORKING_WIDTH.
+
+        The reduced image divides into the cells of CELLS. The pixels of flow fields and percepts
+        are those of the reduced image.
+        """
+        parts = math.gcd(self.width // CELLS[0], self.height // CELLS[1])
+        if self.width % CELLS[0] or self.height % CELLS[1]:
+            return 1
+        factors = range(self.width // WORKING_WIDTH, 1, -1)
+        return next((factor for factor in factors if parts % factor == 0), 1)
+
+    def fall_per_depth(self, points: Array, pitch: float | None = None) -> Array:
+        """How far [m] the rays through ``points`` (..., 2) [px] fall per metre of depth along z.
+
+        ``pitch`` [rad] stands in for the camera's own where that is only being estimated.
+        """
+        focal = self.focal
+        tilt = self.pitch if pitch is None else pitch
+        result: Array = (points[..., 1] * math.cos(tilt) + focal * math.sin(tilt)) / focal
+        return result
+
+    @property
+    def bearing(self) -> float:
+        """Bearing of the optical axis [rad from ahead, left positive]."""
+        x, y = self.base_from_camera[:2, 2].tolist()
+        return math.atan2(y, x)
+
+
+class SideCamera(CameraModel):
+    """What a wide lens shows to one side, undistorted: a pinhole image about an axis of its own."""
+
+    turn: Annotated[float, Field(description="of the axis from ahead, left positive [rad]")]
+
+    @property
+    def base_from_camera(self) -> Array:
+        """(3, 3) rotation that turns camera_optical axes into base_link axes."""
+        c, s = math.cos(self.turn), math.sin(self.turn)
+        turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        return np.asarray(product(turn, super().base_from_camera))
+
+
+class SideViews(BaseModel):
+    """What the camera's lens shows beside its image: two more images, left and right of it.
+
+    They are as high as the camera's image, with its focal length, taken at the same times. They
+    serve the detection of moving objects; OFFIS takes the camera's image alone.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    width: Annotated[int, Field(ge=32, le=640, description="of each image [px]")] = 80
+    overlap: Annotated[
+        float, Field(ge=0.0, le=0.5, description="part of the camera's image seen again [rad]")
+    ] = math.radians(5.0)
+
+
+class LandmarkCamera(BaseModel):
+    """The same camera read out for landmarks: more pixels, a low band of them, at a lower rate.
+
+    Landmarks hang at about the camera's height, so a band around the image's middle holds them.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    width: Annotated[int, Field(ge=64, le=3840, description="image width [px]")] = 480
+    height: Annotated[int, Field(ge=32, le=2160, description="image height [px]")] = 96
+    rate: Annotated[Rate, Field(description="frames per second [Hz]")] = 1.25

@@ -1,0 +1,314 @@
+"""The model of the robot: dimensions, limits, cameras; shared by stack and simulator."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from navfw.robot.camera_effects import CameraEffects
+from navfw.robot.camera_models import CameraModel, LandmarkCamera, SideCamera, SideViews
+from navfw.signals import Twist
+
+Speed = Annotated[float, Field(gt=0.0, le=10.0)]
+"""[m/s]; the figures of all stages were chosen for robots up to 2 m/s."""
+Acceleration = Annotated[float, Field(gt=0.0, le=50.0)]
+"""[m/s^2]; tyres give 10."""
+GyroSigma = Annotated[float, Field(ge=0.0, le=1.0)]
+"""[rad/s]; the gyro of a telephone has 0.002."""
+
+JointNames = Annotated[tuple[str, ...], Field(min_length=1, max_length=10)]
+
+_RADIUS = 0.18
+"""Radius of the default robot [m]."""
+_RIM_INSET = 0.2
+"""Distance of the centres of the discs along a footprint's rim from it, in half widths."""
+_WIDEST_LENS = math.radians(110.0)
+"""Largest half angle of view [rad]: fisheye lenses reach 220 degrees in all."""
+
+
+class OdometrySheet(BaseModel):
+    """Error model of gyro and wheels by their data sheets.
+
+    The stack knows these figures, never the errors of the simulated sensors.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    gyro_noise: Annotated[
+        GyroSigma, Field(description="standard deviation of one reading [rad/s]")
+    ] = math.radians(0.1)
+    gyro_bias_walk: Annotated[
+        GyroSigma, Field(description="random walk of the bias [rad/s per square root of s]")
+    ] = math.radians(0.005)
+    slip: Annotated[
+        float,
+        Field(ge=0.0, le=0.5, description="standard deviation of a wheel's slip, part of way"),
+    ] = 0.02
+    slip_mean: Annotated[
+        float, Field(ge=0.0, le=0.5, description="mean slip, of both wheels, part of the way")
+    ] = 0.005
+    slip_time: Annotated[
+        float, Field(ge=0.0, le=60.0, description="slip keeps its value for about so long [s]")
+    ] = 0.5
+
+
+class Footprint(BaseModel):
+    """The ground that a body covers: a rectangle around base_link."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    front: Annotated[float, Field(ge=0.02, le=3.0, description="reach ahead of base_link [m]")]
+    rear: Annotated[float, Field(ge=0.02, le=3.0, description="reach behind base_link [m]")]
+    width: Annotated[float, Field(ge=0.06, le=4.0, description="[m]")]
+
+
+class DrivenUrdf(BaseModel):
+    """A URDF file as the robot's body, driven by its own wheel joints."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    file: Annotated[
+        str,
+        Field(
+            min_length=1,
+            max_length=1000,
+            description="relative to the robot file, or pybullet_data:FILE of PyBullet's own",
+        ),
+    ]
+    left: Annotated[JointNames, Field(description="wheel joints of the left side")]
+    right: Annotated[JointNames, Field(description="wheel joints of the right side")]
+    camera: Annotated[
+        str | None,
+        Field(description="link at which the camera is mounted, x ahead; gives mount and pitch"),
+    ] = None
+    casters: Annotated[
+        tuple[str, ...],
+        Field(
+            max_length=100,
+            description="joints of casters and idle wheels: they turn freely and slide; all other"
+            " joints are held at 0",
+        ),
+    ] = ()
+    torque: Annotated[
+        float, Field(gt=0.0, le=10_000.0, description="torque limit of one wheel [N m]")
+    ] = 5.0
+    side_friction: Annotated[
+        float,
+        Field(
+            gt=0.0,
+            le=1.0,
+            description="grip of the wheels along their axle, as a share of that along the way; of"
+            " skid steer below 1",
+        ),
+    ] = 1.0
+    turning_point: Annotated[
+        float,
+        Field(
+            ge=-3.0,
+            le=3.0,
+            description="base_link, where it turns on the spot: ahead of the wheels' middle [m]",
+        ),
+    ] = 0.0
+
+
+def _half_the_width(given: dict[str, Any]) -> float:
+    """Radius [m] of a robot that does not say it."""
+    footprint = given.get("footprint")
+    return 0.5 * footprint.width if isinstance(footprint, Footprint) else _RADIUS
+
+
+def _steps(begin: float, end: float, longest: float) -> list[float]:
+    """Evenly spaced values from ``begin`` to ``end``, at most ``longest`` apart."""
+    count = max(1, math.ceil((end - begin) / longest - 1e-9))
+    return [begin + (end - begin) * index / count for index in range(count + 1)]
+
+
+class RobotModel(BaseModel):
+    """A differential-drive robot with one camera, a gyro and wheel encoders.
+
+    The body is round, or covers the rectangle ``footprint``; ``radius`` is then half its width.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    footprint: Annotated[Footprint | None, Field(description="of a body that is not round")] = None
+    radius: Annotated[
+        float,
+        Field(
+            ge=0.03,
+            le=2.0,
+            description="of the round body [m]; 0.18, or half the footprint's width",
+        ),
+    ] = Field(default_factory=_half_the_width)
+    urdf: Annotated[
+        DrivenUrdf | None, Field(description="the body in the simulator; without: two wheels")
+    ] = None
+    height: Annotated[
+        float, Field(ge=0.03, le=100.0, description="of the body with camera [m]")
+    ] = 0.40
+    wheel_radius: Annotated[float, Field(ge=0.005, le=1.0, description="[m]")] = 0.05
+    track: Annotated[
+        float, Field(ge=0.02, le=4.0, description="distance between the wheels [m]")
+    ] = 0.28
+    skid: Annotated[
+        float,
+        Field(
+            ge=0.0,
+            le=1.0,
+            description="standard deviation of the point about which it turns, along the body [m]:"
+            " wheels that skid move it",
+        ),
+    ] = 0.0
+    ticks_per_turn: Annotated[
+        int, Field(ge=16, le=1_000_000, description="encoder ticks a wheel turn")
+    ] = 2048
+    max_v: Annotated[Speed, Field(description="top forward speed [m/s]")] = 0.5
+    max_reverse: Annotated[Speed, Field(description="top backward speed [m/s]")] = 0.15
+    max_w: Annotated[float, Field(gt=0.0, le=20.0, description="top turning rate [rad/s]")] = 1.6
+    max_accel: Annotated[Acceleration, Field(description="usual acceleration [m/s^2]")] = 0.6
+    max_brake: Annotated[Acceleration, Field(description="hardest braking [m/s^2]")] = 1.2
+    max_turn_accel: Annotated[float, Field(gt=0.0, le=200.0, description="[rad/s^2]")] = 4.0
+    max_lateral: Annotated[Acceleration, Field(description="lateral acceleration [m/s^2]")] = 0.6
+    control_rate: Annotated[
+        float, Field(ge=1.0, le=240.0, description="LOCOM ticks, up to those of physics [Hz]")
+    ] = 60.0
+    camera: CameraModel = CameraModel()
+    side_views: Annotated[
+        SideViews | None, Field(description="what a wider lens shows beside the camera's image")
+    ] = None
+    landmark_camera: Annotated[
+        LandmarkCamera, Field(description="how the camera is read out for landmarks")
+    ] = LandmarkCamera()
+    camera_effects: Annotated[
+        CameraEffects, Field(description="of a real camera, in all its images")
+    ] = CameraEffects()
+    odometry: Annotated[OdometrySheet, Field(description="error model of gyro and wheels")] = (
+        OdometrySheet()
+    )
+
+    @model_validator(mode="after")
+    def _as_wide_as_its_footprint(self) -> RobotModel:
+        if self.footprint is not None and abs(self.radius - 0.5 * self.footprint.width) > 1e-6:
+            raise ValueError(
+                f"radius {self.radius} m is not half the footprint's width"
+                f" ({0.5 * self.footprint.width} m): leave out radius"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _wheels_under_body(self) -> RobotModel:
+        # the effective track of a skid steer may be wider
+        if self.urdf is None and self.track > 2.0 * self.radius:
+            raise ValueError(f"track {self.track} m is wider than the body ({2 * self.radius} m)")
+        return self
+
+    @model_validator(mode="after")
+    def _lens_can_be(self) -> RobotModel:
+        if self.seen_aside > _WIDEST_LENS:
+            raise ValueError(
+                f"side views reach {math.degrees(self.seen_aside):.0f} degrees to either side, no"
+                f" lens sees more than {math.degrees(_WIDEST_LENS):.0f}: make them narrower"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _exposed_within_a_frame(self) -> RobotModel:
+        taken = self.camera_effects.shutter_time
+        if taken > 1.0 / self.camera.rate + 1e-9:
+            raise ValueError(
+                f"exposure and readout take {taken:g} s, at {self.camera.rate:g} Hz a frame has"
+                f" {1.0 / self.camera.rate:.3g} s: shorten camera_effects.exposure_time or"
+                " readout_time, or lower camera.rate"
+            )
+        return self
+
+    @property
+    def discs(self) -> tuple[tuple[float, float, float], ...]:
+        """Discs for the body: centre x, y in base_link and radius [m].
+
+        The body itself if it is round. Of a rectangle small ones along its whole rim, which reach
+        beyond it by 8 % of its half width, and large ones along its middle.
+        """
+        if self.footprint is None:
+            return ((0.0, 0.0, self.radius),)
+        front, rear = self.footprint.front, self.footprint.rear
+        half = 0.5 * min(self.footprint.width, front + rear)
+        inset = _RIM_INSET * half
+        columns = _steps(-rear + inset, front - inset, 2.0 * inset)
+        side = 0.5 * self.footprint.width - inset
+        rows = _steps(-side, side, 2.0 * inset)
+        rim = [(x, y) for x in columns for y in (-side, side)]
+        rim += [(x, y) for x in (columns[0], columns[-1]) for y in rows[1:-1]]
+        inner = [(x, 0.0, half) for x in _steps(half - rear, front - half, half)]
+        return (*((x, y, self.disc_radius) for x, y in rim), *inner)
+
+    @property
+    def disc_radius(self) -> float:
+        """Radius [m] of those of ``discs`` that form the rim."""
+        if self.footprint is None:
+            return self.radius
+        half = 0.5 * min(self.footprint.width, self.footprint.front + self.footprint.rear)
+        return math.sqrt(2.0) * _RIM_INSET * half
+
+    @property
+    def reach(self) -> float:
+        """Radius [m] of the circle about base_link that holds the body."""
+        if self.footprint is None:
+            return self.radius
+        footprint = self.footprint
+        return math.hypot(max(footprint.front, footprint.rear), 0.5 * footprint.width)
+
+    @property
+    def side_cameras(self) -> tuple[SideCamera, ...]:
+        """The cameras that would take the side views: left and right; none without side views."""
+        if self.side_views is None:
+            return ()
+        camera, sides = self.camera, self.side_views
+        half = math.atan(0.5 * sides.width / camera.focal)
+        turn = 0.5 * camera.hfov - sides.overlap + half
+        view = camera.model_dump() | {"width": sides.width, "hfov": 2.0 * half}
+        return tuple(SideCamera(**view, turn=side * turn) for side in (1.0, -1.0))
+
+    @property
+    def seen_aside(self) -> float:
+        """Half angle [rad] of the view, side views included."""
+        if self.side_views is None:
+            return 0.5 * self.camera.hfov
+        left = self.side_cameras[0]
+        return left.turn + 0.5 * left.hfov
+
+    def with_camera(self, camera: CameraModel) -> RobotModel:
+        """The same robot with ``camera`` for its only one."""
+        return self.model_copy(update={"camera": camera, "side_views": None})
+
+    def with_reduced_images(self) -> RobotModel:
+        """The same robot with the images that the stack works on (``CameraModel.reduction``)."""
+        camera, views = self.camera, self.side_views
+        factor = camera.reduction
+        if factor == 1:
+            return self
+        size = {"width": camera.width // factor, "height": camera.height // factor}
+        if views is not None:
+            views = views.model_copy(update={"width": round(views.width / factor)})
+        update = {"camera": camera.model_copy(update=size), "side_views": views}
+        return self.model_copy(update=update)
+
+    @property
+    def landmark_view(self) -> CameraModel:
+        """The camera as it takes landmark frames: mounted and looking as ``camera`` does."""
+        wanted = self.landmark_camera
+        return self.camera.model_copy(
+            update={"width": wanted.width, "height": wanted.height, "rate": wanted.rate}
+        )
+
+    def wheel_speeds(self, twist: Twist) -> tuple[float, float]:
+        """Angular speeds (left, right) [rad/s] of the wheels for a body twist."""
+        half = 0.5 * self.track * twist.w
+        return (twist.v - half) / self.wheel_radius, (twist.v + half) / self.wheel_radius
+
+    def twist(self, left: float, right: float) -> Twist:
+        """The body twist for wheel angular speeds [rad/s]: the inverse of ``wheel_speeds``."""
+        r = self.wheel_radius
+        return Twist(0.5 * r * (left + right), r * (right - left) / self.track)

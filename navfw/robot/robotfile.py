@@ -1,0 +1,142 @@
+"""Robot files: a robot by name, and the robot of a mission with the mission's own changes.
+
+A robot with ``base: NAME`` lists only its differences from that robot; without, from the defaults.
+A mission names a robot, or changes single values of one::
+
+    robot: husky
+    robot: {base: husky, max_v: 0.4}
+    robot: {max_v: 0.4}              # of the robot called default
+"""
+
+from __future__ import annotations
+
+import copy
+from pathlib import Path
+from types import MappingProxyType
+from typing import Annotated
+
+from pydantic import Field
+
+from navfw.config.document import Data, KeyPath, YamlDocument, load_yaml
+from navfw.config.layering import layered, on_its_base
+from navfw.config.lookup import find
+from navfw.config.yamlfile import validate
+from navfw.errors import ConfigError, UnknownNameError
+from navfw.robot import RobotModel
+from navfw.robot.urdf import urdf_path
+from navfw.robot.urdf_drive import with_urdf
+
+DEFAULT_ROBOT = "default"
+"""The robot of a mission that names none."""
+
+_SECTION = "robot"
+"""Key of a mission's robot."""
+_URDF = ("urdf", "file")
+"""Path of the key of a robot that names its URDF."""
+
+
+class RobotSpec(RobotModel):
+    """The schema of a robot file."""
+
+    description: Annotated[str, Field(description="one line for people")] = ""
+    base: Annotated[
+        str | None, Field(description="name or file of a robot from which this one differs")
+    ] = None
+
+
+def load_robot(name: str | Path) -> RobotSpec:
+    """The robot of that name or file.
+
+    Raises:
+        UnknownNameError: there is no robot of that name.
+        ConfigError: the file or its base breaks the schema.
+
+    """
+    document = _read(find("robot", name))
+    robot = validate(document, RobotSpec)
+    return robot.model_copy(update={"camera": with_urdf(robot, document).camera})
+
+
+def robot_section(value: Data) -> Data:
+    """The value of a mission's key ``robot`` as a mapping; a name stands for ``base: name``.
+
+    >>> robot_section("husky"), robot_section({"max_v": 0.4})
+    ({'base': 'husky'}, {'max_v': 0.4})
+    """
+    return {"base": value} if isinstance(value, str) else value
+
+
+def with_section(mission: YamlDocument) -> YamlDocument:
+    """``mission`` with its ``robot`` as a mapping, so that options may change single values."""
+    section = mission.at((_SECTION,))
+    return _with(mission, robot_section(section)) if isinstance(section, str) else mission
+
+
+def with_robot(mission: YamlDocument, folder: Path) -> YamlDocument:
+    """``mission`` with the values of its ``robot`` on top of those of the robot that it names.
+
+    A file is relative to ``folder``; one named by an option, to the working folder.
+
+    Raises:
+        UnknownNameError: there is no robot of that name.
+        ConfigError: the robot's file breaks the schema.
+
+    """
+    section = mission.at((_SECTION,))
+    section = {} if section is None else robot_section(section)
+    name = section.get("base", DEFAULT_ROBOT) if isinstance(section, dict) else None
+    if not isinstance(name, str):
+        return mission  # the mission's schema says what is wrong
+    origin = mission.origin_of((_SECTION, "base"))
+    try:
+        file = find("robot", name, base=None if origin.option else folder)
+    except UnknownNameError as error:
+        raise UnknownNameError(
+            error.what,
+            error.name,
+            error.known,
+            file=origin.file,
+            line=origin.line,
+            key=origin.option or _SECTION,
+        ) from None
+    except ConfigError as error:
+        key = origin.option or _SECTION
+        raise ConfigError(str(error), file=origin.file, line=origin.line, key=key) from None
+    robot = _read(file)
+    validate(robot, RobotSpec)
+    changes = {key: value for key, value in section.items() if key != "base"}
+    located = _located(_with(mission, changes), (_SECTION,), folder)
+    return layered(_as_section(robot), located)
+
+
+def _read(path: Path) -> YamlDocument:
+    """The robot file at ``path`` on top of the one that it is based on, not checked yet."""
+    return on_its_base(_load(path), path, "robot", load=_load)
+
+
+def _load(path: Path) -> YamlDocument:
+    return _located(load_yaml(path), (), path.parent)
+
+
+def _located(document: YamlDocument, at: KeyPath, folder: Path) -> YamlDocument:
+    """``document`` with the path of the URDF in its part ``at`` made absolute, from ``folder``."""
+    name = document.at((*at, *_URDF))
+    if not isinstance(name, str) or not name:
+        return document
+    origin = document.origin_of((*at, *_URDF))
+    path = urdf_path(name, Path() if origin.option else folder).absolute()
+    data = copy.deepcopy(document.data)
+    part = YamlDocument(None, data).at((*at, _URDF[0]))
+    part[_URDF[1]] = str(path)
+    return YamlDocument(document.file, data, document.origins)
+
+
+def _as_section(robot: YamlDocument) -> YamlDocument:
+    """A mission's document with nothing but this robot, without what is only for its file."""
+    data = {key: value for key, value in robot.data.items() if key in RobotModel.model_fields}
+    origins = {(_SECTION, *path): origin for path, origin in robot.origins.items()}
+    return YamlDocument(robot.file, {_SECTION: data}, MappingProxyType(origins))
+
+
+def _with(mission: YamlDocument, section: Data) -> YamlDocument:
+    return YamlDocument(mission.file, {**mission.data, _SECTION: section}, mission.origins)

@@ -1,0 +1,1 @@
+"""New projects and their parts, and schemas for editors."""

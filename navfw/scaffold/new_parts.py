@@ -1,0 +1,153 @@
+"""Write a part into the project one stands in: a behaviour, a stage, a world, a mission, a suite.
+
+The kinds are those of ``navfw.scaffold.part_kinds``; all files of a part are written, or none.
+"""
+
+from __future__ import annotations
+
+import keyword
+import re
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from pathlib import Path
+
+from navfw.config.document import load_yaml
+from navfw.config.input_file import read_input_text, shown_path
+from navfw.config.lookup import (
+    NamedFile,
+    list_maps,
+    list_missions,
+    list_stacks,
+    list_worlds,
+    plugin_files,
+    plugin_folders,
+    project_folder,
+)
+from navfw.errors import ConfigError
+from navfw.plugins.registry import BUILT_IN
+from navfw.process.atomic import write_text
+from navfw.scaffold.new_project import TEMPLATES
+from navfw.scaffold.part_kinds import PARTS, NameRule
+from navfw.suite.suitefile import list_suites
+
+_MAX_TEMPLATE = 1_000_000
+"""Largest size of a template, and of the mission that another one begins as [byte]."""
+
+_HYPHENATED = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
+
+
+def write_part(kind: str, name: str) -> tuple[list[str], str]:
+    """Write a part of a ``kind`` of ``PARTS``; the files, relative to the project, and what next.
+
+    The name of a mission is ``world/mission``.
+
+    Raises:
+        ConfigError: the name is none for this kind or is taken, a file exists, or the working
+            folder is in no project.
+        UnknownNameError: there is no world of a mission's name.
+        InputError: a file cannot be written.
+
+    """
+    part = PARTS[kind]
+    project = project_folder()
+    if project is None:
+        what = "is in no project; change into one, or write one by navfw new project DIR"
+        raise ConfigError(what, file=Path.cwd())
+    world, _, own = name.rpartition("/")
+    if name.count("/") != (kind == "mission"):
+        expected = "WORLD/NAME, such as office/evening" if kind == "mission" else "no '/'"
+        raise ConfigError(f"expected {expected}; got {name!r}", key="NAME")
+    _check_spelling(own, part.rule)
+    for sort in part.unique:
+        taken = _taken(sort, world)
+        if own in taken:
+            what = f"there is a {sort} {own!r} in {taken[own]}; choose another name"
+            raise ConfigError(what, key="NAME")
+    fields = {
+        "name": own,
+        "module": re.sub(r"\W", "_", name),
+        "class_name": "".join(word.title() for word in own.split("_")),
+        "world": world,
+    }
+    if kind == "mission":
+        model = _model(world)
+        fields |= {"model": str(model.path), "model_name": model.name}
+    files = {file.format(**fields): t.format(**fields) for file, t in part.files.items()}
+    words = {word: by.format(**fields) for word, by in part.words.items()}
+    _write(project, {name: _rendered(template, words) for name, template in files.items()})
+    return sorted(files), part.then.format(**fields)
+
+
+def _check_spelling(name: str, rule: NameRule) -> None:
+    if rule == "hyphenated":
+        if not _HYPHENATED.fullmatch(name):
+            what = "expected small letters, digits and single hyphens, such as east-wing"
+            raise ConfigError(f"{what}; got {name!r}", key="NAME")
+    elif (
+        not (name.isascii() and name.isidentifier() and name == name.lower())
+        or keyword.iskeyword(name)
+        or name.startswith("_")
+    ):
+        what = "expected a Python identifier in small letters, such as slow_down"
+        raise ConfigError(f"{what}; got {name!r}", key="NAME")
+
+
+def _taken(sort: str, world: str) -> dict[str, str]:
+    """Names that are taken among things of that ``sort``, each with where it is."""
+    listed: dict[str, Callable[[], list[NamedFile]]] = {
+        "map": list_maps,
+        "mission": lambda: list_missions(world),
+        "stack": list_stacks,
+        "world": list_worlds,
+    }
+    if sort in listed:
+        return {found.name: shown_path(found.path) for found in listed[sort]()}
+    if sort == "suite":
+        return {name: shown_path(file) for name, file in list_suites().items()}
+    shipped = {name: "navfw" for names in BUILT_IN.values() for name in names}
+    files = (file for folder in plugin_folders() for file in plugin_files(folder))
+    return shipped | {file.stem: shown_path(file) for file in files}
+
+
+def _model(world: str) -> NamedFile:
+    """The mission of ``world`` that a new one begins as: the first one without events.
+
+    Raises:
+        ConfigError: the world has no such mission.
+
+    """
+    for mission in list_missions(world):
+        data = load_yaml(mission.path).data
+        if isinstance(data, dict) and "events" not in data:
+            return mission
+    what = f"the world {world!r} has no mission without events that a new one could begin as"
+    raise ConfigError(f"{what}; see docs/worlds.md for its keys", key="NAME")
+
+
+def _rendered(template: str, words: Mapping[str, str]) -> str:
+    """The text of a template, or of the file at an absolute path, with ``words`` replaced."""
+    text = read_input_text(TEMPLATES / template, _MAX_TEMPLATE)
+    for word, by in words.items():
+        text = re.sub(word, by, text)
+    return text
+
+
+def _write(project: Path, texts: Mapping[str, str]) -> None:
+    """Write each of ``texts`` by its name in ``project``: all, or none."""
+    files = {project / name: text for name, text in texts.items()}
+    for file in files:
+        if file.exists():
+            raise ConfigError("exists, and is not replaced", file=shown_path(file))
+    above = {folder for file in files for folder in file.parents if not folder.exists()}
+    written: list[Path] = []
+    try:
+        for file, text in files.items():
+            write_text(file, text, parents=True)
+            written.append(file)
+    except BaseException:
+        for file in written:
+            file.unlink(missing_ok=True)
+        for folder in sorted(above, reverse=True):
+            with suppress(OSError):
+                folder.rmdir()
+        raise

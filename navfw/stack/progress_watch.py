@@ -1,0 +1,67 @@
+"""Whether the robot makes progress on its route, and why it gives up where it does not."""
+
+from __future__ import annotations
+
+import math
+
+from navfw.signals import Belief, Waypoint
+
+STUCK_AFTER = 60.0
+"""Time without progress toward a waypoint [s] after which the stack gives up."""
+
+NO_ROUTE_AFTER = 20.0
+"""Time without a route [s] after which the stack gives up; a passage may have been misjudged."""
+
+
+class ProgressWatch:
+    """Watches waypoint and route from frame to frame.
+
+    ``give_up_reason`` is why the robot gives up, None while it does not. It is ``unsure`` at a goal
+    if the estimate is too uncertain for the planner to count the goal as reached.
+    """
+
+    def __init__(self) -> None:
+        self.give_up_reason: str | None = None
+        self._unsure_of: Waypoint | None = None
+        self._no_route_since: float | None = None
+
+    @property
+    def unsure(self) -> bool:
+        """Whether the robot is, or was before it looked around, at its goal by the estimate."""
+        return self._unsure_of is not None
+
+    def update(
+        self,
+        now: float,
+        belief: Belief,
+        waypoint: Waypoint | None,
+        idle: float,
+        no_route_reason: str | None,
+    ) -> None:
+        """Take in a frame at ``now`` [s]; ``idle`` [s] is the time without progress."""
+        if _is_at(belief, waypoint):
+            self._unsure_of = waypoint
+        elif waypoint != self._unsure_of:
+            self._unsure_of = None
+        if no_route_reason is None or waypoint is None:
+            self._no_route_since = None
+        elif self._no_route_since is None:
+            self._no_route_since = now
+        self.give_up_reason = None
+        if self._no_route_since is not None and now - self._no_route_since >= NO_ROUTE_AFTER:
+            self.give_up_reason = no_route_reason
+        elif idle > STUCK_AFTER and waypoint is not None:
+            if self.unsure:
+                doubt = f"the position estimate has a sigma of {belief.sigma:.2f} m"
+                self.give_up_reason = f"perhaps at {waypoint.label}: {doubt}"
+            else:
+                because = "" if no_route_reason is None else f"; {no_route_reason}"
+                what = f"no progress toward {waypoint.label} for {idle:.0f} s"
+                self.give_up_reason = f"{what}{because}"
+
+
+def _is_at(belief: Belief, waypoint: Waypoint | None) -> bool:
+    """Whether the robot is at a goal that the planner does not count as reached."""
+    if waypoint is None or not waypoint.final:
+        return False
+    return math.hypot(*belief.pose.to_local(waypoint.x, waypoint.y)) <= waypoint.tolerance

@@ -1,0 +1,388 @@
+"""The stack: one plugin of each kind, stepped once per control tick from sensor readings alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, cast
+
+from navfw.camera_geometry.image_reduction import reduce_frame
+from navfw.config.input_file import shown_path
+from navfw.context import CommandGrid
+from navfw.egomotion import seeing_speed
+from navfw.egomotion.floor_odometry import FloorOdometry
+from navfw.egomotion.odometer import Odometer
+from navfw.egomotion.odometry_history import OdometryHistory
+from navfw.errors import ConfigError
+from navfw.guard import PluginGuard
+from navfw.guard.guarded_stages import (
+    GuardedController,
+    GuardedFeatures,
+    GuardedFlow,
+    GuardedLocalizer,
+    GuardedPerception,
+    GuardedPlanner,
+)
+from navfw.interfaces import Behavior, FeatureRecognizer
+from navfw.localization.known_walls import KnownWalls
+from navfw.localmap import LocalMap
+from navfw.locom.trim import WheelTrim
+from navfw.mofis.explanation import explain_command
+from navfw.mofis.mofis import DecisionInputs, Mofis
+from navfw.movers import ConflictPredictor, Tracker
+from navfw.robot import RobotModel
+from navfw.safety import SafetyMonitor, SafetyVerdict
+from navfw.signals import (
+    Belief,
+    FlowField,
+    Frame,
+    LandmarkDetection,
+    OccupiedDisc,
+    Odometry,
+    PassageReport,
+    Percept,
+    Pose,
+    SensorReading,
+    Twist,
+    Waypoint,
+)
+from navfw.stack.progress_watch import ProgressWatch
+from navfw.stack.stack_state import StackState, counted
+from navfw.stack.stackfile import PluginSource, StackConfig, load_stack
+from navfw.stack.stopwatch import timed
+from navfw.stack.vision import View, Vision
+from navfw.topomap import TopoMap
+
+TIMED = (
+    "flow",
+    "movers",
+    "perception",
+    "features",
+    "localizer",
+    "planner",
+    "motion",
+    "control",
+    "safety",
+)
+
+
+class Stack:
+    """Composes the stages. Its only inputs are sensor readings and the map file."""
+
+    def __init__(self, config: StackConfig, robot: RobotModel, topo_map: TopoMap) -> None:
+        self.guard = PluginGuard()
+        # recognisers of landmarks take the camera's images as they are
+        features = self.guard.construct(config.stages["features"], robot)
+        self.features = GuardedFeatures(self.guard, cast(FeatureRecognizer, features))
+        self._reduction = robot.camera.reduction
+        self.robot = robot = robot.with_reduced_images()
+
+        def build(stage: str) -> Any:
+            return self.guard.construct(config.stages[stage], robot)
+
+        settings = config.settings
+        self.resolved = config
+        self.topo_map = topo_map
+        self.odometer = Odometer(robot)
+        by_floor = settings.floor_odometry
+        by_floor = robot.skid > 0.0 if by_floor is None else by_floor
+        self.floor_odometry = FloorOdometry(robot) if by_floor else None
+        self.history = OdometryHistory()
+        self.timings: dict[str, float] = dict.fromkeys(TIMED, 0.0)
+        self.vision = Vision(
+            robot,
+            settings,
+            GuardedFlow(self.guard, build("flow")),
+            GuardedPerception(self.guard, build("perception")),
+            self.timings,
+        )
+        self.localizer = GuardedLocalizer(self.guard, build("localizer"))
+        self.planner = GuardedPlanner(self.guard, build("planner"))
+        self.controller = GuardedController(self.guard, build("controller"))
+        behaviors = {
+            name: cast(Behavior, self.guard.construct(choice, robot))
+            for name, choice in config.behaviors.items()
+        }
+        self.local_map = LocalMap(robot, settings.local_map)
+        self.known_walls = KnownWalls.of(topo_map.floor_plan, robot)
+        self.tracker = Tracker(robot, settings.movers.tracking)
+        self.conflicts = ConflictPredictor(robot, settings.movers.conflicts)
+        self.mofis = Mofis(
+            robot,
+            behaviors,
+            build("fusion"),
+            CommandGrid(robot, settings.commands, seeing_speed(robot, settings.pairing)),
+            self.local_map,
+            build("composite"),
+            self.guard,
+        )
+        self.safety = SafetyMonitor(robot, self.local_map, settings.safety)
+        self.trim = WheelTrim(robot)
+        self._forget()
+
+    def _forget(self) -> None:
+        """Set what changes during a run to its initial value."""
+        self.verdict = SafetyVerdict(Twist(0.0, 0.0))
+        self.state = StackState(time=0.0)
+        self._start_pose: Pose | None = None
+        self._began: float | None = None
+        self._localized = False
+        self._decided: StackState | None = None
+        self._percept: Percept | None = None
+        self._flow: FlowField | None = None
+        self._passage_report: PassageReport | None = None
+        self._progress = ProgressWatch()
+
+    @classmethod
+    def load(
+        cls,
+        path: str | Path,
+        robot: RobotModel,
+        topo_map: TopoMap,
+        plugins: PluginSource,
+        overrides: Sequence[str] = (),
+    ) -> Stack:
+        """A stack from a stack file; raises as ``navfw.stack.stackfile.load_stack``."""
+        config = load_stack(path, plugins, overrides)
+        try:
+            return cls(config, robot, topo_map)
+        except ConfigError as error:  # parameters that do not suit the robot
+            if error.file is not None:
+                raise
+            raise ConfigError(str(error), file=shown_path(Path(path))) from None
+
+    @property
+    def config(self) -> dict[str, Any]:
+        """The resolved configuration as plain data."""
+        return self.resolved.as_data()
+
+    def explain(self) -> dict[str, Any]:
+        """Why the last command was given: percept, proposals, weights, and the rules that fired.
+
+        Plain data, made on request; empty before the first command.
+        """
+        state = self._decided
+        if state is None or state.command is None or state.proposals is None:
+            return {}
+        mofis = self.mofis
+        with self.guard.on_duty():
+            explanation = explain_command(state.command, state.proposals, mofis)
+        if state.percept is not None:
+            explanation["perception"] = {
+                "sentence": state.percept.sentence,
+                "inference": dict(state.percept.explanation),
+            }
+        if state.stixels is not None:
+            explanation["stixels"] = state.stixels.explain()
+        return explanation
+
+    def start(self, pose: Pose | None, goals: Sequence[Waypoint]) -> None:
+        """Begin a mission at ``pose`` (map frame; None: unknown): visit ``goals`` in order.
+
+        Raises:
+            InputError: a plugin refuses the mission.
+            PluginCallError: a plugin fails, so the mission cannot begin.
+
+        """
+        self.guard.reset()
+        with self.guard.on_duty():
+            self._start(pose, goals)
+
+    def _start(self, pose: Pose | None, goals: Sequence[Waypoint]) -> None:
+        self.odometer.reset()
+        if self.floor_odometry is not None:
+            self.floor_odometry.reset()
+        self.history.reset()
+        self.trim.reset()
+        self._forget()
+        self._start_pose = pose
+        for part in (
+            self.vision,
+            self.features,
+            self.localizer,
+            self.planner,
+            self.controller,
+            self.local_map,
+            self.tracker,
+            self.mofis,
+            self.safety,
+        ):
+            part.reset()
+        self.features.set_map(self.topo_map)
+        self.planner.start(self.topo_map, goals)
+        self.timings.update(dict.fromkeys(TIMED, 0.0))
+
+    def step(self, reading: SensorReading) -> Twist:
+        """One control tick: the twist to drive until the next reading."""
+        self.guard.time = reading.time
+        if self.guard.watching:
+            return self._step(reading)
+        with self.guard.on_duty():
+            return self._step(reading)
+
+    def _step(self, reading: SensorReading) -> Twist:
+        measured = self.odometer.update(reading.inertial, reading.encoders, self.verdict.twist)
+        self.history.add(measured)
+        self.trim.update(reading.encoders)
+        with timed(self.timings, "safety"):
+            self.safety.update(reading, measured, tuple(self.guard.failing.values()))
+        frame = None if reading.frame is None else reduce_frame(reading.frame, self._reduction)
+        odometry = self._corrected(measured, frame)
+        if self._began is None:
+            self._began = reading.time
+        if frame is not None:
+            self._decide(reading, frame, odometry)
+        with timed(self.timings, "control"):
+            dt = 1.0 / self.robot.control_rate
+            twist = self.controller.control(self.state.command, odometry, dt)
+        with timed(self.timings, "safety"):
+            self.verdict = self.safety.limit(twist, reading.time, odometry.pose)
+        if self.safety.failure is not None:
+            self.state = replace(self.state, fault=self.safety.failure)
+        return self.trim.apply(self.verdict.twist)
+
+    # --- once per camera frame, in the order of the paper's Fig. 2 -------------------------------
+
+    def _decide(self, reading: SensorReading, frame: Frame, odometry: Odometry) -> None:
+        """Perceive, localise, plan and decide; the result is the new state."""
+        seen_from = self._corrected(self.history.at(frame.time))
+        view, detections = self._perceive(reading, frame, seen_from)
+        for correction in view.yaw_corrections:
+            (self.floor_odometry or self.odometer).correct(correction)
+        belief = self._localize(odometry, view.percept, detections)
+        waypoint = self._plan(belief)
+        finished = waypoint is None and not belief.lost
+        command, idle = None, 0.0
+        if not finished and not self._warming_up(reading.time):
+            moving_obstacles = self._map(frame, view, odometry, seen_from.pose, belief)
+            inputs = self._inputs(odometry, belief, waypoint, moving_obstacles)
+            with timed(self.timings, "motion"):
+                command = self.mofis.decide(inputs)
+            idle = self.mofis.idle
+            self._check_passages(odometry, belief)
+        self._progress.update(reading.time, belief, waypoint, idle, self.planner.no_route_reason)
+        self.state = StackState(
+            time=reading.time,
+            odometry=odometry,
+            belief=belief,
+            flows=view.flows,
+            percept=view.percept or self.state.percept,
+            moving_objects=view.moving_objects,
+            stixels=view.stixels,
+            waypoint=waypoint,
+            path=self.planner.path,
+            proposals=self.mofis.proposals,
+            command=command,
+            finished=finished,
+            unsure=self._progress.unsure,
+            stuck=self._progress.give_up_reason,
+            sight=self.local_map.sight.judgement,
+            faults=tuple(str(fault) for fault in self.guard.faults),
+            landmark_detections=detections,
+            detection_counts=counted(self.state.detection_counts, detections),
+        )
+        self.guard.starting = False
+        if command is not None:
+            self._decided = self.state
+
+    def _corrected(self, measured: Odometry, frame: Frame | None = None) -> Odometry:
+        """Odometry ``measured`` by wheels and gyro, corrected by the floor; ``frame`` is new."""
+        if self.floor_odometry is None:
+            return measured
+        if frame is not None and self.safety.senses.seeing:
+            self.floor_odometry.observe(frame, self.history.at(frame.time))
+        return self.floor_odometry.corrected(measured)
+
+    def _perceive(
+        self, reading: SensorReading, frame: Frame, odometry: Odometry
+    ) -> tuple[View, tuple[LandmarkDetection, ...]]:
+        """Flow, OFFIS, moving objects and landmarks; nothing from an invalid frame.
+
+        A frozen image has no flow, which would mean that everything is far away.
+        """
+        if not self.safety.senses.seeing:
+            return View(), ()
+        view = self.vision.process(frame, odometry)
+        shown = reading.landmark_frame if self.features.landmark_frames else reading.frame
+        if shown is None:
+            return view, ()
+        with timed(self.timings, "features"):
+            return view, self.features.recognize(shown)
+
+    def _localize(
+        self,
+        odometry: Odometry,
+        percept: Percept | None,
+        detections: Sequence[LandmarkDetection],
+    ) -> Belief:
+        """The belief after this frame."""
+        if not self._localized:
+            self.localizer.start(self.topo_map, self._start_pose, odometry)
+            self._localized = True
+        with timed(self.timings, "localizer"):
+            return self.localizer.update(odometry, percept, detections)
+
+    def _plan(self, belief: Belief) -> Waypoint | None:
+        """The waypoint to head for; None at the end, and as long as the robot is lost.
+
+        From a pose that is a guess the planner would pass waypoints that the robot never reached.
+        """
+        with timed(self.timings, "planner"):
+            if belief.lost:
+                return None
+            if self._passage_report is not None:
+                self.planner.observe(self._passage_report)
+                self._passage_report = None
+            return self.planner.update(belief)
+
+    def _map(
+        self, frame: Frame, view: View, odometry: Odometry, seen_from: Pose, belief: Belief
+    ) -> tuple[OccupiedDisc, ...]:
+        """Update local map and tracks; the discs that bar only the way to the local goal.
+
+        While no behaviour handles moving obstacles, the local map counts them as occupied.
+        """
+        with timed(self.timings, "motion"):
+            if self.safety.senses.seeing:
+                self.local_map.sight.observe_image(frame.image)
+            self.local_map.update(odometry, view.percepts, view.stixels, seen_from)
+            if self.known_walls is not None:
+                walls = self.known_walls.around(belief, odometry.pose)
+                self.local_map.occupancy.set_walls(walls)
+        self._percept = view.percept or self._percept
+        self._flow = view.flows[-1] if view.flows else self._flow
+        with timed(self.timings, "movers"):
+            self.tracker.update(view.moving_objects, seen_from)
+            self.tracker.prune(odometry.time, odometry.pose)
+            occupied = self.tracker.occupied_discs(odometry.time)
+        if self.mofis.handles_moving_obstacles:
+            self.local_map.set_obstacles(())
+            return occupied
+        self.local_map.set_obstacles(occupied)
+        return ()
+
+    def _inputs(
+        self,
+        odometry: Odometry,
+        belief: Belief,
+        waypoint: Waypoint | None,
+        moving_obstacles: tuple[OccupiedDisc, ...],
+    ) -> DecisionInputs:
+        """What MOFIS decides from, conflicts with moving obstacles included."""
+        with timed(self.timings, "movers"):
+            conflicts = self.conflicts.predict(
+                self.tracker.confirmed, odometry, self.mofis.commands.v, self.mofis.commands.w
+            )
+        return DecisionInputs(
+            odometry, belief, waypoint, self._percept, self._flow, conflicts, moving_obstacles
+        )
+
+    def _check_passages(self, odometry: Odometry, belief: Belief) -> None:
+        """Check the passages ahead; the planner receives the report at the next frame."""
+        queries = () if belief.lost else self.planner.queries
+        with timed(self.timings, "motion"):
+            self._passage_report = self.local_map.passage_report(queries, odometry, belief)
+
+    def _warming_up(self, time: float) -> bool:
+        return self._began is None or time - self._began < self.resolved.settings.warmup

@@ -1,0 +1,249 @@
+"""Stack files: the plugin of each kind with its parameters, settings, and ``--set`` overrides.
+
+A stack with ``base: default`` lists only its differences from that stack: its stages replace those
+of the base, its behaviours are added, its settings change single values.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Protocol
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+
+from navfw.config.document import KeyPath, YamlDocument
+from navfw.config.overrides import Override, apply_overrides, parse_override
+from navfw.config.yamlfile import validate
+from navfw.context import CommandGridParams
+from navfw.egomotion.pairing import PairingParams
+from navfw.errors import ConfigError, UnknownNameError, did_you_mean
+from navfw.interfaces import Plugin
+from navfw.localmap import LocalMapParams
+from navfw.movers import MoverParams
+from navfw.safety import SafetyParams
+from navfw.stack.stack_document import STAGES, read_stack
+
+
+def _some_plugins(value: object) -> object:
+    if not isinstance(value, Mapping) or not value:
+        raise ValueError("expected plugins, each as 'name: {parameters}' or 'name:'")
+    return value
+
+
+def _one_plugin(value: object) -> object:
+    if not isinstance(value, Mapping) or len(value) != 1:
+        given = ", ".join(map(str, value)) if isinstance(value, Mapping) else ""
+        got = f"got {given}" if given else "got none"
+        raise ValueError(f"expected one plugin, as 'name: {{parameters}}' or 'name:'; {got}")
+    return value
+
+
+_Plugins = dict[str, dict[str, Any] | None]
+Chosen = Annotated[_Plugins, BeforeValidator(_one_plugin), Field(min_length=1, max_length=1)]
+
+
+class StackSettings(BaseModel):
+    """Settings of the stack beside those of its plugins."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    pairing: PairingParams = PairingParams()
+    local_map: LocalMapParams = LocalMapParams()
+    movers: MoverParams = MoverParams()
+    commands: CommandGridParams = CommandGridParams()
+    safety: SafetyParams = SafetyParams()
+    derotate: Annotated[
+        bool, Field(description="remove the camera's rotation from the flow (paper sec 3)")
+    ] = True
+    refine: Annotated[
+        bool, Field(description="refine the gyro's rotation by the flow (METHOD 2.6)")
+    ] = True
+    floor_odometry: Annotated[
+        bool | None,
+        Field(
+            description="correct wheels and gyro by the floor's motion in the images; "
+            "null: if the robot's wheels skid"
+        ),
+    ] = None
+    stixels: Annotated[
+        bool, Field(description="detect thin upright obstacles by image columns")
+    ] = False
+    floor_model: Annotated[
+        bool,
+        Field(
+            description="tell floor from obstacles by height (METHOD 2.8); false: flow below the "
+            "horizon counts as unknown"
+        ),
+    ] = True
+    warmup: Annotated[
+        float, Field(ge=0.0, le=30.0, description="standstill first, for the gyro's bias [s]")
+    ] = 1.0
+    oracle: Annotated[
+        bool,
+        Field(description="allow plugins that need the simulator's truth; results are marked"),
+    ] = False
+
+
+class StackSpec(StackSettings):
+    """The schema of a stack file: settings, and each stage as ``plugin name: {parameters}``."""
+
+    description: str = ""
+    base: Annotated[
+        str | None, Field(description="name or file of a stack from which this one differs")
+    ] = None
+    flow: Chosen
+    perception: Chosen
+    features: Chosen
+    localizer: Chosen
+    planner: Chosen
+    composite: Chosen = {"travel": None}
+    behaviors: Annotated[_Plugins, BeforeValidator(_some_plugins), Field(min_length=1)]
+    fusion: Chosen
+    controller: Chosen
+
+
+class PluginSource(Protocol):
+    """Where plugin classes come from: the registry."""
+
+    def get(self, kind: str, name: str) -> type[Plugin]:
+        """The plugin class; raises UnknownNameError or PluginError."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """One plugin with its validated parameters."""
+
+    name: str
+    plugin: type[Plugin]
+    params: Plugin.Params
+
+    def as_data(self) -> dict[str, Any]:
+        """Name and every parameter, as plain data."""
+        return {self.name: self.params.model_dump(mode="json")}
+
+
+@dataclass(frozen=True, slots=True)
+class StackConfig:
+    """A stack file, resolved: all plugins found, all parameters validated."""
+
+    stages: Mapping[str, Choice]
+    behaviors: Mapping[str, Choice]
+    settings: StackSettings
+
+    @property
+    def plugins(self) -> tuple[type[Plugin], ...]:
+        """The classes of all plugins of the stack."""
+        return tuple(choice.plugin for choice in (*self.stages.values(), *self.behaviors.values()))
+
+    def as_data(self) -> dict[str, Any]:
+        """The resolved configuration as plain data; written as YAML it is a stack file again."""
+        return {
+            **{stage: choice.as_data() for stage, choice in self.stages.items()},
+            "behaviors": {
+                name: choice.params.model_dump(mode="json")
+                for name, choice in self.behaviors.items()
+            },
+            **self.settings.model_dump(mode="json"),
+        }
+
+
+def load_stack(
+    path: str | Path, plugins: PluginSource, overrides: Sequence[str] = ()
+) -> StackConfig:
+    """The stack file at ``path`` with ``overrides`` (``offis.layers=1``) applied.
+
+    The first name of an override is a plugin of the stack or a section of the file.
+
+    Raises:
+        ConfigError: the file or an override breaks the schema or a plugin's parameters.
+        UnknownNameError: a plugin does not exist.
+        PluginError: a plugin is broken.
+
+    """
+    return resolve(read_stack(path), plugins, overrides)
+
+
+def resolve(
+    document: YamlDocument, plugins: PluginSource, overrides: Sequence[str] = ()
+) -> StackConfig:
+    """Like ``load_stack``, from a document already read."""
+    placed = [_placed(parse_override(text), document) for text in overrides]
+    document = apply_overrides(document, placed)
+    spec = validate(document, StackSpec)
+    stages = {
+        stage: _choose(document, plugins, stage, stage, *getattr(spec, stage)) for stage in STAGES
+    }
+    behaviors = {
+        name: _choose(document, plugins, "behavior", "behaviors", name) for name in spec.behaviors
+    }
+    if not spec.oracle:
+        _refuse_oracles(document, {**stages, **{f"behaviors.{n}": c for n, c in behaviors.items()}})
+    settings = StackSettings(**{name: getattr(spec, name) for name in StackSettings.model_fields})
+    return StackConfig(stages, behaviors, settings)
+
+
+def _refuse_oracles(document: YamlDocument, choices: Mapping[str, Choice]) -> None:
+    """Raise ConfigError if a plugin needs truth that the stack file does not admit to using."""
+    for section, choice in choices.items():
+        if choice.plugin.oracle:
+            origin = document.origin_of((section.split(".")[0], choice.name))
+            raise ConfigError(
+                f"{choice.name} needs the simulator's truth, which no robot has; for evaluation, "
+                "say `oracle: true` in the stack file: the results are then marked by it",
+                file=origin.file,
+                line=origin.line,
+                key=section,
+            )
+
+
+def _choose(
+    document: YamlDocument, plugins: PluginSource, kind: str, section: str, name: str
+) -> Choice:
+    """The plugin chosen in ``section``, with its parameters checked against its own model."""
+    at: KeyPath = (section, name)
+    try:
+        plugin = plugins.get(kind, name)
+    except UnknownNameError as error:
+        origin = document.origin_of(at)
+        raise UnknownNameError(
+            error.what, error.name, error.known, file=origin.file, line=origin.line, key=section
+        ) from None
+    return Choice(name, plugin, validate(document, plugin.Params, at))
+
+
+def _placed(override: Override, document: YamlDocument) -> Override:
+    """``override`` completed: plugins and parts of settings may be named directly.
+
+    A stage may be given the name of a plugin alone, which then has its defaults.
+    """
+    head = str(override.path[0])
+    if override.path in [(stage,) for stage in STAGES] and isinstance(override.value, str):
+        return Override(override.path, {override.value: None}, override.text)
+    data = document.data if isinstance(document.data, dict) else {}
+    if head in StackSpec.model_fields:
+        return override
+    homes = {
+        str(name): stage
+        for stage in (*STAGES, "behaviors")
+        if isinstance(data.get(stage), dict)
+        for name in data[stage]
+    }
+    homes = {**_PARTS, **homes}
+    if head in homes:
+        return override.under((homes[head],))
+    known = [*StackSpec.model_fields, *homes]
+    raise ConfigError(
+        f"nothing in this stack is called {head!r}: {did_you_mean(head, known)}",
+        key=override.option,
+    )
+
+
+_PARTS = {
+    part: section
+    for section, model in (("local_map", LocalMapParams), ("movers", MoverParams))
+    for part in model.model_fields
+}
+"""Keys of the settings' sections that an override may begin with, and their section."""
