@@ -17,13 +17,13 @@ VIEW_RIM = 0.05
 """Angle [rad] within the border of the view where a percept does not count as seeing an object."""
 SHADOW = (0.0, 0.1, 0.2, 0.3)
 """Distances [m] behind what is seen of an object, along the ray, that count as the object."""
-LEAST_WEIGHT = 1.0
+MIN_WEIGHT = 1.0
 """Least weight of the nearest cells of an image column [cells of confidence 1]."""
-NEAREST_SHARE = 0.125
+NEAR_SHARE = 0.125
 """Share of a column's object cells in its nearest part, as in OFFIS' regions."""
-LEAST_CONFIDENCE = 0.15
+MIN_CONFIDENCE = 0.15
 """Least confidence of a cell that counts."""
-LONGEST = 0.5
+MAX_WAY = 0.5
 """Way [m] straight ahead up to which room is judged: the range of the rules' input."""
 FREE = 0.35
 """Way [m] ahead from which a heading is free; the rules turn on until about there."""
@@ -33,7 +33,7 @@ GOAL_SHARE = 0.3
 """Price of an angle [rad] off the waypoint, in angles to turn."""
 AHEAD, DELAY = 0.15, 0.2
 """Way [m] and time [s] for which a command is driven before the robot brakes."""
-LEAST_APPROACH = 0.2
+MIN_APPROACH = 0.2
 """Share of the way driven by which a command must come nearer to be barred: others lead past."""
 SPACING = 0.04
 """Distance [m] within which two points count as one."""
@@ -163,7 +163,7 @@ class KeepClear(RuledBehavior):
         camera = self.robot.camera
         shown: Mask = (
             (percept.label == Label.OBSTACLE)
-            & (percept.confidence >= LEAST_CONFIDENCE)
+            & (percept.confidence >= MIN_CONFIDENCE)
             & (percept.nearness > 1.0 / self.params.near)
         )
         found = []
@@ -212,7 +212,7 @@ class KeepClear(RuledBehavior):
         radius = self.robot.radius + self.params.margin
         ahead = points[(np.abs(points[:, 1]) < radius) & (points[:, 0] > 0.0)]
         ways = ahead[:, 0] - np.sqrt(radius**2 - ahead[:, 1] ** 2)
-        return float(np.clip(ways.min(initial=LONGEST), 0.0, LONGEST))
+        return float(np.clip(ways.min(initial=MAX_WAY), 0.0, MAX_WAY))
 
     def _barred(self, context: Context, nearby: Array) -> Array:
         """(n_v, n_w) 1 for forward commands that come too near to one of ``nearby``, and nearer."""
@@ -223,7 +223,7 @@ class KeepClear(RuledBehavior):
             offset = nearby - places[..., None, :]
             then = np.hypot(offset[..., 0], offset[..., 1])
             touched = then < self.robot.radius + self.params.margin
-            nearer = then < now - LEAST_APPROACH * driven[:, None, :, None]
+            nearer = then < now - MIN_APPROACH * driven[:, None, :, None]
             layer[rows] = (touched & nearer).any(axis=(2, 3))
         return layer
 
@@ -246,8 +246,8 @@ def _nearest_depth(nearness: Array, weight: Array) -> float | None:
     """Mean depth [m] of the nearest eighth of the cells; None if they have too little weight."""
     nearest_first = np.argsort(-nearness, kind="stable")
     total = np.cumsum(weight[nearest_first])
-    if total[-1] < LEAST_WEIGHT:
+    if total[-1] < MIN_WEIGHT:
         return None
-    count = int(np.searchsorted(total, max(NEAREST_SHARE * total[-1], LEAST_WEIGHT))) + 1
+    count = int(np.searchsorted(total, max(NEAR_SHARE * total[-1], MIN_WEIGHT))) + 1
     chosen = nearest_first[:count]
     return float(weight[chosen].sum() / (weight[chosen] * nearness[chosen]).sum())

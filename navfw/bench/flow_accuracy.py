@@ -27,16 +27,16 @@ from navfw.flow.ideal import Ideal
 from navfw.flow.lucas_kanade import LucasKanade
 from navfw.flow.registered import Registered
 from navfw.interfaces import FlowProcessor
-from navfw.process.progress import PartReport, told, untold
+from navfw.process.work_progress import PartReport, told, untold
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import Array, CameraMotion, FlowField, Frame, FramePair
 
 TRUSTED = 0.3
 """Least confidence of the vectors that are evaluated."""
-EDGE_REACH = 12
+_EDGE_REACH = 12
 """Largest distance [px] of a depth edge from a cell's point for the cell to count as at an edge:
 half the matching window."""
-EDGE_STEP = 0.12
+_EDGE_STEP = 0.12
 """Relative difference of the nearness of two neighbouring pixels from which on they show two
 surfaces."""
 
@@ -177,13 +177,13 @@ def _compare(
 
 
 def _edges(depth: npt.NDArray[np.float32], points: Array, camera: CameraModel) -> Array:
-    """1 (rows, cols) where a depth edge lies within EDGE_REACH of a point, 0 elsewhere."""
+    """1 (rows, cols) where a depth edge lies within _EDGE_REACH of a point, 0 elsewhere."""
     nearness = 1.0 / depth.astype(np.float64)
     step = np.zeros_like(nearness)
     step[:, 1:] = np.abs(np.diff(nearness, axis=1))
     step[1:] = np.maximum(step[1:], np.abs(np.diff(nearness, axis=0)))
-    jumps = (step > EDGE_STEP * np.maximum(nearness, 1e-3)).astype(np.uint8)
-    near = cv2.dilate(jumps, np.ones((2 * EDGE_REACH, 2 * EDGE_REACH), np.uint8))
+    jumps = (step > _EDGE_STEP * np.maximum(nearness, 1e-3)).astype(np.uint8)
+    near = cv2.dilate(jumps, np.ones((2 * _EDGE_REACH, 2 * _EDGE_REACH), np.uint8))
     x = np.clip(points[..., 0] + 0.5 * camera.width, 0, camera.width - 1).astype(np.int64)
     y = np.clip(points[..., 1] + 0.5 * camera.height, 0, camera.height - 1).astype(np.int64)
     return np.asarray(near, dtype=np.float64)[y, x]

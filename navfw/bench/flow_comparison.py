@@ -29,17 +29,17 @@ from navfw.errors import InputError
 from navfw.flow.ideal import Ideal
 from navfw.interfaces import FlowProcessor
 from navfw.perceive.working_size import WorkingSize
-from navfw.process.progress import PartReport, told, untold
+from navfw.process.work_progress import PartReport, told, untold
 from navfw.robot import RobotModel
 from navfw.signals import Array, CameraMotion
 
-Processors = Callable[[RobotModel], Mapping[str, FlowProcessor]]
-"""Processors by name, for the camera of a robot."""
+_Processors = Callable[[RobotModel], Mapping[str, FlowProcessor]]
+"""_Processors by name, for the camera of a robot."""
 PARTS = {"all": slice(None), "odd": slice(0, None, 2), "even": slice(1, None, 2)}
 """Parts of the pairs of each sequence, by their number from 1: parameters are tuned on odd ones."""
 Table = tuple[str, Sequence[str], Sequence[Sequence[object]]]
 
-RECORDED = {"hololens_office": (1, 2), "tum_fr1": (1, 2, 3)}
+_RECORDED = {"hololens_office": (1, 2), "tum_fr1": (1, 2, 3)}
 """Folders of recorded pairs, and the distances between the images of a pair [images]."""
 ROWS, COLS = 12, 16
 """The grid, that of all processors by default."""
@@ -57,7 +57,7 @@ class TrueSet:
 def recorded_sets(
     folder: Path, part: slice = PARTS["all"], only: str | None = None
 ) -> list[TrueSet]:
-    """The sets of ``RECORDED`` in ``folder``, or ``only`` one, reduced to perceive's working size.
+    """The sets of ``_RECORDED`` in ``folder``, or ``only`` one, reduced to perceive's working size.
 
     Raises:
         InputError: the folder holds none of them.
@@ -65,22 +65,22 @@ def recorded_sets(
 
     """
     found = []
-    there = [name for name in RECORDED if (folder / name).is_dir() and only in (None, name)]
+    there = [name for name in _RECORDED if (folder / name).is_dir() and only in (None, name)]
     if "hololens_office" in there:
         recorded = HololensRecording(folder / "hololens_office", ROWS, COLS)
-        strides = [hololens_pairs(recorded, stride) for stride in RECORDED["hololens_office"]]
+        strides = [hololens_pairs(recorded, stride) for stride in _RECORDED["hololens_office"]]
         robot = RobotModel(camera=recorded.camera)
         found.append(TrueSet("hololens_office", robot, _unaided(strides, part, robot)))
     if "tum_fr1" in there:
         working = WorkingSize.of(640, 480, ROWS, COLS)
         size, sequence = (working.cut_width, working.cut_height), TumRecording(folder / "tum_fr1")
         strides = [
-            tum_pairs(folder / "tum_fr1", size, sequence, stride) for stride in RECORDED["tum_fr1"]
+            tum_pairs(folder / "tum_fr1", size, sequence, stride) for stride in _RECORDED["tum_fr1"]
         ]
         robot = RobotModel(camera=tum_camera(size))
         found.append(TrueSet("tum_fr1", robot, _unaided(strides, part, robot)))
     if not found:
-        raise InputError(f"holds none of {', '.join(RECORDED)}", file=folder, key="--data")
+        raise InputError(f"holds none of {', '.join(_RECORDED)}", file=folder, key="--data")
     return found
 
 
@@ -108,7 +108,7 @@ def _unaided(
 
 def bench_flow_sets(
     sets: Sequence[TrueSet],
-    processors: Processors | None = None,
+    processors: _Processors | None = None,
     report: PartReport = untold,
 ) -> dict[str, Any]:
     """The processors (default: all that ship, and OpenCV's) on each set; plain data.

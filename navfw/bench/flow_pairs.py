@@ -23,7 +23,7 @@ PERIOD = 0.2
 """Time between the frames of a pair [s]."""
 IMAGE_NOISE = 2.0
 """Standard deviation of the image noise [grey levels], as in the simulator's default sensors."""
-YAW_SIGMA = 0.001
+_YAW_SIGMA = 0.001
 """Standard deviation [rad] of the measured turn about the true one."""
 _CLEARANCE = 0.35
 """Least distance [m] of robot and camera to anything: about the least in missions."""
@@ -173,7 +173,7 @@ def _exposed(image: Image, noise: float, rng: np.random.Generator) -> Image:
 
 
 def _measured(true: CameraMotion, robot: RobotModel, rng: np.random.Generator) -> CameraMotion:
-    """``true`` with a rotation error as of a gyro: about the vertical, with YAW_SIGMA."""
+    """``true`` with a rotation error as of a gyro: about the vertical, with _YAW_SIGMA."""
     base = robot.camera.base_from_camera
-    error = base.T @ yaw_rotation(YAW_SIGMA * float(rng.standard_normal())) @ base
-    return replace(true, rotation=error @ true.rotation, yaw_sigma=YAW_SIGMA)
+    error = base.T @ yaw_rotation(_YAW_SIGMA * float(rng.standard_normal())) @ base
+    return replace(true, rotation=error @ true.rotation, yaw_sigma=_YAW_SIGMA)

@@ -13,7 +13,7 @@ import numpy as np
 from navfw.features.aruco import Aruco
 from navfw.features.posters import Posters
 from navfw.interfaces import FeatureRecognizer
-from navfw.process.progress import PartReport, told, untold
+from navfw.process.work_progress import PartReport, told, untold
 from navfw.robot import RobotModel
 from navfw.signals import Frame, Image, LandmarkDetection, Pose
 from navfw.sim.sensor_models import SensorParams
@@ -23,15 +23,15 @@ from navfw.topomap import Landmark, Place, TopoMap
 
 DISTANCES = (1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0)
 """Distances [m] from camera to landmark."""
-ANGLES = (0, 25, 45, 60)
+_ANGLES = (0, 25, 45, 60)
 """Angles [deg] between the landmark's normal and the direction to the camera."""
-SIZES: Mapping[str, float] = {"aruco": 0.25, "poster": 0.5}
+_SIZES: Mapping[str, float] = {"aruco": 0.25, "poster": 0.5}
 """Side lengths [m]."""
 _ON_MAP = 10
 """Number of landmarks on the map: with a single one none could be mistaken for another."""
 _NOISE = 2.0
 """Standard deviation of the image noise [grey levels]."""
-_WIDEST = 0.55
+_MAX_BEARING = 0.55
 """Largest bearing [rad] of the landmark in the image."""
 
 
@@ -96,12 +96,12 @@ def _bench_kind(
     spent = rendered = 0.0
     mark = world.landmarks[0]
     with Simulation(world, large, Pose(2.0, 6.0, 0.0), 0, SensorParams.preset("perfect")) as sim:
-        for distance, angle in told([*product(DISTANCES, ANGLES)], f"positions: {kind}", report):
+        for distance, angle in told([*product(DISTANCES, _ANGLES)], f"positions: {kind}", report):
             errors = []
             for _ in range(views):
                 begun = clock.perf_counter()
                 turn = math.radians(angle) * float(rng.choice((-1.0, 1.0)))
-                aside = float(rng.uniform(-_WIDEST, _WIDEST))
+                aside = float(rng.uniform(-_MAX_BEARING, _MAX_BEARING))
                 clean, bearing, away = view_of(sim, mark, distance, turn, aside)
                 rendered += clock.perf_counter() - begun
                 noisy = clean + _NOISE * rng.standard_normal(clean.shape)
@@ -115,7 +115,7 @@ def _bench_kind(
             rows.append(_row(distance, angle, views, errors))
     total = len(rows) * views
     return {
-        "size_m": SIZES[kind],
+        "size_m": _SIZES[kind],
         "rows": rows,
         "false_per_frame": false / total,
         "chi_square_mean": float(np.mean(chi)) if chi else None,
@@ -154,7 +154,7 @@ def _hall(kind: str) -> WorldSpec:
     """A hall with one landmark in the middle of its end wall."""
     outline = ((0.05, 0.05), (9.95, 0.05), (9.95, 11.95), (0.05, 11.95), (0.05, 0.05))
     mark = LandmarkPlateSpec(
-        name="mark", kind=kind, id=0, at=(9.9, 6.0), yaw=math.pi, size=SIZES[kind]
+        name="mark", kind=kind, id=0, at=(9.9, 6.0), yaw=math.pi, size=_SIZES[kind]
     )
     return WorldSpec(
         name="hall",
@@ -167,7 +167,7 @@ def _hall(kind: str) -> WorldSpec:
 
 
 def _map(kind: str) -> TopoMap:
-    size = SIZES[kind]
+    size = _SIZES[kind]
     marks = [Landmark(f"mark-{i}", kind, i, 0.0, 0.0, 0.0, size=size) for i in range(_ON_MAP)]
     return TopoMap("hall", [Place("here", 2.0, 6.0)], [], landmarks=marks)
 
@@ -176,7 +176,7 @@ def tables(result: dict[str, Any]) -> list[tuple[str, list[str], list[tuple[str,
     """Tables for printing: title, columns, rows."""
     out = []
     for kind, found in result["kinds"].items():
-        columns = ["distance [m]", *(f"{angle} deg" for angle in ANGLES), "range error [m]"]
+        columns = ["distance [m]", *(f"{angle} deg" for angle in _ANGLES), "range error [m]"]
         rows = []
         for distance in DISTANCES:
             here = [row for row in found["rows"] if row["distance_m"] == distance]

@@ -34,7 +34,7 @@ from navfw.offis.pyramid import QUADRANTS
 from navfw.robot import RobotModel
 from navfw.signals import FlowField, Percept, Twist
 
-TUNING_SEEDS = (1, 2, 3)
+_TUNING_SEEDS = (1, 2, 3)
 """Seeds that the rule bases were tuned on; results are not reported on them."""
 
 HELD_OUT_SEED = 101
@@ -43,7 +43,7 @@ HELD_OUT_SEED = 101
 NONE = "none"
 """The distance term of a percept without a named quadrant."""
 
-BOUNDARY = 0.1
+_BOUNDARY = 0.1
 """A distance error is put down to a term's boundary if another term holds within this share of the
 true distance."""
 
@@ -95,8 +95,8 @@ def run(
     samples, measured, perfect = [], [], []
     for sample in islice(_samples(seed, workers), poses):
         samples.append(sample.truth)
-        measured.append(score_percept(offis, sample.flow, sample.twist, sample.truth))
-        perfect.append(score_percept(ideal, sample.ideal, sample.view.twist, sample.truth))
+        measured.append(_score_percept(offis, sample.flow, sample.twist, sample.truth))
+        perfect.append(_score_percept(ideal, sample.ideal, sample.view.twist, sample.truth))
         if progress is not None:
             progress(len(samples))
     return {
@@ -127,7 +127,7 @@ def _world(job: tuple[int, int]) -> list[PerceptionSample]:
     return list(samples_of_world(*job, views=VIEWS_PER_WORLD))
 
 
-def score_percept(
+def _score_percept(
     offis: Perception, flow: FlowField, twist: Twist, truth: ViewTruth
 ) -> PerceptScore:
     """Compare the percept that ``offis`` infers from one flow field with the truth."""
@@ -180,7 +180,7 @@ def _why_quadrant(truth: ViewTruth, flow: FlowField) -> str:
 
 
 def _why_distance(truth: ViewTruth, flow: FlowField, twist: Twist) -> str:
-    around = {true_term(truth.distance * f, twist.v) for f in (1.0 - BOUNDARY, 1.0 + BOUNDARY)}
+    around = {true_term(truth.distance * f, twist.v) for f in (1.0 - _BOUNDARY, 1.0 + _BOUNDARY)}
     if around != {truth.term}:
         return "true distance at a term's boundary"
     if _beyond_search(truth, flow):

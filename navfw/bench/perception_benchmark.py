@@ -19,7 +19,7 @@ from navfw.bench import (
 )
 from navfw.errors import InputError
 from navfw.process.atomic import AtomicFolder
-from navfw.process.progress import PartReport, untold
+from navfw.process.work_progress import PartReport, untold
 
 Table = tuple[str, Sequence[str], Sequence[Sequence[object]]]
 """Title, columns, rows."""

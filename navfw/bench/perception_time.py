@@ -26,7 +26,7 @@ from navfw.offis.percept_explanation import PerceptExplanation, evaluations_of
 from navfw.robot import RobotModel
 from navfw.signals import CameraMotion, FlowField, Frame, FramePair, Twist
 
-LARGEST_DIFFERENCE = 1e-6
+MAX_DIFFERENCE = 1e-6
 """Largest allowed difference between a compiled rule base and scikit-fuzzy, in output units."""
 
 _SEED, _WORLD = 7, 0

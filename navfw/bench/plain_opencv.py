@@ -14,7 +14,7 @@ from navfw.flow.grid_flow import GridFlow, MatchedFlow
 from navfw.robot import RobotModel
 from navfw.signals import Array, Image
 
-DenseMethod = Callable[[Image, Image], Dense]
+_DenseMethod = Callable[[Image, Image], Dense]
 """Displacement (height, width, 2) [px] of each pixel of the first image in the second."""
 
 _DIS = {
@@ -29,7 +29,7 @@ class PlainDense(MatchedFlow):
 
     name: ClassVar[str] = "plain_dense"
 
-    def __init__(self, robot: RobotModel, method: DenseMethod) -> None:
+    def __init__(self, robot: RobotModel, method: _DenseMethod) -> None:
         super().__init__(robot, GridFlow.Params())
         self._method = method
 
@@ -90,7 +90,7 @@ def reference_processor(robot: RobotModel) -> MatchedFlow:
     return PlainDense(robot, _dis("medium", 0))
 
 
-def _dis(preset: str, finest: int) -> DenseMethod:
+def _dis(preset: str, finest: int) -> _DenseMethod:
     dis = cv2.DISOpticalFlow.create(_DIS[preset])
     dis.setFinestScale(finest)
 
@@ -100,7 +100,7 @@ def _dis(preset: str, finest: int) -> DenseMethod:
     return method
 
 
-def _farneback(window: int) -> DenseMethod:
+def _farneback(window: int) -> _DenseMethod:
     def method(now: Image, past: Image) -> Dense:
         start: Dense = np.zeros((*now.shape, 2), np.float32)
         flow = cv2.calcOpticalFlowFarneback(

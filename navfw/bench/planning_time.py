@@ -13,14 +13,14 @@ import networkx as nx
 import numpy as np
 
 from navfw.papfis.routes import Endpoint, Route, Router
-from navfw.process.progress import PartReport, told, untold
+from navfw.process.work_progress import PartReport, told, untold
 from navfw.robot import RobotModel
 from navfw.topomap import Passage, Place, TopoMap
 
 SPACING = 4.0
 """Distance [m] of neighbouring places before their random displacement."""
 
-LEAST_DISTANCE = 0.5
+MIN_DISTANCE = 0.5
 """Least straight distance from start to goal, as a share of the map's diagonal."""
 
 Result = TypeVar("Result")
@@ -119,7 +119,7 @@ def _far_pairs(
 ) -> Sequence[tuple[Endpoint, Endpoint]]:
     every = list(topo_map.places.values())
     xs, ys = [place.x for place in every], [place.y for place in every]
-    least = LEAST_DISTANCE * math.hypot(max(xs) - min(xs), max(ys) - min(ys))
+    least = MIN_DISTANCE * math.hypot(max(xs) - min(xs), max(ys) - min(ys))
     pairs: list[tuple[Endpoint, Endpoint]] = []
     while len(pairs) < count:
         a, b = (every[int(i)] for i in rng.integers(len(every), size=2))

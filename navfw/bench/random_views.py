@@ -30,7 +30,7 @@ from navfw.sim.worldspec import (
     WorldSpec,
 )
 
-AIMS = ("corridor", "door", "corner", "wall", "slope wall", "anywhere")
+_AIMS = ("corridor", "door", "corner", "wall", "slope wall", "anywhere")
 """The situations that views are drawn for; ``anywhere`` sets no condition."""
 
 MARGIN = 0.1
@@ -41,19 +41,19 @@ YARD = 1.2
 
 Views are rendered from other poses than the body's; it must not appear in them."""
 
-CLEAR_OF_DOORS = 0.8
+_CLEAR_OF_DOORS = 0.8
 """Least distance [m] of furniture from the middle of a door."""
 
-TRIES = 200
+_TRIES = 200
 """Number of draws for a view; the second half accepts views without the wanted situation."""
 
-STRAIGHT_SHARE = 0.5
+_STRAIGHT_SHARE = 0.5
 """Share of the views on a straight path; the others are on an arc."""
 
 
 @dataclass(frozen=True, slots=True)
 class RandomView:
-    """``pose`` of the robot in the map while it drives with ``twist``; ``aim`` is one of AIMS."""
+    """``pose`` of the robot in the map while it drives with ``twist``; ``aim`` is one of _AIMS."""
 
     pose: Pose
     twist: Twist
@@ -135,7 +135,7 @@ def _furnished(rng: np.random.Generator, world: WorldSpec, boxes: dict[str, Box]
     """``world`` with up to seven boxes and cylinders a room, clear of doors and each other."""
     plan = FloorPlan.from_world(world)
     taken: list[Shape] = [solid.shape for solid in plan.solids]
-    doors = [Circle(*o.at, CLEAR_OF_DOORS) for wall in world.walls for o in wall.openings]
+    doors = [Circle(*o.at, _CLEAR_OF_DOORS) for wall in world.walls for o in wall.openings]
     made: list[BoxSpec | CylinderSpec] = []
     for room, (x0, x1, y0, y1) in boxes.items():
         # small objects only, so that the corridor stays passable
@@ -202,20 +202,20 @@ def random_views(
     count: int,
     situations: Callable[[Pose], Sequence[str]],
 ) -> list[RandomView]:
-    """At most ``count`` views of ``world``, for the AIMS in turn, with MARGIN to everything.
+    """At most ``count`` views of ``world``, for the _AIMS in turn, with MARGIN to everything.
 
     ``situations`` gives the elementary situations that the walls form at a pose. Speeds are
     uniform in 0.1 to 0.4 m/s; half of the views are on a straight path, the others turn at up to
     0.6 rad/s. Fewer views are returned if the world has too little free space.
     """
     plan = FloorPlan.from_world(world, robot.height)
-    first = int(rng.integers(len(AIMS)))
+    first = int(rng.integers(len(_AIMS)))
     views: list[RandomView] = []
     for i in range(count):
-        aim = AIMS[(first + i) % len(AIMS)]
-        for attempt in range(TRIES):
+        aim = _AIMS[(first + i) % len(_AIMS)]
+        for attempt in range(_TRIES):
             pose = _aimed(rng, world, aim)
-            turning = rng.random() >= STRAIGHT_SHARE
+            turning = rng.random() >= _STRAIGHT_SHARE
             rate = float(rng.uniform(-0.6, 0.6)) if turning else 0.0
             view = RandomView(pose, Twist(float(rng.uniform(0.1, 0.4)), rate), aim)
             if not _is_free(plan, view, robot):
@@ -224,7 +224,7 @@ def random_views(
                 found.removeprefix("left ").removeprefix("right ") == aim
                 for found in situations(pose)
             )
-            if shown or attempt > TRIES // 2:
+            if shown or attempt > _TRIES // 2:
                 views.append(view)
                 break
     return views
@@ -256,12 +256,12 @@ def _along_corridor(rng: np.random.Generator, world: WorldSpec) -> Pose:
     return Pose(float(rng.uniform(*corridor.x)), float(rng.uniform(*corridor.y)), wrap_angle(yaw))
 
 
-Facing = tuple[float, float, float]  # x, y [m] of a target, direction [rad] towards the viewer
+_Facing = tuple[float, float, float]  # x, y [m] of a target, direction [rad] towards the viewer
 
 
 def _towards(
     rng: np.random.Generator,
-    target: Facing,
+    target: _Facing,
     distances: tuple[float, float],
     aslant: float,
     beside: float,
@@ -280,7 +280,7 @@ def _towards(
     )
 
 
-def _door(rng: np.random.Generator, world: WorldSpec) -> Facing:
+def _door(rng: np.random.Generator, world: WorldSpec) -> _Facing:
     doors = [(wall, opening) for wall in world.walls for opening in wall.openings]
     wall, opening = doors[int(rng.integers(len(doors)))]
     index = opening_segment(wall, opening)
@@ -289,7 +289,7 @@ def _door(rng: np.random.Generator, world: WorldSpec) -> Facing:
     return (*opening.at, side)
 
 
-def _corner(rng: np.random.Generator, world: WorldSpec) -> Facing:
+def _corner(rng: np.random.Generator, world: WorldSpec) -> _Facing:
     room = world.rooms[int(rng.integers(1, len(world.rooms)))]
     x, y = float(rng.choice(room.x)), float(rng.choice(room.y))
     middle_x, middle_y = sum(room.x) / 2.0, sum(room.y) / 2.0
@@ -297,7 +297,7 @@ def _corner(rng: np.random.Generator, world: WorldSpec) -> Facing:
     return x, y, inward
 
 
-def _wall_point(rng: np.random.Generator, world: WorldSpec) -> Facing:
+def _wall_point(rng: np.random.Generator, world: WorldSpec) -> _Facing:
     segments = [segment for wall in world.walls for segment in wall_segments(wall)]
     lengths = np.array([segment.length for segment in segments])
     segment = segments[int(rng.choice(len(segments), p=lengths / lengths.sum()))]

@@ -31,10 +31,10 @@ from navfw.perceive.pair_result import PairResult
 from navfw.perceive.perceiver import Perceiver
 from navfw.perceive.perceiver_options import PerceiverOptions
 from navfw.plugins import Registry
-from navfw.process.progress import PartReport, untold
+from navfw.process.work_progress import PartReport, untold
 from navfw.signals import Array
 
-LEAD = 6
+_LEAD = 6
 """Number of images before the first labelled one of a part that are processed as well."""
 
 
@@ -295,4 +295,4 @@ def _images_of(images: Sequence[Path], folder: Path, labels: Sequence[FrameLabel
         if label.file not in names:
             raise ConfigError("the labelled image is missing", file=folder / label.file)
     chosen = [names.index(label.file) for label in labels]
-    return list(images[max(min(chosen) - LEAD, 0) : max(chosen) + 1])
+    return list(images[max(min(chosen) - _LEAD, 0) : max(chosen) + 1])

@@ -20,7 +20,7 @@ TRUSTED = 0.15
 """Largest standard deviation of a trusted cell, relative to its nearness: the median of a normal
 error is then 10 %."""
 
-LEAST_CELLS = 8
+MIN_CELLS = 8
 """Least number of trusted cells of a pair for its scale."""
 
 
@@ -86,7 +86,7 @@ def nearness_errors(
     trusted = known & (percept.label != Label.UNKNOWN) & result.known
     trusted &= percept.sigma <= TRUSTED * percept.nearness
     number = int(known.sum())
-    if int(trusted.sum()) < LEAST_CELLS:
+    if int(trusted.sum()) < MIN_CELLS:
         return NearnessErrors(number, np.empty(0), np.empty(0))
     # both in ways of the camera: the percept's metres are nominal
     ratio = percept.nearness[trusted] * result.flow.motion.baseline * true[trusted] / way

@@ -16,10 +16,10 @@ from navfw.perceive.image_times import ImageTimes, load_image_times
 from navfw.perceive.pair_result import PairResult
 from navfw.signals import Array
 
-READINGS = "readings.csv"
+_READINGS = "readings.csv"
 """File of a recording with a gyro: a row for each image, with its time and the gyro's rates."""
 
-LEAST_PAIRS = 10
+MIN_PAIRS = 10
 """Least number of pairs for a correlation."""
 
 
@@ -41,7 +41,7 @@ def recorded_gyro(folder: Path, images: Iterable[Path]) -> RecordedGyro | None:
         InputError: the readings cannot be read.
 
     """
-    file = folder / READINGS
+    file = folder / _READINGS
     if not is_file(file):
         return None
     listed = load_image_times(file)
@@ -72,7 +72,7 @@ def yaw_rates(results: Iterable[PairResult], start: float, record: GyroRecord) -
 def yaw_summary(rates: Array) -> dict[str, Any]:
     """Number of pairs, and correlation and slope of the camera's ``rates`` over the gyro's."""
     summary: dict[str, Any] = {"yaw_pairs": len(rates), "yaw_correlation": None, "yaw_slope": None}
-    if len(rates) >= LEAST_PAIRS and float(rates.std(axis=0).min()) > 0.0:
+    if len(rates) >= MIN_PAIRS and float(rates.std(axis=0).min()) > 0.0:
         camera, gyro = rates.T
         summary["yaw_correlation"] = round(float(np.corrcoef(camera, gyro)[0, 1]), 4)
         summary["yaw_slope"] = round(float(camera @ gyro / (gyro @ gyro)), 4)

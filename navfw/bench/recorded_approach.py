@@ -27,7 +27,7 @@ from navfw.signals import Array, CameraMotion, Frame, FramePair, Image
 _MAX_TIMES = 1_000_000
 """Largest size of the file of times [byte]; the original has 1 kB."""
 
-ZOOM_FROM = 0.05
+_ZOOM_FROM = 0.05
 """Expected relative growth of the image between two frames above which the past frame is magnified
 before matching: the displacements that remain then stay within the search range."""
 STILL = CameraMotion(np.eye(3), np.zeros(3), 0.0)
@@ -59,7 +59,7 @@ def bench_approach(folder: str | Path) -> dict[str, Any]:
 
     """
     images, truth, step, count = _paired(Path(folder))
-    raw, smoothed = contact_times(images, step)
+    raw, smoothed = _contact_times(images, step)
     true = truth[1:]
     errors = np.abs(smoothed - true) / true
     raw_errors = np.abs(raw - true) / true
@@ -125,7 +125,7 @@ def _paired(folder: Path) -> tuple[list[Image], Array, float, int]:
     return images, values[numbers], float(np.median(-np.diff(values))), len(values)
 
 
-def contact_times(images: Sequence[Image], step: float) -> tuple[Array, Array]:
+def _contact_times(images: Sequence[Image], step: float) -> tuple[Array, Array]:
     """Times to contact [s] from the second frame on: of single frame pairs, and smoothed.
 
     ``step`` [s] is the frame interval. The value of a single pair is NaN without a measurement.
@@ -150,9 +150,9 @@ def contact_times(images: Sequence[Image], step: float) -> tuple[Array, Array]:
 def _growth(matcher: BlockMatching, past: Image, now: Image, predicted: float) -> Expansion | None:
     """Relative growth of the image from ``past`` to ``now``.
 
-    ``past`` is magnified by the ``predicted`` growth first, if that exceeds ``ZOOM_FROM``.
+    ``past`` is magnified by the ``predicted`` growth first, if that exceeds ``_ZOOM_FROM``.
     """
-    zoom = predicted if predicted > ZOOM_FROM else 0.0
+    zoom = predicted if predicted > _ZOOM_FROM else 0.0
     height, width = past.shape
     centre_x, centre_y = 0.5 * (width - 1), 0.5 * (height - 1)
     keep = 1.0 - zoom

@@ -18,7 +18,7 @@ from navfw.localization.discrete_filter import DiscreteFilter, DiscreteParams
 from navfw.localization.landmark_existence import LandmarkExistence
 from navfw.localization.situation_model import SITUATIONS, SituationTable, learn_table
 from navfw.missions.situation_samples import SituationDrive, record_situations
-from navfw.process.progress import PartReport, told, untold
+from navfw.process.work_progress import PartReport, told, untold
 
 if TYPE_CHECKING:
     from navfw.plugins import Registry

@@ -32,14 +32,14 @@ FR1_MATRIX = np.array([[517.3, 0.0, 318.6], [0.0, 516.5, 255.3], [0.0, 0.0, 1.0]
 """Intrinsic matrix [px] of the colour camera of the freiburg1 sequences, at 640 x 480."""
 FR1_DISTORTION = np.array([0.2624, -0.9531, -0.0054, 0.0026, 1.1633])
 """Distortion coefficients of that camera (k1, k2, p1, p2, k3), as OpenCV has them."""
-ZOOM = 1.1
+_ZOOM = 1.1
 """Focal length of the straightened images over that of the camera: no pixel of them is outside the
 camera's image. A black border would be a texture that stands still."""
 DEPTH_UNIT = 5000.0
 """Value of a depth image for one metre."""
 ONE_SURFACE = 0.9
 """Least nearness of a point of the nearest surface in a pixel, relative to the nearest point."""
-LARGEST_GAP = 0.02
+MAX_GAP = 0.02
 """Largest time [s] between a colour image and the depth image assigned to it."""
 
 
@@ -98,7 +98,7 @@ class TumRecording:
         for stamp, file in colour if depth else ():
             at, near = min(depth, key=lambda item: abs(item[0] - stamp))
             posed = poses.poses_at(stamp, at)
-            if abs(at - stamp) <= LARGEST_GAP and posed is not None:
+            if abs(at - stamp) <= MAX_GAP and posed is not None:
                 (place, depth_place), turns = posed
                 axes, depth_axes = turns.as_matrix()
                 self.images.append(
@@ -106,7 +106,7 @@ class TumRecording:
                 )
         if len(self.images) < 2:
             raise ConfigError(
-                f"expected two colour images with a pose, and a depth image within {LARGEST_GAP} s",
+                f"expected two colour images with a pose, and a depth image within {MAX_GAP} s",
                 file=folder,
             )
 
@@ -123,7 +123,7 @@ def _listing(folder: Path, name: str) -> list[tuple[float, Path]]:
 
 def tum_camera(size: tuple[int, int]) -> CameraModel:
     """The pinhole camera of the straightened images, with a central principal point."""
-    hfov = 2.0 * math.atan(0.5 * 640 / (ZOOM * FR1_MATRIX[0, 0]))
+    hfov = 2.0 * math.atan(0.5 * 640 / (_ZOOM * FR1_MATRIX[0, 0]))
     return CameraModel(width=size[0], height=size[1], hfov=hfov)
 
 

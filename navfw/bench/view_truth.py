@@ -1,7 +1,7 @@
 """Ground truth of a view, from the world's geometry alone; OFFIS is measured against it.
 
 *Objects* are all surfaces in view except floor and ceiling. The *nearness of a quadrant* is the
-largest value of 1/Z (Z: depth along the optical axis) that at least ``CELL_AREA`` of its pixels
+largest value of 1/Z (Z: depth along the optical axis) that at least ``_CELL_AREA`` of its pixels
 reach; that is the area of one grid cell, the smallest object that the grid resolves. The *nearest
 object* is in the quadrants whose nearness is about the largest. "About" is fuzzy, so the truth is
 two sets: quadrants with 85 % and more of the largest nearness are *certain*, those with 65 % and
@@ -48,16 +48,16 @@ from navfw.sim.shapes import Rectangle
 from navfw.sim.solids import opening_segment, solids_of, wall_segments
 from navfw.sim.worldspec import WorldSpec
 
-CELL_AREA = 100
+_CELL_AREA = 100
 """Area [px] of one cell of a 12 x 16 grid over 160 x 120 px."""
 
-ALIKE, UNLIKE = 0.85, 0.65
+ALIKE, _UNLIKE = 0.85, 0.65
 """Shares of the largest nearness from which on a quadrant is certain, and possible."""
 
-ORTHOGONAL, STEEP = math.radians(13.0), math.radians(60.0)
+_ORTHOGONAL, _STEEP = math.radians(13.0), math.radians(60.0)
 """Slopes [rad] at which the terms of ``slope.yaml`` cross."""
 
-FUZZY = math.radians(3.0)
+_FUZZY = math.radians(3.0)
 """Half-width [rad] of the interval of slopes in which wall and slope wall both hold."""
 
 DOMINANT, HIDDEN = 2.0 / 3.0, 1.0 / 3.0
@@ -66,11 +66,11 @@ DOMINANT, HIDDEN = 2.0 / 3.0, 1.0 / 3.0
 MAJORITY = 0.5
 """Share of a half's columns on one plane from which on a situation is possible."""
 
-DOOR_WIDTH, DOOR_SIDE = 24.0, 8.0
+DOOR_WIDTH, _DOOR_SIDE = 24.0, 8.0
 """Least width [px] in the image of a door ahead, and how far it reaches to either side of the axis;
 a possible door has half of these."""
 
-FLOOR_MARGIN = 0.05
+_FLOOR_MARGIN = 0.05
 """Height [m] above the floor, and below the ceiling, within which pixels belong to these."""
 
 
@@ -209,11 +209,11 @@ class WallGeometry:
         if self._plane[left.face] == self._plane[right.face]:
             aslant = abs(slope_left)
             side = "left" if slope_left > 0.0 else "right"
-            found = ["wall"] if aslant <= ORTHOGONAL + FUZZY else []
-            if ORTHOGONAL - FUZZY <= aslant <= STEEP:
+            found = ["wall"] if aslant <= _ORTHOGONAL + _FUZZY else []
+            if _ORTHOGONAL - _FUZZY <= aslant <= _STEEP:
                 found.append(f"{side} slope wall")
             return found
-        if min(slope_left, slope_right) > STEEP:
+        if min(slope_left, slope_right) > _STEEP:
             facing = float(self._normal[left.face] @ self._normal[right.face])
             return ["corridor"] if facing < -math.cos(math.radians(10.0)) else []
         between = math.pi - slope_left - slope_right
@@ -237,7 +237,7 @@ class WallGeometry:
                 continue
             x0, x1 = sorted((camera.focal * (ends @ right) / far).tolist())
             quarter = 0.375 * camera.width
-            side = part * DOOR_SIDE
+            side = part * _DOOR_SIDE
             if x1 - x0 < part * DOOR_WIDTH or x0 > -side or x1 < side:
                 continue
             if x0 < -quarter or x1 > quarter:
@@ -256,20 +256,20 @@ def truth_of(
     rows, columns = depth.shape
     y = np.arange(rows)[:, None] - 0.5 * (rows - 1)
     height = camera.mount_height - depth * (y / camera.focal)
-    solid = np.isfinite(depth) & (height > FLOOR_MARGIN) & (height < walls.height - FLOOR_MARGIN)
+    solid = np.isfinite(depth) & (height > _FLOOR_MARGIN) & (height < walls.height - _FLOOR_MARGIN)
     nearness = np.where(solid, 1.0 / np.maximum(depth, 1e-3), 0.0)
     halves = np.s_[: rows // 2], np.s_[rows // 2 :]
     sides = np.s_[: columns // 2], np.s_[columns // 2 :]
     # P1 upper right, P2 upper left, P3 lower left, P4 lower right
     parts = [nearness[halves[i], sides[j]] for i, j in ((0, 1), (0, 0), (1, 0), (1, 1))]
-    each = [float(np.partition(part.ravel(), -CELL_AREA)[-CELL_AREA]) for part in parts]
+    each = [float(np.partition(part.ravel(), -_CELL_AREA)[-_CELL_AREA]) for part in parts]
     biggest = max(each)
     distance = 1.0 / max(biggest, 1e-3)
 
     walls_depth, _ = walls.cast(pose, camera)
     wall_height = camera.mount_height - walls_depth * (y / camera.focal)
     expected = (
-        np.isfinite(walls_depth) & (wall_height > FLOOR_MARGIN) & (wall_height < walls.height)
+        np.isfinite(walls_depth) & (wall_height > _FLOOR_MARGIN) & (wall_height < walls.height)
     )
     hides = expected & solid & (depth < 0.97 * walls_depth - 0.02)
     hidden = [float(hides[:, side].sum() / max(expected[:, side].sum(), 1)) for side in sides]
@@ -277,7 +277,7 @@ def truth_of(
     return ViewTruth(
         nearness=tuple(each),
         certain=_alike(each, ALIKE),
-        possible=_alike(each, UNLIKE),
+        possible=_alike(each, _UNLIKE),
         distance=distance,
         term=true_term(distance, speed),
         situations=("hidden",) if max(hidden) > HIDDEN else situations,

@@ -59,14 +59,14 @@ def loop(
         _print(result)
 
 
-RandomViews = Annotated[int, typer.Option(min=12, help="Number of random views.")]
-Comparisons = Annotated[
+_RandomViews = Annotated[int, typer.Option(min=12, help="Number of random views.")]
+_Comparisons = Annotated[
     int, typer.Option(min=10, help="Random inputs for each rule base, also by scikit-fuzzy.")
 ]
-FlowPoses = Annotated[
+_FlowPoses = Annotated[
     int, typer.Option(min=1, help="Poses in each world at which the flow is measured.")
 ]
-ViewSeed = Annotated[
+_ViewSeed = Annotated[
     int | None,
     typer.Option(min=0, help="Seed of the random views; by default the held-out one."),
 ]
@@ -74,24 +74,24 @@ Workers = Annotated[
     int | None,
     typer.Option(min=1, help="Processes for the parts not timed; by default one per core."),
 ]
-RecordedData = Annotated[
+_RecordedData = Annotated[
     Path | None,
     typer.Option(help="Folder with the data sets approach and tum_fr1.", show_default=False),
 ]
-PageFolder = Annotated[
+_PageFolder = Annotated[
     Path | None,
     typer.Option(help="Folder to write a page of tables and plots to.", show_default=False),
 ]
 
 
 def perception(
-    poses: RandomViews = 1000,
-    comparisons: Comparisons = 10_000,
-    places: FlowPoses = 20,
-    seed: ViewSeed = None,
+    poses: _RandomViews = 1000,
+    comparisons: _Comparisons = 10_000,
+    places: _FlowPoses = 20,
+    seed: _ViewSeed = None,
     workers: Workers = None,
-    data: RecordedData = None,
-    out: PageFolder = None,
+    data: _RecordedData = None,
+    out: _PageFolder = None,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:

@@ -12,7 +12,7 @@ from navfw.cli.output import print_json, print_table, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.errors import InputError
 
-SPLITS = ("tuning", "test", "all")
+_SPLITS = ("tuning", "test", "all")
 
 
 def real(
@@ -33,8 +33,8 @@ def real(
         from navfw.plugins import default_registry
         from navfw.recording.provenance import provenance
 
-        if split not in SPLITS:
-            raise InputError(f"must be one of {', '.join(SPLITS)}, got {split!r}", key="--split")
+        if split not in _SPLITS:
+            raise InputError(f"must be one of {', '.join(_SPLITS)}, got {split!r}", key="--split")
         names = flow or [PerceiverOptions().flow, "dis", "lucas_kanade", "farneback"]
         with ProgressBar("bench", quiet=quiet) as bar:
             result = bench_real(data, split, names, default_registry(), bar.show_part)

@@ -21,7 +21,7 @@ def add_to(app: typer.Typer) -> None:
     app.command()(compare)
 
 
-FailIfWorse = Annotated[
+_FailIfWorse = Annotated[
     str | None,
     typer.Option(metavar="SHARE", help="Exit with 1 if success fell by more, as in 1%."),
 ]
@@ -32,7 +32,7 @@ def compare(
     b: Annotated[Path, typer.Argument(help="Another one, with the same seeds.")],
     variant_a: VariantA = None,
     variant_b: VariantB = None,
-    fail_if_worse: FailIfWorse = None,
+    fail_if_worse: _FailIfWorse = None,
     json: Json = False,
 ) -> None:
     """Compare two tables run by run, the worst regressions first.

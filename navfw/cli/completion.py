@@ -24,13 +24,13 @@ from navfw.config.lookup import (
 from navfw.errors import InputError
 
 Names = Callable[[typer.Context], Iterable[str]]
-Completer = Callable[[typer.Context, str], list[str]]
+_Completer = Callable[[typer.Context, str], list[str]]
 
 _PARTS_OF_MISSION = ("mission.", "robot.", "sensors.")
 """What ``--set`` may begin with besides a behaviour's name."""
 
 
-def _completer(names: Names) -> Completer:
+def _completer(names: Names) -> _Completer:
     @wraps(names)
     def complete(ctx: typer.Context, incomplete: str) -> list[str]:
         try:

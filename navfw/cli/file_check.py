@@ -13,7 +13,7 @@ from navfw.errors import ConfigError, InputError, did_you_mean
 if TYPE_CHECKING:
     from navfw.plugins import Registry
 
-FOLDERS = {
+_FOLDERS = {
     "maps": "map",
     "missions": "mission",
     "robots": "robot",
@@ -43,8 +43,8 @@ def data_files(folder: Path) -> list[Path]:
     Rule bases beside a plugin's file are not among them: they are checked with the plugin.
     """
     worlds = [f"{part}{name}" for part in ("", "*/", "worlds/*/") for name in _OF_A_WORLD]
-    parts = [f"{name}/*" for name in (*FOLDERS, *_RULES)]
-    whole = ["*"] if folder.resolve().name in {*FOLDERS, *_RULES} else []
+    parts = [f"{name}/*" for name in (*_FOLDERS, *_RULES)]
+    whole = ["*"] if folder.resolve().name in {*_FOLDERS, *_RULES} else []
     found = {
         file
         for pattern in (*worlds, "worlds/suites/*", *parts, *whole)
@@ -68,8 +68,8 @@ def kind_of_file(path: Path) -> str:
     folder = path.absolute().parent.name
     if path.name == "world.yaml":
         return "world"
-    if folder in FOLDERS:
-        return FOLDERS[folder]
+    if folder in _FOLDERS:
+        return _FOLDERS[folder]
     if folder in _RULES:
         return "rule base"
     data = load_yaml(path).data

@@ -14,7 +14,7 @@ from navfw.cli.options import Json
 from navfw.cli.output import print_json, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
 from navfw.errors import InputError
-from navfw.process.progress import PartReport, untold
+from navfw.process.work_progress import PartReport, untold
 
 IMAGE_SUFFIXES = (".pgm", ".png", ".bmp")
 """Files that are imported as the image of a floor plan."""
@@ -22,10 +22,10 @@ IMAGE_SUFFIXES = (".pgm", ".png", ".bmp")
 
 def add_to(app: typer.Typer) -> None:
     """Add the command."""
-    app.command("import")(import_)
+    app.command("import")(_import_)
 
 
-def import_(
+def _import_(
     source: Annotated[
         list[Path],
         typer.Argument(

@@ -12,7 +12,7 @@ from navfw.cli.options import Json, Map, World
 from navfw.cli.output import print_json, print_table, quiet_stdout
 from navfw.cli.progress_bar import ProgressBar, Quiet
 
-OverWorld = Annotated[
+_OverWorld = Annotated[
     str | None,
     typer.Option(help="Name or file of a world [default: the world with the map's name]."),
 ]
@@ -31,7 +31,7 @@ def add_to(app: typer.Typer) -> None:
 
 def show(
     map_: Map,
-    world: OverWorld = None,
+    world: _OverWorld = None,
     out: Annotated[Path | None, typer.Option(help="PNG file to write [default: MAP.png].")] = None,
     json: Json = False,
 ) -> None:
@@ -69,7 +69,7 @@ def show(
     typer.echo(f"picture {path}" + ("" if outline is not None else ", without a floor plan"))
 
 
-def check(map_: Map, world: OverWorld = None, json: Json = False) -> None:
+def check(map_: Map, world: _OverWorld = None, json: Json = False) -> None:
     """Check a map and its world. Exit with 1 if there are problems."""
     from navfw.cli.map_inputs import find_map, floor_plan
     from navfw.topomap.map_check import check_map

@@ -32,7 +32,7 @@ def add_to(app: typer.Typer) -> None:
     app.command()(perceive)
 
 
-Hfov = Annotated[
+_Hfov = Annotated[
     float | None,
     typer.Option(
         help="Horizontal field of view [degrees]; by default estimated from turns of the camera, or"
@@ -57,7 +57,7 @@ Speed = Annotated[
         show_default=False,
     ),
 ]
-Fps = Annotated[
+_Fps = Annotated[
     float | None,
     typer.Option(
         help="Images per second; by default that of the video, 10 for files.", show_default=False
@@ -84,7 +84,7 @@ Pitch = Annotated[
         help="Pitch of the camera, nose down positive [degrees]; by default 0.", show_default=False
     ),
 ]
-GyroFile = Annotated[
+_GyroFile = Annotated[
     Path | None,
     typer.Option(
         metavar="FILE",
@@ -93,7 +93,7 @@ GyroFile = Annotated[
         show_default=False,
     ),
 ]
-PoseFile = Annotated[
+_PoseFile = Annotated[
     Path | None,
     typer.Option(
         metavar="FILE",
@@ -102,7 +102,7 @@ PoseFile = Annotated[
         show_default=False,
     ),
 ]
-FlowPlugin = Annotated[str, typer.Option(metavar="PLUGIN", help="Flow processor.")]
+_FlowPlugin = Annotated[str, typer.Option(metavar="PLUGIN", help="Flow processor.")]
 Grid = Annotated[
     str | None,
     typer.Option(
@@ -111,7 +111,7 @@ Grid = Annotated[
         show_default=False,
     ),
 ]
-Stride = Annotated[
+_Stride = Annotated[
     int | None,
     typer.Option(
         help="Distance between the images of a pair [images]; by default chosen by the flow.",
@@ -126,7 +126,7 @@ Overlay = Annotated[
         show_default=False,
     ),
 ]
-JsonList = Annotated[
+_JsonList = Annotated[
     bool, typer.Option("--json", help="Print a JSON list of objects, one per pair of images.")
 ]
 
@@ -136,20 +136,20 @@ def perceive(
         list[Path],
         typer.Argument(help="A folder of images, a video, or image files.", show_default=False),
     ],
-    hfov: Hfov = None,
+    hfov: _Hfov = None,
     calibration: Calibration = None,
     speed: Speed = None,
-    fps: Fps = None,
+    fps: _Fps = None,
     times: Times = None,
     height: Height = None,
     pitch: Pitch = None,
-    gyro: GyroFile = None,
-    poses: PoseFile = None,
-    flow: FlowPlugin = "registered",
+    gyro: _GyroFile = None,
+    poses: _PoseFile = None,
+    flow: _FlowPlugin = "registered",
     grid: Grid = None,
-    stride: Stride = None,
+    stride: _Stride = None,
     overlay: Overlay = None,
-    json: JsonList = False,
+    json: _JsonList = False,
     quiet: Quiet = False,
 ) -> None:
     """Run perception on recorded images. Lists obstacles, distances and the situation."""

@@ -30,10 +30,10 @@ if TYPE_CHECKING:
 LINE_PERIOD = 5.0
 """Interval between progress lines where stderr is not a terminal [s]."""
 
-NOT_SAVED = 3
+_NOT_SAVED = 3
 """Exit code of a finished drive whose run folder could not be written completely."""
 
-LINE_WIDTH = 200
+_LINE_WIDTH = 200
 """Largest length of such a line [characters]."""
 
 COMPILING_NOTICE_AFTER = 3.0
@@ -156,7 +156,7 @@ def _run(request: _Request) -> NoReturn:
             _print_result(summary)
         if missing:
             _tell_missing(missing, folder)
-        raise typer.Exit(NOT_SAVED if missing else result.outcome.exit_code)
+        raise typer.Exit(_NOT_SAVED if missing else result.outcome.exit_code)
 
 
 def _drive(request: _Request) -> tuple[MissionResult, Path | None, tuple[str, ...]]:
@@ -326,7 +326,7 @@ class _ProgressLine:
         now = time.monotonic()
         if now >= self._next_line:
             self._next_line = now + LINE_PERIOD
-            typer.echo(_line(progress)[:LINE_WIDTH], err=True)
+            typer.echo(_line(progress)[:_LINE_WIDTH], err=True)
 
     def _explain_delay(self) -> None:
         """Print ``COMPILING`` once if there is no progress for a while because of a kernel."""

@@ -53,7 +53,7 @@ def add_to(app: typer.Typer) -> None:
 
 
 Seeds = Annotated[str, typer.Option(metavar="A:B", help="Seeds from A to B - 1.")]
-SuiteOut = Annotated[
+_SuiteOut = Annotated[
     Path | None, typer.Option(help="Folder for the table [default: runs/SUITE-A-B].")
 ]
 Stacks = Annotated[
@@ -78,11 +78,13 @@ Worlds = Annotated[
 Variants = Annotated[
     list[str] | None, typer.Option(help="Run only this variant of the suite. May be repeated.")
 ]
-KeepPictures = Annotated[Keep, typer.Option(help="Runs of which to keep the trajectory's picture.")]
+_KeepPictures = Annotated[
+    Keep, typer.Option(help="Runs of which to keep the trajectory's picture.")
+]
 Recorded = Annotated[
     Keep, typer.Option("--record", help="Runs of which to keep the recording, for a report.")
 ]
-Extend = Annotated[
+_Extend = Annotated[
     bool,
     typer.Option("--extend", help="Continue a suite that was changed; keep runs still valid."),
 ]
@@ -95,20 +97,20 @@ def suite(
     file: Suite,
     seeds: Seeds,
     workers: Workers = 1,
-    out: SuiteOut = None,
+    out: _SuiteOut = None,
     stack: Stacks = None,
     robot: Robot = None,
     set_: Overrides = None,
     worlds: Worlds = None,
     variant: Variants = None,
-    keep: KeepPictures = Keep.FAILED,
+    keep: _KeepPictures = Keep.FAILED,
     record: Recorded = Keep.NONE,
     limit: Limit = 900.0,
     memory: Memory = 2000.0,
     engine: EngineName = EngineKind.PROCESSES,
     scheduler: Scheduler = None,
     resume: Annotated[bool, typer.Option("--resume", help="Continue the suite in --out.")] = False,
-    extend: Extend = False,
+    extend: _Extend = False,
     restart: Restart = False,
     json: Json = False,
     quiet: Quiet = False,

@@ -31,10 +31,10 @@ from navfw.process.interruption import ignore_signals, set_handlers
 PATIENCE = 10.0
 """Wall time [s] for a run to end by itself after a signal, or beyond its wall-clock limit."""
 
-SAVING = 600.0
+_SAVING = 600.0
 """Wall time [s] to write the files of a finished drive; a signal does not shorten it."""
 
-LAST_STEPS = 5.0
+_LAST_STEPS = 5.0
 """Wall time [s] for a process to end after its last message: threads of plugins may not end."""
 
 _PERIOD = 0.2
@@ -217,10 +217,10 @@ class _Supervisor:
             self._deadline = now + self._run.limit + PATIENCE
         elif "driven" in message:
             self._driven = True
-            self._deadline = now + SAVING
+            self._deadline = now + _SAVING
         else:
             self._code = int(message["finished"])
-            self._deadline = now + LAST_STEPS
+            self._deadline = now + _LAST_STEPS
 
     def _forward_signals(self) -> None:
         """Forward signals to the child; it takes Ctrl-C from a terminal, sent to both, once.

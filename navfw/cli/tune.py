@@ -29,7 +29,7 @@ def add_to(app: typer.Typer) -> None:
     app.command()(tune)
 
 
-Trials = Annotated[int, typer.Option(min=1, max=100_000, help="Number of trials in all.")]
+_Trials = Annotated[int, typer.Option(min=1, max=100_000, help="Number of trials in all.")]
 Training = Annotated[str, typer.Option(metavar="A:B", help="Training seeds from A to B - 1.")]
 Validation = Annotated[
     str, typer.Option(metavar="A:B", help="Validation seeds; none of them for training.")
@@ -59,7 +59,7 @@ Resume = Annotated[bool, typer.Option("--resume", help="Go on with the study in 
 def tune(
     file: Suite,
     stack: Stack,
-    trials: Trials,
+    trials: _Trials,
     seeds: Training = "0:8",
     validate: Validation = "1000:1020",
     param: Tuned = None,

@@ -90,7 +90,7 @@ def describe(annotation: Any, metadata: Iterable[Any] = ()) -> str:
 
 def _describe_one(annotation: Any, metadata: tuple[Any, ...]) -> str:
     bare, own = peel(annotation)
-    bounds = bounds_of((*own, *metadata))
+    bounds = _bounds_of((*own, *metadata))
     choices = choices_of(bare)
     if choices:
         return choices[0] if len(choices) == 1 else "one of " + ", ".join(choices)
@@ -134,7 +134,7 @@ def _plural(annotation: Any) -> str:
     return f"values, each {describe(annotation)}"
 
 
-def bounds_of(metadata: Iterable[Any]) -> str:
+def _bounds_of(metadata: Iterable[Any]) -> str:
     """Bounds in words: ``>= 1 and < 5``, ``with at least 2 items``; empty when there are none."""
     words: list[str] = []
     for item in _constraints(metadata):
@@ -189,7 +189,7 @@ def _parameter(name: str, info: FieldInfo) -> Parameter:
         type=" | ".join(dict.fromkeys(_type_name(member) for member in members)),
         default=default,
         required=info.is_required(),
-        bounds=bounds_of(metadata),
+        bounds=_bounds_of(metadata),
         description=info.description or "",
     )
 

@@ -12,10 +12,10 @@ from navfw.robot import RobotModel
 from navfw.signals import Array, Twist
 from navfw.signals.immutable import Sealed, read_only
 
-SPEED_STEP = 0.0625
+_SPEED_STEP = 0.0625
 """Largest step [m/s] between forward speeds: from standstill the robot begins with one step."""
 
-LEAST_FORWARD, MOST_FORWARD = 9, 40
+_MIN_FORWARD, _MAX_FORWARD = 9, 40
 """Bounds of the number of forward speeds that follows from the top speed."""
 
 
@@ -66,7 +66,7 @@ class CommandGrid(Sealed):
         self.max_w = min(params.turn_rate, robot.max_w)
         turns = params.turns | 1  # an odd count contains zero
         backward = np.linspace(-robot.max_reverse, 0.0, params.reverse + 1)[:-1]
-        forward = np.linspace(0.0, self.max_v, params.forward or forward_speeds(self.max_v))
+        forward = np.linspace(0.0, self.max_v, params.forward or _forward_speeds(self.max_v))
         self.v: Array = read_only(np.concatenate([backward, forward]))
         self.w: Array = read_only(np.linspace(-self.max_w, self.max_w, turns))
         self.relative_v: Array = read_only(self.v / self.max_v)
@@ -116,9 +116,9 @@ class CommandGrid(Sealed):
         )
 
 
-def forward_speeds(max_v: float) -> int:
-    """Number of forward speeds up to ``max_v`` [m/s], standstill included, SPEED_STEP apart."""
-    return min(max(math.ceil(max_v / SPEED_STEP) + 1, LEAST_FORWARD), MOST_FORWARD)
+def _forward_speeds(max_v: float) -> int:
+    """Number of forward speeds up to ``max_v`` [m/s], standstill included, _SPEED_STEP apart."""
+    return min(max(math.ceil(max_v / _SPEED_STEP) + 1, _MIN_FORWARD), _MAX_FORWARD)
 
 
 def peak(value: float, values: Array, steps: float = 1.5) -> Array:

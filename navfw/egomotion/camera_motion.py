@@ -16,10 +16,10 @@ YAW_RATE_SIGMA = 0.003
 #: Standard deviation of the wheels' slip, relative to the distance driven.
 SLIP = 0.03
 #: Standard deviation of the shortest baseline [m]: encoder resolution and play in the wheels.
-TRANSLATION_FLOOR = 5e-4
+_TRANSLATION_FLOOR = 5e-4
 
 #: One standard deviation of a turn measured by the wheels, through slip and unequal radii [rad/m].
-WHEELS_YAW_SIGMA = 0.1
+_WHEELS_YAW_SIGMA = 0.1
 
 
 def yaw_rotation(angle: float) -> Array:
@@ -61,7 +61,7 @@ def camera_motion(
         translation=translation,
         dt=dt,
         yaw_sigma=yaw_rate_sigma * abs(dt),
-        translation_sigma=math.hypot(TRANSLATION_FLOOR, slip * way, skid),
+        translation_sigma=math.hypot(_TRANSLATION_FLOOR, slip * way, skid),
         skid_sigma=skid,
     )
 
@@ -70,5 +70,5 @@ def with_yaw_sigma(flow: FlowField, odometry: Odometry) -> FlowField:
     """``flow`` with the larger yaw sigma that is due while wheels stand in for a stale gyro."""
     if not odometry.gyro_stale:
         return flow
-    sigma = max(flow.motion.yaw_sigma, WHEELS_YAW_SIGMA * flow.motion.baseline)
+    sigma = max(flow.motion.yaw_sigma, _WHEELS_YAW_SIGMA * flow.motion.baseline)
     return replace(flow, motion=replace(flow.motion, yaw_sigma=sigma))

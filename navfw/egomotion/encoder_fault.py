@@ -8,7 +8,7 @@ from navfw.robot import RobotModel
 from navfw.signals import Encoders, Twist
 
 #: Least commanded rim speed [m/s] that counts as evidence: friction may stop a slower wheel.
-LEAST_SPEED = 0.03
+_MIN_SPEED = 0.03
 #: Commanded travel of the rim [m] without a tick from which on an encoder counts as silent.
 SILENT = 0.03
 #: Commanded travel of the rim [m] without a tick from which on a constant count no longer proves
@@ -43,7 +43,7 @@ class EncoderFaultDetector:
             way = abs(speed) * self._robot.wheel_radius
             if counted[index] != 0:
                 self._unanswered[index] = 0.0
-            elif way >= LEAST_SPEED and math.isfinite(way):
+            elif way >= _MIN_SPEED and math.isfinite(way):
                 self._unanswered[index] += way * dt
 
     @property

@@ -25,14 +25,14 @@ from navfw.numerics.algebra_kernels import bilinear, dot, multiply, solve_system
 
 Doubles = npt.NDArray[np.float64]
 
-COARSE = 0.5
+_COARSE = 0.5
 """Standard deviation [px] of residuals because the directions searched are not the right one."""
 
 HOLE = 4.0
 """Radius around the focus of expansion [px] within which the epipolar line has no direction: there
 the whole derotated vector is residual, since it has to be short."""
 
-MEDIAN_LENGTH = 1.18
+_MEDIAN_LENGTH = 1.18
 """Median length of vectors whose components are normal with standard deviation 1."""
 
 
@@ -71,7 +71,7 @@ def fit_rotation(
         for i in range(n):
             if weight[i] > 0.0:
                 length[i] = math.sqrt(off[i, 0] * off[i, 0] + off[i, 1] * off[i, 1])
-        scale = max(1.0, np.nanmedian(length / sigma) / MEDIAN_LENGTH)
+        scale = max(1.0, np.nanmedian(length / sigma) / _MEDIAN_LENGTH)
         for i in range(n):
             weights[i] = 0.0
             if math.isnan(length[i]):
@@ -154,7 +154,7 @@ def rate_directions(
         iterations: number of reweightings.
 
     Returns:
-        cost (m,): half the sum of squares, bounded for each vector, with COARSE [px] added to
+        cost (m,): half the sum of squares, bounded for each vector, with _COARSE [px] added to
         sigma in quadrature; rotation (m, 3) [rad], the small rotation vector of each.
 
     """
@@ -176,7 +176,7 @@ def rate_directions(
                 off = offsets[i]
                 for j in range(3):
                     off += slopes[i, j] * angles[j]
-                off /= math.sqrt(sigma[i] * sigma[i] + COARSE * COARSE)
+                off /= math.sqrt(sigma[i] * sigma[i] + _COARSE * _COARSE)
                 total += 0.5 * weight[i] * off * off / (1.0 + off * off / CAUCHY)
         cost[k] = total
     return cost, rotation

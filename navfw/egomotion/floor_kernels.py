@@ -31,13 +31,13 @@ distance of the nearest floor in view. 0 is the floor, 1 a wall that stands ther
 DEVIATION = 0.6745
 """Median absolute deviation of a normal distribution of standard deviation 1."""
 
-CONVERGED = 2e-5
+_CONVERGED = 2e-5
 """Step of the motion [m and rad] below which the fit has converged."""
 
 WIDE = 3
 """Number of steps with Cauchy weights, which reach far; the others have Welsch weights."""
 
-WELSCH = 2.985**2
+_WELSCH = 2.985**2
 """Squared width of the Welsch weights [sigma^2]: 95 % efficient on normal errors."""
 
 
@@ -188,14 +188,14 @@ def register_floor(
             if iteration < WIDE:
                 weights[i] = 1.0 / (sigma * sigma * (1.0 + off * off / CAUCHY))
             else:
-                weights[i] = math.exp(-off * off / WELSCH) / (sigma * sigma)
+                weights[i] = math.exp(-off * off / _WELSCH) / (sigma * sigma)
         _weighted_sums(weights, offsets, slopes, scaled, matrix, right)
         away = start - at
         for a in range(UNKNOWNS):
             right[a] += dot(prior[a], away)
         step = solve_system(matrix[:UNKNOWNS, :UNKNOWNS] + prior, right[:UNKNOWNS])
         at += step
-        if iteration >= WIDE and max(abs(step[0]), abs(step[1]), abs(step[2])) < CONVERGED:
+        if iteration >= WIDE and max(abs(step[0]), abs(step[1]), abs(step[2])) < _CONVERGED:
             break
     explained = 1.0 - (sigma / max(texture, least)) ** 2
     return at, matrix, right[SLANT], agree / seen.size, explained

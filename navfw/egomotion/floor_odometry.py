@@ -22,48 +22,48 @@ from navfw.numerics.products import product
 from navfw.robot import RobotModel
 from navfw.signals import Array, Frame, Odometry, Pose, Twist, YawCorrection, wrap_angle
 
-KEY_DISTANCE = 0.12
+_KEY_DISTANCE = 0.12
 """Distance [m] from the key frame at which the present frame becomes the next one."""
 
-KEY_TURN = math.radians(8.0)
+_KEY_TURN = math.radians(8.0)
 """The same for the turn [rad]: beyond, too little of the floor is in both images."""
 
-LOST_DISTANCE = 0.3
+_LOST_DISTANCE = 0.3
 """Distance [m] at which a key frame is given up that no frame could be registered to."""
 
 GATE = 16.0
 """Largest squared Mahalanobis distance of a measurement, of 3 degrees of freedom (0.1 %)."""
 
-WIDENED = 4.0
+_WIDENED = 4.0
 """Factor on the predicted covariance within which the floor's motion is searched."""
 
-LEAST_KNOWN = np.array([5e-4, 2e-4, 5e-4])
+_MIN_KNOWN = np.array([5e-4, 2e-4, 5e-4])
 """Least standard deviations of that search: x, y [m], yaw [rad]."""
 
-SLIPPED = 0.3
+_SLIPPED = 0.3
 """Standard deviation of the wheels' distance, as a part of it, where they are found slipping."""
 
-CLEAR_SHARE, CLEAR_EXPLAINED = 0.85, 0.985
+CLEAR_SHARE, _CLEAR_EXPLAINED = 0.85, 0.985
 """Least share of agreeing pixels, and of the variance that they explain, of an image that shows the
 floor so clearly that it is believed against the wheels."""
 
 SURPRISE = 16.0
 """Squared ratio of a yaw correction to its standard deviation from which on the bias has jumped."""
 
-CONVINCED = 3
+_CONVINCED = 3
 """Number of such frames in a row from which on the wheels count as slipping."""
 
-FLOW_SHARE = 0.5
+_FLOW_SHARE = 0.5
 """Error of the yaw by the whole flow field, as a part of the standard deviation that comes with it,
 which allows for errors that neighbours share (measured on drives through the office)."""
 
 CALIBRATION = 0.02
 """Prior standard deviation of k: slip and tyres of a data sheet that is only about right."""
 
-CALIBRATION_WALK = 5e-4
+_CALIBRATION_WALK = 5e-4
 """Random walk of k [per root of m]: floors differ."""
 
-BIAS_MARGIN = 1.5
+_BIAS_MARGIN = 1.5
 """Factor on the data sheet's random walk of the gyro's bias."""
 
 
@@ -82,9 +82,9 @@ class FloorOdometry:
         self._registration = FloorRegistration(robot)
         sheet = robot.odometry
         self._slip = sheet.slip**2 * sheet.slip_time
-        self._skid = robot.skid**2 * KEY_TURN  # keeps its value within a key frame
+        self._skid = robot.skid**2 * _KEY_TURN  # keeps its value within a key frame
         self._gyro = sheet.gyro_noise**2 / robot.control_rate
-        self._walk = (BIAS_MARGIN * sheet.gyro_bias_walk) ** 2
+        self._walk = (_BIAS_MARGIN * sheet.gyro_bias_walk) ** 2
         self._bias_prior = sheet.gyro_noise**2 / robot.control_rate + sheet.gyro_bias_walk**2
         self.reset()
 
@@ -103,7 +103,7 @@ class FloorOdometry:
     @property
     def slipping(self) -> bool:
         """Whether the last frames clearly showed the floor moving otherwise than the wheels."""
-        return self._disagreed >= CONVINCED
+        return self._disagreed >= _CONVINCED
 
     @property
     def calibration(self) -> tuple[float, float]:
@@ -137,8 +137,8 @@ class FloorOdometry:
         pose = self._key.pose.compose(Pose(*self._state[:3].tolist()))
         self._shift = _between(pose, raw.pose)
         distance = math.hypot(*self._state[:2])
-        beyond = distance > KEY_DISTANCE or abs(self._state[2]) > KEY_TURN
-        if beyond and (used or distance > LOST_DISTANCE or abs(self._state[2]) > 2.0 * KEY_TURN):
+        beyond = distance > _KEY_DISTANCE or abs(self._state[2]) > _KEY_TURN
+        if beyond and (used or distance > _LOST_DISTANCE or abs(self._state[2]) > 2.0 * _KEY_TURN):
             self._key = _KeyFrame(image, pose)
             self._state[:3] = 0.0
             self._covariance[:3, :] = 0.0
@@ -154,7 +154,7 @@ class FloorOdometry:
             return
         self._used_until = self._raw.time
         column = self._covariance[:, 4].copy()
-        spread = float(column[4]) * dt + self._gyro + (FLOW_SHARE * correction.sigma) ** 2 / dt
+        spread = float(column[4]) * dt + self._gyro + (_FLOW_SHARE * correction.sigma) ** 2 / dt
         surplus = correction.yaw**2 / dt - SURPRISE * spread
         if surplus > 0.0:  # the bias has jumped
             self._covariance[4, 4] += surplus / dt
@@ -187,13 +187,13 @@ class FloorOdometry:
         way = math.hypot(dx, dy)
         along = self._slip * max(abs(now.twist.v), 0.1) * way
         if now.silent:
-            along += (SLIPPED * way) ** 2
+            along += (_SLIPPED * way) ** 2
         ux, uy = (dx / way, dy / way) if way > 0.0 else (c, s)
         self._covariance[:2, :2] += along * np.outer((ux, uy), (ux, uy)) + 1e-9 * np.eye(2)
         aside = self._skid * abs(moved.yaw)
         self._covariance[:2, :2] += aside * np.outer((-s, c), (-s, c))
         self._covariance[2, 2] += self._gyro * dt + (1e-3 * moved.yaw) ** 2
-        self._covariance[3, 3] += CALIBRATION_WALK**2 * way
+        self._covariance[3, 3] += _CALIBRATION_WALK**2 * way
         self._covariance[4, 4] += self._walk * dt
 
     def _take_bias(self, now: Odometry) -> None:
@@ -204,7 +204,7 @@ class FloorOdometry:
 
     def _measure(self, past: FloorImage, now: FloorImage) -> bool:
         """Correct the state by the floor's motion from ``past`` to ``now``; whether it was used."""
-        known = WIDENED * self._covariance[:3, :3] + np.diag(LEAST_KNOWN**2)
+        known = _WIDENED * self._covariance[:3, :3] + np.diag(_MIN_KNOWN**2)
         found = self._registered(past, now, known)
         if found is None:
             return False
@@ -214,10 +214,10 @@ class FloorOdometry:
             return True
         # either this is no floor, or the wheels slip: then only the way along the heading is wrong
         c, s = math.cos(self._state[2]), math.sin(self._state[2])
-        way = SLIPPED * math.hypot(*self._state[:2])
+        way = _SLIPPED * math.hypot(*self._state[:2])
         slip = way**2 * np.outer((c, s, 0.0), (c, s, 0.0))
         found = self._registered(past, now, known + slip)
-        if found is None or found.share < CLEAR_SHARE or found.explained < CLEAR_EXPLAINED:
+        if found is None or found.share < CLEAR_SHARE or found.explained < _CLEAR_EXPLAINED:
             return False
         self._disagreed += 1
         if not self.slipping:

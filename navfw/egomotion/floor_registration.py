@@ -24,7 +24,7 @@ from navfw.signals.immutable import read_only
 
 Floats = npt.NDArray[np.float32]
 
-STRIDE = 2
+_STRIDE = 2
 """Distance [px] between the pixels used, along rows and columns: neighbours are alike."""
 
 REACH = 3.2
@@ -34,31 +34,31 @@ of the floor than the finest detail of its texture."""
 SMOOTHING = 1.0
 """Standard deviation of the smoothing of images [px]: gradients are then linear over a pixel."""
 
-SMOOTHED = 8
+_SMOOTHED = 8
 """Rows above the horizon [px] that are kept, so that smoothing at the border changes no floor."""
 
 CORRELATION = 4.0
 """Number of neighbouring pixels with a common error, by smoothing and by the texture's sampling."""
 
-LEAST_GREY = 0.7
+_MIN_GREY = 0.7
 """Least standard deviation of a residual [grey levels]: noise of both images after smoothing."""
 
 GAIN, OFFSET = 0.05, 5.0
 """Standard deviations of the change of brightness: of the gain, and of the offset [grey levels]."""
 
-LEAST_SHARE = 0.5
+MIN_SHARE = 0.5
 """Least share of the pixels that agree with one motion of the floor."""
 
-LEAST_EXPLAINED = 0.5
+_MIN_EXPLAINED = 0.5
 """Least share of the variance of the grey levels that the motion explains: a wall in front of the
 robot moves otherwise than the floor."""
 
-SLANT_SIGMA, MOST_SLANT = 0.5, 0.25
+_SLANT_SIGMA, _MAX_SLANT = 0.5, 0.25
 """Standard deviation of the slant (``floor_kernels.SLANT``) of what is seen before it is measured,
 and the slant beyond which it is no floor. Measured: 0.0 to 0.1 of floors, 0.5 to 1.0 of walls that
 fill the view."""
 
-LEAST_PIXELS = 100
+_MIN_PIXELS = 100
 """Least number of pixels that could show the floor."""
 
 ITERATIONS = 10
@@ -67,7 +67,7 @@ ITERATIONS = 10
 SCALE_SIGMA = 1.5e-3
 """Error of height and pitch of the camera, as a part of the way: it does not average out."""
 
-LEAST_SIGMA = np.array([1e-4, 1e-4, 5e-4])
+MIN_SIGMA = np.array([1e-4, 1e-4, 5e-4])
 """Least standard deviations of x, y [m] and yaw [rad]: of the interpolation of grey values."""
 
 
@@ -101,7 +101,7 @@ class FloorRegistration:
 
     def __init__(self, robot: RobotModel) -> None:
         camera = robot.camera
-        rows, columns = np.mgrid[2 : camera.height - 2 : STRIDE, 2 : camera.width - 2 : STRIDE]
+        rows, columns = np.mgrid[2 : camera.height - 2 : _STRIDE, 2 : camera.width - 2 : _STRIDE]
         x = columns - 0.5 * (camera.width - 1)
         y = rows - 0.5 * (camera.height - 1)
         rays = np.stack([x / camera.focal, y / camera.focal, np.ones_like(x)], axis=-1)
@@ -109,7 +109,7 @@ class FloorRegistration:
         near = -rays[..., 2] * REACH > np.hypot(rays[..., 0], rays[..., 1])
         rays = rays[near]
         horizon = 0.5 * (camera.height - 1) - camera.focal * math.tan(camera.pitch)
-        self._top = min(max(math.floor(horizon) - SMOOTHED, 0), camera.height - 1)
+        self._top = min(max(math.floor(horizon) - _SMOOTHED, 0), camera.height - 1)
         self._at = rows[near] - self._top, columns[near]
         depth = camera.mount_height / -rays[:, 2]
         ground = depth[:, None] * rays[:, :2] + np.array([camera.mount_forward, 0.0])
@@ -125,7 +125,7 @@ class FloorRegistration:
             )
         )
         self._base_from_camera = np.ascontiguousarray(camera.base_from_camera)
-        self._known = np.diag([0.0, 0.0, 0.0, GAIN**-2, OFFSET**-2, SLANT_SIGMA**-2])
+        self._known = np.diag([0.0, 0.0, 0.0, GAIN**-2, OFFSET**-2, _SLANT_SIGMA**-2])
 
     def prepare(self, image: Image) -> FloorImage:
         """``image`` (height, width) made ready for registration."""
@@ -141,7 +141,7 @@ class FloorRegistration:
         ``guess`` with ``covariance`` (3, 3) is what is known of it beforehand. It guides the fit,
         which tells the floor from other things by it, but is no part of the answer.
         """
-        if len(self._ground) < LEAST_PIXELS:
+        if len(self._ground) < _MIN_PIXELS:
             return None
         start = np.array([guess.x, guess.y, guess.yaw, 0.0, 0.0])
         prior = self._known[:UNKNOWNS, :UNKNOWNS].copy()
@@ -155,22 +155,22 @@ class FloorRegistration:
             self._base_from_camera,
             start,
             CORRELATION * prior,
-            LEAST_GREY,
+            _MIN_GREY,
             ITERATIONS,
         )
         at, information, slanted, share, explained = found
-        if share < LEAST_SHARE or explained < LEAST_EXPLAINED:
+        if share < MIN_SHARE or explained < _MIN_EXPLAINED:
             return None
         information = information / CORRELATION + self._known
         pull = np.append(_prior_pull(prior, start, at), slanted / CORRELATION)
         # covariance of the motion if the slant is not known beforehand, either
         spread = inverse(information)
-        if float(product(spread[SLANT], pull)) > MOST_SLANT:
+        if float(product(spread[SLANT], pull)) > _MAX_SLANT:
             return None
         # the answer of the images alone: where they and the prior pull equally hard
         at = at + solve(information[:SLANT, :SLANT], pull[:SLANT])
         spread = spread[:3, :3].copy()
-        spread[np.diag_indices(3)] += LEAST_SIGMA**2
+        spread[np.diag_indices(3)] += MIN_SIGMA**2
         spread[:2, :2] += SCALE_SIGMA**2 * np.outer(at[:2], at[:2])
         return FloorStep(Pose(*at[:3].tolist()), spread, share, explained)
 

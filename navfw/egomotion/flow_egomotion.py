@@ -32,7 +32,7 @@ from navfw.signals import Array
 DIRECTIONS = 128
 """Number of directions of the global search, on a hemisphere: 13 deg apart."""
 
-STARTS = 5
+_STARTS = 5
 """Number of minima of the search that are refined."""
 
 APART = math.cos(math.radians(25.0))
@@ -44,22 +44,22 @@ MODEL_SIGMA = 0.1
 FREE_TURN = 0.15
 """Standard deviation [rad] of a rotation about which nothing is known."""
 
-BOUND = 3.5
+_BOUND = 3.5
 """Residual [sigma] from which on a point counts as an outlier when minima are compared."""
 
-DECISIVE = 3.0
+_DECISIVE = 3.0
 """Least difference of log likelihoods between two directions for the better one to be known."""
 
-LEAST_PARALLAX = 0.3
+MIN_PARALLAX = 0.3
 """Least 90th percentile [px] of the flow that a pure rotation leaves, for a translation."""
 
-LEAST_FLOW = 0.25
+MIN_FLOW = 0.25
 """Least 90th percentile [px] of the flow, for a motion."""
 
-LEAST_VECTORS = 12
+MIN_VECTORS = 12
 """Least number of vectors with confidence."""
 
-SIGN_SHARE = 0.6
+_SIGN_SHARE = 0.6
 """Least share of the vectors that point away from, or towards, the focus of expansion."""
 
 
@@ -169,14 +169,14 @@ def estimate_egomotion(
 ) -> Egomotion:
     """The camera's motion that explains ``motion``, given what is known before."""
     known = prior or EgomotionPrior()
-    if int(motion.used.sum()) < LEAST_VECTORS:
+    if int(motion.used.sum()) < MIN_VECTORS:
         return _without_direction(MotionKind.UNKNOWN, known)
     motion = replace(motion, sigma=np.hypot(motion.sigma, MODEL_SIGMA))
     arrays = (motion.points, motion.past, motion.sigma, motion.weight, focal)
     rotation = fit_rotation(*arrays, known.rotation, known.information, 8)
     left = motion.points - rotate_points(motion.past, rotation, focal)
-    if motion.percentile(left) < LEAST_PARALLAX:
-        still = motion.percentile(motion.points - motion.past) < LEAST_FLOW
+    if motion.percentile(left) < MIN_PARALLAX:
+        still = motion.percentile(motion.points - motion.past) < MIN_FLOW
         kind = MotionKind.STILL if still else MotionKind.ROTATION
         return _without_direction(kind, known, rotation)
     return _translation(motion, focal, known)
@@ -218,7 +218,7 @@ def _translation(motion: PointMotion, focal: float, prior: EgomotionPrior) -> Eg
         for cost, other in zip(costs, fits, strict=True)
         if abs(float(product(other[1], direction))) < math.cos(min(max(3.0 * sigma, 0.15), 1.5))
     ]
-    decided = share >= SIGN_SHARE and all(gap > DECISIVE for gap in rivals)
+    decided = share >= _SIGN_SHARE and all(gap > _DECISIVE for gap in rivals)
     return Egomotion(
         kind=_kind(direction) if decided else MotionKind.UNKNOWN,
         rotation=rotation,
@@ -229,14 +229,14 @@ def _translation(motion: PointMotion, focal: float, prior: EgomotionPrior) -> Eg
 
 
 def _bounded_cost(motion: PointMotion, residual: Array, scale: float) -> float:
-    """Negative log likelihood of a fit with outliers: none costs more than BOUND^2 / 2.
+    """Negative log likelihood of a fit with outliers: none costs more than _BOUND^2 / 2.
 
     Which of several minima is right is decided by the points that it explains, however far off the
     others are. ``scale`` is the factor by which residuals exceed their standard deviations.
     """
     use = motion.used & np.isfinite(residual)
     off = (residual[use] / (scale * motion.sigma[use])) ** 2
-    return float((0.5 * motion.weight[use] * off / (1.0 + off / BOUND**2)).sum())
+    return float((0.5 * motion.weight[use] * off / (1.0 + off / _BOUND**2)).sum())
 
 
 def _surprise(prior: EgomotionPrior, rotation: Array, direction: Array) -> float:
@@ -264,7 +264,7 @@ def _starts(
     for k in np.argsort(cost, kind="stable").tolist():
         if all(abs(float(product(directions[k], other))) < APART for _, other in found):
             found.append((product(rotation_matrix(turns[k]), prior.rotation), directions[k]))
-        if len(found) == STARTS:
+        if len(found) == _STARTS:
             break
     return found
 

@@ -11,27 +11,27 @@ from navfw.signals import Encoders, Inertial, Odometry, Pose, Twist, YawCorrecti
 #: Time for which the wheels must have rested before the robot counts as still [s].
 REST = 0.3
 #: Change of an encoder at rest [ticks]: it may flicker between two neighbouring ticks.
-FLICKER = 1
+_FLICKER = 1
 #: Largest bias of the gyro [rad/s]; a higher rate at rest is an external turn of the robot.
-LARGEST_BIAS = 0.15
+_MAX_BIAS = 0.15
 #: Time over which the bias is averaged at rest [s]; it drifts, so a longer mean is no better.
-BIAS_MEMORY = 10.0
+_BIAS_MEMORY = 10.0
 #: Time constant that smooths encoder steps out of the measured speed [s].
-SPEED_SMOOTHING = 0.05
+_SPEED_SMOOTHING = 0.05
 #: Age of a gyro reading from which it is stale [s].
-STALE = 0.1
+_STALE = 0.1
 #: Time constant of the mean gyro residual [s].
-RESIDUAL_MEMORY = 1.5
+_RESIDUAL_MEMORY = 1.5
 #: Spread of turning rates [rad/s] below which bias and scale error cannot be told apart.
-RATE_FLOOR = 0.02
+_RATE_FLOOR = 0.02
 #: Mean gyro residual [rad/s] from which it is significant: the bias has changed.
 SIGNIFICANT = 0.003
 #: Mean gyro residual [rad/s] down to which the bias is then corrected.
-SETTLED = 0.0005
+_SETTLED = 0.0005
 #: Largest turn per distance [rad/m] of wheels that seem to roll straight: 2 % unequal radii.
-LARGEST_SKEW = 0.08
+_MAX_SKEW = 0.08
 #: Least distance [m] by which a correction of the skew is divided.
-LEAST_DISTANCE = 0.04
+MIN_DISTANCE = 0.04
 #: Share of the mean gyro residual by which the bias is corrected at every pair of frames.
 GAIN = 0.1
 
@@ -90,7 +90,7 @@ class Odometer:
             # the same reading once more: no motion in between
             return self._odometry(encoders.time, previous_rate - self._bias)
         rate = inertial.yaw_rate
-        self._stale = not math.isfinite(rate) or encoders.time - inertial.time > STALE
+        self._stale = not math.isfinite(rate) or encoders.time - inertial.time > _STALE
         left, right = self._distances(previous, encoders, dt, rate, commanded)
         if self._stale:
             # wheels of unequal radius turn the robot in proportion to the distance
@@ -99,8 +99,8 @@ class Odometer:
         self._last = encoders, rate
         self._watch_rest(encoders)
         way = 0.5 * (left + right)
-        self._speed += (way / dt - self._speed) * -math.expm1(-dt / SPEED_SMOOTHING)
-        if self._resting(encoders.time) and abs(rate) <= LARGEST_BIAS:
+        self._speed += (way / dt - self._speed) * -math.expm1(-dt / _SPEED_SMOOTHING)
+        if self._resting(encoders.time) and abs(rate) <= _MAX_BIAS:
             self._learn_bias(rate, dt)
             turn = 0.0
         else:
@@ -120,14 +120,14 @@ class Odometer:
         if motion.dt <= 0.0:
             return
         if self._stale:
-            skew = self._skew + GAIN * correction.yaw / max(motion.baseline, LEAST_DISTANCE)
-            self._skew = min(max(skew, -LARGEST_SKEW), LARGEST_SKEW)
+            skew = self._skew + GAIN * correction.yaw / max(motion.baseline, MIN_DISTANCE)
+            self._skew = min(max(skew, -_MAX_SKEW), _MAX_SKEW)
             return
         r = motion.rotation
         # y points down in camera axes: counter-clockwise from above is negative about it
         rate = 0.5 * (r[0, 2] - r[2, 0]) / motion.dt
         mean = self._residual.update(correction.yaw / motion.dt, rate, motion.dt)
-        self._correcting = abs(mean) > SIGNIFICANT or (self._correcting and abs(mean) > SETTLED)
+        self._correcting = abs(mean) > SIGNIFICANT or (self._correcting and abs(mean) > _SETTLED)
         if self._correcting:
             self._bias -= GAIN * mean
 
@@ -153,7 +153,7 @@ class Odometer:
     def _odometry(self, time: float, yaw_rate: float) -> Odometry:
         still = self._resting(time)
         speed = 0.0 if still else self._speed
-        turning = 0.0 if still and abs(yaw_rate) <= LARGEST_BIAS else yaw_rate
+        turning = 0.0 if still and abs(yaw_rate) <= _MAX_BIAS else yaw_rate
         twist = Twist(speed, turning)
         return Odometry(time, self._pose, twist, self._bias, still, self._silent, self._stale)
 
@@ -174,13 +174,13 @@ class Odometer:
         moved = max(
             abs(encoders.left - self._rest_ticks[0]), abs(encoders.right - self._rest_ticks[1])
         )
-        if moved > FLICKER:
+        if moved > _FLICKER:
             self._rest_ticks = (encoders.left, encoders.right)
             self._rest_since = encoders.time
 
     def _learn_bias(self, rate: float, dt: float) -> None:
         """Average the rate over the time at rest, with a fading memory as the bias drifts."""
-        self._bias_time = min(self._bias_time + dt, BIAS_MEMORY)
+        self._bias_time = min(self._bias_time + dt, _BIAS_MEMORY)
         self._bias += (rate - self._bias) * min(1.0, dt / self._bias_time)
 
 
@@ -192,10 +192,10 @@ class _GyroResidual:
 
     def update(self, residual: float, rate: float, dt: float) -> float:
         """Add one ``residual`` [rad/s] at turning ``rate``; the part that is not a scale error."""
-        share = -math.expm1(-dt / RESIDUAL_MEMORY)
+        share = -math.expm1(-dt / _RESIDUAL_MEMORY)
         self._mean += share * (residual - self._mean)
         self._rate += share * (rate - self._rate)
         self._both += share * (residual * rate - self._both)
         self._square += share * (rate * rate - self._square)
-        spread = self._square - self._rate**2 + RATE_FLOOR**2
+        spread = self._square - self._rate**2 + _RATE_FLOOR**2
         return self._mean - (self._both - self._mean * self._rate) / spread * self._rate

@@ -17,10 +17,10 @@ from navfw.signals import Frame, FramePair, Odometry, Pose, wrap_angle
 
 Length = Annotated[float, Field(gt=0.0, le=1.0)]
 
-BASELINE_SHARE = 0.9
+_BASELINE_SHARE = 0.9
 """Share of the largest baseline that successive frames may be apart: commands and poses vary."""
 
-MOST_HEIGHTS = 0.32
+MAX_HEIGHTS = 0.32
 """Largest desired baseline in heights of the camera: beyond, the motion of near floor between the
 frames exceeds the flow's range (METHOD 2.7)."""
 
@@ -124,7 +124,7 @@ class FrameBuffer:
     def __init__(self, robot: RobotModel, params: PairingParams | None = None) -> None:
         self.params = PairingParams() if params is None else params
         self._robot = robot
-        low = MOST_HEIGHTS * robot.camera.mount_height
+        low = MAX_HEIGHTS * robot.camera.mount_height
         self._desired = max(min(self.params.baseline, low), self.params.min_baseline)
         self.reset()
 
@@ -187,7 +187,7 @@ def seeing_speed(robot: RobotModel, params: PairingParams) -> float:
 
     Faster, no two frames are near enough to each other to show any depth.
     """
-    return BASELINE_SHARE * params.max_baseline * robot.camera.rate
+    return _BASELINE_SHARE * params.max_baseline * robot.camera.rate
 
 
 def _pose_at(time: float, odometry: Odometry) -> Pose:

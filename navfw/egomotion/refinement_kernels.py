@@ -13,7 +13,7 @@ from navfw.egomotion.epipolar_fit import epipolar_residual, fit_reweighted
 Doubles = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
-LEAST_SIGMA = 1e-6
+MIN_SIGMA = 1e-6
 """Least standard deviation of a residual [px]: a processor may call its vectors exact."""
 
 
@@ -66,7 +66,7 @@ def refine_rotation(
         offsets[i] = epipolar_residual(
             (points[i, 0], points[i, 1]), (u, v), focal, translation, nearest, axes, slopes[i]
         )
-        allowed[i] = max(math.hypot(sigma[i], direction_sigma * math.hypot(u, v)), LEAST_SIGMA)
+        allowed[i] = max(math.hypot(sigma[i], direction_sigma * math.hypot(u, v)), MIN_SIGMA)
         if math.isfinite(u) and math.isfinite(v):
             weight[i] = confidence[i] / overlap
     information = np.zeros((2, 2))

@@ -18,7 +18,7 @@ from navfw.interfaces import LandmarkKind
 from navfw.robot import RobotModel
 from navfw.signals import Array, Image
 
-ARUCO_IDS = 1000
+_ARUCO_IDS = 1000
 """Number of ids in the largest dictionary; the smaller ones of 4 x 4 modules are its first part."""
 _DICTIONARIES = {
     50: cv2.aruco.DICT_4X4_50,
@@ -46,14 +46,14 @@ def marker_dictionary(ids: int) -> cv2.aruco.Dictionary:
     for size, which in _DICTIONARIES.items():
         if ids <= size:
             return cv2.aruco.getPredefinedDictionary(which)
-    raise ValueError(f"no dictionary has {ids} ids; the largest has {ARUCO_IDS}")
+    raise ValueError(f"no dictionary has {ids} ids; the largest has {_ARUCO_IDS}")
 
 
 class ArucoMarker(LandmarkKind):
     """A marker of 4 x 4 modules on a white plate a third larger; its size is the black square's."""
 
     name: ClassVar[str] = "aruco"
-    ids: ClassVar[int] = ARUCO_IDS
+    ids: ClassVar[int] = _ARUCO_IDS
     default_size: ClassVar[float] = 0.25
 
     def plate_side(self, size: float) -> float:
@@ -108,7 +108,7 @@ def check_landmark_kind(name: str) -> str:
 
 def _aruco_plate(number: int) -> Image:
     marker = cv2.aruco.generateImageMarker(
-        marker_dictionary(ARUCO_IDS), number, _MODULES * _MODULE, borderBits=1
+        marker_dictionary(_ARUCO_IDS), number, _MODULES * _MODULE, borderBits=1
     )
     return np.pad(marker, _MODULE, constant_values=255).astype(np.uint8, copy=False)
 

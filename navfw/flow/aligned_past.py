@@ -18,17 +18,17 @@ from navfw.signals import Array, Image, Mask
 Pixels = npt.NDArray[Any]
 
 #: Largest rotational flow in the image [px] that is not compensated before matching.
-NEGLIGIBLE = 0.05
+_NEGLIGIBLE = 0.05
 
 
 def rotation_matters(rotation: Array, camera: CameraModel) -> bool:
-    """Whether ``rotation`` moves a point of the image by more than ``NEGLIGIBLE``."""
+    """Whether ``rotation`` moves a point of the image by more than ``_NEGLIGIBLE``."""
     back = np.ascontiguousarray(rotation.T)
     x, y = 0.5 * camera.width, 0.5 * camera.height
     for px, py in ((-x, -y), (x, -y), (-x, y), (x, y), (0.0, 0.0)):
         qx, qy = turn_point(px, py, back, camera.focal)
         # NaN (a corner that leaves the field of view) must compare as large
-        if not (abs(qx - px) <= NEGLIGIBLE and abs(qy - py) <= NEGLIGIBLE):
+        if not (abs(qx - px) <= _NEGLIGIBLE and abs(qy - py) <= _NEGLIGIBLE):
             return True
     return False
 

@@ -27,7 +27,7 @@ Floats = npt.NDArray[np.float32]
 Flags = npt.NDArray[np.bool_]
 
 #: Correlation length of the errors of grey values [px]: nearer samples share their errors.
-CORRELATION_LENGTH = 3.0
+_CORRELATION_LENGTH = 3.0
 #: Share of the windows in the lower half of the image, mostly floor, with a deviation below
 #: ``texture_high`` above which both images are smoothed; usual frames have next to none.
 WEAK_SHARE = 0.4
@@ -35,10 +35,10 @@ WEAK_SHARE = 0.4
 SMOOTHING = 1.0
 #: Factor of ``texture_low`` and ``texture_high`` in smoothed images: 0.28, and the rounding to
 #: whole grey levels.
-SMOOTHED_TEXTURE = 0.5
+_SMOOTHED_TEXTURE = 0.5
 #: For the quadratic peak alone: least standard deviation [px], factor of the estimated sigma, and
 #: share of the flow's variation within a window that counts as standard deviation of its vector.
-PEAK_FLOOR, PEAK_SCALE, PEAK_SPREAD = 0.05, 2.0, 0.3
+_PEAK_FLOOR, _PEAK_SCALE, _PEAK_SPREAD = 0.05, 2.0, 0.3
 
 
 class BlockMatching(MatchedFlow):
@@ -130,7 +130,7 @@ class BlockMatching(MatchedFlow):
         lower = deviation[len(deviation) // 2 :]
         if np.count_nonzero(lower < high) > WEAK_SHARE * lower.size:
             now, past = _smoothed(now), _smoothed(past)
-            low, high = SMOOTHED_TEXTURE * low, SMOOTHED_TEXTURE * high
+            low, high = _SMOOTHED_TEXTURE * low, _SMOOTHED_TEXTURE * high
             scores, deviation = correlate(now, past, *windows, p.search, visible)
         if p.subpixel == "affine":
             textured = deviation > low
@@ -186,7 +186,7 @@ class BlockMatching(MatchedFlow):
             found.score,
             found.share,
             found.mixture,
-            found.sigma * np.sqrt(max(CORRELATION_LENGTH / p.stride, 1.0)),
+            found.sigma * np.sqrt(max(_CORRELATION_LENGTH / p.stride, 1.0)),
             found.vectors - start,
             height,
             uniqueness(height, second, inner),
@@ -200,9 +200,9 @@ class BlockMatching(MatchedFlow):
         _, fine, height, second, curvature, inner = find_peaks(scores)
         confidence = np.where(inner & (curvature > 0.0), ramp(height, p.peak_low, p.peak_high), 0.0)
         confidence *= uniqueness(height, second, inner)
-        noise = PEAK_SCALE * match_sigma(height, curvature, self._pixels)
-        spread = PEAK_SPREAD * local_spread(fine, confidence)
-        return fine, confidence, np.sqrt(noise**2 + spread**2 + PEAK_FLOOR**2)
+        noise = _PEAK_SCALE * match_sigma(height, curvature, self._pixels)
+        spread = _PEAK_SPREAD * local_spread(fine, confidence)
+        return fine, confidence, np.sqrt(noise**2 + spread**2 + _PEAK_FLOOR**2)
 
 
 def _smoothed(image: Image) -> Image:

@@ -13,7 +13,7 @@ from navfw.signals import Array, FramePair
 #: Standard deviation of vectors of confidence 0, and upper limit of all others [px].
 SIGMA_UNKNOWN = 10.0
 #: Baseline [m] beyond which two images of a working camera are never identical.
-SURELY_MOVED = 0.005
+_SURELY_MOVED = 0.005
 
 
 def ramp(value: Array, low: float, high: float) -> Array:
@@ -44,7 +44,7 @@ def is_frozen(pair: FramePair, camera: CameraModel) -> bool:
     Such a pair would match perfectly and show zero flow.
     """
     motion = pair.motion
-    moved = motion.baseline > SURELY_MOVED or rotation_matters(motion.rotation, camera)
+    moved = motion.baseline > _SURELY_MOVED or rotation_matters(motion.rotation, camera)
     return moved and bool(np.array_equal(pair.past.image, pair.now.image))
 
 

@@ -22,7 +22,7 @@ Dense = npt.NDArray[np.float32]
 #: Least standard deviation of a cell's mean vector [px].
 SIGMA_FLOOR = 0.05
 #: Factor that scales the noise model to the errors measured on rendered frames.
-SIGMA_SCALE = 1.5
+_SIGMA_SCALE = 1.5
 #: Share of the standard deviation of the flow within a cell that counts as error of its mean.
 SPREAD_SHARE = 0.45
 
@@ -85,7 +85,7 @@ class DenseFlow(MatchedFlow):
         confidence = ramp(cells.share, 0.5, 0.9) * ramp(score, p.match_low, p.match_high)
         confidence *= ramp(gradient, p.gradient_low, p.gradient_high)
         confidence *= 1.0 - ramp(spread, p.spread_low, p.spread_high)
-        noise = SIGMA_SCALE * match_sigma(score, curvature, cells.pixels)
+        noise = _SIGMA_SCALE * match_sigma(score, curvature, cells.pixels)
         sigma = np.sqrt(noise**2 + (SPREAD_SHARE * spread) ** 2 + SIGMA_FLOOR**2)
         return -back, confidence, sigma
 

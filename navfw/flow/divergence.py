@@ -12,9 +12,9 @@ from navfw.signals import Array, FlowField
 
 ITERATIONS = 10
 #: Least number of vectors for a fit.
-FEWEST = 8
+MIN_VECTORS = 8
 #: Least standard deviation of the residuals [px].
-RESIDUAL_FLOOR = 0.03
+_RESIDUAL_FLOOR = 0.03
 #: Number of vectors with a common error: neighbouring windows overlap.
 OVERLAP = 4.0
 
@@ -49,7 +49,7 @@ def fit_expansion(flow: FlowField, least: float = 0.2) -> Expansion | None:
     more are used; None if there are too few.
     """
     chosen = (flow.confidence >= least) & np.isfinite(flow.vectors).all(axis=-1)
-    if np.count_nonzero(chosen) < FEWEST:
+    if np.count_nonzero(chosen) < MIN_VECTORS:
         return None
     points, vectors, sigma = flow.points[chosen], flow.vectors[chosen], flow.sigma[chosen]
     first = flow.confidence[chosen] / sigma**2
@@ -65,11 +65,11 @@ def fit_expansion(flow: FlowField, least: float = 0.2) -> Expansion | None:
             return None
         rate = float(product(weight, (away * (vectors - mean)).sum(axis=1))) / spread
         off = np.linalg.norm(vectors - mean - rate * away, axis=1)
-        scale = max(1.2 * float(np.median(off)), RESIDUAL_FLOOR)
+        scale = max(1.2 * float(np.median(off)), _RESIDUAL_FLOOR)
         weight = first / (1.0 + (off / (2.0 * scale)) ** 2)
-    component = max(float(product(weight, off**2)) / (2.0 * weight.sum()), RESIDUAL_FLOOR**2)
+    component = max(float(product(weight, off**2)) / (2.0 * weight.sum()), _RESIDUAL_FLOOR**2)
     variance = OVERLAP * component * float(product(weight**2, (away**2).sum(axis=1))) / spread**2
-    agree = off <= 3.0 * max(1.2 * float(np.median(off)), RESIDUAL_FLOOR)
+    agree = off <= 3.0 * max(1.2 * float(np.median(off)), _RESIDUAL_FLOOR)
     focus = centre - mean / rate if rate != 0.0 else centre
     return Expansion(rate, math.sqrt(variance), focus, float(agree.mean()))
 

@@ -26,17 +26,17 @@ from navfw.signals.immutable import read_only
 
 CELL = 4
 """Side of the cells [px] over which flow is averaged."""
-CELLS_ABOVE = 3
+_CELLS_ABOVE = 3
 """Rows of cells above the horizon. Near objects visible further up also extend down to here."""
-LEAST_ROWS = 4
+_MIN_ROWS = 4
 """Least number of cell rows below the horizon; with fewer the floor is hardly visible."""
 EDGE = 5
 """Margin at the image's border [px] in which matches are unreliable and discarded."""
-DIFFERENCE = 8.0
+_DIFFERENCE = 8.0
 """Largest mean absolute difference [grey levels] between a cell and its match."""
-GRADIENT = 1.5
+_GRADIENT = 1.5
 """Least root mean square gradient [grey levels/px] of a cell that can be matched."""
-COARSE_STRIDE = 8
+_COARSE_STRIDE = 8
 """Distance [px] between matched patches in coarse mode: the patches do not overlap."""
 SIGMA = 0.2
 """Standard deviation of a cell's mean flow [px], measured on rendered frames."""
@@ -47,7 +47,7 @@ _UNIT = np.eye(3)
 
 
 class FloorAlignedFlow:
-    """Flow on a grid of small cells from ``CELLS_ABOVE`` above the horizon to the lower border.
+    """Flow on a grid of small cells from ``_CELLS_ABOVE`` above the horizon to the lower border.
 
     It is made for the detection of moving objects, not for depth: for frames a short fixed time
     apart, whatever the baseline.
@@ -58,7 +58,7 @@ class FloorAlignedFlow:
         camera = robot.camera
         horizon = 0.5 * camera.height - camera.focal * math.tan(camera.pitch)
         most = camera.height // CELL
-        self._rows = min(max(math.ceil((camera.height - horizon) / CELL) + CELLS_ABOVE, 0), most)
+        self._rows = min(max(math.ceil((camera.height - horizon) / CELL) + _CELLS_ABOVE, 0), most)
         self._cols = camera.width // CELL
         self._top = camera.height - self._rows * CELL
         self._left = (camera.width - self._cols * CELL) // 2
@@ -78,12 +78,12 @@ class FloorAlignedFlow:
         self._down = -camera.base_from_camera[2]
         self._corner = np.array([[1.0, 0.0, self._left], [0.0, 1.0, self._top], [0.0, 0.0, 1.0]])
         self._dis, self._coarse_dis = _matcher(), _matcher()
-        self._coarse_dis.setPatchStride(COARSE_STRIDE)
+        self._coarse_dis.setPatchStride(_COARSE_STRIDE)
 
     @property
     def floor_visible(self) -> bool:
         """Whether enough of the floor lies in the field of view."""
-        return self._rows - CELLS_ABOVE >= LEAST_ROWS
+        return self._rows - _CELLS_ABOVE >= _MIN_ROWS
 
     def compute(self, pair: FramePair, coarse: bool = False) -> FlowField:
         """Flow from ``pair.past`` to ``pair.now``, not derotated; confidence is 0 or 1.
@@ -139,7 +139,7 @@ class FloorAlignedFlow:
             borderMode=cv2.BORDER_REPLICATE,
         )
         good = np.empty((self._rows, self._cols), dtype=np.bool_)
-        match_cells(now, np.asarray(moved, dtype=np.uint8), CELL, DIFFERENCE, GRADIENT, good)
+        match_cells(now, np.asarray(moved, dtype=np.uint8), CELL, _DIFFERENCE, _GRADIENT, good)
         return good
 
     def _means(self, values: Floats) -> Floats:

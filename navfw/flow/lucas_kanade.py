@@ -19,10 +19,10 @@ from navfw.signals import Array, Image
 #: Least standard deviation of a tracked vector [px].
 SIGMA_FLOOR = 0.05
 #: Factor that scales the noise model to the errors measured on rendered frames.
-NOISE_SCALE = 1.3
+_NOISE_SCALE = 1.3
 #: Shares that count as standard deviation: of the forward-backward error, of the disagreement
 #: within a cell, and of the variation between cells (over the points per axis of a cell).
-RETURN_SHARE, CELL_SHARE, SPREAD_SHARE = 0.5, 0.5, 0.25
+_RETURN_SHARE, _CELL_SHARE, SPREAD_SHARE = 0.5, 0.5, 0.25
 
 
 class LucasKanade(MatchedFlow):
@@ -75,8 +75,8 @@ class LucasKanade(MatchedFlow):
         trust = 1.0 - ramp(returned, p.return_low, p.return_high)
         trust *= 1.0 - ramp(residual / np.maximum(contrast, 1.0), p.residual_low, p.residual_high)
         trust *= ramp(gradient, p.gradient_low, p.gradient_high)
-        noise = NOISE_SCALE * residual / (np.maximum(gradient, 0.1) * p.window)
-        own = noise**2 + (RETURN_SHARE * np.minimum(returned, SIGMA_UNKNOWN)) ** 2
+        noise = _NOISE_SCALE * residual / (np.maximum(gradient, 0.1) * p.window)
+        own = noise**2 + (_RETURN_SHARE * np.minimum(returned, SIGMA_UNKNOWN)) ** 2
         vectors, confidence, variance = _cells(self._seeds - there, trust, own)
         spread = SPREAD_SHARE / p.points * local_spread(vectors, confidence)
         return vectors, confidence, np.sqrt(variance + spread**2 + SIGMA_FLOOR**2)
@@ -151,4 +151,4 @@ def _cells(tracks: Array, trust: Array, variance: Array) -> tuple[Array, Array, 
     disagreement = (apart**2).sum(axis=-1) / count
     own = np.where(good, variance, 0.0).sum(axis=-1) / count
     # the mean confidence of all points of a cell, lost ones included
-    return vectors, trust.mean(axis=-1), own + CELL_SHARE**2 * disagreement
+    return vectors, trust.mean(axis=-1), own + _CELL_SHARE**2 * disagreement

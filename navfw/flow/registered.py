@@ -20,12 +20,12 @@ from navfw.signals.immutable import read_only
 FLOOR = 0.035
 #: Standard deviation [grey levels] of rounding to whole grey levels: residuals of images without
 #: noise may be smaller by chance.
-ROUNDING = 0.29
+_ROUNDING = 0.29
 #: Standard deviation [grey levels] of errors that a window shares with its neighbours, so that
 #: neither its residual nor the roughness shows them. This, MIXTURE_SHARE, ROUGHNESS_POWER and
-#: USUAL_ROUGHNESS were fitted to the odd pairs of ``navfw bench flow``: about 86 % of the vectors
+#: _USUAL_ROUGHNESS were fitted to the odd pairs of ``navfw bench flow``: about 86 % of the vectors
 #: lie within two sigmas.
-COMMON_GREY = 0.45
+_COMMON_GREY = 0.45
 #: Share of the disagreement with both neighbours (``Registration.mixture``) that counts as standard
 #: deviation.
 MIXTURE_SHARE = 0.36
@@ -33,10 +33,10 @@ MIXTURE_SHARE = 0.36
 #: motion that varies within windows, have errors that no single window's residual shows.
 ROUGHNESS_POWER = 1.23
 #: Roughness at which the parts above are the whole error.
-USUAL_ROUGHNESS = 1.025
+_USUAL_ROUGHNESS = 1.025
 #: Roughness that is assumed if too few neighbours are there to measure it, the least number of
 #: triples for measuring, and the range that is believed.
-UNKNOWN_ROUGHNESS, LEAST_TRIPLES, ROUGHNESS_RANGE = 1.5, 10, (0.6, 3.0)
+UNKNOWN_ROUGHNESS, _MIN_TRIPLES, ROUGHNESS_RANGE = 1.5, 10, (0.6, 3.0)
 #: Least score and least share inside the past image of the vectors that the roughness is taken of.
 #: All others have confidence 0.
 LIKELY = 0.8, 0.6
@@ -121,12 +121,12 @@ class Registered(MatchedFlow):
         )
         likely = (found.score > LIKELY[0]) & (found.share > LIKELY[1])
         grey = np.where(likely, found.sensitivity, 0.0)
-        variance = found.sigma**2 + (ROUNDING * grey) ** 2 + FLOOR**2
-        rough = roughness(found.vectors, variance, likely, LEAST_TRIPLES)
+        variance = found.sigma**2 + (_ROUNDING * grey) ** 2 + FLOOR**2
+        rough = roughness(found.vectors, variance, likely, _MIN_TRIPLES)
         rough = UNKNOWN_ROUGHNESS if math.isnan(rough) else rough
         rough = min(max(rough, ROUGHNESS_RANGE[0]), ROUGHNESS_RANGE[1])
-        variance += (COMMON_GREY * grey) ** 2 + (MIXTURE_SHARE * found.mixture) ** 2
-        sigma = (rough / USUAL_ROUGHNESS) ** ROUGHNESS_POWER * np.sqrt(variance)
+        variance += (_COMMON_GREY * grey) ** 2 + (MIXTURE_SHARE * found.mixture) ** 2
+        sigma = (rough / _USUAL_ROUGHNESS) ** ROUGHNESS_POWER * np.sqrt(variance)
         confidence = ramp(found.score, p.registered_low, p.registered_high)
         confidence *= ramp(found.share, 0.6, 0.9)
         confidence *= np.minimum((p.sigma_full / sigma) ** 2, 1.0) * (sigma <= p.sigma_max)

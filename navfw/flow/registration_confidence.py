@@ -35,7 +35,7 @@ MIXTURE = (0.5, 2.0)
 MIXTURE_SHARE = 0.4
 #: Ratio of mismatches at which a peak begins to be, and is, unique; the same at the edge of the
 #: search range, where it is known on one side only.
-UNIQUE_INSIDE, UNIQUE_AT_EDGE = (1.0, 1.5), (1.3, 2.2)
+_UNIQUE_INSIDE, _UNIQUE_AT_EDGE = (1.0, 1.5), (1.3, 2.2)
 
 _ramp: Any = numba.njit(cache=True, error_model="numpy")(ramp)
 
@@ -44,7 +44,7 @@ _ramp: Any = numba.njit(cache=True, error_model="numpy")(ramp)
 def _uniqueness(height: float, second: float, inner: bool) -> float:
     # ratio of the mismatches (1 - score) of the second highest score and of the peak
     contrast = (1.0 - second) / max(1.0 - height, 1e-3)
-    low, high = UNIQUE_INSIDE if inner else UNIQUE_AT_EDGE
+    low, high = _UNIQUE_INSIDE if inner else _UNIQUE_AT_EDGE
     return float(_ramp(contrast, low, high))
 
 

@@ -27,7 +27,7 @@ from navfw.fuzzy.rulebase import RuleBase, Variable
 Classes = npt.NDArray[np.int8]
 # Classes of degrees. They are ordered, so AND is min, OR is max, and NOT is 2 - class.
 _ZERO, _BETWEEN, _ONE = 0, 1, 2
-MAX_COMBINATIONS = 4_000_000
+_MAX_COMBINATIONS = 4_000_000
 """Largest number of combinations of cells to search; more would take seconds."""
 
 
@@ -83,7 +83,7 @@ def uncovered_region(rule_base: RuleBase, output: str) -> tuple[InputInterval, .
     The region is an interval of each input that bounds it; the other inputs may have any value.
 
     Raises:
-        RuleBaseError: the inputs and terms have more than ``MAX_COMBINATIONS`` combinations.
+        RuleBaseError: the inputs and terms have more than ``_MAX_COMBINATIONS`` combinations.
 
     """
     clauses = [
@@ -94,11 +94,11 @@ def uncovered_region(rule_base: RuleBase, output: str) -> tuple[InputInterval, .
     axes = _axes(rule_base, clauses)
     minimal = [axis.extreme_cells(range(axis.cells), most=False) for axis in axes]
     combinations = math.prod(len(cells) for cells in minimal)
-    if combinations > MAX_COMBINATIONS:
+    if combinations > _MAX_COMBINATIONS:
         raise RuleBaseError(
             f"the rules about {output!r} combine too many inputs and terms for the coverage check "
-            f"({combinations} cases, at most {MAX_COMBINATIONS}); split the rule base, or give the "
-            "output a 'default: <value>'",
+            f"({combinations} cases, at most {_MAX_COMBINATIONS}); split the rule base, or give "
+            "the output a 'default: <value>'",
             file=rule_base.file,
             line=rule_base.outputs[output].line,
             key=f"outputs.{output}",

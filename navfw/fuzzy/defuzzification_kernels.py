@@ -21,7 +21,7 @@ Indices = npt.NDArray[np.int64]
 
 CENTROID, BISECTOR, MOM, SOM, LOM = 0, 1, 2, 3, 4
 
-_LEAST = 5e-324
+_MIN_POSITIVE = 5e-324
 """The smallest positive number."""
 
 
@@ -71,7 +71,7 @@ def _add_crossings(
     xs: Array, term: Array, first: int, last: int, cut: float, extra: Array, count: int
 ) -> int:
     """Insert the crossings of ``term`` and ``cut`` into increasing ``extra``; returns its size."""
-    level = cut if cut > 0.0 else _LEAST  # for activation 0: where the term leaves zero
+    level = cut if cut > 0.0 else _MIN_POSITIVE  # for activation 0: where the term leaves zero
     was_above = term[first] >= level
     for i in range(first, min(last + 1, xs.size - 1)):
         is_above = term[i + 1] >= level

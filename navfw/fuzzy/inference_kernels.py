@@ -55,7 +55,7 @@ def fire(
 
 
 @numba.njit(cache=True)
-def read_inputs(
+def _read(
     x: Array, xs: Array, starts: Indices, ys: Array, literal_starts: Indices, literals: Array
 ) -> bool:
     """Degrees of all literals for the inputs x (inputs,); returns False if an input is NaN."""
@@ -71,7 +71,7 @@ def read_inputs(
 
 
 @numba.njit(cache=True)
-def find_equal(rows: Array, n: int, different: Indices, count: int) -> int:
+def _find_equal(rows: Array, n: int, different: Indices, count: int) -> int:
     """A sample in ``different`` with the same row of ``rows`` as sample n, or -1."""
     for k in range(min(count, different.size)):
         m = different[k]
@@ -116,7 +116,7 @@ def infer(x: Array, reals: Array, indices: Indices) -> Array:
     read, reads = np.empty(_REMEMBERED, np.int64), 0
     different, count = np.empty(_REMEMBERED, np.int64), 0
     for n in range(samples):
-        equal = find_equal(inputs, n, read, reads)
+        equal = _find_equal(inputs, n, read, reads)
         if equal >= 0:
             table[n] = table[equal]
             continue
@@ -126,13 +126,13 @@ def infer(x: Array, reals: Array, indices: Indices) -> Array:
         cuts = table[n, rules : rules + terms]
         crisp = table[n, rules + terms :]
         crisp[:] = defaults
-        if not read_inputs(inputs[n], input_xs, input_starts, literal_ys, literal_starts, literals):
+        if not _read(inputs[n], input_xs, input_starts, literal_ys, literal_starts, literals):
             continue
         fire(program, program_starts, weights, literals, stack, firing)
         for k in range(conclusions.shape[0]):
             term = conclusions[k, 1]
             cuts[term] = max(cuts[term], firing[conclusions[k, 0]])
-        equal = find_equal(table[:, rules : rules + terms], n, different, count)
+        equal = _find_equal(table[:, rules : rules + terms], n, different, count)
         if equal >= 0:
             crisp[:] = table[equal, rules + terms :]
             continue

@@ -18,7 +18,7 @@ import numpy as np
 from navfw.numerics.functions import exp
 from navfw.signals import Array
 
-EDGE_WIDTH = 1e-9
+_EDGE_WIDTH = 1e-9
 """Width of the ramp that represents a vertical edge, relative to the range of the variable."""
 
 _SAME = 1e-13
@@ -225,7 +225,7 @@ def hedged(degree: Array, hedges: Iterable[str]) -> Array:
 def sample_universe(low: float, high: float, points: int, shapes: Iterable[Shape]) -> Array:
     """Increasing samples over [low, high]: ``points`` even ones, and those that ``shapes`` need.
 
-    A vertical edge at x gets a second sample at a distance of ``EDGE_WIDTH`` of the range, so that
+    A vertical edge at x gets a second sample at a distance of ``_EDGE_WIDTH`` of the range, so that
     it stays almost vertical under linear interpolation.
     """
     shapes = tuple(shapes)
@@ -233,7 +233,7 @@ def sample_universe(low: float, high: float, points: int, shapes: Iterable[Shape
     exact = {low, high}
     for shape in shapes:
         exact.update(x for x in shape.corners if low <= x <= high)
-        beside = (x + side * EDGE_WIDTH * width for x, side in shape.jumps)
+        beside = (x + side * _EDGE_WIDTH * width for x, side in shape.jumps)
         exact.update(x for x in beside if low < x < high)
     kept = [low]
     for x in sorted(exact)[1:]:

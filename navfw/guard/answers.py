@@ -18,7 +18,7 @@ from navfw.guard.answer_kernels import are_degrees, are_finite
 from navfw.signals import Array, Pose, Twist
 from navfw.signals.immutable import read_only
 
-MAX_ITEMS = 10_000
+_MAX_ITEMS = 10_000
 """Largest number of items in an answer: landmarks in one image, waypoints, places."""
 
 _MAX_TEXT = 10_000
@@ -139,8 +139,8 @@ def items(value: Any, what: str) -> Sequence[Any]:
         raise AnswerError(f"{what} is {_named(value)}, expected a sequence")
     found: list[Any] = []
     for item in value:
-        if len(found) == MAX_ITEMS:
-            raise AnswerError(f"{what} has more than {MAX_ITEMS} items")
+        if len(found) == _MAX_ITEMS:
+            raise AnswerError(f"{what} has more than {_MAX_ITEMS} items")
         found.append(item)
     return tuple(found)
 
@@ -149,8 +149,8 @@ def mapping(value: Any, what: str) -> dict[str, Any]:
     """``value`` as a new dictionary of bounded size with texts as keys."""
     if type(value) is not MappingProxyType and not isinstance(value, Mapping):
         raise AnswerError(f"{what} is {_named(value)}, expected a mapping")
-    if len(value) > MAX_ITEMS:
-        raise AnswerError(f"{what} has more than {MAX_ITEMS} items")
+    if len(value) > _MAX_ITEMS:
+        raise AnswerError(f"{what} has more than {_MAX_ITEMS} items")
     if _are_texts(value):
         return dict(value)
     return {text(key, f"a key of {what}"): item for key, item in value.items()}
@@ -208,7 +208,7 @@ def _immutable_of(value: Any, types: set[type[Any]]) -> bool:
     """
     return (
         type(value) is MappingProxyType
-        and 0 < len(value) <= MAX_ITEMS
+        and 0 < len(value) <= _MAX_ITEMS
         and set(map(type, value.values())) == types
         and _are_texts(value)
     )

@@ -15,14 +15,14 @@ from navfw.process.interruption import check_interrupted, interrupted
 from navfw.process.watchdog import PluginTimeout, Watchdog
 from navfw.robot import RobotModel
 
-FIRST_LIMIT = 60.0
+_FIRST_LIMIT = 60.0
 """Wall time limit of a plugin's first call in a run [s], and of all up to the first decision: they
 may load kernels and libraries."""
 
 LIMIT = 10.0
 """Wall time limit of every other call [s]: some ten thousand times the usual run time."""
 
-SUSPENSION, LONGEST_SUSPENSION = 0.5, 16.0
+SUSPENSION, MAX_SUSPENSION = 0.5, 16.0
 """Simulated time [s] for which a plugin is not called after its first time-out, doubled each time,
 and its bound."""
 
@@ -88,7 +88,7 @@ class PluginGuard:
     refuse the mission by an InputError.
     """
 
-    def __init__(self, limit: float = LIMIT, first_limit: float = FIRST_LIMIT) -> None:
+    def __init__(self, limit: float = LIMIT, first_limit: float = _FIRST_LIMIT) -> None:
         self._limit = limit
         self._first_limit = first_limit
         self._watchdog = Watchdog()
@@ -196,7 +196,7 @@ class PluginGuard:
     def _suspend(self, plugin: str) -> None:
         duration = SUSPENSION
         if plugin in self._suspended:
-            duration = min(2.0 * self._suspended[plugin][1], LONGEST_SUSPENSION)
+            duration = min(2.0 * self._suspended[plugin][1], MAX_SUSPENSION)
         self._suspended[plugin] = (self.time + duration, duration)
 
 

@@ -24,13 +24,13 @@ from navfw.stack import Stack
 Observation = Literal["image", "flow", "percept", "local_map"]
 """The kinds of observation."""
 
-FARTHEST = 50.0
+MAX_DISTANCE = 50.0
 """Distance [m] at which the coordinates of the waypoint are clipped."""
 
-NEAREST = 20.0
+_MAX_NEARNESS = 20.0
 """Nearness [1/m] at which percepts are clipped: 5 cm from the camera."""
 
-HIGHEST = 5.0
+MAX_HEIGHT = 5.0
 """Height [m] above and below the floor at which the heights of percepts are clipped."""
 
 _QUADRANTS = ("P1", "P2", "P3", "P4")
@@ -106,9 +106,9 @@ class PerceptObservation(ObservationKind):
     def __init__(self, stack: Stack) -> None:
         grid = _grid_of(stack)
         self.spaces = {
-            "nearness": _box(0.0, NEAREST, *grid),
+            "nearness": _box(0.0, _MAX_NEARNESS, *grid),
             "confidence": _box(0.0, 1.0, *grid),
-            "height": _box(-HIGHEST, HIGHEST, *grid),
+            "height": _box(-MAX_HEIGHT, MAX_HEIGHT, *grid),
             "label": spaces.Box(min(Label), max(Label), grid, np.int8),
             "quadrants": _box(0.0, 1.0, len(_QUADRANTS), len(_TERMS)),
             "situations": _box(0.0, 1.0, len(_SITUATIONS)),
@@ -193,7 +193,7 @@ class AgentView:
         limits = np.array([2.0 * v, 2.0 * w], np.float32)
         self._kind = kind
         self._boxes = {
-            "waypoint": _box(-FARTHEST, FARTHEST, 2),
+            "waypoint": _box(-MAX_DISTANCE, MAX_DISTANCE, 2),
             "twist": spaces.Box(-limits, limits, dtype=np.float32),
             **kind.spaces,
         }

@@ -24,21 +24,21 @@ from navfw.numerics.products import product
 from navfw.signals import Array, Odometry, Pose, wrap_angle
 from navfw.topomap import TopoMap
 
-FACING = math.radians(80.0)
+_FACING = math.radians(80.0)
 """A landmark is visible from its front only, up to this angle off its normal [rad]."""
 
-SUPPORT_DISTANCE = 0.75
+_SUPPORT_DISTANCE = 0.75
 """An observation supports a pose if it puts the landmark within this distance [m], plus a tenth of
 the range, of its mapped position."""
 
-SUPPORT_MEMORY = 30.0
+_SUPPORT_MEMORY = 30.0
 """Distance driven [m] for which an observation can support a pose."""
 
-MIN_EXISTENCE = 0.3
+_MIN_EXISTENCE = 0.3
 """Lower bound on the existence probability used here: if all landmarks were discounted after a
 wrong start, the filter could not find the right pose."""
 
-CLUSTER_RADIUS = 1.0
+_CLUSTER_RADIUS = 1.0
 """Radius of the cluster around the likeliest cell [m]."""
 
 
@@ -76,7 +76,7 @@ class DiscreteParams(Params):
 
 @dataclass(frozen=True, slots=True)
 class Cluster:
-    """The likeliest pose (map) and the probability ``mass`` within ``CLUSTER_RADIUS`` of it.
+    """The likeliest pose (map) and the probability ``mass`` within ``_CLUSTER_RADIUS`` of it.
 
     ``covariance`` (3, 3) of (x, y, yaw) is that within the cluster, ``spread`` (3, 3) the second
     moments of the whole belief about ``pose``.
@@ -168,7 +168,7 @@ class DiscreteFilter:
         for observation in observations:
             identity = observation.landmark.identity
             self._observed[identity] = (observation, self._driven)
-            self._correct(observation, max(self.existence.probability(identity), MIN_EXISTENCE))
+            self._correct(observation, max(self.existence.probability(identity), _MIN_EXISTENCE))
 
     def support_probability(self, pose: Pose) -> float:
         """The probability that at least one landmark supporting ``pose`` (map) is in its place.
@@ -187,7 +187,7 @@ class DiscreteFilter:
         fitting = [
             (observation, driven)
             for observation, driven in self._observed.values()
-            if self._driven - driven <= SUPPORT_MEMORY and self._fits(observation, pose)
+            if self._driven - driven <= _SUPPORT_MEMORY and self._fits(observation, pose)
         ]
         return [observation.landmark.identity for observation in consistent_observations(fitting)]
 
@@ -257,7 +257,7 @@ class DiscreteFilter:
         to_x = mark.x - lattice.x[columns][None, :]
         to_y = mark.y - lattice.y[rows][:, None]
         direction = arctan2(to_y, to_x)
-        front = np.abs(_wrapped(direction + math.pi - mark.yaw)) <= FACING
+        front = np.abs(_wrapped(direction + math.pi - mark.yaw)) <= _FACING
         ring = exp(-0.5 * ((np.hypot(to_x, to_y) - distance) / sigma_range) ** 2) * front
         off = _wrapped(direction[None] - bearing - lattice.yaw[:, None, None])
         toward = exp(-0.5 * (off / sigma_angle) ** 2)
@@ -298,10 +298,10 @@ class DiscreteFilter:
         near = np.arange(-2, 3)
         headings = (int(heading) + near) % lattice.headings
         x0, y0 = float(lattice.x[column]), float(lattice.y[row])
-        rows, columns = self._window(x0, y0, CLUSTER_RADIUS)
+        rows, columns = self._window(x0, y0, _CLUSTER_RADIUS)
         part = self.belief[:, rows, columns][headings].astype(np.float64)
         dx, dy = lattice.x[columns] - x0, lattice.y[rows] - y0
-        part *= (np.hypot(dx[None, :], dy[:, None]) <= CLUSTER_RADIUS)[None]
+        part *= (np.hypot(dx[None, :], dy[:, None]) <= _CLUSTER_RADIUS)[None]
         mass = float(part.sum())
         dyaw = near * (2.0 * math.pi / lattice.headings)
         grids = np.meshgrid(dyaw, dy, dx, indexing="ij")
@@ -353,7 +353,7 @@ class DiscreteFilter:
         mark = observation.landmark
         local = self._last.to_local(observation.x, observation.y)
         x, y = pose.to_parent(*local)
-        slack = SUPPORT_DISTANCE + 0.1 * math.hypot(*local)
+        slack = _SUPPORT_DISTANCE + 0.1 * math.hypot(*local)
         return math.hypot(x - mark.x, y - mark.y) <= slack
 
 

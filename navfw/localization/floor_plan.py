@@ -31,37 +31,37 @@ from navfw.signals import (
 )
 from navfw.topomap import TopoMap
 
-LEAST_POINTS = 8
+MIN_POINTS = 8
 """Least number of points of a scan that is matched."""
 
 GATE = 16.0
 """Squared Mahalanobis distance of a fit from the prediction from which on it is not used."""
 
-BLOCKED_COST = 2.0
+_BLOCKED_COST = 2.0
 """How much more a ray that a wall would have blocked speaks against a pose than a point that does
 not belong to the plan: furniture explains the point, nothing explains the ray."""
 
-LEAST_SHARE = 0.25
+MIN_SHARE = 0.25
 """Share of the points that belong to the plan below which a scan shows furniture, and tells nothing
 of the pose."""
 
-LARGEST_SKID = 0.1
+_MAX_SKID = 0.1
 """Sigma of the camera's way aside, as a part of its way, up to which a scan is matched: a camera
 that has gone another way distorts the whole scan."""
 
 INFLATION = 2.0
 """Factor on the covariance after a fit that was not used: the pose may be wrong."""
 
-CLEARLY_BETTER = 0.5
+_CLEARLY_BETTER = 0.5
 """Mean log likelihood of the points by which another pose has to fit better than the tracked one
 to take its place. Things that the plan does not show cost the tracked pose less; a wrong pose fits
 worse by 1 and more."""
 
-TRUSTED_SHARE, TRUSTED_XY = 0.5, 0.15
+_TRUSTED_SHARE, _TRUSTED_XY = 0.5, 0.15
 """Share of the points that belong to the plan, and standard deviation [m] of the position, with
 which a wall that was seen through is not there."""
 
-FOUND_XY, FOUND_YAW = 0.15, 0.05
+_FOUND_XY, _FOUND_YAW = 0.15, 0.05
 """Standard deviations [m, rad] of a pose that the search has found."""
 
 
@@ -157,7 +157,7 @@ class FloorPlanLocalizer(Localizer):
         if self._skidding(twist):
             return None
         scan = scan_of(percept, self.robot)
-        if scan.size < LEAST_POINTS:
+        if scan.size < MIN_POINTS:
             return None
         self._scanned_at = self._driven
         return scan
@@ -165,7 +165,7 @@ class FloorPlanLocalizer(Localizer):
     def _skidding(self, twist: Twist) -> bool:
         """Whether wheels that skid in a turn leave open which way the camera has gone."""
         way = math.hypot(twist.v, twist.w * self.robot.camera.mount_forward)
-        return self.robot.skid * abs(twist.w) > LARGEST_SKID * way
+        return self.robot.skid * abs(twist.w) > _MAX_SKID * way
 
     def _correct(self, scan: PlanScan) -> None:
         """Match a scan to the plan, near the predicted pose."""
@@ -175,16 +175,16 @@ class FloorPlanLocalizer(Localizer):
         match = self._field.match(scan, here, by_filter)
         at = np.array([[match.pose.x, match.pose.y, match.pose.yaw]])
         blocked = float(self._field.blocked(scan, at)[0])
-        fit = match.belonging - BLOCKED_COST * blocked
+        fit = match.belonging - _BLOCKED_COST * blocked
         self.fit += (fit - self.fit) / self.params.memory
         off = np.array([match.pose.x - here.x, match.pose.y - here.y, 0.0])
         off[2] = wrap_angle(match.pose.yaw - here.yaw)
         if float(product(off, solve(known, off))) > GATE:
             self.filter.covariance[:3, :] *= math.sqrt(INFLATION)
             self.filter.covariance[:, :3] *= math.sqrt(INFLATION)
-        elif match.belonging >= LEAST_SHARE:
+        elif match.belonging >= MIN_SHARE:
             self.filter.adopt(match.pose, match.information)
-            if match.belonging >= TRUSTED_SHARE and known[0, 0] + known[1, 1] <= TRUSTED_XY**2:
+            if match.belonging >= _TRUSTED_SHARE and known[0, 0] + known[1, 1] <= _TRUSTED_XY**2:
                 self._field.see_through(scan, match.pose)
         if self.fit < self.params.lost_below:
             self.tracking = False
@@ -196,9 +196,9 @@ class FloorPlanLocalizer(Localizer):
             return
         if self.tracking:
             here = self.filter.pose
-            if are_close(found, here) or self._search.advantage(found, here) < CLEARLY_BETTER:
+            if are_close(found, here) or self._search.advantage(found, here) < _CLEARLY_BETTER:
                 return
-        self._track(found, FOUND_XY, FOUND_YAW, odometry)
+        self._track(found, _FOUND_XY, _FOUND_YAW, odometry)
 
     def _track(self, pose: Pose, xy: float, yaw: float, odometry: Odometry) -> None:
         self.tracking = True

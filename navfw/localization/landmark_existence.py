@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-MAX_GAIN, MAX_LOSS = 1.0, -1.5
+_MAX_GAIN, _MAX_LOSS = 1.0, -1.5
 """Bounds on the log-odds that one observation adds."""
 
-MIN_LOG_ODDS, MAX_LOG_ODDS = -5.0, 4.0
+_MIN_LOG_ODDS, _MAX_LOG_ODDS = -5.0, 4.0
 """Bounds on the log-odds of a landmark: probabilities 0.007 and 0.98."""
 
 _TINY = 1e-30
@@ -35,9 +35,9 @@ class LandmarkExistence:
         ``likelihood_ratio`` is that of the observation with the landmark in its place, over that
         with it elsewhere; ``weight`` in (0, 1] scales its logarithm.
         """
-        evidence = min(max(math.log(max(likelihood_ratio, _TINY)), MAX_LOSS), MAX_GAIN)
+        evidence = min(max(math.log(max(likelihood_ratio, _TINY)), _MAX_LOSS), _MAX_GAIN)
         odds = self._odds.get(identity, self._prior) + weight * evidence
-        self._odds[identity] = min(max(odds, MIN_LOG_ODDS), MAX_LOG_ODDS)
+        self._odds[identity] = min(max(odds, _MIN_LOG_ODDS), _MAX_LOG_ODDS)
 
     def reset(self, fits: Callable[[str], bool]) -> None:
         """Set landmarks below the prior back to it where ``fits``: the pose was wrong, not they."""

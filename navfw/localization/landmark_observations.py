@@ -19,13 +19,13 @@ from navfw.topomap import Landmark, TopoMap
 MAX_AGE = 2.0
 """Largest age of a detection [s]; older ones are dropped."""
 
-REPEAT_INTERVAL = 1.0
+_REPEAT_INTERVAL = 1.0
 """Time between two detections of one landmark from which they count as independent [s]."""
 
-DISTANCE_TOLERANCE = 0.05
+_DISTANCE_TOLERANCE = 0.05
 """Allowed error [m], beyond three sigmas, of the measured distance between two landmarks."""
 
-ODOMETRY_ERROR = 0.03
+_ODOMETRY_ERROR = 0.03
 """Odometry error between two observations, as a share of the distance driven."""
 
 
@@ -93,7 +93,7 @@ class LandmarkObserver:
                 continue
             self._last[detection.identity] = detection.time
             yield LandmarkObservation(
-                mark, measured, noise, x, y, min(1.0, since / REPEAT_INTERVAL)
+                mark, measured, noise, x, y, min(1.0, since / _REPEAT_INTERVAL)
             )
 
     def _pose_at(self, time: float) -> Pose:
@@ -128,6 +128,6 @@ def _consistency(observations: Sequence[tuple[LandmarkObservation, float]]) -> l
             measured = math.hypot(a.x - b.x, a.y - b.y)
             mapped = math.hypot(a.landmark.x - b.landmark.x, a.landmark.y - b.landmark.y)
             sigma = math.sqrt(float(a.noise[1, 1] + b.noise[1, 1]))
-            allowed = DISTANCE_TOLERANCE + 3.0 * sigma + ODOMETRY_ERROR * abs(driven_a - driven_b)
+            allowed = _DISTANCE_TOLERANCE + 3.0 * sigma + _ODOMETRY_ERROR * abs(driven_a - driven_b)
             table[i][j] = table[j][i] = abs(measured - mapped) <= allowed
     return table

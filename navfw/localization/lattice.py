@@ -17,16 +17,16 @@ from navfw.topomap import TopoMap
 
 Floats = npt.NDArray[np.float32]
 
-MAX_HALF_WIDTH = 1.5
+_MAX_HALF_WIDTH = 1.5
 """Upper bound on a passage's half width [m]; also used where the width is unknown."""
 
 PLACE_RADIUS = 1.0
 """Radius of the domain around a place [m]."""
 
-FRINGE = 0.75
+_FRINGE = 0.75
 """Width of the fringe beside passages and places [m], where the robot is less likely."""
 
-FRINGE_LOSS = 0.9
+_FRINGE_LOSS = 0.9
 """Factor on the probability for each cell's length driven in the fringe."""
 
 MAX_STATES = 3_000_000
@@ -37,14 +37,14 @@ class Lattice:
     """Cells of ``cell`` [m] over a map, times ``headings`` directions.
 
     ``domain`` (rows, columns) is True where the robot can be; ``keep`` (rows, columns) is the
-    factor on the probability for each cell's length driven: 1, ``FRINGE_LOSS``, or 0 outside.
+    factor on the probability for each cell's length driven: 1, ``_FRINGE_LOSS``, or 0 outside.
     ``place`` (rows, columns) is the index of the nearest place. ``x`` (columns,) and ``y`` (rows,)
     are the cells' centres [m, map].
     """
 
     def __init__(self, topo_map: TopoMap, cell: float, headings: int) -> None:
         points = np.array([(p.x, p.y) for p in topo_map.places.values()])
-        margin = MAX_HALF_WIDTH + FRINGE + cell
+        margin = _MAX_HALF_WIDTH + _FRINGE + cell
         low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
         area = float(np.prod(high - low))
         self.cell = max(cell, math.sqrt(area * headings / MAX_STATES))
@@ -57,8 +57,8 @@ class Lattice:
         self.yaw = 2.0 * math.pi * np.arange(headings) / headings
         excess = self._excess(topo_map)
         self.place = self._nearest(points)
-        self.domain = excess <= FRINGE
-        inside = np.where(excess <= 0.0, 1.0, FRINGE_LOSS)
+        self.domain = excess <= _FRINGE
+        inside = np.where(excess <= 0.0, 1.0, _FRINGE_LOSS)
         self.keep: Floats = np.where(self.domain, inside, 0.0).astype(np.float32)
 
     @property
@@ -86,14 +86,14 @@ class Lattice:
             self._lower(excess, (place.x, place.y), (place.x, place.y), PLACE_RADIUS)
         for passage in topo_map.passages:
             a, b = topo_map.places[passage.a], topo_map.places[passage.b]
-            self._lower(excess, (a.x, a.y), (b.x, b.y), min(0.5 * passage.width, MAX_HALF_WIDTH))
+            self._lower(excess, (a.x, a.y), (b.x, b.y), min(0.5 * passage.width, _MAX_HALF_WIDTH))
         return excess
 
     def _lower(
         self, excess: Array, a: tuple[float, float], b: tuple[float, float], half: float
     ) -> None:
         """Lower ``excess`` to the distance to the segment ``a`` to ``b``, minus ``half``."""
-        reach = half + FRINGE
+        reach = half + _FRINGE
         rows, columns = (
             slice(
                 max(0, math.floor((min(ends) - reach - axis[0]) / self.cell)),

@@ -37,7 +37,7 @@ SURPRISE = 4.0
 """Squared Mahalanobis distance from which a single landmark is not used: it may be displaced. When
 two or more consistent landmarks exceed it, the pose is wrong instead."""
 
-SURPRISE_DISTANCE = 10.0
+_SURPRISE_DISTANCE = 10.0
 """Distance driven [m] for which a surprising observation is kept for comparison with others."""
 
 
@@ -188,7 +188,7 @@ class MetricFilter:
         self._surprises = {
             identity: kept
             for identity, kept in self._surprises.items()
-            if self._driven - kept[1] <= SURPRISE_DISTANCE
+            if self._driven - kept[1] <= _SURPRISE_DISTANCE
         }
         self._surprises[observation.landmark.identity] = observation, self._driven
         return len(consistent_observations(list(self._surprises.values()))) >= 2

@@ -6,7 +6,7 @@ already subtracted its own bias estimate from the heading, so only the differenc
 The process noise follows from the sensors' data sheets (``RobotModel.odometry``). A wheel slip of
 standard deviation s with correlation time T, independent for both wheels, gives ``s sqrt(T v)`` [m]
 per root of a metre at speed v. A mean slip m grows with the distance, not with its root; it is
-covered up to the distance ``BETWEEN`` by ``m sqrt(BETWEEN)``. Unequal wheels do not affect the
+covered up to the distance ``_BETWEEN`` by ``m sqrt(_BETWEEN)``. Unequal wheels do not affect the
 heading, which comes from the gyro. A gyro with noise g at the rate r gives ``g / sqrt(r)`` [rad]
 per root of a second, and a bias uncertainty of ``g / sqrt(r REST)`` after a rest.
 """
@@ -27,7 +27,7 @@ from navfw.signals import Array, Odometry, Pose, wrap_angle
 NonNegative = Annotated[float, Field(ge=0.0, le=10.0)]
 """Sigmas in metres and radians, and of their growth: 10 says that nothing is known."""
 
-BETWEEN = 5.0
+_BETWEEN = 5.0
 """Usual distance driven between two landmark observations [m]."""
 
 REST = 1.0
@@ -37,14 +37,14 @@ that estimate while the robot rests [s]."""
 MEMORY = 10.0
 """Averaging time of odometry's bias estimate [s]: it lags behind a bias that drifts."""
 
-TURN_MEMORY = 0.5
+_TURN_MEMORY = 0.5
 """Turn [rad] over which the point keeps its place about which skidding wheels turn the robot."""
 
 BY_FLOOR = 0.01
 """Error of the distance that the floor's motion in the images measures [m per root of m]: measured
 0.002 to 0.004."""
 
-INTEGRATION = 0.002
+_INTEGRATION = 0.002
 """Error of encoder quantisation and midpoint integration [m per root of m]."""
 
 
@@ -92,7 +92,7 @@ class MotionNoise:
 def motion_noise(params: MotionParams, robot: RobotModel) -> MotionNoise:
     """The process noise: from ``params``, and where those are None from ``robot.odometry``."""
     sheet = robot.odometry
-    slipping = sheet.slip**2 * sheet.slip_time * robot.max_v + sheet.slip_mean**2 * BETWEEN
+    slipping = sheet.slip**2 * sheet.slip_time * robot.max_v + sheet.slip_mean**2 * _BETWEEN
     noise = sheet.gyro_noise**2 / robot.control_rate
     lag = sheet.gyro_bias_walk**2 * MEMORY / 3.0
 
@@ -100,9 +100,9 @@ def motion_noise(params: MotionParams, robot: RobotModel) -> MotionNoise:
         return params.margin * math.sqrt(variance) if value is None else value
 
     return MotionNoise(
-        known(params.along, slipping + INTEGRATION**2),
+        known(params.along, slipping + _INTEGRATION**2),
         params.aside,
-        params.margin * robot.skid * math.sqrt(TURN_MEMORY),
+        params.margin * robot.skid * math.sqrt(_TURN_MEMORY),
         known(params.yaw_by_time, noise),
         params.yaw_by_turning,
         known(params.bias, noise / REST + lag),

@@ -17,22 +17,22 @@ from navfw.robot import RobotModel
 from navfw.signals import Odometry, Percept, Pose
 from navfw.topomap import TopoMap
 
-SCAN_EVERY = 0.1
+_SCAN_EVERY = 0.1
 """Distance driven [m] between two scans."""
 
 MEMORY, POINTS = 2.0, 2000
 """Distance driven [m] whose scans show a corridor, and their number of points."""
 
-CORRIDOR_EVERY, DOOR_EVERY = 1.0, 0.3
+_CORRIDOR_EVERY, _DOOR_EVERY = 1.0, 0.3
 """Distance driven [m] between two fixes: nearer ones would share most of their points."""
 
-ALONG = 0.6
+_ALONG = 0.6
 """Largest angle [rad] between heading and passage: the camera sees both of its sides."""
 
 MARGIN = 0.2
 """Distance [m] beyond the passage at which the believed pose may be, as it may be wrong."""
 
-DOOR_NEAREST, DOOR_FARTHEST = 0.4, 2.0
+_MIN_DOOR_DISTANCE, _MAX_DOOR_DISTANCE = 0.4, 2.0
 """Distances [m] ahead between which a door's posts are in view and seen well."""
 
 
@@ -55,7 +55,7 @@ class PassageObserver:
         if self._last is not None:
             self._driven += math.dist((self._last.x, self._last.y), (odom.x, odom.y))
         self._last = odom
-        if percept is None or self._driven - self._scanned_at < SCAN_EVERY:
+        if percept is None or self._driven - self._scanned_at < _SCAN_EVERY:
             return []
         scan = scan_of(percept, self._robot)
         self._scanned_at = self._driven
@@ -65,7 +65,7 @@ class PassageObserver:
 
     def _corridor(self, here: Pose, odom: Pose) -> PassageFix | None:
         """By the corridor that the robot is in."""
-        if self._driven - self._corridor_at < CORRIDOR_EVERY:
+        if self._driven - self._corridor_at < _CORRIDOR_EVERY:
             return None
         axis = next((axis for axis in self._corridors if _is_in(axis, here)), None)
         if axis is None:
@@ -77,7 +77,7 @@ class PassageObserver:
 
     def _door(self, here: Pose, scan: PlanScan) -> PassageFix | None:
         """By the door ahead."""
-        if self._driven - self._door_at < DOOR_EVERY:
+        if self._driven - self._door_at < _DOOR_EVERY:
             return None
         axis = next((axis for axis in self._doors if _is_ahead(axis, here)), None)
         fix = None if axis is None else door_fix(axis, here, scan)
@@ -89,11 +89,11 @@ class PassageObserver:
 def _is_in(axis: PassageAxis, here: Pose) -> bool:
     at = axis.frame(here)
     inside = abs(at.y) <= 0.5 * axis.width + MARGIN
-    return inside and -MARGIN <= at.x <= axis.length + MARGIN and axis.heading_off(here) <= ALONG
+    return inside and -MARGIN <= at.x <= axis.length + MARGIN and axis.heading_off(here) <= _ALONG
 
 
 def _is_ahead(axis: PassageAxis, here: Pose) -> bool:
     at = axis.frame(here)
     ahead = -at.x if abs(at.yaw) < 0.5 * math.pi else at.x
-    in_front = DOOR_NEAREST <= ahead <= DOOR_FARTHEST and abs(at.y) <= 0.5 * axis.width
-    return in_front and axis.heading_off(here) <= ALONG
+    in_front = _MIN_DOOR_DISTANCE <= ahead <= _MAX_DOOR_DISTANCE and abs(at.y) <= 0.5 * axis.width
+    return in_front and axis.heading_off(here) <= _ALONG

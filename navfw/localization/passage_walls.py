@@ -19,36 +19,36 @@ from navfw.numerics.products import product
 from navfw.signals import Array, Pose, wrap_angle
 from navfw.topomap import Passage, Place, TopoMap
 
-WIDEST = 3.0
+MAX_WIDTH = 3.0
 """Largest width [m] of a passage between walls."""
 
-ALIGNED = 0.1
+_ALIGNED = 0.1
 """Largest distance [m] of the ends of collinear passages from their common line."""
 
 TOLERANCE = 0.2
 """Largest difference [m] of the distance between two walls from the width on the map."""
 
-SPREAD = 0.1
+_SPREAD = 0.1
 """Scale [m] of the residuals of points that belong to a wall: skirting, frames, posters."""
 
-LEAST_SPAN = 0.6
+_MIN_SPAN = 0.6
 """Least length [m] of wall that gives a heading."""
 
-LEAST_POINTS = 6
+MIN_POINTS = 6
 """Least number of points on a wall."""
 
-AXIS_SIGMA, AXIS_YAW_SIGMA = 0.05, 0.02
+_AXIS_SIGMA, _AXIS_YAW_SIGMA = 0.05, 0.02
 """Standard deviations [m, rad] of an edge of the map from the middle between the walls, and of its
 direction: places are set by hand."""
 
-DOOR_SIGMA = 0.06
+_DOOR_SIGMA = 0.06
 """Standard deviation [m] of the middle between two seen door posts."""
 
-POST = 0.1
+_POST = 0.1
 """Quantile of the distances of a wall's points from the middle of a door that is its post: single
 points are wrong."""
 
-FATTENING = 0.4
+_FATTENING = 0.4
 """How much narrower [m] than it is a gap may look: cells of the image reach over its edges."""
 
 
@@ -123,8 +123,8 @@ def _corridors(topo_map: TopoMap) -> Iterator[PassageAxis]:
             (passage, span)
             for passage in rest
             if (span := _span(topo_map, axis, passage)) is not None
-            and span[0] <= high + ALIGNED
-            and span[1] >= low - ALIGNED
+            and span[0] <= high + _ALIGNED
+            and span[1] >= low - _ALIGNED
         ]:
             for passage, span in joined:
                 rest.remove(passage)
@@ -137,7 +137,7 @@ def _corridors(topo_map: TopoMap) -> Iterator[PassageAxis]:
 def _span(topo_map: TopoMap, axis: PassageAxis, passage: Passage) -> tuple[float, float] | None:
     """The extent [m] of a passage along the axis; None if it is not on that line."""
     ends = [axis.frame(_at(topo_map.place(name))) for name in (passage.a, passage.b)]
-    if max(abs(end.y) for end in ends) > ALIGNED:
+    if max(abs(end.y) for end in ends) > _ALIGNED:
         return None
     return min(end.x for end in ends), max(end.x for end in ends)
 
@@ -152,13 +152,13 @@ def _doors(topo_map: TopoMap) -> Iterator[PassageAxis]:
         yaw = math.atan2(after.y - before.y, after.x - before.x)
         width = min(p.width for p in around)
         axis = PassageAxis((door.x, door.y), yaw, 0.0, width)
-        if width <= WIDEST and abs(axis.frame(_at(before)).y) <= ALIGNED:
+        if width <= MAX_WIDTH and abs(axis.frame(_at(before)).y) <= _ALIGNED:
             yield axis
 
 
 def _is_corridor(topo_map: TopoMap, passage: Passage) -> bool:
     kinds = {topo_map.place(name).kind for name in passage.ends}
-    return kinds <= {"corridor", "junction"} and passage.width <= WIDEST
+    return kinds <= {"corridor", "junction"} and passage.width <= MAX_WIDTH
 
 
 def _at(place: Place) -> Pose:
@@ -173,34 +173,34 @@ def corridor_fix(axis: PassageAxis, here: Pose, scan: PlanScan) -> PassageFix | 
     robot = axis.frame(here)
     points = robot.points_to_parent(scan.points)
     half = 0.5 * axis.width
-    near = np.abs(np.abs(points[:, 1]) - half) <= TOLERANCE + SPREAD
-    near &= (points[:, 0] >= -ALIGNED) & (points[:, 0] <= axis.length + ALIGNED)
+    near = np.abs(np.abs(points[:, 1]) - half) <= TOLERANCE + _SPREAD
+    near &= (points[:, 0] >= -_ALIGNED) & (points[:, 0] <= axis.length + _ALIGNED)
     along, across, sigma = points[near, 0] - robot.x, points[near, 1], scan.sigma[near]
     left = across > 0.0
-    if len(along) < LEAST_POINTS or np.ptp(along) < LEAST_SPAN:
+    if len(along) < MIN_POINTS or np.ptp(along) < _MIN_SPAN:
         return None
     design = np.column_stack([left, ~left, along]).astype(np.float64)
     start = np.array([half, -half, 0.0])
     lines, covariance = _robust_lines(design, across, sigma, start)
     slope_sigma = math.sqrt(covariance[2, 2])
     shift, shift_sigma = 0.0, math.inf
-    both = min(int(left.sum()), int((~left).sum())) >= LEAST_POINTS
+    both = min(int(left.sum()), int((~left).sum())) >= MIN_POINTS
     if both and abs(lines[0] - lines[1] - axis.width) <= TOLERANCE:
         shift = -0.5 * float(lines[0] + lines[1])
         middle = np.array([0.5, 0.5, 0.0])
-        shift_sigma = math.hypot(math.sqrt(product(middle, covariance, middle)), AXIS_SIGMA)
-    turn_sigma = math.hypot(slope_sigma, AXIS_YAW_SIGMA)
+        shift_sigma = math.hypot(math.sqrt(product(middle, covariance, middle)), _AXIS_SIGMA)
+    turn_sigma = math.hypot(slope_sigma, _AXIS_YAW_SIGMA)
     return PassageFix(axis, -math.atan(lines[2]), turn_sigma, shift, shift_sigma)
 
 
 def _robust_lines(design: Array, across: Array, sigma: Array, start: Array) -> tuple[Array, Array]:
     """Parameters (3,) of the lines, with a weak prior at ``start``, and their covariance (3, 3)."""
     found, prior = start, np.diag([TOLERANCE**-2, TOLERANCE**-2, 0.3**-2])
-    variance = sigma**2 + (0.5 * SPREAD) ** 2
+    variance = sigma**2 + (0.5 * _SPREAD) ** 2
     information = prior
     for _ in range(8):
         residual = across - product(design, found)
-        weight = 1.0 / (variance * (1.0 + (residual / SPREAD) ** 2))
+        weight = 1.0 / (variance * (1.0 + (residual / _SPREAD) ** 2))
         weighted = (design * weight[:, None]).T
         information = prior + product(weighted, design)
         found = found + solve(
@@ -217,10 +217,10 @@ def door_fix(axis: PassageAxis, here: Pose, scan: PlanScan) -> PassageFix | None
     for side in (1.0, -1.0):
         off = side * points[in_wall, 1]
         off = off[(off > 0.0) & (off < axis.width)]
-        if len(off) < LEAST_POINTS // 2:
+        if len(off) < MIN_POINTS // 2:
             return None
-        posts.append(float(np.quantile(off, POST)))
+        posts.append(float(np.quantile(off, _POST)))
     gap = posts[0] + posts[1]
-    if not axis.width - FATTENING <= gap <= axis.width + TOLERANCE:
+    if not axis.width - _FATTENING <= gap <= axis.width + TOLERANCE:
         return None
-    return PassageFix(axis, 0.0, math.inf, -0.5 * (posts[0] - posts[1]), DOOR_SIGMA)
+    return PassageFix(axis, 0.0, math.inf, -0.5 * (posts[0] - posts[1]), _DOOR_SIGMA)

@@ -21,7 +21,7 @@ COUNT = 8
 REFRESH = 0.05
 """Distance moved [m] after which the place posterior is computed again."""
 
-CONFIDENCE_RADIUS = 1.0
+_CONFIDENCE_RADIUS = 1.0
 """A belief's confidence is the probability that its position error is below this [m]."""
 
 
@@ -86,7 +86,7 @@ def known_start(pose: Pose | None, localizer: str, instead: str) -> Pose:
     return pose
 
 
-def probability_within(covariance: Array, radius: float = CONFIDENCE_RADIUS) -> float:
+def probability_within(covariance: Array, radius: float = _CONFIDENCE_RADIUS) -> float:
     """A lower bound on the probability that the position error is at most ``radius`` [m]."""
     sigma = position_sigma(covariance)
     return 1.0 if sigma == 0.0 else -math.expm1(-0.5 * (radius / sigma) ** 2)

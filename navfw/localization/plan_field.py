@@ -20,10 +20,10 @@ from navfw.numerics.products import product
 from navfw.signals import Array, Pose
 from navfw.topomap.occupancy_map import OccupancyMap
 
-PLAN_SIGMA = 0.04
+_PLAN_SIGMA = 0.04
 """Standard deviation [m] of the walls in a plan: its cells, skirting, doors left ajar."""
 
-OTHER = 0.1
+_OTHER = 0.1
 """Density of points of furniture, relative to the peak of those of walls."""
 
 CORRELATION = 12.0
@@ -38,7 +38,7 @@ SHORT = 0.25
 NEAR = 0.1
 """Distance [m] up to which a point belongs to a wall; rays and points count so far around."""
 
-SEEN_THROUGH = 12
+_SEEN_THROUGH = 12
 """Number of rays through a wall, above that of points on it, by which it is not there."""
 
 ITERATIONS = 8
@@ -87,8 +87,8 @@ class PlanField:
             self.resolution,
             np.array([here.x, here.y, here.yaw, 0.0]),
             CORRELATION * prior,
-            PLAN_SIGMA,
-            OTHER,
+            _PLAN_SIGMA,
+            _OTHER,
             ITERATIONS,
         )
         at, by_points, belonging = found
@@ -113,7 +113,7 @@ class PlanField:
             self.resolution,
             self._on_grid(poses),
             plan_sigma,
-            OTHER,
+            _OTHER,
         )
         return np.asarray(found, dtype=np.float64)
 
@@ -136,7 +136,7 @@ class PlanField:
             NEAR / self.resolution,
             self._through,
         )
-        gone = self._occupied & (self._through >= SEEN_THROUGH)
+        gone = self._occupied & (self._through >= _SEEN_THROUGH)
         if gone.any():
             self._occupied &= ~gone
             self.cells = _signed_distances(self._occupied)

@@ -10,17 +10,17 @@ from navfw.numerics.products import product
 from navfw.robot import RobotModel
 from navfw.signals import Array, Label, Percept
 
-LOWEST, HIGHEST = 0.12, 2.0
+_MIN_HEIGHT, MAX_HEIGHT = 0.12, 2.0
 """Heights [m above the floor] between which seen points count: below is the floor with its error,
 above may be the ceiling."""
 
-FARTHEST = 4.0
+MAX_DEPTH = 4.0
 """Largest depth [m] of a point."""
 
-LEAST_CONFIDENCE = 0.3
+MIN_CONFIDENCE = 0.3
 """Least confidence of a cell."""
 
-LEAST_SIGMA = 0.03
+MIN_SIGMA = 0.03
 """Least standard deviation of a depth, as a part of it: what the cells of a percept share."""
 
 
@@ -48,16 +48,16 @@ def scan_of(percept: Percept, robot: RobotModel) -> PlanScan:
     upright = (percept.label == Label.OBSTACLE) | (percept.label == Label.ABOVE)
     used = (
         upright
-        & (percept.confidence >= LEAST_CONFIDENCE)
-        & (nearness > 1.0 / FARTHEST)
-        & (percept.height > LOWEST)
-        & (percept.height < HIGHEST)
+        & (percept.confidence >= MIN_CONFIDENCE)
+        & (nearness > 1.0 / MAX_DEPTH)
+        & (percept.height > _MIN_HEIGHT)
+        & (percept.height < MAX_HEIGHT)
     )
     depth = 1.0 / nearness[used]
     image = percept.points[used] / camera.focal
     rays = product(np.column_stack([image, np.ones(len(image))]), camera.base_from_camera.T)
     lens = np.array([camera.mount_forward, 0.0])
     points = np.ascontiguousarray(depth[:, None] * rays[:, :2] + lens)
-    relative = np.maximum(percept.sigma[used] * depth, LEAST_SIGMA)
+    relative = np.maximum(percept.sigma[used] * depth, MIN_SIGMA)
     sigma = relative * depth * np.hypot(rays[:, 0], rays[:, 1])
     return PlanScan(points, np.ascontiguousarray(sigma), np.tile(lens, (len(points), 1)))

@@ -23,55 +23,55 @@ MEMORY = 8.0
 EVERY = 0.75
 """Distance driven [m] between two searches."""
 
-LEAST_SCANS = 10
+_MIN_SCANS = 10
 """Least number of scans for a search."""
 
 SPACING = 0.25
-"""Distance [m] between the poses of the coarse search; more on plans with more than MOST_POSES."""
+"""Distance [m] between the poses of the coarse search; more on plans with more than _MAX_POSES."""
 
 HEADINGS = 24
 """Number of headings of the coarse search."""
 
-MOST_POSES = 250_000
+_MAX_POSES = 250_000
 """Largest number of poses of the coarse search."""
 
-COARSE_SIGMA, FINE_SIGMA = 0.25, 0.06
+_COARSE_SIGMA, _FINE_SIGMA = 0.25, 0.06
 """Standard deviation [m] of the walls in the coarse rating, whose poses are off by as much, and in
 the fine one."""
 
-COARSE_POINTS, FINE_POINTS = 80, 400
+_COARSE_POINTS, _FINE_POINTS = 80, 400
 """Number of points in the two ratings."""
 
-MOST_RATED = 4000
+_MAX_RATED = 4000
 """Number of coarse poses whose rays are followed."""
 
-CANDIDATES = 40
+_CANDIDATES = 40
 """Number of coarse poses that are refined."""
 
 APART = 0.6, math.radians(25.0)
 """Distance [m] and angle [rad] from which on two poses are different ones."""
 
-LOOSE = np.diag([0.2**-2, 0.2**-2, 0.12**-2])
+_LOOSE = np.diag([0.2**-2, 0.2**-2, 0.12**-2])
 """Information of a coarse pose."""
 
-EVIDENCE = 2.0
+_EVIDENCE = 2.0
 """Number of independent points of a scan: its columns of cells share walls and errors."""
 
-MOST_EVIDENCE = 40.0
+_MAX_EVIDENCE = 40.0
 """Largest number of independent points of all scans: things that the plan does not show are in many
 of them, at the same place."""
 
-BLOCKED = 4.0
+_BLOCKED = 4.0
 """Log likelihood that a ray costs which a wall of the plan would have blocked: the plan may show
 walls that are not there."""
 
-THROUGH_WALLS = 0.5
+_THROUGH_WALLS = 0.5
 """Log likelihood that it costs if the robot's way leads through walls of the plan."""
 
-LEAST_CLEARANCE = 0.08
+_MIN_CLEARANCE = 0.08
 """Clearance [m] below which the robot cannot have stood at a point of the plan."""
 
-AGREEING = 3
+_AGREEING = 3
 """Number of searches in a row that must find the same pose."""
 
 CERTAIN = 0.98
@@ -95,7 +95,7 @@ class PlanSearch:
 
     def find(self) -> Pose | None:
         """The pose in ``map`` at the newest scan; None while it is not known."""
-        if len(self._scans) < LEAST_SCANS:
+        if len(self._scans) < _MIN_SCANS:
             return None
         driven, here = self._scans.newest
         if driven - self._searched_at < EVERY:
@@ -108,14 +108,14 @@ class PlanSearch:
         again = self._before is not None and are_close(self._before.compose(here), found)
         self._agreed = self._agreed + 1 if again else 1
         self._before = _frame_of(found, here)
-        return found if self._agreed >= AGREEING else None
+        return found if self._agreed >= _AGREEING else None
 
     def advantage(self, pose: Pose, other: Pose) -> float:
         """How much better the scans fit at ``pose`` than at ``other``: mean log likelihood.
 
         Both are poses in ``map`` at the newest scan.
         """
-        cloud = self._scans.cloud(self._scans.newest[1], FINE_POINTS)
+        cloud = self._scans.cloud(self._scans.newest[1], _FINE_POINTS)
         poses = np.array([(at.x, at.y, at.yaw) for at in (pose, other)])
         better, worse = self._rating(cloud, poses).tolist()
         return float(better - worse)
@@ -123,39 +123,39 @@ class PlanSearch:
     def _rating(self, cloud: PlanScan, poses: Array) -> Array:
         """Mean log likelihood (m,) of the scans at ``poses`` (m, 3), blocked rays included."""
         blocked = self._field.blocked(cloud, poses)
-        return self._field.rate(cloud, poses, FINE_SIGMA) - BLOCKED * blocked
+        return self._field.rate(cloud, poses, _FINE_SIGMA) - _BLOCKED * blocked
 
     def _best(self, here: Pose) -> Pose | None:
         """The one pose that explains the scans, if all others are improbable."""
-        coarse = self._rated(self._scans.cloud(here, COARSE_POINTS), self._grid, COARSE_SIGMA)
-        cloud = self._scans.cloud(here, FINE_POINTS)
+        coarse = self._rated(self._scans.cloud(here, _COARSE_POINTS), self._grid, _COARSE_SIGMA)
+        cloud = self._scans.cloud(here, _FINE_POINTS)
         refined: list[Pose] = []
         for k in coarse:
             start = Pose(*self._grid[k].tolist())
-            refined.append(self._field.match(cloud, start, LOOSE).pose)
+            refined.append(self._field.match(cloud, start, _LOOSE).pose)
         poses = np.array([(pose.x, pose.y, pose.yaw) for pose in refined])
         rating = self._rating(cloud, poses)
         impossible = self._impossible(poses, here)
-        rating -= THROUGH_WALLS * impossible
+        rating -= _THROUGH_WALLS * impossible
         best = int(np.argmax(rating))
         if impossible[best]:
             return None
         others = [not are_close(pose, refined[best]) for pose in refined]
         gap = rating[best] - max(rating[others], default=-math.inf)
-        evidence = min(EVIDENCE * len(self._scans), MOST_EVIDENCE)
+        evidence = min(_EVIDENCE * len(self._scans), _MAX_EVIDENCE)
         odds = math.exp(min(evidence * gap, 50.0))
         return refined[best] if odds / (1.0 + odds) >= CERTAIN else None
 
     def _rated(self, cloud: PlanScan, poses: Array, sigma: float) -> list[int]:
         """The best of ``poses`` (m, 3), by index, best first, all of them apart."""
         rating = self._field.rate(cloud, poses, sigma)
-        best = np.argsort(-rating, kind="stable")[:MOST_RATED]
-        rating = rating[best] - BLOCKED * self._field.blocked(cloud, poses[best])
+        best = np.argsort(-rating, kind="stable")[:_MAX_RATED]
+        rating = rating[best] - _BLOCKED * self._field.blocked(cloud, poses[best])
         kept: list[int] = []
         for k in best[np.argsort(-rating, kind="stable")].tolist():
             if all(_gap(poses[k], poses[other]) > 1.0 for other in kept):
                 kept.append(k)
-            if len(kept) == CANDIDATES:
+            if len(kept) == _CANDIDATES:
                 break
         return kept
 
@@ -165,7 +165,7 @@ class PlanSearch:
         blocked = []
         for pose in poses.tolist():
             clearance = self._field.clearance(Pose(*pose).points_to_parent(way))
-            blocked.append(not bool((clearance > LEAST_CLEARANCE).all()))
+            blocked.append(not bool((clearance > _MIN_CLEARANCE).all()))
         return np.array(blocked)
 
 
@@ -173,7 +173,7 @@ def _free_poses(plan: OccupancyMap, field: PlanField, radius: float) -> Array:
     """Poses (m, 3) all over the free ground of the plan where a robot of ``radius`` [m] fits."""
     fits = plan.free & (field.cells * plan.resolution > 0.8 * radius)
     area = float(fits.sum()) * plan.resolution**2
-    spacing = max(SPACING, math.sqrt(area * HEADINGS / MOST_POSES))
+    spacing = max(SPACING, math.sqrt(area * HEADINGS / _MAX_POSES))
     step = max(1, round(spacing / plan.resolution))
     coarse = np.zeros_like(fits)
     coarse[::step, ::step] = True

@@ -41,7 +41,7 @@ SITUATIONS = (
 SMOOTHING = 20.0
 """Pseudo-observations, distributed as the mean of all kinds, that are added to each kind."""
 
-LEARNT, NO_TABLE = "learnt", "none"
+LEARNT, _NO_TABLE = "learnt", "none"
 """Names of the table that ships, and of none."""
 
 _MIRRORED = (("left wall", "right wall"), ("left slope wall", "right slope wall"))
@@ -157,7 +157,7 @@ def situation_table(name: str) -> SituationTable | None:
         ConfigError: there is no such file, or it is not a table.
 
     """
-    if name == NO_TABLE:
+    if name == _NO_TABLE:
         return None
     return _shipped() if name == LEARNT else load_table(name)
 

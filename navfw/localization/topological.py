@@ -20,13 +20,13 @@ from navfw.localization.situation_model import observed_situations, situation_ta
 from navfw.signals import Array, Belief, LandmarkDetection, Odometry, Percept, Pose, wrap_angle
 from navfw.topomap import TopoMap
 
-SAME_POSE_DISTANCE = 1.5
+_SAME_POSE_DISTANCE = 1.5
 """Distance [m] up to which the poses of both filters count as the same."""
 
-SAME_POSE_ANGLE = math.radians(40.0)
+_SAME_POSE_ANGLE = math.radians(40.0)
 """Heading difference [rad] up to which the poses of both filters count as the same."""
 
-ESTABLISHED_SUPPORT = 4
+_ESTABLISHED_SUPPORT = 4
 """Number of supporting landmarks from which a tracked pose counts as established. An established
 pose, or a given start, needs one more supporting landmark elsewhere to be replaced."""
 
@@ -129,7 +129,7 @@ class Topological(Localizer):
         here = self.metric.pose if self.tracking else None
         if here is not None and _is_same_pose(cluster.pose, here):
             self._disagreement = 0.0
-            self._established |= len(self.discrete.supporting(here)) >= ESTABLISHED_SUPPORT
+            self._established |= len(self.discrete.supporting(here)) >= _ESTABLISHED_SUPPORT
             return
         support = len(self.discrete.supporting(cluster.pose))
         self._disagreement = cluster.mass * self.discrete.support_probability(cluster.pose)
@@ -179,5 +179,5 @@ class Topological(Localizer):
 
 
 def _is_same_pose(a: Pose, b: Pose) -> bool:
-    near = math.hypot(a.x - b.x, a.y - b.y) <= SAME_POSE_DISTANCE
-    return near and abs(wrap_angle(a.yaw - b.yaw)) <= SAME_POSE_ANGLE
+    near = math.hypot(a.x - b.x, a.y - b.y) <= _SAME_POSE_DISTANCE
+    return near and abs(wrap_angle(a.yaw - b.yaw)) <= _SAME_POSE_ANGLE

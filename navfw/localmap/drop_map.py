@@ -32,12 +32,12 @@ INTERVAL = 0.1
 _ROUNDING = 1e-6
 """Tolerance [s] for frames that come exactly at the interval."""
 
-CLEAR_SIGMAS = 5.0
+_CLEAR_SIGMAS = 5.0
 CLEAR_SHARE = 0.85
-"""A point is clearly below the floor when its nearness is CLEAR_SIGMAS standard deviations and a
+"""A point is clearly below the floor when its nearness is _CLEAR_SIGMAS standard deviations and a
 factor of CLEAR_SHARE below the floor's. False positives on existing floor are very rare."""
 
-_LEAST_SIGMA = 0.02
+_MIN_SIGMA = 0.02
 """Lower bound of the sigma of nearness [1/m]."""
 
 CLEAR_VOTES = 2
@@ -46,7 +46,7 @@ CLEAR_VOTES = 2
 CERTAIN = 4
 """Net votes from which the floor of a spot counts as missing."""
 
-MAX_FLOOR_VOTES = 2
+_MAX_FLOOR_VOTES = 2
 """Bound of the votes for existing floor: from far away a drop may look like floor."""
 
 FLOOR, DROP = int(Label.FLOOR), int(Label.DROP)
@@ -93,7 +93,7 @@ class DropMap:
         for (i, j), vote in zip(spots.tolist(), votes.tolist(), strict=True):
             if vote != 0:
                 before = self._votes.get((i, j), 0)
-                after = min(max(before + vote, -MAX_FLOOR_VOTES), 2 * CERTAIN)
+                after = min(max(before + vote, -_MAX_FLOOR_VOTES), 2 * CERTAIN)
                 self._votes[i, j] = after
                 decided = decided or (before >= CERTAIN) != (after >= CERTAIN)
         if decided:
@@ -160,7 +160,7 @@ def _votes(
         counts[k, 0] += 1
         if below:
             counts[k, 1] += 1
-            clear = 1.0 / depth - nearness[n] > CLEAR_SIGMAS * max(sigma[n], _LEAST_SIGMA)
+            clear = 1.0 / depth - nearness[n] > _CLEAR_SIGMAS * max(sigma[n], _MIN_SIGMA)
             if clear and nearness[n] < CLEAR_SHARE / depth:
                 counts[k, 2] += 1
     votes = np.zeros(count, np.int64)

@@ -26,9 +26,9 @@ from navfw.robot import RobotModel
 from navfw.signals import Array, Pose, Twist
 from navfw.signals.immutable import freeze, read_only
 
-SECTORS = 48
+_SECTORS = 48
 
-_BEARINGS = read_only(np.linspace(-math.pi, math.pi, SECTORS + 1)[1:])
+_BEARINGS = read_only(np.linspace(-math.pi, math.pi, _SECTORS + 1)[1:])
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,8 +199,8 @@ class Ranges:
 
 
 def ranges_around(occupancy: OccupancyGrid, pose: Pose, limit: float = 3.0) -> Ranges:
-    """Ranges in ``SECTORS`` directions around odom ``pose``, at most ``limit`` [m]."""
-    free, observed = np.empty((2, SECTORS))
+    """Ranges in ``_SECTORS`` directions around odom ``pose``, at most ``limit`` [m]."""
+    free, observed = np.empty((2, _SECTORS))
     ground = _ground(occupancy, occupancy.observed)
     cast_ranges(ground, _start(pose), _BEARINGS, limit, free, observed)
     rim = _rim(occupancy.robot)

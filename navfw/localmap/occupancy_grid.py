@@ -24,7 +24,7 @@ Positive = Annotated[float, Field(gt=0.0, le=100.0)]
 """Log-odds, lengths [m] and times [s]: beyond 100 nothing changes any more."""
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
 
-_LEAST_SIGMA = 0.02
+_MIN_SIGMA = 0.02
 """Lower bound of the sigma of nearness [1/m]: no measurement is taken to be more exact."""
 _FREE_WEIGHTS = np.array([1.0, 1.0, 1.0, 1.0, 0.5])
 """Weight of the free evidence along a ray, by ``Label`` of its end point. The ray is free up to the
@@ -200,7 +200,7 @@ class OccupancyGrid:
         if not kept.any():
             return
         confidence = np.where(kept, confidence, 0.0)  # zero weight: no evidence
-        sigma = np.maximum(percept.sigma.ravel(), _LEAST_SIGMA)
+        sigma = np.maximum(percept.sigma.ravel(), _MIN_SIGMA)
         points = percept.points
         # A flow cell stands for its whole width: three rays, at its centre and a third of its width
         # to either side, keep distant walls from falling apart into dots.
@@ -226,7 +226,7 @@ class OccupancyGrid:
             self._camera_position(pose),
             rays,
             stixels.nearness[kept],
-            np.maximum(stixels.sigma[kept], _LEAST_SIGMA),
+            np.maximum(stixels.sigma[kept], _MIN_SIGMA),
             stixels.confidence[kept],
             np.zeros(slope.size),
         )

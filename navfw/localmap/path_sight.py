@@ -14,17 +14,17 @@ from navfw.signals import Array, Image, Percept, Sight
 
 REACH = 2.0
 """Distance ahead [m] up to which the floor of the path counts."""
-BESIDE = 0.1
+_BESIDE = 0.1
 """Width of the path beside the body, each side [m]."""
 CONFIDENCE = 0.01
 """Least confidence of a cell with texture above the noise: it has been matched, however weakly."""
-WEAK, SEEN = 0.6, 0.2
+_WEAK, SEEN = 0.6, 0.2
 """Shares of the path's cells with texture below which sight is weak, and below which there is none.
 Usual texture gives nearly all cells, and edges between surfaces without texture single ones."""
-FAINT = 7.0
+_FAINT = 7.0
 """Contrast [grey levels] of the path's image below which sight is weak. Usual texture gives 15 and
 more, a contrast of 6 under a noise of 2 about 5.5, a contrast of 3 about 3.3."""
-BARE = 0.6
+_BARE = 0.6
 """Covariance of neighbouring pixels [grey levels^2] of the path's image below which it shows noise
 alone. A contrast of 3 gives 1 and more, surfaces without texture 0.5 at most, at any noise."""
 CLEAR = 12.0
@@ -75,13 +75,13 @@ class PathSight:
     @property
     def weak(self) -> bool:
         """Whether the path is seen so poorly that only floor seen as such is free."""
-        return self.contrast < FAINT or (self.texture < WEAK and not self._clear)
+        return self.contrast < _FAINT or (self.texture < _WEAK and not self._clear)
 
     @property
     def none(self) -> bool:
         """Whether next to nothing of the path is seen."""
         unmatched = self.texture < SEEN and not self._clear
-        return unmatched or (self.contrast < FAINT and self.covariance < BARE)
+        return unmatched or (self.contrast < _FAINT and self.covariance < _BARE)
 
     @property
     def _clear(self) -> bool:
@@ -125,7 +125,7 @@ class PathSight:
         rays = product(image, camera.base_from_camera.T)
         ahead, left, _ = np.moveaxis(depth[..., None] * rays, -1, 0)
         near = (ahead > 0.0) & (ahead <= REACH) & (fall > 0.0)
-        return np.asarray(near & (np.abs(left) <= self._robot.radius + BESIDE))
+        return np.asarray(near & (np.abs(left) <= self._robot.radius + _BESIDE))
 
 
 @numba.njit(cache=True)

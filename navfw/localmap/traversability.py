@@ -104,14 +104,14 @@ class TraversabilityCheck:
             for query in queries
         ]
         slack = self.params.slack + sigma
-        statuses = passage_statuses(occupancy, pose, legs, self.params.range, slack)
+        statuses = _passage_statuses(occupancy, pose, legs, self.params.range, slack)
         return tuple(zip(queries, statuses, strict=False))
 
 
 Leg = tuple[tuple[float, float], tuple[float, float], float]
 
 
-def passage_statuses(
+def _passage_statuses(
     occupancy: OccupancyGrid, pose: Pose, legs: Sequence[Leg], reach: float, slack: float
 ) -> list[PassageStatus]:
     """The status of each leg (start, end in odom [m], half width [m]) that can be judged.

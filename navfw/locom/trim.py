@@ -13,9 +13,9 @@ WINDOW = 0.6
 #: Least commanded distance of a wheel for a comparison [m].
 MIN_DISTANCE = 0.06
 #: Share of the speed from which a wheel is healthy: slip and unequal radii explain the rest.
-HEALTHY = 0.88
+_HEALTHY = 0.88
 #: Share of the speed below which a wheel is blocked or its encoder silent, not weak.
-WEAKEST = 0.4
+MIN_SHARE = 0.4
 #: Time constant of the estimate of a wheel's share [s].
 TIME_CONSTANT = 0.5
 
@@ -68,8 +68,8 @@ class WheelTrim:
     def apply(self, twist: Twist) -> Twist:
         """The twist to command so that the robot drives ``twist``."""
         speeds = self._robot.wheel_speeds(twist)
-        if min(self._shares) < HEALTHY:
-            weak = [share if share < HEALTHY else 1.0 for share in self._shares]
+        if min(self._shares) < _HEALTHY:
+            weak = [share if share < _HEALTHY else 1.0 for share in self._shares]
             speeds = (speeds[0] / weak[0], speeds[1] / weak[1])
             twist = self._robot.twist(*speeds)
         self._commanded = speeds
@@ -83,6 +83,6 @@ class WheelTrim:
         if abs(commanded) * self._robot.wheel_radius < MIN_DISTANCE:
             return
         share = measured / commanded
-        if WEAKEST <= share <= 1.3:
+        if MIN_SHARE <= share <= 1.3:
             rate = -math.expm1(-dt / TIME_CONSTANT)
             self._shares[index] += rate * (min(share, 1.0) - self._shares[index])

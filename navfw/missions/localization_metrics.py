@@ -12,10 +12,10 @@ import numpy.typing as npt
 
 from navfw.recording.run_log import RunLog
 
-CONFIDENT = 0.9
+_CONFIDENT = 0.9
 """Confidence from which a belief counts as confident."""
 
-CORRECT = 1.0
+_CORRECT = 1.0
 """Largest distance [m] of the estimate from the true position for a correct belief."""
 
 
@@ -45,10 +45,10 @@ def measure_localization(log: RunLog, sampled: npt.NDArray[np.intp]) -> Localiza
     time, true = log.time[sampled], log.true[sampled]
     error = np.hypot(*(log.estimate[sampled] - true)[:, :2].T)
     confidence = np.ones(len(time)) if log.confidence is None else log.confidence[sampled]
-    known, confident = confidence > 0.0, confidence >= CONFIDENT
+    known, confident = confidence > 0.0, confidence >= _CONFIDENT
     durations = np.diff(time, append=time[-1])
     driven = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(true[:, :2], axis=0).T))))
-    first = np.flatnonzero(confident & (error <= CORRECT))
+    first = np.flatnonzero(confident & (error <= _CORRECT))
     p50, p95 = (
         (float(np.percentile(error[known], p)) if known.any() else None) for p in (50.0, 95.0)
     )
@@ -57,7 +57,7 @@ def measure_localization(log: RunLog, sampled: npt.NDArray[np.intp]) -> Localiza
         estimate_error_p95_m=p95,
         localized_after_s=float(time[first[0]] - time[0]) if len(first) else None,
         localized_after_m=float(driven[first[0]]) if len(first) else None,
-        confidently_wrong_s=float(durations[confident & (error > CORRECT)].sum()),
+        confidently_wrong_s=float(durations[confident & (error > _CORRECT)].sum()),
         lost_s=float(durations[~known].sum()),
         landmark_updates=log.updates,
     )

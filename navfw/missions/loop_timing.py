@@ -19,13 +19,13 @@ import numpy as np
 from navfw.missions.runner import run_task
 from navfw.missions.session import Session
 from navfw.process.process_memory import peak_memory_mb
-from navfw.process.progress import PartReport, told, untold
+from navfw.process.work_progress import PartReport, told, untold
 from navfw.recording.run_log import RunLog
 from navfw.signals import Pose
 from navfw.sim.movers import MoverTrack
 from navfw.sim.reference_renderer import ReferenceRenderer
 
-WARM_UP = 2.0
+_WARM_UP = 2.0
 """Simulated time [s] driven before the first lap, so that laps contain no compiling of kernels."""
 
 VIEWS = 40
@@ -77,7 +77,7 @@ def bench_loop(
     laps: list[Lap] = []
     with one_core() as pinned, contextlib.ExitStack() as opened:
         report("warming up")
-        _drive(session, min(WARM_UP, seconds))
+        _drive(session, min(_WARM_UP, seconds))
         reference, memory = None, None
         for _ in told(range(repeats), "laps", report):
             drive = _drive(session, seconds)

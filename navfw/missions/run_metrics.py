@@ -18,13 +18,13 @@ from navfw.signals import Array
 
 Point = tuple[float, float]
 
-SAMPLING = 0.1
+_SAMPLING = 0.1
 """Sampling period [s] of the path; a shorter one would count vibration of the wheels as path."""
 
-SET_OUT = 0.1
+_SET_OUT = 0.1
 """Distance from the start [m] at which the BARN challenge starts its clock."""
 
-DEBOUNCE = 1.0
+_DEBOUNCE = 1.0
 """Contacts less than this time [s] apart count as one collision."""
 
 
@@ -77,7 +77,7 @@ def path_length(points: Array) -> float:
     return float(np.hypot(steps[:, 0], steps[:, 1]).sum())
 
 
-def count_collisions(contacts: Sequence[Contact], debounce: float = DEBOUNCE) -> int:
+def count_collisions(contacts: Sequence[Contact], debounce: float = _DEBOUNCE) -> int:
     """Number of collisions: contacts less than ``debounce`` [s] apart count as one.
 
     >>> touches = [Contact(t, 0.0, 0.0, "wall") for t in (1.0, 1.5, 2.4, 9.0)]
@@ -92,11 +92,11 @@ def count_collisions(contacts: Sequence[Contact], debounce: float = DEBOUNCE) ->
 
 
 def traversal_time(log: RunLog, start: Point, goal: Point, within: float) -> float:
-    """Time [s] from leaving ``start`` by SET_OUT to the arrival ``within`` [m] of ``goal``.
+    """Time [s] from leaving ``start`` by _SET_OUT to the arrival ``within`` [m] of ``goal``.
 
     To the end of the run if the robot did not arrive, 0 if it did not set out.
     """
-    left = np.hypot(*(log.true[:, :2] - start).T) >= SET_OUT
+    left = np.hypot(*(log.true[:, :2] - start).T) >= _SET_OUT
     if not left.any():
         return 0.0
     first = int(left.argmax())
@@ -124,7 +124,7 @@ def measure(
     one counts as reached ``within`` that distance [m]. Clearances are to the static objects in
     ``plan``, and to those in ``moving`` at their times.
     """
-    sampled = log.every(SAMPLING)
+    sampled = log.every(_SAMPLING)
     true = log.true[sampled] if log.ticks else np.array([[*start, 0.0]])
     estimate = log.estimate[sampled] if log.ticks else true
     driven = path_length(true)

@@ -13,7 +13,7 @@ from navfw.errors import UnknownNameError
 from navfw.missions.missionfile import MissionFile
 from navfw.robot.robotfile import robot_section
 
-DEFAULT_STACK, FLOOR_PLAN_STACK = "default", "floor_plan"
+_DEFAULT_STACK, _FLOOR_PLAN_STACK = "default", "floor_plan"
 """The stack of a mission that names none, and the one if its map has a floor plan."""
 
 _MISSION_PARTS = ("robot", "sensors")
@@ -32,7 +32,7 @@ def chosen_stack(mission: MissionFile, stack: str | Path | None = None) -> Path:
     """
     if stack is not None:
         return find("stack", stack)
-    unnamed = DEFAULT_STACK if mission.topo_map.floor_plan is None else FLOOR_PLAN_STACK
+    unnamed = _DEFAULT_STACK if mission.topo_map.floor_plan is None else _FLOOR_PLAN_STACK
     try:
         return find("stack", mission.spec.stack or unnamed)
     except UnknownNameError as error:

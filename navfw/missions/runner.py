@@ -24,13 +24,13 @@ from navfw.signals import Pose, SensorReading, Twist, Waypoint
 
 VerdictT = TypeVar("VerdictT", bound=MissionVerdict | None)
 
-PROGRESS_PERIOD = 0.1
+_PROGRESS_PERIOD = 0.1
 """Simulated time [s] between two calls of the progress callback."""
 
-SETTLE_TIME = 2.0
+_SETTLE_TIME = 2.0
 """Longest time [s] from the stack's report that it has finished to standstill."""
 
-EMERGENCY = "emergency"
+_EMERGENCY = "emergency"
 """Name of the behaviour whose commands count as emergency commands."""
 
 _FAULTS = {
@@ -248,7 +248,7 @@ class MissionLoop:
             estimate=self.task.start if state.belief is None else state.belief.pose,
             twist=twist,
             leader=self.leader,
-            emergency=command is not None and (command.emergency or self.leader == EMERGENCY),
+            emergency=command is not None and (command.emergency or self.leader == _EMERGENCY),
             belief=state.belief,
             sight=state.sight,
         )
@@ -259,7 +259,7 @@ class MissionLoop:
             self.logger.add_waypoints(state.path)
         self.faults = state.faults
         if self.progress is not None and reading.time >= self.next_progress:
-            self.next_progress = reading.time + PROGRESS_PERIOD
+            self.next_progress = reading.time + _PROGRESS_PERIOD
             self.progress(self._progress(reading.time, pose))
 
     def _progress(self, now: float, pose: Pose) -> Progress:
@@ -310,11 +310,11 @@ class MissionLoop:
         return self._verdict(Outcome.TIMEOUT, reason)
 
     def _finish(self, now: float, pose: Pose, twist: Twist) -> MissionVerdict | None:
-        """The verdict once the finished robot stands still, or after SETTLE_TIME."""
+        """The verdict once the finished robot stands still, or after _SETTLE_TIME."""
         if self.finished_at is None:
             self.finished_at = now
         moving = abs(twist.v) > _STILL or abs(twist.w) > _STILL
-        if moving and now - self.finished_at < SETTLE_TIME:
+        if moving and now - self.finished_at < _SETTLE_TIME:
             return None
         missed = self.goal_checker.missed(pose)
         if missed is None:

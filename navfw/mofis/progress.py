@@ -9,7 +9,7 @@ from navfw.signals import Command, Odometry, Waypoint
 
 MOVING = 0.08
 """Commanded speed [m/s] from which the wheels are expected to follow."""
-FOLLOWING = 0.15
+_FOLLOWING = 0.15
 """Share of the commanded speed below which the wheels do not follow."""
 STEP = 0.1
 """Decrease of the cost-to-go [m] that counts as progress."""
@@ -38,7 +38,7 @@ class ProgressMonitor:
         """(stalled, idle) [s]: since when wheels do not follow, and no progress was made."""
         time = odometry.time
         wanted = 0.0 if previous is None else previous.twist.v
-        if abs(wanted) > MOVING and abs(odometry.twist.v) < FOLLOWING * abs(wanted):
+        if abs(wanted) > MOVING and abs(odometry.twist.v) < _FOLLOWING * abs(wanted):
             self._stalled_since = time if self._stalled_since is None else self._stalled_since
         else:
             self._stalled_since = None

@@ -22,11 +22,11 @@ from navfw.signals import Array, Conflicts, Odometry
 
 STEP = 0.1
 """Time step of the prediction [s]."""
-TURN_DURATIONS = 1.0, 1.5, 2.0
+_TURN_DURATIONS = 1.0, 1.5, 2.0
 """Candidate durations of a turn on the spot before driving off [s]; the best of them counts."""
-CLOSE = 0.4
-"""Distance [m] below which a moving obstacle counts as close by: reachable within MOMENT."""
-MOMENT = 0.5
+_CLOSE = 0.4
+"""Distance [m] below which a moving obstacle counts as close by: reachable within _MOMENT."""
+_MOMENT = 0.5
 """Time over which the approach to close obstacles is taken [s]."""
 
 
@@ -122,7 +122,7 @@ def _predict(
                 moving, state[:2], ways[i], headings[j], radius, uncertainty
             )
     # a turn on the spot makes room only if the robot then drives off
-    for duration in TURN_DURATIONS:
+    for duration in _TURN_DURATIONS:
         leaving = _ways(np.zeros(1), state[3], limits[0], limits[1], duration, onward_speed, steps)
         headings = _headings(turns, state[2], state[4], limits[2], duration, steps)
         for i in range(speeds.size):
@@ -157,15 +157,15 @@ def _follow(
 
 @numba.njit(cache=True)
 def _approach(moving: Array, start: Array, way: Array, heading: Array, radius: float) -> float:
-    """Largest approach [m] within MOMENT to the present place of a close moving obstacle."""
+    """Largest approach [m] within _MOMENT to the present place of a close moving obstacle."""
     x, y = start
-    for k in range(int(MOMENT / STEP)):
+    for k in range(int(_MOMENT / STEP)):
         x += way[k] * heading[k, 0]
         y += way[k] * heading[k, 1]
     most = 0.0
     for m in range(moving.shape[0]):
         before = math.hypot(moving[m, 0] - start[0], moving[m, 1] - start[1])
-        if before - moving[m, 4] - radius < CLOSE:
+        if before - moving[m, 4] - radius < _CLOSE:
             most = max(most, before - math.hypot(moving[m, 0] - x, moving[m, 1] - y))
     return most
 

@@ -23,18 +23,18 @@ MIN_CELLS = 6
 MIN_FALL = 0.10
 """Least fall per metre of depth of the ray to a foot point; flatter rays give no usable
 distance."""
-BORDER = 9.0
+_BORDER = 9.0
 """Distance of cells from the lower image border [px] below which the foot point may be out of view:
 flow is not computed there."""
-BELOW_IMAGE = 0.8
+_BELOW_IMAGE = 0.8
 """Factor on the distance of an object whose foot point is below the image: it stands nearer than
 the nearest floor in view."""
-SPEEDS = 0.08, 1.5
+_SPEEDS = 0.08, 1.5
 """Least and largest speed of a moving object [m/s]: slower ones are left to the occupancy grid,
 faster ones are mismatches."""
 SHARED_ERRORS = 4.0
 """Number of neighbouring cells that share one error."""
-FLOW_ERROR = 0.5
+_FLOW_ERROR = 0.5
 """Error of the vectors on an object's body, which is no plane [px]."""
 
 
@@ -59,7 +59,7 @@ def locate_moving_objects(flow: FlowField, camera: CameraModel) -> tuple[MovingO
             detection = _locate(flow, fall, labels == label, camera)
             if (
                 detection is not None
-                and SPEEDS[0] <= math.hypot(*detection.velocity()) <= SPEEDS[1]
+                and _SPEEDS[0] <= math.hypot(*detection.velocity()) <= _SPEEDS[1]
             ):
                 found.append(detection)
     return tuple(sorted(found, key=lambda detection: -detection.bearing))
@@ -74,8 +74,8 @@ def _locate(flow: FlowField, fall: Array, cells: Mask, camera: CameraModel) -> M
     if lowest < MIN_FALL:
         return None
     depth = camera.mount_height / lowest
-    if fall[cells].max() >= fall.max() - BORDER / camera.focal:
-        depth *= BELOW_IMAGE  # the foot point is below the image
+    if fall[cells].max() >= fall.max() - _BORDER / camera.focal:
+        depth *= _BELOW_IMAGE  # the foot point is below the image
     left, right = points[:, 0].min() - half_cell, points[:, 0].max() + half_cell
     bearings = math.atan2(-left, camera.focal), math.atan2(-right, camera.focal)
     off_axis, width = 0.5 * sum(bearings), 0.5 * (bearings[0] - bearings[1])
@@ -111,6 +111,6 @@ def _velocity(
     design = np.stack(columns, axis=1) * (motion.dt / depth_then)
     s = motion.translation
     at_rest = (points * s[2] - f * s[:2]) / depth_then
-    weight = 1.0 / (SHARED_ERRORS * FLOW_ERROR**2)
+    weight = 1.0 / (SHARED_ERRORS * _FLOW_ERROR**2)
     weighted = weight * design.T
     return product(weighted, design), product(weighted, (at_rest - vectors).ravel())

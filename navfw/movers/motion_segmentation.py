@@ -23,22 +23,22 @@ import numpy as np
 from navfw.robot import CameraModel
 from navfw.signals import Array, CameraMotion, FlowField, Mask
 
-GATE, GATE_SIGMA = 3.0, 0.05
+GATE, _GATE_SIGMA = 3.0, 0.05
 """Residual of a single vector from which it is moving [sigma], and the sigma [px] added to its
 own."""
 SLIP = 0.05
 """Relative error of the way driven by the wheels, and so of the floor's flow."""
 MIN_BASELINE = 0.002
 """Baseline [m] below which the camera counts as standing: static points then have no flow."""
-PATCH_GATE, PATCH_SIGMA, PATCH_DIRECTION_SIGMA = 2.5, 0.1, 0.04
+_PATCH_GATE, _PATCH_SIGMA, _PATCH_DIRECTION_SIGMA = 2.5, 0.1, 0.04
 """The same for patches [sigma, px], and the error of their epipolar direction [rad]."""
-PATCH = np.ones((3, 3), np.uint8)
+_PATCH = np.ones((3, 3), np.uint8)
 """Structuring element of a patch; sides are odd, or the result would be shifted."""
-FOE_RADIUS = 4.0
+_FOE_RADIUS = 4.0
 """Distance from the focus of expansion [px] within which epipolar directions are undefined."""
-NEARER, NEARER_GATE = 1.1, 3.0
+_NEARER, _NEARER_GATE = 1.1, 3.0
 """Factor on the nearness of the floor below, and sigmas, from which a cell cannot stand there."""
-FLOOR_TOLERANCE = 0.2
+_FLOOR_TOLERANCE = 0.2
 """Relative difference from the floor's nearness up to which a cell is the floor."""
 
 
@@ -66,7 +66,7 @@ def segment_motion(flow: FlowField, fall: Array, camera: CameraModel) -> Mask:
     )
     nearness = np.ascontiguousarray(np.maximum(fall, 0.0) / camera.mount_height)
     skid = float(motion.skid_sigma / max(motion.baseline, MIN_BASELINE))
-    slip, patch_direction = math.hypot(SLIP, skid), math.hypot(PATCH_DIRECTION_SIGMA, skid)
+    slip, patch_direction = math.hypot(SLIP, skid), math.hypot(_PATCH_DIRECTION_SIGMA, skid)
     sigmas = float(motion.yaw_sigma), direction_sigma(motion), slip
     moving = _below_floor_flow(*field, nearness, standing, sigmas)
     if flow.inconsistency is not None:
@@ -79,7 +79,7 @@ def segment_motion(flow: FlowField, fall: Array, camera: CameraModel) -> Mask:
 
 def _patches(moving: Mask) -> Mask:
     """Those of the ``moving`` cells (rows, cols) that fill whole patches."""
-    opened = cv2.morphologyEx(moving.view(np.uint8), cv2.MORPH_OPEN, PATCH)
+    opened = cv2.morphologyEx(moving.view(np.uint8), cv2.MORPH_OPEN, _PATCH)
     return np.asarray(opened).view(np.bool_)
 
 
@@ -118,14 +118,14 @@ def _below_floor_flow(
         length = math.hypot(u, v)
         if standing:
             turning = yaw_sigma * (focal + points[r, c, 0] * points[r, c, 0] / focal)
-            moving[r, c] = length > GATE * (math.hypot(sigma[r, c], turning) + 2.0 * GATE_SIGMA)
+            moving[r, c] = length > GATE * (math.hypot(sigma[r, c], turning) + 2.0 * _GATE_SIGMA)
             continue
         near = floor[r, c]
         if not near > 0.0:
             continue
         ex, ey, lever = _lever(points[r, c], translation, focal)
         least = lever * near / (1.0 + translation[2] * near)
-        sigma_px = math.hypot(sigma[r, c], direction * (length - least)) + GATE_SIGMA
+        sigma_px = math.hypot(sigma[r, c], direction * (length - least)) + _GATE_SIGMA
         moving[r, c] = ex * u + ey * v < least * (1.0 - slip) - GATE * sigma_px
     return moving
 
@@ -144,7 +144,7 @@ def _off_epipolar(
 
     ``direction`` [rad] is the sigma of the lines' direction.
     """
-    nearest = FOE_RADIUS * math.sqrt(np.sum(translation * translation))
+    nearest = _FOE_RADIUS * math.sqrt(np.sum(translation * translation))
     moving = np.zeros(sigma.shape, np.bool_)
     for r, c in np.ndindex(sigma.shape):
         if not confidence[r, c] > 0.0:
@@ -154,7 +154,7 @@ def _off_epipolar(
             continue
         u, v = vectors[r, c, 0], vectors[r, c, 1]
         allowed = math.hypot(sigma[r, c], direction * math.hypot(u, v))
-        moving[r, c] = abs(ex * v - ey * u) > PATCH_GATE * math.hypot(allowed, PATCH_SIGMA)
+        moving[r, c] = abs(ex * v - ey * u) > _PATCH_GATE * math.hypot(allowed, _PATCH_SIGMA)
     return moving
 
 
@@ -186,9 +186,9 @@ def _nearer_than_foot(
             along = ex * vectors[r, c, 0] + ey * vectors[r, c, 1]
             nearness = along / max(lever - translation[2] * along, 1e-9)
             nearness_sigma = math.hypot(sigma[r, c], slip * along) / lever
-            like = max(FLOOR_TOLERANCE * floor[r, c], 2.0 * nearness_sigma)
+            like = max(_FLOOR_TOLERANCE * floor[r, c], 2.0 * nearness_sigma)
             if floor[r, c] > 0.0 and abs(nearness - floor[r, c]) < like:
                 stands = floor[min(r + 1, rows - 1), c]
             else:
-                moving[r, c] = nearness - NEARER_GATE * nearness_sigma > NEARER * stands
+                moving[r, c] = nearness - _NEARER_GATE * nearness_sigma > _NEARER * stands
     return moving

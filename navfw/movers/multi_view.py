@@ -11,7 +11,7 @@ from navfw.movers.view_merging import merge_views
 from navfw.robot import RobotModel
 from navfw.signals import Frame, FramePair, MovingObject, Odometry, Stixels
 
-STIXEL_BASELINE = 0.05
+_STIXEL_BASELINE = 0.05
 """Baseline [m] from which the frames searched for moving objects also give stixels."""
 
 
@@ -61,6 +61,6 @@ class MultiViewDetector:
             return None
         ahead = self._detectors[0]
         flow = ahead.flow
-        if flow is None or flow.motion.baseline < STIXEL_BASELINE:
+        if flow is None or flow.motion.baseline < _STIXEL_BASELINE:
             flow = ahead.dense_flow(pairs[0], odometry) if pairs else None
         return None if flow is None else find_stixels(flow, ahead.camera)

@@ -18,23 +18,23 @@ import numpy as np
 from navfw.robot import CameraModel
 from navfw.signals import Array, FlowField, Stixels
 
-MAX_PITCH = 0.15
+_MAX_PITCH = 0.15
 """Pitch [rad] of the camera beyond which upright edges cross image columns."""
 NEARNESS = np.array([0.3 * (5.0 / 0.3) ** (k / 56) for k in range(57)])
 """Candidates of nearness [1/m, ahead of the camera] that every column is fitted with."""
-FARTHER = 0.7
+_FARTHER = 0.7
 """The fit is compared with the best candidate of at most this share of its nearness."""
-OUTLIER = 9.0
+_OUTLIER = 9.0
 """Bound of one cell's squared residual: three standard deviations."""
 MODEL_SIGMA = 0.1
 """Model error of a cell [px] beside its flow's sigma: uneven floor, cells with two depths."""
 MIN_CELLS = 5
 """Least number of valid cells in a column that is fitted."""
-GAIN_RANGE = 6.0, 14.0
+_GAIN_RANGE = 6.0, 14.0
 """Gain of the fit [sigma^2] at which confidence begins to rise from 0, and where it reaches 1."""
 MAX_DIFFERENCE = 0.2
 """Largest relative difference in nearness of neighbouring columns that support each other."""
-RELATIVE_SIGMA = 0.08
+_RELATIVE_SIGMA = 0.08
 """Relative sigma of nearness, measured against the floor plan in rendered drives."""
 MIN_BASELINE = 0.03
 """Baseline [m] below which flow gives no usable distances."""
@@ -48,7 +48,7 @@ def find_stixels(flow: FlowField, camera: CameraModel) -> Stixels | None:
     if not flow.derotated:
         raise ValueError("stixels need derotated flow (navfw.camera_geometry.derotation)")
     motion = flow.motion
-    if motion.baseline < MIN_BASELINE or abs(camera.pitch) > MAX_PITCH:
+    if motion.baseline < MIN_BASELINE or abs(camera.pitch) > _MAX_PITCH:
         return None
     fall = camera.fall_per_depth(flow.points)
     ahead = math.cos(camera.pitch) - flow.points[..., 1] / camera.focal * math.sin(camera.pitch)
@@ -64,7 +64,7 @@ def find_stixels(flow: FlowField, camera: CameraModel) -> Stixels | None:
         float(motion.yaw_sigma),
         NEARNESS,
     )
-    low, high = GAIN_RANGE
+    low, high = _GAIN_RANGE
     confidence = np.clip((gain - low) / (high - low), 0.0, 1.0)
     confidence[~_supported(nearness, gain)] = 0.0
     return Stixels(
@@ -72,7 +72,7 @@ def find_stixels(flow: FlowField, camera: CameraModel) -> Stixels | None:
         slope=-flow.points[0, :, 0] / camera.focal * math.cos(camera.pitch),
         nearness=nearness,
         sigma=np.hypot(
-            RELATIVE_SIGMA * nearness, motion.translation_sigma / motion.baseline * nearness
+            _RELATIVE_SIGMA * nearness, motion.translation_sigma / motion.baseline * nearness
         ),
         confidence=confidence,
     )
@@ -81,7 +81,7 @@ def find_stixels(flow: FlowField, camera: CameraModel) -> Stixels | None:
 def _supported(nearness: Array, gain: Array) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
     """(n,) which columns have a neighbour of similar nearness and some gain."""
     alike = np.abs(np.diff(nearness)) < MAX_DIFFERENCE * np.minimum(nearness[1:], nearness[:-1])
-    alike &= np.minimum(gain[1:], gain[:-1]) > 0.5 * GAIN_RANGE[0]
+    alike &= np.minimum(gain[1:], gain[:-1]) > 0.5 * _GAIN_RANGE[0]
     supported = np.zeros(nearness.size, np.bool_)
     supported[1:] |= alike
     supported[:-1] |= alike
@@ -129,14 +129,14 @@ def _columns(
             for k in range(candidates.size):
                 q = max(candidates[k] * ahead[i, j], floor[i, j])
                 off = along - lever * q / (1.0 + tz * q)
-                cost[k] += min(off * off / variance, OUTLIER)
+                cost[k] += min(off * off / variance, _OUTLIER)
         if cells < MIN_CELLS:
             continue
         chosen = int(np.argmin(cost))
         best[j] = candidates[chosen]
         farther = math.inf
         for k in range(chosen):
-            if candidates[k] < FARTHER * candidates[chosen]:
+            if candidates[k] < _FARTHER * candidates[chosen]:
                 farther = min(farther, cost[k])
         if farther < math.inf:
             gain[j] = farther - cost[chosen]

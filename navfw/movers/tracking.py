@@ -29,14 +29,14 @@ MERGE_DISTANCE = 0.3
 MAX_AGE, OVERLAP = 0.25, 0.03
 """A track not updated for MAX_AGE s whose predicted place overlaps the robot by more than OVERLAP m
 is dropped: the object has gone elsewhere."""
-GATE_DISTANCE = 0.8
+_GATE_DISTANCE = 0.8
 """Largest distance [m] between a detection and the predicted place of its track. The covariance of
 an old track alone would admit detections from anywhere."""
 VELOCITY_SIGMA = 0.2
 """Change of velocity [m/s] that costs as much in association as one sigma of position."""
-SHAPE_SIGMA = 0.06
+_SHAPE_SIGMA = 0.06
 """Error of a position [m] because the body is no disc and is seen in part from near."""
-MAX_RANGE = 2.0
+_MAX_RANGE = 2.0
 """Distance [m] up to which a moving object in view is expected to be detected."""
 
 
@@ -133,7 +133,7 @@ class Tracker:
         # nearer than this the foot point is below the image
         self._reach = (
             camera.mount_height / math.tan(lowest) if lowest > 0.0 else math.inf,
-            MAX_RANGE,
+            _MAX_RANGE,
         )
         self.reset()
 
@@ -230,7 +230,7 @@ class Tracker:
         turn = np.array([[c, -s], [s, c]])
         ray = product(turn, np.array([[ahead, -aside], [aside, ahead]]))
         spread = np.hypot(
-            [p.distance_sigma * detection.distance, p.bearing_sigma * away], SHAPE_SIGMA
+            [p.distance_sigma * detection.distance, p.bearing_sigma * away], _SHAPE_SIGMA
         )
         return _Measurement(
             detection.time,
@@ -270,7 +270,7 @@ class Tracker:
         off = measurement.position - state[:2]
         spread = covariance[:2, :2] + inverse(measurement.position_information)
         distance = math.sqrt(float(product(off, solve(spread, off))))
-        if distance > self.params.gate or math.hypot(*off) > GATE_DISTANCE:
+        if distance > self.params.gate or math.hypot(*off) > _GATE_DISTANCE:
             return math.inf
         change = math.dist(measurement.velocity, track.velocity)
         return distance + min(change / VELOCITY_SIGMA, self.params.gate)

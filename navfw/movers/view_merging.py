@@ -11,7 +11,7 @@ from navfw.signals import MovingObject
 BORDER_ANGLE = math.radians(7.0)
 """Angle [rad] from an image's border within which flow is not computed: a detection that ends there
 may be cut off."""
-MAX_RATIO = 2.0
+_MAX_RATIO = 2.0
 """Largest ratio of the distances of two parts of one object."""
 
 
@@ -35,7 +35,7 @@ def merge_views(
                 _right_edge(left) < border + BORDER_ANGLE
                 and _left_edge(right) > axis + half - BORDER_ANGLE
             )
-            if touching and max(left.distance, right.distance) < MAX_RATIO * min(
+            if touching and max(left.distance, right.distance) < _MAX_RATIO * min(
                 left.distance, right.distance
             ):
                 merged[-1:], fresh = [_merge(left, right)], fresh[1:]

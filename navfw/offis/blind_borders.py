@@ -17,7 +17,7 @@ from navfw.offis.grid_geometry import GridGeometry
 from navfw.offis.percept_kernels import blind_border
 from navfw.signals import Array, FlowField
 
-BEYOND = 1.4
+_BEYOND = 1.4
 """Nearness of such an obstacle relative to the least nearness outside the search range; a typical
 value from measurements."""
 
@@ -58,7 +58,7 @@ def find_blind_borders(
     hidden = np.zeros((2, flow.shape[1]))
     last_left, first_right = int(found[0, 3]), int(found[1, 3])
     if degree[0] > 0.0:
-        hidden[0, : last_left + 1], hidden[1, : last_left + 1] = BEYOND * found[0, 2], degree[0]
+        hidden[0, : last_left + 1], hidden[1, : last_left + 1] = _BEYOND * found[0, 2], degree[0]
     if degree[1] > 0.0:
-        hidden[0, first_right:], hidden[1, first_right:] = BEYOND * found[1, 2], degree[1]
+        hidden[0, first_right:], hidden[1, first_right:] = _BEYOND * found[1, 2], degree[1]
     return BlindBorders(hidden, evaluation)

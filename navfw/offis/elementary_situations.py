@@ -36,10 +36,10 @@ TABLE = (
 FLOOR_IN_FRONT = 0.5
 """Least degree of floor in front for the report to contain "Floor in front"."""
 
-SURE_CORRIDOR = 0.35
+_SURE_CORRIDOR = 0.35
 """Least degree of a corridor in a report that names only what the picture supports."""
 
-GOOD_FIT = 0.65
+_GOOD_FIT = 0.65
 """Least share of the object cells of each half that lie in its plane, for the same."""
 
 ELEMENTARY = (
@@ -169,8 +169,8 @@ def _claim(
     anything. "Door or unknown" and "door or corner" claim nothing.
     """
     if entry == "door or corridor":
-        return entry if degrees["corridor"] >= SURE_CORRIDOR else "unknown"
+        return entry if degrees["corridor"] >= _SURE_CORRIDOR else "unknown"
     if entry == "unknown" or entry.startswith("door or"):
         return "unknown"
-    supported = ahead.distance <= front_distance and float(ahead.fit[0]) >= GOOD_FIT
+    supported = ahead.distance <= front_distance and float(ahead.fit[0]) >= _GOOD_FIT
     return entry if supported else "unknown"

@@ -18,7 +18,7 @@ from navfw.offis.percept_kernels import label_cells
 from navfw.robot import CameraModel
 from navfw.signals import Array
 
-LOW_CAMERA = 0.2
+_LOW_CAMERA = 0.2
 """Height of a camera [m] below which the tolerances of the floor are relative to it."""
 
 
@@ -37,7 +37,7 @@ class FloorModel:
     ``drop_sigmas`` standard deviations and is deeper than ``drop_depth`` [m]; floor is within
     ``floor_tolerance`` [m] (or ``sigmas`` standard deviations) of height 0, if the standard
     deviation of the height is below ``floor_resolution`` [m]. All else is UNKNOWN. Below a camera
-    lower than LOW_CAMERA, both lengths shrink in proportion to its height.
+    lower than _LOW_CAMERA, both lengths shrink in proportion to its height.
     """
 
     camera: CameraModel
@@ -52,7 +52,7 @@ class FloorModel:
 
     @cached_property
     def _limits(self) -> Array:
-        share = min(self.camera.mount_height / LOW_CAMERA, 1.0)
+        share = min(self.camera.mount_height / _LOW_CAMERA, 1.0)
         return np.array(
             [
                 self.minimum_confidence,

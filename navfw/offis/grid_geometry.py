@@ -13,7 +13,7 @@ from navfw.offis.pyramid import Pyramid
 from navfw.robot import RobotModel
 from navfw.signals import Array
 
-LOW_SHARE = 0.3
+_LOW_SHARE = 0.3
 """Weight of cells below the horizon in the fits of planes.
 
 There, noise lets cells of the floor pass as obstacles, always nearer than the walls."""
@@ -95,7 +95,7 @@ class GridGeometry:
             path_cells=float(path.sum()),
             off_axis=np.abs(points).reshape(-1, 2).T.copy(),
             wall_top=(-fall / (wall_height - camera.mount_height)).flatten(),
-            wall_share=np.where(upward, 1.0, LOW_SHARE).flatten(),
+            wall_share=np.where(upward, 1.0, _LOW_SHARE).flatten(),
             mount_height=float(camera.mount_height),
             wall_height=wall_height,
         )

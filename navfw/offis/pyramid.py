@@ -22,10 +22,10 @@ QUADRANTS = ("P1", "P2", "P3", "P4")
 NEIGHBOURS = ((0, 1), (1, 2), (2, 3), (3, 0))
 """Pairs of the four sibling regions that share a side, by index."""
 
-NEAREST_SHARE = 0.125
+NEAR_SHARE = 0.125
 """Share of a region's object cells in its nearest part."""
 
-NEAREST_LEAST = 2.5
+_MIN_NEAR_WEIGHT = 2.5
 """Least weight of that part [cells of confidence 1]; missing weight counts as empty space."""
 
 _POSITIONS = ("upper right", "upper left", "lower left", "lower right")
@@ -119,8 +119,8 @@ class Pyramid:
             channels.values,
             channels.weights,
             channels.known,
-            NEAREST_SHARE,
-            NEAREST_LEAST,
+            NEAR_SHARE,
+            _MIN_NEAR_WEIGHT,
         )
         return RegionStatistics(*moments.T)
 

@@ -19,7 +19,7 @@ from navfw.offis.pyramid import RegionStatistics
 from navfw.offis.walls import Walls
 from navfw.signals import Array
 
-CODES = {
+_CODES = {
     "very_slope": ("[3 1]", "[1 3]"),
     "slope": ("[2 1]", "[1 2]"),
     "orthogonal": ("[1 1]", "[1 1]"),
@@ -65,10 +65,10 @@ def slopes_of_means(regions: RegionStatistics) -> Slopes:
 
 def _slopes(system: str, inputs: dict[str, Array], support: Array) -> Slopes:
     evaluation = infer(load_system(system), inputs)
-    degrees = np.array([evaluation.degree("slope", term) for term in CODES])
+    degrees = np.array([evaluation.degree("slope", term) for term in _CODES])
     best = degrees.argmax(0)
-    terms = list(CODES)
+    terms = list(_CODES)
     left, right = (
-        CODES[terms[best[side]]][side] if support[side] > 0.0 else "unknown" for side in (0, 1)
+        _CODES[terms[best[side]]][side] if support[side] > 0.0 else "unknown" for side in (0, 1)
     )
     return Slopes(evaluation.result.crisp("slope"), support, (left, right), evaluation)

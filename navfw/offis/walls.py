@@ -28,7 +28,7 @@ from navfw.signals import Array
 ENOUGH = 0.06
 """Share of the cells of a half in its plane from which on the plane has full support."""
 
-FARTHEST_WALL, SURE_WALL = 0.05, 0.10
+_MAX_WALL_OFFSET, _SURE_WALL = 0.05, 0.10
 """Nearness [1/m] of a plane: its support rises from 0 at the first to full at the second value."""
 
 
@@ -83,7 +83,7 @@ def find_walls(geometry: GridGeometry, seen: Nearness, weight: Array) -> Walls:
         explained.append(part / max(total, 1e-9))
         # one wall across both halves is supported by the cells of both
         carried = min((part + shared * (most - part)) / cells, 1.0)
-        near = (math.hypot(slant, front) - FARTHEST_WALL) / (SURE_WALL - FARTHEST_WALL)
+        near = (math.hypot(slant, front) - _MAX_WALL_OFFSET) / (_SURE_WALL - _MAX_WALL_OFFSET)
         support.append(carried * min(max(near, 0.0), 1.0))
     return Walls(
         slant=found[:2, 0],

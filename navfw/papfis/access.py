@@ -18,10 +18,10 @@ from navfw.numerics.products import product
 from navfw.papfis.edge_costs import EdgeCosts
 from navfw.topomap import Passage, PassageProjection, Place, TopoMap
 
-DISTANCE_SLACK = 0.1
+_DISTANCE_SLACK = 0.1
 """Passages up to this much farther than the nearest accessible one are used too [m]."""
 
-SEARCH_RANGE = 3.0
+_SEARCH_RANGE = 3.0
 """Passages up to this much farther than the nearest are tried where walls hide nearer ones [m]."""
 
 OFF_PASSAGE_COST = 2.0
@@ -30,7 +30,7 @@ OFF_PASSAGE_COST = 2.0
 AT_PLACE = 0.05
 """Distance up to which a point counts as at its place [m]."""
 
-WALL_REACH = 3.5
+_WALL_REACH = 3.5
 """Assumed extent of a door's wall to each side of the door [m]."""
 
 
@@ -79,7 +79,7 @@ class Doorways:
         point = from_start[crossing] + share[:, None] * leg
         normal = self._normals[crossing]
         beside = np.abs(point[:, 0] * normal[:, 1] - point[:, 1] * normal[:, 0])
-        return bool(np.any(beside < WALL_REACH))
+        return bool(np.any(beside < _WALL_REACH))
 
 
 def find_access(
@@ -101,7 +101,7 @@ def find_access(
         among = topo_map.passages_at(place)
     elif part is not None:
         among = [passage for passage in topo_map.passages if passage.a in part]
-    near = topo_map.project_onto_passages(*point, slack=SEARCH_RANGE, among=among)
+    near = topo_map.project_onto_passages(*point, slack=_SEARCH_RANGE, among=among)
     options = [(p, _reachable_ends(topo_map, costs, doorways, point, p)) for p in near]
     # where walls hide every passage, use the nearest all the same: a doubtful route, but a route
     options = [option for option in options if option[1]] or [
@@ -112,7 +112,7 @@ def find_access(
         options[0][0].aside if options else math.inf,
         math.inf if isolated is None else isolated[1],
     )
-    options = [option for option in options if option[0].aside <= distance + DISTANCE_SLACK]
+    options = [option for option in options if option[0].aside <= distance + _DISTANCE_SLACK]
     projections = [projection for projection, _ in options]
     if place is not None and (apart := topo_map.places[place].distance(*point)) <= AT_PLACE:
         return Access({place: OFF_PASSAGE_COST * apart}, projections, apart)
@@ -120,7 +120,7 @@ def find_access(
     for projection, ends in options:
         for end in ends:
             found[end] = min(_cost_to(costs, projection, end), found.get(end, math.inf))
-    if isolated is not None and isolated[1] <= distance + DISTANCE_SLACK:
+    if isolated is not None and isolated[1] <= distance + _DISTANCE_SLACK:
         found[isolated[0]] = OFF_PASSAGE_COST * isolated[1]
     return Access(found, projections, distance)
 

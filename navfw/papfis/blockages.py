@@ -14,13 +14,13 @@ from navfw.papfis.routes import Router
 from navfw.signals import PassageQuery, PassageReport, PassageStatus
 from navfw.topomap import Passage
 
-BARRIER_AHEAD = 0.4
+_BARRIER_AHEAD = 0.4
 """Assumed distance [m] from the robot to what blocks a passage that is reported closed."""
 
-BARRIER_RANGE = 2.0
+_BARRIER_RANGE = 2.0
 """Distance [m] to a passage's barrier up to which a report on the passage is used."""
 
-DROP_REACH = 0.3
+_DROP_REACH = 0.3
 """A drop endangers a passage up to this distance [m] beyond its edge."""
 
 MAX_WIDTH = 2.0
@@ -108,7 +108,7 @@ class Blockages:
     def _barrier(self, passage: Passage, query: PassageQuery) -> float:
         """Position of what blocks the passage [m from ``a``]: a little ahead of the robot."""
         start, end = (self._along(passage, point) for point in (query.start, query.end))
-        barrier = start + BARRIER_AHEAD if end >= start else start - BARRIER_AHEAD
+        barrier = start + _BARRIER_AHEAD if end >= start else start - _BARRIER_AHEAD
         return min(max(barrier, 0.0), passage.length)
 
     def _covers_barrier(self, query: PassageQuery) -> bool:
@@ -119,7 +119,7 @@ class Blockages:
             return True
         start, end = (self._along(passage, point) for point in (query.start, query.end))
         return (
-            min(start, end) <= barrier <= max(start, end) and abs(barrier - start) <= BARRIER_RANGE
+            min(start, end) <= barrier <= max(start, end) and abs(barrier - start) <= _BARRIER_RANGE
         )
 
     def _along(self, passage: Passage, point: tuple[float, float]) -> float:
@@ -138,7 +138,7 @@ class Blockages:
         if projection is None:
             return set()
         passage = projection.passage
-        reach = 0.5 * min(passage.width, MAX_WIDTH) + DROP_REACH
+        reach = 0.5 * min(passage.width, MAX_WIDTH) + _DROP_REACH
         if projection.aside > reach or passage.ends in self._dangers:
             return set()
         self._dangers.add(passage.ends)

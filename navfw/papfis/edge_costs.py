@@ -28,7 +28,7 @@ from navfw.topomap import Passage, TopoMap
 
 RULE_BASE = Path(__file__).parent / "rules" / "edge_cost.yaml"
 
-AVOID_ABOVE = 0.5
+_AVOID_ABOVE = 0.5
 """A passage is avoided when the degree of the term 'extreme' of its penalty exceeds this."""
 
 
@@ -147,7 +147,7 @@ def _penalties(result: Inference, peaks: Array) -> tuple[Array, Mask]:
     """Penalty in [0, 1] and whether to avoid the passage, (N,) each."""
     firing = result.firing
     penalties = np.clip(product(firing, peaks) / firing.sum(axis=1), 0.0, 1.0)
-    return penalties, result.degrees["penalty"]["extreme"] > AVOID_ABOVE
+    return penalties, result.degrees["penalty"]["extreme"] > _AVOID_ABOVE
 
 
 def inputs_of(passages: Sequence[Passage], robot: RobotModel) -> dict[str, Array]:

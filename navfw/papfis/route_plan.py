@@ -20,7 +20,7 @@ from navfw.papfis.routes import Endpoint, Route, Router
 from navfw.robot import RobotModel
 from navfw.topomap import Passage, TopoMap
 
-MAX_OFF_MAP = 8.0
+_MAX_OFF_MAP = 8.0
 """Largest distance of start and goal from the map [m]."""
 
 _NUMBER = r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*"
@@ -77,7 +77,7 @@ def plan_route(
     for passage in closed:
         router.close(passage)
     for point, what in ((begin, "start"), (end, "goal")):
-        router.check_near(point, what, MAX_OFF_MAP)
+        router.check_near(point, what, _MAX_OFF_MAP)
     return RoutePlan(router.route(begin, end), router)
 
 

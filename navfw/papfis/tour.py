@@ -18,7 +18,7 @@ from navfw.papfis.waypoints import (
 )
 from navfw.signals import PassageQuery, Waypoint
 
-QUERY_RANGE = 2.5
+_QUERY_RANGE = 2.5
 """Distance along the path up to which passages are queried [m] (METHOD 4.3)."""
 
 
@@ -68,10 +68,10 @@ class Tour:
         return [*self._ahead, *(waypoint for leg in self._later for waypoint in leg)]
 
     def queries(self, at: Point) -> list[PassageQuery]:
-        """The legs from ``at`` to the present goal that begin within ``QUERY_RANGE``."""
+        """The legs from ``at`` to the present goal that begin within ``_QUERY_RANGE``."""
         queries, start, so_far = [], at, 0.0
         for waypoint in self._ahead:
-            if so_far >= QUERY_RANGE:
+            if so_far >= _QUERY_RANGE:
                 break
             end = (waypoint.x, waypoint.y)
             if waypoint.passage is not None:

@@ -13,15 +13,15 @@ from navfw.topomap import Passage, TopoMap
 
 Point = tuple[float, float]
 
-SHARPEST_TURN = math.radians(120.0)
+_SHARPEST_TURN = math.radians(120.0)
 """Largest turn at a waypoint for which its bisector decides whether it is passed [rad]."""
 
 
-ROOMY = 0.27
+_ROOMY = 0.27
 """Free width [m] between the body and each post of a door from which on the tolerance beside it is
 the whole one: a wide robot that comes from aside does not fit through."""
 
-LEAST_SHARE = 0.3
+MIN_SHARE = 0.3
 """Least share of the tolerance beside a door."""
 
 
@@ -56,7 +56,7 @@ class PassingTolerances:
         free = 0.5 * min(doors) - self.body
         if free <= 0.0:
             return self.beside_door
-        return self.beside_door * min(max(free / ROOMY, LEAST_SHARE), 1.0)
+        return self.beside_door * min(max(free / _ROOMY, MIN_SHARE), 1.0)
 
 
 def _is_door(kinds: Sequence[str], index: int) -> bool:
@@ -154,14 +154,14 @@ def distance_to_leg(at: Point, start: Point, end: Point) -> float:
 def _bisector(before: Point, here: Point, after: Point) -> Point | None:
     """The unit direction halfway between the leg to ``here`` and the leg from it.
 
-    None for turns beyond ``SHARPEST_TURN``.
+    None for turns beyond ``_SHARPEST_TURN``.
     """
     leg_in = _unit(here[0] - before[0], here[1] - before[1])
     leg_out = _unit(after[0] - here[0], after[1] - here[1])
     if leg_in is None or leg_out is None:
         return leg_in or leg_out
     x, y = leg_in[0] + leg_out[0], leg_in[1] + leg_out[1]
-    if math.hypot(x, y) < 2.0 * math.cos(0.5 * SHARPEST_TURN):
+    if math.hypot(x, y) < 2.0 * math.cos(0.5 * _SHARPEST_TURN):
         return None
     return _unit(x, y)
 

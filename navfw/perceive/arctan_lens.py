@@ -17,7 +17,7 @@ from navfw.signals import Array
 CURVATURES = (-0.6, 1.6)
 """Least and largest curvature."""
 
-STEEPEST = 1.4
+_MAX_ANGLE = 1.4
 """Largest ``c`` times radius [rad] that is straightened: beyond it the image is stretched by more
 than 5."""
 
@@ -28,13 +28,14 @@ _STRAIGHT = 1e-6
 def straighten(points: Array, curvature: float) -> Array:
     """Where a pinhole camera shows what the lens shows at ``points`` (..., 2).
 
-    Both are in focal lengths from the principal point. Points beyond ``STEEPEST`` are those at it.
+    Both are in focal lengths from the principal point. Points beyond ``_MAX_ANGLE`` are those at
+    it.
     """
     bent = _bent(points, curvature)
     if abs(curvature) < _STRAIGHT:
         return np.array(points, dtype=np.float64)
     if curvature > 0.0:
-        return np.asarray(points * np.tan(np.minimum(bent, STEEPEST)) / bent)
+        return np.asarray(points * np.tan(np.minimum(bent, _MAX_ANGLE)) / bent)
     return np.asarray(points * np.tanh(bent) / bent)
 
 

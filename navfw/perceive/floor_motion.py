@@ -23,41 +23,41 @@ from navfw.signals import Array, CameraMotion, FlowField, Image
 
 Mask = npt.NDArray[np.bool_]
 
-PITCHES = np.radians(np.arange(-10.0, 32.5, 2.5))
+_PITCHES = np.radians(np.arange(-10.0, 32.5, 2.5))
 """Pitches of the camera that are tried [rad], nose down."""
 
-RATIOS = np.concatenate([[0.0], np.geomspace(0.02, 2.5, 28)])
+_RATIOS = np.concatenate([[0.0], np.geomspace(0.02, 2.5, 28)])
 """Ratios of baseline to height that are tried; 0 is a floor too far away to move."""
 
-ELEVATION_SIGMA = math.radians(5.0)
+_ELEVATION_SIGMA = math.radians(5.0)
 """Standard deviation of the elevation of one heading about the floor's plane."""
 
-LOW_ROWS = 0.42
+_LOW_ROWS = 0.42
 """Share of the image's rows, from the lowest, by which ratio and pitch are chosen."""
 
 MIRRORED = 0.3
 """Prior probability that a cell of the floor shows the mirror image of something."""
 
-NEAREST_MIRRORED = 0.5
+_MAX_MIRRORED = 0.5
 """Largest nearness of a mirror image, as a share of the floor's in that cell: it is that of things
 as high above the floor as the camera, or higher."""
 
-LEAST_FALL = 0.12
+MIN_FALL = 0.12
 """Least descent of a ray per depth that is below the horizon though the pitch is not exact."""
 
-LEAST_GAIN = 4.0
+_MIN_GAIN = 4.0
 """Least gain in log likelihood of a moving floor over a floor that does not move."""
 
-WALL_MARGIN = 5.0
+_WALL_MARGIN = 5.0
 """Log likelihood by which a wall in front has to explain the images better to rule a floor out."""
 
-FITTING = 2.0
+_FITTING = 2.0
 """Largest variance of the difference of a cell that a plane explains [NOISE^2]."""
 
-LEAST_PROVEN = 2
+_MIN_PROVEN = 2
 """Least number of cells whose texture moves like a floor."""
 
-SPEED_SIGMA, SPEED_JUMP = 0.3, 8.0
+_SPEED_SIGMA, _SPEED_JUMP = 0.3, 8.0
 """Standard deviation of the logarithm of the speed about that of the pairs before, and the most
 that a jump of it costs in log likelihood."""
 
@@ -67,19 +67,19 @@ USUAL = 0.4
 MEMORY = 9
 """Number of pairs by whose median the speed is expected."""
 
-LEAST_PAIRS = 5
+MIN_PAIRS = 5
 """Number of pairs with a floor after which its pitch is known, and it is expected to stay."""
 
-REVIEW = 5
+_REVIEW = 5
 """Every so many pairs all pitches are tried again."""
 
 ALIKE = 30.0
 """Largest difference of the mean grey levels of two neighbouring cells of one floor."""
 
-PROVEN, REACHED = 0.7, 0.3
+_PROVEN, REACHED = 0.7, 0.3
 """Confidence of the floor's vectors in cells that prove it, and in the others."""
 
-VECTOR_SIGMA = 0.3
+_VECTOR_SIGMA = 0.3
 """Standard deviation of the floor's vectors [px]."""
 
 
@@ -108,8 +108,8 @@ class FloorMotion:
         return replace(
             flow,
             vectors=np.where(self.cells[..., None], vectors, flow.vectors),
-            confidence=np.where(self.proven, PROVEN, confidence),
-            sigma=np.where(self.cells, VECTOR_SIGMA, flow.sigma),
+            confidence=np.where(self.proven, _PROVEN, confidence),
+            sigma=np.where(self.cells, _VECTOR_SIGMA, flow.sigma),
         )
 
 
@@ -123,7 +123,7 @@ class FloorFinder:
     def __init__(self, camera: CameraModel, grid: tuple[int, int], pitch: float | None) -> None:
         self._camera = camera
         self._grid = grid
-        self._pitches = PITCHES if pitch is None else np.array([pitch])
+        self._pitches = _PITCHES if pitch is None else np.array([pitch])
         self._evidence = np.zeros(self._pitches.size)
         self._speeds: deque[float] = deque(maxlen=MEMORY)
         self._pairs = 0
@@ -132,7 +132,7 @@ class FloorFinder:
     @property
     def pitch(self) -> float | None:
         """The most likely pitch [rad]; None while there is too little evidence."""
-        if self._pitches.size > 1 and self._pairs < LEAST_PAIRS:
+        if self._pitches.size > 1 and self._pairs < MIN_PAIRS:
             return None
         return float(self._pitches[int(self._evidence.argmax())])
 
@@ -142,25 +142,25 @@ class FloorFinder:
         warp = PlaneWarp.of(now, past, motion, self._camera.focal, self._grid)
         known = self.pitch
         tried = self._pitches
-        if known is not None and self._pairs % REVIEW:
+        if known is not None and self._pairs % _REVIEW:
             tried = np.array([known])
         scores = np.array([self._floor_score(warp, pitch) for pitch in tried.tolist()])
-        if tried.size > 1 and (scores.max(axis=1) - scores[:, 0]).max() > LEAST_GAIN:
+        if tried.size > 1 and (scores.max(axis=1) - scores[:, 0]).max() > _MIN_GAIN:
             self._collect(scores.max(axis=1), motion)
         pitch = self.pitch
         if pitch is None:
             return None
         likelihood = scores[int(np.abs(tried - pitch).argmin())]
         wall = np.log(self._likelihoods(warp, _upright(pitch))).sum(axis=(1, 2))
-        if wall.max() > likelihood.max() + WALL_MARGIN:
+        if wall.max() > likelihood.max() + _WALL_MARGIN:
             return None
         found = self._floor(warp, pitch, _peak(likelihood + self._expected(motion.dt)))
         speed = found.ratio / motion.dt
-        moves = likelihood.max() - likelihood[0] > LEAST_GAIN
-        if moves and int(found.proven.sum()) >= LEAST_PROVEN:
+        moves = likelihood.max() - likelihood[0] > _MIN_GAIN
+        if moves and int(found.proven.sum()) >= _MIN_PROVEN:
             self._speeds.append(speed)
         elif not (self._is_usual(speed) and found.cells.any()):
-            self.lost = len(self._speeds) >= LEAST_PAIRS
+            self.lost = len(self._speeds) >= MIN_PAIRS
             return None
         return found
 
@@ -170,37 +170,37 @@ class FloorFinder:
         That is below the horizon, and as far above it as the pitch may be wrong.
         """
         fall = self._camera.fall_per_depth(flow.points, self.pitch or 0.0)
-        return replace(flow, confidence=np.where(fall > -LEAST_FALL, 0.0, flow.confidence))
+        return replace(flow, confidence=np.where(fall > -MIN_FALL, 0.0, flow.confidence))
 
     def _collect(self, likelihood: Array, motion: CameraMotion) -> None:
         """Add the evidence of one pair for each pitch: images, and a heading along the floor."""
         down = float(motion.translation[1]) / max(motion.baseline, 1e-12)
-        off = (self._pitches + math.asin(min(max(down, -1.0), 1.0))) / ELEVATION_SIGMA
+        off = (self._pitches + math.asin(min(max(down, -1.0), 1.0))) / _ELEVATION_SIGMA
         self._evidence += likelihood - likelihood.max() - 0.5 * off * off
         self._pairs += 1
 
     def _floor_score(self, warp: PlaneWarp, pitch: float) -> Array:
-        """Log likelihood (n,) of each of RATIOS for a floor, parts of which may be glossy."""
+        """Log likelihood (n,) of each of _RATIOS for a floor, parts of which may be glossy."""
         plain = self._likelihoods(warp, _level(pitch))
         mirrored = np.array(
-            [plain[NEAREST_MIRRORED * ratio >= RATIOS].mean(axis=0) for ratio in RATIOS]
+            [plain[_MAX_MIRRORED * ratio >= _RATIOS].mean(axis=0) for ratio in _RATIOS]
         )
         mixed = (1.0 - MIRRORED) * plain + MIRRORED * mirrored
         return np.asarray(np.log(mixed).sum(axis=(1, 2)))
 
     def _likelihoods(self, warp: PlaneWarp, normal: Array) -> Array:
-        """Likelihood (n, rows, cols) of each of RATIOS for a plane, by the same cells for all."""
-        lowest = int(LOW_ROWS * self._grid[0])
-        off = [warp.difference(normal, ratio)[-lowest:] for ratio in RATIOS.tolist()]
+        """Likelihood (n, rows, cols) of each of _RATIOS for a plane, by the same cells for all."""
+        lowest = int(_LOW_ROWS * self._grid[0])
+        off = [warp.difference(normal, ratio)[-lowest:] for ratio in _RATIOS.tolist()]
         return np.asarray(1.0 / np.sqrt(1.0 + np.array(off)))
 
     def _expected(self, dt: float) -> Array:
-        """Log likelihood (n,) of RATIOS by the speed of the pairs before."""
+        """Log likelihood (n,) of _RATIOS by the speed of the pairs before."""
         if not self._speeds:
-            return np.zeros(RATIOS.size)
+            return np.zeros(_RATIOS.size)
         usual = dt * float(np.median(self._speeds))
-        off = np.log(np.maximum(RATIOS, 0.5 * RATIOS[1]) / usual) / SPEED_SIGMA
-        return np.asarray(-0.5 * np.minimum(off * off, 2.0 * SPEED_JUMP))
+        off = np.log(np.maximum(_RATIOS, 0.5 * _RATIOS[1]) / usual) / _SPEED_SIGMA
+        return np.asarray(-0.5 * np.minimum(off * off, 2.0 * _SPEED_JUMP))
 
     def _is_usual(self, speed: float) -> bool:
         """Whether ``speed`` [heights/s] is about that of the pairs before."""
@@ -213,7 +213,7 @@ class FloorFinder:
         normal = _level(pitch)
         moving = warp.difference(normal, ratio)
         others = np.minimum(warp.difference(normal, 0.0), warp.difference(normal, 1.6 * ratio))
-        fits = self._below(pitch) & (moving < FITTING)
+        fits = self._below(pitch) & (moving < _FITTING)
         proven = fits & (others > 2.0 * moving + 0.5)
         seeds = proven.copy()
         if self._speeds:  # what fits right in front of the camera, where floor was proven before
@@ -225,7 +225,7 @@ class FloorFinder:
         rows, cols = self._grid
         y = ((np.arange(rows) + 0.5) / rows - 0.5) * self._camera.height
         fall = self._camera.fall_per_depth(np.stack([np.zeros(rows), y], axis=-1), pitch)
-        return np.repeat((fall > LEAST_FALL)[:, None], cols, axis=1)
+        return np.repeat((fall > MIN_FALL)[:, None], cols, axis=1)
 
 
 def _level(pitch: float) -> Array:
@@ -239,12 +239,12 @@ def _upright(pitch: float) -> Array:
 
 
 def _peak(scores: Array) -> float:
-    """The best of RATIOS above 0, refined by a parabola through the best three."""
+    """The best of _RATIOS above 0, refined by a parabola through the best three."""
     k = min(max(int(np.argmax(scores[1:])) + 1, 2), len(scores) - 2)
     before, here, after = scores[k - 1 : k + 2].tolist()
     curve = before - 2.0 * here + after
     step = 0.5 * (before - after) / curve if curve < 0.0 else 0.0
-    return float(RATIOS[k] * (RATIOS[3] / RATIOS[2]) ** min(max(step, -1.0), 1.0))
+    return float(_RATIOS[k] * (_RATIOS[3] / _RATIOS[2]) ** min(max(step, -1.0), 1.0))
 
 
 def _spread(seeds: Mask, fits: Mask, mean: Array) -> Mask:

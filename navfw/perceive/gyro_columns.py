@@ -27,7 +27,7 @@ _OTHER_NAMES = {
     **{rate.removesuffix("_rate"): rate for rate in RATES},
 }
 """Other names of columns; x, y and z are the axes ahead, left and up (REP 103)."""
-TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+_TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Units of time [s]."""
 _RATE_UNITS = {
     "rad/s": 1.0,
@@ -85,7 +85,7 @@ def column_of(header: str) -> GyroColumn | None:
         if difflib.get_close_matches(name, known, n=1, cutoff=_NEAR):
             raise ValueError(f"unknown column {header!r}: {did_you_mean(name, known)}")
         return None
-    units = TIME_UNITS if name == "time" else _RATE_UNITS
+    units = _TIME_UNITS if name == "time" else _RATE_UNITS
     if unit is None:
         return GyroColumn(name, 1.0, written in _BY_AXIS)
     if unit not in units:
@@ -101,7 +101,7 @@ def _parts(header: str) -> tuple[str, str | None]:
         unit = bracketed[2].replace("sec", "s") if "/" in bracketed[2] else bracketed[2]
         return re.sub(r"[ .\-]+", "_", bracketed[1]), _SPELLINGS.get(unit, unit)
     name = re.sub(r"[ .\-]+", "_", text)
-    for unit in sorted([*TIME_UNITS, *_RATE_UNITS, *_SPELLINGS], key=len, reverse=True):
+    for unit in sorted([*_TIME_UNITS, *_RATE_UNITS, *_SPELLINGS], key=len, reverse=True):
         ending = "_" + unit.replace("/", "_")
         if name.endswith(ending):
             return name.removesuffix(ending), _SPELLINGS.get(unit, unit)

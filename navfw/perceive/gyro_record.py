@@ -17,16 +17,16 @@ from navfw.errors import InputError
 from navfw.perceive.gyro_columns import COLUMNS, RATES, GyroColumn, column_of
 from navfw.signals import Array
 
-_FASTEST = 10.0
+_MAX_RATE = 10.0
 """Largest rate [rad/s]: a camera that turns faster sees nothing but blur, so larger values have
 another unit."""
-_SLOWEST = 2.0
+_MAX_INTERVAL = 2.0
 """Longest usual interval of samples [s]: longer ones are probably not in seconds."""
 _MAX_BYTES = 50_000_000
 """Largest size of a record [byte]: 15 minutes of readings at 1 kHz."""
-_LEAST_DURATION = 10.0  # s
-_LARGEST_TILT = 0.5 * math.pi
-"""Net pitch and roll [rad] of a record of at least ``_LEAST_DURATION`` that no camera has: beyond,
+_MIN_DURATION = 10.0  # s
+_MAX_TILT = 0.5 * math.pi
+"""Net pitch and roll [rad] of a record of at least ``_MIN_DURATION`` that no camera has: beyond,
 its mean rate is the gyro's offset."""
 _OPTION = "--gyro"
 
@@ -126,7 +126,7 @@ def load_gyro_record(path: Path) -> GyroRecord:
         notes.append(f"{left_out} of {total} gyro samples are not numbers")
     table = np.array(samples)
     interval = float(np.median(np.diff(table[:, 0])))
-    if interval > _SLOWEST:
+    if interval > _MAX_INTERVAL:
         raise InputError(
             f"samples are {interval:g} s apart; if the times have another unit, name it in the "
             "header: time_ms, time_us or time_ns",
@@ -223,9 +223,9 @@ def _check(
             file=shown_path(path),
             line=line,
         )
-    if fastest > _FASTEST:
+    if fastest > _MAX_RATE:
         raise InputError(
-            f"a rate of {fastest:g} rad/s is above {_FASTEST:g}; are these degrees per second? "
+            f"a rate of {fastest:g} rad/s is above {_MAX_RATE:g}; are these degrees per second? "
             "Name the unit in the header: yaw_rate_deg_s, or yaw_rate [mdeg/s]",
             file=shown_path(path),
             line=line,
@@ -239,7 +239,7 @@ def _without_offsets(times: Array, rates: Array) -> tuple[Array, list[str]]:
     rates = rates.copy()
     for axis, name in ((0, "roll"), (1, "pitch")):
         offset = float(rates[:, axis].mean())
-        if duration >= _LEAST_DURATION and abs(offset) * duration > _LARGEST_TILT:
+        if duration >= _MIN_DURATION and abs(offset) * duration > _MAX_TILT:
             rates[:, axis] -= offset
             notes.append(f"the gyro's {name} rate has an offset of {offset:.4f} rad/s: removed")
     return rates, notes

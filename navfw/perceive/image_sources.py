@@ -28,9 +28,9 @@ IMAGES = frozenset(
     | {".heic", ".heif", ".hif"}
 )
 """Suffixes of image files; those of HEIC are refused one by one, with what to do."""
-VIDEOS = frozenset({".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg", ".wmv"})
+_VIDEOS = frozenset({".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg", ".wmv"})
 """Suffixes of video files."""
-LONGEST_GAP = 0.5
+MAX_GAP = 0.5
 """Time without an image [s] after which images are not compared with those before, unless images
 are so rare that it is less than ``_GAP_STEPS`` of their usual interval."""
 _GAP_STEPS = 3.5
@@ -85,7 +85,7 @@ class ImageSource:
         """
         first: SourceImage | None = None
         straighten: Undistortion | None = None
-        longest = max(LONGEST_GAP, _GAP_STEPS / self.rate)
+        longest = max(MAX_GAP, _GAP_STEPS / self.rate)
         gaps: list[str] = []
         last, count = 0.0, 0
         for item in self._items():
@@ -250,7 +250,7 @@ def open_source(
             raise InputError("is for image files; a video has its own times", key="--times")
         return _Video(paths[0], fps, calibration)
     for path in paths:
-        if path.suffix.lower() in VIDEOS:
+        if path.suffix.lower() in _VIDEOS:
             raise InputError("give one video, or image files, not both", file=path)
     ordered = list(paths)
     if ordered == sorted(ordered):
@@ -273,7 +273,7 @@ def _images_in(folder: Path) -> list[Path]:
             raise InputError(f"{what}; see navfw report and navfw replay", file=folder)
     if images:
         return sorted(images, key=natural_key)
-    others = sorted(e.name for e in entries if is_folder(e) or e.suffix.lower() in VIDEOS)
+    others = sorted(e.name for e in entries if is_folder(e) or e.suffix.lower() in _VIDEOS)
     hint = f"; did you mean one of: {', '.join(others[:5])}?" if others else ""
     raise InputError(f"contains no images{hint}", file=folder)
 

@@ -22,19 +22,19 @@ from navfw.perceive.lens_fit import LensFit, LensShape, TrackedPair
 from navfw.perceive.lens_pairs import lens_pairs
 from navfw.perceive.working_size import HFOV
 
-LEAST_PAIRS = 15
+MIN_PAIRS = 15
 """Least number of pairs for an estimate."""
 BLOCKS = 5
 """Number of blocks of the jackknife."""
-FOCAL_FLOOR, CURVATURE_FLOOR, BORDER_FLOOR = 0.05, 0.05, 0.01
+_FOCAL_FLOOR, _CURVATURE_FLOOR, _BORDER_FLOOR = 0.05, 0.05, 0.01
 """Least standard deviations of the focal length, relative to it, of the curvature, and of the
 distortion at the border: on recordings with known lenses the estimates are off by as much."""
-LEAST_BEND = 0.015
+_MIN_BEND = 0.015
 """Least bend of the rotational flow at the border that tells a focal length, relative to the
 image's width: without rotation every focal length explains the images."""
-SURE_FOCAL = 0.1
+_SURE_FOCAL = 0.1
 """Largest standard deviation of a focal length that is used, relative to it."""
-LEAST_BORDER = 0.03
+_MIN_BORDER = 0.03
 """Least distortion that is removed: the shift of the middle of the left and right border, relative
 to its distance from the centre."""
 SURE = 3.0
@@ -109,7 +109,7 @@ def estimate_lens(
     ``tick`` is called after each image and each fit. Images are read up to the first bad one.
     """
     pairs, size = lens_pairs(images, tick)
-    if len(pairs) < LEAST_PAIRS:
+    if len(pairs) < MIN_PAIRS:
         return LensEstimate(size, len(pairs))
     return _fitted(pairs, size, None if hfov is None else math.radians(hfov), tick)
 
@@ -150,10 +150,10 @@ def _fitted(
     tick()
     shape, (focal_sigma, curvature_sigma, border_sigma) = _jackknife(fit, shape, len(pairs), half)
     tick()
-    border_sigma = math.hypot(border_sigma, BORDER_FLOOR)
-    curvature_sigma = math.hypot(curvature_sigma, CURVATURE_FLOOR)
+    border_sigma = math.hypot(border_sigma, _BORDER_FLOOR)
+    curvature_sigma = math.hypot(curvature_sigma, _CURVATURE_FLOOR)
     simple = None
-    if abs(_border(shape, half)) < max(LEAST_BORDER, SURE * border_sigma):
+    if abs(_border(shape, half)) < max(_MIN_BORDER, SURE * border_sigma):
         simple = 0.0
     elif abs(shape.curvature - 1.0) < SURE * curvature_sigma:
         simple = 1.0
@@ -163,9 +163,9 @@ def _fitted(
         fit = LensFit(pairs, half, curvature=simple)
         start = LensShape(shape.focal, simple)
         shape, (focal_sigma, _, _) = _jackknife(fit, start, len(pairs), half)
-    focal_sigma = 0.0 if view is not None else math.hypot(focal_sigma, FOCAL_FLOOR)
-    told = view is not None or fit.bend(shape) > LEAST_BEND * size[0]
-    if not told or focal_sigma > SURE_FOCAL or not HFOV[0] <= _view(shape, half) <= HFOV[1]:
+    focal_sigma = 0.0 if view is not None else math.hypot(focal_sigma, _FOCAL_FLOOR)
+    told = view is not None or fit.bend(shape) > _MIN_BEND * size[0]
+    if not told or focal_sigma > _SURE_FOCAL or not HFOV[0] <= _view(shape, half) <= HFOV[1]:
         return LensEstimate(size, len(pairs))
     return LensEstimate(size, len(pairs), shape, focal_sigma, curvature_sigma)
 

@@ -31,19 +31,19 @@ CAUCHY = 2.385
 VIEWS = (55.0, 75.0, 95.0, 120.0)
 """Horizontal fields of view that the search begins with [deg]."""
 
-BENDS = (0.0, 0.5, 1.0)
+_BENDS = (0.0, 0.5, 1.0)
 """Curvatures that it begins with."""
 
-SEARCHED = 16
+_SEARCHED = 16
 """Number of pairs of the first search."""
 
-SHORTEST, LONGEST = 0.3, 20.0
+_MIN_FOCAL, _MAX_FOCAL = 0.3, 20.0
 """Least and largest focal length, relative to half of the width."""
 
-STEPS = np.array([0.004, 0.01])
+_STEPS = np.array([0.004, 0.01])
 """Steps of the numerical derivatives by the logarithm of the focal length and the curvature."""
 
-LEAST_STRETCH = 0.3
+_MIN_STRETCH = 0.3
 """Least factor by which straightening changes a standard deviation."""
 
 BEHIND = 10.0
@@ -107,9 +107,9 @@ class LensFit:
 
     def start(self) -> LensShape:
         """The lens of the first search with the least cost."""
-        few = self._pairs[:: max(len(self._pairs) // SEARCHED, 1)]
+        few = self._pairs[:: max(len(self._pairs) // _SEARCHED, 1)]
         views = VIEWS if self._view is None else (math.degrees(self._view),)
-        bends = BENDS if self._curvature is None else (self._curvature,)
+        bends = _BENDS if self._curvature is None else (self._curvature,)
         shapes = [
             LensShape(focal_for(self._half, math.radians(0.5 * view), bend), bend)
             for view in views
@@ -131,7 +131,7 @@ class LensFit:
         if left_out is not None:
             del pairs[left_out], motions[left_out]
         values = self._values(start)
-        steps = STEPS[self._free]
+        steps = _STEPS[self._free]
 
         def residuals(trial: Array) -> Array:
             return _residuals(pairs, self._shape(trial), motions)
@@ -143,8 +143,8 @@ class LensFit:
             ]
             return np.asarray(np.stack(columns, axis=1))
 
-        low = np.array([math.log(SHORTEST * self._half), CURVATURES[0]])
-        high = np.array([math.log(LONGEST * self._half), CURVATURES[1]])
+        low = np.array([math.log(_MIN_FOCAL * self._half), CURVATURES[0]])
+        high = np.array([math.log(_MAX_FOCAL * self._half), CURVATURES[1]])
         found = least_squares(
             residuals,
             values,
@@ -184,7 +184,7 @@ def _first_motions(pairs: Sequence[TrackedPair], shape: LensShape) -> list[Motio
     """The motion of each pair by a search over all directions."""
     found = []
     for pair in pairs:
-        area = np.maximum(np.linalg.det(shape.slopes(pair.past)), LEAST_STRETCH**2)
+        area = np.maximum(np.linalg.det(shape.slopes(pair.past)), _MIN_STRETCH**2)
         points, past = shape.straight(pair.now), shape.straight(pair.past)
         tracks = PointMotion(points, past, SIGMA * np.sqrt(area), np.ones(len(points)))
         motion = estimate_egomotion(tracks, shape.focal)
@@ -215,7 +215,7 @@ def _pair_residuals(pair: TrackedPair, shape: LensShape, motion: Motion) -> Arra
         across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-9)
         # a pixel of the image along the normal of the epipolar line
         sigma = SIGMA * np.linalg.norm(np.einsum("nij,ni->nj", slopes, across), axis=1)
-        sigma = np.maximum(sigma, LEAST_STRETCH * SIGMA)
+        sigma = np.maximum(sigma, _MIN_STRETCH * SIGMA)
         rotation, direction, _, residual = fit_motion(
             points, past, sigma, weight, shape.focal, motion, (np.eye(3), _FREE), _ANYWHERE, 4
         )

@@ -14,18 +14,18 @@ from navfw.perceive.lens_fit import TrackedPair
 from navfw.perceive.point_tracks import TrackImage, track_points
 from navfw.perceive.working_size import WorkingSize
 
-LOOKED_AT = 120
+_LOOKED_AT = 120
 """Number of pairs that are looked at."""
-MOST_PAIRS = 100
+_MAX_PAIRS = 100
 """Largest number of pairs that are used."""
-MOST_PIXELS = 600_000_000
+MAX_PIXELS = 600_000_000
 """Number of pixels after which no more images are read: 2000 images of 640 x 480."""
-LEAST_POINTS = 60
+MIN_POINTS = 60
 """Least number of points of a pair."""
-FLOW, LEAST_FLOW = 0.1, 0.01
+FLOW, MIN_FLOW = 0.1, 0.01
 """Median flow of a pair that the distance between its images aims at, and least one, as shares of
 the image's width."""
-LONGEST_PAIR = 15
+_MAX_PAIR = 15
 """Largest distance between the images of a pair [images]."""
 
 
@@ -48,7 +48,7 @@ def lens_pairs(
             tick()
     if sampler is None:
         return [], (0, 0)
-    return sampler.pairs[:: 1 + len(sampler.pairs) // MOST_PAIRS], (sampler.width, sampler.height)
+    return sampler.pairs[:: 1 + len(sampler.pairs) // _MAX_PAIRS], (sampler.width, sampler.height)
 
 
 class _PairSampler:
@@ -58,9 +58,9 @@ class _PairSampler:
         self.width, self.height = width, height
         self.pairs: list[TrackedPair] = []
         self._size = WorkingSize(width, height, 1.0, width, height)
-        self._most = MOST_PIXELS // (width * height)
-        self._spacing = max(min(total or self._most, self._most) // LOOKED_AT, 1)
-        self._earlier: deque[TrackImage] = deque(maxlen=LONGEST_PAIR)
+        self._most = MAX_PIXELS // (width * height)
+        self._spacing = max(min(total or self._most, self._most) // _LOOKED_AT, 1)
+        self._earlier: deque[TrackImage] = deque(maxlen=_MAX_PAIR)
         self._count = 0
         self._stride = 2
 
@@ -82,11 +82,11 @@ class _PairSampler:
         """Track points to an earlier image, and choose the distance of the next pair."""
         apart = min(self._stride, len(self._earlier))
         tracks = track_points(self._earlier[-apart], now, self._size)
-        if len(tracks.points) < LEAST_POINTS:
+        if len(tracks.points) < MIN_POINTS:
             self._stride = max(self._stride // 2, 1)
             return
         flow = float(np.median(np.hypot(*(tracks.points - tracks.past).T))) / self.width
-        if flow > LEAST_FLOW:
+        if flow > MIN_FLOW:
             self.pairs.append(TrackedPair(tracks.points, tracks.past))
         wanted = apart * min(max(FLOW / max(flow, 1e-3), 0.5), 2.0)
-        self._stride = min(max(round(wanted), 1), LONGEST_PAIR)
+        self._stride = min(max(round(wanted), 1), _MAX_PAIR)

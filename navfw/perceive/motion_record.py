@@ -8,7 +8,7 @@ from navfw.errors import InputError
 from navfw.perceive.image_sources import ImageSource
 from navfw.signals import Array
 
-LONGEST = 86_400.0
+_MAX_DURATION = 86_400.0
 """Longest recording [s], where its length is unknown: a day."""
 
 
@@ -70,7 +70,7 @@ def on_clock_of(images: ImageSource, record: MotionRecord) -> MotionRecord:
 
     """
     first, last = float(record.times[0]), float(record.times[-1])
-    start, duration = images.start, min(images.duration, LONGEST)
+    start, duration = images.start, min(images.duration, _MAX_DURATION)
     clock = None
     if start is not None and first < start + duration and last > start:
         clock = start

@@ -31,13 +31,13 @@ from navfw.perceive.working_size import WorkingSize
 from navfw.robot import CameraModel
 from navfw.signals import Array, CameraMotion, FlowField
 
-GYRO_SIGMA = 0.005
+_GYRO_SIGMA = 0.005
 """Standard deviation of the constant error of a gyro's rates [rad/s]."""
 
-HEADING_DRIFT = 0.35
+_HEADING_DRIFT = 0.35
 """Standard deviation of the change of heading from one pair to the next [rad]."""
 
-LEAST_DRIFT = 0.1
+_MIN_DRIFT = 0.1
 """Least of it after many pairs of one heading [rad]."""
 
 DEVIATION = 3.0
@@ -47,14 +47,14 @@ RATE_DRIFT = 0.35
 """Least standard deviation of the change of a rate of rotation from one pair to the next [rad/s]:
 that of a vehicle that begins to turn."""
 
-RATE_SPREAD = 4.5
+_RATE_SPREAD = 4.5
 """The same as a multiple of the median of recent changes: three standard deviations of a normal
 change, since changes come suddenly."""
 
 MEMORY = 20
 """Number of pairs whose headings and changes of rate are remembered."""
 
-SURE_HEADING = 0.25
+_SURE_HEADING = 0.25
 """Largest standard deviation of a known heading [rad]: beyond it distances are not known."""
 
 
@@ -74,7 +74,7 @@ class PairMotion:
     @property
     def translates(self) -> bool:
         """Whether the heading is known."""
-        return self.egomotion.heading_sigma <= SURE_HEADING
+        return self.egomotion.heading_sigma <= _SURE_HEADING
 
     def camera_motion(self, way: float) -> CameraMotion:
         """The motion of a camera that travels ``way`` [m]."""
@@ -126,7 +126,7 @@ class PairMotionEstimator:
             if self._rate is not None:
                 self._changes.append(float(np.abs(rate - self._rate).max()))
             self._rate = rate
-        if found.heading_sigma <= SURE_HEADING:
+        if found.heading_sigma <= _SURE_HEADING:
             self._headings.append(found.direction)
         return PairMotion(found, end - begin, source, notes)
 
@@ -134,7 +134,7 @@ class PairMotionEstimator:
         turn, sigma = np.zeros(3), np.full(3, FREE_TURN)
         if self._rate is not None:
             usual = float(np.median(self._changes)) if self._changes else math.inf
-            drift = max(RATE_SPREAD * usual, RATE_DRIFT)
+            drift = max(_RATE_SPREAD * usual, RATE_DRIFT)
             turn = self._rate * (end - begin)
             sigma = np.full(3, min(drift * (end - begin), FREE_TURN))
         source, notes = "flow", tuple[str, ...]()
@@ -147,7 +147,7 @@ class PairMotionEstimator:
                 # a rotation vector is in the order roll, pitch, yaw
                 known = np.array([name in self._gyro.measured for name in reversed(RATES)])
                 turn = np.where(known, measured, turn)
-                sigma = np.where(known, GYRO_SIGMA * (end - begin), sigma)
+                sigma = np.where(known, _GYRO_SIGMA * (end - begin), sigma)
         base = self._camera.base_from_camera
         prior = EgomotionPrior(
             base.T @ rotations.rotation_matrix(-turn) @ base, base.T @ np.diag(sigma**2) @ base
@@ -166,7 +166,7 @@ class PairMotionEstimator:
         mean /= max(float(np.linalg.norm(mean)), 1e-9)
         off = np.arccos(np.clip(directions @ mean, -1.0, 1.0))
         spread = 1.2 * float(np.median(off))
-        return mean, max(spread, HEADING_DRIFT / math.sqrt(len(directions)), LEAST_DRIFT)
+        return mean, max(spread, _HEADING_DRIFT / math.sqrt(len(directions)), _MIN_DRIFT)
 
 
 def rotation_vector(rotation: Array, camera: CameraModel) -> Array:

@@ -40,7 +40,7 @@ def as_data(result: PairResult) -> dict[str, Any]:
             }
             for name, degrees in percept.quadrants.items()
         },
-        "situation": front_situation(result),
+        "situation": _front_situation(result),
         "situations": {name: _n(degree) for name, degree in percept.situations.items()},
         "floor_in_front": _n(percept.floor_in_front),
         "slopes": dict(percept.slopes),
@@ -85,7 +85,7 @@ def _heading(result: PairResult) -> dict[str, Any]:
     }
 
 
-def front_situation(result: PairResult) -> str:
+def _front_situation(result: PairResult) -> str:
     """The front in the sentence: an entry of Table 1 or an elementary situation."""
     for part in result.percept.sentence.split("; "):
         if part.startswith("Front is "):

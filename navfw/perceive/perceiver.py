@@ -20,7 +20,7 @@ from navfw.perceive.floor_motion import FloorFinder, FloorMotion
 from navfw.perceive.image_sources import ImageSource, SourceImage
 from navfw.perceive.pair_motion import PairMotion, PairMotionEstimator, rotation_vector
 from navfw.perceive.pair_result import PairResult
-from navfw.perceive.perceiver_options import LONGEST, PerceiverOptions
+from navfw.perceive.perceiver_options import MAX_STRIDE, PerceiverOptions
 from navfw.perceive.point_tracks import TrackImage
 from navfw.perceive.scale import Scale, ScaleEstimator
 from navfw.perceive.working_size import WorkingSize
@@ -28,38 +28,38 @@ from navfw.plugins import Registry
 from navfw.robot import CameraModel, RobotModel
 from navfw.signals import FlowField, Frame, FramePair, Label, Percept, Twist
 
-LEAST_PARALLAX = 1.0
+MIN_PARALLAX = 1.0
 """Least 90th percentile of the derotated flow [px] for distances to be known."""
-LEAST_AHEAD = 0.17
+_MIN_AHEAD = 0.17
 """Least share of the translation along the optical axis for a focus of expansion and for times to
 contact: it is 80 deg off the axis."""
-LEAST_CONFIDENCE = 0.04
+MIN_CONFIDENCE = 0.04
 """Least confidence of a known result."""
-LEAST_TEXTURE = 0.08
+_MIN_TEXTURE = 0.08
 """Least share of cells with flow."""
-LEAST_AGREEMENT = 0.3
+_MIN_AGREEMENT = 0.3
 """Least share of the flow's confidence that remains with the vectors that obey the egomotion."""
-USEFUL_FLOW = (2.0, 5.0)
+_USEFUL_FLOW = (2.0, 5.0)
 """Range of the 90th percentile of the derotated flow [px] that the stride aims at."""
-LARGEST_SHIFT = 0.2
+_MAX_SHIFT = 0.2
 """Largest 90th percentile of the flow, rotation included, as a share of the image's width."""
-BASELINE = 0.08
+_BASELINE = 0.08
 """Desired distance between the first images of a pair [m], if the speed is known."""
-OBSTACLE_SHARE, DROP_SHARE = 0.2, 0.35
+_OBSTACLE_SHARE, _DROP_SHARE = 0.2, 0.35
 """Least height of an obstacle and depth of a drop, as shares of the camera's height: below a low
 camera, or if the scale is unknown, those of a robot would be too coarse."""
-FARTHEST, FARTHEST_TIME, FARTHEST_HEIGHTS = 10.0, 5.0, 10.0
+MAX_DISTANCE, MAX_TIME, MAX_HEIGHTS = 10.0, 5.0, 10.0
 """An object is in sight up to the largest of: a distance [m], a time to contact [s], and heights of
 the camera."""
-FRONT_HEIGHTS = 4.0
+_FRONT_HEIGHTS = 4.0
 """Greatest distance of walls and doors in front, in heights of the camera."""
-TEXTURELESS = "too little texture to measure motion"
-MOTIONLESS = "no motion between the images"
-ROTATING = "the camera only rotates: distances are not observable"
-UNDECIDED = "the direction of travel cannot be told from the flow"
+_TEXTURELESS = "too little texture to measure motion"
+_MOTIONLESS = "no motion between the images"
+_ROTATING = "the camera only rotates: distances are not observable"
+_UNDECIDED = "the direction of travel cannot be told from the flow"
 SMALL = "the camera moves too little between the images"
 NO_FLOOR = "the floor of the images before is not found again: what is below the horizon is unknown"
-INCONSISTENT = "the flow is inconsistent with one motion of the camera"
+_INCONSISTENT = "the flow is inconsistent with one motion of the camera"
 DIRECTIONS = {
     MotionKind.BACKWARD: "the camera moves backward",
     MotionKind.SIDEWAYS: "the camera moves sideways",
@@ -111,7 +111,7 @@ class Perceiver:
             InputError: the images cannot be read, differ in size, or are too small.
 
         """
-        earlier: deque[_Prepared] = deque(maxlen=LONGEST)
+        earlier: deque[_Prepared] = deque(maxlen=MAX_STRIDE)
         for item in self._source:
             size = self.size or self._start(item)
             if item.after_gap:
@@ -155,8 +155,8 @@ class Perceiver:
         flow = self._with_floor(derotated, floor, lost=lost)
         if lost:
             notes += (NO_FLOOR,)
-        if problems == [TEXTURELESS] and _alike(past.frame, now.frame):
-            problems = [MOTIONLESS]
+        if problems == [_TEXTURELESS] and _alike(past.frame, now.frame):
+            problems = [_MOTIONLESS]
         self._choose_stride(raw, flow, motion)
         ratio = None if floor is None else floor.ratio
         self._scales.speed = self.options.speed_between(past.frame.time, now.frame.time)
@@ -167,7 +167,7 @@ class Perceiver:
             # without the floor, anything may be below the horizon
             others = [_unknown(flow)] if lost else self._others(derotated, floor, motion, way)
             percept = self._perceive(flow, scale, others)
-            if _confidence(percept) < LEAST_CONFIDENCE:
+            if _confidence(percept) < MIN_CONFIDENCE:
                 problems = ["too little of the flow is reliable"]
         if problems:
             percept = self._perceive(_unknown(flow), scale)
@@ -202,20 +202,20 @@ class Perceiver:
         """The derotated flow, and the reason if it carries no information about the scene."""
         camera = self._camera
         kind = motion.egomotion.kind
-        if float((raw.confidence > 0.0).mean()) < LEAST_TEXTURE:
-            return derotate(raw, camera), [TEXTURELESS]
+        if float((raw.confidence > 0.0).mean()) < _MIN_TEXTURE:
+            return derotate(raw, camera), [_TEXTURELESS]
         if kind is MotionKind.STILL:
-            return derotate(raw, camera), [MOTIONLESS]
+            return derotate(raw, camera), [_MOTIONLESS]
         if kind is MotionKind.ROTATION:
-            return derotate(raw, camera), [ROTATING]
+            return derotate(raw, camera), [_ROTATING]
         if not motion.translates:
-            return derotate(raw, camera), [UNDECIDED]
+            return derotate(raw, camera), [_UNDECIDED]
         params = RefinementParams(direction_sigma=motion.egomotion.heading_sigma)
         flow = refine(raw, camera, params).apply(raw, camera)
         before, after = float(raw.confidence.sum()), float(flow.confidence.sum())
-        if after < LEAST_AGREEMENT * before:
-            return flow, [INCONSISTENT]
-        return flow, [SMALL] if _fastest(flow) < LEAST_PARALLAX else []
+        if after < _MIN_AGREEMENT * before:
+            return flow, [_INCONSISTENT]
+        return flow, [SMALL] if _fastest(flow) < MIN_PARALLAX else []
 
     def _result(
         self, past: _Prepared, now: _Prepared, found: _Analysis, size: WorkingSize
@@ -250,7 +250,7 @@ class Perceiver:
     def _focus(self, motion: PairMotion, size: WorkingSize) -> tuple[float, float] | None:
         """Focus of expansion [px of the original image]; None if it is unknown or far outside."""
         direction = motion.egomotion.direction
-        if not motion.translates or abs(direction[2]) < LEAST_AHEAD:
+        if not motion.translates or abs(direction[2]) < _MIN_AHEAD:
             return None
         x, y = size.to_image(self._camera.focal * direction[:2] / direction[2]).tolist()
         return x, y
@@ -272,10 +272,10 @@ class Perceiver:
                 Offis.Params(
                     wall_height=walls,
                     path_length=path,
-                    obstacle_height=min(0.05, OBSTACLE_SHARE * height),
-                    drop_depth=min(0.08, DROP_SHARE * height),
-                    front_distance=FRONT_HEIGHTS * height,
-                    farthest=max(FARTHEST, FARTHEST_TIME * speed, FARTHEST_HEIGHTS * height),
+                    obstacle_height=min(0.05, _OBSTACLE_SHARE * height),
+                    drop_depth=min(0.08, _DROP_SHARE * height),
+                    front_distance=_FRONT_HEIGHTS * height,
+                    farthest=max(MAX_DISTANCE, MAX_TIME * speed, MAX_HEIGHTS * height),
                 ),
             )
         return self._offis[step]
@@ -284,7 +284,7 @@ class Perceiver:
         speed = self.options.speed
         if not speed:
             return 1
-        return min(max(round(BASELINE * self._source.rate / speed), 1), LONGEST)
+        return min(max(round(_BASELINE * self._source.rate / speed), 1), MAX_STRIDE)
 
     def _choose_stride(self, raw: FlowField, flow: FlowField, motion: PairMotion) -> None:
         """Increase the stride for slow flow, decrease it for fast flow (METHOD 2.7).
@@ -297,13 +297,13 @@ class Perceiver:
         if motion.egomotion.kind is MotionKind.UNKNOWN:
             self._stride = max(self._stride // 2, 1)
             return
-        low, high = USEFUL_FLOW
+        low, high = _USEFUL_FLOW
         useful, whole = max(_fastest(flow), 0.25), max(_fastest(raw), 0.25)
-        largest = LARGEST_SHIFT * self._camera.width
+        largest = _MAX_SHIFT * self._camera.width
         if low <= useful <= high and whole <= largest:
             return
         wanted = self._stride * min(0.5 * (low + high) / useful, largest / whole, 2.0)
-        self._stride = min(max(round(wanted), 1), LONGEST)
+        self._stride = min(max(round(wanted), 1), MAX_STRIDE)
 
 
 def _flow_plugin(
@@ -362,7 +362,7 @@ def _scaled(flow: FlowField, way: float) -> FlowField:
 def _nearness_ahead(percept: Percept, flow: FlowField, camera: CameraModel) -> float:
     """Nearness [1/m] straight ahead: the weighted median over the middle of the image."""
     shift = flow.motion.translation
-    if abs(shift[2]) < LEAST_AHEAD * flow.motion.baseline:
+    if abs(shift[2]) < _MIN_AHEAD * flow.motion.baseline:
         return 0.0
     away = np.abs(percept.points - camera.focal * shift[:2] / shift[2])
     middle = (away[..., 0] <= 0.25 * camera.width) & (away[..., 1] <= 0.25 * camera.height)

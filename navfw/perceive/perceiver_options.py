@@ -11,14 +11,14 @@ from navfw.errors import InputError
 from navfw.perceive.motion_record import MotionRecord
 from navfw.perceive.working_size import HFOV
 
-USUAL_VIEW = 65.0
+_USUAL_VIEW = 65.0
 """Field of view along the longer side of an image that is assumed if none is given [deg]: that of
 the main camera of telephones."""
 GRID = (12, 16)
 """Rows and columns of the flow that the paper has for images wider than high."""
-FASTEST = 100.0
+MAX_SPEED = 100.0
 """Largest speed of the camera [m/s]."""
-LONGEST = 15
+MAX_STRIDE = 15
 """Largest distance between the images of a pair [images]."""
 
 
@@ -51,12 +51,12 @@ class PerceiverOptions:
         rows, cols = self.grid or GRID
         for option, value, low, high, unit in (
             ("--hfov", self.hfov, *HFOV, "deg"),
-            ("--speed", self.speed, 0.0, FASTEST, "m/s"),
+            ("--speed", self.speed, 0.0, MAX_SPEED, "m/s"),
             ("--height", self.height, 0.05, 20.0, "m"),
             ("--pitch", self.pitch, -45.0, 45.0, "deg"),
             ("--grid rows", rows, 4, 60, "cells"),
             ("--grid columns", cols, 4, 80, "cells"),
-            ("--stride", self.stride, 1, LONGEST, "images"),
+            ("--stride", self.stride, 1, MAX_STRIDE, "images"),
         ):
             if value is not None and not low <= value <= high:
                 raise InputError(
@@ -76,13 +76,13 @@ class PerceiverOptions:
         """Horizontal field of view [rad] of images of ``width`` x ``height`` px.
 
         ``calibrated`` [rad] is that of a calibration. Without one, and without ``hfov``, the longer
-        side of the images shows ``USUAL_VIEW``.
+        side of the images shows ``_USUAL_VIEW``.
         """
         if calibrated is not None:
             return calibrated
         if self.hfov is not None:
             return math.radians(self.hfov)
-        along = math.tan(0.5 * math.radians(USUAL_VIEW))
+        along = math.tan(0.5 * math.radians(_USUAL_VIEW))
         return 2.0 * math.atan(along * width / max(width, height))
 
     def speed_between(self, begin: float, end: float) -> float | None:
@@ -93,4 +93,4 @@ class PerceiverOptions:
         if way is None:
             return None
         speed = float(np.linalg.norm(way)) / (end - begin)
-        return speed if 0.0 < speed <= FASTEST else None  # where poses jump, none
+        return speed if 0.0 < speed <= MAX_SPEED else None  # where poses jump, none

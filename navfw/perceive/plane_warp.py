@@ -73,18 +73,18 @@ class PlaneWarp:
             borderValue=(OUTSIDE,),
         )
         outside = np.asarray(warped < 0.5 * OUTSIDE)
-        off = cells_of(np.where(outside, 0.0, self.now - warped), self.grid)
+        off = _cells_of(np.where(outside, 0.0, self.now - warped), self.grid)
         variance = (off * off).mean(axis=(1, 3)) - off.mean(axis=(1, 3)) ** 2
-        unseen = cells_of(outside, self.grid).mean(axis=(1, 3)) > HIDDEN
+        unseen = _cells_of(outside, self.grid).mean(axis=(1, 3)) > HIDDEN
         return np.where(unseen, UNSEEN, variance / NOISE**2)
 
     def mean(self) -> Array:
         """Mean grey level (rows, cols) of each cell of the current image."""
-        mean: Array = cells_of(self.now, self.grid).mean(axis=(1, 3))
+        mean: Array = _cells_of(self.now, self.grid).mean(axis=(1, 3))
         return mean
 
 
-def cells_of(image: npt.NDArray[np.generic], grid: tuple[int, int]) -> Array:
+def _cells_of(image: npt.NDArray[np.generic], grid: tuple[int, int]) -> Array:
     """``image`` as cells of a grid: (rows, height of a cell, cols, width of a cell)."""
     rows, cols = grid
     height, width = image.shape

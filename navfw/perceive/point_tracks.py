@@ -17,7 +17,7 @@ from navfw.egomotion.flow_egomotion import PointMotion
 from navfw.perceive.working_size import WorkingSize
 from navfw.signals import Array, Image
 
-WIDEST = 640
+MAX_WIDTH = 640
 """Largest width of the images in which points are tracked [px]."""
 
 POINTS = 400
@@ -27,19 +27,19 @@ QUALITY = 0.005
 """Least eigenvalue of a corner's structure tensor, relative to the best corner's."""
 
 WINDOW = 21
-"""Side of the window of a point at the width WIDEST [px]; at least _LEAST_WINDOW."""
-_LEAST_WINDOW = 11
+"""Side of the window of a point at the width MAX_WIDTH [px]; at least _MIN_WINDOW."""
+_MIN_WINDOW = 11
 
-LEVELS = 4
+_LEVELS = 4
 """Levels of the pyramid."""
 
-RETURN = 0.5
+_RETURN = 0.5
 """Largest distance [px] between a point and where tracking it forth and back ends."""
 
 SIGMA = 0.15
 """Standard deviation of a track [px of the track image]."""
 
-TRACK_OVERLAP = 2.0
+_TRACK_OVERLAP = 2.0
 """Number of tracks with a common error."""
 
 
@@ -54,7 +54,7 @@ class TrackImage:
     def of(cls, image: Image) -> TrackImage:
         """The track image of an original (height, width, 3)."""
         grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
-        scale = min(WIDEST / grey.shape[1], 1.0)
+        scale = min(MAX_WIDTH / grey.shape[1], 1.0)
         if scale < 1.0:
             grey = cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
         return cls(np.ascontiguousarray(grey, dtype=np.uint8), scale)
@@ -68,26 +68,26 @@ def track_points(past: TrackImage, now: TrackImage, size: WorkingSize) -> PointM
         return PointMotion(none, none, np.empty(0), np.empty(0))
     back, there = _tracked(now.grey, past.grey, found)
     again, here = _tracked(past.grey, now.grey, back)
-    good = there & here & (np.linalg.norm((again - found).reshape(-1, 2), axis=1) < RETURN)
+    good = there & here & (np.linalg.norm((again - found).reshape(-1, 2), axis=1) < _RETURN)
     factor = size.scale / now.scale
     return PointMotion(
         _centred(found.reshape(-1, 2)[good], now.grey) * factor,
         _centred(back.reshape(-1, 2)[good], past.grey) * factor,
         np.full(int(good.sum()), SIGMA * factor),
-        np.full(int(good.sum()), 1.0 / TRACK_OVERLAP),
+        np.full(int(good.sum()), 1.0 / _TRACK_OVERLAP),
     )
 
 
 def _tracked(image: Image, other: Image, points: Any) -> tuple[Any, Any]:
     """Where ``points`` (n, 1, 2) of ``image`` are in the ``other``, and which were found (n,)."""
-    side = max(WINDOW * image.shape[1] // WIDEST | 1, _LEAST_WINDOW)
+    side = max(WINDOW * image.shape[1] // MAX_WIDTH | 1, _MIN_WINDOW)
     moved, found, _ = cv2.calcOpticalFlowPyrLK(
         image,
         other,
         points,
         np.empty_like(points),
         winSize=(side, side),
-        maxLevel=LEVELS,
+        maxLevel=_LEVELS,
         criteria=(cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 0.01),
     )
     return moved, np.asarray(found).ravel() > 0

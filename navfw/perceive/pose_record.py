@@ -22,11 +22,11 @@ _MAX_BYTES = 50_000_000
 """Largest size of a record [byte]: an hour of poses at 100 Hz."""
 _NORM = (0.98, 1.02)
 """Norms of a quaternion that was rounded when it was written."""
-_FARTHEST = 1e6
+_MAX_COORDINATE = 1e6
 """Largest coordinate [m]."""
-_SLOWEST = 2.0
+_MAX_INTERVAL = 2.0
 """Longest usual interval of poses [s]: longer ones are probably not in seconds."""
-_FASTEST = 60.0
+_MAX_SPEED = 60.0
 """Largest usual speed [m/s], that of a car; faster poses are probably not in metres."""
 _GAP_STEPS = 2.5
 """Longest gap, in usual intervals."""
@@ -138,13 +138,13 @@ def load_pose_record(path: Path, pitch: float = 0.0) -> PoseRecord:
         )
     table = np.array(poses)
     interval = float(np.median(np.diff(table[:, 0])))
-    if interval > _SLOWEST:
+    if interval > _MAX_INTERVAL:
         raise InputError(
             f"poses are {interval:g} s apart; expected times in seconds", file=shown_path(path)
         )
     steps = np.linalg.norm(np.diff(table[:, 1:4], axis=0), axis=1)
     speed = float(np.median(steps / np.diff(table[:, 0])))
-    if speed > _FASTEST:
+    if speed > _MAX_SPEED:
         raise InputError(
             f"the camera moves at {speed:.0f} m/s; expected positions in metres, not millimetres",
             file=shown_path(path),
@@ -181,7 +181,7 @@ def _pose(path: Path, line: int, cells: list[str]) -> list[float]:
             raise InputError(
                 f"{cell!r:.40} is not a number", file=file, line=line, key=name
             ) from None
-    if not all(map(math.isfinite, pose)) or max(map(abs, pose[1:4])) > _FARTHEST:
+    if not all(map(math.isfinite, pose)) or max(map(abs, pose[1:4])) > _MAX_COORDINATE:
         raise InputError("expected finite numbers, positions in metres", file=file, line=line)
     norm = math.hypot(*pose[4:])
     if not _NORM[0] <= norm <= _NORM[1]:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-NOMINAL_SPEED = 0.35
+_NOMINAL_SPEED = 0.35
 """Speed assumed if the scale is unknown [m/s]: the limits of OFFIS's distance terms in metres,
 divided by this speed, are those of its terms of time to contact in seconds."""
 NO_FLOOR = 50.0
@@ -60,7 +60,7 @@ class ScaleEstimator:
             return Scale(self.speed, min(max(height, 0.05), NO_FLOOR), "speed")
         now = ratio or usual
         if now is None:
-            return Scale(NOMINAL_SPEED, NO_FLOOR, "none")
+            return Scale(_NOMINAL_SPEED, NO_FLOOR, "none")
         if self.height is not None:
             return Scale(self.height * now, self.height, "height")
-        return Scale(NOMINAL_SPEED, min(max(NOMINAL_SPEED / now, 0.05), NO_FLOOR), "none")
+        return Scale(_NOMINAL_SPEED, min(max(_NOMINAL_SPEED / now, 0.05), NO_FLOOR), "none")

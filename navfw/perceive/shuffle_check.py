@@ -11,13 +11,13 @@ from navfw.signals import Array, Image
 
 _SIZE = (16, 12)
 """Width and height of the images that are compared [px]."""
-_LEAST_CONTRAST = 2.0
+_MIN_CONTRAST = 2.0
 """Standard deviation below which there is nothing to compare [grey levels]."""
 _FIRST, _LAST = 32, 2048
 """Least and largest number of images after which all are compared; in between at each doubling."""
-_LEAST = 12
+_MIN_IMAGES = 12
 """Least number of images to compare at the end."""
-_LEAST_DIFFERENCE = 0.05
+_MIN_DIFFERENCE = 0.05
 """Mean difference of neighbours [standard deviations] below which the camera stands still."""
 _UNLIKE = 0.6
 """Difference of neighbours, as part of that of any two, from which they may be shuffled."""
@@ -50,7 +50,7 @@ class ShuffleCheck:
         small = cv2.resize(image, _SIZE, interpolation=cv2.INTER_AREA)
         look = cv2.cvtColor(small, cv2.COLOR_BGR2GRAY).astype(np.float64).ravel()
         self._names.append(name)
-        self._looks.append((look - look.mean()) / max(float(look.std()), _LEAST_CONTRAST))
+        self._looks.append((look - look.mean()) / max(float(look.std()), _MIN_CONTRAST))
         count = len(self._looks)
         if count >= _FIRST and count & (count - 1) == 0:
             self._compare()
@@ -62,7 +62,7 @@ class ShuffleCheck:
             InputError: the images are shuffled.
 
         """
-        if len(self._looks) >= _LEAST:
+        if len(self._looks) >= _MIN_IMAGES:
             self._compare()
 
     def _compare(self) -> None:
@@ -72,7 +72,7 @@ class ShuffleCheck:
         usual = float(np.median(neighbours))
         anywhere = float(np.median(apart[np.triu_indices(len(looks), 1)]))
         np.fill_diagonal(apart, np.inf)
-        if usual < max(_UNLIKE * anywhere, _LEAST_DIFFERENCE):
+        if usual < max(_UNLIKE * anywhere, _MIN_DIFFERENCE):
             return
         if float(np.median(apart.min(axis=1))) >= _MUCH_MORE_ALIKE * usual:
             return

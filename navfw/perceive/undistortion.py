@@ -13,10 +13,10 @@ from navfw.perceive.arctan_lens import distort
 from navfw.perceive.calibration_file import ARCTAN, FISHEYE, CameraCalibration
 from navfw.signals import Array, Image
 
-WIDEST = math.radians(120.0)
+_MAX_VIEW = math.radians(120.0)
 """Largest horizontal and vertical field of view of the result [rad]: beyond, a pinhole image shows
 little but stretched pixels of the rim."""
-_NARROWEST = math.radians(15.0)
+_MIN_VIEW = math.radians(15.0)
 _STEPS = 33  # number of points on each side of the image's border
 _SEARCHES = 30  # halvings in the search for the focal length
 
@@ -45,7 +45,7 @@ class Undistortion:
         self._matrix = self._scaled_matrix()
         focal = self._focal()
         self.hfov = 2.0 * math.atan(0.5 * width / focal)
-        if self.hfov < _NARROWEST:
+        if self.hfov < _MIN_VIEW:
             raise self._error(
                 f"gives a field of view of {math.degrees(self.hfov):.1f} degrees; expected focal "
                 "lengths in pixels of this size of images"
@@ -109,7 +109,7 @@ class Undistortion:
     def _focal(self) -> float:
         """The least focal length [px] of the result at which all of it lies in the image."""
         width, height = self._size
-        low = 0.5 * max(width, height) / math.tan(0.5 * WIDEST)
+        low = 0.5 * max(width, height) / math.tan(0.5 * _MAX_VIEW)
         high = 0.5 * width / math.tan(0.5 * math.radians(1.0))
         if not self._shown(high):
             raise self._error(
@@ -118,7 +118,8 @@ class Undistortion:
             )
         if self._shown(low):
             self.notes.append(
-                f"the lens shows more than {math.degrees(WIDEST):.0f} degrees: the middle is used"
+                f"the lens shows more than {math.degrees(_MAX_VIEW):.0f} degrees:"
+                " the middle is used"
             )
             return low
         for _ in range(_SEARCHES):

@@ -14,9 +14,9 @@ from navfw.signals import Array, Image
 
 HFOV = (15.0, 155.0)
 """Smallest and largest horizontal field of view of a pinhole camera [deg]."""
-AREA = 160 * 120
+_AREA = 160 * 120
 """Area of the paper's images [px^2], for which windows and search range are chosen."""
-LEAST_SIDE = 24
+_MIN_SIDE = 24
 """Least side of an image [px], the side of a window of block matching."""
 
 
@@ -42,20 +42,20 @@ class WorkingSize:
             InputError: the images are too small, or far too long for the grid.
 
         """
-        if min(width, height) < LEAST_SIDE:
+        if min(width, height) < _MIN_SIDE:
             raise InputError(
-                f"images of {width} x {height} px are too small; at least {LEAST_SIDE} px are "
+                f"images of {width} x {height} px are too small; at least {_MIN_SIDE} px are "
                 "needed per side"
             )
         best: tuple[float, WorkingSize] | None = None
-        for cell_width in range(2, 1 + math.ceil(math.sqrt(4 * AREA * width / height) / cols)):
+        for cell_width in range(2, 1 + math.ceil(math.sqrt(4 * _AREA * width / height) / cols)):
             cut_width = cell_width * cols
             for cell_height in _cells(cut_width, width, height, rows):
                 cut_height = cell_height * rows
                 scale = max(cut_width / width, cut_height / height)
                 kept = cut_width * cut_height / (scale * scale * width * height)
-                area = cut_width * cut_height / AREA
-                if not (32 <= cut_width <= 1920 and LEAST_SIDE <= cut_height <= 1080):
+                area = cut_width * cut_height / _AREA
+                if not (32 <= cut_width <= 1920 and _MIN_SIDE <= cut_height <= 1080):
                     continue  # as CameraModel
                 if area > 4.0:
                     continue

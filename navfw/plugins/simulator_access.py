@@ -25,7 +25,7 @@ from navfw.plugins.verification import source_file
 _MAX_SOURCE = 5_000_000
 """Largest size of a plugin's source [byte]."""
 
-SIMULATOR = ("pybullet", "pybullet_data", "pybullet_utils", "navfw.sim", "navfw.missions")
+_SIMULATOR = ("pybullet", "pybullet_data", "pybullet_utils", "navfw.sim", "navfw.missions")
 """The modules, with all below them, from which the simulator's truth can be had."""
 
 _BY_A_DETOUR = {
@@ -34,7 +34,7 @@ _BY_A_DETOUR = {
     "inspect": {"currentframe", "stack"},
 }
 _OF_WORLDS = {"landmark", "event", "family"}
-_MOST_OBJECTS = 5000
+_MAX_OBJECTS = 5000
 """Number of objects looked at in one plugin."""
 
 
@@ -50,7 +50,7 @@ class SourceFinding:
 def source_findings(file: Path) -> tuple[SourceFinding, ...]:
     """Where the Python source ``file`` uses the simulator, or could get at it by a detour.
 
-    Used are imports, and texts that name a module of ``SIMULATOR``, as in ``sys.modules["..."]``.
+    Used are imports, and texts that name a module of ``_SIMULATOR``, as in ``sys.modules["..."]``.
     Detours are access to all modules, objects or frames of the interpreter, and ``ctypes``. A file
     that cannot be read or parsed has no findings.
     """
@@ -109,14 +109,14 @@ def _imports(line: int, names: list[str]) -> Iterator[SourceFinding]:
 
 def _is_simulator(name: object) -> bool:
     return isinstance(name, str) and any(
-        name == module or name.startswith(f"{module}.") for module in SIMULATOR
+        name == module or name.startswith(f"{module}.") for module in _SIMULATOR
     )
 
 
 class SimulatorWatch:
     """Finds out which of ``plugins``, by name, use the simulator in a run.
 
-    Within the context imports are watched: one of a module of ``SIMULATOR`` counts for the plugin
+    Within the context imports are watched: one of a module of ``_SIMULATOR`` counts for the plugin
     whose file is nearest on the stack of calls. ``found`` adds what the plugins' sources say, and
     what the plugins and their modules hold at the end.
     """
@@ -187,7 +187,7 @@ def _holds_simulator(plugin: Plugin) -> bool:
     own = "" if package == "navfw" else package
     waiting: list[Any] = [vars(plugin), {} if module is None else vars(module)]
     seen: set[int] = set()
-    while waiting and len(seen) < _MOST_OBJECTS:
+    while waiting and len(seen) < _MAX_OBJECTS:
         value = waiting.pop()
         if id(value) in seen:
             continue

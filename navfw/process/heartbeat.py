@@ -14,7 +14,7 @@ GRACE = 5.0
 """Wall time [s] beyond a call's deadline after which the supervisor ends the process: the interval
 timer ends a call of Python code within a fraction of it."""
 
-LONGEST_GAP = 1.0
+MAX_GAP = 1.0
 """Longest wall time [s] between two looks that counts: in a longer one the process, or the whole
 machine, was stopped (Ctrl-Z, suspended), and so were the plugins."""
 
@@ -90,6 +90,6 @@ class HeartbeatMonitor:
         if now <= self._read.deadline:
             self._overdue = 0.0
         else:
-            self._overdue += min(max(now - self._looked, 0.0), LONGEST_GAP)
+            self._overdue += min(max(now - self._looked, 0.0), MAX_GAP)
         self._looked = now
         return self._overdue > GRACE

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from types import FrameType
 from typing import Any
 
-REPEAT = 1.0
+_REPEAT = 1.0
 """Wall time [s] after a signal within which another one counts as the same: a terminal sends Ctrl-C
 to the waiting and to the driving process of a run, and the former forwards it."""
 
@@ -146,7 +146,7 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
     if not _state.raising:
         _state.pending = name
         return
-    if _state.interrupted and time.monotonic() < _state.raised + REPEAT:
+    if _state.interrupted and time.monotonic() < _state.raised + _REPEAT:
         return
     _state.interrupted, _state.raised = True, time.monotonic()
     raise KeyboardInterrupt(name)

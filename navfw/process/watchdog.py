@@ -14,13 +14,13 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 
-from navfw.process.heartbeat import LONGEST_GAP, begin_call, end_call, postpone
+from navfw.process.heartbeat import MAX_GAP, begin_call, end_call, postpone
 
 PERIOD = 0.25
 """Period [s] in which the interval timer compares the time with the deadline."""
 
 
-COMPILE_LIMIT = 1800.0
+_COMPILE_LIMIT = 1800.0
 """Wall time [s] granted to the compilation of one kernel: on a busy machine some take a minute."""
 
 
@@ -103,7 +103,7 @@ class Watchdog:
         Compiled code delays the alarm as well, but it takes computing time.
         """
         now, cpu = time.monotonic(), time.process_time()
-        pause = now - self._rang - max(cpu - self._cpu, LONGEST_GAP)
+        pause = now - self._rang - max(cpu - self._cpu, MAX_GAP)
         if pause > 0.0:
             self._deadline += pause
             postpone(pause)
@@ -132,7 +132,7 @@ class _Compilation:
         """A compilation begins, perhaps within another one."""
         if self._depth == 0:
             self._began = time.monotonic()
-            postpone(COMPILE_LIMIT)
+            postpone(_COMPILE_LIMIT)
         self._depth += 1
 
     def end(self) -> None:
@@ -141,7 +141,7 @@ class _Compilation:
         if self._depth == 0:
             spent = time.monotonic() - self._began
             self.total += spent
-            postpone(spent - COMPILE_LIMIT)
+            postpone(spent - _COMPILE_LIMIT)
 
 
 _compilation = _Compilation()

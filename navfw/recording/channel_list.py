@@ -40,7 +40,7 @@ class ChannelInfo:
 _ANNOTATIONS = "foxglove.ImageAnnotations"
 _IMAGE = "foxglove.CompressedImage"
 
-SENSOR_CHANNELS = (
+_SENSOR_CHANNELS = (
     ChannelInfo(READING, SCHEMA_NAME, "60 Hz", "gyro, encoders, and the command of the stack"),
     ChannelInfo(CAMERA_IMAGE, _IMAGE, "10 Hz", "the camera's image, PNG"),
     ChannelInfo(LANDMARK_IMAGE, _IMAGE, "1.25 Hz", "the larger image for landmarks, if any"),
@@ -77,5 +77,5 @@ VIEWER_CHANNELS = (
 )
 """What people look at."""
 
-CHANNELS = SENSOR_CHANNELS + VIEWER_CHANNELS
+CHANNELS = _SENSOR_CHANNELS + VIEWER_CHANNELS
 """All channels of a run."""

@@ -30,7 +30,7 @@ TIMEOUT = 5.0
 MAX_BYTES = 64_000_000
 """Largest size of a file of refs: that of some hundred thousand packed refs."""
 
-MAX_SYMBOLIC_REFS = 5
+_MAX_SYMBOLIC_REFS = 5
 """Largest number of refs that lead to each other, as in git."""
 
 _HASH = re.compile(r"[0-9a-f]{40}(?:[0-9a-f]{24})?")
@@ -66,7 +66,7 @@ class GitCheckout:
     def head(self) -> str | None:
         """The hash of the commit that is checked out; None before the first commit."""
         text = _read(self.private / "HEAD").strip()
-        for _ in range(MAX_SYMBOLIC_REFS):
+        for _ in range(_MAX_SYMBOLIC_REFS):
             if _HASH.fullmatch(text):
                 return text
             name = text.removeprefix("ref: ")

@@ -36,7 +36,7 @@ _KIND_COLORS = {
 _PASSAGE, _DANGER, _LANDMARK, _NAME = "#7FA7C9", "#D00000", "#CC79A7", "#3A3A3A"
 _ARROWS = 6
 """Number of arrow heads along a route."""
-_WIDEST = 2.0
+_MAX_WIDTH = 2.0
 """Largest drawn width of a passage [m]."""
 
 
@@ -127,7 +127,7 @@ def _draw_passages(axes: Axes, topo_map: TopoMap, avoid: Sequence[Sequence[str]]
         color = _DANGER if dangerous else _PASSAGE
         span = math.hypot(b.x - a.x, b.y - a.y)
         if span > 0.0:
-            half = 0.5 * min(passage.width, _WIDEST) / span
+            half = 0.5 * min(passage.width, _MAX_WIDTH) / span
             dx, dy = half * (a.y - b.y), half * (b.x - a.x)
             band = [(a.x + dx, a.y + dy), (b.x + dx, b.y + dy)]
             band += [(b.x - dx, b.y - dy), (a.x - dx, a.y - dy)]

@@ -21,7 +21,7 @@ from navfw.signals import Image, SensorReading, Twist
 if TYPE_CHECKING:
     from foxglove import Context
 
-IMAGE_FORMAT = "png"
+_IMAGE_FORMAT = "png"
 """Format of the images. It loses nothing; WebP and JPEG 2000 are a tenth smaller and take five to
 ten times as long, an eighth of the run."""
 
@@ -95,11 +95,11 @@ class SensorChannels:
             timestamp=Timestamp(*divmod(now, 10**9)),
             frame_id=frame,
             data=data,
-            format=IMAGE_FORMAT,
+            format=_IMAGE_FORMAT,
         )
         self._images[topic].log(message, log_time=now)
 
 
 def _packed(image: Image) -> bytes:
-    """An image in ``IMAGE_FORMAT``; OpenCV lets other threads run meanwhile."""
-    return cv2.imencode(f".{IMAGE_FORMAT}", image)[1].tobytes()
+    """An image in ``_IMAGE_FORMAT``; OpenCV lets other threads run meanwhile."""
+    return cv2.imencode(f".{_IMAGE_FORMAT}", image)[1].tobytes()

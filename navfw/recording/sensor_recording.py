@@ -26,7 +26,7 @@ _IMAGES = (CAMERA_IMAGE, LANDMARK_IMAGE, LEFT_IMAGE, RIGHT_IMAGE)
 
 _TOLERANCE = 1.0
 """Largest difference of clocks in a recording [s]."""
-_FASTEST = 1000.0
+_MAX_RATE = 1000.0
 """Largest rate of a turn [rad/s]; gyros measure up to 70."""
 
 
@@ -148,8 +148,8 @@ def _check(recording: SensorRecording, path: Path) -> None:
         raise _no_recording(path, "times do not increase")
     if not _near(rows[:, 4:], times[:, None], times):
         raise _no_recording(path, "the times of gyro or encoders are not those of their readings")
-    if (np.abs(rows[:, 1:4]) > _FASTEST).any():
-        raise _no_recording(path, f"a rate is above {_FASTEST:g} rad/s")
+    if (np.abs(rows[:, 1:4]) > _MAX_RATE).any():
+        raise _no_recording(path, f"a rate is above {_MAX_RATE:g} rad/s")
     for frames in (recording.frames, recording.landmark_frames):
         given = np.array([frame is not None for frame in frames], dtype=bool)
         taken = np.array([frame.time for frame in frames if frame is not None], dtype=np.float64)

@@ -40,7 +40,7 @@ _BELOW = 0.95
 
 _TIME_STEPS = (1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0, 1800.0)
 """Intervals between two times on the path [s]."""
-_MOST_TIMES = 10
+_MAX_TIMES = 10
 """Largest number of times on the path."""
 _DIRECTION_OVER = 0.5
 """Time over which the direction of the path is taken, each way [s]."""
@@ -174,7 +174,7 @@ def _timed_ticks(log: RunLog) -> list[int]:
     """The ticks at whole times, neither the first nor the last one."""
     if log.ticks < 2:
         return []
-    step = next((s for s in _TIME_STEPS if log.time[-1] / s <= _MOST_TIMES), _TIME_STEPS[-1])
+    step = next((s for s in _TIME_STEPS if log.time[-1] / s <= _MAX_TIMES), _TIME_STEPS[-1])
     times = np.arange(step, log.time[-1] - 0.3 * step, step)
     return [int(tick) for tick in np.searchsorted(log.time, times)]
 

@@ -18,7 +18,7 @@ from navfw.report.report_page import reduced_source
 from navfw.suite.run_table import RunRow
 from navfw.suite.suite_folder import SuiteFolder
 
-MAX_PICTURES = 400
+_MAX_PICTURES = 400
 """Largest number of embedded pictures of a suite: about 10 MB. Of other runs there are links."""
 
 _WIDTH, _QUALITY = 640, 60
@@ -53,7 +53,7 @@ class RunLines:
     def __init__(self, folder: SuiteFolder, page: Path) -> None:
         self._folder = folder
         self._page = page
-        self._left = MAX_PICTURES
+        self._left = _MAX_PICTURES
         self.damaged: list[str] = []
 
     def of(self, rows: Iterable[RunRow]) -> list[RunLine]:

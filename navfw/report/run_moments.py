@@ -15,7 +15,7 @@ from navfw.recording import channel_list as topics
 from navfw.recording.recorded_run import RecordedMessage, RecordedRun, image_of
 from navfw.report.report_page import reduced_source
 
-MAX_MOMENTS = 240
+_MAX_MOMENTS = 240
 """Largest number of moments of a report; of a longer run they are further apart."""
 
 _MAX_TEXT = 8000
@@ -66,7 +66,7 @@ class RunMoment:
     rating: Rating | None = None
 
 
-def read_moments(run: RecordedRun, limit: int = MAX_MOMENTS) -> list[RunMoment]:
+def read_moments(run: RecordedRun, limit: int = _MAX_MOMENTS) -> list[RunMoment]:
     """At most ``limit`` moments of ``run``, evenly among the camera's images.
 
     Raises:

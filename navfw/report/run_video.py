@@ -21,9 +21,9 @@ from navfw.signals import Array, Image
 
 _SIZE = (640, 720)
 """Width and height of each half of a picture [px]."""
-_OLDEST = 2.0
+_MAX_AGE = 2.0
 """Age of a message from which it is no longer shown [s]."""
-_MOST_REPEATS = 600
+_MAX_REPEATS = 600
 """Largest number of times that a picture is repeated while the camera gives no other."""
 _OF_DAMAGED_MESSAGES = (
     ArithmeticError,
@@ -73,7 +73,7 @@ def write_run_video(
         )
     plan = VideoPlan(timeline, goals, radius, _SIZE)
     rate = _rate(times)
-    repeats = np.clip(np.rint(np.diff(times, append=times[-1]) * rate), 1, _MOST_REPEATS)
+    repeats = np.clip(np.rint(np.diff(times, append=times[-1]) * rate), 1, _MAX_REPEATS)
     with VideoOutput(target, rate, option) as video:
         moments = newest_at_images(run, _SHOWN, range(len(times)))
         for number, newest in enumerate(moments):
@@ -93,7 +93,7 @@ def _picture(newest: dict[str, RecordedMessage], plan: VideoPlan, run: RecordedR
     content = {
         topic: message.content
         for topic, message in newest.items()
-        if camera.time - message.time < _OLDEST
+        if camera.time - message.time < _MAX_AGE
     }
     try:
         left = draw_camera(camera.time, image_of(camera, run.path), content, _SIZE)

@@ -13,7 +13,7 @@ from navfw.suite.suite_folder import SuiteFolder
 from navfw.suite.suite_summary import summarize
 from navfw.suite.summary_table import summary_table
 
-MAX_REACHED = 2000
+_MAX_REACHED = 2000
 """Largest number of successful runs on a page; the table has all of them."""
 
 
@@ -46,8 +46,8 @@ def suite_report(folder: SuiteFolder, page: Path) -> tuple[str, list[str]]:
         table=table,
         died=summary["died"],
         groups=groups,
-        reached=lines.of(reached[:MAX_REACHED]),
-        more=max(0, len(reached) - MAX_REACHED),
+        reached=lines.of(reached[:_MAX_REACHED]),
+        more=max(0, len(reached) - _MAX_REACHED),
         several_stacks=len({row.configuration for row in rows}) > 1,
     )
     return content, lines.damaged

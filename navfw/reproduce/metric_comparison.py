@@ -18,21 +18,21 @@ import numpy.typing as npt
 from navfw.bench.perception_samples import PerceptionSample, samples_of_world
 from navfw.offis.offis import Offis
 from navfw.offis.pyramid import QUADRANTS, Channels, Pyramid
-from navfw.process.progress import PartReport, told, untold
+from navfw.process.work_progress import PartReport, told, untold
 from navfw.reproduce.percept_verdict import check_percept
 from navfw.robot import RobotModel
 from navfw.signals import Array, FlowField, Twist
 from navfw.suite.run_statistics import mcnemar_exact
 
-TWO_LAYERS, ONE_LAYER = "L=2, means", "L=1, means and variances"
+_TWO_LAYERS, _ONE_LAYER = "L=2, means", "L=1, means and variances"
 """The two metrics of the paper's claim, as parameters of OFFIS and of the classifier."""
 
 SETTINGS: dict[str, Offis.Params] = {
-    TWO_LAYERS: Offis.Params(mode="paper", layers=2, metric="mean"),
-    ONE_LAYER: Offis.Params(mode="paper", layers=1, metric="mean_variance"),
+    _TWO_LAYERS: Offis.Params(mode="paper", layers=2, metric="mean"),
+    _ONE_LAYER: Offis.Params(mode="paper", layers=1, metric="mean_variance"),
     "L=1, means": Offis.Params(mode="paper", layers=1, metric="mean"),
-    f"normalised, {TWO_LAYERS}": Offis.Params(mode="nearness", layers=2, metric="mean"),
-    f"normalised, {ONE_LAYER}": Offis.Params(mode="nearness", layers=1, metric="mean_variance"),
+    f"normalised, {_TWO_LAYERS}": Offis.Params(mode="nearness", layers=2, metric="mean"),
+    f"normalised, {_ONE_LAYER}": Offis.Params(mode="nearness", layers=1, metric="mean_variance"),
     "normalised, L=2, nearest eighth": Offis.Params(mode="nearness", layers=2),
 }
 """The parameters of OFFIS compared: the paper's two come first, the normalised ones are navfw's."""
@@ -72,12 +72,12 @@ def compare_metrics(views: int, seed: int, report: PartReport = untold) -> dict[
             for kind, seen in flows.items()
         }
         for name, layers, variances in (
-            (TWO_LAYERS, 2, False),
-            (ONE_LAYER, 1, True),
+            (_TWO_LAYERS, 2, False),
+            (_ONE_LAYER, 1, True),
             ("L=1, means", 1, False),
         )
     }
-    normalised = [offis[f"normalised, {name}"] for name in (TWO_LAYERS, ONE_LAYER)]
+    normalised = [offis[f"normalised, {name}"] for name in (_TWO_LAYERS, _ONE_LAYER)]
     return {
         "views": len(samples),
         "clear": sum(sample.truth.clear for sample in samples),
@@ -85,9 +85,9 @@ def compare_metrics(views: int, seed: int, report: PartReport = untold) -> dict[
         "offis": _shares(offis),
         "numbers": _shares(numbers),
         "claims": [
-            *_claims("OFFIS, raw means", offis[TWO_LAYERS], offis[ONE_LAYER]),
+            *_claims("OFFIS, raw means", offis[_TWO_LAYERS], offis[_ONE_LAYER]),
             *_claims("OFFIS, normalised", *normalised),
-            *_claims("the metrics alone", numbers[TWO_LAYERS], numbers[ONE_LAYER]),
+            *_claims("the metrics alone", numbers[_TWO_LAYERS], numbers[_ONE_LAYER]),
         ],
     }
 

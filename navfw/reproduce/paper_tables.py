@@ -39,7 +39,7 @@ PERIOD = 0.15
 """Time between the two images at a waypoint [s]."""
 FAST = 3
 """Number of the waypoint at the fast left turn."""
-SEARCH = 16
+_SEARCH = 16
 """Search range [px] of block matching at the waypoints: enough for the fast turn without gyro."""
 
 
@@ -73,8 +73,8 @@ def table2(seed: int) -> list[WaypointRow]:
     """
     robot = RobotModel()
     way = drive()
-    modes = _modes(robot, SEARCH)
-    params = BlockMatching.Params(search=SEARCH)
+    modes = _modes(robot, _SEARCH)
+    params = BlockMatching.Params(search=_SEARCH)
     rows = []
     with ViewRenderer(load_world(find("world", "paper-room")), robot, START, seed) as renderer:
         for waypoint in WAYPOINTS:

@@ -24,7 +24,7 @@ FAST_TURN = 0.9
 """Highest turning rate [rad/s], reached at waypoint 3."""
 
 _SPEED, _REACHED, _GAIN, _STEP = 0.4, 0.12, 4.0, 1.0 / 60.0
-_LONGEST = 60.0
+_MAX_TIME = 60.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +64,7 @@ def drive() -> list[TrajectoryPoint]:
     """The trajectory from ``START`` over all of ``PLACES``, in steps of 1/60 s."""
     pose, time, way = START, 0.0, []
     places = list(PLACES)
-    while places and time < _LONGEST:
+    while places and time < _MAX_TIME:
         x, y = pose.to_local(*places[0])
         if math.hypot(x, y) < _REACHED:
             places.pop(0)

@@ -22,7 +22,7 @@ from navfw.perceive.overlay import draw
 from navfw.perceive.pair_result import PairResult
 from navfw.perceive.perceiver_options import PerceiverOptions
 from navfw.plugins import Registry
-from navfw.process.progress import PartReport
+from navfw.process.work_progress import PartReport
 from navfw.signals import Image
 
 

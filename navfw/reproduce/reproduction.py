@@ -13,7 +13,7 @@ from navfw.bench.real_labels import FrameLabel
 from navfw.config.lookup import find
 from navfw.plugins import default_registry
 from navfw.process.atomic import AtomicFolder
-from navfw.process.progress import PartReport, untold
+from navfw.process.work_progress import PartReport, untold
 from navfw.recording.run_folder import plain_json
 from navfw.reproduce.metric_comparison import compare_metrics
 from navfw.reproduce.paper_tables import (
@@ -33,7 +33,7 @@ from navfw.reproduce.reproduction_summary import summary
 from navfw.signals import Image
 from navfw.sim.worldfile import load_world
 
-PAPER_TIMES = {"obstacles_s": 0.16, "situation_synthetic_s": 0.58, "situation_real_s": 0.62}
+_PAPER_TIMES = {"obstacles_s": 0.16, "situation_synthetic_s": 0.58, "situation_real_s": 0.62}
 """Times of OFFIS [s] in the paper, on an Athlon XP 2600+ at 2.09 GHz."""
 
 _OURS = re.compile(r"index\.html|result\.json")
@@ -74,7 +74,7 @@ def reproduce(
         result = plain_json({**found, "summary": summary(found)})
         digest = hashlib.sha256(json.dumps(result, sort_keys=True).encode()).hexdigest()
         report("times")
-        times = {**timings(rows, scenes), "paper": dict(PAPER_TIMES)}
+        times = {**timings(rows, scenes), "paper": dict(_PAPER_TIMES)}
         result |= {"digest": digest, "timings": times}
         report("pictures")
         page = write_page(result, _pictures(rows, scenes, real))

@@ -30,7 +30,7 @@ from navfw.suite.suitefile import Expect
 MAX_DEPTH = 3
 """Depth of nested objects up to which the values of a benchmark are kept."""
 
-MAX_LIST = 4
+_MAX_LIST = 4
 """Length up to which lists of values are kept: longer ones are raw data, not results."""
 
 _OF_RUNS = {
@@ -223,6 +223,6 @@ def _values(data: Mapping[str, Any], depth: int = MAX_DEPTH) -> dict[str, Any]:
             kept |= {key: inner} if inner else {}
             continue
         parts = value if isinstance(value, list) else [value]
-        if len(parts) <= MAX_LIST and not any(isinstance(part, dict | list) for part in parts):
+        if len(parts) <= _MAX_LIST and not any(isinstance(part, dict | list) for part in parts):
             kept[key] = value
     return kept

@@ -48,7 +48,7 @@ SENTENCES = "readme.md"
 MAX_PAGE = 2_000_000
 """Largest size of a template or page [byte]."""
 
-NOT_MEASURED = "not measured"
+_NOT_MEASURED = "not measured"
 
 _HEADER = "<!-- Written by `navfw results write` from {folder}/: change the template there. -->\n\n"
 _PLACEHOLDER = re.compile(r"\{\{\s*(.*?)\s*\}\}", re.DOTALL)
@@ -110,8 +110,8 @@ def current_pages(folder: Path) -> dict[Path, str]:
         filled = dict(_MARKED.findall(fill(text, results, sentences)))
 
         def renewed(match: re.Match[str]) -> str:
-            text = filled.get(match[1], NOT_MEASURED)
-            text = NOT_MEASURED if NOT_MEASURED in text else text
+            text = filled.get(match[1], _NOT_MEASURED)
+            text = _NOT_MEASURED if _NOT_MEASURED in text else text
             return f"<!-- result: {match[1]} -->{text}<!-- end -->"
 
         pages[readme] = _MARKED.sub(renewed, read_input_text(readme, MAX_PAGE))
@@ -134,7 +134,7 @@ def fill(template: str, results: Sequence[StoredResult], file: Path, lines_befor
         line = template.count("\n", 0, match.start()) + 1
         try:
             verb, *words = shlex.split(match[1]) or [""]
-            return writer.write(verb, words).rstrip("\n") or NOT_MEASURED
+            return writer.write(verb, words).rstrip("\n") or _NOT_MEASURED
         except UnknownNameError as error:
             names = error.what, error.name, error.known
             raise UnknownNameError(*names, file=file, line=line) from None

@@ -14,7 +14,7 @@ from navfw.signals import Array
 Rate = Annotated[float, Field(ge=0.1, le=60.0)]
 """Rate of frames [Hz]; a slower camera sees nothing in time, a faster one is not simulated."""
 
-WORKING_WIDTH = 160
+_WORKING_WIDTH = 160
 """Least width [px] of the images that flow and perception work on: the paper's."""
 
 
@@ -55,7 +55,7 @@ class CameraModel(BaseModel):
 
     @property
     def reduction(self) -> int:
-        """The factor by which the stack reduces images: the largest that leaves WORKING_WIDTH.
+        """The factor by which the stack reduces images: the largest that leaves _WORKING_WIDTH.
 
         The reduced image divides into the cells of CELLS. The pixels of flow fields and percepts
         are those of the reduced image.
@@ -63,7 +63,7 @@ class CameraModel(BaseModel):
         parts = math.gcd(self.width // CELLS[0], self.height // CELLS[1])
         if self.width % CELLS[0] or self.height % CELLS[1]:
             return 1
-        factors = range(self.width // WORKING_WIDTH, 1, -1)
+        factors = range(self.width // _WORKING_WIDTH, 1, -1)
         return next((factor for factor in factors if parts % factor == 0), 1)
 
     def fall_per_depth(self, points: Array, pitch: float | None = None) -> Array:

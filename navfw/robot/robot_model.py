@@ -24,7 +24,7 @@ _RADIUS = 0.18
 """Radius of the default robot [m]."""
 _RIM_INSET = 0.2
 """Distance of the centres of the discs along a footprint's rim from it, in half widths."""
-_WIDEST_LENS = math.radians(110.0)
+_MAX_LENS_ANGLE = math.radians(110.0)
 """Largest half angle of view [rad]: fisheye lenses reach 220 degrees in all."""
 
 
@@ -206,10 +206,10 @@ class RobotModel(BaseModel):
 
     @model_validator(mode="after")
     def _lens_can_be(self) -> RobotModel:
-        if self.seen_aside > _WIDEST_LENS:
+        if self.seen_aside > _MAX_LENS_ANGLE:
             raise ValueError(
                 f"side views reach {math.degrees(self.seen_aside):.0f} degrees to either side, no"
-                f" lens sees more than {math.degrees(_WIDEST_LENS):.0f}: make them narrower"
+                f" lens sees more than {math.degrees(_MAX_LENS_ANGLE):.0f}: make them narrower"
             )
         return self
 

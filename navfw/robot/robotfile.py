@@ -26,7 +26,7 @@ from navfw.robot import RobotModel
 from navfw.robot.urdf import urdf_path
 from navfw.robot.urdf_drive import with_urdf
 
-DEFAULT_ROBOT = "default"
+_DEFAULT_ROBOT = "default"
 """The robot of a mission that names none."""
 
 _SECTION = "robot"
@@ -84,7 +84,7 @@ def with_robot(mission: YamlDocument, folder: Path) -> YamlDocument:
     """
     section = mission.at((_SECTION,))
     section = {} if section is None else robot_section(section)
-    name = section.get("base", DEFAULT_ROBOT) if isinstance(section, dict) else None
+    name = section.get("base", _DEFAULT_ROBOT) if isinstance(section, dict) else None
     if not isinstance(name, str):
         return mission  # the mission's schema says what is wrong
     origin = mission.origin_of((_SECTION, "base"))

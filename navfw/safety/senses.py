@@ -7,9 +7,9 @@ import numpy as np
 
 from navfw.signals import Frame, Image, Odometry, SensorReading, wrap_angle
 
-DARK, BRIGHT = 8.0, 247.0
+_DARK, BRIGHT = 8.0, 247.0
 """Mean grey levels below and above which an image is invalid."""
-FLAT = 2.5
+_FLAT = 2.5
 """Standard deviation [grey levels] below which an image has no contrast (noise alone has some)."""
 MOVED = (0.02, 0.035)
 """Displacement [m] and turn [rad] after which an unchanged image is frozen."""
@@ -83,11 +83,11 @@ class Senses:
         image = frame.image
         # every fourth pixel is enough for mean and spread
         mean, spread = (value.item() for value in cv2.meanStdDev(image[::4, ::4]))
-        if mean < DARK:
+        if mean < _DARK:
             return "the camera image is dark"
         if mean > BRIGHT:
             return "the camera is over-exposed"
-        if spread < FLAT:
+        if spread < _FLAT:
             return "the camera image has no contrast"
         moved = self._displacement > MOVED[0] or self._turn > MOVED[1]
         frozen = self._image is not None and np.array_equal(image, self._image)

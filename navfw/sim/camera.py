@@ -24,7 +24,7 @@ DepthImage = npt.NDArray[np.float32]
 
 _NOISE_BANK = 1 << 20
 """Size of the noise drawn once [bytes]; every frame uses a random section of it."""
-_WIDEST = 2.8
+_MAX_VIEW = 2.8
 """Limit of the horizontal field of view with a fault [rad]: a pinhole image ends at pi."""
 _RIGHT_UP_BACK = np.array([[1.0], [-1.0], [-1.0]])
 """Signs of OpenGL's camera axes (right, up, back) relative to right, down, ahead."""
@@ -43,7 +43,7 @@ class RenderRequest(NamedTuple):
     light: Light
 
 
-def projection_matrix(camera: CameraModel, supersample: int = 1) -> Array:
+def _projection_matrix(camera: CameraModel, supersample: int = 1) -> Array:
     """OpenGL projection (4, 4) with ``focal`` px and the principal point in the image centre.
 
     The image centre is ((width - 1) / 2, (height - 1) / 2), with pixel centres at integers. The
@@ -103,9 +103,9 @@ class Camera:
         length = math.sqrt(sum(d * d for d in spec.direction))
         x, y, z = (d / length for d in spec.direction)
         self._light = Light((x, y, z), light * spec.ambient, light * spec.diffuse)
-        hfov = min(self.model.hfov * (1.0 + hfov_error), _WIDEST)
+        hfov = min(self.model.hfov * (1.0 + hfov_error), _MAX_VIEW)
         true = self.model.model_copy(update={"hfov": hfov})
-        self._projection = projection_matrix(true, self._supersample)
+        self._projection = _projection_matrix(true, self._supersample)
         # half the image's size in focal lengths, with a margin of one pixel
         self._half_size = (
             (0.5 * true.width + 1.0) / true.focal,

@@ -17,7 +17,7 @@ from navfw.sim.urdf_shapes import read_urdf_shapes
 
 Up = Literal["y", "z"]
 
-_LEAST, _MOST = 0.02, 50.0
+_MIN_SIZE, _MAX_SIZE = 0.02, 50.0
 """Bounds of the largest extent of a mesh [m]."""
 _Y_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1.0, 0], [0, 1.0, 0, 0], [0, 0, 0, 1.0]])
 """Turns the y axis up."""
@@ -41,8 +41,10 @@ def furniture_mesh(file: str, scale: float, up: Up) -> TriangleMesh:
     mesh = mesh.moved(product(_Y_UP, size) if up == "y" else size)
     low, high = mesh.bounds
     extent = float((high - low).max())
-    if not _LEAST <= extent <= _MOST:
-        what = f"is {extent:g} m large, expected {_LEAST:g} to {_MOST:g} m: give another scale"
+    if not _MIN_SIZE <= extent <= _MAX_SIZE:
+        what = (
+            f"is {extent:g} m large, expected {_MIN_SIZE:g} to {_MAX_SIZE:g} m: give another scale"
+        )
         raise ConfigError(f"{what} (0.001 for a file in millimetres)", file=shown_path(path))
     return mesh
 

@@ -14,7 +14,7 @@ from navfw.robot import CameraModel
 from navfw.robot.camera_effects import CameraEffects
 from navfw.signals import Array, Image
 
-_SHORTEST = 1.0 / 256.0
+_MIN_EXPOSURE = 1.0 / 256.0
 """Shortest exposure that the control sets, as a share of the longest one."""
 _DARKEST = 0.5
 """Mean grey value below which an image counts as black."""
@@ -68,7 +68,7 @@ class ImageSensor:
 
     def _set(self, level: float) -> None:
         most = 1.0 if self._control is None else self._control.max_gain
-        self._level = min(max(level, _SHORTEST), most)
+        self._level = min(max(level, _MIN_EXPOSURE), most)
 
     def compress(self, image: Image) -> Image:
         """The image (height, width) after JPEG compression and decompression."""

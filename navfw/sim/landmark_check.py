@@ -16,7 +16,7 @@ from navfw.sim.worldspec import LandmarkPlateSpec, WorldSpec
 
 _DEPTH_TOLERANCE = 0.03
 """Distance [m] by which a plate's ends may stand off the supporting face, or lie inside it."""
-_LOWEST = 0.02
+_MIN_HEIGHT = 0.02
 """Lowest height of a plate's lower edge above the floor [m]."""
 
 Problem = tuple[KeyPath, str]
@@ -36,11 +36,11 @@ def landmark_problems(world: WorldSpec) -> Iterator[Problem]:
             )
         seen.setdefault(identity, i)
         half = 0.5 * landmark_kind(mark.kind).plate_side(mark.size)
-        if mark.z - half < _LOWEST:
+        if mark.z - half < _MIN_HEIGHT:
             yield (
                 ("landmarks", i, "z"),
                 f"{mark.name!r} reaches into the floor: its plate is {2 * half:.2f} m high, so z"
-                f" must be at least {half + _LOWEST:.2f}",
+                f" must be at least {half + _MIN_HEIGHT:.2f}",
             )
         elif not (
             world.x[0] <= mark.at[0] <= world.x[1] and world.y[0] <= mark.at[1] <= world.y[1]

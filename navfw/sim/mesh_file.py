@@ -23,7 +23,7 @@ Corners = npt.NDArray[np.int64]
 
 MAX_TRIANGLES = 20_000
 """Largest number of triangles of a mesh: each image that shows it draws them all."""
-MESH_SUFFIXES = (".obj", ".stl")
+_MESH_SUFFIXES = (".obj", ".stl")
 """Suffixes of mesh files."""
 _MAX_BYTES = 10_000_000
 """Largest size of a mesh file [byte]."""
@@ -73,7 +73,7 @@ def read_mesh(path: Path) -> TriangleMesh:
 
     """
     suffix = path.suffix.lower()
-    if suffix not in MESH_SUFFIXES:
+    if suffix not in _MESH_SUFFIXES:
         what = f"expected an OBJ or STL file, got {path.name!r}; export the mesh as OBJ"
         raise ConfigError(what, file=shown_path(path))
     content = read_input(path, _MAX_BYTES)

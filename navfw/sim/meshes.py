@@ -18,7 +18,7 @@ from navfw.numerics.products import product
 from navfw.signals import Array
 from navfw.sim.texture_spectra import TILE
 
-MAX_PATCH = 2.0
+_MAX_PATCH = 2.0
 """Largest edge of a patch [m]."""
 
 
@@ -129,10 +129,10 @@ class Mesh:
         across = np.array([[a], [b], [b], [a]]) * right
         points = corner + across + np.array([[c], [c], [d], [d]]) * up
         normal = np.cross(right, up)
-        self.add_quad(points, np.tile(normal, (4, 1)), face_coordinates(points, normal) + shift)
+        self.add_quad(points, np.tile(normal, (4, 1)), _face_coordinates(points, normal) + shift)
 
 
-def face_coordinates(points: Array, normal: Array) -> Array:
+def _face_coordinates(points: Array, normal: Array) -> Array:
     """Texture coordinates (N, 2) [m] of points (N, 3) on a horizontal or vertical plane."""
     if abs(normal[2]) > 0.5:
         return points[:, :2].copy()
@@ -141,7 +141,7 @@ def face_coordinates(points: Array, normal: Array) -> Array:
 
 
 def split_positions(
-    length: float, at: list[float] | None = None, longest: float = MAX_PATCH
+    length: float, at: list[float] | None = None, longest: float = _MAX_PATCH
 ) -> Array:
     """Ascending positions [m] from 0 to ``length``: those of ``at``, spaced ``longest`` at most."""
     cuts = [0.0, *sorted(c for c in at or [] if 1e-3 < c < length - 1e-3), length]

@@ -17,7 +17,7 @@ import numpy as np
 from navfw.signals import Array, Pose
 from navfw.sim.worldspec import MoverSpec
 
-YIELD_DISTANCE = 0.6
+_YIELD_DISTANCE = 0.6
 """A mover that yields waits when the gap to the robot in front of it is at most this [m]."""
 
 _YIELD_MARGIN = 0.15
@@ -74,7 +74,7 @@ class Mover:
         c, s = math.cos(self.heading), math.sin(self.heading)
         both = self.spec.radius + radius
         self.waiting = (
-            math.hypot(dx, dy) <= both + YIELD_DISTANCE
+            math.hypot(dx, dy) <= both + _YIELD_DISTANCE
             and c * dx + s * dy > 0.0
             and abs(c * dy - s * dx) <= both + _YIELD_MARGIN
         )

@@ -21,7 +21,7 @@ from navfw.sim.texture_spectra import RESOLUTION, TILE, filtered, frequencies, p
 if TYPE_CHECKING:
     from navfw.sim.worldspec import TextureSpec
 
-MAX_PICTURE_PIXELS = 4_000_000
+_MAX_PICTURE_PIXELS = 4_000_000
 """Largest number of pixels: 4 mm each over 8 x 8 m, finer than the camera resolves."""
 _MAX_PICTURE_BYTES = 20_000_000
 """Largest size of a picture's file [byte]."""
@@ -37,10 +37,10 @@ def read_picture(path: str) -> Image:
 
     Raises:
         ConfigError: the file cannot be read, is no PNG or JPEG image, is damaged, has more than
-            ``MAX_PICTURE_PIXELS``, or is a narrow strip.
+            ``_MAX_PICTURE_PIXELS``, or is a narrow strip.
 
     """
-    image = read_image(path, max_bytes=_MAX_PICTURE_BYTES, max_pixels=MAX_PICTURE_PIXELS)
+    image = read_image(path, max_bytes=_MAX_PICTURE_BYTES, max_pixels=_MAX_PICTURE_PIXELS)
     height, width = image.shape[:2]
     if max(height, width) > _MAX_ASPECT * min(height, width):
         what = f"the picture is {width} x {height} pixels; its sides may differ by a factor of"

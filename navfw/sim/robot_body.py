@@ -18,13 +18,13 @@ from navfw.sim.engine import bullet
 from navfw.sim.physics_world import BODY_GROUP, FLOOR_GROUP, SOLID_GROUP, WHEEL_GROUP
 from navfw.sim.wheeled_body import BodyState, WheeledBody
 
-MASS = 6.0
+_MASS = 6.0
 """Mass of the robot without wheels [kg]."""
-WHEEL_MASS = 0.3
+_WHEEL_MASS = 0.3
 """Mass of one wheel [kg]."""
-WHEEL_TORQUE = 1.2
+_WHEEL_TORQUE = 1.2
 """Torque limit of one wheel's motor [N m]: four times that of the hardest usual braking."""
-CENTRE_OF_MASS = 0.06
+_CENTRE_OF_MASS = 0.06
 """Height of the centre of mass above the floor [m]: low, because of the batteries."""
 _CASTER_RADIUS = 0.02
 """Radius of a caster [m]."""
@@ -54,13 +54,13 @@ def _shown_height(robot: RobotModel) -> float:
     return min(max(camera.mount_height - reach * math.tan(steepest), 0.05), robot.height)
 
 
-def robot_urdf(robot: RobotModel) -> str:
+def _robot_urdf(robot: RobotModel) -> str:
     """The robot's URDF: ``base_link`` has its origin on the floor below the middle of the axle."""
     r, clearance = robot.radius, 0.02
     height = robot.height - clearance
     shown = max(_shown_height(robot) - clearance, 0.02)
-    across, along = _cylinder_inertia(MASS, r, 0.5 * robot.height)
-    wheel_across, wheel_along = _cylinder_inertia(WHEEL_MASS, robot.wheel_radius, 0.03)
+    across, along = _cylinder_inertia(_MASS, r, 0.5 * robot.height)
+    wheel_across, wheel_along = _cylinder_inertia(_WHEEL_MASS, robot.wheel_radius, 0.03)
     caster_x = _CASTER_AHEAD * r
     casters = "".join(
         f'<link name="{side}_caster">{_inertial(0.02, 1e-5, 1e-5, 1e-5)}<collision><geometry>'
@@ -71,7 +71,7 @@ def robot_urdf(robot: RobotModel) -> str:
     )
     wheels = "".join(
         f'<link name="{side}_wheel">'
-        f"{_inertial(WHEEL_MASS, wheel_across, wheel_along, wheel_across)}"
+        f"{_inertial(_WHEEL_MASS, wheel_across, wheel_along, wheel_across)}"
         f'<visual><origin rpy="{math.pi / 2} 0 0"/><geometry><cylinder '
         f'radius="{robot.wheel_radius}" length="0.03"/></geometry></visual>'
         f'<collision><geometry><sphere radius="{robot.wheel_radius}"/></geometry></collision>'
@@ -81,7 +81,7 @@ def robot_urdf(robot: RobotModel) -> str:
         for side, y in (("left", 0.5 * robot.track), ("right", -0.5 * robot.track))
     )
     base = (
-        f'<link name="base_link">{_inertial(MASS, across, across, along, CENTRE_OF_MASS)}'
+        f'<link name="base_link">{_inertial(_MASS, across, across, along, _CENTRE_OF_MASS)}'
         f'<visual><origin xyz="0 0 {clearance + 0.5 * shown}"/><geometry><cylinder radius="{r}" '
         f'length="{shown}"/></geometry><material name="body"><color rgba="0.2 0.35 0.6 1"/>'
         f"</material></visual>"
@@ -98,7 +98,7 @@ class RobotBody(WheeledBody):
         super().__init__(client)
         with scratch_folder("robot") as folder:
             path = folder / "robot.urdf"
-            path.write_text(robot_urdf(robot), encoding="utf-8")
+            path.write_text(_robot_urdf(robot), encoding="utf-8")
             turn = [0.0, 0.0, math.sin(0.5 * start.yaw), math.cos(0.5 * start.yaw)]
             # without self collision (the default) and with our own inertias
             self.body = int(
@@ -116,7 +116,7 @@ class RobotBody(WheeledBody):
         }
         half, caster = 0.5 * robot.track, _CASTER_AHEAD * robot.radius
         self._supports = np.array([[0.0, half], [0.0, -half], [caster, 0.0], [-caster, 0.0]])
-        self._bind([joints["left_axle"], joints["right_axle"]], WHEEL_TORQUE, linkIndexA=-1)
+        self._bind([joints["left_axle"], joints["right_axle"]], _WHEEL_TORQUE, linkIndexA=-1)
         self._set_contacts(joints)
         self.set_wheel_speeds(0.0, 0.0)
 
@@ -153,7 +153,7 @@ class RobotBody(WheeledBody):
         centre, turn = self._base_pose()
         x, y, z, w = turn
         # PyBullet reports the centre of mass: base_link is below it on the body's z axis
-        offset = -CENTRE_OF_MASS
+        offset = -_CENTRE_OF_MASS
         origin = (
             centre[0] + offset * 2.0 * (x * z + w * y),
             centre[1] + offset * 2.0 * (y * z - w * x),
@@ -165,10 +165,10 @@ class RobotBody(WheeledBody):
 def pose_of(state: BodyState) -> Pose:
     """The planar pose of a body state."""
     (x, y, _), turn = state
-    return Pose(x, y, yaw_of(turn))
+    return Pose(x, y, _yaw_of(turn))
 
 
-def yaw_of(turn: tuple[float, float, float, float]) -> float:
+def _yaw_of(turn: tuple[float, float, float, float]) -> float:
     """Yaw [rad] of a quaternion (x, y, z, w)."""
     x, y, z, w = turn
     return wrap_angle(math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))

@@ -20,7 +20,7 @@ from navfw.signals import Array, Image
 from navfw.sim.camera import Camera, DepthImage
 from navfw.sim.wheeled_body import BodyState
 
-_MOST_POSES = 16
+_MAX_POSES = 16
 """Limit of the number of poses rendered for one image."""
 _NEAR = 0.5
 """Distance of near surfaces [m]: their motion in the image decides the number of poses."""
@@ -62,7 +62,7 @@ class Shutter:
         motion = image_motion(camera, self._state_at(time - span), body)
         if motion < _NEGLIGIBLE:
             return camera.render(*body)
-        count = min(1 + math.ceil(motion), _MOST_POSES)
+        count = min(1 + math.ceil(motion), _MAX_POSES)
         mean = np.zeros((camera.model.height, camera.model.width), np.float32)
         weights = row_weights(camera.model.height, count, exposure / span)
         for index, moment in enumerate(np.linspace(time - span, time, count).tolist()):

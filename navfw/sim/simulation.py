@@ -38,7 +38,7 @@ from navfw.sim.world_changes import ChangeTrack, WorldChanges
 from navfw.sim.world_check import check_world
 from navfw.sim.worldspec import WorldSpec
 
-PHYSICS_RATE = 240
+_PHYSICS_RATE = 240
 """Physics steps per second."""
 _SETTLING_STEPS = 60
 """Physics steps before time 0, in which the robot comes to rest on its wheels."""
@@ -124,7 +124,7 @@ class Simulation:
     def _set_up_engine(self, gui: bool) -> None:
         """Set the physics' parameters, and take hold of the window."""
         bullet.setGravity(0.0, 0.0, -_GRAVITY, physicsClientId=self._client)
-        bullet.setTimeStep(1.0 / PHYSICS_RATE, physicsClientId=self._client)
+        bullet.setTimeStep(1.0 / _PHYSICS_RATE, physicsClientId=self._client)
         bullet.setPhysicsEngineParameter(
             deterministicOverlappingPairs=1, physicsClientId=self._client
         )
@@ -212,16 +212,16 @@ class Simulation:
         begun = wall.perf_counter()
         self.time += dt
         self._contacts = set()
-        target = round(self.time * PHYSICS_RATE)
-        if abs(self.time - target / PHYSICS_RATE) < 1e-9:
-            self.time = target / PHYSICS_RATE  # against accumulating rounding errors
+        target = round(self.time * _PHYSICS_RATE)
+        if abs(self.time - target / _PHYSICS_RATE) < 1e-9:
+            self.time = target / _PHYSICS_RATE  # against accumulating rounding errors
         here = self.true_pose() if self.movers else self._last_pose
         for mover in self.movers:
             mover.update_waiting(here, self.robot.reach)
         self._true_state = None
         while self._steps < target:
             if self.movers:
-                self._advance_movers(1.0 / PHYSICS_RATE)
+                self._advance_movers(1.0 / _PHYSICS_RATE)
             bullet.stepSimulation(physicsClientId=self._client)
             if points := self._body.contacts():
                 self._record_contacts(points, here, dt)

@@ -34,12 +34,12 @@ from navfw.sim.texture_spectra import (
 if TYPE_CHECKING:
     from navfw.sim.worldspec import TextureSpec
 
-_COARSEST = 1.0
+_MAX_WAVELENGTH = 1.0
 """Longest wavelength [m]: longer ones do not help the correlation of a 24 px window."""
 _LUMA = np.array([0.299, 0.587, 0.114])
 """Weights of red, green and blue in the luminance (Rec. 601)."""
 
-MOST_KEPT = 32
+MAX_KEPT = 32
 """Number of textures that are kept: those of a world, for the next run in it, at 0.8 MB each."""
 
 STOCK: Mapping[str, Mapping[str, object]] = MappingProxyType(
@@ -63,7 +63,7 @@ def stock_texture(name: str) -> TextureSpec:
     return TextureSpec.model_validate(dict(STOCK[name]))
 
 
-@lru_cache(maxsize=MOST_KEPT)
+@lru_cache(maxsize=MAX_KEPT)
 def synthesize(spec: TextureSpec, resolution: int = RESOLUTION) -> Image:
     """The texture as a read-only, periodic image (resolution, resolution, 3) uint8, RGB.
 
@@ -94,7 +94,7 @@ def luminance_pattern(spec: TextureSpec, resolution: int = RESOLUTION) -> Array:
 
 def _band_limit(pattern: Array, finest: float) -> Array:
     """Band-pass: half wavelengths of at least ``finest`` [m], wavelengths of at most 1 m."""
-    return filtered(pattern, passed_band(len(pattern), finest, _COARSEST))
+    return filtered(pattern, passed_band(len(pattern), finest, _MAX_WAVELENGTH))
 
 
 def _plaster(rng: np.random.Generator, resolution: int) -> Array:

@@ -60,7 +60,7 @@ class WorldChanges:
     def __init__(self, world: WorldSpec, physics: PhysicsWorld) -> None:
         self._world = world
         self._physics = physics
-        self._doors = all_doors(world)
+        self._doors = _all_doors(world)
         self._door_changes: list[DoorChange] = []
         self._obstacles: list[tuple[Obstacle, Solid | None]] = []
         self._covers: list[tuple[Textureless, int]] = []
@@ -146,7 +146,7 @@ class WorldChanges:
         return Solid(obstacle.name, kind, shape, 0.0, obstacle.height, obstacle.texture)
 
 
-def all_doors(world: WorldSpec) -> dict[str, Solid]:
+def _all_doors(world: WorldSpec) -> dict[str, Solid]:
     """Every door of the world by name, as the solid of its closed state."""
     doors = tuple(door.model_copy(update={"state": "closed"}) for door in world.doors)
     closed = world.model_copy(update={"doors": doors})
@@ -164,7 +164,7 @@ def _blanked(world: WorldSpec, change: Textureless) -> list[Solid]:
             continue
         shape: Shape | None = solid.shape
         if solid.kind in ("wall", "lintel") and isinstance(shape, Rectangle):
-            shape = stretch_within(shape, change.x, change.y)
+            shape = _stretch_within(shape, change.x, change.y)
         elif shape is not None and not _inside((shape.x, shape.y), change):
             shape = None
         if shape is not None:
@@ -180,12 +180,12 @@ def _inside(point: tuple[float, float], change: Textureless) -> bool:
     )
 
 
-def stretch_within(
+def _stretch_within(
     wall: Rectangle, x: tuple[float, float] | None, y: tuple[float, float] | None
 ) -> Rectangle | None:
     """The part of a wall piece whose centre line is within an area; None when there is none.
 
-    >>> stretch_within(Rectangle(0.0, 0.0, 3.0, 0.05), (1.0, 9.0), None)
+    >>> _stretch_within(Rectangle(0.0, 0.0, 3.0, 0.05), (1.0, 9.0), None)
     Rectangle(x=2.0, y=0.0, half_x=1.0, half_y=0.05, yaw=0.0)
     """
     low, high = -wall.half_x, wall.half_x

@@ -25,7 +25,7 @@ from navfw.topomap import TopoMap
 if TYPE_CHECKING:
     from navfw.plugins import Registry
 
-DEFAULT_DIFFICULTY = 0.5
+_DEFAULT_DIFFICULTY = 0.5
 """Difficulty of generated worlds in entries without one: the middle of the range 0 to 1."""
 
 
@@ -88,7 +88,7 @@ def generated_session(
             impossible in the world.
 
     """
-    difficulty = DEFAULT_DIFFICULTY if difficulty is None else difficulty
+    difficulty = _DEFAULT_DIFFICULTY if difficulty is None else difficulty
     made = generate(family, seed, difficulty, contrast, look)
     for_mission, for_stack = split_overrides(overrides)
     text = json.dumps(made.mission.model_dump(mode="json", by_alias=True, exclude_unset=True))

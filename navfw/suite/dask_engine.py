@@ -26,7 +26,7 @@ PERIOD = 0.5
 CONNECT_TIME = 15.0
 """Longest time [s] to wait for the scheduler's answer."""
 
-WORKER_TIME = 60.0
+_WORKER_TIME = 60.0
 """Longest time [s] to wait for a worker, at the beginning and when all have gone."""
 
 AHEAD = 3
@@ -115,7 +115,7 @@ class DaskEngine:
         while waiting or futures:
             threads = self._threads
             seen = time.monotonic() if threads else seen
-            if time.monotonic() - seen > WORKER_TIME:
+            if time.monotonic() - seen > _WORKER_TIME:
                 raise SimulationError(f"{self._address} has no workers left; {_RESUME}")
             for _ in range(min(len(waiting), max(AHEAD * threads, 1) - len(futures))):
                 job = waiting.popleft()
@@ -135,7 +135,7 @@ class DaskEngine:
     def _prepare(self) -> None:
         """Compare the workers with this machine, and send them the files."""
         try:
-            self._client.wait_for_workers(1, timeout=WORKER_TIME)
+            self._client.wait_for_workers(1, timeout=_WORKER_TIME)
         except TimeoutError:
             what = f"{self._address} has no workers; start some with dask worker {self._address}"
             raise InputError(what, key="--scheduler") from None

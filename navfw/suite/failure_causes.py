@@ -14,13 +14,13 @@ from typing import Literal
 from navfw.missions.outcome import FaultKind, Outcome
 from navfw.signals import Sight
 
-REVERSING = 0.05
+_REVERSING = 0.05
 """Backward speed [m/s] above which a robot counts as reversing at a collision."""
 
-MEAN_SPEED, MEAN_RATE = 0.02, 0.1
+_MEAN_SPEED, _MEAN_RATE = 0.02, 0.1
 """Mean speed [m/s] and turning rate [rad/s] below which a robot counts as standing still."""
 
-DETOUR = 1.5
+_DETOUR = 1.5
 """Ratio of path costs, with and without errors of the local map, above which they are the cause."""
 
 
@@ -171,7 +171,7 @@ def _of_collision(collision: CollisionSymptoms | None) -> Cause:
     if collision.by_mover:
         return Cause.MOVER
     aside = abs(collision.bearing)
-    if collision.speed < -REVERSING and aside > 0.5 * math.pi:
+    if collision.speed < -_REVERSING and aside > 0.5 * math.pi:
         return Cause.REVERSED_INTO
     if collision.mapped == "occupied" and aside > 0.25 * math.pi:
         return Cause.TURNED_INTO
@@ -201,9 +201,9 @@ def _of_delay(symptoms: FailureSymptoms) -> Cause:
 def _of_path(path: PathSymptoms | None) -> Cause | None:
     if path is None:
         return None
-    if path.cost > DETOUR * path.without_phantoms:
+    if path.cost > _DETOUR * path.without_phantoms:
         return Cause.PHANTOM_OBSTACLES
-    if path.cost > DETOUR * path.sharpened:
+    if path.cost > _DETOUR * path.sharpened:
         return Cause.BLURRED_MAP
     return Cause.LOCAL_GOAL_UNREACHABLE if math.isinf(path.cost) else None
 
@@ -212,11 +212,11 @@ def _of_motion(symptoms: FailureSymptoms) -> Cause:
     motion = symptoms.motion
     if motion is None:
         return Cause.UNKNOWN
-    moved = motion.recent_driven >= MEAN_SPEED * motion.recent
+    moved = motion.recent_driven >= _MEAN_SPEED * motion.recent
     approaching = moved and motion.gained > 0.5 * motion.driven
     if symptoms.outcome is Outcome.TIMEOUT and approaching:
         return Cause.SLOW
     if symptoms.sight is Sight.LITTLE:
         return Cause.LITTLE_SEEN
-    turned = motion.recent_turned >= MEAN_RATE * motion.recent
+    turned = motion.recent_turned >= _MEAN_RATE * motion.recent
     return Cause.OSCILLATING if moved or turned else Cause.STANDSTILL

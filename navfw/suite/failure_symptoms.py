@@ -27,13 +27,13 @@ from navfw.suite.failure_causes import (
     PathSymptoms,
 )
 
-RECENT = 30.0
+_RECENT = 30.0
 """Duration [s] of the end of a run over which its recent motion and sight are measured."""
 
 APPROACH = 0.25
 """Time [s] before a contact over which the robot's speed is averaged."""
 
-PHANTOM, BLUR = 0.25, 0.1
+_PHANTOM, _BLUR = 0.25, 0.1
 """Distances [m] to the nearest object beyond which an occupied cell is a phantom, or a blur."""
 
 REACH = 0.12
@@ -162,7 +162,7 @@ def _path(result: MissionResult, odometry: Odometry, now: Pose) -> PathSymptoms 
     x, y = pose.to_parent(*context.waypoint_local)
     off = _distance_from_truth(result, occupancy, pose, now)
     costs = []
-    for limit in (math.inf, PHANTOM, BLUR):
+    for limit in (math.inf, _PHANTOM, _BLUR):
         occupancy.log_odds[off > limit] = 0.0
         occupancy.update(pose, odometry.time)  # drops what was derived from the log-odds
         goal = local_map.local_planner.plan(occupancy, pose, x, y)
@@ -203,7 +203,7 @@ def _motion(result: MissionResult) -> MotionSymptoms:
     session, log = result.session, result.run.log
     sampled = log.every(0.1)
     true, time = log.true[sampled], log.time[sampled]
-    late = time >= time[-1] - RECENT
+    late = time >= time[-1] - _RECENT
     recent = true[late]
     turned = np.abs([wrap_angle(step) for step in np.diff(recent[:, 2])]).sum()
     goals = [(goal.x, goal.y) for goal in session.mission.goals]
@@ -220,7 +220,7 @@ def _motion(result: MissionResult) -> MotionSymptoms:
 
 def _sight(log: RunLog) -> Sight:
     """Median sight of the path ahead over the end of the run."""
-    late = log.time >= log.time[-1] - RECENT
+    late = log.time >= log.time[-1] - _RECENT
     return Sight(int(np.median(log.sight[late])))
 
 

@@ -24,7 +24,7 @@ from navfw.errors import InputError
 from navfw.plugins.registry import GROUPS
 from navfw.suite.case import Case, Job
 
-MAX_PACKAGE = 200_000_000
+_MAX_PACKAGE = 200_000_000
 """Largest size of all files that travel [byte]."""
 
 _PROJECT_PARTS = ("worlds", "maps", "stacks", "robots", "behaviors", "plugins")
@@ -51,7 +51,7 @@ class JobPackage:
         """The package of ``cases`` and of the project around the working folder.
 
         Raises:
-            InputError: a file cannot be read, or all together are larger than ``MAX_PACKAGE``.
+            InputError: a file cannot be read, or all together are larger than ``_MAX_PACKAGE``.
 
         """
         project = project_folder()
@@ -72,10 +72,10 @@ class JobPackage:
             if project is not None:
                 archive.writestr(_entry("project/navfw.toml"), b"")
             for name, file in _travelling(roots):
-                content = read_input(file, MAX_PACKAGE)
+                content = read_input(file, _MAX_PACKAGE)
                 total += len(content)
-                if total > MAX_PACKAGE:
-                    what = f"the files of the project exceed {MAX_PACKAGE // 1_000_000} MB"
+                if total > _MAX_PACKAGE:
+                    what = f"the files of the project exceed {_MAX_PACKAGE // 1_000_000} MB"
                     raise InputError(f"{what}; move what no run needs", file=project or file)
                 archive.writestr(_entry(name), content)
         return cls(stream.getvalue(), tuple((name, str(root)) for name, root in roots.items()))

@@ -11,7 +11,7 @@ from navfw.errors import InputError, UnknownNameError
 from navfw.suite.run_statistics import mcnemar_exact, median_interval, paired_interval
 from navfw.suite.run_table import RunKey, RunRow
 
-SPL_CHANGE = 0.1
+_SPL_CHANGE = 0.1
 """Change of SPL beyond which a run counts as worse, or better, although both runs succeeded."""
 
 
@@ -42,7 +42,7 @@ class PairedChanges:
     """The pairs that differ, the worst and the best first: collisions, then the change of SPL.
 
     Only A succeeded in ``lost``, only B in ``gained``. Both did in ``worse`` and ``better``, and
-    the SPL of B is lower, or higher, by more than ``SPL_CHANGE``.
+    the SPL of B is lower, or higher, by more than ``_SPL_CHANGE``.
     """
 
     lost: tuple[RunPair, ...]
@@ -56,11 +56,11 @@ class PairedChanges:
         both = [pair for pair in pairs if pair.a.succeeded and pair.b.succeeded]
         return cls(
             lost=_sorted(pair for pair in pairs if pair.a.succeeded and not pair.b.succeeded),
-            worse=_sorted(pair for pair in both if pair.spl_difference < -SPL_CHANGE),
+            worse=_sorted(pair for pair in both if pair.spl_difference < -_SPL_CHANGE),
             gained=_sorted(
                 (pair for pair in pairs if pair.b.succeeded and not pair.a.succeeded), best=True
             ),
-            better=_sorted((pair for pair in both if pair.spl_difference > SPL_CHANGE), best=True),
+            better=_sorted((pair for pair in both if pair.spl_difference > _SPL_CHANGE), best=True),
         )
 
 

@@ -23,10 +23,10 @@ from navfw.errors import ConfigError, InputError
 from navfw.process.atomic import atomic_file
 from navfw.suite.run_table import RunKey, RunRow, cells_of_row, row_of_cells
 
-VERSION = 1
+_VERSION = 1
 """Version of the tables, kept as SQLite's ``user_version``."""
 
-MAX_JOURNAL = 2_000_000_000
+_MAX_JOURNAL = 2_000_000_000
 """Largest size of a journal [byte]; the largest suite takes a tenth of it."""
 
 WAIT = 10.0
@@ -38,7 +38,7 @@ CREATE TABLE run (
     PRIMARY KEY (content, key)
 );
 CREATE TABLE death (content TEXT NOT NULL, key TEXT NOT NULL, reason TEXT NOT NULL);
-PRAGMA user_version = {VERSION};
+PRAGMA user_version = {_VERSION};
 """
 _DAMAGE = {sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_ERROR}
 """Primary error codes of a damaged file; SQLITE_ERROR is that of a table that is not there."""
@@ -112,7 +112,7 @@ class RunJournal:
         """Have SQLite look for damage in the whole file."""
         with self._opened() as database:
             (version,) = database.execute("PRAGMA user_version").fetchone()
-            if version > VERSION:
+            if version > _VERSION:
                 what = f"was written by a newer navfw (version {version} of the journal)"
                 raise InputError(f"{what}; use that one, or choose another --out", file=self.file)
             (found,) = database.execute("PRAGMA quick_check(1)").fetchone()
@@ -147,8 +147,8 @@ class RunJournal:
     def _opened(self) -> Iterator[sqlite3.Connection]:
         if not is_file(self.file):
             raise InputError("cannot be read or written: it is not there", file=self.file)
-        if self.file.stat().st_size > MAX_JOURNAL:
-            what = f"is larger than {MAX_JOURNAL // 1_000_000} MB, so it is not read"
+        if self.file.stat().st_size > _MAX_JOURNAL:
+            what = f"is larger than {_MAX_JOURNAL // 1_000_000} MB, so it is not read"
             raise InputError(what, file=self.file)
         # the first reading after a kill rolls back what that left unfinished, so it may write
         mode = "rw" if os.access(self.file, os.W_OK) else "ro"

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from statistics import NormalDist
 
-BARN_SPEED = 2.0
+_BARN_SPEED = 2.0
 """The BARN challenge's reference speed [m/s]: OT is the path's length divided by it."""
 
 
@@ -110,5 +110,5 @@ def barn_score(succeeded: bool, time: float, path: float) -> float:
     """
     if not succeeded:
         return 0.0
-    best = path / BARN_SPEED
+    best = path / _BARN_SPEED
     return best / min(max(time, 2.0 * best), 8.0 * best) if best > 0.0 else 0.5

@@ -33,8 +33,8 @@ from navfw.suite.run_journal import JournalDamagedError, RunJournal
 from navfw.suite.run_table import RunRow, read_table, write_table
 from navfw.suite.suite_plan import SuitePlan
 
-TABLE, SUMMARY, ABOUT, PICTURES = "table.csv", "summary.json", "suite.json", "pictures"
-MARKDOWN, JOURNAL = "table.md", "journal.sqlite"
+TABLE, SUMMARY, _ABOUT, _PICTURES = "table.csv", "summary.json", "suite.json", "pictures"
+_MARKDOWN, _JOURNAL = "table.md", "journal.sqlite"
 COMPARISON = "comparison.html"
 """The report of two suites, in the folder of the second."""
 
@@ -42,7 +42,7 @@ Beginning = Literal["new", "resume", "extend", "restart"]
 """How a suite begins: in an empty folder; with the runs that it has; with those that a change of
 the suite has not touched; anew, with the earlier results moved aside."""
 
-_OWN = (TABLE, SUMMARY, MARKDOWN, ABOUT, PICTURES, JOURNAL, RECORDINGS, REPORT, COMPARISON)
+_OWN = (TABLE, SUMMARY, _MARKDOWN, _ABOUT, _PICTURES, _JOURNAL, RECORDINGS, REPORT, COMPARISON)
 _BEFORE = re.compile(r"before-\d+|journal-damaged-\d+\.sqlite(-journal)?")
 """Names of what is left of earlier suites."""
 
@@ -61,7 +61,7 @@ class SuiteFolder:
     @property
     def journal(self) -> RunJournal:
         """The journal of all runs that have ended."""
-        return RunJournal(self.path / JOURNAL)
+        return RunJournal(self.path / _JOURNAL)
 
     @cached_property
     def lock(self) -> TargetLock:
@@ -71,12 +71,12 @@ class SuiteFolder:
     @property
     def pictures(self) -> Path:
         """The folder of the runs' pictures."""
-        return self.path / PICTURES
+        return self.path / _PICTURES
 
     @property
     def report(self) -> Path:
         """What a person reads of the suite: its page of ``navfw report``, or what there is."""
-        files = (self.path / name for name in (REPORT, MARKDOWN, TABLE))
+        files = (self.path / name for name in (REPORT, _MARKDOWN, TABLE))
         return next((file for file in files if is_file(file)), self.path)
 
     @property
@@ -160,7 +160,7 @@ class SuiteFolder:
             "revisions": list(dict.fromkeys([*known.get("revisions", []), revision])),
             "machines": machines + [machine_kind()] * (machine_kind() not in machines),
         }
-        self._write(ABOUT, about)  # before the journal, which cannot be read without it
+        self._write(_ABOUT, about)  # before the journal, which cannot be read without it
         rows = self._rows_of(plan, tell)
         if known.get("content", plan.content) != plan.content:
             kept = sum(row.has_result for row in rows)
@@ -224,7 +224,7 @@ class SuiteFolder:
         """Replace the table and the summary."""
         write_table(self.table, rows)
         self._write(SUMMARY, summary)
-        write_text(self.path / MARKDOWN, markdown_table(summary))
+        write_text(self.path / _MARKDOWN, markdown_table(summary))
 
     def tidy(self) -> None:
         """Remove the folder of pictures if it is empty."""
@@ -245,7 +245,7 @@ class SuiteFolder:
             ConfigError: there is no such file, or it is damaged.
 
         """
-        file = self.path / ABOUT
+        file = self.path / _ABOUT
         try:
             about = read_json_object(file)
         except ConfigError as error:

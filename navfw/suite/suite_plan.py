@@ -21,7 +21,7 @@ from navfw.suite.suitefile import Expect, Suite, VariantSpec
 if TYPE_CHECKING:
     from navfw.plugins import Registry
 
-MAX_RUNS = 200_000
+_MAX_RUNS = 200_000
 """Largest number of runs of a suite, against mistyped ranges of seeds."""
 
 
@@ -124,8 +124,8 @@ def _check_worlds(suite: Suite, worlds: Path | None) -> None:
 
 
 def _check_number(cases: Sequence[Case]) -> None:
-    if len(cases) > MAX_RUNS:
-        raise InputError(f"more than {MAX_RUNS} runs; give fewer seeds", key="--seeds")
+    if len(cases) > _MAX_RUNS:
+        raise InputError(f"more than {_MAX_RUNS} runs; give fewer seeds", key="--seeds")
 
 
 def _checked(

@@ -20,10 +20,10 @@ from navfw.suite.suite_plan import SuitePlan
 from navfw.suite.suite_summary import summarize
 from navfw.suite.worker_pool import WorkerFailure
 
-EXPORT_PERIOD = 2.0
+_EXPORT_PERIOD = 2.0
 """Shortest time [s] between two exports of table and summary; the journal has each run at once."""
 
-EXPORT_SHARE = 0.02
+_EXPORT_SHARE = 0.02
 """Largest share of the time that exports take: those of a large suite become rarer."""
 
 
@@ -131,7 +131,7 @@ class _TableKeeper:
         self._revisions = out.revisions
         self.rows: dict[RunKey, RunRow] = {row.key: row for row in have}
         self.deaths = out.journal.deaths({case.content for case in plan.cases})
-        self._next_export = time.monotonic() + EXPORT_PERIOD
+        self._next_export = time.monotonic() + _EXPORT_PERIOD
 
     def is_first_death(self, case: Case, result: RunRow | WorkerFailure) -> bool:
         """Whether the run died with its process for the first time; then it is noted."""
@@ -151,7 +151,7 @@ class _TableKeeper:
             done = self._result()
             self.out.save(done.rows, done.summary)
             ended = time.monotonic()
-            self._next_export = ended + max(EXPORT_PERIOD, (ended - began) / EXPORT_SHARE)
+            self._next_export = ended + max(_EXPORT_PERIOD, (ended - began) / _EXPORT_SHARE)
 
     def finish(self) -> SuiteResult:
         done = self._result()

@@ -42,7 +42,7 @@ from navfw.sim.worldspec import MAX_CONTRAST
 MAX_SEED = 2**32
 """Seeds are below this."""
 
-MAX_SEEDS = 100_000
+_MAX_SEEDS = 100_000
 """Largest number of seeds of a suite, against mistyped ranges."""
 
 Look = Literal["plain", "photo"]
@@ -279,7 +279,7 @@ def parse_seeds(text: str) -> range:
     seeds = range(int(both[0]), int(both[1]))
     if not seeds:
         raise InputError(f"there is no seed in {text!r}: B must be above A", key="--seeds")
-    if len(seeds) > MAX_SEEDS:
-        what = f"at most {MAX_SEEDS} seeds at a time, got {len(seeds)}"
+    if len(seeds) > _MAX_SEEDS:
+        what = f"at most {_MAX_SEEDS} seeds at a time, got {len(seeds)}"
         raise InputError(what, key="--seeds")
     return seeds

@@ -30,13 +30,13 @@ from navfw.process.interruption import check_interrupted, interruptible
 from navfw.process.process_memory import peak_memory_mb
 from navfw.suite.failure_causes import Cause
 
-RECYCLE = 100
+_RECYCLE = 100
 """Number of jobs after which a process is replaced: the simulator's libraries leak memory."""
 
 PERIOD = 0.5
 """Period [s] of looking for workers that hang in a plugin."""
 
-LOOK_PERIOD = 0.25
+_LOOK_PERIOD = 0.25
 """Period [s] in which a worker looks at its memory, its parent, and for a request to stop."""
 
 GRACE = 10.0
@@ -88,7 +88,7 @@ class WorkerPool(Generic[JobT, ResultT]):
     work: Callable[[JobT], ResultT]
     workers: int
     limit: float
-    recycle: int = RECYCLE
+    recycle: int = _RECYCLE
     memory: float = math.inf
     _done: int = field(init=False, default=0)
     _flag: _Flag = field(init=False)
@@ -166,7 +166,7 @@ class WorkerPool(Generic[JobT, ResultT]):
 
 
 class _WorkerSlot:
-    """One worker: its process, which is replaced after RECYCLE jobs or when it dies."""
+    """One worker: its process, which is replaced after _RECYCLE jobs or when it dies."""
 
     def __init__(self, context: SpawnContext, stop: _Flag, recycle: int, most: float) -> None:
         self._context = context
@@ -286,7 +286,7 @@ def _watch(stop: _Flag, most: float, exceeded: _Flag) -> None:
     """
     parent = multiprocessing.parent_process()
     while threading.main_thread().is_alive() and (parent is None or parent.is_alive()):
-        time.sleep(LOOK_PERIOD)
+        time.sleep(_LOOK_PERIOD)
         if peak_memory_mb() > most:
             exceeded.value = 1
             break

@@ -22,7 +22,7 @@ from navfw.testing.behavior_scenes import SCENES, BehaviorScene, contexts_of
 if TYPE_CHECKING:
     from navfw.context import Context
 
-BUDGET = 0.05
+_BUDGET = 0.05
 """Largest median computing time [s] of a proposal: half of a camera period."""
 
 _LIMIT = 12
@@ -34,7 +34,7 @@ def check_behavior(
     params: Behavior.Params | None = None,
     *,
     robot: RobotModel | None = None,
-    budget: float = BUDGET,
+    budget: float = _BUDGET,
 ) -> None:
     """Run a behaviour in many scenes; return if it keeps the contract of behaviours.
 

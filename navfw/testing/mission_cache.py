@@ -29,7 +29,7 @@ from navfw.testing.stored_run import FILES, read_run, store_run
 WAIT = 900.0
 """Longest wall time [s] to wait for another process that drives the same mission."""
 
-MAX_ENTRIES, MAX_BYTES = 2000, 2_000_000_000
+_MAX_ENTRIES, MAX_BYTES = 2000, 2_000_000_000
 """Bounds of the cache: number of runs, size of all files [byte]; the oldest are removed."""
 
 _RUN = ".run"
@@ -93,7 +93,7 @@ class MissionCache:
             total = 0
             for number, entry in enumerate(by_age):
                 total += sum(file.stat().st_size for file in entry.rglob("*") if file.is_file())
-                if number >= MAX_ENTRIES or total > MAX_BYTES:
+                if number >= _MAX_ENTRIES or total > MAX_BYTES:
                     shutil.rmtree(entry, ignore_errors=True)
 
     def _store(self, key: str, run: DrivenRun) -> None:

@@ -16,8 +16,8 @@ from navfw.config.input_file import open_input, read_input_text
 from navfw.recording.run_log import RunLog
 from navfw.testing.mission_run import DrivenRun
 
-RUN, LOG = "run.json", "log.npy"
-FILES = (RUN, LOG)
+RUN, _LOG = "run.json", "log.npy"
+FILES = (RUN, _LOG)
 """The files of a stored run."""
 
 MAX_BYTES = 64_000_000
@@ -41,14 +41,14 @@ def store_run(run: DrivenRun, folder: Path) -> None:
     parts |= {name: _dumped(RunLog, name, getattr(run.log, name)) for name in _names(RunLog)}
     (folder / RUN).write_text(json.dumps(parts), encoding="utf-8")
     columns = [np.asarray(getattr(run.log, name), dtype=np.float64) for name in _COLUMNS]
-    np.save(folder / LOG, np.column_stack(columns), allow_pickle=False)
+    np.save(folder / _LOG, np.column_stack(columns), allow_pickle=False)
 
 
 def read_run(folder: Path) -> DrivenRun | None:
     """The run stored in ``folder``; None if there is none, or it is damaged."""
     try:
         parts = json.loads(read_input_text(folder / RUN, MAX_BYTES))
-        with open_input(folder / LOG, MAX_BYTES) as stream:
+        with open_input(folder / _LOG, MAX_BYTES) as stream:
             rows = npy.read_array(stream, allow_pickle=False)
         if rows.ndim != 2 or rows.shape[1] != _WIDTH or rows.dtype != np.float64:
             return None

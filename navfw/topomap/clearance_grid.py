@@ -11,7 +11,7 @@ import numpy as np
 
 from navfw.signals import Array
 
-EXACT = 1.0
+_EXACT = 1.0
 """Distances up to this [m] are exact: they decide on doors and free widths."""
 
 
@@ -37,15 +37,15 @@ class ClearanceGrid:
 
         ``near_clearances`` gives the distances (len(y), len(x)) [m] to the nearest obstacle at the
         points of a grid with these x and y [m], no more than the third argument [m]. Beyond
-        ``EXACT`` distances are those between cells, to half a cell.
+        ``_EXACT`` distances are those between cells, to half a cell.
         """
         x0, y0, x1, y1 = bounds
         x = np.arange(x0 + 0.5 * cell, x1, cell)
         y = np.arange(y0 + 0.5 * cell, y1, cell)
-        near = near_clearances(x, y, EXACT)
+        near = near_clearances(x, y, _EXACT)
         apart = cv2.distanceTransform((near > 0.0).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5)
-        far = np.maximum((apart.astype(np.float64) - 0.5) * cell, EXACT)
-        clearance = np.where(near < EXACT, near, far)
+        far = np.maximum((apart.astype(np.float64) - 0.5) * cell, _EXACT)
+        clearance = np.where(near < _EXACT, near, far)
         edge = np.minimum.outer(np.minimum(y - y0, y1 - y), np.minimum(x - x0, x1 - x))
         return cls((float(x[0]), float(y[0])), cell, np.minimum(clearance, edge))
 

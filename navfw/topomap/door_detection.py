@@ -16,17 +16,17 @@ DOOR_WIDTH = 1.5
 BEFORE_DOOR = 0.8
 """Distance [m] from a door to the places before and behind it."""
 
-DOOR_DEPTH = 1.7
+_DOOR_DEPTH = 1.7
 """Largest distance [m] between the points before and behind a door where it has become wider: a
 door of 1.5 m in a wall of 1 m. A gap that is longer is a corridor."""
 
-WIDER = 0.06
+_WIDER = 0.06
 """Clearance [m] gained in front of a door: it opens into wider ground."""
 
-JAMB_REACH = 0.15
+_JAMB_REACH = 0.15
 """Jambs lie at most this much [m] farther than the nearest obstacle on both sides of a door."""
 
-SQUARE = math.radians(8.0)
+_SQUARE = math.radians(8.0)
 """A door whose direction is within this angle [rad] of an axis is taken to be along the axis."""
 
 Point = tuple[float, float]
@@ -45,7 +45,7 @@ def doors_on(grid: ClearanceGrid, line: Array) -> list[Door]:
     """The doors on ``line`` (N, 2) [m], in its order.
 
     A door is the narrowest part of a gap between jambs on both sides that widens within
-    ``DOOR_DEPTH``; it lies in the middle of the wall.
+    ``_DOOR_DEPTH``; it lies in the middle of the wall.
     """
     clearance = np.array([grid.at(*point) for point in line])
     found: list[Door] = []
@@ -54,12 +54,12 @@ def doors_on(grid: ClearanceGrid, line: Array) -> list[Door]:
         around = slice(max(index - 10, 0), index + 11)
         if here > 0.5 * DOOR_WIDTH or here > clearance[around].min() + 1e-9:
             continue
-        jambs = _jambs(grid, line, index, here + JAMB_REACH)
+        jambs = _jambs(grid, line, index, here + _JAMB_REACH)
         if jambs is None:
             continue
         point, through = _across(*jambs)
         gap = [_until_wider(grid, point, through, sign, here) for sign in (-1, 1)]
-        if sum(gap) > DOOR_DEPTH:
+        if sum(gap) > _DOOR_DEPTH:
             continue
         shift = 0.5 * (gap[1] - gap[0])
         middle = point[0] + shift * through[0], point[1] + shift * through[1]
@@ -75,10 +75,10 @@ def doors_on(grid: ClearanceGrid, line: Array) -> list[Door]:
 def _until_wider(
     grid: ClearanceGrid, at: Point, through: Point, sign: int, clearance: float
 ) -> float:
-    """Distance [m] from a point to where the gap is wider; infinite beyond ``DOOR_DEPTH``."""
-    for step in np.arange(grid.cell, DOOR_DEPTH, grid.cell):
+    """Distance [m] from a point to where the gap is wider; infinite beyond ``_DOOR_DEPTH``."""
+    for step in np.arange(grid.cell, _DOOR_DEPTH, grid.cell):
         x, y = at[0] + sign * step * through[0], at[1] + sign * step * through[1]
-        if grid.at(x, y) >= clearance + WIDER:
+        if grid.at(x, y) >= clearance + _WIDER:
             return float(step)
     return math.inf
 
@@ -109,11 +109,11 @@ def _jambs(
 def _across(right: Array, left: Array) -> tuple[Point, Point]:
     """The middle [m] between two jambs, and the unit direction through them.
 
-    The direction is along an axis if it nearly is (``SQUARE``).
+    The direction is along an axis if it nearly is (``_SQUARE``).
     """
     middle, across = 0.5 * (right + left), left - right
     angle = math.atan2(-across[0], across[1])
     square = 0.5 * math.pi * round(angle / (0.5 * math.pi))
-    if abs(angle - square) < SQUARE:
+    if abs(angle - square) < _SQUARE:
         angle = square
     return (float(middle[0]), float(middle[1])), (math.cos(angle), math.sin(angle))

@@ -14,7 +14,7 @@ from collections.abc import Mapping
 import networkx as nx
 
 from navfw.errors import MapError
-from navfw.process.progress import PartReport, told, untold
+from navfw.process.work_progress import PartReport, told, untold
 from navfw.robot import RobotModel
 from navfw.signals import Array
 from navfw.topomap.clearance_grid import ClearanceGrid
@@ -32,19 +32,19 @@ MARGIN = 0.07
 MERGE_DISTANCE = 0.6
 """Places nearer than this [m] are merged, where the straight line between them is free."""
 
-SMALLEST_ROOM = 2.5
+_MIN_ROOM_AREA = 2.5
 """Least area [m^2] on both sides of a door."""
 
 SPACING = 2.0
 """Points of one region that are no doors, nor beside one, have at least this distance [m]."""
 
-WIDE_SPACING = 1.5
+_WIDE_SPACING = 1.5
 """In wide ground their distance is at least this many times the clearance."""
 
-DETOUR_RATIO = 1.5
+_DETOUR_RATIO = 1.5
 """Length of a line over its straight distance from which it leads round an obstacle."""
 
-ENOUGH_CLEARANCE = 0.45
+_ENOUGH_CLEARANCE = 0.45
 """Clearance [m] that always suffices for a straight passage."""
 
 
@@ -146,9 +146,9 @@ class _StraightLines:
         for ahead in range(here + 1, len(points)):
             low = min(low, self.grid.at(*points[ahead]))
             walked += math.dist(points[ahead - 1], points[ahead])
-            if walked > DETOUR_RATIO * math.dist(points[here], points[ahead]) + MERGE_DISTANCE:
+            if walked > _DETOUR_RATIO * math.dist(points[here], points[ahead]) + MERGE_DISTANCE:
                 break  # the line leads round an obstacle
-            wanted = min(0.8 * low, ENOUGH_CLEARANCE)
+            wanted = min(0.8 * low, _ENOUGH_CLEARANCE)
             if self.grid.along(points[here], points[ahead]) >= max(wanted, self.need - 0.03):
                 best = ahead
         return best
@@ -199,7 +199,7 @@ class _StraightLines:
         for door, (dx, dy) in self.doors.items():
             x, y = self._at(door)
             sides = [regions.at(x + s * beyond * dx, y + s * beyond * dy) for s in (-1, 1)]
-            if sides[0] == sides[1] or min(map(regions.area, sides)) < SMALLEST_ROOM:
+            if sides[0] == sides[1] or min(map(regions.area, sides)) < _MIN_ROOM_AREA:
                 false.append(door)
         for door in false:
             del self.doors[door]
@@ -231,7 +231,7 @@ class _StraightLines:
             mine = regions.at(*self._at(point))
             near = (math.dist(self._at(point), self._at(key)) for key in keys)
             same = (regions.at(*self._at(key)) == mine for key in keys)
-            spacing = max(SPACING, WIDE_SPACING * clearance[point])
+            spacing = max(SPACING, _WIDE_SPACING * clearance[point])
             if all(away >= spacing or not here for away, here in zip(near, same, strict=True)):
                 keys.append(point)
         return keys

@@ -22,19 +22,19 @@ MapProblemKind = Literal[
 Clearances = Callable[[Array], Array]
 """Distances [m] of points (N, 2) in ``map`` to the nearest solid; negative inside one."""
 
-SAME_POINT = 0.05
+_SAME_POINT = 0.05
 """Distance [m] below which two places count as duplicates."""
 
 STRAIGHT = 1.02
 """Length over straight distance beyond which a passage is curved, its course unknown, and its
 clearance not checked."""
 
-WIDTH_ROUNDING = 0.05
+_WIDTH_ROUNDING = 0.05
 """Tolerance [m] of a passage's width in the map above its free width in the world."""
 
 STEP = 0.02
 """Spacing of the points at which a passage's clearance is checked [m]."""
-MOST_POINTS = 5000
+_MAX_POINTS = 5000
 """Number of points of a passage, 100 m, from which on most of it is checked at fewer points."""
 
 
@@ -101,7 +101,7 @@ def _narrow_passages(topo_map: TopoMap, robot: RobotModel) -> Iterator[MapProble
 def _duplicates(topo_map: TopoMap) -> Iterator[MapProblem]:
     every = list(topo_map.places.values())
     for index, place in enumerate(every):
-        near = np.nonzero(topo_map.place_distances(place.x, place.y)[:index] < SAME_POINT)[0]
+        near = np.nonzero(topo_map.place_distances(place.x, place.y)[:index] < _SAME_POINT)[0]
         for other in near:
             yield MapProblem(
                 "duplicate",
@@ -129,7 +129,7 @@ def _blocked_passages(
 ) -> Iterator[MapProblem]:
     for passage in topo_map.passages:
         a, b = topo_map.places[passage.a], topo_map.places[passage.b]
-        if passage.length > STRAIGHT * a.distance(b.x, b.y) + WIDTH_ROUNDING:
+        if passage.length > STRAIGHT * a.distance(b.x, b.y) + _WIDTH_ROUNDING:
             continue
         line, free = _line(topo_map, passage, clearances)
         worst = int(np.argmin(free))
@@ -139,7 +139,7 @@ def _blocked_passages(
             what = "crosses an obstacle" if free[worst] <= 0.0 else clear
             message = f"{what} {at}, the robot needs {robot.radius:g} m to each side"
             yield MapProblem("blocked", str(passage), message)
-        elif math.isfinite(passage.width) and passage.width > 2.0 * free[worst] + WIDTH_ROUNDING:
+        elif math.isfinite(passage.width) and passage.width > 2.0 * free[worst] + _WIDTH_ROUNDING:
             yield MapProblem(
                 "width",
                 str(passage),
@@ -156,7 +156,7 @@ def _line(topo_map: TopoMap, passage: Passage, clearances: Clearances) -> tuple[
     a, b = topo_map.places[passage.a], topo_map.places[passage.b]
     count = 2 + int(a.distance(b.x, b.y) / STEP)
     begin, along = np.array([a.x, a.y]), np.array([b.x - a.x, b.y - a.y]) / (count - 1)
-    stride = 1 + count // MOST_POINTS
+    stride = 1 + count // _MAX_POINTS
     every = np.append(np.arange(0, count - 1, stride), count - 1)
     line = begin + every[:, None] * along
     free = clearances(line)

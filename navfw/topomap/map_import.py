@@ -12,7 +12,7 @@ from navfw.topomap.topological_map import TopoMap
 
 PLACE_KEYS = tuple(PlaceSpec.model_fields)
 EDGE_KEYS = tuple(key for key in EdgeSpec.model_fields if key not in {"from_", "to"})
-LANDMARK_KEYS = tuple(MapLandmarkSpec.model_fields)
+_LANDMARK_KEYS = tuple(MapLandmarkSpec.model_fields)
 
 
 class MapImporter:
@@ -69,7 +69,7 @@ class MapImporter:
 
     def add_landmark(self, name: str, values: dict[str, Any], line: int) -> None:
         """Add a landmark."""
-        self._landmarks[name] = _kept(values, LANDMARK_KEYS)
+        self._landmarks[name] = _kept(values, _LANDMARK_KEYS)
         self._origins["landmarks", name] = Origin(self._file, line)
 
     def set_floor_plan(self, name: Any, line: int) -> None:

@@ -14,10 +14,10 @@ from navfw.topomap.door_detection import DOOR_WIDTH
 Point = tuple[float, float]
 Bounds = tuple[float, float, float, float]
 
-CORRIDOR_RATIO = 4.0
+_CORRIDOR_RATIO = 4.0
 """A region whose area exceeds this many times the square of its width is a corridor."""
 
-CORRIDOR_WIDTH = 3.5
+_CORRIDOR_WIDTH = 3.5
 """Largest width [m] of a corridor: what is wider is a hall, however long."""
 
 HALL = 60.0
@@ -58,8 +58,8 @@ class Regions:
         """Whether the region is narrow, and long for its width."""
         if region not in self._corridors:
             width = 2.0 * float(self._grid.clearance[self._labels == region].max())
-            long = self._areas[region] > CORRIDOR_RATIO * width * width
-            self._corridors[region] = region > 0 and bool(long) and width <= CORRIDOR_WIDTH
+            long = self._areas[region] > _CORRIDOR_RATIO * width * width
+            self._corridors[region] = region > 0 and bool(long) and width <= _CORRIDOR_WIDTH
         return self._corridors[region]
 
     def names(self) -> dict[int, str]:

@@ -19,16 +19,16 @@ from scipy.sparse.csgraph import dijkstra
 from navfw.signals import Array, Mask
 from navfw.topomap.clearance_grid import ClearanceGrid
 
-STRETCH = 1.05
-"""Largest length of a way in the graph, over that of the shortest one with ``COMFORT``."""
+_STRETCH = 1.05
+"""Largest length of a way in the graph, over that of the shortest one with ``_COMFORT``."""
 
-LAST_STRETCH = 1.2
+_LAST_STRETCH = 1.2
 """The same for ways from and to points that are taken only because ways lead over them."""
 
-COMFORT = 0.45
+_COMFORT = 0.45
 """Clearance [m] of lines that are not lines of the given graph."""
 
-MAX_CORNERS = 600
+_MAX_CORNERS = 600
 """Largest number of corners considered: those of the largest obstacles."""
 
 Segment = tuple[tuple[float, float], tuple[float, float]]
@@ -62,7 +62,7 @@ def spanner(
     known = 0
     while known < len(found.graph):  # ways from and to the points between
         known = len(found.graph)
-        found.add(found.numbers, lengths, LAST_STRETCH)
+        found.add(found.numbers, lengths, _LAST_STRETCH)
     return found.graph
 
 
@@ -84,7 +84,7 @@ class _Spanner:
         """The numbers of the nodes in the graph."""
         return [number for number, point in enumerate(self._points) if point in self.graph]
 
-    def add(self, keys: list[int], lengths: Array, stretch: float = STRETCH) -> None:
+    def add(self, keys: list[int], lengths: Array, stretch: float = _STRETCH) -> None:
         """Add the shortest ways between ``keys`` that are too long in the graph, short ones first.
 
         ``lengths`` (N, N) [m] are those of the lines between nodes, inf where there is none.
@@ -129,8 +129,8 @@ class _Spanner:
 
 
 def _corners(grid: ClearanceGrid) -> Array:
-    """(N, 2) points [m] at the corners of obstacles, with ``COMFORT`` from them."""
-    ground = (grid.clearance >= COMFORT + 0.5 * grid.cell).astype(np.uint8)
+    """(N, 2) points [m] at the corners of obstacles, with ``_COMFORT`` from them."""
+    ground = (grid.clearance >= _COMFORT + 0.5 * grid.cell).astype(np.uint8)
     outlines, _ = cv2.findContours(ground, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
     found: list[tuple[float, float]] = []
     for outline in sorted(outlines, key=len, reverse=True):
@@ -139,7 +139,7 @@ def _corners(grid: ClearanceGrid) -> Array:
         # what is not free lies to the left of an outline: a turn to the left goes round a corner
         left = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0] > 0.0
         found += [grid.point(row, column) for column, row in polygon[left].tolist()]
-    return np.array(found[:MAX_CORNERS]).reshape(-1, 2)
+    return np.array(found[:_MAX_CORNERS]).reshape(-1, 2)
 
 
 def _visible_lengths(nodes: Array, grid: ClearanceGrid, closed: list[Segment]) -> Array:
@@ -156,7 +156,7 @@ def _visible_lengths(nodes: Array, grid: ClearanceGrid, closed: list[Segment]) -
 
 
 def _clear(start: Array, ends: Array, grid: ClearanceGrid) -> Mask:
-    """Whether the lines from ``start`` to ``ends`` (N, 2) [m] have ``COMFORT`` everywhere."""
+    """Whether the lines from ``start`` to ``ends`` (N, 2) [m] have ``_COMFORT`` everywhere."""
     spans = np.linalg.norm(ends - start, axis=1)
     clear = np.ones(len(ends), dtype=np.bool_)
     step = grid.cell
@@ -168,7 +168,7 @@ def _clear(start: Array, ends: Array, grid: ClearanceGrid) -> Mask:
         along = np.minimum(near + np.arange(64) * step, spans[alive, None])
         units = (ends[alive] - start) / np.maximum(spans[alive, None], 1e-9)
         points = start + along[..., None] * units[:, None, :]
-        clear[alive] &= (grid.at_points(points) >= COMFORT - 0.02).all(axis=1)
+        clear[alive] &= (grid.at_points(points) >= _COMFORT - 0.02).all(axis=1)
     return clear
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from navfw.signals import Mask
 from navfw.topomap.clearance_grid import ClearanceGrid
 
-SPUR = 1.6
+_SPUR = 1.6
 """Largest length of a spur into a corner, over the clearance where it branches off."""
 
 Cell = tuple[int, int]
@@ -117,7 +117,7 @@ def _remove_spurs(graph: nx.MultiGraph, grid: ClearanceGrid) -> bool:
         wide = grid.at(*graph.nodes[root]["at"])
         length = float(np.linalg.norm(np.diff(data["line"], axis=0), axis=1).sum())
         narrowing = grid.at(*graph.nodes[node]["at"]) < 0.6 * wide
-        if narrowing and length < SPUR * wide and graph.degree(root) > 1:
+        if narrowing and length < _SPUR * wide and graph.degree(root) > 1:
             spurs.append(node)
     graph.remove_nodes_from(spurs)
     return bool(spurs)

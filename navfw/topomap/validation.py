@@ -13,7 +13,7 @@ from typing import TypeAlias
 from navfw.errors import did_you_mean
 from navfw.topomap.elements import Landmark, Passage, Place
 
-LENGTH_ROUNDING = 0.005
+_LENGTH_ROUNDING = 0.005
 """Tolerance [m] of a length below the straight distance: map files round to two decimals."""
 
 KeyPath: TypeAlias = tuple[str | int, ...]
@@ -97,7 +97,7 @@ def _number_violations(
         yield MapViolation(
             (*where, "length"), f"expected more than 0 m, got {passage.length:g}; {remedy}"
         )
-    elif passage.length < straight - LENGTH_ROUNDING:
+    elif passage.length < straight - _LENGTH_ROUNDING:
         yield MapViolation(
             (*where, "length"),
             f"{passage.length:g} m is shorter than the straight line between {a.name!r} and "

@@ -27,7 +27,7 @@ from navfw.stack.stackfile import Choice, StackConfig
 if TYPE_CHECKING:
     from optuna.trial import BaseTrial
 
-GAP_FACTOR = 2.0
+_GAP_FACTOR = 2.0
 """Largest factor by which a gap between two break points grows or shrinks, beside the others."""
 
 
@@ -106,7 +106,7 @@ class BreakPoints:
 
         """
         factors = [
-            trial.suggest_float(name, 1.0 / GAP_FACTOR, GAP_FACTOR, log=True)
+            trial.suggest_float(name, 1.0 / _GAP_FACTOR, _GAP_FACTOR, log=True)
             for name in self._names()
         ]
         return self.moved(factors)

@@ -11,7 +11,7 @@ import numpy as np
 from navfw.suite.run_table import RunRow
 from navfw.tune.objectives import Objectives
 
-RESAMPLES = 9999
+_RESAMPLES = 9999
 """Number of bootstrap samples."""
 
 
@@ -32,7 +32,7 @@ def validated_difference(
         found = bootstrap(
             (differences,),
             np.mean,
-            n_resamples=RESAMPLES,
+            n_resamples=_RESAMPLES,
             method="percentile",
             rng=np.random.default_rng(0),
         ).confidence_interval

@@ -21,7 +21,7 @@ MAX_BYTES = 50_000_000
 MAX_TRIANGLES = 500_000
 """Largest number of triangles of a mesh; collision meshes of rooms have hundreds."""
 
-_LARGEST = 1e4
+_MAX_COORDINATE = 1e4
 """Largest coordinate [m]."""
 
 
@@ -48,8 +48,8 @@ def read_triangles(path: Path) -> Array:
         raise ConfigError(
             f"has {len(triangles)} triangles, at most {MAX_TRIANGLES}; simplify the mesh", file=name
         )
-    if not len(triangles) or not np.all(np.abs(triangles) < _LARGEST):
-        what = "no triangles" if not len(triangles) else f"coordinates beyond {_LARGEST:g} m"
+    if not len(triangles) or not np.all(np.abs(triangles) < _MAX_COORDINATE):
+        what = "no triangles" if not len(triangles) else f"coordinates beyond {_MAX_COORDINATE:g} m"
         raise ConfigError(f"has {what}; export the mesh again", file=name)
     return triangles
 

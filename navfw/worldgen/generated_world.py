@@ -25,7 +25,7 @@ MISSION = "cross"
 MAP_FILE = "map.yaml"
 """Name of the map file in a generated folder, beside ``world.yaml``."""
 
-PLAN_FILE = "plan.yaml"
+_PLAN_FILE = "plan.yaml"
 """Name of a map's floor plan in a generated folder, beside the map."""
 
 _HEADER = "# Made by navfw"
@@ -90,7 +90,7 @@ def write_world(
             (target.path / MAP_FILE).unlink(missing_ok=True)
         else:
             if topo_map.floor_plan is not None:
-                save_ros_map(topo_map.floor_plan, target.path / PLAN_FILE)
+                save_ros_map(topo_map.floor_plan, target.path / _PLAN_FILE)
             _write_yaml(target.path / MAP_FILE, map_data(topo_map))
     return folder
 
@@ -132,7 +132,7 @@ def map_data(topo_map: TopoMap) -> dict[str, Any]:
             edge["width"] = round(passage.width, 3)
         edges.append(edge)
     places = {p.name: {"x": p.x, "y": p.y, "kind": p.kind} for p in topo_map.places.values()}
-    plan = {} if topo_map.floor_plan is None else {"floor_plan": PLAN_FILE}
+    plan = {} if topo_map.floor_plan is None else {"floor_plan": _PLAN_FILE}
     return {"name": topo_map.name, **plan, "places": places, "edges": edges}
 
 

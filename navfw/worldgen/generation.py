@@ -27,7 +27,7 @@ _SHIPPED: dict[str, type[WorldFamily]] = {
 FAMILIES = tuple(_SHIPPED)
 """The names of the shipped families."""
 
-SHORTEST_PATH = 5.0
+_MIN_PATH = 5.0
 """Least length of the shortest path from start to goal [m]."""
 
 MAX_SEED = 2**63 - 1
@@ -60,7 +60,7 @@ def generate(
     ``look`` surfaces of that look; all else is the same.
 
     A draw without a path for the robot with a margin, or with a path shorter than
-    ``SHORTEST_PATH``, is discarded, and the next sub-seed is tried.
+    ``_MIN_PATH``, is discarded, and the next sub-seed is tried.
 
     Raises:
         UnknownNameError: no family or look has that name.
@@ -122,7 +122,7 @@ def _finish(
         shortest = plan.shortest_path(start, draft.goal, ROBOT.radius)[0]
     except WorldError as error:
         raise Unsuitable(str(error)) from None
-    if shortest < SHORTEST_PATH:
+    if shortest < _MIN_PATH:
         raise Unsuitable(f"a path of only {shortest:.1f} m")
     mission = _mission(draft, family, difficulty, shortest)
     has_map = draft.topo_map is not None

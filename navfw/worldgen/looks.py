@@ -78,7 +78,7 @@ _PHOTO: Mapping[Role, tuple[_Surface, ...]] = MappingProxyType(
 _SURFACES: Mapping[Look, Mapping[Role, tuple[_Surface, ...]]] = MappingProxyType(
     {"plain": _PLAIN, "photo": _PHOTO}
 )
-_FINEST: Mapping[Role, float] = MappingProxyType({"floor": 0.035})
+_MIN_DETAIL: Mapping[Role, float] = MappingProxyType({"floor": 0.035})
 """Finest detail [m] by role: coarser on floors, seen at a shallow angle, against aliasing."""
 
 
@@ -137,5 +137,5 @@ def _drawn(rng: np.random.Generator, look: Look, role: Role) -> TextureSpec:
         contrast=round(float(rng.uniform(*surface.contrast)), 1),
         brightness=round(float(rng.uniform(*surface.brightness)), 1),
         colour=surface.colour,
-        finest=_FINEST.get(role, 0.025),
+        finest=_MIN_DETAIL.get(role, 0.025),
     )

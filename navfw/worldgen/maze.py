@@ -13,7 +13,7 @@ from navfw.worldgen.roadmap import Roadmap
 from navfw.worldgen.world_draft import WALL, Point, Unsuitable, WorldDraft, blend
 
 Cell = tuple[int, int]
-_LONGEST = 30.0
+_MAX_PATH = 30.0
 """Limit of the path from start to goal [m], in cells times their size."""
 
 
@@ -79,12 +79,12 @@ def _middle(cell: Cell, size: float) -> Point:
 
 
 def _ends(rng: np.random.Generator, maze: nx.Graph, cell: float) -> tuple[Cell, Cell]:
-    """A corner cell, and one of the farthest cells within ``_LONGEST`` of it."""
+    """A corner cell, and one of the farthest cells within ``_MAX_PATH`` of it."""
     cells = sorted(maze.nodes)
     corners = [c for c in cells if c[0] in (0, cells[-1][0]) and c[1] in (0, cells[-1][1])]
     start = corners[int(rng.integers(len(corners)))]
     steps = nx.single_source_shortest_path_length(maze, start)
-    near = {c: n for c, n in steps.items() if 7.0 < n * cell < _LONGEST}
+    near = {c: n for c, n in steps.items() if 7.0 < n * cell < _MAX_PATH}
     if not near:
         raise Unsuitable("no goal at a suitable distance")
     most = max(near.values())

@@ -28,7 +28,7 @@ _LAYERS = 32
 """Largest number of layers: a curved surface is cut at evenly spaced heights."""
 _WITHIN = (0.1, 0.5, 0.9)
 """Heights of the cuts within a layer, as shares of its height."""
-_THINNEST = 0.02
+_MIN_THICKNESS = 0.02
 """Least size of a solid [m]: a surface without volume gets it."""
 _LEVEL = 0.01
 """Corners whose heights differ by less [m] bound one layer."""
@@ -112,7 +112,7 @@ def _upright_layers(surfaces: list[MeshSurface], grid: PlanGrid) -> list[_Layer]
 def _levels(heights: Array) -> list[float]:
     """Heights [m] of the bounds of layers above the floor, ascending."""
     bottom, top = max(float(heights.min()), 0.0), min(float(heights.max()), _TOP)
-    if top - bottom < _THINNEST:
+    if top - bottom < _MIN_THICKNESS:
         return []
     inside = np.unique(heights[(heights > bottom) & (heights < top)])
     levels = [bottom]
@@ -130,9 +130,9 @@ def _flat_layers(surfaces: list[MeshSurface], grid: PlanGrid) -> Iterator[_Layer
         return
     triangles = np.concatenate(level)
     heights = np.round(triangles[:, 0, 2] / _LEVEL) * _LEVEL
-    for height in np.unique(heights[(heights > _THINNEST) & (heights <= _TOP)]).tolist():
+    for height in np.unique(heights[(heights > _MIN_THICKNESS) & (heights <= _TOP)]).tolist():
         plane = triangles[heights == height][..., :2]
-        yield _Layer(height - _THINNEST, height, grid.filled(plane), plane.reshape(-1, 2))
+        yield _Layer(height - _MIN_THICKNESS, height, grid.filled(plane), plane.reshape(-1, 2))
 
 
 def _alike(one: Mask, other: Mask) -> bool:
@@ -173,7 +173,7 @@ def _simple_shape(mask: Mask, corners: Array, cell: float) -> Shape | None:
         return None
     (x, y), (long, wide), degrees = cv2.minAreaRect(hull)
     if area >= _FILLED * long * wide:
-        half_x, half_y = (0.5 * max(size, _THINNEST) for size in (long, wide))
+        half_x, half_y = (0.5 * max(size, _MIN_THICKNESS) for size in (long, wide))
         return Rectangle(middle[0] + x, middle[1] + y, half_x, half_y, np.radians(degrees))
     (x, y), radius = cv2.minEnclosingCircle(hull)
     if area >= _ROUND * np.pi * radius * radius:

@@ -16,10 +16,10 @@ from navfw.worldgen.world_draft import ROBOT, Point, Unsuitable, WorldDraft, ble
 _RADIUS, _HEIGHT = 0.25, 1.7
 """Size of a person's cylinder [m]."""
 
-PEDESTRIANS_ROBOT = ROBOT.model_copy(update={"side_views": SideViews(), "max_v": 0.8})
+_PEDESTRIANS_ROBOT = ROBOT.model_copy(update={"side_views": SideViews(), "max_v": 0.8})
 """The robot: side views and 0.8 m/s, since people approach from the side and from behind."""
 
-PEDESTRIANS_STACK = "pedestrians"
+_PEDESTRIANS_STACK = "pedestrians"
 """The stack for worlds with moving obstacles."""
 
 
@@ -38,7 +38,7 @@ def build(rng: np.random.Generator, difficulty: float) -> WorldDraft:
     unyielding = sum(not mover.yields for mover in draft.movers)
     draft.description = f"A hall with {count} walking people, {unyielding} of whom do not yield."
     draft.time_allowance = 45.0
-    draft.robot, draft.stack = PEDESTRIANS_ROBOT, PEDESTRIANS_STACK
+    draft.robot, draft.stack = _PEDESTRIANS_ROBOT, _PEDESTRIANS_STACK
     return draft
 
 

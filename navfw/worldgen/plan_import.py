@@ -15,7 +15,7 @@ from pydantic import ValidationError
 
 from navfw.errors import InputError, MapError
 from navfw.missions.missionspec import MissionSpec
-from navfw.process.progress import PartReport, untold
+from navfw.process.work_progress import PartReport, untold
 from navfw.signals import Array, Pose
 from navfw.sim.floorplan import FloorPlan
 from navfw.sim.shapes import Rectangle
@@ -31,7 +31,7 @@ from navfw.worldgen.plan_cleaning import PlanCleaning, cleaned
 from navfw.worldgen.plan_walls import wall_rectangles
 from navfw.worldgen.texture_palette import Palette
 
-COARSEST = 0.25
+_MAX_CELL = 0.25
 """Largest edge of a cell [m]: in coarser plans doors and the robot are a few cells wide."""
 
 _EDGE = 0.5
@@ -43,7 +43,7 @@ _MAX_MISSIONS = 8
 _LONG = 15.0
 """Length [m] of a way from which half of the missions are taken, as far as there are any."""
 
-_THINNEST, _THICKEST = 0.02, 5.0
+_MIN_THICKNESS, _MAX_THICKNESS = 0.02, 5.0
 """Limits of a wall's thickness [m] in a world file."""
 
 
@@ -137,9 +137,9 @@ def import_plan(
         MapError: it has no way for the robot.
 
     """
-    if plan.resolution > COARSEST:
+    if plan.resolution > _MAX_CELL:
         raise InputError(
-            f"cells of {plan.resolution:g} m are too coarse, at most {COARSEST:g} m: a door is a "
+            f"cells of {plan.resolution:g} m are too coarse, at most {_MAX_CELL:g} m: a door is a "
             "few cells wide; check that the resolution is in metres per pixel",
             file=plan.file,
             key="resolution",
@@ -226,7 +226,7 @@ def _wall(name: str, shape: Rectangle, texture: str) -> WallSpec:
     return WallSpec(
         name=name,
         points=tuple((round(px, 3), round(py, 3)) for px, py in ends),
-        thickness=round(min(max(2.0 * thick, _THINNEST), _THICKEST), 3),
+        thickness=round(min(max(2.0 * thick, _MIN_THICKNESS), _MAX_THICKNESS), 3),
         texture=texture,
     )
 

@@ -21,16 +21,16 @@ from navfw.numerics.products import product
 from navfw.signals import Array, Mask
 from navfw.sim.shapes import Rectangle
 
-OUTLINE_TOLERANCE = 1.2
+_OUTLINE_TOLERANCE = 1.2
 """Largest distance [cells] of the outline from its straight edges: noise of a mapped wall."""
 
-SHELL = 0.3
+_SHELL = 0.3
 """Depth [m] of walls before ground that nothing is known of, or that is occupied farther in."""
 
-DEEPEST = 2.0
+_MAX_THICKNESS = 2.0
 """Largest thickness [m] of a wall that one rectangle fills between its two faces."""
 
-MISSED = 1.0
+_MISSED = 1.0
 """A cell whose centre is this near [cells] to a rectangle counts as covered."""
 
 _Edge = tuple[Array, Array]
@@ -43,9 +43,9 @@ def wall_rectangles(free: Mask, cell: float) -> list[Rectangle]:
     Each cell that is not free and touches free ground lies within a cell of a rectangle, and each
     cell in a rectangle within a cell of what is not free.
     """
-    border = math.ceil(DEEPEST / cell) + 2
+    border = math.ceil(_MAX_THICKNESS / cell) + 2
     ground = np.pad(free, border)
-    wanted = _shell(ground, max(SHELL / cell, 2.0))
+    wanted = _shell(ground, max(_SHELL / cell, 2.0))
     edges = [edge for outline in _outlines(ground) for edge in _straight_edges(outline)]
     open_ = cv2.erode(ground.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     grown = [_grown(ground, open_, edge, cell) for edge in edges]
@@ -86,7 +86,7 @@ class _Strip:
         x, y = self.start[0] + low * self.along[0], self.start[1] + low * self.along[1]
         return _Strip((x, y), self.along, high - low, self.depth)
 
-    def cells(self, mask: Mask, margin: float = MISSED) -> npt.NDArray[np.intp]:
+    def cells(self, mask: Mask, margin: float = _MISSED) -> npt.NDArray[np.intp]:
         """Flat indices of the cells of ``mask`` with their centre inside, or within ``margin``."""
         (ax, ay) = self.along
         ends = np.array([(0, 0), (self.length, 0), (0, self.depth), (self.length, self.depth)])
@@ -122,7 +122,7 @@ def _straight_edges(outline: Array) -> list[_Edge]:
     """The ends of the straight edges of an outline, moved onto the border of its cells."""
     if len(outline) < 3:
         return []
-    corners = cv2.approxPolyDP(outline.astype(np.float32)[:, None], OUTLINE_TOLERANCE, closed=True)
+    corners = cv2.approxPolyDP(outline.astype(np.float32)[:, None], _OUTLINE_TOLERANCE, closed=True)
     at = _positions(outline, corners[:, 0].astype(np.float64))
     edges = []
     for first, last in pairwise([*at, at[0] + len(outline)]):
@@ -162,7 +162,7 @@ def _grown(ground: Mask, open_: Mask, edge: _Edge, cell: float) -> _Strip | None
         return None
     along = (last - first) / length
     left = np.array([-along[1], along[0]])
-    depths = np.arange(math.ceil(DEEPEST / cell)) + 0.5
+    depths = np.arange(math.ceil(_MAX_THICKNESS / cell)) + 0.5
     steps = np.linspace(0.0, length, max(math.ceil(length), 2) + 1)[1:-1]
     for shift in (0.0, 0.5, 1.0, 1.5):  # the outline's noise: the wall may begin a little behind
         points = first + shift * left + steps[:, None, None] * along + depths[:, None] * left
@@ -172,7 +172,7 @@ def _grown(ground: Mask, open_: Mask, edge: _Edge, cell: float) -> _Strip | None
     else:
         return None
     # nothing behind it: a shell suffices
-    depth = int(ends_at[0]) if ends_at.size else max(math.ceil(SHELL / cell), 2)
+    depth = int(ends_at[0]) if ends_at.size else max(math.ceil(_SHELL / cell), 2)
     first, last = first + shift * left, last + shift * left
     ahead = np.arange(max(ground.shape)) + 0.5
     more = []

@@ -19,7 +19,7 @@ from navfw.sim.floorplan import FloorPlan
 from navfw.topomap import Passage, Place, PlaceKind, TopoMap
 from navfw.worldgen.world_draft import Point, Unsuitable
 
-CLEARANCES = (0.45, 0.38, 0.32, 0.27)
+_CLEARANCES = (0.45, 0.38, 0.32, 0.27)
 """Clearances [m] tried in turn, down to the least one that lets the robot pass."""
 
 _MERGE_DISTANCE = 0.35
@@ -59,7 +59,7 @@ class Roadmap:
         """Add a straight passage, at most ``width`` [m] wide, if it is free; returns whether."""
         start, end = self.places[a], self.places[b]
         free = self.clearance_between(start, end)
-        if free < CLEARANCES[-1]:
+        if free < _CLEARANCES[-1]:
             return False
         passage = Passage(
             a=a,
@@ -79,7 +79,7 @@ class Roadmap:
         if self.add_passage(a, b, width):
             return True
         start, end = self.places[a], self.places[b]
-        for clearance in CLEARANCES:
+        for clearance in _CLEARANCES:
             try:
                 path = self.plan.shortest_path((start.x, start.y), (end.x, end.y), clearance)[1]
             except WorldError:
@@ -99,7 +99,7 @@ class Roadmap:
                 (
                     j
                     for j in ahead
-                    if self.plan.straight_path_free(path[i], path[j], CLEARANCES[-1] + 0.005)
+                    if self.plan.straight_path_free(path[i], path[j], _CLEARANCES[-1] + 0.005)
                 ),
                 i + 1,
             )
@@ -126,7 +126,7 @@ class Roadmap:
         """
         pairs = sorted(combinations(names, 2), key=lambda pair: self._distance(*pair))
         for a, b in pairs:
-            if self.clearance_between(self.places[a], self.places[b]) < CLEARANCES[0]:
+            if self.clearance_between(self.places[a], self.places[b]) < _CLEARANCES[0]:
                 continue  # narrow passages only where needed, below
             if self._path_length(a, b) > 1.1 * self._distance(a, b):
                 self.add_passage(a, b)
@@ -163,7 +163,7 @@ class Roadmap:
         free = self.plan.clearances(points)
         off = np.linalg.norm(points - (0.5 * (x0 + x1), 0.5 * (y0 + y1)), axis=1)
         best = int(np.argmax(np.minimum(free, away) - 0.1 * off))
-        if free[best] < CLEARANCES[-1]:
+        if free[best] < _CLEARANCES[-1]:
             raise Unsuitable("a room without a free point")
         return float(points[best, 0]), float(points[best, 1])
 

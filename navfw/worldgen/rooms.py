@@ -15,7 +15,7 @@ from navfw.worldgen.furniture import furnish
 from navfw.worldgen.roadmap import Roadmap
 from navfw.worldgen.world_draft import WALL, Point, Unsuitable, WorldDraft, blend
 
-_SMALLEST = 2.9
+_MIN_SIDE = 2.9
 """Least side of a room between wall centre lines [m]."""
 _APPROACH = 0.65
 """Distance of the places on both sides of a door from it [m]."""
@@ -113,11 +113,11 @@ def _divide(draft: WorldDraft, count: int) -> RoomLayout:
         part = parts.pop(0)
         sides = [part[0][1] - part[0][0], part[1][1] - part[1][0]]
         axis = int(sides[1] > sides[0])
-        if sides[axis] < 2 * _SMALLEST:
+        if sides[axis] < 2 * _MIN_SIDE:
             raise Unsuitable("rooms too small")
         share = rng.uniform(0.38, 0.62)
         low, high = part[axis]
-        at = min(max(low + share * sides[axis], low + _SMALLEST), high - _SMALLEST)
+        at = min(max(low + share * sides[axis], low + _MIN_SIDE), high - _MIN_SIDE)
         at = round(float(at), 3)
         cuts.append(DividingWall(axis, at, *part[1 - axis]))
         for side in ((low, at), (at, high)):

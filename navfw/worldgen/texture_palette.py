@@ -34,7 +34,7 @@ _BRIGHTNESS: Mapping[Role, tuple[float, float]] = MappingProxyType(
     }
 )
 """Interval of the mean luminance [grey levels] by role."""
-_FINEST: Mapping[Role, float] = MappingProxyType({"floor": 0.045})
+_MIN_DETAIL: Mapping[Role, float] = MappingProxyType({"floor": 0.045})
 """Finest detail [m] by role: coarser on floors, seen at a shallow angle, against aliasing."""
 
 
@@ -58,7 +58,7 @@ class Palette:
             contrast=round(float(rng.uniform(36.0, 48.0)), 1),
             brightness=round(float(rng.uniform(*_BRIGHTNESS[role])), 1),
             colour=(red, green, blue),
-            finest=_FINEST.get(role, 0.035),
+            finest=_MIN_DETAIL.get(role, 0.035),
         )
         return name
 

@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections import defaultdict
 from collections.abc import Iterator
 
 from architecture_sources import BEHAVIORS, MODULES, shown, tree_of
 
+SUPERLATIVES = (
+    "BIGGEST|CLOSEST|COARSEST|DEEPEST|FARTHEST|FASTEST|FEWEST|FINEST|GREATEST|HIGHEST|LARGEST|LEAST"
+    "|LONGEST|LOWEST|MOST|NARROWEST|NEAREST|OLDEST|SHORTEST|SLOWEST|SMALLEST|STEEPEST|STRONGEST"
+    "|THINNEST|WEAKEST|WIDEST"
+)
 VAGUE = {
     "helpers",
     "kernels",
@@ -57,3 +63,14 @@ def test_no_two_modules_have_the_same_file_name() -> None:
 
 def test_no_module_has_a_name_that_tells_nothing() -> None:
     assert [shown(path) for path in MODULES if path.stem in VAGUE] == []
+
+
+def test_bounds_are_named_min_and_max() -> None:
+    superlative = re.compile(rf"(^|_)({SUPERLATIVES})(_|$)")
+    superlatives = [
+        f"{shown(path)}: {node.id}"
+        for path in [*MODULES, *BEHAVIORS]
+        for node in ast.walk(tree_of(path))
+        if isinstance(node, ast.Name) and superlative.search(node.id)
+    ]
+    assert superlatives == []

@@ -16,7 +16,7 @@ import pytest
 from navfw.process.heartbeat import (
     GRACE,
     HEARTBEAT_SIZE,
-    LONGEST_GAP,
+    MAX_GAP,
     HeartbeatMonitor,
     begin_call,
     end_call,
@@ -180,4 +180,4 @@ def test_a_pause_of_the_supervisor_does_not_make_a_call_overdue(
     assert not heartbeat.overdue(1003.0)
     begin_call("flow mine", 1002.0)
     looks = [1003.0 + 0.2 * k for k in range(1, 100)]
-    assert _first_overdue(heartbeat, looks) > 1003.0 + GRACE - LONGEST_GAP - 0.1
+    assert _first_overdue(heartbeat, looks) > 1003.0 + GRACE - MAX_GAP - 0.1

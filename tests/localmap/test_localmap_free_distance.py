@@ -19,7 +19,7 @@ from navfw.signals import Pose, Twist
 
 COMMANDS = CommandGrid(ROBOT)
 STRAIGHT = COMMANDS.w.size // 2
-FASTEST = COMMANDS.v.size - 1
+MAX_SPEED = COMMANDS.v.size - 1
 
 
 def arcs(occupancy: OccupancyGrid, pose: Pose = ORIGIN, margin: float = 0.04) -> Arcs:
@@ -29,7 +29,7 @@ def arcs(occupancy: OccupancyGrid, pose: Pose = ORIGIN, margin: float = 0.04) ->
 def test_free_length_toward_a_wall() -> None:
     toward = arcs(grid_with(WALL_AHEAD))
     expected = 1.0 - ROBOT.radius - 0.04
-    assert toward.free[FASTEST, STRAIGHT] == pytest.approx(expected, abs=0.06)
+    assert toward.free[MAX_SPEED, STRAIGHT] == pytest.approx(expected, abs=0.06)
     assert np.all(toward.free[COMMANDS.v == 0.0] == toward.reach)
     assert toward.free[0, STRAIGHT] == toward.reach  # backwards, away from the wall
 
@@ -44,16 +44,16 @@ def test_tight_curves_stay_short_of_the_wall() -> None:
 
 def test_an_arc_that_leads_away_from_contact_is_free() -> None:
     touching = arcs(grid_with((0.2, 0.3, -1.0, 1.0)))
-    assert touching.free[FASTEST, STRAIGHT] < 0.05
+    assert touching.free[MAX_SPEED, STRAIGHT] < 0.05
     assert touching.free[0, STRAIGHT] == touching.reach
 
 
 def test_unobserved_cells_end_the_observed_length() -> None:
     unobserved = arcs(grid_with(observed=False), margin=0.0)
-    assert unobserved.free[FASTEST, STRAIGHT] == unobserved.reach
+    assert unobserved.free[MAX_SPEED, STRAIGHT] == unobserved.reach
     # only the footprint is observed, and 0.1 m beside the centre have to be
     expected = ROBOT.radius - 0.1
-    assert unobserved.observed[FASTEST, STRAIGHT] == pytest.approx(expected, abs=0.08)
+    assert unobserved.observed[MAX_SPEED, STRAIGHT] == pytest.approx(expected, abs=0.08)
 
 
 def test_backward_arcs_are_free_over_observed_floor_alone() -> None:
@@ -94,12 +94,12 @@ def test_free_distance_of_a_twist_is_that_of_its_arc() -> None:
 def test_clearance_is_the_least_of_the_first_stretch() -> None:
     # boxes beside the way straight on, 0.3 m from its middle
     for x, counts in ((0.3, True), (0.55, True), (0.8, False)):
-        clear = arcs(grid_with((x, x + 0.05, 0.3, 0.5))).clearance[FASTEST, STRAIGHT]
+        clear = arcs(grid_with((x, x + 0.05, 0.3, 0.5))).clearance[MAX_SPEED, STRAIGHT]
         nearest = 0.3 if counts else math.hypot(0.3, x - 0.6)
         # the clearance is that of the body's rim, whatever margin the free lengths keep
         assert clear == pytest.approx(nearest - ROBOT.radius, abs=0.06)
     occupancy = grid_with((0.3, 0.35, 0.3, 0.5))
-    straight = [arcs(occupancy, margin=m).clearance[FASTEST, STRAIGHT] for m in (0.0, 0.08)]
+    straight = [arcs(occupancy, margin=m).clearance[MAX_SPEED, STRAIGHT] for m in (0.0, 0.08)]
     assert straight[1] == pytest.approx(straight[0])
 
 
@@ -110,7 +110,7 @@ def test_arcs_reach_1_6_m_and_those_of_a_twist_1_m() -> None:
     assert free_distance(occupancy, ORIGIN, Twist(0.3, 0.0)) == (1.0, 1.0)
     far = grid_with((1.5, 1.6, -0.1, 0.1))
     assert free_distance(far, ORIGIN, Twist(0.3, 0.0)).contact == 1.0
-    assert arcs(far).free[FASTEST, STRAIGHT] < 1.4
+    assert arcs(far).free[MAX_SPEED, STRAIGHT] < 1.4
 
 
 def test_behind_the_robot_the_rim_keeps_out_of_unobserved_cells() -> None:

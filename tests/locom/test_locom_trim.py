@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navfw.locom.trim import MIN_DISTANCE, TIME_CONSTANT, WEAKEST, WINDOW, WheelTrim
+from navfw.locom.trim import MIN_DISTANCE, MIN_SHARE, TIME_CONSTANT, WINDOW, WheelTrim
 from navfw.robot import RobotModel
 from navfw.signals import Encoders, Twist
 
@@ -99,7 +99,7 @@ def expected_share(
     if times[now] - times[then] <= 0.8 * WINDOW or abs(way) * FINE.wheel_radius < MIN_DISTANCE:
         return before
     share = (measured[now] - measured[then]) / way
-    if not WEAKEST <= share <= 1.3:
+    if not MIN_SHARE <= share <= 1.3:
         return before
     keep = math.exp(-(times[now] - times[now - 1]) / TIME_CONSTANT)
     return keep * before + (1.0 - keep) * min(share, 1.0)

@@ -19,7 +19,7 @@ from labelled_frames import label, save_approach
 
 from navfw.bench import real_benchmark
 from navfw.plugins import default_registry
-from navfw.process.progress import untold
+from navfw.process.work_progress import untold
 from navfw.recording.run_folder import plain_json
 from navfw.reproduce.real_scenes import (
     RECORDINGS,

@@ -21,7 +21,7 @@ Floats = npt.NDArray[np.float32]
 SMOOTHING = 0.8
 #: Regularisation of the affine part, as a mean gradient [grey/px]: less texture does not justify a
 #: deformation of the window.
-STIFFNESS = 0.5
+_STIFFNESS = 0.5
 ITERATIONS = 6
 #: Step of the displacement [px] below which the iteration ends.
 TOLERANCE = 0.05
@@ -103,7 +103,7 @@ def register_windows(
         visible,
         stride,
         width,
-        STIFFNESS**2,
+        _STIFFNESS**2,
         ITERATIONS,
         TOLERANCE,
         REACH,

@@ -27,7 +27,7 @@ def shares_of(proposals: Proposals) -> dict[str, float]:
     return {name: p.applicability / max(total, 1e-9) for name, p in proposals.items()}
 
 
-def leader_at(proposals: Proposals, row: int, column: int) -> str:
+def _leader_at(proposals: Proposals, row: int, column: int) -> str:
     """The behaviour with the largest weighted desire for the command at (row, column)."""
     return max(
         proposals,
@@ -35,7 +35,7 @@ def leader_at(proposals: Proposals, row: int, column: int) -> str:
     )
 
 
-def at_fraction(values: Array, position: float) -> float:
+def _at_fraction(values: Array, position: float) -> float:
     """``values`` (n,) at a fractional index."""
     return float(np.interp(position, np.arange(values.size), values))
 
@@ -55,10 +55,10 @@ def command_at(
     """
     row, column = position
     grid = context.commands
-    leader = leader or leader_at(proposals, round(row), round(column))
+    leader = leader or _leader_at(proposals, round(row), round(column))
     return Command(
         time=context.time,
-        twist=Twist(at_fraction(grid.v, row), at_fraction(grid.w, column)),
+        twist=Twist(_at_fraction(grid.v, row), _at_fraction(grid.w, column)),
         leader=leader,
         reason=proposals[leader].reason,
         emergency=_forward_excluded(context, forbidden),
