@@ -192,13 +192,12 @@ def run(block: DocBlock, names: dict[str, Any]) -> dict[str, Any]:
 # --- all of them -----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_every_block_is_known(page: Path) -> None:
+def test_every_block_is_known() -> None:
     """Data and code by the tests above, files by the project, commands by test_docs_console."""
-    blocks = blocks_of(page)
-    fences = [line for line in page.read_text().splitlines() if line.startswith("```")]
-    assert len(fences) == 2 * len(blocks)
-    for block in blocks:
+    for page in PAGES:
+        fences = [line for line in page.read_text().splitlines() if line.startswith("```")]
+        assert len(fences) == 2 * len(blocks_of(page)), page.name
+    for block in BLOCKS:
         if block.file is None:
             assert block.language in {"console", "python", "text", "toml", "yaml"}, block
         if block.language == "python" and block.file is None:

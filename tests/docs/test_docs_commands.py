@@ -64,15 +64,14 @@ def invoke(command: str, folder: Path) -> Result:
     return CliRunner().invoke(app, words)
 
 
-@pytest.mark.parametrize(("command", "shown"), ALL)
-def test_the_command_and_its_options_exist(command: str, shown: list[str]) -> None:
-    del shown
-    words = shlex.split(command)
-    found: Any = typer.main.get_command(app)
-    while hasattr(found, "commands"):
-        found = found.commands[words.pop(0)]
-    options = {option for parameter in found.params for option in parameter.opts}
-    assert [word for word in words if word.startswith("--") and word not in options] == []
+def test_the_commands_and_their_options_exist() -> None:
+    for line, _ in (parameters.values for parameters in ALL):
+        words = shlex.split(str(line))
+        command: Any = typer.main.get_command(app)
+        while hasattr(command, "commands"):
+            command = command.commands[words.pop(0)]
+        options = {option for parameter in command.params for option in parameter.opts}
+        assert [word for word in words if word.startswith("--") and word not in options] == [], line
 
 
 @pytest.mark.parametrize(
