@@ -118,7 +118,7 @@ class FrameBuffer:
 
     Frames are paired by baseline, whether the robot drives forwards or backwards. There is no pair
     while the robot only turns, since pure rotation shows no depth, nor until it has moved since the
-    last pair. Moving objects need frames a fixed time apart: see ``navfw.movers.recent_frames``.
+    last pair. Moving objects need frames a fixed time apart: see ``navfw.movers.multi_view``.
     """
 
     def __init__(self, robot: RobotModel, params: PairingParams | None = None) -> None:

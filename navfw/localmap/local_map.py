@@ -6,9 +6,11 @@ import math
 from collections.abc import Sequence
 from typing import Annotated
 
+import numba
+import numpy as np
+import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field
 
-from navfw.localmap.drop_map import DropMap
 from navfw.localmap.free_distance import (
     Arcs,
     FreeDistance,
@@ -26,6 +28,7 @@ from navfw.robot import RobotModel
 from navfw.signals import (
     Array,
     Belief,
+    Label,
     OccupiedDisc,
     Odometry,
     PassageQuery,
@@ -35,6 +38,166 @@ from navfw.signals import (
     Stixels,
     Twist,
 )
+
+SPOT = 0.25
+"""Side of a square spot of floor [m]."""
+
+RANGE = 1.6
+"""Largest distance of a spot that is judged [m]; farther off the floor is seen at too flat an
+angle."""
+
+CONFIDENCE = 0.3
+"""Least confidence of a flow cell that counts."""
+
+INTERVAL = 0.1
+"""Least time between two votes [s]: nearer observations share their flow."""
+
+_ROUNDING = 1e-6
+"""Tolerance [s] for frames that come exactly at the interval."""
+
+_CLEAR_SIGMAS = 5.0
+CLEAR_SHARE = 0.85
+"""A point is clearly below the floor when its nearness is _CLEAR_SIGMAS standard deviations and a
+factor of CLEAR_SHARE below the floor's. False positives on existing floor are very rare."""
+
+_MIN_SIGMA = 0.02
+"""Lower bound of the sigma of nearness [1/m]."""
+
+CLEAR_VOTES = 2
+"""Votes of an observation that is clearly below the floor."""
+
+CERTAIN = 4
+"""Net votes from which the floor of a spot counts as missing."""
+
+_MAX_FLOOR_VOTES = 2
+"""Bound of the votes for existing floor: from far away a drop may look like floor."""
+
+FLOOR, DROP = int(Label.FLOOR), int(Label.DROP)
+
+_MIN_FALL = 1e-3
+"""Least fall of a ray per metre of depth [m] at which its floor point is computed."""
+
+_DISC_RADIUS = 0.6
+"""Radius of a missing spot as an obstacle, in sides of the spot: nearly up to its corners."""
+
+
+class DropMap:
+    """Votes for and against missing floor, by spots of floor in the odom frame (METHOD 2.8).
+
+    A single flow vector below the floor is weak evidence: block matching is off by several standard
+    deviations at times. One that falls short of the floor's flow by far is stronger.
+    """
+
+    def __init__(self, robot: RobotModel) -> None:
+        camera = robot.camera
+        self._base_from_camera = camera.base_from_camera
+        self._camera = (camera.focal, float(camera.mount_height), float(camera.mount_forward))
+        self.reset()
+
+    def reset(self) -> None:
+        """Back to no votes."""
+        self._votes: dict[tuple[int, int], int] = {}
+        # read at every frame, but changing seldom
+        self._points: list[tuple[float, float]] = []
+        self._time = -math.inf
+
+    def integrate(self, percept: Percept, pose: Pose) -> None:
+        """Count the votes of ``percept``, observed from odom ``pose``."""
+        if percept.time - self._time < INTERVAL - _ROUNDING:
+            return
+        self._time = percept.time
+        spots, votes = _votes(
+            percept.points.reshape(-1, 2),
+            percept.label.ravel(),
+            percept.confidence.ravel(),
+            percept.nearness.ravel(),
+            percept.sigma.ravel(),
+            self._base_from_camera,
+            self._camera,
+            (pose.x, pose.y, math.cos(pose.yaw), math.sin(pose.yaw)),
+        )
+        decided = False
+        for (i, j), vote in zip(spots.tolist(), votes.tolist(), strict=True):
+            if vote != 0:
+                before = self._votes.get((i, j), 0)
+                after = min(max(before + vote, -_MAX_FLOOR_VOTES), 2 * CERTAIN)
+                self._votes[i, j] = after
+                decided = decided or (before >= CERTAIN) != (after >= CERTAIN)
+        if decided:
+            self._points = [
+                ((i + 0.5) * SPOT, (j + 0.5) * SPOT)
+                for (i, j), count in self._votes.items()
+                if count >= CERTAIN
+            ]
+
+    def points(self) -> list[tuple[float, float]]:
+        """The centres (x, y) [m] in odom of the spots whose floor is missing."""
+        return list(self._points)
+
+    def discs(self) -> tuple[OccupiedDisc, ...]:
+        """The missing spots as obstacles, in odom."""
+        return tuple(OccupiedDisc(x, y, _DISC_RADIUS * SPOT) for x, y in self._points)
+
+
+@numba.njit(cache=True)
+def _votes(
+    points: Array,
+    label: npt.NDArray[np.int8],
+    confidence: Array,
+    nearness: Array,
+    sigma: Array,
+    turn: Array,
+    camera: tuple[float, float, float],
+    pose: tuple[float, float, float, float],
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Spots (k, 2) of floor that the cells of a percept show, and one vote (k,) for each.
+
+    The vote follows the majority of the spot's cells; a tie is 0. ``turn``
+    is ``base_from_camera``; ``camera`` its focal length [px], height and place ahead [m]; ``pose``
+    is (x, y, cos yaw, sin yaw).
+    """
+    focal, height, forward = camera
+    x, y, c, s = pose
+    spots = np.empty((label.size, 2), np.int64)
+    # of each spot: its cells, those below the floor, those of them clearly below
+    counts = np.zeros((label.size, 3), np.int64)
+    count = 0
+    for n in range(label.size):
+        below = label[n] == DROP
+        if not confidence[n] >= CONFIDENCE or not (below or label[n] == FLOOR):
+            continue
+        u, v = points[n, 0] / focal, points[n, 1] / focal
+        fall = -(turn[2, 0] * u + turn[2, 1] * v + turn[2, 2])
+        if not fall > _MIN_FALL:
+            continue
+        # where the ray meets the floor, if there is one
+        depth = height / fall
+        ahead = forward + depth * (turn[0, 0] * u + turn[0, 1] * v + turn[0, 2])
+        left = depth * (turn[1, 0] * u + turn[1, 1] * v + turn[1, 2])
+        if not math.hypot(ahead, left) <= RANGE:
+            continue
+        i = math.floor((x + c * ahead - s * left) / SPOT)
+        j = math.floor((y + s * ahead + c * left) / SPOT)
+        k = 0
+        while k < count and (spots[k, 0] != i or spots[k, 1] != j):
+            k += 1
+        if k == count:
+            spots[k, 0], spots[k, 1] = i, j
+            count += 1
+        counts[k, 0] += 1
+        if below:
+            counts[k, 1] += 1
+            clear = 1.0 / depth - nearness[n] > _CLEAR_SIGMAS * max(sigma[n], _MIN_SIGMA)
+            if clear and nearness[n] < CLEAR_SHARE / depth:
+                counts[k, 2] += 1
+    votes = np.zeros(count, np.int64)
+    for k in range(count):
+        cells, drops, clear_ones = counts[k]
+        if 2 * drops > cells:
+            votes[k] = CLEAR_VOTES if 2 * clear_ones > drops else 1
+        elif 2 * drops < cells:
+            votes[k] = -1
+    return spots[:count], votes
 
 
 class LocalMapParams(BaseModel):

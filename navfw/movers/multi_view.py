@@ -1,15 +1,191 @@
-"""Moving objects and stixels from all views of the robot's lens."""
+"""Detection of moving objects and stixels in all views of the robot's lens.
+
+Frames are paired over a fixed time, in which moving objects show (``FrameBuffer``: over a way). The
+search is the most expensive stage, so it runs on a schedule.
+"""
 
 from __future__ import annotations
 
+import math
+from collections import deque
 from collections.abc import Sequence
+from dataclasses import replace
+from typing import Literal
 
-from navfw.egomotion.pairing import PairingParams
-from navfw.movers.detector import MovingObjectDetector
+from navfw.egomotion.camera_motion import with_yaw_sigma
+from navfw.egomotion.pairing import PairingParams, PosedFrame
+from navfw.egomotion.refinement import RefinementParams, refine
+from navfw.flow.floor_aligned import FloorAlignedFlow
+from navfw.movers.localization import locate_moving_objects
+from navfw.movers.motion_segmentation import direction_sigma
 from navfw.movers.stixels import find_stixels
 from navfw.movers.view_merging import merge_views
 from navfw.robot import RobotModel
-from navfw.signals import Frame, FramePair, MovingObject, Odometry, Stixels
+from navfw.signals import FlowField, Frame, FramePair, MovingObject, Odometry, Stixels
+
+INTERVAL = 0.2
+"""Time between the frames of a pair [s]: a walking person moves far enough to be segmented."""
+_NEAR_INTERVAL = 0.1
+"""The same for near objects [s], whose image motion would leave the search range."""
+_MAX_INTERVAL = 0.4
+"""Age [s] from which frames are dropped: images differ too much to be matched."""
+_MAX_TURN = 0.35
+"""Largest turn between the frames of a pair [rad]: beyond it they share too little."""
+
+
+class RecentFrames:
+    """Keeps the frames of the last _MAX_INTERVAL s and pairs the newest with one of them.
+
+    Of ``params`` only the errors of gyro and wheels are used.
+    """
+
+    def __init__(self, robot: RobotModel, params: PairingParams | None = None) -> None:
+        self.params = PairingParams() if params is None else params
+        self._robot = robot
+        self.reset()
+
+    def reset(self) -> None:
+        """Drop all frames."""
+        self._frames: deque[PosedFrame] = deque()
+
+    def add(self, frame: Frame, odometry: Odometry) -> None:
+        """Add the newest ``frame`` with the odometry of (about) the same time."""
+        now = PosedFrame.from_odometry(frame, odometry, self._robot)
+        while self._frames and now.age(self._frames[0]) > _MAX_INTERVAL:
+            self._frames.popleft()
+        self._frames.append(now)
+
+    def pair(self, near: bool = False) -> FramePair | None:
+        """The newest frame with one INTERVAL s older, or _NEAR_INTERVAL s for ``near`` objects.
+
+        None if there is none, or if the robot has turned too far in between.
+        """
+        interval = _NEAR_INTERVAL if near else INTERVAL
+        if len(self._frames) < 2:
+            return None
+        *earlier, now = self._frames
+        past = min(earlier, key=lambda past: abs(now.age(past) - interval))
+        if now.turn(past) > _MAX_TURN:
+            return None
+        return now.pair(past, self._robot, self.params)
+
+
+DetectionMode = Literal["full", "coarse", "idle"]
+"""``full``: search the frame; ``coarse``: search it at low resolution first, and fully only if that
+finds something; ``idle``: leave it out."""
+
+QUIET_TIME = 2.0
+"""Time without a detection [s] after which frames are searched coarsely, and every other one
+not."""
+NEAR = 0.9
+"""Distance [m] below which moving objects are searched for over a shorter time between frames."""
+
+
+class DetectionSchedule:
+    """Searches every frame fully while something moves; else every other frame, coarsely.
+
+    The price is a delay of a few frames when an object enters the view. With ``always_full`` every
+    frame is searched fully.
+    """
+
+    def __init__(self, always_full: bool = False) -> None:
+        self._always_full = always_full
+        self.reset()
+
+    def reset(self) -> None:
+        """Back to the state before the first detection."""
+        self._last_detection = -math.inf
+        self._skipped = False
+        self._nearest = math.inf
+
+    @property
+    def near(self) -> bool:
+        """Whether the frame searched last showed a moving object that is near."""
+        return self._nearest < NEAR
+
+    def next_mode(self, time: float) -> DetectionMode:
+        """How to search the next frame, of ``time`` [s]; to be called once a frame."""
+        quiet = not self._always_full and time - self._last_detection > QUIET_TIME
+        self._skipped = quiet and not self._skipped
+        if self._skipped:
+            return "idle"
+        return "coarse" if quiet else "full"
+
+    def update(self, detections: Sequence[MovingObject], time: float) -> None:
+        """Set what the search of the frame of ``time`` [s] found."""
+        if detections:
+            self._last_detection = time
+        self._nearest = min((detection.distance for detection in detections), default=math.inf)
+
+
+SIDEWAYS = 0.05
+"""Sideways displacement of the camera [m] beyond which near points leave the search range."""
+
+SHARED_ERRORS = 25.0
+"""Number of neighbouring cells of the dense flow that share one error: cells are small."""
+
+_REFINEMENT = RefinementParams(overlap=SHARED_ERRORS)
+
+
+class MovingObjectDetector:
+    """Detects moving objects in the frames of ``robot``'s camera.
+
+    With ``always_full`` every frame is searched fully, else by the detection schedule. ``flow`` is
+    the dense, derotated flow of the image's lower part in the newest frame; None if that frame was
+    not searched fully.
+    """
+
+    def __init__(
+        self, robot: RobotModel, pairing: PairingParams, *, always_full: bool = False
+    ) -> None:
+        self.camera = robot.camera
+        self._frames = RecentFrames(robot, pairing)
+        self._floor_aligned = FloorAlignedFlow(robot)
+        self._schedule = DetectionSchedule(always_full)
+        self.flow: FlowField | None = None
+
+    def reset(self) -> None:
+        """Drop all frames."""
+        self._frames.reset()
+        self._schedule.reset()
+        self.flow = None
+
+    def detect(self, frame: Frame, odometry: Odometry) -> tuple[MovingObject, ...]:
+        """The moving objects in ``frame``; ``odometry`` is of (about) the same time."""
+        self.flow = None
+        if not self._floor_aligned.floor_visible:
+            return ()
+        self._frames.add(frame, odometry)
+        mode = self._schedule.next_mode(frame.time)
+        if mode == "idle":
+            return ()
+        detections: tuple[MovingObject, ...] = ()
+        pair = self._pair()
+        if pair is not None and (mode == "full" or self._coarse_search(pair, odometry)):
+            self.flow = self.dense_flow(pair, odometry)
+            detections = locate_moving_objects(self.flow, self.camera)
+        self._schedule.update(detections, frame.time)
+        return detections
+
+    def dense_flow(self, pair: FramePair, odometry: Odometry, *, coarse: bool = False) -> FlowField:
+        """Dense flow of the lower image between the frames of ``pair``, refined and derotated."""
+        flow = with_yaw_sigma(self._floor_aligned.compute(pair, coarse), odometry)
+        params = replace(_REFINEMENT, direction_sigma=direction_sigma(flow.motion))
+        return refine(flow, self.camera, params).apply(flow, self.camera)
+
+    def _coarse_search(self, pair: FramePair, odometry: Odometry) -> bool:
+        """Whether anything is detected between these frames at low resolution."""
+        flow = self.dense_flow(pair, odometry, coarse=True)
+        return bool(locate_moving_objects(flow, self.camera))
+
+    def _pair(self) -> FramePair | None:
+        """The pair of frames to search; over a shorter time where image motion is large."""
+        near = self._schedule.near
+        pair = self._frames.pair(near)
+        if near or pair is None or abs(pair.motion.translation[0]) <= SIDEWAYS:
+            return pair
+        return self._frames.pair(near=True)
+
 
 _STIXEL_BASELINE = 0.05
 """Baseline [m] from which the frames searched for moving objects also give stixels."""

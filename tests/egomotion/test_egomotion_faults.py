@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from navfw.egomotion import Odometer, OdometryHistory
 from navfw.egomotion.camera_motion import with_yaw_sigma
-from navfw.egomotion.encoder_fault import EncoderFaultDetector
+from navfw.egomotion.odometer import EncoderFaultDetector
 from navfw.robot import RobotModel
 from navfw.signals import CameraMotion, Encoders, Inertial, Odometry, Pose, Twist, YawCorrection
 

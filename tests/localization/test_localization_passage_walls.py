@@ -13,9 +13,9 @@ from plan_samples import wall_percept
 
 from navfw.localization.landmark_existence import LandmarkExistence
 from navfw.localization.metric_filter import MetricFilter, MetricFilterParams
-from navfw.localization.passage_observer import PassageObserver
 from navfw.localization.passage_walls import PassageAxis, corridor_fix, door_fix, passage_axes
 from navfw.localization.plan_scan import PlanScan
+from navfw.localization.topological import PassageObserver
 from navfw.robot import RobotModel
 from navfw.signals import Array, Odometry, Pose, Twist
 from navfw.topomap import Passage, Place, TopoMap

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from navfw.localmap import LocalMap
-from navfw.localmap.drop_map import CERTAIN, CLEAR_VOTES, INTERVAL, SPOT, DropMap
+from navfw.localmap.local_map import CERTAIN, CLEAR_VOTES, INTERVAL, SPOT, DropMap
 from navfw.localmap.occupancy_grid import OccupancyGrid
 from navfw.localmap.traversability import TraversabilityCheck
 from navfw.robot import RobotModel

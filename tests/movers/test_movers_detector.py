@@ -9,8 +9,7 @@ from movers_scenes import Board, frame_at
 
 from navfw.egomotion.pairing import FrameBuffer, PairingParams
 from navfw.movers import MultiViewDetector
-from navfw.movers.detection_schedule import QUIET_TIME
-from navfw.movers.detector import MovingObjectDetector
+from navfw.movers.multi_view import QUIET_TIME, MovingObjectDetector
 from navfw.robot import CameraModel, RobotModel, SideViews
 from navfw.signals import MovingObject, Stixels, Twist
 

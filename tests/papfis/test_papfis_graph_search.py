@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from papfis_maps import joined, random_maps
 
 from navfw.papfis.edge_costs import EdgeCosts
-from navfw.papfis.graph_search import CostGraph
+from navfw.papfis.routes import CostGraph
 from navfw.robot import RobotModel
 from navfw.signals import Array
 from navfw.topomap import Place, TopoMap

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from safety_samples import odometry, picture, reading
 
-from navfw.safety.senses import MOVED, MOVED_SLIGHTLY, Senses
+from navfw.safety.monitor import MOVED, MOVED_SLIGHTLY, Senses
 from navfw.signals import Image
 
 
