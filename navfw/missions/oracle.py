@@ -7,11 +7,10 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from navfw.baselines.navground import Navground
-from navfw.baselines.surroundings import Surroundings
 from navfw.errors import SimulationError
 from navfw.flow.ideal import Ideal
 from navfw.interfaces import Plugin
+from navfw.mofis.navground import Navground, Surroundings
 from navfw.signals import Array, CameraMotion, Frame, FramePair
 from navfw.sim.shapes import Circle, Shape
 from navfw.sim.simulation import Simulation
@@ -22,7 +21,7 @@ class SimulatorTruth:
     """True depth, motion and surroundings from the simulator.
 
     Implements ``navfw.flow.ideal.TruthSource`` and
-    ``navfw.baselines.surroundings.SurroundingsSource``.
+    ``navfw.mofis.navground.SurroundingsSource``.
     """
 
     def __init__(self, simulation: Simulation) -> None:

@@ -21,7 +21,7 @@ from navfw.plugins.simulator_access import access_notes
 from navfw.plugins.verification import kind_of, source_file, verify
 
 BUILT_IN: dict[str, dict[str, str]] = {
-    "behavior": {"navground": "navfw.baselines.navground:Navground"},
+    "behavior": {"navground": "navfw.mofis.navground:Navground"},
     "flow": {
         "block_matching": "navfw.flow.block_matching:BlockMatching",
         "dis": "navfw.flow.dis:Dis",

@@ -10,8 +10,8 @@ import pytest
 import suite_samples as samples
 from suite_samples import row
 
-from navfw.baselines import navground
 from navfw.errors import InputError, MissingExtraError, UnknownNameError
+from navfw.mofis import navground
 from navfw.plugins import default_registry
 from navfw.suite.markdown_table import markdown_table
 from navfw.suite.paired_comparison import compare_tables, of_variant

@@ -9,16 +9,38 @@ from __future__ import annotations
 
 import importlib
 import math
-from typing import Annotated, Any, ClassVar
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar, Protocol
 
 from pydantic import Field
 
-from navfw.baselines.surroundings import Surroundings, SurroundingsSource
 from navfw.context import Context, peak
 from navfw.errors import MissingExtraError, PluginError
 from navfw.interfaces import Behavior
 from navfw.robot import RobotModel
 from navfw.signals import Array, Proposal
+
+
+@dataclass(frozen=True, slots=True)
+class Surroundings:
+    """Obstacles at the robot's height, in base_link.
+
+    ``edges`` (n, 2, 2) [m] are both ends of the sides of walls and boxes, ``discs`` (m, 3) x, y and
+    radius [m] of cylinders, ``walkers`` (k, 5) x, y, radius [m] and velocity [m/s] of movers.
+    """
+
+    edges: Array
+    discs: Array
+    walkers: Array
+
+
+class SurroundingsSource(Protocol):
+    """A source of the true obstacles: the simulator, set by a mission."""
+
+    def surroundings(self, reach: float) -> Surroundings:
+        """The obstacles within ``reach`` [m] of the robot now."""
+        ...
+
 
 Metres = Annotated[float, Field(ge=0.0, le=20.0)]
 

@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 from behavior_samples import desired_twist
 
-from navfw.baselines.navground import Navground
-from navfw.baselines.surroundings import Surroundings
 from navfw.context import Context
 from navfw.errors import MissingExtraError, PluginError
+from navfw.mofis.navground import Navground, Surroundings
 from navfw.robot import RobotModel
 from navfw.signals import Twist
 from navfw.testing.behavior_scenes import BehaviorScene, contexts_of

@@ -1,1 +1,0 @@
-"""Behaviours of other packages, wrapped as plugins to compare with; with the simulator's truth."""
