@@ -142,6 +142,14 @@ def test_a_door_corrects_the_lateral_position(off: float, back: bool) -> None:
     assert math.isinf(fix.turn_sigma)
 
 
+@pytest.mark.parametrize("width", [0.65, 0.8])
+def test_a_door_may_look_narrower_as_cells_of_the_image_reach_over_its_edges(width: float) -> None:
+    robot = on_axis(DOOR, -1.4, 0.0, 0.0)
+    fix = door_fix(DOOR, robot, seen(DOOR, robot, wall_with_a_gap(width), noise=0.005))
+    assert fix is not None
+    assert fix.shift == pytest.approx(0.0, abs=0.05)
+
+
 @pytest.mark.parametrize("width", [0.3, 1.3])
 def test_a_gap_of_another_width_is_not_the_door(width: float) -> None:
     robot = on_axis(DOOR, -1.4, 0.0, 0.0)

@@ -71,6 +71,30 @@ def test_a_wall_is_no_floor() -> None:
     assert FloorFinder(CAMERA, GRID, PITCH).find(wall, past, MOTION) is None
 
 
+@pytest.mark.parametrize(("wall_rows", "floor"), [(85, True), (100, False)])
+def test_a_wall_that_fills_the_view_rules_the_floor_before_it_out(
+    wall_rows: int, floor: bool
+) -> None:
+    past = texture(2)
+    now = moved(past, AHEAD, 0.1)
+    now[wall_rows:] = moved(past, floor_normal(), 0.25)[wall_rows:]
+    motion = FloorFinder(CAMERA, GRID, PITCH).find(now, past, MOTION)
+    assert (motion is not None) is floor
+
+
+@pytest.mark.parametrize(("ratio", "taken"), [(0.25, True), (0.1, False)])
+def test_a_floor_without_proof_moves_about_as_fast_as_before(ratio: float, taken: bool) -> None:
+    finder = FloorFinder(CAMERA, GRID, PITCH)
+    for seed in range(6):
+        past = texture(seed)
+        assert finder.find(moved(past, floor_normal(), 0.25), past, MOTION) is not None
+    faint = np.full_like(past, 128)
+    faint[80:, 60:70] = texture(30, contrast=10.0)[80:, 60:70]
+    motion = finder.find(moved(faint, floor_normal(), ratio), faint, MOTION)
+    assert (motion is not None) is taken
+    assert finder.lost is not taken
+
+
 def test_nothing_is_found_without_texture_or_motion() -> None:
     grey = np.full((CAMERA.height, CAMERA.width), 128, np.uint8)
     assert FloorFinder(CAMERA, GRID, PITCH).find(grey, grey, MOTION) is None

@@ -97,6 +97,17 @@ def test_the_fit_finds_focal_length_and_curvature() -> None:
     assert fit.bend(found) == pytest.approx(0.057 * HALF**2 / shape.focal, rel=0.2)
 
 
+def test_wrong_tracks_do_not_move_the_fit() -> None:
+    shape, rng = LensShape(200.0, 0.45), np.random.default_rng(3)
+    pairs = drive(shape, 0.08)
+    for pair in pairs:  # an eighth of the tracks follows something else
+        pair.past[::8] = pair.now[::8] + rng.normal([6.0, -4.0], 3.0, (10, 2))
+    fit = LensFit(pairs, HALF)
+    fitted = fit.refined(fit.start())
+    assert fitted.focal == pytest.approx(shape.focal, rel=0.05)
+    assert fitted.curvature == pytest.approx(shape.curvature, abs=0.08)
+
+
 def test_a_fisheye_is_used(monkeypatch: pytest.MonkeyPatch) -> None:
     found = estimated(monkeypatch, drive(FISH, 0.08))
     assert found.calibration is not None

@@ -13,10 +13,12 @@ from stack_samples import GOAL, ROBOT, START, drive, sample_stack
 from navfw.camera_geometry.derotation import rotational_flow
 from navfw.context import Context
 from navfw.egomotion import Odometer
+from navfw.egomotion.floor_odometry import FloorOdometry
 from navfw.guard import PluginGuard
 from navfw.guard.guarded_stages import GuardedFlow, GuardedPerception
 from navfw.interfaces import FlowProcessor
 from navfw.offis.offis import Offis
+from navfw.robot import RobotModel
 from navfw.signals import (
     CameraMotion,
     FlowField,
@@ -144,6 +146,18 @@ class RecordingOdometer(Odometer):
         super().correct(correction)
 
 
+class RecordingFloorOdometry(FloorOdometry):
+    """A floor odometry that records the corrections it is given."""
+
+    def __init__(self, robot: RobotModel) -> None:
+        super().__init__(robot)
+        self.corrections: list[YawCorrection] = []
+
+    def correct(self, correction: YawCorrection) -> None:
+        self.corrections.append(correction)
+        super().correct(correction)
+
+
 def test_the_stack_applies_every_yaw_correction_once_in_order() -> None:
     motion = CameraMotion(np.eye(3), np.array([0.0, 0.0, 0.08]), 0.2)
     given: list[YawCorrection] = []
@@ -160,6 +174,17 @@ def test_the_stack_applies_every_yaw_correction_once_in_order() -> None:
     drive(stack, 0.45)
     assert len(given) == 10
     assert [id(correction) for correction in odometer.corrections] == list(map(id, given))
+
+
+def test_the_floor_odometry_takes_the_yaw_corrections_where_there_is_one() -> None:
+    motion = CameraMotion(np.eye(3), np.array([0.0, 0.0, 0.08]), 0.2)
+    correction = YawCorrection(0.01, 0.001, motion)
+    stack = sample_stack(script=lambda frame, odometry: View(yaw_corrections=(correction,)))
+    odometer = stack.odometer = RecordingOdometer()
+    stack.floor_odometry = RecordingFloorOdometry(ROBOT)
+    drive(stack, 0.25)
+    assert stack.floor_odometry.corrections[:2] == [correction, correction]
+    assert odometer.corrections == []
 
 
 def test_vision_knows_no_odometer() -> None:

@@ -27,7 +27,9 @@ from navfw.sim.worldfile import load_world
 from navfw.sim.worldspec import MoverSpec
 from navfw.topomap import load_map
 from navfw.worldgen import FAMILIES, GeneratedWorld, generate
+from navfw.worldgen.furniture import furnish
 from navfw.worldgen.generated_world import MAP_FILE
+from navfw.worldgen.world_draft import WorldDraft
 
 ROBOT = RobotModel()
 CASES = [
@@ -176,6 +178,19 @@ def test_rooms(made: dict[tuple[str, int, float], GeneratedWorld]) -> None:
         assert {p.name for p in world.topo_map.places.values() if p.kind == "door"} == {
             door.name for door in doors
         }
+
+
+def test_furniture_along_a_wall_stands_two_centimetres_from_it() -> None:
+    draft = WorldDraft.empty(np.random.default_rng(0), 8.0, 6.0)
+    furnish(draft, [("hall", (0.0, 8.0), (0.0, 6.0))], 0.3, 0.6)
+    gaps = []
+    for shape in draft.shapes:
+        x0, y0, x1, y1 = shape.bounds
+        gaps.append(min(x0, y0, 8.0 - x1, 6.0 - y1))
+    along = [gap for gap in gaps if gap < 0.3]
+    assert len(along) >= 3
+    assert along == pytest.approx([0.02] * len(along), abs=1e-6)
+    assert min(gap for gap in gaps if gap >= 0.3) >= 0.6
 
 
 def test_clutter(made: dict[tuple[str, int, float], GeneratedWorld]) -> None:
